@@ -342,7 +342,8 @@ def to_dataset(
 ) -> None:
     """Copy readings, other tables and truth of a bag or a dataset into text.
 
-    :param tables: of the dataset, each with its topic, or its name in the dataset that is read.
+    :param tables: tables of the dataset, each with its topic, or its name in the dataset that is
+        read.
     :param skipped, warned: as for :func:`imu_sim_ros.bags.read.imu_blocks`.
     :param imu: blocks of the readings.
     :param truth: topic of Odometry; None: the only one.

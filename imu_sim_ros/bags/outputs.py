@@ -281,7 +281,7 @@ class Target:
     """An output of the same folder, in whose staging folder this one is written: a program that is
     killed leaves one folder. With ``kept`` it is complete before that one's first part, and kept
     under the name of that part."""
-    described: Callable[[], str] | None = None
+    summary: Callable[[], str] | None = None
     """Describes the contents of a kept part: "812 messages up to stamp 4.06 s". None: there is no
     whole part yet, for its files are only being opened."""
 
@@ -518,7 +518,7 @@ class Outputs:
         lines = []
         companions = {target.path for target in self._targets if target.companion_of is not None}
         for target in staged:
-            if not target.kept or target.described is None:
+            if not target.kept or target.summary is None:
                 continue
             names: list[str] = []
             for entry in sorted(target.staging.iterdir()):
@@ -531,7 +531,7 @@ class Outputs:
                 more = f" and {len(names) - 1} more files" if len(names) > 1 else ""
                 kept = self._keep_companions(target, Path(names[0]).name)
                 next_to_it = f", with {', '.join(kept)}" if kept else ""
-                lines.append(f"{names[0]}{more}: {target.described()}{next_to_it}")
+                lines.append(f"{names[0]}{more}: {target.summary()}{next_to_it}")
         return lines
 
     def _keep_companions(self, target: Target, part: str) -> list[str]:

@@ -239,7 +239,7 @@ def decoded_blocks(
     tell a rate from.
 
     :param topic: None: the only one of the type.
-    :param names: of the fields, as for :func:`imu_sim_ros.bags.messages.decode.decode_block`.
+    :param names: names of the fields, as for :func:`imu_sim_ros.bags.messages.decode.decode_block`.
     :param skipped, warned: as for :func:`imu_blocks`.
     :raises InputError: in place of the last block, with the first messages that the gate refused.
     """

@@ -51,7 +51,7 @@ def blocks(
 ) -> Iterator[TableRows]:
     """Yield measurements in blocks of bounded size; messages without an orientation are left out.
 
-    :param topic: of a bag, None: the only one; of a folder: a table's name and number, mag0.
+    :param topic: topic of a bag, None: the only one; of a folder: a table's name and number, mag0.
     :param recover: as for :func:`imu_sim_ros.bags.read.open_bag`.
     :param skipped, warned: as for :func:`imu_sim_ros.bags.read.imu_blocks`.
     :raises InputError: for an input that cannot be used.

@@ -86,10 +86,10 @@ class Writer(ABC):
     ) -> BagTopic:
         """Return the handle of a new topic.
 
-        :param name: with its slash, for instance /imu/data_raw.
-        :param type_name: in the form of ROS 2, for instance sensor_msgs/msg/Imu.
+        :param name: name with its slash, for instance /imu/data_raw.
+        :param type_name: type in the form of ROS 2, for instance sensor_msgs/msg/Imu.
         :param qos: profiles that the topic was offered with; None: the default one.
-        :param definition: of a type that does not come with ROS.
+        :param definition: definition of a type that does not come with ROS.
         :param keeps_seq: the messages come from a ROS 1 bag, with a header.seq of their own.
         """
         if any(topic.name == name for topic in self.topics):
@@ -256,9 +256,9 @@ MAX_PARTS: Final = 10_000
 def check_split(split_duration: float, period: float, duration: float) -> None:
     """Refuse parts that are shorter than the time between two messages, or very many.
 
-    :param split_duration: of one part [s]; 0: no parts.
+    :param split_duration: split duration of one part [s]; 0: no parts.
     :param period: between two messages [s].
-    :param duration: of all [s].
+    :param duration: total duration [s].
     :raises InputError: with what is allowed.
     """
     shortest = max(period, duration / MAX_PARTS)
@@ -283,7 +283,7 @@ def rosbag2_metadata(
     It is that of version 9, as ROS 2 Jazzy writes and reads it.
 
     :param storage: mcap or sqlite3.
-    :param topics: of the bag.
+    :param topics: topics of the bag.
     :param files: the writers of its files, each with the messages of its own.
     """
     parts = []
@@ -330,7 +330,7 @@ def rosbag2_metadata(
     }
 
 
-def described(topics: Iterable[BagTopic]) -> str:
+def topics_summary(topics: Iterable[BagTopic]) -> str:
     """Return how much was written to the topics of a bag."""
     written = list(topics)
     last_ns = max((topic.last_ns for topic in written), default=-1)

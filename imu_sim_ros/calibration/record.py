@@ -73,7 +73,7 @@ class Record:
     ) -> Iterator[Array | None]:
         """Yield readings (n, 6) at rest, with rows of NaN for lost ones, and None if a piece ends.
 
-        :param bags: for each bag its messages, in blocks.
+        :param bags: messages of each bag, in blocks.
         :param advance: called with the number of messages read.
         :raises InputError: for stamps without a rate, and stamps in another unit.
         """
@@ -374,7 +374,7 @@ class RestCheck:
     def sways(self, axis: int, amplitude: float, samples: float) -> bool:
         """Return whether a sinusoid is motion: too fast and too large for a sensor's own drift.
 
-        :param amplitude: of the sinusoid [rad/s, m/s^2].
+        :param amplitude: amplitude of the sinusoid [rad/s, m/s^2].
         :param samples: its period.
         """
         fast = samples < _WINDOWS * self._window

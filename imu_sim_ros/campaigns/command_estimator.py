@@ -76,7 +76,7 @@ def run_command(
 ) -> None:
     """Write the dataset, run the program, and compare its trajectory with the truth.
 
-    :param folder: of the campaign; the run's own folder is made in it.
+    :param folder: folder of the campaign; the run's own folder is made in it.
     :param outcome: receives the measured values, even if the run fails.
     :raises InputError: if there is no usable trajectory, with the reason.
     """

@@ -43,7 +43,7 @@ _SCALE: Final = 1.5
 def estimate_findings(poses: States, truth: States, alignment: str) -> list[str]:
     """Return a line for each mistake of an estimate; none if it has no time in common.
 
-    :param alignment: of the estimate with the truth.
+    :param alignment: alignment of the estimate with the truth.
     """
     lines = list(_without_truth(poses.t_ns, truth.t_ns))
     try:

@@ -76,7 +76,7 @@ class DeadReckoning:
     ) -> tuple[Metrics, States]:
         """Return the metrics and the estimate of one run.
 
-        :param name: of the estimator in the plan.
+        :param name: name of the estimator in the plan.
         :param block: all samples of the run's seed.
         :raises InputError: for readings that cannot be integrated.
         """

@@ -12,7 +12,7 @@ from imu_sim_ros.campaigns.simulated import SimulatedCell
 from imu_sim_ros.conventions import IMU_TOPIC
 from imu_sim_ros.datasets.configurations import imu_values, rig_values
 from imu_sim_ros.datasets.consumers.folder import write_all
-from imu_sim_ros.datasets.forms import chosen_topics, opened
+from imu_sim_ros.datasets.forms import chosen_topics, open_output
 from imu_sim_ros.parameters import files
 from imu_sim_ros.simulation.parameters import values_of
 from imu_sim_ros.simulation.sensors import mounted
@@ -39,7 +39,7 @@ def write_dataset(cell: SimulatedCell, form: str, seed: int, folder: Path) -> Pa
     output = path / "mav0" if form == "euroc" else path
     with threads(1) as pool:
         body = cell.simulation(seed, pool)
-        with opened(dataset, output, names, sensors, body.world) as target:
+        with open_output(dataset, output, names, sensors, body.world) as target:
             for window in body.windows(cell.total):
                 target.write(window)
     return path

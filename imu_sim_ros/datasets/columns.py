@@ -1,7 +1,7 @@
 # Copyright 2026 imu_sim_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Tables that grow block by block: as CSV, and as an .npz whose arrays never lie in memory."""
+"""Tables that grow block by block, as CSV and as .npz, in little memory."""
 
 import math
 import shutil
@@ -29,7 +29,7 @@ class CsvTable:
     def __init__(self, path: Path, header: str) -> None:
         """Open a new file.
 
-        :param header: its first line.
+        :param header: first line of the file.
         """
         self.file = OutputFile(path)
         self.file.write(header.encode() + b"\n")
@@ -37,7 +37,7 @@ class CsvTable:
 
     @property
     def rows(self) -> int:
-        """How many rows there are."""
+        """Number of rows."""
         return self._counted[1]
 
     def write(self, *columns: Column) -> None:
@@ -45,12 +45,12 @@ class CsvTable:
         count = len(columns[0])
         for start in range(0, count, _ROWS):
             self.file.write(decimals.lines([c[start : start + _ROWS] for c in columns]))
-        # In one step: a signal finds both or neither.
+        # One assignment: a signal handler sees both or neither.
         self._counted = (self.file.position, self.rows + count)
 
     @property
     def state(self) -> Any:
-        """What :meth:`back` takes to drop all that is written from now on."""
+        """State for :meth:`back`, which drops everything written afterwards."""
         return self._counted
 
     def back(self, state: Any) -> None:
@@ -60,23 +60,23 @@ class CsvTable:
     def close(self, error: BaseException | None) -> None:
         """Give the file its final name, or leave it partial, with the counted rows."""
         self.file.cut(self._counted[0])
-        if _whole(error):
+        if _keeps_rows(error):
             self.file.finish()
         else:
             self.file.abandon(empty=not self.rows)
 
 
-def _whole(error: BaseException | None) -> bool:
+def _keeps_rows(error: BaseException | None) -> bool:
     """Return whether the rows so far are to be kept: after success, or an interruption."""
     return error is None or not isinstance(error, Exception)
 
 
 class NpzTable:
-    """An .npz of arrays that grow: each waits in a file of its own until the end."""
+    """An .npz of growing arrays, each in a file of its own until the end."""
 
     def __init__(self, path: Path) -> None:
         self._path = path
-        import tempfile  # most outputs need none
+        import tempfile  # few outputs need it
 
         self._folder = Path(tempfile.mkdtemp(prefix=".columns-", dir=path.parent))
         self._shapes: dict[str, tuple[np.dtype[Any], tuple[int, ...], int]] = {}
@@ -94,7 +94,7 @@ class NpzTable:
 
     @property
     def state(self) -> Any:
-        """What :meth:`back` takes to drop all that is written from now on."""
+        """State for :meth:`back`, which drops everything written afterwards."""
         return dict(self._shapes)
 
     def back(self, state: Any) -> None:
@@ -104,7 +104,7 @@ class NpzTable:
     def close(self, error: BaseException | None) -> None:
         """Join the arrays, or leave nothing."""
         try:
-            if _whole(error):
+            if _keeps_rows(error):
                 self._join()
         except OSError as problem:
             self._path.unlink(missing_ok=True)
@@ -148,7 +148,7 @@ class Tables:
         self.open.append(table)
         return table
 
-    def whole(self) -> None:
+    def mark_complete(self) -> None:
         """State that all tables hold the same rows; an interruption later leaves them as now."""
         self._whole = [table.state for table in self.open]
 

@@ -1,7 +1,7 @@
 # Copyright 2026 imu_sim_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""The configuration of each stack for what ``generate`` wrote, and kalibr's files of a sequence."""
+"""Configuration of each stack for an output of ``generate``, and kalibr's files of a sequence."""
 
 from collections.abc import Collection, Iterable, Mapping
 from pathlib import Path
@@ -30,8 +30,8 @@ if TYPE_CHECKING:
 
 _START: Final = 60.0
 """Length of the start of a flight that is searched for an initialisation [s]."""
-_EVERY: Final = 0.01
-"""[s]"""
+_STEP: Final = 0.01
+"""Step of that search [s]."""
 
 
 def write_configs(
@@ -39,24 +39,24 @@ def write_configs(
     body: Body,
     names: Mapping[str, str],
 ) -> list[str]:
-    """Write the files of all stacks; several IMUs have a folder each, of their names.
+    """Write the files of all stacks; several IMUs have a folder each, named after them.
 
-    Returns why stacks will initialise badly from these cameras and IMUs, a line each.
+    Returns a line for each stack that will initialise badly from these cameras and IMUs.
 
-    :param names: of the topics that are written, by their own names.
+    :param names: names in the output of the written topics.
     """
     warnings = []
-    every = imus(body.parameters)
-    if "" not in every:
+    imus_by_name = imus(body.parameters)
+    if "" not in imus_by_name:
         make_folder(folder)
-    for name, parameters in every.items():
-        own = f"{name}/{IMU_TOPIC}".lstrip("/")
+    for name, parameters in imus_by_name.items():
+        topic = f"{name}/{IMU_TOPIC}".lstrip("/")
         seconds = body.taken(parameters.rate) / parameters.rate
-        values = imu_values(parameters, resolved(names.get(own, own)), seconds)
+        values = imu_values(parameters, resolved(names.get(topic, topic)), seconds)
         bad: tuple[BadStart, ...] = ()
         if body.parameters.cameras:
             bad = tuple(bad_starts(values, _start(body)))
-        warnings += [f"{name}: {one.line}" if name else one.line for one in bad]
+        warnings += [f"{name}: {start.line}" if name else start.line for start in bad]
         rig = rig_values(values, body.parameters, names, bad)
         write_all(folder / name, values, rig, parameters)
     return warnings
@@ -65,8 +65,8 @@ def write_configs(
 def imu_values(parameters: SimulationParameters, topic: str, duration: float = 0.0) -> ImuValues:
     """Return an IMU as its consumers see it.
 
-    :param topic: of its readings.
-    :param duration: of these [s].
+    :param topic: topic of its readings.
+    :param duration: duration of the readings [s].
     """
     return ImuValues(
         realised_imu(parameters.imu, parameters.seed),
@@ -83,10 +83,10 @@ def rig_values(
     names: Mapping[str, str],
     bad: tuple[BadStart, ...] = (),
 ) -> RigValues | None:
-    """Return an IMU with the cameras next to it as their consumers see them; None without any.
+    """Return an IMU with the cameras next to it as their consumers see them; None without cameras.
 
-    :param names: of the topics that are written, by their own names.
-    :param bad: which stacks will initialise badly.
+    :param names: names in the output of the written topics.
+    :param bad: stacks that will initialise badly.
     """
     if not parameters.cameras:
         return None
@@ -98,7 +98,7 @@ def rig_values(
 def _start(body: Body) -> InitialMotion:
     """Return the true motion at the start of a flight, every 10 ms."""
     length = min(body.taken(body.rate) / body.rate, _START)
-    t = np.arange(0.0, max(length, 2.0 * _EVERY), _EVERY)
+    t = np.arange(0.0, max(length, 2.0 * _STEP), _STEP)
     motion = body.trajectory.sample(np.minimum(t, body.trajectory.duration))
     force = motion.acceleration - np.asarray(body.parameters.gravity)
     speed = np.linalg.norm(motion.velocity, axis=1)
@@ -106,9 +106,9 @@ def _start(body: Body) -> InitialMotion:
 
 
 def _image_topic(camera: str, names: Mapping[str, str]) -> str:
-    """Return the name of a camera's image topic: the raw one's, unless only the other is there.
+    """Return the name of a camera's image topic: of the raw images, unless only others are written.
 
-    :param names: of the topics that are written, by their own names.
+    :param names: names in the output of the written topics.
     """
     raw, compressed = (f"{camera}/{topic}" for topic in (IMAGE_TOPIC, COMPRESSED_TOPIC))
     key = compressed if compressed in names and raw not in names else raw
@@ -116,9 +116,9 @@ def _image_topic(camera: str, names: Mapping[str, str]) -> str:
 
 
 def bagcreater_topics(imus: Iterable[str]) -> dict[str, str]:
-    """Return the topics that kalibr_bagcreater makes from a folder's files, by our names.
+    """Return kalibr_bagcreater's topics for the files of a folder, by topic of this package.
 
-    It names them after the files: imu0.csv becomes /imu0. Those of cameras have our names.
+    It names them after the files: imu0.csv becomes /imu0. Topics of cameras have the same names.
     """
     return {f"{imu}/{IMU_TOPIC}".lstrip("/"): f"imu{k}" for k, imu in enumerate(imus)}
 
@@ -126,7 +126,7 @@ def bagcreater_topics(imus: Iterable[str]) -> dict[str, str]:
 def write_tum_vi_calibration(folder: Path, parameters: Any) -> None:
     """Write camchain.yaml and imu_config.yaml of a TUM VI sequence, in kalibr's form.
 
-    :param parameters: of the simulation.
+    :param parameters: parameters of the simulation.
     """
     values = imu_values(parameters, "/imu0")
     rig = rig_values(values, parameters, {})
@@ -143,16 +143,16 @@ def describe(
 ) -> None:
     """Write the sensor.yaml files of a EuRoC folder.
 
-    :param states: whether the folder has the truth of its IMUs.
-    :param tables: those that it has of other sensors, each with its number.
-    :param sensors: all of the body.
+    :param states: True if the folder has the truth of its IMUs.
+    :param tables: tables of other sensors, each with its number.
+    :param sensors: all sensors of the body.
     """
     comments = {}
     for index, name in enumerate(imus_in(sensors)):
-        one = sensors[name]
-        parameters, pose = one.environment, one.sensor.mount(one.own)
-        comment = f"simulated by imu_sim_ros, preset {one.own.preset}, seed {parameters.seed}"
-        comments[one.space] = comment
+        imu = sensors[name]
+        parameters, pose = imu.environment, imu.sensor.mount(imu.own)
+        comment = f"simulated by imu_sim_ros, preset {imu.own.preset}, seed {parameters.seed}"
+        comments[imu.space] = comment
         text_writer.write_euroc_descriptions(
             folder,
             parameters.rate,
@@ -163,12 +163,17 @@ def describe(
             states,
             index,
         )
-    for table, number, _, one in all_tables(sensors):
+    for table, number, _, sensor in all_tables(sensors):
         if (table, number) not in tables:
             continue
-        own = getattr(one.own, one.name) if one.sensor.with_imu else one.own
-        rate, pose = own.rate or one.environment.rate, one.sensor.mount(one.own)
-        comment = comments.get(one.space, next(iter(comments.values())))
+        sensor_parameters = (
+            getattr(sensor.own, sensor.name) if sensor.sensor.with_imu else sensor.own
+        )
+        rate, pose = (
+            sensor_parameters.rate or sensor.environment.rate,
+            sensor.sensor.mount(sensor.own),
+        )
+        comment = comments.get(sensor.space, next(iter(comments.values())))
         text_writer.write_euroc_table(
             folder, table, number, rate, pose[:3, :3], pose[:3, 3], comment
         )

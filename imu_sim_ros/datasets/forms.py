@@ -1,9 +1,9 @@
 # Copyright 2026 imu_sim_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""The forms in which the samples of a body are written: bags, and datasets of text and images.
+"""Formats in which the samples of a body are written: bags, and datasets of text and images.
 
-One home for ``generate``, the public interface and campaigns.
+``generate``, the Python interface and campaigns write through this module.
 """
 
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
@@ -24,8 +24,8 @@ from imu_sim_ros.bags.writer import (
     Block,
     Writer,
     amount,
-    described,
     open_writer,
+    topics_summary,
 )
 from imu_sim_ros.conventions import IMU_TOPIC, TRUTH_TOPIC
 from imu_sim_ros.errors import ConfigurationError, InputError
@@ -53,17 +53,17 @@ from imu_sim_ros.simulation.topics import (
 from imu_sim_ros.types import Array
 
 Warn = Callable[[str], object]
-"""Receives a warning."""
-OF_WHAT_IS_SEEN: Final = ("tracks", "tum_vi", "vio_data_simulation")
+"""Receiver of a warning."""
+CAMERA_FORMATS: Final = ("tracks", "tum_vi", "vio_data_simulation")
 """Datasets that need a camera."""
-FORMATS: Final = (*TEXT_FORMATS, *OF_WHAT_IS_SEEN)
-"""All datasets."""
+FORMATS: Final = (*TEXT_FORMATS, *CAMERA_FORMATS)
+"""All formats of datasets."""
 
 
 def check_form(form: str | None, path: Path, sensors: Mapping[str, Mounted]) -> None:
-    """Refuse cameras and IMUs if a form has no place for them, and a form that needs some.
+    """Refuse cameras and IMUs that a format cannot hold, and a format without the cameras it needs.
 
-    :raises InputError: with what to give.
+    :raises InputError: with the arguments to give.
     """
     imus = len(imus_in(sensors))
     seeing = [o.sensor for o in sensors.values() if o.sensor.sees and o.sensor.datasets]
@@ -73,7 +73,7 @@ def check_form(form: str | None, path: Path, sensors: Mapping[str, Mounted]) -> 
         forms = seeing[0].datasets
         if form not in forms or path.suffix == ".csv":
             raise InputError(f"cameras: need a bag, or a folder and --format {', '.join(forms)}")
-    if not seeing and form in OF_WHAT_IS_SEEN:
+    if not seeing and form in CAMERA_FORMATS:
         raise InputError(f"format {form}: needs a camera; --camera names one")
     if form == "vio_data_simulation" and len(seeing) > 1:
         raise InputError(f"format {form}: has room for one camera, not {len(seeing)}")
@@ -82,38 +82,49 @@ def check_form(form: str | None, path: Path, sensors: Mapping[str, Mounted]) -> 
 def _usual_topics(
     sensors: Mapping[str, Mounted], form: str | None, path: Path, imu_only: bool
 ) -> list[str]:
-    """Return the topics that are written if none is named: those that a node usually publishes.
+    """Return the topics that are written by default: those that a node usually publishes.
 
-    A dataset has tables of readings; a bag has all but those of packages that need not be
+    A dataset has tables of readings; a bag has all topics except those of optional packages.
     installed.
     """
     in_text = form is not None
     tables = in_text and form in WITH_TABLES and path.suffix.lower() != ".csv"
-    found = []
-    for name, one in published(sensors, SimulatorParameters().publish).items():
-        topic, sensor, own_files = one.topic, one.mounted.sensor, one.mounted.sensor.companions
+    names = []
+    for name, offer in published(sensors, SimulatorParameters().publish).items():
+        topic, sensor, companions = (
+            offer.topic,
+            offer.mounted.sensor,
+            offer.mounted.sensor.companions,
+        )
         if topic.foreign or (imu_only and topic.truth):
             continue
         if form in sensor.datasets:
-            continue  # it has a place of its own there
-        if in_text and sensor.table is None and own_files and own_files.suffixes(one.mounted.own):
-            continue  # they hold what a dataset has no place for
+            continue  # the dataset has files of this sensor
+        if (
+            in_text
+            and sensor.table is None
+            and companions
+            and companions.suffixes(offer.mounted.own)
+        ):
+            continue  # the companions hold these readings
         if in_text and sensor.table is not None and not (tables and topic is sensor.topics[0]):
             continue
-        found.append(name)
-    if not in_text and any(one.sensor.sees and not one.sensor.apart for one in sensors.values()):
-        found.append(MOUNTS)  # who places points in the world needs them; stacks of cameras do not
-    return found
+        names.append(name)
+    if not in_text and any(
+        mount.sensor.sees and not mount.sensor.apart for mount in sensors.values()
+    ):
+        names.append(MOUNTS)  # placing points in the world needs the mounts; camera stacks do not
+    return names
 
 
 ALL: Final = "all"
-"""Name that stands for every topic that is offered."""
+"""Name that stands for every available topic."""
 
 
-def _is_made(one: Offered) -> bool:
+def _has_messages(offer: Offered) -> bool:
     """Return whether a topic has messages with the parameters of its sensor."""
     try:
-        one.encoder()
+        offer.encoder()
     except ConfigurationError:
         return False
     return True
@@ -129,57 +140,59 @@ def chosen_topics(
 ) -> dict[str, str]:
     """Return the topics to write, each with its name in the bag.
 
-    :param form: of a dataset; None: of a bag.
-    :param topics: one without its namespace selects the topic of every IMU; ``all``: every one;
-        empty: the usual ones.
-    :param imu_only: leave out the truth from the usual ones.
+    :param form: format of a dataset; None: a bag.
+    :param topics: topics; one without its namespace selects that of every IMU; ``all``: every one;
+            empty: the default topics.
+    :param imu_only: leave out the truth from the default topics.
     :raises InputError: with a line for every name that is unknown or given twice.
     """
-    known = offered(sensors)
+    topics_by_name = offered(sensors)
     names: list[str] = []
-    wanted: Sequence[str] = topics or _usual_topics(sensors, form, path, imu_only)
+    requested: Sequence[str] = topics or _usual_topics(sensors, form, path, imu_only)
     if ALL in topics:
         if len(topics) > 1:
             raise InputError(f"topics = {', '.join(topics)}: {ALL} stands for every topic, alone")
-        wanted = [name for name, one in known.items() if _is_made(one)]
-    for name in (name.strip().lstrip("/") for name in wanted):
-        of_all = [full for full, one in known.items() if one.topic.name == name]
-        names += of_all if of_all and name not in known else [name]
+        requested = [name for name, offer in topics_by_name.items() if _has_messages(offer)]
+    for name in (name.strip().lstrip("/") for name in requested):
+        matches = [full for full, offer in topics_by_name.items() if offer.topic.name == name]
+        names += matches if matches and name not in topics_by_name else [name]
     problems = [
-        unknown("topic", name, tuple(known)) for name in [*names, *renamed] if name not in known
+        unknown("topic", name, tuple(topics_by_name))
+        for name in [*names, *renamed]
+        if name not in topics_by_name
     ]
     problems += [f"topic {name}: given twice" for name in set(names) if names.count(name) > 1]
-    final = [resolved(renamed.get(name, name)) for name in dict.fromkeys(names)]
+    names_in_bag = [resolved(renamed.get(name, name)) for name in dict.fromkeys(names)]
     problems += [
         f"topic {name}: two topics would have this name"
-        for name in dict.fromkeys(final)
-        if final.count(name) > 1
+        for name in dict.fromkeys(names_in_bag)
+        if names_in_bag.count(name) > 1
     ]
     if problems:
         raise InputError(problems)
     return {name: renamed.get(name, name) for name in names}
 
 
-def in_tables(
+def dataset_tables(
     names: Iterable[str], form: str, sensors: Mapping[str, Mounted]
 ) -> list[tuple[Table, int]]:
-    """Return the tables that sensors have in a dataset, each with the number of the IMU.
+    """Return the tables of sensors in a dataset, each with the number of the IMU.
 
-    :param names: of topics that are written.
-    :raises InputError: with a line for each topic that the form does not have.
+    :param names: names of the topics that are written.
+    :raises InputError: with a line for each topic that the format does not have.
     """
-    having = {
-        f"{one.mounted.space}{one.mounted.sensor.topics[0].name}": one
-        for one in all_tables(sensors)
+    tables_by_topic = {
+        f"{table.mounted.space}{table.mounted.sensor.topics[0].name}": table
+        for table in all_tables(sensors)
     }
-    known, tables, unfit = offered(sensors), [], []
+    topics, tables, problems = offered(sensors), [], []
     for name in names:
-        if name in having and form in WITH_TABLES:
-            tables.append((having[name].table, having[name].number))
-        elif known[name].topic.name not in (IMU_TOPIC, TRUTH_TOPIC):
-            unfit.append(f"topic {name}: does not exist in {form}")
-    if unfit:
-        raise InputError(unfit)
+        if name in tables_by_topic and form in WITH_TABLES:
+            tables.append((tables_by_topic[name].table, tables_by_topic[name].number))
+        elif topics[name].topic.name not in (IMU_TOPIC, TRUTH_TOPIC):
+            problems.append(f"topic {name}: does not exist in {form}")
+    if problems:
+        raise InputError(problems)
     return tables
 
 
@@ -188,10 +201,10 @@ class OpenOutput(Protocol):
 
     @property
     def counts(self) -> dict[str, int]:
-        """Messages by topic, rows by table, images by camera."""
+        """Number of messages by topic, rows by table, images by camera."""
 
-    def described(self) -> str:
-        """Return how much was written."""
+    def summary(self) -> str:
+        """Return the amount of data written, as text."""
 
     def write(self, read: Read) -> None:
         """Write the samples of a window of time."""
@@ -205,78 +218,85 @@ class _Output(NamedTuple):
 
 
 class BagTarget:
-    """Samples into a bag."""
+    """Output of samples into a bag."""
 
     def __init__(
         self, writer: Writer, sensors: Mapping[str, Mounted], names: Mapping[str, str]
     ) -> None:
-        """Make the topics.
+        """Add the topics to the bag.
 
-        :param sensors: of the body.
-        :param names: for each topic of the sensors that is written its name in the bag.
+        :param sensors: sensors of the body.
+        :param names: name in the bag of each topic that is written.
         """
         self._writer = writer
-        known = offered(sensors)
+        topics = offered(sensors)
         self._outputs = []
         for full, name in names.items():
-            sensor, mounted, topic = known[full]
+            sensor, mounted, topic = topics[full]
             qos = [LATCHED] if topic.latched else None
-            made = writer.add_topic(resolved(name), topic.type, qos)
-            encode = known[full].encoder(writer.encoding)
-            self._outputs.append(_Output(made, sensor, mounted.valid, encode))
-        self._waiting: list[tuple[BagTopic, Messages]] = []
+            bag_topic = writer.add_topic(resolved(name), topic.type, qos)
+            encode = topics[full].encoder(writer.encoding)
+            self._outputs.append(_Output(bag_topic, sensor, mounted.valid, encode))
+        self._pending: list[tuple[BagTopic, Messages]] = []
 
     @property
     def counts(self) -> dict[str, int]:
-        """Messages by topic."""
+        """Number of messages by topic."""
         return {output.topic.name: output.topic.count for output in self._outputs}
 
-    def described(self) -> str:
-        """Return how much was written."""
-        return described(output.topic for output in self._outputs)
+    def summary(self) -> str:
+        """Return the amount of data written, as text."""
+        return topics_summary(output.topic for output in self._outputs)
 
     def write(self, read: Read) -> None:
         """Write the messages of a window of time, all topics in order.
 
-        What threads make of it is written with the window after it, so that they never wait.
+        Messages that threads encode are written with the next window, so that threads never wait.
         """
-        made = [(topic, encode(read[name], valid)) for topic, name, valid, encode in self._outputs]
+        messages_by_topic = [
+            (topic, encode(read[name], valid)) for topic, name, valid, encode in self._outputs
+        ]
         self.finish()
-        self._waiting = [(topic, each) for topic, each in made if len(each.record_t_ns)]
-        if not any(isinstance(each.payloads, Results) for _, each in made):
+        self._pending = [
+            (topic, messages) for topic, messages in messages_by_topic if len(messages.record_t_ns)
+        ]
+        if not any(isinstance(messages.payloads, Results) for _, messages in messages_by_topic):
             self.finish()
 
     def finish(self) -> None:
-        """Write the messages that still wait for threads."""
-        made, self._waiting = self._waiting, []
-        self._writer.write_blocks([Block(t, each.record_t_ns, each.made()) for t, each in made])
+        """Write the messages that threads have encoded."""
+        pending, self._pending = self._pending, []
+        self._writer.write_blocks(
+            [Block(t, messages.record_t_ns, messages.made()) for t, messages in pending]
+        )
 
 
 class DatasetTarget:
-    """Samples into text."""
+    """Output of samples into text tables, with tracks or images of cameras."""
 
     def __init__(
-        self, dataset: Dataset, sensors: Mapping[str, Mounted], seen: OpenOutput | None
+        self, dataset: Dataset, sensors: Mapping[str, Mounted], camera_files: OpenOutput | None
     ) -> None:
-        """Join the sensors of a body with the files of a dataset.
+        """Connect the sensors of a body with the files of a dataset.
 
-        :param sensors: its IMUs are imu0, imu1, ... of the dataset.
-        :param seen: the files of what sensors see, tracks or images; None: it has none.
+        :param sensors: sensors of the body; its IMUs are imu0, imu1, ... of the dataset.
+        :param camera_files: files of the cameras, tracks or images; None: there are none.
         """
-        self.dataset, self._sensors, self._seen = dataset, sensors, seen
+        self.dataset, self._sensors, self._camera_files = dataset, sensors, camera_files
         self._imus = imus_in(sensors)
-        self._tables = {(one.table.name, one.number): one for one in all_tables(sensors)}
-        # EuRoC's states hold biases: each IMU has its own. Poses alone are the body's.
+        self._tables = {(table.table.name, table.number): table for table in all_tables(sensors)}
+        # States of EuRoC contain biases, so each IMU has its own. Poses alone are those of the
+        # body.
         self._states = self._imus if dataset.form == "euroc" else [POSE]
 
-    def described(self) -> str:
-        """Return how much was written, and of what each camera saw."""
+    def summary(self) -> str:
+        """Return the amount of data written, as text, with that of each camera."""
         rows = amount(self.dataset.rows, self.dataset.last_ns, "rows")
-        return rows if self._seen is None else f"{rows}, {self._seen.described()}"
+        return rows if self._camera_files is None else f"{rows}, {self._camera_files.summary()}"
 
     @property
     def counts(self) -> dict[str, int]:
-        """Rows by topic, images by camera."""
+        """Number of rows by topic, and of images by camera."""
         readings = zip(self._imus, self.dataset.imus, strict=False)  # a TUM file has none
         states = zip(self._states, self.dataset.truths, strict=False)
         tables = ((self._tables[key], file) for key, file in self.dataset.tables.items())
@@ -284,14 +304,14 @@ class DatasetTarget:
             **{resolved(self._sensors[name].space + IMU_TOPIC): f.rows for name, f in readings},
             **{resolved(self._sensors[name].space + TRUTH_TOPIC): f.rows for name, f in states},
             **{
-                resolved(f"{one.mounted.space}{one.mounted.sensor.topics[0].name}"): file.rows
-                for one, file in tables
+                resolved(f"{table.mounted.space}{table.mounted.sensor.topics[0].name}"): file.rows
+                for table, file in tables
             },
-            **({} if self._seen is None else self._seen.counts),
+            **({} if self._camera_files is None else self._camera_files.counts),
         }
 
     def write(self, read: Read) -> None:
-        """Write the rows of a window of time, and what is seen in it."""
+        """Write the rows of a window of time, and the data of its cameras."""
         for k, name in enumerate(self._imus[: len(self.dataset.imus)]):
             self.dataset.write_imu(*delivered(read[name]), k)
         for kind, k in self.dataset.tables:
@@ -302,12 +322,12 @@ class DatasetTarget:
             )
         for k, name in enumerate(self._states[: len(self.dataset.truths)]):
             self.dataset.write_states(*_states(read[name]), k)
-        if self._seen is not None:
-            self._seen.write(read)
+        if self._camera_files is not None:
+            self._camera_files.write(read)
 
 
 def _states(read: Any) -> tuple[States, Array | None]:
-    """Return the true states at the samples of an IMU, and its biases (n, 6); None: of a pose."""
+    """Return the true states at an IMU's samples, and its biases (n, 6); None: a pose has none."""
     motion = read.values.get("motion", read)
     states = States.unchecked(
         t_ns=read.true_t_ns, position=motion.position, q_wb=motion.q_wb, velocity=motion.velocity
@@ -318,7 +338,7 @@ def _states(read: Any) -> tuple[States, Array | None]:
 
 
 @contextmanager
-def opened(
+def open_output(
     form: str | None,
     output: Path,
     names: Mapping[str, str],
@@ -328,13 +348,13 @@ def opened(
     warn: Warn = lambda line: None,
     bag: BagOptions = AS_NAMED,
 ) -> Iterator[OpenOutput]:
-    """Open an output for windows of samples; it is complete when the block ends without an error.
+    """Open an output for windows of samples; it is complete if the block ends without an error.
 
-    :param form: of a dataset; None: a bag.
-    :param names: for each topic of the sensors that is written its name in a bag.
-    :param sensors: of the body.
-    :param world: that sensors see, with threads that make images; None: none sees.
-    :param jobs: number of these threads.
+    :param form: format of a dataset; None: a bag.
+    :param names: name in a bag of each topic that is written.
+    :param sensors: sensors of the body.
+    :param world: world that sensors see, with threads that make images; None: no sensor sees.
+    :param jobs: number of the threads.
     """
     if form is None:
         with open_writer(output, bag) as writer:
@@ -357,20 +377,20 @@ def opened(
             yield folder
     else:
         states, imus = TRUTH_TOPIC in names, len(imus_in(sensors))
-        tables = [] if form == "tracks" else in_tables(names, form, sensors)
+        tables = [] if form == "tracks" else dataset_tables(names, form, sensors)
         text = "csv" if form == "tracks" else form
         with (
             Dataset(output, text, states, imus, tables) as dataset,
-            _seen(form, output, sensors, world, jobs, warn) as seen,
+            _camera_files(form, output, sensors, world, jobs, warn) as camera_files,
         ):
-            yield DatasetTarget(dataset, sensors, seen)
+            yield DatasetTarget(dataset, sensors, camera_files)
             if form == "euroc":
                 from imu_sim_ros.datasets.configurations import describe
 
                 describe(output, states, tables, sensors)
 
 
-def _seen(
+def _camera_files(
     form: str,
     folder: Path,
     sensors: Mapping[str, Mounted],
@@ -378,8 +398,10 @@ def _seen(
     jobs: int,
     warn: Warn,
 ) -> AbstractContextManager[OpenOutput | None]:
-    """Return the files of what sensors see in a folder of tables; None if it has none."""
-    if not any(one.sensor.sees and form in one.sensor.datasets for one in sensors.values()):
+    """Return the files of cameras in a folder of tables; None if it has none."""
+    if not any(
+        sensor.sensor.sees and form in sensor.sensor.datasets for sensor in sensors.values()
+    ):
         return nullcontext()
     assert world is not None
     if form == "tracks":

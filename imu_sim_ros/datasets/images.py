@@ -4,7 +4,7 @@
 """Images of cameras as PNG files: EuRoC/ASL folders, and those of kalibr_bagcreater.
 
 ``euroc``: ``cam0/data/<stamp>.png``, ``cam0/data.csv``, ``cam0/sensor.yaml``, and ``cam0/depth``,
-with bodies that move also ``cam0/mask``, if depth is asked for, and ``cam0/flow``. ``csv``:
+with moving bodies also ``cam0/mask``, if depth is asked for, and ``cam0/flow``. ``csv``:
 ``cam0/<stamp>.png`` next to imu0.csv, as kalibr_bagcreater takes it. Threads make the
 images; OpenCV and NumPy let them run side by side.
 """
@@ -45,21 +45,21 @@ EUROC_HEADER: Final = "#timestamp [ns],filename"
 MASK_FOLDER: Final = "mask"
 FLOW_FOLDER: Final = "flow"
 _AHEAD: Final = 4
-"""Images in progress for each thread."""
+"""Number of images in progress for each thread."""
 LATEST_NS: Final = 2**63 - 1
 _MILLIMETRES: Final = 1000.0
 _DISTORTIONS: Final = {"none": "none", "radtan": "radial-tangential", "equidistant": "equidistant"}
 
 
 class _Frame(NamedTuple):
-    """A frame of which an image is made."""
+    """Frame whose image is requested."""
 
     true_t_ns: int
     camera: int
     number: int
     t_ns: int
     row: int
-    """Among the samples that it came with."""
+    """Row of the frame in its block of samples."""
 
 
 class ImageFolders:
@@ -75,9 +75,9 @@ class ImageFolders:
     ) -> None:
         """Make the folders.
 
-        :param folder: that exists.
-        :param sensors: of the body.
-        :param world: with threads.
+        :param folder: existing folder.
+        :param sensors: sensors of the body.
+        :param world: world with threads.
         :param form: euroc; tum_vi, which has grey values of 16 bits and no descriptions of sensors;
             or csv.
         :param jobs: number of threads.
@@ -87,40 +87,44 @@ class ImageFolders:
         opencv()
         numba()
         assert world.threads is not None
-        self._threads, self._most = world.threads, _AHEAD * jobs
-        cameras = {n: o for n, o in cameras_in(sensors).items() if o.own.images != "none"}
+        self._threads, self._max_pending = world.threads, _AHEAD * jobs
+        cameras = {
+            name: camera
+            for name, camera in cameras_in(sensors).items()
+            if camera.own.images != "none"
+        }
         if cameras:
             check_surfaces(next(iter(cameras.values())).environment.rig.scene)
-        self.views = [view_of(one, world) for one in cameras.values()]
+        self.views = [view_of(camera, world) for camera in cameras.values()]
         self._frames: list[list[_Frame]] = [[] for _ in self.views]
         self._exposures: list[list[tuple[int, float]]] = [[] for _ in self.views]
-        self._folder, self._tables, self._deep = folder, form != "csv", form == "tum_vi"
-        self._further = (DEPTH_FOLDER, MASK_FOLDER) if world.scene.crowd else (DEPTH_FOLDER,)
-        """Folders of the truth of each pixel, if it is wanted."""
-        self._waiting: deque[Future[None]] = deque()
+        self._folder, self._tables, self._has_16_bits = folder, form != "csv", form == "tum_vi"
+        self._truth_folders = (DEPTH_FOLDER, MASK_FOLDER) if world.scene.crowd else (DEPTH_FOLDER,)
+        """Folders of the truth of each pixel."""
+        self._pending: deque[Future[None]] = deque()
         for view in self.views:
             target = self._target(view.name)
             folders = [target]
             if self._has_depth(view):
-                folders += [target.parent / name for name in self._further]
+                folders += [target.parent / name for name in self._truth_folders]
             if self._flow(view) != "none":
                 folders.append(target.parent / FLOW_FOLDER)
-            for made_folder in folders:
+            for new_folder in folders:
                 try:
-                    made_folder.mkdir(parents=True)
+                    new_folder.mkdir(parents=True)
                 except OSError as error:
-                    raise system_error(made_folder, error) from None
+                    raise system_error(new_folder, error) from None
             if form == "euroc":
                 comment = f"simulated by imu_sim_ros, seed {world.environment.seed}"
                 text = _sensor_yaml(view.parameters, comment)
                 (target.parent / "sensor.yaml").write_text(text, encoding="utf-8")
-        first = next(iter(cameras_in(sensors).values()))
+        camera = next(iter(cameras_in(sensors).values()))
         with Tables() as tables:
-            add_tables(tables, folder, view_of(first, world), world.scene)
+            add_tables(tables, folder, view_of(camera, world), world.scene)
 
     @property
     def counts(self) -> dict[str, int]:
-        """Images by camera."""
+        """Number of images by camera."""
         return {
             f"/{view.name}/{IMAGE_TOPIC}": len(frames)
             for view, frames in zip(self.views, self._frames, strict=True)
@@ -128,46 +132,46 @@ class ImageFolders:
 
     def exposures(self, camera: int) -> list[tuple[int, float]]:
         """Return stamp [ns] and exposure time [s] of each image of a camera, by its number."""
-        kept = {frame.t_ns for frame in self._frames[camera]}
-        return [each for each in self._exposures[camera] if each[0] in kept]
+        stamps = {frame.t_ns for frame in self._frames[camera]}
+        return [exposure for exposure in self._exposures[camera] if exposure[0] in stamps]
 
     def _has_depth(self, view: View) -> bool:
         return self._tables and view.parameters.depth
 
     def _flow(self, view: View) -> str:
-        """Return the form of the flow of a camera, as ``camera.flow`` names it."""
+        """Return the form of a camera's flow, as in the parameter ``camera.flow``."""
         return view.parameters.flow if self._tables else "none"
 
     def write(self, read: Read) -> None:
         """Request the images of a window, those of all cameras in order of time."""
-        due = []
+        frames = []
         for camera, view in enumerate(self.views):
-            seen = read[view.name]
-            for row in seen.delivered.tolist():
-                true_t_ns, t_ns = int(seen.true_t_ns[row]), int(seen.t_ns[row])
-                due.append(_Frame(true_t_ns, camera, seen.first + row, t_ns, row))
-        for frame in sorted(due):
-            while len(self._waiting) >= self._most:
-                self._waiting.popleft().result()
-            path, seen = self._file(frame), read[self.views[frame.camera].name]
+            samples = read[view.name]
+            for row in samples.delivered.tolist():
+                true_t_ns, t_ns = int(samples.true_t_ns[row]), int(samples.t_ns[row])
+                frames.append(_Frame(true_t_ns, camera, samples.first + row, t_ns, row))
+        for frame in sorted(frames):
+            while len(self._pending) >= self._max_pending:
+                self._pending.popleft().result()
+            path, samples = self._file(frame), read[self.views[frame.camera].name]
             self._frames[frame.camera].append(frame)
-            if self._deep:
-                exposure = frame.t_ns, seen.exposure[frame.row]
+            if self._has_16_bits:
+                exposure = frame.t_ns, samples.exposure[frame.row]
                 self._exposures[frame.camera].append(exposure)
-            self._waiting.append(self._threads.submit(self._make, frame, seen, path))
+            self._pending.append(self._threads.submit(self._make, frame, samples, path))
 
-    def _make(self, frame: _Frame, seen: Any, path: Path) -> None:
+    def _make(self, frame: _Frame, samples: Any, path: Path) -> None:
         view = self.views[frame.camera]
-        image: NDArray[Any] = seen.image[frame.row]
-        write_png(path, in_16_bits(image) if self._deep and image.ndim == 2 else image)
+        image: NDArray[Any] = samples.image[frame.row]
+        write_png(path, in_16_bits(image) if self._has_16_bits and image.ndim == 2 else image)
         if self._has_depth(view):
-            depth, mask = seen.depth_and_mask[frame.row]
-            for folder, each in ((DEPTH_FOLDER, millimetres(depth)), (MASK_FOLDER, mask)):
-                if each is not None:
-                    write_png(path.parents[1] / folder / path.name, each)
+            depth, mask = samples.depth_and_mask[frame.row]
+            for folder, truth in ((DEPTH_FOLDER, millimetres(depth)), (MASK_FOLDER, mask)):
+                if truth is not None:
+                    write_png(path.parents[1] / folder / path.name, truth)
         form = self._flow(view)
         if form != "none":
-            steps = seen.flow[frame.row]
+            steps = samples.flow[frame.row]
             target = path.parents[1] / FLOW_FOLDER / path.name
             if form == "kitti":
                 write_png(target, kitti_flow(steps))
@@ -185,12 +189,12 @@ class ImageFolders:
     def __exit__(self, kind: object, error: BaseException | None, trace: object) -> None:
         failed = error is not None and isinstance(error, Exception)
         try:
-            while self._waiting and not failed:
-                future = self._waiting.popleft()
+            while self._pending and not failed:
+                future = self._pending.popleft()
                 if error is None or not future.cancel():
                     future.result()
         finally:
-            for future in self._waiting:
+            for future in self._pending:
                 future.cancel()
         if error is not None and not failed:
             self._cut()
@@ -199,10 +203,10 @@ class ImageFolders:
                 write_table(self._folder / view.name, [frame.t_ns for frame in frames])
 
     def _cut(self) -> None:
-        """Drop what an interruption left some cameras with and others without."""
+        """Drop the frames after an interruption that not all cameras have."""
         ends = []
         for view, frames in zip(self.views, self._frames, strict=True):
-            # A later one may have been begun while an earlier one was cancelled.
+            # A later image may have been started while an earlier one was cancelled.
             missing = [frame.true_t_ns for frame in frames if not self._file(frame).is_file()]
             following = frames[-1].number + 1 if frames else 0
             if missing:
@@ -211,24 +215,24 @@ class ImageFolders:
                 ends.append(int(view.frames(following, 1).true_t_ns[0]))
         end = min(ends, default=LATEST_NS)
         for number, frames in enumerate(self._frames):
-            kept = []
+            complete = []
             for frame in frames:
                 path = self._file(frame)
                 if frame.true_t_ns < end:
-                    kept.append(frame)
+                    complete.append(frame)
                     continue
                 path.unlink(missing_ok=True)
-                for folder in (*self._further, FLOW_FOLDER):
-                    beside = path.parents[1] / folder / path.name
-                    for file in (beside, beside.with_suffix(".npy")):
+                for folder in (*self._truth_folders, FLOW_FOLDER):
+                    truth_file = path.parents[1] / folder / path.name
+                    for file in (truth_file, truth_file.with_suffix(".npy")):
                         file.unlink(missing_ok=True)
-            self._frames[number] = kept
+            self._frames[number] = complete
 
     def _file(self, frame: _Frame) -> Path:
         return self._target(self.views[frame.camera].name) / image_name(frame.t_ns)
 
-    def described(self) -> str:
-        """Return how many images each camera has, and until when."""
+    def summary(self) -> str:
+        """Return the number of images of each camera and their end, as text."""
         return ", ".join(
             amount(len(frames), frames[-1].t_ns if frames else -1, f"images of {view.name}")
             for view, frames in zip(self.views, self._frames, strict=True)
@@ -236,9 +240,9 @@ class ImageFolders:
 
 
 def image_name(t_ns: int) -> str:
-    """Return the name of an image: its stamp [ns] in 19 digits, so that names sort by time.
+    """Return the file name of an image: its stamp [ns] in 19 digits, so that names sort by time.
 
-    :raises InputError: for a stamp before 0, which no width sorts.
+    :raises InputError: for a negative stamp, which does not sort.
     """
     if t_ns < 0:
         raise InputError(
@@ -249,7 +253,7 @@ def image_name(t_ns: int) -> str:
 
 
 def write_table(folder: Path, stamps: Iterable[int]) -> None:
-    """Write data.csv of a camera: the images' stamps [ns] in the digits of their names, and those.
+    """Write data.csv of a camera: the stamps of the images [ns], and their file names.
 
     :raises ImuSimError: if it cannot be written, with the reason.
     """
@@ -264,13 +268,13 @@ def write_table(folder: Path, stamps: Iterable[int]) -> None:
 
 
 def millimetres(depth: Single) -> NDArray[np.uint16]:
-    """Return depths (h, w) [m] as REP 118 has them in 16 bits; 0 for what is beyond 65.5 m."""
+    """Return depths (h, w) [m] in millimetres, 16 bits (REP 118); 0 beyond 65.5 m."""
     rounded = np.rint(depth * np.float32(_MILLIMETRES))
     return np.where(rounded <= np.iinfo(np.uint16).max, rounded, 0.0).astype(np.uint16)
 
 
 def in_16_bits(image: Bytes) -> NDArray[np.uint16]:
-    """Return grey values (h, w) in 16 bits; what reads 8 of them gets the same values."""
+    """Return grey values (h, w) in 16 bits, the upper 8 of which are the given ones."""
     return image.astype(np.uint16) * np.uint16(256)
 
 

@@ -1,7 +1,7 @@
 # Copyright 2026 imu_sim_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""The cameras of a recorded dataset: its folder, their tables, and what an image's file is."""
+"""The cameras of a recorded dataset: folder, tables, descriptions and image files."""
 
 import re
 from collections.abc import Iterator, Sequence
@@ -51,7 +51,7 @@ _SHAPES: Final = {"pinhole": (), "unified": ("xi",), "double_sphere": ("xi", "al
 """Numbers of each camera model in addition to the intrinsics of a pinhole."""
 _KALIBR: Final = {"pinhole": "pinhole", "omni": "unified", "ds": "double_sphere"}
 _LARGEST: Final = 1 << 20
-"""Pixels along a side; larger ones are a mistake."""
+"""Largest number of pixels along a side."""
 _PLUMB_BOB: Final = 5
 
 
@@ -64,22 +64,22 @@ class Description(NamedTuple):
 
 
 def pose_text(matrix: Array) -> str:
-    """Return T_BS (4, 4) as EuRoC's descriptions of sensors have it."""
+    """Return T_BS (4, 4) as in EuRoC's descriptions of sensors."""
     rows = ",\n         ".join(", ".join(decimal(value) for value in row) for row in matrix)
     return f"T_BS:\n  cols: 4\n  rows: 4\n  data: [{rows}]\n"
 
 
-def sensor_yaml(found: Description, stamps: Sequence[int], comment: str) -> str:
+def sensor_yaml(camera: Description, stamps: Sequence[int], comment: str) -> str:
     """Return EuRoC's description of a camera, without unknown values."""
     text = f"# Camera\nsensor_type: camera\ncomment: {comment}\n\n"
-    if found.pose is not None:
-        text += f"# T_BS maps points of the camera into the body.\n{pose_text(found.pose)}\n"
+    if camera.pose is not None:
+        text += f"# T_BS maps points of the camera into the body.\n{pose_text(camera.pose)}\n"
     if len(stamps) > 1:
         period = float(np.median(np.diff(sorted(stamps))))
         text += f"rate_hz: {round(NANOSECONDS_PER_SECOND / period, 3):g}\n"
-    if found.info is None:
+    if camera.info is None:
         return text
-    info, d = found.info, found.info.d
+    info, d = camera.info, camera.info.d
     model, kind = "pinhole", _TO_EUROC.get(info.distortion_model, info.distortion_model or "none")
     names = _SHAPES.get(info.distortion_model, ())
     if names:  # the spheres, whose numbers come first in D
@@ -88,7 +88,7 @@ def sensor_yaml(found: Description, stamps: Sequence[int], comment: str) -> str:
     d = d[len(names) :] or (0.0,) * (4 if names else 0)
     if info.distortion_model == "plumb_bob" and len(d) == _PLUMB_BOB and d[4] == 0.0:
         d = d[:4]
-    numbers = ", ".join(decimal(float(info.k[at])) for at in ((0, 0), (1, 1), (0, 2), (1, 2)))
+    numbers = ", ".join(decimal(float(info.k[index])) for index in ((0, 0), (1, 1), (0, 2), (1, 2)))
     return (
         f"{text}resolution: [{info.width}, {info.height}]\ncamera_model: {model}\n{shape}"
         f"intrinsics: [{numbers}] # fu, fv, cu, cv\ndistortion_model: {kind}\n"
@@ -112,7 +112,7 @@ def read_sensor_yaml(path: Path) -> Description:
 
 
 def read_camchain(path: Path, camera: str) -> Description:
-    """Return what kalibr's camchain says about a camera; the body is the IMU.
+    """Return the description of a camera in kalibr's camchain; the body is the IMU.
 
     :raises InputError: with a line for each value that cannot be used.
     """
@@ -130,7 +130,7 @@ def read_camchain(path: Path, camera: str) -> Description:
 
 def _mapping(path: Path) -> dict[str, Any]:
     lines = read_text(path).splitlines(keepends=True)
-    if lines and lines[0].startswith("%YAML:"):  # OpenCV's own first line, which is no YAML
+    if lines and lines[0].startswith("%YAML:"):  # OpenCV's header, which is not YAML
         lines = lines[1:]
     try:
         tree = parse_yaml("".join(lines))
@@ -161,25 +161,25 @@ class _Keys:
         return allowed[0]
 
     def numbers(self, key: str, counts: Sequence[int]) -> list[float]:
-        """Return as many finite numbers as one of the counts; of none given any number."""
+        """Return finite numbers, as many as one of the counts says; without counts, any."""
         value = self.tree.get(key)
         entries: list[Any] = value if isinstance(value, list) else [value]
         try:
-            found = [float(entry) for entry in entries if not isinstance(entry, bool)]
+            numbers = [float(entry) for entry in entries if not isinstance(entry, bool)]
         except (TypeError, ValueError):
-            found = []
-        fits = len(found) == len(entries) and (not counts or len(found) in counts)
-        if fits and np.isfinite(found).all():
-            return found
-        words = f"{' or '.join(map(str, counts))} finite numbers" if counts else "finite numbers"
-        self._refuse(key, value, f"must be {words}")
+            numbers = []
+        fits = len(numbers) == len(entries) and (not counts or len(numbers) in counts)
+        if fits and np.isfinite(numbers).all():
+            return numbers
+        allowed = f"{' or '.join(map(str, counts))} finite numbers" if counts else "finite numbers"
+        self._refuse(key, value, f"must be {allowed}")
         return [0.0] * (counts[0] if counts else 0)
 
-    def pose(self, key: str, below: str = "") -> Array | None:
-        """Return a transform (4, 4), of 16 numbers or of four rows; None if there is none."""
+    def pose(self, key: str, subkey: str = "") -> Array | None:
+        """Return a transform (4, 4) from 16 numbers or four rows; None if there is none."""
         value = self.tree.get(key)
-        if value is not None and below:
-            value = value.get(below) if isinstance(value, dict) else value
+        if value is not None and subkey:
+            value = value.get(subkey) if isinstance(value, dict) else value
         if value is None:
             return None
         try:
@@ -214,12 +214,12 @@ class _Keys:
         return CameraInfo(int(height), int(width), kind, tuple(d), k, np.eye(3), p)
 
     def _refuse(self, key: str, value: Any, allowed: str) -> None:
-        words = "missing" if value is None else repr(value)
-        shown = words if len(words) <= 60 else words[:57] + "..."
-        self._problems.append(f"{self._name}{key} = {shown}: {allowed}")
+        text = "missing" if value is None else repr(value)
+        short = text if len(text) <= 60 else text[:57] + "..."
+        self._problems.append(f"{self._name}{key} = {short}: {allowed}")
 
 
-_WHAT: Final = "a table of stamps and file names"
+_CONTENT: Final = "a table of stamps and file names"
 _STAMP: Final = re.compile(r"[0-9]{1,19}")
 _IMAGE: Final = re.compile(r"[0-9]{1,19}\.(png|jpe?g|bmp|pgm|tiff?)", re.IGNORECASE)
 _PIXELS: Final = {
@@ -229,13 +229,13 @@ _PIXELS: Final = {
     (3, 2): "rgb16",
     (4, 1): "rgba8",
 }
-"""By number of channels, and bytes of each."""
+"""Encoding by number of channels and bytes of each."""
 _PNG_CHANNELS: Final = {0: 1, 2: 3, 3: 3, 4: 4, 6: 4}
 """Channels by PNG's colour type, as OpenCV decodes them: grey, colour, palette, with alpha."""
 
 
 class RecordedFrames(NamedTuple):
-    """n images of a camera, in time order."""
+    """n images of a camera in time order."""
 
     folder: Path
     t_ns: Integers
@@ -248,13 +248,13 @@ class FolderCamera(NamedTuple):
     name: str
     images: RecordedFrames
     depth: RecordedFrames | None
-    described: Description
+    description: Description
     text: str
-    """Text of its sensor.yaml; empty if there is none."""
+    """Text of the camera's sensor.yaml; empty if there is none."""
 
     @property
     def frame(self) -> str:
-        """The frame of its messages, as the simulator names it."""
+        """Frame of the camera's messages, as in the simulator."""
         return f"{self.name}_optical_frame"
 
 
@@ -264,44 +264,44 @@ def folder_cameras(path: Path, skipped: Skipped | None = None) -> list[FolderCam
     :param skipped: receives the number of bad rows skipped in a table; None: they are errors.
     :raises InputError: with a line for each row and each description that cannot be used.
     """
-    found: dict[str, FolderCamera] = {}
+    cameras: dict[str, FolderCamera] = {}
     for parent in text_reader.parents(path):
         for name in text_reader.sensor_folders(parent, "cam"):
             folder = parent / name
-            if name not in found:
+            if name not in cameras:
                 images = _images(folder, skipped)
                 if images is not None:
-                    depth = _listed(folder / DEPTH_FOLDER)
-                    described, text = _described(path, folder)
-                    camera = FolderCamera(name, images, depth, described, text)
-                    found[name] = camera
-    return list(found.values())
+                    depth = _stamped_images(folder / DEPTH_FOLDER)
+                    description, text = _read_description(path, folder)
+                    camera = FolderCamera(name, images, depth, description, text)
+                    cameras[name] = camera
+    return list(cameras.values())
 
 
 def _images(folder: Path, skipped: Skipped | None) -> RecordedFrames | None:
     table = folder / "data.csv"
-    return _tabled(table, skipped) if is_present(table) else _listed(folder)
+    return _listed_images(table, skipped) if is_present(table) else _stamped_images(folder)
 
 
-def _listed(folder: Path) -> RecordedFrames | None:
+def _stamped_images(folder: Path) -> RecordedFrames | None:
     """Return the images of a folder that are named by their stamps [ns]; None without any."""
-    found = filter(_IMAGE.fullmatch, names_in(folder))
-    names = sorted(found, key=lambda name: int(name.partition(".")[0]))
+    image_names = filter(_IMAGE.fullmatch, names_in(folder))
+    names = sorted(image_names, key=lambda name: int(name.partition(".")[0]))
     stamps = [int(name.partition(".")[0]) for name in names]
     if stamps and stamps[-1] >= 1 << 63:
         raise InputError(f"{folder / names[-1]}: not a stamp in nanoseconds")
     return RecordedFrames(folder, np.array(stamps, dtype=np.int64), names) if names else None
 
 
-def _tabled(table: Path, skipped: Skipped | None) -> RecordedFrames:
-    """Return the images that a data.csv lists, all of which exist."""
+def _listed_images(table: Path, skipped: Skipped | None) -> RecordedFrames:
+    """Return the images of a data.csv; all of them exist."""
     folder = table.parent / "data"
-    there = set(names_in(folder))
+    files = set(names_in(folder))
     bad = BadRows(table)
     stamps: list[int] = []
     names: list[str] = []
     for number, fields in _rows(table):
-        problem = _problem(fields, there, stamps[-1] if stamps else 0)
+        problem = _problem(fields, files, stamps[-1] if stamps else 0)
         if problem is None:
             stamps.append(int(fields[0]))
             names.append(fields[1])
@@ -318,17 +318,17 @@ def _tabled(table: Path, skipped: Skipped | None) -> RecordedFrames:
 
 def _rows(table: Path) -> Iterator[tuple[int, list[str]]]:
     """Yield number and fields of each row."""
-    first = True
-    for rows in row_blocks(table, _WHAT):
+    is_first = True
+    for rows in row_blocks(table, _CONTENT):
         for number, line in rows:
-            header = first and not line[:1].isdigit()
-            first = False
+            header = is_first and not line[:1].isdigit()
+            is_first = False
             if not header:
-                words = line.decode("utf-8", "replace").split(",")
-                yield number, [word.strip() for word in words]
+                fields = line.decode("utf-8", "replace").split(",")
+                yield number, [field.strip() for field in fields]
 
 
-def _problem(fields: list[str], there: set[str], last_ns: int) -> tuple[str, str] | None:
+def _problem(fields: list[str], files: set[str], last_ns: int) -> tuple[str, str] | None:
     """Return kind and description of the problem of a row; None for a good one."""
     if len(fields) != 2:
         return COLUMNS, f"{len(fields)} columns; expected nanoseconds and a file name"
@@ -338,12 +338,12 @@ def _problem(fields: list[str], there: set[str], last_ns: int) -> tuple[str, str
     if int(stamp) < last_ns:
         step = (last_ns - int(stamp)) * 1e-9
         return STAMPS, f"the stamp is {step:.9g} s before that of an earlier line"
-    if name not in there:
+    if name not in files:
         return VALUES, f"the image {shortened(name)} is not in data/"
     return None
 
 
-def _described(path: Path, folder: Path) -> tuple[Description, str]:
+def _read_description(path: Path, folder: Path) -> tuple[Description, str]:
     """Return the properties of a camera in a dataset, and the text of its sensor.yaml."""
     file = folder / "sensor.yaml"
     if is_present(file):
@@ -369,7 +369,7 @@ def read_image(path: Path) -> tuple[bytes, Size]:
 
 
 def image_size(data: bytes) -> Size:
-    """Return the size of an encoded image, which is whole.
+    """Return the size of an encoded image, which is decoded if its header does not tell it.
 
     :raises InputError: for one that is not.
     """
@@ -381,21 +381,21 @@ def image_size(data: bytes) -> Size:
 
 
 class OneSize:
-    """The size that all images of a camera have: that of the first."""
+    """Check that all images of a camera have the size of the first."""
 
     def __init__(self) -> None:
-        self._first: Size | None = None
+        self._size: Size | None = None
 
     def check(self, name: Path | str, size: Size) -> None:
         """Refuse an image of another size.
 
         :raises InputError: with both sizes.
         """
-        first = self._first = self._first or size
-        if size != first:
+        expected = self._size = self._size or size
+        if size != expected:
             raise InputError(
                 f"{name}: {size[1]} x {size[0]} pixels; the images before it have "
-                f"{first[1]} x {first[0]}"
+                f"{expected[1]} x {expected[0]}"
             )
 
 
@@ -410,8 +410,8 @@ def as_png(data: bytes) -> bytes:
     return png(image[..., :3] if image.ndim > 2 else image)
 
 
-def as_sent(data: bytes) -> tuple[str, str, bytes]:
-    """Return form (png, jpeg), pixels' encoding and bytes of an image as CompressedImage has it.
+def compressed_image(data: bytes) -> tuple[str, str, bytes]:
+    """Return format (png, jpeg), pixel encoding and bytes of an image as CompressedImage has them.
 
     PNG and JPEG are unchanged.
     """

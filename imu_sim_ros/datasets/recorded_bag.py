@@ -3,7 +3,7 @@
 
 """Images of a bag as files: EuRoC's ``cam0/data``, with ``sensor.yaml``, or kalibr_bagcreater's.
 
-The description of a camera is what the bag says: model from CameraInfo, mount from /tf_static.
+A camera is described by the bag: its model by CameraInfo, its mount by /tf_static.
 """
 
 import re
@@ -67,40 +67,42 @@ _PIXELS: Final = {
     **dict.fromkeys(("rgba8", "bgra8", "8UC4"), ("u1", 4)),
     _DEPTH: ("f4", 1),
 }
-"""Type and number of the values of a pixel."""
+"""Type and number of the values of a pixel, by encoding."""
 _AHEAD: Final = 4
-"""Images in progress for each thread."""
+"""Number of images in progress for each thread."""
 
 
 class RecordedCamera(NamedTuple):
     """The topics of one camera in a bag."""
 
     name: str
-    """Name of its folder."""
+    """Name of the camera's folder."""
     base: str
-    """What its topics have in common."""
+    """Common beginning of the camera's topics."""
     images: TopicInfo | None
     depth: TopicInfo | None
 
 
 def recorded_cameras(topics: Sequence[TopicInfo]) -> list[RecordedCamera]:
-    """Return the cameras among a bag's topics; of two topics of the same images the raw one.
+    """Return the cameras among a bag's topics; raw topics are preferred to compressed ones.
 
-    Names such as cam0 stay; others are numbered in the order of their topics.
+    Names such as cam0 are kept; others become cam0, cam1, ... in the order of their topics.
     """
-    found: dict[str, dict[str, TopicInfo]] = {}
+    topics_by_base: dict[str, dict[str, TopicInfo]] = {}
     for topic in sorted(topics, key=lambda topic: (topic.type == COMPRESSED_IMAGE, topic.name)):
-        other = topic.name.endswith((f"/{MASK_TOPIC}", f"/{FLOW_TOPIC}"))
-        if topic.type in (IMAGE, COMPRESSED_IMAGE) and not other:
+        is_mask_or_flow = topic.name.endswith((f"/{MASK_TOPIC}", f"/{FLOW_TOPIC}"))
+        if topic.type in (IMAGE, COMPRESSED_IMAGE) and not is_mask_or_flow:
             kind = "depth" if topic.name.endswith(f"/{DEPTH_TOPIC}") else "images"
-            found.setdefault(_base(topic.name), {}).setdefault(kind, topic)
-    bases = sorted(found)
-    kept = [base.rpartition("/")[2] for base in bases]
-    if not all(re.fullmatch(r"cam\d+", name) for name in kept) or len(set(kept)) < len(kept):
-        kept = [f"cam{k}" for k in range(len(bases))]
+            topics_by_base.setdefault(_base(topic.name), {}).setdefault(kind, topic)
+    bases = sorted(topics_by_base)
+    names = [base.rpartition("/")[2] for base in bases]
+    if not all(re.fullmatch(r"cam\d+", name) for name in names) or len(set(names)) < len(names):
+        names = [f"cam{k}" for k in range(len(bases))]
     return [
-        RecordedCamera(name, base, found[base].get("images"), found[base].get("depth"))
-        for name, base in zip(kept, bases, strict=True)
+        RecordedCamera(
+            name, base, topics_by_base[base].get("images"), topics_by_base[base].get("depth")
+        )
+        for name, base in zip(names, bases, strict=True)
     ]
 
 
@@ -112,16 +114,16 @@ def _base(topic: str) -> str:
 
 
 class RecordedImages:
-    """The images of a bag on their way into a dataset's folder."""
+    """The images of a bag, to be written into a dataset's folder."""
 
     def __init__(self, bag: Bag, cameras: Sequence[RecordedCamera], folder: Path, form: str):
         """Make the folders.
 
-        :param folder: that exists.
+        :param folder: existing folder.
         :param form: euroc, or csv, which has neither tables nor depth.
         :raises MissingDependencyError: if OpenCV is not installed.
         """
-        opencv().setNumThreads(1)  # the threads are ours
+        opencv().setNumThreads(1)  # the images are distributed over threads here
         self._bag, self._folder, self._euroc = bag, folder, form == "euroc"
         self._folders: dict[str, Path] = {}
         self._cameras = {camera.name: camera for camera in cameras}
@@ -147,17 +149,17 @@ class RecordedImages:
 
     @property
     def topics(self) -> list[TopicInfo]:
-        """The topics that are written."""
+        """Topics that are written."""
         return [topic for topic in self._bag.topics if topic.name in self._folders]
 
     @property
     def counts(self) -> dict[str, int]:
-        """Images by topic."""
+        """Number of images by topic."""
         return {name: len(stamps) for name, stamps in self._stamps.items()}
 
     @property
     def last_ns(self) -> int:
-        """The last stamp [ns]; -1 without any image."""
+        """Last stamp [ns]; -1 without images."""
         return max((max(stamps, default=-1) for stamps in self._stamps.values()), default=-1)
 
     def write(self, advance: Callable[[int], object], comment: str) -> None:
@@ -166,18 +168,18 @@ class RecordedImages:
         :param advance: receives the number of images written.
         :raises InputError: for messages that are no images, with the topic.
         """
-        waiting: deque[tuple[str, Future[Size]]] = deque()
+        pending: deque[tuple[str, Future[Size]]] = deque()
         sizes = {name: OneSize() for name in self._folders}
 
-        def take() -> None:
-            name, future = waiting.popleft()
+        def collect() -> None:
+            name, future = pending.popleft()
             sizes[name].check(name, future.result())
             advance(1)
 
         jobs = cores()
         pool = ThreadPoolExecutor(jobs, thread_name_prefix="images")
         try:
-            for topic, message in decoded_messages(self._bag, self._wanted()):
+            for topic, message in decoded_messages(self._bag, self._topics_to_read()):
                 if topic.name not in self._folders:
                     self._learn(topic, message)
                     continue
@@ -187,18 +189,18 @@ class RecordedImages:
                 self._stamps[topic.name][t_ns] = None
                 self._frames.setdefault(_base(topic.name), message.header.frame_id)
                 path = self._folders[topic.name] / image_name(t_ns)
-                waiting.append((topic.name, pool.submit(_write, topic, message, path)))
-                if len(waiting) >= _AHEAD * jobs:
-                    take()
-            while waiting:
-                take()
+                pending.append((topic.name, pool.submit(_write, topic, message, path)))
+                if len(pending) >= _AHEAD * jobs:
+                    collect()
+            while pending:
+                collect()
         finally:
             pool.shutdown(cancel_futures=True)
         if self._euroc:
             self._describe(comment)
 
-    def _wanted(self) -> set[str]:
-        """Return the topics to read: images, and what describes their cameras."""
+    def _topics_to_read(self) -> set[str]:
+        """Return the topics to read: images and descriptions of their cameras."""
         bases = {camera.base for camera in self._cameras.values()}
         announced = {
             topic.name
@@ -221,15 +223,15 @@ class RecordedImages:
             stamps = list(self._stamps[camera.images.name])
             write_table(self._folder / name, stamps)
             pose = to_root(self._transforms, self._frames.get(camera.base, ""))
-            found = Description(_described(self._infos.get(camera.base)), pose)
-            text = sensor_yaml(found, stamps, comment)
+            description = Description(_camera_info(self._infos.get(camera.base)), pose)
+            text = sensor_yaml(description, stamps, comment)
             (self._folder / name / "sensor.yaml").write_text(text, encoding="utf-8")
 
 
 def _write(topic: TopicInfo, message: Any, path: Path) -> Size:
     """Write the image of a message as PNG, and return its size.
 
-    One that is PNG already stays as it is.
+    An image that is PNG already is unchanged.
     """
     if topic.type == COMPRESSED_IMAGE:
         data = message.data.tobytes()
@@ -269,8 +271,8 @@ def pixels(topic: str, message: Any) -> NDArray[Any]:
     return values if message.encoding.startswith("rgb") else values[..., ::-1]
 
 
-def _described(info: Any) -> CameraInfo | None:
-    """Return a message of CameraInfo, of ROS 1 or ROS 2, as values."""
+def _camera_info(info: Any) -> CameraInfo | None:
+    """Return a message of CameraInfo, of ROS 1 or ROS 2, as values; None for None."""
     if info is None:
         return None
     d, k, r, p = (

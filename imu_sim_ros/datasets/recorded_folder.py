@@ -5,8 +5,8 @@
 
 EuRoC's and TUM VI's ``cam0/data.csv`` and ``cam0/data``, or kalibr_bagcreater's
 ``cam0/<stamp>.png``; the camera's model and mount from ``sensor.yaml``, or TUM VI's
-``dso/camchain.yaml``. Threads decode images ahead of the writer; how many are in memory does not
-depend on the length of the dataset.
+``dso/camchain.yaml``. Threads decode images ahead of the writer; their number in memory is
+bounded.
 """
 
 from collections import deque
@@ -46,7 +46,7 @@ from imu_sim_ros.datasets.recorded import (
     OneSize,
     RecordedFrames,
     as_png,
-    as_sent,
+    compressed_image,
     folder_cameras,
     pixel_encoding,
     read_image,
@@ -61,7 +61,7 @@ KINDS: Final = {
     "compressed": (COMPRESSED_TOPIC,),
     "both": (IMAGE_TOPIC, COMPRESSED_TOPIC),
 }
-"""As ``camera.images`` has them: the topics of a camera's images, below its name."""
+"""Topics of a camera's images below its name, by value of ``camera.images``."""
 _TYPES: Final = {
     IMAGE_TOPIC: IMAGE,
     COMPRESSED_TOPIC: COMPRESSED_IMAGE,
@@ -69,21 +69,21 @@ _TYPES: Final = {
     CAMERA_INFO_TOPIC: CAMERA_INFO,
 }
 _BATCH: Final = 8
-"""Images of a camera that are written at once."""
+"""Number of images of a camera that are written at once."""
 _PREFETCHED: Final = 4
-"""Images in progress for each thread, beyond those."""
+"""Number of further images in progress for each thread."""
 
 Messages = dict[str, bytes]
 """Messages of one frame, by topic below the camera's name."""
 
 
 class FolderImages:
-    """The images of a folder on their way elsewhere; use as a context manager."""
+    """The images of a folder, to be written elsewhere; use as a context manager."""
 
     def __init__(self, path: Path, skipped: Skipped | None = None) -> None:
         """Look for cameras.
 
-        :param path: the folder; anything else has no images.
+        :param path: the folder; any other path has no images.
         :param skipped: receives the number of bad rows skipped in a table; None: they are errors.
         :raises InputError: with a line for each row and each description that cannot be used.
         """
@@ -103,16 +103,16 @@ class FolderImages:
     ) -> list[Iterator[list[Block]]]:
         """Return streams of blocks in time order, one for each camera, its depth, and its mount.
 
-        :param renamed: new names by old ones.
+        :param renamed: output names by topic.
         :param kind: raw, compressed or both.
         """
-        found = [self._mounts(writer, renamed)]
+        streams = [self._mounts(writer, renamed)]
         for camera in self.cameras:
-            keys = (*KINDS[kind], *([CAMERA_INFO_TOPIC] if camera.described.info else []))
-            found.append(self._stream(writer, renamed, camera, camera.images, keys))
+            keys = (*KINDS[kind], *([CAMERA_INFO_TOPIC] if camera.description.info else []))
+            streams.append(self._stream(writer, renamed, camera, camera.images, keys))
             if camera.depth is not None:
-                found.append(self._stream(writer, renamed, camera, camera.depth, (DEPTH_TOPIC,)))
-        return found
+                streams.append(self._stream(writer, renamed, camera, camera.depth, (DEPTH_TOPIC,)))
+        return streams
 
     def _stream(
         self,
@@ -130,27 +130,34 @@ class FolderImages:
         count = len(frames.t_ns)
         orders = iter(range(count))
         sizes = OneSize()
-        waiting: deque[tuple[Path, Future[tuple[Size, Messages]]]] = deque()
+        pending: deque[tuple[Path, Future[tuple[Size, Messages]]]] = deque()
         for start in range(0, count, _BATCH):
-            for k in islice(orders, self._prefetched - len(waiting)):
+            for k in islice(orders, self._prefetched - len(pending)):
                 t_ns, path = int(frames.t_ns[k]), frames.folder / frames.names[k]
-                waiting.append((path, self._pool.submit(maker.messages, t_ns, path)))
-            t_ns_here, made = frames.t_ns[start : start + _BATCH], list[Messages]()
-            for _ in t_ns_here:
-                path, future = waiting.popleft()
+                pending.append((path, self._pool.submit(maker.messages, t_ns, path)))
+            block_t_ns, frames_messages = frames.t_ns[start : start + _BATCH], list[Messages]()
+            for _ in block_t_ns:
+                path, future = pending.popleft()
                 size, messages = future.result()
                 sizes.check(path, size)
-                made.append(messages)
-            yield [Block(topics[key], t_ns_here, [one[key] for one in made]) for key in keys]
+                frames_messages.append(messages)
+            yield [
+                Block(topics[key], block_t_ns, [messages[key] for messages in frames_messages])
+                for key in keys
+            ]
 
     def _mounts(self, writer: Writer, renamed: Mapping[str, str]) -> Iterator[list[Block]]:
-        """Yield the mounts of the cameras on the body, once."""
-        fixed = [c for c in self.cameras if c.described.pose is not None and len(c.images.t_ns)]
-        if not fixed:
+        """Yield one block with the mounts of the cameras on the body."""
+        mounted_cameras = [
+            c for c in self.cameras if c.description.pose is not None and len(c.images.t_ns)
+        ]
+        if not mounted_cameras:
             return
-        poses = np.stack([c.described.pose for c in fixed if c.described.pose is not None])
-        names = [(BODY_FRAME, c.frame) for c in fixed]
-        t_ns = np.array([min(int(c.images.t_ns[0]) for c in fixed)])
+        poses = np.stack(
+            [c.description.pose for c in mounted_cameras if c.description.pose is not None]
+        )
+        names = [(BODY_FRAME, c.frame) for c in mounted_cameras]
+        t_ns = np.array([min(int(c.images.t_ns[0]) for c in mounted_cameras)])
         rows = TransformsEncoder(names, writer.encoding).encode_fixed(t_ns, poses)
         name = renamed.get(TF_STATIC_TOPIC, TF_STATIC_TOPIC)
         yield [Block(writer.add_topic(name, TF_MESSAGE, [LATCHED]), t_ns, rows)]
@@ -158,9 +165,9 @@ class FolderImages:
     def copy(
         self, folder: Path, form: str, comment: str, advance: Callable[[int], object]
     ) -> dict[str, int]:
-        """Put all images into another folder, as PNG; return their number by topic.
+        """Copy all images into another folder, as PNG; return their number by topic.
 
-        :param folder: that exists.
+        :param folder: existing folder.
         :param form: euroc, or csv, which has neither tables nor depth.
         """
         counts = {}
@@ -172,7 +179,7 @@ class FolderImages:
                 continue
             stamps = camera.images.t_ns.tolist()
             write_table(target, stamps)
-            text = camera.text or sensor_yaml(camera.described, stamps, comment)
+            text = camera.text or sensor_yaml(camera.description, stamps, comment)
             try:
                 (target / "sensor.yaml").write_text(text, encoding="utf-8")
             except OSError as error:
@@ -189,14 +196,14 @@ class FolderImages:
             raise system_error(target, error) from None
         orders = zip(frames.t_ns.tolist(), frames.names, strict=True)
         sizes = OneSize()
-        waiting: deque[tuple[Path, Future[Size]]] = deque()
+        pending: deque[tuple[Path, Future[Size]]] = deque()
         while True:
-            for t_ns, name in islice(orders, self._prefetched - len(waiting)):
+            for t_ns, name in islice(orders, self._prefetched - len(pending)):
                 path, copy = frames.folder / name, target / image_name(t_ns)
-                waiting.append((path, self._pool.submit(_copy_image, path, copy)))
-            if not waiting:
+                pending.append((path, self._pool.submit(_copy_image, path, copy)))
+            if not pending:
                 return
-            path, future = waiting.popleft()
+            path, future = pending.popleft()
             sizes.check(path, future.result())
             advance(1)
 
@@ -210,13 +217,13 @@ def _copy_image(path: Path, target: Path) -> Size:
 
 
 class _Maker:
-    """Files of one camera as the messages of its topics; may be used by several threads."""
+    """Converter of one camera's files to the messages of its topics; thread-safe."""
 
     def __init__(self, camera: FolderCamera, keys: Sequence[str], encoding: str) -> None:
         self._frame, self._keys, self._encoding = camera.frame, keys, encoding
         self._info = None
-        if camera.described.info is not None:
-            self._info = CameraInfoEncoder(camera.frame, camera.described.info, encoding)
+        if camera.description.info is not None:
+            self._info = CameraInfoEncoder(camera.frame, camera.description.info, encoding)
 
     def messages(self, t_ns: int, path: Path) -> tuple[Size, Messages]:
         """Return the size and the messages of an image."""
@@ -229,7 +236,7 @@ class _Maker:
             assert self._info is not None
             return self._info.encode(t_ns)
         if key == COMPRESSED_TOPIC:
-            form, pixels, data = as_sent(data)
+            form, pixels, data = compressed_image(data)
             return CompressedImageEncoder(self._frame, pixels, self._encoding, form).encode(
                 t_ns, data
             )

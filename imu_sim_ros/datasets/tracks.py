@@ -1,7 +1,7 @@
 # Copyright 2026 imu_sim_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""A folder of feature tracks, written and read."""
+"""Writing and reading of a folder of feature tracks."""
 
 from collections.abc import Callable, Mapping
 from pathlib import Path
@@ -28,25 +28,25 @@ from imu_sim_ros.types import Array, Integers, Mask
 
 TRACKS_HEADER: Final = "t_ns,camera,id,u,v,u_true,v_true,depth"
 BODY_COLUMN: Final = ",body"
-"""In scenes in which something moves; 0: at rest."""
+"""Column in scenes with moving bodies: number of the body; 0: at rest."""
 LINES_HEADER: Final = "t_ns,camera,id,u1,v1,u2,v2,u1_true,v1_true,u2_true,v2_true"
 LANDMARKS_HEADER: Final = "id,x,y,z"
 
 
 class Blindness:
-    """Where a camera sees nothing: the time spans without any landmark."""
+    """Time spans in which a camera sees no landmark."""
 
     def __init__(self, name: str) -> None:
         self.name = name
         self.spans: list[list[float]] = []
         self._open = False
 
-    def look(self, tracks: Tracks, t0_ns: int) -> None:
+    def record(self, tracks: Tracks, t0_ns: int) -> None:
         """Record a block of frames; blocks come in order."""
         counts = np.bincount(tracks.frame, minlength=len(tracks.frames.number))
         times = (tracks.frames.true_t_ns - t0_ns) * 1e-9
-        for t, count, there in zip(times, counts, tracks.frames.delivered, strict=True):
-            if count or not there:
+        for t, count, delivered in zip(times, counts, tracks.frames.delivered, strict=True):
+            if count or not delivered:
                 self._open = self._open and not count
             elif self._open:
                 self.spans[-1][1] = float(t)
@@ -55,16 +55,16 @@ class Blindness:
                 self._open = True
 
     def warnings(self) -> list[str]:
-        """Return a line for the spans without landmarks; nothing if there are none."""
+        """Return a line about the spans without landmarks; none if there are no such spans."""
         if not self.spans:
             return []
-        shown = ", ".join(f"{a:.2f} to {b:.2f} s" for a, b in self.spans[:5])
-        more = f" and {len(self.spans) - 5} more times" if len(self.spans) > 5 else ""
-        return [f"{self.name}: no landmark in view from {shown}{more}"]
+        spans = ", ".join(f"{a:.2f} to {b:.2f} s" for a, b in self.spans[:5])
+        suffix = f" and {len(self.spans) - 5} more times" if len(self.spans) > 5 else ""
+        return [f"{self.name}: no landmark in view from {spans}{suffix}"]
 
 
 class TrackFiles:
-    """The tracks of all cameras in a folder; use as a context manager."""
+    """Output of the tracks of all cameras in a folder; use as a context manager."""
 
     def __init__(
         self,
@@ -75,9 +75,9 @@ class TrackFiles:
     ) -> None:
         """Open the tables, and write landmarks and cameras.
 
-        :param folder: that exists.
-        :param sensors: of the body.
-        :param warn: receives, in the end, when a camera saw nothing.
+        :param folder: existing folder.
+        :param sensors: sensors of the body.
+        :param warn: receiver of the time spans without landmarks, at the end.
         """
         self._warn = warn
         cameras, scene = cameras_in(sensors), world.scene
@@ -94,25 +94,25 @@ class TrackFiles:
         landmarks = self._tables.csv(folder / "landmarks.csv", LANDMARKS_HEADER)
         points = scene.landmarks
         landmarks.write(np.arange(len(points)), points)
-        first = next(iter(cameras.values()))
-        add_tables(self._tables, folder, view_of(first, world), scene)
+        camera = next(iter(cameras.values()))
+        add_tables(self._tables, folder, view_of(camera, world), scene)
         files.write(
-            flatten(first.environment.rig),
+            flatten(camera.environment.rig),
             folder / "cameras.yaml",
             comment="The cameras of tracks.csv; a parameter file for generate.",
         )
-        self._tables.whole()
+        self._tables.mark_complete()
 
     @property
     def counts(self) -> dict[str, int]:
-        """Rows by table."""
-        result = {"tracks": self.tracks.rows}
+        """Number of rows by table."""
+        counts = {"tracks": self.tracks.rows}
         if self.lines is not None:
-            result["lines"] = self.lines.rows
-        return result
+            counts["lines"] = self.lines.rows
+        return counts
 
-    def described(self) -> str:
-        """Return how much was written; all cameras' frames end at the same time."""
+    def summary(self) -> str:
+        """Return the number of tracks, as text; the frames of all cameras end at the same time."""
         return f"{self.tracks.rows:,} tracks"
 
     def write(self, read: Read) -> None:
@@ -120,13 +120,13 @@ class TrackFiles:
         tracks: list[dict[str, Column]] = []
         lines: list[dict[str, Column]] = []
         for number, (name, blindness) in enumerate(self._blindness.items()):
-            found: Tracks = read[name].tracks
-            blindness.look(found, self._t0_ns)
-            columns = _track_columns(found, number)
-            tracks.append({**columns, "body": found.body} if self._moving else columns)
+            tracked: Tracks = read[name].tracks
+            blindness.record(tracked, self._t0_ns)
+            columns = _track_columns(tracked, number)
+            tracks.append({**columns, "body": tracked.body} if self._moving else columns)
             if self.lines is not None:
-                lines.append(_line_columns(found, read[name].lines, number))
-        rows = _in_order(tracks)
+                lines.append(_line_columns(tracked, read[name].lines, number))
+        rows = _sorted_by_time(tracks)
         names = np.array([name.encode() for name in self._blindness])
         self.tracks.write(
             rows["t_ns"],
@@ -135,10 +135,10 @@ class TrackFiles:
         )
         self._arrays.write(rows)
         if self.lines is not None:
-            rows = _in_order(lines)
+            rows = _sorted_by_time(lines)
             ends = (rows["ends"], rows["ends_true"])
             self.lines.write(rows["t_ns"], names[rows["camera"]], rows["id"], *ends)
-        self._tables.whole()
+        self._tables.mark_complete()
 
     def __enter__(self) -> "TrackFiles":
         return self
@@ -146,40 +146,42 @@ class TrackFiles:
     def __exit__(self, kind: object, error: BaseException | None, trace: object) -> None:
         self._tables.__exit__(kind, error, trace)
         if error is None:
-            for line in (line for one in self._blindness.values() for line in one.warnings()):
+            for line in (
+                line for blindness in self._blindness.values() for line in blindness.warnings()
+            ):
                 self._warn(line)
 
 
-def _track_columns(found: Tracks, number: int) -> dict[str, Column]:
-    """Return the features of one camera by the names that they have in tracks.npz."""
-    frames = found.frames
+def _track_columns(tracks: Tracks, number: int) -> dict[str, Column]:
+    """Return the features of one camera by the names of the arrays in tracks.npz."""
+    frames = tracks.frames
     return {
-        "t_ns": frames.t_ns[found.frame],
-        "true_t_ns": frames.true_t_ns[found.frame],
-        "camera": np.full(len(found.frame), number, dtype=np.int32),
-        "frame": frames.number[found.frame],
-        "id": found.id,
-        "landmark": found.landmark,
-        "uv": found.uv,
-        "uv_true": found.uv_true,
-        "depth": found.depth,
-        "wrong": found.wrong,
+        "t_ns": frames.t_ns[tracks.frame],
+        "true_t_ns": frames.true_t_ns[tracks.frame],
+        "camera": np.full(len(tracks.frame), number, dtype=np.int32),
+        "frame": frames.number[tracks.frame],
+        "id": tracks.id,
+        "landmark": tracks.landmark,
+        "uv": tracks.uv,
+        "uv_true": tracks.uv_true,
+        "depth": tracks.depth,
+        "wrong": tracks.wrong,
     }
 
 
-def _line_columns(found: Tracks, seen: TrackedLines, number: int) -> dict[str, Column]:
+def _line_columns(tracks: Tracks, lines: TrackedLines, number: int) -> dict[str, Column]:
     return {
-        "t_ns": found.frames.t_ns[seen.frame],
-        "true_t_ns": found.frames.true_t_ns[seen.frame],
-        "camera": np.full(len(seen.frame), number, dtype=np.int32),
-        "id": seen.id,
-        "ends": seen.ends.reshape(-1, 4),
-        "ends_true": seen.ends_true.reshape(-1, 4),
+        "t_ns": tracks.frames.t_ns[lines.frame],
+        "true_t_ns": tracks.frames.true_t_ns[lines.frame],
+        "camera": np.full(len(lines.frame), number, dtype=np.int32),
+        "id": lines.id,
+        "ends": lines.ends.reshape(-1, 4),
+        "ends_true": lines.ends_true.reshape(-1, 4),
     }
 
 
-def _in_order(cameras: list[dict[str, Column]]) -> dict[str, Column]:
-    """Return the rows of all cameras by their true times; of equal ones, the first camera's."""
+def _sorted_by_time(cameras: list[dict[str, Column]]) -> dict[str, Column]:
+    """Return the rows of all cameras in order of true time; equal times in order of the cameras."""
     joined = {key: np.concatenate([rows[key] for rows in cameras]) for key in cameras[0]}
     order = np.argsort(joined["true_t_ns"], kind="stable")
     return {key: values[order] for key, values in joined.items()}
@@ -196,21 +198,21 @@ _COLUMNS: Final[dict[str, tuple[str, int]]] = {
 
 
 class TrackFolder(NamedTuple):
-    """What ``generate --format tracks`` wrote: n features of what is at rest, in order of time."""
+    """Contents of a folder of ``generate --format tracks``: n features in order of time."""
 
     cameras: dict[str, CameraParameters]
     landmarks: Array
-    """(m, 3) p_w [m]."""
+    """(m, 3) landmarks p_w [m]."""
     true_t_ns: Integers
-    """(n,) the middle of the exposure [ns]."""
+    """(n,) middle of the exposure [ns]."""
     camera: Integers
-    """(n,) index of the camera among ``cameras``."""
+    """(n,) index of the camera in ``cameras``."""
     landmark: Integers
-    """(n,) row of what is seen."""
+    """(n,) row of the observed landmark in ``landmarks``."""
     uv: Array
     """(n, 2) measured pixel."""
     wrong: Mask
-    """(n,) an outlier, or the pixel of another feature."""
+    """(n,) True for an outlier, or the pixel of another feature."""
 
 
 def read_track_folder(folder: Path) -> TrackFolder:
@@ -223,31 +225,31 @@ def read_track_folder(folder: Path) -> TrackFolder:
     cameras = load_rig(files.load(folder / "cameras.yaml")).each()
     landmarks = read_points(folder / "landmarks.csv")
     columns = _arrays(path)
-    for name, most in (("camera", len(cameras)), ("landmark", len(landmarks))):
+    for name, count in (("camera", len(cameras)), ("landmark", len(landmarks))):
         values = columns[name]
-        if len(values) and not (values.min() >= 0 and values.max() < most):
-            raise InputError(f"{path}: {name}: must be 0 to {most - 1}")
+        if len(values) and not (values.min() >= 0 and values.max() < count):
+            raise InputError(f"{path}: {name}: must be 0 to {count - 1}")
     return TrackFolder(cameras, landmarks, **columns)
 
 
 def _arrays(path: Path) -> dict[str, Any]:
     try:
         with open_regular(path) as file, np.load(file, allow_pickle=False) as archive:
-            found = {name: archive[name] for name in _COLUMNS}
+            arrays = {name: archive[name] for name in _COLUMNS}
             moves = archive["body"] != 0 if "body" in archive else np.zeros(0, np.bool_)
     except ImuSimError:
         raise
     except OSError as error:
         raise system_error(path, error) from None
-    except Exception as error:  # zipfile and NumPy have many words for a broken file
+    except Exception as error:  # zipfile and NumPy raise many types for a broken file
         raise InputError(f"{path}: is not the tracks.npz of generate ({error})") from None
-    count = len(found["uv"]) if found["uv"].ndim else 0
+    count = len(arrays["uv"]) if arrays["uv"].ndim else 0
     for name, (kind, dimensions) in _COLUMNS.items():
         shape = (count, 2) if dimensions == 2 else (count,)
-        if found[name].dtype.kind != kind or found[name].shape != shape:
-            raise InputError(f"{path}: {name}: {found[name].dtype} {found[name].shape}")
-    if not np.isfinite(found["uv"]).all():
+        if arrays[name].dtype.kind != kind or arrays[name].shape != shape:
+            raise InputError(f"{path}: {name}: {arrays[name].dtype} {arrays[name].shape}")
+    if not np.isfinite(arrays["uv"]).all():
         raise InputError(f"{path}: uv: must be finite")
     if len(moves) == count:
-        return {name: values[~moves] for name, values in found.items()}
-    return found
+        return {name: values[~moves] for name, values in arrays.items()}
+    return arrays

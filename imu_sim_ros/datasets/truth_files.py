@@ -1,7 +1,7 @@
 # Copyright 2026 imu_sim_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Next to an output of a simulation: its realised truth, and the folder of configurations."""
+"""Files next to an output of a simulation: its realised truth, and the configurations."""
 
 import contextlib
 import dataclasses
@@ -27,7 +27,7 @@ from imu_sim_ros.simulation.parameters import (
 from imu_sim_ros.simulation.sensors import mounted
 
 _SUFFIXES: Final = (".bag", ".mcap", ".csv")
-"""Endings that are not part of the name of the truth; folders have none."""
+"""Suffixes that are not part of the name of the truth; folders have none."""
 
 
 def configs(output: Path) -> Path:
@@ -36,15 +36,15 @@ def configs(output: Path) -> Path:
 
 
 def companions(output: Path, sensors: Mapping[str, Mounted]) -> dict[str, list[Path]]:
-    """Return the files that the sensors of a body have next to an output, by sensor."""
-    found = {}
-    for name, one in sensors.items():
-        wanted = one.sensor.companions
-        suffixes = wanted.suffixes(one.own) if wanted else ()
+    """Return the companion files of a body's sensors next to an output, by sensor."""
+    paths = {}
+    for name, mount in sensors.items():
+        declared = mount.sensor.companions
+        suffixes = declared.suffixes(mount.own) if declared else ()
         if suffixes:
-            stem = f"{_stem(output)}_{name}" if one.space else _stem(output)
-            found[name] = [output.parent / f"{stem}{suffix}" for suffix in suffixes]
-    return found
+            stem = f"{_stem(output)}_{name}" if mount.space else _stem(output)
+            paths[name] = [output.parent / f"{stem}{suffix}" for suffix in suffixes]
+    return paths
 
 
 _WORLD: Final = (
@@ -61,8 +61,8 @@ _WORLD: Final = (
 def simulation_of(bag: Path, imu_topic: str | None = None) -> SimulationParameters | None:
     """Return world and mount of the IMU from the realised truth next to a bag; None without one.
 
-    :param imu_topic: of one IMU of several.
-    :raises ConfigurationError: for a file that is not what ``generate`` wrote.
+    :param imu_topic: topic of one IMU of several.
+    :raises ConfigurationError: for a file that ``generate`` did not write.
     :raises InputError: for IMUs of different mounts without a topic that names one.
     """
     bag = named(bag)
@@ -71,14 +71,17 @@ def simulation_of(bag: Path, imu_topic: str | None = None) -> SimulationParamete
         paths = sorted(bag.parent.glob(f"{glob.escape(_stem(bag))}_truth_*.yaml"))
     if not paths:
         return None
-    found = {path: files.load(path) for path in paths}
-    of_imus = {path: values for path, values in found.items() if MOUNT[0] in values}
-    own = _truth(bag, (imu_topic or "").strip("/").split("/")[0])
-    values = found.get(own, next(iter((of_imus or found).values())))
-    if own not in found and len({str([v[n] for n in MOUNT]) for v in of_imus.values()}) > 1:
+    values_by_path = {path: files.load(path) for path in paths}
+    imu_values = {path: values for path, values in values_by_path.items() if MOUNT[0] in values}
+    truth_path = _truth(bag, (imu_topic or "").strip("/").split("/")[0])
+    values = values_by_path.get(truth_path, next(iter((imu_values or values_by_path).values())))
+    if (
+        truth_path not in values_by_path
+        and len({str([v[n] for n in MOUNT]) for v in imu_values.values()}) > 1
+    ):
         raise InputError(
-            f"{bag}: IMUs of different mounts, {', '.join(p.name for p in of_imus)}: no file has "
-            f"the name of the topic {imu_topic or 'of the readings'}; give imu.lever_arm and "
+            f"{bag}: IMUs of different mounts, {', '.join(p.name for p in imu_values)}: no file "
+            f"has the name of the topic {imu_topic or 'of the readings'}; give imu.lever_arm and "
             "imu.mounting"
         )
     return load_simulation({n: values[n] for n in (*_WORLD, *MOUNT) if n in values})
@@ -87,7 +90,7 @@ def simulation_of(bag: Path, imu_topic: str | None = None) -> SimulationParamete
 def new_truths(output: Path, parameters: SimulationParameters) -> dict[Path, str]:
     """Return the files of the realised truth that are to be written, each with its text.
 
-    An existing file with the same text is left out, because the outputs share it.
+    An existing file with the same text is left out: the outputs share it.
 
     :raises InputError: if another output of this name has another sensor.
     """
@@ -96,30 +99,30 @@ def new_truths(output: Path, parameters: SimulationParameters) -> dict[Path, str
         for name in _WORLD
         if getattr(parameters, name) != getattr(SimulationParameters, name)
     }
-    texts = {name: _imu_text(one, world) for name, one in imus(parameters).items()}
+    texts = {name: _imu_text(imu, world) for name, imu in imus(parameters).items()}
     sensors = mounted(parameters)
     texts |= {name: _sensor_text(sensors[name], world) for name in parameters.each_sensor}
-    result, problems = {}, []
+    new_texts, problems = {}, []
     for name, text in texts.items():
         path = _truth(output, name)
         with contextlib.suppress(OSError):
             if path.is_file() and path.read_bytes() == text.encode():
                 continue
-        result[path] = text
-        other = next(_siblings(output), None)
-        if path.exists() and other is not None:
+        new_texts[path] = text
+        sibling = next(_siblings(output), None)
+        if path.exists() and sibling is not None:
             problems.append(
-                f"{path}: is the truth of {other}, which has a different sensor or seed; "
+                f"{path}: is the truth of {sibling}, which has a different sensor or seed; "
                 "give this output another name"
             )
     if problems:
         raise InputError(problems)
-    return result
+    return new_texts
 
 
 def _truth(output: Path, name: str) -> Path:
-    own = f"_{name}" if name else ""
-    return output.parent / f"{_stem(output)}_truth{own}.yaml"
+    suffix = f"_{name}" if name else ""
+    return output.parent / f"{_stem(output)}_truth{suffix}.yaml"
 
 
 def _stem(output: Path) -> str:
@@ -136,31 +139,31 @@ def _siblings(output: Path) -> Iterator[Path]:
             yield path
 
 
-def _sensor_text(one: Mounted, world: Mapping[str, Value]) -> str:
-    """Return a sensor of this run, as ``--params-file`` takes it.
+def _sensor_text(mount: Mounted, world: Mapping[str, Value]) -> str:
+    """Return the parameters of a sensor of this run, as ``--params-file`` takes them.
 
-    :param world: parameters that differ from those of the usual world.
+    :param world: parameters that differ from the defaults.
     """
-    name, seed = one.name, one.environment.seed
-    own = flatten(one.sensor.realised(one.own, seed, name))
-    if own.get("frame"):
-        own["frame"] = one.frame
+    name, seed = mount.name, mount.environment.seed
+    values = flatten(mount.sensor.realised(mount.own, seed, name))
+    if values.get("frame"):
+        values["frame"] = mount.frame
     return files.text(
-        {**world, "sensors": (name,), **{f"{name}.{key}": value for key, value in own.items()}},
+        {**world, "sensors": (name,), **{f"{name}.{key}": value for key, value in values.items()}},
         comment=f"The sensor {name} of this run, with the values that seed {seed} has "
         "drawn.\ngenerate --params-file FILE simulates the same unit.",
     )
 
 
 def _imu_text(parameters: SimulationParameters, world: Mapping[str, Value]) -> str:
-    """Return the IMU of this run: every constant that its seed drew, in its parameter's place.
+    """Return the parameters of this run's IMU, with the constants that its seed drew.
 
     ``calibrate --truth`` and ``allan --truth`` take it, and ``--imu`` for the same unit again.
     """
     imu = dataclasses.replace(realised_imu(parameters.imu, parameters.seed), preset="perfect")
-    own = {f"imu.{key}": value for key, value in flatten(imu).items()}
+    values = {f"imu.{key}": value for key, value in flatten(imu).items()}
     return files.text(
-        {"rate": parameters.rate, **world, **own},
+        {"rate": parameters.rate, **world, **values},
         comment=f"The sensor of this run: preset {parameters.imu.preset}, with the turn-on "
         f"biases and scales\nthat seed {parameters.seed} drew in the places of the parameters. "
         "For calibrate --truth and allan --truth;\ngenerate --imu FILE simulates the same unit.",

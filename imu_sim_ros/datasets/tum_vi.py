@@ -4,8 +4,9 @@
 """The folder of a TUM VI sequence, as exported for EuRoC's and DSO's readers.
 
 Schubert et al., The TUM VI Benchmark (IROS 2018): ``mav0/camN`` and ``mav0/imu0`` as in EuRoC,
-``mav0/mocap0/data.csv`` the poses of the IMU, no sensor.yaml; ``dso/imu.txt`` with the readings and
-one more, interpolated, at the time of each image, which DM-VIO requires; ``dso/gt_imu.csv`` (the
+``mav0/mocap0/data.csv`` the poses of the IMU, no sensor.yaml; ``dso/imu.txt`` with the readings,
+and a further one, interpolated, at the time of each image, which DM-VIO requires;
+``dso/gt_imu.csv`` (the
 same poses), and ``dso/camN`` with ``times.txt`` (name, seconds, exposure in ms), the images,
 ``camera.txt`` (DSO's form of the lens) and ``vignette.png``. Images have 16 bits, of which the
 upper 8 are the simulated camera's.
@@ -47,16 +48,16 @@ _DSO_TIMES: Final = "# filename timestamp[s] exposure[ms]"
 
 
 class TumVi:
-    """A sequence that is being written; use as a context manager."""
+    """Output of a sequence; use as a context manager."""
 
     def __init__(
         self, folder: Path, sensors: Mapping[str, Mounted], world: World, jobs: int
     ) -> None:
         """Make the folders.
 
-        :param sensors: of the body, one IMU among them.
-        :param world: with threads that make images.
-        :param jobs: their number.
+        :param sensors: sensors of the body, with one IMU.
+        :param world: world with threads that make images.
+        :param jobs: number of the threads.
         """
         make_folder(folder)
         imu: ImuParameters = sensors[IMU].own
@@ -64,8 +65,8 @@ class TumVi:
         self.rows, self._last_ns = {"imu": 0, "poses": 0}, -1
         self._q_bi = rotation.from_matrix(np.reshape(imu.mounting, (3, 3)))
         self._p_bi = np.asarray(imu.lever_arm)
-        for below in ("mav0/imu0", "mav0/mocap0", "dso"):
-            (folder / below).mkdir(parents=True)
+        for subfolder in ("mav0/imu0", "mav0/mocap0", "dso"):
+            (folder / subfolder).mkdir(parents=True)
         self._open = {
             name: self._file(name, header)
             for name, header in (
@@ -97,19 +98,19 @@ class TumVi:
 
     @property
     def counts(self) -> dict[str, int]:
-        """Rows and images by topic."""
-        own = {resolved(IMU_TOPIC): self.rows["imu"], resolved(TRUTH_TOPIC): self.rows["poses"]}
-        return {**own, **self._images.counts}
+        """Number of rows and images by topic."""
+        tables = {resolved(IMU_TOPIC): self.rows["imu"], resolved(TRUTH_TOPIC): self.rows["poses"]}
+        return {**tables, **self._images.counts}
 
-    def described(self) -> str:
-        """Return how much was written."""
+    def summary(self) -> str:
+        """Return the amount of data written, as text."""
         readings = amount(self.rows["imu"], self._last_ns, "rows")
-        return f"{readings}, {self._images.described()}"
+        return f"{readings}, {self._images.summary()}"
 
     def write(self, read: Read) -> None:
         """Write the samples of a window, and request its images.
 
-        :param read: of the only IMU, among others.
+        :param read: samples by sensor, with the only IMU among them.
         """
         block: Samples = read[IMU]
         t_ns, gyro, accel = delivered(block)
@@ -118,7 +119,7 @@ class TumVi:
         motion = block.motion
         position = motion.position + rotation.rotate(motion.q_wb, self._p_bi)
         q_wi = rotation.multiply(motion.q_wb, self._q_bi)
-        # The original's poses are on the IMU's clock, too.
+        # The poses of TUM VI are on the IMU's clock, too.
         poses = decimals.lines([block.t_ns, np.concatenate([position, q_wi], axis=1)])
         for name in ("mav0/mocap0/data.csv", "dso/gt_imu.csv"):
             self._open[name].write(poses)
@@ -151,47 +152,53 @@ class TumVi:
     def _write_times(self) -> None:
         for number, view in enumerate(self._images.views):
             file = self._file(f"dso/{view.name}/times.txt", _DSO_TIMES)
-            found = sorted(self._images.exposures(number))
-            t_ns = np.array([t for t, _ in found], dtype=np.int64)
-            names = [Path(image_name(t)).stem.encode() for t, _ in found]
-            exposure = np.array([1e3 * seconds for _, seconds in found])
+            exposures = sorted(self._images.exposures(number))
+            t_ns = np.array([t for t, _ in exposures], dtype=np.int64)
+            names = [Path(image_name(t)).stem.encode() for t, _ in exposures]
+            exposure = np.array([1e3 * seconds for _, seconds in exposures])
             file.write(decimals.lines([names, decimals.seconds(t_ns), exposure], " "))
             file.finish()
 
     def _write_dso_imu(self) -> None:
-        """Write the readings again, with interpolated ones between them at the images' times."""
-        found = [t for k in range(len(self._images.views)) for t, _ in self._images.exposures(k)]
-        stamps = np.unique(np.array(found, dtype=np.int64))
+        """Write the readings with interpolated ones at the times of the images."""
+        image_stamps = [
+            t for k in range(len(self._images.views)) for t, _ in self._images.exposures(k)
+        ]
+        stamps = np.unique(np.array(image_stamps, dtype=np.int64))
         file = self._file("dso/imu.txt", _DSO_IMU)
-        known = (np.empty(0, dtype=np.int64), np.empty((0, 6)))
+        previous = (np.empty(0, dtype=np.int64), np.empty((0, 6)))
         table = self.path / "mav0" / "imu0" / "data.csv"
         for readings in text_reader.imu_blocks(table, skipped=lambda _: None):
             t_ns, values = readings.t_ns, np.concatenate(readings.triads(), axis=1)
-            after = known[0][-1] + 1 if len(known[0]) else t_ns[0]
-            t_known = np.concatenate([known[0], t_ns])
-            wanted = stamps[(stamps >= after) & (stamps <= t_ns[-1])]
-            wanted = wanted[~np.isin(wanted, t_ns)]
-            all_known = np.concatenate([known[1], values])
-            between = interpolated(wanted, t_known, all_known)
-            order = np.argsort(np.concatenate([t_ns, wanted]), kind="stable")
-            rows = [np.concatenate([t_ns, wanted])[order], np.concatenate([values, between])[order]]
+            start_ns = previous[0][-1] + 1 if len(previous[0]) else t_ns[0]
+            known_ns = np.concatenate([previous[0], t_ns])
+            image_ns = stamps[(stamps >= start_ns) & (stamps <= t_ns[-1])]
+            image_ns = image_ns[~np.isin(image_ns, t_ns)]
+            known_values = np.concatenate([previous[1], values])
+            image_values = interpolated(image_ns, known_ns, known_values)
+            order = np.argsort(np.concatenate([t_ns, image_ns]), kind="stable")
+            rows = [
+                np.concatenate([t_ns, image_ns])[order],
+                np.concatenate([values, image_values])[order],
+            ]
             file.write(decimals.lines(rows, " "))
-            known = (t_ns[-1:], values[-1:])
+            previous = (t_ns[-1:], values[-1:])
         file.finish()
 
 
 def interpolated(t_ns: Times, known_ns: Times, values: Array) -> Array:
-    """Return values (m, k) at times (m,) between those (n, k) that are known at times (n,)."""
+    """Return values (m, k) at times (m,), interpolated between rows (n, k) at times (n,)."""
     start = known_ns[0]
     columns = [np.interp(t_ns - start, known_ns - start, column) for column in values.T]
     return np.stack(columns, axis=1)
 
 
 def dso_lens(camera: CameraParameters) -> str | None:
-    """Return a camera in DSO's form (util/Undistort.cpp); None for a sphere, which it has not.
+    """Return a camera in DSO's form (util/Undistort.cpp); None for a sphere, which DSO lacks.
 
-    Focal lengths and centre as shares of the image's size, whose first pixel's centre is at half a
-    pixel; then the image's size, what is done at its borders, and the size of the result.
+    The form has focal lengths and centre as shares of the image's size (the centre of the first
+    pixel
+    is at half a pixel), the size, the treatment of the borders, and the output size.
     """
     if camera.model != "pinhole":
         return None

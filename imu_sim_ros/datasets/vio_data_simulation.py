@@ -67,7 +67,7 @@ class _Rows:
 
 
 class _Integration:
-    """Poses that readings integrate to, as the original's ``IMU::testImu`` (src/imu.cpp).
+    """Integrator of readings to poses, as the original's ``IMU::testImu`` (src/imu.cpp).
 
     A step takes the reading at its end: ``a = R_wb acc + g``, with R_wb at its start, then
     ``q = q (1, gyro dt / 2)``, of length 1 here, ``v = v + a dt``, ``p = p + v dt + a dt^2 / 2``.
@@ -79,10 +79,10 @@ class _Integration:
         """Time [s], q_wb (4,), velocity (3,) and position (3,) after the last reading."""
 
     def rows(self, t: Array, motion: Motion, gyro: Array, accel: Array) -> Array:
-        """Return the rows (m, 15) of the next n readings; the first reading of all has none.
+        """Return the rows (m, 15) of the next n readings; the very first reading has none.
 
-        :param t: (n,) [s].
-        :param motion: true one, with which the integration begins.
+        :param t: (n,) times [s].
+        :param motion: true motion, with which the integration begins.
         """
         if self._state is None and len(t):
             q_wb, velocity, position = motion.q_wb[0], motion.velocity[0], motion.position[0]
@@ -90,8 +90,8 @@ class _Integration:
             t, gyro, accel = t[1:], gyro[1:], accel[1:]
         if self._state is None or not len(t):
             return np.empty((0, 15))
-        before, q_wb, velocity, position = self._state
-        dt = np.diff(t, prepend=before)[:, None]
+        previous_t, q_wb, velocity, position = self._state
+        dt = np.diff(t, prepend=previous_t)[:, None]
         turns = rotation.normalise(np.concatenate([np.ones_like(dt), 0.5 * dt * gyro], axis=1))
         q = rotation.cumulative_product(np.concatenate([q_wb[None], turns]))
         acceleration = rotation.rotate(q[:-1], accel) + self._gravity
@@ -103,7 +103,7 @@ class _Integration:
 
 
 class VioDataSimulation:
-    """A folder of that simulator's files; use as a context manager."""
+    """Output of a folder of that simulator's files; use as a context manager."""
 
     def __init__(
         self,
@@ -114,8 +114,8 @@ class VioDataSimulation:
     ) -> None:
         """Open the files.
 
-        :param sensors: of the body, one camera among them.
-        :param warn: receives, in the end, when the camera saw nothing.
+        :param sensors: sensors of the body, with one camera.
+        :param warn: receiver of the time spans without landmarks, at the end.
         """
         self._warn = warn
         camera = next(iter(cameras_in(sensors).values()))
@@ -129,21 +129,21 @@ class VioDataSimulation:
         gravity = sensors[IMU].environment.gravity
         self._integrations = {name: _Integration(gravity) for name in _INTEGRATED}
         self._files = {name: _Rows(folder / f"{name}.txt") for name in names}
-        self._put(folder / "all_points.txt", _homogeneous(world.scene.landmarks))
+        self._write(folder / "all_points.txt", _homogeneous(world.scene.landmarks))
 
     @property
     def counts(self) -> dict[str, int]:
-        """Rows of the IMU, and frames."""
+        """Number of rows of the IMU, and of frames."""
         return {"imu_pose": self._files["imu_pose"].rows, "keyframes": self._frames}
 
-    def described(self) -> str:
-        """Return how much was written."""
+    def summary(self) -> str:
+        """Return the amount of data written, as text."""
         return amount(self._files["imu_pose"].rows, self._last_ns, "rows")
 
     def write(self, read: Read) -> None:
         """Write the samples of a window, and its frames.
 
-        :param read: of the only IMU, among others.
+        :param read: samples by sensor, with the only IMU among them.
         """
         block: Samples = read[IMU]
         m = block.motion
@@ -163,12 +163,12 @@ class VioDataSimulation:
             self._last_ns = int(block.true_t_ns[-1])
         self._write_frames(read[self._view.name])
 
-    def _write_frames(self, seen: Any) -> None:
-        view, world, count = self._view, self._world, len(seen.t_ns)
-        found, lines = seen.tracks, seen.lines
+    def _write_frames(self, samples: Any) -> None:
+        view, world, count = self._view, self._world, len(samples.t_ns)
+        tracks, lines = samples.tracks, samples.lines
         self._frames += count
-        self._blindness.look(found, world.t0_ns)
-        seconds = view.seconds(seen.true_t_ns)
+        self._blindness.record(tracks, world.t0_ns)
+        seconds = view.seconds(samples.true_t_ns)
         poses = view.poses(world.trajectory, seconds)
         t = seconds[:, None]
         nothing = np.zeros((count, 6))
@@ -178,18 +178,18 @@ class VioDataSimulation:
         q_xyzw = poses.q_wc[:, [1, 2, 3, 0]]
         self._files["cam_pose_tum"].write(np.concatenate([t, poses.position, q_xyzw], axis=1))
         points = np.concatenate(
-            [_homogeneous(world.scene.landmarks[found.landmark]), _normalised(view, found.uv)],
+            [_homogeneous(world.scene.landmarks[tracks.landmark]), _normalised(view, tracks.uv)],
             axis=1,
         )
         ends = _normalised(view, lines.ends.reshape(-1, 2)).reshape(-1, 4)
         for k in range(count):
-            name = f"{seen.first + k}.txt"
+            name = f"{samples.first + k}.txt"
             folder = self.path / "keyframe"
-            self._put(folder / f"all_points_{name}", points[found.frame == k])
-            self._put(folder / f"all_lines_{name}", ends[lines.frame == k])
+            self._write(folder / f"all_points_{name}", points[tracks.frame == k])
+            self._write(folder / f"all_lines_{name}", ends[lines.frame == k])
 
     @staticmethod
-    def _put(path: Path, values: Array) -> None:
+    def _write(path: Path, values: Array) -> None:
         write_bytes(path, decimals.lines([values], " ") if len(values) else b"")
 
     def __enter__(self) -> "VioDataSimulation":

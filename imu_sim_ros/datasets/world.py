@@ -1,7 +1,7 @@
 # Copyright 2026 imu_sim_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""What dead reckoning has to know of readings: gravity, the Earth, the IMU's mount on the body."""
+"""World and mount of readings that dead reckoning needs: gravity, the Earth, the IMU's mount."""
 
 from pathlib import Path
 from typing import Final, NamedTuple
@@ -29,23 +29,23 @@ _CURVED_EARTH: Final = (
 
 
 class KnownWorld(NamedTuple):
-    """What integration has to know of the world and the IMU of readings."""
+    """Parameters of the world and the mount of readings that integration needs."""
 
     parameters: dict[str, list[float]]
-    """Of the integrator, by name; only what is not usual."""
+    """Parameters of the integrator that differ from the defaults, by name."""
     notes: tuple[str, ...] = ()
-    """What the result rests on, for the user."""
+    """Assumptions of the result, for the user."""
 
 
 def world_of_simulation(simulated: SampledParameters) -> KnownWorld:
     """Return the world of a simulation."""
     gravity, rate = gravity_vector(simulated).tolist(), earth_rate_vector(simulated).tolist()
-    found = {"gravity": gravity} if tuple(gravity) != GRAVITY else {}
+    parameters = {"gravity": gravity} if tuple(gravity) != GRAVITY else {}
     if any(rate):
-        found["earth_rate"] = rate
+        parameters["earth_rate"] = rate
     imu = simulated.imu
-    found |= _mount_parameters(np.reshape(imu.mounting, (3, 3)), np.asarray(imu.lever_arm))
-    return KnownWorld(found, (_CURVED_EARTH,) if simulated.curved_earth else ())
+    parameters |= _mount_parameters(np.reshape(imu.mounting, (3, 3)), np.asarray(imu.lever_arm))
+    return KnownWorld(parameters, (_CURVED_EARTH,) if simulated.curved_earth else ())
 
 
 def read_world(
@@ -56,39 +56,39 @@ def read_world(
     The mount of the IMU is that of the file's own transforms (``/tf_static``, ``sensor.yaml``),
     else that of the realised truth next to a simulated file.
 
-    :param imu_topic: of the readings; None: the only one.
-    :param truth_topic: of the truth; None: the only one.
-    :param with_truth: whether there is a truth; its frame is the body, else that to which all
-        frames are fixed.
+    :param imu_topic: topic of the readings; None: the only one.
+    :param truth_topic: topic of the truth; None: the only one.
+    :param with_truth: True if there is a truth, whose frame is the body; else the body is the frame
+            to which all frames are fixed.
     :raises InputError: for several IMUs of different mounts without a topic that names one.
     """
     simulated = simulation_of(path, imu_topic)
     world = KnownWorld({}) if simulated is None else world_of_simulation(simulated)
-    found = _recorded_mount(path, imu_topic, truth_topic, with_truth)
-    if found.pose is not None:
-        world.parameters.update(_mount_parameters(found.pose[:3, :3], found.pose[:3, 3]))
-    elif simulated is None and found.unknown:
-        world = world._replace(notes=(*world.notes, found.unknown))
+    mount = _recorded_mount(path, imu_topic, truth_topic, with_truth)
+    if mount.pose is not None:
+        world.parameters.update(_mount_parameters(mount.pose[:3, :3], mount.pose[:3, 3]))
+    elif simulated is None and mount.unknown:
+        world = world._replace(notes=(*world.notes, mount.unknown))
     return world
 
 
 def _mount_parameters(mounting: Array, lever_arm: Array) -> dict[str, list[float]]:
-    """Return the parameters of a mount that is not the body's own frame."""
-    found = {}
+    """Return the parameters of a mount that differs from the body's frame."""
+    parameters = {}
     if lever_arm.any():
-        found["imu.lever_arm"] = lever_arm.tolist()
+        parameters["imu.lever_arm"] = lever_arm.tolist()
     if (mounting != np.eye(3)).any():
-        found["imu.mounting"] = mounting.ravel().tolist()
-    return found
+        parameters["imu.mounting"] = mounting.ravel().tolist()
+    return parameters
 
 
 class _RecordedMount(NamedTuple):
-    """What a recording says about the mount of its IMU."""
+    """Mount of an IMU according to a recording."""
 
     pose: Array | None = None
-    """T_bi (4, 4): maps points of the IMU into the truth's body; None: not recorded."""
+    """T_bi (4, 4), maps points of the IMU into the truth's body; None: not recorded."""
     unknown: str = ""
-    """What is not known, in words; empty if the frames are the same, or have no names."""
+    """Missing information, as text; empty if the frames are the same, or have no names."""
 
 
 def _recorded_mount(
@@ -96,26 +96,26 @@ def _recorded_mount(
 ) -> _RecordedMount:
     """Return the mount of the IMU of a bag (``/tf_static``) or a EuRoC folder (``sensor.yaml``).
 
-    :param with_truth: whether there is a truth; its frame is the body, else that to which all
-        frames are fixed.
+    :param with_truth: True if there is a truth, whose frame is the body; else the body is the frame
+            to which all frames are fixed.
     """
     if not is_text(path):
-        return _of_bag(path, imu_topic, truth_topic, with_truth)
+        return _bag_mount(path, imu_topic, truth_topic, with_truth)
     if not path.is_dir():
         return _RecordedMount()
-    of_imu = _of_folder(imu_file(path, imu_topic).parent)
-    of_truth = _of_folder(state_file(path).parent) if with_truth else None
+    of_imu = _folder_mount(imu_file(path, imu_topic).parent)
+    of_truth = _folder_mount(state_file(path).parent) if with_truth else None
     if of_imu is None:
         return _RecordedMount()
     return _RecordedMount(of_imu if of_truth is None else inverse_pose(of_truth) @ of_imu)
 
 
-def _of_folder(folder: Path) -> Array | None:
+def _folder_mount(folder: Path) -> Array | None:
     file = folder / "sensor.yaml"
     return read_sensor_yaml(file).pose if is_present(file) else None
 
 
-def _of_bag(
+def _bag_mount(
     path: Path, imu_topic: str | None, truth_topic: str | None, with_truth: bool
 ) -> _RecordedMount:
     frame = frame_of(path, IMU, imu_topic, 0)
@@ -125,9 +125,9 @@ def _of_bag(
     transforms = fixed_in(path)
     if not with_truth:
         return _RecordedMount(to_root(transforms, frame))
-    found = pose_between(transforms, frame, body)
-    if found is not None:
-        return _RecordedMount(found)
+    pose = pose_between(transforms, frame, body)
+    if pose is not None:
+        return _RecordedMount(pose)
     return _RecordedMount(
         None,
         f"nothing says where {frame} is in {body} ({TF_STATIC_TOPIC}, or the _truth.yaml of "
@@ -147,16 +147,19 @@ def fixed_in(path: Path) -> Transforms:
 
 
 def pose_between(transforms: Transforms, frame: str, body: str) -> Array | None:
-    """Return T (4, 4), which maps coordinates in a frame to those in another; None: not known."""
-    of_frame, of_body = ancestors(transforms, frame), ancestors(transforms, body)
-    for shared, pose in of_frame.items():
-        if shared in of_body:
-            return inverse_pose(of_body[shared]) @ pose
+    """Return T (4, 4), which maps coordinates from one frame to another; None: unknown."""
+    from_frame, from_body = ancestors(transforms, frame), ancestors(transforms, body)
+    for ancestor, pose in from_frame.items():
+        if ancestor in from_body:
+            return inverse_pose(from_body[ancestor]) @ pose
     return None
 
 
-def frame_of(path: Path, kind: str, topic: str | None, which: int) -> str:
-    """Return a frame of a topic's first message."""
+def frame_of(path: Path, kind: str, topic: str | None, index: int) -> str:
+    """Return a frame of a topic's first message.
+
+    :param index: index of the frame among the strings of the message.
+    """
     for fields in decoded_blocks(path, kind, topic, (), warned=bool):
-        return str(fields.texts[which])
+        return str(fields.texts[index])
     return ""

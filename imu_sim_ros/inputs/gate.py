@@ -126,7 +126,7 @@ class Verdict:
     def problems(self, name: str | Path) -> list[str]:
         """Return what is wrong with the first rows that may not pass, and the count of the others.
 
-        :param name: of the arrays, or of where they come from.
+        :param name: name of the arrays, or of where they come from.
         """
         bad = BadRows(name, "number")
         self.note(bad, stamps=self._stamped)
@@ -176,7 +176,7 @@ def at_unit_length(q: Array) -> Array:
 def disorder(name: str | Path, t_ns: Times) -> list[str]:
     """Return a line if stamps do not increase strictly, none if they do.
 
-    :param name: of what has the stamps.
+    :param name: name of what has the stamps.
     :param t_ns: (n,) [ns].
     """
     bad = t_ns[1:] <= t_ns[:-1]

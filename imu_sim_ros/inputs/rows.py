@@ -204,7 +204,7 @@ class BadRows:
         """Note a problem.
 
         :param kind: its class.
-        :param number: of the row.
+        :param number: number of the row.
         """
         self.count += 1
         shown = self._found.setdefault(kind, [])

@@ -20,7 +20,7 @@ from imu_sim_ros.bags.outputs import Outputs, Target
 from imu_sim_ros.bags.read import open_bag
 from imu_sim_ros.bags.text import reader as text_reader
 from imu_sim_ros.bags.text.writer import Dataset
-from imu_sim_ros.bags.writer import BagOptions, described, open_writer
+from imu_sim_ros.bags.writer import BagOptions, open_writer, topics_summary
 from imu_sim_ros.conventions import IMU_TOPIC, TWIST_FRAMES
 from imu_sim_ros.errors import InputError, Problems
 from imu_sim_ros.inputs.rows import Skipped
@@ -225,7 +225,7 @@ def add_errors_to_file(
                     progress(f"writing {path}", lambda: total) as advance,
                 ):
                     if not dataset:
-                        target.described = lambda: described(writer.topics)
+                        target.summary = lambda: topics_summary(writer.topics)
                     warned = journal.passed_on or _unsaid
                     errors.write(writer, copied, renamed, advance, journal.skipped, warned)
                 found = errors.model.counts

@@ -29,7 +29,7 @@ from imu_sim_ros.bags.reader import Bag, Recover
 from imu_sim_ros.bags.text import reader as text_reader
 from imu_sim_ros.bags.text import writer as text_writer
 from imu_sim_ros.bags.text.writer import Dataset
-from imu_sim_ros.bags.writer import BagOptions, Writer, amount, described, open_writer
+from imu_sim_ros.bags.writer import BagOptions, Writer, amount, open_writer, topics_summary
 from imu_sim_ros.conventions import IMU_TOPIC
 from imu_sim_ros.errors import ConfigurationError, InputError
 from imu_sim_ros.formats.bag import pose_topic
@@ -298,7 +298,7 @@ class _Output:
     def bag(self) -> Writer:
         """Open a bag."""
         writer = open_writer(self.target.path, self.form.bag)
-        self.target.described = lambda: described(writer.topics)
+        self.target.summary = lambda: topics_summary(writer.topics)
         return writer
 
     def dataset(self, states: bool, tables: Collection[str]) -> Dataset:
@@ -314,7 +314,7 @@ class _Output:
             states,
             tables=[(known[kind], 0) for kind in tables],
         )
-        self.target.described = lambda: amount(dataset.rows, dataset.last_ns, "rows")
+        self.target.summary = lambda: amount(dataset.rows, dataset.last_ns, "rows")
         return dataset
 
     def converted(

@@ -276,7 +276,7 @@ class Flight:
         >>> flight.save(folder / "flight.bag", rename={"imu/data_raw": "/imu0"}).name
         'flight.bag'
         """
-        from imu_sim_ros.datasets.forms import chosen_topics, opened
+        from imu_sim_ros.datasets.forms import chosen_topics, open_output
         from imu_sim_ros.jobs.writing import renamed_topics, saved
         from imu_sim_ros.simulation.topics import offered
 
@@ -291,7 +291,7 @@ class Flight:
             known = offered(sensors)
             for sensor in {known[name].name for name in names}:
                 check_simulated(self._windows, sensor)
-            with opened(form, staged, names, sensors) as target:
+            with open_output(form, staged, names, sensors) as target:
                 for read in self._windows:
                     target.write(read)
         return Path(path)

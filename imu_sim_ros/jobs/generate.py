@@ -22,7 +22,7 @@ from imu_sim_ros.datasets.forms import (
     FORMATS,
     check_form,
     chosen_topics,
-    opened,
+    open_output,
 )
 from imu_sim_ros.errors import ConfigurationError, Problems
 from imu_sim_ros.jobs.simulate import GivenMotion, Moving, given_layers
@@ -290,7 +290,7 @@ def generate(
         for line in body.notes():
             journal.note(line)
         with (
-            opened(
+            open_output(
                 dataset,
                 whole.path,
                 names,
@@ -304,7 +304,7 @@ def generate(
             progress(f"writing {path}", lambda: body.total or 0) as advance,
             closing(prefetch(body.windows(BLOCK_SIZE))) as windows,
         ):
-            whole.described = target.described
+            whole.summary = target.summary
             companions: dict[str, Companion] = {}
             for name, files_of_one in of_sensors.items():
                 one = sensors[name]

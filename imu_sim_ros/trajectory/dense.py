@@ -28,7 +28,7 @@ def dense_poses(
     depend on which times are asked for.
 
     :param sample: returns the exact motion at times (k,) [s].
-    :param start: of the interval in which all times lie [s].
+    :param start: start of the interval in which all times lie [s].
     """
     count = max(1, math.ceil((end - start) / _STEP - 1e-9))
     knots = np.linspace(start, end, count + 1)

@@ -103,7 +103,7 @@ def suspicions(trajectory: Trajectory, duration: float, rate: float) -> list[str
     values at its ends, at 99 % of the times: derivatives may jump.
 
     :param duration: to examine [s]; may be infinite.
-    :param rate: of the readings [Hz], which bounds the number of times.
+    :param rate: rate of the readings [Hz], which bounds the number of times.
     """
     motion: object = trajectory
     while not isinstance(motion, CheckedMotion | Differentiated):

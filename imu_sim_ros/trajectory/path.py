@@ -162,8 +162,8 @@ def find_path(
     """Return a path that turns no tighter than a radius, with corners as short as that allows.
 
     :param waypoints: (n, 2) [m]; none twice in a row.
-    :param deviation: from a waypoint [m]; 0: the path goes through each.
-    :param prefix: of the parameters, for messages.
+    :param deviation: deviation from a waypoint [m]; 0: the path goes through each.
+    :param prefix: prefix of the parameters, for messages.
     :param backward: (n - 1,) whether the vehicle backs up on the way to the next waypoint; None:
         nowhere.
     :raises ConfigurationError: if there is none, with the waypoint that is in the way.

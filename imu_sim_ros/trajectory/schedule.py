@@ -94,7 +94,8 @@ def find_schedule(
 ) -> UniformSpline:
     """Return u over time, at rest at both ends.
 
-    :param visits: of the waypoints; None: as fast as limits allow, with the stops and speeds of the
+    :param visits: visits of the waypoints; None: as fast as limits allow, with the stops and speeds
+        of the
         parameters.
     :raises ConfigurationError: for times that cannot be met within limits, a line for each.
     """

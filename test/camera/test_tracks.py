@@ -248,5 +248,5 @@ def test_the_span_without_landmarks_is_told(make_rig, block):
         rig = make_rig(**LAWNMOWER, scene__type="file", scene__file=str(file))
     blindness = Blindness("cam0")
     for tracks in rig.tracks("cam0", block):
-        blindness.look(tracks, 1_000_000_000)
+        blindness.record(tracks, 1_000_000_000)
     assert blindness.warnings() == ["cam0: no landmark in view from 0.00 to 9.95 s"]

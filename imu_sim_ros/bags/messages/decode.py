@@ -82,7 +82,8 @@ def _indices(part: Decoded, frame_ids: tuple[str, ...]) -> Integers:
 def decode_block(block: MessageBlock, encoding: str, names: Sequence[str]) -> Decoded:
     """Return fields of a block's messages.
 
-    :param names: of :func:`imu_sim_ros.bags.messages.layouts.fields` of this type; ``name[0]`` is
+    :param names: names of :func:`imu_sim_ros.bags.messages.layouts.fields` of this type;
+        ``name[0]`` is
         the first number of a field alone, (n,).
     :raises InputError: for a message that is not one of its type.
     """
@@ -124,7 +125,7 @@ class MessageDecoder:
     def __init__(self, type_name: str, names: Sequence[str]) -> None:
         """Set up the decoder.
 
-        :param names: of :func:`imu_sim_ros.bags.messages.layouts.fields`, in that order.
+        :param names: names of :func:`imu_sim_ros.bags.messages.layouts.fields`, in that order.
         """
         self._type_name, self._names = type_name, ("sec", "nanosec", *names)
         self._latest: _Form | None = None
@@ -262,7 +263,7 @@ def gated_fields(type_name: str) -> tuple[str, ...]:
 class MessageGate:
     """Looks at the messages of one topic, block by block, and counts those that may not pass.
 
-    :param path: of the bag.
+    :param path: path of the bag.
     :param open_to_all: count them, but let them pass.
     """
 

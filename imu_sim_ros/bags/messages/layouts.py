@@ -221,7 +221,7 @@ class LayoutBuilder:
 def _words(size: int, spans: Sequence[tuple[int, int]]) -> np.dtype[np.void]:
     """Return spans of bytes as a structured type of long integers: few comparisons for each.
 
-    :param size: of the whole.
+    :param size: size of the whole.
     :param spans: (start, stop); a tuple.
     """
     formats, offsets = [], []
@@ -240,7 +240,8 @@ def _words(size: int, spans: Sequence[tuple[int, int]]) -> np.dtype[np.void]:
 def layout(type_name: str, encoding: str, texts: Sequence[str | bytes] = ()) -> Layout:
     """Return the layout of a message type.
 
-    :param type_name: in the form of ROS 2; one whose texts stand before its numbers of eight bytes.
+    :param type_name: type in the form of ROS 2; one whose texts stand before its numbers of eight
+        bytes.
     :param encoding: one of ENCODINGS.
     :param texts: contents of the message's text fields, in order; a tuple. Bytes are those of a
         message, as :func:`raw_texts` returns them.

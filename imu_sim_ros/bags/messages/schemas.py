@@ -58,7 +58,7 @@ def ros2_name(type_name: str) -> str:
 def schema(type_name: str, encoding: str, types: "Typestore | None" = None) -> Schema:
     """Return the definition of a type.
 
-    :param type_name: in the form of ROS 2.
+    :param type_name: type in the form of ROS 2.
     :param types: where the type is looked up; by default the types that come with ROS.
     :raises InputError: for a type that is not known.
     """
@@ -88,7 +88,7 @@ def schema(type_name: str, encoding: str, types: "Typestore | None" = None) -> S
 def joined_text(name: str, texts: Mapping[str, str], end: str = "") -> str:
     """Return the definition of a type with those that it contains, in the order of its fields.
 
-    :param name: for instance sensor_msgs/Imu.
+    :param name: name for instance sensor_msgs/Imu.
     :param texts: definitions by name.
     :param end: behind each of them.
     """
@@ -113,7 +113,7 @@ def joined_text(name: str, texts: Mapping[str, str], end: str = "") -> str:
 def definitions(type_name: str, encoding: str) -> dict[str, str]:
     """Return the definitions of a type, first, and of those that it contains, by name.
 
-    :param type_name: in the form of ROS 2.
+    :param type_name: type in the form of ROS 2.
     """
     whole = schema(type_name, encoding).text
     first, *others = re.split(r"^=+\nMSG: ", whole, flags=re.MULTILINE)
@@ -158,7 +158,7 @@ class Translation:
     def __init__(self, types: "Typestore", encoding: str) -> None:
         """Translate the types.
 
-        :param encoding: of the result.
+        :param encoding: encoding of the result.
         """
         from rosbags.typesys import Stores, get_typestore
 
@@ -291,7 +291,7 @@ class RecordedType(NamedTuple):
 def recorded_type(type_name: str, text: str, digest: str, encoding: str) -> RecordedType:
     """Return definition and conversion of a type, whether or not it comes with ROS.
 
-    :param type_name: in the form of ROS 2.
+    :param type_name: type in the form of ROS 2.
     :param text: the installed definition with all that it contains; empty if it is not known.
     :param digest: hash of ROS 2 (RIHS01) of it; empty if it is not known.
     :param encoding: cdr or ros1, as in the bag.

@@ -59,7 +59,7 @@ def imu_blocks(
 ) -> Iterator[Readings]:
     """Yield the readings of a table, or of the IMU of a folder, in blocks.
 
-    :param name: of the sensor, if a folder has several: imu0, imu1.
+    :param name: name of the sensor, if a folder has several: imu0, imu1.
     :param skipped: receives the number of bad rows skipped; None: they are errors.
     :raises InputError: with the first lines of every class of bad rows, at the end of the file.
     """
@@ -97,7 +97,7 @@ def table_blocks(
 ) -> Iterator[tuple[Times, Array]]:
     """Yield stamps (n,) and values (n, m) of a table other than the readings of an IMU, in blocks.
 
-    :param name: with the number of the IMU, as :func:`beside_names` gives it: mag0.
+    :param name: name with the number of the IMU, as :func:`beside_names` gives it: mag0.
     :param skipped: as for :func:`imu_blocks`.
     :raises InputError: for a folder that has no such table, and bad rows.
     """

@@ -184,7 +184,7 @@ class Dataset:
     def write_imu(self, t_ns: Times, gyro: Array, accel: Array, index: int = 0) -> None:
         """Write readings: times (n,), angular rates (n, 3), specific forces (n, 3).
 
-        :param index: of the IMU.
+        :param index: index of the IMU.
         """
         if self.imus:
             self.imus[index].write(t_ns, np.concatenate([gyro, accel], axis=1))
@@ -244,7 +244,7 @@ def write_euroc_descriptions(
 ) -> None:
     """Write sensor.yaml of an IMU and its states, and body.yaml.
 
-    :param index: of the IMU.
+    :param index: index of the IMU.
     :param noise: the four densities by kalibr's names; nothing if they are not known.
     :param r_bi: (3, 3) orientation of the IMU on the body.
     :param p_bi: (3,) position of the IMU on the body [m].

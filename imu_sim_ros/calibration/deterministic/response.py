@@ -101,7 +101,7 @@ def fit_axis(
     Readings without noise that the model explains to the last digits give exact parameters: what
     is below the rounding of float64 is cut off, and their standard errors are 0.
 
-    :param whitener: from :func:`walk_whitener`; found for this model if it is not given.
+    :param whitener: whitener from :func:`walk_whitener`; found for this model if it is not given.
     """
     data, noise_free = _above_rounding(data)
     weight = walk_whitener(data, bias_order, scale_order) if whitener is None else whitener

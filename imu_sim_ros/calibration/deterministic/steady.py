@@ -120,7 +120,7 @@ def find_steady(
     Windows of half a second, or of 25 readings, whose variance is near the record's floor on every
     axis are joined if their means agree; the first and the last window of a stretch are dropped.
 
-    :param shortest: of a stretch, with its margins [s].
+    :param shortest: shortest of a stretch, with its margins [s].
     :param rotating: look at the gyroscope alone: on a tilted table gravity turns in the body.
     :raises InputError: for readings that the gate refuses, or a record without steady stretches.
     """

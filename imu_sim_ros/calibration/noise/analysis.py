@@ -99,7 +99,7 @@ def analyse(
 ) -> AllanResult:
     """Return the Allan deviation and the noise parameters of one IMU at rest.
 
-    :param bags: for each bag its messages, in blocks, which have passed the gate.
+    :param bags: messages of each bag, in blocks, which have passed the gate.
     :param model: ``standard`` (Q, N, B, K, R) or ``gauss_markov`` (N and a Gauss-Markov process).
     :param force: continue if a check finds that the result would be meaningless.
     :param advance: called with the number of messages read.

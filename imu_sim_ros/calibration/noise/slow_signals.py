@@ -520,7 +520,7 @@ class _Search:
     def _noise(self, left: Array, guess: Array | None = None) -> _Fit:
         """Return the noise of coefficients (m,) in which nothing else is.
 
-        :param guess: of the expected rows; None: a smooth spectrum.
+        :param guess: expected rows; None: a smooth spectrum.
         """
         data = self._rows(left)
         start = data.first_guesses[0] if guess is None else guess

@@ -273,7 +273,7 @@ class SpectrumAccumulator:
     def result(self, *, doubtful: bool = True) -> Spectrum:
         """Return the rows of all pieces, low frequencies first.
 
-        :param doubtful: with the lines that may be there or not.
+        :param doubtful: include the lines that may be there or not.
         """
         used = self._freedom > 0
         freedom = self._freedom[used]

@@ -33,7 +33,7 @@ def coarse_offset(
 
     :param stamps: (n,) [s] after the truth's first pose.
     :param gyro: (n, 3) [rad/s].
-    :param duration: of the truth [s].
+    :param duration: duration of the truth [s].
     :param largest: offset that is looked for, either way [s].
     """
     times = np.arange(0.0, duration, _GRID)

@@ -132,7 +132,7 @@ def analyse(
     """Return lines, bands and white floor of what a fit leaves, and how they follow the motion.
 
     :param unseen: (n, 6) residuals of :func:`foreseen`, for the slowest range.
-    :param noises: of the poses, (n, 6) each; what they have is not the sensor's.
+    :param noises: noises of the poses, (n, 6) each; what they have is not the sensor's.
     :param sizes: returns the logarithms (n, 3) of the motion's size relative to a reference (3,).
     :param motion: norms (n,) of rate, acceleration and speed.
     :param moving: (n,) rows in motion: a vehicle at rest does not vibrate as in flight.

@@ -143,7 +143,7 @@ _ALIGNMENTS: Final = 2
 def laid_on(recording: Recording, truth: KnownMotion, found: Fit) -> Fit:
     """Return a fit of the truth's clock and smoothing on a recording; all else stays as found.
 
-    :param found: of another recording, or of this one.
+    :param found: estimate of another recording, or of this one.
     """
     middle = float(recording.stamps[0] + recording.stamps[-1]) / 2.0
     start = found.errors.referred(middle - found.reference)

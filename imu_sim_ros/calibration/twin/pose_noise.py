@@ -207,7 +207,7 @@ def highest_motion(signal: Array, noisy: Sequence[Array], rate: float) -> float:
     """Return the highest frequency [Hz] at which motion stands above the noise.
 
     :param signal: (n, 3 c) vectors, evenly sampled; noisy: the same with the noise once more.
-    :param rate: of the samples [Hz].
+    :param rate: rate of the samples [Hz].
     """
     power = _power(signal)
     noise = np.mean([_power(other - signal) for other in noisy], axis=0)

@@ -96,7 +96,7 @@ def band_edges(duration: float, rate: float) -> Array:
 
     Relative widths at the low end, then equal ones.
 
-    :param duration: of the longest segment [s].
+    :param duration: duration of the longest segment [s].
     :param rate: samples per second [Hz].
     """
     width = max(1.0, 0.5 * rate / _MAX_BANDS)

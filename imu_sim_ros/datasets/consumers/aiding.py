@@ -1,7 +1,7 @@
 # Copyright 2026 imu_sim_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""What aids an IMU, GNSS and wheels of its body, in the form of the stacks."""
+"""GNSS and wheels of a body, which aid its IMU, in the form of the stacks."""
 
 import math
 from dataclasses import dataclass
@@ -18,12 +18,12 @@ from imu_sim_ros.simulation.parameters import SimulationParameters
 from imu_sim_ros.types import Array
 
 SPEED: Final = 1.0
-"""[m/s] at which one number stands for the noise of wheels, which grows with their speed."""
+"""Speed at which the noise of wheels, which grows with it, is stated as one number [m/s]."""
 
 
 @dataclass(frozen=True)
 class Aiding:
-    """One IMU and what its body carries."""
+    """One IMU, and the GNSS and wheels of its body."""
 
     values: ImuValues
     parameters: SimulationParameters
@@ -39,12 +39,14 @@ class Aiding:
         """Return R_ib (3, 3), from the body's axes to the IMU's."""
         return np.reshape(self.values.imu.mounting, (3, 3)).T
 
-    def later(self, own: GnssParameters | WheelsParameters, lag: float = 0.0) -> float:
-        """Return by how much a sensor's stamps have to grow to be those of the IMU's clock [s].
+    def stamp_correction(
+        self, parameters: GnssParameters | WheelsParameters, lag: float = 0.0
+    ) -> float:
+        """Return the correction of a sensor's stamps to the clock of the IMU's stamps [s].
 
-        :param lag: from the middle of what is measured to its true stamp [s].
+        :param lag: delay of the stamps behind the middle of the measurement [s].
         """
-        return self.values.lateness - own.stamp_offset - lag
+        return self.values.lateness - parameters.stamp_offset - lag
 
     @property
     def position_sigma(self) -> tuple[float, float]:
@@ -58,10 +60,10 @@ class Aiding:
         """Standard deviations of forward speed [m/s] and yaw rate [rad/s] stated at 1 m/s."""
         assert self.wheels is not None
         p = self.wheels
-        known = rim_speeds(p.model, p.track, p.wheelbase)
-        stated = StatedCovariance(p, known, np.asarray(np.linalg.pinv(known), np.float64))
+        jacobian = rim_speeds(p.model, p.track, p.wheelbase)
+        covariance = StatedCovariance(p, jacobian, np.asarray(np.linalg.pinv(jacobian), np.float64))
         straight = np.array([[SPEED, 0.0, 0.0]])
-        variances = np.diag(stated.of_twist(straight, np.zeros((1, len(p.joints))))[0])
+        variances = np.diag(covariance.of_twist(straight, np.zeros((1, len(p.joints))))[0])
         return math.sqrt(variances[0]), math.sqrt(variances[2])
 
     @property
@@ -75,7 +77,7 @@ class Aiding:
 
 
 def aiding(values: ImuValues, parameters: SimulationParameters) -> Aiding | None:
-    """Return what the body carries for an IMU; None: neither GNSS nor wheels."""
+    """Return the aiding sensors of a body for an IMU; None: neither GNSS nor wheels."""
     body = parameters.each_sensor
     if not body.keys() & {"gnss", "wheels"}:
         return None

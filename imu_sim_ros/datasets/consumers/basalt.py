@@ -9,7 +9,7 @@ from typing import Final
 import numpy as np
 
 from imu_sim_ros import rotation
-from imu_sim_ros.datasets.consumers.rig import RigValues, four, kind
+from imu_sim_ros.datasets.consumers.rig import RigValues, four_coefficients, kind
 from imu_sim_ros.datasets.consumers.subject import Subject
 from imu_sim_ros.datasets.consumers.values import SMALLEST, ImuValues, remarks
 from imu_sim_ros.json_text import as_json
@@ -25,7 +25,7 @@ _EXPRESSED: Final = (
 _LOWER: Final = ([0, 1, 2, 1, 2, 2], [0, 0, 0, 1, 1, 2])
 """Rows and columns of the accelerometer's six entries: the lower triangle, column by column."""
 _ALL: Final = ([0, 1, 2, 0, 1, 2, 0, 1, 2], [0, 0, 0, 1, 1, 1, 2, 2, 2])
-"""The same of the gyroscope's nine."""
+"""Rows and columns of the gyroscope's nine entries, column by column."""
 
 
 def files(subject: Subject) -> dict[str, str]:
@@ -71,11 +71,11 @@ def calibration(values: ImuValues, rig: RigValues | None = None) -> str:
         "gyro_noise_std": _above_zero(values, "gyroscope_noise_density"),
         "accel_bias_std": _above_zero(values, "accelerometer_random_walk"),
         "gyro_bias_std": _above_zero(values, "gyroscope_random_walk"),
-        # Added to the stamps of all images, which have one offset in Basalt.
+        # Basalt has one time offset for the stamps of all images.
         "cam_time_offset_ns": next(
             (round(rig.time_shift(name) * 1e9) for name in cameras) if rig else iter(()), 0
         ),
-        # Members that Basalt does not know are passed over, as those of its own files are.
+        # Basalt ignores unknown members.
         "comment": notes,
     }
     return as_json({"value0": content}, indent=2) + "\n"
@@ -96,16 +96,16 @@ def _lens(camera: CameraParameters) -> dict[str, object]:
     """
     fx, fy, cx, cy = camera.intrinsics
     center: dict[str, float] = {"fx": fx, "fy": fy, "cx": cx, "cy": cy}
-    k = four(camera)
+    k = four_coefficients(camera)
     match kind(camera):
         case "equidistant":
             return _model("kb4", {**center, "k1": k[0], "k2": k[1], "k3": k[2], "k4": k[3]})
         case "double_sphere":
             return _model("ds", {**center, "xi": camera.xi, "alpha": camera.alpha})
         case "unified":
-            part = 1.0 + camera.xi
-            own = {"fx": fx / part, "fy": fy / part, "alpha": camera.xi / part}
-            return _model("ucm", {**center, **own})
+            divisor = 1.0 + camera.xi
+            scaled = {"fx": fx / divisor, "fy": fy / divisor, "alpha": camera.xi / divisor}
+            return _model("ucm", {**center, **scaled})
     if not any(camera.distortion):
         return _model("pinhole", center)
     k3 = camera.distortion[4] if len(camera.distortion) == 5 else 0.0

@@ -28,8 +28,8 @@ STACKS: Final = (
     *(kalibr, vins, openvins, orb_slam3, basalt, imu_utils),
     *(robot_localization, fusioncore, mins, lidar_odometry),
 )
-"""Each has a function ``files``: the texts of its files by name. A stack that does not support a
-lens keeps the file of the IMU alone, which says so."""
+"""Modules with a function ``files``, which returns the texts of a stack's files by name. A stack
+that does not support a lens has the file of the IMU alone, with a note."""
 
 
 def write_all(
@@ -40,8 +40,9 @@ def write_all(
 ) -> None:
     """Write the files of all stacks into a new folder.
 
-    :param rig: of the same IMU; with it the files hold the cameras as well.
-    :param parameters: of the simulation; with them there are files for the sensors of the body.
+    :param rig: rig of the same IMU; with it the files hold the cameras as well.
+    :param parameters: parameters of the simulation; with them there are files for the sensors of
+        the body.
     """
     make_folder(folder)
     subject = Subject(values, rig, parameters)

@@ -19,16 +19,17 @@ from imu_sim_ros.sensors.gravity import earth_fixed
 from imu_sim_ros.simulation.topics import resolved
 
 _GRAVITY: Final = 9.80665
-"""[m/s^2] fusioncore_core/include/fusioncore/sensors/imu.hpp, imu_measurement_function."""
+"""Gravity of imu_measurement_function, fusioncore_core/include/fusioncore/sensors/imu.hpp
+[m/s^2]."""
 _FARTHEST: Final = 10.0
-"""[km] from the reference, beyond which it drops fixes, gnss_callback."""
+"""Distance from the reference beyond which fixes are dropped, gnss_callback [km]."""
 _MODELS: Final = {
     "differential": "DifferentialDrive",
     "ackermann": "Ackermann",
     "omnidirectional": "ConstantVelocityAcceleration",
 }
 _ANY_SIDE_SPEED: Final = 10.0
-"""Its own value of nhc_vy_sigma for mecanum wheels."""
+"""Default of nhc_vy_sigma for mecanum wheels [m/s]."""
 
 
 def files(subject: Subject) -> dict[str, str]:
@@ -39,7 +40,7 @@ def files(subject: Subject) -> dict[str, str]:
 
 def config(body: Aiding) -> str:
     """Return ``fusioncore.yaml``, the parameters of its node."""
-    lines = [*_of_imu(body), *_of_wheels(body), *_of_gnss(body)]
+    lines = [*_imu_lines(body), *_wheel_lines(body), *_gnss_lines(body)]
     text = "".join(f"    {line}\n" for line in lines)
     return f"{comment(_remarks(body))}fusioncore:\n  ros__parameters:\n{text}"
 
@@ -75,10 +76,12 @@ def _remarks(body: Aiding) -> list[str]:
     return remarks
 
 
-def _of_imu(body: Aiding) -> list[str]:
+def _imu_lines(body: Aiding) -> list[str]:
     values, parameters = body.values, body.parameters
     per_sample = math.sqrt(values.rate)
-    gyro, accel = (real(per_sample * values.one(f"{triad}_noise_density")) for triad in TRIADS)
+    gyro, accel = (
+        real(per_sample * values.rms_density(f"{triad}_noise_density")) for triad in TRIADS
+    )
     odom = body.wheels.odom_frame if body.wheels is not None else "odom"
     return [
         f"base_frame: {parameters.body_frame}",
@@ -89,13 +92,13 @@ def _of_imu(body: Aiding) -> list[str]:
         f"imu.gyro_noise: {gyro}",
         f"imu.accel_noise: {accel}",
         "imu.has_magnetometer: false",
-        # Its meaning is reversed: true adds gravity to readings that have none.
+        # The key has the reverse meaning: true adds gravity to readings without it.
         "imu.remove_gravitational_acceleration: false",
         *_vector("imu.lever_arm", tuple(values.imu.lever_arm)),
     ]
 
 
-def _of_wheels(body: Aiding) -> list[str]:
+def _wheel_lines(body: Aiding) -> list[str]:
     p = body.wheels
     if p is None:
         return []
@@ -112,7 +115,7 @@ def _of_wheels(body: Aiding) -> list[str]:
     ]
 
 
-def _of_gnss(body: Aiding) -> list[str]:
+def _gnss_lines(body: Aiding) -> list[str]:
     p, world = body.gnss, body.parameters
     if p is None:
         return []

@@ -27,7 +27,7 @@ def files(subject: Subject) -> dict[str, str]:
 
 
 def result(values: ImuValues) -> str:
-    """Return what imu_utils should find in these readings."""
+    """Return the expected result of imu_utils for these readings."""
     head = comment(
         [
             "What imu_utils finds in these data, in the form of its result: _n is the noise of one "
@@ -56,14 +56,14 @@ def result(values: ImuValues) -> str:
     return "".join(lines)
 
 
-_LONGEST = 2**31 - 1  # the length is an int there; a record that ends before it is read to its end
+_LONGEST = 2**31 - 1  # an int in allan_variance_ros; a shorter record is read to its end
 
 
 def config(values: ImuValues) -> str:
     """Return the configuration that reads the whole record, every sample of it.
 
-    ``imu_rate`` is a double, ``measure_rate`` and ``sequence_time`` are integers there; it takes
-    one sample out of ``int(imu_rate / measure_rate)``.
+    ``imu_rate`` is a double, ``measure_rate`` and ``sequence_time`` are integers in its source; it
+    takes one sample out of ``int(imu_rate / measure_rate)``.
     """
     head = comment(
         [

@@ -6,7 +6,7 @@
 from itertools import pairwise
 
 from imu_sim_ros.bags.text.decimals import decimal
-from imu_sim_ros.datasets.consumers.rig import RigValues, four, kind, listed
+from imu_sim_ros.datasets.consumers.rig import RigValues, four_coefficients, kind, yaml_list
 from imu_sim_ros.datasets.consumers.subject import Subject
 from imu_sim_ros.datasets.consumers.values import ImuValues, comment, real, remarks, rows
 from imu_sim_ros.sensors.camera.parameters import CameraParameters
@@ -19,18 +19,18 @@ from imu_sim_ros.sensors.camera.scene_parameters import (
 
 def files(subject: Subject) -> dict[str, str]:
     """Return ``imu.yaml``, and with cameras ``camchain.yaml`` and ``target.yaml``."""
-    found = {"imu.yaml": imu_yaml(subject.imu, subject.rig is not None)}
+    texts = {"imu.yaml": imu_yaml(subject.imu, subject.rig is not None)}
     if subject.rig is not None:
-        found["camchain.yaml"] = camchain(subject.rig)
+        texts["camchain.yaml"] = camchain(subject.rig)
         if (board := target(subject.rig.scene)) is not None:
-            found["target.yaml"] = board
-    return found
+            texts["target.yaml"] = board
+    return texts
 
 
 def imu_yaml(values: ImuValues, has_rig: bool = False) -> str:
-    """Return kalibr's imu.yaml, whole; it refuses densities that are not above 0.
+    """Return kalibr's imu.yaml; zero densities, which kalibr refuses, become small numbers.
 
-    :param has_rig: the chain of the cameras, which has the time shift, is written next to it.
+    :param has_rig: True if the camera chain, which has the time shift, is written next to it.
     """
     shift = ("stamp_offset",) if has_rig else ()
     numbers = values.positive_densities().items()
@@ -46,7 +46,7 @@ def imu_yaml(values: ImuValues, has_rig: bool = False) -> str:
 
 
 def camchain(rig: RigValues) -> str:
-    """Return camchain.yaml, whole, with what a calibration against the IMU is to find.
+    """Return camchain.yaml with the values that a calibration against the IMU should find.
 
     ``T_cam_imu`` maps the IMU to the camera, ``T_cn_cnm1`` the camera before to this one, and
     ``t_imu = t_cam + timeshift_cam_imu``.
@@ -58,14 +58,14 @@ def camchain(rig: RigValues) -> str:
             *rig.remarks(("time_offset", "unified.distortion")),
         ]
     )
-    for number, (earlier, name) in enumerate(pairwise([None, *rig.cameras])):
+    for number, (previous, name) in enumerate(pairwise([None, *rig.cameras])):
         if name is None:
             continue
         camera = rig.cameras[name]
-        others = [k for k in range(len(rig.cameras)) if k != number]
-        text += f"cam{number}:\n  cam_overlaps: {others}\n"
-        if earlier is not None:
-            text += f"  T_cn_cnm1:\n{rows(rig.between(name, earlier), '  ')}"
+        overlaps = [k for k in range(len(rig.cameras)) if k != number]
+        text += f"cam{number}:\n  cam_overlaps: {overlaps}\n"
+        if previous is not None:
+            text += f"  T_cn_cnm1:\n{rows(rig.between(name, previous), '  ')}"
         text += f"  T_cam_imu:\n{rows(rig.camera_imu(name), '  ')}"
         text += lens(camera)
         text += f"  resolution: [{camera.width}, {camera.height}]\n"
@@ -76,22 +76,22 @@ def camchain(rig: RigValues) -> str:
 
 def lens(camera: CameraParameters) -> str:
     """Return model, intrinsics and distortion in kalibr's keys."""
-    own = {"unified": (camera.xi,), "double_sphere": (camera.xi, camera.alpha)}
+    shape = {"unified": (camera.xi,), "double_sphere": (camera.xi, camera.alpha)}
     model = {"unified": "omni", "double_sphere": "ds"}.get(kind(camera), "pinhole")
     distortion = "equidistant" if kind(camera) == "equidistant" else "radtan"
-    coefficients = four(camera)
+    coefficients = four_coefficients(camera)
     if kind(camera) == "double_sphere":
         distortion, coefficients = "none", []
     return (
         f"  camera_model: {model}\n"
-        f"  intrinsics: {listed([*own.get(kind(camera), ()), *camera.intrinsics])}\n"
+        f"  intrinsics: {yaml_list([*shape.get(kind(camera), ()), *camera.intrinsics])}\n"
         f"  distortion_model: {distortion}\n"
-        f"  distortion_coeffs: {listed(coefficients)}\n"
+        f"  distortion_coeffs: {yaml_list(coefficients)}\n"
     )
 
 
 def target(scene: SceneParameters) -> str | None:
-    """Return target.yaml, whole; None if the scene is no calibration target."""
+    """Return target.yaml; None if the scene is no calibration target."""
     match scene:
         case AprilgridParameters():
             return (

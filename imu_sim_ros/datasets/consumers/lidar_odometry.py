@@ -1,7 +1,7 @@
 # Copyright 2026 imu_sim_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Stacks of LiDARs: KISS-ICP 1.3.0, RKO-LIO 0.4.0, FAST-LIO2 (7cc4175), LIO-SAM (0be1fbe)."""
+"""LiDAR stacks: KISS-ICP 1.3.0, RKO-LIO 0.4.0, FAST-LIO2 (7cc4175), LIO-SAM (0be1fbe)."""
 
 import math
 from dataclasses import dataclass
@@ -10,7 +10,7 @@ from typing import Final
 import numpy as np
 
 from imu_sim_ros.conventions import IMU_TOPIC
-from imu_sim_ros.datasets.consumers.rig import listed
+from imu_sim_ros.datasets.consumers.rig import yaml_list
 from imu_sim_ros.datasets.consumers.subject import Subject
 from imu_sim_ros.datasets.consumers.values import ImuValues, comment, real, remarks
 from imu_sim_ros.rotation import from_matrix
@@ -23,9 +23,9 @@ from imu_sim_ros.simulation.topics import resolved
 from imu_sim_ros.types import Array
 
 _FAST_LIO: Final = {"livox": (1, 3), "velodyne": (2, 0), "ouster": (3, 3)}
-"""lidar_type and timestamp_unit (0: s, 3: ns) of each layout; it reads no other."""
+"""lidar_type and timestamp_unit (0: s, 3: ns) of the layouts that FAST-LIO2 reads."""
 _INDOORS: Final = 30.0
-"""[m] A LiDAR of less range is taken for one that is used in rooms."""
+"""Range below which a LiDAR is assumed to be used in rooms [m]."""
 
 
 @dataclass(frozen=True)
@@ -46,103 +46,105 @@ class Ranging:
 
     @property
     def farthest(self) -> float:
-        """Range up to which white surfaces are seen [m]."""
-        own = self.lidar
-        seen = own.detection_range / math.sqrt(own.detection_reflectivity) or math.inf
-        return min(own.maximum_range, seen)
+        """Range at which white surfaces are detected [m]."""
+        lidar = self.lidar
+        detected = lidar.detection_range / math.sqrt(lidar.detection_reflectivity) or math.inf
+        return min(lidar.maximum_range, detected)
 
     @property
     def voxel(self) -> float:
         """Size of a voxel of maps [m]."""
         return 0.3 if self.farthest < _INDOORS else 0.5
 
-    def of_rings(self) -> list[int]:
-        """Return how many rays of a scan each ring has."""
+    def rays_per_ring(self) -> list[int]:
+        """Return the number of rays of a scan in each ring."""
         rays: list[int] = np.bincount(build_pattern(self.lidar).ring).tolist()
         return rays
 
     def pose(self) -> tuple[Array, Array]:
-        """Return R_bl (3, 3) and p_bl (3,): the LiDAR in the body."""
+        """Return R_bl (3, 3) and p_bl (3,), the pose of the LiDAR in the body."""
         return np.reshape(self.lidar.mounting, (3, 3)), np.asarray(self.lidar.lever_arm)
 
     def imu_pose(self) -> tuple[Array, Array]:
-        """Return R_bi (3, 3) and p_bi (3,): the IMU in the body."""
+        """Return R_bi (3, 3) and p_bi (3,), the pose of the IMU in the body."""
         imu = self.values.imu
         return np.reshape(imu.mounting, (3, 3)), np.asarray(imu.lever_arm)
 
     def in_imu(self) -> tuple[Array, Array]:
-        """Return R_il (3, 3) and p_il (3,): the LiDAR in the IMU's frame."""
+        """Return R_il (3, 3) and p_il (3,), the pose of the LiDAR in the IMU's frame."""
         (r_bl, p_bl), (r_bi, p_bi) = self.pose(), self.imu_pose()
         return r_bi.T @ r_bl, r_bi.T @ (p_bl - p_bi)
 
 
 def files(subject: Subject) -> dict[str, str]:
-    """Return files for each LiDAR of the body; of further ones with the name of the LiDAR."""
+    """Return the files for each LiDAR of the body; names of further LiDARs contain theirs."""
     values, parameters = subject.imu, subject.parameters
-    found: dict[str, str] = {}
+    texts: dict[str, str] = {}
     if parameters is None:
-        return found
-    for name, own in parameters.each_sensor.items():
-        if not isinstance(own, LidarParameters):
+        return texts
+    for name, lidar in parameters.each_sensor.items():
+        if not isinstance(lidar, LidarParameters):
             continue
-        frame = own.own_frame(name, parameters.body_frame)
-        one = Ranging(values, own, f"{name}/" if own.type else "", frame)
-        made = {"kiss_icp": _kiss_icp(one), "rko_lio": _rko_lio(one)}
-        if own.layout in _FAST_LIO:
-            made["fast_lio"] = _fast_lio(one)
-        if own.layout == "velodyne" or (own.layout == "ouster" and own.pattern == "spinning"):
-            made["lio_sam"] = _lio_sam(one, parameters)
-        found.update({f"{k}_{name}.yaml" if own.type else f"{k}.yaml": v for k, v in made.items()})
-    return found
+        frame = lidar.own_frame(name, parameters.body_frame)
+        ranging = Ranging(values, lidar, f"{name}/" if lidar.type else "", frame)
+        stacks = {"kiss_icp": _kiss_icp(ranging), "rko_lio": _rko_lio(ranging)}
+        if lidar.layout in _FAST_LIO:
+            stacks["fast_lio"] = _fast_lio(ranging)
+        if lidar.layout == "velodyne" or (lidar.layout == "ouster" and lidar.pattern == "spinning"):
+            stacks["lio_sam"] = _lio_sam(ranging, parameters)
+        texts.update(
+            {f"{k}_{name}.yaml" if lidar.type else f"{k}.yaml": v for k, v in stacks.items()}
+        )
+    return texts
 
 
 def _list(numbers: Array) -> str:
-    return listed((np.ravel(numbers) + 0.0).tolist())  # without -0
+    return yaml_list((np.ravel(numbers) + 0.0).tolist())  # -0 becomes 0
 
 
-def _kiss_icp(one: Ranging) -> str:
+def _kiss_icp(ranging: Ranging) -> str:
     head = comment(
         [
-            f"KISS-ICP 1.3.0: kiss_icp_pipeline BAG --topic {one.topic} --config this file; it is "
-            "run so in the tests. It uses no IMU: it expects of each scan the motion of the one "
+            f"KISS-ICP 1.3.0: kiss_icp_pipeline BAG --topic {ranging.topic} --config this file; it "
+            "is run so in the tests. It uses no IMU: it expects of each scan the motion of the one "
             "before.",
         ]
     )
     return (
-        f"{head}data:\n  deskew: true\n  max_range: {real(one.farthest)}\n"
-        f"  min_range: {real(one.lidar.minimum_range)}\n"
-        f"mapping:\n  voxel_size: {real(one.voxel)}\n  max_points_per_voxel: 20\n"
+        f"{head}data:\n  deskew: true\n  max_range: {real(ranging.farthest)}\n"
+        f"  min_range: {real(ranging.lidar.minimum_range)}\n"
+        f"mapping:\n  voxel_size: {real(ranging.voxel)}\n  max_points_per_voxel: 20\n"
     )
 
 
-def _rko_lio(one: Ranging) -> str:
+def _rko_lio(ranging: Ranging) -> str:
     head = comment(
         [
-            f"RKO-LIO 0.4.0: rko_lio FOLDER --config this file --imu {one.values.topic} --lidar "
-            f"{one.topic}, with a rosbag2 folder; it is run so in the tests. Estimates are of the "
-            "body. With initialization_phase it takes the first readings for gravity and biases, "
-            "which needs a start at rest; without, it starts level.",
-            *remarks(one.values),
+            f"RKO-LIO 0.4.0: rko_lio FOLDER --config this file --imu {ranging.values.topic} "
+            f"--lidar {ranging.topic}, with a rosbag2 folder; it is run so in the tests. Estimates "
+            "are of the body. With initialization_phase it takes the first readings for gravity "
+            "and biases, which needs a start at rest; without, it starts level.",
+            *remarks(ranging.values),
         ]
     )
     lines = []
-    for name, (rotation, position) in (("imu", one.imu_pose()), ("lidar", one.pose())):
+    for name, (rotation, position) in (("imu", ranging.imu_pose()), ("lidar", ranging.pose())):
         w, x, y, z = from_matrix(rotation).tolist()
         lines.append(
             f"extrinsic_{name}2base_quat_xyzw_xyz: {_list(np.array([x, y, z, w, *position]))}\n"
         )
     return (
-        f"{head}{''.join(lines)}lio:\n  deskew: true\n  voxel_size: {real(one.voxel)}\n"
-        f"  max_range: {real(one.farthest)}\n  min_range: {real(one.lidar.minimum_range)}\n"
+        f"{head}{''.join(lines)}lio:\n  deskew: true\n  voxel_size: {real(ranging.voxel)}\n"
+        f"  max_range: {real(ranging.farthest)}\n  min_range: {real(ranging.lidar.minimum_range)}\n"
         "  initialization_phase: false\n"
     )
 
 
-def _fast_lio(one: Ranging) -> str:
-    kind, unit = _FAST_LIO[one.lidar.layout]
-    own, values = one.lidar, one.values
-    livox = own.layout == "livox"
-    rotation, position = one.in_imu()
+def _fast_lio(ranging: Ranging) -> str:
+    kind, unit = _FAST_LIO[ranging.lidar.layout]
+    lidar, values = ranging.lidar, ranging.values
+    livox = lidar.layout == "livox"
+    rotation, position = ranging.in_imu()
     head = comment(
         [
             "FAST-LIO2, a config for ROS 1, in place of that of its launch file; with ROS 2, under "
@@ -170,29 +172,30 @@ def _fast_lio(one: Ranging) -> str:
         f"  {key}: {real(densities[name] ** 2 * values.rate)}\n"
         for key, name in covariances.items()
     )
-    topic = resolved(f"{one.space}{CUSTOM_TOPIC}") if livox else one.topic
-    offset = values.lateness - own.stamp_offset
+    topic = resolved(f"{ranging.space}{CUSTOM_TOPIC}") if livox else ranging.topic
+    offset = values.lateness - lidar.stamp_offset
     return (
         f'{head}common:\n  lid_topic: "{topic}"\n  imu_topic: "{values.topic}"\n'
         f"  time_sync_en: false\n  time_offset_lidar_to_imu: {real(offset)}\n"
-        f"preprocess:\n  lidar_type: {kind}\n  scan_line: {len(one.of_rings())}\n"
-        f"  scan_rate: {round(own.rate)}\n  timestamp_unit: {unit}\n"
-        f"  blind: {real(own.minimum_range)}\n"
-        f"mapping:\n{lines}  fov_degree: {360 if own.pattern in ('spinning', 'nodding') else 90}\n"
-        f"  det_range: {real(one.farthest)}\n  extrinsic_est_en: false\n"
+        f"preprocess:\n  lidar_type: {kind}\n  scan_line: {len(ranging.rays_per_ring())}\n"
+        f"  scan_rate: {round(lidar.rate)}\n  timestamp_unit: {unit}\n"
+        f"  blind: {real(lidar.minimum_range)}\n"
+        f"mapping:\n{lines}"
+        f"  fov_degree: {360 if lidar.pattern in ('spinning', 'nodding') else 90}\n"
+        f"  det_range: {real(ranging.farthest)}\n  extrinsic_est_en: false\n"
         f"  extrinsic_T: {_list(position)}\n  extrinsic_R: {_list(rotation)}\n"
         "publish:\n  path_en: true\n  scan_publish_en: true\n  dense_publish_en: true\n"
         "  scan_bodyframe_pub_en: true\npcd_save:\n  pcd_save_en: false\n  interval: -1\n"
     )
 
 
-def _lio_sam(one: Ranging, parameters: SimulationParameters) -> str:
-    own, values = one.lidar, one.values
-    rotation, position = one.in_imu()
+def _lio_sam(ranging: Ranging, parameters: SimulationParameters) -> str:
+    lidar, values = ranging.lidar, ranging.values
+    rotation, position = ranging.in_imu()
     densities = values.positive_densities()
-    # Its "livox" takes the fields of Velodyne, and the place of a point in its line for its column.
-    kind = own.layout if own.pattern == "spinning" else "livox"
-    of_rings = one.of_rings()
+    # LIO-SAM's "livox" reads the fields of Velodyne, and a point's place in its line as its column.
+    kind = lidar.layout if lidar.pattern == "spinning" else "livox"
+    rays = ranging.rays_per_ring()
     raw, nine = values.topic, values.topic.replace(IMU_TOPIC, NINE_AXES)
     head = comment(
         [
@@ -205,11 +208,11 @@ def _lio_sam(one: Ranging, parameters: SimulationParameters) -> str:
             *remarks(values),
         ]
     )
-    # R_li maps what the IMU measures to the LiDAR's axes; the IMU's position is in those.
+    # R_li maps from the IMU's axes to the LiDAR's, in which the IMU's position is expressed.
     r_li, p_li = rotation.T, -(rotation.T @ position)
     numbers = {
-        "lidarMinRange": own.minimum_range,
-        "lidarMaxRange": one.farthest,
+        "lidarMinRange": lidar.minimum_range,
+        "lidarMaxRange": ranging.farthest,
         "imuAccNoise": densities["accelerometer_noise_density"],
         "imuGyrNoise": densities["gyroscope_noise_density"],
         "imuAccBiasN": densities["accelerometer_random_walk"],
@@ -217,7 +220,7 @@ def _lio_sam(one: Ranging, parameters: SimulationParameters) -> str:
         "imuGravity": values.gravity,
         "imuRPYWeight": 0.01,
     }
-    indoors = one.farthest < _INDOORS
+    indoors = ranging.farthest < _INDOORS
     numbers |= {
         "odometrySurfLeafSize": 0.2 if indoors else 0.4,
         "mappingCornerLeafSize": 0.1 if indoors else 0.2,
@@ -226,11 +229,11 @@ def _lio_sam(one: Ranging, parameters: SimulationParameters) -> str:
     lines = "".join(f"  {key}: {real(value)}\n" for key, value in numbers.items())
     frame = parameters.body_frame
     return (
-        f'{head}lio_sam:\n  pointCloudTopic: "{one.topic}"\n  imuTopic: "{nine}"\n'
+        f'{head}lio_sam:\n  pointCloudTopic: "{ranging.topic}"\n  imuTopic: "{nine}"\n'
         '  odomTopic: "odometry/imu"\n  gpsTopic: "odometry/gps"\n'
-        f'  lidarFrame: "{one.frame}"\n  baselinkFrame: "{frame}"\n'
+        f'  lidarFrame: "{ranging.frame}"\n  baselinkFrame: "{frame}"\n'
         '  odometryFrame: "odom"\n  mapFrame: "map"\n'
-        f"  sensor: {kind}\n  N_SCAN: {len(of_rings)}\n  Horizon_SCAN: {max(of_rings)}\n"
+        f"  sensor: {kind}\n  N_SCAN: {len(rays)}\n  Horizon_SCAN: {max(rays)}\n"
         f"  downsampleRate: 1\n{lines}"
         f"  extrinsicTrans: {_list(p_li)}\n  extrinsicRot: {_list(r_li)}\n"
         f"  extrinsicRPY: {_list(r_li)}\n"

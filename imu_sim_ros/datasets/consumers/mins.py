@@ -11,14 +11,14 @@ from typing import Final
 import numpy as np
 
 from imu_sim_ros.datasets.consumers.aiding import SPEED, Aiding
-from imu_sim_ros.datasets.consumers.rig import listed
+from imu_sim_ros.datasets.consumers.rig import yaml_list
 from imu_sim_ros.datasets.consumers.subject import Subject
 from imu_sim_ros.datasets.consumers.values import comment, real, rows
 from imu_sim_ros.rotation import pose_matrix
 from imu_sim_ros.simulation.topics import resolved
 
 _PARTS: Final = ("system", "estimator", "imu", "init", "gps", "wheel")
-_LEAST_VARIANCE: Final = 1e-8
+_MIN_SIGMA: Final = 1e-8
 """Standard deviation of a calibrated quantity that is known exactly."""
 
 
@@ -44,14 +44,14 @@ def files(subject: Subject) -> dict[str, str]:
             "Cameras and LiDARs are off: add config_camera.yaml or config_lidar.yaml to use them.",
         ]
     )
-    found = {"mins/config.yaml": f"%YAML:1.0\n{head}{whole}"}
+    texts = {"mins/config.yaml": f"%YAML:1.0\n{head}{whole}"}
     for name in names:
-        found[f"mins/config_{name}.yaml"] = f"%YAML:1.0\n{parts[name]}"
-    return found
+        texts[f"mins/config_{name}.yaml"] = f"%YAML:1.0\n{parts[name]}"
+    return texts
 
 
 def _section(name: str, values: dict[str, str]) -> str:
-    """Return a section; a value in lines of its own begins with a line end."""
+    """Return a section; a value that starts with a line end stands on lines of its own."""
     lines = (
         f"  {key}:{value}\n" if value.startswith("\n") else f"  {key}: {value}\n"
         for key, value in values.items()
@@ -149,7 +149,7 @@ def _init(body: Aiding) -> str:
 
 
 def _is_planar(body: Aiding) -> bool:
-    """Return whether there are wheels that MINS has a model of."""
+    """Return whether the body has wheels of a kind that MINS models."""
     return body.wheels is not None and body.wheels.model != "omnidirectional"
 
 
@@ -167,7 +167,7 @@ def _gps(body: Aiding) -> str:
             "It aligns the world with east and north itself, after init_distance [m].",
         ]
     )
-    both = {
+    common = {
         "enabled": "true",
         "max_n": "1",
         "do_calib_ext": "false",
@@ -181,12 +181,12 @@ def _gps(body: Aiding) -> str:
         "overwrite_noise": "true",
         "noise": real(horizontal),
     }
-    own = {
-        "timeoffset": real(body.later(p)),
-        "pGinI": listed(body.in_imu(p.lever_arm).tolist()),
+    sensor_values = {
+        "timeoffset": real(body.stamp_correction(p)),
+        "pGinI": yaml_list(body.in_imu(p.lever_arm).tolist()),
         "topic": f'"{resolved("gps/fix")}"',
     }
-    return head + _section("gps", both) + _section("gps0", own)
+    return head + _section("gps", common) + _section("gps0", sensor_values)
 
 
 def _wheel(body: Aiding) -> str:
@@ -218,11 +218,11 @@ def _wheel(body: Aiding) -> str:
         "init_cov_dt": "1e-4",
         "init_cov_ex_o": "1e-4",
         "init_cov_ex_p": "1e-3",
-        "init_cov_in_b": real(max((share_b * p.track) ** 2, _LEAST_VARIANCE)),
-        "init_cov_in_r": real(max((share_r * p.radius) ** 2, _LEAST_VARIANCE)),
+        "init_cov_in_b": real(max((share_b * p.track) ** 2, _MIN_SIGMA)),
+        "init_cov_in_r": real(max((share_r * p.radius) ** 2, _MIN_SIGMA)),
         "chi2_mult": "1",
-        "timeoffset": real(body.later(p, 0.5 / p.rate)),
-        "intrinsics": listed([p.radius, p.radius, p.track]),
+        "timeoffset": real(body.stamp_correction(p, 0.5 / p.rate)),
+        "intrinsics": yaml_list([p.radius, p.radius, p.track]),
         "reuse_of_information": "false",
         "T_imu_wheel": "\n" + rows(pose, "    ").rstrip("\n"),
         "topic": f'"{resolved("joint_states")}"',

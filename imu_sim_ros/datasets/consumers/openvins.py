@@ -11,7 +11,13 @@ from typing import Final
 import numpy as np
 
 from imu_sim_ros.bags.text.decimals import decimal
-from imu_sim_ros.datasets.consumers.rig import REST_THRESHOLD, RigValues, four, kind, listed
+from imu_sim_ros.datasets.consumers.rig import (
+    REST_THRESHOLD,
+    RigValues,
+    four_coefficients,
+    kind,
+    yaml_list,
+)
 from imu_sim_ros.datasets.consumers.subject import Subject
 from imu_sim_ros.datasets.consumers.values import ImuValues, comment, real, remarks, rows
 from imu_sim_ros.types import Array
@@ -98,18 +104,18 @@ _ESTIMATOR: Final = {
     "relative_config_imu": '"kalibr_imu_chain.yaml"',
     "relative_config_imucam": '"kalibr_imucam_chain.yaml"',
 }
-"""config/euroc_mav/estimator_config.yaml; ``integration`` is that of version 2.7, the two below it
-are those of versions before."""
+"""Values of config/euroc_mav/estimator_config.yaml; ``integration`` is read by version 2.7, the two
+keys after it by earlier versions."""
 
 
 def files(subject: Subject) -> dict[str, str]:
     """Return the chain of the IMU, and with cameras theirs and the estimator's configuration."""
     has_rig = subject.rig is not None and subject.rig.fits("radtan", "equidistant")
-    found = {"kalibr_imu_chain.yaml": imu_chain(subject.imu, has_rig)}
+    texts = {"kalibr_imu_chain.yaml": imu_chain(subject.imu, has_rig)}
     if subject.rig is not None and has_rig:
-        found["kalibr_imucam_chain.yaml"] = imucam_chain(subject.rig)
-        found["estimator_config.yaml"] = estimator_config(subject.rig)
-    return found
+        texts["kalibr_imucam_chain.yaml"] = imucam_chain(subject.rig)
+        texts["estimator_config.yaml"] = estimator_config(subject.rig)
+    return texts
 
 
 def triangular(response: Array) -> tuple[Array, Array]:
@@ -122,16 +128,16 @@ def triangular(response: Array) -> tuple[Array, Array]:
     """
     q, r = np.linalg.qr(response.T)  # S^T = Q R, so S = R^T Q^T
     signs = np.where(np.diag(r) < 0.0, -1.0, 1.0)
-    # An S that is triangular already stays as it is, to the last digit.
+    # A triangular S keeps its exact digits.
     if not np.triu(response, 1).any() and (np.diag(response) > 0.0).all():
         return response, np.eye(3)
     return np.tril(r.T * signs), signs[:, None] * q.T
 
 
 def imu_chain(values: ImuValues, has_rig: bool = False) -> str:
-    """Return OpenVINS' kalibr_imu_chain.yaml, whole.
+    """Return OpenVINS' kalibr_imu_chain.yaml.
 
-    :param has_rig: the chain of the cameras, which has the time shift, is written next to it.
+    :param has_rig: True if the camera chain, which has the time shift, is written next to it.
     """
     shift = ("stamp_offset",) if has_rig else ()
     head = comment(
@@ -166,7 +172,7 @@ def imu_chain(values: ImuValues, has_rig: bool = False) -> str:
 
 
 def imucam_chain(rig: RigValues) -> str:
-    """Return kalibr_imucam_chain.yaml, whole; ``T_imu_cam`` maps the camera to the IMU."""
+    """Return kalibr_imucam_chain.yaml; ``T_imu_cam`` maps from the camera to the IMU."""
     head = comment(
         [
             "OpenVINS kalibr_imucam_chain.yaml, whole: the cameras as they are simulated.",
@@ -175,12 +181,13 @@ def imucam_chain(rig: RigValues) -> str:
     )
     text = f"%YAML:1.0\n{head}"
     for number, (name, camera) in enumerate(rig.cameras.items()):
-        others = [k for k in range(len(rig.cameras)) if k != number]
+        overlaps = [k for k in range(len(rig.cameras)) if k != number]
         text += (
             f"cam{number}:\n  T_imu_cam:\n{rows(rig.imu_camera(name), '    ')}"
-            f"  cam_overlaps: {others}\n  camera_model: pinhole\n"
-            f"  distortion_coeffs: {listed(four(camera))}\n  distortion_model: {kind(camera)}\n"
-            f"  intrinsics: {listed(camera.intrinsics)}\n"
+            f"  cam_overlaps: {overlaps}\n  camera_model: pinhole\n"
+            f"  distortion_coeffs: {yaml_list(four_coefficients(camera))}\n"
+            f"  distortion_model: {kind(camera)}\n"
+            f"  intrinsics: {yaml_list(camera.intrinsics)}\n"
             f"  resolution: [{camera.width}, {camera.height}]\n"
             f"  rostopic: {rig.topics[name]}\n"
             f"  timeshift_cam_imu: {real(rig.time_shift(name))}\n"
@@ -189,7 +196,7 @@ def imucam_chain(rig: RigValues) -> str:
 
 
 def estimator_config(rig: RigValues) -> str:
-    """Return estimator_config.yaml, whole: EuRoC's settings, and what differs in a simulation."""
+    """Return estimator_config.yaml: EuRoC's settings, changed where the simulation differs."""
     count = len(rig.cameras)
     fastest = max(camera.rate for camera in rig.cameras.values())
     head = comment(

@@ -7,7 +7,7 @@ from typing import Final
 
 import numpy as np
 
-from imu_sim_ros.datasets.consumers.rig import RigValues, four, kind, opencv_matrix
+from imu_sim_ros.datasets.consumers.rig import RigValues, four_coefficients, kind, opencv_matrix
 from imu_sim_ros.datasets.consumers.subject import Subject
 from imu_sim_ros.datasets.consumers.values import ImuValues, comment, real, remarks
 from imu_sim_ros.sensors.camera.parameters import CameraParameters
@@ -30,20 +30,20 @@ Viewer.ViewpointY: -0.7
 Viewer.ViewpointZ: -3.5
 Viewer.ViewpointF: 500.0
 """
-"""As in its own EuRoC.yaml: settings that the simulation does not determine."""
+"""Settings of ORB_SLAM3's EuRoC.yaml that the simulation does not determine."""
 _CLOSE: Final = 60.0
-"""Stereo.ThDepth of its EuRoC.yaml, in baselines."""
+"""Stereo.ThDepth of ORB_SLAM3's EuRoC.yaml, in baselines."""
 
 
 def files(subject: Subject) -> dict[str, str]:
-    """Return the settings of the IMU, and whole files for one camera and for two that are alike."""
-    rig, found = subject.rig, {"orb_slam3.yaml": settings(subject.imu)}
+    """Return the settings of the IMU, and complete files for one camera and for a pair."""
+    rig, texts = subject.rig, {"orb_slam3.yaml": settings(subject.imu)}
     if rig is not None and rig.fits(*KINDS):
-        found["orb_slam3_mono_inertial.yaml"] = whole(rig, 1)
-        two = list(rig.cameras.values())[:2]
-        if len(two) == 2 and len({(kind(c), c.width, c.height) for c in two}) == 1:
-            found["orb_slam3_stereo_inertial.yaml"] = whole(rig, 2)
-    return found
+        texts["orb_slam3_mono_inertial.yaml"] = complete_settings(rig, 1)
+        pair = list(rig.cameras.values())[:2]
+        if len(pair) == 2 and len({(kind(c), c.width, c.height) for c in pair}) == 1:
+            texts["orb_slam3_stereo_inertial.yaml"] = complete_settings(rig, 2)
+    return texts
 
 
 def settings(values: ImuValues) -> str:
@@ -62,23 +62,24 @@ def settings(values: ImuValues) -> str:
 
 def _imu(values: ImuValues) -> str:
     return (
-        f"IMU.NoiseGyro: {real(values.one('gyroscope_noise_density'))}\n"
-        f"IMU.NoiseAcc: {real(values.one('accelerometer_noise_density'))}\n"
-        f"IMU.GyroWalk: {real(values.one('gyroscope_random_walk'))}\n"
-        f"IMU.AccWalk: {real(values.one('accelerometer_random_walk'))}\n"
+        f"IMU.NoiseGyro: {real(values.rms_density('gyroscope_noise_density'))}\n"
+        f"IMU.NoiseAcc: {real(values.rms_density('accelerometer_noise_density'))}\n"
+        f"IMU.GyroWalk: {real(values.rms_density('gyroscope_random_walk'))}\n"
+        f"IMU.AccWalk: {real(values.rms_density('accelerometer_random_walk'))}\n"
         f"IMU.Frequency: {real(values.rate)}\n"
     )
 
 
-def whole(rig: RigValues, cameras: int) -> str:
+def complete_settings(rig: RigValues, cameras: int) -> str:
     """Return a settings file, mono- or stereo-inertial; all lenses are of one of KINDS.
 
-    ``IMU.T_b_c1`` maps the first camera to the IMU, ``Stereo.T_c1_c2`` the second to the first.
+    ``IMU.T_b_c1`` maps from the first camera to the IMU, ``Stereo.T_c1_c2`` from the second to the
+    first.
 
-    :param cameras: 1 or 2, the first ones.
+    :param cameras: number of cameras, 1 or 2.
     """
     names = list(rig.cameras)[:cameras]
-    first = rig.cameras[names[0]]
+    camera = rig.cameras[names[0]]
     head = comment(
         [
             f"ORB_SLAM3, whole, {'mono' if cameras == 1 else 'stereo'}-inertial: lenses, IMU and "
@@ -89,24 +90,27 @@ def whole(rig: RigValues, cameras: int) -> str:
         ]
     )
     text = f'%YAML:1.0\n{head}File.version: "1.0"\n'
-    text += f'Camera.type: "{"PinHole" if kind(first) == "radtan" else "KannalaBrandt8"}"\n'
+    text += f'Camera.type: "{"PinHole" if kind(camera) == "radtan" else "KannalaBrandt8"}"\n'
     for number, name in enumerate(names, 1):
         text += _camera(f"Camera{number}", rig.cameras[name], cameras > 1)
     if cameras > 1:
         text += f"Stereo.ThDepth: {_CLOSE}\n"
         text += f"Stereo.T_c1_c2: {opencv_matrix(rig.between(*names), 'f')}"
     text += (
-        f"Camera.width: {first.width}\nCamera.height: {first.height}\n"
-        f"Camera.fps: {max(1, round(first.rate))}\nCamera.RGB: 1\n"
+        f"Camera.width: {camera.width}\nCamera.height: {camera.height}\n"
+        f"Camera.fps: {max(1, round(camera.rate))}\nCamera.RGB: 1\n"
         f"IMU.T_b_c1: {opencv_matrix(np.asarray(rig.imu_camera(names[0])), 'f')}"
     )
     return text + _imu(rig.imu) + _FIXED
 
 
 def _lens_remarks(rig: RigValues, names: list[str]) -> list[str]:
-    """Return what becomes of a second fisheye's distortion (Settings.cc, readCamera2)."""
+    """Return a remark on the distortion of a second fisheye (Settings.cc, readCamera2)."""
     lenses = [rig.cameras[name] for name in names]
-    if kind(lenses[0]) != "equidistant" or len({tuple(four(lens)) for lens in lenses}) == 1:
+    if (
+        kind(lenses[0]) != "equidistant"
+        or len({tuple(four_coefficients(lens)) for lens in lenses}) == 1
+    ):
         return []
     return [
         "ORB_SLAM3 (1464d8fe5c) reads a second fisheye's distortion from Camera1.k1 to k4, too: "
@@ -117,9 +121,9 @@ def _lens_remarks(rig: RigValues, names: list[str]) -> list[str]:
 def _camera(prefix: str, camera: CameraParameters, stereo: bool) -> str:
     numbers = dict(zip(("fx", "fy", "cx", "cy"), camera.intrinsics, strict=True))
     if kind(camera) == "equidistant":
-        numbers.update(zip(("k1", "k2", "k3", "k4"), four(camera), strict=True))
+        numbers.update(zip(("k1", "k2", "k3", "k4"), four_coefficients(camera), strict=True))
     else:
-        numbers.update(zip(("k1", "k2", "p1", "p2"), four(camera), strict=True))
+        numbers.update(zip(("k1", "k2", "p1", "p2"), four_coefficients(camera), strict=True))
         if len(camera.distortion) == 5:
             numbers["k3"] = camera.distortion[4]
     text = "".join(f"{prefix}.{key}: {real(value)}\n" for key, value in numbers.items())

@@ -1,7 +1,7 @@
 # Copyright 2026 imu_sim_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""A rig in the form of the stacks, and whether they can initialise at the flight's start."""
+"""A camera rig in the form of the stacks, and the stacks that its start of flight defeats."""
 
 from collections.abc import Collection, Iterator, Mapping
 from dataclasses import dataclass
@@ -25,23 +25,23 @@ class RigValues:
 
     imu: ImuValues
     cameras: Mapping[str, CameraParameters]
-    """By name, in order."""
+    """Cameras by name, in order."""
     topics: Mapping[str, str]
     """Topic of each camera's images."""
     scene: SceneParameters
     bad_starts: tuple["BadStart", ...] = ()
 
     def start_remarks(self, stack: str) -> Iterator[str]:
-        """Yield why a stack will initialise badly, a sentence each."""
-        yield from (f"WARNING: {one.line}" for one in self.bad_starts if one.stack == stack)
+        """Yield a sentence for each reason for which a stack will initialise badly."""
+        yield from (f"WARNING: {start.line}" for start in self.bad_starts if start.stack == stack)
 
     def imu_camera(self, name: str) -> Array:
         """Return T_ic (4, 4), which maps coordinates from a camera to the IMU."""
         return inverse_pose(mount_of(self.imu.imu)) @ pose_matrix(*self.cameras[name].pose())
 
-    def between(self, first: str, second: str) -> Array:
-        """Return T (4, 4), which maps coordinates from the second camera to the first."""
-        return inverse_pose(self.imu_camera(first)) @ self.imu_camera(second)
+    def between(self, target: str, source: str) -> Array:
+        """Return T (4, 4), which maps coordinates from the source camera to the target camera."""
+        return inverse_pose(self.imu_camera(target)) @ self.imu_camera(source)
 
     def camera_imu(self, name: str) -> Array:
         """Return T_ci (4, 4), which maps coordinates from the IMU to a camera."""
@@ -55,7 +55,7 @@ class RigValues:
         return self.cameras[name].time_offset + self.imu.lateness
 
     def fits(self, *models: str) -> bool:
-        """Return whether all cameras are of the models named by :func:`kind`."""
+        """Return whether all cameras are of these kinds of lens (:func:`kind`)."""
         return all(kind(camera) in models for camera in self.cameras.values())
 
     def remarks(
@@ -63,17 +63,18 @@ class RigValues:
     ) -> Iterator[str]:
         """Yield a sentence for each property of the cameras that a format cannot express.
 
-        :param expressed: parameters that it can express next to lens, mount and rate; ``k3``: the
+        :param expressed: parameters that the format can express next to lens, mount and rate;
+            ``k3``: the
             fifth coefficient of a pinhole; ``unified.distortion``: four of that sphere;
             ``time_offset``: the time shift between camera and IMU.
-        :param cameras: how many it describes, the first ones; None: all.
-        :param offsets: it has a time offset for each camera; else one for all, the first one's.
+        :param cameras: number of cameras in the format, the first ones; None: all.
+        :param offsets: True if the format has a time offset for each camera, not only one for all.
         """
-        described = list(self.cameras.items())[:cameras]
-        for name, camera in described:
+        cameras_in_format = list(self.cameras.items())[:cameras]
+        for name, camera in cameras_in_format:
             terms = list(_simulated(camera, expressed))
-            shift, first = self.time_shift(name), self.time_shift(described[0][0])
-            expressible = "time_offset" in expressed and (offsets or shift == first)
+            shift, first_shift = self.time_shift(name), self.time_shift(cameras_in_format[0][0])
+            expressible = "time_offset" in expressed and (offsets or shift == first_shift)
             if shift and not expressible:
                 terms.append(f"time_offset = {decimal(shift)} s (of the camera to the IMU)")
             if terms:
@@ -91,11 +92,11 @@ _NO_TERMS: Final = frozenset(
         *("grid_columns", "border", "min_depth", "max_depth"),
     ]
 )
-"""What a format has its own place for, what a front end chooses, and what is no error."""
+"""Parameters that a format has a place for, that a front end chooses, or that are no error."""
 
 
 def _simulated(camera: CameraParameters, expressed: Collection[str]) -> Iterator[str]:
-    """Yield the errors of a camera that a format does not have, with their values."""
+    """Yield the errors of a camera that a format cannot express, with their values."""
     sphere = camera.model != "pinhole"
     if sphere and any(camera.distortion) and f"{camera.model}.distortion" not in expressed:
         yield f"distortion = [{', '.join(map(decimal, camera.distortion))}]"
@@ -108,9 +109,9 @@ def _simulated(camera: CameraParameters, expressed: Collection[str]) -> Iterator
             continue
         if name in _NO_TERMS or name in expressed or value == getattr(perfect, name):
             continue
-        shown = f" {parameter.unit}" if parameter.unit not in ("", "1") else ""
+        unit = f" {parameter.unit}" if parameter.unit not in ("", "1") else ""
         rolling = " (rolling shutter)" if name == "row_time" else ""
-        yield f"{name} = {decimal(value)}{shown}{rolling}"
+        yield f"{name} = {decimal(value)}{unit}{rolling}"
 
 
 def kind(camera: CameraParameters) -> str:
@@ -123,13 +124,13 @@ def kind(camera: CameraParameters) -> str:
     return "equidistant" if camera.distortion_model == "equidistant" else "radtan"
 
 
-def four(camera: CameraParameters) -> list[float]:
+def four_coefficients(camera: CameraParameters) -> list[float]:
     """Return four coefficients of distortion, zeros if there is none."""
     return [*camera.distortion, 0.0, 0.0, 0.0, 0.0][:4]
 
 
-def listed(values: Iterator[float] | list[float] | tuple[float, ...]) -> str:
-    """Return numbers as a list of YAML."""
+def yaml_list(values: Iterator[float] | list[float] | tuple[float, ...]) -> str:
+    """Return numbers as a YAML list."""
     return f"[{', '.join(real(value) for value in values)}]"
 
 
@@ -148,48 +149,48 @@ def opencv_matrix(matrix: Array, code: str = "d") -> str:
 REST_THRESHOLD: Final = 0.5
 """``init_imu_thresh`` of the estimator_config.yaml that is written [m/s^2]."""
 _WINDOW: Final = 1.0
-"""Half of its ``init_window_time`` [s]."""
+"""Half of the ``init_window_time`` of OpenVINS [s]."""
 _STATIC: Final = "ov_init/src/static/StaticInitializer.cpp"
 _VELOCITY_SIGMA: Final = 0.01
-"""Standard deviation of the zero velocity that it starts with [m/s]."""
+"""Initial standard deviation of the zero velocity in OpenVINS [m/s]."""
 _BIAS_SIGMA: Final = 0.02
-"""Standard deviation of the accelerometer's bias that it starts with [m/s^2].
+"""Initial standard deviation of the accelerometer's bias in OpenVINS [m/s^2].
 
-That of the attitude, 0.02 rad, allows ten times as much of a bias across gravity.
+The attitude's, 0.02 rad, allows ten times as large a bias across gravity.
 """
-_MANY: Final = 2.0
-"""Standard deviations beyond which a start is called bad."""
+_MAX_SIGMAS: Final = 2.0
+"""Standard deviations beyond which a start is bad."""
 _GRAVITY: Final = {"VINS-Mono": 1.0, "VINS-Fusion": 0.5}
-"""How far the magnitude of gravity may be off, initial_aligment.cpp [m/s^2]."""
+"""Largest error of the magnitude of gravity, initial_aligment.cpp [m/s^2]."""
 
 
 class InitialMotion(NamedTuple):
-    """The true motion of an IMU at the start of a flight, at n times."""
+    """True motion of an IMU at the start of a flight, at n times."""
 
     t: Array
-    """(n,) after the start, evenly spaced [s]."""
+    """(n,) times after the start, evenly spaced [s]."""
     accel: Array
-    """(n, 3) specific force, without errors [m/s^2]."""
+    """(n, 3) specific force without errors [m/s^2]."""
     speed: Array
-    """(n,) [m/s]."""
+    """(n,) speed [m/s]."""
 
 
 class BadStart(NamedTuple):
     """A stack that will initialise badly."""
 
     stack: str
-    why: str
-    """With the stack's threshold and the source."""
+    reason: str
+    """Reason, with the stack's threshold and its source."""
 
     @property
     def line(self) -> str:
-        """Both in a line."""
-        return f"{self.stack}: {self.why}"
+        """Stack and reason in one line."""
+        return f"{self.stack}: {self.reason}"
 
 
 def bad_starts(values: ImuValues, start: InitialMotion) -> Iterator[BadStart]:
-    """Yield which stacks will initialise badly at the start of a flight."""
-    yield from (BadStart("OpenVINS", why) for why in _openvins(values, start))
+    """Yield the stacks that will initialise badly at the start of a flight."""
+    yield from (BadStart("OpenVINS", reason) for reason in _openvins(values, start))
     bias = values.axes("accelerometer_bias")
     size = float(np.linalg.norm(bias))
     for stack, limit in _GRAVITY.items():
@@ -212,11 +213,11 @@ def _openvins(values: ImuValues, start: InitialMotion) -> Iterator[str]:
             f"after it{speed}; trajectory.lead_in.rest=2 begins with both"
         )
         return
-    # The mean reading at rest gives the attitude and, along it, the bias: what lies across is 0.
+    # At rest, the mean reading gives the attitude and the bias along gravity, not the one across.
     force = start.accel[np.searchsorted(start.t, rest)]
     cross = np.cross(values.axes("accelerometer_bias"), force / np.linalg.norm(force))
     across = float(np.linalg.norm(cross))
-    if across > _MANY * _BIAS_SIGMA:
+    if across > _MAX_SIGMAS * _BIAS_SIGMA:
         yield (
             "the accelerometer's bias of this run tilts its first attitude by "
             f"{across / values.gravity:.3f} rad: {across:.2g} m/s^2 of it are across gravity, and "
@@ -226,18 +227,21 @@ def _openvins(values: ImuValues, start: InitialMotion) -> Iterator[str]:
 
 
 def _rest(values: ImuValues, start: InitialMotion) -> tuple[float | None, str]:
-    """Return the end of a rest before a jerk [s]; None: why the accelerometer alone would err."""
+    """Return the end of a rest before a jerk [s]; None: with the reason, if it seems so."""
     count = round(_WINDOW / (start.t[1] - start.t[0]))
     if len(start.t) < 2 * count:
         return None, ""
     windows = np.lib.stride_tricks.sliding_window_view(start.accel, count, axis=0)
     deviation = np.sqrt(windows.var(axis=2).sum(axis=1) + values.rest_deviation**2)
-    before, after = deviation[:-count], deviation[count:]
-    found = np.flatnonzero((before <= REST_THRESHOLD) & (after >= REST_THRESHOLD)) + count
-    still = found[start.speed[found] <= _MANY * _VELOCITY_SIGMA]
-    if len(still):
-        return float(start.t[still[0]]), ""
-    if not len(found):
+    deviation_before, deviation_after = deviation[:-count], deviation[count:]
+    starts = (
+        np.flatnonzero((deviation_before <= REST_THRESHOLD) & (deviation_after >= REST_THRESHOLD))
+        + count
+    )
+    at_rest = starts[start.speed[starts] <= _MAX_SIGMAS * _VELOCITY_SIGMA]
+    if len(at_rest):
+        return float(start.t[at_rest[0]]), ""
+    if not len(starts):
         return None, ""
-    moving = start.speed[found[0]]
-    return None, f" (at {start.t[found[0]]:.1f} s it seems so, at a speed of {moving:.2g} m/s)"
+    moving = start.speed[starts[0]]
+    return None, f" (at {start.t[starts[0]]:.1f} s it seems so, at a speed of {moving:.2g} m/s)"

@@ -29,10 +29,10 @@ def files(subject: Subject) -> dict[str, str]:
     body = subject.aiding
     if body is None:
         return {}
-    found = {"ekf.yaml": _ekf(body)}
+    texts = {"ekf.yaml": _ekf(body)}
     if body.gnss is not None:
-        found["navsat.yaml"] = _navsat(body.parameters)
-    return found
+        texts["navsat.yaml"] = _navsat(body.parameters)
+    return texts
 
 
 def _ekf(body: Aiding) -> str:
@@ -85,11 +85,11 @@ def _filter(name: str, world: str, body: Aiding, *, fixes: bool) -> str:
     return f"{name}:\n  ros__parameters:\n{text}"
 
 
-def _odometry(number: int, topic: str, which: str) -> list[str]:
+def _odometry(number: int, topic: str, used: str) -> list[str]:
     name = f"odom{number}"
     return [
         f"{name}: {topic}",
-        _booleans(name, [letter == "T" for letter in which.replace(" ", "")]),
+        _booleans(name, [letter == "T" for letter in used.replace(" ", "")]),
         f"{name}_differential: false",
         f"{name}_relative: false",
         f"{name}_queue_size: 20",
@@ -97,13 +97,13 @@ def _odometry(number: int, topic: str, which: str) -> list[str]:
 
 
 def _config(name: str, rows: tuple[int, ...]) -> str:
-    """Return a configuration in which whole rows of three are used."""
+    """Return a configuration that uses whole rows of three."""
     return _booleans(name, [k // 3 in rows for k in range(15)])
 
 
 def _booleans(name: str, used: list[bool]) -> str:
     indent = " " * (len(name) + len("    _config: ["))
-    rows = [", ".join(str(one).lower() for one in used[k : k + 3]) for k in range(0, 15, 3)]
+    rows = [", ".join(str(flag).lower() for flag in used[k : k + 3]) for k in range(0, 15, 3)]
     lines = [f"{row}{',' if k < 4 else ']'}  # {_ROWS[k]}" for k, row in enumerate(rows)]
     return f"{name}_config: [" + f"\n{indent}".join(lines)
 

@@ -1,7 +1,7 @@
 # Copyright 2026 imu_sim_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""What the files of the stacks describe."""
+"""Subject of the stacks' files."""
 
 from typing import NamedTuple
 
@@ -18,9 +18,9 @@ class Subject(NamedTuple):
     rig: RigValues | None = None
     """Cameras on the same IMU; None: there are none."""
     parameters: SimulationParameters | None = None
-    """Of the simulation, which has the sensors of the body; None: there are none."""
+    """Parameters of the simulation, with the sensors of the body; None: unknown."""
 
     @property
     def aiding(self) -> Aiding | None:
-        """What the body carries for the IMU; None: neither GNSS nor wheels."""
+        """Aiding sensors of the body; None: neither GNSS nor wheels."""
         return None if self.parameters is None else aiding(self.imu, self.parameters)

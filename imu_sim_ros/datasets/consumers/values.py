@@ -19,17 +19,16 @@ from imu_sim_ros.sensors.imu.parameters import ImuParameters
 from imu_sim_ros.types import Array
 
 DENSITIES: Final = tuple(f"{t}_{key}" for t in TRIADS for key in ("noise_density", "random_walk"))
-"""The four numbers that every stack uses in some form."""
+"""Names of the four numbers that every stack uses in some form."""
 SMALLEST: Final = 1e-12
-"""Replaces 0 if a stack divides by the number, or refuses 0 as kalibr does."""
+"""Number in place of 0 for stacks that divide by it or, like kalibr, refuse 0."""
 _SMALLEST_DETERMINANT: Final = 1e-6
 _FLICKER: Final = math.sqrt(2.0 * math.log(2.0) / math.pi)
 HORIZON: Final = 1.0
-"""[s] at which a walk is as large as the 1/f noise.
+"""Time at which the random walk of an estimator stands for the 1/f noise [s].
 
-A smoother in gtsam with CombinedImuFactors and a pose every 0.2 s (good to 1 mm or 1 cm; 32 runs of
-30 s of icm42688p without scale errors) then has a NEES of 1.0 to 1.2 per degree of freedom for
-velocity and pose; with 10 s it is 1.7 to 4.4, with hardly any walk 3 to 10.
+Chosen for the consistency of a smoother in gtsam (CombinedImuFactors, a pose every 0.2 s): with
+1 s its NEES per degree of freedom is close to 1, with 10 s it is 2 to 4.
 """
 # These determine how another parameter is interpreted, or choose among forms of the same.
 _NO_TERMS: Final = frozenset(
@@ -41,10 +40,10 @@ _NO_TERMS: Final = frozenset(
     ]
 )
 _SAME_TIME: Final = 1e-5
-"""Largest difference of delays that no stack resolves [s]."""
+"""Largest difference of delays that stacks ignore [s]."""
 _VIBRATION: Final = ("vibration.line_amplitude", "vibration.band_density")
-"""The strengths of the vehicle's vibration; the rest of it says where and when."""
-# Poses: consumers take the trajectory of the IMU from the truth, and its mount from the user.
+"""Parameters of the vehicle's vibration that are strengths; the others say where and when."""
+# The consumers' trajectories are of the IMU, and the user states the mount.
 _EXTRINSICS: Final = frozenset(["lever_arm", "mounting"])
 
 
@@ -53,22 +52,22 @@ class ImuValues:
     """One IMU as its consumers see it."""
 
     imu: ImuParameters
-    """All simulated parameters, with the drawn constants of this run in their places."""
+    """Simulated parameters, with the constants drawn for this run."""
     rate: float
-    """Samples per second [Hz]."""
+    """Sample rate [Hz]."""
     gravity: float
-    """Magnitude [m/s^2]."""
+    """Magnitude of gravity [m/s^2]."""
     topic: str
     """Topic of the readings."""
     duration: float = 0.0
-    """Length of the record [s]; 0: not known."""
+    """Length of the record [s]; 0: unknown."""
 
     def axes(self, name: str) -> Array:
         """Return a parameter of the IMU per axis (3,)."""
         return np.asarray(flatten(self.imu)[name], dtype=np.float64)
 
     def filter_axes(self, name: str) -> Array:
-        """Return a density (3,) for an estimator, whose walk stands for the 1/f noise as well.
+        """Return a density (3,) for an estimator, whose walk includes the 1/f noise.
 
         The Allan deviations of a walk and of 1/f noise, ``K sqrt(t / 3)`` and ``0.664 B``, meet at
         the horizon T if ``K^2 = 3 (0.664 B)^2 / T``, which is added to the square of the walk.
@@ -79,26 +78,26 @@ class ImuValues:
         flicker = math.sqrt(3.0 / HORIZON) * _FLICKER * self.axes(f"{triad}_bias_instability")
         return np.hypot(self.axes(name), flicker)
 
-    def one(self, name: str) -> float:
-        """Return a density for an estimator, one for three axes: their root mean square."""
+    def rms_density(self, name: str) -> float:
+        """Return the root mean square over the axes of a density for an estimator."""
         return _root_mean_square(self.filter_axes(name))
 
     def densities(self) -> dict[str, float]:
-        """Return the four numbers of kalibr as simulated, continuous time, one for three axes."""
+        """Return kalibr's four numbers as simulated: continuous time, one for three axes."""
         return {name: _root_mean_square(self.axes(name)) for name in DENSITIES}
 
     def positive_densities(self) -> dict[str, float]:
-        """Return the same for an estimator, above 0."""
-        return {name: max(self.one(name), SMALLEST) for name in DENSITIES}
+        """Return kalibr's four numbers for an estimator, each above 0."""
+        return {name: max(self.rms_density(name), SMALLEST) for name in DENSITIES}
 
     def response(self, triad: str) -> Array:
-        """Return S (3, 3) of ``reading = S x + ...``; the identity if no stack can undo it."""
+        """Return S (3, 3) of ``reading = S x + ...``; the identity if no stack can invert it."""
         if self.is_reversible(triad):
             return np.reshape(self.axes(f"{triad}_scale_misalignment"), (3, 3))
         return np.eye(3)
 
     def is_reversible(self, triad: str) -> bool:
-        """Return whether S has an inverse and does not mirror."""
+        """Return whether S is invertible and does not mirror."""
         s = np.reshape(self.axes(f"{triad}_scale_misalignment"), (3, 3))
         return float(np.linalg.det(s)) > _SMALLEST_DETERMINANT
 
@@ -127,7 +126,7 @@ class ImuValues:
         return self.imu.stamp_offset + float(np.mean(self.imu.delay("gyroscope", self.rate)))
 
     def delay_remarks(self) -> Iterator[str]:
-        """Yield a sentence if axes or triads lag differently, which a single time shift lacks."""
+        """Yield a sentence if the delays of axes or triads differ: one time shift is not enough."""
         mean = self.lateness - self.imu.stamp_offset
         for triad in TRIADS:
             delays = self.imu.delay(triad, self.rate)
@@ -141,17 +140,17 @@ class ImuValues:
     def missing(self, expressed: Collection[str] = ()) -> list[str]:
         """Return the simulated terms that a format cannot express, by parameter.
 
-        :param expressed: the parameters that it can express in addition to the four densities.
+        :param expressed: parameters that the format can express in addition to the four densities.
         """
         default = flatten(ImuParameters())
-        passed_over = {*DENSITIES, *expressed, *_NO_TERMS, *_EXTRINSICS}
-        passed_over -= {f"{t}_scale_misalignment" for t in TRIADS if not self.is_reversible(t)}
-        without = (t for t in TRIADS if not any(self.imu.low_pass(t, self.rate)))
-        passed_over |= {f"{t}_bandwidth" for t in without}
+        ignored = {*DENSITIES, *expressed, *_NO_TERMS, *_EXTRINSICS}
+        ignored -= {f"{t}_scale_misalignment" for t in TRIADS if not self.is_reversible(t)}
+        unfiltered = (t for t in TRIADS if not any(self.imu.low_pass(t, self.rate)))
+        ignored |= {f"{t}_bandwidth" for t in unfiltered}
         return [
             name
             for name, value in flatten(self.imu).items()
-            if name not in passed_over and value != default[name] and _of_the_imu(name)
+            if name not in ignored and value != default[name] and _is_imu_error(name)
         ]
 
     def uneven(self) -> list[str]:
@@ -163,12 +162,12 @@ def _root_mean_square(axes: Array) -> float:
     return math.sqrt(float(np.mean(axes**2)))
 
 
-def _of_the_imu(name: str) -> bool:
+def _is_imu_error(name: str) -> bool:
     """Return whether a parameter is an error of the IMU's readings, whatever its value."""
     if name.startswith("vibration."):
         return name in _VIBRATION
-    # The stacks do not read what other sensors are with an IMU.
-    return not name.startswith(tuple(f"{one.name}_" for one in sensors_of_imus()))
+    # Stacks do not read the other sensors of an IMU.
+    return not name.startswith(tuple(f"{sensor.name}_" for sensor in sensors_of_imus()))
 
 
 def remarks(
@@ -181,10 +180,10 @@ def remarks(
     """Yield the notes of a file on its numbers, a sentence each.
 
     :param expressed: parameters of the IMU that the format can express, next to the densities.
-    :param per_axis: the format has a number for each axis.
-    :param above_zero: the format needs numbers above 0.
+    :param per_axis: True if the format has a number for each axis.
+    :param above_zero: True if the format needs numbers above 0.
     """
-    zero = [name for name in DENSITIES if values.one(name) == 0.0]
+    zero = [name for name in DENSITIES if values.rms_density(name) == 0.0]
     walks = [f"{t}_random_walk" for t in TRIADS if values.axes(f"{t}_bias_instability").any()]
     if walks and not set(expressed).issuperset(f"{t}_bias_instability" for t in TRIADS):
         yield (
@@ -221,6 +220,6 @@ def rows(matrix: Array, indent: str) -> str:
 
 
 def real(value: float) -> str:
-    """Return a number that YAML readers parse as floating point."""
-    words = decimal(value)
-    return words if "." in words else f"{words}.0"
+    """Return a number as text that YAML readers parse as floating point."""
+    text = decimal(value)
+    return text if "." in text else f"{text}.0"

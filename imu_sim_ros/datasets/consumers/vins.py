@@ -1,7 +1,7 @@
 # Copyright 2026 imu_sim_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""VINS-Mono and VINS-Fusion: their configuration, whole with cameras (parameters.cpp).
+"""VINS-Mono and VINS-Fusion: their configurations (parameters.cpp).
 
 Lenses are camodocal's: PINHOLE (radial-tangential), KANNALA_BRANDT (its k2 to k5 are the
 equidistant model's k1 to k4), MEI (unified sphere).
@@ -12,14 +12,14 @@ from collections.abc import Iterator
 from typing import Final
 
 from imu_sim_ros.bags.text.decimals import decimal
-from imu_sim_ros.datasets.consumers.rig import RigValues, four, kind, opencv_matrix
+from imu_sim_ros.datasets.consumers.rig import RigValues, four_coefficients, kind, opencv_matrix
 from imu_sim_ros.datasets.consumers.subject import Subject
 from imu_sim_ros.datasets.consumers.values import ImuValues, comment, real, remarks
 from imu_sim_ros.sensors.camera.parameters import CameraParameters
 
 
 def files(subject: Subject) -> dict[str, str]:
-    """Return the files of VINS-Mono and VINS-Fusion, whole for cameras that both support."""
+    """Return the files of VINS-Mono and VINS-Fusion, complete for cameras that both support."""
     rig = subject.rig
     if rig is None or not rig.fits(*KINDS):
         return {
@@ -60,7 +60,7 @@ def config(values: ImuValues, *, fusion: bool) -> str:
 def _numbers(values: ImuValues) -> str:
     root = math.sqrt(values.rate)
     numbers = "".join(
-        f"{key}: {decimal(values.one(f'{triad}_{term}') * root)}\n"
+        f"{key}: {decimal(values.rms_density(f'{triad}_{term}') * root)}\n"
         for key, triad, term in (
             ("acc_n", "accelerometer", "noise_density"),
             ("gyr_n", "gyroscope", "noise_density"),
@@ -72,9 +72,9 @@ def _numbers(values: ImuValues) -> str:
 
 
 KINDS: Final = ("radtan", "equidistant", "unified")
-"""Lens models of camodocal, which has no double sphere."""
+"""Lens models of camodocal; it has no double sphere."""
 _EXPRESSED: Final = ("time_offset", "unified.distortion")
-"""Errors of a camera that it has keys for; a rolling shutter is not one."""
+"""Errors of a camera that the configuration has keys for, other than a rolling shutter."""
 _TRACKER: Final = """max_cnt: 150
 min_dist: 30
 freq: 10
@@ -90,7 +90,7 @@ keyframe_parallax: 10.0
 def lens(camera: CameraParameters) -> str:
     """Return a camera in camodocal's terms."""
     fx, fy, cx, cy = camera.intrinsics
-    k = four(camera)
+    k = four_coefficients(camera)
     name = {"radtan": "PINHOLE", "equidistant": "KANNALA_BRANDT", "unified": "MEI"}[kind(camera)]
     text = (
         f"model_type: {name}\ncamera_name: camera\nimage_width: {camera.width}\n"
@@ -122,7 +122,7 @@ def camera_file(camera: CameraParameters) -> str:
 
 
 def mono(rig: RigValues) -> str:
-    """Return VINS-Mono's configuration, whole, with the first camera."""
+    """Return VINS-Mono's configuration with the first camera."""
     name, camera = next(iter(rig.cameras.items()))
     t_ic = rig.imu_camera(name)
     head = _head("VINS-Mono", rig, rig.remarks((*_EXPRESSED, "row_time"), 1))
@@ -142,12 +142,12 @@ def mono(rig: RigValues) -> str:
 
 
 def fusion(rig: RigValues, prefix: str) -> str:
-    """Return VINS-Fusion's configuration, whole, with the first two cameras.
+    """Return VINS-Fusion's configuration with the first two cameras.
 
-    :param prefix: of the names of the cameras' files, ``PREFIX_cam0.yaml``.
+    :param prefix: prefix of the names of the cameras' files, ``PREFIX_cam0.yaml``.
     """
     names = list(rig.cameras)[:2]
-    first = rig.cameras[names[0]]
+    camera = rig.cameras[names[0]]
     head = _head("VINS-Fusion", rig, rig.remarks(_EXPRESSED, 2, offsets=False))
     topics = "".join(f'image{k}_topic: "{rig.topics[name]}"\n' for k, name in enumerate(names))
     files = "".join(f'cam{k}_calib: "{prefix}_cam{k}.yaml"\n' for k in range(len(names)))
@@ -157,7 +157,7 @@ def fusion(rig: RigValues, prefix: str) -> str:
     return (
         f"%YAML:1.0\n{head}imu: 1\nnum_of_cam: {len(names)}\n"
         f'imu_topic: "{rig.imu.topic}"\n{topics}output_path: "/tmp/"\n{files}'
-        f"image_width: {first.width}\nimage_height: {first.height}\n"
+        f"image_width: {camera.width}\nimage_height: {camera.height}\n"
         f"estimate_extrinsic: 0\n{mounts}multiple_thread: 1\n{_TRACKER}flow_back: 1\n"
         f"{_OPTIMISER}{_numbers(rig.imu)}estimate_td: 1\ntd: {real(rig.time_shift(names[0]))}\n"
         'load_previous_pose_graph: 0\npose_graph_save_path: "/tmp/"\nsave_image: 0\n'

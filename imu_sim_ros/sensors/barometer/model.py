@@ -85,7 +85,7 @@ class Gusts:
         """Start in still air.
 
         :param rate: mean number of steps in a second.
-        :param sigma: of the pressure [Pa].
+        :param sigma: standard deviation of the pressure [Pa].
         """
         self._times, self._sizes = (generator(seed, f"{NAME}.gust{part}") for part in ("", "_size"))
         self._probability = -math.expm1(-rate * dt)

@@ -30,7 +30,7 @@ class RinexFiles:
     ) -> None:
         """Open them.
 
-        :param files: of observations, and of navigation data.
+        :param files: files of observations, and of navigation data.
         """
         self._own, self._t0_ns = own, t0_ns
         self._start = gps_time(t0_ns)

@@ -204,7 +204,7 @@ def almanac(week: int, toe: float) -> Ephemerides:
     The same satellites have other numbers for each reference time, and the same places. All numbers
     are as a RINEX file holds them, with 13 digits.
 
-    :param week: of the reference time.
+    :param week: week of the reference time.
     :param toe: [s]
     """
     k = np.arange(PLANES * IN_A_PLANE)

@@ -43,8 +43,8 @@ class Broadcast:
     def __init__(self, file: str, start: GpsTime) -> None:
         """Read a file; without one the satellites are those of :func:`almanac`.
 
-        :param file: of RINEX navigation data, version 2 or 3; empty: none.
-        :param start: of the run.
+        :param file: file of RINEX navigation data, version 2 or 3; empty: none.
+        :param start: start of the run.
         :raises ConfigurationError: for a file that cannot be read or has nothing for the start.
         """
         self.ionosphere: Array | None = None

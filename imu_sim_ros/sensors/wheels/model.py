@@ -53,7 +53,7 @@ def wheel_positions(model: str, track: float, wheelbase: float) -> Array:
 def realised_wheels(p: WheelsParameters, seed: int, name: str) -> WheelsParameters:
     """Return the wheels of a seed, with the true radii, distances and offset in their positions.
 
-    :param name: of the wheels among the sensors.
+    :param name: name of the wheels among the sensors.
     """
 
     def drawn(source: str, percent: float, count: int) -> Array:
