@@ -39,7 +39,7 @@ OPTIONAL = {
     "frames": ["pandas"],
     "magnetic": ["pygeomag"],
     "mesh": ["trimesh>=4.0", "embreex>=4.4"],
-    "view": ["rerun-sdk>=0.22"],
+    "view": ["rerun-sdk>=0.23"],
 }
 DEVELOPMENT = {
     "docs": ["docutils>=0.21", "furo", "myst-parser", "sphinx"],
