@@ -160,6 +160,17 @@ def log(q: ArrayLike) -> Array:
     return stack(components.log(quaternion(q)))
 
 
+def interpolate(start: ArrayLike, end: ArrayLike, share: ArrayLike) -> Array:
+    """Return rotations (n, 4) between two, at constant rate about one axis (Shoemake 1985).
+
+    :param start: (n, 4).
+    :param end: (n, 4).
+    :param share: (n,) share of the way from start to end, from 0 to 1.
+    """
+    turn = log(multiply(conjugate(start), end))
+    return multiply(start, exp(np.asarray(share)[:, None] * turn))
+
+
 def skew(v: ArrayLike) -> Array:
     """Return the matrices (..., 3, 3) with ``skew(a) @ b = a x b`` of vectors (..., 3)."""
     v = np.asarray(v, dtype=np.float64)

@@ -67,6 +67,7 @@ ONLY_IN = {
     "geometry_msgs": {"nodes"},
     "rosbags": {"bags"},
     "mcap": {"bags"},
+    "pyulog": {"bags"},
     "matplotlib": {"plots"},
     "cv2": {"sensors"},
     "numba": {"sensors"},

@@ -64,14 +64,16 @@ def chosen(bag: Bag, names: Collection[str]) -> list[TopicInfo]:
 
     :raises InputError: with a line for every topic that the bag lacks.
     """
-    wanted = ["/" + name.lstrip("/") for name in names]
-    have = {"/" + topic.name.lstrip("/"): topic for topic in bag.topics}
-    lacking = [name for name in wanted if name not in have]
+    found = [bag.find(name) for name in names]
+    lacking = [
+        f"/{name.lstrip('/')}" for name, topic in zip(names, found, strict=True) if topic is None
+    ]
     if lacking:
         raise InputError(
             [f"{bag.path}: has no topic {name}; {missing(name, bag.topics)}" for name in lacking]
         )
-    return [have[name] for name in wanted] if wanted else list(bag.topics)
+    topics = [topic for topic in found if topic is not None]
+    return topics if names else list(bag.topics)
 
 
 def bag_to_bag(

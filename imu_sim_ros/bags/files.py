@@ -1,13 +1,14 @@
 # Copyright 2026 imu_sim_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Bags by what their files hold: the reader of each container, and of compressed files."""
+"""Bags and logs by what their files hold: the reader of each container, and compressed files."""
 
 from contextlib import ExitStack
 from pathlib import Path
 from typing import Final
 
 from imu_sim_ros.bags.compressed_files import compression_of, unpack
+from imu_sim_ros.bags.logs.catalogue import open_log
 from imu_sim_ros.bags.mcap_reader import McapBag
 from imu_sim_ros.bags.outputs import active_path, is_being_written, unfinished
 from imu_sim_ros.bags.reader import Bag, Recover, errors_naming
@@ -22,7 +23,9 @@ _ADVICE: Final = "convert_bag --recover recovers the complete messages"
 
 
 def open_bag(path: str | Path, recover: Recover = False) -> Bag:
-    """Open a ROS 1 bag, an MCAP file, or a rosbag2 folder or database; contents decide, not names.
+    """Open a ROS 1 bag, an MCAP file, a rosbag2 folder or database, or a log.
+
+    Contents decide, not names.
 
     A file that is compressed as a whole is unpacked into the folder for temporary files.
 
@@ -57,7 +60,7 @@ def _open(path: Path, recover: Recover) -> Bag:
     """Open a file or folder that nobody writes, or as much as there is of it in recovery."""
     with errors_naming(path, "" if recover else f"; {_ADVICE}"):
         if path.is_dir():
-            return Rosbag2Folder(path, _open_file, recover)
+            return open_log(path, b"", recover) or Rosbag2Folder(path, _open_file, recover)
         try:
             open_regular(path).close()
         except InputError as error:
@@ -103,5 +106,8 @@ def _open_plain(path: Path, magic: bytes, recover: Recover) -> Bag:
         return McapBag(path, recover)
     if magic.startswith(b"SQLite format 3\0"):
         return SqliteBag(path, recover)
+    log = open_log(path, magic, recover)
+    if log is not None:
+        return log
     no_bag = f"not a bag; the name of a text file ends in {' or '.join(DATASET_SUFFIXES)}"
     raise InputError(f"{path}: {no_bag if magic else 'an empty file'}")

@@ -177,6 +177,15 @@ class Bag(AbstractContextManager["Bag"], ABC):
             if rest:
                 yield rest
 
+    def find(self, name: str) -> TopicInfo | None:
+        """Return the topic of a name, with or without the slash before it; None: there is none."""
+        plain = name.strip("/")
+        return next((topic for topic in self.topics if topic.name.strip("/") == plain), None)
+
+    def default(self, type_name: str) -> str | None:
+        """Return the topic of a type that is read if the user names none; None: the only one."""
+        return None
+
     def topic(self, type_name: str, name: str | None) -> TopicInfo:
         """Return the topic of a type: the named one, or the only one.
 
@@ -186,10 +195,11 @@ class Bag(AbstractContextManager["Bag"], ABC):
         :raises InputError: if there is none, or several; the line lists them.
         """
         fitting = [topic for topic in self.topics if topic.type == type_name]
+        name = self.default(type_name) if name is None else name
         if name is not None:
-            named = [topic for topic in fitting if topic.name.lstrip("/") == name.lstrip("/")]
-            if named:
-                return named[0]
+            named = self.find(name)
+            if named is not None and named.type == type_name:
+                return named
             hint = missing(name, self.topics, fitting)
             raise InputError(f"{self.path}: has no topic {name} of {type_name}; {hint}")
         measured = [topic for topic in fitting if not topic.name.endswith("/" + IDEAL_IMU_TOPIC)]

@@ -118,10 +118,9 @@ def table_of(path: Path, topic: str, tables: Tables) -> Table | None:
         kind = text_reader.table_names(path, tables).get(topic)
         return None if kind is None else tables[kind]
     with open_bag(path) as bag:
-        types = {info.name.lstrip("/"): info.type for info in bag.topics}
-    found = types.get(topic.lstrip("/"))
+        info = bag.find(topic)
     converted = (table for table in tables.values() if table.is_converted)
-    return next((table for table in converted if table.type == found), None)
+    return next((table for table in converted if info and table.type == info.type), None)
 
 
 class Truths(NamedTuple):

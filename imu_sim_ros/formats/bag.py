@@ -111,11 +111,10 @@ def pose_topic(bag: Bag, topic: str | None) -> tuple[str, str, tuple[str, str] |
         return bag.topic(type_name, None).name, type_name, None
     plain, _, pair = topic.partition(":")
     frames = tuple(pair.split(".", 1)) if "." in pair else None
-    named = [info for info in fitting if info.name.strip("/") == plain.strip("/")]
-    if not named:
+    info = bag.find(plain)
+    if info is None or info.type not in POSE_TYPES:
         others = listed(fitting) if fitting else "none"
         raise InputError(f"{bag.path}: has no topic {topic} of poses; it has {others}")
-    info = named[0]
     if info.type == TF_MESSAGE and (frames is None or not all(frames)):
         raise InputError(
             f"{bag.path}: {info.name} has transforms between several frames; name two: "

@@ -328,10 +328,11 @@ def _read(
         return
     with open_bag(path) as bag:
         infos = list(bag.topics)
+        named = None if topic is None else bag.find(topic)
     topics += [TopicContents(name, info.name, info.type, info.count) for info in infos]
     chosen = [info for info in infos if info.type in (IMU, ODOMETRY) and info.count]
     if topic is not None:
-        chosen = [info for info in chosen if info.name.strip("/") == topic.strip("/")]
+        chosen = [info for info in chosen if info == named]
         if not chosen:
             raise InputError(f"{path}: {topic}: no such topic of {IMU} or {ODOMETRY}")
     problems = Problems()

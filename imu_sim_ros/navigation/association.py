@@ -34,9 +34,7 @@ def poses_at(poses: States, at_ns: Times) -> States:
     :param at_ns: (m,) times within the stamps [ns], in any order.
     """
     before, part = _intervals(poses.t_ns, at_ns)
-    start = poses.q_wb[before]
-    turn = rotation.log(rotation.multiply(rotation.conjugate(start), poses.q_wb[before + 1]))
-    q_wb = rotation.multiply(start, rotation.exp(part[:, None] * turn))
+    q_wb = rotation.interpolate(poses.q_wb[before], poses.q_wb[before + 1], part)
     velocity = poses.velocity
     if velocity is not None:
         velocity = interpolate_vectors(poses.t_ns, velocity, at_ns)

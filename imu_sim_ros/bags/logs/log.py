@@ -1,0 +1,388 @@
+# Copyright 2026 imu_sim_ros maintainers
+# SPDX-License-Identifier: Apache-2.0
+
+"""A log of many sensors as a bag: arrays of each sensor become messages, piece by piece."""
+
+from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
+from dataclasses import dataclass, field
+from pathlib import Path
+from types import MappingProxyType
+from typing import Any, Final, Protocol
+
+import numpy as np
+
+from imu_sim_ros.bags.messages import schemas
+from imu_sim_ros.bags.messages.blocks import MessageBlock, TopicInfo
+from imu_sim_ros.bags.messages.encode import (
+    Encoder,
+    FluidPressureEncoder,
+    ImuEncoder,
+    MagneticFieldEncoder,
+    NavSatFixEncoder,
+    OdometryEncoder,
+    PoseStampedEncoder,
+    TemperatureEncoder,
+    TwistWithCovarianceEncoder,
+)
+from imu_sim_ros.bags.reader import END_NS, Bag, Recover, Timed
+from imu_sim_ros.conventions import BODY_FRAME, IMU_FRAME, WORLD_FRAME
+from imu_sim_ros.errors import InputError, Remark, naming, warn
+from imu_sim_ros.rotation import conjugate, interpolate, log, multiply, normalise, rotate_inverse
+from imu_sim_ros.types import Array, Bytes, Mask, Times
+
+_ROWS: Final = 1 << 14
+"""Messages of all topics in a piece, which bounds the memory of encoding."""
+_ABSENT: Final = (-1.0, *[0.0] * 8)
+"""Covariance of a triad that a message has not (REP-145)."""
+
+
+@dataclass(frozen=True)
+class Stream:
+    """n messages of one topic."""
+
+    name: str
+    """Name of the topic, which ROS accepts."""
+    type: str
+    """Type of the messages."""
+    t_ns: Times
+    """(n,) stamps."""
+    encode: Callable[[slice], Bytes]
+    """Returns the messages (m, size) of some rows, in the encoding of ROS 2."""
+    aliases: tuple[str, ...] = ()
+    """Names that the log's own tools have for the topic."""
+
+
+@dataclass(frozen=True)
+class Contents:
+    """Topics of a log, and what is wrong with it."""
+
+    streams: Sequence[Stream]
+    """Topics with messages."""
+    preferred: Mapping[str, Sequence[str]] = field(default_factory=lambda: MappingProxyType({}))
+    """Names of topics by type, of which the first that exists is read if the user names none."""
+    damage: tuple[str, ...] = ()
+    """Lines about parts that could not be read."""
+    remarks: tuple[str, ...] = ()
+    """Lines about values that were left out or derived."""
+
+
+class LogFormat(Protocol):
+    """A module that reads one kind of log."""
+
+    def holds(self, path: Path, magic: bytes) -> bool:
+        """Return True if a path is of this kind.
+
+        :param magic: first bytes of a file; empty for a folder.
+        """
+
+    def contents(self, path: Path) -> Contents:
+        """Return the topics of a log.
+
+        :raises InputError: for a log that cannot be read.
+        """
+
+
+class LogBag(Bag):
+    """A log as a bag of ROS 2 messages."""
+
+    encoding = "cdr"
+
+    def __init__(self, path: Path, contents: Contents, recover: Recover = False) -> None:
+        """Present the contents of a log.
+
+        :param recover: True: damage is listed; False: it is told.
+        """
+        super().__init__(path)
+        self._contents = contents
+        self._streams: dict[TopicInfo, Stream] = {}
+        for stream in contents.streams:
+            schema = schemas.schema(stream.type, self.encoding)
+            info = TopicInfo(stream.name, stream.type, len(stream.t_ns), schema, ())
+            self._streams[info] = stream
+        self.topics = list(self._streams)
+        self.damage += contents.damage
+        for line in (*contents.remarks, *(() if recover else contents.damage)):
+            warn(f"{path}: {line}", Remark)
+
+    def find(self, name: str) -> TopicInfo | None:
+        """Return the topic of a name, as it is listed or as the log's own tools name it."""
+        plain = name.strip("/")
+        for info, stream in self._streams.items():
+            if plain == info.name.strip("/") or plain in stream.aliases:
+                return info
+        return None
+
+    def default(self, type_name: str) -> str | None:
+        """Return the topic that the kind of log prefers, and tell which it is."""
+        fitting = [info.name for info in self.topics if info.type == type_name]
+        preferred = self._contents.preferred.get(type_name, ())
+        name = next((name for name in preferred if name in fitting), None)
+        if name is not None and len(fitting) > 1:
+            rest = ", ".join(topic for topic in fitting if topic != name)
+            warn(f"{self.path}: read: {name}; it also has {rest}", Remark)
+        return name
+
+    def _timed(self, names: Collection[str]) -> Iterator[Timed]:
+        """Yield the messages of topics in pieces of time."""
+        chosen = [
+            # A record time never decreases, whatever the stamps do.
+            (info, stream, np.maximum.accumulate(stream.t_ns))
+            for info, stream in self._streams.items()
+            if info.name in names and info.count
+        ]
+        if not chosen:
+            return
+        times = np.sort(np.concatenate([record_ns for _, _, record_ns in chosen]))
+        ends = [*np.unique(times[_ROWS::_ROWS]).tolist(), END_NS]
+        starts = [0] * len(chosen)
+        for end_ns in ends:
+            blocks = []
+            for k, (info, stream, record_ns) in enumerate(chosen):
+                stop = int(np.searchsorted(record_ns, end_ns))
+                rows = slice(starts[k], stop)
+                if stop > starts[k]:
+                    with naming(self.path):
+                        payloads = stream.encode(rows)
+                    blocks.append(MessageBlock(info, record_ns[rows], payloads))
+                starts[k] = stop
+            yield Timed(end_ns, blocks)
+
+
+def stream(
+    name: str, encoder: Encoder, t_ns: Times, *columns: Array, aliases: Sequence[str] = ()
+) -> Stream:
+    """Return the messages of an encoder.
+
+    :param columns: (n, ...) arguments of its ``encode`` after the stamps.
+    """
+
+    def encode(rows: slice) -> Bytes:
+        return encoder.encode(t_ns[rows], *(column[rows] for column in columns))
+
+    return Stream(name, encoder.type_name, t_ns, encode, tuple(aliases))
+
+
+def imu(
+    name: str,
+    t_ns: Times,
+    gyro: Array | None,
+    accel: Array | None,
+    *,
+    frame_id: str = IMU_FRAME,
+    aliases: Sequence[str] = (),
+) -> Stream:
+    """Return readings in FLU; a triad that is None is marked as absent.
+
+    :param gyro: (n, 3) [rad/s].
+    :param accel: (n, 3) [m/s^2].
+    """
+    encoder = _ImuOfTriads(frame_id, gyro is not None, accel is not None)
+    zeros = np.zeros((len(t_ns), 3))
+    triads = (zeros if triad is None else triad for triad in (gyro, accel))
+    return stream(name, encoder, t_ns, *triads, aliases=aliases)
+
+
+class _ImuOfTriads(ImuEncoder):
+    """Encoder of sensor_msgs/Imu whose triads may be absent."""
+
+    def __init__(self, frame_id: str, has_gyro: bool, has_accel: bool) -> None:
+        super().__init__(frame_id)
+        absent: dict[str, Any] = {}
+        if not has_gyro:
+            absent["angular_velocity_covariance"] = _ABSENT
+        if not has_accel:
+            absent["linear_acceleration_covariance"] = _ABSENT
+        self._template = self._row(absent)
+
+
+def odometry(
+    name: str,
+    t_ns: Times,
+    position: Array,
+    q_wb: Array,
+    velocity: Array,
+    rates: Array | None = None,
+    variances: tuple[Array, Array, Array] | None = None,
+    frame_id: str = WORLD_FRAME,
+    aliases: Sequence[str] = (),
+) -> Stream:
+    """Return poses with velocities.
+
+    :param position: (n, 3) [m].
+    :param q_wb: (n, 4).
+    :param velocity: (n, 3) in the world [m/s].
+    :param rates: (n, 3) in the body [rad/s]; None: those of the attitude.
+    :param variances: (n, 3) of position [m^2], of rotation about the world's axes [rad^2], and of
+        velocity in the body [m^2/s^2]; None: unknown.
+    """
+    q_wb = normalise(q_wb)
+    rates = body_rates(t_ns, q_wb) if rates is None else rates
+    columns = [position, q_wb, rotate_inverse(q_wb, velocity), rates]
+    if variances is not None:
+        at_position, at_rotation, at_velocity = variances
+        unknown = np.zeros_like(at_velocity)
+        columns += [_diagonal(at_position, at_rotation), _diagonal(at_velocity, unknown)]
+    encoder = OdometryEncoder(frame_id, BODY_FRAME)
+    return stream(name, encoder, t_ns, *columns, aliases=aliases)
+
+
+def poses(
+    name: str,
+    t_ns: Times,
+    position: Array,
+    q_wb: Array,
+    frame_id: str = WORLD_FRAME,
+    aliases: Sequence[str] = (),
+) -> Stream:
+    """Return poses without velocities: positions (n, 3) [m], attitudes (n, 4)."""
+    encoder = PoseStampedEncoder(frame_id)
+    return stream(name, encoder, t_ns, position, normalise(q_wb), aliases=aliases)
+
+
+def temperature(name: str, t_ns: Times, values: Array, frame_id: str = IMU_FRAME) -> Stream:
+    """Return temperatures (n,) [degC]."""
+    return stream(name, TemperatureEncoder(frame_id), t_ns, values)
+
+
+def magnetic_field(name: str, t_ns: Times, field_t: Array, aliases: Sequence[str] = ()) -> Stream:
+    """Return magnetic fields (n, 3) in FLU [T]."""
+    return stream(name, MagneticFieldEncoder(IMU_FRAME), t_ns, field_t, aliases=aliases)
+
+
+def pressure(name: str, t_ns: Times, values: Array, aliases: Sequence[str] = ()) -> Stream:
+    """Return pressures (n,) [Pa]."""
+    return stream(name, FluidPressureEncoder(BODY_FRAME), t_ns, values, aliases=aliases)
+
+
+def fix(
+    name: str,
+    t_ns: Times,
+    position: tuple[Array, Array, Array],
+    has_fix: Mask,
+    deviations: tuple[Array, Array],
+    aliases: Sequence[str] = (),
+) -> Stream:
+    """Return positions of a GNSS receiver.
+
+    :param position: (n,) latitude and longitude [deg], and altitude above the ellipsoid [m].
+    :param has_fix: (n,) True where the receiver has a position.
+    :param deviations: (n,) horizontal and vertical standard deviation [m].
+    """
+    horizontal, vertical = (np.nan_to_num(deviation) ** 2 for deviation in deviations)
+    variance = np.column_stack([horizontal, horizontal, vertical])
+    status = np.where(has_fix, 0, -1)
+    encoder = NavSatFixEncoder(BODY_FRAME)
+    return stream(name, encoder, t_ns, *position, status, variance, aliases=aliases)
+
+
+def velocity(name: str, t_ns: Times, velocity_enu: Array, deviation: Array) -> Stream:
+    """Return velocities of a GNSS receiver.
+
+    :param velocity_enu: (n, 3) [m/s].
+    :param deviation: (n,) standard deviation of each axis [m/s].
+    """
+    variance = np.tile(np.nan_to_num(deviation)[:, None] ** 2, 3)
+    return stream(name, TwistWithCovarianceEncoder(WORLD_FRAME), t_ns, velocity_enu, variance)
+
+
+def body_rates(t_ns: Times, q_wb: Array) -> Array:
+    """Return the angular rates (n, 3) of attitudes (n, 4) [rad/s], by central differences."""
+    if len(t_ns) < 2:
+        return np.zeros((len(t_ns), 3))
+    start = np.maximum(np.arange(len(t_ns)) - 1, 0)
+    end = np.minimum(np.arange(len(t_ns)) + 1, len(t_ns) - 1)
+    turn = multiply(conjugate(q_wb[start]), q_wb[end])
+    seconds = (t_ns[end] - t_ns[start]) * 1e-9
+    return log(turn) / np.where(seconds > 0.0, seconds, np.inf)[:, None]
+
+
+def interpolated(t_ns: Times, at_ns: Times, values: Array) -> Array:
+    """Return columns (m, k) at the times ``at_ns`` (m,), those of the ends beyond them.
+
+    :param t_ns: (n,) times of the values (n, k), in any order.
+    """
+    order = np.argsort(t_ns, kind="stable")
+    start_ns = int(t_ns[order[0]])
+    abscissae = (t_ns[order] - start_ns).astype(np.float64)
+    times = (at_ns - start_ns).astype(np.float64)
+    return np.column_stack([np.interp(times, abscissae, column) for column in values[order].T])
+
+
+def attitudes_at(t_ns: Times, at_ns: Times, q_wb: Array) -> Array:
+    """Return attitudes (m, 4) at the times ``at_ns`` (m,), on the shortest arc between two.
+
+    :param t_ns: (n,) times of the attitudes (n, 4), in any order.
+    """
+    order = np.argsort(t_ns, kind="stable")
+    times, q = t_ns[order], normalise(q_wb[order])
+    if len(times) < 2:
+        return np.tile(q, (len(at_ns), 1))
+    end = np.clip(np.searchsorted(times, at_ns), 1, len(times) - 1)
+    start = end - 1
+    step = np.maximum(times[end] - times[start], 1)
+    share = np.clip((at_ns - times[start]) / step, 0.0, 1.0)
+    return interpolate(q[start], q[end], share)
+
+
+@dataclass(frozen=True)
+class Triad:
+    """n readings of one triad, which has a topic of its own in the log."""
+
+    topic: str
+    """Name of the topic."""
+    aliases: tuple[str, ...]
+    """Names that the log's own tools have for it."""
+    t_ns: Times
+    """(n,) stamps."""
+    values: Array
+    """(n, 3) readings in FLU [rad/s] or [m/s^2]."""
+
+
+def pair(gyro: Triad | None, accel: Triad | None, remarks: list[str]) -> Iterator[Stream]:
+    """Yield the readings of two triads of one IMU: each at its own times, with the other one.
+
+    Equal times are one topic, which bears both names. Of others, the second triad is interpolated
+    to the times of the first.
+
+    :param remarks: receives a line for each interpolation.
+    """
+    if gyro is None or accel is None:
+        yield from (_alone(triad, triad is gyro) for triad in (gyro, accel) if triad is not None)
+        return
+    if np.array_equal(gyro.t_ns, accel.t_ns):
+        names = (*gyro.aliases, *accel.aliases, accel.topic.strip("/"))
+        yield imu(gyro.topic, gyro.t_ns, gyro.values, accel.values, aliases=names)
+        return
+    for triad, companion in ((gyro, accel), (accel, gyro)):
+        t_ns = triad.t_ns
+        rows = (t_ns >= companion.t_ns.min()) & (t_ns <= companion.t_ns.max())
+        if not rows.any():
+            yield _alone(triad, triad is gyro)
+            continue
+        name = "accelerometer" if triad is gyro else "gyroscope"
+        remarks.append(f"{triad.topic}: the {name} is interpolated to its times")
+        t_ns, values = t_ns[rows], triad.values[rows]
+        companions = interpolated(companion.t_ns, t_ns, companion.values)
+        columns = (values, companions) if triad is gyro else (companions, values)
+        yield imu(triad.topic, t_ns, *columns, aliases=triad.aliases)
+
+
+def _alone(triad: Triad, is_gyro: bool) -> Stream:
+    """Return the readings of a triad without the other one."""
+    columns = (triad.values, None) if is_gyro else (None, triad.values)
+    return imu(triad.topic, triad.t_ns, *columns, aliases=triad.aliases)
+
+
+def refuse_empty(path: Path, kind: str, names: Sequence[str]) -> InputError:
+    """Return the error of a log in which no topic is known.
+
+    :param names: topics that the log has.
+    """
+    shown = ", ".join(names[:12]) + (", ..." if len(names) > 12 else "")
+    return InputError(f"{path}: {kind} without sensors or poses; it has {shown or 'no messages'}")
+
+
+def _diagonal(*variances: Array) -> Array:
+    """Return matrices (n, 6, 6) of two times three variances (n, 3)."""
+    diagonal = np.concatenate(variances, axis=1)
+    return diagonal[:, :, None] * np.eye(6)
