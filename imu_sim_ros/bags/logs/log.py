@@ -37,7 +37,7 @@ _ABSENT: Final = (-1.0, *[0.0] * 8)
 
 
 @dataclass(frozen=True)
-class Stream:
+class LogStream:
     """n messages of one topic."""
 
     name: str
@@ -56,7 +56,7 @@ class Stream:
 class Contents:
     """Topics of a log, and what is wrong with it."""
 
-    streams: Sequence[Stream]
+    streams: Sequence[LogStream]
     """Topics with messages."""
     preferred: Mapping[str, Sequence[str]] = field(default_factory=lambda: MappingProxyType({}))
     """Names of topics by type, of which the first that exists is read if the user names none."""
@@ -94,7 +94,7 @@ class LogBag(Bag):
         """
         super().__init__(path)
         self._contents = contents
-        self._streams: dict[TopicInfo, Stream] = {}
+        self._streams: dict[TopicInfo, LogStream] = {}
         for stream in contents.streams:
             schema = schemas.schema(stream.type, self.encoding)
             info = TopicInfo(stream.name, stream.type, len(stream.t_ns), schema, ())
@@ -150,7 +150,7 @@ class LogBag(Bag):
 
 def stream(
     name: str, encoder: Encoder, t_ns: Times, *columns: Array, aliases: Sequence[str] = ()
-) -> Stream:
+) -> LogStream:
     """Return the messages of an encoder.
 
     :param columns: (n, ...) arguments of its ``encode`` after the stamps.
@@ -159,7 +159,7 @@ def stream(
     def encode(rows: slice) -> Bytes:
         return encoder.encode(t_ns[rows], *(column[rows] for column in columns))
 
-    return Stream(name, encoder.type_name, t_ns, encode, tuple(aliases))
+    return LogStream(name, encoder.type_name, t_ns, encode, tuple(aliases))
 
 
 def imu(
@@ -170,7 +170,7 @@ def imu(
     *,
     frame_id: str = IMU_FRAME,
     aliases: Sequence[str] = (),
-) -> Stream:
+) -> LogStream:
     """Return readings in FLU; a triad that is None is marked as absent.
 
     :param gyro: (n, 3) [rad/s].
@@ -205,7 +205,7 @@ def odometry(
     variances: tuple[Array, Array, Array] | None = None,
     frame_id: str = WORLD_FRAME,
     aliases: Sequence[str] = (),
-) -> Stream:
+) -> LogStream:
     """Return poses with velocities.
 
     :param position: (n, 3) [m].
@@ -233,23 +233,25 @@ def poses(
     q_wb: Array,
     frame_id: str = WORLD_FRAME,
     aliases: Sequence[str] = (),
-) -> Stream:
+) -> LogStream:
     """Return poses without velocities: positions (n, 3) [m], attitudes (n, 4)."""
     encoder = PoseStampedEncoder(frame_id)
     return stream(name, encoder, t_ns, position, normalise(q_wb), aliases=aliases)
 
 
-def temperature(name: str, t_ns: Times, values: Array, frame_id: str = IMU_FRAME) -> Stream:
+def temperature(name: str, t_ns: Times, values: Array, frame_id: str = IMU_FRAME) -> LogStream:
     """Return temperatures (n,) [degC]."""
     return stream(name, TemperatureEncoder(frame_id), t_ns, values)
 
 
-def magnetic_field(name: str, t_ns: Times, field_t: Array, aliases: Sequence[str] = ()) -> Stream:
+def magnetic_field(
+    name: str, t_ns: Times, field_t: Array, aliases: Sequence[str] = ()
+) -> LogStream:
     """Return magnetic fields (n, 3) in FLU [T]."""
     return stream(name, MagneticFieldEncoder(IMU_FRAME), t_ns, field_t, aliases=aliases)
 
 
-def pressure(name: str, t_ns: Times, values: Array, aliases: Sequence[str] = ()) -> Stream:
+def pressure(name: str, t_ns: Times, values: Array, aliases: Sequence[str] = ()) -> LogStream:
     """Return pressures (n,) [Pa]."""
     return stream(name, FluidPressureEncoder(BODY_FRAME), t_ns, values, aliases=aliases)
 
@@ -261,7 +263,7 @@ def fix(
     has_fix: Mask,
     deviations: tuple[Array, Array],
     aliases: Sequence[str] = (),
-) -> Stream:
+) -> LogStream:
     """Return positions of a GNSS receiver.
 
     :param position: (n,) latitude and longitude [deg], and altitude above the ellipsoid [m].
@@ -275,7 +277,7 @@ def fix(
     return stream(name, encoder, t_ns, *position, status, variance, aliases=aliases)
 
 
-def velocity(name: str, t_ns: Times, velocity_enu: Array, deviation: Array) -> Stream:
+def velocity(name: str, t_ns: Times, velocity_enu: Array, deviation: Array) -> LogStream:
     """Return velocities of a GNSS receiver.
 
     :param velocity_enu: (n, 3) [m/s].
@@ -338,7 +340,7 @@ class Triad:
     """(n, 3) readings in FLU [rad/s] or [m/s^2]."""
 
 
-def pair(gyro: Triad | None, accel: Triad | None, remarks: list[str]) -> Iterator[Stream]:
+def pair(gyro: Triad | None, accel: Triad | None, remarks: list[str]) -> Iterator[LogStream]:
     """Yield the readings of two triads of one IMU: each at its own times, with the other one.
 
     Equal times are one topic, which bears both names. Of others, the second triad is interpolated
@@ -367,7 +369,7 @@ def pair(gyro: Triad | None, accel: Triad | None, remarks: list[str]) -> Iterato
         yield imu(triad.topic, t_ns, *columns, aliases=triad.aliases)
 
 
-def _alone(triad: Triad, is_gyro: bool) -> Stream:
+def _alone(triad: Triad, is_gyro: bool) -> LogStream:
     """Return the readings of a triad without the other one."""
     columns = (triad.values, None) if is_gyro else (None, triad.values)
     return imu(triad.topic, triad.t_ns, *columns, aliases=triad.aliases)

@@ -20,7 +20,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from imu_sim_ros.bags.logs import axes, log
-from imu_sim_ros.bags.logs.log import Contents, Stream, Triad
+from imu_sim_ros.bags.logs.log import Contents, LogStream, Triad
 from imu_sim_ros.bags.messages.encode import (
     FLUID_PRESSURE,
     IMU,
@@ -29,7 +29,7 @@ from imu_sim_ros.bags.messages.encode import (
     ODOMETRY,
     TEMPERATURE,
 )
-from imu_sim_ros.conventions import TRUTH_TOPIC
+from imu_sim_ros.conventions import AXES, TRUTH_TOPIC, WORLD_FRAME
 from imu_sim_ros.errors import InputError, MissingDependencyError
 from imu_sim_ros.inputs.rows import open_regular
 from imu_sim_ros.rotation import to_matrix
@@ -220,7 +220,7 @@ def _numbered(name: str) -> list[str]:
     return [f"{name}[{k}]" for k in range(32)]
 
 
-def _combined(topics: Topics, remarks: list[str]) -> Iterator[Stream]:
+def _combined(topics: Topics, remarks: list[str]) -> Iterator[LogStream]:
     """Yield the readings of ``sensor_combined``."""
     for topic in topics.get("sensor_combined", ()):
         relative = topic.columns.get("accelerometer_timestamp_relative")
@@ -242,7 +242,7 @@ def _combined(topics: Topics, remarks: list[str]) -> Iterator[Stream]:
             yield log.magnetic_field(name, topic.t_ns, axes.flu(field) * _GAUSS)
 
 
-def _integrals(topics: Topics, remarks: list[str]) -> Iterator[Stream]:
+def _integrals(topics: Topics, remarks: list[str]) -> Iterator[LogStream]:
     """Yield the mean readings over the integrals of ``vehicle_imu``."""
     for topic in topics.get("vehicle_imu", ()):
         angle, change = topic.vector("delta_angle"), topic.vector("delta_velocity")
@@ -264,7 +264,7 @@ def _integrals(topics: Topics, remarks: list[str]) -> Iterator[Stream]:
         yield log.imu(topic.topic, topic.t_ns[rows], gyro, accel, aliases=topic.aliases)
 
 
-def _instances(topics: Topics, remarks: list[str]) -> Iterator[Stream]:
+def _instances(topics: Topics, remarks: list[str]) -> Iterator[LogStream]:
     """Yield the readings of each instance of gyroscope and accelerometer, single or in batches."""
     for suffix in ("", _FIFO):
         unpack = _unrolled if suffix else _single
@@ -295,7 +295,7 @@ def _triads(
 
 
 def _single(topic: _Topic) -> tuple[Times, Array] | None:
-    vector = topic.vector("x", "y", "z")
+    vector = topic.vectorAXES
     return None if vector is None else (topic.t_ns, vector)
 
 
@@ -304,7 +304,7 @@ def _unrolled(topic: _Topic) -> tuple[Times, Array] | None:
 
     The numbers are counts; ``scale`` is the value of one.
     """
-    counts = [topic.vector(axis) for axis in "xyz"]
+    counts = [topic.vector(axis) for axis in AXES]
     samples, dt, scale = (topic.columns.get(name) for name in ("samples", "dt", "scale"))
     if samples is None or dt is None or scale is None or any(axis is None for axis in counts):
         return None
@@ -318,12 +318,12 @@ def _unrolled(topic: _Topic) -> tuple[Times, Array] | None:
     return t_ns[valid], values[valid]
 
 
-def _local_position(topics: Topics, remarks: list[str]) -> Iterator[Stream]:
+def _local_position(topics: Topics, remarks: list[str]) -> Iterator[LogStream]:
     """Yield position and velocity of the estimator or simulator, with its attitude."""
     for suffix in ("", _TRUTH):
         attitudes = topics.get(f"vehicle_attitude{suffix}", ())
         for topic in topics.get(f"vehicle_local_position{suffix}", ())[:1]:
-            columns = [topic.vector("x", "y", "z"), topic.vector("vx", "vy", "vz")]
+            columns = [topic.vectorAXES, topic.vector("vx", "vy", "vz")]
             if not attitudes or any(column is None for column in columns):
                 continue
             position, velocity = (np.asarray(column) for column in columns)
@@ -370,16 +370,16 @@ def _rates_at(instances: Sequence[_Topic], t_ns: Times) -> Array | None:
     return None
 
 
-def _odometry(topics: Topics, remarks: list[str]) -> Iterator[Stream]:
+def _odometry(topics: Topics, remarks: list[str]) -> Iterator[LogStream]:
     """Yield the odometry of the estimator, and of cameras or motion capture."""
     for name in ("vehicle_odometry", "vehicle_visual_odometry", "vehicle_mocap_odometry"):
         for topic in topics.get(name, ()):
             yield from _odometry_of(topic, remarks)
 
 
-def _odometry_of(topic: _Topic, remarks: list[str]) -> Iterator[Stream]:
+def _odometry_of(topic: _Topic, remarks: list[str]) -> Iterator[LogStream]:
     position = topic.vector("position")
-    position = topic.vector("x", "y", "z") if position is None else position
+    position = topic.vectorAXES if position is None else position
     q = topic.vector("q")
     if position is None or q is None:
         return
@@ -397,7 +397,7 @@ def _odometry_of(topic: _Topic, remarks: list[str]) -> Iterator[Stream]:
     is_ned = frame is None or bool((frame == ned_number).all())
     to_world = axes.enu if is_ned else axes.flu
     q_wb = axes.q_enu_flu(q) if is_ned else axes.q_flu_flu(q)
-    frame_id = "world" if is_ned else "odom"
+    frame_id = WORLD_FRAME if is_ned else "odom"
     velocity = topic.vector("velocity")
     velocity = topic.vector("vx", "vy", "vz") if velocity is None else velocity
     names = topic.topic, topic.t_ns, to_world(position), q_wb
@@ -440,10 +440,10 @@ def _variances(topic: _Topic, q_wb: Array, is_ned: bool) -> tuple[Array, Array, 
     return position, about_world, np.tile(velocity.mean(axis=1)[:, None], 3)
 
 
-def _magnetometers(topics: Topics, remarks: list[str]) -> Iterator[Stream]:
+def _magnetometers(topics: Topics, remarks: list[str]) -> Iterator[LogStream]:
     """Yield magnetic fields."""
     for name, fields in (
-        ("sensor_mag", ("x", "y", "z")),
+        ("sensor_mag", AXES),
         ("vehicle_magnetometer", ("magnetometer_ga",)),
     ):
         for topic in topics.get(name, ()):
@@ -453,7 +453,7 @@ def _magnetometers(topics: Topics, remarks: list[str]) -> Iterator[Stream]:
                 yield log.magnetic_field(topic.topic, t_ns, axes.flu(field) * _GAUSS, topic.aliases)
 
 
-def _barometers(topics: Topics, remarks: list[str]) -> Iterator[Stream]:
+def _barometers(topics: Topics, remarks: list[str]) -> Iterator[LogStream]:
     """Yield pressures."""
     for name, column in (("sensor_baro", "pressure"), ("vehicle_air_data", "baro_pressure_pa")):
         for topic in topics.get(name, ()):
@@ -465,7 +465,7 @@ def _barometers(topics: Topics, remarks: list[str]) -> Iterator[Stream]:
             yield log.pressure(topic.topic, topic.t_ns, pressure, topic.aliases)
 
 
-def _receivers(topics: Topics, remarks: list[str]) -> Iterator[Stream]:
+def _receivers(topics: Topics, remarks: list[str]) -> Iterator[LogStream]:
     """Yield positions and velocities of GNSS receivers."""
     for name in ("sensor_gps", "vehicle_gps_position"):
         for topic in topics.get(name, ()):
