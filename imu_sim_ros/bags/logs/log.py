@@ -327,7 +327,7 @@ def attitudes_at(t_ns: Times, at_ns: Times, q_wb: Array) -> Array:
 
 
 @dataclass(frozen=True)
-class Triad:
+class LogTriad:
     """n readings of one triad, which has a topic of its own in the log."""
 
     topic: str
@@ -340,7 +340,7 @@ class Triad:
     """(n, 3) readings in FLU [rad/s] or [m/s^2]."""
 
 
-def pair(gyro: Triad | None, accel: Triad | None, remarks: list[str]) -> Iterator[LogStream]:
+def pair(gyro: LogTriad | None, accel: LogTriad | None, remarks: list[str]) -> Iterator[LogStream]:
     """Yield the readings of two triads of one IMU: each at its own times, with the other one.
 
     Equal times are one topic, which bears both names. Of others, the second triad is interpolated
@@ -369,7 +369,7 @@ def pair(gyro: Triad | None, accel: Triad | None, remarks: list[str]) -> Iterato
         yield imu(triad.topic, t_ns, *columns, aliases=triad.aliases)
 
 
-def _alone(triad: Triad, is_gyro: bool) -> LogStream:
+def _alone(triad: LogTriad, is_gyro: bool) -> LogStream:
     """Return the readings of a triad without the other one."""
     columns = (triad.values, None) if is_gyro else (None, triad.values)
     return imu(triad.topic, triad.t_ns, *columns, aliases=triad.aliases)

@@ -20,7 +20,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from imu_sim_ros.bags.logs import axes, log
-from imu_sim_ros.bags.logs.log import Contents, LogStream, Triad
+from imu_sim_ros.bags.logs.log import Contents, LogStream, LogTriad
 from imu_sim_ros.bags.messages.encode import (
     FLUID_PRESSURE,
     IMU,
@@ -283,19 +283,19 @@ def _instances(topics: Topics, remarks: list[str]) -> Iterator[LogStream]:
 
 def _triads(
     instances: Sequence[_Topic], unpack: Callable[[_Topic], tuple[Times, Array] | None]
-) -> dict[int, Triad]:
+) -> dict[int, LogTriad]:
     """Return the readings of instances by their numbers."""
     triads = {}
     for topic in instances:
         readings = unpack(topic)
         if readings is not None and len(readings[0]):
             t_ns, values = readings
-            triads[topic.instance] = Triad(topic.topic, topic.aliases, t_ns, axes.flu(values))
+            triads[topic.instance] = LogTriad(topic.topic, topic.aliases, t_ns, axes.flu(values))
     return triads
 
 
 def _single(topic: _Topic) -> tuple[Times, Array] | None:
-    vector = topic.vectorAXES
+    vector = topic.vector(*AXES)
     return None if vector is None else (topic.t_ns, vector)
 
 
@@ -323,7 +323,7 @@ def _local_position(topics: Topics, remarks: list[str]) -> Iterator[LogStream]:
     for suffix in ("", _TRUTH):
         attitudes = topics.get(f"vehicle_attitude{suffix}", ())
         for topic in topics.get(f"vehicle_local_position{suffix}", ())[:1]:
-            columns = [topic.vectorAXES, topic.vector("vx", "vy", "vz")]
+            columns = [topic.vector(*AXES), topic.vector("vx", "vy", "vz")]
             if not attitudes or any(column is None for column in columns):
                 continue
             position, velocity = (np.asarray(column) for column in columns)
@@ -379,7 +379,7 @@ def _odometry(topics: Topics, remarks: list[str]) -> Iterator[LogStream]:
 
 def _odometry_of(topic: _Topic, remarks: list[str]) -> Iterator[LogStream]:
     position = topic.vector("position")
-    position = topic.vectorAXES if position is None else position
+    position = topic.vector(*AXES) if position is None else position
     q = topic.vector("q")
     if position is None or q is None:
         return
