@@ -25,6 +25,13 @@ ECCENTRICITY_SQUARED: Final = 6.69437999014e-3
 TRIADS: Final[tuple[Triad, Triad]] = ("gyroscope", "accelerometer")
 """In the order of arrays that hold both, (6, ...): gyroscope x, y, z, accelerometer x, y, z."""
 AXES: Final = ("x", "y", "z")
+AXIS_COLOURS: Final = {"x": "#D3202B", "y": "#1B8F38", "z": "#1F5FD6"}
+"""Colours of the axes in pictures and pages: red, green and blue, as in RViz."""
+SERIES_COLOURS: Final = (
+    *("#8E3BB0", "#C47200", "#00878F", "#D1478F", "#7A4A21", "#6B7A00", "#64707B"),
+)
+"""Colours of estimates, sensors and other lines that are no axes, in their order."""
+TRUTH_COLOUR: Final = "#1A1A1A"
 
 WORLD_FRAME: Final = "world"
 BODY_FRAME: Final = "base_link"

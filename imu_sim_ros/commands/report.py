@@ -49,7 +49,7 @@ def run(arguments: argparse.Namespace) -> None:
 
 def _files(path: Path) -> Iterator[Path]:
     """Yield a campaign's files for its folder, as the page may lie among them."""
-    from imu_sim_ros.reports.of_campaign import is_campaign
+    from imu_sim_ros.reports.campaign import is_campaign
 
     if is_campaign(path):
         yield from (file for file in path.iterdir() if file.suffix != ".html")

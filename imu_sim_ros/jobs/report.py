@@ -133,7 +133,7 @@ def default_output(inputs: Sequence[Path]) -> Path:
 
     :raises InputError: for a bag without a name.
     """
-    from imu_sim_ros.reports.of_campaign import is_campaign
+    from imu_sim_ros.reports.campaign import is_campaign
 
     first = named(inputs[0])
     if is_campaign(first):
@@ -176,7 +176,7 @@ def write_campaign_page(
 ) -> None:
     """Write report.html into a campaign's folder; arguments as for ``campaign_sections``."""
     from imu_sim_ros.campaigns.results import replaced
-    from imu_sim_ros.reports.of_campaign import campaign_sections
+    from imu_sim_ros.reports.campaign import campaign_sections
 
     title, sections = campaign_sections(folder, metric, baselines, *limits, baseline_anyway)
     with replaced(folder / "report.html") as part:
@@ -185,7 +185,7 @@ def write_campaign_page(
 
 def _sections(sources: Sources) -> tuple[list[str], list[Section]]:
     """Return the titles of the inputs and all sections."""
-    from imu_sim_ros.reports.of_campaign import campaign_sections, is_campaign
+    from imu_sim_ros.reports.campaign import campaign_sections, is_campaign
 
     titles: list[str] = []
     sections: list[Section] = []
@@ -215,7 +215,10 @@ def _sections(sources: Sources) -> tuple[list[str], list[Section]]:
                 estimates.append(inputs.pop(0))
             with problems.gathered():
                 titles.append(path.name)
-                sections += _bag(sources, path, estimates)
+                of_bag = _bag(sources, path, estimates)
+                if len(sources.inputs) > 1 + len(estimates):  # links need the name of the bag
+                    of_bag = [section._replace(short="") for section in of_bag]
+                sections += of_bag
     problems.tell()
     return titles, sections
 
@@ -230,46 +233,54 @@ def _bag(sources: Sources, path: Path, files: Sequence[Path]) -> list[Section]:
     :param files: of estimates.
     :raises InputError: with a line for each that cannot be read.
     """
-    from imu_sim_ros.reports.of_aiding import gnss_sections
-    from imu_sim_ros.reports.of_bag import bag_sections, motion
-    from imu_sim_ros.reports.of_clouds import cloud_sections
-    from imu_sim_ros.reports.of_sensors import sensor_sections
+    from imu_sim_ros.reports.bag import reading_sections
+    from imu_sim_ros.reports.clouds import cloud_sections
+    from imu_sim_ros.reports.estimates import Flight, estimate_sections
+    from imu_sim_ros.reports.gnss import gnss_sections
+    from imu_sim_ros.reports.sensors import sensor_sections
 
     def read(source: Path, topic: str | None, name: str) -> States:
         states = read_trajectory(source, topic, True, sources.skip_bad_rows)
         return with_fields(states, source=name)
 
-    truth, estimates, more, problems = None, [], [], Problems()
+    truth: States | None = None
+    estimates: list[States] = []
+    flights: list[Flight] = []
+    sensors: list[Section] = []
+    problems = Problems()
     with problems.gathered():
         named = truth_topic(path, sources.truth_topic)
         if is_text(path):
             truth = read(path, None, "truth") if has_truth(path) else None
         else:
             topics = odometry_topics(path)
-            owned = _own_truths(topics)
+            truths = _separate_truths(topics)
             for topic in topics:
                 if named is not None and topic.strip("/") == named.strip("/"):
                     truth = read(path, topic, f"truth ({topic})")
-                elif topic in owned:
-                    own = read(path, owned[topic], f"truth ({owned[topic]})")
-                    more.append(motion(path, own, [read(path, topic, topic)], topic))
-                elif topic not in owned.values():
+                elif topic in truths:
+                    separate = read(path, truths[topic], f"truth ({truths[topic]})")
+                    flights.append(Flight(topic, separate, [read(path, topic, topic)]))
+                elif topic not in truths.values():
                     estimates.append(read(path, topic, topic))
             if sources.truth_topic and truth is None:
                 raise InputError(f"{path}: --truth-topic {sources.truth_topic}: no such Odometry")
-            more += gnss_sections(path) + sensor_sections(path) + cloud_sections(path)
+            sensors = gnss_sections(path) + sensor_sections(path) + cloud_sections(path)
     for file in files:
         with problems.gathered():
             estimates.append(read(file, None, file.name))
     problems.tell()
+    if truth is not None or estimates:
+        flights.insert(0, Flight("motion", truth, estimates))
     skipped = tell_skipped(path) if sources.skip_bad_rows else None
-    return bag_sections(path, truth, estimates, skipped) + more
+    readings = reading_sections(path, skipped)
+    return estimate_sections(path, flights) + readings + sensors
 
 
-def _own_truths(topics: Sequence[str]) -> dict[str, str]:
-    """Return the truth of odometry that has one of its own, ground_truth/wheel_odom of wheel/odom.
+def _separate_truths(topics: Sequence[str]) -> dict[str, str]:
+    """Return the truths of odometry that has one of its own: ground_truth/wheel_odom of wheel/odom.
 
-    It is in the frame of that odometry, which begins at 0, not in the world's.
+    Both are in the frame of that odometry, which begins at 0, not in the world's.
     """
     names = {topic.strip("/"): topic for topic in topics}
     pairs = {topic: f"ground_truth/{name.replace('/', '_')}" for name, topic in names.items()}

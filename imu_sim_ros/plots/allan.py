@@ -18,7 +18,7 @@ from imu_sim_ros.calibration.noise.terms import (
     gauss_markov_deviation,
     ramp_deviation,
 )
-from imu_sim_ros.conventions import TRIADS
+from imu_sim_ros.conventions import AXIS_COLOURS, TRIADS, TRUTH_COLOUR
 from imu_sim_ros.plots import style
 from imu_sim_ros.plots.style import Figure
 from imu_sim_ros.types import Array
@@ -55,7 +55,7 @@ def _draw_triad(result: AllanResult, triad: int, axes: Axes) -> None:
         column = 3 * triad + k
         if result.noise[column] is None:
             continue
-        colour = style.AXIS_COLOURS[name]
+        colour = AXIS_COLOURS[name]
         axes.fill_between(
             tau, deviation.low[:, column], deviation.high[:, column], color=colour, alpha=0.15, lw=0
         )
@@ -122,7 +122,7 @@ def _draw_model(result: AllanResult, triad: int, axes: Axes) -> None:
             textcoords="offset points",
         )
     total = np.sqrt(np.sum([line**2 for _, line in parts], axis=0))
-    axes.loglog(tau, total, color=style.TRUTH_COLOUR, lw=1.0)
+    axes.loglog(tau, total, color=TRUTH_COLOUR, lw=1.0)
 
 
 def _terms(result: AllanResult, triad: int, tau: Array) -> list[tuple[str, Array]]:

@@ -19,7 +19,7 @@ from imu_sim_ros.calibration.deterministic.temperature import (
 )
 from imu_sim_ros.calibration.deterministic.turntable import Turntable
 from imu_sim_ros.calibration.twin import comparison
-from imu_sim_ros.conventions import AXES, TRIADS
+from imu_sim_ros.conventions import AXES, AXIS_COLOURS, SERIES_COLOURS, TRIADS, TRUTH_COLOUR
 from imu_sim_ros.plots import style
 from imu_sim_ros.plots.style import Figure
 from imu_sim_ros.types import Array
@@ -105,7 +105,7 @@ def _residuals(
     figure, panels = style.panels(2, 1, 11.0, 7.6, sharex=True)
     for axes, (title, values) in zip(panels, (before, after), strict=True):
         for k, name in enumerate(_AXES):
-            colour = style.AXIS_COLOURS[name]
+            colour = AXIS_COLOURS[name]
             for group in range(len(labels)):
                 rows = np.flatnonzero(groups == group)
                 if not len(rows):
@@ -234,11 +234,11 @@ def _grid(difference: Array, terms: int) -> tuple[Array, Array]:
 
 
 def _draw_curve(axes: Axes, k: int, x: Array, points: Array) -> None:
-    axes.plot(x, points, ".", ms=2, alpha=0.35, color=style.AXIS_COLOURS[_AXES[k]])
+    axes.plot(x, points, ".", ms=2, alpha=0.35, color=AXIS_COLOURS[_AXES[k]])
 
 
 def _draw_band(axes: Axes, k: int, x: Array, curve: Array, sigma: Array, terms: int) -> None:
-    colour = style.AXIS_COLOURS[_AXES[k]]
+    colour = AXIS_COLOURS[_AXES[k]]
     axes.plot(x, curve, color=colour, label=f"{_AXES[k]}: order {terms - 1}")
     axes.fill_between(x, curve - 1.96 * sigma, curve + 1.96 * sigma, color=colour, alpha=0.25, lw=0)
 
@@ -266,8 +266,8 @@ def _spectrum(
     axes: Axes, real: Array, simulated: Array, rate: float, axis: int, label: str
 ) -> None:
     for values, colour, who in (
-        (real, style.TRUTH_COLOUR, "real"),
-        (simulated, style.PALETTE[1], "twin"),
+        (real, TRUTH_COLOUR, "real"),
+        (simulated, SERIES_COLOURS[1], "twin"),
     ):
         frequency, density = comparison.spectrum_of(values, rate)
         axes.loglog(frequency[1:], density[1:, axis], color=colour, label=who, lw=1.0)
@@ -281,7 +281,7 @@ def _series(
 ) -> None:
     count = round(_SECONDS * rate)
     for panel, (series, colour) in enumerate(
-        ((real, style.TRUTH_COLOUR), (simulated, style.PALETTE[1]))
+        ((real, TRUTH_COLOUR), (simulated, SERIES_COLOURS[1]))
     ):
         values = series[1]
         middle = max(len(values) // 2 - count // 2, 0)

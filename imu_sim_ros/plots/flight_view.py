@@ -14,15 +14,22 @@ from typing import Any, Final
 import numpy as np
 from numpy.typing import NDArray
 
-from imu_sim_ros.conventions import WORLD_FRAME
+from imu_sim_ros.conventions import AXIS_COLOURS, SERIES_COLOURS, WORLD_FRAME
 from imu_sim_ros.errors import MissingDependencyError
 from imu_sim_ros.records import States
 from imu_sim_ros.types import Array, Times
 
+
+def _rgb(colour: str) -> tuple[int, int, int]:
+    """Return red, green and blue, 0 to 255, of a colour such as ``#1A1A1A``."""
+    red, green, blue = bytes.fromhex(colour[1:])
+    return red, green, blue
+
+
 _TIME: Final = "stamp"
-_COLOURS: Final = ((120, 120, 120), (0, 114, 178), (213, 94, 0), (0, 158, 115), (204, 121, 167))
-"""Colours of the truth, then of each estimate (Okabe and Ito's, safe for colour blindness)."""
-_AXES: Final = ((230, 60, 60), (60, 160, 60), (60, 90, 230))
+_COLOURS: Final = ((120, 120, 120), *map(_rgb, SERIES_COLOURS))
+"""Colours of the truth, grey on any background, then of each estimate."""
+_AXES: Final = tuple(map(_rgb, AXIS_COLOURS.values()))
 _RADIUS: Final = 0.01
 """[m] Radius of the line of a path."""
 _BRIGHTER: Final = 0.5

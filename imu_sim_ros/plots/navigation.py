@@ -9,6 +9,7 @@ from typing import Any, Final
 import numpy as np
 from matplotlib.axes import Axes
 
+from imu_sim_ros.conventions import AXIS_COLOURS, SERIES_COLOURS, TRUTH_COLOUR
 from imu_sim_ros.plots import style
 from imu_sim_ros.plots.style import Figure
 from imu_sim_ros.types import Array
@@ -81,7 +82,7 @@ def evaluation(
         (axes[2], position_error, "position error [m]", "m"),
         (axes[3], degrees, "attitude error [deg]", "deg"),
     ):
-        for k, (name, colour) in enumerate(style.AXIS_COLOURS.items()):
+        for k, (name, colour) in enumerate(AXIS_COLOURS.items()):
             rms = float(np.sqrt(np.mean(np.square(errors[:, k]))))
             words = f"{name}: {rms:.3g} {unit}"
             axis.plot(_thinned(t), _thinned(errors[:, k]), color=colour, label=words)
@@ -126,7 +127,7 @@ def _view(
         axis.plot(
             shown[:, across],
             shown[:, up],
-            color=style.TRUTH_COLOUR,
+            color=TRUTH_COLOUR,
             lw=6.0,
             alpha=0.35,
             label="truth",
@@ -203,7 +204,7 @@ def _looks(names: Sequence[str]) -> dict[str, dict[str, Any]]:
     widths = {1: (1.5,), 2: (3.0, 1.2)}.get(len(groups), (3.2, 2.0, 0.9))
     return {
         name: {
-            "color": style.PALETTE[g % len(style.PALETTE)],
+            "color": SERIES_COLOURS[g % len(SERIES_COLOURS)],
             "lw": widths[min(g, len(widths) - 1)],
             "ls": ("-", (0, (4, 2)), (0, (1, 1.5)))[k % 3],
         }

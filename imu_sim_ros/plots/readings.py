@@ -9,7 +9,7 @@ from pathlib import Path
 import numpy as np
 
 from imu_sim_ros.calibration.noise.terms import TERMS, gauss_markov_deviation
-from imu_sim_ros.conventions import AXES, TRIADS
+from imu_sim_ros.conventions import AXES, AXIS_COLOURS, SERIES_COLOURS, TRIADS
 from imu_sim_ros.plots import style
 from imu_sim_ros.plots.style import Figure
 from imu_sim_ros.sensors.imu.parameters import ImuParameters
@@ -35,7 +35,7 @@ def readings(t_ns: Integers, gyro: Array, accel: Array, name: str) -> Figure:
         (panels[1], accel, "specific force [m/s$^2$]"),
     ):
         for k, axis in enumerate(AXES):
-            axes.plot(t, values[::step, k], color=style.AXIS_COLOURS[axis], lw=0.8, label=axis)
+            axes.plot(t, values[::step, k], color=AXIS_COLOURS[axis], lw=0.8, label=axis)
         axes.set_ylabel(label)
     style.legend_above(panels[0], 3)
     panels[1].set_xlabel("time [s]")
@@ -71,8 +71,15 @@ def draw(sensors: Mapping[str, ImuParameters], path: str | Path) -> None:
         for k, (name, imu) in enumerate(sensors.items()):
             line = allan_deviation(imu.triad(triad), tau)
             if line.any():
-                dashes = ("-", "--", "-.", ":")[k // 7 % 4]
-                axes.loglog(tau, line, dashes, color=f"C{k % 7}", label=name, lw=1.2)
+                dashes = ("-", "--", "-.", ":")[k // len(SERIES_COLOURS) % 4]
+                axes.loglog(
+                    tau,
+                    line,
+                    dashes,
+                    color=SERIES_COLOURS[k % len(SERIES_COLOURS)],
+                    label=name,
+                    lw=1.2,
+                )
         axes.set_xlabel("cluster time [s]")
         axes.set_ylabel(f"Allan deviation [{_UNITS[triad]}]")
         axes.set_title(triad)

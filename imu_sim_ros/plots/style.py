@@ -16,10 +16,6 @@ from matplotlib.lines import Line2D
 from matplotlib.markers import TICKDOWN, TICKLEFT, MarkerStyle
 from matplotlib.ticker import NullLocator
 
-# Okabe and Ito's palette: told apart with every kind of colour vision, and in grey.
-AXIS_COLOURS: Final = {"x": "#D55E00", "y": "#009E73", "z": "#0072B2"}
-PALETTE: Final = ("#0072B2", "#D55E00", "#009E73", "#CC79A7", "#E69F00", "#56B4E9", "#5B5B5B")
-TRUTH_COLOUR: Final = "#1A1A1A"
 MUTED_COLOUR: Final = "#8A8A8A"
 _FAINT: Final = "#EEEEEE"
 _THIN: Final = 0.4

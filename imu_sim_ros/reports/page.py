@@ -13,12 +13,13 @@ import base64
 import hashlib
 import html as markup
 from collections import Counter
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from importlib import resources
 from typing import Any, Final, NamedTuple
 
 import numpy as np
 
+from imu_sim_ros.conventions import AXIS_COLOURS, SERIES_COLOURS
 from imu_sim_ros.json_text import as_json as to_json
 from imu_sim_ros.names import printable
 
@@ -26,8 +27,11 @@ _SCRIPTS: Final = (
     *("base.js", "plot.js", "path.js", "table.js"),
     *("verdict.js", "runs.js", "main.js"),
 )
-SERIES_COLOURS: Final = 7
-"""Colours of series, ``SERIES_COLOURS`` in base.js; beyond them lines are dashed."""
+_DARK_AXES: Final = {"x": "#FF7A75", "y": "#5FD37A", "z": "#82ABFF"}
+_DARK_SERIES: Final = (
+    *("#CF9BEB", "#FFB04D", "#4FD0D8", "#FF94C8", "#D2A679", "#C3D04A", "#A9B5C0"),
+)
+"""The colours of axes and series on a dark page."""
 _STYLE: Final = "page.css"
 _DIGITS: Final = 6
 _USUAL: Final = 0.9
@@ -54,8 +58,9 @@ def html(title: str, lines: Sequence[str], sections: Sequence[Section]) -> str:
     :param lines: the lines below the title.
     :param sections: values that are not finite become gaps.
     """
-    style = _asset(_STYLE)
-    script = '"use strict";\n' + "".join(_asset(name) for name in _SCRIPTS)
+    style = _style()
+    script = f'"use strict";\nconst SERIES_COLOURS = {len(SERIES_COLOURS)};\n'
+    script += "".join(_asset(name) for name in _SCRIPTS)
     content = {"sections": [section._asdict() for section in sections]}
     policy = (
         f"default-src 'none'; script-src '{_digest(script)}'; style-src '{_digest(style)}'; "
@@ -118,10 +123,44 @@ def _are_many(values: Sequence[Any]) -> bool:
     return plain and 2 * len(set(values)) > len(values)
 
 
+def plot(title: str, x: str, y: str, series: list[Item], log: str = "", **options: object) -> Item:
+    """Return a plot.
+
+    :param x: label of the horizontal axis; ``y``: of the vertical one.
+    :param log: logarithmic axes, of "xy".
+    :param options: further fields, such as ``link``, ``legend`` and ``caption``.
+    """
+    return {
+        "kind": "plot",
+        "title": title,
+        "x": {"label": x, "log": "x" in log},
+        "y": {"label": y, "log": "y" in log},
+        "series": series,
+        **options,
+    }
+
+
 def table(name: str, header: Sequence[str], rows: Sequence[Sequence[Any]], search: bool) -> Item:
     """Return a table from its rows."""
     columns = [column(head, (row[k] for row in rows)) for k, head in enumerate(header)]
     return {"kind": "table", "name": name, "columns": columns, "search": search}
+
+
+def _style() -> str:
+    """Return the style sheet with the colours of axes (``--x``) and series (``--c0``)."""
+    light = _variables(AXIS_COLOURS, SERIES_COLOURS)
+    dark = _variables(_DARK_AXES, _DARK_SERIES)
+    return (
+        f":root {{ {light} }}\n"
+        "@media screen and (prefers-color-scheme: dark) "
+        f'{{ :root:not([data-theme="light"]) {{ {dark} }} }}\n'
+        f'@media screen {{ :root[data-theme="dark"] {{ {dark} }} }}\n{_asset(_STYLE)}'
+    )
+
+
+def _variables(axes: Mapping[str, str], series: Sequence[str]) -> str:
+    named = {**axes, **{f"c{number}": colour for number, colour in enumerate(series)}}
+    return " ".join(f"--{name}: {colour};" for name, colour in named.items())
 
 
 def _asset(name: str) -> str:

@@ -20,15 +20,16 @@ from imu_sim_ros.bags.read import open_bag, vector_blocks
 from imu_sim_ros.bags.reader import Bag, errors_naming
 from imu_sim_ros.calibration.noise.deviation import Deviation, DeviationAccumulator
 from imu_sim_ros.errors import ImuSimError
+from imu_sim_ros.recordings.findings.measures import ReadingMeasures
 from imu_sim_ros.records import Readings
 from imu_sim_ros.reports.page import Item, table
 from imu_sim_ros.sensors import sensors_of_imus
-from imu_sim_ros.types import Array, Bytes, Integers, Mask
+from imu_sim_ros.types import Array, Bytes, Integers, Mask, Times
 
 _FIRST: Final = 64
-"""Messages whose median interval is the usual one."""
+"""Number of messages whose median interval is the usual interval."""
 _IMAGES: Final = 6
-"""Images of each camera."""
+"""Number of images of each camera."""
 _WIDTH: Final = 180
 """Pixels of an image of the strip."""
 _MAX_CAMERAS: Final = 4
@@ -36,7 +37,7 @@ _IMAGE_TYPES: Final = (IMAGE, COMPRESSED_IMAGE)
 _UNITS: Final = {"gyroscope": "rad/s", "accelerometer": "m/s^2"}
 
 
-class _Passed:
+class _TopicStatistics:
     """Statistics of the messages of a topic so far."""
 
     def __init__(self, topic: TopicInfo) -> None:
@@ -46,9 +47,9 @@ class _Passed:
         self.ends: tuple[int, int] | None = None
         self.images: list[tuple[int, bytes]] = []
         self._waiting: list[Integers] = []
-        wanted = topic.type in _IMAGE_TYPES and topic.count
-        numbers = np.linspace(0, topic.count - 1, _IMAGES) if wanted else np.empty(0)
-        self._wanted = sorted(set(numbers.round().astype(int).tolist()))
+        has_images = topic.type in _IMAGE_TYPES and topic.count
+        numbers = np.linspace(0, topic.count - 1, _IMAGES) if has_images else np.empty(0)
+        self._drawn = sorted(set(numbers.round().astype(int).tolist()))
 
     def add(self, block: MessageBlock) -> None:
         payloads, count = block.payloads, len(block.t_ns)
@@ -56,14 +57,13 @@ class _Passed:
             return
         listed = isinstance(payloads, list)
         self.size += sum(map(len, payloads)) if listed else int(payloads.size)  # type: ignore[union-attr]
-        for number in [one for one in self._wanted if self.count <= one < self.count + count]:
+        for number in [n for n in self._drawn if self.count <= n < self.count + count]:
             k = number - self.count
             self.images.append((int(block.t_ns[k]), as_list(payloads[k : k + 1])[0]))
         self.count += count
-        first = self.ends[0] if self.ends else int(block.t_ns[0])
-        before = self.ends[1] if self.ends else int(block.t_ns[0])
-        self.ends = (first, int(block.t_ns[-1]))
-        self._waiting.append(np.diff(block.t_ns, prepend=before)[0 if self.count > count else 1 :])
+        start_ns, end_ns = self.ends or (int(block.t_ns[0]), int(block.t_ns[0]))
+        self.ends = (start_ns, int(block.t_ns[-1]))
+        self._waiting.append(np.diff(block.t_ns, prepend=end_ns)[0 if self.count > count else 1 :])
         if self.count > _FIRST:
             self.close()
 
@@ -81,46 +81,46 @@ class _Passed:
         duration = (self.ends[1] - self.ends[0]) * 1e-9 if self.ends else 0.0
         rate = None if self.interval is None else 1.0 / self.interval
         mean = None if duration <= 0.0 else (self.count - 1) / duration
-        each = self.size / self.count if self.count else None
-        named = [self.topic.name, self.topic.type.replace("/msg/", "/"), self.count, rate, mean]
+        mean_size = self.size / self.count if self.count else None
+        message = [self.topic.name, self.topic.type.replace("/msg/", "/"), self.count, rate, mean]
         gaps = [None, None] if self.interval is None else [self.gaps, self.longest]
-        return [*named, *gaps, each, self.size * 1e-6]
+        return [*message, *gaps, mean_size, self.size * 1e-6]
 
 
 def topic_items(path: Path, topics: Sequence[TopicInfo]) -> list[Item]:
     """Return the table of a bag's topics, and the strips of its cameras."""
-    passed = {topic.name: _Passed(topic) for topic in topics}
+    counters = {topic.name: _TopicStatistics(topic) for topic in topics}
     strips = []
     with open_bag(path) as bag:
         for group in bag.groups():
             for block in group:
-                passed[block.topic.name].add(block)
-        for one in passed.values():
-            one.close()
-        cameras = [one for one in passed.values() if one.images][:_MAX_CAMERAS]
-        strips = [_strip(bag, one) for one in cameras]
+                counters[block.topic.name].add(block)
+        for counter in counters.values():
+            counter.close()
+        cameras = [counter for counter in counters.values() if counter.images][:_MAX_CAMERAS]
+        strips = [_strip(bag, camera) for camera in cameras]
     header = ["topic", "type", "messages", "rate [Hz]", "mean [Hz]"]
     header += ["gaps", "longest [s]", "bytes", "MB"]
-    rows = [one.row() for one in passed.values()]
-    words = (
+    rows = [counter.row() for counter in counters.values()]
+    text = (
         f"The rate is that of the usual interval between record times, the mean that over all; a "
         f"gap is longer than {GAP:g} intervals. Bytes are those of a message, before compression."
     )
-    items = [table("topics", header, rows, search=False), {"kind": "text", "text": words}]
+    items = [table("topics", header, rows, search=False), {"kind": "text", "text": text}]
     items[-1]["faint"] = True
     return items + strips
 
 
-def _strip(bag: Bag, passed: _Passed) -> Item:
-    """Return images of a camera over the time, small; what cannot be decoded is said."""
+def _strip(bag: Bag, camera: _TopicStatistics) -> Item:
+    """Return small images of a camera over time, or the reason why they cannot be decoded."""
     from imu_sim_ros.sensors.camera.images.files import png
 
-    topic, (first_ns, _) = passed.topic, passed.images[0]
+    topic, (first_ns, _) = camera.topic, camera.images[0]
     types = schemas.typestore([(topic.type, topic.schema)], bag.encoding)
     decode = types.deserialize_cdr if bag.encoding == "cdr" else types.deserialize_ros1
     frames: list[Item] = []
     try:
-        for t_ns, payload in passed.images:
+        for t_ns, payload in camera.images:
             with errors_naming(bag.path, f" ({topic.name})"):
                 message = decode(payload, topic.type)
             data = base64.b64encode(png(_small(topic, message))).decode()
@@ -138,12 +138,12 @@ def _small(topic: TopicInfo, message: Any) -> Bytes:
     raw = topic.type == IMAGE
     image = pixels(topic.name, message) if raw else decoded(bytes(message.data))
     image = np.asarray(image[..., :3] if image.ndim == 3 else image)
-    every = max(1, -(-image.shape[1] // _WIDTH))
-    height, width = (size // every * every for size in image.shape[:2])
+    binning = max(1, -(-image.shape[1] // _WIDTH))
+    height, width = (size // binning * binning for size in image.shape[:2])
     if not height or not width:
-        every, (height, width) = 1, image.shape[:2]
+        binning, (height, width) = 1, image.shape[:2]
     parts = image[:height, :width].astype(np.float32)
-    parts = parts.reshape(height // every, every, width // every, every, *image.shape[2:])
+    parts = parts.reshape(height // binning, binning, width // binning, binning, *image.shape[2:])
     small = np.nan_to_num(parts.mean(axis=(1, 3)), posinf=0.0, neginf=0.0)
     if image.dtype != np.uint8:  # depths and deep grey values: their own range
         low, high = float(small.min()), float(small.max())
@@ -153,7 +153,7 @@ def _small(topic: TopicInfo, message: Any) -> Bytes:
 
 def bias_series(path: Path, topics: Sequence[TopicInfo]) -> list[tuple[str, str, list[Item]]]:
     """Return title, unit and lines of every bias that a bag has as Vector3Stamped."""
-    found = []
+    biases = []
     for topic in topics:
         if topic.type != VECTOR3_STAMPED or "bias" not in topic.name or not topic.count:
             continue
@@ -163,11 +163,11 @@ def bias_series(path: Path, topics: Sequence[TopicInfo]) -> list[tuple[str, str,
         series = []
         for k, axis in enumerate("xyz"):
             rows = extremes(values[:, k])
-            line = {"name": axis, "colour": k, "x": t_s[rows], "y": values[rows, k]}
+            line = {"name": axis, "colour": axis, "x": t_s[rows], "y": values[rows, k]}
             series.append(line | {"thin": True})
         unit = next((unit for name, unit in _bias_units().items() if name in topic.name), "")
-        found.append((f"Bias: {topic.name}", unit, series))
-    return found
+        biases.append((f"Bias: {topic.name}", unit, series))
+    return biases
 
 
 def _bias_units() -> dict[str, str]:
@@ -183,16 +183,22 @@ PARTS: Final = 500
 _SEGMENT: Final = 4096
 _PER_DECADE: Final = 60
 GAP: Final = 1.5
-"""Intervals above which a gap is counted, in usual intervals."""
+"""Longest interval that is no gap, in usual intervals."""
 _MAX_GAPS: Final = 1000
+_JUDGED: Final = 32768
+"""Readings of a piece in which rest is told from motion."""
+_AT_REST: Final = 0.95
+"""Share of the seconds at rest from which on an IMU is taken to rest: a bump on the table is not
+motion."""
 
 
 class Gap(NamedTuple):
     """Two neighbouring stamps that are too far apart or out of order."""
 
     at_s: float
-    """Since the first stamp."""
+    """Time since the first stamp [s]."""
     interval_s: float
+    """Interval to the next stamp [s]."""
 
 
 class StreamPlots(NamedTuple):
@@ -220,23 +226,25 @@ class StreamPlots(NamedTuple):
     density: Array
     """(k, 6) two-sided, unit/sqrt(Hz)."""
     deviation: Deviation
+    at_rest: bool
+    """True if the IMU rests nearly all the time, so that its deviation is that of its noise."""
 
 
 def extremes(values: Array, columns: int = PARTS) -> NDArray[np.intp]:
-    """Return the rows that a picture needs: the first, the last, each column's least and largest.
+    """Return the rows that a picture needs: both ends, and each column's smallest and largest.
 
-    :param values: (n,) or (n, k), of each of whose k there are extremes.
-    :param columns: of the picture.
+    :param values: (n,), or (n, k) with extremes of each of the k columns.
+    :param columns: width of the picture in points.
     """
     table = values.reshape(len(values), -1)
     starts = np.unique(np.linspace(0, len(table), columns + 1).astype(np.intp))
     parts = [table[a:b] for a, b in itertools.pairwise(starts.tolist())]
-    found = [
+    rows = [
         start + end(part, axis=0)
         for start, part in zip(starts.tolist(), parts, strict=False)
         for end in (np.argmin, np.argmax)
     ]
-    return np.unique(np.concatenate([[0, len(table) - 1], *found]))
+    return np.unique(np.concatenate([[0, len(table) - 1], *rows]))
 
 
 def analyse(blocks: Iterable[Readings], count: int) -> StreamPlots | None:
@@ -249,39 +257,41 @@ def analyse(blocks: Iterable[Readings], count: int) -> StreamPlots | None:
     for block in blocks:
         if analysis is None:
             waiting.append(block)
-            stamps = np.concatenate([one.t_ns for one in waiting])
+            stamps = np.concatenate([pending.t_ns for pending in waiting])
             steps = np.diff(stamps)
             if not (steps > 0).any():
                 continue
             interval = float(np.median(steps[steps > 0])) * 1e-9
             analysis = _Analysis(int(stamps[0]), interval, max(1, -(-count // PARTS)))
-            for one in waiting:
-                analysis.add(one)
+            for pending in waiting:
+                analysis.add(pending)
         else:
             analysis.add(block)
     return None if analysis is None else analysis.result()
 
 
 class _Analysis:
-    """Takes a stream block by block."""
+    """Reduction of a stream, block by block."""
 
-    def __init__(self, first_ns: int, interval: float, part: int) -> None:
-        self._first, self._interval, self._part = first_ns, interval, part
-        self._samples, self._last = 0, first_ns
+    def __init__(self, start_ns: int, interval: float, part: int) -> None:
+        self._start_ns, self._interval, self._part = start_ns, interval, part
+        self._samples, self._end_ns = 0, start_ns
         self._rest_t, self._rest = np.empty(0), np.empty((0, 7))
         self._rows: list[tuple[Array, Array, Array]] = []
         self._gaps: list[Gap] = []
         self._gap_count = 0
         self._spectrum = _Spectrum(1.0 / interval)
         self._deviation = DeviationAccumulator(1.0 / interval, 6)
+        self._rest_share = _RestShare()
 
     def add(self, block: Readings) -> None:
         if not len(block.t_ns):
             return
         values = np.column_stack(block.triads())
-        before = self._last if self._samples else int(block.t_ns[0])
-        steps: Array = np.diff(block.t_ns, prepend=before) * 1e-9
-        t_s = (block.t_ns - self._first) * 1e-9
+        self._rest_share.add(block.t_ns, values)
+        previous_ns = self._end_ns if self._samples else int(block.t_ns[0])
+        steps: Array = np.diff(block.t_ns, prepend=previous_ns) * 1e-9
+        t_s = (block.t_ns - self._start_ns) * 1e-9
         torn = (steps > GAP * self._interval) | (steps <= 0.0)
         if not self._samples:
             torn[0] = False
@@ -291,7 +301,7 @@ class _Analysis:
             self._gaps.append(Gap(float(t_s[k]), float(steps[k])))
         self._pieces(values, torn)
         self._samples += len(values)
-        self._last = int(block.t_ns[-1])
+        self._end_ns = int(block.t_ns[-1])
         self._parts(np.asarray(t_s, dtype=np.float64), np.column_stack([values, steps]))
 
     def _pieces(self, values: Array, torn: Mask) -> None:
@@ -299,11 +309,11 @@ class _Analysis:
         cuts = np.flatnonzero(torn).tolist()
         if len(cuts) > _MAX_GAPS:  # a stream that is nothing but gaps: no piece is worth it
             cuts = cuts[:_MAX_GAPS]
-        for number, (first, last) in enumerate(zip([0, *cuts], [*cuts, len(values)], strict=True)):
+        for number, (start, stop) in enumerate(zip([0, *cuts], [*cuts, len(values)], strict=True)):
             if number:
                 self._deviation.end_piece()
                 self._spectrum.end_piece()
-            piece = values[first:last]
+            piece = values[start:stop]
             if len(piece) and np.isfinite(piece).all():
                 self._deviation.add(piece)
                 self._spectrum.add(piece)
@@ -330,8 +340,8 @@ class _Analysis:
         frequency, density = self._spectrum.result()
         return StreamPlots(
             self._samples,
-            self._first,
-            (self._last - self._first) * 1e-9,
+            self._start_ns,
+            (self._end_ns - self._start_ns) * 1e-9,
             self._interval,
             self._gaps,
             self._gap_count,
@@ -343,12 +353,42 @@ class _Analysis:
             frequency,
             density,
             self._deviation.result(),
+            self._rest_share.at_rest(),
         )
 
     def _reduce_last(self) -> None:
         if len(self._rest):
             self._part = len(self._rest)
             self._reduce(len(self._rest))
+
+
+class _RestShare:
+    """Counter of the seconds of a stream in which nothing moves, in pieces of constant size."""
+
+    def __init__(self) -> None:
+        self._t_ns, self._values = np.empty(0, np.int64), np.empty((0, 6))
+        self._windows, self._resting = 0, 0
+
+    def add(self, t_ns: Times, values: Array) -> None:
+        """Take readings (n, 6): gyroscope x y z, accelerometer x y z."""
+        self._t_ns = np.concatenate([self._t_ns, t_ns])
+        self._values = np.concatenate([self._values, values])
+        while len(self._t_ns) >= _JUDGED:
+            self._judge(_JUDGED)
+
+    def _judge(self, count: int) -> None:
+        gyro, accel = self._values[:count, :3], self._values[:count, 3:]
+        measures = ReadingMeasures(Readings(self._t_ns[:count], gyro, accel))
+        self._windows += len(measures.rest)
+        if measures.rest_force is not None:  # a steady turn is no rest
+            self._resting += int(np.count_nonzero(measures.rest))
+        self._t_ns, self._values = self._t_ns[count:], self._values[count:]
+
+    def at_rest(self) -> bool:
+        """Return True if the stream rests nearly all the time."""
+        if len(self._t_ns):
+            self._judge(len(self._t_ns))
+        return self._windows > 0 and self._resting >= _AT_REST * self._windows
 
 
 class _Spectrum:

@@ -13,7 +13,7 @@ from imu_sim_ros.campaigns.metrics import parse_tolerance
 from imu_sim_ros.campaigns.plan import load_plan
 from imu_sim_ros.campaigns.results import read_results
 from imu_sim_ros.campaigns.verdict import judge
-from imu_sim_ros.reports.of_campaign import campaign_sections
+from imu_sim_ros.reports.campaign import campaign_sections
 
 ESTIMATOR = """import sys
 mode, data, out, seed = sys.argv[1:]

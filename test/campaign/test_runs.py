@@ -35,7 +35,7 @@ from imu_sim_ros.errors import ConfigurationError, InputError
 from imu_sim_ros.jobs import campaign as job
 from imu_sim_ros.jobs.report import report
 from imu_sim_ros.navigation.evaluation import anees_band
-from imu_sim_ros.reports.of_campaign import campaign_sections
+from imu_sim_ros.reports.campaign import campaign_sections
 
 GRID = {"imu": ["adis16448", "perfect"], "trajectory": ["lecture", "circle"]}
 

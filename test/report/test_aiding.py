@@ -62,7 +62,7 @@ def test_errors_of_fixes_are_those_of_the_simulation_and_so_are_shares(drive):
         (printed,) = re.findall(rf"([0-9.e+-]+) {axis}", said.partition("/gps/velocity")[0])[-1:]
         assert float(printed) == pytest.approx(size, rel=6e-3)
     ratio = np.abs(flight.gnss.error) / np.sqrt(flight.gnss.variance)
-    assert f"{np.mean(ratio <= 1.0):.1%} within 1 (68.3%)" in said
+    assert f"{np.mean(ratio <= 1.0):.1%} within 1 sigma (68.3%)" in said
     # 350 fixes, three axes: 0.383 +- 0.015; five of these.
     assert np.mean(ratio <= 1.0) == pytest.approx(0.383, abs=0.075)
     assert [one["name"] for item in items if item["kind"] == "path" for one in item["series"]] == [
@@ -72,12 +72,14 @@ def test_errors_of_fixes_are_those_of_the_simulation_and_so_are_shares(drive):
     assert {f"/gps/{k}: error {axis}" for k in ("fix", "velocity") for axis in ("east", "up")} < {
         *drawn
     }
-    assert [line["name"] for line in drawn["/gps/fix: error up"]["series"]] == ["3 sigma", "error"]
+    assert [line["name"] for line in drawn["/gps/fix: error up"]["series"]] == [
+        *("3 sigma, as stated", "error"),
+    ]
 
 
 def test_wheels_are_compared_in_their_own_frame(drive):
     flight, found = drive
-    items = found["drive.mcap: /wheel/odom"]
+    items = found["drive.mcap: errors of /wheel/odom"]
     wheels = flight.wheels
     error = np.linalg.norm(wheels.true_pose[:, :2] - wheels.pose[:, :2], axis=1)
     assert f"{np.sqrt(np.mean(error**2)):.4g} m root mean square" in words(items)
@@ -96,16 +98,20 @@ def test_every_sensor_with_a_truth_is_drawn_with_it(drive):
     wheels = flight.wheels
     items = found["drive.mcap: /wheel/odom (twist)"]
     error = wheels.twist[:, 0] - wheels.true_twist[:, 0]
-    (printed,) = re.findall(r"linear: as read minus true.*?: ([0-9.e+-]+) x", words(items))
+    (printed,) = re.findall(
+        r"linear: RMS error \(measured - true\).*?: ([0-9.e+-]+) x", words(items)
+    )
     assert float(printed) == pytest.approx(np.sqrt(np.mean(error**2)), rel=6e-3)
     drawn = plots(items)["/wheel/odom: linear: readings and truth"]["series"]
-    assert [line["name"] for line in drawn] == ["truth", "truth", "x", "y"]
-    assert drawn[0]["colour"] is None
+    assert [line["name"] for line in drawn] == ["x", "y", "truth", "truth"]
+    assert [line["colour"] for line in drawn] == ["x", "y", None, None]
     # Forward alone: up, and what is not measured, have no plot.
     assert "/wheel/odom: angular: error x" not in plots(items)
     joints = found["drive.mcap: /joint_states"]
     error = wheels.angle - wheels.ideal_angle
-    (printed,) = re.findall(r"position: as read minus true.*?: ([0-9.e+-]+) 0", words(joints))
+    (printed,) = re.findall(
+        r"position: RMS error \(measured - true\).*?: ([0-9.e+-]+) \w+left\w*", words(joints)
+    )
     assert float(printed) == pytest.approx(np.sqrt(np.mean(error[:, 0] ** 2)), rel=6e-3)
 
 
@@ -122,14 +128,15 @@ def test_odometry_without_a_truth_of_its_own_begins_at_the_body(tmp_path):
     given = {**DRIVE, "sensors": ["wheels"], "trajectory": route, "duration": 20}
     flight = ims.simulate(**{key: value for key, value in given.items() if key != "gnss"})
     bag = flight.save(tmp_path / "drive.mcap", topics=["ground_truth/odom", "wheel/odom"])
-    items = sections(bag, tmp_path)["drive.mcap: motion"]
+    found = sections(bag, tmp_path)
+    items, detail = (found[f"drive.mcap: {k}"] for k in ("estimates", "errors of /wheel/odom"))
     assert "/wheel/odom: in a frame of its own" in words(items)
     wheels = flight.wheels
     error = np.linalg.norm(wheels.true_pose[:, :2] - wheels.pose[:, :2], axis=1)
     assert error.max() > 0.1
-    assert f"{np.sqrt(np.mean(error**2)):.3g}" in words(items)
+    assert f"{np.sqrt(np.mean(error**2)):.3g}" in words(detail)
     (lines,) = [item["series"] for item in items if item["kind"] == "path"]
     assert [(line["x"][0], line["y"][0]) for line in lines] == [(30.0, -20.0)] * 2
     # The axes of the stated errors turn with it: going north, x is across the way.
-    band = plots(items)["/wheel/odom: position error x"]["series"][0]
-    assert band["name"] == "3 sigma"
+    band = plots(detail)["/wheel/odom: position error x"]["series"][0]
+    assert band["name"] == "3 sigma, as stated"

@@ -4,6 +4,7 @@
 """The pages in a real browser, as wide as a desk's screen and as a phone's."""
 
 import base64
+import itertools
 import re
 import subprocess
 import sys
@@ -82,6 +83,52 @@ def test_every_plot_is_drawn_and_fits(opened, name, width):
         assert 200 < wide <= width, title
     # Nothing is wider than the window: a phone's page is not pushed from side to side.
     assert run(page, "return document.documentElement.scrollWidth") <= width
+
+
+@pytest.mark.parametrize("name", ["campaign.html", "bag.html"])
+@pytest.mark.parametrize("width", WIDTHS)
+def test_axes_have_three_ticks_and_no_label_lies_over_them(opened, name, width):
+    """Numbers of the vertical axis end before the frame and begin behind the axis' label."""
+    plots = run(
+        opened(name, width),
+        """return [...document.querySelectorAll("figure[data-plot]")].filter((one) =>
+          one.offsetWidth && one.querySelector("rect.frame")).map((one) => {
+          const at = (mark) => { const box = mark.getBoundingClientRect();
+            return [box.left, box.right, box.top, box.bottom]; };
+          const ticks = [...one.querySelectorAll("text.tick")];
+          const label = one.querySelector("text[transform]");
+          return [one.dataset.plot, at(one.querySelector("rect.frame")), ticks.map(at),
+            label && at(label)]; })""",
+    )
+    assert plots
+    for title, frame, ticks, label in plots:
+        across = [tick for tick in ticks if tick[2] >= frame[3] - 1]
+        up = [tick for tick in ticks if tick not in across]
+        assert len(across) >= 3, title
+        assert all(a[1] < b[0] for a, b in itertools.pairwise(across)), title
+        if label is not None:
+            assert len(up) >= 3, title
+            assert all(label[1] <= tick[0] + 1 and tick[1] <= frame[0] for tick in up), title
+
+
+def test_the_legend_shows_a_band_as_a_band_and_a_line_as_a_line(opened):
+    marks = run(
+        opened("bag.html"),
+        """return [...figure("/filter/odom: position error x").querySelectorAll(".legend button")]
+        .map((one) => [one.textContent, [...one.querySelector("svg").children].map(
+          (mark) => mark.tagName)])""",
+    )
+    assert marks == [["3 sigma, as stated", ["rect"]], ["error", ["line"]]]
+
+
+def test_an_estimate_leads_to_its_errors(opened):
+    page = opened("bag.html", 390)
+    link = "return table('all estimates').querySelector('a')"
+    place = run(page, f"{link}.getBoundingClientRect().bottom")
+    assert place < 844  # in sight on a phone, without scrolling
+    run(page, f"{link.removeprefix('return ')}.click()")
+    heading = run(page, "return document.querySelector(location.hash + ' h2').textContent")
+    assert heading == "walk.mcap: errors of /filter/odom"
 
 
 def test_hostile_names_are_text(opened):

@@ -65,7 +65,7 @@ def test_scans_points_and_errors_are_those_of_the_flight(page):
     # The truth has scans that are lost, too: 20 of them.
     assert len(rain["y"]) == 20
     assert np.mean(rain["y"]) == pytest.approx((scans.outcome == 2).sum(axis=1).mean(), rel=0.2)
-    error = series["error of ranges, root mean square of each scan"]["series"][0]["y"]
+    error = series["RMS error of the ranges in each scan"]["series"][0]["y"]
     of_surface = np.where(scans.outcome == 0, scans.range_error, np.nan)
     assert np.mean(error) == pytest.approx(np.sqrt(np.nanmean(of_surface**2)), rel=0.05)
 

@@ -14,10 +14,10 @@ import numpy as np
 import pytest
 import scipy.signal
 
-import imu_sim_ros.bags
+import imu_sim_ros as ims
 from imu_sim_ros.bags.messages.encode import VECTOR3_STAMPED, Vector3StampedEncoder
 from imu_sim_ros.bags.messages.encode_cameras import IMAGE, ImageEncoder
-from imu_sim_ros.bags.read import read_imu
+from imu_sim_ros.bags.read import read_imu, read_odometry
 from imu_sim_ros.bags.writer import open_writer
 from imu_sim_ros.campaigns.metrics import COVERED
 from imu_sim_ros.campaigns.plan import load_plan
@@ -126,7 +126,11 @@ def test_a_page_of_several_inputs_has_the_sections_of_each(results, bag, tmp_pat
     page = output.read_text(encoding="utf-8")
     titles = [section["title"] for section in content(page)["sections"]]
     assert titles.count("results: Results") == 2
-    assert titles[-2:] == ["walk.mcap: readings", "walk.mcap: motion"]
+    assert titles[-5:] == [
+        *("walk.mcap: estimates", "walk.mcap: motion"),
+        *("walk.mcap: errors of /filter/odom", "walk.mcap: errors of other.tum"),
+        "walk.mcap: readings",
+    ]
     assert len(items(page, "campaign")) == 2
     (path,) = items(page, "path")
     assert [one["name"] for one in path["series"]][1:] == ["/filter/odom", "other.tum"]
@@ -170,7 +174,7 @@ def test_a_bags_streams_gaps_errors_and_consistency(bag, tmp_path):
     assert band["high"][0] == pytest.approx(0.3)
     # Of 12 normal values the least and the largest lie some 1.6 sigma out.
     assert np.mean(np.abs(error["y"])) == pytest.approx(0.16, rel=0.1)
-    nees = plots["/filter/odom: NEES"]["series"][1]
+    nees = plots["NEES of the position"]["series"][1]
     assert len(nees["y"]) <= 1002
     (words,) = [i["text"] for i in items(page, "text") if i["text"].startswith("/filter/odom")]
     mean = float(re.search(r"NEES of the position (\S+)", words)[1])
@@ -179,6 +183,69 @@ def test_a_bags_streams_gaps_errors_and_consistency(bag, tmp_path):
     # Three axes of 0.1 m; the mean square of 18,000 normal values scatters by sqrt(2 / 18000).
     assert rms == pytest.approx(0.1 * np.sqrt(3), rel=4 * 0.5 * np.sqrt(2 / (3 * SAMPLES)))
     assert mean == pytest.approx(3.0, abs=4 * np.sqrt(6 / SAMPLES))
+
+
+def moving_flight(folder, trajectory):
+    """Return a bag of 12 s with an IMU and its truth."""
+    flight = ims.simulate(imu="adis16448", trajectory=trajectory, duration=12, rate=100, seed=1)
+    return flight, flight.save(folder / f"{trajectory}.mcap")
+
+
+def test_the_answer_stands_first_and_estimates_have_one_colour(tmp_path):
+    """Two dead reckonings, one of them without its last 4 s: both are compared over 8 s, too."""
+    flight, bag = moving_flight(tmp_path, "circle")
+    track = ims.dead_reckon(flight)
+    worse = ims.dead_reckon(flight, method="euler")
+    track.save(tmp_path / "good.tum")
+    (tmp_path / "short.tum").write_text(
+        "".join((worse.save(tmp_path / "worse.tum")).read_text().splitlines(keepends=True)[:801])
+    )
+    page = tmp_path / "page.html"
+    files = [str(tmp_path / name) for name in ("good.tum", "short.tum")]
+    assert main([str(bag), *files, "-o", str(page), "--quiet"]) == 0
+    page = page.read_text(encoding="utf-8")
+    first = content(page)["sections"][0]
+    assert first["title"] == "circle.mcap: estimates"
+    (table,) = [item for item in first["items"] if item["kind"] == "table"]
+    columns = {column["name"]: column["values"] for column in table["columns"]}
+    assert columns["estimate"] == ["good.tum", "short.tum"]
+    good, short = (ims.evaluate(file, flight.truth) for file in files)
+    for k, evaluation in enumerate((good, short)):
+        assert columns["ATE [m]"][k] == pytest.approx(evaluation.rms_position, rel=1e-4)
+        assert columns["attitude [rad]"][k] == pytest.approx(evaluation.rms_attitude, rel=1e-4)
+        rpe = evaluation.to_dict([(1.0, "s")])["rpe"][0]["translation_m"]["rmse"]
+        assert columns["RPE 1 s [m]"][k] == pytest.approx(rpe, rel=1e-4)
+        drift = evaluation.to_dict()["final_drift_percent"]
+        assert columns["drift [%]"][k] == pytest.approx(drift, rel=1e-4)
+    common = np.sqrt(np.mean(np.sum(good.position[: len(short.position)] ** 2, axis=1)))
+    assert columns["ATE, common time"] == [
+        pytest.approx(common, rel=1e-3),
+        pytest.approx(short.rms_position, rel=1e-4),
+    ]
+    assert first["items"][0]["text"].startswith("Smallest ATE over the time that all cover: good")
+    titles = [section["title"] for section in content(page)["sections"]]
+    assert set(table["links"].values()) <= {*titles}
+    plots = {item["title"]: item for item in items(page, "plot")}
+    for title in ("Length of the position error", "Length of the attitude error"):
+        assert [line["colour"] for line in plots[title]["series"]] == [0, 1]
+    (path,) = items(page, "path")
+    assert [line["colour"] for line in path["series"]] == [None, 0, 1]
+    for axis in "xyz":
+        item = plots[f"short.tum: position error {axis}"]
+        assert item["series"][0]["colour"] == axis
+        assert item["y"]["label"] == "estimate - truth [m]"
+        assert item["y"]["range"] == plots["short.tum: position error x"]["y"]["range"]
+    spectrum = plots["Angular rate: spectrum"]["series"]
+    assert [line["colour"] for line in spectrum] == ["x", "y", "z"]
+
+
+@pytest.mark.parametrize(("trajectory", "at_rest"), [("static", True), ("circle", False)])
+def test_only_an_imu_at_rest_has_an_allan_deviation(tmp_path, trajectory, at_rest):
+    page = page_of(moving_flight(tmp_path, trajectory)[1], tmp_path)
+    titles = [item["title"] for item in items(page, "plot")]
+    assert ("Angular rate: Allan deviation" in titles) == at_rest
+    told = any("has no Allan deviation" in item["text"] for item in items(page, "text"))
+    assert told != at_rest
 
 
 def test_the_spectrum_is_welchs_and_white_noise_lies_at_its_density(bag):
@@ -270,7 +337,7 @@ def test_numbers_come_from_all_poses_and_pictures_keep_a_jump(bag, tmp_path):
     """29,001 poses with a truth, one of them off by 50 m: 50 / sqrt(29001) = 0.2936 m."""
     count, jump = 30_000, 17_777
     t = START / 1e9 + 5.0 + np.arange(count) * 1e-3
-    truth = imu_sim_ros.bags.read.read_odometry(bag, "/ground_truth/odom")
+    truth = read_odometry(bag, "/ground_truth/odom")
     position = np.stack([np.interp(t * 1e9, truth.t_ns, axis) for axis in truth.position.T], 1)
     position[jump, 1] += 50.0
     track = tmp_path / "jump.tum"
@@ -295,7 +362,7 @@ def test_numbers_come_from_all_poses_and_pictures_keep_a_jump(bag, tmp_path):
     plots = {item["title"]: item for item in items(page, "plot")}
     error = plots["jump.tum: position error y"]["series"][0]
     assert max(error["y"]) == pytest.approx(50.0, abs=1e-3)
-    assert error["x"][int(np.argmax(error["y"]))] == pytest.approx(jump * 1e-3, abs=1e-3)
+    assert error["x"][int(np.argmax(error["y"]))] == pytest.approx(4.99 + jump * 1e-3, abs=1e-3)
     assert len(error["x"]) <= 1002
     (path,) = items(page, "path")
     (drawn,) = [one for one in path["series"] if one["name"] == "jump.tum"]

@@ -2,7 +2,7 @@
 // SPDX-License-Identifier: Apache-2.0
 // Elements, numbers in words, axes. Every text gets into the page as text, never as HTML.
 
-const SERIES_COLOURS = 7;
+const sectionIds = new Map();  // by title, for links between sections
 const DASHES = ["", "6 3", "2 2", "8 3 2 3"];
 
 function element(name, attributes = {}, ...content) {
@@ -22,9 +22,13 @@ function drawing(name, attributes = {}, text = null) {
   return made;
 }
 
-// The truth and what belongs to no estimator have the colour of words: null.
-function colour(index) { return index === null ? "var(--ink)" : `var(--c${index % SERIES_COLOURS})`; }
-function dash(index) { return DASHES[Math.floor(index / SERIES_COLOURS) % DASHES.length]; }
+// A number is that of a series, a string an axis; the truth and what belongs to no estimator have
+// the colour of words: null.
+function colour(index) {
+  if (index === null) return "var(--ink)";
+  return typeof index === "string" ? `var(--${index})` : `var(--c${index % SERIES_COLOURS})`;
+}
+function dash(index) { return typeof index === "number" ? DASHES[Math.floor(index / SERIES_COLOURS) % DASHES.length] : ""; }
 
 function inWords(value, digits = 4) {
   if (value === null || value === undefined) return "";
@@ -81,7 +85,13 @@ class Scale {
     const [low, high] = this.range.map((end) => this.inner(end));
     return this.outer(low + ((place - this.from) / (this.to - this.from)) * (high - low));
   }
+  // About as many ticks as wanted, but at least three.
   ticks(wanted) {
+    let places = [];
+    for (let count = wanted; places.length < 3 && count < 8 * wanted; count++) places = this.steps(count);
+    return places;
+  }
+  steps(wanted) {
     const [low, high] = this.range;
     if (this.log && Math.log10(high / low) >= 1) return this.decades(low, high, wanted);
     const rough = (high - low) / Math.max(wanted, 1), power = 10 ** Math.floor(Math.log10(rough));
@@ -92,18 +102,25 @@ class Scale {
     }
     return found;
   }
+  // Powers of ten, between which there is room for 3, or for 2 and 5.
   decades(low, high, wanted) {
     const first = Math.ceil(Math.log10(low) - 1e-9), last = Math.floor(Math.log10(high) + 1e-9);
-    const every = Math.max(1, Math.ceil((last - first + 1) / wanted)), found = [];
-    const factors = last - first < 2 ? [1, 2, 5] : [1];
-    for (let k = first - 1; k <= last; k++) {
-      if ((k - first) % every !== 0) continue;
-      for (const factor of factors) {
-        const tick = Number((factor * 10 ** k).toPrecision(12));
-        if (tick >= low * 0.999 && tick <= high * 1.001) found.push(tick);
+    const every = Math.max(1, Math.ceil((last - first + 1) / wanted));
+    const places = (factors) => {
+      const ticks = [];
+      for (let k = first - 1; k <= last; k++) {
+        if ((k - first) % every !== 0) continue;
+        for (const factor of factors) {
+          const tick = Number((factor * 10 ** k).toPrecision(12));
+          if (tick >= low * 0.999 && tick <= high * 1.001) ticks.push(tick);
+        }
       }
-    }
-    return found;
+      return ticks;
+    };
+    const powers = places([1]);
+    if (powers.length >= 3) return powers;
+    const richest = places([1, 2, 5]), some = places([1, 3]);
+    return richest.length <= Math.max(wanted, 3) || some.length < 3 ? richest : some;
   }
 }
 

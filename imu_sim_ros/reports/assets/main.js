@@ -7,7 +7,7 @@ const builders = {
   heading: (item) => element("h3", { class: "part" }, item.text),
   code: (item) => element("pre", { tabindex: "0", class: item.text.split("\n").length > 20 ? "long" : null }, item.text),
   table: (item) => {
-    const table = new Table(item.columns, { name: item.name, search: item.search, shown: item.shown, printed: item.printed });
+    const table = new Table(item.columns, { name: item.name, search: item.search, shown: item.shown, printed: item.printed, links: item.links, digits: item.digits });
     return item.name ? element("div", {}, element("h3", {}, item.name), table.host) : table.host;
   },
   plot: (item) => new Plot(item).figure,
@@ -56,6 +56,7 @@ function theme() {
 function start() {
   const content = JSON.parse(document.getElementById("content").textContent);
   const links = document.getElementById("links"), main = document.querySelector("main");
+  content.sections.forEach((section, k) => { if (!sectionIds.has(section.title)) sectionIds.set(section.title, `part${k + 1}`); });
   content.sections.forEach((section, k) => {
     const id = `part${k + 1}`;
     links.append(element("a", { href: `#${id}` }, section.short || section.title));

@@ -26,7 +26,7 @@ class Path {
   drawLegend() {
     this.legend.replaceChildren(...this.spec.series.map((one) => {
       const sign = drawing("svg", { viewBox: "0 0 22 10", "aria-hidden": "true" });
-      sign.append(drawing("line", { x1: 0, x2: 22, y1: 5, y2: 5, stroke: colour(one.colour), "stroke-width": 3, "stroke-dasharray": dash(one.colour) }));
+      sign.append(drawing("line", { x1: 0, x2: 22, y1: 5, y2: 5, stroke: colour(one.colour), "stroke-width": one.colour === null ? 1.5 : 2.5, "stroke-dasharray": dash(one.colour) }));
       const turn = () => { if (!this.hidden.delete(one.name)) this.hidden.add(one.name); this.drawLegend(); };
       return element("button", { type: "button", "aria-pressed": String(!this.hidden.has(one.name)), onclick: turn }, sign, one.name);
     }));
@@ -64,9 +64,11 @@ class Path {
     this.height = Math.min(460, this.width * 0.8);
     const svg = drawing("svg", { viewBox: `0 0 ${this.width} ${this.height}`, role: "img", "aria-label": this.spec.title });
     this.axes(svg);
-    for (const one of this.shown()) {
+    // The truth is thin and lies over the estimates, which would hide it.
+    const order = [...this.shown()].sort((a, b) => (a.colour === null) - (b.colour === null));
+    for (const one of order) {
       const line = one.x.map((x, k) => this.at(x, one.y[k], one.z[k]).map((value) => value.toFixed(1)).join(" "));
-      const look = { stroke: colour(one.colour), fill: "none", "stroke-width": 1.6, "stroke-dasharray": dash(one.colour) };
+      const look = { stroke: colour(one.colour), fill: "none", "stroke-width": one.colour === null ? 1.1 : 1.8, "stroke-dasharray": dash(one.colour) };
       if (line.length > 1) svg.append(drawing("path", { d: `M${line.join("L")}`, class: "track", ...look }));
       const [first, last] = [line[0], line[line.length - 1]].map((words) => words.split(" ").map(Number));
       svg.append(drawing("circle", { cx: first[0], cy: first[1], r: 4, fill: colour(one.colour) }),
@@ -78,20 +80,28 @@ class Path {
 
   axes(svg) {
     const [[x0, x1], [y0, y1], [z0, z1]] = this.ends;
-    const line = (a, b) => {
+    const line = (a, b, axis = null) => {
       const [p, q] = [this.at(...a), this.at(...b)];
-      svg.append(drawing("line", { class: "grid", x1: p[0], y1: p[1], x2: q[0], y2: q[1] }));
+      const look = axis ? { stroke: colour(axis), "stroke-width": 1.5 } : { class: "grid" };
+      svg.append(drawing("line", { ...look, x1: p[0], y1: p[1], x2: q[0], y2: q[1] }));
     };
     for (const x of new Scale([x0, x1], false, 0, 1).ticks(5)) if (x1 > x0) line([x, y0, z0], [x, y1, z0]);
     for (const y of new Scale([y0, y1], false, 0, 1).ticks(5)) if (y1 > y0) line([x0, y, z0], [x1, y, z0]);
-    line([x0, y0, z0], [x0, y0, z1]);
-    const words = (name, end, ...place) => {
-      const [x, y] = this.at(...place);
-      svg.append(drawing("text", { class: "tick", x, y: y + 4, "text-anchor": "middle" }, `${name} ${inWords(end, 3)}`));
+    line([x0, y0, z0], [x1, y0, z0], "x");
+    line([x0, y0, z0], [x0, y1, z0], "y");
+    line([x0, y0, z0], [x0, y0, z1], "z");
+    // A label lies behind the end of its axis, inside the drawing.
+    const origin = this.at(x0, y0, z0);
+    const label = (name, end, ...place) => {
+      const [x, y] = this.at(...place), length = Math.hypot(x - origin[0], y - origin[1]) || 1;
+      const text = `${name} ${inWords(end, 3)} m`, half = 3.6 * text.length;
+      const [along, down] = [(x - origin[0]) / length, (y - origin[1]) / length];
+      const middle = Math.min(Math.max(x + along * (half + 6), half), this.width - half);
+      svg.append(drawing("text", { x: middle, y: y + down * 14 + 4, "text-anchor": "middle" }, text));
     };
-    words("x", x1, x1, y0, z0);
-    words("y", y1, x0, y1, z0);
-    words("z", z1, x0, y0, z1);
+    label("x", x1, x1, y0, z0);
+    label("y", y1, x0, y1, z0);
+    label("z", z1, x0, y0, z1);
   }
 
   pointer() {

@@ -5,6 +5,7 @@
 const linked = new Map();
 let clips = 0;
 const PAPER = 700;  // of a plot as wide as the page; those in rows have half of it
+const BAND_OPACITY = 0.18;
 const TALL = 24;  // rows above which a plot comes last on paper, beside another such
 
 function mark(shape, x, y, r, look) {
@@ -56,15 +57,25 @@ class Plot {
 
   shown() { return this.spec.series.filter((one) => !this.hidden.has(one.name)); }
 
+  // The legend shows each series as it is drawn: a band, a line, a band with its line, or points.
+  sign(one) {
+    const sign = drawing("svg", { viewBox: "0 0 22 10", "aria-hidden": "true" });
+    const points = one.mode === "points" || one.mode === "bars" || one.shape, fill = colour(one.colour);
+    if (one.low && !points && one.mode !== "rows") sign.append(drawing("rect", { class: "band", x: 0, y: 0, width: 22, height: 10, fill, "fill-opacity": BAND_OPACITY }));
+    if (points) sign.append(mark(one.shape, 11, 5, 4, { fill }));
+    else if (one.y) sign.append(drawing("line", { x1: 0, x2: 22, y1: 5, y2: 5, stroke: fill, "stroke-width": one.thin ? 1.5 : 2.5, "stroke-dasharray": dash(one.colour) }));
+    else if (one.mode === "rows") {
+      if (one.x && !one.bare) sign.append(drawing("line", { x1: 0, x2: 22, y1: 5, y2: 5, stroke: fill, "stroke-width": 2 }));
+      if (one.x) sign.append(mark(one.shape, 11, 5, one.bare ? 2.5 : 4, { fill, "fill-opacity": one.bare ? 0.35 : 1 }));
+      else sign.append(drawing("rect", { class: "band", x: 1, y: 1, width: 20, height: 8, fill, "fill-opacity": 0.25, stroke: fill }));
+    }
+    return sign;
+  }
+
   drawLegend() {
     const named = this.spec.series.filter((one) => one.name && !one.unlisted);
     this.legend.replaceChildren(...(named.length > 1 || this.spec.legend ? named : []).map((one) => {
-      const sign = drawing("svg", { viewBox: "0 0 22 10", "aria-hidden": "true" });
-      const look = { stroke: colour(one.colour), "stroke-width": 3, "stroke-dasharray": dash(one.colour) };
-      sign.append(one.mode === "points" || one.mode === "bars" || one.shape
-        ? mark(one.shape, 11, 5, 4, { fill: colour(one.colour) })
-        : drawing("line", { x1: 0, x2: 22, y1: 5, y2: 5, ...look }));
-      const button = element("button", { type: "button", "aria-pressed": String(!this.hidden.has(one.name)) }, sign, one.name);
+      const button = element("button", { type: "button", "aria-pressed": String(!this.hidden.has(one.name)) }, this.sign(one), one.name);
       button.addEventListener("click", () => {
         if (!this.hidden.delete(one.name)) this.hidden.add(one.name);
         this.drawLegend();
@@ -101,16 +112,20 @@ class Plot {
     const pitch = this.pitch = !this.paper ? 22 : rows > 48 ? 7 : rows > 12 ? 9 : 12;
     this.figure.classList.toggle("tall", rows > TALL);
     const height = this.height = rows ? 60 + rows * pitch : Math.min(labelled && !this.paper ? 520 : 340, (spec.small ? 110 : 160) + width * (this.paper ? 0.15 : 0.3));
-    const longest = rows ? Math.min(width * 0.42, 14 + (pitch < 18 ? 4.6 : 6.8) * Math.max(...spec.categories.map((name) => name.length))) : 62;
-    this.box = { left: longest, right: width - 12, top: 8, bottom: height - 42 };
     const [rangeX, rangeY] = this.ranges();
+    const top = 8, bottom = height - 42;
+    this.sy = new Scale(rangeY, Boolean(spec.y && spec.y.log), bottom, top);
+    const levels = rows ? [] : this.sy.ticks(Math.max(3, Math.floor((bottom - top) / 45)));
+    const heights = ticksInWords(levels, 3);
+    const numbers = Math.max(62, 34 + 6.8 * Math.max(0, ...heights.map((words) => words.length)));
+    const longest = rows ? Math.min(width * 0.42, 14 + (pitch < 18 ? 4.6 : 6.8) * Math.max(...spec.categories.map((name) => name.length))) : numbers;
+    this.box = { left: longest, right: width - 12, top, bottom };
     this.sx = new Scale(rangeX, spec.x.log, this.box.left, this.box.right);
-    this.sy = new Scale(rangeY, Boolean(spec.y && spec.y.log), this.box.bottom, this.box.top);
     const svg = this.svg = drawing("svg", { viewBox: `0 0 ${width} ${height}`, role: "img", "aria-label": spec.title });
-    this.axes(svg, longest);
+    this.axes(svg, longest, levels, heights);
     const clip = `clip${clips++}`;
     const path = drawing("clipPath", { id: clip });
-    const { left, right, top, bottom } = this.box;
+    const { left, right } = this.box;
     path.append(drawing("rect", { x: left, y: top, width: right - left, height: bottom - top }));
     const marks = drawing("g", { "clip-path": `url(#${clip})` });
     this.taken = [];
@@ -124,15 +139,18 @@ class Plot {
     Object.assign(this.figure.dataset, { drawn: marks.childElementCount, x0: rangeX[0], x1: rangeX[1] });
   }
 
-  axes(svg, margin) {
+  axes(svg, margin, levels, heights) {
     const { left, right, top, bottom } = this.box, { spec } = this;
     const ticks = this.sx.ticks(Math.max(3, Math.floor((right - left) / 90)));
     const named = spec.x.names, shown = named ? ticks.filter(Number.isInteger) : ticks;
     const words = named ? shown.map((tick) => named[tick] || "") : ticksInWords(shown, 4);
+    let end = -Infinity;  // of the label before: one that has no room is left out
     shown.forEach((tick, k) => {
-      const x = this.sx.at(tick);
-      svg.append(drawing("line", { class: "grid", x1: x, x2: x, y1: top, y2: bottom }),
-        drawing("text", { class: "tick", x, y: bottom + 16, "text-anchor": "middle" }, words[k]));
+      const x = this.sx.at(tick), half = 3.6 * words[k].length;
+      svg.append(drawing("line", { class: "grid", x1: x, x2: x, y1: top, y2: bottom }));
+      if (x - half < end + 3) return;
+      end = x + half;
+      svg.append(drawing("text", { class: "tick", x, y: bottom + 16, "text-anchor": "middle" }, words[k]));
     });
     svg.append(drawing("text", { x: (left + right) / 2, y: bottom + 34, "text-anchor": "middle" }, spec.x.label));
     if (spec.categories) {
@@ -147,8 +165,6 @@ class Plot {
       });
       return;
     }
-    const levels = this.sy.ticks(Math.max(2, Math.floor((bottom - top) / 45)));
-    const heights = ticksInWords(levels, 3);
     levels.forEach((tick, k) => {
       const y = this.sy.at(tick);
       svg.append(drawing("line", { class: "grid", x1: left, x2: right, y1: y, y2: y }),
@@ -192,7 +208,7 @@ class Plot {
       up.push(high.map((value) => value.toFixed(1)).join(" "));
       down.unshift(low.map((value) => value.toFixed(1)).join(" "));
     }
-    if (up.length > 1) marks.append(drawing("path", { d: `M${[...up, ...down].join("L")}Z`, fill: colour(one.colour), "fill-opacity": 0.18 }));
+    if (up.length > 1) marks.append(drawing("path", { d: `M${[...up, ...down].join("L")}Z`, fill: colour(one.colour), "fill-opacity": BAND_OPACITY }));
   }
 
   points(marks, one) {

@@ -65,7 +65,7 @@ function named(name, columns, problems) {
 }
 
 class Table {
-  // columns: [{name, values}]; options: {name, search, onfilter, bad, shown, detail, printed}
+  // columns: [{name, values}]; options: {name, search, onfilter, bad, shown, detail, printed, links, digits}
   constructor(columns, options = {}) {
     this.columns = columns.map((one) => ({ ...one, values: unpacked(one), hidden: Boolean(options.shown) && !options.shown.includes(one.name) }));
     this.columns.forEach((one) => { one.number = one.values.some((v) => typeof v === "number") && one.values.every((v) => v === null || typeof v === "number"); });
@@ -168,6 +168,7 @@ class Table {
     this.next.disabled = this.page >= pages - 1;
     const part = pages > 1 ? `, ${first + 1} to ${Math.min(first + size, this.rows.length)} shown` : "";
     this.told.textContent = this.problems.length ? this.problems.join("; ") : `${this.rows.length} of ${this.count} rows${part}`;
+    this.told.hidden = pages === 1 && !this.options.search;
     this.told.classList.toggle("failed", this.problems.length > 0);
     this.host.dataset.rows = this.rows.length;
   }
@@ -175,8 +176,9 @@ class Table {
   line(row) {
     const { bad, detail } = this.options, shown = this.columns.filter((one) => !one.hidden);
     const cells = shown.map((column) => {
-      const words = inWords(column.values[row], 5);
-      return element("td", { class: column.number ? "number" : words.length > 60 ? "long" : null }, words);
+      const words = inWords(column.values[row], this.options.digits || 5);
+      const target = this.options.links && sectionIds.get(this.options.links[column.values[row]]);
+      return element("td", { class: column.number ? "number" : words.length > 60 ? "long" : null }, target ? element("a", { href: `#${target}` }, words) : words);
     });
     const line = element("tr", { class: bad && bad(row, this) ? "bad" : null }, ...cells);
     if (!detail || !cells.length) return [line];

@@ -16,14 +16,15 @@ from imu_sim_ros.campaigns.results import LOG, TABLE, Row, read_results
 from imu_sim_ros.campaigns.statistics import quantile
 from imu_sim_ros.campaigns.summary import Group, group_runs, slopes
 from imu_sim_ros.campaigns.verdict import judge, varying_names
+from imu_sim_ros.conventions import SERIES_COLOURS
 from imu_sim_ros.errors import InputError, Problems
 from imu_sim_ros.inputs.rows import is_present
 from imu_sim_ros.names import unknown
 from imu_sim_ros.navigation.evaluation import LARGEST_SIGMA, anees_band
 from imu_sim_ros.parameters.sections import flatten
-from imu_sim_ros.reports.of_runs import PLAN, opened, repeated
-from imu_sim_ros.reports.of_verdict import against_baseline, short, verdict_section
-from imu_sim_ros.reports.page import SERIES_COLOURS, Item, Section, column, table
+from imu_sim_ros.reports.page import Item, Section, column, table
+from imu_sim_ros.reports.runs import PLAN, opened, repeated
+from imu_sim_ros.reports.verdict import against_baseline, short, verdict_section
 
 _SENSORS: Final = {
     "gyroscope_noise_density": "rad/s/sqrt(Hz)",
@@ -231,7 +232,7 @@ def line_colours(found: Sequence[Group]) -> list[int]:
     for k, group in enumerate(found):
         number = before[group.estimator] = before.get(group.estimator, -1) + 1
         column = _colour(group, estimators)
-        result.append(k if column is None else column + SERIES_COLOURS * number)
+        result.append(k if column is None else column + len(SERIES_COLOURS) * number)
     return result
 
 

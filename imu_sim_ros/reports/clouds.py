@@ -14,9 +14,8 @@ from imu_sim_ros.bags.clouds import measured_clouds, read_clouds
 from imu_sim_ros.bags.messages.blocks import TopicInfo
 from imu_sim_ros.bags.read import open_bag
 from imu_sim_ros.errors import ImuSimError
-from imu_sim_ros.reports.of_bag import plot
-from imu_sim_ros.reports.of_sensors import truth_of
-from imu_sim_ros.reports.page import Item, Section
+from imu_sim_ros.reports.page import Item, Section, plot
+from imu_sim_ros.reports.sensors import truth_of
 from imu_sim_ros.reports.streams import GAP, extremes
 from imu_sim_ros.types import Array, Bytes
 
@@ -24,13 +23,13 @@ _PICTURES: Final = 3
 _PIXELS: Final = 360
 """Width of a picture."""
 _WITHIN: Final = 0.9
-"""Share of the points that pictures show: the farthest few would make the others a spot."""
+"""Share of the points that pictures show: the farthest few would make the others a dot."""
 _BINS: Final = 120
-"""Of the histogram of ranges."""
+"""Number of bins of the histogram of ranges."""
 _KINDS: Final = ("of several surfaces", "of rain or dust", "of what moves")
 _GROUND: Final = 24
 _DARKEST: Final = 90
-"""Grey values of nothing, and of a point without intensity."""
+"""Grey values of no point, and of the faintest point."""
 
 
 def cloud_sections(path: Path) -> list[Section]:
@@ -42,18 +41,18 @@ def cloud_sections(path: Path) -> list[Section]:
     with open_bag(path) as bag:
         topics = [info for info in bag.topics if info.count]
     for name in measured_clouds(path):
-        info = next(one for one in topics if one.name == name)
+        info = next(topic for topic in topics if topic.name == name)
         try:
             items = _items(path, info, topics)
         except ImuSimError as error:  # of other people's bags: what cannot be read is said
             items = [{"kind": "text", "text": f"{name}: {error}"}]
-        sections.append(Section(f"{path.name}: {name}", items))
+        sections.append(Section(f"{path.name}: {name}", items, name))
     return sections
 
 
 def _items(path: Path, info: TopicInfo, topics: list[TopicInfo]) -> list[Item]:
-    wanted = set(np.linspace(0, info.count - 1, _PICTURES).round().astype(int).tolist())
-    stamps, counts, shown = [], [], []
+    drawn = set(np.linspace(0, info.count - 1, _PICTURES).round().astype(int).tolist())
+    stamps, counts, scans = [], [], []
     histogram, edges = np.zeros(_BINS), np.linspace(0.0, 1.0, _BINS + 1)
     for k, (t_ns, points) in enumerate(read_clouds(path, info.name)):
         positions = np.stack([points[axis] for axis in "xyz"], axis=1)
@@ -65,8 +64,8 @@ def _items(path: Path, info: TopicInfo, topics: list[TopicInfo]) -> list[Item]:
             histogram = np.append(histogram.reshape(-1, 2).sum(axis=1), np.zeros(_BINS // 2))
             edges *= 2.0
         histogram += np.histogram(ranges, edges)[0]
-        if k in wanted:
-            shown.append((t_ns, positions[finite], points[finite]))
+        if k in drawn:
+            scans.append((t_ns, positions[finite], points[finite]))
     if not stamps:
         return [{"kind": "text", "text": f"{info.name}: no scans"}]
     t_s = (np.array(stamps) - stamps[0]) * 1e-9
@@ -74,10 +73,10 @@ def _items(path: Path, info: TopicInfo, topics: list[TopicInfo]) -> list[Item]:
     steps = np.diff(t_s)
     usual = float(np.median(steps)) if len(steps) else 0.0
     missing = np.rint(steps / usual - 1.0)[steps > GAP * usual].sum() if usual > 0.0 else 0.0
-    words = f"{info.name}: {len(t_s):,} scans"
+    text = f"{info.name}: {len(t_s):,} scans"
     if usual > 0.0:
-        words += f", {1.0 / usual:.6g} Hz, {int(missing):,} missing between others"
-    words += (
+        text += f", {1.0 / usual:.6g} Hz, {int(missing):,} missing between others"
+    text += (
         f"; {number.mean():,.0f} points in a scan on average, {number.min():,.0f} to "
         f"{number.max():,.0f}"
     )
@@ -89,20 +88,20 @@ def _items(path: Path, info: TopicInfo, topics: list[TopicInfo]) -> list[Item]:
     if true_name is not None:
         truth = _truth(path, true_name)
         if truth.error_m is not None:
-            words += f"; range as read minus true: {truth.error_m:.3g} m root mean square"
-            title = f"{info.name}: error of ranges, root mean square of each scan"
+            text += f"; RMS error of the ranges (measured - true): {truth.error_m:.3g} m"
+            title = f"{info.name}: RMS error of the ranges in each scan"
             plots.append(plot(title, "time [s]", "[m]", [_line("", 0, *truth.errors)]))
             plots[-1]["caption"] = "Of points of one surface."
-        lines = [_line(what, k, *one) for k, (what, one) in enumerate(truth.counts.items())]
+        lines = [_line(kind, k, *series) for k, (kind, series) in enumerate(truth.counts.items())]
         if lines:
             title = f"{info.name}: points that are not of one surface at rest"
             plots.append(plot(title, "time [s]", "", lines, legend=True))
-    for one in plots:
-        if one["x"]["label"] == "time [s]":
-            one["link"] = f"{path} {info.name}"
+    for item in plots:
+        if item["x"]["label"] == "time [s]":
+            item["link"] = f"{path} {info.name}"
     return [
-        {"kind": "text", "text": words},
-        *_pictures(info.name, shown, stamps[0]),
+        {"kind": "text", "text": text},
+        *_pictures(info.name, scans, stamps[0]),
         {"kind": "plots", "items": plots},
     ]
 
@@ -131,44 +130,48 @@ def _truth(path: Path, name: str) -> _Truth:
         body = points["body"] if "body" in names else np.zeros(len(points))
         counts.append([*((outcome == k).sum() for k in (1, 2)), (body > 0).sum()])
         error = points["range_error"] if "range_error" in names else np.full(len(points), np.nan)
-        known = np.isfinite(error) & (outcome == 0)
-        squares.append([(error[known].astype(np.float64) ** 2).sum(), known.sum()])
+        compared = np.isfinite(error) & (outcome == 0)
+        squares.append([(error[compared].astype(np.float64) ** 2).sum(), compared.sum()])
     t_s: Array = (np.array(stamps) - stamps[0]) * 1e-9
     numbers, sums = np.array(counts, np.float64), np.array(squares, np.float64)
-    found = {title: (t_s, numbers[:, k]) for k, title in enumerate(_KINDS) if numbers[:, k].any()}
-    each = np.sqrt(sums[:, 0] / np.maximum(sums[:, 1], 1.0))
+    counts_of_kinds = {
+        title: (t_s, numbers[:, k]) for k, title in enumerate(_KINDS) if numbers[:, k].any()
+    }
+    errors = np.sqrt(sums[:, 0] / np.maximum(sums[:, 1], 1.0))
     total = sums.sum(axis=0)
-    return _Truth(found, (t_s, each), float(np.sqrt(total[0] / total[1])) if total[1] else None)
+    return _Truth(
+        counts_of_kinds, (t_s, errors), float(np.sqrt(total[0] / total[1])) if total[1] else None
+    )
 
 
 def _ranges(name: str, histogram: Array, edges: Array) -> Item:
-    last = int(np.max(np.flatnonzero(histogram), initial=0)) + 1
-    x, share = np.repeat(edges[: last + 1], 2)[1:-1], histogram / max(histogram.sum(), 1.0)
+    bins = int(np.max(np.flatnonzero(histogram), initial=0)) + 1
+    x, share = np.repeat(edges[: bins + 1], 2)[1:-1], histogram / max(histogram.sum(), 1.0)
     width = edges[1] - edges[0]
-    y = np.repeat(share[:last] / width, 2)
+    y = np.repeat(share[:bins] / width, 2)
     series = [{"name": "", "colour": 0, "x": x, "y": y}]
     caption = "Share of all points per metre of range."
     return plot(f"{name}: ranges", "range [m]", "[1/m]", series, caption=caption)
 
 
-def _pictures(name: str, shown: list[tuple[int, Array, NDArray[Any]]], first_ns: int) -> list[Item]:
+def _pictures(name: str, scans: list[tuple[int, Array, NDArray[Any]]], first_ns: int) -> list[Item]:
     """Return scans seen from above, as bright as their intensity."""
     from imu_sim_ros.sensors.camera.images.files import png
 
-    flat = [np.abs(positions[:, :2]).max(axis=1) for _, positions, _ in shown]
-    every = np.concatenate(flat)
-    if not len(every):
+    flat = [np.abs(positions[:, :2]).max(axis=1) for _, positions, _ in scans]
+    reaches = np.concatenate(flat)
+    if not len(reaches):
         return []
-    half = float(np.quantile(every, _WITHIN)) or 1.0
+    half = float(np.quantile(reaches, _WITHIN)) or 1.0
     frames = []
-    for t_ns, positions, points in shown:
+    for t_ns, positions, points in scans:
         data = base64.b64encode(png(_from_above(positions, points, half))).decode()
         frames.append({"t_s": (t_ns - first_ns) * 1e-9, "png": data})
-    words = (
+    text = (
         f"{name}: scans from above, x to the right, y up, {2.0 * half:.3g} m wide with "
         f"{_WITHIN:.0%} of all points; brighter: more intensity"
     )
-    return [{"kind": "strip", "title": words, "frames": frames}]
+    return [{"kind": "strip", "title": text, "frames": frames}]
 
 
 def _from_above(positions: Array, points: NDArray[Any], half: float) -> Bytes:
@@ -182,7 +185,7 @@ def _from_above(positions: Array, points: NDArray[Any], half: float) -> Bytes:
             grey = _DARKEST + (255.0 - _DARKEST) * share
     column = np.floor((positions[:, 0] / half + 1.0) * 0.5 * _PIXELS).astype(np.intp)
     row = np.floor((1.0 - positions[:, 1] / half) * 0.5 * _PIXELS).astype(np.intp)
-    inside = (column >= 0) & (column < _PIXELS) & (row >= 0) & (row < _PIXELS)
+    visible = (column >= 0) & (column < _PIXELS) & (row >= 0) & (row < _PIXELS)
     picture = np.full((_PIXELS, _PIXELS), _GROUND, np.float64)
-    np.maximum.at(picture, (row[inside], column[inside]), grey[inside])
+    np.maximum.at(picture, (row[visible], column[visible]), grey[visible])
     return picture.astype(np.uint8)
