@@ -235,7 +235,7 @@ def _bag(sources: Sources, path: Path, files: Sequence[Path]) -> list[Section]:
     """
     from imu_sim_ros.reports.bag import reading_sections
     from imu_sim_ros.reports.clouds import cloud_sections
-    from imu_sim_ros.reports.estimates import Flight, estimate_sections
+    from imu_sim_ros.reports.estimates import TruthWithEstimates, estimate_sections
     from imu_sim_ros.reports.gnss import gnss_sections
     from imu_sim_ros.reports.sensors import sensor_sections
 
@@ -245,7 +245,7 @@ def _bag(sources: Sources, path: Path, files: Sequence[Path]) -> list[Section]:
 
     truth: States | None = None
     estimates: list[States] = []
-    flights: list[Flight] = []
+    flights: list[TruthWithEstimates] = []
     sensors: list[Section] = []
     problems = Problems()
     with problems.gathered():
@@ -260,7 +260,7 @@ def _bag(sources: Sources, path: Path, files: Sequence[Path]) -> list[Section]:
                     truth = read(path, topic, f"truth ({topic})")
                 elif topic in truths:
                     separate = read(path, truths[topic], f"truth ({truths[topic]})")
-                    flights.append(Flight(topic, separate, [read(path, topic, topic)]))
+                    flights.append(TruthWithEstimates(topic, separate, [read(path, topic, topic)]))
                 elif topic not in truths.values():
                     estimates.append(read(path, topic, topic))
             if sources.truth_topic and truth is None:
@@ -271,7 +271,7 @@ def _bag(sources: Sources, path: Path, files: Sequence[Path]) -> list[Section]:
             estimates.append(read(file, None, file.name))
     problems.tell()
     if truth is not None or estimates:
-        flights.insert(0, Flight("motion", truth, estimates))
+        flights.insert(0, TruthWithEstimates("motion", truth, estimates))
     skipped = tell_skipped(path) if sources.skip_bad_rows else None
     readings = reading_sections(path, skipped)
     return estimate_sections(path, flights) + readings + sensors

@@ -44,7 +44,7 @@ _MOVED: Final = (
 )
 
 
-class Flight(NamedTuple):
+class TruthWithEstimates(NamedTuple):
     """One truth and the estimates of it."""
 
     title: str
@@ -54,7 +54,7 @@ class Flight(NamedTuple):
     estimates: Sequence[States]
 
 
-class Estimate(NamedTuple):
+class ComparedEstimate(NamedTuple):
     """An estimate in the frame of its truth, compared with it."""
 
     states: States
@@ -72,9 +72,9 @@ class Estimate(NamedTuple):
         return self.states.source
 
 
-def estimate_sections(path: Path, flights: Sequence[Flight]) -> list[Section]:
+def estimate_sections(path: Path, flights: Sequence[TruthWithEstimates]) -> list[Section]:
     """Return the sections of truths and estimates: what is compared first, then each in detail."""
-    groups: list[tuple[Flight, list[Estimate]]] = []
+    groups: list[tuple[TruthWithEstimates, list[ComparedEstimate]]] = []
     sections: list[Section] = []
     number = 0
     for flight in flights:
@@ -99,7 +99,7 @@ def estimate_sections(path: Path, flights: Sequence[Flight]) -> list[Section]:
     return sections
 
 
-def _start(flight: Flight) -> int:
+def _start(flight: TruthWithEstimates) -> int:
     """Return the time that plots call zero [ns]: the first stamp of the truth."""
     tracks = [flight.truth] if flight.truth is not None else flight.estimates
     return min(int(states.t_ns[0]) for states in tracks)
@@ -110,18 +110,18 @@ def _seconds(t_ns: Times, start_ns: int) -> Array:
     return np.asarray((t_ns - start_ns) * 1e-9, np.float64)
 
 
-def _compare(states: States, truth: States | None, colour: int) -> Estimate:
+def _compare(states: States, truth: States | None, colour: int) -> ComparedEstimate:
     """Compare an estimate with its truth, in the frame of the truth.
 
     One in another frame, such as that of odometry, is moved to the truth at its first pose, and
     turned about z.
     """
     if truth is None:
-        return Estimate(states, colour, None)
+        return ComparedEstimate(states, colour, None)
     try:
         comparison = compare(states, truth)
         if not (states.frame_id and truth.frame_id) or states.frame_id == truth.frame_id:
-            return Estimate(states, colour, comparison)
+            return ComparedEstimate(states, colour, comparison)
         poses = comparison.unaligned
         gauge = gauge_at(poses, comparison.truth)
         covariance = poses.covariance
@@ -129,16 +129,16 @@ def _compare(states: States, truth: States | None, colour: int) -> Estimate:
             turn = np.kron(np.eye(2), gauge.r)
             covariance = turn @ covariance @ turn.T
         placed = with_fields(gauge.apply(poses), covariance=covariance, frame_id=truth.frame_id)
-        return Estimate(placed, colour, compare(placed, truth), moved=True)
+        return ComparedEstimate(placed, colour, compare(placed, truth), moved=True)
     except InputError as error:
-        return Estimate(states, colour, None, str(error))
+        return ComparedEstimate(states, colour, None, str(error))
 
 
 # The overview.
 
 
 def _overview(
-    path: Path, groups: Sequence[tuple[Flight, Sequence[Estimate]]], shown: int
+    path: Path, groups: Sequence[tuple[TruthWithEstimates, Sequence[ComparedEstimate]]], shown: int
 ) -> Section:
     """Return the table of all estimates, with paths and errors on common axes.
 
@@ -170,7 +170,7 @@ def _overview(
     return Section(f"{path.name}: estimates", items, "estimates")
 
 
-def _common_rows(compared: Sequence[Estimate]) -> list[Mask] | None:
+def _common_rows(compared: Sequence[ComparedEstimate]) -> list[Mask] | None:
     """Return the compared poses of each estimate that lie in the time common to all.
 
     None: all estimates cover the same time.
@@ -183,11 +183,13 @@ def _common_rows(compared: Sequence[Estimate]) -> list[Mask] | None:
     return None if all(mask.all() for mask in rows) else rows
 
 
-def _comparisons(estimates: Iterable[Estimate]) -> list[Comparison]:
+def _comparisons(estimates: Iterable[ComparedEstimate]) -> list[Comparison]:
     return [estimate.comparison for estimate in estimates if estimate.comparison is not None]
 
 
-def _common_ate(compared: Sequence[Estimate], common: Sequence[Mask] | None) -> list[float | None]:
+def _common_ate(
+    compared: Sequence[ComparedEstimate], common: Sequence[Mask] | None
+) -> list[float | None]:
     """Return the ATE of each estimate [m], over the common time if the times differ."""
     if common is None:
         return [comparison.rms_position for comparison in _comparisons(compared)]
@@ -197,7 +199,7 @@ def _common_ate(compared: Sequence[Estimate], common: Sequence[Mask] | None) -> 
     ]
 
 
-def _best(compared: Sequence[Estimate], common: Sequence[Mask] | None) -> Item:
+def _best(compared: Sequence[ComparedEstimate], common: Sequence[Mask] | None) -> Item:
     """Return which estimate has the smallest ATE, and the next one."""
     sizes = [
         (ate, estimate.name)
@@ -212,7 +214,9 @@ def _best(compared: Sequence[Estimate], common: Sequence[Mask] | None) -> Item:
     return {"kind": "text", "text": text}
 
 
-def _table(path: Path, estimates: Sequence[Estimate], common: Sequence[Mask] | None) -> Item:
+def _table(
+    path: Path, estimates: Sequence[ComparedEstimate], common: Sequence[Mask] | None
+) -> Item:
     compared = [estimate for estimate in estimates if estimate.comparison is not None]
     common_ate = dict(
         zip((estimate.name for estimate in compared), _common_ate(compared, common), strict=True)
@@ -253,7 +257,7 @@ def _relative_error(comparison: Comparison) -> float | None:
     return statistics(errors.translation).rmse if len(errors.translation) else None
 
 
-def _path(flight: Flight, estimates: Sequence[Estimate]) -> Item:
+def _path(flight: TruthWithEstimates, estimates: Sequence[ComparedEstimate]) -> Item:
     """Return the paths of a truth and its estimates."""
     series = [] if flight.truth is None else [_track(flight.truth, None)]
     series += [_track(estimate.states, estimate.colour) for estimate in estimates]
@@ -265,7 +269,9 @@ def _track(states: States, colour: int | None) -> Item:
     return {"name": states.source, "colour": colour, "x": x, "y": y, "z": z}
 
 
-def _overlays(groups: Sequence[tuple[Flight, Sequence[Estimate]]], link: str) -> list[Item]:
+def _overlays(
+    groups: Sequence[tuple[TruthWithEstimates, Sequence[ComparedEstimate]]], link: str
+) -> list[Item]:
     """Return lengths of errors and the NEES over time, all estimates on the same axes."""
     lengths: list[list[Item]] = [[], []]
     consistency: list[list[Item]] = [[], []]
@@ -348,7 +354,9 @@ def _nees(comparison: Comparison, part: int) -> _Nees | None:
 # Motion and errors in detail.
 
 
-def _motion(path: Path, flight: Flight, estimates: Sequence[Estimate], with_path: bool) -> Section:
+def _motion(
+    path: Path, flight: TruthWithEstimates, estimates: Sequence[ComparedEstimate], with_path: bool
+) -> Section:
     """Return roll, pitch and yaw of a truth and its estimates, with their paths if asked."""
     tracks = [] if flight.truth is None else [(flight.truth, None)]
     items: list[Item] = [_path(flight, estimates)] if with_path else []
@@ -384,7 +392,9 @@ def _title(path: Path, name: str) -> str:
     return f"{path.name}: errors of {name}"
 
 
-def _errors(path: Path, estimate: Estimate, comparison: Comparison, start_ns: int) -> Section:
+def _errors(
+    path: Path, estimate: ComparedEstimate, comparison: Comparison, start_ns: int
+) -> Section:
     """Return the errors of an estimate by axis, each in its band of three stated deviations.
 
     Numbers are of all poses; a picture has the extremes of each of its columns.

@@ -13,7 +13,7 @@ from imu_sim_ros.bags.messages.blocks import TopicInfo
 from imu_sim_ros.bags.messages.encode import NAV_SAT_FIX, TWIST_WITH_COVARIANCE
 from imu_sim_ros.bags.read import decoded_blocks, open_bag
 from imu_sim_ros.reports.page import Item, Section
-from imu_sim_ros.reports.sensors import TRUTH, Quantity, comparison, truth_of
+from imu_sim_ros.reports.sensors import TRUTH, MeasuredQuantity, comparison, truth_of
 from imu_sim_ros.reports.streams import extremes
 from imu_sim_ros.sensors.gravity import earth_fixed, east_north_up
 from imu_sim_ros.types import Array, Times
@@ -70,8 +70,8 @@ def _velocities(path: Path, name: str, true_name: str | None) -> list[Item]:
     return comparison(measured, truth, name, str(path))
 
 
-def _quantity(unit: str, t_ns: Times, values: Array, variance: Array) -> Quantity:
-    return Quantity("", unit, _DIRECTIONS, t_ns, values, variance)
+def _quantity(unit: str, t_ns: Times, values: Array, variance: Array) -> MeasuredQuantity:
+    return MeasuredQuantity("", unit, _DIRECTIONS, t_ns, values, variance)
 
 
 def _track(name: str, colour: int | None, positions: Array) -> Item:
@@ -100,7 +100,7 @@ def _read_fixes(path: Path, name: str) -> tuple[Times, Array, Array, Array]:
     return t_ns, geodetic, np.maximum(variance, 0.0), columns["status"].reshape(-1)
 
 
-def _read_velocities(path: Path, name: str) -> Quantity:
+def _read_velocities(path: Path, name: str) -> MeasuredQuantity:
     names = ("linear", "twist_covariance")
     blocks = list(decoded_blocks(path, TWIST_WITH_COVARIANCE, name, names))
     velocity, covariance = (

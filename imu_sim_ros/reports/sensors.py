@@ -69,7 +69,7 @@ _AXIS_OF: Final = {
 """Axis along or about which a column lies; it gives the column its colour."""
 
 
-class Quantity(NamedTuple):
+class MeasuredQuantity(NamedTuple):
     """n values of one quantity, measured or true."""
 
     name: str
@@ -124,7 +124,9 @@ def truth_of(info: TopicInfo, topics: Sequence[TopicInfo]) -> str | None:
     return next((present[name] for name in candidates if name in present), None)
 
 
-def _quantities(path: Path, info: TopicInfo, topic: str | None = None) -> Iterator[Quantity]:
+def _quantities(
+    path: Path, info: TopicInfo, topic: str | None = None
+) -> Iterator[MeasuredQuantity]:
     """Yield the numbers of a topic's messages by field, without those of poses.
 
     :param topic: another topic of the same type; None: the topic itself.
@@ -149,7 +151,7 @@ def _quantities(path: Path, info: TopicInfo, topic: str | None = None) -> Iterat
             label, columns = "", (label,)
         columns = tuple(itertools.compress(columns, measured))
         unit_of_field = _UNITS.get(name, unit)
-        yield Quantity(
+        yield MeasuredQuantity(
             label, unit_of_field, columns, t_ns, values[:, measured], variance[:, measured]
         )
 
@@ -251,7 +253,8 @@ def _orientation(path: Path, info: TopicInfo, topics: Sequence[TopicInfo]) -> li
     names = ("roll", "pitch", "yaw")
     angles = [np.rad2deg(rotation.to_euler(q_wb)) for q_wb in (measured.q_wb, true.q_wb)]
     turns = [
-        Quantity("angles", "deg", names, t_ns, angle, np.zeros_like(angle)) for angle in angles
+        MeasuredQuantity("angles", "deg", names, t_ns, angle, np.zeros_like(angle))
+        for angle in angles
     ]
     name = f"{info.name}: orientation"
     text = f"{_summary(name, error, variance, AXES, 'rad')}; the truth is that of the body"
@@ -261,7 +264,9 @@ def _orientation(path: Path, info: TopicInfo, topics: Sequence[TopicInfo]) -> li
     return [{"kind": "text", "text": text}, {"kind": "plots", "items": plots}]
 
 
-def comparison(measured: Quantity, truth: Quantity | None, topic: str, link: str) -> list[Item]:
+def comparison(
+    measured: MeasuredQuantity, truth: MeasuredQuantity | None, topic: str, link: str
+) -> list[Item]:
     """Return readings with their truth, and their errors in the band of three stated deviations.
 
     :param truth: None: only the stated deviations are drawn.
@@ -309,7 +314,7 @@ def column_colour(column: str, number: int) -> str | int:
     return _AXIS_OF.get(column, number)
 
 
-def _readings(measured: Quantity, truth: Quantity, name: str, link: str) -> Item:
+def _readings(measured: MeasuredQuantity, truth: MeasuredQuantity, name: str, link: str) -> Item:
     """Return the plot of readings with their truth, a thin line of the colour of text."""
     series: list[Item] = []
     for k, column in enumerate(measured.columns):
