@@ -14,7 +14,7 @@ from typing import Final, NamedTuple
 import numpy as np
 
 from imu_sim_ros import rotation
-from imu_sim_ros.campaigns.common_time import common_spans, covered_spans, inside
+from imu_sim_ros.campaigns.common_time import common_spans, covered_spans, in_spans
 from imu_sim_ros.conventions import AXES
 from imu_sim_ros.errors import InputError
 from imu_sim_ros.navigation.comparison import Comparison, compare
@@ -179,7 +179,7 @@ def _common_rows(compared: Sequence[ComparedEstimate]) -> list[Mask] | None:
     if len(spans) < 2:
         return None
     common = reduce(common_spans, spans)
-    rows = [inside(comparison.t_ns, common) for comparison in _comparisons(compared)]
+    rows = [in_spans(comparison.t_ns, common) for comparison in _comparisons(compared)]
     return None if all(mask.all() for mask in rows) else rows
 
 
