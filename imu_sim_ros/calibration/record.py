@@ -25,37 +25,38 @@ _MAX_CODES: Final = 256
 _SATURATED: Final = 1e-4
 """Share of samples at the very same extreme value."""
 _PILED_UP: Final = 4
-"""Hits of an extreme value over those of the value next to it that no tail of noise reaches."""
+"""Ratio of the hits of an extreme value to those of the next value that no tail of noise
+reaches."""
 _ROUNDING: Final = 16.0 * float(np.finfo(np.float64).eps)
-"""Relative change of a reading that is not the sensor's: float64 has no more digits."""
+"""Relative change of a reading that is rounding of float64."""
 
 
 class Timing(NamedTuple):
     """Rate, jitter and losses, from the stamps of a record."""
 
     rate: float
-    """Samples over the time that they take, gaps apart [Hz]."""
+    """Number of samples over their time, without gaps [Hz]."""
     jitter: float
-    """Standard deviation of a stamp against equal intervals, if each is late on its own [s]."""
+    """Standard deviation of a stamp from equal intervals, if each is late independently [s]."""
     lost: int
-    """Samples missing between others, gaps apart."""
+    """Number of samples missing between others, outside of gaps."""
     gaps: int
-    """Pauses that ended a piece."""
+    """Number of pauses that ended a piece."""
     longest_gap: float
-    """[s]"""
+    """Length of the longest gap [s]."""
     duplicates: int
-    """Messages that came twice; the second was dropped."""
+    """Number of messages that came twice; the second was dropped."""
     remarks: tuple[str, ...]
-    """Lines on whatever else the stamps show."""
+    """Lines on other properties of the stamps."""
 
 
 class Record:
-    """Takes the messages of one or more bags of one sensor, passes on what is at rest."""
+    """Messages of one or more bags of one sensor; passes on the readings at rest."""
 
     rate: float
-    """Samples per second [Hz], known from the first block on."""
+    """Sample rate [Hz], available from the first block on."""
     rest: "RestCheck"
-    """What was found of motion, from the first block on."""
+    """Motion in the record, available from the first block on."""
 
     def __init__(self) -> None:
         self.samples = 0
@@ -81,19 +82,19 @@ class Record:
             for block in bag:
                 if len(block.t_ns):
                     readings = np.concatenate(block.triads(), axis=1)
-                    yield from self._judged(self._clock.add(block.t_ns, readings))
+                    yield from self._process_stretches(self._clock.add(block.t_ns, readings))
                 advance(len(block.t_ns))
-            yield from self._judged(self._clock.add(*_NO_READINGS, last=True))
+            yield from self._process_stretches(self._clock.add(*_NO_READINGS, last=True))
             if self.samples:
                 yield from self.rest.add(None)
 
-    def _judged(self, stretches: Iterable[Stretch]) -> Iterator[Array | None]:
+    def _process_stretches(self, stretches: Iterable[Stretch]) -> Iterator[Array | None]:
         for stretch in stretches:
             for piece in self._pieces(stretch):
                 yield from self.rest.add(piece)
 
     def _pieces(self, stretch: Stretch) -> Iterator[Array | None]:
-        """Note what readings are like; yield them with rows of NaN for lost ones."""
+        """Note properties of the readings; yield them with rows of NaN for lost ones."""
         y, missing = stretch.values, stretch.missing
         if not self.samples:
             assert self._clock.pattern is not None
@@ -105,9 +106,9 @@ class Record:
         columns = np.ascontiguousarray(y.T)
         self._sum += columns.sum(axis=1)
         self._square += np.einsum("an,an->a", columns, columns)
-        self.lowest.take(columns)
-        self.highest.take(columns)
-        self.steps.look(columns)
+        self.lowest.add(columns)
+        self.highest.add(columns)
+        self.steps.add(columns)
         if not missing.any():
             yield y
             return
@@ -137,16 +138,17 @@ class Record:
     def constant_axes(self) -> list[int]:
         """Return the axes whose readings never change by more than float64's rounding."""
         size = np.maximum(np.abs(self.lowest.value), np.abs(self.highest.value))
-        same = self.highest.value - self.lowest.value <= _ROUNDING * size
-        return [int(k) for k in np.flatnonzero(same)]
+        is_constant = self.highest.value - self.lowest.value <= _ROUNDING * size
+        return [int(k) for k in np.flatnonzero(is_constant)]
 
     def saturated_axes(self) -> list[tuple[int, float, float]]:
         """Return axis, value and share of samples where readings pile up at one end.
 
-        Noise has fewer readings at the end than at the value next to it; at the end of a sensor's
-        range all that lies beyond comes on top of it.
+        Noise has fewer readings at the extreme value than at the value next to it; at the end of a
+        range
+        all readings beyond are added to the extreme value.
         """
-        result = []
+        saturated = []
         spread = np.sqrt(np.maximum(self._square / self.samples - self.mean**2, 0.0))
         for end in (self.lowest, self.highest):
             far = np.abs(end.value - self.mean) > 2.0 * spread
@@ -154,8 +156,8 @@ class Record:
             piled_up = end.hits > _PILED_UP * end.next_hits
             for k in np.flatnonzero(far & often & piled_up):
                 share = float(end.hits[k] / self.samples)
-                result.append((int(k), float(end.value[k]), share))
-        return result
+                saturated.append((int(k), float(end.value[k]), share))
+        return saturated
 
 
 class _Extreme:
@@ -169,28 +171,28 @@ class _Extreme:
         self.next_value = np.full(6, self._none)
         self.next_hits = np.zeros(6, dtype=np.int64)
 
-    def take(self, columns: Array) -> None:
-        """Take the next readings (6, n)."""
+    def add(self, columns: Array) -> None:
+        """Add the next readings (6, n)."""
         extreme = self._find.reduce(columns, axis=1)
         # The axes whose readings reach the value next to the extreme one.
         for k in np.flatnonzero(self._find(extreme, self.next_value) == extreme):
-            column, first = columns[k], extreme[k]
-            at_first = column == first
-            rest = np.where(at_first, self._none, column)
-            second = self._find.reduce(rest)
-            at_second = np.count_nonzero(rest == second)
-            values = np.array([self.value[k], self.next_value[k], first, second])
-            counts = [self.hits[k], self.next_hits[k], np.count_nonzero(at_first), at_second]
+            column, extreme_value = columns[k], extreme[k]
+            is_extreme = column == extreme_value
+            others = np.where(is_extreme, self._none, column)
+            next_value = self._find.reduce(others)
+            next_count = np.count_nonzero(others == next_value)
+            values = np.array([self.value[k], self.next_value[k], extreme_value, next_value])
+            counts = [self.hits[k], self.next_hits[k], np.count_nonzero(is_extreme), next_count]
             hits = np.array(counts)
             self.value[k] = self._find.reduce(values)
             self.hits[k] = np.sum(hits[values == self.value[k]])
-            beyond = np.where(values == self.value[k], self._none, values)
-            self.next_value[k] = self._find.reduce(beyond)
-            self.next_hits[k] = np.sum(hits[beyond == self.next_value[k]])
+            further = np.where(values == self.value[k], self._none, values)
+            self.next_value[k] = self._find.reduce(further)
+            self.next_hits[k] = np.sum(hits[further == self.next_value[k]])
 
 
 class StepFinder:
-    """Finds the step of each axis from the few distinct values that its readings take."""
+    """Finds the step of each axis from the few distinct values of its readings."""
 
     def __init__(self, axes: int) -> None:
         self.step = np.zeros(axes)
@@ -198,8 +200,8 @@ class StepFinder:
         self._open = np.ones(axes, dtype=bool)
         self._codes: list[Array] = [np.empty(0)] * axes
 
-    def look(self, columns: Array) -> None:
-        """Take the next readings (axes, n)."""
+    def add(self, columns: Array) -> None:
+        """Add the next readings (axes, n)."""
         for k in np.flatnonzero(self._open):
             codes = np.union1d(self._codes[k], columns[k, :_LOOKED_AT])
             if len(codes) > _MAX_CODES:
@@ -208,11 +210,11 @@ class StepFinder:
             self._codes[k] = codes
             if len(codes) > 1:
                 self.step[k] = float(np.min(np.diff(codes)))
-                self._open[k] = len(codes) < 8  # then a neighbouring pair has been seen
+                self._open[k] = len(codes) < 8  # a neighbouring pair has been observed by then
 
 
 _WINDOWS: Final = 256
-"""Windows of about a second that are judged together."""
+"""Number of windows of about a second that are judged together."""
 _NOISIER: Final = 6.0
 """Ratio of a window's variance to the median one that no stationary noise reaches."""
 _JUMP: Final = 12.0
@@ -220,57 +222,58 @@ _JUMP: Final = 12.0
 _SLOW: Final = 25.0
 """Variance of the window means over that of white noise of the same samples."""
 _SMALLEST_MOTION: Final = np.array([2e-3] * 3 + [2e-2] * 3)
-"""Below this the means of a second may wander [rad/s, m/s^2]: that is a sensor's random walk."""
+"""Wander of the means of a second that may be a sensor's random walk [rad/s, m/s^2]."""
 _SUDDEN: Final = 50.0
 """Variance of the means in one stretch over the median one that no random walk reaches.
 
-Without its line, a walk's variance in a stretch is nearly chi-square's of one degree of freedom,
-which is 23 times its mean, 50 times its median, once in 10^6.
+The variance of a detrended walk in a stretch is nearly chi-square distributed with one degree of
+freedom, which exceeds 23 times its mean, 50 times its median, once in 10^6.
 """
 _MIN_WINDOWS: Final = 4
-"""Number of stretches below which none of them can stand out."""
+"""Smallest number of stretches among which one can stand out."""
 
 
 class Movement(NamedTuple):
-    """Seconds in which an axis was not at rest."""
+    """Time in which an axis was not at rest."""
 
     axis: int
     begin: float
-    """[s] after the first sample"""
+    """Start after the first sample [s]."""
     end: float
     size: float
     """Standard deviation of the means over a second, or the largest jump [rad/s, m/s^2]."""
 
 
 class RestCheck:
-    """Takes pieces of readings, passes on those at rest."""
+    """Filter of pieces of readings that passes on those at rest."""
 
     def __init__(self, rate: float, steps: StepFinder) -> None:
         """Set up.
 
         :param rate: samples per second [Hz].
-        :param steps: knows the digital steps of the readings, as far as they have been seen.
+        :param steps: digital steps of the readings, as far as they have been determined.
         """
         self._window = max(round(rate), 4)
         self._rate, self._steps = rate, steps
         self._buffer: list[Array] = []
         self._buffered = 0
-        self._before: Array | None = None
+        self._previous_mean: Array | None = None
         self.moving: list[Movement] = []
-        """Stretches of continued motion, or of a walk of such size; they are handed on."""
+        """Stretches of continued motion, or of a walk of such size; their readings are passed
+        on."""
         self.spreads: list[Array] = []
-        """(6,) for each stretch: standard deviation of the means of a second, without a line."""
+        """(6,) for each stretch: standard deviation of the detrended means of a second."""
         self._variance = np.zeros(6)
-        self._windows_seen = 0
+        self._window_count = 0
         self.disturbed: list[Movement] = []
-        """Single disturbances; they are cut out."""
+        """Single disturbances, whose readings are removed."""
         self.seconds = 0.0
 
     def add(self, y: Array | None) -> Iterator[Array | None]:
-        """Take readings (n, 6), or None at the end of a piece; yield them, judged."""
+        """Add readings (n, 6), or None at the end of a piece; yield the readings at rest."""
         if y is None:
             yield from self._judge()
-            self._before = None
+            self._previous_mean = None
             yield None
             return
         size = _WINDOWS * self._window
@@ -282,7 +285,7 @@ class RestCheck:
                 yield from self._judge()
 
     def _judge(self) -> Iterator[Array | None]:
-        """Yield what has been waiting without its disturbed windows."""
+        """Yield the buffered readings without their disturbed windows."""
         if self._buffered == 0:
             return
         y = np.concatenate(self._buffer)
@@ -300,7 +303,7 @@ class RestCheck:
         self._note_motion(mean, typical, begin)
         bad = self._disturbances(mean, variance, typical, begin)
         self._variance += variance[~bad].sum(axis=0)
-        self._windows_seen += int(np.count_nonzero(~bad))
+        self._window_count += int(np.count_nonzero(~bad))
         if not bad.any():
             yield y
             return
@@ -317,7 +320,7 @@ class RestCheck:
     def _without_losses(self, y: Array, count: int) -> tuple[Array, Array]:
         """Return means and variances (windows, 6) of so many windows of readings.
 
-        With the samples first NumPy adds long rows, four times as fast as six numbers at a time.
+        Samples first: NumPy adds long rows, not six numbers at a time.
         """
         windows = y.reshape(count, self._window, 6).transpose(1, 0, 2)
         rows = np.ascontiguousarray(windows).reshape(self._window, -1)
@@ -330,23 +333,23 @@ class RestCheck:
     def _with_losses(self, y: Array, count: int) -> tuple[Array, Array]:
         """Return means and variances (windows, 6) of the readings that are there.
 
-        A window without half of its readings has the mean of the last one before it and the
-        typical variance: nothing is known of it.
+        A window with fewer than half of its readings has the mean of the window before and the
+        typical variance.
         """
         windows = y.reshape(count, self._window, 6)
-        known = np.count_nonzero(~np.isnan(windows[:, :, 0]), axis=1)
+        counts = np.count_nonzero(~np.isnan(windows[:, :, 0]), axis=1)
         centre = np.nanmean(y, axis=0)
-        there = np.where(np.isnan(windows), 0.0, windows - centre)
-        number = np.maximum(known, 1)[:, None]
-        mean = there.sum(axis=1) / number
-        variance = np.maximum((there**2).sum(axis=1) / number - mean**2, 0.0)
-        half = known >= 0.5 * self._window
-        last = np.maximum.accumulate(np.where(half, np.arange(count), 0))
-        variance[~half] = np.median(variance[half], axis=0) if half.any() else 0.0
-        return centre + mean[last], variance
+        deviations = np.where(np.isnan(windows), 0.0, windows - centre)
+        number = np.maximum(counts, 1)[:, None]
+        mean = deviations.sum(axis=1) / number
+        variance = np.maximum((deviations**2).sum(axis=1) / number - mean**2, 0.0)
+        complete = counts >= 0.5 * self._window
+        source = np.maximum.accumulate(np.where(complete, np.arange(count), 0))
+        variance[~complete] = np.median(variance[complete], axis=0) if complete.any() else 0.0
+        return centre + mean[source], variance
 
     def _note_motion(self, mean: Array, typical: Array, begin: float) -> None:
-        # A single shock or shift of level is a disturbance; without it the rest must be at rest.
+        # A single shock or shift of level is a disturbance; without it the stretch must be at rest.
         steps = np.diff(mean, axis=0)
         steps[np.abs(steps) > self._jump_limit(np.abs(steps), typical)] = 0.0
         level = np.concatenate([np.zeros((1, 6)), np.cumsum(steps, axis=0)])
@@ -362,7 +365,7 @@ class RestCheck:
 
     def noise(self) -> Array:
         """Return (6,) the standard deviation of the readings within a second."""
-        return np.sqrt(self._variance / max(self._windows_seen, 1))
+        return np.sqrt(self._variance / max(self._window_count, 1))
 
     def sudden(self, motion: Movement) -> bool:
         """Return whether a motion is far larger than the axis' motion in the other stretches."""
@@ -375,28 +378,28 @@ class RestCheck:
         """Return whether a sinusoid is motion: too fast and too large for a sensor's own drift.
 
         :param amplitude: amplitude of the sinusoid [rad/s, m/s^2].
-        :param samples: its period.
+        :param samples: period of the sinusoid [samples].
         """
         fast = samples < _WINDOWS * self._window
         return bool(fast and amplitude > np.sqrt(2.0) * _SMALLEST_MOTION[axis])
 
     def _jump_limit(self, jump: Array, typical: Array) -> Array:
-        """Return (6,) the difference between neighbouring means that no noise makes."""
+        """Return (6,) the largest difference between neighbouring means of noise."""
         robust = 1.4826 * np.median(jump, axis=0)
-        result: Array = _JUMP * np.maximum(robust, np.sqrt(2.0 * typical / self._window))
-        return result + self._steps.step
+        limit: Array = _JUMP * np.maximum(robust, np.sqrt(2.0 * typical / self._window))
+        return limit + self._steps.step
 
     def _disturbances(self, mean: Array, variance: Array, typical: Array, begin: float) -> Mask:
-        """Return (windows,) which were disturbed, with one window of margin on both sides."""
-        before = mean[:1] if self._before is None else self._before
-        jump = np.abs(np.diff(mean, axis=0, prepend=before))
-        self._before = mean[-1:]
+        """Return a mask (windows,) of disturbances, with one window of margin on both sides."""
+        previous = mean[:1] if self._previous_mean is None else self._previous_mean
+        jump = np.abs(np.diff(mean, axis=0, prepend=previous))
+        self._previous_mean = mean[-1:]
         limit = self._jump_limit(jump, typical)
-        # An axis that hardly changes its last digit has a typical variance of zero.
-        # One that goes to and fro between two codes has half a step as its deviation.
+        # An axis that hardly changes its last digit has a typical variance of zero; an axis that
+        # alternates between two codes deviates by half a step.
         noisy = _NOISIER * (typical + 0.25 * self._steps.step**2)
-        shaken = (variance > noisy) & (typical > 0.0)
-        bad_axis = shaken | ((jump > limit) & (limit > 0.0))
+        noisy_axes = (variance > noisy) & (typical > 0.0)
+        bad_axis = noisy_axes | ((jump > limit) & (limit > 0.0))
         bad: Mask = np.logical_or.reduce(bad_axis, axis=1)
         for k in np.flatnonzero(np.diff(bad.astype(int), prepend=0) == 1):
             axis = int(np.argmax(bad_axis[k]))

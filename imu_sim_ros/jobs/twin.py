@@ -18,9 +18,9 @@ from imu_sim_ros.calibration.twin import model, spectrum
 from imu_sim_ros.calibration.twin.analysis import (
     Analysis,
     analyse,
-    beyond,
     constant_errors,
-    foreseen,
+    cross_validate,
+    fast_part,
     noise_residuals,
 )
 from imu_sim_ros.calibration.twin.fit import PRIOR, Fit, Recording
@@ -120,9 +120,9 @@ def judged(found: Fit, disagreement: Array, noise: PoseNoise) -> Trust:
     sigma = found.sigma
     disagree = disagreement > _DISAGREE
     larger = np.where(disagree, disagreement, 1.0)
-    widened = np.sqrt(larger**2 + found.hanging**2) if noise.is_rounding else larger
+    widened = np.sqrt(larger**2 + found.noise_shift**2) if noise.is_rounding else larger
     wider = found._replace(covariance=found.covariance * np.outer(widened, widened))
-    given = found.hanging <= (_SAID if noise.is_rounding else _NOT_GIVEN)
+    given = found.noise_shift <= (_SAID if noise.is_rounding else _NOT_GIVEN)
     weak = sigma > _UNDETERMINED * PRIOR
     undetermined = tuple(
         NAMES[k] for k in range(model.GYROSCOPE.start, model.BIAS.start) if weak[k]
@@ -138,9 +138,9 @@ def _of_noise(found: Fit, given: Mask, noise: PoseNoise) -> Iterator[str]:
     hidden = [NAMES[k] for k in np.flatnonzero(~given)]
     if hidden:
         yield f"not given, since they hang on the {poses}: {', '.join(hidden)}"
-    moved = given & (found.hanging > _SAID)
+    moved = given & (found.noise_shift > _SAID)
     if moved.any():
-        sizes = [f"{NAMES[k]} by {found.hanging[k]:.1f}" for k in np.flatnonzero(moved)]
+        sizes = [f"{NAMES[k]} by {found.noise_shift[k]:.1f}" for k in np.flatnonzero(moved)]
         yield f"corrected for the {poses}, in standard errors: {', '.join(sizes)}"
 
 
@@ -171,8 +171,8 @@ def _contradictions(found: Fit) -> Iterator[str]:
         (slice(model.BIAS.start + 3, model.BIAS.stop), _BIAS[1]),
     ):
         for k in range(part.start, part.stop):
-            beyond = abs(deviation[k]) - limit
-            if beyond > 0.0 and abs(deviation[k]) > _SURE * sigma[k]:
+            fast_part = abs(deviation[k]) - limit
+            if fast_part > 0.0 and abs(deviation[k]) > _SURE * sigma[k]:
                 yield (
                     f"{NAMES[k]} is {deviation[k]:+.3g} from a perfect sensor's, more than a "
                     f"sensor has ({limit:g}): the truth, its frame or the gravity contradicts the "
@@ -405,10 +405,10 @@ def _found(source: TwinRecording, fit: float | None) -> Twin:
     found = constant_errors(used, source.sharp_truth, perfect(source.r_ib, source.offset))
     _check_likeness(source, used, found)
     check_settled(source, found)
-    others = foreseen(used, source.sharp_truth, found)
+    others = cross_validate(used, source.sharp_truth, found)
     trust = judged(found, others.disagreement, source.noise)
     # Above the cut-off, motion counts as vibration.
-    fast = beyond(used, source.sharp_truth, source.truth, found)
+    fast = fast_part(used, source.sharp_truth, source.truth, found)
     with_vibration = trust.fit._replace(residuals=found.residuals + fast)
     analysis = _analysed(source, used, with_vibration, others.residuals + fast)
     step = _steps(whole.readings)

@@ -156,7 +156,7 @@ def check(
         _median(_drift(source, real, fit.errors, fit.errors.world)),
         np.array([_median([np.concatenate(d) for d in zip(*drifts, strict=True)])])[0],
         np.sqrt(np.mean(noise**2, axis=0)),
-        *windows.told_apart(),
+        *windows.classification_rates(),
         (real, twins[0]),
         windows,
     )
@@ -168,7 +168,7 @@ def _median(errors: list[Array]) -> Array:
 
 def _laid(source: TwinRecording, part: Recording, fit: Fit) -> Flown:
     """Return readings on the truth, whose clock and smoothing are found again on this part."""
-    again = truth.laid_on(part, source.truth, fit)
+    again = truth.align_truth(part, source.truth, fit)
     t = model.true_times(again.errors, part.stamps, again.reference, again.wander)
     return Flown(t, part.readings, again.residuals)
 

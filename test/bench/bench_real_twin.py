@@ -40,7 +40,7 @@ def drift(found: Check) -> str:
 def shares(seen: Windows) -> list[str]:
     """Return how a classifier tells twin and real sensor, and real parts, apart: by frequencies."""
     columns = [6 * sum(1 for band in BANDS[1:] if band[0] < low) for low in FROM]
-    found = [seen.told_apart(slice(first, None)) for first in columns]
+    found = [seen.classification_rates(slice(first, None)) for first in columns]
     return [f"{100.0 * twin:.0f} % / {100.0 * real:.0f} %" for twin, real in found]
 
 

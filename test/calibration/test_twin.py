@@ -11,15 +11,15 @@ from imu_sim_ros import rotation
 from imu_sim_ros.calibration.twin import alignment as clock
 from imu_sim_ros.calibration.twin import model, spectrum
 from imu_sim_ros.calibration.twin.alignment import coarse_offset, mounting
-from imu_sim_ros.calibration.twin.comparison import Windows, told_apart
+from imu_sim_ros.calibration.twin.comparison import Windows, classification_rate
 from imu_sim_ros.calibration.twin.fit import Recording, _inverse, _Sums, fit
 from imu_sim_ros.calibration.twin.intensity import (
-    calmed,
     factors,
     find_lines,
     follow,
     in_range,
     vibrating,
+    without_disturbances,
 )
 from imu_sim_ros.calibration.twin.model import BodyMotion, Errors, KnownMotion
 from imu_sim_ros.calibration.twin.pose_noise import (
@@ -321,7 +321,7 @@ def test_a_disturbance_is_scaled_down_to_the_usual():
     rng = np.random.default_rng(14)
     values = rng.standard_normal((4000, 6))
     values[2000:2100, 1] *= 10.0
-    calm, count = calmed(values, [slice(0, 4000)], RATE, 20.0, 50.0)
+    calm, count = without_disturbances(values, [slice(0, 4000)], RATE, 20.0, 50.0)
     assert count in (2, 3)  # half-windows that the burst touches
     band = in_range(calm, [slice(0, 4000)], RATE, 20.0, 50.0)
     usual = np.mean(band[:2000, 1] ** 2)
@@ -432,8 +432,8 @@ def test_noise_of_poses_is_taken_out_of_the_normal_equations():
     assert abs(gain[1] - 1.0) < 3.0 * sigma, (gain, sigma)
     # What was taken out is more than a standard error of each gain, though bands of much noise
     # weigh little, and is said.
-    assert (found.hanging[model.GYROSCOPE][::4] > 1.0).all(), found.hanging
-    assert not plain.hanging.any()
+    assert (found.noise_shift[model.GYROSCOPE][::4] > 1.0).all(), found.noise_shift
+    assert not plain.noise_shift.any()
 
 
 def test_what_is_all_noise_stays_at_the_prior():
@@ -480,7 +480,7 @@ def test_what_estimated_weights_cost_is_in_the_standard_errors():
     sums.count[1] = count - 1
     sums.matrix[1] = count
     inverse = np.array([[1.0 / (6.0 * count)]])
-    factor = float(sums.unsure(np.ones_like(sums.left), inverse)[0])
+    factor = float(sums.widening(np.ones_like(sums.left), inverse)[0])
     assert factor**2 == pytest.approx(found.var() / claimed, rel=0.04)
     assert found.var() / claimed > 1.1
 
@@ -538,14 +538,14 @@ def test_a_classifier_tells_what_differs_and_only_that():
     rng = np.random.default_rng(13)
     a, b = rng.standard_normal((2, 400, 12))
     # 800 windows assigned by chance: 0.5 +- 0.018.
-    assert abs(told_apart(a, b, 400) - 0.5) < 0.08
-    assert told_apart(a, b + 1.0, 400) > 0.9
+    assert abs(classification_rate(a, b, 400) - 0.5) < 0.08
+    assert classification_rate(a, b + 1.0, 400) > 0.9
     # The first 40 windows are alike, all others far apart: of those that are drawn, a tenth of one
     # side, and so a twentieth of all, is assigned wrong: 0.95 +- 0.024.
     later = np.where(np.arange(400)[:, None] < 40, 0.0, 2.0)
-    assert told_apart(a, b + later, 40) > 0.8
+    assert classification_rate(a, b + later, 40) > 0.8
     # What was fitted is as like the rest as a twin that reads the same.
-    simulated, own = Windows(a[:40], b + later, (a[:40],)).told_apart()
+    simulated, own = Windows(a[:40], b + later, (a[:40],)).classification_rates()
     assert simulated == own
 
 

@@ -1,7 +1,7 @@
 # Copyright 2026 imu_sim_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""The output of a calibration: parameters for the simulator, a correction for the integrator."""
+"""Output of a calibration: parameters for the simulator, a correction for the integrator."""
 
 from collections.abc import Mapping
 from pathlib import Path
@@ -118,17 +118,17 @@ def write_simulator(values: Parameters, path: Path, comment: str) -> None:
 def write_correction(values: Parameters, path: Path, comment: str) -> None:
     """Write the correction for ``integrator`` and ``dead_reckon``: x = S^-1 (reading - b).
 
-    That of a magnetometer, which they do not have, is for other programs: matrix and bias of
+    The correction of a magnetometer is for other programs: matrix and bias of
     ``field = matrix (reading - bias)``.
     """
     if SOFT_IRON in values:
         matrix = values[SOFT_IRON].value.reshape(3, 3)
         inverse: Array = np.linalg.inv(matrix).astype(np.float64)
-        own = {
+        correction = {
             "bias": _value(HARD_IRON, values[HARD_IRON].value),
             "matrix": _value(SOFT_IRON, inverse.ravel()),
         }
-        files.write(own, path, "magnetometer", comment)
+        files.write(correction, path, "magnetometer", comment)
         return
     files.write(for_integrator(values), path, comment=comment)
 
@@ -145,20 +145,20 @@ def _value(name: str, value: Array) -> Value:
 
 def true_parameters(imu: ImuParameters, values: Mapping[str, Calibrated]) -> dict[str, Array]:
     """Return the truth of each calibrated parameter; percent forms are turned into matrices."""
-    given = flatten(imu)
+    truths = flatten(imu)
     for triad in TRIADS:
-        given[f"{triad}_scale_misalignment"] = tuple(imu.triad(triad).response().ravel().tolist())
+        truths[f"{triad}_scale_misalignment"] = tuple(imu.triad(triad).response().ravel().tolist())
     m, b = imu.magnetometer.response_and_bias()
-    given |= {SOFT_IRON: tuple(symmetric_root(m).ravel().tolist()), HARD_IRON: tuple(b.tolist())}
-    result = {}
-    for name, found in values.items():
-        truth = np.ravel(np.asarray(given[name], dtype=np.float64))
-        size = max(len(found.value), len(truth))
-        result[name] = np.pad(truth, (0, size - len(truth)))
-    return result
+    truths |= {SOFT_IRON: tuple(symmetric_root(m).ravel().tolist()), HARD_IRON: tuple(b.tolist())}
+    true_values = {}
+    for name, calibrated in values.items():
+        truth = np.ravel(np.asarray(truths[name], dtype=np.float64))
+        size = max(len(calibrated.value), len(truth))
+        true_values[name] = np.pad(truth, (0, size - len(truth)))
+    return true_values
 
 
 def turn_to_upper_triangular(true: dict[str, Array]) -> None:
-    """Turn the accelerometer's true axes as the fit of the norm chooses them, in place."""
+    """Turn the accelerometer's true axes to those of the fit of the norm, in place."""
     name = "accelerometer_scale_misalignment"
     true[name] = upper_triangular(true[name].reshape(3, 3)).ravel()

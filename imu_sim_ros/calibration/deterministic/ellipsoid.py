@@ -25,7 +25,7 @@ _COLUMNS: Final = np.array([0, 1, 2, 1, 2, 2])
 _STEPS: Final = 50
 _CONVERGED: Final = 1e-13
 _ROUNDING: Final = 1e-6
-"""A last step that is larger is not one of rounding."""
+"""Largest last step of a converged fit: larger ones are not rounding."""
 _DEPENDENT: Final = 1e-3
 """Ratio of singular values below which directions do not determine the parameters."""
 
@@ -42,7 +42,7 @@ class Ellipsoid(NamedTuple):
     hard_iron_sigma: Array
     """(3,)"""
     field: float
-    """F, as given, or such that S has the determinant 1 [T]."""
+    """Field strength F: given, or such that S has the determinant 1 [T]."""
     residuals: Array
     """(n,) ``|S^-1 (y - b)| - F`` [T]."""
     noise: float
@@ -52,7 +52,7 @@ class Ellipsoid(NamedTuple):
 def calibrate_magnetometer(readings: Array, field: float | None = None) -> Ellipsoid:
     """Return the ellipsoid of readings (n, 3) [T] with the standard errors of its parameters.
 
-    The errors of the readings are taken as white, alike on all axes.
+    The errors of the readings are assumed white, and equal on all axes.
 
     :param field: the field's true strength [T]; None: not known, S then has the determinant 1.
     :raises InputError: if the readings do not determine the parameters.
@@ -74,8 +74,8 @@ def calibrate_magnetometer(readings: Array, field: float | None = None) -> Ellip
     for _ in range(_STEPS):
         fit = _Step(y, inverse, bias, variance)
         inverse, bias = fit.inverse, fit.bias
-        variance, before = fit.variance, variance
-        if fit.change < _CONVERGED and abs(variance - before) <= 1e-9 * variance + 1e-30:
+        variance, previous = fit.variance, variance
+        if fit.change < _CONVERGED and abs(variance - previous) <= 1e-9 * variance + 1e-30:
             break
     if not fit.change < _ROUNDING:
         raise InputError("magnetometer: the fit of an ellipsoid does not converge")
@@ -98,10 +98,10 @@ def _algebraic(y: Array) -> tuple[Array | None, Array]:
     singular = np.linalg.svd(scaled, compute_uv=False)
     if singular[-1] < _DEPENDENT * singular[0]:
         return None, centre
-    found = np.linalg.lstsq(design, np.ones(len(y)), rcond=None)[0]
+    solution = np.linalg.lstsq(design, np.ones(len(y)), rcond=None)[0]
     a = np.zeros((3, 3))
-    a[_ROWS, _COLUMNS] = a[_COLUMNS, _ROWS] = found[:6]
-    centre = -np.linalg.solve(a, found[6:])
+    a[_ROWS, _COLUMNS] = a[_COLUMNS, _ROWS] = solution[:6]
+    centre = -np.linalg.solve(a, solution[6:])
     shape = a / (1.0 + centre @ a @ centre)
     values, vectors = np.linalg.eigh(shape)
     if values[0] <= 0.0:
@@ -118,9 +118,9 @@ class _Step:
         norms = np.linalg.norm(force, axis=1)
         slope = (force @ inverse) / norms[:, None]
         squared = np.sum(slope * slope, axis=1)
-        # Noise across a vector makes it longer, by half its variance over the length.
-        longer = 0.5 * variance * (np.sum(inverse * inverse) - squared) / norms
-        self.residuals = norms - 1.0 - longer
+        # Noise across a vector lengthens it by half its variance over the length.
+        excess = 0.5 * variance * (np.sum(inverse * inverse) - squared) / norms
+        self.residuals = norms - 1.0 - excess
         by_matrix = force[:, _ROWS] * centred[:, _COLUMNS]
         mixed = _ROWS != _COLUMNS
         by_matrix[:, mixed] += force[:, _COLUMNS[mixed]] * centred[:, _ROWS[mixed]]
@@ -131,8 +131,8 @@ class _Step:
         step = np.linalg.lstsq(self.jacobian, -whitened, rcond=None)[0]
         self.inverse, self.bias = inverse + _symmetric(step[:6]), bias + step[6:]
         self.change = float(np.abs(step).max())
-        left = whitened + self.jacobian @ step
-        self.variance = float(left @ left) / (len(y) - PARAMETERS)
+        remainder = whitened + self.jacobian @ step
+        self.variance = float(remainder @ remainder) / (len(y) - PARAMETERS)
 
 
 def _symmetric(entries: Array) -> Array:

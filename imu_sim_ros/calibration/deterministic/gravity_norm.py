@@ -28,8 +28,8 @@ _ROWS: Final = np.array([0, 0, 0, 1, 1, 2])
 _COLUMNS: Final = np.array([0, 1, 2, 1, 2, 2])
 _STEPS: Final = 30
 _CONVERGED: Final = 1e-12
-_APART: Final = float(np.cos(np.radians(0.5)))
-"""Directions nearer than this are one."""
+_SAME_DIRECTION: Final = float(np.cos(np.radians(0.5)))
+"""Cosine of the smallest angle between two different directions."""
 _DEPENDENT: Final = 1e-4
 """Ratio of singular values below which rests do not determine the parameters."""
 
@@ -44,7 +44,7 @@ class NormFit(NamedTuple):
     bias: Array
     """(3,) at the start of the record [m/s^2]."""
     bias_sigma: Array
-    """(3,)"""
+    """(3,) standard errors."""
     force: Array
     """(m, 3) specific force in the axes chosen, of length g [m/s^2]."""
     misfit: float
@@ -54,11 +54,11 @@ class NormFit(NamedTuple):
 def directions(accel: Array) -> int:
     """Return the number of directions, half a degree apart, of readings (m, 3) at rest."""
     units = accel / np.linalg.norm(accel, axis=1, keepdims=True)
-    kept: list[Array] = []
+    units_found: list[Array] = []
     for unit in units:
-        if all(float(unit @ other) < _APART for other in kept):
-            kept.append(unit)
-    return len(kept)
+        if all(float(unit @ unit_found) < _SAME_DIRECTION for unit_found in units_found):
+            units_found.append(unit)
+    return len(units_found)
 
 
 def is_determined(accel: Array) -> bool:
@@ -78,7 +78,7 @@ def fit_norm(steady: Steady, gravity: float) -> NormFit:
     the square root of the residuals' chi-square if that is above one.
 
     :param steady: m rests in ten directions or more.
-    :param gravity: its magnitude [m/s^2].
+    :param gravity: magnitude of gravity [m/s^2].
     :raises InputError: if the rests do not determine the parameters.
     """
     if not is_determined(steady.accel):
@@ -130,7 +130,7 @@ def _summary(inverse: Array, bias: Array, steady: Steady, gravity: float) -> Nor
     sigma = _norm_sigma(inverse, centred, norms, steady)
     jacobian = _jacobian(inverse, centred, norms)
     residuals = gravity - norms
-    # A walk of the bias acts along the direction of each rest: alike if they look alike.
+    # A walk of the bias acts along the direction of each rest.
     slope = force @ inverse / norms[:, None]
     data = Observations(jacobian, residuals, sigma, steady.time, np.zeros(len(residuals)))
     weight = likely_whitener(data, jacobian, slope @ slope.T)
@@ -139,8 +139,8 @@ def _summary(inverse: Array, bias: Array, steady: Steady, gravity: float) -> Nor
     inverse = inverse.copy()
     inverse[_ROWS, _COLUMNS] += change[:6]
     bias = bias + change[6:]
-    left = weight @ (residuals - jacobian @ change)
-    chi_square = float(left @ left) / max(len(residuals) - PARAMETERS, 1)
+    remainder = weight @ (residuals - jacobian @ change)
+    chi_square = float(remainder @ remainder) / max(len(residuals) - PARAMETERS, 1)
     covariance = np.linalg.pinv(whitened.T @ whitened) * max(chi_square, 1.0)
     scale: Array = np.linalg.inv(inverse).astype(np.float64)
     # dS = -S dT S, entry by entry of T.

@@ -63,19 +63,20 @@ class SixPosition(NamedTuple):
     gyroscope_bias_sigma: Array
     """(3,)"""
     positions: Steady
-    """The m stretches that were used."""
+    """m stretches that were used."""
     faces: Integers
-    """(m,) index into :data:`FACES`: which axis points up."""
+    """(m,) index into :data:`FACES` of the axis that points up."""
     residuals: Array
-    """(m, 3) reading minus model, and minus the bias' walk [m/s^2]."""
+    """(m, 3) reading minus model, in standard errors of the readings."""
+    """(m, 3) reading minus model, and minus the walk of the bias [m/s^2]."""
     misfit: Array
-    """(m, 3) the same with the walk in it."""
+    """(m, 3) reading minus model, including the walk of the bias [m/s^2]."""
     fixture: str
-    """exact or norm."""
+    """Model of the fixture: exact or norm."""
     reason: str
-    """Why this model was chosen, as text."""
+    """Reason for the choice of this model, as text."""
     left_out: int
-    """Pieces that are not at rest, or not near any face."""
+    """Number of pieces that are not at rest, or not near any face."""
 
 
 def calibrate_six_position(
@@ -83,8 +84,8 @@ def calibrate_six_position(
 ) -> SixPosition:
     """Return bias, scale and misalignment from rests.
 
-    :param steady: stretches found in the record; more than six positions may be given.
-    :param gravity: its magnitude [m/s^2].
+    :param steady: stretches of the record, in six positions or more.
+    :param gravity: magnitude of gravity [m/s^2].
     :param simple: eq. 6, ``b = (up + down) / 2`` and ``S = (up - down) / 2g`` per axis, without
         misalignment; else the twelve parameters of eq. 7 by weighted least squares.
     :param fixture: ``exact``, each axis rests pointing up and down; ``norm``, rests in ten
@@ -92,8 +93,8 @@ def calibrate_six_position(
         those of the norm by more than chance (an F-test), or a face is missing.
     :raises InputError: if a face is missing, or fewer than ten directions are given.
     """
-    found = _chosen(steady.rows(_at_rest(steady)), gravity, simple, fixture)
-    return found._replace(left_out=len(steady.stretch) - len(found.positions.stretch))
+    fitted = _chosen(steady.rows(_at_rest(steady)), gravity, simple, fixture)
+    return fitted._replace(left_out=len(steady.stretch) - len(fitted.positions.stretch))
 
 
 def _chosen(steady: Steady, gravity: float, simple: bool, fixture: str) -> SixPosition:
@@ -107,33 +108,33 @@ def _chosen(steady: Steady, gravity: float, simple: bool, fixture: str) -> SixPo
     try:
         exact = _exact(steady, gravity, _NO_RESIDUALS)
     except InputError:
-        found = fit_norm(steady, gravity)
-        return _by_norm(found, steady, "not every axis rests pointing up and down")
+        norm = fit_norm(steady, gravity)
+        return _by_norm(norm, steady, "not every axis rests pointing up and down")
     if not exact.scale_misalignment_sigma.any():  # a ratio of rounding to rounding says nothing
         return exact
-    found = fit_norm(steady, gravity)
-    ratio, limit = _compared(exact, found, len(steady.accel))
-    words = f"eq. 7 leaves {ratio:.3g} times the variance that the norm leaves"
+    norm = fit_norm(steady, gravity)
+    ratio, limit = _compared(exact, norm, len(steady.accel))
+    text = f"eq. 7 leaves {ratio:.3g} times the variance that the norm leaves"
     if ratio <= limit:
-        return exact._replace(reason=f"{words}; up to {limit:.3g} is chance")
+        return exact._replace(reason=f"{text}; up to {limit:.3g} is chance")
     return _by_norm(
-        found, steady, f"{words}; more than {limit:.3g} is not chance: the fixture is tilted"
+        norm, steady, f"{text}; more than {limit:.3g} is not chance: the fixture is tilted"
     )
 
 
 def _at_rest(steady: Steady) -> Mask:
-    """Tell which stretches are at rest and not turning."""
+    """Return a mask (m,), True for stretches that do not turn."""
     offset = steady.gyro - np.median(steady.gyro, axis=0)
     limit = _AT_REST + 6.0 * np.linalg.norm(steady.gyro_sigma, axis=1)
     return np.linalg.norm(offset, axis=1) < limit
 
 
 def _compared(exact: SixPosition, norm: NormFit, rests: int) -> tuple[float, float]:
-    """Return the ratio of the variances that both models leave, and its largest by chance.
+    """Return the ratio of the residual variances of both models, and its largest by chance.
 
-    In standard errors of the readings; what walks is in both.
+    In standard errors of the readings; the walk of the bias is in both.
     """
-    from scipy.special import fdtri  # scipy.stats has f.ppf and takes 0.5 s to import
+    from scipy.special import fdtri  # scipy.stats has f.ppf, but takes long to import
 
     freedom = 3 * len(exact.faces) - 12, rests - PARAMETERS
     sigma = np.maximum(exact.positions.accel_sigma, rounding_of(exact.positions.accel))
@@ -142,18 +143,18 @@ def _compared(exact: SixPosition, norm: NormFit, rests: int) -> tuple[float, flo
     return ratio, float(fdtri(*freedom, 1.0 - _CHANCE))
 
 
-def _by_norm(found: NormFit, steady: Steady, reason: str) -> SixPosition:
+def _by_norm(norm: NormFit, steady: Steady, reason: str) -> SixPosition:
     """Return the result of a fit of the norm."""
     gyro = [
-        fit_axis(observations(steady, found.force, steady.gyro, steady.gyro_sigma, k))
+        fit_axis(observations(steady, norm.force, steady.gyro, steady.gyro_sigma, k))
         for k in range(3)
     ]
-    residuals = steady.accel - (found.force @ found.scale_misalignment.T + found.bias)
+    residuals = steady.accel - (norm.force @ norm.scale_misalignment.T + norm.bias)
     return SixPosition(
-        found.scale_misalignment,
-        found.scale_misalignment_sigma,
-        found.bias,
-        found.bias_sigma,
+        norm.scale_misalignment,
+        norm.scale_misalignment_sigma,
+        norm.bias,
+        norm.bias_sigma,
         np.array([axis.bias[0] for axis in gyro]),
         np.array([axis.bias_sigma[0] for axis in gyro]),
         steady,
@@ -206,7 +207,7 @@ def _exact(steady: Steady, gravity: float, reason: str, *, simple: bool = False)
 
 
 def nearest_faces(accel: Array) -> tuple[Integers, Mask]:
-    """Return (m,) the face that points up, and whether it does so to 20 degrees."""
+    """Return the index (m,) of the face that points up, and whether it does so to 20 degrees."""
     direction = accel / np.maximum(np.linalg.norm(accel, axis=1, keepdims=True), 1e-12)
     axis = np.argmax(np.abs(direction), axis=1)
     along = np.take_along_axis(direction, axis[:, None], axis=1)[:, 0]
@@ -215,17 +216,17 @@ def nearest_faces(accel: Array) -> tuple[Integers, Mask]:
 
 def face_vectors(faces: Integers) -> Array:
     """Return (m, 3) unit vectors of the faces."""
-    result = np.zeros((len(faces), 3))
-    result[np.arange(len(faces)), faces // 2] = 1.0 - 2.0 * (faces % 2)
-    return result
+    vectors = np.zeros((len(faces), 3))
+    vectors[np.arange(len(faces)), faces // 2] = 1.0 - 2.0 * (faces % 2)
+    return vectors
 
 
 def _axis(positions: Steady, force: Array, k: int, simple: bool) -> AxisResponse:
-    """Fit one axis; the simple variant looks at its own two faces only."""
+    """Fit one axis; the simple variant uses the two faces of the axis alone."""
     if not simple:
         return fit_axis(observations(positions, force, positions.accel, positions.accel_sigma, k))
-    own = np.abs(force[:, k]) > 0.0
-    used, along = positions.rows(own), force[own, k : k + 1]
+    on_axis = np.abs(force[:, k]) > 0.0
+    used, along = positions.rows(on_axis), force[on_axis, k : k + 1]
     return fit_axis(observations(used, along, used.accel, used.accel_sigma, k))
 
 
@@ -251,21 +252,25 @@ def _row(values: Array, k: int, simple: bool) -> Array:
 
 
 def _tilt(positions: Steady, force: Array, axes: list[AxisResponse], gravity: float) -> float:
-    """Return the RMS tilt of the rests about each axis [rad] that the residuals show; 0: none.
+    """Return the RMS tilt of the rests about each axis according to the residuals [rad]; 0: none.
 
-    Across an axis a tilt of theta reads g theta. Each axis has four numbers; what is left of the
-    rests' means beyond them is tilt if it is far above the readings' own errors. Rounding, which
-    is all that an exact fit of readings without noise leaves, is none.
+    Across an axis a tilt of theta reads g theta. Each axis has four numbers; the residuals of the
+    rests' means are tilt if they are far above the readings' own errors. Rounding, which
+    alone remains of an exact fit of readings without noise, is no tilt.
     """
     if all(axis.is_exact for axis in axes):
         return 0.0
-    numbers, first = np.unique(positions.stretch, return_index=True)
+    numbers, first_piece = np.unique(positions.stretch, return_index=True)
     freedom = 3 * (len(numbers) - 4)
     misfit = _misfit(axes, force, positions, simple=False)
     means = np.array([misfit[positions.stretch == number].mean(axis=0) for number in numbers])
-    own = np.square(positions.accel_sigma[first]).mean()
+    reading_variance = np.square(positions.accel_sigma[first_piece]).mean()
     variance = float(np.sum(means**2)) / max(freedom, 1)
-    return np.sqrt(variance) / gravity if freedom > 0 and variance > _TILTED * own else 0.0
+    return (
+        np.sqrt(variance) / gravity
+        if freedom > 0 and variance > _TILTED * reading_variance
+        else 0.0
+    )
 
 
 def _tilted_sigma(positions: Steady, force: Array, gravity: float, tilt: float) -> Array:
@@ -274,8 +279,8 @@ def _tilted_sigma(positions: Steady, force: Array, gravity: float, tilt: float) 
     ``g theta`` across an axis; along it ``g theta^2``, the mean square of what the cosines of two
     tilts take away. All pieces of a rest have one tilt: each counts as if there were no others.
     """
-    _, which, count = np.unique(positions.stretch, return_inverse=True, return_counts=True)
-    pieces = count[which.ravel()][:, None]
+    _, rest_index, count = np.unique(positions.stretch, return_inverse=True, return_counts=True)
+    pieces = count[rest_index.ravel()][:, None]
     along = force != 0.0
     extra = np.where(along, 2.0 * (gravity * tilt**2) ** 2, (gravity * tilt) ** 2)
     return np.sqrt(np.square(positions.accel_sigma) + pieces * extra)
@@ -291,7 +296,7 @@ def _misfit(axes: list[AxisResponse], force: Array, positions: Steady, simple: b
 
 def _residuals(axes: list[AxisResponse], faces: Integers, simple: bool) -> Array:
     """Return (m, 3) the residuals; the simple variant has none across an axis."""
-    result = np.zeros((len(faces), 3))
+    residuals = np.zeros((len(faces), 3))
     for k, axis in enumerate(axes):
-        result[faces // 2 == k if simple else slice(None), k] = axis.residuals
-    return result
+        residuals[faces // 2 == k if simple else slice(None), k] = axis.residuals
+    return residuals

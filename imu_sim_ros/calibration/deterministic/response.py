@@ -17,14 +17,14 @@ from imu_sim_ros.types import Array, Integers
 
 _STEPS: Final = 8
 _LOG_WALKS: Final = (-6.0, 14.0)
-"""Range of the walk's variance over the record, in the readings' own, as a logarithm."""
+"""Range of the logarithm of the walk's variance over the record, over the readings' variance."""
 _GRID: Final = 21
 _ROUNDING: Final = 16.0 * float(np.finfo(np.float64).eps)
-"""Relative error of a mean reading that is not the sensor's: float64 has no more digits."""
+"""Relative rounding error of a mean reading in float64."""
 _NOTHING: Final = 1e-15
-"""[rad/s] or [m/s^2] that no sensor resolves, if the readings are zero."""
+"""Resolution of readings that are zero [rad/s, m/s^2]."""
 _CLOSE: Final = 4.0
-"""Residuals of noise-free readings, at most, in units of the rounding, for the fit to be exact."""
+"""Largest residual of an exact fit of noise-free readings, in units of the rounding."""
 _DEPENDENT: Final = 1e-6
 """Ratio of singular values below which the inputs do not determine all parameters."""
 
@@ -39,9 +39,9 @@ class AxisResponse(NamedTuple):
     scale: Array
     """(l,) polynomial of the scale from the first order on."""
     covariance: Array
-    """(q, q) of gain, bias and scale in this order."""
+    """(q, q) covariance of gain, bias and scale in this order."""
     residuals: Array
-    """(n,) reading minus model and minus the bias' walk, smoothed out of all readings."""
+    """(n,) reading minus model and minus the walk of the bias, smoothed over all readings."""
     chi_square: float
     """Chi-square of the residuals over their degrees of freedom, with the readings' errors."""
     criterion: float
@@ -49,7 +49,7 @@ class AxisResponse(NamedTuple):
 
     @property
     def is_exact(self) -> bool:
-        """Whether readings without noise left nothing but rounding."""
+        """True if the residuals of readings without noise are rounding alone."""
         return not self.covariance.any()
 
     @property
@@ -79,13 +79,13 @@ class Observations(NamedTuple):
     inputs: Array
     """(n, p) known inputs: true rate or force, and force for the g-sensitivity."""
     readings: Array
-    """(n,)"""
+    """(n,) mean readings."""
     sigma: Array
     """(n,) standard errors of the readings."""
     time: Array
-    """(n,) after the start [s]."""
+    """(n,) times after the start [s]."""
     temperature: Array
-    """(n,) T - T0 [K]."""
+    """(n,) temperature differences T - T0 [K]."""
 
 
 def fit_axis(
@@ -94,14 +94,15 @@ def fit_axis(
     """Return the parameters of one axis; the bias is that at the start of the record.
 
     The readings' errors are their own noise and a bias that walks from the start on: generalised
-    least squares with the covariance ``sigma_i^2 + K^2 min(t_i, t_j)``. Without the walk every bias
-    would look far surer than it is. Standard errors are widened further by the square root of the
+    least squares with the covariance ``sigma_i^2 + K^2 min(t_i, t_j)``. Without the walk, standard
+    errors of
+    the bias would be far too small. Standard errors are widened further by the square root of the
     residuals' chi-square if that is above one.
 
-    Readings without noise that the model explains to the last digits give exact parameters: what
-    is below the rounding of float64 is cut off, and their standard errors are 0.
+    Readings without noise that the model explains to the last digits give exact parameters: digits
+    below the rounding of float64 are removed, and their standard errors are 0.
 
-    :param whitener: whitener from :func:`walk_whitener`; found for this model if it is not given.
+    :param whitener: whitener from :func:`walk_whitener`; None: computed for this model.
     """
     data, noise_free = _above_rounding(data)
     weight = walk_whitener(data, bias_order, scale_order) if whitener is None else whitener
@@ -120,15 +121,19 @@ def fit_axis(
         parameters = parameters + np.linalg.lstsq(weight @ jacobian, residuals, rcond=None)[0]
     scale = 1.0 + scale_columns @ parameters[p + b :]
     model = scale * (data.inputs @ parameters[:p]) + bias_columns @ parameters[p : p + b]
-    found = _summary(parameters, weight, jacobian, data.readings - model, (p, b, scale_order), span)
-    if noise_free and found.chi_square <= _CLOSE**2:
-        return _exact(found)
+    response_fit = _summary(
+        parameters, weight, jacobian, data.readings - model, (p, b, scale_order), span
+    )
+    if noise_free and response_fit.chi_square <= _CLOSE**2:
+        return _exact(response_fit)
     # Of residuals with the covariance V, diag(sigma^2) V^-1 r is the part that is not walk.
-    return found._replace(residuals=data.sigma**2 * (weight.T @ (weight @ found.residuals)))
+    return response_fit._replace(
+        residuals=data.sigma**2 * (weight.T @ (weight @ response_fit.residuals))
+    )
 
 
 def rounding_of(readings: Array) -> float:
-    """Return the rounding error of one axis' readings: no standard error is below it."""
+    """Return the rounding error of one axis' readings, a lower bound of standard errors."""
     return max(_ROUNDING * float(np.abs(readings).max()), _NOTHING)
 
 
@@ -139,22 +144,22 @@ def _above_rounding(data: Observations) -> tuple[Observations, bool]:
     return data._replace(sigma=sigma), bool(np.all(sigma == rounding))
 
 
-def _exact(found: AxisResponse) -> AxisResponse:
+def _exact(fitted: AxisResponse) -> AxisResponse:
     """Return parameters with rounding errors removed, and with zero standard errors."""
-    sigma = np.maximum(found.sigma, np.finfo(np.float64).tiny)
+    sigma = np.maximum(fitted.sigma, np.finfo(np.float64).tiny)
     digits = -np.floor(np.log10(10.0 * sigma)).astype(int)
 
     def cut(values: Array, decimals: Integers) -> Array:
         pairs = zip(values.tolist(), decimals.tolist(), strict=True)
         return np.array([round(value, count) + 0.0 for value, count in pairs])
 
-    p, b = len(found.gain), len(found.bias)
-    return found._replace(
-        gain=cut(found.gain, digits[:p]),
-        bias=cut(found.bias, digits[p : p + b]),
-        scale=cut(found.scale, digits[p + b :]),
-        covariance=np.zeros_like(found.covariance),
-        residuals=np.zeros_like(found.residuals),
+    p, b = len(fitted.gain), len(fitted.bias)
+    return fitted._replace(
+        gain=cut(fitted.gain, digits[:p]),
+        bias=cut(fitted.bias, digits[p : p + b]),
+        scale=cut(fitted.scale, digits[p + b :]),
+        covariance=np.zeros_like(fitted.covariance),
+        residuals=np.zeros_like(fitted.residuals),
     )
 
 
@@ -174,16 +179,18 @@ def walk_whitener(data: Observations, bias_order: int = 0, scale_order: int = 0)
     data, _ = _above_rounding(data)
     bias_columns, scale_columns, _ = _powers(data.temperature, bias_order, scale_order)
     columns = np.column_stack([data.inputs, bias_columns])
-    if data.inputs.shape[1]:  # the axis' own input is the one that its readings follow
-        own = int(np.argmax(np.abs(data.inputs.T @ (data.readings - data.readings.mean()))))
-        columns = np.column_stack([columns, scale_columns * data.inputs[:, own : own + 1]])
+    if data.inputs.shape[1]:  # the input that the readings of the axis follow
+        main_input = int(np.argmax(np.abs(data.inputs.T @ (data.readings - data.readings.mean()))))
+        columns = np.column_stack(
+            [columns, scale_columns * data.inputs[:, main_input : main_input + 1]]
+        )
     return likely_whitener(data, columns)
 
 
-def likely_whitener(data: Observations, columns: Array, alike: Array | None = None) -> Array:
+def likely_whitener(data: Observations, columns: Array, correlation: Array | None = None) -> Array:
     """Return the whitener of :func:`walk_whitener` for a model with the given columns (n, p).
 
-    :param alike: (n, n) cosine of how a walk of the bias acts on two readings; None: alike on all.
+    :param correlation: (n, n) correlation of a bias walk's effect on two readings; None: 1 for all.
     """
     basis, triangle = np.linalg.qr(columns)
     columns = basis[:, np.abs(np.diag(triangle)) > _DEPENDENT * np.abs(triangle).max()]
@@ -191,17 +198,19 @@ def likely_whitener(data: Observations, columns: Array, alike: Array | None = No
     unit = float(np.median(data.sigma)) ** 2 / max(float(time[-1]), 1e-9)
     grid = np.linspace(*_LOG_WALKS, _GRID)
     shape = np.minimum.outer(time, time) * unit
-    if alike is not None:
-        shape = shape * alike
-        values = np.array([_by_matrix(data, columns, shape, float(np.exp(x))) for x in grid])
+    if correlation is not None:
+        shape = shape * correlation
+        values = np.array([_walk_objective(data, columns, shape, float(np.exp(x))) for x in grid])
     else:
         order = np.argsort(time, kind="stable")
-        both = np.column_stack([columns, data.readings])[order]
-        found = whitened(both, time[order], data.sigma[order], unit * np.exp(grid))
+        columns_and_readings = np.column_stack([columns, data.readings])[order]
+        results = whitened(
+            columns_and_readings, time[order], data.sigma[order], unit * np.exp(grid)
+        )
         values = np.array(
             [
                 _restricted(w[:, :-1], w[:, -1], float(log))
-                for w, log in zip(found.columns, found.log_determinant, strict=True)
+                for w, log in zip(results.columns, results.log_determinant, strict=True)
             ]
         )
     # The mean of K^2 under a flat prior in K, not the most likely value: few readings can make a
@@ -211,7 +220,7 @@ def likely_whitener(data: Observations, columns: Array, alike: Array | None = No
     return _whitener(data, shape, walk)[0]
 
 
-def _by_matrix(data: Observations, columns: Array, shape: Array, walk: float) -> float:
+def _walk_objective(data: Observations, columns: Array, shape: Array, walk: float) -> float:
     """Return minus the restricted log-likelihood of a walk that acts on readings as in shape."""
     w, log_determinant = _whitener(data, shape, walk)
     return _restricted(w @ columns, w @ data.readings, log_determinant)
@@ -228,7 +237,7 @@ def _whitener(data: Observations, shape: Array, walk: float) -> tuple[Array, flo
     """Return the inverse Cholesky factor of the covariance and the covariance's log-determinant."""
     covariance = walk * shape + np.diag(data.sigma**2)
     factor = np.linalg.cholesky(covariance)
-    # Not SciPy's solve_triangular: OpenBLAS starts its threads for it, however small the matrix.
+    # Not SciPy's solve_triangular, for which OpenBLAS starts its threads even for small matrices.
     inverse: Array = np.linalg.solve(factor, np.eye(len(factor)))
     return inverse, 2.0 * float(np.sum(np.log(np.diag(factor))))
 

@@ -18,9 +18,9 @@ class Whitened(NamedTuple):
     """Columns whitened for each of g sizes of the walk."""
 
     columns: Array
-    """(g, n, p)."""
+    """(g, n, p) whitened columns."""
     log_determinant: Array
-    """(g,) of the covariance."""
+    """(g,) log-determinants of the covariance."""
 
 
 def whitened(columns: Array, time: Array, sigma: Array, walk: Array) -> Whitened:
@@ -35,28 +35,28 @@ def whitened(columns: Array, time: Array, sigma: Array, walk: Array) -> Whitened
     white = np.square(sigma)
     variance = np.zeros(len(walk))
     state = np.zeros((len(walk), columns.shape[1]))
-    result = np.empty((len(time), len(walk), columns.shape[1]))
+    columns_out = np.empty((len(time), len(walk), columns.shape[1]))
     log_determinant = np.zeros(len(walk))
     for k, row in enumerate(columns):
         variance = variance + walk * steps[k]
         total = variance + white[k]
         innovation = row - state
-        np.divide(innovation, np.sqrt(total)[:, None], out=result[k])
+        np.divide(innovation, np.sqrt(total)[:, None], out=columns_out[k])
         log_determinant += np.log(total)
         gain = variance / total
         state += gain[:, None] * innovation
         variance = gain * white[k]
-    return Whitened(result.transpose(1, 0, 2), log_determinant)
+    return Whitened(columns_out.transpose(1, 0, 2), log_determinant)
 
 
 WINDOW: Final = 0.5
-"""Length of the windows that are judged [s]."""
+"""Length of the windows that are compared [s]."""
 _MIN_READINGS: Final = 25
-"""Readings in a window: the variance of fewer scatters beyond what is called steady."""
+"""Smallest number of readings in a window: the variance of fewer scatters too much."""
 _QUIET: Final = 0.2
-"""Share of the windows taken as the quietest: they set the noise floor."""
+"""Share of the windows that count as the quietest: they define the noise floor."""
 _LOUDER: Final = 3.0
-"""Variance of a steady window, at most, over the floor, if chance makes no larger one."""
+"""Largest variance of a steady window over the floor, unless chance allows a larger one."""
 _CHANCE: Final = 1e-9
 """Probability that the variance of a steady window is above the limit."""
 _PIECE: Final = 5.0
@@ -64,22 +64,22 @@ _PIECE: Final = 5.0
 _PIECES: Final = 400
 """Approximate maximum number of pieces, as long as there are fewer stretches."""
 _UNNOTICED: Final = np.array([1e-5] * 3 + [1e-4] * 3)
-"""[rad/s], [m/s^2] that a steady reading may change in a window: the noise of a sensor of
-navigation grade. Without noise the drift with the temperature alone would count as motion."""
+"""Change of a steady reading within a window [rad/s, m/s^2]: the noise of a navigation-grade
+sensor. Without noise, the drift with temperature alone would count as motion."""
 _JUMP: Final = 6.0
-"""Difference of neighbouring means within one stretch, in standard deviations."""
+"""Largest difference of neighbouring means within one stretch, in standard deviations."""
 
 
 class Steady(NamedTuple):
-    """m pieces of steady stretches, the stretches' margins cut off."""
+    """m pieces of steady stretches, without the stretches' margins."""
 
     stretch: Integers
     """(m,) number of the stretch that a piece belongs to."""
 
     begin_ns: Times
-    """(m,)"""
+    """(m,) first stamps [ns]."""
     end_ns: Times
-    """(m,)"""
+    """(m,) last stamps [ns]."""
     gyro: Array
     """(m, 3) mean readings [rad/s]."""
     accel: Array
@@ -87,9 +87,9 @@ class Steady(NamedTuple):
     gyro_sigma: Array
     """(m, 3) standard errors of the means, from the differences of neighbouring windows."""
     accel_sigma: Array
-    """(m, 3)"""
+    """(m, 3) standard errors of the means."""
     shortest: float = 2.0
-    """Length [s] that a stretch must have to be found."""
+    """Shortest length of a stretch [s]."""
 
     def rows(self, chosen: Mask) -> "Steady":
         """Return some of the pieces."""
@@ -120,8 +120,8 @@ def find_steady(
     Windows of half a second, or of 25 readings, whose variance is near the record's floor on every
     axis are joined if their means agree; the first and the last window of a stretch are dropped.
 
-    :param shortest: shortest of a stretch, with its margins [s].
-    :param rotating: look at the gyroscope alone: on a tilted table gravity turns in the body.
+    :param shortest: shortest length of a stretch, with its margins [s].
+    :param rotating: use the gyroscope alone: on a tilted table gravity turns in the body.
     :raises InputError: for readings that the gate refuses, or a record without steady stretches.
     """
     gate.readings(t_ns, gyro, accel).complain("readings")
@@ -139,18 +139,18 @@ def find_steady(
     limit = _louder(size) * floor[judged] + _UNNOTICED[judged] ** 2
     calm = np.all(variance[:, judged] <= limit, axis=1)
     sigma = np.sqrt(2.0 * floor / size) + _UNNOTICED
-    same = np.all(np.abs(np.diff(mean, axis=0)) <= _JUMP * sigma, axis=1, where=judged)
-    label = np.cumsum(np.concatenate([[True], ~(same & calm[1:] & calm[:-1])]))
-    least = max(round(shortest / (size * interval)), 4)
-    runs = [run for run in _runs(label, calm) if run[1] - run[0] >= least]
+    continues = np.all(np.abs(np.diff(mean, axis=0)) <= _JUMP * sigma, axis=1, where=judged)
+    label = np.cumsum(np.concatenate([[True], ~(continues & calm[1:] & calm[:-1])]))
+    min_windows = max(round(shortest / (size * interval)), 4)
+    runs = [run for run in _runs(label, calm) if run[1] - run[0] >= min_windows]
     if not runs:
         raise InputError(
-            f"no {least * size * interval:.3g} s at rest or at a constant rate found "
-            f"({least * size} readings at {1.0 / interval:.4g} Hz): the readings never settle"
+            f"no {min_windows * size * interval:.3g} s at rest or at a constant rate found "
+            f"({min_windows * size} readings at {1.0 / interval:.4g} Hz): the readings never settle"
         )
-    inner = [(first + 1, last - 1) for first, last in runs]
+    inner = [(begin + 1, end - 1) for begin, end in runs]
     steady = _summarise(t_ns, mean, size, size * interval, inner)
-    return steady._replace(shortest=least * size * interval)
+    return steady._replace(shortest=min_windows * size * interval)
 
 
 def _louder(size: int) -> float:
@@ -162,13 +162,13 @@ def _louder(size: int) -> float:
 
 
 def _steps(y: Array) -> Array:
-    """Return (k,) the smallest changes of readings (n, k): the steps they are rounded to, if any.
+    """Return (k,) the smallest changes of readings (n, k): their rounding steps, if any.
 
-    Of readings that are not rounded that is next to nothing.
+    For readings that are not rounded the result is close to 0.
     """
     change = np.abs(np.diff(y, axis=0))
-    found: Array = np.where(change > 0.0, change, np.inf).min(axis=0)
-    return np.where(np.isfinite(found), found, 0.0)
+    smallest: Array = np.where(change > 0.0, change, np.inf).min(axis=0)
+    return np.where(np.isfinite(smallest), smallest, 0.0)
 
 
 def _runs(label: Integers, calm: Mask) -> list[tuple[int, int]]:
@@ -181,7 +181,7 @@ def _runs(label: Integers, calm: Mask) -> list[tuple[int, int]]:
 def _summarise(
     t_ns: Times, mean: Array, size: int, seconds: float, runs: list[tuple[int, int]]
 ) -> Steady:
-    """Cut the stretches into pieces of some seconds, which show how the bias walks.
+    """Cut the stretches into pieces of some seconds, which show the walk of the bias.
 
     :param size: readings in a window, which lasts so many seconds.
     """
@@ -193,13 +193,13 @@ def _summarise(
         pieces += [(number, int(c), int(d)) for c, d in pairwise(edges)]
     parts = [mean[a:b] for _, a, b in pieces]
     means = np.array([part.mean(axis=0) for part in parts])
-    # Differences of neighbours see the noise and not what walks slowly (von Neumann 1941).
+    # Differences of neighbours contain the noise, not slow walks (von Neumann 1941).
     squares = np.sum([np.sum(np.diff(p, axis=0) ** 2, axis=0) for p in parts], axis=0)
     freedom = 2.0 * max(sum(len(part) - 1 for part in parts), 1)
     lengths = np.array([len(part) for part in parts], dtype=np.float64)
     sigma = np.sqrt(squares / freedom / lengths[:, None])
-    last = len(t_ns) - 1
+    last_index = len(t_ns) - 1
     begin = t_ns[[a * size for _, a, _ in pieces]]
-    end = t_ns[[min(b * size, last) for _, _, b in pieces]]
+    end = t_ns[[min(b * size, last_index) for _, _, b in pieces]]
     stretch = np.array([number for number, _, _ in pieces], dtype=np.int64)
     return Steady(stretch, begin, end, means[:, :3], means[:, 3:], sigma[:, :3], sigma[:, 3:])

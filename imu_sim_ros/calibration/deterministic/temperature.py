@@ -21,19 +21,19 @@ from imu_sim_ros.types import Array, Integers
 
 HIGHEST_ORDER: Final = 4
 _SMALLEST_SPAN: Final = 5.0
-"""[K]"""
+"""Smallest range of temperatures [K]."""
 _LOWEST: Final = -90.0
-"""Coldest sensor [degC]: below what chambers and the ground reach."""
+"""Lowest temperature of a sensor, below that of chambers and of the ground [degC]."""
 _HOTTEST: Final = 200.0
-"""Hottest sensor [degC]: above what silicon survives in the long run."""
+"""Highest temperature of a sensor, above that which silicon survives for long [degC]."""
 _ZERO: Final = 273.15
-"""0 degC [K]."""
+"""0 degC in Kelvin [K]."""
 _STEP: Final = 1.0
-"""Temperatures closer than this [K] count as one for the highest order."""
+"""Difference of temperatures [K] below which they count as one for the highest order."""
 
 
 def check_unit(temperature: Array) -> None:
-    """Refuse temperatures that no sensor in degC has, and name the unit that they fit.
+    """Refuse temperatures outside a sensor's range in degC, and name the unit that they fit.
 
     :param temperature: (n,) temperatures in degC, if all is well.
     :raises InputError: for temperatures in Kelvin, millidegrees or another unit.
@@ -58,9 +58,9 @@ class TriadTemperature(NamedTuple):
 
     axes: tuple[AxisResponse, ...]
     inputs: Array
-    """(m, p) inputs of the gain of each axis; p is 0 if only one orientation was seen."""
+    """(m, p) inputs of the gain of each axis; p is 0 if there is only one orientation."""
     readings: Array
-    """(m, 3) readings that were fitted; less the known input if p is 0."""
+    """(m, 3) fitted readings, less the known input if p is 0."""
     difference: Array
     """(m,) T - T0 [K]."""
 
@@ -69,7 +69,7 @@ class Temperature(NamedTuple):
     """Both triads against temperature."""
 
     reference: float
-    """T0 [degC]"""
+    """Reference temperature T0 [degC]."""
     gyroscope: TriadTemperature
     accelerometer: TriadTemperature
 
@@ -108,10 +108,15 @@ def calibrate_temperature(
 
 
 def _triad(
-    steady: Steady, inputs: Array, readings: Array, known: Array, sigma: Array, difference: Array
+    steady: Steady,
+    inputs: Array,
+    readings: Array,
+    true_inputs: Array,
+    sigma: Array,
+    difference: Array,
 ) -> TriadTemperature:
-    if inputs.shape[1] == 0:  # one orientation: all that changes is called bias
-        readings = readings - known
+    if inputs.shape[1] == 0:  # one orientation: every change is attributed to the bias
+        readings = readings - true_inputs
     axes = tuple(
         _best(observations(steady, inputs, readings, sigma, k, difference)) for k in range(3)
     )
@@ -129,21 +134,21 @@ def _best(data: Observations) -> AxisResponse:
         for bias_order in range(1, highest + 1)
         for scale_order in range(min(1, highest_scale), highest_scale + 1)
     ]
-    return min(fits, key=lambda found: found.criterion)
+    return min(fits, key=lambda fitted: fitted.criterion)
 
 
 def polynomial_sigma(powers: Array, covariance: Array) -> Array:
     """Return (n,) the standard error of a polynomial.
 
-    :param powers: (n, k) of the temperature difference.
-    :param covariance: (k, k) of the coefficients.
+    :param powers: (n, k) powers of the temperature difference.
+    :param covariance: (k, k) covariance of the coefficients.
     """
     variance = np.sum((powers @ covariance) * powers, axis=1)
     return np.sqrt(np.maximum(variance, 0.0))
 
 
 def temperatures_at(steady: Steady, t_ns: Integers, temperature: Array) -> Array:
-    """Return (m,) the temperature in the middle of each piece, between the readings.
+    """Return (m,) the temperature in the middle of each piece, interpolated.
 
     :param t_ns: (n,) stamps of the temperature messages.
     :param temperature: (n,) [degC].
@@ -152,12 +157,12 @@ def temperatures_at(steady: Steady, t_ns: Integers, temperature: Array) -> Array
     if len(t_ns) == 0:
         raise InputError("no temperature messages")
     start = int(steady.begin_ns[0])
-    at = (t_ns - start) * 1e-9
-    wanted = steady.time
+    message_times = (t_ns - start) * 1e-9
+    piece_times = steady.time
     slack = 10.0
-    if at[0] > wanted[0] + slack or at[-1] < wanted[-1] - slack:
+    if message_times[0] > piece_times[0] + slack or message_times[-1] < piece_times[-1] - slack:
         raise InputError(
-            f"temperature messages from {at[0]:.1f} to {at[-1]:.1f} s do not span the readings "
-            f"from {wanted[0]:.1f} to {wanted[-1]:.1f} s"
+            f"temperature messages from {message_times[0]:.1f} to {message_times[-1]:.1f} s do not "
+            f"span the readings from {piece_times[0]:.1f} to {piece_times[-1]:.1f} s"
         )
-    return np.interp(wanted, at, temperature)
+    return np.interp(piece_times, message_times, temperature)

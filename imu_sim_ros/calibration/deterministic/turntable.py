@@ -18,14 +18,14 @@ from imu_sim_ros.errors import InputError
 from imu_sim_ros.types import Array, Integers
 
 _TURNING: Final = 0.05
-"""Smallest rate that counts as one of the table's [rad/s]."""
+"""Smallest rate of the table [rad/s]."""
 _NEAR: Final = 0.15
 """Largest relative difference between a reading and the table's rate."""
 _DRIFT_ORDER: Final = 3
-"""Highest power of the temperature in the drift that tells rests from rotations."""
+"""Highest power of the temperature in the drift of the readings at rest."""
 _REWEIGHTINGS: Final = 60
 _SMALL: Final = 1e-4
-"""Residuals [rad/s] below which all weigh the same."""
+"""Residuals below which all weights are equal [rad/s]."""
 
 
 class Turntable(NamedTuple):
@@ -34,17 +34,17 @@ class Turntable(NamedTuple):
     scale_misalignment: Array
     """(3, 3) S of ``reading = S omega + G f + b``."""
     scale_misalignment_sigma: Array
-    """(3, 3)"""
+    """(3, 3) standard errors."""
     bias: Array
-    """(3,) at the start of the record [rad/s]"""
+    """(3,) at the start of the record [rad/s]."""
     bias_sigma: Array
-    """(3,)"""
+    """(3,) standard errors."""
     g_sensitivity: Array | None
     """(3, 3) [(rad/s)/(m/s^2)]; None if the positions cannot separate it from the bias."""
     g_sensitivity_sigma: Array | None
-    """(3, 3)"""
+    """(3, 3) standard errors."""
     stretches: Steady
-    """The m stretches that were used."""
+    """m stretches that were used."""
     rate: Array
     """(m, 3) true angular rate [rad/s]."""
     residuals: Array
@@ -58,7 +58,7 @@ def calibrate_turntable(steady: Steady, rate: Array, gravity: float) -> Turntabl
 
     :param steady: stretches at rest and at constant rates.
     :param rate: (m, 3) their true angular rates, from :func:`known_rates` or from a truth.
-    :param gravity: its magnitude [m/s^2].
+    :param gravity: magnitude of gravity [m/s^2].
     :raises InputError: if an axis is not turned in both directions or nothing is at rest.
     """
     missing = [
@@ -95,7 +95,7 @@ def calibrate_turntable(steady: Steady, rate: Array, gravity: float) -> Turntabl
 
 
 def specific_force(steady: Steady, gravity: float) -> Array:
-    """Return (m, 3) the mean specific force: exact if an axis points up, else as read."""
+    """Return (m, 3) the mean specific force: exact if an axis points up, else measured."""
     faces, aligned = nearest_faces(steady.accel)
     return np.where(aligned[:, None], gravity * face_vectors(faces), steady.accel)
 
@@ -104,19 +104,19 @@ class TableRates(NamedTuple):
     """Pieces at rest or at one of a table's rates."""
 
     steady: Steady
-    """The m pieces."""
+    """m pieces."""
     rate: Array
     """(m, 3) true angular rates [rad/s]."""
     unknown: Array
-    """(k,) magnitudes of the measured rates that are none of the table's [rad/s]."""
+    """(k,) magnitudes of measured rates that the table does not have [rad/s]."""
     missing: Array
-    """(r,) rates of the table that no piece has [rad/s]."""
+    """(r,) rates of the table without a piece [rad/s]."""
 
 
 def known_rates(steady: Steady, rates: Array, temperature: Array | None = None) -> TableRates:
     """Return the stretches at rest or at one of the table's rates, and their true angular rates.
 
-    :param rates: magnitudes the table was set to [rad/s]; empty: all that turns is unknown.
+    :param rates: magnitudes of the table's rates [rad/s]; empty: all rotations are unknown.
     :param temperature: (m,) of the pieces [degC], with which the bias may drift.
     :raises InputError: if no stretch is at rest.
     """
@@ -158,14 +158,14 @@ def _typical(gyro: Array, temperature: Array | None) -> Array:
     middle = 0.5 * (temperature.min() + temperature.max())
     order = min(_DRIFT_ORDER, distinct - 1)
     powers = (2.0 * (temperature - middle) / span)[:, None] ** np.arange(order + 1)
-    result = np.tile(median, (len(gyro), 1))
+    baseline = np.tile(median, (len(gyro), 1))
     for axis, column in enumerate(gyro.T):
         for _ in range(_REWEIGHTINGS):
-            residual = np.abs(column - result[:, axis])
+            residual = np.abs(column - baseline[:, axis])
             root = np.sqrt(1.0 / np.maximum(residual, _SMALL))
             solution = np.linalg.lstsq(powers * root[:, None], column * root, rcond=None)[0]
-            result[:, axis] = powers @ solution
-    return result
+            baseline[:, axis] = powers @ solution
+    return baseline
 
 
 def true_rates(steady: Steady, t_ns: Integers, angular_velocity: Array) -> tuple[Steady, Array]:
@@ -175,12 +175,12 @@ def true_rates(steady: Steady, t_ns: Integers, angular_velocity: Array) -> tuple
     :param angular_velocity: (n, 3) in the body frame [rad/s].
     :raises InputError: if the truth covers no piece.
     """
-    first = np.searchsorted(t_ns, steady.begin_ns)
-    last = np.searchsorted(t_ns, steady.end_ns)
-    covered = last > first
+    begin = np.searchsorted(t_ns, steady.begin_ns)
+    end = np.searchsorted(t_ns, steady.end_ns)
+    covered = end > begin
     if not covered.any():
         raise InputError("the truth in the bag covers none of the steady stretches")
     sums = np.concatenate([np.zeros((1, 3)), np.cumsum(angular_velocity, axis=0)])
-    count = np.maximum(last - first, 1)[:, None]
-    mean = (sums[last] - sums[first]) / count
+    count = np.maximum(end - begin, 1)[:, None]
+    mean = (sums[end] - sums[begin]) / count
     return steady.rows(covered), mean[covered]

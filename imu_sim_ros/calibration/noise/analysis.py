@@ -39,18 +39,18 @@ from imu_sim_ros.records import Readings
 from imu_sim_ros.types import Array
 
 SHORTEST: Final = 60.0
-"""Seconds at rest below which there is no result."""
+"""Shortest analysable rest [s]."""
 _SHORT: Final = 3600.0
-"""Seconds below which a random walk is barely visible."""
+"""Length of a rest below which a random walk is barely visible [s]."""
 _MOVING_SHARE: Final = 0.01
 _TABLE_RATE: Final = 0.5
-"""Mean rate [rad/s] that is worth reporting."""
+"""Mean rate that is worth reporting [rad/s]."""
 _DISTURBED_SHARE: Final = 0.05
 _COARSE: Final = 0.55
-"""Deviation of the readings, in steps, below which the noise is not their own. At 0.55 the noise is
+"""Deviation of the readings, in steps, below which the rounding dominates. At 0.55 the noise is
 between 0.45 and 0.48 steps, wherever the mean lies."""
 _HIDDEN: Final = 0.58
-"""Deviation, in steps, that noise with its rounding may have if the readings are coarse."""
+"""Largest deviation of noise and rounding together if the readings are coarse, in steps."""
 MODELS: Final = ("standard", "gauss_markov")
 UNITS: Final = ("rad/s", "m/s^2")
 
@@ -60,32 +60,34 @@ class AllanResult(NamedTuple):
 
     timing: Timing
     duration: float
-    """Seconds at rest that were used."""
+    """Length of the analysed rest [s]."""
     deviation: Deviation
     noise: tuple[AxisNoise | None, ...]
-    """By axis; None for one that is not analysed."""
+    """Noise by axis; None: not analysed."""
     bands: tuple[UsableBand | None, ...]
     mean: Array
     """(6,) mean readings."""
     model: str
     warnings: tuple[str, ...]
     reasons: dict[str, str]
-    """By axis that is not analysed: why."""
+    """Reason by axis that is not analysed."""
 
     @property
     def keys(self) -> tuple[str, ...]:
-        """Names of the model's parameters, also if no axis has noise to estimate them from."""
+        """Names of the model's parameters, also if no axis has an estimate."""
         return KEYS if self.model == "standard" else GAUSS_MARKOV_KEYS
 
     @property
     def record(self) -> str:
-        """Length and rate of the record in words: ``4 h at 200 Hz``."""
+        """Length and rate of the record as text: ``4 h at 200 Hz``."""
         units = ((3600.0, "h"), (60.0, "min"), (1.0, "s"))
-        size, unit = next(one for one in units if self.duration >= one[0] or one[0] == 1.0)
+        size, unit = next(
+            unit_size for unit_size in units if self.duration >= unit_size[0] or unit_size[0] == 1.0
+        )
         return f"{self.duration / size:.3g} {unit} at {self.timing.rate:.6g} Hz"
 
     def estimate(self, axis: int, key: str) -> Estimate:
-        """Return a parameter of one axis; of one that is not analysed nothing is known."""
+        """Return a parameter of one axis; an axis that is not analysed has no information."""
         noise = self.noise[axis]
         return Estimate(None, 0.0, np.inf) if noise is None else noise.estimates[key]
 
@@ -106,28 +108,28 @@ def analyse(
     :raises InputError: with a line for each check that fails.
     """
     record, losses = Record(), LossFiller(6)
-    summed: tuple[DeviationAccumulator, SpectrumAccumulator] | None = None
-    samples = piece = longest_piece = 0  # at rest: all, those of this piece, of the longest
+    accumulators: tuple[DeviationAccumulator, SpectrumAccumulator] | None = None
+    samples = piece = longest_piece = 0  # at rest: total, in this piece, in the longest piece
     for y in record.at_rest(bags, advance):
-        if summed is None:  # the first readings tell the rate
-            summed = DeviationAccumulator(record.rate, 6), SpectrumAccumulator(record.rate, 6)
+        if accumulators is None:  # the first readings determine the rate
+            accumulators = DeviationAccumulator(record.rate, 6), SpectrumAccumulator(record.rate, 6)
         if y is not None and not np.isnan(y[:, 0]).all():
             filled = losses.fill(y)
-            for each in summed:
-                each.add(filled)
+            for accumulator in accumulators:
+                accumulator.add(filled)
             piece += len(y)
             samples += len(y)
             longest_piece = max(longest_piece, piece)
         elif piece:
-            for each in summed:
-                each.end_piece()
+            for accumulator in accumulators:
+                accumulator.end_piece()
             piece = 0
-    if summed is None:
+    if accumulators is None:
         raise InputError("no Imu messages")
-    deviations, spectra = summed
+    deviations, spectra = accumulators
     longest = longest_piece / record.rate
-    # A constant zero is not a measurement. Another constant may be noise below resolution, which is
-    # no fault of a record in which other axes change; if none does there is nothing to analyse.
+    # A constant zero is not a measurement. Another constant may be noise below the resolution: then
+    # the axis is left out, unless all axes are constant.
     constant = record.constant_axes()
     dead = [k for k in constant if len(constant) == len(AXES) or record.lowest.value[k] == 0.0]
     if longest_piece < SHORTEST * record.rate:
@@ -138,16 +140,16 @@ def analyse(
     problems = _problems(record, longest, spectra.signals, spectrum, dead)
     if problems and not force:
         raise InputError(problems)
-    # What never changes bounds no noise.
+    # A constant axis bounds no noise.
     reasons = {
         axis: f"always {record.lowest.value[axis] + 0.0:g}: a dead axis, or noise far below the "
         "resolution"
         for axis in constant
     }
     bands = [None if k in reasons else usable_band(spectrum, k) for k in range(6)]
-    # A doubtful line is in the one spectrum and not in the other: what is found holds in both.
+    # A doubtful line is left out of the second spectrum: estimates must hold for both.
     smoother = spectra.result(doubtful=False).at_rate(timing.rate).with_losses(lost)
-    of_model = estimate if model == "standard" else estimate_gauss_markov
+    estimate_axis = estimate if model == "standard" else estimate_gauss_markov
     noise: list[AxisNoise | None] = []
     for k, band in enumerate(bands):
         if band is None:
@@ -155,15 +157,15 @@ def analyse(
             continue
         certain = [signal for signal in spectra.signals if signal.axis == k]
         maybe = [signal for signal in spectra.doubtful if signal.axis == k]
-        found = of_model(spectrum.rows(band.used & ~spectrum.around(certain)), k)
+        axis_noise = estimate_axis(spectrum.rows(band.used & ~spectrum.around(certain)), k)
         if maybe:
             rows = smoother.rows(band.used & ~smoother.around(certain + maybe))
             strict = not all(isinstance(signal, Line) for signal in maybe)
-            found = either(found, of_model(rows, k), strict=strict)
+            axis_noise = either(axis_noise, estimate_axis(rows, k), strict=strict)
         decays = [signal for signal in certain if isinstance(signal, Transient)]
-        if decays and RAMP in found.estimates:
-            found = _without_ramp(found, decays, timing.rate, longest)
-        noise.append(_rounded(found, record, k))
+        if decays and RAMP in axis_noise.estimates:
+            axis_noise = _without_ramp(axis_noise, decays, timing.rate, longest)
+        noise.append(_rounded(axis_noise, record, k))
     warnings = [
         *_record_warnings(record, timing, longest, reasons, dead),
         *problems,
@@ -186,9 +188,9 @@ def analyse(
 def _without_ramp(
     noise: AxisNoise, decays: Sequence[Transient], rate: float, longest: float
 ) -> AxisNoise:
-    """Return the estimates of an axis whose warm-up may be partly a ramp, or a ramp part of it.
+    """Return the estimates of an axis whose warm-up may be partly a ramp, or vice versa.
 
-    :param decays: transients that were taken out.
+    :param decays: transients that were removed from the readings.
     :param longest: the longest piece [s].
     """
     slopes = [
@@ -206,8 +208,8 @@ def _without_ramp(
 def _rounded(noise: AxisNoise, record: Record, axis: int) -> AxisNoise:
     """Return the estimates of an axis, given its digital step.
 
-    If the readings are coarse, nothing has a value, and each bound is at least what the rounding
-    hides: an error of half a step either way, whose Allan deviation is below a step.
+    If the readings are coarse, no term has a value, and each bound is at least what the rounding
+    can hide: an error of half a step either way, whose Allan deviation is below a step.
     """
     step, deviation = float(record.steps.step[axis]), float(record.rest.noise()[axis])
     estimates = dict(noise.estimates)
@@ -220,8 +222,8 @@ def _rounded(noise: AxisNoise, record: Record, axis: int) -> AxisNoise:
             WALK.key: step * np.sqrt(3.0 / seconds),
             RAMP: step * np.sqrt(2.0) / seconds,
         }
-        for key, found in estimates.items():
-            estimates[key] = Estimate(None, 0.0, max(found.high, float(hidden.get(key, 0.0))))
+        for key, term in estimates.items():
+            estimates[key] = Estimate(None, 0.0, max(term.high, float(hidden.get(key, 0.0))))
         return noise._replace(estimates=estimates, chosen=())
     if step == 0.0:
         return noise
@@ -229,9 +231,9 @@ def _rounded(noise: AxisNoise, record: Record, axis: int) -> AxisNoise:
     x = max((deviation / step) ** 2 - 1.0 / 12.0, 0.0)
     share = (1.0 / np.pi**2 + 4.0 * x) * np.exp(-2.0 * np.pi**2 * x)
     doubt = 0.5 * float(share / max(x + 1.0 / 12.0, 1e-12))
-    found = estimates[WHITE.key]
-    estimates[WHITE.key] = found._replace(
-        low=found.low * (1.0 - doubt), high=found.high * (1.0 + doubt)
+    white = estimates[WHITE.key]
+    estimates[WHITE.key] = white._replace(
+        low=white.low * (1.0 - doubt), high=white.high * (1.0 + doubt)
     )
     return noise._replace(estimates=estimates)
 
@@ -247,7 +249,7 @@ def _problems(
 
     :param longest: the longest piece [s].
     :param spectrum: None: the record is too short for one.
-    :param dead: axes that are not measured.
+    :param dead: axes without a measurement.
     """
     problems = [
         f"{AXES[k]}: always {record.lowest.value[k] + 0.0:g}: a missing or dead axis, or no noise "
@@ -259,7 +261,7 @@ def _problems(
     swaying = {n.axis for n in lines if rest.sways(n.axis, n.amplitude, 1.0 / n.frequency)}
     suspects = {m.axis for m in rest.moving} - swaying
     walks = set()
-    if spectrum is not None:  # the axes whose drift is explained by their own noise
+    if spectrum is not None:  # axes whose noise explains their drift
         for axis in suspects:
             if explains_wander(spectrum.rows(usable_band(spectrum, axis).used), axis):
                 walks.add(axis)
@@ -274,11 +276,11 @@ def _problems(
         )
     disturbed = sum(m.end - m.begin for m in rest.disturbed)
     if disturbed > _DISTURBED_SHARE * rest.seconds:
-        first = rest.disturbed[0]
+        first_disturbance = rest.disturbed[0]
         problems.append(
             f"not at rest: {len(rest.disturbed)} disturbances of {disturbed:.0f} s in all, "
-            f"the first {first.begin:.0f} s after the start on the {AXES[first.axis]}; "
-            "record the IMU at rest"
+            f"the first {first_disturbance.begin:.0f} s after the start on the "
+            f"{AXES[first_disturbance.axis]}; record the IMU at rest"
         )
     if longest < SHORTEST:
         problems.append(
@@ -295,11 +297,11 @@ def _record_warnings(
     reasons: Mapping[int, str],
     dead: Collection[int],
 ) -> Iterator[str]:
-    """Yield what a reader should know of the record: of its stamps, its readings, its rest.
+    """Yield warnings about the stamps, the readings and the rest of a record.
 
     :param longest: the longest piece [s].
-    :param reasons: by axis why it is not analysed.
-    :param dead: axes that are problems already.
+    :param reasons: reasons of axes that are not analysed.
+    :param dead: axes that are reported as problems.
     """
     if timing.lost:
         yield (
@@ -333,7 +335,7 @@ def _record_warnings(
                 yield f"{AXES[axis]}: {reasons[axis]}; it is not analysed"
         elif step > 0.0 and noise[axis] < _COARSE * step:
             yield f"{AXES[axis]}: the resolution of {step:.3g} hides the noise: upper bounds only"
-        for _, value, share in (each for each in saturated if each[0] == axis):
+        for _, value, share in (entry for entry in saturated if entry[0] == axis):
             yield f"{AXES[axis]}: {100 * share:.2g} % of the samples are {value:g}: saturated"
     for motion in record.rest.disturbed[:5]:
         yield (
@@ -354,9 +356,9 @@ def _noise_warnings(
     noise: Sequence[AxisNoise | None],
     rate: float,
 ) -> Iterator[str]:
-    """Yield what was left out of the spectrum, and where the model does not describe it.
+    """Yield warnings about the parts of the spectrum that the model does not describe.
 
-    :param doubtful: slow signals that may be there instead of a term.
+    :param doubtful: slow signals that may exist instead of a term.
     """
     for axis, band in enumerate(bands):
         if band is None:
@@ -367,21 +369,23 @@ def _noise_warnings(
                 "(low-pass filter or vibration) and was left out"
             )
         if band.lines:
-            shown = ", ".join(f"{f:.3g}" for f in band.lines[:5])
-            yield f"{AXES[axis]}: vibration at {shown} Hz was left out"
+            frequencies = ", ".join(f"{f:.3g}" for f in band.lines[:5])
+            yield f"{AXES[axis]}: vibration at {frequencies} Hz was left out"
     for signal in signals:
-        yield f"{_named(signal, rate)} was taken out"
+        yield f"{_signal_text(signal, rate)} was taken out"
     for signal in doubtful:
         axis_noise = noise[signal.axis]
         if axis_noise is not None and axis_noise.withheld:
             triad = TRIADS[signal.axis // 3]
             texts = " and ".join(QUANTITIES[triad, key].text for key in axis_noise.withheld)
-            yield f"{_named(signal, rate)} explains the record as well as {texts}: only bounded"
+            yield (
+                f"{_signal_text(signal, rate)} explains the record as well as {texts}: only bounded"
+            )
     yield from _process_warnings(noise)
 
 
-def _named(signal: Signal, rate: float) -> str:
-    """Return axis, kind, size and time of a signal in words."""
+def _signal_text(signal: Signal, rate: float) -> str:
+    """Return axis, kind, size and time of a signal as text."""
     axis, unit = AXES[signal.axis], UNITS[signal.axis // 3]
     if isinstance(signal, Line):
         period = 1.0 / (signal.frequency * rate)
@@ -396,14 +400,14 @@ def _named(signal: Signal, rate: float) -> str:
 
 
 def _process_warnings(noise: Sequence[AxisNoise | None]) -> Iterator[str]:
-    """Yield that the standard model does not describe some axes, and which one does."""
+    """Yield warnings about axes that the standard model does not describe, with a better model."""
     fits = {
         AXES[k]: axis.process
         for k, axis in enumerate(noise)
         if axis is not None and axis.process is not None
     }
     instead = {axis: process for axis, process in fits.items() if process.instead > 0.0}
-    beside = {axis: process for axis, process in fits.items() if axis not in instead}
+    additional = {axis: process for axis, process in fits.items() if axis not in instead}
     if instead:
         gains = _range([process.instead for process in instead.values()])
         yield (
@@ -411,17 +415,17 @@ def _process_warnings(noise: Sequence[AxisNoise | None]) -> Iterator[str]:
             f"Gauss-Markov process fits better, by a log-likelihood of {gains}: use "
             "--model gauss_markov"
         )
-    if beside:
-        gains = _range([process.beside for process in beside.values()])
-        times = _range([process.correlation_time for process in beside.values()])
+    if additional:
+        gains = _range([process.beside for process in additional.values()])
+        times = _range([process.correlation_time for process in additional.values()])
         yield (
-            f"{', '.join(beside)}: N, B and K alone do not describe the record; with a "
+            f"{', '.join(additional)}: N, B and K alone do not describe the record; with a "
             f"Gauss-Markov process of {times} s beside them it fits better, by a log-likelihood of "
             f"{gains}, which --model gauss_markov finds with white noise alone"
         )
 
 
 def _range(values: Sequence[float]) -> str:
-    """Return the smallest and the largest of some values in words, or the one that both are."""
+    """Return the smallest and the largest of some values as text, or their common value."""
     low, high = f"{min(values):.2g}", f"{max(values):.2g}"
     return low if low == high else f"{low} to {high}"

@@ -11,20 +11,20 @@ import numpy as np
 from imu_sim_ros.types import Array, Integers
 
 _CHUNK: Final = 1 << 13
-"""Terms handled at once: they stay in the processor's cache, and BLAS starts no threads."""
+"""Number of terms handled at once: they fit the processor's cache, and BLAS stays in one thread."""
 _SHORT: Final = 1024
-"""Clusters up to this size see every sample as it comes; longer ones the stored phase."""
+"""Largest cluster for which every sample is used; longer ones use the stored phase."""
 _PHASES: Final = 1 << 21
-"""Phases stored per axis; of longer records every second, fourth, ... one is kept."""
+"""Number of stored phases per axis; of longer records every second, fourth, ... one."""
 _PADDING: Final = 520
-"""Axes a power of two apart would share the same lines of the cache."""
+"""Padding between axes, which would share the same lines of the cache at powers of two."""
 
 
 class Deviation(NamedTuple):
     """Allan deviation of some axes at m cluster times."""
 
     size: Integers
-    """(m,) samples per cluster."""
+    """(m,) number of samples per cluster."""
     tau: Array
     """(m,) cluster times [s]."""
     deviation: Array
@@ -34,7 +34,7 @@ class Deviation(NamedTuple):
     high: Array
     """(m, axes) upper end of the 95 % band."""
     terms: Integers
-    """(m,) second differences that were averaged."""
+    """(m,) number of averaged second differences."""
 
 
 def cluster_sizes(samples: int, per_decade: int = 17) -> Integers:
@@ -59,8 +59,7 @@ def _sum_of_squares(x: Array, m: int, begin: int, end: int) -> Array:
     """Return the sums (axes,) of squared second differences ``x[j] - 2 x[j + m] + x[j + 2 m]``.
 
     :param x: (axes, n) phases.
-    :param begin: the first j.
-    :param end: after the last j.
+    :param begin: first j.
     """
     total = np.zeros(len(x))
     buffer = np.empty((len(x), min(_CHUNK, end - begin)))
@@ -76,11 +75,11 @@ def _sum_of_squares(x: Array, m: int, begin: int, end: int) -> Array:
 
 
 class DeviationAccumulator:
-    """Takes a record block by block, in pieces that are treated as independent.
+    """Accumulator of a record in blocks, in pieces that are treated as independent.
 
     Clusters of up to 1024 samples are exact in any case. Longer ones are exact while a piece has
     no more than 2 million samples; beyond, their second differences start at every second, fourth,
-    ... sample only, which costs no precision: neighbours at such lags are nearly equal.
+    ... sample only, with no loss of precision: neighbours at such lags are nearly equal.
     """
 
     def __init__(self, rate: float, axes: int) -> None:
@@ -97,9 +96,9 @@ class DeviationAccumulator:
         """Samples of the piece so far."""
 
     def add(self, y: Array) -> None:
-        """Take the next readings (n, axes) of the piece."""
-        for first in range(0, len(y), _CHUNK):
-            part = np.ascontiguousarray(y[first : first + _CHUNK].T)
+        """Add the next readings (n, axes) of the piece."""
+        for start in range(0, len(y), _CHUNK):
+            part = np.ascontiguousarray(y[start : start + _CHUNK].T)
             if not self._count:
                 # The phase must not grow with a constant such as gravity.
                 self._offset = part.mean(axis=1, keepdims=True)
@@ -116,9 +115,9 @@ class DeviationAccumulator:
                     self._terms[m] += terms
             self._tail = window[:, -2 * _SHORT :].copy()
             skip = -(self._count + 1) % self._stride
-            kept = phase[:, skip :: self._stride]
-            end = self._stored_count + kept.shape[1]
-            self._stored[:, self._stored_count : end] = kept
+            stored_phase = phase[:, skip :: self._stride]
+            end = self._stored_count + stored_phase.shape[1]
+            self._stored[:, self._stored_count : end] = stored_phase
             if end > _PHASES:
                 thinned = self._stored[:, :end:2].copy()
                 end = thinned.shape[1]
@@ -128,7 +127,7 @@ class DeviationAccumulator:
             self._count += part.shape[1]
 
     def end_piece(self) -> None:
-        """Close the piece: what follows is not connected to it."""
+        """Close the piece: the next readings are not connected to it."""
         for size in cluster_sizes(self._count).tolist():
             if size > self._short[-1]:
                 m = size // self._stride
@@ -166,7 +165,7 @@ def degrees_of_freedom(samples: int, size: Integers) -> Array:
 
 def confidence_factors(samples: int, size: Integers) -> tuple[Array, Array]:
     """Return the (m, 1) factors from the deviation to the ends of its 95 % band (chi-square)."""
-    from scipy.special import gammaincinv  # scipy.stats has chi2.ppf and takes 0.7 s to import
+    from scipy.special import gammaincinv  # scipy.stats has chi2.ppf, but takes long to import
 
     half = 0.5 * degrees_of_freedom(samples, size)
     low = np.sqrt(half / gammaincinv(half, 0.975))

@@ -1,7 +1,7 @@
 # Copyright 2026 imu_sim_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Which terms a record shows, how large they are, and how certain that is.
+"""Terms of the noise that a record shows, with their sizes and intervals.
 
 First the band is found in which the model describes the sensor: no vibration, no filter of its own.
 Intervals are those of the full model, in which every term may stand for another
@@ -53,41 +53,41 @@ it leaves no doubt.
 KEYS: Final = (*(term.key for term in TERMS), RAMP)
 """Keys of the standard model's parameters."""
 _NOT_FLICKER: Final = {WHITE.key: 3.0 * 0.032, QUANTISATION.key: 1.5}
-"""What flicker may lack that these terms stand for, over its density at the highest frequency."""
+"""Part of flicker that these terms may absorb, over its density at the highest frequency."""
 _FLICKER_ITSELF: Final = 0.003
-"""Share of B that is in doubt: half of the 0.6 % by which the simulator's density departs from 1/f
-up to a tenth of the rate. Only if flicker prevails up to there is B known as well as that."""
-_KEPT: Final = 0.02
-"""Share of an interval that a value keeps from its ends."""
+"""Relative error of B because flicker is not exactly 1/f: half of the 0.6 % by which the
+simulator's density deviates up to a tenth of the rate."""
+_END_MARGIN: Final = 0.02
+"""Smallest distance of a value from the ends of its interval, as a share of the interval."""
 _NEIGHBOURS: Final = 21
 _FALSE_ALARM: Final = 1e-10
-"""Probability (of chi-square) that a row of noise is taken for a peak."""
+"""Probability of taking a row of noise for a peak (chi-square)."""
 _MIN_CLUSTERS: Final = 8
-"""Coefficients in a row below which it is not judged: the median of such rows is not a level."""
+"""Smallest number of coefficients in a row for the search of peaks."""
 _CHANCE: Final = 6.0
-"""Standard deviations by which a misfit may exceed its expectation."""
+"""Largest misfit over its expectation, in standard deviations."""
 _GROUP: Final = 20
-"""Rows that are judged together as well: a filter's slope is small in each and alike in all."""
+"""Number of rows that are also tested together: a filter's slope is small in each of them."""
 _STEPS: Final = 14
 _STEP: Final = float(np.sqrt(0.5))
 _MARGIN: Final = 0.5
 """Share of the band that is used if the model fails above it.
 
-What the model's failure can hide in the statistical error falls with the square of the frequency at
-least (a first-order filter), the statistical error itself grows with the root only.
+The bias that the failure can hide in the statistical error falls at least with the square of the
+frequency (a first-order filter); the statistical error itself grows only with the root.
 """
 _PROCESS: Final = 6.0
 """Log-likelihood that a Gauss-Markov process must gain next to the other terms, with its two
 parameters: chi-square(2) exceeds twice of it once in 400 times, and a process whose time is
 searched over the decades of a record in one of 100."""
 _FASTEST_PROCESS: Final = 1.0
-"""Least correlation time of a bias [s]; filters of sensors are faster."""
+"""Smallest correlation time of a bias process [s]; filters of sensors are faster."""
 _SLOW: Final = 1.0
-"""Frequency [Hz] below which no filter shapes the noise."""
+"""Frequency below which no filter shapes the noise [Hz]."""
 _TIMES: Final = 8
-"""Correlation times that are tried first."""
+"""Number of correlation times on the first grid."""
 _MERGED: Final = 5
-"""Rows of averages that become one where only the correlation time is searched."""
+"""Number of rows of averages merged into one for the search of the correlation time."""
 _IMPROBABLE: Final = 1e-9
 """Probability of a row below which it is not noise of the fitted model."""
 
@@ -111,7 +111,7 @@ class ProcessFit(NamedTuple):
     """A Gauss-Markov process that the record asks for next to the standard model's terms."""
 
     correlation_time: float
-    """[s]"""
+    """Correlation time [s]."""
     beside: float
     """Log-likelihood that it gains next to the standard model's terms."""
     instead: float
@@ -122,13 +122,13 @@ class AxisNoise(NamedTuple):
     """The random error of one axis."""
 
     estimates: dict[str, Estimate]
-    """By the keys of the terms, including the ramp and terms of a special model."""
+    """Estimates by key of the term, with the ramp and the terms of a special model."""
     chosen: tuple[str, ...]
     """Keys of the terms that have values."""
     expected: Array
     """(m,) fitted rows of the spectrum."""
     trend: float = 0.0
-    """The ramp with its sign, if it has a value."""
+    """Signed ramp, if it has a value."""
     withheld: tuple[str, ...] = ()
     """Keys of the terms that have a value only without a slow signal that may be there."""
     process: ProcessFit | None = None
@@ -153,7 +153,7 @@ class UsableBand(NamedTuple):
     """Rows of a spectrum that are used for one axis."""
 
     used: Mask
-    """(m,)"""
+    """(m,) True for rows that are used."""
     limit: float
     """Highest frequency used [Hz]; the Nyquist frequency if nothing is wrong."""
     lines: tuple[float, ...]
@@ -161,7 +161,7 @@ class UsableBand(NamedTuple):
 
 
 def usable_band(spectrum: Spectrum, axis: int) -> UsableBand:
-    """Find narrow peaks, and the frequency above which the sensor's own filter shapes the noise.
+    """Return the usable rows: without narrow peaks, and below the sensor's own filter.
 
     Where the slow part asks for a Gauss-Markov process, it is one of the terms.
     A real sensor's low-pass filter ends the white noise below the Nyquist frequency, where most of
@@ -193,16 +193,16 @@ def _peaks(power: Array, freedom: Array, high: Mask) -> Mask:
     """Return the rows that stand far above the median of their neighbours."""
     from scipy.special import gammainccinv
 
-    result = np.zeros(len(power), dtype=bool)
+    peaks = np.zeros(len(power), dtype=bool)
     if np.count_nonzero(high) < _NEIGHBOURS:
-        return result
+        return peaks
     half = _NEIGHBOURS // 2
     padded = np.pad(power[high], half, mode="reflect")
     middle = np.median(np.lib.stride_tricks.sliding_window_view(padded, _NEIGHBOURS), axis=1)
     half_freedom = 0.5 * freedom[high]
     unlikely = gammainccinv(half_freedom, _FALSE_ALARM) / half_freedom
-    result[high] = (power[high] > middle * (0.1 + unlikely)) & (freedom[high] >= _MIN_CLUSTERS)
-    return result
+    peaks[high] = (power[high] > middle * (0.1 + unlikely)) & (freedom[high] >= _MIN_CLUSTERS)
+    return peaks
 
 
 def correlation_time(spectrum: Spectrum, axis: int) -> float | None:
@@ -294,23 +294,23 @@ def estimate(spectrum: Spectrum, axis: int) -> AxisNoise:
         ends = _bounded(ends, _ends(*intervals(data, standard, trend=True)))
     ends = _with_flicker(ends, spectrum, design)
     process = None if time is None else _process_fit(spectrum, data, standard, time)
-    shown = {key for key in KEYS if ends[key].low > 0.0}
+    visible = {key for key in KEYS if ends[key].low > 0.0}
     if process is not None and process.instead > 0.0:
-        shown -= set(PRICES)
-    if not shown & set(PRICES) and time is None:
+        visible -= set(PRICES)
+    if not visible & set(PRICES) and time is None:
         # The slow term that is worth its cost in addition to those shown, or none.
-        added: list[set[str]] = [set(), *({key} for key in PRICES)]
-        fits = _fit_terms(data, design, [{WHITE.key, *shown} | extra for extra in added])
-        prices = [sum(PRICES[key] for key in extra) for extra in added]
-        shown |= added[int(np.argmin(fits.objective + np.array(prices)))]
-    best = _fit_terms(data, design, [shown])
+        candidates: list[set[str]] = [set(), *({key} for key in PRICES)]
+        fits = _fit_terms(data, design, [{WHITE.key, *visible} | extra for extra in candidates])
+        prices = [sum(PRICES[key] for key in extra) for extra in candidates]
+        visible |= candidates[int(np.argmin(fits.objective + np.array(prices)))]
+    best = _fit_terms(data, design, [visible])
     fitted = zip(KEYS, [*np.sqrt(best.components[0, : len(TERMS)]), best.slope[0]], strict=True)
     sizes = {key: abs(float(size)) for key, size in fitted}
-    chosen = tuple(key for key in KEYS if key in shown and sizes[key] > 0.0)
+    chosen = tuple(key for key in KEYS if key in visible and sizes[key] > 0.0)
     estimates = {}
     for key, (_, low, high) in ends.items():
-        if key in chosen:  # of a simpler model, kept in the interval of the full one
-            margin = _KEPT * (high - low)
+        if key in chosen:  # the value of the simpler model, within the interval of the full one
+            margin = _END_MARGIN * (high - low)
             value = min(max(sizes[key], low + margin), high - margin)
             estimates[key] = Estimate(value, low, high)
         else:
@@ -320,14 +320,14 @@ def estimate(spectrum: Spectrum, axis: int) -> AxisNoise:
 
 
 def _ends(components: list[Interval], ramp: Interval | None) -> dict[str, Interval]:
-    """Return the intervals of the standard model's parameters, those of other columns apart."""
+    """Return the intervals of the standard model's parameters, without other columns."""
     return dict(
         zip(KEYS, [*components[: len(TERMS)], ramp or Interval(0.0, 0.0, 0.0)], strict=True)
     )
 
 
 def _bounded(ends: dict[str, Interval], without: dict[str, Interval]) -> dict[str, Interval]:
-    """Return the ends with a process, the slow terms no narrower than they are without it.
+    """Return the ends with a process, the slow terms no narrower than without it.
 
     :param without: the ends without the process.
     """
@@ -338,47 +338,54 @@ def _bounded(ends: dict[str, Interval], without: dict[str, Interval]) -> dict[st
 
 
 def _process_fit(spectrum: Spectrum, data: Data, standard: Array, time: float) -> ProcessFit:
-    """Return by how much a process beside the terms, and one with white noise alone, fit better.
+    """Return the gains in likelihood of a process with the terms, and with white noise alone.
 
     :param standard: (m, 4) expected rows of the terms.
     :param time: correlation time [s] beside the terms.
     """
     white = WHITE.expectation(spectrum)
 
-    def alone(log_time: float) -> float:
+    def process_objective(log_time: float) -> float:
         process = gauss_markov_expectation(spectrum, float(np.exp(log_time)))
         return fit(data, np.column_stack([white, process])).lowest
 
     without = fit(data, standard, slope=np.nan).lowest
-    beside = fit(data, _with_process(spectrum, standard, time), slope=np.nan).lowest
-    near = np.log(time) + np.array([-1.5, 1.5])
-    instead = alone(minimum(alone, float(near[0]), float(near[1]), _TIMES))
-    return ProcessFit(time, without - beside, without - instead)
+    additional = fit(data, _with_process(spectrum, standard, time), slope=np.nan).lowest
+    bracket = np.log(time) + np.array([-1.5, 1.5])
+    instead = process_objective(
+        minimum(process_objective, float(bracket[0]), float(bracket[1]), _TIMES)
+    )
+    return ProcessFit(time, without - additional, without - instead)
 
 
-def either(one: AxisNoise, other: AxisNoise, *, strict: bool) -> AxisNoise:
-    """Return what holds in both of two cases.
+def either(first: AxisNoise, second: AxisNoise, *, strict: bool) -> AxisNoise:
+    """Return the estimates that hold in both of two cases.
 
-    Values are those of the first, but for terms that are certain in it and not shown in the other.
+    Values are those of the first case, except terms that are certain in it and invisible in the
+    second.
 
-    :param strict: terms that are not shown in the other have no value, certain or not.
+    :param strict: True: terms that are invisible in the second case have no value, certain or not.
     """
     estimates = {}
-    for key, found in one.estimates.items():
-        second = other.estimates[key]
-        value = None if second.value is None and (strict or found.low > 0.0) else found.value
-        low, high = min(found.low, second.low), max(found.high, second.high)
+    for key, estimate_first in first.estimates.items():
+        partner = second.estimates[key]
+        value = (
+            None
+            if partner.value is None and (strict or estimate_first.low > 0.0)
+            else estimate_first.value
+        )
+        low, high = min(estimate_first.low, partner.low), max(estimate_first.high, partner.high)
         estimates[key] = Estimate(value, 0.0 if value is None else low, high)
-    shown = {key for key, found in estimates.items() if found.value is not None}
-    chosen = tuple(key for key in one.chosen if key in shown)
-    withheld = tuple(key for key in one.chosen if key not in shown)
-    return one._replace(estimates=estimates, chosen=chosen, withheld=withheld)
+    visible = {key for key, estimate_both in estimates.items() if estimate_both.value is not None}
+    chosen = tuple(key for key in first.chosen if key in visible)
+    withheld = tuple(key for key in first.chosen if key not in visible)
+    return first._replace(estimates=estimates, chosen=chosen, withheld=withheld)
 
 
 def _with_flicker(
     ends: dict[str, Interval], spectrum: Spectrum, design: Array
 ) -> dict[str, Interval]:
-    """Return the ends with those of Q, N and B as far apart as flicker that is not quite 1/f asks.
+    """Return the ends with those of Q, N and B widened for flicker that is not exactly 1/f.
 
     The simulator's is 1/f within 3.2 %, and no sensor's is exact: what it departs by at a third of
     the highest frequency may pass for white noise. Behind a low-pass that rounding hides there is
@@ -387,18 +394,18 @@ def _with_flicker(
     """
     top = int(np.argmax(spectrum.frequency))
     flicker = np.square(ends[FLICKER.key].value) * design[top, TERMS.index(FLICKER)]
-    result = dict(ends)
+    widened = dict(ends)
     for term in (QUANTISATION, WHITE):
         end = ends[term.key]
-        apart = _NOT_FLICKER[term.key] * flicker / design[top, TERMS.index(term)]
-        low = float(np.sqrt(max(end.low**2 - apart, 0.0)))
-        result[term.key] = end._replace(low=low, high=float(np.sqrt(end.high**2 + apart)))
+        deviation = _NOT_FLICKER[term.key] * flicker / design[top, TERMS.index(term)]
+        low = float(np.sqrt(max(end.low**2 - deviation, 0.0)))
+        widened[term.key] = end._replace(low=low, high=float(np.sqrt(end.high**2 + deviation)))
     end = ends[FLICKER.key]
     doubt = _FLICKER_ITSELF * end.value
     low = end.value - float(np.hypot(end.value - end.low, doubt)) if end.low > 0.0 else 0.0
     high = end.value + float(np.hypot(end.high - end.value, doubt))
-    result[FLICKER.key] = end._replace(low=max(low, 0.0), high=high)
-    return result
+    widened[FLICKER.key] = end._replace(low=max(low, 0.0), high=high)
+    return widened
 
 
 def _fit_terms(data: Data, design: Array, models: list[set[str]]) -> Fits:
@@ -407,11 +414,11 @@ def _fit_terms(data: Data, design: Array, models: list[set[str]]) -> Fits:
     Columns of the design that are not the standard model's are in each.
     """
     keys = [term.key for term in TERMS]
-    others = [np.nan] * (design.shape[1] - len(keys))
-    held = [[np.nan if key in model else 0.0 for key in keys] + others for model in models]
+    extra = [np.nan] * (design.shape[1] - len(keys))
+    fixed = [[np.nan if key in model else 0.0 for key in keys] + extra for model in models]
     return fit(
         data,
         design,
-        held=np.array(held),
+        fixed=np.array(fixed),
         slope=np.array([np.nan if RAMP in model else 0.0 for model in models]),
     )

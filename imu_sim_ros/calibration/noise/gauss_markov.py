@@ -25,7 +25,7 @@ from imu_sim_ros.types import Array
 SIGMA: Final = "gauss_markov_sigma"
 CORRELATION_TIME: Final = "correlation_time"
 GAUSS_MARKOV_KEYS: Final = (*(term.key for term in TERMS), SIGMA, CORRELATION_TIME)
-"""Keys of this model's parameters."""
+"""Keys of the parameters of this model."""
 _EVIDENCE: Final = 4.6
 """Log-likelihood that the process must gain with its two parameters: 1 % of chi-square(2)."""
 _GRID: Final = 30
@@ -44,14 +44,14 @@ def estimate_gauss_markov(spectrum: Spectrum, axis: int) -> AxisNoise:
     duration = float(np.max(spectrum.duration[np.isfinite(spectrum.duration)]))
     low, high = np.log(10.0 * spectrum.sample_interval), np.log(duration)
 
-    @cache  # the searches begin where others have been
-    def held(log_time: float, sigma: float = np.nan) -> Fits:
+    @cache  # searches revisit earlier points
+    def fit_at(log_time: float, sigma: float = np.nan) -> Fits:
         """Fit the noise, and sigma unless it is given, at one correlation time."""
         process = gauss_markov_expectation(spectrum, float(np.exp(log_time)))
-        return fit(data, np.column_stack([white, process]), held=np.array([np.nan, sigma**2]))
+        return fit(data, np.column_stack([white, process]), fixed=np.array([np.nan, sigma**2]))
 
-    log_time = minimum(lambda x: held(x).lowest, low, high, _GRID)
-    best = held(log_time)
+    log_time = minimum(lambda x: fit_at(x).lowest, low, high, _GRID)
+    best = fit_at(log_time)
     process = gauss_markov_expectation(spectrum, float(np.exp(log_time)))
     estimates = _standard_terms(data, standard, white, process)
     sigma = float(np.sqrt(best.components[0, 1]))
@@ -59,15 +59,15 @@ def estimate_gauss_markov(spectrum: Spectrum, axis: int) -> AxisNoise:
 
     @cache
     def over_time(value: float) -> float:
-        centre = minimum(lambda x: held(x, value).lowest, low, high, _GRID // 3)
-        return held(centre, value).lowest
+        centre = minimum(lambda x: fit_at(x, value).lowest, low, high, _GRID // 3)
+        return fit_at(centre, value).lowest
 
     sigma_low, sigma_high = _profile_interval(over_time, sigma, best.lowest, 0.2 * sigma)
     estimates[SIGMA] = Estimate(
         sigma if visible else None, sigma_low if visible else 0.0, sigma_high
     )
     estimates[CORRELATION_TIME] = _time_interval(
-        lambda x: held(x).lowest, log_time, best.lowest, low, high, visible
+        lambda x: fit_at(x).lowest, log_time, best.lowest, low, high, visible
     )
     return AxisNoise(estimates, (WHITE.key, SIGMA, CORRELATION_TIME), best.expected[0])
 
@@ -76,12 +76,12 @@ def _standard_terms(
     data: Data, standard: Array, white: Array, process: Array
 ) -> dict[str, Estimate]:
     """Return the white noise, and bounds for the terms that the model lacks."""
-    (noise, _), _ = intervals(data, np.column_stack([white, process]), trend=False)
-    others, _ = intervals(data, np.column_stack([standard, process]), trend=False)
-    bounds = zip(TERMS, others, strict=False)
-    estimates = {term.key: Estimate(None, 0.0, found.high) for term, found in bounds}
-    value = noise.value if noise.low > 0.0 else None
-    estimates[WHITE.key] = Estimate(value, noise.low, noise.high)
+    (white_noise, _), _ = intervals(data, np.column_stack([white, process]), trend=False)
+    intervals_of_terms, _ = intervals(data, np.column_stack([standard, process]), trend=False)
+    bounds = zip(TERMS, intervals_of_terms, strict=False)
+    estimates = {term.key: Estimate(None, 0.0, interval.high) for term, interval in bounds}
+    value = white_noise.value if white_noise.low > 0.0 else None
+    estimates[WHITE.key] = Estimate(value, white_noise.low, white_noise.high)
     return estimates
 
 
@@ -97,10 +97,10 @@ def _time_interval(
     if not visible:
         return Estimate(None, 0.0, float(np.exp(high)))
 
-    def inside(x: float) -> float:
+    def shifted_profile(x: float) -> float:
         return profile(low + x) if low + x < high else np.inf
 
-    start, end = _profile_interval(inside, best - low, lowest, 0.2)
+    start, end = _profile_interval(shifted_profile, best - low, lowest, 0.2)
     end = min(low + end, high)
     return Estimate(float(np.exp(best)), float(np.exp(low + start)), float(np.exp(end)))
 
@@ -108,7 +108,7 @@ def _time_interval(
 def _profile_interval(
     profile: Callable[[float], float], best: float, lowest: float, step: float
 ) -> tuple[float, float]:
-    """Return where a profile of minus the log-likelihood has risen by the confidence drop.
+    """Return the ends at which a profile of minus the log-likelihood has risen by the drop.
 
     :param profile: objective with the parameter held at a value >= 0, minimised over all others.
     :param best: the estimate, >= 0.
@@ -121,12 +121,12 @@ def _profile_interval(
     def excess(value: float) -> float:
         return profile(value) - limit
 
-    below, above = _outside(excess, best, -step), _outside(excess, best, step)
-    low = _root(excess, below, best) if below > 0.0 or excess(0.0) > 0.0 else 0.0
-    return low, _root(excess, best, above)
+    lower, upper = _bracket(excess, best, -step), _bracket(excess, best, step)
+    low = _root(excess, lower, best) if lower > 0.0 or excess(0.0) > 0.0 else 0.0
+    return low, _root(excess, best, upper)
 
 
-def _outside(excess: Callable[[float], float], best: float, step: float) -> float:
+def _bracket(excess: Callable[[float], float], best: float, step: float) -> float:
     """Return a value on one side of the best where the excess is positive, or 0."""
     for _ in range(60):
         value = best + step

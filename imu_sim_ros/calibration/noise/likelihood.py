@@ -41,13 +41,13 @@ _ROUNDING: Final = 1e-7
 _TOLERANCE: Final = 1e-5
 """Gain of the log-likelihood below which an iteration is the last."""
 _NEGATIVE: Final = 1e-12
-"""Scaled component below zero that is rounding."""
+"""Largest negative scaled component that counts as rounding."""
 _MERGED: Final = 5
-"""Rows of averages that become one: a tenth of the frequency, which no term's slope can feel."""
+"""Number of rows of averages merged into one, a tenth of the frequency."""
 _DOUBLINGS: Final = 40
 _REFINEMENTS: Final = 9
 _CLOSE: Final = 0.004
-"""Relative error of the drop's root at which an end is found."""
+"""Relative error of the drop's root at which the search for an end stops."""
 
 
 @dataclass(frozen=True)
@@ -65,15 +65,15 @@ class Data:
 
     def without_trend(self, slopes: Array) -> Array:
         """Return the rows (b, m) without trends of some slopes (b,)."""
-        left = (self.amplitude - slopes[:, None] * self.trend) ** 2
-        return np.where(self.amplitude != 0.0, left, self.power)
+        detrended = (self.amplitude - slopes[:, None] * self.trend) ** 2
+        return np.where(self.amplitude != 0.0, detrended, self.power)
 
     @cached_property
     def first_guesses(self) -> Array:
-        """(2, m) where to start: rows smoothed by running medians, and a flat line.
+        """(2, m) initial expectations: rows smoothed by running medians, and a flat line.
 
-        A walk and a trend explain each other away: from the first guess the walk has the first
-        chance, from the second the trend.
+        A walk and a trend explain each other: the first start favours the walk, the second the
+        trend.
         """
         width = min(9, len(self.power))
         padded = np.pad(self.power, (width // 2, width - 1 - width // 2), mode="edge")
@@ -102,7 +102,7 @@ class Fits(NamedTuple):
 def fit_many(
     data: Data,
     design: Array,
-    held: Array,
+    fixed: Array,
     *,
     slope: Array,
     guess: Array,
@@ -111,7 +111,7 @@ def fit_many(
     """Return the non-negative components that make the data most likely, b times.
 
     :param design: (m, p) expectation of the rows for each component.
-    :param held: (b, p) components with a given value; NaN if a component is free.
+    :param fixed: (b, p) components with a fixed value; NaN if a component is free.
     :param slope: (b,) given slope of the trend; NaN if it is estimated.
     :param guess: (b, m) first guess of the expectation.
     :param restricted: integrate the estimated slopes out instead of maximising over them.
@@ -119,31 +119,31 @@ def fit_many(
     floor = _FLOOR * float(np.max(data.power)) + 1e-300
     scale = 1.0 / np.max(design, axis=0)
     scaled = design * scale
-    free = np.isnan(held)
-    theta = np.where(free, 0.0, held / scale)
-    known = theta @ scaled.T
+    free = np.isnan(fixed)
+    theta = np.where(free, 0.0, fixed / scale)
+    fixed_part = theta @ scaled.T
     products = (scaled[:, :, None] * scaled[:, None, :]).reshape(len(scaled), -1)
     expected = np.maximum(guess, floor)
-    objective = np.full(len(held), np.inf)
+    objective = np.full(len(fixed), np.inf)
     positive = free
     _, power, slopes = _objective(data, expected, slope, restricted)
     for _ in range(_ITERATIONS):
         weight = 0.5 * data.freedom / expected**2
         curvature = (weight @ products).reshape(-1, *free.shape[1:], free.shape[1])
-        gradient = (weight * (power - known)) @ scaled
+        gradient = (weight * (power - fixed_part)) @ scaled
         best = _non_negative(curvature, gradient, free, positive)
         step = np.where(free, best - theta, 0.0)
-        last = objective
-        for _ in range(_HALVINGS):  # the first step of all is taken as it is
+        previous = objective
+        for _ in range(_HALVINGS):  # the very first step is taken in full
             trial = theta + step
             expected = np.maximum(trial @ scaled.T, floor)
             objective, power, slopes = _objective(data, expected, slope, restricted)
-            worse = ~(objective <= last + _ROUNDING)
+            worse = ~(objective <= previous + _ROUNDING)
             if not worse.any():
                 break
             step = np.where(worse[:, None], 0.4 * step, step)
         theta, positive = trial, free & (trial > 0.0)
-        if np.all(last - objective < _TOLERANCE):
+        if np.all(previous - objective < _TOLERANCE):
             break
     return Fits(theta * scale, slopes, objective, expected)
 
@@ -183,48 +183,48 @@ def _non_negative(curvature: Array, gradient: Array, free: Mask, positive: Mask)
         return gradient
     root = np.sqrt(np.einsum("bii->bi", curvature))
     scaled = curvature / (root[:, :, None] * root[:, None, :])
-    right: Array = free * (gradient / root)
-    x: Array = _restricted_minima(scaled, right, positive[:, None, :].astype(np.float64))[:, 0]
-    downwards = right - (scaled @ x[:, :, None])[:, :, 0] > _NEGATIVE
-    wrong = np.where(positive, x < -_NEGATIVE, free & downwards)
-    bound = np.flatnonzero(wrong.any(axis=1))
+    target: Array = free * (gradient / root)
+    x: Array = _restricted_minima(scaled, target, positive[:, None, :].astype(np.float64))[:, 0]
+    downwards = target - (scaled @ x[:, :, None])[:, :, 0] > _NEGATIVE
+    violated = np.where(positive, x < -_NEGATIVE, free & downwards)
+    bound = np.flatnonzero(violated.any(axis=1))
     if len(bound):
         subsets = np.array(list(product([0.0, 1.0], repeat=size)))
-        inside = subsets * free[bound, None, :]  # (b, 2^p, p)
-        minima = _restricted_minima(scaled[bound], right[bound], inside)
-        value = -0.5 * np.sum(minima * inside * right[bound, None, :], axis=2)
+        subset_masks = subsets * free[bound, None, :]  # (b, 2^p, p)
+        minima = _restricted_minima(scaled[bound], target[bound], subset_masks)
+        value = -0.5 * np.sum(minima * subset_masks * target[bound, None, :], axis=2)
         value = np.where((minima >= -_NEGATIVE).all(axis=2), value, np.inf)
         x[bound] = minima[np.arange(len(bound)), np.argmin(value, axis=1)]
     return np.maximum(x, 0.0) / root
 
 
-def _restricted_minima(curvature: Array, gradient: Array, inside: Array) -> Array:
+def _restricted_minima(curvature: Array, gradient: Array, masks: Array) -> Array:
     """Return (b, s, p) the minima over s subsets of components, the others 0.
 
-    :param inside: (b, s, p) 1 for components of the subset.
+    :param masks: (b, s, p) 1 for components of the subset.
     """
-    outside = np.eye(inside.shape[2]) * (1.0 - inside + 1e-12)[..., None]
-    blocks = curvature[:, None] * (inside[..., :, None] * inside[..., None, :]) + outside
-    right: Array = inside * gradient[:, None, :]
-    return np.asarray(np.linalg.solve(blocks, right[..., None])[..., 0], dtype=np.float64)
+    penalty = np.eye(masks.shape[2]) * (1.0 - masks + 1e-12)[..., None]
+    blocks = curvature[:, None] * (masks[..., :, None] * masks[..., None, :]) + penalty
+    targets: Array = masks * gradient[:, None, :]
+    return np.asarray(np.linalg.solve(blocks, targets[..., None])[..., 0], dtype=np.float64)
 
 
 def fit(
     data: Data,
     design: Array,
     *,
-    held: Array | None = None,
+    fixed: Array | None = None,
     slope: Array | float = 0.0,
     restricted: bool = False,
 ) -> Fits:
     """Return the best fit of each of k models: the better one of two first guesses.
 
-    :param held: (k, p) components with a given value, NaN if free; None: one model, all are free.
+    :param fixed: (k, p) components with a fixed value, NaN if free; None: one model, all free.
     :param slope: (k,) given slope of the trend, NaN if it is estimated; a number: that of all.
     :param restricted: integrate the trend out.
     """
     guesses = data.first_guesses
-    models = np.full((1, design.shape[1]), np.nan) if held is None else np.atleast_2d(held)
+    models = np.full((1, design.shape[1]), np.nan) if fixed is None else np.atleast_2d(fixed)
     count = len(models)
     fits = fit_many(
         data,
@@ -249,16 +249,16 @@ def covariance(data: Data, design: Array, expected: Array) -> Array:
     return np.linalg.inv(scaled) / np.outer(root, root)
 
 
-def merged(data: Data, design: Array, every: int) -> tuple[Data, Array]:
+def merged(data: Data, design: Array, count: int) -> tuple[Data, Array]:
     """Return the data and the design with each few rows of averages as one.
 
-    :param every: rows that become one.
+    :param count: number of rows that become one.
     """
     single = data.amplitude != 0.0
     rows = np.flatnonzero(~single)
     if len(rows) == 0:
         return data, design
-    starts = np.arange(0, len(rows), every)
+    starts = np.arange(0, len(rows), count)
     freedom = np.add.reduceat(data.freedom[rows], starts)
     columns = np.column_stack([data.power, design])
     sums = np.add.reduceat(columns[rows] * data.freedom[rows, None], starts, axis=0)
@@ -288,7 +288,7 @@ def intervals(data: Data, design: Array, *, trend: bool) -> tuple[list[Interval]
     ``(nu + 1) / 2 ln(1 + t^2 / nu)``.
 
     :param design: (m, p) expectation of the rows for each component.
-    :param trend: whether there may be a trend.
+    :param trend: True if there may be a trend.
     """
     data, design = merged(data, design, _MERGED)
     # The ends of each component's root: first all low ones, then all high ones.
@@ -296,12 +296,12 @@ def intervals(data: Data, design: Array, *, trend: bool) -> tuple[list[Interval]
     components, expected, count = best.components[0], best.expected[0], design.shape[1]
     values = np.sqrt(components)
     spread = np.sqrt(np.diag(covariance(data, design, expected)))
-    above = np.sqrt(components + 2.0 * spread) - values
-    below = values - np.sqrt(np.maximum(components - 2.0 * spread, 0.0))
+    upper_step = np.sqrt(components + 2.0 * spread) - values
+    lower_step = values - np.sqrt(np.maximum(components - 2.0 * spread, 0.0))
     # If the estimate is zero its low end is zero, too: any step will do.
-    below = np.where(below > 0.0, below, above)
+    lower_step = np.where(lower_step > 0.0, lower_step, upper_step)
     term = np.tile(np.arange(count), 2)
-    start, step = np.tile(values, 2), np.concatenate([-below, above])
+    start, step = np.tile(values, 2), np.concatenate([-lower_step, upper_step])
     drop, lowest = np.full(2 * count, CONFIDENCE_DROP), np.full(2 * count, best.objective[0])
     slope = 0.0
     if trend:
@@ -321,74 +321,78 @@ def intervals(data: Data, design: Array, *, trend: bool) -> tuple[list[Interval]
         step = np.append(step, 2.0 * spread_of_slope * np.array([-1.0, 1.0]))
         drop = np.append(drop, [drop_of_slope, drop_of_slope])
         lowest = np.append(lowest, [trended.objective[0], trended.objective[0]])
-    of_slope = term < 0
+    is_slope_end = term < 0
 
-    def beyond(ends: Integers, x: Array) -> Array:
-        """Return the root of the drop at coefficients x of some ends, over that wanted, less 1."""
-        is_slope, own = of_slope[ends], np.where(of_slope[ends], 0, term[ends])
-        held = np.full((len(x), count), np.nan)
-        held[np.flatnonzero(~is_slope), own[~is_slope]] = x[~is_slope] ** 2
-        change = np.where(is_slope, 0.0, x**2 - components[own])
-        guess = np.maximum(expected + change[:, None] * design[:, own].T, 1e-3 * expected)
+    def excess(ends: Integers, x: Array) -> Array:
+        """Return the root of the drop at coefficients x of some ends, over its target, minus 1."""
+        is_slope, components_index = is_slope_end[ends], np.where(is_slope_end[ends], 0, term[ends])
+        fixed = np.full((len(x), count), np.nan)
+        fixed[np.flatnonzero(~is_slope), components_index[~is_slope]] = x[~is_slope] ** 2
+        change = np.where(is_slope, 0.0, x**2 - components[components_index])
+        guess = np.maximum(
+            expected + change[:, None] * design[:, components_index].T, 1e-3 * expected
+        )
         slopes = np.where(is_slope, x, np.nan if trend else 0.0)
-        found = fit_many(data, design, held, slope=slopes, guess=guess, restricted=trend)
-        return np.sqrt(np.maximum(found.objective - lowest[ends], 0.0) / drop[ends]) - 1.0
+        fits = fit_many(data, design, fixed, slope=slopes, guess=guess, restricted=trend)
+        return np.sqrt(np.maximum(fits.objective - lowest[ends], 0.0) / drop[ends]) - 1.0
 
     # A coefficient's low end is at least 0.
-    found = _search(beyond, start, step, ~of_slope & (step < 0.0))
-    of_components = [
+    end_values = _search(excess, start, step, ~is_slope_end & (step < 0.0))
+    component_intervals = [
         Interval(float(v), float(low), float(high))
-        for v, low, high in zip(values, found[:count], found[count : 2 * count], strict=True)
+        for v, low, high in zip(
+            values, end_values[:count], end_values[count : 2 * count], strict=True
+        )
     ]
     if not trend:
-        return of_components, None
-    one, other = float(found[-2]), float(found[-1])
-    low = 0.0 if one <= 0.0 <= other else min(abs(one), abs(other))
-    return of_components, Interval(abs(slope), low, max(abs(one), abs(other)))
+        return component_intervals, None
+    slope_low, slope_high = float(end_values[-2]), float(end_values[-1])
+    low = 0.0 if slope_low <= 0.0 <= slope_high else min(abs(slope_low), abs(slope_high))
+    return component_intervals, Interval(abs(slope), low, max(abs(slope_low), abs(slope_high)))
 
 
 def _search(
-    beyond: Callable[[Integers, Array], Array], start: Array, step: Array, bounded: Mask
+    functions: Callable[[Integers, Array], Array], start: Array, step: Array, bounded: Mask
 ) -> Array:
-    """Return (b,) where functions that grow away from -1 are zero, by bracketed secants.
+    """Return (b,) the zeros of functions that increase from -1, by bracketed secants.
 
     They are nearly linear, so that few steps suffice.
 
-    :param beyond: the values at x (k,) of those functions whose numbers (k,) are given.
-    :param start: (b,) where each is -1.
-    :param step: (b,) signed first guess of the way from there.
-    :param bounded: (b,) whether x is at least 0; where that is not enough it is 0.
+    :param functions: values at x (k,) of the functions with the given numbers (k,).
+    :param start: (b,) points at which each is -1.
+    :param step: (b,) signed first guess of the distance to the zero.
+    :param bounded: (b,) True if x is at least 0; the result is 0 if there is no zero above.
     """
-    every = np.arange(len(start))
-    inside, inside_value = start.copy(), np.full(len(start), -1.0)
-    outside = start + step
-    outside = np.where(bounded, np.maximum(outside, 0.0), outside)
-    outside_value = beyond(every, outside)
+    all_numbers = np.arange(len(start))
+    lower, lower_value = start.copy(), np.full(len(start), -1.0)
+    upper = start + step
+    upper = np.where(bounded, np.maximum(upper, 0.0), upper)
+    upper_value = functions(all_numbers, upper)
     for _ in range(_DOUBLINGS):
-        go = (outside_value < 0.0) & ~(bounded & (outside <= 0.0))
-        if not go.any():
+        extend = (upper_value < 0.0) & ~(bounded & (upper <= 0.0))
+        if not extend.any():
             break
-        inside = np.where(go, outside, inside)
-        inside_value = np.where(go, outside_value, inside_value)
-        further = start + 2.0 * (outside - start)
-        further = np.where(bounded, np.maximum(further, 0.0), further)
-        outside = np.where(go, further, outside)
-        outside_value = np.where(go, beyond(every, outside), outside_value)
-    at_zero = bounded & (outside_value < 0.0)
+        lower = np.where(extend, upper, lower)
+        lower_value = np.where(extend, upper_value, lower_value)
+        doubled = start + 2.0 * (upper - start)
+        doubled = np.where(bounded, np.maximum(doubled, 0.0), doubled)
+        upper = np.where(extend, doubled, upper)
+        upper_value = np.where(extend, functions(all_numbers, upper), upper_value)
+    at_zero = bounded & (upper_value < 0.0)
     open_ends = np.flatnonzero(~at_zero)
     for _ in range(_REFINEMENTS):
         if not len(open_ends):
             break
-        k, low, high = open_ends, inside_value[open_ends], outside_value[open_ends]
+        k, low, high = open_ends, lower_value[open_ends], upper_value[open_ends]
         share = np.clip(low / np.minimum(low - high, -1e-9), 0.02, 0.98)
-        x = inside[k] + share * (outside[k] - inside[k])
-        value = beyond(k, x)
-        within = value < 0.0
-        inside[k], inside_value[k] = np.where(within, (x, value), (inside[k], low))
-        outside[k], outside_value[k] = np.where(within, (outside[k], high), (x, value))
+        x = lower[k] + share * (upper[k] - lower[k])
+        value = functions(k, x)
+        below_zero = value < 0.0
+        lower[k], lower_value[k] = np.where(below_zero, (x, value), (lower[k], low))
+        upper[k], upper_value[k] = np.where(below_zero, (upper[k], high), (x, value))
         open_ends = k[np.abs(value) >= _CLOSE]
-    nearer = np.where(np.abs(inside_value) < np.abs(outside_value), inside, outside)
-    return np.where(at_zero, 0.0, nearer)
+    closest = np.where(np.abs(lower_value) < np.abs(upper_value), lower, upper)
+    return np.where(at_zero, 0.0, closest)
 
 
 def minimum(objective: Callable[[float], float], low: float, high: float, count: int) -> float:
@@ -401,5 +405,5 @@ def minimum(objective: Callable[[float], float], low: float, high: float, count:
     grid = np.linspace(low, high, count)
     k = int(np.argmin([objective(float(x)) for x in grid]))
     bounds = (float(grid[max(k - 1, 0)]), float(grid[min(k + 1, count - 1)]))
-    found = minimize_scalar(objective, bounds=bounds, method="bounded", options={"xatol": 1e-3})
-    return float(found.x)
+    solution = minimize_scalar(objective, bounds=bounds, method="bounded", options={"xatol": 1e-3})
+    return float(solution.x)

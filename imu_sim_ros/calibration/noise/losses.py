@@ -1,7 +1,7 @@
 # Copyright 2026 imu_sim_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Lost samples are filled by draws from the noise of the record itself, given all around them.
+"""Replacement of lost samples by draws from the noise of the record, given all other samples.
 
 The cosine transform D takes a stretch of n readings to coefficients of variances S, nearly
 independent (:mod:`imu_sim_ros.calibration.noise.spectrum`). With the precision
@@ -30,58 +30,58 @@ _WIDTH: Final = 0.1
 _LOWEST: Final = 1e-8
 """Cycles per sample at the first bin."""
 _ENOUGH: Final = 64
-"""Coefficients in a bin that give its level themselves; below, it is that of a fitted model."""
+"""Number of coefficients in a bin above which their average is used instead of a fitted model."""
 _DEEPEST: Final = 0.003
 """Least share of the model's power that a filter is taken to leave: the gradients need steps as
 many as the root of its inverse, and what lies above the filter is not used."""
 _NEAR: Final = 4.0
 _ROUNDS: Final = 4
-"""Fillings of the first stretch."""
+"""Number of fillings of the first stretch."""
 _ITERATIONS: Final = 200
 _TOLERANCE: Final = 1e-3
 _SEED: Final = 20261122
 
 
 class LossFiller:
-    """Fills the lost samples of one record, stretch by stretch."""
+    """Replaces the lost samples of one record, stretch by stretch."""
 
     def __init__(self, axes: int) -> None:
         count = int(np.ceil(np.log(0.5 / _LOWEST) / _WIDTH))
         self._spectrum = _Spectrum(np.zeros((count, axes)), np.zeros(count), np.zeros(count))
-        """Of the stretches filled so far."""
+        """Spectrum of the stretches filled so far."""
         self._level: Array | None = None
         self._random = np.random.default_rng(_SEED)
         self.samples = 0
-        """Filled so far."""
-        self.seen = 0
-        """Samples so far, filled ones included."""
+        """Number of samples filled so far."""
+        self.total = 0
+        """Number of samples so far, filled ones included."""
 
     def fill(self, y: Array) -> Array:
         """Return readings (n, axes), some of them not NaN, with draws in place of NaN."""
         lost = np.isnan(y[:, 0])
-        self.seen += len(y)
+        self.total += len(y)
         mean = y[~lost].mean(axis=0)
         level = mean if self._level is None else self._level
-        self._level = level + (mean - level) * len(y) / self.seen
+        self._level = level + (mean - level) * len(y) / self.total
         if not lost.any():
             return y
         self.samples += int(np.count_nonzero(lost))
         missing = np.flatnonzero(lost)
-        rows, known = np.arange(len(y)), np.flatnonzero(~lost)
-        filled = np.stack([np.interp(rows, known, column[known]) for column in y.T], axis=1)
+        rows, observed = np.arange(len(y)), np.flatnonzero(~lost)
+        filled = np.stack([np.interp(rows, observed, column[observed]) for column in y.T], axis=1)
         moving = np.ptp(filled, axis=0) > 0.0
-        is_known = self._spectrum.counts.any()
-        for _ in range(1 if is_known else _ROUNDS):
-            power = self._spectrum if is_known else self._spectrum.plus(filled)
-            draws = self._drawn(filled, missing, power.at(len(y)))
+        has_spectrum = self._spectrum.counts.any()
+        for _ in range(1 if has_spectrum else _ROUNDS):
+            power = self._spectrum if has_spectrum else self._spectrum.including(filled)
+            draws = self._drawn(filled, missing, power.variances(len(y)))
             filled[missing] = np.where(moving, draws, filled[missing])
-        self._spectrum = self._spectrum.plus(filled)
+        self._spectrum = self._spectrum.including(filled)
         return filled
 
     def _drawn(self, y: Array, missing: Integers, variance: Array) -> Array:
         """Return draws (m, axes) for the lost samples.
 
-        :param variance: (axes, n) of the coefficients.
+        :param variance: (axes, n) variances of the coefficients.
         """
         from scipy.fft import dct, idct
 
@@ -96,22 +96,22 @@ class LossFiller:
             return idct(weighted, norm="ortho", axis=1, overwrite_x=True)[:, missing]
 
         unit = self._random.standard_normal(observed.shape)
-        right = unit / np.sqrt(variance) - dct(observed, norm="ortho", axis=1) / variance
-        right = idct(right, norm="ortho", axis=1, overwrite_x=True)[:, missing]
-        return self._level + _solution(precision, right).T
+        target = unit / np.sqrt(variance) - dct(observed, norm="ortho", axis=1) / variance
+        target = idct(target, norm="ortho", axis=1, overwrite_x=True)[:, missing]
+        return self._level + _solution(precision, target).T
 
 
 class _Spectrum(NamedTuple):
     """Sums of squared coefficients in m bins of frequency."""
 
     squares: Array
-    """(m, axes)"""
+    """(m, axes) sums of squared coefficients."""
     counts: Array
-    """(m,) coefficients."""
+    """(m,) numbers of coefficients."""
     logs: Array
-    """(m,) sums of the logarithms of their frequencies [cycles per sample]."""
+    """(m,) sums of the logarithms of the coefficients' frequencies [cycles per sample]."""
 
-    def plus(self, y: Array) -> "_Spectrum":
+    def including(self, y: Array) -> "_Spectrum":
         """Return the sums with those of one more stretch (n, axes)."""
         from scipy.fft import dct
 
@@ -119,13 +119,13 @@ class _Spectrum(NamedTuple):
         frequency = np.arange(1, len(y)) / (2.0 * len(y))
         bins = (np.log(frequency / _LOWEST) / _WIDTH).astype(np.int64)
         starts = np.flatnonzero(np.diff(bins, prepend=-1))
-        result = _Spectrum(self.squares.copy(), self.counts.copy(), self.logs.copy())
-        result.squares[bins[starts]] += np.add.reduceat(squares, starts, axis=0)
-        result.counts[bins[starts]] += np.diff(np.append(starts, len(bins)))
-        result.logs[bins[starts]] += np.add.reduceat(np.log(frequency), starts)
-        return result
+        updated = _Spectrum(self.squares.copy(), self.counts.copy(), self.logs.copy())
+        updated.squares[bins[starts]] += np.add.reduceat(squares, starts, axis=0)
+        updated.counts[bins[starts]] += np.diff(np.append(starts, len(bins)))
+        updated.logs[bins[starts]] += np.add.reduceat(np.log(frequency), starts)
+        return updated
 
-    def at(self, n: int) -> Array:
+    def variances(self, n: int) -> Array:
         """Return (axes, n) the variances of the coefficients of a stretch of n samples.
 
         Their averages; if those are of few coefficients, white noise, flicker and walk fitted
@@ -135,21 +135,23 @@ class _Spectrum(NamedTuple):
         counts = self.counts[used]
         power = np.maximum(self.squares[used] / counts[:, None], 1e-60)
         logs = self.logs[used] / counts
-        wanted = np.log(np.maximum(np.arange(n), 1.0) / (2.0 * n))
+        log_frequency = np.log(np.maximum(np.arange(n), 1.0) / (2.0 * n))
         many = counts >= _ENOUGH
         border = logs[many][0] if many.any() else 0.0
-        near = logs < border + np.log(_NEAR)
-        few = wanted < border
-        zeros = np.zeros(np.count_nonzero(near))
-        result = np.empty((power.shape[1], n))
+        fitted_rows = logs < border + np.log(_NEAR)
+        few = log_frequency < border
+        zeros = np.zeros(np.count_nonzero(fitted_rows))
+        variances = np.empty((power.shape[1], n))
         for axis, row in enumerate(power.T):
-            best = fit(Data(row[near], counts[near], zeros, zeros), _terms(logs[near]))
+            best = fit(
+                Data(row[fitted_rows], counts[fitted_rows], zeros, zeros), _terms(logs[fitted_rows])
+            )
             floor = _DEEPEST * _terms(logs[many]) @ best.components[0]
             level = np.log(np.maximum(row[many], floor))
-            result[axis, few] = _terms(wanted[few]) @ best.components[0]
+            variances[axis, few] = _terms(log_frequency[few]) @ best.components[0]
             if many.any():
-                result[axis, ~few] = np.exp(np.interp(wanted[~few], logs[many], level))
-        return result
+                variances[axis, ~few] = np.exp(np.interp(log_frequency[~few], logs[many], level))
+        return variances
 
 
 def _terms(log_frequency: Array) -> Array:
@@ -157,20 +159,20 @@ def _terms(log_frequency: Array) -> Array:
     return np.exp(-np.outer(log_frequency, [0.0, 1.0, 2.0]))
 
 
-def _solution(matrix: Callable[[Array], Array], right: Array) -> Array:
+def _solution(matrix: Callable[[Array], Array], target: Array) -> Array:
     """Return x with ``matrix(x) = right``, each row (m,) by conjugate gradients."""
-    x = np.zeros_like(right)
-    rest, way = right.copy(), right.copy()
-    size = np.sum(rest**2, axis=1)
+    x = np.zeros_like(target)
+    residual, direction = target.copy(), target.copy()
+    size = np.sum(residual**2, axis=1)
     enough = _TOLERANCE**2 * size
     for _ in range(_ITERATIONS):
         if np.all(size <= enough):
             break
-        turned = matrix(way)
-        step = size / np.maximum(np.sum(way * turned, axis=1), 1e-300)
-        x += step[:, None] * way
-        rest -= step[:, None] * turned
-        new = np.sum(rest**2, axis=1)
-        way = rest + (new / np.maximum(size, 1e-300))[:, None] * way
-        size = new
+        product = matrix(direction)
+        step = size / np.maximum(np.sum(direction * product, axis=1), 1e-300)
+        x += step[:, None] * direction
+        residual -= step[:, None] * product
+        new_size = np.sum(residual**2, axis=1)
+        direction = residual + (new_size / np.maximum(size, 1e-300))[:, None] * direction
+        size = new_size
     return x

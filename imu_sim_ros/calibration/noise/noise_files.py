@@ -21,7 +21,7 @@ KALIBR_NAMES: Final = tuple(
     f"{triad}_{key}" for triad in TRIADS[::-1] for key in ("noise_density", "random_walk")
 )
 _IMU_UTILS_UNITS: Final = (" rad/s", " m/s^2")
-"""As imu_utils writes them (imu_an.cpp), for _n and _w alike."""
+"""Units as imu_utils writes them (imu_an.cpp), for both _n and _w."""
 _CONTINUOUS_UNITS: Final = (
     " rad/s/sqrt(Hz) / rad/s^2/sqrt(Hz)",
     " m/s^2/sqrt(Hz) / m/s^3/sqrt(Hz)",
@@ -41,18 +41,18 @@ def write_csv(result: AllanResult, path: Path) -> None:
 
 
 def _one_for_three(result: AllanResult, triad: int, key: str) -> tuple[float, bool]:
-    """Return a value for a triad, and whether it is an upper bound.
+    """Return one value for a triad, and whether it is an upper bound.
 
     The root mean square of the axes, for a filter with one value for three; if an axis
     has a bound only, the largest bound, for a density of zero is not allowed there.
     """
-    found = [result.estimate(3 * triad + k, key) for k in range(3)]
-    values = [e.value for e in found if e.value is not None]
+    estimates = [result.estimate(3 * triad + k, key) for k in range(3)]
+    values = [e.value for e in estimates if e.value is not None]
     if len(values) == 3:
         return float(np.sqrt(np.mean(np.square(values)))), False
     if values:
         return float(max(values)), False
-    return float(max(e.high for e in found)), True
+    return float(max(e.high for e in estimates)), True
 
 
 def write_kalibr(result: AllanResult, path: Path, topic: str) -> None:
@@ -143,7 +143,7 @@ def check_complete(result: AllanResult) -> None:
 def simulator_parameters(result: AllanResult) -> dict[str, Value]:
     """Return simulator parameters that reproduce this noise.
 
-    White noise that the resolution hides has its upper bound; other terms not found stay zero.
+    White noise hidden by the resolution has its upper bound; other terms without a value stay zero.
 
     :raises InputError: if an axis is not analysed.
     """
@@ -153,9 +153,11 @@ def simulator_parameters(result: AllanResult) -> dict[str, Value]:
         for key in result.keys:
             if key == "quantisation":
                 continue
-            found = [result.estimate(3 * triad + k, key) for k in range(3)]
+            estimates = [result.estimate(3 * triad + k, key) for k in range(3)]
             hidden = key == WHITE.key
-            entries = [(e.high if hidden else 0.0) if e.value is None else e.value for e in found]
+            entries = [
+                (e.high if hidden else 0.0) if e.value is None else e.value for e in estimates
+            ]
             if key == "rate_ramp":
                 signs = [_sign(result, 3 * triad + k) for k in range(3)]
                 entries = [s * e for s, e in zip(signs, entries, strict=True)]

@@ -23,69 +23,69 @@ from imu_sim_ros.types import Array, Integers
 
 _MAX_SIGNALS: Final = 8
 _MIN_POINTS: Final = 400
-"""Values with which there are coefficients enough for a signal and the noise around it."""
+"""Smallest number of values for the search of signals."""
 _SLOWEST: Final = 0.6
-"""Periods in the record; fewer are a ramp and a constant."""
+"""Fewest periods of a line in the record; fewer are a ramp and a constant."""
 _EVIDENCE: Final = 20.0
 """Log-likelihood that a line or a shift must gain with its parameters, at any of 10^5 frequencies
-or times: noise does in fewer than one record in 10^4."""
+or times: noise gains as much in fewer than one record in 10^4."""
 _TRANSIENT: Final = 10.0
-"""Log-likelihood that a transient must gain: it begins with the record, so that few are tried, and
-few coefficients see it. By chi-square(2) noise does in one record in 10^4, for each of them."""
+"""Log-likelihood that a transient must gain. It begins with the record, so that few are tried, and
+few coefficients contain it: chi-square(2), noise gains as much in one record in 10^4."""
 _DOUBT: Final = (3.5, 1.5)
-"""Log-likelihood from which on a sinusoid is possible, and the increase for each factor e of its
-periods in the record: the more frequencies, the better is the best of noise, and the less do they
-matter to a walk. Noise has such a line in one record in six, most often of a few periods."""
+"""Log-likelihood from which a sinusoid is possible, and its increase per factor e of the periods in
+the record: the more frequencies are tried, the larger is the largest peak of noise, and the less
+a line resembles a walk. Noise has such a line in one record in six."""
 _DOUBTFUL_SHIFT: Final = 8.0
-"""Log-likelihood from which on a shift is possible."""
+"""Log-likelihood from which a shift is possible."""
 _DOUBTFUL_TRANSIENT: Final = 3.0
-"""Log-likelihood from which on a transient is possible."""
-_AS_WELL: Final = 2.0
-"""Log-likelihood by which a transient may be worse than a ramp that it can stand for: half of
+"""Log-likelihood from which a transient is possible."""
+_EQUIVALENT: Final = 2.0
+"""Largest loss of log-likelihood of a transient that can replace a ramp: half of
 chi-square(1, 0.95)."""
 _RAMP: Final = 3.5
-"""Log-likelihood that a ramp is worth where it is compared with a transient."""
+"""Log-likelihood that a ramp must gain over a transient."""
 _WARM_UP: Final = (20.0, 7200.0)
 """Shortest and longest time constant of a warm-up [s]."""
 _SINGLE: Final = 192
-"""Coefficients that are looked at one by one, and that are searched for slow signals exactly."""
+"""Number of coefficients that are used one by one, and searched exactly for slow signals."""
 _WIDTH: Final = 0.05
-"""Relative width of the rows in which the others are averaged."""
-_APART: Final = 1.0
-"""Periods in the record by which two lines differ; nearer ones cannot be told from one that is no
-sinusoid."""
+"""Relative width of the rows in which the other coefficients are averaged."""
+_MIN_DISTANCE: Final = 1.0
+"""Smallest difference of two lines, in periods in the record; closer lines look like one that is
+not a sinusoid."""
 _SPACING: Final = 0.125
-"""Periods in the record between the frequencies that are tried."""
+"""Step of the frequencies that are tried, in periods in the record."""
 _TIMES: Final = 1.25
-"""Ratio of the time constants that are tried."""
+"""Ratio of consecutive time constants that are tried."""
 _TIME_STEP: Final = 0.3
 """Largest change of a time constant's logarithm in one iteration."""
 _MARGIN: Final = 8
-"""Values on each side of a shift; fewer are single values."""
+"""Smallest number of values on each side of a shift."""
 _ALTERNATIONS: Final = 12
-"""At most, of fits of the signals and of the noise; each leaves a few percent of the difference."""
+"""Largest number of alternating fits of the signals and of the noise."""
 _TOLERANCE: Final = 0.02
-"""Log-likelihood whose gain is not worth another."""
-_OFF: Final = 1e-4
-"""Change of a parameter over which a signal is differentiated."""
+"""Gain of the log-likelihood below which the alternation stops."""
+_DIFFERENCE: Final = 1e-4
+"""Change of a parameter for numerical derivatives of a signal."""
 
 _PEAK: Final = 14.0
-"""Power over its surroundings that makes a candidate of a faster line: noise has one in 300 long
+"""Power over its surroundings of a candidate for a faster line: noise has one in 300 long
 records."""
 _STEP: Final = 1.05
-"""Ratio of the frequencies at which the surroundings are looked at."""
-_AROUND: Final = 1.5
-"""Ratio of frequencies that are surroundings, with four more on each side."""
+"""Ratio of the frequencies at which the surroundings are computed."""
+_SURROUNDINGS: Final = 1.5
+"""Ratio of frequencies of the surroundings, with four more on each side."""
 
 _PROCESS: Final = 6.0
 """Log-likelihood that a Gauss-Markov process must gain next to white noise, flicker and a walk."""
 _PROCESS_TIMES: Final = 2.0
-"""Ratio of the correlation times that are tried."""
+"""Ratio of consecutive correlation times that are tried."""
 _ALL: Final = slice(None)
 _LEAST: Final = 1e-100
-"""Least variance: products of two weights, its inverses, must be numbers."""
+"""Smallest variance, so that products of two inverse variances are finite."""
 _DETERMINED: Final = 0.75
-"""Largest share of a coefficient that is restored after signals took it."""
+"""Largest leverage of signals on a coefficient that is corrected."""
 
 
 class Line(NamedTuple):
@@ -93,7 +93,7 @@ class Line(NamedTuple):
 
     axis: int
     frequency: float
-    """Cycles per value."""
+    """Frequency [cycles per value]."""
     amplitude: float
 
 
@@ -102,16 +102,16 @@ class LevelShift(NamedTuple):
 
     axis: int
     position: float
-    """Values before it."""
+    """Number of values before the shift."""
     size: float
 
 
 class Transient(NamedTuple):
-    """An exponential decay on one axis from the begin of the values."""
+    """An exponential decay on one axis, from the first value."""
 
     axis: int
     time_constant: float
-    """Values."""
+    """Time constant [values]."""
     size: float
 
 
@@ -123,8 +123,8 @@ class Cleaned(NamedTuple):
 
     values: Array
     inflation: Array
-    """(axes, m) factor of the cosine transform's coefficients from the second on, which restores
-    the variance that fitted shifts and transients took."""
+    """(axes, m) factors of the cosine transform's coefficients from the second on, which restore
+    the variance that the fit of shifts and transients removed."""
 
 
 class SlowSignals(NamedTuple):
@@ -132,7 +132,7 @@ class SlowSignals(NamedTuple):
 
     certain: list[Signal]
     doubtful: list[Signal]
-    """Signals that may be there or not."""
+    """Signals that may exist or not."""
     without_certain: Cleaned
     without_doubtful: Cleaned
     """Values without certain and doubtful signals."""
@@ -153,24 +153,24 @@ def find_signals(values: Array, highest: float, interval: float = 1.0) -> SlowSi
     for axis, column in enumerate(values):
         if search is None or not (column != column[0]).any():
             continue
-        found = search.signals(column - column.mean())
-        if not found.components:
+        detection = search.signals(column - column.mean())
+        if not detection.components:
             continue
         if cleaned.values is values:
             cleaned = Cleaned(values.copy(), unit.copy())
             smoother = Cleaned(values.copy(), unit.copy())
-        for component, is_certain in zip(found.components, found.certain, strict=True):
+        for component, is_certain in zip(detection.components, detection.certain, strict=True):
             curve = component.kind.values(component)
             smoother.values[axis] -= curve
             if is_certain:
                 cleaned.values[axis] -= curve
             (certain if is_certain else doubtful).append(component.kind.signal(axis, component))
-        cleaned.inflation[axis], smoother.inflation[axis] = found.inflation
+        cleaned.inflation[axis], smoother.inflation[axis] = detection.inflation
     return SlowSignals(certain, doubtful, cleaned, smoother if doubtful else cleaned)
 
 
 class _Component(NamedTuple):
-    """A signal of some kind with its parameters, of which one enters nonlinearly."""
+    """A signal of some kind, with its parameters; one of them enters nonlinearly."""
 
     kind: "_Kind"
     parameter: float
@@ -191,7 +191,7 @@ class _Kind(Protocol):
     """Log-likelihood with which a signal is certain."""
 
     def limits(self, parameter: float) -> tuple[float, float]:
-        """Return between which values a parameter may move."""
+        """Return the limits of a parameter during the fit."""
 
     def doubt(self, parameter: float) -> float:
         """Return the log-likelihood that makes a signal possible."""
@@ -200,7 +200,7 @@ class _Kind(Protocol):
         """Return (n,) the values of a signal."""
 
     def signal(self, axis: int, component: _Component) -> Signal:
-        """Return a signal as it is reported."""
+        """Return a signal in its public form."""
 
 
 class _LineKind:
@@ -227,12 +227,14 @@ class _LineKind:
         # sum_j exp(2 i half (j + 1/2)) for j from 0 to n - 1
         flat = np.abs(half) < 1e-12
         kernel = np.where(flat, self._n, np.sin(self._n * half) / np.sin(np.where(flat, 1.0, half)))
-        above, below = kernel * np.exp(1j * self._n * half)
-        return np.asarray((above + below) / np.sqrt(2.0 * self._n))
+        upper, lower = kernel * np.exp(1j * self._n * half)
+        return np.asarray((upper + lower) / np.sqrt(2.0 * self._n))
 
     def limits(self, parameter: float) -> tuple[float, float]:
         """Return half a period in the record on each side."""
-        return max(parameter - 0.5 * _APART, _SLOWEST), max(parameter + 0.5 * _APART, _SLOWEST)
+        return max(parameter - 0.5 * _MIN_DISTANCE, _SLOWEST), max(
+            parameter + 0.5 * _MIN_DISTANCE, _SLOWEST
+        )
 
     def doubt(self, parameter: float) -> float:
         """Return the log-likelihood that makes a line of so many periods possible."""
@@ -326,18 +328,18 @@ class _TransientKind:
 
 
 class _Fit(NamedTuple):
-    """Ramp, signals and noise that fit together."""
+    """Ramp, signals and noise fitted together."""
 
     objective: float
     """Minus the log-likelihood."""
     rows: Array
     """Expected rows."""
     variance: Array
-    """(m,) of each coefficient."""
+    """(m,) variance of each coefficient."""
     components: tuple[_Component, ...]
     ramp: bool
     """True if a ramp was fitted with the signals."""
-    left: Array
+    remainder: Array
     """(m,) the coefficients without ramp and signals."""
 
 
@@ -351,7 +353,7 @@ class _Signals(NamedTuple):
 
 
 class _Search:
-    """The search in records of n values, with what is the same for all axes."""
+    """Search in records of n values, with the quantities common to all axes."""
 
     def __init__(self, n: int, highest: float, interval: float) -> None:
         """Set up.
@@ -365,7 +367,7 @@ class _Search:
         self._n, self._last = n, highest * n  # periods
         self._order = np.arange(1, min(int(2.0 * self._last) + 2, n))
         self.count = len(self._order)
-        """Coefficients that are compared."""
+        """Number of coefficients that are compared."""
         self._ramp = self._transform(np.arange(n) / n)[self._order]
         single = min(_SINGLE, self.count)
         bins = single * np.exp(_WIDTH * np.arange(np.log(self.count / single) / _WIDTH))
@@ -400,7 +402,7 @@ class _Search:
         self._products = np.concatenate([c * c, s * s, c * s], axis=1)
 
     def signals(self, x: Array) -> _Signals:
-        """Return the signals that may be in x (n,)."""
+        """Return the signals of x (n,), certain and doubtful."""
         y = self._transform(x)[self._order]
         self._design = self._standard
         best = self._with_process(y, self._fit(y, (), self._noise(y)))
@@ -408,23 +410,23 @@ class _Search:
             lead, choice = 0.0, None
             for component in self._candidates(x, y, best):
                 ramp = best.ramp and component.kind is not self._transient
-                found = self._fit(y, (*best.components, component), best, ramp=ramp)
-                price = component.kind.doubt(found.components[-1].parameter)
-                if best.objective - found.objective - price > lead:
-                    lead, choice = best.objective - found.objective - price, found
+                fitted = self._fit(y, (*best.components, component), best, ramp=ramp)
+                price = component.kind.doubt(fitted.components[-1].parameter)
+                if best.objective - fitted.objective - price > lead:
+                    lead, choice = best.objective - fitted.objective - price, fitted
             if choice is None:
                 break
-            best = self._with_process(y, self._relocated(y, choice))
-        components, certain = self._judged(y, best)
+            best = self._with_process(y, self._relocate_shift(y, choice))
+        components, certain = self._classify(y, best)
         everything = self._inflation(components, best)
         only = [c for c, is_certain in zip(components, certain, strict=True) if is_certain]
         return _Signals(components, certain, (self._inflation(only, best), everything))
 
-    def _judged(self, y: Array, best: _Fit) -> tuple[list[_Component], list[bool]]:
+    def _classify(self, y: Array, best: _Fit) -> tuple[list[_Component], list[bool]]:
         """Return the signals of a fit to coefficients y that are possible, and the certain ones."""
         gains = self._gains(y, best)
         evidence = np.array([c.kind.evidence for c in best.components])
-        # Several signals that take the place of a walk gain much next to each other, little alone.
+        # Signals that together replace a walk gain much jointly, but little one by one.
         evident = gains > evidence
         while evident.any():
             chosen = [
@@ -451,16 +453,17 @@ class _Search:
     ) -> list[_Component]:
         """Return the doubtful signals, with or without a transient in place of a ramp.
 
-        A transient that explains the record as well as a ramp does is possible. If it does so as
-        well as the doubtful signals do, too, it stands for them.
+        A transient that explains the record as well as a ramp does is possible. If it also explains
+        it as
+        well as the doubtful signals do, it replaces them.
 
         :param sure: signals that are certain.
-        :param maybe: signals that may be there.
+        :param maybe: signals that may exist.
         """
         with_ramp = self._fit(y, sure, best)
         decay = self._best_transient(y, with_ramp)
         with_decay = self._fit(y, (*sure, decay), best, ramp=False)
-        if with_decay.objective > with_ramp.objective + _AS_WELL:
+        if with_decay.objective > with_ramp.objective + _EQUIVALENT:
             return maybe
         without = self._fit(y, sure, best, ramp=False)
         if without.objective - with_decay.objective < _DOUBTFUL_TRANSIENT:
@@ -472,7 +475,7 @@ class _Search:
         return list(together.components[len(sure) :])
 
     def _candidates(self, x: Array, y: Array, best: _Fit) -> Iterator[_Component]:
-        """Yield the signals of each kind that explain most of what is left of coefficients y."""
+        """Yield the signals of each kind that explain most of the remainder of coefficients y."""
         for periods in {*self._slow_candidates(best), *self._fast_candidates(x, best)}:
             yield _Component(self._line, periods, np.zeros(2))
         position, gain = self._best_shift(best)
@@ -488,14 +491,14 @@ class _Search:
         """
         objectives = []
         for k, component in enumerate(best.components):
-            others = (*best.components[:k], *best.components[k + 1 :])
+            remaining = (*best.components[:k], *best.components[k + 1 :])
             ramp = best.ramp or component.kind is self._transient
-            objectives.append(self._fit(y, others, best, ramp=ramp).objective)
+            objectives.append(self._fit(y, remaining, best, ramp=ramp).objective)
         return np.array(objectives) - best.objective
 
     def _with_process(self, y: Array, best: _Fit) -> _Fit:
-        """Return a fit with the Gauss-Markov process that what is left asks for, if any."""
-        data, level = self._rows(best.left), np.zeros(1)
+        """Return a fit with the Gauss-Markov process that the remainder requires, if any."""
+        data, level = self._rows(best.remainder), np.zeros(1)
         self._design, lowest, guess = self._standard, np.inf, best.rows[None]
         base = float(
             fit_many(data, self._standard, _free(3), slope=level, guess=guess).objective[0]
@@ -503,32 +506,32 @@ class _Search:
         choice = self._standard
         for process in self._processes.T:
             design = np.column_stack([self._standard, process])
-            found = fit_many(data, design, _free(4), slope=level, guess=guess)
-            if found.objective[0] < lowest:
-                lowest, choice = float(found.objective[0]), design
+            fits = fit_many(data, design, _free(4), slope=level, guess=guess)
+            if fits.objective[0] < lowest:
+                lowest, choice = float(fits.objective[0]), design
         if base - lowest < _PROCESS:
             choice = self._standard
         self._design = choice
         return self._fit(y, best.components, best, ramp=best.ramp)
 
-    def _rows(self, left: Array) -> Data:
+    def _rows(self, remainder: Array) -> Data:
         """Return the mean squares of coefficients (m,)."""
-        power = np.add.reduceat(left**2, self._starts) / self._sizes
+        power = np.add.reduceat(remainder**2, self._starts) / self._sizes
         zeros = np.zeros(len(power))
         return Data(power, self._sizes.astype(np.float64), zeros, zeros)
 
-    def _noise(self, left: Array, guess: Array | None = None) -> _Fit:
-        """Return the noise of coefficients (m,) in which nothing else is.
+    def _noise(self, remainder: Array, guess: Array | None = None) -> _Fit:
+        """Return the noise of coefficients (m,) without signals.
 
         :param guess: expected rows; None: a smooth spectrum.
         """
-        data = self._rows(left)
+        data = self._rows(remainder)
         start = data.first_guesses[0] if guess is None else guess
         free = _free(self._design.shape[1])
-        found = fit_many(data, self._design, free, slope=np.zeros(1), guess=start[None])
-        rows = found.expected[0]
+        fits = fit_many(data, self._design, free, slope=np.zeros(1), guess=start[None])
+        rows = fits.expected[0]
         variance = np.repeat(rows, self._sizes)
-        return _Fit(float(found.objective[0]), rows, variance, (), False, left)
+        return _Fit(float(fits.objective[0]), rows, variance, (), False, remainder)
 
     def _fit(
         self, y: Array, components: Sequence[_Component], start: _Fit, *, ramp: bool = True
@@ -537,7 +540,7 @@ class _Search:
 
         The parameters follow by Gauss's and Newton's steps, each within its limits.
 
-        :param start: its noise is that of the coefficients at first.
+        :param start: fit with the noise to start from.
         :param ramp: fit a ramp, too.
         """
         limits = [c.kind.limits(c.parameter) for c in components]
@@ -546,27 +549,27 @@ class _Search:
             root = np.sqrt(best.variance)
             parameters = [c.parameter for c in best.components]
             if turn and any(c.kind.step for c in components):
-                # By how much the parameters are off, to first order.
+                # First-order corrections of the parameters.
                 columns = self._tangent(best.components, ramp, _ALL) / root[:, None]
-                steps = list(_solved(columns, best.left / root)[::-1])
+                steps = list(_least_squares(columns, best.remainder / root)[::-1])
                 for k in reversed(range(len(components))):
                     if largest := components[k].kind.step:
                         size = float(np.clip(steps.pop(0), -largest, largest))
                         parameters[k] = float(np.clip(parameters[k] + size, *limits[k]))
-            # Ramp and signals by least squares, and the noise of what they leave.
+            # Ramp and signals by least squares, and the noise of the remainder.
             parts = [c.kind.columns(p) for c, p in zip(components, parameters, strict=True)]
             base = [self._ramp[:, None]] if ramp else []
             if not parts and not base:
                 return self._noise(y, best.rows)
             columns = np.concatenate([*base, *parts], axis=1)
-            sizes = _solved(columns / root[:, None], y / root)
+            sizes = _least_squares(columns / root[:, None], y / root)
             noise = self._noise(y - columns @ sizes, best.rows)
             gain = lowest - noise.objective
             if gain > 0.0:
                 splits = np.cumsum([len(base), *(part.shape[1] for part in parts)])
                 factors = np.split(sizes, splits)[1:-1]
-                found = zip(components, parameters, factors, strict=True)
-                fitted = tuple(_Component(c.kind, p, size) for c, p, size in found)
+                fitted_parts = zip(components, parameters, factors, strict=True)
+                fitted = tuple(_Component(c.kind, p, size) for c, p, size in fitted_parts)
                 best = noise._replace(components=fitted, ramp=ramp)
                 lowest = best.objective
             if gain < _TOLERANCE:
@@ -578,52 +581,54 @@ class _Search:
         base = [self._ramp[rows, None]] if ramp else []
         parts = [c.kind.columns(c.parameter, rows) for c in components]
         slopes = [
-            (c.kind.columns(c.parameter + _OFF, rows) - part) @ c.sizes[:, None] / _OFF
+            (c.kind.columns(c.parameter + _DIFFERENCE, rows) - part)
+            @ c.sizes[:, None]
+            / _DIFFERENCE
             for c, part in zip(components, parts, strict=True)
             if c.kind.step
         ]
         empty = np.empty((len(self._order[rows]), 0))
         return np.concatenate([empty, *base, *parts, *slopes], axis=1)
 
-    def _known(self, best: _Fit, rows: slice, weight: Array) -> tuple[Array, Array]:
-        """Return an orthonormal base (m, p) of what is fitted, and what it leaves, both weighted.
+    def _fitted_base(self, best: _Fit, rows: slice, weight: Array) -> tuple[Array, Array]:
+        """Return an orthonormal base (m, p) of the fitted model, and the remainder, both weighted.
 
         :param weight: (m,) inverse variance of each coefficient.
         """
         root = np.sqrt(weight)
         base = self._tangent(best.components, best.ramp, rows) * root[:, None]
         q = np.linalg.qr(base)[0]
-        y = best.left[rows] * root
+        y = best.remainder[rows] * root
         return q, y - q @ (q.T @ y)
 
     def _slow_candidates(self, best: _Fit) -> list[float]:
-        """Return the frequencies that fit best to the noise, and to a smooth spectrum."""
+        """Return the best frequencies with the fitted noise, and with a smooth spectrum."""
         rows, price = self._single, _line_doubt(self._tried)
-        smooth = np.repeat(self._rows(best.left).first_guesses[0], self._sizes)
+        smooth = np.repeat(self._rows(best.remainder).first_guesses[0], self._sizes)
         periods = np.array([c.parameter for c in best.components if c.kind is self._line])
-        result = []
+        frequencies = []
         for variance in (best.variance, np.maximum(smooth, _LEAST)):
             weight = 1.0 / variance[rows]
             root = np.sqrt(weight)
-            q, rest = self._known(best, rows, weight)
-            gain = 0.5 * self._explained(weight, q * root[:, None], rest * root)
-            gain[(np.abs(self._tried[:, None] - periods) < _APART).any(axis=1)] = 0.0
+            q, residual = self._fitted_base(best, rows, weight)
+            gain = 0.5 * self._explained(weight, q * root[:, None], residual * root)
+            gain[(np.abs(self._tried[:, None] - periods) < _MIN_DISTANCE).any(axis=1)] = 0.0
             k = int(np.argmax(gain - price))
-            if gain[k] > 0.5 * price[k]:  # more of it is found with the noise that fits to it
-                result.append(float(self._tried[k]))
-        return result
+            if gain[k] > 0.5 * price[k]:  # the gain grows once the noise is fitted with the line
+                frequencies.append(float(self._tried[k]))
+        return frequencies
 
-    def _explained(self, weight: Array, known: Array, rest: Array) -> Array:
-        """Return how much of a rest's square each line that is tried explains (f,), next to others.
+    def _explained(self, weight: Array, base: Array, residual: Array) -> Array:
+        """Return the squares (f,) of a residual that each line on the grid explains beside others.
 
-        :param weight: (m,) of each coefficient's square.
-        :param known: (m, p) times the roots of the weights: an orthonormal base of what is known.
-        :param rest: (m,) times the weights: what that leaves of the coefficients.
+        :param weight: (m,) weights of the squared coefficients.
+        :param base: (m, p) orthonormal base of the fitted model, times the roots of the weights.
+        :param residual: (m,) remainder of the coefficients, times the weights.
         """
-        c, s = np.split(known.T @ self._columns, 2, axis=1)
-        taken = np.concatenate([c * c, s * s, c * s], axis=1).sum(axis=0)
-        cc, ss, cs = np.split(weight @ self._products - taken, 3)
-        yc, ys = np.split(rest @ self._columns, 2)
+        c, s = np.split(base.T @ self._columns, 2, axis=1)
+        explained_by_base = np.concatenate([c * c, s * s, c * s], axis=1).sum(axis=0)
+        cc, ss, cs = np.split(weight @ self._products - explained_by_base, 3)
+        yc, ys = np.split(residual @ self._columns, 2)
         determinant = cc * ss - cs * cs
         sound = determinant > 1e-9 * cc * ss
         safe = np.where(sound, determinant, 1.0)
@@ -631,23 +636,23 @@ class _Search:
 
     def _fast_candidates(self, x: Array, best: _Fit) -> list[float]:
         """Return the highest peak of x over its surroundings among the averaged coefficients."""
-        slowest, last = int(0.45 * _SINGLE), int(self._last) + 1
-        if last <= slowest + 1:
+        slowest, end = int(0.45 * _SINGLE), int(self._last) + 1
+        if end <= slowest + 1:
             return []
-        rest = x - sum(c.kind.values(c) for c in best.components)
+        residual = x - sum(c.kind.values(c) for c in best.components)
         line = np.linspace(-1.0, 1.0, self._n)
-        level = rest - line * (line @ rest) / (line @ line)
-        power = np.abs(np.fft.rfft(np.hanning(self._n) * level))[:last] ** 2
-        count = int(np.log(last / slowest) / np.log(_STEP)) + 2
+        level = residual - line * (line @ residual) / (line @ line)
+        power = np.abs(np.fft.rfft(np.hanning(self._n) * level))[:end] ** 2
+        count = int(np.log(end / slowest) / np.log(_STEP)) + 2
         centres = np.unique((slowest * _STEP ** np.arange(count)).astype(np.int64))
         # The median of exponentially distributed powers is ln 2 of their mean.
-        usual = [
-            np.median(power[int(k / _AROUND) - 4 : int(k * _AROUND) + 5]) / np.log(2.0)
-            for k in centres[centres < last]
+        medians = [
+            np.median(power[int(k / _SURROUNDINGS) - 4 : int(k * _SURROUNDINGS) + 5]) / np.log(2.0)
+            for k in centres[centres < end]
         ]
-        orders = np.arange(slowest, last)
-        levels = np.log(np.maximum(usual, 1e-300))
-        surroundings = np.exp(np.interp(np.log(orders), np.log(centres[centres < last]), levels))
+        orders = np.arange(slowest, end)
+        levels = np.log(np.maximum(medians, 1e-300))
+        surroundings = np.exp(np.interp(np.log(orders), np.log(centres[centres < end]), levels))
         ratio = power[slowest:] / surroundings
         k = int(np.argmax(ratio))
         return [float(k + slowest)] if ratio[k] > _PEAK else []
@@ -660,9 +665,9 @@ class _Search:
         """
         n, weight = self._n, 1.0 / best.variance
         scaled = np.sqrt(weight) * self._shift.factors
-        q, rest = self._known(best, _ALL, weight)
+        q, residual = self._fitted_base(best, _ALL, weight)
         series = np.zeros((1 + q.shape[1], n - 1))
-        series[:, : self.count] = np.vstack([rest, q.T]) * scaled
+        series[:, : self.count] = np.vstack([residual, q.T]) * scaled
         products = 0.5 * self._sine_transform(series, axis=1)
         squares = np.zeros(n)
         squares[1 : 1 + self.count] = scaled**2
@@ -673,41 +678,43 @@ class _Search:
         sound[: _MARGIN - 1] = sound[len(sound) - _MARGIN + 1 :] = False
         for component in best.components:
             if component.kind is self._shift:
-                near = int(component.parameter) - 1
-                sound[max(near - _MARGIN, 0) : near + _MARGIN + 1] = False
+                centre = int(component.parameter) - 1
+                sound[max(centre - _MARGIN, 0) : centre + _MARGIN + 1] = False
         gain = np.where(sound, 0.5 * products[0] ** 2 / np.where(sound, free, 1.0), 0.0)
         k = int(np.argmax(gain))
         return float(k + 1), float(gain[k])
 
-    def _relocated(self, y: Array, best: _Fit) -> _Fit:
-        """Return a fit whose last signal, if it is a shift, is where the fitted noise puts it."""
-        *others, last = best.components
-        if last.kind is not self._shift:
+    def _relocate_shift(self, y: Array, best: _Fit) -> _Fit:
+        """Return a fit whose last signal, if it is a shift, is at its best position."""
+        *remaining, shift = best.components
+        if shift.kind is not self._shift:
             return best
-        left = best.left + last.kind.columns(last.parameter) @ last.sizes
-        position, _ = self._best_shift(best._replace(components=tuple(others), left=left))
-        if position == last.parameter:
+        remainder = best.remainder + shift.kind.columns(shift.parameter) @ shift.sizes
+        position, _ = self._best_shift(
+            best._replace(components=tuple(remaining), remainder=remainder)
+        )
+        if position == shift.parameter:
             return best
-        moved = (*others, last._replace(parameter=position))
-        found = self._fit(y, moved, best, ramp=best.ramp)
-        return found if found.objective < best.objective else best
+        moved = (*remaining, shift._replace(parameter=position))
+        fitted = self._fit(y, moved, best, ramp=best.ramp)
+        return fitted if fitted.objective < best.objective else best
 
     def _best_transient(self, y: Array, best: _Fit) -> _Component:
         """Return the transient that explains most of coefficients y in place of a ramp."""
         rows, root = self._single, 1.0 / np.sqrt(best.variance[self._single])
-        others = [c for c in best.components if c.kind is not self._transient]
-        left = y - sum(c.kind.columns(c.parameter) @ c.sizes for c in others)
-        q = np.linalg.qr(self._tangent(others, False, rows) * root[:, None])[0]
+        remaining = [c for c in best.components if c.kind is not self._transient]
+        remainder = y - sum(c.kind.columns(c.parameter) @ c.sizes for c in remaining)
+        q = np.linalg.qr(self._tangent(remaining, False, rows) * root[:, None])[0]
         decays = self._decays * root[:, None]
         decays = decays - q @ (q.T @ decays)
-        rest = left[rows] * root
-        rest = rest - q @ (q.T @ rest)
-        explained = (rest @ decays) ** 2 / np.maximum(np.sum(decays**2, axis=0), 1e-300)
+        residual = remainder[rows] * root
+        residual = residual - q @ (q.T @ residual)
+        explained = (residual @ decays) ** 2 / np.maximum(np.sum(decays**2, axis=0), 1e-300)
         parameter = float(self._transient.tried[int(np.argmax(explained))])
         return _Component(self._transient, parameter, np.zeros(1))
 
     def _inflation(self, components: Sequence[_Component], best: _Fit) -> Array:
-        """Return (m,) the factors that restore the variance that shifts and transients took.
+        """Return (m,) the factors that restore the variance that shifts and transients removed.
 
         A coefficient of variance s has ``s (1 - h)`` after a fit, h the leverage of the signals.
         """
@@ -730,7 +737,7 @@ def _line_doubt(periods: Array) -> Array:
     return np.asarray(_DOUBT[0] + _DOUBT[1] * np.log(np.maximum(periods, 1.0)))
 
 
-def _solved(columns: Array, y: Array) -> Array:
+def _least_squares(columns: Array, y: Array) -> Array:
     """Return the least-squares solution with columns of any size."""
     size = np.maximum(np.linalg.norm(columns, axis=0), 1e-300)
     solution: Array = np.linalg.lstsq(columns / size, y, rcond=1e-10)[0]

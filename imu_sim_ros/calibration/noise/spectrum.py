@@ -26,30 +26,30 @@ from imu_sim_ros.calibration.noise.slow_signals import (
 from imu_sim_ros.types import Array, Integers, Mask
 
 CLUSTER: Final = 16
-"""Samples averaged for the low part of the spectrum, which must see the whole record at once."""
+"""Samples averaged for the low part of the spectrum, which covers the whole record at once."""
 _SPLIT: Final = 0.02 / CLUSTER
-"""Cycles per sample; below it the averages are used, above it the samples."""
+"""Frequency below which averages are used, above it samples [cycles per sample]."""
 _SEGMENT: Final = 1 << 17
-"""Samples transformed at once for the high part."""
+"""Number of samples transformed at once for the high part."""
 _SHORTEST: Final = 256
-"""Samples below which a piece or the rest of one is left out."""
+"""Smallest number of samples of a piece or of the rest of one."""
 _SINGLE: Final = 128
-"""Coefficients of each piece that are kept one by one."""
+"""Number of coefficients of each piece that are kept one by one."""
 _WIDTH: Final = 0.02
-"""Relative width of the bins in which the others are averaged."""
+"""Relative width of the bins in which the other coefficients are averaged."""
 _NEAR: Final = 1.5
-"""Half periods in the record by which a coefficient differs from a line that took its power."""
+"""Largest distance of a coefficient from a line that took its power, in half periods."""
 
 
 class Spectrum(NamedTuple):
     """Rows of averaged squared coefficients; densities are two-sided, white noise N gives N^2."""
 
     frequency: Array
-    """(m,) [Hz]."""
+    """(m,) frequency [Hz]."""
     power: Array
     """(m, axes) density [unit^2/Hz]."""
     freedom: Array
-    """(m,) squared coefficients averaged in the row."""
+    """(m,) number of squared coefficients averaged in the row."""
     order: Array
     """(m,) index of a single coefficient, 0 for an average of several."""
     interval: Array
@@ -59,27 +59,27 @@ class Spectrum(NamedTuple):
     amplitude: Array
     """(m, axes) single coefficient with its sign, its square is ``power``; 0 for averages."""
     sample_interval: float
-    """[s]"""
+    """Interval of the samples [s]."""
 
     def rows(self, chosen: Mask) -> "Spectrum":
         """Return some of the rows."""
         return Spectrum._make([*(column[chosen] for column in self[:-1]), self.sample_interval])
 
     def around(self, signals: Iterable[Signal]) -> Mask:
-        """Return the single coefficients (m,) whose power went into lines that were taken out.
+        """Return a mask (m,) of the single coefficients whose power went into removed lines.
 
         A line has three parameters and coefficients at every half period in the record.
         """
-        result = np.zeros(len(self.order), dtype=np.bool_)
+        mask = np.zeros(len(self.order), dtype=np.bool_)
         for line in signals:
             if not isinstance(line, Line):
                 continue
-            apart = self.frequency - line.frequency / self.sample_interval
-            result |= (self.order > 0) & (np.abs(apart) * 2.0 * self.duration < _NEAR)
-        return result
+            distance = self.frequency - line.frequency / self.sample_interval
+            mask |= (self.order > 0) & (np.abs(distance) * 2.0 * self.duration < _NEAR)
+        return mask
 
     def at_rate(self, rate: float) -> "Spectrum":
-        """Return the spectrum of the same samples, taken at another rate [Hz]."""
+        """Return the spectrum of the same samples for another sample rate [Hz]."""
         longer = 1.0 / (rate * self.sample_interval)
         return self._replace(
             frequency=self.frequency / longer,
@@ -96,31 +96,31 @@ class Spectrum(NamedTuple):
         An average of p draws in each n samples has the relative variance
         ``2 / n (1 / (1 - p) + p)``: that of the others, and the draws' own.
         """
-        known = 1.0 / (1.0 / (1.0 - share) + share)
-        return self._replace(freedom=np.where(self.order > 0, 1.0, self.freedom * known))
+        efficiency = 1.0 / (1.0 / (1.0 - share) + share)
+        return self._replace(freedom=np.where(self.order > 0, 1.0, self.freedom * efficiency))
 
 
 class _Bins(NamedTuple):
-    """Where the coefficients of a segment go; the same for all segments of one length."""
+    """Bins of the coefficients of a segment; the same for all segments of one length."""
 
-    first: int
-    last: int
-    """The coefficients from ``first`` to before ``last`` lie in bins."""
+    begin: int
+    end: int
+    """The coefficients from ``begin`` to before ``end`` lie in bins."""
     starts: Integers
-    """First coefficient of each bin that has any, counted from ``first``."""
+    """First coefficient of each bin that has any, counted from ``begin``."""
     used: Integers
-    """These bins."""
+    """Indices of these bins."""
     freedom: Array
-    """Coefficients in every bin."""
+    """Number of coefficients in every bin."""
     log_frequency: Array
-    """Sums of the logarithms of their frequencies [cycles per sample]."""
+    """Sums of the logarithms of the coefficients' frequencies, by bin [cycles per sample]."""
 
 
 class SpectrumAccumulator:
-    """Takes a record block by block, in pieces that are treated as independent."""
+    """Accumulator of a record in blocks, in pieces that are treated as independent."""
 
     def __init__(self, rate: float, axes: int) -> None:
-        from scipy.fft import dct  # only records that are analysed need it
+        from scipy.fft import dct  # imported only when a record is analysed
 
         self._dct = partial(dct, norm="ortho", axis=1, overwrite_x=True)
         self._dt = 1.0 / rate
@@ -149,31 +149,34 @@ class SpectrumAccumulator:
         """Samples before the piece, and in all."""
 
     def add(self, y: Array) -> None:
-        """Take the next readings (n, axes) of the piece."""
-        first = 0
-        while first < len(y):
-            count = min(len(y) - first, _SEGMENT - self._filled)
-            self._segment[:, self._filled : self._filled + count] = y[first : first + count].T
+        """Add the next readings (n, axes) of the piece."""
+        start = 0
+        while start < len(y):
+            count = min(len(y) - start, _SEGMENT - self._filled)
+            self._segment[:, self._filled : self._filled + count] = y[start : start + count].T
             self._filled += count
-            first += count
+            start += count
             if self._filled == _SEGMENT:
                 self._flush()
 
     def end_piece(self) -> None:
-        """Close the piece: what follows is not connected to it."""
+        """Close the piece: the next readings are not connected to it."""
         self._flush()
         if self._clusters:
             values = np.concatenate(self._clusters, axis=1)
-            found = find_signals(values, _SPLIT * CLUSTER, CLUSTER * self._dt)
-            for signals, new in ((self.signals, found.certain), (self.doubtful, found.doubtful)):
-                signals += [_in_samples(signal, self._begin) for signal in new]
-            for signal in found.certain:
+            detected = find_signals(values, _SPLIT * CLUSTER, CLUSTER * self._dt)
+            for signals, signals_of_piece in (
+                (self.signals, detected.certain),
+                (self.doubtful, detected.doubtful),
+            ):
+                signals += [_in_samples(signal, self._begin) for signal in signals_of_piece]
+            for signal in detected.certain:
                 if isinstance(signal, LevelShift):
-                    self._take_out(signal)
-            low = self._low_part(found.without_certain)
+                    self._remove_shift(signal)
+            low = self._low_part(detected.without_certain)
             self._low.append(low)
             self._low_without_doubtful.append(
-                self._low_part(found.without_doubtful) if found.doubtful else low
+                self._low_part(detected.without_doubtful) if detected.doubtful else low
             )
         self._offset, self._clusters = None, []
         self._begin = self._samples
@@ -192,13 +195,13 @@ class SpectrumAccumulator:
         centred = np.subtract(y, self._offset, out=self._workspace[:, :count])
         coefficient = self._dct(centred)
         bins = self._whole if count == _SEGMENT else self._bins(count)
-        squares = self._sums_of_squares(coefficient[:, bins.first : bins.last], bins.starts)
+        squares = self._sums_of_squares(coefficient[:, bins.begin : bins.end], bins.starts)
         self._sums[bins.used] += squares.T
         self._freedom += bins.freedom
         self._log_frequency += bins.log_frequency
 
-    def _take_out(self, shift: LevelShift) -> None:
-        """Take the power of a shift of level [averages] out of the high part of the piece.
+    def _remove_shift(self, shift: LevelShift) -> None:
+        """Remove the power of a shift of level [averages] from the high part of the piece.
 
         The transform of a step at j among n samples is a geometric series:
         ``sin(pi k j / n) / (sqrt(2 n) sin(pi k / 2 n))``.
@@ -208,7 +211,7 @@ class SpectrumAccumulator:
         if count < _SHORTEST:
             return
         bins = self._bins(count)
-        angle = np.pi * np.arange(bins.first, bins.last) / count
+        angle = np.pi * np.arange(bins.begin, bins.end) / count
         step = np.sin(angle * position) / (np.sqrt(2.0 * count) * np.sin(0.5 * angle))
         power = self._sums_of_squares(step[None] * shift.size, bins.starts)[0]
         column = self._sums[bins.used, shift.axis]
@@ -216,25 +219,25 @@ class SpectrumAccumulator:
 
     @staticmethod
     def _sums_of_squares(coefficients: Array, starts: Integers) -> Array:
-        """Return (axes, bins) of coefficients (axes, n), from each start to before the next.
+        """Return sums (axes, bins) of squares of coefficients (axes, n) from each start on.
 
-        :param coefficients: are overwritten.
+        :param coefficients: coefficients, which are overwritten.
         """
         squares = np.square(coefficients, out=coefficients)
         return np.add.reduceat(squares, starts, axis=1)
 
     def _bins(self, count: int) -> _Bins:
-        """Return where the coefficients of so many samples go."""
+        """Return the bins of the coefficients of so many samples."""
         order = np.arange(count)
         bins = np.searchsorted(self._edges, order / (2.0 * count), side="right") - 1
-        inside = np.flatnonzero((bins >= 0) & (bins < len(self._freedom)))
-        first, last = int(inside[0]), int(inside[-1]) + 1
-        bins, size = bins[first:last], len(self._freedom)
+        in_bins = np.flatnonzero((bins >= 0) & (bins < len(self._freedom)))
+        begin, end = int(in_bins[0]), int(in_bins[-1]) + 1
+        bins, size = bins[begin:end], len(self._freedom)
         starts = np.flatnonzero(np.diff(bins, prepend=-1))
-        logs = np.log(order[first:last] / (2.0 * count))
+        logs = np.log(order[begin:end] / (2.0 * count))
         freedom = np.bincount(bins, minlength=size).astype(np.float64)
         log_frequency: Array = np.bincount(bins, weights=logs, minlength=size).astype(np.float64)
-        return _Bins(first, last, starts, bins[starts], freedom, log_frequency)
+        return _Bins(begin, end, starts, bins[starts], freedom, log_frequency)
 
     def _low_part(self, cleaned: Cleaned) -> Spectrum:
         """Return the rows of a piece below the split, from its averages.
@@ -244,12 +247,12 @@ class SpectrumAccumulator:
         clusters, inflation = cleaned
         n = clusters.shape[1]
         interval = CLUSTER * self._dt
-        last = int(np.ceil(2.0 * n * _SPLIT * CLUSTER))  # the first coefficient at the split
+        end = int(np.ceil(2.0 * n * _SPLIT * CLUSTER))  # the first coefficient at the split
         centred = clusters - clusters.mean(axis=1, keepdims=True)
-        amplitude = self._dct(centred)[:, 1:last].T * np.sqrt(interval)
+        amplitude = self._dct(centred)[:, 1:end].T * np.sqrt(interval)
         shared = min(len(amplitude), inflation.shape[1])
         amplitude[:shared] *= inflation[:, :shared].T
-        order = np.arange(1, last)
+        order = np.arange(1, end)
         edges = np.arange(min(_SINGLE, len(order)))
         if len(order) > _SINGLE:
             count = int(np.ceil(np.log(len(order) / _SINGLE) / _WIDTH)) + 1
@@ -258,22 +261,22 @@ class SpectrumAccumulator:
         freedom = np.diff(np.append(edges, len(order))).astype(np.float64)
         power = self._sums_of_squares(amplitude.T.copy(), edges).T / freedom[:, None]
         mean_order = np.exp(np.add.reduceat(np.log(order), edges) / freedom)
-        alone = freedom == 1
+        single = freedom == 1
         return Spectrum(
             mean_order / (2.0 * n * interval),
             power,
             freedom,
-            np.where(alone, mean_order.round(), 0.0),
+            np.where(single, mean_order.round(), 0.0),
             np.full(len(edges), interval),
             np.full(len(edges), n * interval),
-            np.where(alone[:, None], amplitude[edges], 0.0),
+            np.where(single[:, None], amplitude[edges], 0.0),
             self._dt,
         )
 
     def result(self, *, doubtful: bool = True) -> Spectrum:
         """Return the rows of all pieces, low frequencies first.
 
-        :param doubtful: include the lines that may be there or not.
+        :param doubtful: include the lines that may exist or not.
         """
         used = self._freedom > 0
         freedom = self._freedom[used]

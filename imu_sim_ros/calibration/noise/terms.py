@@ -18,14 +18,14 @@ _MILLI_G: Final = 1e3 / STANDARD_GRAVITY
 
 
 class QuantityFormat(NamedTuple):
-    """How one parameter of one triad is shown."""
+    """Presentation of one parameter of one triad."""
 
     symbol: str
     text: str
     unit: str
     field_unit: str
     field_factor: float
-    """Value in ``field_unit`` of 1 in ``unit``."""
+    """Value in ``field_unit`` of 1 ``unit``."""
 
 
 _TEXTS: Final = {
@@ -57,7 +57,7 @@ QUANTITIES: Final = {
     (triad, key): QuantityFormat(*_TEXTS[key], unit, field_unit, float(factor))
     for (triad, key), (unit, field_unit, factor) in _UNITS.items()
 }
-"""How a parameter of ``gyroscope`` or ``accelerometer`` is shown."""
+"""Presentation of the parameters of ``gyroscope`` and ``accelerometer``."""
 
 
 FLICKER_FLOOR: Final = float(np.sqrt(2.0 * np.log(2.0) / np.pi))
@@ -147,7 +147,7 @@ FLICKER: Final = Term("bias_instability", _flicker, lambda tau: np.full(len(tau)
 WALK: Final = Term("random_walk", _walk, lambda tau: np.sqrt(tau / 3.0))
 QUANTISATION: Final = Term("quantisation", _quantisation, lambda tau: np.sqrt(3.0) / tau)
 TERMS: Final = (QUANTISATION, WHITE, FLICKER, WALK)
-"""The terms that are random, by growing cluster time; the ramp is a trend and handled as one."""
+"""The random terms, by increasing cluster time; the ramp is a trend and treated separately."""
 
 
 def ramp_amplitude(spectrum: Spectrum) -> Array:

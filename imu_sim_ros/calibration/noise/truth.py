@@ -28,7 +28,7 @@ class ParameterComparison(NamedTuple):
     covered: bool
 
     def to_dict(self) -> dict[str, object]:
-        """Return it in plain types, as ``--json`` prints it."""
+        """Return the comparison in plain types, for ``--json``."""
         return {
             "triad": TRIADS[self.axis // 3],
             "axis": AXES[self.axis % 3],
@@ -43,7 +43,7 @@ def load_truth(path: str) -> ImuParameters:
 
     :raises ConfigurationError: for a file that cannot be read or does not fit.
     """
-    from imu_sim_ros.simulation.parameters import load_simulation  # most analyses know no truth
+    from imu_sim_ros.simulation.parameters import load_simulation  # only analyses with a truth
 
     return load_simulation({"imu.preset": str(files.find("imus", path, "--truth"))}).imu
 
@@ -51,14 +51,14 @@ def load_truth(path: str) -> ImuParameters:
 def true_noise(imu: ImuParameters, rate: float) -> dict[str, Array]:
     """Return the true values by key, each (6,).
 
-    The rounding of the readings to their resolution is white noise of its own: with steps of LSB
+    The rounding of the readings to their resolution adds white noise: with steps of LSB
     the samples' variance grows by LSB^2 / 12. Increments in steps are quantisation noise with
     ``Q = step / sqrt(12)`` (IEEE Std 952-1997, C.1.5).
 
-    :param rate: samples per second [Hz].
+    :param rate: sample rate [Hz].
     """
     triads = [_true_noise(imu.triad(name), rate) for name in TRIADS]
-    return {key: np.concatenate([each[key] for each in triads]) for key in triads[0]}
+    return {key: np.concatenate([values[key] for values in triads]) for key in triads[0]}
 
 
 def _true_noise(triad: TriadParameters, rate: float) -> dict[str, Array]:
@@ -74,21 +74,22 @@ def _true_noise(triad: TriadParameters, rate: float) -> dict[str, Array]:
 
 
 def compare(result: AllanResult, imu: ImuParameters) -> list[ParameterComparison]:
-    """Return whether each parameter of both the model and the sensor is covered.
+    """Return the comparison of the parameters that both the model and the sensor have.
 
     Quantisation is compared if the sensor has increments in steps. A Gauss-Markov process is not
-    in the standard model, where it looks like flicker and walk; of such a sensor that model is held
-    against the white noise only.
+    in the standard model, where it looks like flicker and walk; of such a sensor, the standard
+    model
+    is compared in the white noise alone.
     """
     truth = true_noise(imu, result.timing.rate)
     comparisons = []
     for axis in (k for k in range(6) if result.noise[k] is not None):
-        stranger = SIGMA not in result.keys and truth[SIGMA][axis] > 0.0
-        for key in ("noise_density",) if stranger else result.keys:
+        lacks_process = SIGMA not in result.keys and truth[SIGMA][axis] > 0.0
+        for key in ("noise_density",) if lacks_process else result.keys:
             absent = key == QUANTISATION.key and truth[key][axis] == 0.0
             if key in truth and not absent:
-                found, value = result.estimate(axis, key), float(truth[key][axis])
+                estimate, value = result.estimate(axis, key), float(truth[key][axis])
                 comparisons.append(
-                    ParameterComparison(axis, key, value, found, found.covers(value))
+                    ParameterComparison(axis, key, value, estimate, estimate.covers(value))
                 )
     return comparisons

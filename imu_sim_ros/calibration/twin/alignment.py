@@ -1,7 +1,7 @@
 # Copyright 2026 imu_sim_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""A truth's clock and mount against the readings': offset, skew, wander, lever arm."""
+"""Clock and mount of a truth against the readings: offset, skew, wander, lever arm."""
 
 from typing import Final
 
@@ -12,15 +12,15 @@ from imu_sim_ros.conventions import AXES, TRIADS
 from imu_sim_ros.types import Array
 
 _GRID: Final = 0.005
-"""[s] between the times that are correlated."""
+"""Step of the times that are correlated [s]."""
 _MIN_POSES: Final = 200
-"""Times below which there is nothing to correlate."""
+"""Smallest number of times to correlate."""
 _TURNING: Final = 1e-3
-"""[rad/s] deviation of the rate below which a motion says nothing about the clock."""
-_SHOWN: Final = 0.01
-"""Share of a motion about its weakest axis with which that axis is judged."""
-_APART: Final = 30.0
-"""[deg] between the axes of two triads of one sensor that no misalignment explains."""
+"""Deviation of the rate below which a motion does not determine the clock [rad/s]."""
+_WEAKEST_SHARE: Final = 0.01
+"""Smallest share of a motion about its weakest axis with which that axis is judged."""
+_MAX_MISALIGNMENT: Final = 30.0
+"""Largest angle between the axes of two triads that a misalignment explains [deg]."""
 
 
 def coarse_offset(
@@ -31,10 +31,10 @@ def coarse_offset(
     The norm does not depend on the mounting. The offset with the largest correlation coefficient
     over the common part, on a grid of 5 ms.
 
-    :param stamps: (n,) [s] after the truth's first pose.
+    :param stamps: (n,) stamps after the truth's first pose [s].
     :param gyro: (n, 3) [rad/s].
     :param duration: duration of the truth [s].
-    :param largest: offset that is looked for, either way [s].
+    :param largest: largest offset that is tried, either way [s].
     """
     times = np.arange(0.0, duration, _GRID)
     if len(times) < _MIN_POSES:
@@ -42,24 +42,24 @@ def coarse_offset(
     true = np.linalg.norm(motion_at(times).rate, axis=1)
     if true.std() < _TURNING:
         return 0.0
-    read = np.linalg.norm(gyro - np.median(gyro, axis=0), axis=1)
-    read = _smoothed(read, stamps)
-    best, found = -np.inf, 0.0
+    measured = np.linalg.norm(gyro - np.median(gyro, axis=0), axis=1)
+    measured = _smoothed(measured, stamps)
+    best, offset = -np.inf, 0.0
     for shift in np.arange(-round(largest / _GRID), round(largest / _GRID) + 1) * _GRID:
-        at = times - shift
-        inside = (at >= stamps[0]) & (at <= stamps[-1])
-        if np.count_nonzero(inside) < _MIN_POSES:
+        stamps_of_times = times - shift
+        common = (stamps_of_times >= stamps[0]) & (stamps_of_times <= stamps[-1])
+        if np.count_nonzero(common) < _MIN_POSES:
             continue
-        a, b = np.interp(at[inside], stamps, read), true[inside]
+        a, b = np.interp(stamps_of_times[common], stamps, measured), true[common]
         spread = a.std() * b.std()
         value = float(np.mean((a - a.mean()) * (b - b.mean())) / spread) if spread else -1.0
         if value > best:
-            best, found = value, float(shift)
-    return found
+            best, offset = value, float(shift)
+    return offset
 
 
 def _smoothed(values: Array, stamps: Array) -> Array:
-    """Return the mean over 50 ms: vibration would hide the motion."""
+    """Return the mean over 50 ms, which removes vibration."""
     count = max(round(0.05 / float(np.median(np.diff(stamps)))), 1)
     kernel = np.ones(count) / count
     return np.convolve(np.pad(values, count // 2, mode="edge"), kernel, mode="valid")[: len(values)]
@@ -79,17 +79,17 @@ def mounting(gyro: Array, accel: Array, motion: BodyMotion) -> Array:
     return u @ np.diag([1.0, 1.0, sign]) @ vt
 
 
-def _product(read: Array, true: Array) -> Array:
+def _product(measured: Array, true: Array) -> Array:
     """Return (3, 3) the sum of products of readings and truth (n, 3), over the truth's size."""
     size = float(np.sum(true**2))
-    return read.T @ true / size if size > 0.0 else np.zeros((3, 3))
+    return measured.T @ true / size if size > 0.0 else np.zeros((3, 3))
 
 
 def axis_problems(gyro: Array, accel: Array, motion: BodyMotion) -> list[str]:
     """Return a line for each triad whose axes no rotation takes to the truth's.
 
-    A mirrored triad has a negative determinant; two triads with different rotations have axes of
-    their own. Only what the motion shows about all three axes is judged.
+    A mirrored triad has a negative determinant; two triads with different rotations do not share
+    their axes. Only axes about which the motion is large enough are judged.
 
     :param gyro: (n, 3) [rad/s].
     :param accel: (n, 3) [m/s^2].
@@ -97,60 +97,61 @@ def axis_problems(gyro: Array, accel: Array, motion: BodyMotion) -> list[str]:
     """
     pairs = ((gyro, motion.rate), (accel, motion.force))
     fits = [np.linalg.svd(_product(r - r.mean(axis=0), t - t.mean(axis=0))) for r, t in pairs]
-    shown = [
-        bool(values[2] > _SHOWN * values.sum() and values.sum() > 0.5) for _, values, _ in fits
+    visible = [
+        bool(values[2] > _WEAKEST_SHARE * values.sum() and values.sum() > 0.5)
+        for _, values, _ in fits
     ]
     turns = [u @ vt for u, _, vt in fits]
     mirrored = [
-        is_shown and bool(np.linalg.det(turn) < 0.0)
-        for is_shown, turn in zip(shown, turns, strict=True)
+        is_visible and bool(np.linalg.det(turn) < 0.0)
+        for is_visible, turn in zip(visible, turns, strict=True)
     ]
     problems = []
-    for k, (triad, other) in enumerate(zip(TRIADS, TRIADS[::-1], strict=True)):
+    for k, (triad, partner) in enumerate(zip(TRIADS, TRIADS[::-1], strict=True)):
         if not mirrored[k]:
             continue
         line = f"the axes of the {triad} are mirrored: one is inverted, or two are exchanged"
-        if shown[1 - k] and not mirrored[1 - k]:
+        if visible[1 - k] and not mirrored[1 - k]:
             relative = turns[k] @ turns[1 - k].T
             axis = int(np.argmin(np.diag(relative)))
             if relative[axis, axis] < -0.9:
-                line = f"the {triad} {AXES[axis]} is inverted against the {other}"
+                line = f"the {triad} {AXES[axis]} is inverted against the {partner}"
         problems.append(line)
-    if all(shown) and not any(mirrored):
+    if all(visible) and not any(mirrored):
         cosine = 0.5 * (float(np.trace(turns[0] @ turns[1].T)) - 1.0)
         angle = float(np.degrees(np.arccos(np.clip(cosine, -1.0, 1.0))))
-        if angle > _APART:
+        if angle > _MAX_MISALIGNMENT:
             level = [float(np.trace(turn)) for turn in turns]
-            triad, other = TRIADS[int(np.argmin(level))], TRIADS[int(np.argmax(level))]
+            triad, partner = TRIADS[int(np.argmin(level))], TRIADS[int(np.argmax(level))]
             problems.append(
                 f"the axes of the {triad} are turned by {angle:.0f} deg against those of the "
-                f"{other}: two are inverted, or they are exchanged"
+                f"{partner}: two are inverted, or they are exchanged"
             )
     return problems
 
 
 _WINDOW: Final = 2.0
-"""[s] in which an offset is taken."""
+"""Length of the windows of the offset [s]."""
 _HIGHEST: Final = 5.0
-"""[Hz] what counts of the residual: above it there is vibration."""
+"""Highest frequency of the residual that counts: above it there is vibration [Hz]."""
 _STEPS: Final = (3e-5, 1e-4, 3e-4, 1e-3)
-"""[s] between neighbouring windows that are tried."""
+"""Steps between neighbouring windows that are tried [s]."""
 _GAIN: Final = 3.0
-"""In log-likelihood; below it the clock does not wander."""
+"""Log-likelihood that a wandering clock must gain."""
 
 
 def wander(
     stamps: Array, residuals: Array, slope: Array, rate: float, *, steady: bool = True
 ) -> Array:
-    """Return what is to be added to the true times (n,) [s]; 0 if the clock is steady.
+    """Return the correction of the true times (n,) [s]; 0 if the clock is steady.
 
     In windows the gyroscope's residual is compared with the rate of change of the readings. A
-    random walk of the offset is then fitted to these, with the step that is most likely; steady is
-    what gains too little by walking.
+    random walk of the offset is then fitted to these, with the most likely step; the clock is
+    steady if the walk gains too little.
 
     :param residuals: (n, 6) reading minus model.
     :param slope: (n, 6) derivative of the model in time.
-    :param steady: whether the clock may be found steady; false: the course in any case.
+    :param steady: False: return the course even if the clock is steady.
     """
     from scipy.fft import dct
 
@@ -171,9 +172,9 @@ def wander(
             power = np.mean((y - x * offset[k]) ** 2, axis=0) + 1e-30
         centre[k] = stamps[rows].mean()
         sigma[k] = np.sqrt(2.0 / weight)  # half of a window is the next one's
-    still = _walk(offset, sigma, 0.0)
-    best = max((_walk(offset, sigma, step) for step in _STEPS), key=lambda found: found[0])
-    if steady and best[0] < still[0] + _GAIN:
+    steady_walk = _walk(offset, sigma, 0.0)
+    best = max((_walk(offset, sigma, step) for step in _STEPS), key=lambda walk: walk[0])
+    if steady and best[0] < steady_walk[0] + _GAIN:
         return np.zeros(len(stamps))
     return np.interp(stamps, centre, best[1])
 

@@ -18,14 +18,14 @@ from imu_sim_ros.calibration.twin.spectrum import Bands, White
 from imu_sim_ros.types import Array, Mask
 
 _LOWEST_WHITE: Final = 1.0
-"""[Hz] below it the truth's own errors hide a white floor."""
+"""Lowest frequency of the white floor: below it the truth's own errors hide it [Hz]."""
 _FOLDS: Final = 4
 _LEAST: Final = 0.2
-"""Share of a variance that a quarter of a recording takes from it at least."""
+"""Smallest share of a variance that a quarter of a recording contributes."""
 _LARGE_SHARE: Final = 0.3
-"""Share of a residual that is noise of the poses."""
+"""Largest share of the poses' noise in a residual."""
 _BIAS_WINDOW: Final = 5.0
-"""[s] over which the bias is averaged."""
+"""Window of the mean bias [s]."""
 
 
 class Analysis(NamedTuple):
@@ -34,19 +34,19 @@ class Analysis(NamedTuple):
     fit: Fit
     lines: Lines
     bands: Bands
-    """All of the residual without the lines, at the intensity of the reference motion."""
+    """Bands of the residual without the lines, at the intensity of the reference motion."""
     white: White
     vibration: Bands
-    """What the bands have above the white floor."""
+    """Bands above the white floor."""
     range_edges: Array
-    """(r + 1,) [Hz]."""
+    """(r + 1,) edges of the ranges [Hz]."""
     exponents: intensity.Exponents
     reference: Array
     """(3,) RMS of rate, acceleration and speed of the motion."""
     largest: Array
-    """(3,) the largest running RMS of these over the reference."""
+    """(3,) largest running RMS of these over the reference."""
     parts: tuple[slice, ...]
-    """Rows of the recording in motion, from which the spectrum is."""
+    """Rows of the recording in motion, from which the spectrum is computed."""
     bias_t: Array
     """(k,) middle of each window of the bias [s] after the truth's first pose."""
     bias: Array
@@ -56,91 +56,96 @@ class Analysis(NamedTuple):
 
 
 def constant_errors(recording: Recording, truth: KnownMotion, start: Errors) -> Fit:
-    """Return the constant errors, and how the truth's clock wanders if it does."""
-    found = fit(recording, truth, start)
-    if not found.settled:  # a first guess far off: the poses' noise is taken out anew, closer by
-        found = fit(recording, truth, found.errors)
-    course = clock.wander(recording.stamps, found.residuals, found.slope, recording.rate)
+    """Return the constant errors, and the wander of the truth's clock, if any."""
+    fitted = fit(recording, truth, start)
+    if not fitted.settled:  # a poor first guess: remove the poses' noise again, with better values
+        fitted = fit(recording, truth, fitted.errors)
+    course = clock.wander(recording.stamps, fitted.residuals, fitted.slope, recording.rate)
     if course.any():
-        found = fit(recording, truth, found.errors, wander=course)
-    return found
+        fitted = fit(recording, truth, fitted.errors, wander=course)
+    return fitted
 
 
-class Foreseen(NamedTuple):
-    """What fits say of a quarter of a recording that they have not seen (cross-validation)."""
+class CrossValidation(NamedTuple):
+    """Predictions of a quarter of a recording by fits to the other three (cross-validation)."""
 
     residuals: Array
-    """(n, 6) Parameters taken from a short recording explain a part of its noise. What they leave
-    of readings they have not seen is what a twin has to simulate."""
+    """(n, 6) residuals of readings that were not used in the fit: the noise that a twin has to
+    simulate. A fit to a short recording explains a part of its noise."""
     disagreement: Array
-    """(42,) RMS of how far these fits are from that to the whole recording, over the standard error
-    of that (Hausman 1978: the difference of their variances); 1 if all is as it should be."""
+    """(42,) RMS difference of these fits from that to the whole recording, over its standard error
+    (Hausman 1978: the difference of the variances); 1 is the expectation."""
 
 
-def foreseen(recording: Recording, truth: KnownMotion, found: Fit) -> Foreseen:
-    """Return what fits to three quarters of a recording say of the fourth."""
+def cross_validate(recording: Recording, truth: KnownMotion, whole_fit: Fit) -> CrossValidation:
+    """Return the predictions of each quarter of a recording by a fit to the other three."""
     edges = np.linspace(0, len(recording.stamps), _FOLDS + 1).astype(int)
-    residuals, squares = np.empty_like(found.residuals), np.zeros(len(found.sigma))
-    for first, last in pairwise(edges.tolist()):
-        rows = np.concatenate([np.arange(first), np.arange(last, len(recording.stamps))])
+    residuals, squares = np.empty_like(whole_fit.residuals), np.zeros(len(whole_fit.sigma))
+    for begin, end in pairwise(edges.tolist()):
+        rows = np.concatenate([np.arange(begin), np.arange(end, len(recording.stamps))])
         pieces = []
         for piece in recording.pieces:
-            low, high = min(piece.stop, first), max(piece.start, last)
+            low, high = min(piece.stop, begin), max(piece.start, end)
             if low > piece.start:
                 pieces.append(slice(piece.start, low))
             if piece.stop > high:
-                pieces.append(slice(high - (last - first), piece.stop - (last - first)))
-        rest = Recording(
+                pieces.append(slice(high - (end - begin), piece.stop - (end - begin)))
+        remainder = Recording(
             recording.stamps[rows], recording.readings[rows], tuple(pieces), recording.rate
         )
-        other = fit(rest, truth, found.errors, wander=found.wander[rows])
+        part_fit = fit(remainder, truth, whole_fit.errors, wander=whole_fit.wander[rows])
         t = true_times(
-            other.errors, recording.stamps[first:last], other.reference, found.wander[first:last]
+            part_fit.errors,
+            recording.stamps[begin:end],
+            part_fit.reference,
+            whole_fit.wander[begin:end],
         )
-        own = predicted(other.errors, truth.motion_at, t)[0]
-        residuals[first:last] = recording.readings[first:last] - own
-        moved = other.errors.referred(found.reference - other.reference)
-        variance = other.sigma**2
-        variance = np.maximum(variance - found.sigma**2, _LEAST * variance)
-        squares += moved.away_from(found.errors) ** 2 / variance
-    return Foreseen(residuals, np.sqrt(squares / _FOLDS))
+        predictions = predicted(part_fit.errors, truth.motion_at, t)[0]
+        residuals[begin:end] = recording.readings[begin:end] - predictions
+        moved = part_fit.errors.referred(whole_fit.reference - part_fit.reference)
+        variance = part_fit.sigma**2
+        variance = np.maximum(variance - whole_fit.sigma**2, _LEAST * variance)
+        squares += moved.away_from(whole_fit.errors) ** 2 / variance
+    return CrossValidation(residuals, np.sqrt(squares / _FOLDS))
 
 
-def noise_residuals(recording: Recording, truth: KnownMotion, found: Fit) -> list[Array]:
-    """Return the effect of the poses' noise on the residuals (n, 6), drawn several times."""
-    t = true_times(found.errors, recording.stamps, found.reference, found.wander)
-    own = predicted(found.errors, truth.motion_at, t)[0]
-    return [own - predicted(found.errors, other, t)[0] for other in truth.noisy]
+def noise_residuals(recording: Recording, truth: KnownMotion, fitted: Fit) -> list[Array]:
+    """Return the effect of the poses' noise on the residuals (n, 6), for several draws."""
+    t = true_times(fitted.errors, recording.stamps, fitted.reference, fitted.wander)
+    predictions = predicted(fitted.errors, truth.motion_at, t)[0]
+    return [
+        predictions - predicted(fitted.errors, noisy_motion, t)[0] for noisy_motion in truth.noisy
+    ]
 
 
-def beyond(recording: Recording, whole: KnownMotion, slow: KnownMotion, found: Fit) -> Array:
-    """Return what the whole motion reads in addition to its slow part (n, 6)."""
-    t = true_times(found.errors, recording.stamps, found.reference, found.wander)
-    each = [predicted(found.errors, motion.motion_at, t)[0] for motion in (whole, slow)]
-    return each[0] - each[1]
+def fast_part(recording: Recording, whole: KnownMotion, slow: KnownMotion, fitted: Fit) -> Array:
+    """Return the readings (n, 6) of the whole motion minus those of its slow part."""
+    t = true_times(fitted.errors, recording.stamps, fitted.reference, fitted.wander)
+    predictions = [predicted(fitted.errors, motion.motion_at, t)[0] for motion in (whole, slow)]
+    return predictions[0] - predictions[1]
 
 
 def analyse(
     recording: Recording,
-    found: Fit,
-    unseen: Array,
+    fitted: Fit,
+    held_out_residuals: Array,
     noises: list[Array],
     sizes: Callable[[Array], Array],
     motion: tuple[Array, Array, Array],
     moving: Mask,
 ) -> Analysis:
-    """Return lines, bands and white floor of what a fit leaves, and how they follow the motion.
+    """Return lines, bands and white floor of a fit's residual, and their exponents of motion.
 
-    :param unseen: (n, 6) residuals of :func:`foreseen`, for the slowest range.
-    :param noises: noises of the poses, (n, 6) each; what they have is not the sensor's.
+    :param held_out_residuals: (n, 6) residuals of :func:`cross_validate`, for the slowest range.
+    :param noises: effects of the poses' noise, (n, 6) each, which are not the sensor's.
     :param sizes: returns the logarithms (n, 3) of the motion's size relative to a reference (3,).
     :param motion: norms (n,) of rate, acceleration and speed.
     :param moving: (n,) rows in motion: a vehicle at rest does not vibrate as in flight.
     """
     rate = recording.rate
     parts = spectrum.segments(_parts(recording, moving)) or spectrum.segments(recording.pieces)
-    lowest = _above_noise(found.residuals, noises, parts, rate)
-    lines, residuals = _without_lines(found.residuals, parts, rate, lowest)
+    lowest = _noise_limit(fitted.residuals, noises, parts, rate)
+    lines, residuals = _without_lines(fitted.residuals, parts, rate, lowest)
     rows = np.concatenate([np.arange(part.start, part.stop) for part in parts])
     reference = np.array([np.sqrt(np.mean(m[rows] ** 2)) for m in motion])
     reference = np.maximum(reference, 1e-3)
@@ -148,21 +153,20 @@ def analyse(
     exponents = intensity.follow(residuals, parts, rate, logs)
 
     def above_noise(followed: Array) -> tuple[Bands, Bands]:
-        """Return the bands of the residual, and without what the poses' noise has in them."""
-        pairs = [(unseen, residuals), *((x, x) for x in noises)]
-        whole, *each = (_bands(list(x), parts, rate, logs, followed) for x in pairs)
-        noise = [x.matrix for x in each]
+        """Return the bands of the residual, and the bands without the poses' noise."""
+        pairs = [(held_out_residuals, residuals), *((x, x) for x in noises)]
+        whole, *noise_bands = (_bands(list(x), parts, rate, logs, followed) for x in pairs)
+        noise = [x.matrix for x in noise_bands]
         return whole, whole.less(np.mean(noise, axis=0)) if noise else whole
 
     whole, bands = above_noise(exponents.value)
-    # A sensor's own noise does not follow the motion, and it is in all frequencies, in those that
-    # say little of it, too.
+    # A sensor's own noise does not depend on the motion, and is present at all frequencies.
     steady, level = above_noise(np.zeros_like(exponents.value))
     floor = spectrum.white_floor(level, _LOWEST_WHITE)
     floor = spectrum.lowered(floor, steady.density.min(axis=0))
     white = spectrum.raised(floor, spectrum.quietest(recording.readings, rate))
     return Analysis(
-        found,
+        fitted,
         lines,
         bands,
         white,
@@ -172,44 +176,44 @@ def analyse(
         reference,
         np.maximum(np.exp(logs[rows].max(axis=0)), 1.0),
         tuple(parts),
-        *_bias_over_time(recording, found, whole),
+        *_bias_over_time(recording, fitted, whole),
     )
 
 
 def _without_lines(
     residuals: Array, parts: list[slice], rate: float, lowest: float
 ) -> tuple[Lines, Array]:
-    """Return the lines of the longest part, and the residuals (n, 6) without those of each."""
+    """Return the lines of the longest part, and the residuals (n, 6) without the lines of each."""
     longest = max(parts, key=lambda part: part.stop - part.start)
-    lines, rest = find_lines(residuals[longest], rate, lowest)
+    lines, longest_remainder = find_lines(residuals[longest], rate, lowest)
     if len(lines.frequency):
         residuals = residuals.copy()
         for part in parts:
-            other = find_lines(residuals[part], rate, lowest)[1]
-            residuals[part] = rest if part == longest else other
+            remainder = find_lines(residuals[part], rate, lowest)[1]
+            residuals[part] = longest_remainder if part == longest else remainder
     return lines, residuals
 
 
-def _above_noise(residuals: Array, noises: list[Array], parts: list[slice], rate: float) -> float:
+def _noise_limit(residuals: Array, noises: list[Array], parts: list[slice], rate: float) -> float:
     """Return the frequency [Hz] above which residuals are not mostly noise of the poses."""
     duration = max(part.stop - part.start for part in parts) / rate
     edges = spectrum.band_edges(duration, rate)
     whole = spectrum.cross_spectra(residuals, parts, rate, edges)
-    each = [spectrum.cross_spectra(x, parts, rate, edges).density ** 2 for x in noises]
-    if not each:
+    noise_powers = [spectrum.cross_spectra(x, parts, rate, edges).density ** 2 for x in noises]
+    if not noise_powers:
         return 0.0
-    noisy = (np.mean(each, axis=0) > _LARGE_SHARE * whole.density**2).any(axis=1)
+    noisy = (np.mean(noise_powers, axis=0) > _LARGE_SHARE * whole.density**2).any(axis=1)
     return float(whole.high[noisy].max(initial=0.0))
 
 
 def _parts(recording: Recording, moving: Mask) -> list[slice]:
-    """Return the pieces from the first to the last motion in each."""
-    result = []
+    """Return the rows from the first to the last motion in each piece."""
+    parts = []
     for piece in recording.pieces:
         rows = np.flatnonzero(moving[piece])
         if len(rows):
-            result.append(slice(piece.start + int(rows[0]), piece.start + int(rows[-1]) + 1))
-    return result
+            parts.append(slice(piece.start + int(rows[0]), piece.start + int(rows[-1]) + 1))
+    return parts
 
 
 def _bands(
@@ -223,23 +227,23 @@ def _bands(
     edges = spectrum.band_edges(duration, rate)
     ranges = intensity.range_edges(rate)
     edges = np.unique(np.concatenate([edges, ranges[(ranges > edges[0]) & (ranges < edges[-1])]]))
-    found = []
+    columns_by_range = []
     for k, (low, high) in enumerate(pairwise(ranges)):
-        own = edges[(edges >= low) & (edges <= high)]
-        if len(own) < 2:
+        range_edges = edges[(edges >= low) & (edges <= high)]
+        if len(range_edges) < 2:
             continue
         values = residuals[min(k, 1)]
         if k:  # the slowest range has too few periods in a window
-            values, _ = intensity.calmed(values, parts, rate, low, high)
+            values, _ = intensity.without_disturbances(values, parts, rate, low, high)
         if exponents[k].any():
             values = values / intensity.factors(exponents[k], logs)
-        found.append(spectrum.cross_spectra(values, parts, rate, own))
-    low, *others = (np.concatenate(columns) for columns in zip(*found, strict=True))
-    low[0] = 0.0  # what is slower than the record can show goes on as it ends
-    return Bands(low, *others)
+        columns_by_range.append(spectrum.cross_spectra(values, parts, rate, range_edges))
+    low, *remaining = (np.concatenate(columns) for columns in zip(*columns_by_range, strict=True))
+    low[0] = 0.0  # the lowest band extends to frequencies below those of the record
+    return Bands(low, *remaining)
 
 
-def _bias_over_time(recording: Recording, found: Fit, bands: Bands) -> tuple[Array, Array, Array]:
+def _bias_over_time(recording: Recording, fitted: Fit, bands: Bands) -> tuple[Array, Array, Array]:
     """Return times, means over windows of bias and residual, and their standard errors.
 
     The error of a mean over a window of length W is that of a density S: ``sqrt(S / W)``, with
@@ -251,7 +255,7 @@ def _bias_over_time(recording: Recording, found: Fit, bands: Bands) -> tuple[Arr
     ]
     rows = [np.arange(s, min(s + size, len(recording.stamps))) for s in starts]
     t = np.array([recording.stamps[r].mean() for r in rows])
-    values = np.array([found.residuals[r].mean(axis=0) for r in rows]) + found.errors.bias
+    values = np.array([fitted.residuals[r].mean(axis=0) for r in rows]) + fitted.errors.bias
     slow = bands.density[bands.low <= 1.0 / _BIAS_WINDOW]
     density = slow.mean(axis=0) if len(slow) else bands.density[0]
     lengths = np.array([len(r) for r in rows])[:, None] / recording.rate

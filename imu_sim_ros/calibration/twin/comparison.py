@@ -1,7 +1,7 @@
 # Copyright 2026 imu_sim_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""What is the truth's and not the sensor's, found again on another part of a recording."""
+"""Comparison of a twin with another part of a recording."""
 
 from collections.abc import Sequence
 from typing import Final, NamedTuple
@@ -15,32 +15,32 @@ from imu_sim_ros.calibration.twin.spectrum import cross_spectra
 from imu_sim_ros.types import Array
 
 BANDS: Final = ((0.2, 1.0), (1.0, 5.0), (5.0, 20.0), (20.0, 50.0), (50.0, 100.0))
-"""[Hz] in which densities are compared."""
+"""Bands in which densities are compared [Hz]."""
 _WINDOW: Final = 0.5
-"""[s] of a window that a classifier sees."""
+"""Length of a window for the classifier [s]."""
 _SEGMENT: Final = 4.0
-"""[s] of a picture's spectrum."""
+"""Length of the segments of a plotted spectrum [s]."""
 _FOLDS: Final = 5
 _SHRINKAGE: Final = 0.3
 """Shrinkage of the covariance towards its diagonal, since windows are few."""
 _DRAWS: Final = 8
-"""Times that a classifier's windows are drawn, for each twin."""
+"""Number of draws of a classifier's windows, for each twin."""
 
 
 def levels(values: Array, parts: Sequence[slice], rate: float) -> Array:
     """Return the root mean density (5, 6) of values in the bands; NaN above half the rate."""
-    result = np.full((len(BANDS), 6), np.nan)
+    densities = np.full((len(BANDS), 6), np.nan)
     for k, (low, high) in enumerate(BANDS):
         if high <= 0.5 * rate + 1e-9:
             edges = np.array([low, high])
-            found = cross_spectra(values, parts, rate, edges)
-            if len(found.low):
-                result[k] = found.density[0]
-    return result
+            band = cross_spectra(values, parts, rate, edges)
+            if len(band.low):
+                densities[k] = band.density[0]
+    return densities
 
 
 def decibels(simulated: Array, real: Array) -> Array:
-    """Return by how many decibels densities differ."""
+    """Return the difference of densities in decibels."""
     return 20.0 * np.log10(simulated / real)
 
 
@@ -78,79 +78,82 @@ def features(values: Array, parts: Sequence[slice], rate: float) -> Array:
     return np.concatenate(columns, axis=1)
 
 
-def told_apart(real: Array, simulated: Array, count: int, seed: int = 0) -> float:
-    """Return the share of windows that a classifier assigns right; 0.5 if it cannot.
+def classification_rate(real: Array, simulated: Array, count: int, seed: int = 0) -> float:
+    """Return the share of windows that a classifier assigns correctly; 0.5 is chance.
 
     Fisher's linear discriminant with a shrunken covariance, on the logarithms of densities, each
-    window judged by one that has not seen it (five folds; Lopez-Paz and Oquab, "Revisiting
+    window judged by a classifier that was not trained on it (five folds; Lopez-Paz and Oquab,
     classifier two-sample tests", 2017).
 
     :param real: (m, p) features of windows; simulated: (n, p).
-    :param count: windows of each that are drawn from all. A classifier is the better the more it
-        has seen, and windows that follow each other are alike: shares can be compared if they are
-        of equal numbers of windows, drawn from a whole part each.
+    :param count: number of windows of each that are drawn. A classifier improves with its training
+            data, and consecutive windows are alike: rates are comparable for equal numbers of
+            windows,
+            drawn from a whole part each.
     """
     rng = np.random.default_rng(seed)
     real, simulated = (rng.permutation(x)[:count] for x in (real, simulated))
-    right = 0
+    correct = 0
     for fold in range(_FOLDS):
-        tested = np.arange(fold, count, _FOLDS)
-        known = np.setdiff1d(np.arange(count), tested)
-        a, b = real[known], simulated[known]
-        both = np.concatenate([a - a.mean(axis=0), b - b.mean(axis=0)])
-        covariance = both.T @ both / max(len(both) - 2, 1)
+        test_rows = np.arange(fold, count, _FOLDS)
+        training_rows = np.setdiff1d(np.arange(count), test_rows)
+        a, b = real[training_rows], simulated[training_rows]
+        centred = np.concatenate([a - a.mean(axis=0), b - b.mean(axis=0)])
+        covariance = centred.T @ centred / max(len(centred) - 2, 1)
         diagonal = np.diag(np.diag(covariance)) + 1e-12 * np.eye(len(covariance))
         covariance = (1.0 - _SHRINKAGE) * covariance + _SHRINKAGE * diagonal
         normal = np.linalg.solve(covariance, a.mean(axis=0) - b.mean(axis=0))
         middle = 0.5 * float(normal @ (a.mean(axis=0) + b.mean(axis=0)))
-        right += int(np.count_nonzero(real[tested] @ normal > middle))
-        right += int(np.count_nonzero(simulated[tested] @ normal <= middle))
-    return right / (2 * count)
+        correct += int(np.count_nonzero(real[test_rows] @ normal > middle))
+        correct += int(np.count_nonzero(simulated[test_rows] @ normal <= middle))
+    return correct / (2 * count)
 
 
 class Windows(NamedTuple):
-    """What a classifier sees: logarithms of densities in windows of half a second, band by band."""
+    """Logarithms of densities in windows of half a second, band by band, for a classifier."""
 
     fitted: Array
-    """(k, p) of the real residual where the twin was fitted."""
+    """(k, p) real residual on the part to which the twin was fitted."""
     held_out: Array
-    """(m, p) of the real residual on the other part."""
+    """(m, p) real residual on the other part."""
     twins: tuple[Array, ...]
-    """(n, p) of each twin there."""
+    """(n, p) residual of each twin on the other part."""
 
-    def told_apart(self, columns: slice = slice(None)) -> tuple[float, float]:
-        """Return the share of windows that a classifier assigns right, of equal numbers of windows.
+    def classification_rates(self, columns: slice = slice(None)) -> tuple[float, float]:
+        """Return the shares of windows that a classifier assigns correctly.
 
-        Twin or real sensor, mean over the twins; and the real sensor on one part or the other.
+        Twin against real sensor, mean over the twins; and the real sensor on one part against the
+        other.
 
-        :param columns: densities that it sees.
+        :param columns: densities that the classifier uses.
         """
         fitted, real, *twins = (x[:, columns] for x in (self.fitted, self.held_out, *self.twins))
         count = min(map(len, (fitted, real, *twins)))
         draws = range(_DRAWS * len(twins))
         pairs = [(real, twins[k // _DRAWS]) for k in draws], [(real, fitted)] * len(draws)
-        simulated, own = (
-            float(np.mean([told_apart(*pair[k], count, k) for k in draws])) for pair in pairs
+        simulated, real_rate = (
+            float(np.mean([classification_rate(*pair[k], count, k) for k in draws]))
+            for pair in pairs
         )
-        return simulated, own
+        return simulated, real_rate
 
 
-OF_THE_TRUTH: Final = np.r_[OFFSET, SKEW, CURVATURE]
+TRUTH_PARAMETERS: Final = np.r_[OFFSET, SKEW, CURVATURE]
 """Parameters that may differ from one part of a recording to the next."""
 _ALIGNMENTS: Final = 2
 
 
-def laid_on(recording: Recording, truth: KnownMotion, found: Fit) -> Fit:
-    """Return a fit of the truth's clock and smoothing on a recording; all else stays as found.
+def align_truth(recording: Recording, truth: KnownMotion, estimate: Fit) -> Fit:
+    """Return a fit of the truth's clock and smoothing on a recording; other errors stay fixed.
 
-    :param found: estimate of another recording, or of this one.
+    :param estimate: fit of another recording, or of this one.
     """
     middle = float(recording.stamps[0] + recording.stamps[-1]) / 2.0
-    start = found.errors.referred(middle - found.reference)
-    result = fit(recording, truth, start, free=OF_THE_TRUTH)
+    start = estimate.errors.referred(middle - estimate.reference)
+    fitted = fit(recording, truth, start, free=TRUTH_PARAMETERS)
     for _ in range(_ALIGNMENTS):
-        stamps, residuals = recording.stamps, result.residuals
-        course = clock.wander(stamps, residuals, result.slope, recording.rate, steady=False)
-        wander = result.wander + course
-        result = fit(recording, truth, result.errors, wander=wander, free=OF_THE_TRUTH)
-    return result
+        stamps, residuals = recording.stamps, fitted.residuals
+        course = clock.wander(stamps, residuals, fitted.slope, recording.rate, steady=False)
+        wander = fitted.wander + course
+        fitted = fit(recording, truth, fitted.errors, wander=wander, free=TRUTH_PARAMETERS)
+    return fitted

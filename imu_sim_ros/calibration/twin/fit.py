@@ -39,37 +39,37 @@ from imu_sim_ros.types import Array, Integers
 
 Indices = NDArray[np.intp]
 
-EVERY: Final = np.arange(COUNT)
-"""All parameters."""
+ALL_PARAMETERS: Final = np.arange(COUNT)
+"""Indices of all parameters."""
 _SEGMENT: Final = 1 << 14
-"""Samples transformed together at most."""
+"""Largest number of samples transformed together."""
 _HIGHEST: Final = 0.5
-"""Times the cut-off: above it the truth is smoothed by more than 1.6 %."""
+"""Highest frequency over the cut-off: above it the truth is smoothed by more than 1.6 %."""
 _SMOOTHED: Final = 0.008
 """Share of a motion that the spline takes there as a rule, which motion all through the range shows
 as a smoothing of the truth: half of these 1.6 %."""
 _STEPS: Final = 8
 _WEIGHTINGS: Final = 2
-"""Times that the densities are taken again in one step."""
+"""Number of density updates in one step."""
 _SHAPED: Final = 2
-"""Steps after which the shape of the densities within their bins is found again."""
+"""Number of steps after which the shape of the densities within their bins is updated."""
 _WITH_NOISE: Final = 3
-"""Steps in which what noise of the poses adds is found again; then it follows the parameters."""
+"""Number of steps in which the effect of the poses' noise is recomputed."""
 _NARROW: Final = 8
-"""Coefficients, of each draw, that give one density of the poses' noise."""
+"""Number of coefficients of each draw that give one density of the poses' noise."""
 _LEAST_REST: Final = 0.1
-"""Share of a density that is not noise of the poses, at least."""
+"""Smallest share of a density that is not noise of the poses."""
 _CLOSE: Final = 1e-3
-"""Step over standard error at which the fit stands."""
+"""Largest last step over its standard error of a converged fit."""
 _SETTLED: Final = 1.0
 _LARGE_SHARE: Final = 0.5
-"""Share of the motion's energy in a bin that may be noise of the poses."""
+"""Largest share of the motion's energy in a bin that may be noise of the poses."""
 _NOISE_KNOWN: Final = 0.1
 """Relative standard error of the variance of the poses' noise."""
 _HIDDEN: Final = 1e-6
-"""Information of the readings over the prior's, below 0 by which noise is all there is."""
+"""Information of the readings over the prior's below which noise explains all of it."""
 _BIN: Final = 40
-"""Coefficients in the first bins of the density; later ones are relative."""
+"""Number of coefficients in the first bins of the density; later bins are relatively wide."""
 _WIDTH: Final = 0.5
 _PRIOR_OF: Final = (
     (model.OFFSET, 1.0),
@@ -88,20 +88,20 @@ PRIOR: Final = np.concatenate([np.full(part.stop - part.start, s) for part, s in
 
 
 class Recording(NamedTuple):
-    """Readings of an IMU; what is to be explained."""
+    """Readings of an IMU that a fit explains."""
 
     stamps: Array
-    """(n,) after the truth's first pose [s]."""
+    """(n,) times after the truth's first pose [s]."""
     readings: Array
     """(n, 6) gyroscope [rad/s], accelerometer [m/s^2]."""
     pieces: tuple[slice, ...]
     """Rows without a gap in between."""
     rate: float
-    """[Hz]"""
+    """Sample rate [Hz]."""
 
-    def part(self, first: float, last: float) -> "Recording":
-        """Return the readings with stamps from first to before last [s]."""
-        begin, end = np.searchsorted(self.stamps, [first, last])
+    def part(self, start: float, stop: float) -> "Recording":
+        """Return the readings with stamps from start to before stop [s]."""
+        begin, end = np.searchsorted(self.stamps, [start, stop])
         pieces = []
         for piece in self.pieces:
             low, high = max(piece.start, begin), min(piece.stop, end)
@@ -112,23 +112,23 @@ class Recording(NamedTuple):
 
 
 class Fit(NamedTuple):
-    """The errors found, with their uncertainty."""
+    """Estimated errors with their uncertainty."""
 
     errors: Errors
     covariance: Array
-    """(42, 42)"""
+    """(42, 42) covariance of the parameters."""
     residuals: Array
     """(n, 6) reading minus model."""
     reference: float
-    """Stamp to which the offset refers [s]."""
+    """Stamp of the offset [s]."""
     wander: Array
-    """(n,) of the truth's clock around offset and skew [s]."""
+    """(n,) deviation of the truth's clock from offset and skew [s]."""
     slope: Array
-    """(n, 6) rate of change of the readings that the model gives [1/s]."""
-    hanging: Array
-    """(42,) by how many standard errors the noise of the poses, corrected for, moves each."""
+    """(n, 6) rate of change of the modelled readings [1/s]."""
+    noise_shift: Array
+    """(42,) shift of each parameter by the correction for the poses' noise, in standard errors."""
     settled: bool
-    """Whether the last step was smaller than a standard error."""
+    """True if the last step was smaller than a standard error."""
 
     @property
     def sigma(self) -> Array:
@@ -137,9 +137,9 @@ class Fit(NamedTuple):
 
 
 class _Sums:
-    """Sums over the coefficients of each bin and axis: all that weights and steps need.
+    """Sums over the coefficients of each bin and axis, sufficient for weights and steps.
 
-    Bin 0 holds the mean of each segment, which is the bias' and says nothing of a density.
+    Bin 0 contains the mean of each segment, which belongs to the bias and not to a density.
     """
 
     def __init__(self, segments: list[slice], rate: float, highest: float, parameters: int) -> None:
@@ -164,28 +164,28 @@ class _Sums:
         self.forget_noise()
 
     def clear(self) -> None:
-        """Forget the sums over readings."""
+        """Reset the sums over readings."""
         count, p = len(self.middle), self._parameters
         self.count = np.zeros(count)
         self.square = np.zeros((count, 6))
         self.product = np.zeros((count, 6, p))
         self.matrix = np.zeros((count, 6, p, p))
         self.left = np.ones((count, 6))
-        """Share of the residual's squares that the parameters have left, on average."""
+        """Average share of the residual's squares that remains after the fit."""
 
     def forget_noise(self) -> None:
-        """Forget what the noise of the poses adds to product and matrix, on average."""
+        """Reset the effect of the poses' noise on product and matrix."""
         self.noise_product = np.zeros_like(self.product)
         self.noise_matrix = np.zeros_like(self.matrix)
         self._noise = [np.zeros((len(bins), 6)) for bins in self._bins]
 
     def weights_of(self, segment: int, weight: Array) -> tuple[Array, Array]:
-        """Return weights (m, 6) of a segment's coefficients, and the share (m, 6) that is left.
+        """Return weights (m, 6) of a segment's coefficients, and their remaining shares (m, 6).
 
-        :param weight: (bins, 6) over the shape of the densities.
+        :param weight: (bins, 6) weights relative to the shape of the densities.
         """
         bins = self._bins[segment]
-        return weight[bins] / self._shape[segment], self.left[bins]
+        return weight[bins] / self._shape[segment], self.remaining_share[bins]
 
     def add(self, segment: int, residuals: Array, signals: Array, coefficients: Array) -> None:
         """Add residuals (n, 6) and Jacobian of a segment.
@@ -210,38 +210,42 @@ class _Sums:
     def _binned(
         self, segment: int, residuals: Array, signals: Array, coefficients: Array
     ) -> Iterator[tuple[int, Array, Array]]:
-        """Return the coefficients of each bin: of residuals (6, m) and Jacobian (6, m, p)."""
+        """Yield bin, and the coefficients of residuals (6, m) and Jacobian (6, m, p) in it."""
         bins = self._bins[segment]
         root = np.sqrt(self._shape[segment]).T
         c = _transformed(residuals, len(bins)).T / root
         j = _transformed(signals, len(bins)) @ coefficients / root[:, :, None]
         starts = np.flatnonzero(np.diff(bins, prepend=-1))
-        for first, last in pairwise([*starts.tolist(), len(bins)]):
-            yield int(bins[first]), c[:, first:last], j[:, first:last]
+        for begin, end in pairwise([*starts.tolist(), len(bins)]):
+            yield int(bins[begin]), c[:, begin:end], j[:, begin:end]
 
     def shape(self, density: Array) -> None:
-        """Take the noise of the poses as the shape of the densities within their bins.
+        """Use the noise of the poses as the shape of the densities within their bins.
 
-        It rises with the second power of the frequency in the rates' density, and with the fourth
-        in that of the accelerations; all else is alike in one bin.
+        It rises with the second power of the frequency in the density of the rates, and with the
+        fourth
+        in that of the accelerations; the remainder is constant within a bin.
 
-        :param density: (bins, 6) over the shape so far.
+        :param density: (bins, 6) density over the previous shape.
         """
         count = np.maximum(self.count, 1.0)[:, None]
         noise = [_smooth(power) for power in self._noise]
-        whole, known = np.zeros((2, len(self.count), 6))
-        for bins, shape, own in zip(self._bins, self._shape, noise, strict=True):
+        whole, noise_level = np.zeros((2, len(self.count), 6))
+        for bins, shape, noise_power in zip(self._bins, self._shape, noise, strict=True):
             np.add.at(whole, bins, shape / count[bins])
-            np.add.at(known, bins, own / count[bins])
+            np.add.at(noise_level, bins, noise_power / count[bins])
         whole *= density
-        rest = np.maximum(whole - known, _LEAST_REST * whole)
-        self._shape = [rest[bins] + own for bins, own in zip(self._bins, noise, strict=True)]
+        other_noise = np.maximum(whole - noise_level, _LEAST_REST * whole)
+        self._shape = [
+            other_noise[bins] + noise_power
+            for bins, noise_power in zip(self._bins, noise, strict=True)
+        ]
 
-    def unsure(self, weight: Array, inverse: Array) -> Array:
-        """Return what densities that are estimated add to standard errors (p,): a factor from 1 on.
+    def widening(self, weight: Array, inverse: Array) -> Array:
+        """Return the factors (p,), from 1 on, by which estimated densities widen standard errors.
 
-        Weights of n coefficients are wrong by sqrt(2 / n), which costs efficiency, and which the
-        inverse of the normal matrix hides once more (Kenward and Roger, "Small sample inference
+        Weights from n coefficients are wrong by sqrt(2 / n), which costs efficiency and is
+        hidden by the inverse of the normal matrix (Kenward and Roger, "Small sample inference
         for fixed effects from restricted maximum likelihood", Biometrics 53, 1997)::
 
             inverse + 2 inverse sum_b (2 / n_b) (A_b - A_b inverse A_b) inverse
@@ -251,36 +255,38 @@ class _Sums:
         :param weight: (bins, 6); inverse: (p, p) of the normal matrix.
         """
         parts = (weight[:, :, None, None] * self.matrix).reshape(-1, *inverse.shape)
-        freedom = (self.count[:, None] * self.left).reshape(-1)
-        known = 2.0 / np.maximum(freedom, 2.0)
+        freedom = (self.count[:, None] * self.remaining_share).reshape(-1)
+        relative_variance = 2.0 / np.maximum(freedom, 2.0)
         part = parts @ inverse
-        lost = np.einsum("k,kij->ij", known, part - part @ part)
+        lost = np.einsum("k,kij->ij", relative_variance, part - part @ part)
         added = 2.0 * np.diag(inverse @ lost) / np.diag(inverse)
         return np.asarray(np.sqrt(1.0 + np.maximum(added, 0.0)))
 
-    def shown(self, prior: Array) -> Array:
-        """Return 1 for bins (bins, 6) that show the motion, and 0 if it is mostly noise."""
+    def visible_bins(self, prior: Array) -> Array:
+        """Return 1 for bins (bins, 6) that contain motion, and 0 if it is mostly noise."""
         total, noise = (
             np.einsum("kaii,i->ka", matrix, prior**2) for matrix in (self.matrix, self.noise_matrix)
         )
         return np.where(noise <= _LARGE_SHARE * total, 1.0, 0.0)
 
-    def density(self, step: Array, inverse: Array, before: Array) -> Array:
+    def density(self, step: Array, inverse: Array, previous: Array) -> Array:
         """Return the densities (bins, 6) of the residuals after a step.
 
         :param inverse: (42, 42) covariance of the parameters.
-        :param before: (bins, 6) densities with which it was found.
+        :param previous: (bins, 6) densities of the previous step.
         """
         power = self.square - 2.0 * self.product @ step + (self.matrix @ step) @ step
-        taken = np.einsum("kaij,ji->ka", self.matrix, inverse) / before
+        explained = np.einsum("kaij,ji->ka", self.matrix, inverse) / previous
         count = self.count[:, None]
-        freedom = np.maximum(count - taken, 0.1 * count)
-        self.left = np.where(count > 0.0, freedom / np.maximum(count, 1.0), 1.0)
+        freedom = np.maximum(count - explained, 0.1 * count)
+        self.remaining_share = np.where(count > 0.0, freedom / np.maximum(count, 1.0), 1.0)
         floor = 1e-12 * np.maximum(power[1:].sum(axis=0) / count[1:].sum(), 1e-30)
-        result = np.maximum(power / np.maximum(freedom, 1e-9), floor)
-        known = 1 + np.flatnonzero(self.count[1:])
-        nearest = known[np.argmin(np.abs(np.arange(len(count))[:, None] - known), axis=1)]
-        return np.asarray(result[nearest])
+        densities = np.maximum(power / np.maximum(freedom, 1e-9), floor)
+        filled_bins = 1 + np.flatnonzero(self.count[1:])
+        nearest = filled_bins[
+            np.argmin(np.abs(np.arange(len(count))[:, None] - filled_bins), axis=1)
+        ]
+        return np.asarray(densities[nearest])
 
 
 def fit(
@@ -289,15 +295,15 @@ def fit(
     start: Errors,
     wander: Array | None = None,
     prior: Array = PRIOR,
-    free: Indices = EVERY,
+    free: Indices = ALL_PARAMETERS,
 ) -> Fit:
     """Return the errors of an IMU.
 
-    :param truth: what is known of the motion.
-    :param start: a first guess: mounting and offset.
-    :param wander: (n,) of the truth's clock [s]; None: 0.
+    :param truth: motion with the noise of its poses.
+    :param start: first guess with mounting and offset.
+    :param wander: (n,) wander of the truth's clock [s]; None: 0.
     :param prior: (42,) standard deviations.
-    :param free: (p,) parameters that are found; the others stay as they start.
+    :param free: (p,) indices of the fitted parameters; the others stay at the start.
     """
     stamps, errors = recording.stamps, start
     wander = np.zeros(len(stamps)) if wander is None else wander
@@ -312,56 +318,67 @@ def fit(
         if fresh:
             sums.forget_noise()
         for k, rows in enumerate(sums.segments):
-            own = model.linearised(errors, motion_at, stamps[rows], reference, wander[rows])
-            by = own.coefficients[:, :, free]
-            sums.add(k, recording.readings[rows] - own.readings, own.signals, by)
-            for other in noisy if fresh else ():
-                also = model.linearised(errors, other, stamps[rows], reference, wander[rows])
-                more = also.signals - own.signals
-                sums.add_noise(k, own.readings - also.readings, more, by, 1.0 / len(noisy))
+            linear = model.linearised(errors, motion_at, stamps[rows], reference, wander[rows])
+            jacobian_coefficients = linear.coefficients[:, :, free]
+            sums.add(
+                k, recording.readings[rows] - linear.readings, linear.signals, jacobian_coefficients
+            )
+            for noisy_motion in noisy if fresh else ():
+                noisy_linear = model.linearised(
+                    errors, noisy_motion, stamps[rows], reference, wander[rows]
+                )
+                difference = noisy_linear.signals - linear.signals
+                sums.add_noise(
+                    k,
+                    linear.readings - noisy_linear.readings,
+                    difference,
+                    jacobian_coefficients,
+                    1.0 / len(noisy),
+                )
         for _ in range(_WEIGHTINGS if count else 1):
             step, inverse = _step(sums, density, errors.deviation()[free], prior[free])
             density = sums.density(step, inverse, density)
-        of_all = np.zeros(COUNT)
-        of_all[free] = step
-        errors = errors.moved(of_all)
+        full_step = np.zeros(COUNT)
+        full_step[free] = step
+        errors = errors.moved(full_step)
         sums.noise_product -= sums.noise_matrix @ step
         if noisy and count < _SHAPED:
             sums.shape(density)
             density = np.ones_like(density)
-        last = float(np.max(np.abs(step) / np.sqrt(np.diag(inverse))))
-        if count > 1 and last < _CLOSE:
+        last_step = float(np.max(np.abs(step) / np.sqrt(np.diag(inverse))))
+        if count > 1 and last_step < _CLOSE:
             break
-    found = _summary(recording, motion_at, errors, sums, density, (reference, wander, prior, free))
-    return found._replace(settled=last < _SETTLED)
+    fitted = _summary(recording, motion_at, errors, sums, density, (reference, wander, prior, free))
+    return fitted._replace(settled=last_step < _SETTLED)
 
 
 def _step(sums: _Sums, density: Array, deviation: Array, prior: Array) -> tuple[Array, Array]:
     """Return the Gauss-Newton step (p,) and the covariance (p, p) that the weights give."""
-    weight = sums.shown(prior) / density
+    weight = sums.visible_bins(prior) / density
     normal = np.diag(prior**-2) + np.einsum("kaij,ka->ij", sums.matrix - sums.noise_matrix, weight)
     gradient = np.einsum("kai,ka->i", sums.product - sums.noise_product, weight)
-    inverse, known = _inverse(normal, prior)
-    return np.asarray(inverse @ (known.T @ gradient - deviation / prior**2)), inverse
+    inverse, projection = _inverse(normal, prior)
+    return np.asarray(inverse @ (projection.T @ gradient - deviation / prior**2)), inverse
 
 
 def _inverse(normal: Array, prior: Array) -> tuple[Array, Array]:
     """Return the inverse of a normal matrix with at least the prior's information in any direction.
 
-    Less what noise of the poses adds on average, it could: there all of the motion may be noise,
-    readings say nothing, and the prior alone holds.
+    The subtraction of the noise's average could leave less: where all of the motion may be noise,
+    the readings have no information, and the prior alone holds.
 
-    :returns: the inverse (p, p), and the projection (p, p) on what readings say something of, whose
-        transpose takes a gradient by the parameters to its part along these.
+    :returns: the inverse (p, p), and the projection (p, p) on the directions with information,
+        whose
+            transpose projects a gradient.
     """
     values, vectors = np.linalg.eigh(normal * np.outer(prior, prior))
     scaled = prior[:, None] * vectors
     inverse = (scaled / np.maximum(values, 1.0)) @ scaled.T
-    known = np.eye(len(prior))
+    projection = np.eye(len(prior))
     if (lost := values < 1.0 - _HIDDEN).any():
-        own = vectors[:, lost]
-        known -= prior[:, None] * (own @ own.T) / prior
-    return inverse, known
+        directions = vectors[:, lost]
+        projection -= prior[:, None] * (directions @ directions.T) / prior
+    return inverse, projection
 
 
 def _summary(
@@ -370,29 +387,33 @@ def _summary(
     errors: Errors,
     sums: _Sums,
     density: Array,
-    rest: tuple[float, Array, Array, Indices],
+    settings: tuple[float, Array, Array, Indices],
 ) -> Fit:
     """Return the fit with residuals and covariance.
 
-    :param rest: reference, wander, prior and free parameters.
+    :param settings: reference, wander, prior and free parameters.
     """
     from scipy.fft import idct
 
-    reference, wander, prior, free = rest
+    reference, wander, prior, free = settings
     residuals, slopes = np.zeros((2, len(recording.stamps), 6))
     normal, middle = np.diag(prior[free] ** -2), np.diag(prior[free] ** -2)
-    weight = sums.shown(prior[free]) / density
+    weight = sums.visible_bins(prior[free]) / density
     for k, rows in enumerate(sums.segments):
-        own = model.linearised(errors, motion_at, recording.stamps[rows], reference, wander[rows])
-        residuals[rows], slopes[rows] = recording.readings[rows] - own.readings, own.slope
-        weights, left = sums.weights_of(k, weight)
+        linear = model.linearised(
+            errors, motion_at, recording.stamps[rows], reference, wander[rows]
+        )
+        residuals[rows], slopes[rows] = recording.readings[rows] - linear.readings, linear.slope
+        weights, remaining = sums.weights_of(k, weight)
         root = np.sqrt(weights)
-        j = _transformed(own.signals, len(root)) @ own.coefficients[:, :, free]
+        j = _transformed(linear.signals, len(root)) @ linear.coefficients[:, :, free]
         j *= root.T[:, :, None]
         flat = j.reshape(-1, len(free))
         normal += flat.T @ flat
         white = idct(
-            _transformed(residuals[rows], len(root)) * (root / np.sqrt(left)), norm="ortho", axis=0
+            _transformed(residuals[rows], len(root)) * (root / np.sqrt(remaining)),
+            norm="ortho",
+            axis=0,
         )
         parts = np.einsum("ani,na->ni", idct(j, norm="ortho", axis=1), white)
         parts -= parts.mean(axis=0)
@@ -400,29 +421,29 @@ def _summary(
     normal -= np.einsum("kaij,ka->ij", sums.noise_matrix, weight)
     moved = np.einsum("kai,ka->i", sums.noise_product, weight)
     middle += np.outer(moved, moved) * _NOISE_KNOWN**2
-    inverse, known = _inverse(normal, prior[free])
-    moved = known.T @ moved
-    least = np.diag(prior[free] ** -2)
-    middle = known.T @ (middle - least) @ known + least
+    inverse, projection = _inverse(normal, prior[free])
+    moved = projection.T @ moved
+    prior_information = np.diag(prior[free] ** -2)
+    middle = projection.T @ (middle - prior_information) @ projection + prior_information
     covariance = np.zeros((COUNT, COUNT))
     sandwich = inverse @ middle @ inverse
-    # A sandwich of few coefficients is known badly: never below what stationary noise would give.
-    larger = np.sqrt(np.maximum(np.diag(inverse) / np.diag(sandwich), 1.0))
-    larger *= sums.unsure(weight, inverse)
-    covariance[np.ix_(free, free)] = sandwich * np.outer(larger, larger)
+    # A sandwich of few coefficients is inaccurate: it is never below that of stationary noise.
+    widening = np.sqrt(np.maximum(np.diag(inverse) / np.diag(sandwich), 1.0))
+    widening *= sums.widening(weight, inverse)
+    covariance[np.ix_(free, free)] = sandwich * np.outer(widening, widening)
     covariance[model.CURVATURE, model.CURVATURE] += sums.smoothing**2
-    hanging = np.zeros(COUNT)
-    hanging[free] = np.abs(inverse @ moved) / np.sqrt(np.diag(covariance)[free])
-    return Fit(errors, covariance, residuals, reference, wander, slopes, hanging, settled=True)
+    noise_shift = np.zeros(COUNT)
+    noise_shift[free] = np.abs(inverse @ moved) / np.sqrt(np.diag(covariance)[free])
+    return Fit(errors, covariance, residuals, reference, wander, slopes, noise_shift, settled=True)
 
 
 def _segments(pieces: tuple[slice, ...]) -> list[slice]:
-    result = []
+    segments = []
     for piece in pieces:
         count = -(-(piece.stop - piece.start) // _SEGMENT)
         edges = np.linspace(piece.start, piece.stop, count + 1).astype(int).tolist()
-        result += [slice(a, b) for a, b in pairwise(edges)]
-    return result
+        segments += [slice(a, b) for a, b in pairwise(edges)]
+    return segments
 
 
 def _smooth(power: Array) -> Array:

@@ -1,7 +1,7 @@
 # Copyright 2026 imu_sim_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Vibration of the residual: lines and bands, and how their intensity follows the motion."""
+"""Vibration of the residual: lines and bands, and the dependence of their intensity on motion."""
 
 from collections.abc import Sequence
 from itertools import pairwise
@@ -13,22 +13,22 @@ from imu_sim_ros.types import Array, Mask
 
 _MAX_TERMS: Final = 24
 _PEAK: Final = 20.0
-"""Power over that of its neighbours: noise reaches it once in 10^7 frequencies or so."""
+"""Power of a line over that of its neighbours: noise has it once in 10^7 frequencies or so."""
 _NEIGHBOURS: Final = 40
-"""Frequencies on each side."""
+"""Number of neighbouring frequencies on each side."""
 _QUARTERS: Final = 4
 _STEADY: Final = 0.8
-"""Share of a line's energy that keeps one phase from quarter to quarter of the record."""
-_OF_ROTORS: Final = 20.0
-"""[Hz] above it readings are vibration."""
-_IN_FLIGHT: Final = 0.75
-"""Quantile of the seconds' powers."""
+"""Smallest share of a line's energy with one phase from quarter to quarter of the record."""
+_ROTOR_FREQUENCY: Final = 20.0
+"""Frequency above which readings are vibration [Hz]."""
+_FLIGHT_QUANTILE: Final = 0.75
+"""Quantile of the powers of seconds that represents a flight."""
 _STILL: Final = 0.25
 """Power over that of a flight below which nothing vibrates."""
 _LASTING: Final = 3
-"""Windows."""
+"""Smallest number of consecutive windows with vibration."""
 _LOWEST: Final = 2.0
-"""[Hz] below it there is motion."""
+"""Lowest frequency of lines [Hz]: below it there is motion."""
 _REFINEMENTS: Final = 4
 
 
@@ -36,11 +36,11 @@ class Lines(NamedTuple):
     """k sinusoids ``A sin(2 pi f t + phase)`` on six axes."""
 
     frequency: Array
-    """(k,) [Hz]"""
+    """(k,) frequencies [Hz]."""
     frequency_sigma: Array
     """(k,) standard errors [Hz]."""
     amplitude: Array
-    """(k, 6)"""
+    """(k, 6) amplitudes [rad/s, m/s^2]."""
     amplitude_sigma: Array
     """(k, 6) standard errors."""
     phase: Array
@@ -50,27 +50,27 @@ class Lines(NamedTuple):
 def find_lines(values: Array, rate: float, lowest: float = 0.0) -> tuple[Lines, Array]:
     """Return the lines of a gap-free residual (n, 6), and the residual without them.
 
-    :param lowest: frequency [Hz], beyond that below which there is motion in any case.
+    :param lowest: lowest frequency [Hz]; it is at least that below which there is motion.
     """
-    rest = values - values.mean(axis=0)
+    remainder = values - values.mean(axis=0)
     frequencies: list[float] = []
     for _ in range(_MAX_TERMS):
-        peak = _highest_peak(rest, rate, max(lowest, _LOWEST))
+        peak = _highest_peak(remainder, rate, max(lowest, _LOWEST))
         if peak is None:
             break
-        refined = _refined(rest, peak, rate)
-        if not _is_steady(rest, refined, rate):
+        refined = _refined(remainder, peak, rate)
+        if not _is_steady(remainder, refined, rate):
             break
         frequencies.append(refined)
-        rest = rest - _fitted(rest, np.array([refined]), rate)[1]
+        remainder = remainder - _fitted(remainder, np.array([refined]), rate)[1]
     for _ in range(_REFINEMENTS if frequencies else 0):
         for k, frequency in enumerate(frequencies):
-            others = np.array(frequencies[:k] + frequencies[k + 1 :])
-            alone = values - _fitted(values, others, rate)[1] if len(others) else values
-            frequencies[k] = _refined(alone - alone.mean(axis=0), frequency, rate)
-    found = np.array(sorted(frequencies))
-    parts, fitted = _fitted(values, found, rate)
-    return _lines(found, parts, values - fitted, rate), values - fitted
+            further = np.array(frequencies[:k] + frequencies[k + 1 :])
+            single = values - _fitted(values, further, rate)[1] if len(further) else values
+            frequencies[k] = _refined(single - single.mean(axis=0), frequency, rate)
+    line_frequencies = np.array(sorted(frequencies))
+    parts, fitted = _fitted(values, line_frequencies, rate)
+    return _lines(line_frequencies, parts, values - fitted, rate), values - fitted
 
 
 def _spectrum(values: Array) -> Array:
@@ -81,18 +81,18 @@ def _spectrum(values: Array) -> Array:
 def _highest_peak(values: Array, rate: float, lowest: float) -> float | None:
     """Return the frequency [Hz] of the highest peak over its neighbours; None without any."""
     power = _spectrum(values)
-    first = int(np.ceil(lowest * len(values) / rate)) + 1
-    if len(power) < first + 2 * _NEIGHBOURS:
+    begin = int(np.ceil(lowest * len(values) / rate)) + 1
+    if len(power) < begin + 2 * _NEIGHBOURS:
         return None
     size = 2 * _NEIGHBOURS
-    count = (len(power) - first) // size
-    blocks = power[first : first + count * size].reshape(count, size, -1)
+    count = (len(power) - begin) // size
+    blocks = power[begin : begin + count * size].reshape(count, size, -1)
     # The median of exponentially distributed powers is ln 2 of their mean.
-    usual = np.repeat(np.median(blocks, axis=1), size, axis=0) / np.log(2.0)
-    usual = np.pad(usual, ((0, len(power) - first - len(usual)), (0, 0)), mode="edge")
-    ratio = np.max(power[first:] / np.maximum(usual, 1e-300), axis=1)
+    medians = np.repeat(np.median(blocks, axis=1), size, axis=0) / np.log(2.0)
+    medians = np.pad(medians, ((0, len(power) - begin - len(medians)), (0, 0)), mode="edge")
+    ratio = np.max(power[begin:] / np.maximum(medians, 1e-300), axis=1)
     best = int(np.argmax(ratio))
-    return (best + first) * rate / len(values) if ratio[best] > _PEAK else None
+    return (best + begin) * rate / len(values) if ratio[best] > _PEAK else None
 
 
 def _refined(values: Array, frequency: float, rate: float) -> float:
@@ -117,14 +117,14 @@ def _refined(values: Array, frequency: float, rate: float) -> float:
 
 
 def _is_steady(values: Array, frequency: float, rate: float) -> bool:
-    """Return whether a peak keeps its phase: rotors that change their speed do not."""
+    """Return whether a peak keeps its phase, unlike rotors that change their speed."""
     size = len(values) // _QUARTERS
     t = np.arange(_QUARTERS * size) / rate
     turned = np.exp(-2j * np.pi * frequency * t)[:, None] * values[: len(t)]
     quarters = turned.reshape(_QUARTERS, size, -1).mean(axis=1)
     loudest = int(np.argmax(np.sum(np.abs(quarters) ** 2, axis=0) / values.var(axis=0)))
-    one = quarters[:, loudest]
-    return bool(np.abs(one.mean()) ** 2 > _STEADY * np.mean(np.abs(one) ** 2))
+    amplitudes = quarters[:, loudest]
+    return bool(np.abs(amplitudes.mean()) ** 2 > _STEADY * np.mean(np.abs(amplitudes) ** 2))
 
 
 def _fitted(values: Array, frequencies: Array, rate: float) -> tuple[Array, Array]:
@@ -137,111 +137,112 @@ def _fitted(values: Array, frequencies: Array, rate: float) -> tuple[Array, Arra
     return parts, columns @ parts
 
 
-def _lines(frequency: Array, parts: Array, rest: Array, rate: float) -> Lines:
+def _lines(frequency: Array, parts: Array, remainder: Array, rate: float) -> Lines:
     """Return lines with the standard errors of a sinusoid in noise (Rife and Boorstyn 1974).
 
     With the two-sided density S around it and the record's length T:
     ``var A = 2 S / T, var f = 6 S / (pi^2 A^2 T^3)``.
     """
-    count, length = len(frequency), len(rest) / rate
+    count, length = len(frequency), len(remainder) / rate
     sine, cosine = parts[:count], parts[count:]
     amplitude = np.hypot(sine, cosine)
-    power = _spectrum(rest)
-    power /= np.sum(np.hanning(len(rest) + 2) ** 2) * rate
+    power = _spectrum(remainder)
+    power /= np.sum(np.hanning(len(remainder) + 2) ** 2) * rate
     density = np.empty((count, 6))
     for k, f in enumerate(frequency):
         middle = round(f * length)
-        around = power[max(middle - _NEIGHBOURS, 1) : middle + _NEIGHBOURS]
-        density[k] = around.mean(axis=0)
+        surroundings = power[max(middle - _NEIGHBOURS, 1) : middle + _NEIGHBOURS]
+        density[k] = surroundings.mean(axis=0)
     sigma = np.sqrt(2.0 * density / length)
     information = np.sum(amplitude**2 / density, axis=1) * np.pi**2 * length**3 / 6.0
     return Lines(frequency, 1.0 / np.sqrt(information), amplitude, sigma, np.arctan2(cosine, sine))
 
 
 EDGES: Final = (1.0, 5.0, 20.0, 50.0)
-"""[Hz] between the ranges."""
+"""Edges between the ranges of frequencies [Hz]."""
 _WINDOW: Final = 1.0
-"""[s] at least, over which an intensity is taken."""
+"""Shortest window of an intensity [s]."""
 _SLOWEST: Final = 0.2
-"""[Hz] what is slower has too few periods in a window."""
+"""Lowest frequency with enough periods in a window [Hz]."""
 _PRIOR: Final = 0.5
-"""Standard deviation of an exponent before the data: in proportion at most, as a rule."""
+"""Prior standard deviation of an exponent, which is rarely above 1."""
 _DISTURBED: Final = 4.0
-"""Energy over the usual one of a window that is disturbed."""
+"""Energy of a disturbed window over the usual one."""
 _MIN_WINDOWS: Final = 8
-"""Windows below which nothing is said."""
+"""Smallest number of windows for exponents."""
 _LARGEST: Final = 3.0
 
 
 class Exponents(NamedTuple):
-    """Powers to which a triad's residual follows rate, acceleration and speed."""
+    """Powers of rate, acceleration and speed with which a triad's residual grows."""
 
     value: Array
-    """(ranges, 2, 3); 0 if a record is too short for any."""
+    """(ranges, 2, 3) exponents; 0 if a record is too short."""
     sigma: Array
-    """(ranges, 2, 3) standard errors; 0 if there is none."""
+    """(ranges, 2, 3) standard errors; 0 if there is no exponent."""
 
 
 def range_edges(rate: float) -> Array:
-    """Return the edges (r + 1,) [Hz] of the ranges that a rate can show."""
-    inside = [edge for edge in EDGES if edge < 0.4 * rate]
-    return np.array([0.0, *inside, 0.5 * rate])
+    """Return the edges (r + 1,) [Hz] of the ranges below half the rate."""
+    inner = [edge for edge in EDGES if edge < 0.4 * rate]
+    return np.array([0.0, *inner, 0.5 * rate])
 
 
 def in_range(values: Array, parts: Sequence[slice], rate: float, low: float, high: float) -> Array:
-    """Return what values (n, 6) have in a range of frequencies; 0 outside the parts."""
-    result = np.zeros_like(values)
+    """Return the part of values (n, 6) in a range of frequencies; 0 outside the parts."""
+    filtered = np.zeros_like(values)
     for part in parts:
         count = part.stop - part.start
         spectrum = np.fft.rfft(values[part] - values[part].mean(axis=0), axis=0)
         frequency = np.arange(len(spectrum)) * rate / count
         spectrum[(frequency < low) | (frequency >= high)] = 0.0
-        result[part] = np.fft.irfft(spectrum, count, axis=0)
-    return result
+        filtered[part] = np.fft.irfft(spectrum, count, axis=0)
+    return filtered
 
 
 def vibrating(readings: Array, pieces: Sequence[slice], rate: float) -> Mask:
-    """Return the rows (n,) of readings (n, 6) from the first to the last vibration of each piece.
+    """Return a mask (n,) of readings (n, 6) from the first to the last vibration of each piece.
 
-    Rotors stand still or idle before a flight and after it, while the body is carried. Vibration
-    begins with three seconds together that have a quarter of the power above 20 Hz, mean of all
-    axes, that a flight has: the upper quartile of all seconds.
+    Before and after a flight, rotors stand still or idle, and the body may be carried. Vibration
+    begins with three consecutive seconds that have a quarter of a flight's power above 20 Hz (mean
+    of
+    all axes); the upper quartile of all seconds represents the flight.
     """
-    result = np.ones(len(readings), dtype=np.bool_)
+    mask = np.ones(len(readings), dtype=np.bool_)
     size = max(round(_WINDOW * rate), 2)
-    if 0.5 * rate <= _OF_ROTORS:
-        return result
-    band = in_range(readings, pieces, rate, _OF_ROTORS, np.inf)
+    if 0.5 * rate <= _ROTOR_FREQUENCY:
+        return mask
+    band = in_range(readings, pieces, rate, _ROTOR_FREQUENCY, np.inf)
     powers = [
         np.mean(
             band[p.start : p.stop - (p.stop - p.start) % size].reshape(-1, size, 6) ** 2, axis=1
         )
         for p in pieces
     ]
-    usual = np.quantile(np.concatenate(powers), _IN_FLIGHT, axis=0) + 1e-300
+    flight_power = np.quantile(np.concatenate(powers), _FLIGHT_QUANTILE, axis=0) + 1e-300
     for piece, power in zip(pieces, powers, strict=True):
-        loud = np.mean(power / usual, axis=1) >= _STILL
+        loud = np.mean(power / flight_power, axis=1) >= _STILL
         lasting = np.convolve(loud, np.ones(_LASTING), mode="valid") == _LASTING
         if len(loud) >= _LASTING and lasting.any():
-            first, last = np.flatnonzero(lasting)[[0, -1]]
-            result[piece.start : piece.start + int(first) * size] = False
-            if last + _LASTING < len(loud):
-                result[piece.start + int(last + _LASTING) * size : piece.stop] = False
-    return result
+            begin, end = np.flatnonzero(lasting)[[0, -1]]
+            mask[piece.start : piece.start + int(begin) * size] = False
+            if end + _LASTING < len(loud):
+                mask[piece.start + int(end + _LASTING) * size : piece.stop] = False
+    return mask
 
 
 def follow(values: Array, parts: Sequence[slice], rate: float, logs: Array) -> Exponents:
     """Return the exponents of a residual (n, 6).
 
     In windows the logarithm of each triad's energy, axes weighted alike, against the mean
-    logarithms of the motion's size: least squares with a prior around 0, as far as a record shows
-    more. None is negative: nothing gets quieter by moving.
+    logarithms of the motion's size: least squares with a prior around 0, which dominates in short
+    records. No exponent is negative.
 
     :param parts: rows that belong together.
-    :param logs: (n, 3) of rate, acceleration, speed, relative to a reference.
+    :param logs: (n, 3) logarithms of rate, acceleration and speed over a reference.
     """
     edges = range_edges(rate)
-    found, sigma = np.zeros((2, len(edges) - 1, 2, 3))
+    exponents, sigma = np.zeros((2, len(edges) - 1, 2, 3))
     for k, (low, high) in enumerate(pairwise(edges)):
         size = max(round(_WINDOW * rate), 2)
         band = in_range(values, parts, rate, max(low, _SLOWEST), high)
@@ -256,8 +257,8 @@ def follow(values: Array, parts: Sequence[slice], rate: float, logs: Array) -> E
             axes = slice(3 * triad, 3 * triad + 3)
             if np.all(mean[axes] > 0.0):
                 log = 0.5 * np.log(np.mean(energy[:, axes] / mean[axes], axis=1))
-                found[k, triad], sigma[k, triad] = _regressed(log, sizes)
-    return Exponents(found, sigma)
+                exponents[k, triad], sigma[k, triad] = _regressed(log, sizes)
+    return Exponents(exponents, sigma)
 
 
 def _regressed(log: Array, sizes: Array) -> tuple[Array, Array]:
@@ -265,53 +266,53 @@ def _regressed(log: Array, sizes: Array) -> tuple[Array, Array]:
     from scipy.optimize import nnls
 
     columns = np.column_stack([np.ones(len(log)), sizes])
-    rest = log - columns @ np.linalg.lstsq(columns, log, rcond=None)[0]
-    deviation = np.sqrt(float(rest @ rest) / (len(log) - columns.shape[1]))
+    residuals = log - columns @ np.linalg.lstsq(columns, log, rcond=None)[0]
+    deviation = np.sqrt(float(residuals @ residuals) / (len(log) - columns.shape[1]))
     if deviation == 0.0:
         return np.zeros(3), np.zeros(3)
     # The prior is one more observation of each exponent: 0 with its deviation.
     ridge = np.eye(3) * deviation / _PRIOR
     centred = np.concatenate([sizes - sizes.mean(axis=0), ridge])
     value = nnls(centred, np.append(log - log.mean(), np.zeros(3)))[0]
-    used = value > 0.0
+    positive = value > 0.0
     sigma = np.zeros(3)
-    own = centred[:, used]
-    sigma[used] = deviation * np.sqrt(np.diag(np.linalg.inv(own.T @ own)))
+    columns_used = centred[:, positive]
+    sigma[positive] = deviation * np.sqrt(np.diag(np.linalg.inv(columns_used.T @ columns_used)))
     return np.minimum(value, _LARGEST), sigma
 
 
-def calmed(
+def without_disturbances(
     values: Array, parts: Sequence[slice], rate: float, low: float, high: float
 ) -> tuple[Array, int]:
-    """Return a residual (n, 6) without its disturbances in a range, and how many there were.
+    """Return a residual (n, 6) without its disturbances in a range, and their number.
 
     A jump of the truth or a touch of the ground is no vibration: in windows of a second in which an
-    axis has more than four times its usual energy, what it has in this range is scaled down to the
-    usual.
+    axis has more than four times its usual energy, its part in this range is scaled down to the
+    usual energy.
     """
     band = in_range(values, parts, rate, low, high)
     size = max(round(_WINDOW * rate), 2)
-    result, count = values.copy(), 0
+    reduced, count = values.copy(), 0
     energies = [
         np.mean(band[s : s + size] ** 2, axis=0)
         for p in parts
         for s in range(p.start, p.stop - size + 1, size)
     ]
     if len(energies) < _MIN_WINDOWS:
-        return result, 0
-    usual = np.median(energies, axis=0)
+        return reduced, 0
+    median_energy = np.median(energies, axis=0)
     half = size // 2
     for p in parts:
         for start in range(p.start, p.stop - half + 1, half):
             rows = slice(start, start + half)
             energy = np.mean(band[rows] ** 2, axis=0)
-            loud = energy > _DISTURBED * usual
+            loud = energy > _DISTURBED * median_energy
             if loud.any():
                 count += 1
-                allowed = np.sqrt(usual / np.maximum(energy, 1e-300))
+                allowed = np.sqrt(median_energy / np.maximum(energy, 1e-300))
                 share = np.where(loud, 1.0 - allowed, 0.0)
-                result[rows] -= share * band[rows]
-    return result, count
+                reduced[rows] -= share * band[rows]
+    return reduced, count
 
 
 def factors(exponents: Array, logs: Array) -> Array:

@@ -1,7 +1,7 @@
 # Copyright 2026 imu_sim_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""What an IMU with constant errors reads on a known motion, and how that depends on each error.
+"""Readings of an IMU with constant errors on a known motion, and their Jacobian.
 
 With x the ideal reading in the IMU's axes, ``x_g = R omega`` and ``x_a = R f(l)``, ``R = R_ib``::
 
@@ -40,11 +40,11 @@ _SLOPE, _SLOPE_OVER_TIME = slice(0, 6), slice(6, 12)
 _RATE, _FORCE, _BENT = slice(12, 15), slice(15, 18), slice(18, 24)
 _BY_ARM, _BY_WORLD, _ONE = slice(24, 33), slice(33, 42), 42
 _STEP: Final = 5e-4
-"""[s] for the derivatives in time."""
+"""Step of the numerical derivatives in time [s]."""
 
 
 class BodyMotion(NamedTuple):
-    """What moves an IMU, in the body's axes at n times."""
+    """Motion of an IMU's body in the body's axes, at n times."""
 
     rate: Array
     """(n, 3) omega_b [rad/s]."""
@@ -53,21 +53,21 @@ class BodyMotion(NamedTuple):
     angular_acceleration: Array
     """(n, 3) alpha_b [rad/s^2]."""
     r_bw: Array | None = None
-    """(n, 3, 3) R_wb.T of the truth; None: not known."""
+    """(n, 3, 3) R_wb.T of the truth; None: unknown."""
 
 
 MotionAt = Callable[[Array], BodyMotion]
-"""Returns the motion at times (n,) [s] after the truth's first pose."""
+"""Function of times (n,) [s] after the truth's first pose that returns the motion."""
 
 
 class KnownMotion(NamedTuple):
-    """A motion that is known but for the noise of its poses."""
+    """A motion that is known up to the noise of its poses."""
 
     motion_at: MotionAt
     cutoff: float
     """Highest frequency of the motion [Hz]."""
     noisy: tuple[MotionAt, ...] = ()
-    """The same motion with the noise of its poses added once more, each time another."""
+    """The same motion with further draws of the poses' noise added."""
 
 
 class Errors(NamedTuple):
@@ -84,16 +84,17 @@ class Errors(NamedTuple):
     lever_arm: Array
     """(3,) p_bi [m]."""
     bias: Array
-    """(6,) gyroscope, accelerometer."""
+    """(6,) biases of gyroscope [rad/s] and accelerometer [m/s^2]."""
     offset: float
     """tau_0: true time minus stamp at the reference [s]."""
     skew: float
-    """tau_1."""
+    """Relative rate tau_1 of the true time against the stamps."""
     curvature: float
     """Curvature of the truth's attitude [s^2]; below 0: it is smoother than the motion."""
     world: Array
-    """(3,) rotation vector from the world of the truth's attitudes to that of its positions and of
-    gravity [rad]."""
+    """(3,) rotation vector from the world frame of the truth's attitudes to that of its positions
+    and
+    of gravity [rad]."""
 
     def moved(self, step: Array) -> "Errors":
         """Return the errors after a step (42,) of the parameters."""
@@ -113,27 +114,27 @@ class Errors(NamedTuple):
             self.world + step[WORLD],
         )
 
-    def referred(self, later: float) -> "Errors":
-        """Return the same errors with the offset at a reference that is later [s]."""
-        return self._replace(offset=self.offset + self.skew * later)
+    def referred(self, shift: float) -> "Errors":
+        """Return the same errors with the offset at a reference later by a shift [s]."""
+        return self._replace(offset=self.offset + self.skew * shift)
 
-    def away_from(self, other: "Errors") -> Array:
-        """Return the step (42,) from other errors to these."""
-        result = self.deviation() - other.deviation()
-        result[MOUNTING] = rotation.log(rotation.from_matrix(self.r_ib @ other.r_ib.T))
-        return result
+    def away_from(self, reference: "Errors") -> Array:
+        """Return the step (42,) from reference errors to these."""
+        step = self.deviation() - reference.deviation()
+        step[MOUNTING] = rotation.log(rotation.from_matrix(self.r_ib @ reference.r_ib.T))
+        return step
 
     def deviation(self) -> Array:
         """Return the parameters' distance from a perfect IMU (42,); 0 for the mounting."""
-        result = np.zeros(COUNT)
-        result[0], result[1] = self.offset, self.skew
-        result[GYROSCOPE] = (self.gyroscope - np.eye(3)).ravel()
-        result[ACCELEROMETER] = (self.accelerometer - np.eye(3))[UPPER]
-        result[G_SENSITIVITY] = self.g_sensitivity.ravel()
-        result[LEVER_ARM] = self.lever_arm
-        result[BIAS] = self.bias
-        result[CURVATURE], result[WORLD] = self.curvature, self.world
-        return result
+        deviation = np.zeros(COUNT)
+        deviation[0], deviation[1] = self.offset, self.skew
+        deviation[GYROSCOPE] = (self.gyroscope - np.eye(3)).ravel()
+        deviation[ACCELEROMETER] = (self.accelerometer - np.eye(3))[UPPER]
+        deviation[G_SENSITIVITY] = self.g_sensitivity.ravel()
+        deviation[LEVER_ARM] = self.lever_arm
+        deviation[BIAS] = self.bias
+        deviation[CURVATURE], deviation[WORLD] = self.curvature, self.world
+        return deviation
 
 
 def perfect(r_ib: Array, offset: float = 0.0) -> Errors:
@@ -143,7 +144,7 @@ def perfect(r_ib: Array, offset: float = 0.0) -> Errors:
 
 
 def readings(errors: Errors, motion: BodyMotion) -> Array:
-    """Return what the IMU reads (n, 6) on a motion."""
+    """Return the readings (n, 6) of the IMU on a motion."""
     rate, force = _ideal(errors, motion)
     gyro = rate @ errors.gyroscope.T + force @ errors.g_sensitivity.T
     return np.concatenate([gyro, force @ errors.accelerometer.T], axis=1) + errors.bias
@@ -160,7 +161,7 @@ def _ideal(errors: Errors, motion: BodyMotion) -> tuple[Array, Array]:
 def _with_arm(change: BodyMotion, rate: Array, arm: Array) -> tuple[Array, Array]:
     """Return small changes (n, 3) of rate and of the force at the lever arm.
 
-    :param rate: (n, 3) to which the change of the rate is added.
+    :param rate: (n, 3) rate without the change.
     """
     force = change.force + np.cross(change.angular_acceleration, arm)
     force += np.cross(change.rate, np.cross(rate, arm)) + np.cross(rate, np.cross(change.rate, arm))
@@ -171,23 +172,23 @@ def true_times(errors: Errors, stamps: Array, reference: float, wander: Array) -
     """Return the true times (n,) [s] of stamps (n,) [s].
 
     :param reference: stamp to which the offset refers [s].
-    :param wander: (n,) [s] what is added to offset and skew.
+    :param wander: (n,) correction of offset and skew [s].
     """
     return stamps + errors.offset + errors.skew * (stamps - reference) + wander
 
 
 class Linear(NamedTuple):
-    """Readings, and how they depend on the errors.
+    """Readings, linear in small changes of the errors.
 
     The Jacobian (n, 42) of axis a is ``signals @ coefficients[a]``.
     """
 
     readings: Array
-    """(n, 6)"""
+    """(n, 6) readings."""
     signals: Array
-    """(n, 43) of time."""
+    """(n, 43) functions of time."""
     coefficients: Array
-    """(6, 43, 42)"""
+    """(6, 43, 42) coefficients of the signals in the Jacobian."""
 
     @property
     def slope(self) -> Array:
@@ -196,7 +197,7 @@ class Linear(NamedTuple):
 
 
 class _Linearised(NamedTuple):
-    """What moves an IMU according to a truth whose own errors are taken out."""
+    """Motion of an IMU according to a truth without the truth's own errors."""
 
     motion: BodyMotion
     slope: Array
@@ -211,19 +212,19 @@ def _linearised(errors: Errors, motion_at: MotionAt, t: Array) -> _Linearised:
     """Return the motion at true times (n,) [s].
 
     A symmetric filter turns attitudes that vary slowly by ``-c alpha``, c < 0, so that rate and
-    force lack (to first order in c) what is added here; and if the attitudes' world is turned
+    force lack (to first order in c) the terms below; and if the attitudes' world is turned
     by E = exp(psi) against that of positions and gravity, ``R_wb`` is ``E R_wb``::
 
         omega + c (alpha' + omega x alpha)     R_wb.T E.T R_wb f + c f x alpha     alpha + c alpha''
     """
-    behind, here, ahead = (motion_at(t + h) for h in (-_STEP, 0.0, _STEP))
-    slope = (readings(errors, ahead) - readings(errors, behind)) / (2.0 * _STEP)
-    omega, f, alpha, r_bw = here
-    before, after = behind.angular_acceleration, ahead.angular_acceleration
+    earlier, present, later = (motion_at(t + h) for h in (-_STEP, 0.0, _STEP))
+    slope = (readings(errors, later) - readings(errors, earlier)) / (2.0 * _STEP)
+    omega, f, alpha, r_bw = present
+    alpha_earlier, alpha_later = earlier.angular_acceleration, later.angular_acceleration
     bend = BodyMotion(
-        (after - before) / (2.0 * _STEP) + np.cross(omega, alpha),
+        (alpha_later - alpha_earlier) / (2.0 * _STEP) + np.cross(omega, alpha),
         np.cross(f, alpha),
-        (after - 2.0 * alpha + before) / _STEP**2,
+        (alpha_later - 2.0 * alpha + alpha_earlier) / _STEP**2,
     )
     by_world = np.zeros((len(t), 3, 3))
     if r_bw is not None:
@@ -232,14 +233,16 @@ def _linearised(errors: Errors, motion_at: MotionAt, t: Array) -> _Linearised:
         f = np.einsum("nij,nj->ni", r_bw, f_w @ turn)
         by_world = r_bw @ (turn.T @ rotation.skew(f_w))
     c = errors.curvature
-    omega, f, alpha = (x + c * by for x, by in zip((omega, f, alpha), bend[:3], strict=True))
+    omega, f, alpha = (
+        x + c * change for x, change in zip((omega, f, alpha), bend[:3], strict=True)
+    )
     return _Linearised(BodyMotion(omega, f, alpha, r_bw), slope, bend, by_world)
 
 
 def predicted(errors: Errors, motion_at: MotionAt, t: Array) -> tuple[Array, Array]:
     """Return readings (n, 6) at true times (n,) [s] and their slope, without the truth's errors."""
-    seen = _linearised(errors, motion_at, t)
-    return readings(errors, seen.motion), seen.slope
+    linearised_motion = _linearised(errors, motion_at, t)
+    return readings(errors, linearised_motion.motion), linearised_motion.slope
 
 
 def linearised(
@@ -265,22 +268,22 @@ def linearised(
 
 def _coefficients(errors: Errors) -> Array:
     """Return the change (6, 43, 42) of each reading per signal and change of an error."""
-    result, axes, eye = np.zeros((6, _ONE + 1, COUNT)), np.arange(6), np.eye(3)
-    result[axes, axes + _SLOPE.start, OFFSET.start] = 1.0
-    result[axes, axes + _SLOPE_OVER_TIME.start, SKEW.start] = 1.0
-    result[axes, _ONE, axes + BIAS.start] = 1.0
+    coefficients, axes, eye = np.zeros((6, _ONE + 1, COUNT)), np.arange(6), np.eye(3)
+    coefficients[axes, axes + _SLOPE.start, OFFSET.start] = 1.0
+    coefficients[axes, axes + _SLOPE_OVER_TIME.start, SKEW.start] = 1.0
+    coefficients[axes, _ONE, axes + BIAS.start] = 1.0
     for k in range(3):
         for part, signal in ((GYROSCOPE, _RATE), (G_SENSITIVITY, _FORCE)):
-            first = part.start + 3 * k
-            result[k, signal, first : first + 3] = eye
+            begin = part.start + 3 * k
+            coefficients[k, signal, begin : begin + 3] = eye
     for k, (i, j) in enumerate(zip(*UPPER, strict=True)):
-        result[3 + i, _FORCE.start + j, ACCELEROMETER.start + k] = 1.0
-    # Of the readings by the ideal ones: a turn changes those by its cross product.
+        coefficients[3 + i, _FORCE.start + j, ACCELEROMETER.start + k] = 1.0
+    # Derivatives of the readings by the ideal ones, which a small turn changes by a cross product.
     by_rate = np.concatenate([errors.gyroscope, np.zeros((3, 3))])
     by_force = np.concatenate([errors.g_sensitivity, errors.accelerometer])
-    for by, signal in ((by_rate, _RATE), (by_force, _FORCE)):
-        result[:, signal, MOUNTING] = np.einsum("ai,kij->akj", by, -rotation.skew(eye))
-    result[:, _BENT, CURVATURE.start] = np.concatenate([by_rate, by_force], axis=1)
+    for gains, signal in ((by_rate, _RATE), (by_force, _FORCE)):
+        coefficients[:, signal, MOUNTING] = np.einsum("ai,kij->akj", gains, -rotation.skew(eye))
+    coefficients[:, _BENT, CURVATURE.start] = np.concatenate([by_rate, by_force], axis=1)
     by_matrix = np.einsum("ai,jk->aijk", by_force @ errors.r_ib, eye).reshape(6, 9, 3)
-    result[:, _BY_ARM, LEVER_ARM] = result[:, _BY_WORLD, WORLD] = by_matrix
-    return result
+    coefficients[:, _BY_ARM, LEVER_ARM] = coefficients[:, _BY_WORLD, WORLD] = by_matrix
+    return coefficients

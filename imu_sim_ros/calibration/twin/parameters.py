@@ -18,38 +18,38 @@ _DIGITS: Final = 9
 _BAND_DIGITS: Final = 4
 MOTION_FLOOR: Final = 0.2
 MOTION_TIME: Final = 0.3
-"""[s] of the running means that intensities follow."""
+"""Time of the running means that intensities depend on [s]."""
 
 
-def simulator_parameters(found: Analysis, rate: float, step: Array) -> dict[str, Value]:
+def simulator_parameters(analysis: Analysis, rate: float, step: Array) -> dict[str, Value]:
     """Return parameters by name.
 
     :param step: (6,) digital steps of the readings, 0 if there are none.
     """
-    errors = found.fit.errors
-    unsure = found.fit.sigma[BIAS]
-    result: dict[str, Value] = {
+    errors = analysis.fit.errors
+    bias_sigma = analysis.fit.sigma[BIAS]
+    values: dict[str, Value] = {
         "rate": float(rate),
         "imu.preset": "perfect",
         "imu.mounting": _numbers(_orthonormal(errors.r_ib.T)),
         "imu.lever_arm": _numbers(errors.lever_arm),
-        "imu.stamp_offset": clock_offset(found.fit),
-        "imu.clock_skew_ppm": round(1e6 * clock_skew(found.fit), 6),
+        "imu.stamp_offset": clock_offset(analysis.fit),
+        "imu.clock_skew_ppm": round(1e6 * clock_skew(analysis.fit), 6),
         "imu.gyroscope_bias": _numbers(errors.bias[:3]),
-        "imu.gyroscope_turn_on_bias_sigma": _numbers(unsure[:3], 3),
+        "imu.gyroscope_turn_on_bias_sigma": _numbers(bias_sigma[:3], 3),
         "imu.gyroscope_scale_misalignment": _numbers(errors.gyroscope),
         "imu.gyroscope_g_sensitivity": _numbers(errors.g_sensitivity),
-        "imu.gyroscope_noise_density": _numbers(found.white.density[:3]),
+        "imu.gyroscope_noise_density": _numbers(analysis.white.density[:3]),
         "imu.accelerometer_bias": _numbers(errors.bias[3:]),
-        "imu.accelerometer_turn_on_bias_sigma": _numbers(unsure[3:], 3),
+        "imu.accelerometer_turn_on_bias_sigma": _numbers(bias_sigma[3:], 3),
         "imu.accelerometer_scale_misalignment": _numbers(errors.accelerometer),
-        "imu.accelerometer_noise_density": _numbers(found.white.density[3:]),
+        "imu.accelerometer_noise_density": _numbers(analysis.white.density[3:]),
     }
     if step.any():
-        result["imu.gyroscope_resolution"] = _numbers(step[:3])
-        result["imu.accelerometer_resolution"] = _numbers(step[3:])
-    result |= {f"imu.vibration.{name}": value for name, value in _vibration(found).items()}
-    return result
+        values["imu.gyroscope_resolution"] = _numbers(step[:3])
+        values["imu.accelerometer_resolution"] = _numbers(step[3:])
+    values |= {f"imu.vibration.{name}": value for name, value in _vibration(analysis).items()}
+    return values
 
 
 def clock_offset(fit: Fit) -> float:
@@ -63,27 +63,27 @@ def clock_skew(fit: Fit) -> float:
     return 1.0 / (1.0 + fit.errors.skew) - 1.0
 
 
-def _vibration(found: Analysis) -> dict[str, Value]:
-    result: dict[str, Value] = {}
-    lines, bands = found.lines, found.vibration
+def _vibration(analysis: Analysis) -> dict[str, Value]:
+    values: dict[str, Value] = {}
+    lines, bands = analysis.lines, analysis.vibration
     if len(lines.frequency):
-        result["line_frequency"] = _numbers(lines.frequency)
-        result["line_amplitude"] = _numbers(lines.amplitude, 6)
-        result["line_phase"] = _numbers(lines.phase, 6)
+        values["line_frequency"] = _numbers(lines.frequency)
+        values["line_amplitude"] = _numbers(lines.amplitude, 6)
+        values["line_phase"] = _numbers(lines.phase, 6)
     if len(bands.low):
-        result["band_low"] = _numbers(bands.low)
-        result["band_high"] = _numbers(bands.high)
-        result["band_density"] = _numbers(bands.density, _BAND_DIGITS)
-        result["band_coherence"] = _numbers(coherence(bands), _BAND_DIGITS)
-    if found.exponents.value.any() and result:
-        result["range_edges"] = _numbers(found.range_edges[1:-1])
-        result["gyroscope_exponents"] = _numbers(found.exponents.value[:, 0], 4)
-        result["accelerometer_exponents"] = _numbers(found.exponents.value[:, 1], 4)
-        result["reference_motion"] = _numbers(found.reference)
-        result["motion_floor"] = MOTION_FLOOR
-        result["motion_ceiling"] = _numbers(found.largest)
-        result["motion_time"] = MOTION_TIME
-    return result
+        values["band_low"] = _numbers(bands.low)
+        values["band_high"] = _numbers(bands.high)
+        values["band_density"] = _numbers(bands.density, _BAND_DIGITS)
+        values["band_coherence"] = _numbers(coherence(bands), _BAND_DIGITS)
+    if analysis.exponents.value.any() and values:
+        values["range_edges"] = _numbers(analysis.range_edges[1:-1])
+        values["gyroscope_exponents"] = _numbers(analysis.exponents.value[:, 0], 4)
+        values["accelerometer_exponents"] = _numbers(analysis.exponents.value[:, 1], 4)
+        values["reference_motion"] = _numbers(analysis.reference)
+        values["motion_floor"] = MOTION_FLOOR
+        values["motion_ceiling"] = _numbers(analysis.largest)
+        values["motion_time"] = MOTION_TIME
+    return values
 
 
 def coherence(bands: Bands) -> Array:
@@ -102,6 +102,6 @@ def _orthonormal(r: Array) -> Array:
 
 
 def _numbers(values: Array, digits: int = _DIGITS) -> tuple[float, ...]:
-    """Return them rounded; below what a parameter may be is what rounding left of nothing."""
+    """Return rounded numbers; those below the smallest value of a parameter become 0."""
     sizes = np.where(np.abs(values) < SMALLEST, 0.0, values)
     return tuple(float(f"{value:.{digits}g}") for value in np.ravel(sizes))
