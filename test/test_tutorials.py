@@ -97,7 +97,8 @@ def run_page(page: Path, folder: Path, monkeypatch, capsys) -> None:
     if page.stem in NEEDS:
         pytest.importorskip(NEEDS[page.stem])
     monkeypatch.chdir(folder)
-    monkeypatch.syspath_prepend(str(ROOT / "examples"))
+    (folder / "examples").symlink_to(ROOT / "examples")  # as at the top of the checkout
+    monkeypatch.setattr(sys, "path", list(sys.path))
     monkeypatch.setattr(sys, "argv", ["page"])
     printed, names = "", {"__name__": "page"}
     for percent, language, content in blocks(page):
@@ -131,6 +132,19 @@ def test_the_files_that_the_exercises_name_exist():
     assert len(named) > 12
     homes = (ROOT, ROOT / "imu_sim_ros")
     assert not [name for name in named if not any((home / name).is_file() for home in homes)]
+
+
+def test_tutorials_write_no_file_of_another_one():
+    """They can be followed one after the other in one folder."""
+    writers: dict[str, str] = {}
+    for page in [*PAGES, ROOT / "docs/tutorials/exercises.md"]:
+        text = page.read_text(encoding="utf-8")
+        outputs = re.findall(
+            r"(?:-o|--plot|--save) (\S+)|save(?:fig)?\(\"([^\"]+)\"|^# (\S+\.yaml)", text, re.M
+        )
+        for name in {"".join(groups).partition("/")[0] for groups in outputs}:
+            assert writers.setdefault(name, page.stem) == page.stem, name
+    assert len(writers) > 15
 
 
 def test_every_tutorial_has_a_picture_and_is_about_five():
