@@ -148,6 +148,16 @@ def rint(x: Component) -> Component:
     return math.copysign(round(x), x) if type(x) is float else np.rint(x)
 
 
+def quantise(x: Any, step: Any, least: Any, most: Any) -> Any:
+    """Return x in whole steps, from ``least`` to ``most`` of them. The sign of a zero stays."""
+    if type(x) is float:
+        x /= step
+        count = round(x)
+        count = least if count < least else most if count > most else count
+        return math.copysign(count, x) * step
+    return np.minimum(np.maximum(np.rint(x / step), least), most) * step
+
+
 def whole(x: Any) -> Any:
     """Return the nearest whole number as an integer."""
     return round(x) if type(x) is float else np.rint(x).astype(np.int64)

@@ -9,12 +9,15 @@ they do not depend on the size of the blocks either.
 """
 
 import ctypes
+import itertools
 import math
 import zlib
-from typing import Any, Final, TypeAlias
+from functools import lru_cache
+from typing import Any, Final, TypeAlias, TypeVar, cast
 
 import numpy as np
 from numpy.random import SFC64, Generator, SeedSequence
+from numpy.random.bit_generator import ISeedSequence
 from numpy.typing import NDArray
 
 from imu_sim_ros.conventions import AXES
@@ -25,9 +28,21 @@ Seed: TypeAlias = "int | Integers"
 Units: TypeAlias = Any
 """Which units of a batch, as an index of their arrays; ``...`` for all of them, or for one unit."""
 Words: TypeAlias = NDArray[np.uint64]
-_Words32: TypeAlias = NDArray[np.uint32]
 
-_WORD: Final = 0xFFFFFFFF
+_Numbers: TypeAlias = NDArray[np.integer[Any]]
+_Word = TypeVar("_Word", int, _Numbers)
+_PoolWords: TypeAlias = tuple[_Word, _Word, _Word, _Word]
+
+
+class _SeedWords(ISeedSequence):
+    """The words from which one SFC64 starts, already computed."""
+
+    def __init__(self, words: tuple[int, int, int]) -> None:
+        self._words = words
+
+    def generate_state(self, n_words: int, dtype: Any = np.uint32) -> Words:
+        """Return the three words of 64 bits that SFC64 asks for."""
+        return np.array(self._words, np.uint64)
 
 
 def generator(seed: int, source: str) -> Generator:
@@ -36,10 +51,8 @@ def generator(seed: int, source: str) -> Generator:
     :param seed: the simulation's seed, 0 to 2^63 - 1.
     :param source: a stable name such as ``gyroscope.white_noise.x``.
     """
-    key = zlib.crc32(source.encode())
-    # The same as SeedSequence with entropy=seed and spawn_key=(key,): a run has some fifty streams.
-    words = np.array([seed & _WORD, seed >> 32, 0, 0, key], np.uint32)
-    return Generator(SFC64(SeedSequence(words)))
+    words = _SeedWords(_seed_words(_pool_of_seed(seed), _key(source)))
+    return Generator(SFC64(cast(SeedSequence, words)))  # stubs know no other ISeedSequence
 
 
 def seed_of_node(name: str) -> int:
@@ -57,7 +70,7 @@ def generator_at(seed: int, source: str, index: int) -> Generator:
 
     :param index: of the item, >= 0.
     """
-    key = (zlib.crc32(source.encode()), index)
+    key = (_key(source), index)
     return Generator(SFC64(SeedSequence(entropy=seed, spawn_key=key)))
 
 
@@ -66,60 +79,96 @@ def axis_generators(seed: int, source: str) -> list[Generator]:
     return [generator(seed, f"{source}.{axis}") for axis in AXES]
 
 
+# SeedSequence with entropy=seed and spawn_key=(key,), as NumPy has it (M. E. O'Neill, "Developing a
+# seed_seq alternative", 2015), over integers and over arrays of uint64: NumPy's repeats for each of
+# the fifty streams of a run what depends on the seed alone.
+_WORD: Final = 0xFFFFFFFF
 _XSHIFT: Final = 16
 _INIT_A, _MULT_A = 0x43B0D7E5, 0x931E8875
 _INIT_B, _MULT_B = 0x8B51F9DD, 0x58F38DED
 _MIX_L, _MIX_R = 0xCA01F9DD, 0x4973F715
 _POOL: Final = 4
+_KEYED: Final = _POOL * (_POOL + 1)
+"""Hashes of entropy: of each word of the pool, of each word for each other word, of the key."""
+
+
+def _constants(first: int, factor: int, count: int) -> list[tuple[int, int]]:
+    """Return the constant that each of successive hashes adds, and that by which it multiplies."""
+    values = [first]
+    for _ in range(count):
+        values.append(values[-1] * factor & _WORD)
+    return list(itertools.pairwise(values))
+
+
+_OF_ENTROPY: Final = _constants(_INIT_A, _MULT_A, _KEYED)
+_OF_KEY: Final = _OF_ENTROPY[-_POOL:]
+_OF_STATE: Final = _constants(_INIT_B, _MULT_B, 6)
+
+
+def _hash(word: _Word, constants: tuple[int, int]) -> _Word:
+    """Return the hash of a word of 32 bits."""
+    added, factor = constants
+    word = (word ^ added) * factor & _WORD
+    return word ^ word >> _XSHIFT
+
+
+def _mix(x: _Word, y: _Word) -> _Word:
+    """Return the mixture of two words of 32 bits."""
+    word = (_MIX_L * x - _MIX_R * y) & _WORD
+    return word ^ word >> _XSHIFT
+
+
+def _pool(low: _Word, high: _Word) -> _PoolWords[_Word]:
+    """Return the pool of entropy after both words of a seed (``SeedSequence.mix_entropy``)."""
+    constants = iter(_OF_ENTROPY)
+    zero = low ^ low
+    pool = [_hash(word, next(constants)) for word in (low, high, zero, zero)]
+    for source in range(_POOL):
+        for target in range(_POOL):
+            if source != target:
+                pool[target] = _mix(pool[target], _hash(pool[source], next(constants)))
+    a, b, c, d = pool
+    return a, b, c, d
+
+
+@lru_cache(maxsize=8)
+def _pool_of_seed(seed: int) -> _PoolWords[int]:
+    """Return the pool of entropy after a seed."""
+    return _pool(seed & _WORD, seed >> 32)
+
+
+def _seed_words(pool: _PoolWords[_Word], key: _Word) -> tuple[_Word, _Word, _Word]:
+    """Return the three words of 64 bits from which SFC64 starts.
+
+    :param pool: of the seed.
+    :param key: of the source.
+    """
+    a, b, c, d = [
+        _mix(word, _hash(key, constants)) for word, constants in zip(pool, _OF_KEY, strict=True)
+    ]
+    u, v, w, x, y, z = map(_hash, (a, b, c, d, a, b), _OF_STATE)
+    return u | v << 32, w | x << 32, y | z << 32
+
+
+def _key(source: str) -> int:
+    """Return the number of a source's name."""
+    return zlib.crc32(source.encode())
+
+
 _ROUNDS: Final = 12
 _BYTES: Final = 32
 """Of a state of SFC64: three words and a counter."""
 
 
 def initial_states(seeds: Integers, *sources: str) -> Words:
-    """Return the states (count, 3 m, 4) of :func:`axis_generators` of m sources for each seed.
-
-    SeedSequence (M. E. O'Neill, "Developing a seed_seq alternative", 2015, as NumPy has it) and the
-    start of SFC64, for many seeds at once: a fiftieth of the time of a generator each, and a batch
-    begins in a tenth of the time. For one seed, generators take a tenth of the time of this.
-    """
-    seeds = np.asarray(seeds, np.int64)[..., None]
-    low, high = (seeds & _WORD).astype(np.uint32), (seeds >> 32).astype(np.uint32)
-    names = [f"{source}.{axis}".encode() for source in sources for axis in AXES]
-    keys = np.array([zlib.crc32(name) for name in names], np.uint32)
-    shape = np.broadcast_shapes(seeds.shape, keys.shape)
-    words = [np.broadcast_to(word, shape) for word in (low, high, np.uint32(0), np.uint32(0), keys)]
-    constant = _INIT_A
-
-    def hashed(value: _Words32) -> _Words32:
-        nonlocal constant
-        value = value ^ np.uint32(constant)
-        constant = constant * _MULT_A & _WORD
-        value = value * np.uint32(constant)
-        return value ^ (value >> np.uint32(_XSHIFT))
-
-    def mixed(x: _Words32, y: _Words32) -> _Words32:
-        result = np.uint32(_MIX_L) * x - np.uint32(_MIX_R) * y
-        return result ^ (result >> np.uint32(_XSHIFT))
-
-    # SeedSequence.mix_entropy: a pool of four words from those of the entropy.
-    pool = [hashed(word) for word in words[:_POOL]]
-    for source in range(_POOL):
-        for target in range(_POOL):
-            if source != target:
-                pool[target] = mixed(pool[target], hashed(pool[source]))
-    for word in words[_POOL:]:
-        for target in range(_POOL):
-            pool[target] = mixed(pool[target], hashed(word))
-    made, constant = [], _INIT_B
-    for k in range(6):  # SeedSequence.generate_state: three words of 64 bits
-        value = pool[k % _POOL] ^ np.uint32(constant)
-        constant = constant * _MULT_B & _WORD
-        value = value * np.uint32(constant)
-        made.append((value ^ (value >> np.uint32(_XSHIFT))).astype(np.uint64))
-    a, b, c = (made[2 * k] | made[2 * k + 1] << np.uint64(32) for k in range(3))
-    counter = np.ones(shape, np.uint64)
-    for _ in range(_ROUNDS):
+    """Return the states (count, 3 m, 4) of :func:`axis_generators` of m sources for each seed."""
+    words: _Numbers = np.asarray(seeds, np.uint64)[..., None]
+    keys: _Numbers = np.array(
+        [_key(f"{source}.{axis}") for source in sources for axis in AXES], np.uint64
+    )
+    a, b, c = _seed_words(_pool(words & _WORD, words >> 32), keys)
+    counter = np.ones(a.shape, np.uint64)
+    for _ in range(_ROUNDS):  # the start of SFC64
         value = a + b + counter
         counter = counter + np.uint64(1)
         a = b ^ (b >> np.uint64(11))
@@ -149,31 +198,34 @@ class Streams:
         self._states = [b""] * self._indices.size if np.ndim(seed) else []
         self._generators: list[Generator] = []
         """Those of one unit, by stream."""
-        if np.ndim(seed):
-            self._make_generator()
+        self._prepare()
         self.begin(...)
 
-    def _make_generator(self) -> None:
-        """Make the generator that draws for all streams, and the place of its state."""
+    def _prepare(self) -> None:
+        """Prepare to draw: from the streams of one unit, or by one generator for those of all."""
+        self._draws = [getattr(stream, self._numbers) for stream in self._generators]
+        if not np.ndim(self._seed):
+            return
         bits = SFC64(0)
         self._draw = getattr(Generator(bits), self._numbers)
         self._state = (ctypes.c_char * _BYTES).from_address(bits.ctypes.state_address)
 
     def __getstate__(self) -> dict[str, Any]:
         """Return what a copy needs; it draws by a generator of its own."""
-        return {name: one for name, one in vars(self).items() if name not in ("_draw", "_state")}
+        left = ("_draws", "_draw", "_state")
+        return {name: value for name, value in vars(self).items() if name not in left}
 
     def __setstate__(self, state: dict[str, Any]) -> None:
         """Become a copy."""
         vars(self).update(state)
-        if not self._generators:
-            self._make_generator()
+        self._prepare()
 
     def begin(self, units: Units) -> None:
         """Let the streams of some units begin, or begin again, from their present seeds."""
         if not np.ndim(self._seed):
             every = (axis_generators(int(self._seed), source) for source in self._sources)
             self._generators = [stream for streams in every for stream in streams]
+            self._prepare()
             return
         seeds = np.asarray(self._seed)[units]
         states = initial_states(seeds, *self._sources).tobytes()
@@ -182,17 +234,24 @@ class Streams:
 
     def next(self, count: int, units: Units = ..., axes: Any = slice(None)) -> Array:
         """Return the next numbers (count, *units, axes) of some units and axes, by source."""
+        if self._draws:
+            draws = self._draws[axes] if isinstance(axes, slice) else [self._draws[k] for k in axes]
+            numbers = np.empty((count, len(draws)), order="F")
+            for draw, column in zip(draws, numbers.T, strict=True):
+                draw(out=column)
+            return numbers
         indices = self._indices[units][..., axes]
         numbers = np.empty((count, *indices.shape), order="F")
         rows = numbers.reshape(count, indices.size, order="F").T
         pairs = zip(indices.ravel("F").tolist(), rows, strict=True)
-        if self._generators:
-            for index, row in pairs:
-                getattr(self._generators[index], self._numbers)(out=row)
-            return numbers
         generator, states, draw = self._state, self._states, self._draw
         for index, row in pairs:
             generator.raw = states[index]
             draw(out=row)
             states[index] = generator.raw
         return numbers
+
+
+def by_axis(numbers: Array) -> Array:
+    """Return numbers (count, *units, axes) of streams as (*units, axes, count), without a copy."""
+    return numbers.transpose(*range(1, numbers.ndim), 0)

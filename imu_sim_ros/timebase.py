@@ -61,7 +61,7 @@ def sample_count(duration: float, rate: float) -> int:
     :param rate: samples per second [Hz], > 0.
     """
     # The product of two decimal numbers such as 0.1 s and 30 Hz may miss an integer by rounding.
-    samples = Fraction(repr(float(duration))) * exact_rate(rate)
+    samples = exact(duration) * exact_rate(rate)
     return -(-samples.numerator // samples.denominator)
 
 
@@ -84,9 +84,15 @@ def seconds_since(t_ns: Integers, t0_ns: int) -> Array:
     return (t_ns - t0_ns).astype(np.float64) * 1e-9
 
 
+@lru_cache(maxsize=64)
+def exact(seconds: float) -> Fraction:
+    """Return a duration as the decimal fraction that was meant: 0.1 is 1/10 [s]."""
+    return Fraction(repr(float(seconds)))
+
+
 def to_nanoseconds(seconds: float) -> int:
     """Return a duration in whole nanoseconds, the nearest one."""
-    return round(Fraction(repr(float(seconds))) * NANOSECONDS_PER_SECOND)
+    return round(exact(seconds) * NANOSECONDS_PER_SECOND)
 
 
 _LONGEST_DURATION: Final = 40

@@ -67,6 +67,20 @@ def names(kind: str) -> list[str]:
     return sorted(name.removesuffix(".yaml") for name in files if name.endswith(".yaml"))
 
 
+def is_included(kind: str, name: object) -> bool:
+    """Return whether a name is that of a file in config/.
+
+    :param kind: a folder in config/.
+    """
+    return _included(kind, str(name)) is not None
+
+
+def _included(kind: str, name: str) -> str | None:
+    """Return the path of the file of a name in config/; None: there is none."""
+    path = f"{config_folder()}/{kind}/{name}.yaml"
+    return path if "/" not in name and os.path.isfile(path) else None
+
+
 def find(kind: str, name_or_file: str, option: str = "") -> Path:
     """Return the parameter file of a name in config/, or the given file.
 
@@ -74,9 +88,9 @@ def find(kind: str, name_or_file: str, option: str = "") -> Path:
     :param option: name of the option, for the message; empty if the kind is enough.
     :raises ConfigurationError: if there is neither, with the nearest name or all names.
     """
-    named = config_folder() / kind / f"{name_or_file}.yaml"
-    if "/" not in name_or_file and named.is_file():
-        return named
+    included = _included(kind, name_or_file)
+    if included is not None:
+        return Path(included)
     try:
         if name_or_file and is_present(name_or_file):
             return Path(name_or_file)
@@ -198,16 +212,20 @@ def dotted(tree: object, where: str, prefix: str = "") -> dict[str, object]:
     if not isinstance(tree, Mapping):
         raise ConfigurationError(f"{where}: must hold names and values")
     result: dict[str, object] = {}
-    for key, value in tree.items():
-        name = f"{prefix}{key}"
-        if isinstance(value, Mapping):
-            values = dotted(value, where, name + ".")
-        else:
-            values = {name: value.tolist() if hasattr(value, "tolist") else value}
-        for twice in result.keys() & values:
-            raise ConfigurationError(f"{where}: {twice} is given twice, dotted and nested")
-        result.update(values)
+    for name, value in _leaves(tree, prefix):
+        if name in result:
+            raise ConfigurationError(f"{where}: {name} is given twice, dotted and nested")
+        result[name] = value.tolist() if hasattr(value, "tolist") else value
     return result
+
+
+def _leaves(tree: Mapping[Any, Any], prefix: str) -> Iterator[tuple[str, Any]]:
+    """Yield the dotted name and the value of all that is not a section."""
+    for key, value in tree.items():
+        if isinstance(value, Mapping):
+            yield from _leaves(value, f"{prefix}{key}.")
+        else:
+            yield f"{prefix}{key}", value
 
 
 def build_layered(

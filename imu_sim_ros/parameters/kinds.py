@@ -79,6 +79,9 @@ _KINDS: Final = {
 """A single number stands for all three of a vector; for gravity, it is the magnitude downwards."""
 
 
+_NUMBERS: Final = (float, int, np.number)
+
+
 class _SizeError(ValueError):
     """A number that is too large or too small for arithmetic."""
 
@@ -148,7 +151,7 @@ class Parameter:
             if not isinstance(value, entry) or (self.choices and value not in self.choices):
                 raise ValueError
             return entry(value)
-        if isinstance(value, bool) or not isinstance(value, int | float | np.number):
+        if isinstance(value, bool) or not isinstance(value, _NUMBERS):
             raise ValueError
         if not math.isfinite(value):
             raise ValueError

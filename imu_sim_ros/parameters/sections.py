@@ -5,9 +5,10 @@
 
 import dataclasses
 import re
-from collections.abc import Callable, Collection, Iterator, Mapping
+from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, fields
-from typing import Any, Final, TypeVar, cast
+from functools import lru_cache
+from typing import Any, Final, NamedTuple, TypeVar, cast
 
 from imu_sim_ros.errors import ConfigurationError
 from imu_sim_ros.names import suggestion
@@ -267,6 +268,28 @@ def _of_other_variants(cls: type, values: Mapping[str, object], name: str) -> st
     return None
 
 
+class _Plan(NamedTuple):
+    """The fields of a section, as often as it is built."""
+
+    parameters: Mapping[str, Parameter]
+    """Its own parameters by dotted name."""
+    sections: Sequence[tuple[str, _Nested]]
+    """Names of the fields that hold sections, and their descriptions."""
+
+
+@lru_cache(maxsize=256)
+def _plan(cls: type, prefix: str) -> _Plan:
+    """Return the fields of a section.
+
+    :param prefix: what stands before the names of its parameters.
+    """
+    described = [(field.name, field.metadata) for field in fields(cls)]
+    return _Plan(
+        {prefix + name: data[METADATA] for name, data in described if METADATA in data},
+        [(name, data[_NESTED]) for name, data in described if METADATA not in data],
+    )
+
+
 @dataclass
 class _Building:
     """Sections on their way from values: one walk that makes them and notes all that is wrong."""
@@ -298,35 +321,34 @@ class _Building:
         :param own: them by dotted name; None: as the class describes them.
         :param named: whether it is there because it is named, whatever is given in it.
         """
-        position, arguments = len(self.made), dict[str, Any]()
-        for one in fields(cast(Any, cls)):
-            path = prefix + one.name
-            if METADATA in one.metadata:
-                parameter = one.metadata[METADATA] if own is None else own.get(path)
-                if parameter is not None:
-                    self.known[path] = parameter
-                if parameter is not None and path in self.values:
-                    named = True
-                    try:
-                        arguments[one.name] = parameter.parse(path, self.values[path])
-                    except ConfigurationError as error:
-                        (self.bad[path],) = error.problems
-                continue
-            nested: _Nested = one.metadata[_NESTED]
+        position, arguments, values = len(self.made), dict[str, Any](), self.values
+        plan = _plan(cast(Any, cls), prefix)
+        known = plan.parameters
+        if own is not None:
+            known = {path: own[path] for path in known if path in own}
+        self.known |= known
+        for path in [path for path in known if path in values]:
+            named = True
+            try:
+                arguments[path[len(prefix) :]] = known[path].parse(path, values[path])
+            except ConfigurationError as error:
+                (self.bad[path],) = error.problems
+        for field_name, nested in plan.sections:
+            path = prefix + field_name
             names = list(nested.names(self.values))
             if len(set(names)) < len(names):
                 # Which other name was meant is not known, nor whose the values below it are.
                 raise ConfigurationError(f"{nested.listed} = {names}: names must differ")
             inner = dict[str, Any]()
             for name in names:
-                below = prefix + nested.before.format(field=one.name, name=name)
+                below = prefix + nested.before.format(field=field_name, name=name)
                 kind = self._class(nested, cls, name or path, below)
                 if kind is not None:
                     described = own
                     if own is None and nested.own is not None:
                         described = {below + word: each for word, each in nested.own.items()}
                     inner[name] = self.section(kind, below, described, bool(nested.listed))
-            arguments[one.name] = inner if nested.several else inner.get("")
+            arguments[field_name] = inner if nested.several else inner.get("")
         result = cls(**arguments)
         if named or len(self.made) > position:
             self.made.insert(position, (result, prefix))

@@ -17,6 +17,8 @@ _LARGEST: Final = 4 << 20
 _REMEMBERED: Final = 1 << 16
 """[letters] of a text that is parsed once only, however often it is read."""
 
+_SCALARS: Final = (str, float, int, bool, type(None))
+
 _OPENCV: Final = re.compile(r"\s*%YAML:1")
 """Start of a file of OpenCV, whose first line is no directive of YAML."""
 
@@ -37,4 +39,14 @@ def parse_yaml(text: str) -> Any:
         text = text.replace("%", "#", 1)
     from imu_sim_ros.parameters.yaml_loader import content  # PyYAML, 30 ms
 
-    return copy.deepcopy(content(text)) if len(text) < _REMEMBERED else content.__wrapped__(text)
+    return _copy(content(text)) if len(text) < _REMEMBERED else content.__wrapped__(text)
+
+
+def _copy(tree: Any) -> Any:
+    """Return a copy of a tree, whose mappings and lists can be changed."""
+    kind = type(tree)
+    if kind is dict:
+        return {name: _copy(branch) for name, branch in tree.items()}
+    if kind is list:
+        return [_copy(branch) for branch in tree]
+    return tree if kind in _SCALARS else copy.deepcopy(tree)

@@ -4,7 +4,7 @@
 """A sensor in time: when it samples, what its clock says of that, how its messages travel."""
 
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from fractions import Fraction
 from typing import Any, Final, NamedTuple
 
@@ -46,7 +46,7 @@ class SampleTimes:
         :param span: how long a sample takes [s].
         """
         self._rate, self._exact_rate = rate, timebase.exact_rate(rate)
-        self._offset, self._span = Fraction(repr(offset)), Fraction(repr(span))
+        self._offset, self._span = timebase.exact(offset), timebase.exact(span)
         self._t0_ns, self._first_ns = t0_ns, t0_ns + timebase.to_nanoseconds(offset)
 
     def index(self, t: Fraction) -> int:
@@ -166,40 +166,16 @@ class SampleTiming:
             self._span_ns,
         )
 
-    @property
-    def is_regular(self) -> bool:
-        """Whether the next messages are neither lost nor delayed by chance."""
-        loses = self._dropout or self._burst or self._duplicate or self._latency_jitter_ns
-        return not (loses or self.faults.windows or self._burst_end > self.position)
-
-    def few_samples(self, true_t_ns: Sequence[int], values: Mapping[str, Any]) -> Samples:
-        """Return the next samples, whose messages are regular; the numbers of :meth:`samples`.
-
-        :param true_t_ns: of each [ns].
-        :param values: as for :meth:`samples`.
-        """
-        first, count = self.position, len(true_t_ns)
-        self.position = first + count
-        due, after_ns = self._last_release_ns, self._span_ns + self._latency_ns
-        releases = [due := max(t_ns + after_ns, due) for t_ns in true_t_ns]
-        self._last_release_ns = due
-        stamps = [self._stamps(t_ns) for t_ns in true_t_ns]
-        t_ns, stamped, released = np.array((true_t_ns, stamps, releases))
-        rows = np.arange(count)
-        return Samples(t_ns, stamped, released, rows, values, first, self._span_ns)
-
     def _stream(self, source: str) -> Generator:
         """Return the random stream of a source, which begins when it is first needed."""
         if source not in self._streams:
             self._streams[source] = generator(self._seed, f"{self._prefix}{source}")
         return self._streams[source]
 
-    def _stamps(self, true_t_ns: Any) -> Any:
-        """Return the stamp that the sensor's clock gives the next sample, or stamps of the next n.
+    def _stamps(self, true_t_ns: Times) -> Times:
+        """Return the stamps (n,) that the sensor's clock gives the next n samples [ns].
 
         ``stamp = t + offset + skew (t - t0) + drift (t - t0)^2 / 2 + jitter``, t the true time.
-
-        :param true_t_ns: an integer, or (n,) [ns].
         """
         stamps = true_t_ns + self._offset_ns
         if self._skew or self._drift:
@@ -207,8 +183,7 @@ class SampleTiming:
             error = self._skew + 0.5 * self._drift * (since_ns * 1e-9)
             stamps = stamps + whole(error * since_ns)
         if self._jitter_ns:
-            count = np.shape(true_t_ns) or None
-            jitter = self._stream("clock.jitter").standard_normal(count) * self._jitter_ns
+            jitter = self._stream("clock.jitter").standard_normal(len(stamps)) * self._jitter_ns
             stamps = stamps + whole(limit(jitter, -self._limit_ns, self._limit_ns))
         return stamps
 

@@ -102,7 +102,7 @@ class Body:
         """Its number of samples; None: endless."""
         self._end: Fraction | None = None
         if not math.isinf(duration):
-            self._end = Fraction(repr(float(duration)))
+            self._end = timebase.exact(duration)
             self.total = timebase.sample_count(duration, self.rate)
         self.reset()
 

@@ -85,6 +85,13 @@ class _Wave(NamedTuple):
     cosine: float
 
 
+def _from_highest(coefficients: list[float]) -> list[float]:
+    """Return the coefficients of a polynomial, the highest that is not 0 before the others."""
+    while len(coefficients) > 1 and not coefficients[-1]:
+        coefficients = coefficients[:-1]
+    return coefficients[::-1] or [0.0]
+
+
 class _Coordinates:
     """Functions of time, each ``sum c_k t^k + sum A_j sin(w_j t + phase_j)``.
 
@@ -118,7 +125,7 @@ class _Coordinates:
         for before, after in itertools.pairwise(c):
             after[:, :-1] = (powers * before)[:, 1:]
         rows = c.reshape(3 * len(series), degree)
-        self._polynomials = [np.trim_zeros(row, "b")[::-1].tolist() or [0.0] for row in rows]
+        self._polynomials = [_from_highest(row) for row in rows.tolist()]
         """Coefficients of k functions, of their derivatives, and of those of these: of each the
         highest that is not 0 comes first."""
 
@@ -136,10 +143,14 @@ class _Coordinates:
         for (value, first, second), waves in zip(table.swapaxes(0, 1), self._waves, strict=True):
             for number, w, a, b in waves:
                 sine, cosine = sines[number], cosines[number]
-                wave = a * sine + b * cosine
+                wave, slope = a * sine, w * a * cosine
+                if b:  # a wave without phase is a sine
+                    wave += b * cosine
+                    slope -= w * b * sine
                 value += wave
-                first += w * a * cosine - w * b * sine
-                second -= w * w * wave
+                first += slope
+                wave *= w * w
+                second -= wave
         return table.swapaxes(1, 2)
 
 

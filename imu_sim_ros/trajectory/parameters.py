@@ -783,7 +783,7 @@ def find_trajectory(name: str) -> type[TrajectoryParameters]:
 
 def names_a_file(trajectory: str) -> bool:
     """Return whether a trajectory is a file, in config/trajectories or anywhere, and no kind."""
-    return trajectory in files.names("trajectories") or (
+    return files.is_included("trajectories", trajectory) or (
         trajectory not in (*TYPES, GIVEN) and os.path.exists(trajectory)
     )
 
@@ -799,7 +799,7 @@ def trajectory_layer(name_or_file: str) -> dict[str, object]:
         with suppress(ConfigurationError):  # it is no kind either
             find_trajectory(name_or_file)
             return {"trajectory.type": name_or_file}
-    if name_or_file not in files.names("trajectories") and path.is_dir():
+    if not files.is_included("trajectories", name_or_file) and path.is_dir():
         return {"trajectory.type": "poses", "trajectory.file": str(path)}
     path = files.find("trajectories", name_or_file)
     if path.suffix.lower() in (".yaml", ".yml"):

@@ -8,6 +8,8 @@ Thresholds are five standard deviations of the estimate unless said otherwise (o
 a variance by 100 % or 50 %.
 """
 
+import zlib
+
 import numpy as np
 import pytest
 from scipy.integrate import trapezoid
@@ -295,3 +297,11 @@ def test_every_source_has_a_stream_of_its_own() -> None:
     ]
     first = {name: generator(0, name).integers(2**63) for name in names}
     assert len(set(first.values())) == len(names)
+
+
+@pytest.mark.parametrize("seed", [0, 7, 2**32 - 1, 2**32 + 5, 2**63 - 1])
+def test_streams_are_those_of_numpys_seed_sequence(seed):
+    name = "gyroscope.white_noise.x"
+    sequence = np.random.SeedSequence(entropy=seed, spawn_key=(zlib.crc32(name.encode()),))
+    expected = np.random.Generator(np.random.SFC64(sequence)).standard_normal(5)
+    np.testing.assert_array_equal(generator(seed, name).standard_normal(5), expected)

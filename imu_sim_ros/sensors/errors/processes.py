@@ -18,9 +18,11 @@ from typing import Final, NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike
 
-from imu_sim_ros.random_streams import Seed, Streams, Units, generator
+from imu_sim_ros.random_streams import Seed, Streams, Units, by_axis, generator
 from imu_sim_ros.types import Array, Mask, Times
 
+_AT_LEAST: Final = 1024
+"""Values of a column generated at once for blocks that are shorter."""
 _AT_ONCE: Final = 8192
 """Values of a column generated at once, as far as whole chunks allow: they stay in the cache."""
 
@@ -57,13 +59,14 @@ class ChunkedProcess(ABC):
             return np.copy(left[:count])
         parts, done = [left], len(left)
         while done < count:
-            chunks = min(-((done - count) // self._length), max(1, _AT_ONCE // self._length))
+            chunks = -((done - count) // self._length)
+            chunks = max(min(chunks, _AT_ONCE // self._length), _AT_LEAST // self._length, 1)
             parts.append(self._make_chunks(chunks, units))
             done += chunks * self._length
         last = parts[-1]
         used = len(last) - (done - count)
         self._left, parts[-1] = last[used:], last[:used]
-        return np.concatenate(parts)
+        return parts[-1] if used == count else np.concatenate(parts)
 
     def _next_of(self, units: Units, count: int) -> Array:
         """Return the next values of units of a batch, each of which is somewhere in its chunk."""
@@ -111,7 +114,7 @@ class GaussMarkovBank(ChunkedProcess):
     def _make_chunks(self, count: int, units: Units) -> Array:
         exponent = self._exponent[units][..., None, None]  # axes are (..., axis, chunk, row)
         drive, phi = np.sqrt(-np.expm1(2.0 * exponent)), np.exp(exponent)
-        numbers = np.moveaxis(self._streams.next(count * MARKOV_CHUNK, units), 0, -1)
+        numbers = by_axis(self._streams.next(count * MARKOV_CHUNK, units))
         numbers = numbers.reshape(*exponent.shape[:-2], count, _COLUMNS, _MARKOV_ROWS)
         # One column after the other, so each is contiguous: (column, ..., axis, chunk, row).
         table = np.empty((_COLUMNS, *exponent.shape[:-2], count, _MARKOV_ROWS))
@@ -266,14 +269,14 @@ class FlickerNoise(ChunkedProcess):
     def _drawn(self, units: Units) -> Array:
         """Return initial states (..., 3, p)."""
         root = self._rows.root
-        numbers = np.moveaxis(self._streams.next(len(root), units), 0, -1)
+        numbers = by_axis(self._streams.next(len(root), units))
         # A vector at a time: the sums are the same for one unit and for many.
         return np.matmul(root, numbers[..., None])[..., 0]
 
     def _make_chunks(self, count: int, units: Units) -> Array:
         rows, state = self._rows, self._state[units]
         several, poles = state.shape[:-2], state.shape[-1]
-        numbers = np.moveaxis(self._streams.next(count * FLICKER_CHUNK, units), 0, -1)
+        numbers = by_axis(self._streams.next(count * FLICKER_CHUNK, units))
         # All rows of a unit's chunk in a product: its size, and so its sums, never differ.
         noise = numbers.reshape(*several, 3, count, _FLICKER_ROWS, _COLUMNS).swapaxes(-4, -3)
         made = noise.reshape(*several, count, 3 * _FLICKER_ROWS, _COLUMNS) @ rows.from_noise
@@ -283,13 +286,16 @@ class FlickerNoise(ChunkedProcess):
         while step < _FLICKER_ROWS:  # of chunks that start at 0, by doubling
             ends[..., step:, :] += rows.decay[step] * ends[..., :-step, :]
             step *= 2
-        states = np.empty((*several, count, 3, poles))
-        for chunk in range(count):
-            states[..., chunk, :, :] = state
-            state = rows.decay[_FLICKER_ROWS] * state
-            state += ends[..., chunk, :, -1, :]
-        self._state[units] = state
-        starts = rows.decay[:_FLICKER_ROWS] * states[..., None, :]
+        over_chunk = rows.decay[_FLICKER_ROWS]
+        # The states between the chunks, one after the other: (chunk, ..., axis, pole).
+        states = np.empty((count + 1, *state.shape))
+        states[0] = state
+        of_chunks = np.moveaxis(ends[..., -1, :], -3, 0)
+        for before, after, end in zip(states[:-1], states[1:], of_chunks, strict=True):
+            np.multiply(over_chunk, before, out=after)
+            after += end
+        self._state[units] = states[-1]
+        starts = rows.decay[:_FLICKER_ROWS] * np.moveaxis(states[:-1], 0, -3)[..., None, :]
         starts[..., 1:, :] += ends[..., :-1, :]
         values += starts.reshape(*several, count, 3 * _FLICKER_ROWS, poles) @ rows.from_state
         found = values.reshape(*several, count, 3, FLICKER_CHUNK).swapaxes(-3, -2)

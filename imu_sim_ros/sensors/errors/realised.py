@@ -16,9 +16,9 @@ import numpy as np
 from imu_sim_ros.conventions import TRIADS
 from imu_sim_ros.parameters.kinds import ZERO_VECTOR
 from imu_sim_ros.parameters.sections import parameters as declared
-from imu_sim_ros.random_streams import Seed, Streams
+from imu_sim_ros.random_streams import Seed, Streams, by_axis
 from imu_sim_ros.sensors import sensors_of_imus
-from imu_sim_ros.sensors.errors.terms import turn_on
+from imu_sim_ros.sensors.errors.terms import is_set, turn_on
 from imu_sim_ros.sensors.imu.parameters import ImuParameters
 from imu_sim_ros.sensors.imu.triads import NO_CROSS_AXIS, TriadParameters
 from imu_sim_ros.types import Array
@@ -58,13 +58,13 @@ def with_constants(section: _Section, sensor: str, seed: Seed) -> _Section:
     :param sensor: as in the streams' names.
     """
     changed: dict[str, Any] = {}
-    drawn = [one for one in _constants(type(section)) if np.any(getattr(section, one.sigma))]
+    drawn = [one for one in _constants(type(section)) if is_set(getattr(section, one.sigma))]
     if not drawn:
         return section
     sources = [f"{sensor}.{one.name}" for one in drawn]
     numbers = Streams(seed, *sources).next(max(one.each for one in drawn))
     for k, (name, sigma, count) in enumerate(drawn):
-        own = np.moveaxis(numbers[:count, ..., 3 * k : 3 * k + 3], 0, -1)
+        own = by_axis(numbers[:count, ..., 3 * k : 3 * k + 3])
         added = own * np.asarray(getattr(section, sigma))[..., None]
         value = np.asarray(getattr(section, name))
         sums = np.array(value) if value.size else np.zeros((*np.shape(seed), 3))
@@ -93,10 +93,10 @@ def unit_of_seed(parameters: TriadParameters, triad: str, seed: Seed) -> TriadPa
     :param triad: name of the triad, as in the streams' names.
     """
     p = with_constants(parameters, triad, seed)
-    if not (np.ndim(seed) or np.any(p.misalignment_sigma)):
+    if not (np.ndim(seed) or is_set(p.misalignment_sigma)):
         return p
     matrix = p.response()
-    own = np.moveaxis(Streams(seed, f"{triad}.misalignment").next(2), 0, -1)
+    own = by_axis(Streams(seed, f"{triad}.misalignment").next(2))
     added = own * np.asarray(p.misalignment_sigma)[..., None]
     matrix[..., ~np.eye(3, dtype=bool)] += added.reshape(*np.shape(seed), 6)
     changed = _fields(

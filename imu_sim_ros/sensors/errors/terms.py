@@ -34,6 +34,11 @@ class Surroundings(NamedTuple):
     """(n, ..., 3) ideal specific force [m/s^2]; None: it is not known yet."""
 
 
+def is_set(values: ArrayLike) -> bool:
+    """Return whether a parameter, of one unit or of the units of a batch, is not 0 throughout."""
+    return any(values) if isinstance(values, tuple) else bool(np.any(values))
+
+
 class TriadEffect:
     """An effect in a triad, of one unit or of the units of a batch: a parameter and a formula.
 
@@ -135,7 +140,7 @@ class WhiteNoise(ErrorTerm):
         super().configure(own)
         self._sigma = self.strength / np.sqrt(self.dt)
         self._mixing: Array | None = None
-        if np.any(own.noise_correlation):
+        if is_set(own.noise_correlation):
             self._mixing = _square_root(np.asarray(own.noise_correlation))
             self.axes = np.arange(3)  # the numbers of all axes are mixed
 
@@ -145,8 +150,8 @@ class WhiteNoise(ErrorTerm):
         if self._mixing is not None:
             noise = transform(self._mixing[units], noise)
         noise *= self._sigma[units]
-        thermal = np.asarray(self.own.noise_temperature_coefficient)
-        if thermal.any():
+        if is_set(self.own.noise_temperature_coefficient):
+            thermal = np.asarray(self.own.noise_temperature_coefficient)
             noise *= np.maximum(1.0 + thermal[units] * around.temperature_offset[..., None], 0.0)
         return noise
 
@@ -220,7 +225,7 @@ def turn_on(seed: Seed, source: str, sigma: ArrayLike) -> Array:
     :param source: of a triad, ``gyroscope.turn_on_bias`` or ``gyroscope.turn_on_scale``.
     :param sigma: (..., 3) its standard deviation.
     """
-    if not np.any(sigma):
+    if not is_set(sigma):
         return np.zeros((*np.shape(seed), 3))
     return Streams(seed, source).next(1)[0] * np.asarray(sigma)
 

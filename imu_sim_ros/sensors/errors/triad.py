@@ -16,7 +16,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from imu_sim_ros import components
-from imu_sim_ros.components import limit, rint, split, together
+from imu_sim_ros.components import limit, quantise, rint, split, together
 from imu_sim_ros.parameters.kinds import Vector
 from imu_sim_ros.random_streams import Seed, Units
 from imu_sim_ros.sensors.errors.terms import (
@@ -26,6 +26,7 @@ from imu_sim_ros.sensors.errors.terms import (
     TriadEffect,
     TurnOnScale,
     WhiteNoise,
+    is_set,
 )
 from imu_sim_ros.sensors.faults import FaultSchedule
 from imu_sim_ros.sensors.imu.parameters import ImuParameters
@@ -49,7 +50,7 @@ class Response:
         quadratic = np.asarray(parameters.quadratic)
         self._quadratic = _entries(quadratic) if quadratic.any() else None
         self._g, self._h = (
-            _matrix(np.reshape(values, (*np.shape(values)[:-1], 3, 3))) if np.any(values) else None
+            _matrix(np.reshape(values, (*np.shape(values)[:-1], 3, 3))) if is_set(values) else None
             for values in (parameters.g_sensitivity, parameters.g_squared_sensitivity)
         )
         linear = self._quadratic is None and self._g is None and self._h is None
@@ -182,11 +183,11 @@ class _Digits(NamedTuple):
         rounded, step, limited, least, most = self
         if rounded is False:
             return limit(x, least, most) if limited else x
+        if rounded is True:
+            return quantise(x, step, least, most)
         x = x / step
-        x = rint(x) if rounded is True else np.where(rounded, rint(x), x)
-        if limited:
-            x = limit(x, least, most)
-        return x * step
+        x = np.where(rounded, rint(x), x)
+        return (limit(x, least, most) if limited else x) * step
 
 
 class Digitiser:
@@ -199,6 +200,7 @@ class Digitiser:
         steps = np.where(rounded, steps, 1.0)
         most = np.where(rounded, np.floor(limits / steps * _WHOLE), limits)
         most = np.where(limits > 0.0, most, np.inf)
+        self._is_perfect = not (rounded.any() or limits.any())
         self._axes = [
             _Digits(_one_of_all(rounded[..., k]), step, bool(limits[..., k].any()), low, high)
             for k, (step, low, high) in enumerate(
@@ -208,6 +210,8 @@ class Digitiser:
 
     def apply(self, values: components.Vector[Any]) -> components.Vector[Any]:
         """Return values saturated and rounded."""
+        if self._is_perfect:
+            return values
         (x, y, z), (of_x, of_y, of_z) = values, self._axes
         return of_x.digital(x), of_y.digital(y), of_z.digital(z)
 
@@ -334,7 +338,7 @@ class Triad:
         effect = self._made.get(kind)
         if effect is not None:
             effect.configure(self._parameters)
-        elif np.any(getattr(self._parameters, kind.parameter)):
+        elif is_set(getattr(self._parameters, kind.parameter)):
             effect = kind(self._name, self._imu, self._seed, self._rate, self._parameters)
             self._made[kind] = effect
         return effect if isinstance(effect, kind) and effect.active else None

@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, Any, Final, NamedTuple
 import numpy as np
 
 from imu_sim_ros import rotation, timebase
-from imu_sim_ros.components import Vector
+from imu_sim_ros.components import Vector, split
 from imu_sim_ros.conventions import ERRORS, TRIADS
 from imu_sim_ros.records import LiveReading
 from imu_sim_ros.sensors.declaration import Mounted
@@ -51,6 +51,8 @@ AHEAD: Final = 64
 """Samples whose noise is made at once where given readings come one by one."""
 _LONGEST_LOOK: Final = 3600.0
 """[s] Of a motion that is compared with the ranges."""
+_ROUNDING: Final = 1e-9
+"""Of the length of a vector that is rotated, far more than there is."""
 _MOST_LOOKS: Final = 100_000
 _LOOKS_AT_ONCE: Final = 8192
 """A run of one block, of as many samples, has its motion sampled once: the world keeps it."""
@@ -180,7 +182,7 @@ class Imu:
 
         :param times: stamps of the readings [ns].
         """
-        if not (self._plain and self._timing.is_regular):
+        if not self._plain or self._timing.faults.windows:
             return None
         first, count = self._timing.position, len(readings)
         if self._ahead.end <= first:
@@ -198,7 +200,7 @@ class Imu:
         rates, forces = table[::2], table[1::2]
         truth = partial(_truth, (rates, forces), made, ahead, slice(row, end), readings, motion)
         values = Completed({"gyro": rates, "accel": forces}, _VALUES, truth)
-        self.latest = self._timing.few_samples(times, values)
+        self.latest = self._timing.samples(first, np.array(times), values)
         return self.latest
 
     def _look_ahead(self, first: int, world: World) -> None:
@@ -335,6 +337,9 @@ def exceeded(mounted: Mounted, world: World, duration: float) -> list[str]:
         return []
     end = min(duration, trajectory.duration, _LONGEST_LOOK)
     samples = max(1, min(_MOST_LOOKS, math.ceil(end * environment.rate)))
+    limits = np.array([imu.triad(name).range for name in TRIADS])
+    limits = np.where(limits > 0.0, limits, np.inf)
+    least = (1.0 - _ROUNDING) * limits.min(axis=1)
     # Rows are the triads, columns the axes.
     peaks, times = np.zeros((2, 3)), np.zeros((2, 3))
     for first in range(0, samples, _LOOKS_AT_ONCE):
@@ -342,9 +347,11 @@ def exceeded(mounted: Mounted, world: World, duration: float) -> list[str]:
         t_ns = timebase.sample_times_ns(first, count, min(environment.rate, samples / end))
         t = timebase.seconds_since(t_ns, 0)
         motion = world.motion(t)
-        inertial = motion.acceleration - np.asarray(environment.gravity)
-        force = rotation.rotate_inverse(motion.q_wb, inertial)
-        for triad, values in enumerate((motion.angular_velocity, force)):
+        rate, force = motion.angular_velocity, motion.acceleration - np.asarray(environment.gravity)
+        if _longest(rate) < least[0] and _longest(force) < least[1]:
+            continue  # no axis can read more, however the body is turned
+        force = rotation.rotate_inverse(motion.q_wb, force)
+        for triad, values in enumerate((rate, force)):
             sizes = np.abs(values)
             rows = np.argmax(sizes, axis=0)
             largest = sizes[rows, np.arange(3)]
@@ -354,15 +361,19 @@ def exceeded(mounted: Mounted, world: World, duration: float) -> list[str]:
     for triad, (name, quantity, unit) in enumerate(
         (("gyroscope", "rate", "rad/s"), ("accelerometer", "specific force", "m/s^2"))
     ):
-        limits = np.array(imu.triad(name).range)
-        limits = np.where(limits > 0.0, limits, np.inf)
-        k = int(np.argmax(peaks[triad] / limits))
-        if peaks[triad, k] > limits[k]:
+        k = int(np.argmax(peaks[triad] / limits[triad]))
+        if peaks[triad, k] > limits[triad, k]:
             lines.append(
                 f"the motion exceeds the {name}'s range: {quantity} {peaks[triad, k]:.4g} {unit} "
-                f"on {'xyz'[k]} at {times[triad, k]:.3f} s, range {limits[k]:.4g} {unit}"
+                f"on {'xyz'[k]} at {times[triad, k]:.3f} s, range {limits[triad, k]:.4g} {unit}"
             )
     return lines
+
+
+def _longest(vectors: Array) -> float:
+    """Return the length of the longest vector (n, 3)."""
+    x, y, z = split(vectors)
+    return math.sqrt(np.max(x * x + y * y + z * z))
 
 
 class _Nowhere:

@@ -9,7 +9,7 @@ from typing import Final
 
 from imu_sim_ros.errors import ConfigurationError, InputError, Problems, Remark, warn
 from imu_sim_ros.parameters import files
-from imu_sim_ros.parameters.files import find, names
+from imu_sim_ros.parameters.files import find, is_included
 from imu_sim_ros.sensors.imu import calibration_files, sdf
 from imu_sim_ros.sensors.imu.parameters import DEFAULT_IMU
 from imu_sim_ros.sensors.orientation.parameters import MODEL_ERRORS
@@ -88,9 +88,9 @@ def sensor_layer(
     while True:
         file, imu = _file_and_imu(name_or_file)
         path = find("imus", str(file))
-        if path.resolve() in passed:
+        if passed and path.resolve() in [before.resolve() for before in passed]:
             raise ConfigurationError(f"{path}: imu.preset = {name_or_file} leads back to this file")
-        passed.append(path.resolve())
+        passed.append(path)
         values = load(f"{path}#{imu}" if imu else path, node)
         base = values.pop("imu.preset", None)
         result = {**values, **result}
@@ -120,7 +120,9 @@ def layer_imu(given: Mapping[str, object], node: str, problems: Problems) -> dic
     own = {**preset, **file} if _BAROMETER in given else {**file, **preset}
     result = {**own, **above}
     # A filter has none of the errors of a modelled orientation.
-    if result.get("imu.orientation_source") == "filter" and result["imu.preset"] in names("imus"):
+    if result.get("imu.orientation_source") == "filter" and is_included(
+        "imus", result["imu.preset"]
+    ):
         for name in MODEL_ERRORS:
             if f"imu.orientation_{name}" not in given:
                 result.pop(f"imu.orientation_{name}", None)
