@@ -4,23 +4,33 @@
 """Clouds that a bag holds: sensor_msgs/PointCloud2."""
 
 from collections.abc import Iterator
+from itertools import islice
 from pathlib import Path
-from typing import Any
+from typing import Any, Final
 
 import numpy as np
 from numpy.typing import NDArray
 
 from imu_sim_ros.bags.messages.encode_cameras import POINT_CLOUD2, POINT_TYPES
 from imu_sim_ros.bags.read import decoded_messages, open_bag
-from imu_sim_ros.bags.reader import errors_naming
+from imu_sim_ros.bags.reader import Bag, errors_naming
 from imu_sim_ros.errors import InputError
 from imu_sim_ros.inputs.gate import stamp_ns
+from imu_sim_ros.recordings.cameras import TIME_FIELDS, CloudRecord
 from imu_sim_ros.types import Array
+
+_FIRST: Final = 10
+"""Clouds of a topic whose points are looked at."""
 
 
 def measured_clouds(path: Path) -> list[str]:
     """Return the topics of clouds in a bag, without those of the truth."""
-    return [name for name in cloud_topics(path) if "ground_truth" not in name.split("/")]
+    return [name for name in cloud_topics(path) if not is_truth(name)]
+
+
+def is_truth(topic: str) -> bool:
+    """Return True for a topic of the truth, by its name."""
+    return "ground_truth" in topic.split("/")
 
 
 def cloud_topics(path: Path) -> list[str]:
@@ -60,6 +70,29 @@ def read_clouds(path: Path, name: str) -> Iterator[tuple[int, NDArray[np.void]]]
                 rows = _points(cloud, name)
                 t_ns = stamp_ns(int(cloud.header.stamp.sec), int(cloud.header.stamp.nanosec))
             yield t_ns, rows
+
+
+def cloud_records(bag: Bag, source: str) -> Iterator[CloudRecord]:
+    """Yield a record for each topic of clouds but those of the truth, of its first clouds.
+
+    :param source: name of the file.
+    """
+    for topic in bag.topics:
+        if topic.type != POINT_CLOUD2 or not topic.count or is_truth(topic.name):
+            continue
+        times: dict[str, list[NDArray[Any]]] = {}
+        fields: tuple[str, ...] = ()
+        organised = False
+        for _, cloud in islice(decoded_messages(bag, [topic.name]), _FIRST):
+            fields = tuple(str(field.name) for field in cloud.fields)
+            organised = int(cloud.height) > 1
+            with errors_naming(bag.path, f" ({topic.name})"):
+                rows = _points(cloud, topic.name)
+            for name in TIME_FIELDS:
+                if name in (rows.dtype.names or ()):
+                    times.setdefault(name, []).append(rows[name])
+        columns = {name: tuple(values) for name, values in times.items()}
+        yield CloudRecord(f"{source}, {topic.name}", fields, organised, columns)
 
 
 def _points(cloud: Any, name: str) -> NDArray[np.void]:

@@ -366,7 +366,7 @@ def open_output(
         from imu_sim_ros.datasets.tum_vi import TumVi
 
         assert world is not None
-        with TumVi(output, sensors, world, jobs) as sequence:
+        with TumVi(output, sensors, world, jobs, warn) as sequence:
             yield sequence
         write_tum_vi_calibration(output / "dso", world.environment)
     elif form == "vio_data_simulation":
@@ -410,4 +410,4 @@ def _camera_files(
         return TrackFiles(folder, sensors, world, warn)
     from imu_sim_ros.datasets.images import ImageFolders
 
-    return ImageFolders(folder, sensors, world, form, jobs)
+    return ImageFolders(folder, sensors, world, form, jobs, warn)

@@ -11,7 +11,7 @@ images; OpenCV and NumPy let them run side by side.
 
 import io
 from collections import deque
-from collections.abc import Iterable, Mapping
+from collections.abc import Callable, Iterable, Mapping
 from concurrent.futures import Future
 from pathlib import Path
 from typing import Any, Final, NamedTuple
@@ -22,7 +22,7 @@ from numpy.typing import NDArray
 from imu_sim_ros.bags.outputs import write_bytes
 from imu_sim_ros.bags.text.decimals import decimal
 from imu_sim_ros.bags.writer import amount
-from imu_sim_ros.conventions import IMAGE_TOPIC
+from imu_sim_ros.conventions import DEPTH_TOPIC, FLOW_TOPIC, IMAGE_TOPIC
 from imu_sim_ros.datasets.bodies import add_tables
 from imu_sim_ros.datasets.columns import Tables
 from imu_sim_ros.datasets.recorded import DEPTH_FOLDER, pose_text
@@ -35,7 +35,7 @@ from imu_sim_ros.sensors.camera.images.libraries import numba, opencv
 from imu_sim_ros.sensors.camera.model import CameraModel
 from imu_sim_ros.sensors.camera.parameters import CameraParameters
 from imu_sim_ros.sensors.camera.scene_parameters import check_surfaces
-from imu_sim_ros.sensors.camera.view import View, view_of
+from imu_sim_ros.sensors.camera.view import view_of
 from imu_sim_ros.sensors.declaration import Mounted
 from imu_sim_ros.sensors.world import World
 from imu_sim_ros.simulation.topics import Read
@@ -72,6 +72,7 @@ class ImageFolders:
         world: World,
         form: str,
         jobs: int,
+        warn: Callable[[str], object],
     ) -> None:
         """Make the folders.
 
@@ -81,6 +82,7 @@ class ImageFolders:
         :param form: euroc; tum_vi, which has grey values of 16 bits and no descriptions of sensors;
             or csv.
         :param jobs: number of threads.
+        :param warn: receives a line for each camera of which nothing is written.
         :raises ConfigurationError: for a scene without surfaces.
         :raises MissingDependencyError: if OpenCV or numba is not installed.
         """
@@ -88,45 +90,46 @@ class ImageFolders:
         numba()
         assert world.threads is not None
         self._threads, self._max_pending = world.threads, _AHEAD * jobs
-        cameras = {
-            name: camera
-            for name, camera in cameras_in(sensors).items()
-            if camera.own.images != "none"
-        }
+        self._folder, self._tables, self._has_16_bits = folder, form != "csv", form == "tum_vi"
+        cameras = {n: o for n, o in cameras_in(sensors).items() if self._outputs(o.own)}
+        for name in cameras_in(sensors):
+            if name not in cameras:
+                depth = "" if form == "csv" else ", depth and flow"
+                warn(f"{name}: images{depth} are switched off: nothing of it is written")
         if cameras:
             check_surfaces(next(iter(cameras.values())).environment.rig.scene)
         self.views = [view_of(camera, world) for camera in cameras.values()]
         self._frames: list[list[_Frame]] = [[] for _ in self.views]
         self._exposures: list[list[tuple[int, float]]] = [[] for _ in self.views]
-        self._folder, self._tables, self._has_16_bits = folder, form != "csv", form == "tum_vi"
         self._truth_folders = (DEPTH_FOLDER, MASK_FOLDER) if world.scene.crowd else (DEPTH_FOLDER,)
-        """Folders of the truth of each pixel."""
+        """Folders of the truth of each pixel, if it is wanted."""
         self._pending: deque[Future[None]] = deque()
         for view in self.views:
-            target = self._target(view.name)
-            folders = [target]
-            if self._has_depth(view):
-                folders += [target.parent / name for name in self._truth_folders]
-            if self._flow(view) != "none":
-                folders.append(target.parent / FLOW_FOLDER)
-            for new_folder in folders:
+            outputs = self._outputs(view.parameters)
+            if DEPTH_FOLDER in outputs:
+                outputs += self._truth_folders[1:]
+            for output in outputs:
+                target = folder / view.name / output
                 try:
-                    new_folder.mkdir(parents=True)
+                    target.mkdir(parents=True)
                 except OSError as error:
-                    raise system_error(new_folder, error) from None
+                    raise system_error(target, error) from None
             if form == "euroc":
                 comment = f"simulated by imu_sim_ros, seed {world.environment.seed}"
                 text = _sensor_yaml(view.parameters, comment)
-                (target.parent / "sensor.yaml").write_text(text, encoding="utf-8")
+                (folder / view.name / "sensor.yaml").write_text(text, encoding="utf-8")
         camera = next(iter(cameras_in(sensors).values()))
         with Tables() as tables:
             add_tables(tables, folder, view_of(camera, world), world.scene)
 
     @property
     def counts(self) -> dict[str, int]:
-        """Number of images by camera."""
+        """Frames by the topic of their images, or of their depth or flow if there are none."""
+        topics = {DEPTH_FOLDER: DEPTH_TOPIC, FLOW_FOLDER: FLOW_TOPIC}
         return {
-            f"/{view.name}/{IMAGE_TOPIC}": len(frames)
+            f"/{view.name}/{topics.get(self._outputs(view.parameters)[0], IMAGE_TOPIC)}": len(
+                frames
+            )
             for view, frames in zip(self.views, self._frames, strict=True)
         }
 
@@ -135,12 +138,14 @@ class ImageFolders:
         stamps = {frame.t_ns for frame in self._frames[camera]}
         return [exposure for exposure in self._exposures[camera] if exposure[0] in stamps]
 
-    def _has_depth(self, view: View) -> bool:
-        return self._tables and view.parameters.depth
-
-    def _flow(self, view: View) -> str:
-        """Return the form of a camera's flow, as in the parameter ``camera.flow``."""
-        return view.parameters.flow if self._tables else "none"
+    def _outputs(self, camera: CameraParameters) -> tuple[str, ...]:
+        """Return the folders below that of a camera for its images, depth and flow, if wanted."""
+        images = ("data" if self._tables else "",)
+        return (
+            *(images if camera.images != "none" else ()),
+            *((DEPTH_FOLDER,) if self._tables and camera.depth else ()),
+            *((FLOW_FOLDER,) if self._tables and camera.flow != "none" else ()),
+        )
 
     def write(self, read: Read) -> None:
         """Request the images of a window, those of all cameras in order of time."""
@@ -161,27 +166,25 @@ class ImageFolders:
             self._pending.append(self._threads.submit(self._make, frame, samples, path))
 
     def _make(self, frame: _Frame, samples: Any, path: Path) -> None:
-        view = self.views[frame.camera]
-        image: NDArray[Any] = samples.image[frame.row]
-        write_png(path, in_16_bits(image) if self._has_16_bits and image.ndim == 2 else image)
-        if self._has_depth(view):
+        camera = self.views[frame.camera].parameters
+        if camera.images != "none":
+            image: NDArray[Any] = samples.image[frame.row]
+            write_png(path, in_16_bits(image) if self._has_16_bits and image.ndim == 2 else image)
+        outputs = self._outputs(camera)
+        if DEPTH_FOLDER in outputs:
             depth, mask = samples.depth_and_mask[frame.row]
-            for folder, truth in ((DEPTH_FOLDER, millimetres(depth)), (MASK_FOLDER, mask)):
-                if truth is not None:
-                    write_png(path.parents[1] / folder / path.name, truth)
-        form = self._flow(view)
-        if form != "none":
+            for folder, values in ((DEPTH_FOLDER, millimetres(depth)), (MASK_FOLDER, mask)):
+                if values is not None:
+                    write_png(path.parents[1] / folder / path.name, values)
+        if FLOW_FOLDER in outputs:
             steps = samples.flow[frame.row]
             target = path.parents[1] / FLOW_FOLDER / path.name
-            if form == "kitti":
+            if camera.flow == "kitti":
                 write_png(target, kitti_flow(steps))
             else:
                 content = io.BytesIO()
                 np.save(content, steps)
                 write_bytes(target.with_suffix(".npy"), content.getvalue())
-
-    def _target(self, name: str) -> Path:
-        return self._folder / name / "data" if self._tables else self._folder / name
 
     def __enter__(self) -> "ImageFolders":
         return self
@@ -200,7 +203,8 @@ class ImageFolders:
             self._cut()
         if self._tables and not failed:
             for view, frames in zip(self.views, self._frames, strict=True):
-                write_table(self._folder / view.name, [frame.t_ns for frame in frames])
+                if view.parameters.images != "none":
+                    write_table(self._folder / view.name, [frame.t_ns for frame in frames])
 
     def _cut(self) -> None:
         """Drop the frames after an interruption that not all cameras have."""
@@ -222,14 +226,19 @@ class ImageFolders:
                     complete.append(frame)
                     continue
                 path.unlink(missing_ok=True)
-                for folder in (*self._truth_folders, FLOW_FOLDER):
-                    truth_file = path.parents[1] / folder / path.name
-                    for file in (truth_file, truth_file.with_suffix(".npy")):
+                for folder in (*self._truth_folders, FLOW_FOLDER) if self._tables else ():
+                    beside = path.parents[1] / folder / path.name
+                    for file in (beside, beside.with_suffix(".npy")):
                         file.unlink(missing_ok=True)
             self._frames[number] = complete
 
     def _file(self, frame: _Frame) -> Path:
-        return self._target(self.views[frame.camera].name) / image_name(frame.t_ns)
+        """Return the file of a frame in the first of its camera's folders."""
+        view = self.views[frame.camera]
+        output = self._outputs(view.parameters)[0]
+        path = self._folder / view.name / output / image_name(frame.t_ns)
+        is_array = output == FLOW_FOLDER and view.parameters.flow != "kitti"
+        return path.with_suffix(".npy") if is_array else path
 
     def summary(self) -> str:
         """Return the number of images of each camera and their end, as text."""

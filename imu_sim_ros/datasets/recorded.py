@@ -11,7 +11,6 @@ from typing import Any, Final, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from imu_sim_ros.bags.messages.encode_cameras import CameraInfo
 from imu_sim_ros.bags.text import reader as text_reader
 from imu_sim_ros.bags.text.decimals import decimal
 from imu_sim_ros.errors import InputError, naming, system_error
@@ -29,6 +28,8 @@ from imu_sim_ros.inputs.rows import (
     shortened,
 )
 from imu_sim_ros.parameters.yaml_text import parse_yaml
+from imu_sim_ros.recordings.cameras import COEFFICIENTS, CameraInfo, CameraRecord
+from imu_sim_ros.recordings.findings.cameras import distortion_problem
 from imu_sim_ros.rotation import inverse_pose
 from imu_sim_ros.sensors.camera.images.files import JPEG, PNG, Size, decoded, examined, png
 from imu_sim_ros.sensors.parameters import rotation_problems
@@ -88,7 +89,9 @@ def sensor_yaml(camera: Description, stamps: Sequence[int], comment: str) -> str
     d = d[len(names) :] or (0.0,) * (4 if names else 0)
     if info.distortion_model == "plumb_bob" and len(d) == _PLUMB_BOB and d[4] == 0.0:
         d = d[:4]
-    numbers = ", ".join(decimal(float(info.k[index])) for index in ((0, 0), (1, 1), (0, 2), (1, 2)))
+    if not d:
+        kind, d = "none", (0.0,) * 4
+    numbers = ", ".join(decimal(float(info.k[at])) for at in ((0, 0), (1, 1), (0, 2), (1, 2)))
     return (
         f"{text}resolution: [{info.width}, {info.height}]\ncamera_model: {model}\n{shape}"
         f"intrinsics: [{numbers}] # fu, fv, cu, cv\ndistortion_model: {kind}\n"
@@ -204,14 +207,20 @@ class _Keys:
         stated = self.tree.get("distortion_model", "none")
         kind = _TO_ROS.get(stated, stated if isinstance(stated, str) else "")
         d = self.numbers(coefficients, ()) if self.tree.get(coefficients) else []
-        if kind == "plumb_bob":
+        if kind == "plumb_bob" and len(d) in COEFFICIENTS[kind]:
             d = [*d, *[0.0] * (_PLUMB_BOB - len(d))]
         if model != "pinhole":
             kind, d = model, [*shape, *(d if stated != "none" else [])]
         fx, fy, cx, cy = focal
         k = np.array([[fx, 0.0, cx], [0.0, fy, cy], [0.0, 0.0, 1.0]])
         p = np.column_stack([k, np.zeros(3)])
-        return CameraInfo(int(height), int(width), kind, tuple(d), k, np.eye(3), p)
+        info = CameraInfo(int(height), int(width), kind, tuple(d), k, np.eye(3), p)
+        if not self._problems and not (fx > 0.0 and fy > 0.0):
+            self._refuse("intrinsics", self.tree.get("intrinsics"), "fx and fy must be above 0 px")
+        problem = distortion_problem(info)
+        if problem:
+            self._refuse(coefficients, self.tree.get(coefficients), problem)
+        return info
 
     def _refuse(self, key: str, value: Any, allowed: str) -> None:
         text = "missing" if value is None else repr(value)
@@ -246,7 +255,7 @@ class FolderCamera(NamedTuple):
     """The files of one camera in a folder."""
 
     name: str
-    images: RecordedFrames
+    images: RecordedFrames | None
     depth: RecordedFrames | None
     description: Description
     text: str
@@ -256,6 +265,24 @@ class FolderCamera(NamedTuple):
     def frame(self) -> str:
         """Frame of the camera's messages, as in the simulator."""
         return f"{self.name}_optical_frame"
+
+    @property
+    def first_ns(self) -> int:
+        """Stamp of its first image or depth [ns]; -1 without any."""
+        parts = [frames.t_ns[:1] for frames in (self.images, self.depth) if frames is not None]
+        return int(min(np.concatenate(parts).tolist(), default=-1))
+
+    def record(self) -> CameraRecord | None:
+        """Return its description and the size of its first image; None: it has no description.
+
+        :raises InputError: for a first image that cannot be read.
+        """
+        frames = self.depth if self.images is None else self.images
+        if self.description.info is None or frames is None:
+            return None
+        path = frames.folder / frames.names[0] if frames.names else None
+        size = None if path is None else read_image(path)[1]
+        return CameraRecord(str(frames.folder), (self.description.info,), (0,), size)
 
 
 def folder_cameras(path: Path, skipped: Skipped | None = None) -> list[FolderCamera]:
@@ -270,8 +297,8 @@ def folder_cameras(path: Path, skipped: Skipped | None = None) -> list[FolderCam
             folder = parent / name
             if name not in cameras:
                 images = _images(folder, skipped)
-                if images is not None:
-                    depth = _stamped_images(folder / DEPTH_FOLDER)
+                depth = _stamped_images(folder / DEPTH_FOLDER)
+                if images is not None or depth is not None:
                     description, text = _read_description(path, folder)
                     camera = FolderCamera(name, images, depth, description, text)
                     cameras[name] = camera
@@ -384,14 +411,15 @@ class OneSize:
     """Check that all images of a camera have the size of the first."""
 
     def __init__(self) -> None:
-        self._size: Size | None = None
+        self.size: Size | None = None
+        """Height and width of the first image; None: there is none yet."""
 
     def check(self, name: Path | str, size: Size) -> None:
         """Refuse an image of another size.
 
         :raises InputError: with both sizes.
         """
-        expected = self._size = self._size or size
+        expected = self.size = self.size or size
         if size != expected:
             raise InputError(
                 f"{name}: {size[1]} x {size[0]} pixels; the images before it have "

@@ -6,36 +6,24 @@
 A camera is described by the bag: its model by CameraInfo, its mount by /tf_static.
 """
 
-import re
-from collections import deque
-from collections.abc import Callable, Sequence
+from collections import Counter, deque
+from collections.abc import Callable, Mapping, Sequence
 from concurrent.futures import Future, ThreadPoolExecutor
 from pathlib import Path
-from typing import Any, Final, NamedTuple
+from typing import Any, Final
 
 import numpy as np
 from numpy.typing import NDArray
 
+from imu_sim_ros.bags.cameras import RecordedCamera, base_of, camera_info
 from imu_sim_ros.bags.messages.blocks import TopicInfo
-from imu_sim_ros.bags.messages.encode_cameras import (
-    CAMERA_INFO,
-    COMPRESSED_IMAGE,
-    IMAGE,
-    CameraInfo,
-)
+from imu_sim_ros.bags.messages.encode_cameras import CAMERA_INFO, COMPRESSED_IMAGE
 from imu_sim_ros.bags.messages.transforms import TF_MESSAGE
 from imu_sim_ros.bags.outputs import write_bytes
 from imu_sim_ros.bags.read import decoded_messages
 from imu_sim_ros.bags.reader import Bag
 from imu_sim_ros.bags.threads import cores
-from imu_sim_ros.conventions import (
-    COMPRESSED_TOPIC,
-    DEPTH_TOPIC,
-    FLOW_TOPIC,
-    IMAGE_TOPIC,
-    MASK_TOPIC,
-    TF_STATIC_TOPIC,
-)
+from imu_sim_ros.conventions import CAMERA_INFO_TOPIC, TF_STATIC_TOPIC
 from imu_sim_ros.datasets.images import image_name, millimetres, write_table
 from imu_sim_ros.datasets.recorded import (
     DEPTH_FOLDER,
@@ -48,15 +36,12 @@ from imu_sim_ros.datasets.recorded import (
 from imu_sim_ros.datasets.transforms import Transforms, fixed_transforms, to_root
 from imu_sim_ros.errors import InputError, naming, system_error
 from imu_sim_ros.inputs.gate import stamp_ns
+from imu_sim_ros.recordings.cameras import CameraInfo, CameraRecord
+from imu_sim_ros.recordings.findings.cameras import UNUSABLE
+from imu_sim_ros.recordings.findings.catalogue import camera_findings
 from imu_sim_ros.sensors.camera.images.files import Size, png
 from imu_sim_ros.sensors.camera.images.libraries import opencv
 
-_ENDINGS: Final = (
-    f"/{COMPRESSED_TOPIC}",
-    "/image/compressed",
-    f"/{DEPTH_TOPIC}",
-    f"/{IMAGE_TOPIC}",
-)
 _DEPTH: Final = "32FC1"
 _PIXELS: Final = {
     **dict.fromkeys(("mono8", "8UC1"), ("u1", 1)),
@@ -70,47 +55,6 @@ _PIXELS: Final = {
 """Type and number of the values of a pixel, by encoding."""
 _AHEAD: Final = 4
 """Number of images in progress for each thread."""
-
-
-class RecordedCamera(NamedTuple):
-    """The topics of one camera in a bag."""
-
-    name: str
-    """Name of the camera's folder."""
-    base: str
-    """Common beginning of the camera's topics."""
-    images: TopicInfo | None
-    depth: TopicInfo | None
-
-
-def recorded_cameras(topics: Sequence[TopicInfo]) -> list[RecordedCamera]:
-    """Return the cameras among a bag's topics; raw topics are preferred to compressed ones.
-
-    Names such as cam0 are kept; others become cam0, cam1, ... in the order of their topics.
-    """
-    topics_by_base: dict[str, dict[str, TopicInfo]] = {}
-    for topic in sorted(topics, key=lambda topic: (topic.type == COMPRESSED_IMAGE, topic.name)):
-        is_mask_or_flow = topic.name.endswith((f"/{MASK_TOPIC}", f"/{FLOW_TOPIC}"))
-        if topic.type in (IMAGE, COMPRESSED_IMAGE) and not is_mask_or_flow:
-            kind = "depth" if topic.name.endswith(f"/{DEPTH_TOPIC}") else "images"
-            topics_by_base.setdefault(_base(topic.name), {}).setdefault(kind, topic)
-    bases = sorted(topics_by_base)
-    names = [base.rpartition("/")[2] for base in bases]
-    if not all(re.fullmatch(r"cam\d+", name) for name in names) or len(set(names)) < len(names):
-        names = [f"cam{k}" for k in range(len(bases))]
-    return [
-        RecordedCamera(
-            name, base, topics_by_base[base].get("images"), topics_by_base[base].get("depth")
-        )
-        for name, base in zip(names, bases, strict=True)
-    ]
-
-
-def _base(topic: str) -> str:
-    for ending in _ENDINGS:
-        if topic.endswith(ending):
-            return topic.removesuffix(ending)
-    return topic.rpartition("/")[0]
 
 
 class RecordedImages:
@@ -130,8 +74,10 @@ class RecordedImages:
         self._stamps: dict[str, dict[int, None]] = {}
         self._frames: dict[str, str] = {}
         """Frame of each camera's messages, by base."""
-        self._infos: dict[str, Any] = {}
-        """The first CameraInfo of each camera, by base."""
+        self._infos: dict[str, list[tuple[int, CameraInfo]]] = {}
+        """Numbers and contents of the CameraInfo that differ from the one before, by base."""
+        self._described: Counter[str] = Counter()
+        """Number of CameraInfo of each camera, by base."""
         self._transforms: Transforms = {}
         for camera in cameras:
             self._make_folder(camera.images, folder / camera.name / ("data" if self._euroc else ""))
@@ -162,10 +108,13 @@ class RecordedImages:
         """Last stamp [ns]; -1 without images."""
         return max((max(stamps, default=-1) for stamps in self._stamps.values()), default=-1)
 
-    def write(self, advance: Callable[[int], object], comment: str) -> None:
+    def write(
+        self, advance: Callable[[int], object], comment: str, warn: Callable[[str], object]
+    ) -> None:
         """Write all images, then tables and descriptions.
 
         :param advance: receives the number of images written.
+        :param warn: receives a line for each description that does not fit its images.
         :raises InputError: for messages that are no images, with the topic.
         """
         pending: deque[tuple[str, Future[Size]]] = deque()
@@ -187,7 +136,7 @@ class RecordedImages:
                     stamp = message.header.stamp
                     t_ns = stamp_ns(int(stamp.sec), int(stamp.nanosec))
                 self._stamps[topic.name][t_ns] = None
-                self._frames.setdefault(_base(topic.name), message.header.frame_id)
+                self._frames.setdefault(base_of(topic.name), message.header.frame_id)
                 path = self._folders[topic.name] / image_name(t_ns)
                 pending.append((topic.name, pool.submit(_write, topic, message, path)))
                 if len(pending) >= _AHEAD * jobs:
@@ -197,7 +146,8 @@ class RecordedImages:
         finally:
             pool.shutdown(cancel_futures=True)
         if self._euroc:
-            self._describe(comment)
+            for name, camera in self._cameras.items():
+                self._describe(name, camera, sizes, comment, warn)
 
     def _topics_to_read(self) -> set[str]:
         """Return the topics to read: images and descriptions of their cameras."""
@@ -205,27 +155,54 @@ class RecordedImages:
         announced = {
             topic.name
             for topic in self._bag.topics
-            if (topic.type == CAMERA_INFO and _base(topic.name) in bases)
+            if (topic.type == CAMERA_INFO and base_of(topic.name) in bases)
             or (topic.name, topic.type) == (TF_STATIC_TOPIC, TF_MESSAGE)
         }
         return {*self._folders, *(announced if self._euroc else ())}
 
     def _learn(self, topic: TopicInfo, message: Any) -> None:
-        if topic.type == CAMERA_INFO:
-            self._infos.setdefault(_base(topic.name), message)
-        else:
+        if topic.type != CAMERA_INFO:
             self._transforms.update(fixed_transforms(message))
+            return
+        base, info = base_of(topic.name), camera_info(message)
+        infos = self._infos.setdefault(base, [])
+        if not infos or not info.is_equal(infos[-1][1]):
+            infos.append((self._described[base], info))
+        self._described[base] += 1
 
-    def _describe(self, comment: str) -> None:
-        for name, camera in self._cameras.items():
-            if camera.images is None:
-                continue
-            stamps = list(self._stamps[camera.images.name])
+    def _describe(
+        self,
+        name: str,
+        camera: RecordedCamera,
+        sizes: Mapping[str, OneSize],
+        comment: str,
+        warn: Callable[[str], object],
+    ) -> None:
+        """Write the table of a camera's images, and its description.
+
+        A camera_info that does not fit the images is left out, and told.
+        """
+        topic = camera.images or camera.depth
+        assert topic is not None
+        stamps = list(self._stamps[topic.name])
+        if camera.images is not None:
             write_table(self._folder / name, stamps)
-            pose = to_root(self._transforms, self._frames.get(camera.base, ""))
-            description = Description(_camera_info(self._infos.get(camera.base)), pose)
-            text = sensor_yaml(description, stamps, comment)
-            (self._folder / name / "sensor.yaml").write_text(text, encoding="utf-8")
+        numbered = self._infos.get(camera.base, [])
+        info = None
+        if numbered:
+            rows, infos = zip(*numbered, strict=True)
+            source = f"{self._bag.path}, {camera.base}/{CAMERA_INFO_TOPIC}"
+            record = CameraRecord(source, infos, rows, sizes[topic.name].size)
+            findings = camera_findings(record)
+            for finding in findings:
+                warn(finding.sentence())
+            if not any(finding.kind in UNUSABLE for finding in findings):
+                info = next(info for info in reversed(infos) if info.k[0, 0] > 0.0).of_image()
+            else:
+                warn(f"{name}/sensor.yaml: without intrinsics, which camera_info does not have")
+        pose = to_root(self._transforms, self._frames.get(camera.base, ""))
+        text = sensor_yaml(Description(info, pose), stamps, comment)
+        (self._folder / name / "sensor.yaml").write_text(text, encoding="utf-8")
 
 
 def _write(topic: TopicInfo, message: Any, path: Path) -> Size:
@@ -269,16 +246,3 @@ def pixels(topic: str, message: Any) -> NDArray[Any]:
         return values
     values = values.reshape(height, width, count)[..., :3]
     return values if message.encoding.startswith("rgb") else values[..., ::-1]
-
-
-def _camera_info(info: Any) -> CameraInfo | None:
-    """Return a message of CameraInfo, of ROS 1 or ROS 2, as values; None for None."""
-    if info is None:
-        return None
-    d, k, r, p = (
-        np.asarray(getattr(info, name) if hasattr(info, name) else getattr(info, name.upper()))
-        for name in "dkrp"
-    )
-    kind = str(info.distortion_model)
-    matrices = k.reshape(3, 3), r.reshape(3, 3), p.reshape(3, 4)
-    return CameraInfo(int(info.height), int(info.width), kind, tuple(d.tolist()), *matrices)

@@ -52,8 +52,9 @@ from imu_sim_ros.datasets.recorded import (
     read_image,
     sensor_yaml,
 )
-from imu_sim_ros.errors import naming, system_error
+from imu_sim_ros.errors import InputError, naming, system_error
 from imu_sim_ros.inputs.rows import Skipped
+from imu_sim_ros.recordings.findings.catalogue import camera_findings
 from imu_sim_ros.sensors.camera.images.files import Size, decoded
 
 KINDS: Final = {
@@ -88,6 +89,10 @@ class FolderImages:
         :raises InputError: with a line for each row and each description that cannot be used.
         """
         self.cameras = folder_cameras(path, skipped)
+        records = [camera.record() for camera in self.cameras]
+        findings = [finding for camera in records if camera for finding in camera_findings(camera)]
+        if findings:
+            raise InputError([finding.sentence() for finding in findings])
         jobs = cores()
         self._prefetched = _BATCH + _PREFETCHED * jobs
         self._pool = ThreadPoolExecutor(jobs, thread_name_prefix="images")
@@ -109,9 +114,13 @@ class FolderImages:
         streams = [self._mounts(writer, renamed)]
         for camera in self.cameras:
             keys = (*KINDS[kind], *([CAMERA_INFO_TOPIC] if camera.description.info else []))
-            streams.append(self._stream(writer, renamed, camera, camera.images, keys))
+            depth_keys = [DEPTH_TOPIC]
+            if camera.images is not None:
+                streams.append(self._stream(writer, renamed, camera, camera.images, keys))
+            elif camera.description.info:
+                depth_keys.append(CAMERA_INFO_TOPIC)
             if camera.depth is not None:
-                streams.append(self._stream(writer, renamed, camera, camera.depth, (DEPTH_TOPIC,)))
+                streams.append(self._stream(writer, renamed, camera, camera.depth, depth_keys))
         return streams
 
     def _stream(
@@ -147,9 +156,9 @@ class FolderImages:
             ]
 
     def _mounts(self, writer: Writer, renamed: Mapping[str, str]) -> Iterator[list[Block]]:
-        """Yield one block with the mounts of the cameras on the body."""
+        """Yield the mounts of the cameras on the body, once."""
         mounted_cameras = [
-            c for c in self.cameras if c.description.pose is not None and len(c.images.t_ns)
+            c for c in self.cameras if c.description.pose is not None and c.first_ns >= 0
         ]
         if not mounted_cameras:
             return
@@ -157,7 +166,7 @@ class FolderImages:
             [c.description.pose for c in mounted_cameras if c.description.pose is not None]
         )
         names = [(BODY_FRAME, c.frame) for c in mounted_cameras]
-        t_ns = np.array([min(int(c.images.t_ns[0]) for c in mounted_cameras)])
+        t_ns = np.array([min(c.first_ns for c in mounted_cameras)])
         rows = TransformsEncoder(names, writer.encoding).encode_fixed(t_ns, poses)
         name = renamed.get(TF_STATIC_TOPIC, TF_STATIC_TOPIC)
         yield [Block(writer.add_topic(name, TF_MESSAGE, [LATCHED]), t_ns, rows)]
@@ -173,20 +182,23 @@ class FolderImages:
         counts = {}
         for camera in self.cameras:
             target = folder / camera.name
-            self._copy(camera.images, target / ("data" if form == "euroc" else ""), advance)
-            counts[f"/{camera.name}/{IMAGE_TOPIC}"] = len(camera.images.t_ns)
+            if camera.images is not None:
+                self._copy(camera.images, target / ("data" if form == "euroc" else ""), advance)
+                counts[f"/{camera.name}/{IMAGE_TOPIC}"] = len(camera.images.t_ns)
             if form != "euroc":
                 continue
-            stamps = camera.images.t_ns.tolist()
-            write_table(target, stamps)
+            frames = camera.images if camera.images is not None else camera.depth
+            stamps = [] if frames is None else frames.t_ns.tolist()
+            if camera.depth is not None:
+                self._copy(camera.depth, target / DEPTH_FOLDER, advance)
+                counts[f"/{camera.name}/{DEPTH_TOPIC}"] = len(camera.depth.t_ns)
+            if camera.images is not None:
+                write_table(target, stamps)
             text = camera.text or sensor_yaml(camera.description, stamps, comment)
             try:
                 (target / "sensor.yaml").write_text(text, encoding="utf-8")
             except OSError as error:
                 raise system_error(target / "sensor.yaml", error) from None
-            if camera.depth is not None:
-                self._copy(camera.depth, target / DEPTH_FOLDER, advance)
-                counts[f"/{camera.name}/{DEPTH_TOPIC}"] = len(camera.depth.t_ns)
         return counts
 
     def _copy(self, frames: RecordedFrames, target: Path, advance: Callable[[int], object]) -> None:

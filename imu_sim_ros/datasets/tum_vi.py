@@ -12,7 +12,7 @@ same poses), and ``dso/camN`` with ``times.txt`` (name, seconds, exposure in ms)
 upper 8 are the simulated camera's.
 """
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from pathlib import Path
 from typing import Final
 
@@ -51,13 +51,19 @@ class TumVi:
     """Output of a sequence; use as a context manager."""
 
     def __init__(
-        self, folder: Path, sensors: Mapping[str, Mounted], world: World, jobs: int
+        self,
+        folder: Path,
+        sensors: Mapping[str, Mounted],
+        world: World,
+        jobs: int,
+        warn: Callable[[str], object],
     ) -> None:
         """Make the folders.
 
-        :param sensors: sensors of the body, with one IMU.
-        :param world: world with threads that make images.
-        :param jobs: number of the threads.
+        :param sensors: of the body, one IMU among them.
+        :param world: with threads that make images.
+        :param jobs: their number.
+        :param warn: receives a line for each camera of which nothing is written.
         """
         make_folder(folder)
         imu: ImuParameters = sensors[IMU].own
@@ -75,7 +81,7 @@ class TumVi:
                 ("dso/gt_imu.csv", _DSO_POSES),
             )
         }
-        self._images = ImageFolders(folder / "mav0", sensors, world, "tum_vi", jobs)
+        self._images = ImageFolders(folder / "mav0", sensors, world, "tum_vi", jobs, warn)
         for camera in cameras_in(sensors):
             target = folder / "dso" / camera
             target.mkdir()

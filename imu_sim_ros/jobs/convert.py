@@ -511,7 +511,7 @@ def _bag_to_dataset(
                 journal.passed_on,
             )
             if images:
-                images.write(advance, output.comment)
+                images.write(advance, output.comment, journal.remark)
     if output.form.dataset == "euroc":
         _describe(output, bool(truths), names)
     counts = _rows(dataset, readings, truth, names)
@@ -525,10 +525,8 @@ def _images(bag: Bag, topics: Sequence[TopicInfo], output: _Output) -> RecordedI
     kinds = {topic.type for topic in topics}
     if not kinds & {IMAGE, COMPRESSED_IMAGE} or not output.target.path.is_dir():
         return None
-    from imu_sim_ros.datasets.recorded_bag import (  # they need OpenCV
-        RecordedImages,
-        recorded_cameras,
-    )
+    from imu_sim_ros.bags.cameras import recorded_cameras
+    from imu_sim_ros.datasets.recorded_bag import RecordedImages  # which needs OpenCV
 
     return RecordedImages(
         bag, recorded_cameras(topics), output.target.path, str(output.form.dataset)

@@ -314,13 +314,20 @@ def generate(
                 )
                 companions[name] = stack.enter_context(closing(made))
             samples, every = 0, imus_in(body.sensors)
+            seen = {name: 0 for name in sorted(wanted) if sensors[name].sensor.sees}
             for read in windows:  # made by a thread of its own
                 target.write(read)
                 for name, companion in companions.items():
                     companion.write(read[name])
+                for name in seen:
+                    seen[name] += len(read[name].t_ns)
                 lengths = [len(read[name].t_ns) for name in every]
                 samples += sum(lengths)
                 advance(max(lengths))
+        for name, number in seen.items():
+            if not number:
+                rate = sensors[name].own.rate
+                journal.warn(f"{name}: not a single frame in the whole run, at {rate:g} Hz")
         if with_configs:
             _write_configs(configs, path.name, body, names, format, journal)
         size = _size(whole.path)

@@ -15,11 +15,14 @@ import numpy as np
 
 from imu_sim_ros import arguments
 from imu_sim_ros.arguments import BAG_OR_FILE, name_of
+from imu_sim_ros.bags.cameras import camera_records
+from imu_sim_ros.bags.clouds import cloud_records
 from imu_sim_ros.bags.messages.encode import IMU, ODOMETRY
 from imu_sim_ros.bags.read import open_bag
 from imu_sim_ros.bags.text.reader import has_states, is_text
 from imu_sim_ros.calibration.noise.truth import load_truth, true_noise
 from imu_sim_ros.conventions import AXES, TRIADS
+from imu_sim_ros.datasets.recorded import folder_cameras, image_size
 from imu_sim_ros.errors import ConfigurationError, InputError, Problems
 from imu_sim_ros.formats.door import read_trajectory
 from imu_sim_ros.jobs.flight import Flight
@@ -27,9 +30,12 @@ from imu_sim_ros.jobs.readings import read_imu, read_odometry
 from imu_sim_ros.jobs.writing import SkipBadRows, saved
 from imu_sim_ros.names import suggestion
 from imu_sim_ros.parameters import files
+from imu_sim_ros.recordings.cameras import CameraRecord, CloudRecord
 from imu_sim_ros.recordings.findings.catalogue import (
     KINDS,
     by_severity,
+    camera_findings,
+    cloud_findings,
     reading_findings,
     state_findings,
 )
@@ -247,6 +253,8 @@ def _cell(value: object) -> str:
     return f"{value:,}" if isinstance(value, int) else str(value)
 
 
+Record = Readings | States | CameraRecord | CloudRecord
+"""Readings, poses, the description of a camera, or clouds."""
 Source = str | PathLike[str] | Readings | States | Flight
 """A file, or a record in memory."""
 
@@ -282,7 +290,7 @@ def inspect(
     topic = arguments.topic("topic", topic)
     skip = arguments.switch("skip_bad_rows", skip_bad_rows)
     topics: list[TopicContents] = []
-    records: list[Readings | States] = []
+    records: list[Record] = []
     problems = Problems()
     for source in sources:
         if isinstance(source, Flight):
@@ -301,7 +309,11 @@ def inspect(
     trajectories: list[PoseContents] = []
     findings: list[Finding] = []
     for record in records:
-        if isinstance(record, Readings):
+        if isinstance(record, CameraRecord):
+            findings += camera_findings(record)
+        elif isinstance(record, CloudRecord):
+            findings += cloud_findings(record)
+        elif isinstance(record, Readings):
             measures = ReadingMeasures(record)
             sensors.append(_sensor(measures))
             findings += reading_findings(record, measures)
@@ -315,7 +327,7 @@ def inspect(
 
 def _read(
     path: Path, topic: str | None, skip: bool, topics: list[TopicContents]
-) -> Iterator[Readings | States]:
+) -> Iterator[Record]:
     """Yield the records of a file; its topics are appended.
 
     :raises InputError: for what cannot be read, and a file with neither readings nor poses.
@@ -329,6 +341,8 @@ def _read(
     with open_bag(path) as bag:
         infos = list(bag.topics)
         named = None if topic is None else bag.find(topic)
+        cameras = list(camera_records(bag, name, image_size))
+        clouds = list(cloud_records(bag, name))
     topics += [TopicContents(name, info.name, info.type, info.count) for info in infos]
     chosen = [info for info in infos if info.type in (IMU, ODOMETRY) and info.count]
     if topic is not None:
@@ -344,10 +358,18 @@ def _read(
                 yield with_fields(readings, source=source)
             else:
                 yield with_fields(read_odometry(path, info.name), source=source)
+    if topic is None:
+        yield from cameras
+        yield from clouds
     problems.tell()
 
 
-def _read_text(path: Path, topic: str | None, skip: bool) -> Iterator[Readings | States]:
+def _read_text(path: Path, topic: str | None, skip: bool) -> Iterator[Record]:
+    if path.is_dir():
+        for camera in folder_cameras(path):
+            record = camera.record()
+            if record is not None:
+                yield record
     try:
         yield read_imu(path, topic, skip_bad_rows=skip)
     except InputError as error:

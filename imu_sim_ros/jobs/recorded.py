@@ -72,7 +72,9 @@ def _cameras(path: Path) -> dict[str, RecordedFrames] | None:
 
     if not (path.is_dir() and is_text(path)):
         return None
-    return {camera.name: camera.images for camera in folder_cameras(path)}
+    return {
+        camera.name: camera.images for camera in folder_cameras(path) if camera.images is not None
+    }
 
 
 def _of_camera(frames: RecordedFrames) -> Iterator[tuple[int, NDArray[Any]]]:

@@ -15,8 +15,9 @@ from rosbags.rosbag2 import StoragePlugin
 from rosbags.rosbag2 import Writer as Writer2
 from rosbags.typesys import Stores, get_typestore
 
+from imu_sim_ros.bags.cameras import recorded_cameras
 from imu_sim_ros.commands import convert_bag, dead_reckon, generate
-from imu_sim_ros.datasets.recorded_bag import pixels, recorded_cameras
+from imu_sim_ros.datasets.recorded_bag import pixels
 from imu_sim_ros.datasets.transforms import to_root
 from imu_sim_ros.errors import InputError
 

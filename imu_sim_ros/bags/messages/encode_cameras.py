@@ -5,13 +5,14 @@
 
 import struct
 from collections.abc import Sequence
-from typing import Any, Final, NamedTuple
+from typing import Any, Final
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from imu_sim_ros.bags.messages.encode import seconds
 from imu_sim_ros.bags.messages.layouts import STAMP_OFFSET, LayoutBuilder
+from imu_sim_ros.recordings.cameras import CameraInfo
 from imu_sim_ros.timebase import NANOSECONDS_PER_SECOND
 from imu_sim_ros.types import Array
 
@@ -30,22 +31,6 @@ _PIXEL_BYTES: Final = {
 }
 _PNG_COLOURS: Final = {"rgb8": "bgr8", "rgba8": "bgra8", "rgb16": "bgr16"}
 """What image_transport calls the colours of an encoded image; it has no word for grey ones."""
-
-
-class CameraInfo(NamedTuple):
-    """A camera's model in the terms of sensor_msgs/CameraInfo."""
-
-    height: int
-    width: int
-    distortion_model: str
-    d: tuple[float, ...]
-    """Parameters of the distortion."""
-    k: Array
-    """(3, 3) intrinsic matrix."""
-    r: Array
-    """(3, 3) rectification."""
-    p: Array
-    """(3, 4) projection of the rectified image."""
 
 
 class StampedBuilder(LayoutBuilder):
@@ -147,8 +132,7 @@ class CameraInfoEncoder:
         self._all.values(info.d, "<f8")
         for matrix in (info.k, info.r, info.p):
             self._all.values(matrix, "<f8")
-        # Binning 0 x 0, region of interest 0: the whole image; not rectified.
-        self._all.values([0] * 6, "<u4")
+        self._all.values([*info.binning, *info.region], "<u4")
         self._all.values([0], "u1")
 
     def encode(self, t_ns: int) -> bytes:

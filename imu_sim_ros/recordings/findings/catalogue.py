@@ -6,6 +6,8 @@
 from collections.abc import Iterable, Iterator
 from typing import Any, Final
 
+from imu_sim_ros.recordings.cameras import CameraRecord, CloudRecord
+from imu_sim_ros.recordings.findings.cameras import CAMERAS, CLOUDS
 from imu_sim_ros.recordings.findings.finding import SEVERITIES, FaultCheck, Finding, RecordT
 from imu_sim_ros.recordings.findings.measures import ReadingMeasures
 from imu_sim_ros.recordings.findings.readings import READINGS
@@ -17,6 +19,8 @@ GROUPS: Final[dict[str, tuple[FaultCheck[Any], ...]]] = {
     "Readings": READINGS,
     "Stamps": STAMPS,
     "Poses": STATES,
+    "Cameras": CAMERAS,
+    "Clouds": CLOUDS,
 }
 """All checks, by the part of a recording that they look at."""
 KINDS: Final = {check.kind: check for checks in GROUPS.values() for check in checks}
@@ -44,31 +48,46 @@ def state_findings(states: States) -> list[Finding]:
     return by_severity(_findings(STATES, StateMeasures(states), states))
 
 
+def camera_findings(camera: CameraRecord) -> list[Finding]:
+    """Return the findings about the description of a camera, worst first."""
+    return by_severity(_findings(CAMERAS, camera, camera.source))
+
+
+def cloud_findings(cloud: CloudRecord) -> list[Finding]:
+    """Return the findings about clouds, worst first."""
+    return by_severity(_findings(CLOUDS, cloud, cloud.source))
+
+
 def by_severity(findings: Iterable[Finding]) -> list[Finding]:
     """Return findings with the worst first."""
     return sorted(findings, key=lambda finding: SEVERITIES.index(finding.severity))
 
 
 def _findings(
-    checks: Iterable[FaultCheck[RecordT]], record: RecordT, series: TimeSeries
+    checks: Iterable[FaultCheck[RecordT]], record: RecordT, source: TimeSeries | str
 ) -> Iterator[Finding]:
     """Yield the findings of checks.
 
-    :param series: rows whose times and lines are stated.
+    :param source: rows whose times and lines are stated, or the name of a source without them.
     """
+    series = None if isinstance(source, str) else source
+    name = source if isinstance(source, str) else source.source
     for check in checks:
         for evidence in check.find(record):
             row = evidence.row
-            placed = row is not None and row < len(series)
+            t = line = None
+            if series is not None and row is not None and row < len(series):
+                t = float(series.t_ns[row] - series.t_ns[0]) * 1e-9
+                line = None if series.lines is None else int(series.lines[row])
             yield Finding(
                 check.kind,
                 check.severity,
-                series.source,
+                name,
                 evidence.text,
                 check.effect,
                 check.remedy,
                 row,
                 evidence.number,
-                float(series.t_ns[row] - series.t_ns[0]) * 1e-9 if placed else None,
-                int(series.lines[row]) if placed and series.lines is not None else None,
+                t,
+                line,
             )

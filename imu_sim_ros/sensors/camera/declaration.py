@@ -26,7 +26,7 @@ from imu_sim_ros.sensors.declaration import Mounted, Payloads, Sensor, Topic, on
 from imu_sim_ros.sensors.samples import Rows, Samples
 
 if TYPE_CHECKING:
-    from imu_sim_ros.bags.messages.encode_cameras import CameraInfo
+    from imu_sim_ros.recordings.cameras import CameraInfo
     from imu_sim_ros.sensors.deferred import Results
 
 _MODULE: Final = "imu_sim_ros.sensors.camera.frames"
@@ -128,7 +128,7 @@ def info_of_camera(camera: CameraParameters) -> "CameraInfo":
     D is xi and the distortion for a unified sphere, xi and alpha for a double one; ROS has no
     names for the two, so they have ours.
     """
-    from imu_sim_ros.bags.messages.encode_cameras import CameraInfo
+    from imu_sim_ros.recordings.cameras import CameraInfo
 
     model = CameraModel(camera)
     k = np.array([[model.fx, 0.0, model.cx], [0.0, model.fy, model.cy], [0.0, 0.0, 1.0]])
