@@ -26,8 +26,9 @@ from imu_sim_ros.errors import InputError
 from imu_sim_ros.inputs import gate
 from imu_sim_ros.inputs.rows import BadRows, Skipped, Warned
 from imu_sim_ros.jobs.add_errors import rate_of
-from imu_sim_ros.recordings.findings.catalogue import state_findings
+from imu_sim_ros.recordings.findings.catalogue import twist_findings
 from imu_sim_ros.records import Readings, concatenated, with_fields
+from imu_sim_ros.rotation import rotate_inverse
 from imu_sim_ros.simulation.error_input import Differentiator
 from imu_sim_ros.simulation.error_model import GivenImu
 from imu_sim_ros.simulation.error_parameters import ErrorModelParameters
@@ -78,10 +79,11 @@ def rate_in(bag: Bag, source: TopicInfo) -> float:
     return rate_of(t_ns)
 
 
-def twist_warnings(bag: Bag, source: TopicInfo) -> Iterator[str]:
+def twist_warnings(bag: Bag, source: TopicInfo, twist_frame: str) -> Iterator[str]:
     """Yield a line if the twist of odometry contradicts the poses in the same messages.
 
     :param source: a topic of odometry; its first messages, up to 20,000, are compared.
+    :param twist_frame: axes of the twist, body or world.
     """
     blocks, count = [], 0
     for states in odometry_blocks(bag.path, source.name, warned=bool):
@@ -90,9 +92,17 @@ def twist_warnings(bag: Bag, source: TopicInfo) -> Iterator[str]:
         if count >= _COMPARED:
             break
     if blocks:
-        for finding in state_findings(with_fields(concatenated(blocks), source=source.name)):
-            if finding.kind in ("twist_world", "twist_unfilled"):
-                yield f"{bag.path}: {finding.sentence()}"
+        compared = with_fields(concatenated(blocks), source=source.name)
+        if twist_frame == "world":  # the blocks are those of a twist in the body's axes
+            turned = (
+                rotate_inverse(compared.q_wb, column)
+                for column in (compared.velocities(), compared.body_rates())
+            )
+            compared = with_fields(
+                compared, **dict(zip(("velocity", "angular_velocity"), turned, strict=True))
+            )
+        for finding in twist_findings(compared):
+            yield f"{bag.path}: {finding.sentence()}"
 
 
 def names_in(

@@ -204,8 +204,8 @@ def add_errors_to_file(
                 built = with_rate(layers, lambda: rate_in(bag, readings))
                 if "imu/data" in added and (wrong := list(orientation_problems(built.imu))):
                     raise InputError(wrong)
-                if readings.type == ODOMETRY and built.input.twist_frame == "body":
-                    for line in twist_warnings(bag, readings):
+                if readings.type == ODOMETRY:
+                    for line in twist_warnings(bag, readings, built.input.twist_frame):
                         journal.warn(line)
                 have = {resolved(one.name) for one in bag.topics}
                 if is_text:  # a dataset's biases are those of the readings before

@@ -14,8 +14,8 @@ from imu_sim_ros.arguments import number, refuse
 from imu_sim_ros.errors import ConfigurationError, ImuSimError
 from imu_sim_ros.inputs import gate
 from imu_sim_ros.inputs.gate import Quantity
+from imu_sim_ros.recordings.repair import beyond_any_body
 from imu_sim_ros.trajectory.motion import Motion, Trajectory
-from imu_sim_ros.trajectory.repair import beyond_any_body
 from imu_sim_ros.types import Array
 
 STEP: Final = 2.0**-9

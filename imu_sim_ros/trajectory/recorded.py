@@ -10,11 +10,13 @@ import numpy as np
 
 from imu_sim_ros import rotation, timebase
 from imu_sim_ros.errors import InputError
+from imu_sim_ros.recordings.findings.catalogue import disturbance_findings, held_findings
+from imu_sim_ros.recordings.findings.finding import Finding
+from imu_sim_ros.recordings.repair import Disturbances, beyond_any_body, mended
 from imu_sim_ros.records import States
 from imu_sim_ros.trajectory.bspline import PoseSpline, UniformKnots
 from imu_sim_ros.trajectory.motion import Motion, Trajectory
 from imu_sim_ros.trajectory.parameters import PosesParameters
-from imu_sim_ros.trajectory.repair import beyond_any_body, mended, suspicions
 from imu_sim_ros.trajectory.spline_fit import fit
 from imu_sim_ros.types import Array
 
@@ -65,6 +67,21 @@ class FitReport(NamedTuple):
         ]
 
 
+_DONE: Final = {
+    "poses_outlying": "left out",
+    "poses_jump": "all later poses were moved to continue the motion",
+    "poses_held": "the first of each was kept",
+    "poses_arrival": "even times were used",
+}
+"""Repairs of the poses, by the kind of finding."""
+
+
+def _suspicions(disturbances: Disturbances, poses: States) -> list[Finding]:
+    """Return the findings about poses that ``robust`` repairs."""
+    held = held_findings(poses) if len(disturbances.held) else []
+    return [*disturbance_findings(poses, disturbances), *held]
+
+
 class RecordedMotion:
     """A body that moves as recorded; time 0 is the first pose."""
 
@@ -82,8 +99,11 @@ class RecordedMotion:
         """What was repaired, as text."""
         if parameters.robust:
             found = mended(t, poses.position, poses.q_wb)
-            self.repairs = suspicions(found.findings, parameters.file, poses, t, robust=True)
-            if found.findings:
+            self.repairs = [
+                f"{parameters.file}: {finding.evidence}; {_DONE[finding.kind]}"
+                for finding in _suspicions(found.disturbances, poses)
+            ]
+            if found.disturbances:
                 t = found.t
                 t_ns = self.t0_ns + np.round(t * 1e9).astype(np.int64)
                 poses = States(t_ns, found.position, found.q_wb, repeated=poses.repeated).in_order()
@@ -104,7 +124,10 @@ class RecordedMotion:
         result = []
         if not self._parameters.robust:
             found = mended(t, poses.position, poses.q_wb)
-            result = suspicions(found.findings, file, poses, t, robust=False)
+            result = [
+                f"{file}: {finding.evidence}; {finding.remedy}"
+                for finding in _suspicions(found.disturbances, poses)
+            ]
         result += beyond_any_body(
             file,
             report.peak_acceleration,

@@ -350,3 +350,19 @@ def test_bad_arguments_are_a_line(refused):
     for words, lines in zip(calls, refused("error_model", [*calls.values()]), strict=True):
         assert any(words in line for line in lines)
         assert all(line.startswith("error_model: ") for line in lines)
+
+
+def test_a_twist_in_the_axes_of_the_world_is_told_within_a_second(start, listener, flight):
+    node = start(
+        "error_model", "--imu", "perfect", "--rate", "500", "--odometry", "true", "--seed", "1"
+    )
+    source = Source(listener, Odometry, "odom/ideal")
+    truth = flight.truth.between(0.0, 1.0)
+    rows = OdometryEncoder("world", "base_link").encode(
+        truth.t_ns, truth.position, truth.q_wb, truth.velocity, truth.angular_velocity
+    )
+    source.send([row.tobytes() for row in rows])
+    line = "--twist-frame world (add_errors), or parameter input.twist_frame"
+    listener.wait_until(lambda: line in node.output, "the finding")
+    assert node.end() == 0
+    assert node.output.count("velocities differ from those of the poses") == 1

@@ -16,8 +16,8 @@ from imu_sim_ros.bags.writer import Block, open_writer
 from imu_sim_ros.commands import inspect
 from imu_sim_ros.conventions import STANDARD_GRAVITY
 from imu_sim_ros.recordings.findings.catalogue import KINDS, reading_findings, state_findings
+from imu_sim_ros.recordings.repair import mended
 from imu_sim_ros.records import with_fields
-from imu_sim_ros.trajectory.repair import mended
 
 ROOT = Path(__file__).parents[2]
 IMUS = sorted(path.stem for path in (ROOT / "config" / "imus").glob("*.yaml"))
@@ -258,17 +258,17 @@ def test_smooth_poses_are_mended_nowhere_however_far_and_fast():
             for scale in (0.01, 1.0, 100.0):
                 position = states.position * scale + np.array([shift, -shift, 0.1 * shift])
                 result = mended(states.t, position, states.q_wb)
-                assert not result.findings, (trajectory, shift, scale)
+                assert not result.disturbances, (trajectory, shift, scale)
                 assert len(result.position) == len(states)
 
 
 def test_held_poses_are_mended_to_one_of_each(poses):
     rows = np.arange(len(poses)) // 4 * 4
     result = mended(poses.t, poses.position[rows], poses.q_wb[rows])
-    assert len(result.findings.held) == len(poses) * 3 // 4
+    assert len(result.disturbances.held) == len(poses) * 3 // 4
     np.testing.assert_array_equal(result.position, poses.position[::4])
     np.testing.assert_array_equal(result.t, poses.t[::4])
-    assert not len(result.findings.single)
+    assert not len(result.disturbances.single)
 
 
 def test_add_errors_tells_of_a_twist_in_the_worlds_axes(tmp_path, poses):

@@ -32,6 +32,7 @@ from imu_sim_ros.nodes.error_model.output import DEPTH, ErrorModelOutputs, wante
 from imu_sim_ros.nodes.parameters import ConfiguredNode
 from imu_sim_ros.nodes.publishing import check_overrides, create
 from imu_sim_ros.nodes.subscriptions import MatchedInputs, RawSubscriptions, Taken
+from imu_sim_ros.recordings.findings.live import TwistWatch
 from imu_sim_ros.records import LiveReading, Readings
 from imu_sim_ros.sensors.imu.declaration import NAME as IMU
 from imu_sim_ros.simulation.error_input import Differentiator, IdealValues
@@ -81,6 +82,9 @@ class ErrorModelNode(ConfiguredNode[ErrorNodeParameters]):
         oriented = self.model.uses_orientation
         self._decode = decode.ideal_reading if oriented else decode.imu_reading
         self._odometry = Differentiator(parameters) if parameters.odometry else None
+        compared = parameters.odometry and parameters.input.check
+        source = f"input ({self.resolve_topic_name(conventions.INPUT_ODOMETRY_TOPIC)})"
+        self._twist = TwistWatch(source, parameters.input.twist_frame) if compared else None
         turned = sensor_rotation(parameters.input) is not None or parameters.input.place == "body"
         own = "imu_frame" in self.given or parameters.imu_frame != conventions.IMU_FRAME
         self._takes_frame = not (parameters.odometry or turned or own)
@@ -200,6 +204,9 @@ class ErrorModelNode(ConfiguredNode[ErrorNodeParameters]):
 
     def _of_odometry(self, odometry: Differentiator, topic: str, taken: list[Taken]) -> Readings:
         states = self._decoded(topic, taken, decode.truth)
+        if self._twist is not None and not self._twist.done:
+            for finding in self._twist.add(states):
+                self._remark(finding.sentence())
         return odometry.apply(
             np.array([state.t_ns for state in states], np.int64),
             np.array([state.q_wb for state in states]).reshape(-1, 4),
@@ -251,6 +258,8 @@ class ErrorModelNode(ConfiguredNode[ErrorNodeParameters]):
             self.model.reset()
             if self._odometry is not None:
                 self._odometry.begin()
+            if self._twist is not None:
+                self._twist.begin()
         response.success, response.message = True, "the errors begin again with the next reading"
         return response
 

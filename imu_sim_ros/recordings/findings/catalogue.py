@@ -6,23 +6,29 @@
 from collections.abc import Iterable, Iterator
 from typing import Any, Final
 
+import numpy as np
+
 from imu_sim_ros.recordings.cameras import CameraRecord, CloudRecord
 from imu_sim_ros.recordings.findings.cameras import CAMERAS, CLOUDS
+from imu_sim_ros.recordings.findings.disturbances import DISTURBANCES, DisturbedPoses
 from imu_sim_ros.recordings.findings.finding import SEVERITIES, FaultCheck, Finding, RecordT
 from imu_sim_ros.recordings.findings.measures import ReadingMeasures
-from imu_sim_ros.recordings.findings.readings import READINGS
+from imu_sim_ros.recordings.findings.readings import READINGS, UNIT_CHECKS
 from imu_sim_ros.recordings.findings.stamps import STAMPS
-from imu_sim_ros.recordings.findings.states import STATES, StateMeasures
+from imu_sim_ros.recordings.findings.states import STATES, TWIST, StateMeasures, poses_held
+from imu_sim_ros.recordings.repair import Disturbances, mended
 from imu_sim_ros.records import Readings, States, TimeSeries
 
 GROUPS: Final[dict[str, tuple[FaultCheck[Any], ...]]] = {
     "Readings": READINGS,
     "Stamps": STAMPS,
-    "Poses": STATES,
+    "Poses": (*STATES, *DISTURBANCES),
     "Cameras": CAMERAS,
     "Clouds": CLOUDS,
 }
 """All checks, by the part of a recording that they look at."""
+_JUDGED: Final = 200_000
+"""Poses whose motion is examined for jumps."""
 KINDS: Final = {check.kind: check for checks in GROUPS.values() for check in checks}
 """All checks by the kind of their findings."""
 
@@ -41,11 +47,39 @@ def reading_findings(readings: Readings, measures: ReadingMeasures | None = None
     return by_severity(findings)
 
 
+def unit_findings(readings: Readings) -> list[Finding]:
+    """Return the findings about the units of readings, and about swapped triads."""
+    return list(_findings(UNIT_CHECKS, ReadingMeasures(readings), readings))
+
+
+def twist_findings(states: States, measures: StateMeasures | None = None) -> list[Finding]:
+    """Return the findings about a twist that contradicts the poses beside it."""
+    return list(_findings(TWIST, measures or StateMeasures(states), states))
+
+
 def state_findings(states: States) -> list[Finding]:
-    """Return the findings about poses and their twist, worst first."""
+    """Return the findings about poses and their twist, worst first.
+
+    Jumps are looked for in the first 200,000 poses.
+    """
     if not len(states):
         return []
-    return by_severity(_findings(STATES, StateMeasures(states), states))
+    findings = list(_findings(STATES, StateMeasures(states), states))
+    if np.all(np.diff(states.t_ns) > 0):
+        head = states.rows(slice(_JUDGED))
+        found = mended(head.t, head.position, head.q_wb).disturbances
+        findings += disturbance_findings(head, found)
+    return by_severity(findings)
+
+
+def disturbance_findings(states: States, disturbances: Disturbances) -> list[Finding]:
+    """Return the findings about poses that no body moves through."""
+    return list(_findings(DISTURBANCES, DisturbedPoses(states, disturbances), states))
+
+
+def held_findings(states: States) -> list[Finding]:
+    """Return the findings about poses that stand several times in a row."""
+    return list(_findings((poses_held,), StateMeasures(states), states))
 
 
 def camera_findings(camera: CameraRecord) -> list[Finding]:

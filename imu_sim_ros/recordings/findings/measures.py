@@ -203,7 +203,7 @@ class ReadingMeasures:
         """Return the evidence of deg/s that the noise of both triads gives; empty: none."""
         if self.noise_density is None or not self.mean_force:
             return ""
-        gyro, accel = (float(np.median(density)) for density in self.noise_density)
+        gyro, accel = (_typical(density) for density in self.noise_density)
         accel *= STANDARD_GRAVITY / self.mean_force  # whatever the accelerometer's unit is
         if not accel or gyro < max(_NOISE_RATIO * accel, _NOISIEST):
             return ""
@@ -305,3 +305,9 @@ class ReadingMeasures:
         change = np.diff(column)
         change = change[np.abs(change) > ROUNDING * np.abs(column).max()]
         return len(change) > _FEWEST and float(np.mean(change[1:] * change[:-1] < 0.0)) > _TURNS
+
+
+def _typical(density: Array) -> float:
+    """Return the median density of the axes (3,) whose noise can be told from motion; 0: none."""
+    clear = density[density > 0.0]
+    return float(np.median(clear)) if len(clear) else 0.0

@@ -346,8 +346,10 @@ READINGS: Final = (
     steps_coarse,
 )
 """Checks of the readings of an IMU."""
-UNITS: Final = (
-    *(triads_swapped.kind, accelerometer_g.kind, accelerometer_mg.kind, accelerometer_counts.kind),
-    *(gyroscope_degrees.kind, gyroscope_counts.kind),
+UNIT_CHECKS: Final = (
+    *(triads_swapped, accelerometer_g, accelerometer_mg, accelerometer_counts),
+    *(gyroscope_degrees, gyroscope_counts),
 )
-"""Kinds of findings after which every number of the readings is wrong."""
+"""Checks of faults after which every number of the readings is wrong."""
+UNITS: Final = tuple(fault.kind for fault in UNIT_CHECKS)
+"""Kinds of these findings."""

@@ -25,6 +25,10 @@ _LONG: Final = 3.0
 """Step between poses, over the usual one, across which no velocity is computed."""
 _SPEED: Final = 0.05
 """Speed below which a twist is not compared with the poses [m/s]."""
+_COMPARED: Final = 8
+"""Poses from which on a twist is compared with them."""
+_TURNS: Final = 0.05
+"""Angular rate below which that of a twist is not compared with the poses [rad/s]."""
 _AGREES: Final = 0.3
 """Deviation of a velocity from that of the poses, as a share, up to which they agree."""
 _SPARSE: Final = 0.5
@@ -75,6 +79,19 @@ class StateMeasures:
     def speed(self) -> float:
         """Speed by the positions, root mean square [m/s]."""
         return _rms(self.velocity)
+
+    @cached_property
+    def moves(self) -> bool:
+        """True if the poses move fast enough for a comparison with their twist."""
+        return len(self.velocity) >= _COMPARED and self.speed >= _SPEED
+
+    @cached_property
+    def turning(self) -> float:
+        """Angular rate by the attitudes over each regular step, root mean square [rad/s]."""
+        q = self.states.q_wb
+        turns = rotation.log(rotation.multiply(rotation.conjugate(q[:-1]), q[1:]))[self.regular]
+        steps = np.diff(self.states.t_ns)[self.regular] * 1e-9
+        return _rms(turns / steps[:, None])
 
 
 def _rms(vectors: Array) -> float:
@@ -199,6 +216,11 @@ def axes_camera(measures: StateMeasures) -> Iterator[Evidence]:
         yield Evidence(f"{body[2]:.0%} of the path of {path:.4g} m is along the body's z axis")
 
 
+def _disagreement(measures: StateMeasures, velocity: Array) -> float:
+    """Return the deviation of velocities (n, 3) from those of the poses, over their size."""
+    return _rms(measures.between(velocity) - measures.velocity) / measures.speed
+
+
 @check(
     "error",
     "accelerations that are computed from it are wrong",
@@ -207,11 +229,10 @@ def axes_camera(measures: StateMeasures) -> Iterator[Evidence]:
 def twist_world(measures: StateMeasures) -> Iterator[Evidence]:
     """Find a twist in the axes of the world instead of the body."""
     states = measures.states
-    if states.velocity is None or measures.speed < _SPEED or len(measures.velocity) < _FEWEST:
+    if states.velocity is None or not measures.moves:
         return
     linear = rotation.rotate_inverse(states.q_wb, states.velocity)
-    body = _rms(measures.between(states.velocity) - measures.velocity) / measures.speed
-    world = _rms(measures.between(linear) - measures.velocity) / measures.speed
+    body, world = (_disagreement(measures, velocity) for velocity in (states.velocity, linear))
     if world < _AGREES and body > 3.0 * world and body > 0.05:
         yield Evidence(
             f"velocities differ from those of the poses by {body:.2g} of their size in the body's "
@@ -221,21 +242,45 @@ def twist_world(measures: StateMeasures) -> Iterator[Evidence]:
 
 @check(
     "error",
+    "accelerations that are computed from it are wrong",
+    "--twist-frame body (add_errors), or parameter input.twist_frame (error_model); rotate the "
+    "velocities of a table into the world",
+)
+def twist_body(measures: StateMeasures) -> Iterator[Evidence]:
+    """Find velocities in the axes of the body where they are stated in the world."""
+    states = measures.states
+    if states.velocity is None or not measures.moves:
+        return
+    turned = rotation.rotate(states.q_wb, states.velocity)
+    world, body = (_disagreement(measures, velocity) for velocity in (states.velocity, turned))
+    if body < _AGREES and world > 3.0 * body and world > 0.05:
+        yield Evidence(
+            f"velocities differ from those of the poses by {world:.2g} of their size in the "
+            f"world's axes, by {body:.2g} in the body's"
+        )
+
+
+@check(
+    "error",
     "the motion looks like rest",
     "fill in the twist, or use the poses alone",
 )
 def twist_unfilled(measures: StateMeasures) -> Iterator[Evidence]:
-    """Find a twist that is zero while the poses move."""
+    """Find a twist, or one of its halves, that is zero while the poses move."""
     states = measures.states
-    if states.velocity is None or measures.speed < _SPEED or len(measures.velocity) < _FEWEST:
-        return
-    if not states.velocity.any():
+    if states.velocity is not None and measures.moves and not states.velocity.any():
         yield Evidence(f"all velocities are 0, the poses move at {measures.speed:.3g} m/s")
+    rates = states.angular_velocity
+    if rates is not None and len(rates) >= _COMPARED and not rates.any():
+        turning = measures.turning
+        if turning > _TURNS:
+            yield Evidence(f"all angular rates are 0, the poses turn at {turning:.3g} rad/s")
 
 
 STATES: Final = (
     poses_disordered,
     twist_world,
+    twist_body,
     twist_unfilled,
     quaternion_order,
     poses_held,
@@ -244,3 +289,5 @@ STATES: Final = (
     axes_camera,
 )
 """Checks of poses."""
+TWIST: Final = (twist_world, twist_body, twist_unfilled)
+"""Checks of the twist against the poses."""

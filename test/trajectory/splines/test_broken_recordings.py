@@ -15,9 +15,9 @@ import imu_sim_ros as ims
 from imu_sim_ros import rotation
 from imu_sim_ros.commands.generate import main
 from imu_sim_ros.poses import read_poses, write_tum
+from imu_sim_ros.recordings.repair import mended
 from imu_sim_ros.records import States
 from imu_sim_ros.trajectory.recorded import RecordedMotion
-from imu_sim_ros.trajectory.repair import mended
 
 RATE = 100.0
 
@@ -273,5 +273,5 @@ def test_a_shaken_end_is_no_jump_behind_it() -> None:
     rows = slice(-600, None)
     t = np.arange(600) / 200.0
     found = mended(t, drive.truth.position[rows], drive.truth.q_wb[rows])
-    assert all(0 <= jump.row < 600 for jump in found.findings.jumps)
+    assert all(0 <= jump.row < 600 for jump in found.disturbances.jumps)
     assert len(found.t) > 500

@@ -7,7 +7,7 @@ from typing import Final
 
 import numpy as np
 
-from imu_sim_ros.trajectory.residuals import residuals
+from imu_sim_ros.recordings.residuals import residuals
 from imu_sim_ros.types import Array, Integers
 
 _WINDOW: Final = 200

@@ -3,16 +3,15 @@
 
 """Implausible poses: found before a spline is fitted, and repaired on request."""
 
-from collections.abc import Iterator, Sequence
 from typing import Final, NamedTuple
 
 import numpy as np
 
 from imu_sim_ros import rotation
+from imu_sim_ros.recordings.arrival import even_times
 from imu_sim_ros.recordings.findings.states import StateMeasures, poses_held
+from imu_sim_ros.recordings.residuals import REACH, residuals, smallest_distance
 from imu_sim_ros.records import States
-from imu_sim_ros.trajectory.arrival import even_times
-from imu_sim_ros.trajectory.residuals import REACH, residuals, smallest_distance
 from imu_sim_ros.types import Array, Integers, Mask
 
 _LEAST_POSES: Final = 30
@@ -39,24 +38,22 @@ class Jump(NamedTuple):
     """(3,) rotation vector in the world [rad]."""
 
 
-class Findings(NamedTuple):
-    """What is wrong with recorded poses, by rows."""
+class Disturbances(NamedTuple):
+    """Recorded poses that no body moves through, by rows."""
 
     single: Integers
     """Outlying poses."""
     distance: Array
-    """[m] by which each of them does."""
+    """(k,) distance of each of them from the motion of its neighbours [m]."""
     angle: Array
-    """[rad]"""
+    """(k,) angle between their attitudes and those of the neighbours [rad]."""
     jumps: list[Jump]
     scatter: float
-    """[s] of stamps that are times of arrival; 0: they are not."""
+    """Scatter of stamps that are times of arrival [s]; 0: they are not."""
     interval: float
-    """[s] of the grid that they scatter about."""
+    """Interval of the grid that they scatter about [s]."""
     held: Integers
     """Poses that repeat the one before while the body moves."""
-    held_text: str = ""
-    """Evidence for these."""
 
     def __bool__(self) -> bool:
         """Return whether there is anything."""
@@ -69,7 +66,7 @@ class Mended(NamedTuple):
     t: Array
     position: Array
     q_wb: Array
-    findings: Findings
+    disturbances: Disturbances
 
 
 def mended(t: Array, position: Array, q_wb: Array) -> Mended:
@@ -81,16 +78,17 @@ def mended(t: Array, position: Array, q_wb: Array) -> Mended:
     """
     q_wb = rotation.continuous(q_wb)
     nothing = np.zeros(0, dtype=np.int64)
-    held, text = _held(t, position, q_wb)
+    held = _held(t, position, q_wb)
     if len(held):
         rows = np.setdiff1d(np.arange(len(t)), held)
         rest = mended(t[rows], position[rows], q_wb[rows])
-        jumps = [jump._replace(row=int(rows[jump.row])) for jump in rest.findings.jumps]
-        single = rows[rest.findings.single]
-        findings = rest.findings._replace(single=single, jumps=jumps, held=held, held_text=text)
-        return rest._replace(findings=findings)
+        jumps = [jump._replace(row=int(rows[jump.row])) for jump in rest.disturbances.jumps]
+        single = rows[rest.disturbances.single]
+        return rest._replace(
+            disturbances=rest.disturbances._replace(single=single, jumps=jumps, held=held)
+        )
     if len(t) < _LEAST_POSES:
-        none = Findings(nothing, np.zeros(0), np.zeros(0), [], 0.0, 0.0, nothing)
+        none = Disturbances(nothing, np.zeros(0), np.zeros(0), [], 0.0, 0.0, nothing)
         return Mended(t, position, q_wb, none)
     taken, scatter, interval = even_times(t, position, q_wb)
     return _repaired(taken, position, q_wb, scatter, interval)
@@ -102,7 +100,7 @@ def _repaired(
     """Return poses (n) without outliers and jumps.
 
     :param taken: (n,) times at which they were taken [s].
-    :param scatter, interval: as in :class:`Findings`.
+    :param scatter, interval: as in :class:`Disturbances`.
     """
     nothing = np.zeros(0, dtype=np.int64)
     rows = np.arange(len(taken))
@@ -129,25 +127,26 @@ def _repaired(
         rows = np.setdiff1d(rows, single)
     left = np.array(sorted(single), dtype=np.int64)
     distance, angle = _apart(taken, p, q, rows, left)
-    findings = Findings(left, distance, angle, sorted(jumps, key=_row), scatter, interval, nothing)
-    return Mended(taken[rows], p[rows], q[rows], findings)
+    disturbances = Disturbances(
+        left, distance, angle, sorted(jumps, key=_row), scatter, interval, nothing
+    )
+    return Mended(taken[rows], p[rows], q[rows], disturbances)
 
 
-def _held(t: Array, position: Array, q_wb: Array) -> tuple[Integers, str]:
-    """Return the rows that repeat the pose before while the body moves, and the evidence.
+def _held(t: Array, position: Array, q_wb: Array) -> Integers:
+    """Return the rows that repeat the pose before while the body moves.
 
     A body that stands is one long run, which stays.
     """
     t_ns = np.rint(t * 1e9).astype(np.int64)
     measures = StateMeasures(States.unchecked(t_ns=t_ns, position=position, q_wb=q_wb))
-    evidence = next(poses_held.find(measures), None)
-    if evidence is None:
-        return np.zeros(0, dtype=np.int64), ""
+    if not any(poses_held.find(measures)):
+        return np.zeros(0, dtype=np.int64)
     starts, lengths = measures.runs
     short = lengths <= 10.0 * np.median(lengths)
     repeats = np.repeat(short, lengths)
     repeats[starts] = False
-    return np.flatnonzero(repeats), evidence.text
+    return np.flatnonzero(repeats)
 
 
 def _row(jump: Jump) -> int:
@@ -261,72 +260,10 @@ def _apart(t: Array, p: Array, q: Array, rows: Integers, left: Integers) -> tupl
     )
 
 
-_SHOWN: Final = 5
 _LARGEST_ACCELERATION: Final = 160.0
 """[m/s^2] 16 g, the widest range of consumer sensors; vehicles and people stay below."""
 _LARGEST_RATE: Final = 35.0
 """[rad/s] 2000 deg/s, the widest range of consumer sensors."""
-_OPTION: Final = "--robust (trajectory.robust)"
-
-
-def suspicions(findings: Findings, file: str, poses: States, t: Array, robust: bool) -> list[str]:
-    """Return a line for each kind of problem.
-
-    :param t: (n,) times of the poses [s].
-    :param robust: whether it was repaired; else the option that repairs it is named.
-    """
-    return list(_lines(findings, file, poses, t, robust))
-
-
-def _lines(findings: Findings, file: str, poses: States, t: Array, robust: bool) -> Iterator[str]:
-    def where(row: int) -> str:
-        name = f"pose {row + 1}" if poses.lines is None else f"line {poses.lines[row]}"
-        return f"{name} ({t[row]:.3f} s)"
-
-    def remedy(done: str, would: str) -> str:
-        return f"; {done}" if robust else f"; {_OPTION} {would}"
-
-    count = len(findings.single)
-    if count:
-        found = [
-            f"{where(int(row))} by {distance:.3g} m and {np.degrees(angle):.3g} deg"
-            for row, distance, angle in zip(
-                findings.single, findings.distance, findings.angle, strict=True
-            )
-        ]
-        poses_lie, it = ("1 pose lies", "it") if count == 1 else (f"{count} poses lie", "them")
-        yield (
-            f"{file}: {poses_lie} off the motion of the neighbours: "
-            f"{_largest(found, findings.distance)}" + remedy("left out", f"leaves {it} out")
-        )
-    if findings.jumps:
-        sizes = [float(np.linalg.norm(jump.shift)) for jump in findings.jumps]
-        found = [
-            f"{where(jump.row)} by {size:.3g} m and {np.degrees(np.linalg.norm(jump.turn)):.3g} deg"
-            for jump, size in zip(findings.jumps, sizes, strict=True)
-        ]
-        yield (
-            f"{file}: the motion jumps at {_largest(found, sizes)}"
-            + remedy("all later poses were moved to continue the motion", "joins the pieces")
-        )
-    if len(findings.held):
-        yield f"{file}: {findings.held_text}" + remedy(
-            "the first of each was kept", "keeps the first of each"
-        )
-    if findings.scatter:
-        yield (
-            f"{file}: the stamps scatter by {findings.scatter * 1e3:.3g} ms about an even interval "
-            f"of {findings.interval * 1e3:.4g} ms, on which the motion is smoother: they appear to "
-            "be times of arrival" + remedy("even times were used", "uses even times")
-        )
-
-
-def _largest(found: Sequence[str], sizes: Sequence[float] | Array) -> str:
-    """Return the largest few of what was found, in the file's order."""
-    shown = sorted(np.argsort(-np.asarray(sizes), kind="stable")[:_SHOWN])
-    more = len(found) - _SHOWN
-    rest = f" and {more} smaller {'one' if more == 1 else 'ones'}" if more > 0 else ""
-    return ", ".join(found[k] for k in shown) + rest
 
 
 def beyond_any_body(

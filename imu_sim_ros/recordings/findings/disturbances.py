@@ -1,0 +1,104 @@
+# Copyright 2026 imu_sim_ros maintainers
+# SPDX-License-Identifier: Apache-2.0
+
+"""Findings about poses that no body moves through: outliers, jumps, times of arrival."""
+
+from collections.abc import Iterator, Sequence
+from typing import Final, NamedTuple
+
+import numpy as np
+
+from imu_sim_ros.recordings.findings.finding import Evidence, check
+from imu_sim_ros.recordings.repair import Disturbances
+from imu_sim_ros.records import States
+from imu_sim_ros.types import Array
+
+_SHOWN: Final = 5
+"""Disturbances that are described."""
+_OPTION: Final = "--robust (trajectory.robust)"
+
+
+class DisturbedPoses(NamedTuple):
+    """Poses, and their disturbances."""
+
+    states: States
+    """Poses as they were recorded."""
+    disturbances: Disturbances
+    """Rows that no body moves through."""
+
+    def place(self, row: int) -> str:
+        """Return the name of a row, with its time."""
+        lines, t = self.states.lines, self.states.t[row]
+        name = f"pose {row + 1}" if lines is None else f"line {lines[row]}"
+        return f"{name} ({t:.3f} s)"
+
+
+@check(
+    "warning",
+    "accelerations that are computed from them are far too large",
+    f"{_OPTION} leaves them out",
+)
+def poses_outlying(poses: DisturbedPoses) -> Iterator[Evidence]:
+    """Find single poses off the motion of their neighbours."""
+    found = poses.disturbances
+    count = len(found.single)
+    if not count:
+        return
+    places = [
+        f"{poses.place(int(row))} by {distance:.3g} m and {np.degrees(angle):.3g} deg"
+        for row, distance, angle in zip(found.single, found.distance, found.angle, strict=True)
+    ]
+    subject = "1 pose lies" if count == 1 else f"{count} poses lie"
+    yield Evidence(
+        f"{subject} off the motion of the neighbours: {_largest(places, found.distance)}",
+        int(found.single[0]),
+        count,
+    )
+
+
+@check(
+    "warning",
+    "accelerations that are computed from them are far too large",
+    f"{_OPTION} joins the pieces",
+)
+def poses_jump(poses: DisturbedPoses) -> Iterator[Evidence]:
+    """Find a motion that continues elsewhere, as after a loop closure or a reset."""
+    jumps = poses.disturbances.jumps
+    if not jumps:
+        return
+    sizes = [float(np.linalg.norm(jump.shift)) for jump in jumps]
+    places = [
+        f"{poses.place(jump.row)} by {size:.3g} m and "
+        f"{np.degrees(np.linalg.norm(jump.turn)):.3g} deg"
+        for jump, size in zip(jumps, sizes, strict=True)
+    ]
+    text = f"the motion jumps at {_largest(places, sizes)}"
+    yield Evidence(text, int(jumps[0].row), len(jumps))
+
+
+@check(
+    "warning",
+    "velocities that are computed from them scatter",
+    f"{_OPTION} uses even times",
+)
+def poses_arrival(poses: DisturbedPoses) -> Iterator[Evidence]:
+    """Find stamps of poses that are times of arrival."""
+    found = poses.disturbances
+    if found.scatter:
+        yield Evidence(
+            f"the stamps scatter by {found.scatter * 1e3:.3g} ms about an even interval of "
+            f"{found.interval * 1e3:.4g} ms, on which the motion is smoother: they appear to be "
+            "times of arrival"
+        )
+
+
+def _largest(places: Sequence[str], sizes: Sequence[float] | Array) -> str:
+    """Return the few largest disturbances, in the order of the file."""
+    shown = sorted(np.argsort(-np.asarray(sizes), kind="stable")[:_SHOWN])
+    more = len(places) - _SHOWN
+    rest = f" and {more} smaller {'one' if more == 1 else 'ones'}" if more > 0 else ""
+    return ", ".join(places[k] for k in shown) + rest
+
+
+DISTURBANCES: Final = (poses_jump, poses_outlying, poses_arrival)
+"""Checks of poses against a smooth motion."""

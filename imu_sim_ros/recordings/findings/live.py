@@ -1,0 +1,120 @@
+# Copyright 2026 imu_sim_ros maintainers
+# SPDX-License-Identifier: Apache-2.0
+
+"""The same findings about messages that arrive one by one."""
+
+from collections.abc import Iterable, Sequence
+from typing import Final
+
+import numpy as np
+
+from imu_sim_ros import rotation
+from imu_sim_ros.recordings.findings.catalogue import twist_findings, unit_findings
+from imu_sim_ros.recordings.findings.finding import Finding
+from imu_sim_ros.recordings.findings.states import StateMeasures
+from imu_sim_ros.records import LiveReading, LiveState, Readings, States
+
+START_NS: Final = 2_000_000_000
+"""Time from the first reading over which readings are judged [ns]."""
+FEWEST: Final = 32
+"""Readings from which on they are judged."""
+_COMPARED_NS: Final = 500_000_000
+"""Time of the messages whose twist is compared with their poses [ns]."""
+_STEPS: Final = 100
+"""Steps between the poses of a comparison, at most."""
+_FEWEST_STATES: Final = 10
+"""Messages from which on twist and poses are compared."""
+_COMPARISONS: Final = 20
+"""Comparisons in motion that agree, after which no more follow."""
+
+
+class UnitWatch:
+    """Judges the units of the first two seconds of readings; later ones are not looked at."""
+
+    def __init__(self, source: str) -> None:
+        """Begin with the next reading.
+
+        :param source: name of the topic.
+        """
+        self._source = source
+        self._readings: list[LiveReading] = []
+        self.done = False
+        """True if the readings have been judged."""
+
+    def add(self, reading: LiveReading) -> list[Finding]:
+        """Take a reading; return the findings when two seconds are over, before that none."""
+        readings = self._readings
+        readings.append(reading)
+        if reading.t_ns - readings[0].t_ns < START_NS or len(readings) < FEWEST:
+            return []
+        self.done = True
+        self._readings = []
+        times, rates, forces, _ = zip(*readings, strict=True)
+        return unit_findings(
+            Readings.unchecked(
+                t_ns=np.array(times, np.int64),
+                gyro=np.array(rates),
+                accel=np.array(forces),
+                source=self._source,
+            )
+        )
+
+
+class TwistWatch:
+    """Compares the twist of odometry with the poses in the same messages, each half second.
+
+    It ends with the first finding, or when the twist has agreed with a motion for ten seconds.
+    """
+
+    def __init__(self, source: str, twist_frame: str) -> None:
+        """Begin with the next message.
+
+        :param source: name of the topic.
+        :param twist_frame: axes of the twist, body or world.
+        """
+        self._source, self._in_world = source, twist_frame == "world"
+        self.begin()
+
+    def begin(self) -> None:
+        """Forget the messages so far."""
+        self._states: list[LiveState] = []
+        self._comparisons = 0
+        self.done = False
+        """True if no more messages are needed."""
+
+    def add(self, states: Iterable[LiveState]) -> list[Finding]:
+        """Take messages; return the findings about their twist."""
+        findings: list[Finding] = []
+        for state in states:
+            waiting = self._states
+            if waiting and state.t_ns <= waiting[-1].t_ns:
+                waiting.clear()
+            waiting.append(state)
+            if state.t_ns - waiting[0].t_ns >= _COMPARED_NS and len(waiting) >= _FEWEST_STATES:
+                findings = self._compare(waiting)
+                waiting.clear()
+                if findings or self._comparisons >= _COMPARISONS:
+                    self.done = True
+                    break
+        return findings
+
+    def _compare(self, states: Sequence[LiveState]) -> list[Finding]:
+        chosen = states[:: max(len(states) // _STEPS, 1)]
+        q_wb = np.array([state.q_wb for state in chosen])
+        velocity = np.array([state.velocity_b for state in chosen])
+        rate = np.array([state.angular_velocity_b for state in chosen])
+        if self._in_world:
+            rate = rotation.rotate_inverse(q_wb, rate)
+        else:
+            velocity = rotation.rotate(q_wb, velocity)
+        record = States.unchecked(
+            t_ns=np.array([state.t_ns for state in chosen], np.int64),
+            position=np.array([state.position for state in chosen]),
+            q_wb=q_wb,
+            velocity=velocity,
+            angular_velocity=rate,
+            source=self._source,
+        )
+        measures = StateMeasures(record)
+        self._comparisons += measures.moves
+        return twist_findings(record, measures)

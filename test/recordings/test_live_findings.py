@@ -1,0 +1,96 @@
+# Copyright 2026 imu_sim_ros maintainers
+# SPDX-License-Identifier: Apache-2.0
+
+"""Findings about messages that arrive one by one: units of readings, the twist of odometry."""
+
+import numpy as np
+import pytest
+
+import imu_sim_ros as ims
+from imu_sim_ros.recordings.findings.live import TwistWatch, UnitWatch
+from imu_sim_ros.records import LiveReading, LiveState
+from imu_sim_ros.rotation import rotate_inverse
+
+MOVING = ("circle", "figure_eight", "lecture")
+FRAMES = ("body", "world")
+
+
+def messages(truth, velocity, rate):
+    """Return the contents of messages of odometry."""
+    columns = (truth.t_ns.tolist(), truth.position, truth.q_wb, velocity, rate)
+    return [
+        LiveState(t_ns, tuple(p), tuple(q), tuple(v), tuple(w))
+        for t_ns, p, q, v, w in zip(*columns, strict=True)
+    ]
+
+
+def in_body(truth):
+    return rotate_inverse(truth.q_wb, truth.velocity)
+
+
+@pytest.fixture(scope="module", params=[(name, rate) for name in MOVING for rate in (30, 250)])
+def truth(request):
+    name, rate = request.param
+    return ims.simulate(trajectory=name, rate=rate, duration=12, imu="perfect").truth
+
+
+def watched(truth, twist_frame, velocity, rate):
+    """Return kinds of the findings, and the time of the last message that was taken [s]."""
+    watch = TwistWatch("odom", twist_frame)
+    for state in messages(truth, velocity, rate):
+        findings = watch.add([state])
+        if findings:
+            return {f.kind for f in findings}, (state.t_ns - int(truth.t_ns[0])) * 1e-9
+    return set(), None
+
+
+@pytest.mark.parametrize("declared", FRAMES)
+@pytest.mark.parametrize("sent", FRAMES)
+def test_a_twist_in_other_axes_is_told_within_a_second_of_motion(truth, declared, sent):
+    velocity = in_body(truth) if sent == "body" else truth.velocity
+    kinds, at = watched(truth, declared, velocity, truth.angular_velocity)
+    if declared == sent:
+        assert kinds == set()
+        return
+    assert kinds == {"twist_world" if sent == "world" else "twist_body"}
+    # The two axes tell apart once the body has turned, and moves.
+    turned = np.linalg.norm(in_body(truth) - truth.velocity, axis=1)
+    speed = np.linalg.norm(truth.velocity, axis=1)
+    differs = (turned > 0.5 * speed) & (speed > 0.1)
+    begins = float(truth.t[np.argmax(differs)])
+    assert at < begins + 1.1
+
+
+def test_a_twist_that_is_not_filled_is_told(truth):
+    zeros = np.zeros_like(truth.velocity)
+    assert watched(truth, "body", zeros, truth.angular_velocity)[0] == {"twist_unfilled"}
+    kinds, _ = watched(truth, "body", in_body(truth), zeros)
+    assert kinds == {"twist_unfilled"}
+
+
+def test_a_body_at_rest_says_nothing_of_its_twist():
+    truth = ims.simulate(trajectory="static", rate=100, duration=5, imu="perfect").truth
+    assert watched(truth, "body", truth.velocity, truth.angular_velocity)[0] == set()
+
+
+@pytest.mark.parametrize("rate", [25, 100, 400])
+@pytest.mark.parametrize("trajectory", ["static", "figure_eight"])
+@pytest.mark.parametrize(
+    ("factors", "kind"),
+    [
+        ((1.0, 1.0), None),
+        ((1.0, 1.0 / 9.80665), "accelerometer_g"),
+        ((1.0, 1e3 / 9.80665), "accelerometer_mg"),
+        ((180.0 / np.pi, 1.0), "gyroscope_degrees"),
+    ],
+)
+def test_units_are_told_after_the_start(rate, trajectory, factors, kind):
+    readings = ims.simulate(imu="mpu6000", trajectory=trajectory, rate=rate, duration=4).readings
+    watch, kinds = UnitWatch("imu"), []
+    gyro, accel = (readings.gyro * factors[0]).tolist(), (readings.accel * factors[1]).tolist()
+    for t_ns, w, f in zip(readings.t_ns.tolist(), gyro, accel, strict=True):
+        kinds += [finding.kind for finding in watch.add(LiveReading(t_ns, tuple(w), tuple(f)))]
+        if watch.done:
+            break
+    assert watch.done
+    assert kinds == ([] if kind is None else [kind])
