@@ -49,6 +49,8 @@ _NOISE_RATIO: Final = 1.0
 data sheets have 0.01 to 0.8."""
 _NOISIEST: Final = 2e-3
 """White noise that gyroscopes stay below, 0.11 deg/s/sqrt(Hz) [rad/s/sqrt(Hz)]."""
+_SI: Final = (0.3, 3.0)
+"""Mean specific force over gravity, within which it is in m/s^2."""
 _TURNING: Final = 0.2
 """Mean angular rate above which a steady stretch is a turn, not rest [rad/s]."""
 ROUNDING: Final = 1e-12
@@ -204,7 +206,9 @@ class ReadingMeasures:
         if self.noise_density is None or not self.mean_force:
             return ""
         gyro, accel = (_typical(density) for density in self.noise_density)
-        accel *= STANDARD_GRAVITY / self.mean_force  # whatever the accelerometer's unit is
+        size = self.mean_force / STANDARD_GRAVITY
+        if not _SI[0] < size < _SI[1]:
+            accel /= size  # whatever the accelerometer's unit is
         if not accel or gyro < max(_NOISE_RATIO * accel, _NOISIEST):
             return ""
         return (
