@@ -1,11 +1,11 @@
 # Copyright 2026 imu_sim_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""The gate of what is measured: a reading, a pose and their stamps, wherever they come from.
+"""Limits of measured values: readings, poses and their stamps, from any source.
 
-Files, live messages and arrays pass by the same limits. They are far outside of what sensors read
-and bodies do, and far inside of what the arithmetic behind the gate can carry: what is refused is
-never a bold measurement, but a broken one.
+Files, live messages and arrays pass the same limits. The limits are far beyond what sensors read
+and bodies do, and far within what the arithmetic behind them can handle: a refused value is never a
+bold measurement, but a broken one.
 """
 
 from collections.abc import Sequence
@@ -22,18 +22,18 @@ from imu_sim_ros.types import Array, Integers, Mask, Times
 Scalars = tuple[float, ...]
 
 _SECOND: Final = 1_000_000_000
-"""[ns]"""
+"""Nanoseconds in a second."""
 FIRST_STAMP: Final = -(2**31) * 1_000_000_000
 LAST_STAMP: Final = 2**31 * 1_000_000_000 - 1
-"""[ns] The stamps that a ROS 2 message can hold: its seconds are an int32."""
+"""Range of stamps that a ROS 2 message can hold, whose seconds are an int32 [ns]."""
 UNIT_TOLERANCE: Final = 0.05
-"""A written quaternion is rounded; one whose length differs from 1 by more is a mix-up."""
+"""Largest deviation of a quaternion's length from 1 by rounding; a larger one is a mix-up."""
 
 _ROUNDING: Final = 1e-12
 
 
 class Quantity(NamedTuple):
-    """What a column of numbers measures, and its largest possible size on each axis."""
+    """Physical quantity of a column of numbers, with the largest possible value on each axis."""
 
     name: str
     largest: float
@@ -49,11 +49,11 @@ FIELD: Final = Quantity("magnetic field", 1e3, "T")
 PRESSURE: Final = Quantity("pressure", 1e10, "Pa")
 TEMPERATURE: Final = Quantity("temperature", 1e5, "degC")
 OTHER: Final = Quantity("value", 1e100, "")
-"""A number of no certain meaning; its square is still one."""
+"""A number without a certain meaning; its square is still finite."""
 
 
 class Verdict:
-    """What the gate says of n rows."""
+    """Result of the check of n rows."""
 
     def __init__(
         self,
@@ -61,12 +61,12 @@ class Verdict:
         columns: Sequence[tuple[Quantity, Array]],
         nanosecond: Integers | None = None,
     ) -> None:
-        """Look at rows.
+        """Check rows.
 
         :param t_ns: (n,) stamps [ns]; None: the rows have none.
-        :param columns: what each column measures, and its values, (n,) or (n, m); quaternions
+        :param columns: quantity and values, (n,) or (n, m), of each column; quaternions
             (n, 4) of any order are ``ORIENTATION``.
-        :param nanosecond: (n,) nanoseconds of the stamps as messages have them; None: of others.
+        :param nanosecond: (n,) nanoseconds of the stamps as in messages; None: not from messages.
         """
         self._nanosecond = nanosecond
         self._stamped, self._columns = t_ns is not None, columns
@@ -82,11 +82,11 @@ class Verdict:
 
     @property
     def bad(self) -> NDArray[np.intp]:
-        """(m,) the rows that may not pass."""
+        """(m,) rows outside the limits."""
         return np.flatnonzero(~self.good)
 
     def why(self, row: int) -> str:
-        """Return what is wrong with a row that may not pass: name, value, what is allowed."""
+        """Return the problem of a row outside the limits: name, value and limit."""
         if not FIRST_STAMP <= self._t_ns[row] <= LAST_STAMP:
             return f"the stamp {self._t_ns[row]} ns is outside the years 1901 to 2038"
         if self._overflows(row):
@@ -95,13 +95,13 @@ class Verdict:
         for quantity, values in self._columns:
             value = values[row]
             if not np.isfinite(value).all():
-                return f"a value that is not finite: {quantity.name} {_shown(value)}"
+                return f"a value that is not finite: {quantity.name} {_value_text(value)}"
             if quantity is ORIENTATION and _good(quantity, value[None]) is not None:
                 length = np.linalg.norm(value.astype(np.longdouble))
                 return f"a quaternion of length {length:.3g} instead of 1"
             if np.abs(value).max() > quantity.largest:
                 limit = f"{quantity.largest:g} {quantity.unit}".strip()
-                return f"{quantity.name} {_shown(value)}: at most {limit} is possible"
+                return f"{quantity.name} {_value_text(value)}: at most {limit} is possible"
         raise ValueError(f"row {row} may pass")
 
     def _overflows(self, row: int) -> bool:
@@ -110,30 +110,30 @@ class Verdict:
         return nanosecond is not None and bool(nanosecond[row] >= _SECOND)
 
     def note(self, bad: BadRows, numbers: Times | None = None, stamps: bool = False) -> None:
-        """Note every row that may not pass.
+        """Note every row outside the limits.
 
-        :param numbers: (n,) under which the rows are known; None: 0 to n - 1.
-        :param stamps: say the stamps, too; a line of text shows its own.
+        :param numbers: (n,) numbers of the rows in messages; None: 0 to n - 1.
+        :param stamps: include the stamps in the text; a line of text has its own.
         """
         for row in self.bad:
             number = int(row if numbers is None else numbers[row])
             t_ns = int(self._t_ns[row])
             possible = FIRST_STAMP <= t_ns <= LAST_STAMP and not self._overflows(int(row))
             kind = VALUES if possible else STAMPS
-            bad.note(kind, number, f"{stamp_words(t_ns)}: " * stamps + self.why(int(row)))
+            bad.note(kind, number, f"{stamp_text(t_ns)}: " * stamps + self.why(int(row)))
         bad.rows += len(self.bad)
 
     def problems(self, name: str | Path) -> list[str]:
-        """Return what is wrong with the first rows that may not pass, and the count of the others.
+        """Return the problems of the first rows outside the limits, and the number of others.
 
-        :param name: name of the arrays, or of where they come from.
+        :param name: name of the arrays or of their source.
         """
         bad = BadRows(name, "number")
         self.note(bad, stamps=self._stamped)
         return bad.problems
 
     def complain(self, name: str) -> None:
-        """Raise if a row may not pass.
+        """Raise if a row is outside the limits.
 
         :raises InputError: with the problems.
         """
@@ -142,7 +142,7 @@ class Verdict:
 
 
 def readings(t_ns: Times, gyro: Array, accel: Array) -> Verdict:
-    """Return what the gate says of readings of an IMU.
+    """Return the check of readings of an IMU.
 
     :param t_ns: (n,) stamps [ns].
     :param gyro: (n, 3) angular rates [rad/s].
@@ -152,10 +152,10 @@ def readings(t_ns: Times, gyro: Array, accel: Array) -> Verdict:
 
 
 def poses(t_ns: Times, position: Array, q_wb: Array) -> Verdict:
-    """Return what the gate says of poses.
+    """Return the check of poses.
 
     :param t_ns: (n,) stamps [ns].
-    :param position: (n, 3) [m].
+    :param position: (n, 3) positions [m].
     :param q_wb: (n, 4) unit quaternions, within ``UNIT_TOLERANCE``.
     """
     return Verdict(t_ns, [(POSITION, position), (ORIENTATION, q_wb)])
@@ -164,8 +164,8 @@ def poses(t_ns: Times, position: Array, q_wb: Array) -> Verdict:
 def at_unit_length(q: Array) -> Array:
     """Return quaternions that have passed at exactly unit length.
 
-    :param q: (n, 4); returned as they are if none differs from it by more than rounding in double
-        precision, so that exact attitudes keep their bits.
+    :param q: (n, 4) quaternions; returned unchanged if all differ from unit length by rounding in
+            double precision alone, so that exact attitudes keep their bits.
     """
     length = np.sqrt(np.einsum("ni,ni->n", q, q))
     if np.abs(length - 1.0).max(initial=0.0) <= _ROUNDING:
@@ -176,21 +176,21 @@ def at_unit_length(q: Array) -> Array:
 def disorder(name: str | Path, t_ns: Times) -> list[str]:
     """Return a line if stamps do not increase strictly, none if they do.
 
-    :param name: name of what has the stamps.
-    :param t_ns: (n,) [ns].
+    :param name: name of the source of the stamps.
+    :param t_ns: (n,) stamps [ns].
     """
     bad = t_ns[1:] <= t_ns[:-1]
     if not bad.any():
         return []
-    first = int(np.argmax(bad)) + 1
+    first_row = int(np.argmax(bad)) + 1
     return [
-        f"{name}: {np.count_nonzero(bad)} stamps do not increase, the first is number {first} "
-        f"({t_ns[first]} ns)"
+        f"{name}: {np.count_nonzero(bad)} stamps do not increase, the first is number {first_row} "
+        f"({t_ns[first_row]} ns)"
     ]
 
 
 def is_reading(t_ns: int, gyro: Scalars, accel: Scalars) -> bool:
-    """Return whether one reading may pass, in plain floats; arguments as for :func:`readings`."""
+    """Return whether one reading is within the limits, in plain floats (:func:`readings`)."""
     x, y, z = gyro
     u, v, w = accel
     rate, force = RATE.largest, FORCE.largest
@@ -206,19 +206,19 @@ def is_reading(t_ns: int, gyro: Scalars, accel: Scalars) -> bool:
 
 
 def is_pose(t_ns: int, position: Scalars, q_wb: Scalars) -> bool:
-    """Return whether one pose may pass, in plain floats; arguments as for :func:`poses`."""
+    """Return whether one pose is within the limits, in plain floats (:func:`poses`)."""
     if not (FIRST_STAMP <= t_ns <= LAST_STAMP and within(position, POSITION)):
         return False
     w, x, y, z = q_wb
-    least, most = (1.0 - UNIT_TOLERANCE) ** 2, (1.0 + UNIT_TOLERANCE) ** 2
-    return least <= w * w + x * x + y * y + z * z <= most
+    smallest, largest = (1.0 - UNIT_TOLERANCE) ** 2, (1.0 + UNIT_TOLERANCE) ** 2
+    return smallest <= w * w + x * x + y * y + z * z <= largest
 
 
 def within(values: Scalars, quantity: Quantity) -> bool:
-    """Return whether a vector is of possible size, in plain floats; NaN never is."""
+    """Return whether a vector is within its limit, in plain floats; NaN never is."""
     x, y, z = values
-    most = quantity.largest
-    return -most <= x <= most and -most <= y <= most and -most <= z <= most
+    limit = quantity.largest
+    return -limit <= x <= limit and -limit <= y <= limit and -limit <= z <= limit
 
 
 def stamp_ns(second: int, nanosecond: int) -> int:
@@ -236,14 +236,14 @@ def overflow_problem(nanosecond: int) -> str:
     return f"nanosec = {nanosecond} in the stamp: must be less than {_SECOND}"
 
 
-def stamp_words(t_ns: int) -> str:
-    """Return a stamp as messages say it: ``stamp 12.005000000 s``."""
+def stamp_text(t_ns: int) -> str:
+    """Return a stamp as text for messages: ``stamp 12.005000000 s``."""
     whole, part = divmod(abs(t_ns), 1_000_000_000)
     return f"stamp {'-' * (t_ns < 0)}{whole}.{part:09d} s"
 
 
 def _good(quantity: Quantity, values: Array) -> Mask | None:
-    """Return which rows are in range; None: all of them."""
+    """Return a mask of the rows in range; None: all of them."""
     if not values.size:
         return None
     # Extremes are NaN if a value is, and need no memory; nearly always they are enough.
@@ -252,8 +252,8 @@ def _good(quantity: Quantity, values: Array) -> Mask | None:
     good: Mask = np.ones(len(values), dtype=bool)
     if not in_range:
         with np.errstate(invalid="ignore"):
-            each = np.abs(values) <= quantity.largest
-        good = np.asarray(each.reshape(len(values), -1).all(axis=1))
+            in_limits = np.abs(values) <= quantity.largest
+        good = np.asarray(in_limits.reshape(len(values), -1).all(axis=1))
     if quantity is ORIENTATION:
         with np.errstate(over="ignore", invalid="ignore"):
             length = np.sqrt(np.einsum("ni,ni->n", values, values))
@@ -261,6 +261,6 @@ def _good(quantity: Quantity, values: Array) -> Mask | None:
     return None if good.all() else good
 
 
-def _shown(value: Array) -> str:
-    words = ", ".join(f"{number:.6g}" for number in np.atleast_1d(value).tolist())
-    return f"[{words}]" if np.ndim(value) else words
+def _value_text(value: Array) -> str:
+    text = ", ".join(f"{number:.6g}" for number in np.atleast_1d(value).tolist())
+    return f"[{text}]" if np.ndim(value) else text

@@ -3,8 +3,9 @@
 
 """TableHeader of a text table: the quantity, the axis and the unit of each column.
 
-Known are the headers of this package, EuRoC, kalibr, TUM, OpenVINS, OKVIS2, AirSim, PX4, rostopic,
-phone loggers and spreadsheets: the names are taken apart into quantity, axis and unit.
+Supported are the headers of this package, EuRoC, kalibr, TUM, OpenVINS, OKVIS2, AirSim, PX4,
+rostopic,
+phone loggers and spreadsheets: each name is split into quantity, axis and unit.
 """
 
 import math
@@ -25,7 +26,7 @@ ACCEL_BIAS: Final = "accelerometer bias"
 TEMPERATURE: Final = "temperature"
 STAMP: Final = "stamp"
 _BARE: Final = "x, y, z"
-"""Quantity of columns that are named by their axis alone."""
+"""Quantity of columns whose names are their axes."""
 
 AXES_OF: Final[Mapping[str, str]] = {
     GYRO: "xyz",
@@ -128,7 +129,7 @@ _LETTERS: Final[Mapping[str, str]] = {
     "q": ORIENTATION,
     "v": VELOCITY,
 }
-"""Quantities that a single letter means in front of an axis."""
+"""Quantity of a single letter in front of an axis."""
 _TIMES: Final = ("timestamp", "time", "stamp", "t", "elapsed", "epoch", "ts", "nanosec", "sec")
 _OTHER: Final = frozenset(
     (
@@ -151,7 +152,7 @@ _KNOWN: Final = (
 
 @dataclass(frozen=True)
 class ColumnName:
-    """A column of a table as its name describes it."""
+    """Meaning of the name of a column."""
 
     quantity: str
     """One of the quantities, or :data:`STAMP`."""
@@ -168,11 +169,11 @@ class TableHeader:
     count: int
     """Number of columns."""
     stamp: int
-    """ColumnName of the stamp."""
+    """Index of the column of the stamps."""
     digits: int | None
     """Decimal digits between the unit of the stamp and a nanosecond; None: not stated."""
     columns: Mapping[str, tuple[int, ...]]
-    """Columns of each quantity in the order of :data:`AXES_OF`."""
+    """Indices of the columns of each quantity in the order of :data:`AXES_OF`."""
     factors: Mapping[str, float]
     """SI value of the unit of each quantity."""
     units: Mapping[str, str]
@@ -180,7 +181,7 @@ class TableHeader:
 
 
 def split_names(line: str) -> list[str]:
-    """Return the names of a header line, without its comment sign; blanks inside brackets go."""
+    """Return the names in a header line, without comment sign and without blanks in brackets."""
     line = line.lstrip("\ufeff").strip().lstrip("#%").strip().strip('"')
     line = _BRACKETS.sub(lambda match: re.sub(r"\s|[*·]", "", match[0]), line)
     for separator in (",", ";", "\t"):
@@ -200,34 +201,34 @@ def column_of(name: str) -> ColumnName | None:
         elif content:
             unit = content
     plain = re.sub(r"([a-z])([A-Z])", r"\1_\2", _BRACKETS.sub(" ", name))
-    words = [word for word in re.split(r"[^0-9A-Za-zµ°/^]+", plain.lower()) if word]
-    if words[:1] == ["field"]:  # rostopic echo -p
-        words = words[1:]
-    if not words or any(word in _OTHER for word in words):
+    tokens = [word for word in re.split(r"[^0-9A-Za-zµ°/^]+", plain.lower()) if word]
+    if tokens[:1] == ["field"]:  # rostopic echo -p
+        tokens = tokens[1:]
+    if not tokens or any(word in _OTHER for word in tokens):
         return None
-    if not axis and _is_time(words):
-        unit = unit or next((word for word in words if word in TIME_UNITS), "")
+    if not axis and _is_time(tokens):
+        unit = unit or next((word for word in tokens if word in TIME_UNITS), "")
         return ColumnName(
-            STAMP, "", unit or words[0].removeprefix("t") * (words[0] in ("tns", "tus"))
+            STAMP, "", unit or tokens[0].removeprefix("t") * (tokens[0] in ("tns", "tus"))
         )
-    words, suffix = _without_unit(words)
+    tokens, suffix = _without_unit(tokens)
     unit = unit or suffix
     if not axis:
-        words, axis = _without_axis(words)
-    quantity = _quantity(words)
+        tokens, axis = _without_axis(tokens)
+    quantity = _quantity(tokens)
     if quantity is None or (quantity != TEMPERATURE and not axis):
         return None
     return ColumnName(quantity, "" if quantity == TEMPERATURE else axis, unit)
 
 
-def _is_time(words: Sequence[str]) -> bool:
+def _is_time(tokens: Sequence[str]) -> bool:
     """Return True for the words of a column of times."""
-    meaning = [word for word in words if word in _TIMES or word in TIME_UNITS]
-    physical = any(word in _WORDS for word in words)
-    return bool(meaning) and not physical and (len(words) < 4 and words[-1] not in "xyzw")
+    meaning = [word for word in tokens if word in _TIMES or word in TIME_UNITS]
+    physical = any(word in _WORDS for word in tokens)
+    return bool(meaning) and not physical and (len(tokens) < 4 and tokens[-1] not in "xyzw")
 
 
-def _without_unit(words: list[str]) -> tuple[list[str], str]:
+def _without_unit(tokens: list[str]) -> tuple[list[str], str]:
     """Return words of a name without those of its unit, and the unit: ``gyro x deg s``."""
     for parts, unit in (
         (("m", "s", "2"), "m/s^2"),
@@ -239,46 +240,46 @@ def _without_unit(words: list[str]) -> tuple[list[str], str]:
         (("g",), "g"),
         (("m",), "m"),
     ):
-        for k in range(1, len(words) - len(parts) + 1):
-            if tuple(words[k : k + len(parts)]) == parts:
-                rest = words[:k] + words[k + len(parts) :]
+        for k in range(1, len(tokens) - len(parts) + 1):
+            if tuple(tokens[k : k + len(parts)]) == parts:
+                rest = tokens[:k] + tokens[k + len(parts) :]
                 if rest[0] not in ("b",):  # b_g of OKVIS2 is a bias
                     return rest, unit
-    return words, ""
+    return tokens, ""
 
 
-def _without_axis(words: list[str]) -> tuple[list[str], str]:
-    """Return words of a name without its axis, and the axis: ``omega z``, ``gz``, ``q w``."""
-    for k in (*range(len(words) - 1, 0, -1), 0):
-        if words[k] in AXES or (words[k] == "w" and k > 0 and k == len(words) - 1):
-            return words[:k] + words[k + 1 :], words[k]
-    match = _GLUED.fullmatch(words[-1])
+def _without_axis(tokens: list[str]) -> tuple[list[str], str]:
+    """Return the words of a name without its axis, and the axis: ``omega z``, ``gz``, ``q w``."""
+    for k in (*range(len(tokens) - 1, 0, -1), 0):
+        if tokens[k] in AXES or (tokens[k] == "w" and k > 0 and k == len(tokens) - 1):
+            return tokens[:k] + tokens[k + 1 :], tokens[k]
+    match = _GLUED.fullmatch(tokens[-1])
     if match is not None:
-        return [*words[:-1], match[1]], match[2]
-    return words, ""
+        return [*tokens[:-1], match[1]], match[2]
+    return tokens, ""
 
 
-def _quantity(words: Sequence[str]) -> str | None:
-    if not words:
+def _quantity(tokens: Sequence[str]) -> str | None:
+    if not tokens:
         return _BARE
-    first, meanings = words[0], {_WORDS[word] for word in words if word in _WORDS}
-    if "bias" in words or first == "b":
-        kinds = meanings | {_LETTERS[word] for word in words if word in _LETTERS}
+    first_token, meanings = tokens[0], {_WORDS[word] for word in tokens if word in _WORDS}
+    if "bias" in tokens or first_token == "b":
+        kinds = meanings | {_LETTERS[word] for word in tokens if word in _LETTERS}
         return GYRO_BIAS if GYRO in kinds else ACCEL_BIAS if ACCEL in kinds else None
-    if "rate" in words and ("rotation" in words or "angular" in words):
+    if "rate" in tokens and ("rotation" in tokens or "angular" in tokens):
         return GYRO
     if GYRO in meanings:  # angular velocity
         return GYRO
     if meanings:
         return next(kind for kind in UNITS if kind in meanings)
-    return _LETTERS.get(first)
+    return _LETTERS.get(first_token)
 
 
 def header_of(names: Sequence[str], place: str = "") -> TableHeader:
     """Return the columns of a header.
 
     :param names: names of the columns, as :func:`split_names` returns them.
-    :param place: name of the file, which says whose ``x, y, z`` they are when nothing else does.
+    :param place: name of the file, which decides the quantity of ``x, y, z`` without a name.
     :raises ValueError: with a line for a header that is unknown or contradicts itself.
     """
     columns = [column_of(name) for name in names]
@@ -304,8 +305,10 @@ def header_of(names: Sequence[str], place: str = "") -> TableHeader:
     digits = TIME_UNITS[unit] if unit else None
     if digits is None and any("accelerometer_m_s2" in name or "gyro_rad" in name for name in names):
         digits = TIME_UNITS["us"]  # PX4's uORB topics
-    one = {quantity: next(iter(stated)) for quantity, stated in units.items()}
-    factors = {quantity: UNITS[quantity][unit] if unit else 1.0 for quantity, unit in one.items()}
+    unit_of = {quantity: next(iter(stated)) for quantity, stated in units.items()}
+    factors = {
+        quantity: UNITS[quantity][unit] if unit else 1.0 for quantity, unit in unit_of.items()
+    }
     return TableHeader(
         len(names),
         stamp,
@@ -315,7 +318,7 @@ def header_of(names: Sequence[str], place: str = "") -> TableHeader:
             for name, axes in places.items()
         },
         factors,
-        {name: unit for name, unit in one.items() if unit},
+        {name: unit for name, unit in unit_of.items() if unit},
     )
 
 
@@ -326,13 +329,13 @@ def is_known(names: Sequence[str]) -> bool:
 
 
 def _meaning_of_bare(columns: Sequence[ColumnName | None], place: str) -> str | None:
-    """Return the quantity of columns x, y, z; None: it cannot be told."""
+    """Return the quantity of columns x, y, z; None: unknown."""
     kinds = {column.quantity for column in columns if column is not None}
     if ORIENTATION in kinds:
         return POSITION
     name = place.lower()
-    for kind, words in ((GYRO, ("gyro", "angular")), (ACCEL, ("accel", "acc"))):
-        if any(word in name for word in words):
+    for kind, keywords in ((GYRO, ("gyro", "angular")), (ACCEL, ("accel", "acc"))):
+        if any(word in name for word in keywords):
             return kind
     return None
 
@@ -340,10 +343,10 @@ def _meaning_of_bare(columns: Sequence[ColumnName | None], place: str) -> str | 
 def _problems(
     names: Sequence[str], columns: Sequence[ColumnName | None], place: str
 ) -> Iterator[str]:
-    """Yield what is unknown or contradictory in a header."""
+    """Yield the unknown and contradictory parts of a header."""
     kinds = [column for column in columns if column is not None]
     if not any(column.quantity == STAMP for column in kinds):
-        yield f"the header {_shown(names)} has no stamp; known are {_KNOWN}"
+        yield f"the header {_names_text(names)} has no stamp; known are {_KNOWN}"
         return
     by_name: dict[tuple[str, str], str] = {}
     for name, column in zip(names, columns, strict=True):
@@ -365,21 +368,21 @@ def _problems(
     quantities = {column.quantity for column in kinds} - {STAMP}
     if _BARE in quantities and _meaning_of_bare(columns, place) is None:
         yield (
-            f"the header {_shown(names)} does not say whose x, y, z they are; name them gyro_x, "
-            "accel_x, or the file gyroscope or accelerometer"
+            f"the header {_names_text(names)} does not say whose x, y, z they are; name them "
+            "gyro_x, accel_x, or the file gyroscope or accelerometer"
         )
     if not quantities - {TEMPERATURE}:
-        yield f"the header {_shown(names)} has no known quantity; known are {_KNOWN}"
+        yield f"the header {_names_text(names)} has no known quantity; known are {_KNOWN}"
     for quantity in quantities:
         axes = [axis for axis in AXES_OF[quantity] if (quantity, axis) not in by_name]
         if axes and len(AXES_OF[quantity]):
-            yield f"the header {_shown(names)} has no {quantity} {', '.join(axes)}"
+            yield f"the header {_names_text(names)} has no {quantity} {', '.join(axes)}"
         units = {column.unit for column in kinds if column.quantity == quantity}
         if len(units) > 1:
-            words = " and ".join(sorted(unit or "none" for unit in units))
-            yield f"the columns of the {quantity} have different units: {words}"
+            unit_names = " and ".join(sorted(unit or "none" for unit in units))
+            yield f"the columns of the {quantity} have different units: {unit_names}"
 
 
-def _shown(names: Sequence[str]) -> str:
+def _names_text(names: Sequence[str]) -> str:
     line = ",".join(names)
     return repr(line if len(line) <= 100 else line[:97] + "...")

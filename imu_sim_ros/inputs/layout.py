@@ -3,8 +3,8 @@
 
 """TableLayout of a text table: separator, columns and units, and its rows as numbers.
 
-A header decides the columns. Without one they are those of a form that the reader names, and the
-unit of the stamps follows from their size and their steps.
+A header decides the columns. Without one the columns are those of a form that the reader names,
+and the unit of the stamps follows from their size and their steps.
 """
 
 import warnings
@@ -29,23 +29,23 @@ from imu_sim_ros.timebase import NANOSECONDS_PER_SECOND
 from imu_sim_ros.types import Array, Bytes, Integers, Mask, Times
 
 STAMP_BYTES: Final = 48
-"""A stamp of text is shorter."""
+"""Length of the longest stamp of text."""
 _LAST_SECOND: Final = 9_223_372_035  # int64 nanoseconds hold no more
 _LAST_STAMP: Final = _LAST_SECOND * NANOSECONDS_PER_SECOND
 _ZERO, _POINT, _NINE = ord("0"), ord("."), ord("9")
 _MOST_DIGITS: Final = 19  # of int64
 _SAMPLE: Final = 200
-"""Number of the first rows whose stamps tell their unit."""
+"""Number of the first rows whose stamps decide their unit."""
 _LEAST_ROWS: Final = 10
-"""Number of stamps from which their unit can be told."""
+"""Smallest number of stamps that determines their unit."""
 _EPOCH: Final = (8e8, 4.2e9)
-"""[s] Stamps of the years 1995 to 2103 since 1970."""
+"""Unix times of the years 1995 to 2103 [s]."""
 _SHORTEST_STEP: Final = 10_000
-"""[ns] Steps of stamps that are shorter are no nanoseconds: no IMU has more than 100 kHz."""
+"""Smallest step of stamps that may be in nanoseconds [ns]: no IMU has more than 100 kHz."""
 _LEAST_MICROSECONDS: Final = 100
-"""[us] Steps of stamps that are shorter may be milliseconds or numbers of rows."""
+"""Smallest step of stamps in microseconds [us]; smaller ones may be milliseconds or row numbers."""
 _SLOWEST: Final = 200_000
-"""[ns] Longer steps are believed to be nanoseconds even if the stamps may be UTC in us."""
+"""Step from which stamps are nanoseconds, even if they could be UTC in microseconds [ns]."""
 _SECONDS: Final = 9
 
 
@@ -134,12 +134,12 @@ class TableLayout:
         else:
             t_ns = nanoseconds(np.char.strip(t_ns).astype(f"S{STAMP_BYTES}"), self.digits)
         values: dict[str, Array] = {}
-        at = 0
+        offset = 0
         for name, columns in chosen.items():
-            part = table["values"][:, at : at + len(columns)]
+            part = table["values"][:, offset : offset + len(columns)]
             factor = self.factors.get(name, 1.0)
             values[name] = part * factor if factor != 1.0 else np.ascontiguousarray(part)
-            at += len(columns)
+            offset += len(columns)
         return t_ns, values
 
     def _table(self, rows: Sequence[Row], indices: Sequence[int]) -> NDArray[np.void]:
@@ -206,30 +206,29 @@ def layout_of(
     comments: Sequence[bytes],
     rows: list[Row],
     forms: Mapping[str, TableForm],
-    needed: Sequence[str],
+    required: Sequence[str],
 ) -> TableLayout:
     """Return the layout of a table, and remove its header from the rows.
 
-    What the layout rests on is told: units of the header, and units of stamps that follow from
-    their size.
+    Assumptions are reported: units of the header, and units of stamps that follow from their size.
 
     :param comments: comment lines in front of the first row.
     :param rows: first rows of the table; a header is removed.
     :param forms: form of a table without a header, by separator; a blank: any blanks.
-    :param needed: quantities of which the header must have at least one; none: the form decides,
+    :param required: quantities of which the header must have at least one; none: the form decides,
         whatever the header says.
     :raises InputError: for a header that is unknown or contradicts itself or its rows, and stamps
         whose unit cannot be told.
     """
     names: list[str] | None
-    if rows and (_is_header(rows) or (not needed and not _is_numeric(rows[0][1]))):
+    if rows and (_is_header(rows) or (not required and not _is_numeric(rows[0][1]))):
         names = split_names(rows.pop(0)[1].decode("utf-8", "replace"))
     else:
         names = _names_in_comments(comments, rows)
     sample = rows[:_SAMPLE]
-    if names is not None and sample and needed:
-        return _of_header(path, names, sample, needed, forms)
-    return _of_form(path, sample, forms)
+    if names is not None and sample and required:
+        return _header_layout(path, names, sample, required, forms)
+    return _form_layout(path, sample, forms)
 
 
 def _is_header(rows: Sequence[Row]) -> bool:
@@ -237,12 +236,12 @@ def _is_header(rows: Sequence[Row]) -> bool:
     if _is_numeric(rows[0][1]):
         return False
     names = split_names(rows[0][1].decode("utf-8", "replace"))
-    below = rows[1][1] if len(rows) > 1 else b""
-    return is_known(names) or (_is_numeric(below) and len(names) == len(_cells(below)))
+    second_row = rows[1][1] if len(rows) > 1 else b""
+    return is_known(names) or (_is_numeric(second_row) and len(names) == len(_cells(second_row)))
 
 
 def _names_in_comments(comments: Sequence[bytes], rows: Sequence[Row]) -> list[str] | None:
-    """Return the names in the last comment line that has those of the columns; None: none has."""
+    """Return the names of the columns in the last comment line that has them; else None."""
     for comment in reversed(comments):
         names = split_names(comment.decode("utf-8", "replace"))
         if is_known(names) and (not rows or len(names) == len(_cells(rows[0][1]))):
@@ -250,20 +249,20 @@ def _names_in_comments(comments: Sequence[bytes], rows: Sequence[Row]) -> list[s
     return None
 
 
-def _of_header(
+def _header_layout(
     path: Path,
     names: Sequence[str],
     sample: Sequence[Row],
-    needed: Sequence[str],
+    required: Sequence[str],
     forms: Mapping[str, TableForm],
 ) -> TableLayout:
     try:
         header = header_of(names, path.name)
     except ValueError as error:
         raise InputError(f"{path}: {error}") from None
-    if not any(name in header.columns for name in needed):
-        known = ", ".join(name for name in header.columns) or "none"
-        raise InputError(f"{path}: the header has no {needed[0]}; it has {known}")
+    if not any(name in header.columns for name in required):
+        available = ", ".join(name for name in header.columns) or "none"
+        raise InputError(f"{path}: the header has no {required[0]}; it has {available}")
     separator, decimal_comma, trailing = _separator(sample)
     counts = [len(_cells(text)) for _, text in sample]
     if header.count not in counts:
@@ -292,7 +291,7 @@ def _of_header(
     return layout
 
 
-def _of_form(path: Path, sample: Sequence[Row], forms: Mapping[str, TableForm]) -> TableLayout:
+def _form_layout(path: Path, sample: Sequence[Row], forms: Mapping[str, TableForm]) -> TableLayout:
     separator, decimal_comma, trailing = _separator(sample)
     form = forms.get(separator) or forms[","]
     digits = _digits(path, sample, separator, 0, form.digits, decimal_comma)
@@ -398,11 +397,11 @@ def _digits(
 
 
 def _digits_by_size(size: float, step: float, points: bool, usual: int) -> int | None:
-    """Return the digits of the unit in which stamps are; None: it cannot be told.
+    """Return the digits of the unit of stamps; None: undetermined.
 
     :param size: median of the stamps.
-    :param step: median of their positive steps; 0: there are none.
-    :param points: True if they have a decimal point.
+    :param step: median of the positive steps; 0: there are none.
+    :param points: True if the stamps have a decimal point.
     """
     utc = next((d for d in (0, 3, 6, 9) if _EPOCH[0] <= size * 10.0 ** (d - 9) <= _EPOCH[1]), None)
     if usual == _SECONDS:
@@ -421,7 +420,7 @@ def _digits_by_size(size: float, step: float, points: bool, usual: int) -> int |
 def nanoseconds(stamps: NDArray[np.bytes_], digits: int) -> Integers:
     """Return stamps (n,) of text in nanoseconds.
 
-    :param stamps: (n,) of ``S48``.
+    :param stamps: (n,) stamps of type ``S48``.
     :param digits: decimal digits between the unit of the stamps and a nanosecond: 9 for seconds.
     :raises ValueError, OverflowError: for a stamp that is not a number, or does not fit.
     """
@@ -435,14 +434,14 @@ def nanoseconds(stamps: NDArray[np.bytes_], digits: int) -> Integers:
     plain = (digit | point | (letters == 0)).all(axis=1) & (points <= 1)
     plain &= (count > decimals) & (decimals <= digits) & (count - decimals <= _MOST_DIGITS - digits)
     plain &= (count < _MOST_DIGITS) | ((count == _MOST_DIGITS) & (letters[:, 0] < _NINE))
-    result = _joined_digits(letters, digit)
-    units = result // 10**decimals
+    numbers = _joined_digits(letters, digit)
+    units = numbers // 10**decimals
     if np.any(plain & (units > _LAST_SECOND * 10 ** (_SECONDS - digits))):
         raise OverflowError(f"a stamp above {_LAST_SECOND} s")
-    result *= 10 ** (digits - np.minimum(decimals, digits))
+    numbers *= 10 ** (digits - np.minimum(decimals, digits))
     for k in np.flatnonzero(~plain):
-        result[k] = nanosecond(stamps[k].decode("latin-1"), digits, whole=False)
-    return result
+        numbers[k] = nanosecond(stamps[k].decode("latin-1"), digits, whole=False)
+    return numbers
 
 
 def nanosecond(stamp: str, digits: int, whole: bool) -> int:
@@ -453,7 +452,7 @@ def nanosecond(stamp: str, digits: int, whole: bool) -> int:
     :raises ValueError, OverflowError: for a stamp that is not a number, or does not fit.
     """
     if len(stamp) >= STAMP_BYTES or "_" in stamp or not stamp.isascii():
-        raise ValueError(stamp)  # Python's own 1_000 and digits of other scripts are none here
+        raise ValueError(stamp)  # Python accepts 1_000 and digits of other scripts
     if whole:
         t_ns = int(stamp) * 10**digits
     else:
@@ -471,9 +470,9 @@ def nanosecond(stamp: str, digits: int, whole: bool) -> int:
 
 def _joined_digits(letters: Bytes, digit: Mask) -> Integers:
     """Return the digits of each row (n, letters) as one number (n,); too many wrap around."""
-    result = np.zeros(len(letters), dtype=np.int64)
+    numbers = np.zeros(len(letters), dtype=np.int64)
     for column in range(letters.shape[1]):
-        here = digit[:, column]
+        is_digit = digit[:, column]
         value = letters[:, column].astype(np.int64) - _ZERO
-        result = np.where(here, result * 10 + value, result)
-    return result
+        numbers = np.where(is_digit, numbers * 10 + value, numbers)
+    return numbers

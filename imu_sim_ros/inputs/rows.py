@@ -1,7 +1,7 @@
 # Copyright 2026 imu_sim_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Files that are opened for reading, of a bounded size, and what is wrong with their rows."""
+"""Files opened for reading, of bounded size, and the problems of their rows."""
 
 import os
 import stat
@@ -12,11 +12,11 @@ from typing import BinaryIO, Final
 from imu_sim_ros.errors import InputError, Remark, system_error, warn
 
 LARGEST_TEXT: Final = 16 << 20
-"""[bytes] of a file that is read as a whole; the largest of this package have some 10 kB."""
+"""Largest file that is read as a whole [bytes]; those of this package have some 10 kB."""
 
 
 def open_regular(path: str | Path) -> BinaryIO:
-    """Open a file; devices, pipes and folders, of which one may read for ever, are refused.
+    """Open a file; devices, pipes and folders are refused, whose reading may never end.
 
     :raises InputError: with the reason.
     :raises MachineError: if the system cannot read it.
@@ -39,8 +39,9 @@ def open_regular(path: str | Path) -> BinaryIO:
 def is_present(path: str | Path) -> bool:
     """Return whether a file exists that another file, or the form of a folder, names.
 
-    Only what does not exist is absent. What is there and cannot be that file is an error, so that
-    nothing a dataset has is left out without a word.
+    Only a missing file is absent. An entry that cannot be that file is an error, so that no part of
+    a
+    dataset is ignored silently.
 
     :raises InputError: for a broken link, a loop of links, a folder, a device or a pipe.
     :raises MachineError: if the system cannot read it.
@@ -51,7 +52,7 @@ def is_present(path: str | Path) -> bool:
 def names_in(folder: str | Path) -> list[str]:
     """Return the sorted names in a folder of a dataset; none if it is absent.
 
-    :raises InputError: as for :func:`is_present`, for what is no folder.
+    :raises InputError: as for :func:`is_present`, for an entry that is not a folder.
     """
     if not _is_present(Path(folder), stat.S_IFDIR):
         return []
@@ -80,16 +81,16 @@ def _is_present(path: Path, kind: int) -> bool:
 
 
 def _check_kind(path: str | Path, mode: int, kind: int) -> None:
-    """Refuse what is not of a kind.
+    """Refuse an entry of another kind.
 
     :param kind: ``S_IFREG`` or ``S_IFDIR``.
     """
-    found = stat.S_IFMT(mode)
-    if found == kind:
+    actual = stat.S_IFMT(mode)
+    if actual == kind:
         return
     if kind == stat.S_IFDIR:
         raise InputError(f"{path}: Not a directory")
-    if found == stat.S_IFDIR:
+    if actual == stat.S_IFDIR:
         raise InputError(f"{path}: Is a directory")
     raise InputError(f"{path}: is a device or a pipe, not a file")
 
@@ -97,7 +98,7 @@ def _check_kind(path: str | Path, mode: int, kind: int) -> None:
 def read_text(path: str | Path) -> str:
     """Return a text file as a whole.
 
-    :raises InputError: for what is not text in UTF-8, or larger than texts are.
+    :raises InputError: for a file that is not text in UTF-8, or too large.
     """
     with open_regular(path) as file:
         try:
@@ -115,7 +116,7 @@ def read_text(path: str | Path) -> str:
 
 
 COLUMNS, NUMBERS, VALUES, STAMPS = "columns", "numbers", "values", "stamps"
-"""Classes of what can be wrong; of each the first lines are shown."""
+"""Classes of problems; the first lines of each are shown."""
 _SHOWN_PROBLEMS: Final = 10
 _CHUNK_BYTES: Final = 4 << 20
 _LONGEST_LINE: Final = 1 << 16
@@ -127,10 +128,12 @@ Row = tuple[int, bytes]
 """Number and text of a line."""
 
 
-def row_blocks(path: Path, what: str, comments: list[bytes] | None = None) -> Iterator[list[Row]]:
+def row_blocks(
+    path: Path, expected: str, comments: list[bytes] | None = None
+) -> Iterator[list[Row]]:
     """Yield the lines that are neither empty nor a comment (#), with their numbers, in blocks.
 
-    :param what: the file should be, for the message.
+    :param expected: expected content of the file, for messages.
     :param comments: receives the comments in front of the first other line.
     :raises InputError: for a file that is not text.
     """
@@ -143,9 +146,9 @@ def row_blocks(path: Path, what: str, comments: list[bytes] | None = None) -> It
             lines = (rest + chunk).split(b"\n")
             rest = lines.pop() if chunk else b""
             if b"\0" in chunk or len(rest) > _LONGEST_LINE:
-                raise InputError(f"{path}: not {what}")
+                raise InputError(f"{path}: not {expected}")
             if not line:
-                _check_text(path, lines or [rest], what)
+                _check_text(path, lines or [rest], expected)
             rows = [(line + k, text.strip()) for k, text in enumerate(lines, start=1)]
             content = [row for row in rows if row[1] and not row[1].startswith(b"#")]
             if comments is not None:
@@ -158,17 +161,17 @@ def row_blocks(path: Path, what: str, comments: list[bytes] | None = None) -> It
                 return
 
 
-def _check_text(path: Path, lines: list[bytes], what: str) -> None:
+def _check_text(path: Path, lines: list[bytes], expected: str) -> None:
     try:
         b"\n".join(lines).decode("utf-8")
     except UnicodeDecodeError:
-        raise InputError(f"{path}: not {what}") from None
+        raise InputError(f"{path}: not {expected}") from None
 
 
 def number_of(word: str) -> float:
-    """Return the number that a word of a file is.
+    """Return the number that a word of a file stands for.
 
-    Python's own 1_000 and digits of other scripts are none.
+    Underscores and digits of other scripts, which Python accepts, are refused.
 
     :raises ValueError: for a word that is not a number.
     """
@@ -178,58 +181,58 @@ def number_of(word: str) -> float:
 
 
 def shortened(word: str) -> str:
-    """Return a word of a file as a message shows it."""
+    """Return a word of a file, shortened for messages."""
     return repr(word if len(word) <= _LONGEST_WORD else word[: _LONGEST_WORD - 8] + "...")
 
 
 class BadRows:
-    """What is wrong with the rows of one source: the first of every class, and the count.
+    """Problems of the rows of one source: the first of every class, and the count.
 
-    :param source: what a line of the report begins with: a file, and perhaps a topic of it.
-    :param item: what its rows are, in the singular.
+    :param source: beginning of a line of the report: a file, and perhaps its topic.
+    :param item: name of a row, in the singular.
     """
 
     def __init__(self, source: str | Path, item: str = "line") -> None:
         self.source = source
         self._item = item
-        self._found: dict[str, list[tuple[int, str]]] = {}
+        self._lines_by_kind: dict[str, list[tuple[int, str]]] = {}
         self.count = 0
-        """Problems so far; a row may have several."""
+        """Number of problems so far; a row may have several."""
         self.rows = 0
-        """Rows that are left out, counted by the reader."""
+        """Number of rows that are left out, counted by the reader."""
         self.good = 0
-        """Rows that are not, counted by the reader."""
+        """Number of rows that are used, counted by the reader."""
 
-    def note(self, kind: str, number: int, words: str) -> None:
+    def note(self, kind: str, number: int, text: str) -> None:
         """Note a problem.
 
-        :param kind: its class.
+        :param kind: class of the problem.
         :param number: number of the row.
         """
         self.count += 1
-        shown = self._found.setdefault(kind, [])
-        if len(shown) < _SHOWN_PROBLEMS:
-            shown.append((number, words))
+        lines = self._lines_by_kind.setdefault(kind, [])
+        if len(lines) < _SHOWN_PROBLEMS:
+            lines.append((number, text))
 
     def give_up(self) -> None:
-        """Raise if very many rows are wrong, and most: the file is something else.
+        """Raise if very many rows are wrong, and most of them: the file is something else.
 
-        Looking at each of ten million rows would take minutes.
+        Checking each of ten million rows would take minutes.
 
         :raises InputError: as :meth:`complain` does.
         """
         if self.rows > max(_VERY_MANY, self.good):
-            last = f"{self.source}: most of the first {self.rows + self.good} rows are wrong"
-            raise InputError([*self.problems, last])
+            summary = f"{self.source}: most of the first {self.rows + self.good} rows are wrong"
+            raise InputError([*self.problems, summary])
 
     @property
     def first(self) -> str:
-        """The first of what is wrong; there must be one."""
-        number, words = min(line for lines in self._found.values() for line in lines)
-        return f"{self._item} {number}: {words}"
+        """The first problem; there must be one."""
+        number, text = min(line for lines in self._lines_by_kind.values() for line in lines)
+        return f"{self._item} {number}: {text}"
 
     def complain(self) -> None:
-        """Raise if something is wrong.
+        """Raise if there is a problem.
 
         :raises InputError: with the first of every class, in the order of the source.
         """
@@ -238,21 +241,21 @@ class BadRows:
 
     @property
     def problems(self) -> list[str]:
-        """The first of every class, in the order of the source, and the count of the rest."""
-        shown = sorted(line for lines in self._found.values() for line in lines)
-        problems = [f"{self.source}: {self._item} {number}: {words}" for number, words in shown]
-        more = self.count - len(shown)
-        if more:
-            problems.append(f"{self.source}: and {more} more such {self._item}s")
+        """The first problems of every class, in the source's order, and the number of others."""
+        shown = sorted(line for lines in self._lines_by_kind.values() for line in lines)
+        problems = [f"{self.source}: {self._item} {number}: {text}" for number, text in shown]
+        hidden = self.count - len(shown)
+        if hidden:
+            problems.append(f"{self.source}: and {hidden} more such {self._item}s")
         return problems
 
 
 Skipped = Callable[[int], object]
-"""Receives the number of bad rows or messages that were left out."""
+"""Receiver of the number of bad rows or messages that were left out."""
 
 
 def tell_skipped(source: object) -> Skipped:
-    """Return what tells the user how many rows of a source are left out."""
+    """Return a receiver that reports how many rows of a source are left out."""
 
     def tell(count: int) -> None:
         warn(f"{source}: {count} bad rows skipped", Remark)
@@ -261,4 +264,4 @@ def tell_skipped(source: object) -> Skipped:
 
 
 Warned = Callable[[BadRows], object]
-"""Receives what is wrong with those that were not."""
+"""Receiver of the problems of rows that were used."""

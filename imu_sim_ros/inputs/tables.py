@@ -1,9 +1,9 @@
 # Copyright 2026 imu_sim_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""How the readings of a sensor stand in folders of text, and in bags.
+"""Form of the readings of a sensor in folders of text, and in bags.
 
-Sensors declare their tables; readers and writers are handed them and know none by name.
+Sensors declare their tables; readers and writers receive them and know none by name.
 """
 
 from collections.abc import Callable, Mapping
@@ -14,19 +14,19 @@ from imu_sim_ros.inputs.gate import Quantity
 from imu_sim_ros.types import Array, Bytes, Times
 
 Encode: TypeAlias = Callable[[Times, Array], Bytes]
-"""Turns stamps (n,) and values (n, m) into messages (n, size)."""
+"""Encoder of stamps (n,) and values (n, m) into messages (n, size)."""
 
 
 @dataclass(frozen=True)
 class Table:
-    """The readings of one kind of sensor: a time and some numbers in each row."""
+    """Table of the readings of one kind of sensor: a time and some numbers in each row."""
 
     name: str
     """Name of its files, before the number of the IMU: ``mag`` of mag0.csv."""
     title: str
-    """What it is, for the head of EuRoC's sensor.yaml."""
+    """Description of the sensor, for the head of EuRoC's sensor.yaml."""
     quantity: Quantity
-    """What the numbers measure, and how large they can be."""
+    """Quantity of the numbers, with its limit."""
     headers: Mapping[str, str]
     """The first line, by form, ``euroc`` and ``csv``: a column for the time, one a number."""
     type: str

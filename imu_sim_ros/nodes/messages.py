@@ -242,4 +242,4 @@ def _stamp(second: int, nanosecond: int) -> int:
 def _refused(t_ns: int, *columns: tuple[gate.Quantity, tuple[float, ...]]) -> InputError:
     rows = [(quantity, np.array([values])) for quantity, values in columns]
     words = gate.Verdict(np.array([t_ns]), rows).why(0)
-    return InputError(f"{gate.stamp_words(t_ns)}: {words}")
+    return InputError(f"{gate.stamp_text(t_ns)}: {words}")

@@ -1,7 +1,7 @@
 # Copyright 2026 imu_sim_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Stamps that say when a pose arrived: the even times at which the poses may have been taken."""
+"""Stamps of arrival: the even times at which the poses may have been taken."""
 
 from typing import Final
 
@@ -11,20 +11,20 @@ from imu_sim_ros.recordings.residuals import residuals
 from imu_sim_ros.types import Array, Integers
 
 _WINDOW: Final = 200
-"""Poses on each side that a running median includes."""
+"""Number of poses on each side that a running median includes."""
 _SHORT: Final = 10
-"""Poses over which the interval is first searched: so few are seldom incomplete."""
+"""Number of poses over which the interval is first searched: so few are seldom incomplete."""
 _LATE: Final = 0.02
 """Scatter of stamps, over their interval, above which they are examined."""
 _LATEST: Final = 5.0
-"""In intervals; poses that scatter farther were not taken at an even rate."""
+"""Largest scatter of poses taken at an even rate, in intervals."""
 _MOSTLY_EVEN: Final = 0.9
 """Share of steps as long as the interval that stamps of arrival do not have."""
 _BETTER: Final = 0.5
 _REACH: Final = 0.01
-"""Error of the first guess of the interval, at most, over the interval."""
+"""Largest relative error of the first guess of the interval."""
 _FIRST: Final = 2000
-"""Poses in which the interval is searched first, and the factor by which they grow."""
+"""Number of poses in which the interval is searched first, and factor of its growth."""
 _PHASES: Final = 40
 
 
@@ -37,8 +37,8 @@ def even_times(t: Array, position: Array, q_wb: Array) -> tuple[Array, float, fl
     that is later than an interval is placed one interval off.
 
     :param t: (n,) stamps [s], increasing from 0.
-    :param position: (n, 3) [m].
-    :param q_wb: (n, 4) without jumps of sign.
+    :param position: (n, 3) positions [m].
+    :param q_wb: (n, 4) attitudes without jumps of sign.
     """
     interval = float(np.median(t[_SHORT:] - t[:-_SHORT])) / _SHORT
     if np.mean(np.abs(np.diff(t) - interval) < _LATE * interval) > _MOSTLY_EVEN:
@@ -52,8 +52,8 @@ def even_times(t: Array, position: Array, q_wb: Array) -> tuple[Array, float, fl
     likely = _LATE * interval < scatter < _LATEST * interval
     if not likely or np.any(np.diff(even) <= 0.0):
         return t, 0.0, 0.0
-    given, tried = residuals(t, position, q_wb), residuals(even, position, q_wb)
-    if tried.median < _BETTER * given.median:
+    stamp_residuals, even_residuals = residuals(t, position, q_wb), residuals(even, position, q_wb)
+    if even_residuals.median < _BETTER * stamp_residuals.median:
         return even, scatter, interval
     return t, 0.0, 0.0
 
@@ -93,10 +93,10 @@ def _grid_index(intervals: Array) -> Integers:
     mean = [uniform_filter1d(part, width, mode="nearest") for part in (turn.real, turn.imag)]
     over = intervals - np.unwrap(np.arctan2(mean[1], mean[0])) / (2.0 * np.pi)
     counts = np.histogram(over % 1.0, bins=_PHASES, range=(0.0, 1.0))[0]
-    around = counts + np.roll(counts, 1) + np.roll(counts, -1)
-    first = (float(np.argmin(around)) + 0.5) / _PHASES
+    neighbourhood = counts + np.roll(counts, 1) + np.roll(counts, -1)
+    phase = (float(np.argmin(neighbourhood)) + 0.5) / _PHASES
     rows = np.arange(len(intervals))
-    lost = median_filter(np.floor(over - first).astype(np.int64) - rows, 5, mode="nearest")
+    lost = median_filter(np.floor(over - phase).astype(np.int64) - rows, 5, mode="nearest")
     return np.asarray(rows + np.maximum.accumulate(lost) - lost[0], dtype=np.int64)
 
 

@@ -36,7 +36,7 @@ def _basis_matrix() -> Array:
 
 BASIS: Final[Array] = _basis_matrix()
 CUMULATIVE: Final[Array] = np.cumsum(BASIS[::-1], axis=0)[::-1]
-"""Row j: the sum of the basis functions j, j + 1, ...; row 0 is 1."""
+"""Row j: sum of the basis functions j, j + 1, ...; row 0 is 1."""
 
 
 class UniformKnots:
@@ -48,7 +48,7 @@ class UniformKnots:
         self.control_points = self.segments + DEGREE
 
     def locate(self, t: Array) -> tuple[Integers, Array]:
-        """Return segment and place within it, u in [0, 1], of times t (n,) [s]."""
+        """Return the segment of times t (n,) [s], and the position u in [0, 1] within it."""
         scaled = t / self.spacing
         segment = np.clip(np.floor(scaled), 0, self.segments - 1).astype(np.int64)
         return segment, scaled - segment
@@ -58,7 +58,7 @@ class PoseSpline:
     """A position and a rotation spline on common knots, with closed-form derivatives."""
 
     def __init__(self, knots: UniformKnots, position: Array, q_wb: Array) -> None:
-        """Take the control points.
+        """Set up from control points.
 
         :param position: (c, 3) control points [m], c = knots.control_points.
         :param q_wb: (c, 4) control rotations.
@@ -84,8 +84,14 @@ class PoseSpline:
         h = self._knots.spacing
         p, v, a = np.empty((3, len(u), 3))
         for axis in range(3):
-            value, first, second = _polynomial(self._coefficients[:, axis, segment], u)
-            p[:, axis], v[:, axis], a[:, axis] = value, first / h, second / h**2
+            value, first_derivative, second_derivative = _polynomial(
+                self._coefficients[:, axis, segment], u
+            )
+            p[:, axis], v[:, axis], a[:, axis] = (
+                value,
+                first_derivative / h,
+                second_derivative / h**2,
+            )
         return p, v, a
 
 
@@ -93,7 +99,7 @@ class RotationSpline:
     """The rotation of a :class:`PoseSpline`."""
 
     def __init__(self, knots: UniformKnots, q_wb: Array) -> None:
-        """Take the control rotations (c, 4), c = knots.control_points."""
+        """Set up from control rotations (c, 4), c = knots.control_points."""
         self._spacing = knots.spacing
         self._first_q = np.ascontiguousarray(q_wb.T)
         steps = rotation.log(rotation.multiply(rotation.conjugate(q_wb[:-1]), q_wb[1:]))
@@ -140,17 +146,17 @@ def _polynomial(c: Array, u: Array) -> Array:
 
     :param c: (6,) or (6, n) coefficients of ascending powers.
     """
-    result = np.zeros((3, len(u)))
-    value, first, second = result
+    derivatives = np.zeros((3, len(u)))
+    value, first_derivative, second_derivative = derivatives
     for coefficient in c[::-1]:
-        second *= u
-        second += first
-        first *= u
-        first += value
+        second_derivative *= u
+        second_derivative += first_derivative
+        first_derivative *= u
+        first_derivative += value
         value *= u
         value += coefficient
-    second *= 2.0
-    return result
+    second_derivative *= 2.0
+    return derivatives
 
 
 def _cross(a: Array, b: Array) -> Array:

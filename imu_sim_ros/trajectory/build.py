@@ -1,7 +1,7 @@
 # Copyright 2026 imu_sim_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""From parameters to a trajectory: a motion cut, repeated, slowed, with rests and vibration."""
+"""Trajectory of parameters: a motion cut, repeated, slowed, with rests and vibration."""
 
 import math
 from typing import Final, Protocol
@@ -23,18 +23,18 @@ from imu_sim_ros.types import Array
 def build_trajectory(
     parameters: TrajectoryParameters,
     pose_reader: PoseReader = read_poses,
-    given: Trajectory | None = None,
+    bare_motion: Trajectory | None = None,
 ) -> Trajectory:
-    """Return the trajectory that the parameters describe: a motion cut, repeated, and so on.
+    """Return the trajectory of parameters: a motion cut, repeated, and so on.
 
     :param parameters: the section ``trajectory`` of a simulation.
-    :param pose_reader: reads a file of poses; the default reads text files only.
-    :param given: the bare motion of the type ``given``.
+    :param pose_reader: reader of a file of poses; the default reads text files only.
+    :param bare_motion: motion of the type ``given``.
     :raises ConfigurationError: for parameters that do not describe a motion.
     :raises InputError: for a file of poses that cannot be used.
     """
     p = parameters
-    trajectory = p.motion(pose_reader) if given is None else given
+    trajectory = p.motion(pose_reader) if bare_motion is None else bare_motion
     if p.length:
         if p.length > trajectory.duration:
             raise ConfigurationError(
@@ -44,9 +44,9 @@ def build_trajectory(
     if p.repeat != 1:
         trajectory = _repeated(trajectory, p)
     with_lead_in = p.lead_in.rest > 0.0
-    before = p.rest_before + (p.lead_in.rest + p.lead_in.jerk_time if with_lead_in else 0.0)
-    if before or p.rest_after or p.time_scale != 1.0:
-        trajectory = Retimed(trajectory, _rests(trajectory.duration, before, p))
+    rest_before = p.rest_before + (p.lead_in.rest + p.lead_in.jerk_time if with_lead_in else 0.0)
+    if rest_before or p.rest_after or p.time_scale != 1.0:
+        trajectory = Retimed(trajectory, _rests(trajectory.duration, rest_before, p))
     if with_lead_in:
         trajectory = LeadIn(trajectory, p.lead_in)
     v = p.vibration
@@ -57,7 +57,7 @@ def build_trajectory(
     return trajectory
 
 
-# What ends that meet may differ by: position [m], velocity [m/s], attitude [rad], rate [rad/s].
+# Largest difference of joined ends: position [m], velocity [m/s], attitude [rad], rate [rad/s].
 _MEETING: Final = 1e-6
 _HALF_TURN: Final = 0.34375  # integral of 1 - 2 smooth_step over [0, 1/2]
 
@@ -71,7 +71,7 @@ class TimeMap(Protocol):
 
     @property
     def fastest(self) -> float:
-        """The highest rate at which time within the motion passes."""
+        """Highest rate of the time within the motion."""
 
     def sample(self, t: Array) -> Derivatives:
         """Return the time within the motion, its rate and its acceleration at times t (n,)."""
@@ -118,7 +118,7 @@ class Loop:
     """The time map of a motion that starts again when it has ended."""
 
     def __init__(self, length: float, passes: float) -> None:
-        """Take the length of one pass [s] and the number of passes, which may be infinite."""
+        """Set up from the length of one pass [s] and the number of passes, finite or not."""
         self._length = length
         self._passes = passes
         self.duration = length * passes
@@ -138,11 +138,11 @@ class ThereAndBack:
     """
 
     def __init__(self, length: float, passes: float, turn: float) -> None:
-        """Take the length of one pass [s], the number of passes and the time of a turn [s]."""
+        """Set up from the length of a pass [s], the number of passes, and a turn's time [s]."""
         self._length = length
         self._passes = passes
         self._turn = turn
-        self._overlap = _HALF_TURN * turn  # how much of the motion lies within half a turn
+        self._overlap = _HALF_TURN * turn  # part of the motion within half a turn
         self._straight = length - 2.0 * self._overlap
         self._period = self._straight + turn
         self.duration = (passes - 1.0) * self._period + length
@@ -190,12 +190,12 @@ class LeadIn:
         s, slope = x * (1.0 - x), 1.0 - 2.0 * x
         cube = s * s * s
         value = 256.0 * cube * s
-        first = 1024.0 * cube * slope / p.jerk_time
+        derivative = 1024.0 * cube * slope / p.jerk_time
         second = 1024.0 * s * s * (3.0 * slope * slope - 2.0 * s) / p.jerk_time**2
         d = np.asarray(p.jerk)
         return motion._replace(
             position=motion.position + value[:, None] * d,
-            velocity=motion.velocity + first[:, None] * d,
+            velocity=motion.velocity + derivative[:, None] * d,
             acceleration=motion.acceleration + second[:, None] * d,
         )
 
@@ -232,24 +232,24 @@ def _check_closed(inner: Trajectory, repeat: int) -> None:
         )
 
 
-def _rests(length: float, before: float, parameters: TrajectoryParameters) -> RateProfile:
-    """Return the time map of a motion of the given length [s] after a rest [s] and before one."""
-    after = parameters.rest_after
+def _rests(length: float, rest_before: float, parameters: TrajectoryParameters) -> RateProfile:
+    """Return the time map of a motion of a length [s] between two rests [s]."""
+    rest_after = parameters.rest_after
     ramp, scale = parameters.rest_transition, parameters.time_scale
-    if math.isinf(length) and after > 0.0:
+    if math.isinf(length) and rest_after > 0.0:
         raise ConfigurationError(
-            f"trajectory.rest_after = {after:g}: the motion has no end; "
+            f"trajectory.rest_after = {rest_after:g}: the motion has no end; "
             "trajectory.length gives it one"
         )
-    ramps = ((before > 0.0) + (after > 0.0)) * ramp
+    ramps = ((rest_before > 0.0) + (rest_after > 0.0)) * ramp
     cruise = length / scale - 0.5 * ramps
     if cruise < 0.0:
         raise ConfigurationError(_too_short(ramp, length))
     phases = [Phase(cruise, scale, scale)]
-    if before > 0.0:
-        phases = [Phase(before, 0.0, 0.0), Phase(ramp, 0.0, scale), *phases]
-    if after > 0.0:
-        phases += [Phase(ramp, scale, 0.0), Phase(after, 0.0, 0.0)]
+    if rest_before > 0.0:
+        phases = [Phase(rest_before, 0.0, 0.0), Phase(ramp, 0.0, scale), *phases]
+    if rest_after > 0.0:
+        phases += [Phase(ramp, scale, 0.0), Phase(rest_after, 0.0, 0.0)]
     return RateProfile(phases)
 
 

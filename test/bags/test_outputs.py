@@ -168,7 +168,7 @@ def test_an_interrupted_run_keeps_what_is_whole_as_a_part(tmp_path, discard):
     for count in range(2):
         outputs = Outputs(discard_partial=discard)
         bag, side = outputs.add("x.mcap", kept=True), outputs.add("x_truth.yaml").path
-        bag.described = lambda: "12 messages up to stamp 1.2 s"
+        bag.summary = lambda: "12 messages up to stamp 1.2 s"
         with pytest.raises(KeyboardInterrupt) as stopped:
             end_with(
                 KeyboardInterrupt(), outputs, {bag.path: f"whole so far {count}", side: "torn"}
@@ -184,7 +184,7 @@ def test_companions_are_written_with_their_output_and_no_part_of_it(tmp_path):
     def outputs() -> tuple[Outputs, list]:
         made = Outputs()
         bag = made.add("bag", kept=True)
-        bag.described = lambda: "12 messages"
+        bag.summary = lambda: "12 messages"
         return made, [bag.path, made.add("bag_truth.yaml", companion_of=bag).path]
 
     run, (bag, truth) = outputs()
@@ -350,7 +350,7 @@ def test_errors_of_the_machine_end_with_status_1():
 def test_the_parts_of_a_split_output_are_one_line():
     outputs = Outputs()
     target = outputs.add("x.mcap", kept=True)
-    target.described = lambda: "12 messages"
+    target.summary = lambda: "12 messages"
     bag = target.path
     parts = {bag.with_name(f"x_{k}.mcap"): "" for k in range(100)}
     with pytest.raises(KeyboardInterrupt) as stopped:

@@ -96,7 +96,7 @@ def test_the_report_names_source_row_stamp_value_and_the_count_of_the_rest():
 
 
 def test_a_negative_stamp_is_said_as_it_is():
-    assert gate.stamp_words(-1_500_000_000) == "stamp -1.500000000 s"
+    assert gate.stamp_text(-1_500_000_000) == "stamp -1.500000000 s"
 
 
 def test_a_row_that_passes_has_no_reason():

@@ -63,7 +63,7 @@ class Aiding:
         jacobian = rim_speeds(p.model, p.track, p.wheelbase)
         covariance = StatedCovariance(p, jacobian, np.asarray(np.linalg.pinv(jacobian), np.float64))
         straight = np.array([[SPEED, 0.0, 0.0]])
-        variances = np.diag(covariance.of_twist(straight, np.zeros((1, len(p.joints))))[0])
+        variances = np.diag(covariance.twist_covariance(straight, np.zeros((1, len(p.joints))))[0])
         return math.sqrt(variances[0]), math.sqrt(variances[2])
 
     @property

@@ -1,7 +1,7 @@
 # Copyright 2026 imu_sim_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""The barometer as the rest of the package sees it: samples, topics, table, readings."""
+"""Declaration of the barometer: samples, topics, table, readings."""
 
 import dataclasses
 from dataclasses import dataclass
@@ -24,19 +24,19 @@ TOPIC: Final = "imu/pressure"
 IDEAL_TOPIC: Final = "ground_truth/pressure"
 BIAS_TOPIC: Final = "ground_truth/barometer_bias"
 _LOWEST: Final = 5000.0
-"""[Pa] Of the standard atmosphere in 20 km; in hPa, nowhere is more than 1100."""
+"""Pressure of the standard atmosphere at 20 km [Pa]; in hPa, readings are at most 1100."""
 
 
 @dataclass(frozen=True, repr=False)
 class PressureReadings(SensorReadings):
-    """The n readings of a barometer that are delivered, and the truth of each."""
+    """n delivered readings of a barometer, with the truth of each."""
 
     pressure: Array
-    """(n,) as read [Pa]."""
+    """(n,) measured pressure [Pa]."""
     ideal_pressure: Array
-    """(n,) of the still air at the IMU's height [Pa]."""
+    """(n,) pressure of the still air at the IMU's height [Pa]."""
     bias: Array
-    """(n,) what is added to it, without white noise and rounding [Pa]."""
+    """(n,) error without white noise and rounding [Pa]."""
 
 
 def variance_discrete(imu: ImuParameters) -> float:
@@ -45,18 +45,18 @@ def variance_discrete(imu: ImuParameters) -> float:
     return p.noise_density**2 * p.rate + p.resolution**2 / 12.0
 
 
-def _of_table(frame: str, encoding: str) -> Encode:
+def _table_encoder(frame: str, encoding: str) -> Encode:
     from imu_sim_ros.bags.messages.encode import FluidPressureEncoder
 
     pressures = FluidPressureEncoder(frame, encoding)
     return lambda t_ns, values: pressures.encode(t_ns, values[:, 0])
 
 
-def _realised(own: BarometerParameters, seed: int, name: str) -> BarometerParameters:
+def _realised(parameters: BarometerParameters, seed: int, name: str) -> BarometerParameters:
     """Return the barometer of a seed, whose errors are those of a triad's first axis."""
-    p = realised_triad(as_triad(own), name, seed)
+    p = realised_triad(as_triad(parameters), name, seed)
     return dataclasses.replace(
-        own,
+        parameters,
         bias=p.bias[0],
         turn_on_bias_sigma=0.0,
         temperature_bias=p.temperature_bias[::3],
@@ -64,7 +64,7 @@ def _realised(own: BarometerParameters, seed: int, name: str) -> BarometerParame
     )
 
 
-def _of_another_unit(pressure: Array) -> str:
+def _unit_hint(pressure: Array) -> str:
     if pressure >= _LOWEST:
         return ""
     return (
@@ -81,7 +81,7 @@ TABLE: Final = Table(
     type=TYPE,
     topic=TOPIC,
     fields=("fluid_pressure", "variance"),
-    encoder=_of_table,
+    encoder=_table_encoder,
     truths=(IDEAL_TOPIC, BIAS_TOPIC),
     bias_type=TYPE,
 )
@@ -95,27 +95,30 @@ SENSOR = Sensor(
     topics=(
         topic(
             *(TOPIC, TYPE, _ENCODER),
-            lambda read, rows, now: (read.pressure[rows], variance_discrete(now.imu)),
+            lambda samples, rows, environment: (
+                samples.pressure[rows],
+                variance_discrete(environment.imu),
+            ),
             "pressure",
         ),
         topic(
             *(IDEAL_TOPIC, TYPE, _ENCODER),
-            lambda read, rows, _: (read.ideal_pressure[rows],),
+            lambda samples, rows, _: (samples.ideal_pressure[rows],),
             "ground_truth_pressure",
             truth=True,
         ),
-        # The one in pascal, among all messages for one number with a stamp.
+        # Of all messages of one number with a stamp, this one is in pascal.
         topic(
             *(BIAS_TOPIC, TYPE, _ENCODER),
-            lambda read, rows, _: (read.bias[rows],),
+            lambda samples, rows, _: (samples.bias[rows],),
             *("biases", "pressure"),
             truth=True,
         ),
     ),
     switches=BarometerSwitches,
-    given=_of_another_unit,
+    given=_unit_hint,
     table=TABLE,
-    values=lambda read: read.pressure[:, None],
+    values=lambda samples: samples.pressure[:, None],
     readings=PressureReadings,
     realised=_realised,
 )
@@ -136,6 +139,6 @@ def read_pressure(path: str | Path, topic: str | None = None) -> RecordedSamples
     >>> ims.read_pressure(folder / "pressure.mcap").values.shape
     (200,)
     """
-    found = read_samples(TABLE, path, topic)
-    flat = found.values.reshape(-1), found.covariance.reshape(-1)
-    return RecordedSamples(found.t_ns, *flat, found.name)
+    recorded = read_samples(TABLE, path, topic)
+    flat = recorded.values.reshape(-1), recorded.covariance.reshape(-1)
+    return RecordedSamples(recorded.t_ns, *flat, recorded.name)

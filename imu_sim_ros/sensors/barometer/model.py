@@ -23,18 +23,18 @@ from imu_sim_ros.sensors.world import World
 from imu_sim_ros.types import Array
 
 EARTH_RADIUS: Final = 6356766.0
-"""[m] of the geopotential height."""
+"""Radius of the Earth for the geopotential height [m]."""
 _GAS_CONSTANT: Final = 8.31432 / 0.0289644
-"""[J/(kg K)] of dry air, with the constants of 1976."""
+"""Specific gas constant of dry air, with the constants of 1976 [J/(kg K)]."""
 _ZERO_CELSIUS: Final = 273.15
 _BASES: Final = np.array([0.0, 11e3, 20e3, 32e3, 47e3, 51e3, 71e3, 84852.0])
-"""[m] geopotential height where each layer begins; the first reaches below 0 as well."""
+"""Geopotential height at which each layer begins [m]; the first extends below 0 as well."""
 _LAPSE: Final = np.array([-6.5e-3, 0.0, 1e-3, 2.8e-3, 0.0, -2.8e-3, -2e-3, 0.0])
-"""[K/m]; beyond the standard's seven layers, which end at 86 km, the temperature stays."""
+"""Lapse rate [K/m]; above the standard's seven layers, at 86 km, the temperature is constant."""
 
 
 class Atmosphere:
-    """Air at rest; a day that is warmer at sea level is as much warmer at every height."""
+    """Air at rest; a deviation of the temperature at sea level is the same at every height."""
 
     def __init__(self, parameters: AtmosphereParameters) -> None:
         steps = np.diff(_BASES) * _LAPSE[:-1]
@@ -57,16 +57,16 @@ class Atmosphere:
         return self._in_layer(layer, geopotential)
 
     def _in_layer(self, layer: NDArray[np.intp], geopotential: Array) -> Array:
-        above = geopotential - _BASES[layer]
+        height_in_layer = geopotential - _BASES[layer]
         lapse, warmth = _LAPSE[layer], self._temperature[layer]
         exponent = STANDARD_GRAVITY / _GAS_CONSTANT
         isothermal = lapse == 0.0
-        own = np.where(isothermal, 1.0, lapse)
+        safe_lapse = np.where(isothermal, 1.0, lapse)
         # One expression for both: the exponential is the limit of the power.
         log_ratio = np.where(
             isothermal,
-            -exponent * above / warmth,
-            -exponent / own * np.log1p(own * above / warmth),
+            -exponent * height_in_layer / warmth,
+            -exponent / safe_lapse * np.log1p(safe_lapse * height_in_layer / warmth),
         )
         return self._pressure[layer] * np.exp(log_ratio)
 
@@ -75,7 +75,7 @@ NAME: Final = "barometer"
 
 
 class Gusts:
-    """Steps of the pressure at random times: each draws the pressure that is held until the next.
+    """Pressure that changes at random times to a random value, held until the next change.
 
     Between two samples a step occurs with the probability ``1 - exp(-rate dt)`` that a Poisson
     process has an event.
@@ -90,16 +90,16 @@ class Gusts:
         self._times, self._sizes = (generator(seed, f"{NAME}.gust{part}") for part in ("", "_size"))
         self._probability = -math.expm1(-rate * dt)
         self._sigma = sigma
-        self._held = 0.0
+        self._pressure = 0.0
 
     def next(self, count: int) -> Array:
         """Return the next values (count,) [Pa]."""
         starts = np.flatnonzero(self._times.random(count) < self._probability)
         sizes = self._sigma * self._sizes.standard_normal(len(starts))
-        values = np.concatenate([[self._held], sizes])
-        result: Array = values[np.searchsorted(starts, np.arange(count), side="right")]
-        self._held = float(values[-1])
-        return result
+        values = np.concatenate([[self._pressure], sizes])
+        pressures: Array = values[np.searchsorted(starts, np.arange(count), side="right")]
+        self._pressure = float(values[-1])
+        return pressures
 
 
 def gusts(parameters: BarometerParameters, seed: int) -> Gusts | None:
@@ -111,30 +111,30 @@ def gusts(parameters: BarometerParameters, seed: int) -> Gusts | None:
 def read_pressures(
     triad: Triad,
     limits: tuple[ArrayLike, ArrayLike],
-    first: int,
+    start: int,
     ideal: Array,
     gust: Array | None,
     additions: Additions,
     faults: FaultSchedule | None = None,
 ) -> dict[str, Array]:
-    """Return the next n samples and their truth, as a flight has them, of ideal pressures.
+    """Return the next n samples of a barometer and their truth, from ideal pressures.
 
-    Of one barometer, or of those of a batch; their errors are those of a triad's first axis.
+    The barometer is one, or a batch; its errors are those of a triad's first axis.
 
-    :param limits: lowest and highest pressure that is read [Pa]; a highest of 0: none.
-    :param first: index of the first of them.
+    :param limits: smallest and largest measured pressure [Pa]; a largest of 0: no limit.
+    :param start: index of the first sample.
     :param ideal: (n, ...) pressure of the still air [Pa].
-    :param gust: (n, ...) what wind adds [Pa]; None: nothing.
+    :param gust: (n, ...) pressure of wind [Pa]; None: no wind.
     :param additions, faults: as for :meth:`Triad.read`.
     """
     values = np.empty((*ideal.shape, 3), order="F")
     values[..., 1:] = 0.0
     values[..., 0] = ideal if gust is None else ideal + gust
-    made = triad.read(first, values, values, additions, faults)
-    bias = made.bias[..., 0] if gust is None else made.bias[..., 0] + gust
-    least, most = limits
-    most = np.where(np.asarray(most) > 0.0, most, math.inf)
-    reading = np.clip(made.reading[..., 0], least, most)
+    samples = triad.read(start, values, values, additions, faults)
+    bias = samples.bias[..., 0] if gust is None else samples.bias[..., 0] + gust
+    lowest, highest = limits
+    highest = np.where(np.asarray(highest) > 0.0, highest, math.inf)
+    reading = np.clip(samples.reading[..., 0], lowest, highest)
     return {"pressure": reading, "ideal_pressure": ideal, "bias": bias}
 
 
@@ -158,7 +158,7 @@ class Barometer(SensorWithImu):
         """Return the pressure of the still air at the IMU (n,) [Pa]."""
         motion = world.motion(t)
         arm_w = rotate(motion.q_wb, self.lever_arm_b)
-        # In a curved world, too, z is the height above the origin's (CurvedEarth).
+        # In a curved world, too, z is the height above the origin's height (CurvedEarth).
         return self._atmosphere.pressure(self._height + motion.position[:, 2] + arm_w[:, 2])
 
     def measure(self, samples: Sampled, ideal: Array, additions: Additions) -> dict[str, Array]:

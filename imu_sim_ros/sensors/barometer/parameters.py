@@ -3,7 +3,7 @@
 
 """Parameters of the barometer of an IMU: ``imu.barometer_...``.
 
-Where an error is one that gyroscopes and accelerometers have as well, its name is the same.
+Errors that gyroscopes and accelerometers have as well have the same names.
 """
 
 from collections.abc import Iterator
@@ -14,12 +14,12 @@ from imu_sim_ros.parameters.kinds import flag, number, text
 from imu_sim_ros.sensors.imu.triads import as_in_triads
 from imu_sim_ros.sensors.parameters import OwnRateParameters
 
-_WORDS: Final = {"triad": "barometer", "unit": "Pa", "change": "Pa/s"}
+_TEXTS: Final = {"triad": "barometer", "unit": "Pa", "change": "Pa/s"}
 
 
-def _as_in_triads(name: str, **changed: Any) -> Any:
-    """Describe a parameter that is a triad's, of a single axis."""
-    return as_in_triads(name, _WORDS, **{"kind": "number", "default": 0.0, **changed})
+def _as_in_triads(name: str, **changes: Any) -> Any:
+    """Return a parameter of triads for a single axis."""
+    return as_in_triads(name, _TEXTS, **{"kind": "number", "default": 0.0, **changes})
 
 
 @dataclass(frozen=True)
@@ -93,7 +93,7 @@ class BarometerParameters(OwnRateParameters):
 
 @dataclass(frozen=True)
 class BarometerSwitches:
-    """Which of its topics are published."""
+    """Switches of the published topics."""
 
     pressure: bool = flag(False, "publish imu/pressure, the readings of the barometer")
     ground_truth_pressure: bool = flag(

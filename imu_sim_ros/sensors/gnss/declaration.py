@@ -1,7 +1,7 @@
 # Copyright 2026 imu_sim_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""The GNSS receiver as the rest of the package sees it: topics, table, readings."""
+"""Declaration of the GNSS receiver: topics, table, readings."""
 
 from dataclasses import dataclass
 from pathlib import Path
@@ -46,70 +46,71 @@ _rinex: Final = on_demand("imu_sim_ros.sensors.gnss.rinex_files", "RinexFiles")
 
 @dataclass(frozen=True, repr=False)
 class GnssReadings(SensorReadings):
-    """The n fixes of a receiver that are delivered, and the truth of each.
+    """n delivered fixes of a receiver, with the truth of each.
 
     Without a fix the position is the last known one, NaN before the first; variances and velocity
     are NaN.
     """
 
     geodetic: Array
-    """(n, 3) latitude [deg], longitude [deg], height above the ellipsoid [m] as read."""
+    """(n, 3) measured latitude [deg], longitude [deg], height above the ellipsoid [m]."""
     position: Array
-    """(n, 3) the same in the world [m]."""
+    """(n, 3) the same position in the world [m]."""
     variance: Array
-    """(n, 3) stated, of the error east, north, up [m^2]."""
+    """(n, 3) stated variance of the error east, north, up [m^2]."""
     velocity: Array
-    """(n, 3) of the antenna, east, north, up, as read [m/s]."""
+    """(n, 3) measured velocity of the antenna, east, north, up [m/s]."""
     velocity_variance: Array
-    """(n, 3) stated [m^2/s^2]."""
+    """(n, 3) stated variance of the velocity [m^2/s^2]."""
     status: Integers
-    """(n,) as NavSatStatus has it: -1 no fix, 0 fix, 1 with corrections, 2 RTK."""
+    """(n,) status of NavSatStatus: -1 no fix, 0 fix, 1 with corrections, 2 RTK."""
     mode: Integers
-    """(n,) 0 single, 1 dgps, 2 float, 3 fixed, -1 no fix."""
+    """(n,) mode: 0 single, 1 dgps, 2 float, 3 fixed, -1 no fix."""
     satellites: Integers
-    """(n,) in use."""
+    """(n,) number of satellites in use."""
     used: Integers
-    """(n,) bit ``prn - 1`` is set for each of them; 0 if `gnss.sky` is constant."""
+    """(n,) bits ``prn - 1`` of the satellites in use; 0 if `gnss.sky` is constant."""
     hdop: Array
-    """(n,) dilution of precision, horizontal; 99.99 without a fix."""
+    """(n,) horizontal dilution of precision; 99.99 without a fix."""
     vdop: Array
-    """(n,) vertical."""
+    """(n,) vertical dilution of precision."""
     pdop: Array
-    """(n,) of both."""
+    """(n,) dilution of precision of the position."""
     dilution: Array
-    """(n, 4) of east, north, up and clock; the clock's is 0 if it is not known."""
+    """(n, 4) dilution east, north, up and of the clock; the clock's is 0 if it is unknown."""
     tag_ns: Times
-    """(n,) GPS time that the receiver's clock shows at the raw measurements, since 6 January 1980
-    [ns]; these, here and below, are there with `gnss.raw.rinex`, for PRN 1 to 32."""
+    """(n,) GPS time of the receiver's clock at the raw measurements, since 6 January 1980 [ns];
+    this
+    and the arrays below exist with `gnss.raw.rinex`, for PRN 1 to 32."""
     pseudorange: Array
-    """(n, 32, f) on each frequency; NaN: not in view [m]."""
+    """(n, 32, f) pseudorange on each frequency; NaN: not in view [m]."""
     carrier_phase: Array
-    """(n, 32, f) [cycles]."""
+    """(n, 32, f) carrier phase [cycles]."""
     doppler: Array
-    """(n, 32, f) [Hz]."""
+    """(n, 32, f) Doppler shift [Hz]."""
     lock: Integers
-    """(n, 32) how often a satellite was found so far, each time with other ambiguities; 0: not in
+    """(n, 32) number of acquisitions of a satellite so far, each with new ambiguities; 0: not in
     view."""
     elevation: Array
-    """(n, 32) [rad]."""
+    """(n, 32) elevation [rad]."""
     ideal_range: Array
     """(n, 32) true distance [m]."""
     satellite_clock: Array
-    """(n, 32) satellite's clock minus GPS time [s]."""
+    """(n, 32) clock of the satellite minus GPS time [s]."""
     receiver_clock: Array
-    """(n,) [s]."""
+    """(n,) clock of the receiver minus GPS time [s]."""
     ionosphere: Array
-    """(n, 32) delay on L1 [m]."""
+    """(n, 32) ionospheric delay on L1 [m]."""
     troposphere: Array
-    """(n, 32) delay [m]."""
+    """(n, 32) tropospheric delay [m]."""
     ideal_geodetic: Array
-    """(n, 3) of the antenna, without error."""
+    """(n, 3) position of the antenna without error."""
     ideal_position: Array
-    """(n, 3) [m]."""
+    """(n, 3) true position in the world [m]."""
     ideal_velocity: Array
-    """(n, 3) [m/s]."""
+    """(n, 3) true velocity [m/s]."""
     error: Array
-    """(n, 3) of the position that a fix has: as read minus true, east, north, up; it continues
+    """(n, 3) error of the position of a fix (measured - true), east, north, up; it continues
     without a fix [m]."""
 
     def nmea(self) -> str:
@@ -123,26 +124,26 @@ class GnssReadings(SensorReadings):
         return path
 
 
-def _fix(read: Samples, rows: Rows, _: object) -> tuple[Array, ...]:
-    geodetic, status = read.geodetic[rows], read.status[rows]
-    variance = np.where(status[:, None] < 0, 0.0, read.variance[rows])  # 0: unknown, in ROS
+def _fix(samples: Samples, rows: Rows, _: object) -> tuple[Array, ...]:
+    geodetic, status = samples.geodetic[rows], samples.status[rows]
+    variance = np.where(status[:, None] < 0, 0.0, samples.variance[rows])  # 0: unknown, in ROS
     return (*geodetic.T, status, variance)
 
 
 _EXTENDED_STATUS: Final = np.array([0, 18, 20, 19, -1])
 """Status of gps_msgs/GPSStatus for each mode, and for no fix."""
-# 95 % of a Gaussian error lie within this many standard deviations, in one, two and three
+# 95 % of a Gaussian error are within this many standard deviations, in one, two and three
 # dimensions: roots of the quantiles of chi square.
 _WITHIN: Final = (1.960, 2.448, 2.796)
 
 
-def _extended(read: Samples, rows: Rows, _: object) -> tuple[Any, ...]:
-    """Return what gps_msgs/GPSFix holds; errors are those that contain 95 %, NaN without a fix."""
-    latitude, longitude, altitude, status, stated = _fix(read, rows, _)
-    variance = read.variance[rows]
-    east, north, up = read.velocity[rows].T
-    axes = read.dilution[rows]
-    known = (status >= 0) & (axes[:, 3] > 0.0)
+def _extended(samples: Samples, rows: Rows, _: object) -> tuple[Any, ...]:
+    """Return the fields of gps_msgs/GPSFix; errors contain 95 %, and are NaN without a fix."""
+    latitude, longitude, altitude, status, stated = _fix(samples, rows, _)
+    variance = samples.variance[rows]
+    east, north, up = samples.velocity[rows].T
+    axes = samples.dilution[rows]
+    has_dilution = (status >= 0) & (axes[:, 3] > 0.0)
     numbers = {
         "latitude": latitude,
         "longitude": longitude,
@@ -150,17 +151,17 @@ def _extended(read: Samples, rows: Rows, _: object) -> tuple[Any, ...]:
         "track": np.degrees(np.arctan2(east, north)) % 360.0,
         "speed": np.hypot(east, north),
         "climb": up,
-        "time": calendar_ns(read.t_ns[rows]) * 1e-9,
-        "gdop": np.where(known, np.linalg.norm(axes, axis=1), 0.0),
-        "tdop": np.where(known, axes[:, 3], 0.0),
-        **{name: getattr(read, name)[rows] for name in ("pdop", "hdop", "vdop")},
+        "time": calendar_ns(samples.t_ns[rows]) * 1e-9,
+        "gdop": np.where(has_dilution, np.linalg.norm(axes, axis=1), 0.0),
+        "tdop": np.where(has_dilution, axes[:, 3], 0.0),
+        **{name: getattr(samples, name)[rows] for name in ("pdop", "hdop", "vdop")},
         "err": _WITHIN[2] * np.sqrt(variance.mean(axis=1)),
         "err_horz": _WITHIN[1] * np.sqrt(variance[:, :2].mean(axis=1)),
         "err_vert": _WITHIN[0] * np.sqrt(variance[:, 2]),
-        "err_speed": _WITHIN[0] * np.sqrt(read.velocity_variance[rows, 0]),
-        "err_climb": _WITHIN[0] * np.sqrt(read.velocity_variance[rows, 2]),
+        "err_speed": _WITHIN[0] * np.sqrt(samples.velocity_variance[rows, 0]),
+        "err_climb": _WITHIN[0] * np.sqrt(samples.velocity_variance[rows, 2]),
     }
-    return _EXTENDED_STATUS[read.mode[rows]], read.satellites[rows], numbers, stated
+    return _EXTENDED_STATUS[samples.mode[rows]], samples.satellites[rows], numbers, stated
 
 
 SENSOR = Sensor(
@@ -172,25 +173,25 @@ SENSOR = Sensor(
         topic(TOPIC, *FIX, _fix),
         topic(
             *("gps/velocity", *TWIST),
-            lambda read, rows, _: (read.velocity[rows], read.velocity_variance[rows]),
+            lambda samples, rows, _: (samples.velocity[rows], samples.velocity_variance[rows]),
             in_world=True,
-            sent=lambda read: read.mode >= 0,
+            sent=lambda samples: samples.mode >= 0,
         ),
         topic("gps/extended_fix", *GPS_FIX, _extended, foreign=True),
         topic(
             *("ground_truth/gps_fix", *FIX),
-            lambda read, rows, _: tuple(read.ideal_geodetic[rows].T),
+            lambda samples, rows, _: tuple(samples.ideal_geodetic[rows].T),
             truth=True,
         ),
         topic(
             *("ground_truth/gps_velocity", *TWIST),
-            lambda read, rows, _: (read.ideal_velocity[rows], np.zeros(3)),
+            lambda samples, rows, _: (samples.ideal_velocity[rows], np.zeros(3)),
             truth=True,
             in_world=True,
         ),
         topic(
             *("ground_truth/gps_error", *VECTOR),
-            lambda read, rows, _: (read.error[rows],),
+            lambda samples, rows, _: (samples.error[rows],),
             truth=True,
             in_world=True,
         ),
@@ -203,12 +204,14 @@ SENSOR = Sensor(
         type=FIX[0],
         topic=TOPIC,
     ),
-    values=lambda read: np.column_stack([read.geodetic, read.variance, read.velocity, read.status]),
+    values=lambda samples: np.column_stack(
+        [samples.geodetic, samples.variance, samples.velocity, samples.status]
+    ),
     readings=GnssReadings,
     text="GNSS receiver with fixes and velocities of an antenna, with outages and modes",
-    serial=Serial(lambda own: str(own.nmea), _sentences),
+    serial=Serial(lambda parameters: str(parameters.nmea), _sentences),
     companions=Companions(
-        lambda own: (".obs", ".nav") if own.raw.rinex else (),
+        lambda parameters: (".obs", ".nav") if parameters.raw.rinex else (),
         _rinex,
         Switch(
             "rinex",

@@ -1,7 +1,7 @@
 # Copyright 2026 imu_sim_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""The receiver: where and how fast its antenna is, what is wrong with it, and when it is silent."""
+"""Model of the receiver: motion of its antenna, errors, and outages."""
 
 import math
 from collections.abc import Mapping
@@ -47,7 +47,7 @@ class Receiver(SensorModel):
         self._jumps = Events(seed, f"{name}.multipath", p.multipath_rate, p.multipath_duration, dt)
         self._sizes = Streams(seed, f"{name}.multipath_size")
         self._random = Events(seed, f"{name}.outage", p.outage_rate, p.outage_duration, dt)
-        self._known = np.full(6, np.nan)
+        self._last_fix = np.full(6, np.nan)
         self._dt = dt
         self._sky = Sky(p, environment, t0_ns) if p.sky == "satellites" else None
         self._observer: Observer | None = None
@@ -56,19 +56,19 @@ class Receiver(SensorModel):
             self._observer = Observer(raw, environment, sky.broadcast, sky.start, name, dt)
 
     def measure(self, t: Array, world: World) -> Mapping[str, Array]:
-        """Return position and velocity of the antenna as read, and the truth of both."""
+        """Return measured position and velocity of the antenna, and their truth."""
         p, motion = self.parameters, world.motion(t)
         ideal = self.position(motion)
         changes = np.reshape(p.mode_changes, (-1, 2))
         modes = np.concatenate([[MODES.index(p.mode)], changes[:, 1] - 1.0]).astype(np.int64)
         mode = modes[np.searchsorted(changes[:, 0], t, side="right")]
-        seen = self._sky.over(t, ideal) if self._sky else constant(p, len(t))
-        sigma = self._sigma(mode, seen)
+        geometry = self._sky.over(t, ideal) if self._sky else constant(p, len(t))
+        sigma = self._sigma(mode, geometry)
         error = self._error(sigma)
         velocity = self._velocity(motion)
         noise = p.velocity_sigma * self._of_velocity.next(len(t))
-        mode = np.where(self._is_out(t, ideal) | ~seen.usable, -1, mode).astype(np.int64)
-        measured = seen.used * (mode >= 0)
+        mode = np.where(self._is_out(t, ideal) | ~geometry.usable, -1, mode).astype(np.int64)
+        measured = geometry.used * (mode >= 0)
         if self._observer is not None:
             raw = self._observer.measure(t, ideal, velocity, measured)
         else:
@@ -80,34 +80,34 @@ class Receiver(SensorModel):
             "ideal_velocity": velocity,
             "variance": p.covariance_factor * np.square(sigma),
             "mode": mode,
-            "satellites": seen.satellites,
-            "used": seen.used,
-            "dilution": seen.dilution,
+            "satellites": geometry.satellites,
+            "used": geometry.used,
+            "dilution": geometry.dilution,
             **raw,
         }
 
     def complete(self, values: Mapping[str, Array]) -> Mapping[str, Array]:
-        """Return latitudes and so on of the positions as read."""
+        """Return latitudes and so on of the measured positions."""
         mode = values["mode"]
-        read, true = (
+        measured, true = (
             np.stack(geodetic(self._environment, values[name]), axis=1)
             for name in ("position", "ideal_position")
         )
         count = len(mode)
         fixed = mode >= 0
         # Without a fix the position is that of the last one.
-        positions = np.column_stack([values["position"], read])
+        positions = np.column_stack([values["position"], measured])
         rows = np.maximum.accumulate(np.where(fixed, np.arange(1, count + 1), 0))
-        known: Array = np.concatenate([self._known[None], positions])[rows]
+        positions_with_fix: Array = np.concatenate([self._last_fix[None], positions])[rows]
         if count:
-            self._known = known[-1]
+            self._last_fix = positions_with_fix[-1]
         diluted = np.where(fixed[:, None], values["dilution"], UNUSABLE)
         speed = self.parameters.covariance_factor * self.parameters.velocity_sigma**2
         return {
             **values,
             "error": values["position"] - values["ideal_position"],
-            "position": known[:, :3],
-            "geodetic": known[:, 3:],
+            "position": positions_with_fix[:, :3],
+            "geodetic": positions_with_fix[:, 3:],
             "ideal_geodetic": true,
             "variance": np.where(fixed[:, None], values["variance"], np.nan),
             "velocity": np.where(fixed[:, None], values["velocity"], np.nan),
@@ -122,17 +122,17 @@ class Receiver(SensorModel):
         }
 
     def sent(self, values: Mapping[str, Array]) -> Mask | None:
-        """Return which samples become messages."""
+        """Return a mask of the samples that become messages."""
         return values["mode"] >= 0 if self.parameters.silent else None
 
-    def _sigma(self, mode: Integers, seen: Geometry) -> Array:
+    def _sigma(self, mode: Integers, geometry: Geometry) -> Array:
         """Return the standard deviations (n, 3) of the error that the geometry explains."""
         p = self.parameters
         horizontal = math.sqrt(2.0) / p.hdop * np.array(p.horizontal_sigma)[mode]
         ranges = np.stack(
             [horizontal, horizontal, np.array(p.vertical_sigma)[mode] / p.vdop], axis=1
         )
-        diluted = np.where(seen.usable[:, None], seen.dilution[:, :3], 1.0)
+        diluted = np.where(geometry.usable[:, None], geometry.dilution[:, :3], 1.0)
         return ranges * diluted
 
     def _error(self, sigma: Array) -> Array:
@@ -152,7 +152,7 @@ class Receiver(SensorModel):
         return error
 
     def _jump(self) -> Array:
-        """Return the error (3,) that multipath adds, east, north, up, until it ends."""
+        """Return the error (3,) of the current multipath, east, north, up."""
         return self.parameters.multipath_sigma * self._sizes.next(1)[0]
 
     def _velocity(self, motion: Motion) -> Array:
@@ -163,7 +163,7 @@ class Receiver(SensorModel):
         return v + rotation.rotate(motion.q_wb, np.cross(motion.angular_velocity, self.lever_arm_b))
 
     def _is_out(self, t: Array, position: Array) -> Mask:
-        """Return whether there is no fix, by time, by position, or by chance."""
+        """Return a mask of the samples without a fix, by time, by position, or by chance."""
         p = self.parameters
         out = self._random.next(len(t)) > 0
         for start, length in np.reshape(p.outages, (-1, 2)):
@@ -174,7 +174,7 @@ class Receiver(SensorModel):
 
 
 def _without_satellites(count: int) -> dict[str, Any]:
-    """Return the raw measurements, and their truth, of n times at which none are made."""
+    """Return empty raw measurements, and their truth, for n times."""
     return {
         "tag_ns": np.zeros(count, np.int64),
         **{name: np.empty((count, 0, 0)) for name in ("pseudorange", "carrier_phase", "doppler")},
@@ -186,11 +186,11 @@ def _without_satellites(count: int) -> dict[str, Any]:
 
 
 def nowhere(mounted: Mounted, world: World, _: float) -> list[str]:
-    """Return a line if nobody has said where on the Earth the world is."""
+    """Return a line if the location of the world on the Earth is not stated."""
     origin = mounted.environment
     if origin.latitude_deg or origin.longitude_deg:
         return []
-    from imu_sim_ros.trajectory.drive import route_in  # most motions are no drive
+    from imu_sim_ros.trajectory.drive import route_in  # few motions are drives
 
     route = route_in(world.trajectory)
     if route is not None and route.origin is not None:

@@ -35,37 +35,41 @@ from imu_sim_ros.timebase import NANOSECONDS_PER_SECOND
 from imu_sim_ros.types import Array, Integers, Mask
 
 L1: Final = 1575.42e6
-"""[Hz]"""
+"""Frequency of L1 [Hz]."""
 L2: Final = 1227.60e6
 _STEP: Final = 1e-3
-"""[s] over which satellites' velocities are differences."""
+"""Step of the differences for satellites' velocities [s]."""
 _FLIGHT_TIME: Final = 0.075
-"""[s] of a signal, roughly."""
+"""Approximate time of flight of a signal [s]."""
 _FLIGHT_STEPS: Final = 3
-"""Each leaves a hundred-thousandth of the error."""
+"""Iterations of the time of flight; each leaves a hundred-thousandth of the error."""
 _TICK_NS: Final = 100
 _AMBIGUITY: Final = 1_000_000
-"""Ambiguities are drawn below this [cycles]."""
+"""Upper limit of random ambiguities [cycles]."""
 
 
 def klobuchar(
-    at: GpsTime, seconds: Array, angles: tuple[Array, Array], look: tuple[Array, Array], ion: Array
+    start: GpsTime,
+    seconds: Array,
+    angles: tuple[Array, Array],
+    look: tuple[Array, Array],
+    ion: Array,
 ) -> Array:
     """Return ionospheric delays on L1 (n, k) [m] (IS-GPS-200, 20.3.3.5.2.5).
 
-    :param at: time zero; only the second of the week counts.
-    :param seconds: (n,) since then.
+    :param start: time zero; only the second of the week matters.
+    :param seconds: (n,) times since then [s].
     :param angles: latitude and longitude (n,) [rad].
     :param look: azimuth and elevation (n, k) [rad].
     :param ion: (8,) alpha 0 to 3 and beta 0 to 3.
     """
     azimuth, elevation = look[0], look[1] / np.pi
-    latitude, longitude = (one[:, None] / np.pi for one in angles)
+    latitude, longitude = (angle[:, None] / np.pi for angle in angles)
     psi = 0.0137 / (elevation + 0.11) - 0.022
     phi = np.clip(latitude + psi * np.cos(azimuth), -0.416, 0.416)
     lam = longitude + psi * np.sin(azimuth) / np.cos(phi * np.pi)
     phi = phi + 0.064 * np.cos((lam - 1.617) * np.pi)
-    local = np.remainder(43200.0 * lam + at.second + seconds[:, None], 86400.0)
+    local = np.remainder(43200.0 * lam + start.second + seconds[:, None], 86400.0)
     slant = 1.0 + 16.0 * (0.53 - elevation) ** 3
     amplitude = np.maximum(np.polynomial.polynomial.polyval(phi, ion[:4]), 0.0)
     period = np.maximum(np.polynomial.polynomial.polyval(phi, ion[4:]), 72000.0)
@@ -79,9 +83,9 @@ def saastamoinen(latitude: Array, height: Array, elevation: Array, humidity: flo
 
     The form and the constants are those of RTKLIB's manual, E.5 (1); at most 1e4 m high.
 
-    :param latitude: (n,) [rad]
-    :param height: (n,) above the ellipsoid [m].
-    :param elevation: (n, k) [rad]
+    :param latitude: (n,) latitude [rad].
+    :param height: (n,) height above the ellipsoid [m].
+    :param elevation: (n, k) elevation [rad].
     """
     h = np.clip(height, 0.0, 1e4)
     pressure = 1013.25 * (1.0 - 2.2557e-5 * h) ** 5.2568
@@ -93,17 +97,17 @@ def saastamoinen(latitude: Array, height: Array, elevation: Array, humidity: flo
 
 
 class Antenna(NamedTuple):
-    """Where an antenna is at n times, Earth-fixed."""
+    """Earth-fixed motion of an antenna at n times."""
 
     position: Array
-    """(n, 3) [m]"""
+    """(n, 3) position [m]."""
     velocity: Array
-    """(n, 3) [m/s]"""
+    """(n, 3) velocity [m/s]."""
     latitude: Array
-    """(n,) [rad]"""
+    """(n,) latitude [rad]."""
     longitude: Array
     height: Array
-    """(n,) above the ellipsoid [m]."""
+    """(n,) height above the ellipsoid [m]."""
     axes: Array
     """(n, 3, 3) directions of east, north and up."""
 
@@ -127,43 +131,43 @@ def antenna(environment: EnvironmentParameters, position: Array, velocity: Array
 
 
 class Ranges(NamedTuple):
-    """What k satellites are to an antenna at n times, all (n, k)."""
+    """Geometry and clocks of k satellites for an antenna at n times, all (n, k)."""
 
     distance: Array
-    """[m]"""
+    """Distance [m]."""
     rate: Array
-    """[m/s]"""
+    """Rate of the distance [m/s]."""
     clock: Array
     """Error of the satellite's clock [s]."""
     clock_rate: Array
-    """[s/s]"""
+    """Rate of that error [s/s]."""
     azimuth: Array
-    """[rad]"""
+    """Azimuth [rad]."""
     elevation: Array
-    """[rad]"""
+    """Elevation [rad]."""
 
 
-def ranges(known: Ephemerides, week: int, second: Array, at: Antenna) -> Ranges:
-    """Return distances and so on of satellites at reception times (n,) [s of the week]."""
-    flight = np.full((len(second), len(known.prn)), _FLIGHT_TIME)
+def ranges(ephemerides: Ephemerides, week: int, second: Array, antenna_motion: Antenna) -> Ranges:
+    """Return the ranges of satellites at reception times (n,) [s of the week]."""
+    flight = np.full((len(second), len(ephemerides.prn)), _FLIGHT_TIME)
     satellite, distance = np.empty(0), np.empty(0)
     for _ in range(_FLIGHT_STEPS):
-        satellite = _turned(orbits(known, week, second[:, None] - flight).position, flight)
-        distance = np.linalg.norm(satellite - at.position[:, None], axis=-1)
+        satellite = _turned(orbits(ephemerides, week, second[:, None] - flight).position, flight)
+        distance = np.linalg.norm(satellite - antenna_motion.position[:, None], axis=-1)
         flight = distance / LIGHT
     emitted = second[:, None] - flight
-    before, after = (orbits(known, week, emitted + s * _STEP) for s in (-0.5, 0.5))
-    clock, drift = 0.5 * (before.clock + after.clock), (after.clock - before.clock) / _STEP
-    velocity = _turned((after.position - before.position) / _STEP, flight)
-    away = (satellite - at.position[:, None]) / distance[..., None]
+    earlier, later = (orbits(ephemerides, week, emitted + s * _STEP) for s in (-0.5, 0.5))
+    clock, drift = 0.5 * (earlier.clock + later.clock), (later.clock - earlier.clock) / _STEP
+    velocity = _turned((later.position - earlier.position) / _STEP, flight)
+    away = (satellite - antenna_motion.position[:, None]) / distance[..., None]
     approach = np.sum(away * velocity, axis=-1)
-    # The turn on the way changes with the distance: d(R r)/dt = R v + w x R r, tau' = rho' / c.
+    # The rotation during the flight depends on it: d(R r)/dt = R v + w x R r, tau' = rho' / c.
     swing = (
         -EARTH_RATE * (away[..., 1] * satellite[..., 0] - away[..., 0] * satellite[..., 1]) / LIGHT
     )
-    own = np.einsum("nkj,nj->nk", away, at.velocity)
-    rate = (approach - own) / (1.0 + approach / LIGHT - swing)
-    local = away @ np.swapaxes(at.axes, -1, -2)
+    antenna_rate = np.einsum("nkj,nj->nk", away, antenna_motion.velocity)
+    rate = (approach - antenna_rate) / (1.0 + approach / LIGHT - swing)
+    local = away @ np.swapaxes(antenna_motion.axes, -1, -2)
     azimuth = np.arctan2(local[..., 0], local[..., 1])
     return Ranges(distance, rate, clock, drift, azimuth, np.arcsin(local[..., 2]))
 
@@ -191,14 +195,16 @@ class Observer:
         """Set up clock and noise at their start.
 
         :param start: GPS time of time zero.
-        :param name: the first part of the names of its random streams.
+        :param name: first part of the names of the random streams.
         :param dt: time between two measurements [s].
         """
         self._parameters, self._environment = parameters, environment
         self._broadcast, self._start, self._dt = broadcast, start, dt
         self._frequencies = np.array([L1, L2][: parameters.frequencies])
         seed, self._seed, self._name = environment.seed, environment.seed, f"{name}.raw"
-        self._noise = [generator(seed, f"{self._name}.{one}") for one in ("code", "phase", "rate")]
+        self._noise = [
+            generator(seed, f"{self._name}.{kind}") for kind in ("code", "phase", "rate")
+        ]
         self._steps, self._walked = generator(seed, f"{self._name}.clock"), 0.0
         self._count = 0
         self._locks = np.zeros(SATELLITES, np.int64)
@@ -210,38 +216,40 @@ class Observer:
     def measure(
         self, t: Array, position: Array, velocity: Array, used: Integers
     ) -> Mapping[str, Any]:
-        """Return the measurements of the next n times, and the truth of them.
+        """Return the measurements of the next n times, and their truth.
 
         The receiver measures when its clock shows the times, in ticks of RINEX.
 
-        :param t: (n,) since time zero [s].
-        :param position: (n, 3) of the antenna in the world [m].
-        :param velocity: (n, 3) [m/s]
-        :param used: (n,) bit ``prn - 1`` is set for each satellite that is measured.
+        :param t: (n,) times since time zero [s].
+        :param position: (n, 3) positions of the antenna in the world [m].
+        :param velocity: (n, 3) velocities [m/s].
+        :param used: (n,) bits ``prn - 1`` of the measured satellites.
         """
         clock = self._clock(len(t))
         true_ns = round(self._start.second * 1e9) + np.round(t * 1e9).astype(np.int64)
         tag_ns = (true_ns + _TICK_NS // 2) // _TICK_NS * _TICK_NS
         off = (tag_ns - true_ns) * 1e-9 - clock
-        here = antenna(self._environment, position + off[:, None] * velocity, velocity)
+        antenna_motion = antenna(self._environment, position + off[:, None] * velocity, velocity)
         shape = (len(t), SATELLITES)
         truth = {name: np.full(shape, np.nan) for name in Ranges._fields}
         delay = np.zeros(SATELLITES)
-        for rows, known in self._broadcast.sets(self._start, t):
-            own = Antenna(*(values[rows] for values in here))
-            seen = ranges(known, self._start.week, self._start.second + (t + off)[rows], own)
-            for name, values in seen._asdict().items():
-                truth[name][np.ix_(rows, known.prn - 1)] = values
-            delay[known.prn - 1] = known.tgd
+        for rows, ephemerides in self._broadcast.sets(self._start, t):
+            motion_part = Antenna(*(values[rows] for values in antenna_motion))
+            visible_ranges = ranges(
+                ephemerides, self._start.week, self._start.second + (t + off)[rows], motion_part
+            )
+            for name, values in visible_ranges._asdict().items():
+                truth[name][np.ix_(rows, ephemerides.prn - 1)] = values
+            delay[ephemerides.prn - 1] = ephemerides.tgd
         visible = (used[:, None] >> np.arange(SATELLITES) & 1).astype(np.bool_)
         for values in truth.values():
             values[~visible] = np.nan
-        seen = Ranges(**truth)
-        ionosphere, troposphere = self._atmosphere(t, here, seen)
-        common = seen.distance + LIGHT * (clock[:, None] - seen.clock) + troposphere
-        rate = seen.rate + LIGHT * (self._parameters.clock_drift - seen.clock_rate)
+        all_ranges = Ranges(**truth)
+        ionosphere, troposphere = self._atmosphere(t, antenna_motion, all_ranges)
+        common = all_ranges.distance + LIGHT * (clock[:, None] - all_ranges.clock) + troposphere
+        rate = all_ranges.rate + LIGHT * (self._parameters.clock_drift - all_ranges.clock_rate)
         scale = np.square(L1 / self._frequencies)
-        code, phase, speed = self._errors(shape, seen.elevation)
+        code, phase, speed = self._errors(shape, all_ranges.elevation)
         wavelength = LIGHT / self._frequencies
         later = ionosphere[..., None] * scale
         delays = (LIGHT * delay)[:, None] * scale
@@ -252,9 +260,9 @@ class Observer:
             "carrier_phase": (common[..., None] - later + phase) / wavelength + cycles,
             "doppler": -(rate[..., None] + speed) / wavelength,
             "lock": lock,
-            "elevation": seen.elevation,
-            "ideal_range": seen.distance,
-            "satellite_clock": seen.clock,
+            "elevation": all_ranges.elevation,
+            "ideal_range": all_ranges.distance,
+            "satellite_clock": all_ranges.clock,
             "receiver_clock": clock,
             "ionosphere": ionosphere,
             "troposphere": troposphere,
@@ -273,35 +281,41 @@ class Observer:
             clock = clock + walked[1:]
         return clock
 
-    def _atmosphere(self, t: Array, here: Antenna, seen: Ranges) -> tuple[Array, Array]:
+    def _atmosphere(
+        self, t: Array, antenna_motion: Antenna, visible_ranges: Ranges
+    ) -> tuple[Array, Array]:
         """Return the delays (n, k) of ionosphere, on L1, and troposphere [m]."""
-        p, look = self._parameters, (seen.azimuth, seen.elevation)
-        nothing = np.zeros_like(seen.elevation)
-        above, below = nothing, nothing
+        p, look = self._parameters, (visible_ranges.azimuth, visible_ranges.elevation)
+        nothing = np.zeros_like(visible_ranges.elevation)
+        ionosphere, troposphere = nothing, nothing
         if p.ionosphere:
-            angles = (here.latitude, here.longitude)
-            above = klobuchar(self._start, t, angles, look, self._ion)
+            angles = (antenna_motion.latitude, antenna_motion.longitude)
+            ionosphere = klobuchar(self._start, t, angles, look, self._ion)
         if p.troposphere:
-            below = saastamoinen(here.latitude, here.height, seen.elevation)
-        return above, below
+            troposphere = saastamoinen(
+                antenna_motion.latitude, antenna_motion.height, visible_ranges.elevation
+            )
+        return ionosphere, troposphere
 
     def _errors(self, shape: tuple[int, int], elevation: Array) -> list[Array]:
         """Return the noise (n, k, f) of code, phase and rate; larger at low elevations."""
-        p, each = self._parameters, (*shape, len(self._frequencies))
+        p, shape_of_noise = self._parameters, (*shape, len(self._frequencies))
         sigmas = (p.code_sigma, p.phase_sigma, p.rate_sigma)
         return [
-            sigma / np.sin(elevation)[..., None] * stream.standard_normal(each)
+            sigma / np.sin(elevation)[..., None] * stream.standard_normal(shape_of_noise)
             for sigma, stream in zip(sigmas, self._noise, strict=True)
         ]
 
     def _lock(self, visible: Mask) -> tuple[Integers, Array]:
-        """Return how often each satellite was found (n, k), and its ambiguities (n, k, f)."""
-        before = np.concatenate([self._locked[None], visible])[:-1]
-        found = np.cumsum(visible & ~before, axis=0)
-        lock = self._locks + found
+        """Return the acquisitions of each satellite (n, k), and its ambiguities (n, k, f)."""
+        previous = np.concatenate([self._locked[None], visible])[:-1]
+        acquisitions = np.cumsum(visible & ~previous, axis=0)
+        lock = self._locks + acquisitions
         cycles = np.empty((*visible.shape, len(self._frequencies)))
         for k in range(SATELLITES):
-            starts = np.flatnonzero(found[:, k] > np.concatenate([[0], found[:-1, k]]))
+            starts = np.flatnonzero(
+                acquisitions[:, k] > np.concatenate([[0], acquisitions[:-1, k]])
+            )
             begin, current = 0, self._cycles[k].copy()
             for start in starts.tolist():
                 cycles[begin:start, k] = current

@@ -14,13 +14,13 @@ from imu_sim_ros.sensors.parameters import SensorParameters
 from imu_sim_ros.timebase import LOWEST_RATE
 
 MODES: Final = ("single", "dgps", "float", "fixed")
-"""What a receiver may reach: alone, with corrections, with carrier phase."""
-_EACH: Final = "for the modes single, dgps, float (RTK) and fixed (RTK)"
+"""Modes of a receiver: alone, with corrections, with carrier phase."""
+_PER_MODE: Final = "for the modes single, dgps, float (RTK) and fixed (RTK)"
 
 
 @dataclass(frozen=True)
 class RawParameters:
-    """What the receiver measures of each satellite, and with which errors."""
+    """Raw measurements of each satellite, and their errors."""
 
     rinex: bool = flag(
         False,
@@ -66,7 +66,7 @@ class RawParameters:
     troposphere: bool = flag(True, "delay of the troposphere by Saastamoinen's model")
 
     def problems(self, prefix: str) -> Iterator[str]:
-        """Say whether there are eight numbers."""
+        """Yield a line unless there are eight numbers."""
         if len(self.klobuchar) != 8:
             yield f"{prefix}klobuchar: must be eight numbers, alpha 0 to 3 and beta 0 to 3"
 
@@ -89,14 +89,14 @@ class GnssParameters(SensorParameters):
     )
     horizontal_sigma: tuple[float, ...] = numbers(
         (1.5, 0.6, 0.2, 0.01),
-        f"standard deviation of the error east, and likewise north, {_EACH}",
+        f"standard deviation of the error east, and likewise north, {_PER_MODE}",
         unit="m",
         minimum=0.0,
         group=4,
     )
     vertical_sigma: tuple[float, ...] = numbers(
         (3.0, 1.2, 0.4, 0.015),
-        f"standard deviation of the error up, {_EACH}",
+        f"standard deviation of the error up, {_PER_MODE}",
         unit="m",
         minimum=0.0,
         group=4,
@@ -232,10 +232,13 @@ class GnssParameters(SensorParameters):
         yield from super().problems(prefix)
         for name in ("horizontal_sigma", "vertical_sigma"):
             if len(getattr(self, name)) != len(MODES):
-                yield f"{prefix}{name}: must be four numbers, {_EACH}"
-        for before, after in pairwise(self.mode_changes[::2]):
-            if after <= before:
-                yield f"{prefix}mode_changes: time {after:g} s after {before:g} s: must increase"
+                yield f"{prefix}{name}: must be four numbers, {_PER_MODE}"
+        for previous, following in pairwise(self.mode_changes[::2]):
+            if following <= previous:
+                yield (
+                    f"{prefix}mode_changes: time {following:g} s after {previous:g} s: "
+                    "must increase"
+                )
         for mode in self.mode_changes[1::2]:
             if mode not in (1.0, 2.0, 3.0, 4.0):
                 yield f"{prefix}mode_changes: mode {mode:g}: must be 1, 2, 3 or 4"

@@ -3,8 +3,8 @@
 
 """Satellites of GPS: their time, their broadcast ephemerides, positions and clocks.
 
-Equations and constants are those of IS-GPS-200, 20.3.3.3.3 and 20.3.3.4.3, and table 20-IV. Places
-are Earth-fixed (WGS84) at the time that they are asked for.
+Equations and constants are those of IS-GPS-200, 20.3.3.3.3 and 20.3.3.4.3, and table 20-IV.
+Positions are Earth-fixed (WGS84) at their times.
 """
 
 from datetime import datetime, timezone
@@ -17,15 +17,15 @@ from imu_sim_ros.timebase import NANOSECONDS_PER_SECOND
 from imu_sim_ros.types import Array, Integers
 
 LIGHT: Final = 299792458.0
-"""[m/s]"""
+"""Speed of light [m/s]."""
 EARTH_RATE: Final = 7.2921151467e-5
-"""[rad/s] of GPS; that of WGS84 ends in 15."""
+"""Earth's rate of rotation in GPS [rad/s]; that of WGS84 ends in 15."""
 _GRAVITATION: Final = 3.9860050e14
-"""[m^3/s^2] of GPS."""
+"""Gravitational parameter of the Earth in GPS [m^3/s^2]."""
 WEEK: Final = 604800
-"""[s]"""
+"""Length of a week [s]."""
 _KEPLER_STEPS: Final = 4
-"""Newton's; an eccentricity of 0.03 needs three for all digits."""
+"""Newton steps; an eccentricity of 0.03 needs three for all digits."""
 
 GPS_EPOCH: Final = datetime(1980, 1, 6, tzinfo=timezone.utc)
 # GPS time minus UTC grew by a second at each of these dates (IERS Bulletin C).
@@ -38,7 +38,7 @@ _LEAPS: Final = tuple(
     )
 )
 _STAND_IN: Final = datetime(2026, 1, 1, tzinfo=timezone.utc)
-"""What stamps count from that are too early for GPS: those of a file begin with 1 s."""
+"""Origin of stamps that are too early for GPS: those of a file begin with 1 s."""
 
 
 class GpsTime(NamedTuple):
@@ -62,11 +62,11 @@ def leap_seconds(unix: float) -> int:
     >>> leap_seconds(1.7e9)
     18
     """
-    return sum(unix >= one for one in _LEAPS)
+    return sum(unix >= leap for leap in _LEAPS)
 
 
 def calendar_ns(t_ns: Integers) -> Integers:
-    """Return the UTC of stamps, as Unix times [ns]: those of all that a receiver dates.
+    """Return the UTC of a receiver's stamps, as Unix times [ns].
 
     Stamps are Unix times, but one before 6 January 1980 counts from 1 January 2026: files begin at
     1 s.
@@ -76,8 +76,8 @@ def calendar_ns(t_ns: Integers) -> Integers:
     >>> calendar_ns(np.array([10**9])).astype("datetime64[ns]").astype("datetime64[s]")
     array(['2026-01-01T00:00:01'], dtype='datetime64[s]')
     """
-    before = t_ns < int(GPS_EPOCH.timestamp()) * NANOSECONDS_PER_SECOND
-    return t_ns + before * (int(_STAND_IN.timestamp()) * NANOSECONDS_PER_SECOND)
+    too_early = t_ns < int(GPS_EPOCH.timestamp()) * NANOSECONDS_PER_SECOND
+    return t_ns + too_early * (int(_STAND_IN.timestamp()) * NANOSECONDS_PER_SECOND)
 
 
 def gps_time(t_ns: int) -> GpsTime:
@@ -105,13 +105,13 @@ class Ephemerides(NamedTuple):
     toc: Array
     """Reference time of the clock, second of that week [s]."""
     af0: Array
-    """[s]"""
+    """Clock offset [s]."""
     af1: Array
-    """[s/s]"""
+    """Clock drift [s/s]."""
     af2: Array
-    """[s/s^2]"""
+    """Clock drift rate [s/s^2]."""
     sqrt_a: Array
-    """[sqrt(m)]"""
+    """Root of the semi-major axis [sqrt(m)]."""
     eccentricity: Array
     m0: Array
     delta_n: Array
@@ -136,21 +136,21 @@ class Ephemerides(NamedTuple):
     iode: Integers
 
     def take(self, rows: Integers) -> "Ephemerides":
-        """Return some of them, in this order."""
+        """Return some of the satellites, in this order."""
         return self._replace(**{name: values[rows] for name, values in self._asdict().items()})
 
 
 class Orbits(NamedTuple):
-    """Where k satellites are at times (..., k)."""
+    """Positions and clocks of k satellites at times (..., k)."""
 
     position: Array
-    """(..., k, 3), Earth-fixed at that time [m]."""
+    """(..., k, 3) Earth-fixed position at that time [m]."""
     clock: Array
-    """(..., k): satellite's clock minus GPS time, with the relativistic part, without TGD [s]."""
+    """(..., k) clock of the satellite minus GPS time, with relativity, without TGD [s]."""
 
 
 def orbits(satellites: Ephemerides, week: int, second: Array) -> Orbits:
-    """Return where satellites are, and what their clocks are off (IS-GPS-200, table 20-IV).
+    """Return positions and clock errors of satellites (IS-GPS-200, table 20-IV).
 
     :param second: GPS times (..., k) since the beginning of the week [s].
     """
@@ -188,24 +188,24 @@ def orbits(satellites: Ephemerides, week: int, second: Array) -> Orbits:
 PLANES: Final = 6
 IN_A_PLANE: Final = 5
 _RADIUS: Final = 26559.7e3
-"""[m] of the orbits of GPS (GPS SPS performance standard, 5th ed., table 3.2-1), with the next."""
+"""Radius of the orbits of GPS [m] (GPS SPS performance standard, 5th ed., table 3.2-1)."""
 _INCLINATION: Final = np.radians(55.0)
 _ECCENTRICITY: Final = 0.005
 _PRECESSION: Final = -8.0e-9
-"""[rad/s] of the nodes, as broadcast."""
+"""Rate of the nodes, as broadcast [rad/s]."""
 VALIDITY: Final = 7200.0
-"""[s] between two reference times."""
+"""Interval of reference times [s]."""
 
 
 @lru_cache(maxsize=32)
 def almanac(week: int, toe: float) -> Ephemerides:
-    """Return 30 satellites that stand in for GPS: a Walker constellation, 55 deg: 30/6/1.
+    """Return 30 satellites in place of GPS: a Walker constellation, 55 deg: 30/6/1.
 
-    The same satellites have other numbers for each reference time, and the same places. All numbers
+    For each reference time the numbers differ, and the satellites stay on their orbits. All numbers
     are as a RINEX file holds them, with 13 digits.
 
     :param week: week of the reference time.
-    :param toe: [s]
+    :param toe: reference time, second of the week [s].
     """
     k = np.arange(PLANES * IN_A_PLANE)
     plane, slot = np.divmod(k, IN_A_PLANE)
@@ -230,14 +230,14 @@ def almanac(week: int, toe: float) -> Ephemerides:
     }
     # The clocks drift on from one reference time to the next, from zero at the start of the week.
     values["af0"] = values["af0"] + values["af1"] * toe
-    written = {name: as_written(value) for name, value in values.items()}
-    others = {name: zero for name in Ephemerides._fields if name not in written}
+    rounded = {name: as_written(value) for name, value in values.items()}
+    zeros = {name: zero for name in Ephemerides._fields if name not in rounded}
     whole = {
         "prn": k + 1,
         "week": np.full(len(k), week),
         "iode": np.full(len(k), int(toe // VALIDITY) + 1),
     }
-    return Ephemerides(**{**others, **written, **whole, "toe": zero + toe, "toc": zero + toe})
+    return Ephemerides(**{**zeros, **rounded, **whole, "toe": zero + toe, "toc": zero + toe})
 
 
 def as_written(values: Array) -> Array:

@@ -1,7 +1,7 @@
 # Copyright 2026 imu_sim_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""The magnetometer as the rest of the package sees it: samples, topics, table, readings."""
+"""Declaration of the magnetometer: samples, topics, table, readings."""
 
 from dataclasses import dataclass
 from pathlib import Path
@@ -24,19 +24,19 @@ TOPIC: Final = "imu/mag"
 IDEAL_TOPIC: Final = "ground_truth/mag"
 BIAS_TOPIC: Final = "ground_truth/magnetometer_bias"
 _STRONGEST: Final = 0.01
-"""[T] Two hundred times the Earth's field, and a fiftieth of it in gauss."""
+"""Largest field in tesla [T]: 200 times the Earth's, and a fiftieth of it in gauss."""
 
 
 @dataclass(frozen=True, repr=False)
 class MagneticReadings(SensorReadings):
-    """The n readings of a magnetometer that are delivered, and the truth of each."""
+    """n delivered readings of a magnetometer, with the truth of each."""
 
     field: Array
-    """(n, 3) as read [T]."""
+    """(n, 3) measured field [T]."""
     ideal_field: Array
-    """(n, 3) the field at the IMU in its own frame, without any error [T]."""
+    """(n, 3) field at the IMU in its frame, without errors [T]."""
     bias: Array
-    """(n, 3) what is added to the field times the sensor's response [T]."""
+    """(n, 3) error added to the field times the sensor's response [T]."""
 
 
 def variance_discrete(imu: ImuParameters) -> Vector:
@@ -47,7 +47,7 @@ def variance_discrete(imu: ImuParameters) -> Vector:
     return (x, y, z)
 
 
-def _of_table(frame: str, encoding: str) -> Encode:
+def _table_encoder(frame: str, encoding: str) -> Encode:
     from imu_sim_ros.bags.messages.encode import MagneticFieldEncoder
 
     return MagneticFieldEncoder(frame, encoding).encode
@@ -61,7 +61,7 @@ def _realised(parameters: MagnetometerParameters, seed: int, _: str) -> Any:
     return realised_magnetometer(parameters, seed)
 
 
-def _of_another_unit(field: Array) -> str:
+def _unit_hint(field: Array) -> str:
     size = float(np.linalg.norm(field))
     if size <= _STRONGEST:
         return ""
@@ -82,7 +82,7 @@ TABLE: Final = Table(
     type=TYPE,
     topic=TOPIC,
     fields=("magnetic_field", "magnetic_field_covariance"),
-    encoder=_of_table,
+    encoder=_table_encoder,
     truths=(IDEAL_TOPIC, BIAS_TOPIC),
     bias_type=BIAS_TYPE,
 )
@@ -96,26 +96,29 @@ SENSOR = Sensor(
     topics=(
         topic(
             *(TOPIC, TYPE, "MagneticFieldEncoder"),
-            lambda read, rows, now: (read.field[rows], variance_discrete(now.imu)),
+            lambda samples, rows, environment: (
+                samples.field[rows],
+                variance_discrete(environment.imu),
+            ),
             "magnetic_field",
         ),
         topic(
             *(IDEAL_TOPIC, TYPE, "MagneticFieldEncoder"),
-            lambda read, rows, _: (read.ideal_field[rows],),
+            lambda samples, rows, _: (samples.ideal_field[rows],),
             "ground_truth_magnetic_field",
             truth=True,
         ),
         topic(
             *(BIAS_TOPIC, BIAS_TYPE, "Vector3StampedEncoder"),
-            lambda read, rows, _: (read.bias[rows],),
+            lambda samples, rows, _: (samples.bias[rows],),
             *("biases", "magnetic_field"),
             truth=True,
         ),
     ),
     switches=MagnetometerSwitches,
-    given=_of_another_unit,
+    given=_unit_hint,
     table=TABLE,
-    values=lambda read: read.field,
+    values=lambda samples: samples.field,
     readings=MagneticReadings,
     realised=_realised,
 )

@@ -23,16 +23,16 @@ from imu_sim_ros.sensors.world import World
 from imu_sim_ros.types import Array
 
 MU0_OVER_4_PI: Final = 1e-7
-"""[T m/A]; the value measured in the SI of 2019 agrees to nine digits."""
+"""Magnetic constant over 4 pi [T m/A]; measured in the SI of 2019, it agrees to nine digits."""
 _FILES: Final = ((2025.0, "WMM_2025"), (2020.0, "WMM_2020"), (2015.0, "WMM_2015v2"))
 _OLDEST: Final = "WMM_2010"
 
 
 class MagneticField:
-    """The field in the world frame, ENU; one vector of the Earth for the whole world."""
+    """Field in the world frame, ENU; the Earth's part is one vector for the whole world."""
 
     def __init__(self, environment: EnvironmentParameters) -> None:
-        """Take the field that the parameters describe.
+        """Set up the field of the parameters.
 
         :raises ConfigurationError: for a place or date beyond the World Magnetic Model.
         :raises MissingDependencyError: if pygeomag is missing.
@@ -48,8 +48,8 @@ class MagneticField:
         self._alternating = np.array(p.alternating)
         self._angular_frequency = 2.0 * math.pi * p.alternating_frequency
 
-    def at(self, t: Array, position: Array) -> Array:
-        """Return the field (n, 3) [T] at times t (n,) [s] and places (n, 3) [m] in the world.
+    def field(self, t: Array, position: Array) -> Array:
+        """Return the field (n, 3) [T] at times t (n,) [s] and positions (n, 3) [m] in the world.
 
         A dipole m at a distance r: ``mu_0 / (4 pi r^3) (3 (m r) r / r^2 - m)`` (Jackson, "Classical
         Electrodynamics", 3rd ed., eq. 5.56); inside its sphere of radius R, ``mu_0 m / (2 pi R^3)``
@@ -66,13 +66,13 @@ class MagneticField:
     def _dipole(self, r: Array, moment: Array) -> Array:
         x, y, z = r.T
         squared = x * x + y * y + z * z
-        inside = squared < self._radius**2
-        squared = np.where(inside, 1.0, squared)
+        in_sphere = squared < self._radius**2
+        squared = np.where(in_sphere, 1.0, squared)
         along = 3.0 * (moment[0] * x + moment[1] * y + moment[2] * z) / squared
         cubed = squared * np.sqrt(squared)
-        outside = MU0_OVER_4_PI * (along[:, None] * r - moment) / cubed[:, None]
+        far_field = MU0_OVER_4_PI * (along[:, None] * r - moment) / cubed[:, None]
         within = 2.0 * MU0_OVER_4_PI * moment / self._radius**3
-        return np.where(inside[:, None], within, outside)
+        return np.where(in_sphere[:, None], within, far_field)
 
 
 def world_magnetic_model(environment: EnvironmentParameters) -> Array:
@@ -93,7 +93,7 @@ def world_magnetic_model(environment: EnvironmentParameters) -> Array:
     date = environment.magnetic_field.date
     name = next((name for year, name in _FILES if date >= year), _OLDEST)
     try:
-        found = GeoMag(coefficients_file=f"wmm/{name}.COF").calculate(
+        components = GeoMag(coefficients_file=f"wmm/{name}.COF").calculate(
             glat=environment.latitude_deg,
             glon=environment.longitude_deg,
             alt=environment.height * 1e-3,
@@ -101,26 +101,26 @@ def world_magnetic_model(environment: EnvironmentParameters) -> Array:
         )
     except (OSError, ValueError) as error:
         raise ConfigurationError(f"magnetic_field.model = wmm: {error}") from None
-    return np.array([found.y, found.x, -found.z]) * 1e-9
+    return np.array([components.y, components.x, -components.z]) * 1e-9
 
 
 NAME: Final = "magnetometer"
 
 
 def realised_magnetometer(parameters: MagnetometerParameters, seed: int) -> MagnetometerParameters:
-    """Return the magnetometer of this seed with nothing left to draw but the noise.
+    """Return the magnetometer of this seed, without random constants left.
 
-    A turn-on scale s multiplies all that the sensor's axes see: iron and currents take it.
+    A turn-on scale s multiplies the whole field at the sensor's axes, with iron and currents.
     """
     p = with_constants(parameters, NAME, seed)
     return with_turn_on(p, NAME, seed, rotation.to_matrix(rotation.exp(p.misalignment)))
 
 
 class Iron(NamedTuple):
-    """What is near a magnetometer, in its own axes: of one unit, or of the units of a batch."""
+    """Disturbances of a magnetometer in its axes, of one unit or of a batch."""
 
     response: Array
-    """(..., 3, 3) misalignment and soft iron; exactly the identity if there is neither."""
+    """(..., 3, 3) misalignment and soft iron; exactly the identity without them."""
     hard: Array
     """(..., 3) hard iron [T]."""
     coupling: Array
@@ -128,45 +128,47 @@ class Iron(NamedTuple):
 
 
 def iron(unit: MagnetometerParameters) -> Iron:
-    """Return what is near one magnetometer, whose constants are drawn."""
+    """Return the disturbances of one magnetometer, whose constants are drawn."""
     r_mi = rotation.to_matrix(rotation.exp(unit.misalignment)).T
-    near = np.reshape(unit.soft_iron, (3, 3)), np.array(unit.hard_iron)
-    return Iron(r_mi @ near[0], r_mi @ near[1], r_mi @ np.array(unit.current_coupling))
+    soft_and_hard = np.reshape(unit.soft_iron, (3, 3)), np.array(unit.hard_iron)
+    return Iron(
+        r_mi @ soft_and_hard[0], r_mi @ soft_and_hard[1], r_mi @ np.array(unit.current_coupling)
+    )
 
 
 def current_at(parameters: MagnetometerParameters, t: Array) -> Array:
-    """Return the current in the wires (n,) [A] at times t (n,) [s], if there ever is any."""
+    """Return the current in the wires (n,) [A] at times t (n,) [s]; None without a current."""
     profile = np.reshape(parameters.current_profile, (-1, 2)).T
     return np.interp(t, profile[0], profile[1])
 
 
 def read_field(
     triad: Triad,
-    near: Iron,
-    first: int,
+    iron_effects: Iron,
+    start: int,
     ideal: Array,
     current: Array | None,
     additions: Additions,
     faults: FaultSchedule | None = None,
 ) -> dict[str, Array]:
-    """Return the next n samples and their truth, as a flight has them, of ideal fields.
+    """Return the next n samples and their truth, from ideal fields.
 
-    Of one magnetometer, or of those of a batch.
+    The magnetometer is one, or a batch.
 
-    :param triad: the sensor's own errors.
-    :param near: what is near it.
-    :param first: index of the first of them.
+    :param triad: errors of the sensor.
+    :param iron_effects: disturbances of the sensor.
+    :param start: index of the first sample.
     :param ideal: (n, ..., 3) field in the IMU's axes [T].
-    :param current: (n, ...) in the wires [A]; None: none.
+    :param current: (n, ...) current in the wires [A]; None: none.
     :param additions, faults: as for :meth:`Triad.read`.
     """
-    disturbance = np.broadcast_to(near.hard, ideal.shape)
+    disturbance = np.broadcast_to(iron_effects.hard, ideal.shape)
     if current is not None:
-        disturbance = disturbance + near.coupling * current[..., None]
-    along = transform(near.response, ideal) + disturbance
-    made = triad.read(first, along, along, additions, faults)
-    bias = made.bias + made.scale * disturbance
-    return {"field": made.reading, "ideal_field": ideal, "bias": bias}
+        disturbance = disturbance + iron_effects.coupling * current[..., None]
+    along = transform(iron_effects.response, ideal) + disturbance
+    samples = triad.read(start, along, along, additions, faults)
+    bias = samples.bias + samples.scale * disturbance
+    return {"field": samples.reading, "ideal_field": ideal, "bias": bias}
 
 
 class Magnetometer(SensorWithImu):
@@ -185,17 +187,17 @@ class Magnetometer(SensorWithImu):
         self.earth_w = self._field.earth_w
         """(3,) the Earth's field in the world [T]."""
         self._r_ib = np.reshape(imu.mounting, (3, 3)).T
-        self._near = iron(with_constants(self.parameters, NAME, environment.seed))
+        self._iron = iron(with_constants(self.parameters, NAME, environment.seed))
 
     def ideal(self, t: Array, world: World) -> Array:
         """Return the field in the IMU's axes (n, 3) [T]."""
         motion = world.motion(t)
         position = motion.position + rotate(motion.q_wb, self.lever_arm_b)
-        return transform(self._r_ib, rotate_inverse(motion.q_wb, self._field.at(t, position)))
+        return transform(self._r_ib, rotate_inverse(motion.q_wb, self._field.field(t, position)))
 
     def measure(self, samples: Sampled, ideal: Array, additions: Additions) -> dict[str, Array]:
         """Return fields and biases [T] of the next n samples."""
         flows = bool(self.parameters.current_profile)
         current = current_at(self.parameters, samples.t) if flows else None
         faults = self.timing.faults
-        return read_field(self.triad, self._near, samples.first, ideal, current, additions, faults)
+        return read_field(self.triad, self._iron, samples.first, ideal, current, additions, faults)

@@ -3,7 +3,7 @@
 
 """Parameters of the magnetometer of an IMU: ``imu.magnetometer_...``.
 
-Where an error is one that gyroscopes and accelerometers have as well, its name is the same.
+Errors that gyroscopes and accelerometers have as well have the same names.
 """
 
 from collections.abc import Iterator
@@ -27,7 +27,7 @@ from imu_sim_ros.sensors.imu.triads import as_in_triads, invertible_problems
 from imu_sim_ros.sensors.parameters import OwnRateParameters
 from imu_sim_ros.types import Array
 
-_WORDS: Final = {"triad": "magnetometer", "unit": "T", "change": "T/s", "quantity": "field"}
+_TEXTS: Final = {"triad": "magnetometer", "unit": "T", "change": "T/s", "quantity": "field"}
 
 
 @dataclass(frozen=True)
@@ -83,21 +83,22 @@ class MagnetometerParameters(OwnRateParameters):
         unit="s, A",
         group=2,
     )
-    noise_density: Vector = as_in_triads("noise_density", _WORDS)
-    random_walk: Vector = as_in_triads("random_walk", _WORDS)
-    bias_instability: Vector = as_in_triads("bias_instability", _WORDS)
-    bias: Vector = as_in_triads("bias", _WORDS, text="offset of the sensor itself, in its own axes")
-    turn_on_bias_sigma: Vector = as_in_triads("turn_on_bias_sigma", _WORDS)
-    turn_on_scale_sigma: Vector = as_in_triads("turn_on_scale_sigma", _WORDS)
-    temperature_bias: tuple[float, ...] = as_in_triads("temperature_bias", _WORDS)
-    temperature_scale: tuple[float, ...] = as_in_triads("temperature_scale", _WORDS)
-    range: Vector = as_in_triads("range", _WORDS)
-    resolution: Vector = as_in_triads("resolution", _WORDS)
+    noise_density: Vector = as_in_triads("noise_density", _TEXTS)
+    random_walk: Vector = as_in_triads("random_walk", _TEXTS)
+    bias_instability: Vector = as_in_triads("bias_instability", _TEXTS)
+    bias: Vector = as_in_triads("bias", _TEXTS, text="offset of the sensor itself, in its own axes")
+    turn_on_bias_sigma: Vector = as_in_triads("turn_on_bias_sigma", _TEXTS)
+    turn_on_scale_sigma: Vector = as_in_triads("turn_on_scale_sigma", _TEXTS)
+    temperature_bias: tuple[float, ...] = as_in_triads("temperature_bias", _TEXTS)
+    temperature_scale: tuple[float, ...] = as_in_triads("temperature_scale", _TEXTS)
+    range: Vector = as_in_triads("range", _TEXTS)
+    resolution: Vector = as_in_triads("resolution", _TEXTS)
 
     def response_and_bias(self) -> tuple[Array, Array]:
         """Return M (3, 3) and b (3,) [T] of ``reading = M B + b``, both in the sensor's axes.
 
-        The unit has nothing left to draw; no currents flow, at the reference temperature.
+        All random constants of the unit are drawn; no currents flow; the temperature is the
+        reference.
         """
         r_mi = rotation.to_matrix(rotation.exp(self.misalignment)).T
         return r_mi @ np.reshape(self.soft_iron, (3, 3)), r_mi @ self.hard_iron + self.bias
@@ -110,17 +111,17 @@ class MagnetometerParameters(OwnRateParameters):
                 f"{prefix}misalignment = {self.misalignment}: must be a rotation by at most pi rad"
             )
         yield from invertible_problems(self.soft_iron, f"{prefix}soft_iron")
-        for before, after in pairwise(self.current_profile[::2]):
-            if after <= before:
+        for previous, following in pairwise(self.current_profile[::2]):
+            if following <= previous:
                 yield (
-                    f"{prefix}current_profile: time {after:g} s after {before:g} s: "
+                    f"{prefix}current_profile: time {following:g} s after {previous:g} s: "
                     "times must increase"
                 )
 
 
 @dataclass(frozen=True)
 class MagnetometerSwitches:
-    """Which of its topics are published."""
+    """Switches of the published topics."""
 
     magnetic_field: bool = flag(False, "publish imu/mag, the readings of the magnetometer")
     ground_truth_magnetic_field: bool = flag(

@@ -1,7 +1,7 @@
 # Copyright 2026 imu_sim_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""An IMU's orientation as the rest of the package sees it: samples, topic, table, readings."""
+"""Declaration of an IMU's orientation: samples, topic, table, readings."""
 
 from dataclasses import dataclass
 from pathlib import Path
@@ -25,19 +25,19 @@ from imu_sim_ros.types import Array
 
 TYPE: Final = "sensor_msgs/msg/Imu"
 TOPIC: Final = "imu/data"
-"""The readings again, with an orientation (REP-145)."""
+"""Topic of readings with an orientation (REP-145)."""
 
 
 @dataclass(frozen=True, repr=False)
 class Orientations(SensorReadings):
-    """The n orientations that an IMU reports and delivers, and the truth of each."""
+    """n orientations delivered by an IMU, with the truth of each."""
 
     q_wi: Array
-    """(n, 4) of the IMU in the world, as stated: unit quaternions (w, x, y, z)."""
+    """(n, 4) measured orientation of the IMU in the world: unit quaternions (w, x, y, z)."""
     variance: Array
-    """(n, 3) stated, of the error about the world's axes [rad^2]; 0: unknown."""
+    """(n, 3) stated variance of the error about the world's axes [rad^2]; 0: unknown."""
     ideal_q_wi: Array
-    """(n, 4) the true ones."""
+    """(n, 4) true orientation."""
 
 
 def _readings(mounted: Mounted, encoding: str) -> Payloads:
@@ -71,7 +71,7 @@ SENSOR = Sensor(
     topics=(Topic(TOPIC, TYPE, ("orientation",), _readings),),
     switches=OrientationSwitches,
     table=TABLE,
-    values=lambda read: read.q_wi,
+    values=lambda samples: samples.q_wi,
     readings=Orientations,
     needs=_needs,
     faults=False,
@@ -84,7 +84,7 @@ def read_orientation(path: str | Path, topic: str | None = None) -> RecordedSamp
     :param path: the file or folder.
     :param topic: topic of type sensor_msgs/Imu; None: ``imu/data``, or the only one.
     :returns: stamps, quaternions q_wi (n, 4) (w, x, y, z), and covariances (n, 3, 3) [rad^2] of the
-        error about the world's axes. Messages without an orientation are left out.
+        error about the world's axes. Messages without an orientation are skipped.
     :raises ConfigurationError: for an invalid argument.
     :raises InputError: for a file that cannot be read, or has no orientation.
 

@@ -1,11 +1,12 @@
 # Copyright 2026 imu_sim_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""An orientation as a real board makes it: a complementary filter over its own readings.
+"""Orientation of a board's filter: a complementary filter over its own readings.
 
-The gyroscope alone gives the attitude q_gi in a frame g that hardly turns: only its errors turn it.
-Seen from there, gravity and the magnetic field are slow vectors, which a low-pass frees of motion
-and noise; they tell how g is oriented in the world. (The alignment in an inertial frame, P. M. G.
+The gyroscope alone gives the attitude q_gi in a frame g that turns only by the gyroscope's errors.
+In that frame, gravity and the magnetic field are slow vectors; a low-pass removes motion and
+noise from them, and their directions give g in the world. (The alignment in an inertial frame, P.
+M. G.
 Silson, "Coarse Alignment of a Ship's Strapdown Inertial Attitude Reference System Using Velocity
 Loci", IEEE Trans. Instrum. Meas. 60 (2011) 1930.)
 
@@ -34,35 +35,35 @@ _CHUNK: Final = 256
 class RunningProduct:
     """Products ``q_0, q_0 q_1, ...`` of quaternions, scanned in chunks at fixed indices.
 
-    Within a chunk by doubling: an entry depends on those before it alone, and in one order.
+    Within a chunk the scan doubles: an entry depends on earlier entries alone, in a fixed order.
     """
 
     def __init__(self) -> None:
-        self._before = rotation.IDENTITY
+        self._last_product = rotation.IDENTITY
         self._waiting = np.empty((0, 4))
 
     def next(self, factors: Array) -> Array:
         """Return the products (n, 4) up to each of the next factors (n, 4)."""
-        done = len(self._waiting)
-        every = np.concatenate([self._waiting, factors])
-        count = len(every)
-        self._waiting = np.copy(every[count // _CHUNK * _CHUNK :])
+        previous_count = len(self._waiting)
+        all_factors = np.concatenate([self._waiting, factors])
+        count = len(all_factors)
+        self._waiting = np.copy(all_factors[count // _CHUNK * _CHUNK :])
         chunks = -(-count // _CHUNK)
         width = _CHUNK
-        if chunks == 1:  # short blocks do not need the whole chunk: an entry needs none behind it
+        if chunks == 1:  # short blocks do not fill a chunk, and later entries are not needed
             width = count
         products: Array = np.empty((chunks * width, 4), order="F")
-        products[:count], products[count:] = every, rotation.IDENTITY
+        products[:count], products[count:] = all_factors, rotation.IDENTITY
         products = products.reshape(chunks, width, 4)
         step = 1
         while step < width:
             products[:, step:] = rotation.multiply(products[:, :-step], products[:, step:])
             step *= 2
         for k in range(chunks):
-            products[k] = rotation.multiply(self._before, products[k])
+            products[k] = rotation.multiply(self._last_product, products[k])
             if (k + 1) * _CHUNK <= count:
-                self._before = rotation.normalise(products[k, -1])
-        return products.reshape(-1, 4)[done:count]
+                self._last_product = rotation.normalise(products[k, -1])
+        return products.reshape(-1, 4)[previous_count:count]
 
 
 class SteadyLowPass:
@@ -72,28 +73,30 @@ class SteadyLowPass:
     """
 
     def __init__(self, time_constant: float, dt: float) -> None:
-        from scipy import signal  # half a second of import that only a filter costs
+        from scipy import signal  # imported only for filters, since it takes long
 
         self._filter = signal.lfilter
         self._phi = math.exp(-dt / time_constant)
         self._settling = max(round(time_constant / dt), 1)
-        self._seen = 0
+        self._count = 0
         self._sum = np.zeros((1, 3))
         self._states = [self._sum, self._sum]
 
     def next(self, values: Array) -> Array:
         """Return the next n filtered values (n, 3)."""
-        first = min(max(self._settling - self._seen, 0), len(values))
-        return np.concatenate([self._mean(values[:first]), self._low(values[first:])])
+        settling_rows = min(max(self._settling - self._count, 0), len(values))
+        return np.concatenate(
+            [self._mean(values[:settling_rows]), self._low(values[settling_rows:])]
+        )
 
     def _mean(self, values: Array) -> Array:
         if len(values) == 0:
             return values
         # Added one by one, so that the sums do not depend on the block's size.
         sums = np.cumsum(np.concatenate([self._sum, values]), axis=0)[1:]
-        counts = np.arange(self._seen + 1, self._seen + 1 + len(values))
+        counts = np.arange(self._count + 1, self._count + 1 + len(values))
         means: Array = sums / counts[:, None]
-        self._sum, self._seen = sums[-1:].copy(), self._seen + len(values)
+        self._sum, self._count = sums[-1:].copy(), self._count + len(values)
         self._states = [self._phi * means[-1:]] * 2
         return means
 
@@ -107,14 +110,14 @@ class SteadyLowPass:
 
 
 class OrientationFilter:
-    """The filter; readings come in, orientations in the world go out."""
+    """Filter of readings to orientations in the world."""
 
     def __init__(self, time_constant: float, dt: float, magnetic_dt: float, field_w: Array) -> None:
-        """Start with nothing known.
+        """Start without a known orientation.
 
         :param dt: time between two readings of gyroscope and accelerometer [s].
-        :param magnetic_dt: likewise of the magnetic field's.
-        :param field_w: (3,) the Earth's field, ENU; it gives true north for magnetic north.
+        :param magnetic_dt: time between two readings of the magnetic field [s].
+        :param field_w: (3,) Earth's field, ENU, for true north from magnetic north [T].
         """
         self._dt = dt
         self._product = RunningProduct()
@@ -133,33 +136,34 @@ class OrientationFilter:
         field: Array,
         behind: Indices,
         delay: Array,
-        known: Indices,
+        available_from: Indices,
     ) -> Array:
         """Return the orientations q_wi (n, 4) at the next n readings.
 
         Until the first reading of the magnetic field the heading is arbitrary.
 
-        :param gyro: (n, 3) [rad/s].
-        :param accel: (n, 3) [m/s^2].
-        :param field: (m, 3) as the board reads it.
-        :param behind: (m,) which of the n readings each of them follows; -1: the one before.
-        :param delay: (m,) by how much [s].
-        :param known: (m,) from which of the n readings on each is known; n: not here.
+        :param gyro: (n, 3) readings [rad/s].
+        :param accel: (n, 3) readings [m/s^2].
+        :param field: (m, 3) field measured by the board [T].
+        :param behind: (m,) index of the reading before each field; -1: that before the block.
+        :param delay: (m,) delay of each field behind that reading [s].
+        :param available_from: (m,) index of the first reading at which each field is available; n:
+            later.
         """
-        before = gyro[:1] if self._last_rate is None else self._last_rate
-        rates = np.concatenate([before, gyro])
+        previous_rate = gyro[:1] if self._last_rate is None else self._last_rate
+        rates = np.concatenate([previous_rate, gyro])
         mean = 0.5 * (rates[:-1] + gyro)
         if self._last_rate is None:
             mean[:1] = 0.0
         q_gi = self._product.next(rotation.exp(mean * self._dt))
-        every = np.concatenate([self._last_q, q_gi])
-        self._last_rate, self._last_q = rates[-1:], every[-1:]
+        attitudes = np.concatenate([self._last_q, q_gi])
+        self._last_rate, self._last_q = rates[-1:], attitudes[-1:]
         up = _unit(self._up.next(rotation.rotate(q_gi, accel)))
         turned = rotation.exp(rates[behind + 1] * delay[:, None])
-        q_gm = rotation.multiply(every[behind + 1], turned)
-        seen = self._north.next(rotation.rotate(q_gm, field))
-        latest = np.searchsorted(known, np.arange(len(gyro)), side="right")
-        fields = np.concatenate([self._field, seen])
+        q_gm = rotation.multiply(attitudes[behind + 1], turned)
+        filtered_field = self._north.next(rotation.rotate(q_gm, field))
+        latest = np.searchsorted(available_from, np.arange(len(gyro)), side="right")
+        fields = np.concatenate([self._field, filtered_field])
         self._field = fields[-1:].copy()
         return rotation.multiply(self._in_world(up, fields[latest]), q_gi)
 
@@ -174,10 +178,10 @@ class OrientationFilter:
 
 
 def _unit(v: Array) -> Array:
-    """Return directions (n, 3); z if there is none."""
+    """Return directions (n, 3); z for zero vectors."""
     x, y, z = v.T
     length = np.sqrt(x * x + y * y + z * z)
     nothing = length == 0.0
-    result: Array = v / np.where(nothing, 1.0, length)[:, None]
-    result[nothing, 2] = 1.0
-    return result
+    directions: Array = v / np.where(nothing, 1.0, length)[:, None]
+    directions[nothing, 2] = 1.0
+    return directions

@@ -24,7 +24,7 @@ from imu_sim_ros.sensors.world import Window, World
 from imu_sim_ros.types import Array
 
 EXACT: Final = 1e-12
-"""[rad^2] Stated of an orientation without any error: 0 would say that its variance is unknown."""
+"""Stated variance of an exact orientation [rad^2]: 0 would mean that it is unknown."""
 
 
 class ModelledOrientation:
@@ -53,7 +53,7 @@ class ModelledOrientation:
     def next(self, block: Samples, q_wi: Array) -> tuple[Array, Array]:
         """Return orientations (n, 4) and the variances of their errors (n, 3) [rad^2].
 
-        :param q_wi: (n, 4) the true ones.
+        :param q_wi: (n, 4) true orientations.
         """
         n = len(q_wi)
         error, variance = (np.empty((n, 3), order="F") for _ in range(2))
@@ -75,7 +75,7 @@ class ModelledOrientation:
 
 
 class FilteredOrientation:
-    """A filter over the IMU's readings, corrected by a calibration or as they are."""
+    """Filter over the IMU's readings, calibrated or not."""
 
     def __init__(
         self, imu: ImuParameters, environment: EnvironmentParameters, field: Magnetometer
@@ -128,28 +128,28 @@ class _Correction:
 class Orientation(FixedModel):
     """Orientations at the IMU's samples, or at every m-th of them."""
 
-    def __init__(self, mounted: Mounted, _: int, others: Mapping[str, Model]) -> None:
+    def __init__(self, mounted: Mounted, _: int, models: Mapping[str, Model]) -> None:
         """Set up the model or the filter.
 
-        :param others: the IMU, and for the filter its sensor of the magnetic field; they are read
-            before this.
+        :param models: the IMU, and for the filter its magnetometer; they are read
+                before this sensor.
         """
         imu, environment, rate = mounted.own, mounted.environment, mounted.own.orientation.rate
         ratio = timebase.exact_rate(environment.rate) / timebase.exact_rate(rate) if rate else 1
-        read = others["imu"]
-        assert isinstance(read, Imu)
-        self._every, self._imu = int(ratio), read
+        imu_model = models["imu"]
+        assert isinstance(imu_model, Imu)
+        self._every, self._imu = int(ratio), imu_model
         self._q_bi = rotation.from_matrix(np.reshape(imu.mounting, (3, 3)))
         self._source: ModelledOrientation | FilteredOrientation
         if imu.orientation.source == "filter":
-            field = others["magnetic_field"]
+            field = models["magnetic_field"]
             assert isinstance(field, Magnetometer)
             self._source = FilteredOrientation(imu, environment, field)
         else:
             self._source = ModelledOrientation(imu, environment)
 
     def read(self, window: Window, world: World) -> Samples:
-        """Return the orientations of the IMU's samples, and of the field's, that were read last."""
+        """Return the orientations of the last samples of the IMU and of the magnetometer."""
         block = self._imu.latest
         truth = rotation.multiply(block.motion.q_wb, self._q_bi)
         q, variance = self._source.next(block, truth)

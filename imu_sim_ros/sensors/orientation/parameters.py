@@ -10,13 +10,13 @@ from typing import Final
 from imu_sim_ros.parameters.kinds import Vector, choice, flag, number, vector
 
 MODEL_ERRORS: Final = ("turn_on_sigma", "drift_sigma", "noise", "acceleration_sensitivity")
-"""Parameters that only the source ``model`` has."""
+"""Parameters of the source ``model`` alone."""
 _AXES = "about the world's east, north and up"
 
 
 @dataclass(frozen=True)
 class OrientationParameters:
-    """The orientation in imu/data: the truth with an error model, or a filter's."""
+    """Orientation in imu/data: the truth with an error model, or a filter's."""
 
     source: str = choice(
         "model",
@@ -91,7 +91,7 @@ class OrientationParameters:
     )
 
     def problems(self, prefix: str) -> Iterator[str]:
-        """Say which errors belong to the other source."""
+        """Yield the errors that belong to the other source."""
         if self.source == "filter":
             for name in MODEL_ERRORS:
                 if any(getattr(self, name)):
@@ -103,7 +103,7 @@ class OrientationParameters:
 
 @dataclass(frozen=True)
 class OrientationSwitches:
-    """Which of its topics are published."""
+    """Switches of the published topics."""
 
     orientation: bool = flag(
         False, "publish imu/data, the readings of imu/data_raw with an orientation"

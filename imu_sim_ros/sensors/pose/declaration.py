@@ -1,7 +1,7 @@
 # Copyright 2026 imu_sim_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""The true pose: the body's motion as samples without any error, and its topics."""
+"""The true pose: the body's motion as samples without errors, and its topics."""
 
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Final
@@ -46,8 +46,8 @@ class Pose(FixedModel):
     def read(self, window: Window, world: World) -> Samples:
         """Return the samples in a window."""
         _, true_t_ns, t = self._times.within(window)
-        every = np.arange(len(true_t_ns))
-        return Samples(true_t_ns, true_t_ns, true_t_ns, every, world.motion(t)._asdict())
+        rows = np.arange(len(true_t_ns))
+        return Samples(true_t_ns, true_t_ns, true_t_ns, rows, world.motion(t)._asdict())
 
 
 @dataclass(frozen=True, repr=False)
@@ -66,10 +66,10 @@ def _odometry(mounted: Mounted, encoding: str) -> Payloads:
     world = mounted.environment
     messages = OdometryEncoder(world.world_frame, world.body_frame, encoding)
 
-    def payloads(read: Samples, _: object, __: object) -> "RowTemplate":
-        velocity_b = rotate_inverse(read.q_wb, read.velocity)
-        state = (read.position, read.q_wb, velocity_b, read.angular_velocity)
-        return messages.pattern(read.true_t_ns, *state)
+    def payloads(samples: Samples, _: object, __: object) -> "RowTemplate":
+        velocity_b = rotate_inverse(samples.q_wb, samples.velocity)
+        state = (samples.position, samples.q_wb, velocity_b, samples.angular_velocity)
+        return messages.pattern(samples.true_t_ns, *state)
 
     return payloads
 
@@ -79,14 +79,16 @@ def _fix(mounted: Mounted, encoding: str) -> Payloads:
 
     world = mounted.environment
     messages = NavSatFixEncoder(world.body_frame, encoding)
-    return lambda read, *_: messages.pattern(read.true_t_ns, *geodetic(world, read.position))
+    return lambda samples, *_: messages.pattern(
+        samples.true_t_ns, *geodetic(world, samples.position)
+    )
 
 
 def _pose(mounted: Mounted, encoding: str) -> Payloads:
     from imu_sim_ros.bags.messages.encode import PoseStampedEncoder
 
     messages = PoseStampedEncoder(mounted.environment.world_frame, encoding)
-    return lambda read, *_: messages.pattern(read.true_t_ns, read.position, read.q_wb)
+    return lambda samples, *_: messages.pattern(samples.true_t_ns, samples.position, samples.q_wb)
 
 
 def _transforms(mounted: Mounted, encoding: str) -> Payloads:
@@ -95,8 +97,8 @@ def _transforms(mounted: Mounted, encoding: str) -> Payloads:
 
     world = mounted.environment
     frames = TransformsEncoder([(world.world_frame, world.body_frame)], encoding)
-    return lambda read, *_: as_row_template(
-        frames.encode(read.true_t_ns, read.position[:, None], read.q_wb[:, None])
+    return lambda samples, *_: as_row_template(
+        frames.encode(samples.true_t_ns, samples.position[:, None], samples.q_wb[:, None])
     )
 
 

@@ -1,7 +1,7 @@
 # Copyright 2026 imu_sim_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""The wheels as the rest of the package sees them: topics, table, readings."""
+"""Declaration of the wheels: topics, table, readings."""
 
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Final
@@ -41,28 +41,28 @@ _UNITS: Final = (
 
 @dataclass(frozen=True, repr=False)
 class WheelsReadings(SensorReadings):
-    """The n readings of the wheels that are delivered, and the truth of each.
+    """n delivered readings of the wheels, with the truth of each.
 
     Twists are (forward speed, sideways speed, yaw rate) [m/s, m/s, rad/s], means over the interval
-    before the reading, as counts give them; ``true_twist`` alone is of the instant.
+    before the reading, as counts give them; ``true_twist`` is that at the stamp.
     """
 
     pose: Array
     """(n, 3) x, y [m] and yaw [rad]: the sum of the readings from 0."""
     twist: Array
-    """(n, 3) as read."""
+    """(n, 3) measured twist."""
     covariance: Array
-    """(n, 3, 3) stated, of the twist."""
+    """(n, 3, 3) stated covariance of the twist."""
     pose_covariance: Array
-    """(n, 3, 3) stated, of the pose [m, m, rad]."""
+    """(n, 3, 3) stated covariance of the pose [m, m, rad]."""
     angle: Array
-    """(n, m) of the joints, as read [rad]."""
+    """(n, m) measured angles of the joints [rad]."""
     speed: Array
-    """(n, m) of the joints, as read [rad/s]."""
+    """(n, m) measured speeds of the joints [rad/s]."""
     ideal_twist: Array
-    """(n, 3) of the vehicle, without error."""
+    """(n, 3) twist of the vehicle without errors."""
     true_twist: Array
-    """(n, 6) of the vehicle at the instant, in the child frame: linear, angular."""
+    """(n, 6) twist of the vehicle at the stamp in the child frame: linear, angular."""
     true_pose: Array
     """(n, 7) position and q (w, x, y, z), relative to the first reading."""
     ideal_angle: Array
@@ -72,22 +72,22 @@ class WheelsReadings(SensorReadings):
     slip: Array
     """(n, 3) twist for which the wheels turn, minus the vehicle's."""
     slip_ratio: Array
-    """(n, wheels) of the patch: how much faster a rim is than the ground, 0.1 for 10 percent."""
+    """(n, wheels) relative speed of a rim against the ground on a patch, 0.1 for 10 percent."""
     temperature: Array
-    """(n,) of the wheels [degC]."""
+    """(n,) temperature of the wheels [degC]."""
     true_radius: Array
-    """(n, wheels) at this temperature [m]."""
+    """(n, wheels) true radius at this temperature [m]."""
 
 
 def _joints(name: str, position: str, velocity: str, truth: bool = False) -> Topic:
     def make(_: Mounted, encoding: str) -> Payloads:
         from imu_sim_ros.bags.messages.transforms import JointStateEncoder
 
-        def payloads(read: Samples, rows: Rows, now: WheelsParameters) -> "RowTemplate":
-            t_ns = (read.true_t_ns if truth else read.t_ns)[rows]
-            encoder = JointStateEncoder(now.joints, "", encoding)
+        def payloads(samples: Samples, rows: Rows, parameters: WheelsParameters) -> "RowTemplate":
+            t_ns = (samples.true_t_ns if truth else samples.t_ns)[rows]
+            encoder = JointStateEncoder(parameters.joints, "", encoding)
             return encoder.pattern(
-                t_ns, getattr(read, position)[rows], getattr(read, velocity)[rows]
+                t_ns, getattr(samples, position)[rows], getattr(samples, velocity)[rows]
             )
 
         return payloads
@@ -99,27 +99,27 @@ def _odometry(name: str, truth: bool = False) -> Topic:
     def make(mounted: Mounted, encoding: str) -> Payloads:
         from imu_sim_ros.bags.messages.encode import OdometryEncoder
 
-        def payloads(read: Samples, rows: Rows, now: WheelsParameters) -> "RowTemplate":
-            encoder = OdometryEncoder(now.odom_frame, mounted.frame, encoding)
+        def payloads(samples: Samples, rows: Rows, parameters: WheelsParameters) -> "RowTemplate":
+            encoder = OdometryEncoder(parameters.odom_frame, mounted.frame, encoding)
             if truth:
-                pose, twist = read.true_pose[rows], read.true_twist[rows]
+                pose, twist = samples.true_pose[rows], samples.true_twist[rows]
                 ideal = pose[:, :3], pose[:, 3:], twist[:, :3], twist[:, 3:]
-                return encoder.pattern(read.true_t_ns[rows], *ideal)
-            position, q, velocity, rate = _as_read(read, rows)
+                return encoder.pattern(samples.true_t_ns[rows], *ideal)
+            position, q, velocity, rate = _measured_motion(samples, rows)
             covariances = (
-                _planar(read.pose_covariance[rows]),
-                _planar(read.covariance[rows]),
+                _planar(samples.pose_covariance[rows]),
+                _planar(samples.covariance[rows]),
             )
-            return encoder.pattern(read.t_ns[rows], position, q, velocity, rate, *covariances)
+            return encoder.pattern(samples.t_ns[rows], position, q, velocity, rate, *covariances)
 
         return payloads
 
     return Topic(name, ODOMETRY, (), make, truth)
 
 
-def _as_read(read: Samples, rows: Rows) -> tuple[Array, ...]:
+def _measured_motion(samples: Samples, rows: Rows) -> tuple[Array, ...]:
     """Return position, attitude, velocity, angular velocity."""
-    pose, twist = read.pose[rows], read.twist[rows]
+    pose, twist = samples.pose[rows], samples.twist[rows]
     count = len(pose)
     none = np.zeros(count)
     half = 0.5 * pose[:, 2]
@@ -132,7 +132,7 @@ def _as_read(read: Samples, rows: Rows) -> tuple[Array, ...]:
 
 
 def _planar(measured: Array) -> Array:
-    """Return covariances (n, 6, 6) of x, y and yaw (n, 3, 3), and of what wheels do not measure."""
+    """Return covariances (n, 6, 6) of x, y and yaw (n, 3, 3), and of unmeasured components."""
     covariance = np.zeros((len(measured), 6, 6))
     planar = np.array([0, 1, 5])
     covariance[:, planar[:, None], planar] = measured
@@ -152,7 +152,7 @@ SENSOR = Sensor(
         _joints("ground_truth/joint_states", "ideal_angle", "ideal_speed", truth=True),
         topic(
             *("ground_truth/wheel_slip", *VECTOR),
-            lambda read, rows, _: (read.slip[rows],),
+            lambda samples, rows, _: (samples.slip[rows],),
             truth=True,
         ),
     ),
@@ -164,12 +164,12 @@ SENSOR = Sensor(
         type=ODOMETRY,
         topic=TOPIC,
     ),
-    values=lambda read: np.column_stack(
-        [read.pose, read.twist, np.diagonal(read.covariance, axis1=1, axis2=2)]
+    values=lambda samples: np.column_stack(
+        [samples.pose, samples.twist, np.diagonal(samples.covariance, axis1=1, axis2=2)]
     ),
     readings=WheelsReadings,
     realised=on_demand(_MODEL, "realised_wheels"),
     text="encoders with slip and errors of radii and base, and odometry from them",
-    warnings=on_demand(_MODEL, "unseen"),
+    warnings=on_demand(_MODEL, "unmeasured_motion"),
     presets="wheels",
 )

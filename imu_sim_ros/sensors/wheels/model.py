@@ -1,7 +1,7 @@
 # Copyright 2026 imu_sim_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Wheels on the ground: how far each turns, what its encoder counts, and odometry from that.
+"""Wheels on the ground: rotation, counts of the encoders, and odometry.
 
 A twist is (forward speed, sideways speed, yaw rate). The kinematics are those of R. Siegwart and
 I. Nourbakhsh, "Introduction to Autonomous Mobile Robots", chapter 3; the odometry uses the nominal
@@ -21,22 +21,22 @@ from imu_sim_ros.sensors.declaration import Mounted
 from imu_sim_ros.sensors.errors.processes import Events
 from imu_sim_ros.sensors.model import SensorModel
 from imu_sim_ros.sensors.wheels.parameters import WheelsParameters
-from imu_sim_ros.sensors.wheels.uncertainty import StatedCovariance, applied
+from imu_sim_ros.sensors.wheels.uncertainty import StatedCovariance, rows_times
 from imu_sim_ros.sensors.world import TemperatureProfile, World
 from imu_sim_ros.trajectory.motion import Motion
 from imu_sim_ros.types import Array
 
 _LONGEST_LOOK: Final = 600.0
-"""[s] of a motion that warnings look at, in steps of 0.1 s."""
+"""Longest part of a motion that warnings examine, in steps of 0.1 s [s]."""
 _UNSEEN: Final = 0.01
-"""A speed that no wheel measures is worth a warning above this share of the largest speed."""
+"""Share of the largest speed above which a speed that no wheel measures has a warning."""
 _LIFTED: Final = 0.05
-"""The same of speeds up and down, which springs cause: the way along the ground is then longer by
-half the square of this."""
+"""The same share of vertical speeds, which springs cause: the way along the ground is then longer
+by half its square."""
 
 
 def rim_speeds(model: str, track: float, wheelbase: float) -> Array:
-    """Return J (m, 3): the speed of each wheel's rim without slip is J times the twist."""
+    """Return J (m, 3), which maps a twist to the speeds of the wheels' rims without slip."""
     if model == "omnidirectional":
         arm = 0.5 * (track + wheelbase)
         sides = np.array([[-1.0, -arm], [1.0, arm], [1.0, -arm], [-1.0, arm]])
@@ -45,13 +45,13 @@ def rim_speeds(model: str, track: float, wheelbase: float) -> Array:
 
 
 def wheel_positions(model: str, track: float, wheelbase: float) -> Array:
-    """Return where each wheel touches the ground (m, 3), from the point of the twist [m]."""
+    """Return the contact points of the wheels (m, 3), from the point of the twist [m]."""
     ends = (0.5, -0.5) if model == "omnidirectional" else (0.0,)
     return np.array([[end * wheelbase, side * track, 0.0] for end in ends for side in (0.5, -0.5)])
 
 
 def realised_wheels(p: WheelsParameters, seed: int, name: str) -> WheelsParameters:
-    """Return the wheels of a seed, with the true radii, distances and offset in their positions.
+    """Return the wheels of a seed, with its true radii, distances and offset.
 
     :param name: name of the wheels among the sensors.
     """
@@ -73,7 +73,8 @@ def realised_wheels(p: WheelsParameters, seed: int, name: str) -> WheelsParamete
 def point_twist(motion: Motion, lever_arm: Array, q_bs: Array) -> tuple[Array, Array]:
     """Return the velocity (n, 3) of a point of the body in a frame on it, and its derivative.
 
-    :param lever_arm: (3,) of the point [m], and q_bs (4,) the frame's orientation, in the body.
+    :param lever_arm: (3,) position of the point [m], and q_bs (4,) the frame's orientation, in the
+        body.
     """
     omega = motion.angular_velocity
     velocity = rotation.rotate_inverse(motion.q_wb, motion.velocity)
@@ -99,56 +100,56 @@ class Odometer(SensorModel):
         self._dt = 1.0 / p.rate
         self._unit = realised_wheels(p, seed, name)
         self._rims = rim_speeds(p.model, self._unit.true_base[0], self._unit.true_base[1])
-        known = rim_speeds(p.model, p.track, p.wheelbase)
+        nominal_rims = rim_speeds(p.model, p.track, p.wheelbase)
         self._to_twist, self._to_true_twist = (
-            np.asarray(np.linalg.pinv(rims), np.float64) for rims in (known, self._rims)
+            np.asarray(np.linalg.pinv(rims), np.float64) for rims in (nominal_rims, self._rims)
         )
-        self._stated = StatedCovariance(p, known, self._to_twist)
+        self._stated = StatedCovariance(p, nominal_rims, self._to_twist)
         wheels = range(p.wheels)
         self._noise = [generator(seed, f"{name}.encoder.{k}") for k in wheels]
         self._slips = [generator(seed, f"{name}.slip.{k}") for k in wheels]
-        self._of_patch = [generator(seed, f"{name}.patch_slip.{k}") for k in wheels]
+        self._patch_streams = [generator(seed, f"{name}.patch_slip.{k}") for k in wheels]
         self._steering = generator(seed, f"{name}.steering")
         self._patches = Events(seed, f"{name}.patch", p.patch_rate, p.patch_duration, self._dt)
         ambient = dataclasses.replace(
             environment.temperature, power=0.0, time_constant=p.temperature_time_constant
         )
         self._temperature = TemperatureProfile(ambient)
-        self._last: tuple[Array, Array] | None = None
-        self._angle, self._read = np.zeros(p.wheels), np.zeros(p.wheels)
+        self._last_twist: tuple[Array, Array] | None = None
+        self._angle, self._last_counts = np.zeros(p.wheels), np.zeros(p.wheels)
         self._steered = np.zeros(2)
         self._start: tuple[Array, Array] | None = None
         self._pose = np.zeros(3)
         self._is_at_start = True
 
     def measure(self, t: Array, world: World) -> Mapping[str, Array]:
-        """Return the twist as read, means over the interval before each reading, and all truth."""
+        """Return measured twists, means over the interval before each reading, and all truth."""
         p, motion = self.parameters, world.motion(t)
         velocity, rate = point_twist(motion, self.lever_arm_b, self.q_bs)
         omega, alpha = (
-            rotation.rotate_inverse(self.q_bs[None], one)
-            for one in (motion.angular_velocity, motion.angular_acceleration)
+            rotation.rotate_inverse(self.q_bs[None], vector)
+            for vector in (motion.angular_velocity, motion.angular_acceleration)
         )
         twist = np.column_stack([velocity[:, :2], omega[:, 2]])
         mean = self._mean(twist, np.column_stack([rate[:, :2], alpha[:, 2]]))
         slipped = mean * np.array([1.0, 1.0, 1.0 + p.turn_slip])
-        rims = applied(self._rims, slipped)
+        rims = rows_times(self._rims, slipped)
         ratio = self._patch_ratios(len(t))
         if p.patch_boxes:
             ratio += self._box_ratios(motion)
         rims = rims * (1.0 + ratio)
-        drawn = np.column_stack([one.standard_normal(len(t)) for one in self._slips])
+        drawn = np.column_stack([stream.standard_normal(len(t)) for stream in self._slips])
         rims = rims + p.slip_noise * np.sqrt(np.abs(rims) / self._dt) * drawn
         temperature = self._temperature.at(t)
         warmer = temperature[:, None] - p.reference_temperature
         grown = 1.0 + p.radius_temperature_coefficient * warmer
         radius = np.array(self._unit.true_radii) * grown
         ideal, angle, speed = self._turn(rims / radius)
-        read = applied(self._to_twist, p.radius * speed)
-        with_slip = applied(self._to_true_twist, rims)
+        measured = rows_times(self._to_twist, p.radius * speed)
+        with_slip = rows_times(self._to_true_twist, rims)
         if p.model == "ackermann":
             true, steered = self._steer(slipped)
-            read[:, 2] = read[:, 0] * np.tan(steered[:, 0]) / p.wheelbase
+            measured[:, 2] = measured[:, 0] * np.tan(steered[:, 0]) / p.wheelbase
             with_slip[:, 2] = with_slip[:, 0] * np.tan(true[:, 0]) / self._unit.true_base[1]
             angle = np.column_stack([angle, steered[:, 0]])
             speed = np.column_stack([speed, steered[:, 1]])
@@ -157,7 +158,7 @@ class Odometer(SensorModel):
                 np.column_stack([ideal[1], true[:, 1]]),
             )
         return {
-            "twist": read,
+            "twist": measured,
             "ideal_twist": mean,
             "true_twist": np.column_stack([velocity, omega]),
             "true_pose": self._relative(motion),
@@ -178,69 +179,73 @@ class Odometer(SensorModel):
         return {
             **values,
             "pose": pose,
-            "covariance": self._stated.of_twist(twist, angle),
-            "pose_covariance": self._stated.of_pose(pose, twist, angle),
+            "covariance": self._stated.twist_covariance(twist, angle),
+            "pose_covariance": self._stated.pose_covariance(pose, twist, angle),
         }
 
     def _mean(self, twist: Array, rate: Array) -> Array:
         """Return means over the intervals before n samples, by cubic Hermite polynomials."""
         if not len(twist):
             return twist
-        first, slope = self._last or (twist[0], rate[0])
-        before = np.concatenate([first[None], twist[:-1]])
+        first_twist, slope = self._last_twist or (twist[0], rate[0])
+        previous = np.concatenate([first_twist[None], twist[:-1]])
         slopes = np.concatenate([slope[None], rate[:-1]])
-        self._last = twist[-1].copy(), rate[-1].copy()
-        return 0.5 * (before + twist) + self._dt / 12.0 * (slopes - rate)
+        self._last_twist = twist[-1].copy(), rate[-1].copy()
+        return 0.5 * (previous + twist) + self._dt / 12.0 * (slopes - rate)
 
     def _patch_ratios(self, count: int) -> Array:
-        """Return how much faster each wheel is on a patch (count, m)."""
-        ratio = np.zeros((count, len(self._of_patch)))
+        """Return the excess ratios of the wheels on patches (count, m)."""
+        ratio = np.zeros((count, len(self._patch_streams)))
         for rows, slip in self._patches.values(count, self._patch):
             ratio[rows] = slip
         return ratio
 
     def _patch(self) -> Array:
-        """Return how much faster each wheel (m,) is on a patch that begins."""
-        return self.parameters.patch_slip * np.array([one.random() for one in self._of_patch])
+        """Return the excess ratio of each wheel (m,) on a patch that begins."""
+        return self.parameters.patch_slip * np.array(
+            [stream.random() for stream in self._patch_streams]
+        )
 
     def _box_ratios(self, motion: Motion) -> Array:
-        """Return how much faster each wheel is in boxes where it touches the ground (count, m)."""
+        """Return the excess ratios of the wheels in boxes at their contact points (count, m)."""
         p = self.parameters
         touching = wheel_positions(p.model, *self._unit.true_base)
         wheels = self.lever_arm_b + rotation.rotate(self.q_bs[None], touching)
         ratio = np.zeros((len(motion.position), len(wheels)))
         for k, wheel in enumerate(wheels):
-            at = motion.position + rotation.rotate(motion.q_wb, wheel[None])
+            contact = motion.position + rotation.rotate(motion.q_wb, wheel[None])
             for box in np.reshape(p.patch_boxes, (-1, 7)):
-                inside = ((at >= box[:3]) & (at <= box[3:6])).all(axis=1)
-                ratio[:, k] = np.maximum(ratio[:, k], box[6] * inside)
+                in_box = ((contact >= box[:3]) & (contact <= box[3:6])).all(axis=1)
+                ratio[:, k] = np.maximum(ratio[:, k], box[6] * in_box)
         return ratio
 
     def _turn(self, speed: Array) -> tuple[tuple[Array, Array], Array, Array]:
-        """Return true angles and speeds of n samples of m wheels, then both as read.
+        """Return true angles and speeds of n samples of m wheels, then both as measured.
 
-        :param speed: (n, m) means over the intervals [rad/s].
+        :param speed: (n, m) mean speeds over the intervals [rad/s].
         """
         noise = self.parameters.encoder_noise
         if not len(speed):
             return (speed, speed), speed, speed
         if self._is_at_start:
-            start = np.array([one.standard_normal() for one in self._noise])
+            start = np.array([stream.standard_normal() for stream in self._noise])
             self._angle = -speed[0] * self._dt
-            self._read = self._counted(self._angle + noise * start)
+            self._last_counts = self._counted(self._angle + noise * start)
         turned = np.cumsum(np.concatenate([self._angle[None], speed * self._dt]), axis=0)
-        drawn = np.column_stack([one.standard_normal(len(speed)) for one in self._noise])
-        read = np.concatenate([self._read[None], self._counted(turned[1:] + noise * drawn)])
-        self._angle, self._read = turned[-1], read[-1]
-        return (turned[1:], speed), read[1:], np.diff(read, axis=0) / self._dt
+        drawn = np.column_stack([stream.standard_normal(len(speed)) for stream in self._noise])
+        measured = np.concatenate(
+            [self._last_counts[None], self._counted(turned[1:] + noise * drawn)]
+        )
+        self._angle, self._last_counts = turned[-1], measured[-1]
+        return (turned[1:], speed), measured[1:], np.diff(measured, axis=0) / self._dt
 
     def _counted(self, angle: Array) -> Array:
-        """Return angles as whole counts give them."""
+        """Return angles rounded to whole counts."""
         ticks = self.parameters.ticks
         return np.rint(angle * (ticks / math.tau)) * (math.tau / ticks) if ticks else angle
 
     def _steer(self, twist: Array) -> tuple[Array, Array]:
-        """Return the steering's angle and rate (n, 2) that turn the vehicle so; then as read."""
+        """Return the steering's true angle and rate (n, 2) for a twist; then both as measured."""
         p, wheelbase = self.parameters, self._unit.true_base[1]
         moves = twist[:, 0] != 0.0
         ratio = np.divide(twist[:, 2], twist[:, 0], out=np.zeros(len(twist)), where=moves)
@@ -249,8 +254,8 @@ class Odometer(SensorModel):
         both = np.column_stack([true, true + self._unit.steering_offset[0] + noise])
         if not len(both):
             return both, both
-        before = both[0] if self._is_at_start else self._steered
-        rates = np.diff(np.concatenate([before[None], both]), axis=0) / self._dt
+        previous = both[0] if self._is_at_start else self._steered
+        rates = np.diff(np.concatenate([previous[None], both]), axis=0) / self._dt
         self._steered = both[-1]
         true_pair, read_pair = (np.column_stack([both[:, k], rates[:, k]]) for k in (0, 1))
         return true_pair, read_pair
@@ -262,9 +267,9 @@ class Odometer(SensorModel):
             return np.zeros((0, 7))
         if self._start is None:
             self._start = position[0].copy(), q_ws[0].copy()
-        origin, first = self._start
-        moved = rotation.rotate_inverse(first[None], position - origin)
-        turned = rotation.multiply(rotation.conjugate(first)[None], q_ws)
+        origin, first_q_ws = self._start
+        moved = rotation.rotate_inverse(first_q_ws[None], position - origin)
+        turned = rotation.multiply(rotation.conjugate(first_q_ws)[None], q_ws)
         return np.column_stack([moved, turned])
 
     def _integrated(self, twist: Array) -> Array:
@@ -277,17 +282,19 @@ class Odometer(SensorModel):
             self._is_at_start = False
         yaw = np.cumsum(np.concatenate([self._pose[2:], way[:, 2]]))
         middle, chord = yaw[:-1] + 0.5 * way[:, 2], np.sinc(way[:, 2] / math.tau)
-        forward, left = chord * way[:, 0], chord * way[:, 1]
+        forward, sideways = chord * way[:, 0], chord * way[:, 1]
         cosine, sine = np.cos(middle), np.sin(middle)
-        steps = np.column_stack([cosine * forward - sine * left, sine * forward + cosine * left])
+        steps = np.column_stack(
+            [cosine * forward - sine * sideways, sine * forward + cosine * sideways]
+        )
         positions = np.cumsum(np.concatenate([self._pose[None, :2], steps]), axis=0)
-        result = np.column_stack([positions, yaw])[1:]
-        self._pose = result[-1]
-        return result
+        poses = np.column_stack([positions, yaw])[1:]
+        self._pose = poses[-1]
+        return poses
 
 
-def unseen(mounted: Mounted, world: World, duration: float) -> list[str]:
-    """Return a line if the motion is not that of such a vehicle, with the size of the rest."""
+def unmeasured_motion(mounted: Mounted, world: World, duration: float) -> list[str]:
+    """Return a line with the unmeasured motion, if it is not that of such a vehicle."""
     p: WheelsParameters = mounted.own
     trajectory = world.trajectory
     q_bs = rotation.from_matrix(np.reshape(p.mounting, (3, 3)))
@@ -296,9 +303,9 @@ def unseen(mounted: Mounted, world: World, duration: float) -> list[str]:
     motion = trajectory.sample(t)
     velocity, _ = point_twist(motion, np.array(p.lever_arm), q_bs)
     forward, side, up = np.abs(velocity).max(axis=0, initial=0.0)
-    least = max(_UNSEEN * max(forward, side, up), 1e-3)
+    limit = max(_UNSEEN * max(forward, side, up), 1e-3)
     rest = []
-    if side > least and p.model != "omnidirectional":
+    if side > limit and p.model != "omnidirectional":
         rest.append(f"sideways at up to {side:.3g} m/s")
     if up > max(_LIFTED * max(forward, side, up), 1e-3):
         rest.append(f"up or down at up to {up:.3g} m/s")

@@ -26,7 +26,7 @@ _TO_DRAW: Final = "empty: drawn with"
 
 @dataclass(frozen=True)
 class WheelsParameters(SensorParameters):
-    """The wheels of one vehicle; its lever arm is that of the point whose motion they give."""
+    """Wheels of one vehicle; the lever arm is that of the point whose motion they measure."""
 
     rate: float = number(
         50.0, "readings per second", unit="Hz", minimum=LOWEST_RATE, maximum=1000.0
@@ -218,9 +218,9 @@ class WheelsParameters(SensorParameters):
             ("true_base", 2),
             ("steering_offset", 1),
         ):
-            given = getattr(self, name)
-            if given and len(given) != count:
-                yield f"{prefix}{name} = {list(given)}: must be empty or {count} ({self.model})"
+            entries = getattr(self, name)
+            if entries and len(entries) != count:
+                yield f"{prefix}{name} = {list(entries)}: must be empty or {count} ({self.model})"
         for k in range(0, len(self.patch_boxes), 7):
             box = self.patch_boxes[k : k + 7]
             if any(low >= high for low, high in zip(box[:3], box[3:6], strict=True)):

@@ -1,9 +1,9 @@
 # Copyright 2026 imu_sim_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""The covariances that the odometry of wheels states: of each twist, and of the pose.
+"""Covariances that the odometry of wheels states, of twists and of the pose.
 
-They know encoders, random slip, and the spreads of radii, base and steering offset; not slip in
+They include encoders, random slip, and the spreads of radii, base and steering offset; not slip in
 turns and on patches, nor temperature.
 """
 
@@ -20,26 +20,26 @@ _UPPER: Final = np.triu_indices(3)
 """The six different elements of a covariance: xx, xy, x yaw, yy, y yaw, yaw yaw."""
 _ELEMENTS: Final = np.array([[0, 1, 2], [1, 3, 4], [2, 4, 5]])
 UNKNOWN: Final = 1e6
-"""Variance of what wheels do not measure, or no longer know, as ros2_controllers state it."""
+"""Stated variance of unmeasured or lost components, as in ros2_controllers."""
 _LOST: Final = 0.3
-"""[rad] Standard deviation of the heading above which the places of a seed form a bent band, which
-no covariance describes: the NEES of what would be stated leaves chi-square's band."""
+"""Standard deviation of the heading above which the positions of a seed form a bent band, which no
+covariance describes: the NEES of a stated one would leave chi-square's band [rad]."""
 _PAIRS: Final = 64
-"""Of vehicles with opposite errors; enough for the NEES of all presets."""
+"""Number of pairs of vehicles with opposite errors; enough for the NEES of all presets."""
 _ROWS: Final = 512
-"""Readings for which all vehicles move at once: some megabytes."""
+"""Number of readings for which all vehicles move at once: some megabytes."""
 
 
-def applied(matrix: Array, rows: Array) -> Array:
+def rows_times(matrix: Array, rows: Array) -> Array:
     """Return ``rows @ matrix.T``, with sums in an order that the number of rows does not change."""
-    result = rows[:, :1] * matrix[:, 0]
+    products = rows[:, :1] * matrix[:, 0]
     for k in range(1, matrix.shape[1]):
-        result = result + rows[:, k : k + 1] * matrix[:, k]
-    return result
+        products = products + rows[:, k : k + 1] * matrix[:, k]
+    return products
 
 
 def spread_normals(pairs: int, count: int) -> Array:
-    """Return columns (count, 2 pairs) that are evenly spread standard normals, in opposite pairs.
+    """Return columns (count, 2 pairs) of evenly spread standard normals, in opposite pairs.
 
     Their mean is 0, and their covariance is 1. They follow Kronecker's sequence in as many
     dimensions, whose steps are powers of the root g of ``g^(count + 1) = g + 1``.
@@ -58,13 +58,13 @@ def spread_normals(pairs: int, count: int) -> Array:
 class StatedCovariance:
     """Covariances of the readings of one odometer, in order from the first."""
 
-    def __init__(self, parameters: WheelsParameters, known: Array, to_twist: Array) -> None:
+    def __init__(self, parameters: WheelsParameters, rims: Array, to_twist: Array) -> None:
         """Start with a pose that is known exactly.
 
-        :param known: (m, 3) speeds of the rims over the twist, as the odometry has them.
-        :param to_twist: (3, m) the twist over the speeds of the rims.
+        :param rims: (m, 3) nominal map from a twist to the speeds of the rims.
+        :param to_twist: (3, m) map from the speeds of the rims to the twist.
         """
-        self._parameters, self._known, self._to_twist = parameters, known, to_twist
+        self._parameters, self._rims, self._to_twist = parameters, rims, to_twist
         self._dt = 1.0 / parameters.rate
         tick = math.tau / parameters.ticks if parameters.ticks else 0.0
         self._of_angle = parameters.encoder_noise**2 + tick**2 / 12.0
@@ -84,39 +84,40 @@ class StatedCovariance:
         self._white = np.zeros(6)
         self._count = np.zeros((wheels, 3))
 
-    def of_twist(self, twist: Array, angle: Array) -> Array:
+    def twist_covariance(self, twist: Array, angle: Array) -> Array:
         """Return the covariance (n, 3, 3) of twists (n, 3), at angles (n, m) of the joints."""
         p, m = self._parameters, self._to_twist
         counted = 2.0 * (p.radius / self._dt) ** 2 * self._of_angle
-        rims = np.abs(applied(self._known, twist))
+        rims = np.abs(rows_times(self._rims, twist))
         spread = (0.01 * p.radius_sigma_percent * rims) ** 2
-        each = counted + p.slip_noise**2 * rims / self._dt + spread
+        rim_variances = counted + p.slip_noise**2 * rims / self._dt + spread
         squares = np.einsum("im,jm->ijm", m, m).reshape(9, -1)
-        result = applied(squares, each).reshape(-1, 3, 3)
+        covariances = rows_times(squares, rim_variances).reshape(-1, 3, 3)
         if p.model == "ackermann":
-            self._put_steering(result, twist[:, 0], angle[:, -1])
+            self._put_steering(covariances, twist[:, 0], angle[:, -1])
         if p.model != "omnidirectional":
-            result[:, 1, 1] = p.side_slip_sigma**2
-        result[:, 2, 2] += (0.01 * p.base_sigma_percent * twist[:, 2]) ** 2
-        return result
+            covariances[:, 1, 1] = p.side_slip_sigma**2
+        covariances[:, 2, 2] += (0.01 * p.base_sigma_percent * twist[:, 2]) ** 2
+        return covariances
 
-    def _put_steering(self, result: Array, speed: Array, steered: Array) -> None:
-        """Put in the yaw rate's part that follows from forward speeds and steering angles (n,)."""
-        p, variance = self._parameters, result[:, 0, 0]
+    def _put_steering(self, covariances: Array, speed: Array, steered: Array) -> None:
+        """Add the yaw rate's part from forward speeds and steering angles (n,)."""
+        p, variance = self._parameters, covariances[:, 0, 0]
         curvature = np.tan(steered) / p.wheelbase
         slope = (1.0 + np.tan(steered) ** 2) / p.wheelbase
         of_steering = p.steering_noise**2 + p.steering_offset_sigma**2
-        result[:, 0, 2] = result[:, 2, 0] = curvature * variance
-        # The variance of the speed is what is left if the vehicle stands.
+        covariances[:, 0, 2] = covariances[:, 2, 0] = curvature * variance
+        # The variance of the speed is the remainder for a standing vehicle.
         turning = (speed**2 + variance) * slope**2 * of_steering
-        result[:, 2, 2] = curvature**2 * variance + turning
+        covariances[:, 2, 2] = curvature**2 * variance + turning
 
-    def of_pose(self, pose: Array, twist: Array, angle: Array) -> Array:
+    def pose_covariance(self, pose: Array, twist: Array, angle: Array) -> Array:
         """Return the covariance (n, 3, 3) of the poses (n, 3) that the next n twists add up to.
 
-        Radii, base and steering offset are constant and soon turn the heading so far that errors
-        of place are not linear in them. Their part is the mean square of the errors of many
-        vehicles, each with its own constants, whose wheels turn as read. Once the heading is lost,
+        Radii, base and steering offset are constant and soon turn the heading so far that position
+        errors are not linear in them. Their part is the mean square of the errors of many
+        vehicles, each with its own constants, whose wheels turn as measured. Once the heading is
+        lost,
         x and y are unknown.
 
         The rest is of first order. With ``T(p) = [[1, 0, -y], [0, 1, x], [0, 0, 1]]`` errors e of
@@ -126,13 +127,13 @@ class StatedCovariance:
         """
         if not len(pose):
             return np.zeros((0, 3, 3))
-        before = np.concatenate([pose[:1] if self._pose is None else self._pose[None], pose[:-1]])
+        previous = np.concatenate([pose[:1] if self._pose is None else self._pose[None], pose[:-1]])
         # No interval precedes the first pose.
         dt = np.full(len(pose), self._dt)
         dt[0] = 0.0 if self._pose is None else self._dt
         self._pose = pose[-1].copy()
-        wheels, steering = self._ways(before, pose, twist, angle, dt)
-        rims = applied(self._known, twist)
+        wheels, steering = self._ways(previous, pose, twist, angle, dt)
+        rims = rows_times(self._rims, twist)
         p = self._parameters
         slip = p.slip_noise * np.sqrt(np.abs(rims) / self._dt)
         counts = (p.radius / self._dt) * math.sqrt(self._of_angle) * wheels
@@ -144,28 +145,28 @@ class StatedCovariance:
         summed = np.concatenate([self._white[None], _squared(np.concatenate(white, axis=1))])
         white_sum = np.cumsum(summed, axis=0)
         self._white = white_sum[-1].copy()
-        result = _moved(white_sum[1:] + _squared(counts), pose)
+        covariances = _moved(white_sum[1:] + _squared(counts), pose)
         if self._constants is not None:
             for k in range(0, len(pose), _ROWS):
                 rows = slice(k, k + _ROWS)
-                result[rows] += self._of_vehicles(rims[rows], angle[rows], dt[rows])
-        lost = result[:, 2, 2] > _LOST**2
-        result[lost, :2] = result[lost, :, :2] = 0.0
-        result[lost, [[0], [1]], [[0], [1]]] = UNKNOWN
-        return result
+                covariances[rows] += self._constants_covariance(rims[rows], angle[rows], dt[rows])
+        lost = covariances[:, 2, 2] > _LOST**2
+        covariances[lost, :2] = covariances[lost, :, :2] = 0.0
+        covariances[lost, [[0], [1]], [[0], [1]]] = UNKNOWN
+        return covariances
 
-    def _of_vehicles(self, rims: Array, angle: Array, dt: Array) -> Array:
+    def _constants_covariance(self, rims: Array, angle: Array, dt: Array) -> Array:
         """Return the part (n, 3, 3) of the constants, of the next n intervals.
 
-        :param rims: (n, m) speeds as read.
-        :param angle: (n, j) of the joints.
+        :param rims: (n, m) measured speeds [m/s].
+        :param angle: (n, j) angles of the joints [rad].
         :param dt: (n,) lengths of the intervals [s].
         """
         assert self._constants is not None
         p, m = self._parameters, rims.shape[1]
         shares = 1.0 + self._constants[: m + 1]
-        forward, left, turning = (
-            applied((row[:, None] * shares[:m]).T, rims) for row in self._to_twist
+        forward, sideways, turning = (
+            rows_times((row[:, None] * shares[:m]).T, rims) for row in self._to_twist
         )
         if p.model == "ackermann":
             turning = forward * np.tan(angle[:, -1:] + self._constants[-1]) / p.wheelbase
@@ -174,25 +175,28 @@ class StatedCovariance:
         yaw = np.cumsum(np.concatenate([start[None, 2], turned]), axis=0)
         middle = 0.5 * (yaw[1:] + yaw[:-1])
         cosine, sine = dt[:, None] * np.cos(middle), dt[:, None] * np.sin(middle)
-        ways = np.stack([cosine * forward - sine * left, sine * forward + cosine * left], axis=1)
+        ways = np.stack(
+            [cosine * forward - sine * sideways, sine * forward + cosine * sideways], axis=1
+        )
         positions = np.cumsum(np.concatenate([start[None, :2], ways]), axis=0)
-        every = np.concatenate([positions, yaw[:, None]], axis=1)[1:]
-        self._vehicles = every[-1].copy()
-        error = every[:, :, 1:] - every[:, :, :1]
+        poses = np.concatenate([positions, yaw[:, None]], axis=1)[1:]
+        self._vehicles = poses[-1].copy()
+        error = poses[:, :, 1:] - poses[:, :, :1]
         mean: Array = np.matmul(error, error.transpose(0, 2, 1)) / error.shape[2]
         return mean
 
     def _ways(
-        self, before: Array, pose: Array, twist: Array, angle: Array, dt: Array
+        self, previous: Array, pose: Array, twist: Array, angle: Array, dt: Array
     ) -> tuple[Array, Array]:
         """Return the motions about the origin that errors add in an interval.
 
-        Of the speed of each rim (n, m, 3), and of the steering angle (n, 1, 3).
+        The errors are those of the speed of each rim (n, m, 3), and of the steering angle (n, 1,
+        3).
         """
-        x, y, yaw = (0.5 * (before + pose)).T
-        chord = dt * np.sinc((pose[:, 2] - before[:, 2]) / math.tau)
+        x, y, yaw = (0.5 * (previous + pose)).T
+        chord = dt * np.sinc((pose[:, 2] - previous[:, 2]) / math.tau)
         cosine, sine = chord * np.cos(yaw), chord * np.sin(yaw)
-        forward, left, turning = self._to_twist[:, :, None]
+        forward, sideways, turning = self._to_twist[:, :, None]
         turned = np.broadcast_to(turning.T, (len(pose), len(turning)))
         slope = np.zeros(len(pose))
         if self._parameters.model == "ackermann":
@@ -202,7 +206,7 @@ class StatedCovariance:
         about = np.stack([y * dt, -x * dt, dt], axis=1)
         along = np.stack([cosine, sine, 0.0 * dt], axis=1)
         across = np.stack([-sine, cosine, 0.0 * dt], axis=1)
-        wheels = forward * along[:, None] + left * across[:, None]
+        wheels = forward * along[:, None] + sideways * across[:, None]
         wheels = wheels + turned[:, :, None] * about[:, None]
         return wheels, (slope[:, None] * about)[:, None]
 
