@@ -4,9 +4,11 @@
 """``control``: pause, step, reset and watch a running simulator, change it, and inject faults."""
 
 import argparse
+import shutil
 import sys
+from collections.abc import Sequence
 from functools import partial
-from typing import TYPE_CHECKING, Any, Final
+from typing import TYPE_CHECKING, Any, Final, TextIO
 
 from imu_sim_ros import program, signals, startup
 from imu_sim_ros.errors import ConfigurationError, InputError
@@ -30,16 +32,16 @@ EXAMPLES: Final = """
 """
 
 
-def _value(words: str) -> list[float]:
+def _value(text: str) -> list[float]:
     """Return three numbers; a single one applies to all axes."""
     try:
-        value = parse_yaml(words)
+        value = parse_yaml(text)
         numbers = value if isinstance(value, list) else [value] * 3
         if len(numbers) == 3 and not any(isinstance(entry, bool | str) for entry in numbers):
             return [float(entry) for entry in numbers]
     except (ValueError, TypeError, OverflowError):
         pass
-    raise argparse.ArgumentTypeError(f"{words!r} must be a number or a list such as [0.1, 0, 0]")
+    raise argparse.ArgumentTypeError(f"{text!r} must be a number or a list such as [0.1, 0, 0]")
 
 
 _LARGEST_INTEGER: Final = 2**63 - 1
@@ -53,7 +55,7 @@ _SHARED: Final = {
         "help": "time to wait for the node (default: 5s)",
     },
 }
-_KNOWN: Final = parameters(InjectParameters)
+_INJECT: Final = parameters(InjectParameters)
 _ACTIONS: Final[dict[str, tuple[str, dict[str, Any]]]] = {
     "pause": ("stop the simulated time", {}),
     "resume": ("continue; also starts a simulator that waits with autostart false", {}),
@@ -76,21 +78,21 @@ _ACTIONS: Final[dict[str, tuple[str, dict[str, Any]]]] = {
         "start a fault with the next block",
         {
             "kind": {
-                "choices": [kind for kind in _KNOWN["kind"].choices if kind != "none"],
+                "choices": [kind for kind in _INJECT["kind"].choices if kind != "none"],
                 "help": "kind of fault",
             },
             "--value NUMBER|LIST": {
                 "type": _value,
-                "help": _KNOWN["value"].text.replace("%", "%%"),
+                "help": _INJECT["value"].text.replace("%", "%%"),
             },
-            "--duration TIME": _KNOWN["duration"].text,
-            "--delay TIME": _KNOWN["delay"].text,
-            "--triad NAME": _KNOWN["triad"].text,
-            "--imu NAME": _KNOWN["imu"].text,
+            "--duration TIME": _INJECT["duration"].text,
+            "--delay TIME": _INJECT["delay"].text,
+            "--triad NAME": _INJECT["triad"].text,
+            "--imu NAME": _INJECT["imu"].text,
         },
     ),
     "watch": (
-        "show rates, lateness and faults, one line per second",
+        "show rates, lateness and faults each second, in place on a terminal",
         {"--json": "print one JSON object per line", "--duration TIME": "stop after this time"},
     ),
 }
@@ -100,8 +102,8 @@ def parser() -> program.Parser:
     """Return the command's arguments."""
     result = program.Parser("control", description=__doc__, examples=EXAMPLES)
     actions = result.add_subparsers(dest="action", required=True, metavar="ACTION")
-    for name, (text, own) in _ACTIONS.items():
-        arguments = {**_SHARED, **own}
+    for name, (text, options) in _ACTIONS.items():
+        arguments = {**_SHARED, **options}
         program.add_subcommand(actions, f"control {name}", text, EXAMPLES, arguments)
     return result
 
@@ -125,14 +127,14 @@ def control(arguments: argparse.Namespace) -> None:
             print(_act(simulator, arguments))
 
 
-def _changes(words: list[str]) -> dict[str, bool | int | float | str]:
+def _changes(arguments: list[str]) -> dict[str, bool | int | float | str]:
     """Return new values by name, in the types that a node of ROS takes.
 
-    :raises ConfigurationError: for a name without a value, and what is no YAML.
+    :raises ConfigurationError: for a name without a value, and text that is no YAML.
     """
-    names, values = words[::2], words[1::2]
+    names, values = arguments[::2], arguments[1::2]
     problems = [f"{names[-1]}: has no value"] if len(names) > len(values) else []
-    found: dict[str, bool | int | float | str] = {}
+    changes: dict[str, bool | int | float | str] = {}
     for name, text in zip(names, values, strict=False):
         try:
             value = parse_yaml(text)
@@ -142,10 +144,10 @@ def _changes(words: list[str]) -> dict[str, bool | int | float | str]:
         plain = isinstance(value, bool | float) or (
             isinstance(value, int) and abs(value) <= _LARGEST_INTEGER
         )
-        found[name] = value if plain else text  # a node reads a list from its text
+        changes[name] = value if plain else text  # a node reads a list from its text
     if problems:
         raise ConfigurationError(problems)
-    return found
+    return changes
 
 
 def _set(simulator: "Control", changes: dict[str, bool | int | float | str]) -> None:
@@ -162,7 +164,7 @@ def _set(simulator: "Control", changes: dict[str, bool | int | float | str]) -> 
 
 
 def _act(simulator: "Control", arguments: argparse.Namespace) -> str:
-    """Do one thing; returns what to print."""
+    """Call a service of the simulator; returns its answer as text."""
     if arguments.action in ("pause", "resume"):
         return simulator.pause(arguments.action == "pause")
     if arguments.action == "reset":
@@ -176,18 +178,51 @@ def _act(simulator: "Control", arguments: argparse.Namespace) -> str:
     return f"injected {arguments.kind}"
 
 
+class StatusView:
+    """A status of several lines at the foot of a terminal, redrawn in place."""
+
+    def __init__(self, terminal: TextIO) -> None:
+        self._terminal = terminal
+        self._lines: Sequence[str] = ()
+
+    def show(self, lines: Sequence[str]) -> None:
+        """Replace the status."""
+        self._erase()
+        columns = shutil.get_terminal_size().columns
+        self._lines = [line[: columns - 1] for line in lines]
+        self._draw()
+
+    def log(self, line: str) -> None:
+        """Print a line above the status, which stays."""
+        self._erase()
+        self._terminal.write(f"{line}\n")
+        self._draw()
+
+    def _erase(self) -> None:
+        if self._lines:  # up to its first line, and clear from there (ECMA-48, CPL and ED)
+            self._terminal.write(f"\x1b[{len(self._lines)}F\x1b[J")
+
+    def _draw(self) -> None:
+        self._terminal.writelines(f"{line}\n" for line in self._lines)
+
+
 def _watch(simulator: "Control", arguments: argparse.Namespace) -> None:
     from imu_sim_ros.nodes.control import Status
 
     seconds = 0
+    view = StatusView(sys.stdout) if sys.stdout.isatty() and not arguments.json else None
     try:
-        for heard in simulator.watch():
+        for report in simulator.watch():
             if arguments.json:
-                program.print_json(heard._asdict())
+                program.print_json(report._asdict())
+            elif view is None:
+                print(report.line())
+            elif isinstance(report, Status):
+                view.show(report.lines())
             else:
-                print(heard.line())
+                view.log(report.line())
             sys.stdout.flush()
-            seconds += isinstance(heard, Status)
+            seconds += isinstance(report, Status)
             if arguments.duration is not None and seconds >= arguments.duration:
                 return
     except KeyboardInterrupt:

@@ -23,7 +23,7 @@ PROGRAMS: Final = {
     "twin": "fit a sensor to a recording with known poses",
     "campaign": "run estimators many times; statistics and a gate",
     "report": "write a campaign or bags as one HTML page",
-    "view": "show a flight in rerun (pip install imu_sim_ros[view])",
+    "view": "show a flight in rerun (pip install rerun-sdk)",
     "control": "pause, step, change, inject faults into or watch a simulator (ROS 2)",
 }
 NODES: Final = {

@@ -3,7 +3,7 @@
 
 """``view``: show a flight in rerun: truth, estimates, images, readings and biases over time.
 
-Needs rerun: ``pip install imu_sim_ros[view]``.
+Needs rerun: ``pip install rerun-sdk``.
 """
 
 import argparse

@@ -24,7 +24,7 @@ from imu_sim_ros.campaigns.metrics import SUCCESS, Tolerance, parse_tolerance
 from imu_sim_ros.campaigns.parameters import CommandEstimator
 from imu_sim_ros.campaigns.plan import Plan, check_plan, find_plan, load_plan
 from imu_sim_ros.campaigns.results import TABLE, Row, Store, read_results
-from imu_sim_ros.campaigns.statistics import power, quantile, seeds_needed
+from imu_sim_ros.campaigns.statistics import ConfidenceInterval, power, quantile, seeds_needed
 from imu_sim_ros.campaigns.summary import Group, group_runs, slopes
 from imu_sim_ros.campaigns.verdict import EstimateFinding, Judgement, counts, headline, judge
 from imu_sim_ros.errors import InputError, system_error
@@ -471,17 +471,29 @@ def _slope_tables(rows: Sequence[Row], found: Sequence[Group], metric: str) -> I
 def _row(group: Group, metric: str) -> list[str]:
     values = group.values(metric)  # none of success, whose interval is in summary.csv
     median, p95 = quantile(values, 0.5), quantile(values, 0.95)
-    ends = [_number(end) for end in (median.low, median.high)]
     return [
         group.cell,
         group.estimator,
         f"{group.done} of {len(group.rows)}",
         _coverage(group),
         _number(median.value),
-        " - ".join(ends),
+        _interval(median),
         _number(p95.value),
         _consistency(group),
     ]
+
+
+_LEAST_SEEDS: Final = 6
+"""Values from which the median has an exact 95 % interval: 1 - 2 / 2^6 is above 0.95."""
+
+
+def _interval(median: ConfidenceInterval) -> str:
+    """Return the interval of a median, or the reason why it has none."""
+    if median.value is None:
+        return "no run has it"
+    if median.low is None or median.high is None:
+        return f"needs {_LEAST_SEEDS} seeds"
+    return f"{median.low:.4g} - {median.high:.4g}"
 
 
 def _coverage(group: Group) -> str:
@@ -499,4 +511,4 @@ def _consistency(group: Group) -> str:
 
 
 def _number(value: float | None) -> str:
-    return "?" if value is None else f"{value:.4g}"
+    return "-" if value is None else f"{value:.4g}"

@@ -16,7 +16,7 @@ from pathlib import Path
 from imu_sim_ros.errors import ConfigurationError, InputError, Problems
 from imu_sim_ros.inputs.rows import read_text
 from imu_sim_ros.names import shown
-from imu_sim_ros.nodes.help import of_other_nodes
+from imu_sim_ros.nodes.help import SECTION_FILES, of_other_nodes
 from imu_sim_ros.parameters import files
 from imu_sim_ros.parameters.kinds import EMPTY_LIST
 from imu_sim_ros.parameters.sections import OF_EVERY_NODE, bad_values, parameters, unknown
@@ -26,8 +26,6 @@ from imu_sim_ros.sensors.imu import presets
 
 _RULE = re.compile(r"(?P<name>(?:[^\s:]+:)?[^\s:=]+):=(?P<value>.*)", re.DOTALL)
 _PARAMETERS = "ros__parameters"
-SHORT = {"imu": "imu.preset", "trajectory": "trajectory.type", "nmea": "gnss.nmea"}
-"""A section such as imu may be given as the file that its preset names."""
 _OF_ROS = ("-p", "--param", "--params-file", "-r", "--remap")
 
 
@@ -96,9 +94,9 @@ def _plain(own: Sequence[str], section: type, problems: Problems) -> list[str]:
         name, equals, value = word.removeprefix("--").partition("=")
         name = name.replace("-", "_")
         if not word.startswith("--") or not name:
-            problems.append(f"{word}: not an argument (--help lists them)")
+            problems.append(f"{word}: not an argument (--help-all lists them)")
             continue
-        short = SHORT.get(name)
+        short = SECTION_FILES.get(name)
         if short and (short in known or short.partition(".")[0] in named_sensors()):
             name = short
         if of_other_nodes(section, [name]):

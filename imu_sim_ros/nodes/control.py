@@ -39,16 +39,21 @@ class Status(NamedTuple):
     """Rates, lateness, counts, as in /diagnostics."""
 
     def line(self) -> str:
-        """Return it in a line."""
+        """Return the status in one line, for a log."""
+        state, *rest = self.lines()
+        return f"{state:<8} {'  '.join(rest)}"
+
+    def lines(self) -> list[str]:
+        """Return state, rates and delays in short lines, for a terminal."""
         values = self.values
-        rates = "  ".join(
+        rates = [
             f"{name.removesuffix(' rate [Hz]')} {value} Hz"
             for name, value in values.items()
             if name.endswith(" rate [Hz]")
-        )
+        ]
         late = "/".join(values.get(f"lateness {name} [us]", "-") for name in ("p50", "p99", "max"))
-        lost = f"{values['caught up samples']} caught up, {values['skipped samples']} skipped"
-        return f"{values['state']:<8} {rates}  late p50/p99/max {late} us  {lost}"
+        delayed = f"{values['caught up samples']} samples late, {values['skipped samples']} skipped"
+        return [values["state"], *rates, f"late p50/p99/max {late} us", delayed]
 
 
 class InjectedFault(NamedTuple):

@@ -17,8 +17,10 @@ class NodeHelp(NamedTuple):
 
     text: str
     section: Callable[[], type]
-    """Returns its parameters, which a node that runs does not import of the others."""
+    """Function that returns the class of its parameters; a running node imports its own only."""
     examples: tuple[str, ...]
+    main: tuple[str, ...] = ()
+    """Parameters in the short help, those that users set first; empty: all."""
 
 
 def _simulator() -> type:
@@ -54,6 +56,12 @@ PROGRAMS: Final = {
             "simulator --trajectory flight.csv --ros-args -r imu/data_raw:=/imu0",
             "simulator --ros-args --params-file run.yaml -p seed:=7",
         ),
+        (
+            *("imu", "trajectory", "rate", "seed", "duration", "real_time_factor"),
+            *("sensors", "imus", "cameras", "imu_frame", "gravity"),
+            *("imu.gyroscope_noise_density", "imu.gyroscope_bias", "imu.lever_arm"),
+            *("publish.biases", "publish.orientation", "publish.tf_rate"),
+        ),
     ),
     "integrator": NodeHelp(
         """Integrate imu/data_raw and publish dead_reckoned/odom for every reading.
@@ -68,6 +76,10 @@ initial_state.""",
             "integrator --initial_state truth --error true",
             "integrator --method rk4 --path_rate 5 --ros-args -r imu/data_raw:=/imu0",
         ),
+        (
+            *("method", "attitude_update", "initial_state", "initial_position"),
+            *("calibration", "imu", "gravity", "covariance", "error", "path_rate"),
+        ),
     ),
     "error_model": NodeHelp(
         """Add a sensor's errors to the ideal readings of another simulator.
@@ -81,6 +93,11 @@ The service ~/reset starts again with the next reading.""",
             "error_model --imu bmi088 --rate 1000 --seed 3 --ros-args -r imu/ideal:=/imu",
             "error_model --imu adis16448 --rate 250 --publish.biases true",
             "error_model --imu mpu6000 --input.axes frd --input.gravity missing",
+        ),
+        (
+            *("imu", "rate", "seed", "odometry", "input.rate", "input.gravity", "input.axes"),
+            *("input.place", "imu.lever_arm", "imu.gyroscope_bias", "imu_frame"),
+            *("publish.ground_truth_imu", "publish.biases", "publish.orientation"),
         ),
     ),
     "recorder": NodeHelp(
@@ -106,11 +123,11 @@ class NodeFormatter(argparse.HelpFormatter):
     """Wraps paragraphs one by one, and leaves the examples unchanged."""
 
     def _fill_text(self, text: str, width: int, indent: str) -> str:
-        if text.startswith("examples:"):
-            return text
-        paragraphs = text.strip().split("\n\n")
         return "\n\n".join(
-            super(NodeFormatter, self)._fill_text(p, width, indent) for p in paragraphs
+            paragraph
+            if paragraph.startswith("examples:")
+            else super(NodeFormatter, self)._fill_text(paragraph, width, indent)
+            for paragraph in text.strip().split("\n\n")
         )
 
 
@@ -121,41 +138,91 @@ def answer(name: str, arguments: list[str]) -> int | None:
     """
     if completion.is_requested():
         completion.complete(parser(name))
-    own = arguments[: arguments.index("--ros-args")] if "--ros-args" in arguments else arguments
-    if "--help" in own or "-h" in own:
+    options = arguments[: arguments.index("--ros-args")] if "--ros-args" in arguments else arguments
+    if "--help-all" in options:
         return program.run(name, lambda: print(parser(name).format_help(), end=""))
-    if "--version" in own:
+    if "--help" in options or "-h" in options:
+        return program.run(name, lambda: print(short_parser(name).format_help(), end=""))
+    if "--version" in options:
         return program.run(name, lambda: print(f"imu_sim_ros {__version__}"))
     return None
 
 
 def parser(name: str) -> argparse.ArgumentParser:
-    """Return a parser with a node's parameters, for its help and for tab completion."""
-    program = PROGRAMS[name]
-    examples = "".join(f"\n  {line}" for line in program.examples)
-    result = argparse.ArgumentParser(
+    """Return a parser with all parameters of a node, for its whole help and for tab completion."""
+    node = PROGRAMS[name]
+    parser = _parser(name, node)
+    group = parser.add_argument_group("parameters (* may change while the node runs)")
+    for key, parameter in _parameters(name).items():
+        mark = " *" if parameter.live else ""
+        text = f"{parameter.text}{mark} ({parameter.allowed()}; default {_plainly(parameter)})"
+        group.add_argument(f"--{key}", metavar="VALUE", help=text.replace("%", "%%"))
+    return parser
+
+
+def short_parser(name: str) -> argparse.ArgumentParser:
+    """Return a parser with the main parameters of a node, for its short help."""
+    node = PROGRAMS[name]
+    if not node.main:
+        return parser(name)
+    known = _parameters(name)
+    short = _parser(name, node)
+    group = short.add_argument_group(
+        "main parameters",
+        f"--help-all describes all {len(known)} with their ranges and defaults.",
+    )
+    for key in node.main:
+        parameter = known[SECTION_FILES.get(key, key)]
+        text = _BRIEF.get(key) or parameter.text.partition(";")[0]
+        if parameter.unit and "[" not in text:
+            text += f" [{parameter.unit}]"
+        group.add_argument(f"--{key}", metavar="VALUE", help=text.replace("%", "%%"))
+    return short
+
+
+SECTION_FILES: Final = {"imu": "imu.preset", "trajectory": "trajectory.type", "nmea": "gnss.nmea"}
+"""Parameters that name a file for a whole section, by the short option that stands for them."""
+_BRIEF: Final = {
+    "imu": "IMU: a name such as mpu6000, or a file",
+    "trajectory": "motion: a name such as figure_eight, or a file of parameters or poses",
+    "sensors": "further sensors, such as [gnss, wheels, cam0]",
+    "imus": "names of several IMUs on the body",
+    "imu.gyroscope_noise_density": "white noise, as all imu.* of the sensor",
+    "publish.biases": "publish the true biases below ground_truth/",
+    "publish.orientation": "publish imu/data, with an orientation",
+    "publish.tf_rate": "rate of the body's transform on /tf [Hz]",
+    "cameras": "names of cameras, such as [cam0, cam1]",
+}
+"""Texts of the short help where the parameter's own says more than a beginner needs."""
+
+
+def _parser(name: str, node: NodeHelp) -> argparse.ArgumentParser:
+    """Return a parser with description, examples and options, without parameters."""
+    examples = "".join(f"\n  {line}" for line in node.examples)
+    parser = argparse.ArgumentParser(
         prog=name,
         usage=f"{name} [--PARAMETER VALUE ...] [--ros-args ...]",
-        description=program.text,
-        epilog=f"examples:{examples}",
+        description=f"{node.text}\n\nexamples:{examples}",
         formatter_class=NodeFormatter,
         allow_abbrev=False,
     )
-    result.add_argument("--debug", action="store_true", help="show the traceback of an error")
-    result.add_argument("--version", action="store_true", help="print the package's version")
-    group = result.add_argument_group("parameters (* may change while the node runs)")
-    known = dict(parameters(program.section()))
+    if node.main:
+        parser.add_argument("--help-all", action="store_true", help="describe all parameters")
+    parser.add_argument("--debug", action="store_true", help="show the traceback of an error")
+    parser.add_argument("--version", action="store_true", help="print the package's version")
+    return parser
+
+
+def _parameters(name: str) -> dict[str, Parameter]:
+    """Return the parameters of a node, with those of all sensors for the simulator."""
+    known = dict(parameters(PROGRAMS[name].section()))
     if name == "simulator":
         from imu_sim_ros.sensors import all_sensors
 
         for sensor in all_sensors()[0]:
-            own = parameters(sensor.section)
-            known |= {f"{sensor.name}.{key}": parameter for key, parameter in own.items()}
-    for key, parameter in known.items():
-        mark = " *" if parameter.live else ""
-        words = f"{parameter.text}{mark} ({parameter.allowed()}; default {_plainly(parameter)})"
-        group.add_argument(f"--{key}", metavar="VALUE", help=words.replace("%", "%%"))
-    return result
+            of_sensor = parameters(sensor.section)
+            known |= {f"{sensor.name}.{key}": parameter for key, parameter in of_sensor.items()}
+    return known
 
 
 def of_other_nodes(section: type, names: Iterable[str]) -> list[str]:

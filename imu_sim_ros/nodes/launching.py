@@ -14,7 +14,8 @@ from pathlib import Path
 from typing import Any, Final, NamedTuple
 
 from imu_sim_ros.errors import ConfigurationError
-from imu_sim_ros.nodes.arguments import SHORT
+from imu_sim_ros.nodes.help import SECTION_FILES
+from imu_sim_ros.nodes.messages import installation
 from imu_sim_ros.parameters.kinds import Parameter
 from imu_sim_ros.parameters.sections import parameters
 
@@ -46,7 +47,7 @@ def arguments(section: type, names: Sequence[str]) -> list[Argument]:
     :param names: parameters' names, or the short ``imu`` and ``trajectory``.
     """
     known = parameters(section)
-    return [Argument(name, _text(known[SHORT.get(name, name)])) for name in names]
+    return [Argument(name, _text(known[SECTION_FILES.get(name, name)])) for name in names]
 
 
 def _text(parameter: Parameter) -> str:
@@ -64,7 +65,7 @@ def command_line(section: type, values: Mapping[str, str]) -> list[str]:
     known = parameters(section)
     words: list[str] = []
     for name, value in values.items():
-        parameter = known.get(SHORT.get(name, name))
+        parameter = known.get(SECTION_FILES.get(name, name))
         if parameter is None or not value.strip():
             continue
         if parameter.kind == "texts":
@@ -167,7 +168,7 @@ def rviz(config: Path, namespace: str, fixed_frame: str) -> Any:
         get_package_prefix("rviz2")
     except PackageNotFoundError:
         return LogInfo(
-            msg="rviz:=true: rviz2 is not installed (apt install ros-jazzy-rviz2); "
+            msg=f"rviz:=true: rviz2 is not installed ({installation('rviz2')}); "
             "all else runs without it"
         )
     words = ["-d", str(config), *(("-f", fixed_frame) if fixed_frame else ())]

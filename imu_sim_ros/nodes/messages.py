@@ -11,6 +11,7 @@ import re
 import sys
 from collections.abc import Iterator
 from functools import cache
+from importlib import metadata
 from pathlib import Path
 from typing import Any, Final
 
@@ -60,9 +61,19 @@ def message_class(type_name: str) -> Any:
         return getattr(importlib.import_module(f"{package}.msg"), name)
     except (ImportError, AttributeError):
         raise MissingDependencyError(
-            f"{type_name}: the package {package} is not installed here "
-            f"(apt install ros-jazzy-{package.replace('_', '-')})"
+            f"{type_name}: the package {package} is not installed here ({installation(package)})"
         ) from None
+
+
+def installation(package: str) -> str:
+    """Return how a ROS package can be installed in this environment."""
+    distribution = os.environ.get("ROS_DISTRO", "jazzy")
+    name = f"ros-{distribution}-{package.replace('_', '-')}"
+    try:
+        metadata.distribution(f"ros-{distribution}-rclpy")
+    except metadata.PackageNotFoundError:
+        return f"apt install {name}"
+    return f"ROS 2 from wheels lacks it; ROS 2 from apt has it as {name}"
 
 
 def stamp_offset(message: Any) -> int | None:

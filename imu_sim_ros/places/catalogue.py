@@ -95,7 +95,8 @@ def around(name: str, path: Array, foot: float) -> tuple[Array, Array]:
     if too_large:
         raise ConfigurationError(
             f"scene.type = {name!r}: around the path it would be {', '.join(too_large)}: "
-            "another scene, a shorter trajectory.length, or a shorter scene.horizon"
+            "--trajectory tour walks through it; else another scene, a shorter trajectory.length, "
+            "or a shorter scene.horizon"
         )
     return low, high
 

@@ -49,9 +49,7 @@ def rerun() -> Any:
     try:
         import rerun
     except ImportError as error:
-        raise MissingDependencyError(
-            f"view needs rerun ({error}): pip install imu_sim_ros[view], or rerun-sdk"
-        ) from None
+        raise MissingDependencyError(f"view needs rerun ({error}): pip install rerun-sdk") from None
     return rerun
 
 

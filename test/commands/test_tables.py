@@ -4,14 +4,19 @@
 """Tables on terminals of any width: no number is cut."""
 
 import contextlib
+import io
 import os
 import pty
 import re
 import sys
 
+import numpy as np
 import pytest
 
 from imu_sim_ros import progress, text_tables
+from imu_sim_ros.campaigns.statistics import quantile
+from imu_sim_ros.commands import control
+from imu_sim_ros.jobs import campaign
 
 HEADER = ["axis", "noise density [rad/s/sqrt(Hz)]", "random walk [rad/s^2/sqrt(Hz)]", "B [rad/s]"]
 ROWS = [[f"gyroscope {axis}", "0.0150012 +- 0.0000123", "5.123e-05", "< 1.5e-6"] for axis in "xyz"]
@@ -111,3 +116,41 @@ def test_a_time_left_that_is_not_known_is_not_shown():
 )
 def test_a_speed_has_few_digits(speed, words):
     assert progress.speed_in_words(speed) == words
+
+
+def test_an_interval_that_no_few_seeds_have_says_how_many_it_needs():
+    """The median of 6 lies between the extremes with 1 - 2 / 2^6 = 96.9 %, of 5 with 93.8 %."""
+    for count, text in ((0, "no run has it"), (5, "needs 6 seeds"), (6, "1 - 6")):
+        assert campaign._interval(quantile(np.arange(1.0, count + 1.0), 0.5)) == text
+
+
+def screen(text):
+    """Return the lines that a terminal shows after text with CPL (up) and ED (erase below)."""
+    lines, row = [""], 0
+    for part in re.findall(r"\x1b\[\d*[FJ]|\n|[^\x1b\n]+", text):
+        if part.endswith("F") and part.startswith("\x1b"):
+            row -= int(part[2:-1])
+        elif part == "\x1b[J":
+            del lines[row:]
+            lines.append("")
+        elif part == "\n":
+            row += 1
+            lines += [""] * (row + 1 - len(lines))
+        else:
+            lines[row] += part
+    return lines[:-1]
+
+
+@pytest.mark.parametrize("columns", [20, 80])
+def test_a_watched_status_is_redrawn_in_place_and_faults_stay_above_it(monkeypatch, columns):
+    monkeypatch.setenv("COLUMNS", str(columns))
+    terminal = io.StringIO()
+    view = control.StatusView(terminal)
+    view.show(["running", "imu/data_raw 200.0 Hz"])
+    view.show(["running", "imu/data_raw 199.5 Hz", "0 samples late"])
+    view.log("fault: dropout")
+    view.show(["paused"])
+    assert screen(terminal.getvalue()) == ["fault: dropout", "paused"]
+    view.show(["running", "imu/data_raw 199.5 Hz"])
+    lines = screen(terminal.getvalue())
+    assert lines == ["fault: dropout", "running", "imu/data_raw 199.5 Hz"[: columns - 1]]

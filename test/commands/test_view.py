@@ -96,7 +96,7 @@ def test_an_existing_file_is_kept_and_a_missing_library_is_named(flight, capsys,
     assert "already exists" in capsys.readouterr().err
     monkeypatch.setitem(sys.modules, "rerun", None)
     assert view.main([str(flight / "flight.mcap"), "--save", "x.rrd"]) == 2
-    assert "pip install imu_sim_ros[view]" in capsys.readouterr().err
+    assert "pip install rerun-sdk" in capsys.readouterr().err
 
 
 def test_what_cannot_be_shown_is_said_before_a_viewer_starts(flight, capsys, monkeypatch):

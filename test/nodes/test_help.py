@@ -1,9 +1,10 @@
 # Copyright 2026 imu_sim_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Help of the nodes: wrapped to the terminal, with examples at its end that are accepted."""
+"""Help of the nodes: wrapped to the terminal, with examples on top that are accepted."""
 
 import itertools
+import re
 import shlex
 from pathlib import Path
 
@@ -27,19 +28,44 @@ def test_no_line_is_longer_than_the_terminal(
     name: str, columns: int, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setenv("COLUMNS", str(columns))
-    words = help.parser(name).format_help()
-    whole = words if columns >= 80 else words.partition("examples:")[0]
-    assert [line for line in whole.splitlines() if len(line) > columns] == []
+    for parser in (help.parser(name), help.short_parser(name)):
+        text = parser.format_help()
+        if columns < 80:  # commands are not broken
+            text = re.sub(r"examples:\n.*?\n\n", "", text, flags=re.DOTALL)
+        assert [line for line in text.splitlines() if len(line) > columns] == []
+
+
+SCREENS = 2 * 25
+"""Lines of two screens of a usual terminal, 80 by 25."""
 
 
 @pytest.mark.parametrize("name", help.PROGRAMS)
-def test_examples_end_the_help_and_are_accepted(
+def test_help_fits_two_screens_and_help_all_has_every_parameter(
+    name: str, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    monkeypatch.setenv("COLUMNS", "80")
+    every = set(parameters(help.PROGRAMS[name].section()))
+    assert help.answer(name, ["--help"]) == 0
+    short = capsys.readouterr().out
+    if help.PROGRAMS[name].main:
+        assert len(short.splitlines()) <= SCREENS
+        assert short.index("examples:") < short.index("options:")
+        assert "--help-all" in short
+        files = set(help.SECTION_FILES.values())
+        assert set(help.PROGRAMS[name].main) <= every | {*help.SECTION_FILES} | files
+    assert help.answer(name, ["--help-all"]) == 0
+    whole = capsys.readouterr().out
+    assert {f"--{key}" for key in every} <= set(re.findall(r"^  (--\S+)", whole, re.MULTILINE))
+
+
+@pytest.mark.parametrize("name", help.PROGRAMS)
+def test_examples_of_the_help_are_accepted(
     name: str, monkeypatch: pytest.MonkeyPatch, tmp_path: Path
 ) -> None:
     monkeypatch.chdir(tmp_path)
     Path("run.yaml").write_text("/**:\n  ros__parameters:\n    rate: 100.0\n")
-    tail = help.parser(name).format_help().partition("examples:\n")[2]
-    lines = [line.strip() for line in tail.splitlines()]
+    tail = help.short_parser(name).format_help().partition("examples:\n")[2]
+    lines = [line.strip() for line in tail.partition("\n\n")[0].splitlines()]
     assert len(lines) >= 2
     known = set(parameters(help.PROGRAMS[name].section()))
     for line in lines:

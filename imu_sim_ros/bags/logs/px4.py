@@ -160,7 +160,7 @@ def _load(path: Path) -> "ULog":
         from pyulog import ULog
     except ImportError:
         raise MissingDependencyError(
-            f"{path}: a ULog file is read by pyulog: pip install pyulog, or imu_sim_ros[logs]"
+            f"{path}: a ULog file is read by pyulog: pip install pyulog"
         ) from None
     try:
         with contextlib.redirect_stdout(io.StringIO()):  # pyulog prints what is wrong
