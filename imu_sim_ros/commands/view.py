@@ -17,19 +17,21 @@ import numpy as np
 
 from imu_sim_ros import program
 from imu_sim_ros.bags.clouds import cloud_frame, measured_clouds, read_cloud, read_clouds
-from imu_sim_ros.bags.messages.encode import IMU, ODOMETRY, VECTOR3_STAMPED
+from imu_sim_ros.bags.messages.encode import ODOMETRY, VECTOR3_STAMPED
 from imu_sim_ros.bags.messages.encode_cameras import COMPRESSED_IMAGE, IMAGE
-from imu_sim_ros.bags.read import open_bag, read_imu, vector_blocks
+from imu_sim_ros.bags.read import open_bag, vector_blocks
 from imu_sim_ros.bags.text.reader import is_text
 from imu_sim_ros.commands.common import FORCE, outputs
-from imu_sim_ros.conventions import LANDMARKS_TOPIC, TF_STATIC_TOPIC
+from imu_sim_ros.conventions import LANDMARKS_TOPIC, TF_STATIC_TOPIC, TRIADS
 from imu_sim_ros.datasets.world import fixed_in, frame_of, pose_between
 from imu_sim_ros.errors import InputError, Problems
-from imu_sim_ros.formats.door import read_trajectory
+from imu_sim_ros.formats.choice import ACCEL_UNITS, GYRO_UNITS, Choice
+from imu_sim_ros.formats.door import imu_choices, read_trajectory, reading_blocks
 from imu_sim_ros.jobs.recorded import camera_names, read_images
+from imu_sim_ros.jobs.selection import checked_choice, input_lines
 from imu_sim_ros.jobs.tracks import has_truth, truth_topic
 from imu_sim_ros.plots.flight_view import FlightView, rerun
-from imu_sim_ros.records import States
+from imu_sim_ros.records import States, concatenated
 
 EXAMPLES: Final = """
 view flight.mcap
@@ -48,6 +50,14 @@ _ARGUMENTS: Final = {
         "help": "estimated path: TUM or EuRoC text, or a bag",
     },
     "--truth-topic TOPIC": "topic of the truth, if the bag has several",
+    "--frame FRAME": "frame of the readings, if a topic has those of several IMUs",
+    "--gyro-topic TOPIC": "topic of the gyroscope, if the accelerometer has another one",
+    "--accel-topic TOPIC": "topic of the accelerometer, interpolated to the times of the gyroscope",
+    "--gyro-unit": {"choices": tuple(GYRO_UNITS), "help": "unit of the gyroscope in the input"},
+    "--accel-unit": {
+        "choices": tuple(ACCEL_UNITS),
+        "help": "unit of the accelerometer in the input",
+    },
     "--save FILE": "write a .rrd file instead of starting the viewer",
     "--no-images": "leave out images",
     "--landmarks FILE": "landmarks.csv of generate --format tracks (default: those of the bag)",
@@ -75,12 +85,11 @@ def view(arguments: argparse.Namespace) -> None:
             shown.spawn()
         result = _fill(shown, arguments, truth, paths)
         shown.flush()
-    result = {"output": arguments.save and str(arguments.save), **result}
-    if arguments.json:
-        program.print_json(result)
-    elif not arguments.quiet:
-        parts = ", ".join(f"{count} {what}" for what, count in result.items() if what != "output")
-        print(f"{arguments.save or 'rerun'}: {parts}")
+    notes = result.pop("notes")
+    parts = ", ".join(f"{count} {what}" for what, count in result.items())
+    result = {"output": arguments.save and str(arguments.save), **result, "notes": notes}
+    lines = [*input_lines(notes), f"{arguments.save or 'rerun'}: {parts}"]
+    program.print_result(arguments, result, lines)
 
 
 def _paths(arguments: argparse.Namespace) -> tuple[str | None, dict[str, States]]:
@@ -113,13 +122,20 @@ def _fill(
     for name, poses in paths.items():
         shown.path(name, poses)
         found["paths"] += 1
-    for topic in [None] if is_text(flight) else _topics(flight, IMU):
-        readings = read_imu(flight, topic)
-        name = "imu" if topic is None else topic.strip("/")
-        gyro, accel = readings.triads()
-        shown.series(f"{name}/gyroscope", readings.t_ns, gyro)
-        shown.series(f"{name}/accelerometer", readings.t_ns, accel)
+    notes: list[str] = []
+    for imu in imu_choices(flight, _choice(arguments)):
+        blocks = list(reading_blocks(flight, imu))
+        if not blocks:
+            continue
+        readings = concatenated(blocks)
+        name = (imu.topic or "imu").strip("/")
+        for triad, values in zip(TRIADS, (readings.gyro, readings.accel), strict=True):
+            if values is not None:
+                shown.series(f"{name}/{triad}", readings.t_ns, values)
         found["readings"] += len(readings.t_ns)
+        notes += [note for note in readings.notes if note not in notes]
+    if arguments.frame is not None and not found["readings"]:
+        raise InputError(f"{flight}: contains no readings of the frame {arguments.frame}")
     if not is_text(flight):
         found["biases"] = _biases(shown, flight)
     if not arguments.no_images:
@@ -137,7 +153,14 @@ def _fill(
         found["landmarks"] = len(points)
     if not found["paths"] and not found["readings"]:
         raise InputError(f"{flight}: has neither odometry nor readings of an IMU")
-    return found
+    return {**found, "notes": notes}
+
+
+def _choice(arguments: argparse.Namespace) -> Choice:
+    """Return frame, topics and units of the readings."""
+    triads = arguments.gyro_topic, arguments.accel_topic
+    units = arguments.gyro_unit, arguments.accel_unit
+    return checked_choice(None, arguments.frame, *triads, *units, of_a_file=True)
 
 
 def _topics(flight: Path, *types: str) -> list[str]:

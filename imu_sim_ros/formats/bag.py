@@ -11,6 +11,7 @@ import numpy as np
 
 from imu_sim_ros.bags.messages.decode import inside_order
 from imu_sim_ros.bags.messages.encode import (
+    IMU,
     ODOMETRY,
     PATH,
     POSE_STAMPED,
@@ -59,6 +60,12 @@ def reading_blocks(
 ) -> Iterator[Readings]:
     """Yield the readings of an Imu topic in blocks; arguments as for the door."""
     return imu_blocks(path, topic, handling.recover, handling.skipped, handling.warned, frame)
+
+
+def imu_topics(path: Path) -> list[str]:
+    """Return the names of the Imu topics that have messages."""
+    with open_bag(path) as bag:
+        return [info.name for info in bag.topics if info.type == IMU and info.count]
 
 
 def odometry_topics(path: Path) -> list[str]:

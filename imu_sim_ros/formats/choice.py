@@ -38,6 +38,11 @@ class Choice:
     """Unit of the accelerometer, one of :data:`ACCEL_UNITS`; None: that of the format."""
 
     @property
+    def is_plain(self) -> bool:
+        """True if all readings of the topic are taken in the units of the format."""
+        return self == Choice(self.topic)
+
+    @property
     def merges(self) -> bool:
         """True if the triads have topics of their own."""
         return self.gyro_topic is not None or self.accel_topic is not None

@@ -7,7 +7,7 @@ A format is a module with ``holds``, ``reading_blocks`` and ``states``, and its 
 :data:`FORMATS`; the first that recognises a path reads it.
 """
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
 from typing import Final, NamedTuple, Protocol
@@ -39,6 +39,9 @@ class FileFormat(Protocol):
     ) -> Iterator[Readings]:
         """Yield the readings of one IMU in blocks of bounded size."""
 
+    def imu_topics(self, path: Path) -> Sequence[str | None]:
+        """Return the topics of readings, each of one IMU; None: readings without a name."""
+
     def odometry_topics(self, path: Path) -> list[str]:
         """Return the topics that may be the truth of the readings: those of Odometry."""
 
@@ -57,6 +60,17 @@ _STRICT: Final = Handling()
 def format_of(path: Path) -> FileFormat:
     """Return the format of a path."""
     return next(entry for entry in FORMATS if entry.holds(path))
+
+
+def imu_choices(path: Path, choice: Choice) -> list[Choice]:
+    """Return a choice for each IMU of a file; that of merged topics replaces those of both."""
+    merged = [name.strip("/") for name in (choice.gyro_topic, choice.accel_topic) if name]
+    apart = replace(choice, gyro_topic=None, accel_topic=None)
+    return [choice] * choice.merges + [
+        replace(apart, topic=name)
+        for name in format_of(path).imu_topics(path)
+        if name is None or name.strip("/") not in merged
+    ]
 
 
 def reading_blocks(

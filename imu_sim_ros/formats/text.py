@@ -3,7 +3,7 @@
 
 """Text tables with any header, TUM's text, and folders of EuRoC and kalibr."""
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from pathlib import Path
 
 from imu_sim_ros.bags.text import reader, vio_data_simulation
@@ -29,6 +29,13 @@ def reading_blocks(
     if frame is not None:
         raise InputError(f"{path}: text has no frame {frame}")
     return reader.imu_blocks(path, topic, handling.skipped)
+
+
+def imu_topics(path: Path) -> Sequence[str | None]:
+    """Return the names of the IMUs of a folder, imu0 and so on; a file's readings have no name."""
+    if path.is_dir() and not vio_data_simulation.is_source(path):
+        return reader.imu_names(path)
+    return [None]
 
 
 def odometry_topics(path: Path) -> list[str]:

@@ -15,6 +15,7 @@ from pathlib import Path
 from typing import Annotated, Any, Final
 
 from imu_sim_ros import arguments
+from imu_sim_ros.bags import convert as streams
 from imu_sim_ros.bags.messages.encode import ODOMETRY
 from imu_sim_ros.bags.outputs import Outputs, Target
 from imu_sim_ros.bags.read import open_bag
@@ -23,7 +24,9 @@ from imu_sim_ros.bags.text.writer import Dataset
 from imu_sim_ros.bags.writer import BagOptions, open_writer, topics_summary
 from imu_sim_ros.conventions import IMU_TOPIC, TWIST_FRAMES
 from imu_sim_ros.errors import InputError, Problems
-from imu_sim_ros.inputs.rows import Skipped
+from imu_sim_ros.formats.choice import Choice
+from imu_sim_ros.formats.door import reading_blocks
+from imu_sim_ros.formats.handling import Handling
 from imu_sim_ros.jobs import convert
 from imu_sim_ros.jobs.add_errors import ROWS_AT_ONCE, layers_of, rate_of, with_rate
 from imu_sim_ros.jobs.add_errors_bag import (
@@ -33,6 +36,15 @@ from imu_sim_ros.jobs.add_errors_bag import (
     rate_in,
     source_of,
     twist_warnings,
+)
+from imu_sim_ros.jobs.selection import (
+    AccelTopic,
+    AccelUnit,
+    Frame,
+    GyroTopic,
+    GyroUnit,
+    checked_choice,
+    input_lines,
 )
 from imu_sim_ros.jobs.writing import (
     Compression,
@@ -57,7 +69,7 @@ from imu_sim_ros.jobs.writing import (
 )
 from imu_sim_ros.names import unknown
 from imu_sim_ros.progress import progress
-from imu_sim_ros.records import with_fields
+from imu_sim_ros.records import Readings, with_fields
 from imu_sim_ros.sensors.imu.declaration import NAME as IMU
 from imu_sim_ros.signatures import Heading, Text
 from imu_sim_ros.simulation.error_model import GivenImu
@@ -86,6 +98,8 @@ class ErrorsAdded:
     wall_s: float
     warnings: tuple[str, ...] = ()
     """What looks like a mistake in the input, a line each."""
+    notes: tuple[str, ...] = ()
+    """Choices and conversions of reading, a line each."""
 
     def to_dict(self) -> dict[str, Any]:
         """Return what ``--json`` prints."""
@@ -94,10 +108,12 @@ class ErrorsAdded:
             "messages": self.messages,
             **vars(self.counts),
             "wall_s": self.wall_s,
+            "notes": list(self.notes),
         }
 
     def lines(self) -> Iterator[str]:
         """Yield what ``add_errors`` prints."""
+        yield from input_lines(self.notes)
         found = vars(self.counts)
         kinds = ("missing", "pauses", "restarts", "repeated", "backward")
         notes = "".join(f", {found[kind]:,} {kind}" for kind in kinds if found[kind])
@@ -128,6 +144,11 @@ def add_errors_to_file(
     split_duration: SplitDuration = 0.0,
     split_size: SplitSize = 0,
     rename: Rename = None,
+    frame: Frame = None,
+    gyro_topic: GyroTopic = None,
+    accel_topic: AccelTopic = None,
+    gyro_unit: GyroUnit = None,
+    accel_unit: AccelUnit = None,
     skip_bad_rows: SkipBadRows = False,
     force: Force = False,
     discard_partial: DiscardPartial = False,
@@ -135,7 +156,8 @@ def add_errors_to_file(
 ) -> ErrorsAdded:
     """Add a sensor's errors to the ideal readings of a file, as the program ``add_errors`` does.
 
-    Every other message of a bag stays as it is, byte for byte.
+    Every other message of a bag stays as it is, byte for byte; ideal readings in other units, of
+    several frames or of two topics are copied as they are chosen.
 
     :param source: ROS 1 bag, .mcap, rosbag2 folder, EuRoC folder or CSV file
     :param imu: sensor: a preset (see generate --list-imus), a parameter file, or a Gazebo model
@@ -147,6 +169,11 @@ def add_errors_to_file(
     :param twist_frame: axes of the velocities of odometry (default: body)
     :param topics: topics to add; by default ``imu/data_raw`` and the true biases
     :param without: topics of the input to leave out
+    :param frame: frame of the ideal readings, if a topic has those of several IMUs
+    :param gyro_topic: topic of the ideal gyroscope, if the accelerometer has another one
+    :param accel_topic: topic of the accelerometer, interpolated to the gyroscope's times
+    :param gyro_unit: unit of the gyroscope in the input: rad/s, deg/s; the output has rad/s
+    :param accel_unit: unit of the accelerometer in the input: m/s^2, g, mg; the output has m/s^2
     :param skip_bad_rows: leave out readings that are not finite or not possible
 
     The other arguments that concern the output are those of :func:`generate`, all others those
@@ -168,6 +195,8 @@ def add_errors_to_file(
     if dataset not in (None, *FORMATS):
         raise InputError(f"{path}: {dataset} has no readings")
     topic = None if input_topic is None else arguments.text("input_topic", input_topic, "a topic")
+    selection = frame, gyro_topic, accel_topic, gyro_unit, accel_unit
+    choice = checked_choice(topic, *selection, of_a_file=True, topic_name="input_topic")
     problems = Problems()
     with problems.gathered():
         layers = layers_of(imu, seed, params_file, input, parameters, rate)
@@ -190,20 +219,28 @@ def add_errors_to_file(
     target = written.add(path, kept=True)
     with written.staged(), tempfile.TemporaryDirectory(dir=target.path.parent) as made:
         folder, is_text = Path(made), text_reader.is_text(given)
+        recording, notes = _Ideal(given, choice, journal), list[str]()
         if is_text:
-            with_rate(layers, lambda: _rate_of(given, journal))  # refused before work begins
+            with_rate(layers, recording.rate)  # refused before work begins
         if is_text and dataset:
-            found, messages = _dataset_to_dataset(given, target, folder, dataset, layers, journal)
+            found, messages, notes = _dataset_to_dataset(recording, target, folder, dataset, layers)
         else:
             ideal, noisy = given, folder / "noisy.mcap" if dataset else target.path
-            if is_text:
+            if is_text or not choice.is_plain:
                 ideal = folder / "between.mcap"
-                convert.write(given, ideal, Form(), Outputs([given]), journal, shown=False)
+                notes = recording.convert(ideal, Form())
+                topic = streams.READINGS if choice.merges else None if is_text else topic
             with open_bag(ideal) as bag:
-                readings = source_of(bag, None if is_text else topic)
+                bag.path = given  # for messages
+                readings = source_of(bag, topic)
                 built = with_rate(layers, lambda: rate_in(bag, readings))
                 if "imu/data" in added and (wrong := list(orientation_problems(built.imu))):
                     raise InputError(wrong)
+                if readings.type == ODOMETRY and not choice.is_plain:
+                    raise InputError(
+                        f"{given}: frame, topics and units are those of readings; {readings.name} "
+                        "is odometry"
+                    )
                 if readings.type == ODOMETRY:
                     for line in twist_warnings(bag, readings, built.input.twist_frame):
                         journal.warn(line)
@@ -226,7 +263,7 @@ def add_errors_to_file(
                 ):
                     if not dataset:
                         target.summary = lambda: topics_summary(writer.topics)
-                    warned = journal.passed_on or _unsaid
+                    warned = (journal.passed_on if ideal == given else None) or _unsaid
                     errors.write(writer, copied, renamed, advance, journal.skipped, warned)
                 found = errors.model.counts
                 messages = {one.name: one.count for one in writer.topics}
@@ -235,57 +272,71 @@ def add_errors_to_file(
                     noisy, target.path, Form(dataset), Outputs([noisy]), journal, shown=False
                 )
     wall_s = time.perf_counter() - started
-    return ErrorsAdded(path, messages, found, wall_s, tuple(journal.lines))
+    return ErrorsAdded(path, messages, found, wall_s, tuple(journal.lines), tuple(notes))
+
+
+@dataclass(frozen=True)
+class _Ideal:
+    """Ideal readings of a file."""
+
+    path: Path
+    choice: Choice
+    journal: Journal
+
+    def convert(self, path: Path, form: Form) -> list[str]:
+        """Write all that the file has, its readings as they are chosen; return their notes."""
+        outputs, journal = Outputs([self.path]), self.journal
+        arguments = (self.path, path, form, outputs, journal)
+        return list(convert.write(*arguments, shown=False, choice=self.choice).notes)
+
+    def blocks(self) -> Iterator[Readings]:
+        """Yield the readings in blocks; bad rows are counted elsewhere."""
+        skipped = self.journal.skipped and _unsaid
+        return reading_blocks(self.path, self.choice, Handling(skipped))
+
+    def rate(self) -> float:
+        """Return the readings per second [Hz]."""
+        for readings in self.blocks():
+            return rate_of(readings.t_ns)
+        raise InputError(f"{self.path}: contains no readings")
 
 
 def _dataset_to_dataset(
-    source: Path,
+    source: _Ideal,
     target: Target,
     folder: Path,
     form: str,
     layers: Mapping[str, object],
-    journal: Journal,
-) -> tuple[Counts, dict[str, int]]:
+) -> tuple[Counts, dict[str, int], list[str]]:
     """Convert a dataset with all that it has, and replace the readings.
 
     :param folder: an empty one for what lies in between.
-    :returns: what happened to the readings, and the rows by topic.
+    :returns: what happened to the readings, the rows by topic, and notes of reading.
     """
     staged = target.path
-    convert.write(source, staged, Form(form), Outputs([source]), journal, shown=False)
+    notes = source.convert(staged, Form(form))
     model: GivenImu | None = None
     noisy = folder / ("noisy.csv" if staged.is_file() else "noisy")
     with Dataset(noisy, form) as dataset:
-        for readings in text_reader.imu_blocks(source, None, _skips(journal)):
+        for readings in source.blocks():
             readings.triads()  # both are needed
             readings = with_fields(readings, q_wb=None)
             if model is None:
                 model = GivenImu(
-                    with_rate(layers, partial(rate_of, readings.t_ns)), remark=journal.warn
+                    with_rate(layers, partial(rate_of, readings.t_ns)), remark=source.journal.warn
                 )
             for begin in range(0, len(readings), ROWS_AT_ONCE):
                 for samples in model.read(readings.rows(slice(begin, begin + ROWS_AT_ONCE))):
                     dataset.write_imu(*delivered(samples[IMU]))
     if model is None:
-        raise InputError(f"{source}: contains no readings")
+        raise InputError(f"{source.path}: contains no readings")
     model.finish()
     if staged.is_file():
         shutil.move(noisy, staged)
     else:
         shutil.move(noisy / "imu0" / "data.csv", staged / "imu0" / "data.csv")
-    return model.counts, {resolved(IMU_TOPIC): dataset.imu.rows if dataset.imu else 0}
-
-
-def _rate_of(source: Path, journal: Journal) -> float:
-    """Return the readings per second of a dataset [Hz]."""
-    for readings in text_reader.imu_blocks(source, None, _skips(journal)):
-        return rate_of(readings.t_ns)
-    raise InputError(f"{source}: contains no readings")
-
-
-def _skips(journal: Journal) -> Skipped | None:
-    """Return what receives skipped rows, which are counted elsewhere; None: they are errors."""
-    return journal.skipped and _unsaid
+    count = dataset.imu.rows if dataset.imu else 0
+    return model.counts, {resolved(IMU_TOPIC): count}, notes
 
 
 def _unsaid(_: object) -> None:

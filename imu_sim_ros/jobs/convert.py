@@ -236,7 +236,7 @@ def write(
         raise InputError(f"images {images}: does not apply to {dataset}; only none does")
     target = written.add(path, kept=True)
     poses_only = dataset == "tum" or (is_text and streams.holds_poses(source))
-    if poses_only and choice != AS_RECORDED:
+    if poses_only and not choice.is_plain:
         raise InputError(f"{source}: frame, topics and units are those of readings, not of poses")
     comment = f"converted from {source.name} by imu_sim_ros"
     output = _Output(target, form, shown, comment, choice)
@@ -415,11 +415,13 @@ def _bag_to_bag(
     choice, edit = output.choice, None
     if choice.merges:
         topics = _unmerged(bag, topics, output)
-    elif choice != AS_RECORDED:
-        edit = ImuEdit(choice.frame, choice.factors)
+    elif not choice.is_plain:
+        topic = None if choice.topic is None else choice.topic.lstrip("/")
+        edit = ImuEdit(topic, choice.frame, choice.factors)
         output.notes.extend(choice.notes())
-        if not any(topic.type == IMU for topic in topics):
-            raise InputError(f"{bag.path}: has no topic of {IMU} to convert")
+        if not any(map(edit.concerns, topics)):
+            name = "" if topic is None else f" {choice.topic}"
+            raise InputError(f"{bag.path}: has no topic{name} of {IMU} to convert")
     total = sum(topic.count for topic in topics)
     refused = journal.skipped, journal.passed_on
     with output.bag() as writer, output.progress(total) as advance:
@@ -429,8 +431,14 @@ def _bag_to_bag(
             bag, writer, topics, output.renamed, advance, *refused, edit=edit
         )
     counts, last_ns = _tally(writer)
-    if choice.frame is not None and not any(
-        counts[output.renamed.get(topic.name, topic.name)] for topic in topics if topic.type == IMU
+    if (
+        edit is not None
+        and choice.frame is not None
+        and not any(
+            counts[output.renamed.get(topic.name, topic.name)]
+            for topic in topics
+            if edit.concerns(topic)
+        )
     ):
         raise InputError(f"{bag.path}: contains no readings of the frame {choice.frame}")
     for line in lines:

@@ -6,7 +6,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from os import PathLike
 from pathlib import Path
 from typing import Annotated, Any, Final
@@ -24,9 +24,21 @@ from imu_sim_ros.calibration.noise.truth import load_truth, true_noise
 from imu_sim_ros.conventions import AXES, TRIADS
 from imu_sim_ros.datasets.recorded import folder_cameras, image_size
 from imu_sim_ros.errors import ConfigurationError, InputError, Problems
-from imu_sim_ros.formats.door import read_trajectory
+from imu_sim_ros.formats import door
+from imu_sim_ros.formats.choice import Choice
+from imu_sim_ros.formats.handling import Handling
+from imu_sim_ros.inputs.rows import tell_skipped
 from imu_sim_ros.jobs.flight import Flight
-from imu_sim_ros.jobs.readings import read_imu, read_odometry
+from imu_sim_ros.jobs.readings import read_odometry
+from imu_sim_ros.jobs.selection import (
+    AccelTopic,
+    AccelUnit,
+    Frame,
+    GyroTopic,
+    GyroUnit,
+    checked_choice,
+    input_lines,
+)
 from imu_sim_ros.jobs.writing import SkipBadRows, saved
 from imu_sim_ros.names import suggestion
 from imu_sim_ros.parameters import files
@@ -41,7 +53,7 @@ from imu_sim_ros.recordings.findings.catalogue import (
 )
 from imu_sim_ros.recordings.findings.finding import SEVERITIES, Finding
 from imu_sim_ros.recordings.findings.measures import ReadingMeasures
-from imu_sim_ros.records import Readings, States, with_fields
+from imu_sim_ros.records import Readings, States, concatenated, with_fields
 from imu_sim_ros.text_tables import TextTable
 from imu_sim_ros.types import Array
 
@@ -93,6 +105,8 @@ class SensorContents:
     """White noise of each axis [m/s^2/sqrt(Hz)]; None: motion hides it."""
     nearest_presets: tuple[str, ...]
     """Presets whose noise is nearest, the nearest first."""
+    notes: tuple[str, ...]
+    """Choices and conversions of reading, a line each."""
 
 
 @dataclass(frozen=True)
@@ -162,6 +176,8 @@ class Inspection:
 
     def lines(self) -> Iterator[str | TextTable]:
         """Yield what ``inspect`` prints."""
+        for sensor in self.sensors:
+            yield from input_lines([f"{sensor.source}: {note}" for note in sensor.notes])
         for finding in self.findings:
             yield f"{finding.severity}: {finding.kind}: {finding.sentence()}"
             yield f"    {finding.effect}"
@@ -263,6 +279,11 @@ def inspect(
     inputs: Annotated[Source | Sequence[Source], "FILE", Path],
     *,
     topic: Annotated[str | None, "NAME"] = None,
+    frame: Frame = None,
+    gyro_topic: GyroTopic = None,
+    accel_topic: AccelTopic = None,
+    gyro_unit: GyroUnit = None,
+    accel_unit: AccelUnit = None,
     skip_bad_rows: SkipBadRows = False,
 ) -> Inspection:
     """Return what recordings contain, and what is wrong with them.
@@ -273,6 +294,11 @@ def inspect(
     :param inputs: bag of any form, EuRoC folder, CSV file of readings or file of poses; in Python
         also a flight, readings or states
     :param topic: only this topic of Imu or Odometry
+    :param frame: frame of the readings, if a topic has those of several IMUs
+    :param gyro_topic: topic of the gyroscope, if the accelerometer has another one
+    :param accel_topic: topic of the accelerometer, interpolated to the gyroscope's times
+    :param gyro_unit: unit of the gyroscope in the file: rad/s, deg/s
+    :param accel_unit: unit of the accelerometer in the file: m/s^2, g, mg
     :param skip_bad_rows: skip and count bad rows of text and bad messages of bags
     :returns: an :class:`Inspection`.
     :raises ConfigurationError: for an invalid argument.
@@ -287,6 +313,9 @@ def inspect(
     <Inspection: 1 IMUs, 0 trajectories; accelerometer_g>
     """
     sources = list(inputs) if isinstance(inputs, list | tuple) else [inputs]
+    of_a_file = any(isinstance(source, str | PathLike) for source in sources)
+    selection = frame, gyro_topic, accel_topic, gyro_unit, accel_unit
+    choice = checked_choice(None, *selection, of_a_file=of_a_file)
     topic = arguments.topic("topic", topic)
     skip = arguments.switch("skip_bad_rows", skip_bad_rows)
     topics: list[TopicContents] = []
@@ -300,7 +329,7 @@ def inspect(
         elif isinstance(source, str | PathLike):
             with problems.gathered():
                 path = arguments.path("inputs", source, BAG_OR_FILE)
-                records += _read(path, topic, skip, topics)
+                records += _read(path, topic, choice, skip, topics)
         else:
             wanted = f"a Flight, Readings, States, or {BAG_OR_FILE}"
             arguments.refuse("inputs", source, wanted, wrong_type=True)
@@ -326,7 +355,7 @@ def inspect(
 
 
 def _read(
-    path: Path, topic: str | None, skip: bool, topics: list[TopicContents]
+    path: Path, topic: str | None, choice: Choice, skip: bool, topics: list[TopicContents]
 ) -> Iterator[Record]:
     """Yield the records of a file; its topics are appended.
 
@@ -336,7 +365,7 @@ def _read(
     if not path.exists():
         raise InputError(f"{path}: no such file or folder")
     if is_text(path):
-        yield from _read_text(path, topic, skip)
+        yield from _read_text(path, replace(choice, topic=topic), skip)
         return
     with open_bag(path) as bag:
         infos = list(bag.topics)
@@ -344,37 +373,50 @@ def _read(
         cameras = list(camera_records(bag, name, image_size))
         clouds = list(cloud_records(bag, name))
     topics += [TopicContents(name, info.name, info.type, info.count) for info in infos]
-    chosen = [info for info in infos if info.type in (IMU, ODOMETRY) and info.count]
+    imus = door.imu_choices(path, choice)
+    tracks = [info.name for info in infos if info.type == ODOMETRY and info.count]
     if topic is not None:
-        chosen = [info for info in chosen if info == named]
-        if not chosen:
+        named_topic = None if named is None else named.name
+        imus = [imu for imu in imus if imu.topic is not None and imu.topic == named_topic]
+        tracks = [track for track in tracks if track == named_topic]
+        if not imus and not tracks:
             raise InputError(f"{path}: {topic}: no such topic of {IMU} or {ODOMETRY}")
-    problems = Problems()
-    for info in chosen:
+    problems, empty = Problems(), 0
+    for imu in imus:
         with problems.gathered():
-            source = f"{name}, {info.name}"
-            if info.type == IMU:
-                readings = read_imu(path, info.name, skip_bad_rows=skip)
-                yield with_fields(readings, source=source)
+            label = imu.topic or f"{imu.gyro_topic}, {imu.accel_topic}"
+            skipped = tell_skipped(path) if skip else None
+            blocks = list(door.reading_blocks(path, imu, Handling(skipped)))
+            if blocks:
+                yield with_fields(concatenated(blocks), source=f"{name}, {label}")
             else:
-                yield with_fields(read_odometry(path, info.name), source=source)
+                empty += 1
+    if choice.frame is not None and empty == len(imus):
+        with problems.gathered():
+            raise InputError(f"{path}: contains no readings of the frame {choice.frame}")
+    for track in tracks:
+        with problems.gathered():
+            yield with_fields(read_odometry(path, track), source=f"{name}, {track}")
     if topic is None:
         yield from cameras
         yield from clouds
     problems.tell()
 
 
-def _read_text(path: Path, topic: str | None, skip: bool) -> Iterator[Record]:
+def _read_text(path: Path, choice: Choice, skip: bool) -> Iterator[Record]:
     if path.is_dir():
         for camera in folder_cameras(path):
             record = camera.record()
             if record is not None:
                 yield record
+    topic = choice.topic
     try:
-        yield read_imu(path, topic, skip_bad_rows=skip)
+        skipped = tell_skipped(path) if skip else None
+        yield with_fields(door.read_readings(path, choice, skipped), source=name_of(path))
     except InputError as error:
         try:
-            yield with_fields(read_trajectory(path, topic, False, skip), source=name_of(path))
+            states = door.read_trajectory(path, topic, False, skip)
+            yield with_fields(states, source=name_of(path))
         except InputError:
             raise error from None
         return
@@ -402,6 +444,7 @@ def _sensor(measures: ReadingMeasures) -> SensorContents:
         gyroscope_noise_density=shown[0],
         accelerometer_noise_density=shown[1],
         nearest_presets=_nearest(noise, 0.0 if clock is None else clock.rate),
+        notes=readings.notes,
     )
 
 

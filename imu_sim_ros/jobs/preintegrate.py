@@ -32,6 +32,12 @@ def preintegrate(
     accel_bias: ArrayLike = 0.0,
     method: str = "midpoint",
     max_gap: float = 0.1,
+    topic: str | None = None,
+    frame: str | None = None,
+    gyro_topic: str | None = None,
+    accel_topic: str | None = None,
+    gyro_unit: str | None = None,
+    accel_unit: str | None = None,
 ) -> Preintegration:
     """Preintegrate the readings between neighbouring times, all intervals at once.
 
@@ -47,6 +53,12 @@ def preintegrate(
     :param accel_bias: likewise [m/s^2].
     :param method: euler or midpoint.
     :param max_gap: longest time between two readings that is integrated over [s].
+    :param topic: topic of the readings in a file, if it has several.
+    :param frame: frame of the readings, if a topic has those of several IMUs.
+    :param gyro_topic: topic of the gyroscope, if the accelerometer has another one.
+    :param accel_topic: topic of the accelerometer, interpolated to the gyroscope's times.
+    :param gyro_unit: unit of the gyroscope in the file: rad/s, deg/s.
+    :param accel_unit: unit of the accelerometer in the file: m/s^2, g, mg.
     :returns: a :class:`Preintegration` of all intervals.
     :raises ConfigurationError: for an invalid argument.
     :raises InputError: for times outside the stamps, and for a gap between the first and the last.
@@ -60,7 +72,8 @@ def preintegrate(
     arguments.one_of("method", method, METHODS)
     number("max_gap", max_gap, "a number of seconds above 0", 0.0, above=True)
     noise = readings.parameters.imu if isinstance(readings, Flight) else None
-    imu = in_clock_order(readings_of("readings", readings))
+    selection = frame, gyro_topic, accel_topic, gyro_unit, accel_unit
+    imu = in_clock_order(readings_of("readings", readings, topic, selection=selection))
     if (edges_ns is None) == (every is None):
         raise InputError("give the times of the frames, edges_ns, or the time between them, every")
     if every is not None:

@@ -7,7 +7,7 @@ from __future__ import annotations
 
 import shlex
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from os import PathLike
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any, Final
@@ -16,8 +16,18 @@ from imu_sim_ros import __version__, arguments
 from imu_sim_ros.bags.outputs import named
 from imu_sim_ros.bags.text.reader import is_text
 from imu_sim_ros.errors import InputError, Problems
+from imu_sim_ros.formats.choice import AS_RECORDED, Choice
 from imu_sim_ros.formats.door import read_trajectory
 from imu_sim_ros.inputs.rows import tell_skipped
+from imu_sim_ros.jobs.selection import (
+    AccelTopic,
+    AccelUnit,
+    Frame,
+    GyroTopic,
+    GyroUnit,
+    checked_choice,
+    input_lines,
+)
 from imu_sim_ros.jobs.tracks import has_truth, odometry_topics, truth_topic
 from imu_sim_ros.jobs.writing import SkipBadRows, saved
 from imu_sim_ros.records import States, with_fields
@@ -42,6 +52,10 @@ class Sources:
     skip_bad_rows: bool
     baseline_anyway: bool = False
     """True if baselines of another plan are compared with, too."""
+    choice: Choice = AS_RECORDED
+    """Frame, topics and units of readings."""
+    notes: list[str] = field(default_factory=list)
+    """Choices and conversions of reading so far."""
 
     def command(self, title: str) -> str:
         """Return the command line that makes the page."""
@@ -49,6 +63,11 @@ class Sources:
             ("--metric", self.metric),
             ("--truth-topic", self.truth_topic),
             ("--title", title),
+            ("--frame", self.choice.frame),
+            ("--gyro-topic", self.choice.gyro_topic),
+            ("--accel-topic", self.choice.accel_topic),
+            ("--gyro-unit", self.choice.gyro_unit),
+            ("--accel-unit", self.choice.accel_unit),
             *(("--baseline", str(path)) for path in self.baselines),
         ]
         given = [word for option in options if option[1] for word in option]
@@ -63,14 +82,22 @@ class Report:
     output: Path
     title: str
     bytes: int
+    notes: tuple[str, ...] = ()
+    """Choices and conversions of reading, a line each."""
 
     def to_dict(self) -> dict[str, Any]:
         """Return what ``--json`` prints."""
-        return {"output": str(self.output), "bytes": self.bytes, "title": self.title}
+        return {
+            "output": str(self.output),
+            "bytes": self.bytes,
+            "title": self.title,
+            "notes": list(self.notes),
+        }
 
     def lines(self) -> list[str]:
         """Return the text of the result."""
-        return [f"{self.output}: {self.bytes / 1e6:.2f} MB; open it in a browser"]
+        size = f"{self.output}: {self.bytes / 1e6:.2f} MB; open it in a browser"
+        return [*input_lines(self.notes), size]
 
 
 def report(
@@ -82,6 +109,11 @@ def report(
     baselines: Annotated[Sequence[str | PathLike[str]], "--baseline PATH", Path] = (),
     baseline_anyway: Annotated[bool, "--baseline-anyway"] = False,
     truth_topic: Annotated[str | None, "TOPIC"] = None,
+    frame: Frame = None,
+    gyro_topic: GyroTopic = None,
+    accel_topic: AccelTopic = None,
+    gyro_unit: GyroUnit = None,
+    accel_unit: AccelUnit = None,
     skip_bad_rows: SkipBadRows = False,
     force: bool = False,
 ) -> Report:
@@ -96,6 +128,11 @@ def report(
         oldest first, to show a trend
     :param baseline_anyway: compare with baselines of another plan, which are refused otherwise
     :param truth_topic: topic of the truth, if a bag has several
+    :param frame: frame of the readings, if a topic has those of several IMUs
+    :param gyro_topic: topic of the gyroscope, if the accelerometer has another one
+    :param accel_topic: topic of the accelerometer, interpolated to the gyroscope's times
+    :param gyro_unit: unit of the gyroscope in the file: rad/s, deg/s
+    :param accel_unit: unit of the accelerometer in the file: m/s^2, g, mg
     :param skip_bad_rows: skip and count bad rows of text and bad messages of bags
     :param force: overwrite an existing page
     :returns: path, title and size of the page.
@@ -116,6 +153,7 @@ def report(
         arguments.topic("truth_topic", truth_topic),
         arguments.switch("skip_bad_rows", skip_bad_rows),
         arguments.switch("baseline_anyway", baseline_anyway),
+        checked_choice(None, frame, gyro_topic, accel_topic, gyro_unit, accel_unit, of_a_file=True),
     )
     words = arguments.text("title", title, "words", empty=True)
     if output is None:
@@ -125,7 +163,7 @@ def report(
     with saved(target, force, sources.inputs) as staged:
         name, text = _page(sources, words)
         staged.write_text(text, encoding="utf-8")
-    return Report(target, name, len(text.encode()))
+    return Report(target, name, len(text.encode()), tuple(sources.notes))
 
 
 def default_output(inputs: Sequence[Path]) -> Path:
@@ -273,7 +311,7 @@ def _bag(sources: Sources, path: Path, files: Sequence[Path]) -> list[Section]:
     if truth is not None or estimates:
         flights.insert(0, TruthWithEstimates("motion", truth, estimates))
     skipped = tell_skipped(path) if sources.skip_bad_rows else None
-    readings = reading_sections(path, skipped)
+    readings = reading_sections(path, sources.choice, sources.notes, skipped)
     return estimate_sections(path, flights) + readings + sensors
 
 

@@ -3,16 +3,20 @@
 
 """The readings of a bag, a folder or a file as a section of a page."""
 
-from collections.abc import Sequence
+from collections.abc import Iterable, Iterator
 from pathlib import Path
 from typing import Final
 
 from imu_sim_ros.bags.messages.blocks import TopicInfo
-from imu_sim_ros.bags.messages.encode import IMU
-from imu_sim_ros.bags.read import imu_blocks, open_bag
-from imu_sim_ros.bags.text.reader import imu_names, is_text
+from imu_sim_ros.bags.read import open_bag
+from imu_sim_ros.bags.text.reader import is_text
 from imu_sim_ros.conventions import AXES
+from imu_sim_ros.errors import InputError
+from imu_sim_ros.formats.choice import Choice
+from imu_sim_ros.formats.door import imu_choices, reading_blocks
+from imu_sim_ros.formats.handling import Handling
 from imu_sim_ros.inputs.rows import Skipped
+from imu_sim_ros.records import Readings
 from imu_sim_ros.reports.page import Item, Section, plot, table
 from imu_sim_ros.reports.streams import StreamPlots, analyse, bias_series, topic_items
 from imu_sim_ros.types import Array
@@ -20,9 +24,13 @@ from imu_sim_ros.types import Array
 _TRIADS: Final = (("Angular rate", "rad/s"), ("Specific force", "m/s^2"))
 
 
-def reading_sections(path: Path, skipped: Skipped | None = None) -> list[Section]:
+def reading_sections(
+    path: Path, choice: Choice, notes: list[str], skipped: Skipped | None = None
+) -> list[Section]:
     """Return the section of the topics and IMU readings of a bag, a folder or a file.
 
+    :param choice: frame, topics and units of the readings.
+    :param notes: receives choices and conversions of reading.
     :param skipped: receives the number of bad readings skipped; None: they are errors.
     :returns: nothing for a bag without messages.
     :raises InputError: for what cannot be read.
@@ -33,10 +41,24 @@ def reading_sections(path: Path, skipped: Skipped | None = None) -> list[Section
         plot(title, "time [s]", f"[{unit}]" if unit else "", series, link=f"{path} bias")
         for title, unit, series in bias_series(path, topics)
     ]
-    for name, count in _imus(path, topics, skipped):
-        stream = analyse(imu_blocks(path, name or None, skipped=skipped), count)
+    counts = {topic.name.strip("/"): topic.count for topic in topics}
+    shown = 0
+    for imu in imu_choices(path, choice):
+        blocks: Iterable[Readings] = reading_blocks(path, imu, Handling(skipped))
+        name = imu.topic or imu.gyro_topic or ""
+        count = counts.get(name.strip("/"))
+        if count is None:  # of text, which has no index
+            blocks = list(blocks)
+            count = sum(map(len, blocks))
+        own: list[str] = []
+        stream = analyse(_noting(blocks, own), count)
         if stream is not None:
+            items += [{"kind": "text", "text": f"{name or path.name}: {note}"} for note in own]
             items += _stream_items(name or path.name, stream, f"{path} {name}")
+            notes += [note for note in own if note not in notes]
+            shown += 1
+    if choice.frame is not None and not shown:
+        raise InputError(f"{path}: contains no readings of the frame {choice.frame}")
     if biases:
         items.append({"kind": "plots", "items": biases})
     return [Section(f"{path.name}: readings", items, "readings")] if items else []
@@ -49,21 +71,11 @@ def _topics(path: Path) -> list[TopicInfo]:
         return bag.topics
 
 
-def _imus(
-    path: Path, topics: Sequence[TopicInfo], skipped: Skipped | None
-) -> list[tuple[str, int]]:
-    """Return name and number of readings of every IMU; a file's only IMU has no name.
-
-    :raises InputError: for a text file that contains no readings, or bad ones.
-    """
-    if not is_text(path):
-        return [(topic.name, topic.count) for topic in topics if topic.type == IMU]
-    names = imu_names(path) if path.is_dir() else [""]
-    uncounted = None if skipped is None else bool  # they are counted when they are analysed
-    return [
-        (name, sum(len(block.t_ns) for block in imu_blocks(path, name or None, skipped=uncounted)))
-        for name in names
-    ]
+def _noting(blocks: Iterable[Readings], notes: list[str]) -> Iterator[Readings]:
+    """Yield blocks of readings as they are; their notes are appended."""
+    for block in blocks:
+        notes += [note for note in block.notes if note not in notes]
+        yield block
 
 
 def _stream_items(name: str, stream: StreamPlots, link: str) -> list[Item]:

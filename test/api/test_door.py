@@ -3,6 +3,8 @@
 
 """One door: every job takes every form in which readings and states are recorded."""
 
+import importlib
+
 import numpy as np
 import pytest
 from rosbags.rosbag2 import StoragePlugin, Writer
@@ -10,6 +12,7 @@ from rosbags.typesys import Stores, get_typestore
 
 import imu_sim_ros as ims
 from imu_sim_ros.commands import allan as allan_program
+from imu_sim_ros.commands import dead_reckon as dead_reckon_program
 from imu_sim_ros.errors import ConfigurationError, InputError, Remark
 
 STORE = get_typestore(Stores.ROS2_JAZZY)
@@ -150,6 +153,41 @@ def test_convert_keeps_one_frame_or_merges_two_topics(two_frames, one_triad, tmp
         ims.convert(two_frames, tmp_path / "poses.tum", frame="left")
 
 
+def test_add_errors_takes_readings_as_they_are_chosen(two_frames, one_triad, tmp_path):
+    t_ns, gyro, accel = still(200)
+    given = zip(t_ns, np.degrees(gyro), accel / 9.80665, strict=True)
+    other = bag(tmp_path / "other", [("/sim", t, imu(t, g, a)) for t, g, a in given])
+    cases = (
+        (other, {"gyro_unit": "deg/s", "accel_unit": "g"}, "/sim", (gyro, accel)),
+        (two_frames, {"frame": "left"}, "/imu", [triad[::2] for triad in still()[1:]]),
+        (one_triad, {"gyro_topic": "/gyro", "accel_topic": "/accel"}, "/ground_truth/imu", None),
+    )
+    for k, (path, choice, topic, ideal) in enumerate(cases):
+        output = tmp_path / f"{k}.mcap"
+        result = ims.add_errors_to_file(path, output, imu="perfect", **choice)
+        assert result.to_dict()["notes"] == list(result.notes) != []
+        assert next(result.lines()).startswith("input: ")
+        readings = ims.read_imu(output, "/imu/data_raw")
+        if ideal is None:
+            merged = ims.read_readings(path, **choice)
+            ideal = merged.triads()
+        for triad, expected in zip(readings.triads(), ideal, strict=True):
+            np.testing.assert_allclose(triad, expected, rtol=1e-12)
+        np.testing.assert_allclose(ims.read_imu(output, topic).accel, ideal[1], rtol=1e-12)
+    table = tmp_path / "noisy.csv"
+    ims.add_errors_to_file(other, table, imu="perfect", **cases[0][1])
+    np.testing.assert_allclose(ims.read_imu(table).accel, accel, rtol=1e-12)
+    ims.add_errors_to_file(table, tmp_path / "mg.csv", imu="perfect", accel_unit="mg")
+    np.testing.assert_allclose(
+        ims.read_imu(tmp_path / "mg.csv").accel, accel * 9.80665e-3, rtol=1e-12
+    )
+    odometry = bag(tmp_path / "odometry", [("/odom", t, m) for t, m in poses_of("Odometry")])
+    with pytest.raises(InputError, match="has no topic /odom of sensor_msgs/msg/Imu"):
+        ims.add_errors_to_file(
+            odometry, tmp_path / "o.mcap", input_topic="/odom", gyro_unit="deg/s"
+        )
+
+
 def test_two_frames_on_a_topic_are_refused_unless_one_is_chosen(two_frames):
     for job in (ims.read_imu, ims.allan, ims.dead_reckon, ims.calibrate_six_position):
         with pytest.raises(
@@ -186,6 +224,67 @@ def test_a_unit_that_contradicts_the_header_is_refused(tmp_path):
     assert ims.read_readings(path, accel_unit="g").accel[0, 2] == pytest.approx(9.80665)
     with pytest.raises(InputError, match="accel_unit = mg: the header says g"):
         ims.read_readings(path, accel_unit="mg")
+
+
+READERS = ("add_errors", "allan", "calibrate six_position", "calibrate temperature",
+           "calibrate turntable", "convert_bag", "dead_reckon", "inspect", "report", "twin",
+           "view")  # fmt: skip
+OPTIONS = ("--frame", "--gyro-topic", "--accel-topic", "--gyro-unit", "--accel-unit")
+
+
+@pytest.mark.parametrize("name", READERS)
+def test_every_program_that_reads_readings_has_the_options(name, capsys):
+    program, *run = name.split()
+    main = importlib.import_module(f"imu_sim_ros.commands.{program}").main
+    with pytest.raises(SystemExit) as ending:
+        main([*run, "--help"])
+    assert ending.value.code == 0
+    words = capsys.readouterr().out.split()
+    assert [option for option in OPTIONS if option not in words] == []
+
+
+def test_report_inspect_and_preintegrate_read_as_is_chosen(two_frames, one_triad, tmp_path):
+    topics = {"gyro_topic": "/gyro", "accel_topic": "/accel"}
+    for path, choice, count in ((two_frames, {"frame": "left"}, 500), (one_triad, topics, 999)):
+        page = ims.report(path, tmp_path / "page.html", force=True, **choice)
+        assert page.to_dict()["notes"] == list(page.notes) != []
+        assert page.lines()[0].startswith("input: ")
+        text = (tmp_path / "page.html").read_text()
+        assert page.notes[0] in text
+        assert f"{count:,} readings" in text
+        found = ims.inspect(path, **choice)
+        assert [sensor.readings for sensor in found.sensors] == [count]
+        assert found.to_dict()["sensors"][0]["notes"] == page.notes
+        assert str(next(found.lines())).startswith("input: ")
+        pieces = ims.preintegrate(path, every=0.5, **choice)
+        same = ims.preintegrate(ims.read_readings(path, **choice), every=0.5)
+        np.testing.assert_array_equal(pieces.alpha, same.alpha)
+    for job in (lambda **choice: ims.report(two_frames, tmp_path / "none.html", **choice),
+                lambda **choice: ims.inspect(two_frames, **choice)):  # fmt: skip
+        with pytest.raises(InputError, match="several frames: left, right; choose one with"):
+            job()
+        with pytest.raises(InputError, match="contains no readings of the frame middle"):
+            job(frame="middle")
+    with pytest.raises(ConfigurationError, match="frame"):
+        ims.inspect(ims.read_readings(two_frames, frame="left"), frame="left")
+
+
+def test_results_say_what_was_chosen_and_converted(two_frames, tmp_path, capsys):
+    track = ims.dead_reckon(two_frames, frame="left", initial="level")
+    assert track.to_dict()["notes"] == ["readings of the frame left only"]
+    argv = [str(two_frames), "--frame", "left", "--initial-state", "level"]
+    assert dead_reckon_program.main(argv) == 0
+    assert "input: readings of the frame left only" in capsys.readouterr().out
+    t_ns, gyro, accel = still(14000)
+    table = tmp_path / "imu.csv"
+    rows = np.column_stack([gyro, accel / 9.80665]).tolist()
+    lines = (",".join(map(str, (t, *row))) for t, row in zip(t_ns.tolist(), rows, strict=True))
+    table.write_text("\n".join(["timestamp,gx,gy,gz,ax [g],ay [g],az [g]", *lines]))
+    noise = ims.allan(table)
+    assert noise.to_dict()["notes"] == list(noise.notes)
+    stated = "the accelerometer in g, as the header says: converted to SI units"
+    assert noise.notes == (stated,)
+    assert str(next(noise.lines())) == f"input: {stated}"
 
 
 def test_programs_have_the_options(two_frames, capsys):

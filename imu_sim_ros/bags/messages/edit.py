@@ -8,7 +8,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from imu_sim_ros.bags.messages.blocks import MessageBlock
+from imu_sim_ros.bags.messages.blocks import MessageBlock, TopicInfo
 from imu_sim_ros.bags.messages.decode import group_by_texts
 from imu_sim_ros.bags.messages.encode import IMU
 from imu_sim_ros.errors import InputError
@@ -19,10 +19,16 @@ _TRIADS = ("angular_velocity", "linear_acceleration")
 class ImuEdit(NamedTuple):
     """Frame and units of Imu messages that are copied."""
 
+    topic: str | None
+    """Name of their topic, without a slash in front; None: all of Imu."""
     frame: str | None
     """Frame of the messages to keep; None: all."""
     factors: tuple[float, float]
     """SI values of the units of the gyroscope and of the accelerometer."""
+
+    def concerns(self, topic: TopicInfo) -> bool:
+        """Return True for a topic whose messages change."""
+        return topic.type == IMU and self.topic in (None, topic.name.lstrip("/"))
 
     def apply(self, block: MessageBlock, encoding: str) -> MessageBlock:
         """Return a block with its Imu messages in SI units; blocks of other types as they are.
@@ -31,7 +37,7 @@ class ImuEdit(NamedTuple):
 
         :raises InputError: for messages that are not Imu.
         """
-        if block.topic.type != IMU or not len(block.t_ns):
+        if not self.concerns(block.topic) or not len(block.t_ns):
             return block
         try:
             groups = group_by_texts(IMU, encoding, block.payloads)
