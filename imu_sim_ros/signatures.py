@@ -35,14 +35,14 @@ from imu_sim_ros.parameters.yaml_text import parse_yaml
 
 
 class Text(str):
-    """The help of an argument that several jobs have, or that lists what the program knows."""
+    """Help text of an argument that several jobs share, or that lists names."""
 
 
 class Heading(str):
-    """The heading in ``--help`` under which an argument stands."""
+    """Heading of a group of arguments in ``--help``."""
 
 
-Found = TypeVar("Found")
+Result = TypeVar("Result")
 _NONE: Mapping[str, object] = {}
 _REST = inspect.Parameter.VAR_KEYWORD
 
@@ -53,56 +53,74 @@ def arguments_of(job: Callable[..., object]) -> dict[str, dict[str, Any]]:
     A value that is not given is None, so that the job's own default holds.
     """
     texts = _texts(job)
-    return {_written(one): _keywords(one, texts.get(one.name, "")) for one in _parameters(job)}
+    return {
+        _written(parameter): _keywords(parameter, texts.get(parameter.name, ""))
+        for parameter in _parameters(job)
+    }
 
 
 def call(
-    job: Callable[..., Found],
+    job: Callable[..., Result],
     arguments: Namespace,
-    below: Mapping[str, object] = _NONE,
-    above: Mapping[str, object] = _NONE,
-) -> Found:
-    """Return the result of a job with the arguments that are given.
+    defaults: Mapping[str, object] = _NONE,
+    overrides: Mapping[str, object] = _NONE,
+) -> Result:
+    """Return the result of a job, called with the arguments of its program.
 
-    :param below: parameters by name, such as those of files, over which the arguments win.
-    :param above: parameters that win over the arguments, such as those of ``--set``.
+    :param defaults: parameters by name, such as those of files, over which the arguments win.
+    :param overrides: parameters that win over the arguments, such as those of ``--set``.
     :raises ImuSimError: of the job; its lines name the options.
     """
-    every = list(_parameters(job))
-    values = {one.name: getattr(arguments, one.name) for one in every}
-    values |= {one.name: dict(values[one.name] or ()) for one in every if _has_pairs(one)}
-    given = {name: value for name, value in values.items() if value not in (None, {})}
+    job_parameters = list(_parameters(job))
+    values = {parameter.name: getattr(arguments, parameter.name) for parameter in job_parameters}
+    values |= {
+        parameter.name: dict(values[parameter.name] or ())
+        for parameter in job_parameters
+        if _has_pairs(parameter)
+    }
+    arguments_by_name = {name: value for name, value in values.items() if value not in (None, {})}
     options = {
-        one.name: [word for word in _written(one).split() if word[:2] == "--"][-1]
-        for one in every
-        if _is_option(one)
+        parameter.name: [word for word in _written(parameter).split() if word[:2] == "--"][-1]
+        for parameter in job_parameters
+        if _is_option(parameter)
     }
     # A parameter of ROS has the name of the option: initial_state for --initial-state.
     names = {option.strip("-").replace("-", "_"): name for name, option in options.items()}
-    below, above = (
-        {names.get(name, name): value for name, value in layer.items()} for layer in (below, above)
+    defaults, overrides = (
+        {names.get(name, name): value for name, value in layer.items()}
+        for layer in (defaults, overrides)
     )
-    last = {*above, *(name for one in every if one.kind is _REST for name in values[one.name])}
+    overridden = {
+        *overrides,
+        *(
+            name
+            for parameter in job_parameters
+            if parameter.kind is _REST
+            for name in values[parameter.name]
+        ),
+    }
     try:
-        return job(**{**below, **given, **above})
+        return job(**{**defaults, **arguments_by_name, **overrides})
     except ImuSimError as error:
         lines = []
         for line in error.problems:
             name, sign, rest = re.split("( = |: |$)", line, maxsplit=1)
-            own = sign and name in given and name in options and name not in last
+            is_argument = (
+                sign and name in arguments_by_name and name in options and name not in overridden
+            )
             between = ": " if sign == ": " else " "
-            lines.append(f"{options[name]}{between}{rest}" if own else line)
+            lines.append(f"{options[name]}{between}{rest}" if is_argument else line)
         raise type(error)(lines) from None
 
 
-def assignment(words: str) -> tuple[str, object]:
+def assignment(text: str) -> tuple[str, object]:
     """Return name and value of ``key=value``; the value is YAML, none an empty string.
 
     :raises ValueError: for anything else.
     """
-    name, equals, value = words.partition("=")
+    name, equals, value = text.partition("=")
     if not equals or not name.strip():
-        raise ValueError(f"{words!r} is not of the form key=value")
+        raise ValueError(f"{text!r} is not of the form key=value")
     try:
         return name.strip(), parse_yaml(value) if value.strip() else ""
     except ValueError as error:
@@ -118,10 +136,10 @@ def _parameters(job: Callable[..., object]) -> Iterator[inspect.Parameter]:
 
 def _texts(job: Callable[..., object]) -> dict[str, str]:
     """Return the texts of a docstring by the names of its parameters, each in a line."""
-    found = re.findall(
+    descriptions = re.findall(
         r"^:param (\w+): (.*?)(?=^:|^$|\Z)", inspect.getdoc(job) or "", re.MULTILINE | re.DOTALL
     )
-    return {name: " ".join(text.replace("``", "").split()) for name, text in found}
+    return {name: " ".join(text.replace("``", "").split()) for name, text in descriptions}
 
 
 def _is_option(parameter: inspect.Parameter) -> bool:
@@ -130,17 +148,17 @@ def _is_option(parameter: inspect.Parameter) -> bool:
 
 
 def _mark(parameter: inspect.Parameter) -> str:
-    """Return how an argument is written, as its annotation says."""
+    """Return the form of an argument on the command line, from its annotation."""
     return next((m for m in parameter.annotation.__metadata__ if type(m) is str), "")
 
 
 def _written(parameter: inspect.Parameter) -> str:
     """Return names and metavariable: ``estimate ESTIMATE``, ``-o --output FILE``, ``--json``."""
-    words = _mark(parameter)
-    if words.startswith("-"):
-        return words
+    form = _mark(parameter)
+    if form.startswith("-"):
+        return form
     name = parameter.name.replace("_", "-")
-    return f"--{name} {words}" if _is_option(parameter) else f"{parameter.name} {words}"
+    return f"--{name} {form}" if _is_option(parameter) else f"{parameter.name} {form}"
 
 
 def _has_pairs(parameter: inspect.Parameter) -> bool:
@@ -149,44 +167,47 @@ def _has_pairs(parameter: inspect.Parameter) -> bool:
 
 
 def _keywords(parameter: inspect.Parameter, text: str) -> dict[str, Any]:
-    """Return what argparse is told about a parameter.
+    """Return the keywords of argparse for a parameter.
 
-    :param text: of the docstring.
+    :param text: description of the parameter in the docstring.
     """
     hint, *marks = get_args(parameter.annotation)
     default, option = parameter.default, _is_option(parameter)
     metavar = _written(parameter).split()[-1]
-    found: dict[str, Any] = {"dest": parameter.name} if option else {}
+    keywords: dict[str, Any] = {"dest": parameter.name} if option else {}
     if (group := next((m for m in marks if isinstance(m, Heading)), None)) is not None:
-        found["group"] = group
+        keywords["group"] = group
     text = next((m for m in marks if isinstance(m, Text)), text)
     if isinstance(default, bool):
         action = "store_false" if default else "store_true"
-        return {**found, "action": action, "default": None, "help": _help(text)}
+        return {**keywords, "action": action, "default": None, "help": _help(text)}
     if option and default is parameter.empty and parameter.kind is not _REST:
-        found["required"] = True
+        keywords["required"] = True
     in_one = metavar.endswith(",...")
-    several = any(get_origin(one) is Sequence for one in (hint, *get_args(hint))) and not in_one
+    several = (
+        any(get_origin(annotation) is Sequence for annotation in (hint, *get_args(hint)))
+        and not in_one
+    )
     if several or _has_pairs(parameter):
-        found |= {"action": "append"} if option else {"nargs": "+"}
-    if (words := next((m for m in marks if isinstance(m, tuple | list)), None)) is not None:
-        found |= {"choices": words, "metavar": None}
+        keywords |= {"action": "append"} if option else {"nargs": "+"}
+    if (choices := next((m for m in marks if isinstance(m, tuple | list)), None)) is not None:
+        keywords |= {"choices": choices, "metavar": None}
     else:
-        read = _words if in_one else next((m for m in marks if callable(m)), None)
-        found["type"] = reader(read or _kind(hint, metavar))
+        convert = _words if in_one else next((m for m in marks if callable(m)), None)
+        keywords["type"] = reader(convert or _kind(hint, metavar))
     if isinstance(default, str | int | float) and default != "" and "default" not in text:
         number = "" if isinstance(default, str) else f"{default:g}"
         unit = "s" if number and metavar == "TIME" else ""
         text = f"{text.removesuffix(' [s]')} (default: {number or default}{unit})"
-    return {**found, "help": _help(text)}
+    return {**keywords, "help": _help(text)}
 
 
-def _words(words: str) -> list[str]:
+def _words(text: str) -> list[str]:
     """Return the names in ``NAME,...``.
 
     :raises ValueError: if there is none.
     """
-    names = [name for name in map(str.strip, words.split(",")) if name]
+    names = [name for name in map(str.strip, text.split(",")) if name]
     if not names:
         raise ValueError("must be at least one name")
     return names
@@ -197,8 +218,12 @@ def _help(text: str) -> str:
 
 
 def _kind(hint: object, metavar: str) -> Callable[[str], object]:
-    """Return what reads an argument of a type."""
-    kinds = [one for part in (hint, *get_args(hint)) for one in (part, *get_args(part))]
+    """Return the function that parses an argument of a type."""
+    kinds = [
+        part
+        for annotation in (hint, *get_args(hint))
+        for part in (annotation, *get_args(annotation))
+    ]
     if metavar == "TIME" and str not in kinds:  # a job that takes words reads them itself
         return timebase.parse_duration
     if Path in kinds and "NAME" not in metavar:
@@ -206,14 +231,14 @@ def _kind(hint: object, metavar: str) -> Callable[[str], object]:
     return next((kind for kind in (float, int) if kind in kinds and str not in kinds), str)
 
 
-def reader(read: Callable[[str], object]) -> Callable[[str], object]:
-    """Return a reader whose complaint argparse prints."""
-    if read in (str, int, float, Path):
-        return read
+def reader(parse: Callable[[str], object]) -> Callable[[str], object]:
+    """Return a parser whose errors argparse prints."""
+    if parse in (str, int, float, Path):
+        return parse
 
-    def convert(words: str) -> object:
+    def convert(text: str) -> object:
         try:
-            return read(words)
+            return parse(text)
         except (ValueError, ImuSimError) as error:
             raise ArgumentTypeError(str(error)) from None
 

@@ -102,11 +102,11 @@ def test_bad_words_are_one_line(words: str, line: str, capsys: Any) -> None:
     assert error.count("\n") == 1
 
 
-def test_parameters_below_and_above_the_arguments() -> None:
+def test_defaults_and_overrides_of_the_arguments() -> None:
     arguments = program.Parser("job", arguments=arguments_of(job)).parse_every(
         ["a", "--gap", "2s", "--count", "4"]
     )
-    found = call(job, arguments, below={"gap": 1.0, "field": 3.0}, above={"count": 5})
+    found = call(job, arguments, defaults={"gap": 1.0, "field": 3.0}, overrides={"count": 5})
     assert (found["gap"], found["strength"], found["count"]) == (2.0, 3.0, 5)
 
 

@@ -76,9 +76,8 @@ def calibrate(arguments: argparse.Namespace) -> None:
     with written.staged():
         problems = Problems()
         with problems.gathered():
-            found = call(
-                RUNS[arguments.kind].job, arguments, above={} if rates is None else {"rates": rates}
-            )
+            overrides = {} if rates is None else {"rates": rates}
+            found = call(RUNS[arguments.kind].job, arguments, overrides=overrides)
         if arguments.truth:
             with problems.gathered():
                 load_truth(arguments.truth)

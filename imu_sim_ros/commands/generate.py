@@ -118,7 +118,7 @@ def generate(arguments: argparse.Namespace) -> None:
     """Write the requested output."""
     names = [*named_sensors(), *(one.name for one in switches().values())]
     sensors = {name: given for name in names if (given := getattr(arguments, name))}
-    program.show(arguments, call(job, arguments, below=sensors))
+    program.show(arguments, call(job, arguments, defaults=sensors))
 
 
 main = partial(program.main, parser, generate)

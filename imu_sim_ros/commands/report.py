@@ -43,7 +43,7 @@ def run(arguments: argparse.Namespace) -> None:
     written = outputs(argparse.Namespace(**{**vars(arguments), "inputs": inputs}))
     page = written.add(path, endings=(".html", ".htm"))
     with written.staged():
-        made = call(report, arguments, above={"output": page.path})
+        made = call(report, arguments, overrides={"output": page.path})
     program.show(arguments, replace(made, output=path))
 
 

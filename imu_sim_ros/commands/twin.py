@@ -53,7 +53,7 @@ def run(arguments: argparse.Namespace) -> None:
     written = outputs(arguments)
     staging = None if arguments.no_files else written.add_files(arguments.output, _FILES)
     with written.staged():
-        found = call(twin, arguments, above={"truth": arguments.truth})
+        found = call(twin, arguments, overrides={"truth": arguments.truth})
         if staging is not None:
             from imu_sim_ros.plots import style
 

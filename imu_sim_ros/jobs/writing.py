@@ -1,7 +1,7 @@
 # Copyright 2026 imu_sim_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""What jobs that write share: arguments, their checks, outputs, and what the jobs say."""
+"""Arguments of the jobs that write, their checks, their outputs, and the journal of a job."""
 
 import re
 from collections.abc import Collection, Iterable, Iterator, Mapping, Sequence
@@ -31,31 +31,33 @@ _LONGEST_SIZE: Final = 20
 _SIZE_UNITS: Final = {"": 1, "k": 10**3, "m": 10**6, "g": 10**9}
 
 
-def size(words: str) -> int:
+def size(text: str) -> int:
     """Return the bytes of ``500M``, ``2G`` or a plain number.
 
     :raises ValueError: for anything else.
     """
-    match = re.fullmatch(r"(\d+\.?\d*)\s*([kmg]?)b?", words.strip().lower())
-    if match is None or len(words) > _LONGEST_SIZE:
-        raise ValueError(f"{words[:40]!r} is not a size such as 500M or 2G")
+    match = re.fullmatch(r"(\d+\.?\d*)\s*([kmg]?)b?", text.strip().lower())
+    if match is None or len(text) > _LONGEST_SIZE:
+        raise ValueError(f"{text[:40]!r} is not a size such as 500M or 2G")
     return round(float(match[1]) * _SIZE_UNITS[match[2]])
 
 
-def renaming(words: str) -> tuple[str, str]:
+def renaming(text: str) -> tuple[str, str]:
     """Return both names of ``old=new``.
 
     :raises ValueError: for anything else.
     """
-    old, equals, new = words.partition("=")
-    if not equals or not re.fullmatch(r"/?[A-Za-z_~][\w/]*", new.strip()):
-        raise ValueError(f"{words!r} is not of the form imu/data_raw=/imu0")
-    return old.strip().lstrip("/"), new.strip()
+    topic, equals, renamed = text.partition("=")
+    if not equals or not re.fullmatch(r"/?[A-Za-z_~][\w/]*", renamed.strip()):
+        raise ValueError(f"{text!r} is not of the form imu/data_raw=/imu0")
+    return topic.strip().lstrip("/"), renamed.strip()
 
 
 OUTPUT: Final = Heading("output")
 PARAMETERS: Final = Heading("parameters (later ones win)")
-_COMPRESSION: Final = "; ".join(f"{one}: {', '.join(names)}" for one, names in COMPRESSIONS.items())
+_COMPRESSION: Final = "; ".join(
+    f"{storage}: {', '.join(names)}" for storage, names in COMPRESSIONS.items()
+)
 
 Output = Annotated[
     str | Path,
@@ -116,18 +118,18 @@ SkipBadRows = Annotated[
     "--skip-bad-rows",
     Text("skip and count bad rows of text and bad messages of bags (poses, readings)"),
 ]
-"""Whether bad rows and messages are left out and counted, or errors."""
+"""True: bad rows and messages are skipped and counted; False: they are errors."""
 
 
 @dataclass(frozen=True)
 class Form:
-    """What kind of file or folder is written."""
+    """Kind of the file or folder that is written."""
 
     dataset: str | None = None
     """``euroc``, ``csv``, ``tum``, ...; None: a bag."""
     bag: BagOptions = AS_NAMED
     topics: Sequence[str] = ()
-    """Those that are written; empty: the usual ones."""
+    """Names of the topics that are written; empty: the default ones."""
     renamed: Mapping[str, str] = field(default_factory=dict)
     """Names in the bag by the topics' own."""
 
@@ -136,7 +138,7 @@ def checked_form(
     formats: Collection[str],
     output: str | Path,
     format: str | None,
-    given: BagOptions,
+    options: BagOptions,
     topics: str | Sequence[str],
     rename: Mapping[str, str] | None,
 ) -> tuple[Path, Form]:
@@ -146,16 +148,16 @@ def checked_form(
     :raises ConfigurationError: for an invalid argument.
     :raises InputError: for a form that the output's name, or an option, contradicts.
     """
-    words = (("format", format, formats), ("storage", given.storage, STORAGES))
-    for name, value, known in (*words, ("compression", given.compression, COMPRESSED)):
+    limited = (("format", format, formats), ("storage", options.storage, STORAGES))
+    for name, value, allowed in (*limited, ("compression", options.compression, COMPRESSED)):
         if value is not None:
-            arguments.one_of(name, value, known)
-    length, most = given.split_duration, given.split_size
-    bag = given._replace(
+            arguments.one_of(name, value, allowed)
+    length, size_limit = options.split_duration, options.split_size
+    bag = options._replace(
         split_duration=arguments.number(
             "split_duration", length, "seconds, from 0 to 1e9", 0.0, 1e9
         ),
-        split_size=arguments.whole("split_size", most, "bytes, 0 or more", 0, 1 << 62),
+        split_size=arguments.whole("split_size", size_limit, "bytes, 0 or more", 0, 1 << 62),
     )
     written, renamed = arguments.words("topics", topics), renamed_topics(rename)
     path = arguments.path("path", output, _OUTPUT_PATH)
@@ -163,7 +165,7 @@ def checked_form(
         raise InputError(f"{str(path)!r}: is not a file name")
     dataset = format or DATASET_SUFFIXES.get(path.suffix.lower())
     if dataset is None:
-        check_writer(path, given.storage, given.compression)
+        check_writer(path, options.storage, options.compression)
         return path, Form(None, bag, written, renamed)
     unfit = [
         f"--{name.replace('_', '-')}: does not apply to {dataset}"
@@ -175,38 +177,38 @@ def checked_form(
     return path, Form(dataset, bag, written, renamed)
 
 
-def renamed_topics(given: Mapping[str, str] | None) -> Mapping[str, str]:
+def renamed_topics(names: Mapping[str, str] | None) -> Mapping[str, str]:
     """Return names in a bag by the topics' own, the argument ``rename``."""
-    if given is None:
+    if names is None:
         return {}
     allowed = "names of topics by names of topics"
-    if not isinstance(given, Mapping):
-        arguments.refuse("rename", given, allowed, wrong_type=True)
+    if not isinstance(names, Mapping):
+        arguments.refuse("rename", names, allowed, wrong_type=True)
     return {
         arguments.text("rename", a, allowed): arguments.text("rename", b, allowed)
-        for a, b in given.items()
+        for a, b in names.items()
     }
 
 
-def parameter_files(given: object) -> list[Path]:
+def parameter_files(files: object) -> list[Path]:
     """Return the files of the argument ``params_file``.
 
     :raises ConfigurationError: for anything but paths.
     """
-    several = [] if given is None else [given] if isinstance(given, str | Path) else given
+    several = [] if files is None else [files] if isinstance(files, str | Path) else files
     if not isinstance(several, list | tuple):
-        arguments.refuse("params_file", given, "paths of files", wrong_type=True)
-    return [arguments.path("params_file", one) for one in several]
+        arguments.refuse("params_file", files, "paths of files", wrong_type=True)
+    return [arguments.path("params_file", path) for path in several]
 
 
 class Journal:
-    """What a job says: told at once to whoever follows it, and kept for its result."""
+    """Warnings, remarks and notes of a job, printed at once and kept for its result."""
 
     def __init__(self, source: object = None, skip_bad_rows: bool = False) -> None:
-        """Begin.
+        """Begin an empty journal.
 
-        :param source: what bad rows are of.
-        :param skip_bad_rows: leave them out.
+        :param source: file in which bad rows are counted.
+        :param skip_bad_rows: skip bad rows.
         """
         self.lines: list[str] = []
         """Warnings and remarks."""
@@ -216,14 +218,14 @@ class Journal:
 
     @property
     def skipped(self) -> Skipped | None:
-        """What receives how many bad rows are skipped; None: they are errors, or passed on."""
+        """Callback with the number of skipped rows; None: bad rows are errors, or passed on."""
         if not self._skips:
             return None
         return lambda count: self.remark(f"{self._source}: {count} bad rows skipped")
 
     @property
     def passed_on(self) -> Warned | None:
-        """What receives messages that pass although not finite or not possible."""
+        """Callback with the messages that are passed on although not finite or not possible."""
         return None if self._skips else self._pass_on
 
     def _pass_on(self, bad: BadRows) -> None:
@@ -234,31 +236,31 @@ class Journal:
         )
 
     def warn(self, line: str) -> None:
-        """Say what is allowed but may be unintended."""
+        """Report a setting that is allowed but may be unintended."""
         self._watcher.warn(line)
         self.lines.append(line)
 
     def remark(self, line: str) -> None:
-        """Say what is left out, or was found on the way."""
+        """Report data that are skipped, or a property of the input."""
         self._watcher.remark(line)
         self.lines.append(line)
 
     def note(self, line: str) -> None:
-        """Say what was chosen."""
+        """Report a choice of the job."""
         self._watcher.note(line)
         self.notes.append(line)
 
 
 def outputs(force: bool, discard_partial: bool, inputs: Iterable[object]) -> Outputs:
-    """Return what will receive the outputs of a job.
+    """Return the staging of a job's outputs.
 
-    :param inputs: paths of what is read, and words that may be names of files.
+    :param inputs: paths of inputs, and strings that may be names of files.
     :raises ConfigurationError: for arguments that are no switch.
     """
     arguments.switch("discard_partial", discard_partial)
     arguments.switch("force", force)
-    read = [one for one in inputs if isinstance(one, Path) or is_file(one)]
-    return Outputs(read, force, discard_partial)
+    input_files = [name for name in inputs if isinstance(name, Path) or is_file(name)]
+    return Outputs(input_files, force, discard_partial)
 
 
 @contextmanager
@@ -279,16 +281,16 @@ def saved(path: str | Path, force: bool, inputs: Iterable[object] = ()) -> Itera
         yield target.path
 
 
-def is_file(word: object) -> TypeGuard[str | Path]:
+def is_file(path: object) -> TypeGuard[str | Path]:
     """Return whether a value is the name of a file."""
     try:
-        return isinstance(word, str | Path) and bool(str(word)) and Path(word).is_file()
+        return isinstance(path, str | Path) and bool(str(path)) and Path(path).is_file()
     except (OSError, ValueError):  # no name of a file
         return False
 
 
 def counts(messages: Mapping[str, int]) -> str:
-    """Return numbers of messages by topic in words."""
+    """Return the numbers of messages by topic as text."""
     return ", ".join(f"{count:,} {name}" for name, count in messages.items())
 
 

@@ -40,7 +40,7 @@ _Section = TypeVar("_Section")
 _seeded: "WeakSet[ConfiguredNode[Any]]" = WeakSet()
 """The nodes of this process that have a seed."""
 
-_TYPES_OF_ROS = frozenset(each.value for each in RosParameter.Type)
+_TYPES_OF_ROS = frozenset(type_of_ros.value for type_of_ros in RosParameter.Type)
 
 
 class ConfiguredNode(Node, Generic[_Section]):
@@ -57,7 +57,7 @@ class ConfiguredNode(Node, Generic[_Section]):
         self,
         name: str,
         section: type[_Section],
-        layering: Layering = lambda given, _: given,
+        layering: Layering = lambda values, _: values,
         **arguments: Any,
     ) -> None:
         """Declare all parameters.
@@ -68,19 +68,23 @@ class ConfiguredNode(Node, Generic[_Section]):
         :raises ConfigurationError: with a line for every unknown name and every bad value.
         """
         super().__init__(name, automatically_declare_parameters_from_overrides=True, **arguments)
-        given = self._take_overrides()
+        overrides = self._take_overrides()
         self.section = section
         if "seed" in parameters(self.section):  # no two nodes of a graph have the same noise
-            given.setdefault("seed", seed_of_node(self.get_fully_qualified_name()))
-        for other in of_other_nodes(self.section, given):  # -p seed:=3 is given to all of a process
-            del given[other]
-            self.get_logger().warning(f"{other}: is a parameter of another node; no effect here")
+            overrides.setdefault("seed", seed_of_node(self.get_fully_qualified_name()))
+        for name_of_other in of_other_nodes(
+            self.section, overrides
+        ):  # -p seed:=3 is given to all of a process
+            del overrides[name_of_other]
+            self.get_logger().warning(
+                f"{name_of_other}: is a parameter of another node; no effect here"
+            )
         self.changed: frozenset[str] = frozenset()
         self.lifetime = Lifetime(self)
-        self.given: dict[str, object] = given
-        self.parameters = build_layered(self.section, layering, given)
-        if "seed" in given:
-            self._warn_of_the_same_seed(given["seed"])
+        self.given: dict[str, object] = overrides
+        self.parameters = build_layered(self.section, layering, overrides)
+        if "seed" in overrides:
+            self._warn_of_the_same_seed(overrides["seed"])
         values = flatten(self.parameters)
         self._known = parameters(self.section, values)
         self._declare(values)
@@ -90,18 +94,20 @@ class ConfiguredNode(Node, Generic[_Section]):
         """End threads and close files; called once, whatever the reason for the end."""
 
     def destroy_node(self) -> None:
-        """As rclpy defines it."""
+        """Destroy the node, as ``rclpy.node.Node.destroy_node``."""
         _seeded.discard(self)
         super().destroy_node()  # type: ignore[no-untyped-call]
 
     def _warn_of_the_same_seed(self, seed: object) -> None:
-        """Say whose noise this node shares, as with a ``-p seed:=3`` for all of a process."""
-        same = [one.get_fully_qualified_name() for one in _seeded if one.given["seed"] == seed]
+        """Warn of nodes of this process with the same noise, as with ``-p seed:=3`` for all."""
+        sharers = [
+            node.get_fully_qualified_name() for node in _seeded if node.given["seed"] == seed
+        ]
         _seeded.add(self)
-        if same:
+        if sharers:
             self.get_logger().warning(
-                f"seed = {seed}: {', '.join(sorted(same))} in this process has it, too: the same "
-                "sensors have identical noise; without seed, each node has one of its own"
+                f"seed = {seed}: {', '.join(sorted(sharers))} in this process has it, too: the "
+                "same sensors have identical noise; without seed, each node has one of its own"
             )
 
     def get_logger(self) -> Any:
@@ -121,7 +127,7 @@ class ConfiguredNode(Node, Generic[_Section]):
             callback = functools.partial(_set_all, callback)
         return super().create_service(srv_type, srv_name, callback, **options)
 
-    def apply(self, new: _Section) -> None:
+    def apply(self, parameters: _Section) -> None:
         """Apply new parameters, all of them valid; a subclass acts on them and may still refuse.
 
         ``self.changed`` holds the names that were set, even to the value that they had.
@@ -130,29 +136,29 @@ class ConfiguredNode(Node, Generic[_Section]):
             changed.
         """
 
-    def replace(self, new: _Section) -> None:
+    def replace(self, section: _Section) -> None:
         """Set parameters that the node has determined itself, read-only ones as well."""
-        old = flatten(self.parameters)
-        self.parameters = new
-        for name, value in flatten(new).items():
-            if name in self._known and value != old[name]:
+        previous = flatten(self.parameters)
+        self.parameters = section
+        for name, value in flatten(section).items():
+            if name in self._known and value != previous[name]:
                 self._parameters[name] = RosParameter(name, value=_to_ros(value))
 
     def _take_overrides(self) -> dict[str, object]:
         """Return the values of the command line, and undeclare what ROS declared from them."""
-        given: dict[str, object] = {}
+        overrides: dict[str, object] = {}
         for name, parameter in self.get_parameters_by_prefix("").items():
             if not is_of_ros(name):
-                given[name] = plain(parameter)  # type: ignore[arg-type]  # rclpy says: of values
+                overrides[name] = plain(parameter)  # type: ignore[arg-type]  # rclpy says: of values
                 self.undeclare_parameter(name)
-        return given
+        return overrides
 
     def _declare(self, values: Mapping[str, Value]) -> None:
-        known = self._known
+        declared = self._known
         empty = [name for name, value in values.items() if value == ()]
         entries: list[Any] = [
             (name, _to_ros(values[name]), describe(parameter))
-            for name, parameter in known.items()
+            for name, parameter in declared.items()
             if name not in empty
         ]
         self.declare_parameters("", entries, ignore_override=True)
@@ -160,8 +166,8 @@ class ConfiguredNode(Node, Generic[_Section]):
             self.declare_parameter(
                 name, "", ParameterDescriptor(dynamic_typing=True), ignore_override=True
             )
-            super().set_parameters_atomically([to_ros(name, known[name], ())])
-            self.set_descriptor(name, describe(known[name]))
+            super().set_parameters_atomically([to_ros(name, declared[name], ())])
+            self.set_descriptor(name, describe(declared[name]))
 
     def set_parameters_atomically(
         self, parameter_list: Iterable[RosParameter]
@@ -185,16 +191,16 @@ class ConfiguredNode(Node, Generic[_Section]):
         return super().set_parameters_atomically(changes)
 
     def _on_set(self, changes: list[RosParameter]) -> SetParametersResult:
-        own = {change.name: plain(change) for change in changes if change.name in self._known}
-        if not own:
+        values = {change.name: plain(change) for change in changes if change.name in self._known}
+        if not values:
             return SetParametersResult(successful=True)
         try:
-            self.changed = frozenset(own)
-            new = build(self.section, {**flatten(self.parameters), **own})
-            self.apply(new)
+            self.changed = frozenset(values)
+            section = build(self.section, {**flatten(self.parameters), **values})
+            self.apply(section)
         except ConfigurationError as error:
             return SetParametersResult(successful=False, reason="; ".join(error.problems))
-        self.parameters = new
+        self.parameters = section
         return SetParametersResult(successful=True)
 
 
@@ -204,12 +210,12 @@ def _set_each(
     response: SetParameters.Response,
 ) -> SetParameters.Response:
     """Answer SetParameters: one result for each parameter."""
-    for one in request.parameters:
-        refused = _of_unknown_type([one])
+    for parameter in request.parameters:
+        refused = _of_unknown_type([parameter])
         if refused is not None:
             response.results.append(refused)
         else:
-            single = SetParameters.Request(parameters=[one])
+            single = SetParameters.Request(parameters=[parameter])
             response.results += callback(single, SetParameters.Response()).results
     return response
 
@@ -232,8 +238,10 @@ def _set_all(
 
 def _of_unknown_type(messages: Iterable[ParameterMessage]) -> SetParametersResult | None:
     """Return the refusal of values whose type is none of ROS; None: there are none."""
-    bad = [one for one in messages if one.value.type not in _TYPES_OF_ROS]
-    reasons = [f"{one.name}: a value of the unknown type {one.value.type}" for one in bad]
+    bad = [message for message in messages if message.value.type not in _TYPES_OF_ROS]
+    reasons = [
+        f"{message.name}: a value of the unknown type {message.value.type}" for message in bad
+    ]
     return SetParametersResult(successful=False, reason="; ".join(reasons)) if bad else None
 
 

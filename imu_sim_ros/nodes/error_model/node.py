@@ -232,17 +232,17 @@ class ErrorModelNode(ConfiguredNode[ErrorNodeParameters]):
             self.get_logger().warning(line)
 
     # ------------------------------------------------------------------------------ control
-    def apply(self, new: ErrorNodeParameters) -> None:
+    def apply(self, parameters: ErrorNodeParameters) -> None:
         """Take new errors with the next samples, at the latest 64 later.
 
         :raises ConfigurationError: for an invalid fault.
         """
-        if "inject.kind" in self.changed and new.inject.kind != "none":
-            self._inject(new)
+        if "inject.kind" in self.changed and parameters.inject.kind != "none":
+            self._inject(parameters)
         if any(not name.startswith("inject.") for name in self.changed):
             with self._lock:
-                self.model.update(new)
-            sensor_description.publish(self._description, new)
+                self.model.update(parameters)
+            sensor_description.publish(self._description, parameters)
 
     def _inject(self, parameters: ErrorNodeParameters) -> None:
         fault = parameters.inject.fault()

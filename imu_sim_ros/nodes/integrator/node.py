@@ -88,10 +88,10 @@ class Integrator(ConfiguredNode[IntegratorParameters]):
         )
         self._matched = MatchedInputs(self, self.reader, self._inputs, DEPTH)
 
-    def apply(self, new: IntegratorParameters) -> None:
+    def apply(self, parameters: IntegratorParameters) -> None:
         """Take new biases."""
         with self._lock:
-            self.odometer.correct_with(new)
+            self.odometer.correct_with(parameters)
 
     def close(self) -> None:
         """Process the messages so far, wait for the subscribers, and print the counts."""

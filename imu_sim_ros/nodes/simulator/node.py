@@ -346,19 +346,19 @@ class Simulator(ConfiguredNode[SimulatorParameters]):
         )
 
     # ------------------------------------------------------------------------- control
-    def apply(self, new: SimulatorParameters) -> None:
+    def apply(self, parameters: SimulatorParameters) -> None:
         """Let new parameters take effect with the next block.
 
         :raises ConfigurationError: for an invalid fault.
         """
-        if self._follows and new.real_time_factor != 1.0:
+        if self._follows and parameters.real_time_factor != 1.0:
             raise ConfigurationError("real_time_factor: must be 1 if use_sim_time is true")
-        if "inject.kind" in self.changed and new.inject.kind != "none":
-            self._inject(new)
-        self.engine.pacer.configure(new.real_time_factor, new.catch_up)
+        if "inject.kind" in self.changed and parameters.inject.kind != "none":
+            self._inject(parameters)
+        self.engine.pacer.configure(parameters.real_time_factor, parameters.catch_up)
         if any(name.partition(".")[0] not in _OF_THE_NODE for name in self.changed):
-            self.engine.change(lambda: self._body.update(new))
-            for name, simulated in imus(new).items():
+            self.engine.change(lambda: self._body.update(parameters))
+            for name, simulated in imus(parameters).items():
                 sensor_description.publish(self._descriptions[name], simulated)
 
     def _inject(self, parameters: SimulatorParameters) -> None:

@@ -1,7 +1,7 @@
 # Copyright 2026 imu_sim_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""The units of a batch: the parameters of each, and what is made ahead for their next samples."""
+"""Units of a batch: their parameters, and the errors of their next samples, drawn in advance."""
 
 import dataclasses
 from collections.abc import Callable, Iterator, Mapping, Sequence
@@ -30,10 +30,10 @@ from imu_sim_ros.sensors.world import TemperatureProfile
 from imu_sim_ros.types import Array, Integers
 
 AHEAD: Final = FLICKER_CHUNK
-"""Samples of a unit whose noise is made at once."""
+"""Number of samples of a unit whose noise is drawn in one call."""
 _AT_ONCE: Final = 48
-"""Units for which that is done together: their arrays stay in the processor's cache, and are small
-enough for memory that the system need not map anew each time."""
+"""Number of units that are drawn together: their arrays stay in the processor's cache, and are
+small enough for memory that the system does not map anew each time."""
 _COMMON: Final = ("bandwidth",)
 """Parameters of a triad that all units share."""
 _NOT_IN_BATCHES: Final = ("temperature_hysteresis", "stress_step_sigma", "shock_bias_sigma")
@@ -45,14 +45,14 @@ _MAGNETOMETER: Final = "magnetometer"
 
 
 class Spread(NamedTuple):
-    """How a parameter differs from unit to unit."""
+    """Distribution of a parameter over the units."""
 
     kind: str
     """``uniform``, from low to high, or ``gaussian``, about the parameter's own value."""
     low: Array
-    """(3,); of a gaussian, the standard deviation."""
+    """(3,) lower limits of a uniform distribution; standard deviations of a gaussian one."""
     high: Array
-    """(3,)"""
+    """(3,) upper limits of a uniform distribution."""
 
 
 class UnitsOfBatch:
@@ -65,7 +65,7 @@ class UnitsOfBatch:
         count: int,
         spread: Mapping[str, Spread],
     ) -> None:
-        """Take them.
+        """Set the parameters of the units.
 
         :param imus: unit k has parameters k modulo their number.
         :param spread: parameters that differ from unit to unit, by name.
@@ -75,9 +75,9 @@ class UnitsOfBatch:
         self.imus, self.environment, self.count = list(imus), environment, count
         self._spread = spread
         self.unit_seeds: Integers = environment.seed + np.arange(count)
-        """(count,) of what differs from unit to unit."""
+        """(count,) seeds of the constants that differ from unit to unit."""
         self.seeds = self.unit_seeds.copy()
-        """(count,) of what differs from run to run: noise, turn-on."""
+        """(count,) seeds of noise and turn-on errors, which differ from run to run."""
 
     def which(self, units: Units) -> Integers:
         """Return the number of the parameters of some units."""
@@ -88,15 +88,17 @@ class UnitsOfBatch:
 
         :param name: of the triad, or of another sensor as if it were one.
         """
-        own = [imu.triad(name) for imu in self.imus]
+        sections = [imu.triad(name) for imu in self.imus]
         values: dict[str, Any] = {}
-        for field in dataclasses.fields(own[0]):
+        for field in dataclasses.fields(sections[0]):
             if field.name not in _COMMON:
-                rows = [np.asarray(getattr(one, field.name), np.float64) for one in own]
+                rows = [
+                    np.asarray(getattr(section, field.name), np.float64) for section in sections
+                ]
                 spread = name in TRIADS or field.name in names_as_in_triads(MagnetometerParameters)
                 full = f"{name}_{field.name}" if spread else ""
                 values[field.name] = self._of_units(rows, full, units)
-        return dataclasses.replace(own[0], **values)
+        return dataclasses.replace(sections[0], **values)
 
     def _of_units(self, rows: list[Array], name: str, units: Units) -> Array:
         """Return a parameter of some units (m, k).
@@ -107,37 +109,37 @@ class UnitsOfBatch:
         width = max(len(row) for row in rows)
         table = np.stack([np.pad(row, (0, width - len(row))) for row in rows])
         alike = bool((table == table[0]).all())
-        each = of_each(table[0], which.shape) if alike else table[which]
+        values = of_each(table[0], which.shape) if alike else table[which]
         spread = self._spread.get(name)
         if spread is None:
-            return each
+            return values
         limits = _spreadable()[name]
-        each = _drawn(spread, each, self.unit_seeds[units], f"spread.{name}")
-        return np.clip(each, limits.minimum, limits.maximum)
+        values = _drawn(spread, values, self.unit_seeds[units], f"spread.{name}")
+        return np.clip(values, limits.minimum, limits.maximum)
 
     def magnetometers(self, units: Units) -> Iterator[MagnetometerParameters]:
         """Yield the parameters of magnetometers, before constants are drawn."""
-        own = [imu.magnetometer for imu in self.imus]
+        sections = [imu.magnetometer for imu in self.imus]
         changed = {
             field.name: self._of_units(
-                [np.asarray(getattr(one, field.name)) for one in own],
+                [np.asarray(getattr(section, field.name)) for section in sections],
                 f"{_MAGNETOMETER}_{field.name}",
                 units,
             )
-            for field in dataclasses.fields(own[0])
+            for field in dataclasses.fields(sections[0])
             if f"{_MAGNETOMETER}_{field.name}" in self._spread
         }
         for k, number in enumerate(self.which(units).tolist()):
-            values = {name: tuple(each[k].tolist()) for name, each in changed.items()}
-            yield dataclasses.replace(own[number], **values) if values else own[number]
+            values = {name: tuple(rows[k].tolist()) for name, rows in changed.items()}
+            yield dataclasses.replace(sections[number], **values) if values else sections[number]
 
     def unit(self, k: int) -> dict[str, Any]:
         """Return the parameters of unit k, by name: those of one IMU that reads the same."""
         imu, units = self.imus[k % len(self.imus)], slice(k, k + 1)
-        own: dict[str, Any] = {name: self.triad(name, units) for name in TRIADS}
-        own[_MAGNETOMETER] = next(self.magnetometers(units))
+        sections: dict[str, Any] = {name: self.triad(name, units) for name in TRIADS}
+        sections[_MAGNETOMETER] = next(self.magnetometers(units))
         values: dict[str, Any] = {}
-        for name, section in own.items():
+        for name, section in sections.items():
             for field in dataclasses.fields(section):
                 value = np.asarray(getattr(section, field.name)).ravel().tolist()
                 of_imu = imu.triad(name) if name in TRIADS else imu.magnetometer
@@ -159,37 +161,38 @@ class UnitsOfBatch:
 
 
 class Next(NamedTuple):
-    """What the next sample of each unit gets; all arrays are copies."""
+    """Errors and environment of the next sample of each unit; all arrays are copies."""
 
     additions: dict[str, Additions]
     """(1, count, 3) by triad."""
     temperature: Array
     """(count,) [degC]."""
-    others: dict[str, Array]
+    sensors: dict[str, Array]
     """(1, count) by name."""
 
 
 Make = Callable[[Units, Integers], Array]
-"""Returns further values (AHEAD, m) of some units, from the indices of their next samples (m,)."""
+"""Function that returns the next values (AHEAD, m) of m units, from the indices of their next
+samples (m,)."""
 
 
 class Triads:
-    """The triads that are sampled together, of all units, and what is made ahead for them."""
+    """Triads of all units that are sampled together, with errors drawn in advance."""
 
     def __init__(
         self,
         units: UnitsOfBatch,
         names: Sequence[str],
-        own: OwnRateParameters | EnvironmentParameters,
-        others: Mapping[str, Make] | None = None,
+        section: OwnRateParameters | EnvironmentParameters,
+        sources: Mapping[str, Make] | None = None,
     ) -> None:
         """Start before the first sample.
 
-        :param own: has the rate.
-        :param others: values that are made ahead, too.
+        :param section: parameters with the sample rate.
+        :param sources: functions that draw the values of further sensors in advance, by name.
         """
         self._units, count = units, units.count
-        self._times = SampleTimes(own.rate, 0, getattr(own, "time_offset", 0.0))
+        self._times = SampleTimes(section.rate, 0, getattr(section, "time_offset", 0.0))
         self._index = np.zeros(count, np.int64)
         """(count,) of the next sample of each unit since it began."""
         self._in_phase = True
@@ -197,15 +200,15 @@ class Triads:
         self._reference = units.imus[0].reference_temperature
         self._triads: dict[str, Triad] = {}
         for name in names:
-            one = units.triad(name, slice(None))
-            self._triads[name] = Triad(name, units.imus[0], units.seeds, own.rate)
-            self._triads[name].configure(unit_of_seed(one, name, units.unit_seeds))
+            parameters = units.triad(name, slice(None))
+            self._triads[name] = Triad(name, units.imus[0], units.seeds, section.rate)
+            self._triads[name].configure(unit_of_seed(parameters, name, units.unit_seeds))
         self._ahead = {name: Additions(None, _room(count), None) for name in names}
-        self._make_others = dict(others or {})
+        self._make_others = dict(sources or {})
         self._others = {name: np.empty((AHEAD, count)) for name in self._make_others}
         self._degrees = np.empty((1 if self._temperature.constant else AHEAD, count))
         self._offset: float | None = None
-        """Of a temperature that never changes, above the reference [K]."""
+        """Constant temperature relative to the reference [K]; None: the temperature changes."""
         if self._temperature.constant:
             self._degrees[...] = degrees = self._temperature.at(np.zeros(1))
             self._offset = float(degrees[0]) - self._reference
@@ -213,16 +216,16 @@ class Triads:
     def __getitem__(self, name: str) -> Triad:
         return self._triads[name]
 
-    def at_times(self, first: Integers, values: Callable[[Array], Array]) -> Array:
+    def at_times(self, begins: Integers, values: Callable[[Array], Array]) -> Array:
         """Return what depends on time for the next samples (AHEAD, m) of units.
 
-        :param first: (m,) indices of the next samples.
+        :param begins: (m,) indices of the next samples.
         :param values: returns it at times (n,) [s].
         """
-        found = np.empty((AHEAD, len(first)))
-        for begin in np.unique(first).tolist():
-            found[:, first == begin] = values(self._times.following(begin, AHEAD).t)[:, None]
-        return found
+        columns = np.empty((AHEAD, len(begins)))
+        for begin in np.unique(begins).tolist():
+            columns[:, begins == begin] = values(self._times.following(begin, AHEAD).t)[:, None]
+        return columns
 
     def begin(self, units: Integers, renewed: bool) -> None:
         """Let some units begin again with their next sample.
@@ -231,14 +234,16 @@ class Triads:
         """
         seeds = self._units.unit_seeds[units]
         for name, triad in self._triads.items():
-            new = unit_of_seed(self._units.triad(name, units), name, seeds) if renewed else None
-            triad.begin(units, new)
+            renewed_parameters = (
+                unit_of_seed(self._units.triad(name, units), name, seeds) if renewed else None
+            )
+            triad.begin(units, renewed_parameters)
         self._index[units] = 0
         within = self._index % AHEAD
         self._in_phase = bool((within == within[0]).all())
 
     def next(self) -> Next:
-        """Return what the next sample of each unit gets."""
+        """Return errors and environment of the next sample of each unit."""
         rows: int | tuple[Integers, Integers]
         due: range | Integers
         if self._in_phase:
@@ -262,26 +267,26 @@ class Triads:
             for name, (scale, bias, noise) in self._ahead.items()
         }
         temperature = np.copy(self._degrees[0 if len(self._degrees) == 1 else rows])
-        others = {name: np.copy(values[rows])[None] for name, values in self._others.items()}
-        return Next(additions, temperature, others)
+        sensors = {name: np.copy(values[rows])[None] for name, values in self._others.items()}
+        return Next(additions, temperature, sensors)
 
     def _make_ahead(self, units: Units) -> None:
-        """Make what the next samples of some units get, whatever their ideal readings are."""
-        first = self._index[units]
+        """Draw the errors of the next samples of some units that do not depend on the motion."""
+        begins = self._index[units]
         if self._offset is not None:
-            offset = np.broadcast_to(self._offset, (AHEAD, len(first)))
+            offset = np.broadcast_to(self._offset, (AHEAD, len(begins)))
         else:
-            temperature = self.at_times(first, self._temperature.at)
+            temperature = self.at_times(begins, self._temperature.at)
             self._degrees[:, units] = temperature
             offset = temperature - self._reference
         for name, triad in self._triads.items():
-            made, kept = triad.additions(Surroundings(offset), units), self._ahead[name]
-            kept.bias[:, units] = made.bias
-            scale = self._kept(kept.scale, made.scale, 1.0, units)
-            noise = self._kept(kept.noise, made.noise, 0.0, units)
-            self._ahead[name] = Additions(scale, kept.bias, noise)
+            additions, ahead = triad.additions(Surroundings(offset), units), self._ahead[name]
+            ahead.bias[:, units] = additions.bias
+            scale = self._kept(ahead.scale, additions.scale, 1.0, units)
+            noise = self._kept(ahead.noise, additions.noise, 0.0, units)
+            self._ahead[name] = Additions(scale, ahead.bias, noise)
         for name, make in self._make_others.items():
-            self._others[name][:, units] = make(units, first)
+            self._others[name][:, units] = make(units, begins)
 
     def _kept(
         self, kept: Array | None, made: Array | None, usual: float, units: Units
