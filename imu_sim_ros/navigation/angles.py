@@ -40,8 +40,8 @@ from imu_sim_ros.navigation.increments import (
 from imu_sim_ros.types import Array, Mask
 
 GIMBAL_LOCK_MARGIN: Final = math.radians(1.0)
-"""[rad] Nearer than this, or than two steps, to a pitch of +-90 degrees Euler angles are not
-integrated."""
+"""Smallest distance of the pitch from +-90 degrees [rad], together with that of two steps, at which
+Euler angles are integrated."""
 _LAST_PITCH: Final = 0.5 * math.pi - GIMBAL_LOCK_MARGIN
 _Start: TypeAlias = tuple[float, float]
 """Roll and pitch at an interval's start [rad]."""
@@ -152,8 +152,8 @@ METHODS: Final[
     "midpoint": (_roll_pitch_midpoint, _midpoint, midpoint_step),
     "rk4": (_roll_pitch_rk4, _rk4, rk4_step),
 }
-"""By method: roll and pitch after one interval, the angles of its stages, and the increment from
-the attitudes of its stages."""
+"""Roll and pitch after one interval, angles of its stages, and increment from the attitudes of
+the stages, by method."""
 
 
 class AngleIncrements:
@@ -177,7 +177,7 @@ class AngleIncrements:
         :raises InputError: near gimbal lock.
         """
         middle = mean(*rate)
-        after = METHODS[self._method][0]
+        angles_after = METHODS[self._method][0]
         roll, pitch = self._roll, self._pitch
         starts = []
         rows = np.array([*rate[0], *middle, *rate[1]]).T.tolist()
@@ -185,13 +185,15 @@ class AngleIncrements:
             starts.append((roll, pitch))
             if not -_LAST_PITCH <= pitch <= _LAST_PITCH:
                 break
-            roll, pitch = after(roll, pitch, length, rates)
+            roll, pitch = angles_after(roll, pitch, length, rates)
         n = len(starts)
         x, y, z = rate[0]
         rolls, pitches = np.array(starts).T.copy()
-        near = near_lock(pitches, h[:n], (x[:n], y[:n], z[:n]))
-        if near.any():
-            raise gimbal_lock(self._seconds + float(h[: int(np.argmax(near)) + 1].sum()))
+        near_gimbal_lock = near_lock(pitches, h[:n], (x[:n], y[:n], z[:n]))
+        if near_gimbal_lock.any():
+            raise gimbal_lock(
+                self._seconds + float(h[: int(np.argmax(near_gimbal_lock)) + 1].sum())
+            )
         self._roll, self._pitch = roll, pitch
         self._seconds += float(h.sum())
         return increment_of(self._method, (rolls, pitches, np.zeros(n)), h, rate, force)

@@ -23,9 +23,9 @@ def interpolate_vectors(t_ns: Times, values: Array, at_ns: Times) -> Array:
     :param values: (n, k).
     :param at_ns: (m,) times within the stamps [ns].
     """
-    before, part = _intervals(t_ns, at_ns)
-    start = values[before]
-    return start + part[:, None] * (values[before + 1] - start)
+    index, part = _intervals(t_ns, at_ns)
+    start = values[index]
+    return start + part[:, None] * (values[index + 1] - start)
 
 
 def poses_at(poses: States, at_ns: Times) -> States:
@@ -33,8 +33,8 @@ def poses_at(poses: States, at_ns: Times) -> States:
 
     :param at_ns: (m,) times within the stamps [ns], in any order.
     """
-    before, part = _intervals(poses.t_ns, at_ns)
-    q_wb = rotation.interpolate(poses.q_wb[before], poses.q_wb[before + 1], part)
+    index, part = _intervals(poses.t_ns, at_ns)
+    q_wb = rotation.interpolate(poses.q_wb[index], poses.q_wb[index + 1], part)
     velocity = poses.velocity
     if velocity is not None:
         velocity = interpolate_vectors(poses.t_ns, velocity, at_ns)
@@ -49,9 +49,9 @@ def poses_at(poses: States, at_ns: Times) -> States:
 
 def _intervals(t_ns: Times, at_ns: Times) -> tuple[NDArray[np.intp], Array]:
     """Return for each time the row before it and its fraction of the way to the next, 0..1."""
-    before = np.clip(np.searchsorted(t_ns, at_ns, side="right") - 1, 0, len(t_ns) - 2)
-    part = (at_ns - t_ns[before]) / (t_ns[before + 1] - t_ns[before])
-    return before, part
+    index = np.clip(np.searchsorted(t_ns, at_ns, side="right") - 1, 0, len(t_ns) - 2)
+    part = (at_ns - t_ns[index]) / (t_ns[index + 1] - t_ns[index])
+    return index, part
 
 
 def common_rows(estimate_ns: Times, truth_ns: Times, max_gap: float = 0.5) -> NDArray[np.intp]:
@@ -64,12 +64,12 @@ def common_rows(estimate_ns: Times, truth_ns: Times, max_gap: float = 0.5) -> ND
     """
     if len(truth_ns) < 2:
         raise InputError(f"{len(truth_ns)} poses of the truth: at least two are needed")
-    inside = (estimate_ns >= truth_ns[0]) & (estimate_ns <= truth_ns[-1])
-    before, part = _intervals(truth_ns, estimate_ns)
-    long = np.diff(truth_ns)[before] > longest_step_ns(max_gap)
+    in_truth = (estimate_ns >= truth_ns[0]) & (estimate_ns <= truth_ns[-1])
+    index, part = _intervals(truth_ns, estimate_ns)
+    long = np.diff(truth_ns)[index] > longest_step_ns(max_gap)
     on_stamp = (part == 0.0) | (part == 1.0)
-    rows = np.flatnonzero(inside & (~long | on_stamp))
-    if len(rows) < 2 <= np.count_nonzero(inside):
+    rows = np.flatnonzero(in_truth & (~long | on_stamp))
+    if len(rows) < 2 <= np.count_nonzero(in_truth):
         step = float(np.median(np.diff(truth_ns))) * 1e-9
         raise InputError(
             f"the truth has a pose each {step:.4g} s, and is not interpolated over more than "

@@ -51,11 +51,11 @@ _POSE_ENTRIES: Final = np.ravel_multi_index(np.ix_(_POSE, _POSE), (SIZE, SIZE))
 
 def _row_format(*filled: tuple[int, int]) -> str:
     """Return how a row of a (15, 15) matrix is packed, zero but for runs (column, length)."""
-    words, at = [], 0
+    codes, offset = [], 0
     for column, length in filled:
-        words.append(f"{8 * (column - at)}x{length}d")
-        at = column + length
-    return "".join([*words, f"{8 * (SIZE - at)}x"])
+        codes.append(f"{8 * (column - offset)}x{length}d")
+        offset = column + length
+    return "".join([*codes, f"{8 * (SIZE - offset)}x"])
 
 
 _ROWS: Final = struct.Struct(
@@ -76,7 +76,7 @@ _JACOBIAN: Final = struct.Struct(
 )
 """The (6, 15) derivative of the twist's error by the state's."""
 _SECOND_ORDER_INTERVAL: Final = 0.1
-"""[s] at which the second order is brought up to date; it grows slowly and costs 0.3 ms."""
+"""Interval of updates of the second-order terms, which grow slowly [s]."""
 
 
 def initial_covariance(
@@ -111,7 +111,7 @@ class Covariance:
         self._walk = np.square(np.concatenate([triad.random_walk for triad in triads]))
         # White noise of equal axes turns with the body and stays what it is: R w I R^T = w I.
         white = [white for triad in triads for white in (triad.noise_density, triad.resolution)]
-        self._equal_axes = all(one == sizes[0] for sizes in white for one in sizes)
+        self._equal_axes = all(size == sizes[0] for sizes in white for size in sizes)
         self._gyro_white, self._accel_white = np.zeros(3), np.zeros(3)
         """(3,) variance of a reading, of white noise and rounding."""
         self._added_h, self._added = 0.0, np.zeros((SIZE, SIZE))
@@ -126,7 +126,7 @@ class Covariance:
 
     @property
     def is_finite(self) -> bool:
-        """Whether the covariance is one; an entry can be no larger than those of the diagonal."""
+        """True if the covariance is valid; no entry is larger than those of the diagonal allow."""
         return math.isfinite(self.matrix.trace())
 
     def _begin_interval(self, start: Array) -> None:
@@ -144,19 +144,22 @@ class Covariance:
     def _attitude_and_rates(self) -> Array:
         """Return the (n, n) covariance of the attitude with all errors of the gyroscope."""
         p, cross = self.matrix, self.slow.cross.take(self.slow.of_rate, axis=1)
-        result = np.eye(6 + cross.shape[1])
-        result[:3, :3], result[:3, 3:6] = p[ATTITUDE, ATTITUDE], p[ATTITUDE, GYRO_BIAS]
-        result[3:6, :3], result[3:6, 3:6] = p[ATTITUDE, GYRO_BIAS].T, p[GYRO_BIAS, GYRO_BIAS]
-        result[:3, 6:], result[3:6, 6:] = cross[ATTITUDE], cross[GYRO_BIAS]
-        result[6:, :6] = result[:6, 6:].T
-        return result
+        covariance = np.eye(6 + cross.shape[1])
+        covariance[:3, :3], covariance[:3, 3:6] = p[ATTITUDE, ATTITUDE], p[ATTITUDE, GYRO_BIAS]
+        covariance[3:6, :3], covariance[3:6, 3:6] = (
+            p[ATTITUDE, GYRO_BIAS].T,
+            p[GYRO_BIAS, GYRO_BIAS],
+        )
+        covariance[:3, 6:], covariance[3:6, 6:] = cross[ATTITUDE], cross[GYRO_BIAS]
+        covariance[6:, :6] = covariance[:6, 6:].T
+        return covariance
 
     def step(
         self, h: float, r_wb: ArrayLike, force_b: ArrayLike, rate_b: ArrayLike = ZERO_VECTOR
     ) -> None:
         """Propagate over an interval.
 
-        :param h: its length [s].
+        :param h: length of the interval [s].
         :param r_wb: (3, 3) attitude in the interval, its start's or its middle's.
         :param force_b: (3,) corrected specific force in the interval, in the body [m/s^2].
         :param rate_b: (3,) corrected rate in the interval [rad/s]; an unknown scale acts on it.
@@ -190,12 +193,12 @@ class Covariance:
 
     def _diagonal(self, h: float) -> Array:
         """Return the addition of a step to the diagonal: walks, and white noise of equal axes."""
-        result = np.zeros(SIZE)
-        result[GYRO_BIAS.start :] = self._walk * h
+        variances = np.zeros(SIZE)
+        variances[GYRO_BIAS.start :] = self._walk * h
         if self._equal_axes:
-            result[ATTITUDE] = self._gyro_white * (h * h)
-            result[VELOCITY] = self._accel_white * (h * h)
-        return result
+            variances[ATTITUDE] = self._gyro_white * (h * h)
+            variances[VELOCITY] = self._accel_white * (h * h)
+        return variances
 
     def gyro_white(self, rate_hz: float) -> Array:
         """Return the variance (3,) of white noise and rounding of a gyroscope's reading."""
@@ -231,13 +234,13 @@ class Covariance:
 
         The biases are here all that the latest reading is off by, white noise apart.
         """
-        result: Array = self.matrix.copy()
-        result[:9, :9] += self._second_order.mean_square
+        covariance: Array = self.matrix.copy()
+        covariance[:9, :9] += self._second_order.mean_square
         if self.slow:
             half = self.slow.bias()
-            result += half
-            result += half.T
-        return result
+            covariance += half
+            covariance += half.T
+        return covariance
 
     def pose(self) -> Array:
         """Return the (6, 6) covariance of a message's pose.
@@ -287,12 +290,12 @@ class Covariance:
             g * z - k * y, k * x - c * z, c * y - g * x, c, g, k,
             -1.0, -1.0, -1.0,
         )  # fmt: skip
-        result: Array = jacobian.dot(mean_square).dot(jacobian.T)
+        covariance: Array = jacobian.dot(mean_square).dot(jacobian.T)
         if rate_hz != self._white_rate:
             self._white_rate = rate_hz
             self._white[_ANGULAR] = self.gyro_white(rate_hz)
-        result += self._white
-        return result
+        covariance += self._white
+        return covariance
 
 
 def _rows(h: float, r_wb: Matrix[float], force_b: Vector[float]) -> tuple[float, ...]:
@@ -326,18 +329,18 @@ def propagate(
     accel: Array,
     noise: TriadsParameters,
     initial: Array | Covariance | None = None,
-    at: Sequence[int] = (-1,),
+    row_numbers: Sequence[int] = (-1,),
     mount: ImuMount = ALIGNED,
 ) -> Array:
     """Return the covariance of a dead-reckoned record at some of its rows.
 
-    :param states: what :func:`~imu_sim_ros.navigation.dead_reckoning.dead_reckon` returned, n rows.
+    :param states: result of :func:`~imu_sim_ros.navigation.dead_reckoning.dead_reckon`, n rows.
     :param accel: (n, 3) corrected specific forces [m/s^2].
     :param noise: the IMU's errors.
     :param initial: (15, 15) covariance at the first row, or one such as
         :func:`~imu_sim_ros.navigation.initialisation.after_rest` gives; None is no error.
-    :param at: the m rows to return, increasing; -1 is the last.
-    :param mount: that of the IMU in the body, whose states are given and whose covariance is
+    :param row_numbers: the m rows to return, increasing; -1 is the last.
+    :param mount: mount of the IMU in the body, whose states are given and whose covariance is
         returned, the biases in the IMU's axes; ``initial`` is that of the IMU's state.
     :returns: (m, 15, 15) mean squares of the error, the second order included.
     """
@@ -347,21 +350,25 @@ def propagate(
     turns = rotation.log(rotation.multiply(rotation.conjugate(q_wi[:-1]), q_wi[1:]))
     rates = turns / np.reshape(steps, (-1, 1))
     matrices = rotation.to_matrix(q_wi)
-    wanted = [row % len(states.t_ns) for row in at]
-    result, done = np.empty((len(wanted), SIZE, SIZE)), 0
-    for k in range(wanted[-1] + 1):
-        while done < len(wanted) and wanted[done] == k:
-            result[done] = covariance.mean_square()
+    rows = [row % len(states.t_ns) for row in row_numbers]
+    covariances, count = np.empty((len(rows), SIZE, SIZE)), 0
+    for k in range(rows[-1] + 1):
+        while count < len(rows) and rows[count] == k:
+            covariances[count] = covariance.mean_square()
             if any(mount.lever_arm):
-                last = min(k, len(steps) - 1)
-                own = (matrices[k], rates[last], covariance.gyro_white(1.0 / steps[last]))
-                result[done] = mount.state_covariance(result[done], *own)
-            done += 1
-        if k < wanted[-1]:
+                last_step = min(k, len(steps) - 1)
+                conversion = (
+                    matrices[k],
+                    rates[last_step],
+                    covariance.gyro_white(1.0 / steps[last_step]),
+                )
+                covariances[count] = mount.state_covariance(covariances[count], *conversion)
+            count += 1
+        if k < rows[-1]:
             r_wi, force, rate = (
                 float_matrix(matrices[k]),
                 float_vector(accel[k]),
                 float_vector(rates[k]),
             )
             covariance.step(steps[k], r_wi, force, rate)
-    return result
+    return covariances

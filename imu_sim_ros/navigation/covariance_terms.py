@@ -14,7 +14,7 @@ from imu_sim_ros.sensors.imu.triads import TriadsParameters
 from imu_sim_ros.types import Array
 
 _SHORTEST: Final = 0.1
-"""[s] correlation time of the fastest process of the 1/f noise: short enough for what adds up."""
+"""Correlation time of the fastest process of the 1/f noise [s]; faster ones average out."""
 
 
 class SlowErrors:
@@ -79,15 +79,15 @@ class SlowErrors:
         half = 0.5 * gain
         passed: Array = transition.dot(self.cross)
         passed += half
-        result: Array = passed.dot(gain.T)
+        covariance: Array = passed.dot(gain.T)
         passed += half
         passed *= self._decay
         self.cross = passed
-        return result
+        return covariance
 
     def over(self, time: float) -> tuple[Array, Array]:
         """Return :func:`of_mean` (m,) of a time [s]."""
-        return of_mean(-self._decay_rate * time)
+        return mean_factors(-self._decay_rate * time)
 
     def decay(self, time: float) -> Array:
         """Return the remaining share of each after a time [s] (m,)."""
@@ -107,7 +107,7 @@ class SlowErrors:
         return (self.cross + 0.5 * self._in_state).dot(self._in_state.T)
 
 
-def of_mean(u: Array) -> tuple[Array, Array]:
+def mean_factors(u: Array) -> tuple[Array, Array]:
     """Return the variance of a process' mean over a time, and its covariance with the end.
 
     ``2 (u - 1 + exp(-u)) / u^2`` and ``(1 - exp(-u)) / u``, of a process of unit variance.
@@ -137,7 +137,7 @@ class SecondOrder:
         """
         n = 3 + rates
         self.largest_sigma = 0.0
-        """[rad] of the attitude, along its worst axis, so far."""
+        """Largest standard deviation of the attitude so far, along its worst axis [rad]."""
         self.mean_square = np.zeros((_SIZE, _SIZE))
         """(9, 9) mean square of the errors of attitude, velocity and position."""
         self._mean, self._covariance = np.zeros(_SIZE), np.zeros((_SIZE, _SIZE))
@@ -150,41 +150,41 @@ class SecondOrder:
         self,
         h: float,
         acceleration: Array,
-        before: Array,
-        after: Array,
+        previous: Array,
+        updated: Array,
         by_rates: Array,
         decay: Array,
     ) -> None:
         """Propagate over an interval.
 
-        :param h: its length [s].
+        :param h: length of the interval [s].
         :param acceleration: (3,) mean specific force, in the world [m/s^2].
-        :param before: (n, n) covariance of x at the start.
-        :param after: (n, n) at the end.
+        :param previous: (n, n) covariance of x at the start.
+        :param updated: (n, n) at the end.
         :param by_rates: (3, r) how theta at the end depends on the errors of the rate at the start.
         :param decay: (r,) share of the initial errors of the rate that remains at the end.
         """
         theta = slice(0, 3)
-        self.largest_sigma = max(self.largest_sigma, float(attitude_sigma(after[theta, theta])))
+        self.largest_sigma = max(self.largest_sigma, float(attitude_sigma(updated[theta, theta])))
         forms = self._forms
         forms[3:6, theta, theta] = forms[6:, 3:, 3:] = _shortening(acceleration)
-        at_end = _carried(before[:, theta], by_rates, decay)  # E[x theta^T], x at the end
-        k = np.concatenate([at_end, after[:, theta]], axis=1)
+        at_end = _propagate(previous[:, theta], by_rates, decay)  # E[x theta^T], x at the end
+        k = np.concatenate([at_end, updated[:, theta]], axis=1)
         g = np.empty((6, 6))
-        g[:3, :3], g[:3, 3:] = before[theta, theta], at_end[theta].T
-        g[3:, :3], g[3:, 3:] = at_end[theta], after[theta, theta]
+        g[:3, :3], g[:3, 3:] = previous[theta, theta], at_end[theta].T
+        g[3:, :3], g[3:, 3:] = at_end[theta], updated[theta, theta]
         weighed = forms @ g
-        own = 2.0 * np.einsum("iab,jba->ij", weighed, weighed)
+        mean_products = 2.0 * np.einsum("iab,jba->ij", weighed, weighed)
         keep, gain = _transition(h, acceleration)
         c = self._with_state
-        u = np.zeros((6, len(before)))
+        u = np.zeros((6, len(previous)))
         u[:3, :3], u[3:, :3], u[3:, 3:] = _EYE, _EYE, by_rates
         shared = np.einsum("iab,kab->ki", forms, u @ c @ u.T)
         crossed = keep @ shared @ gain.T
-        y = keep @ self._covariance @ keep.T + crossed + crossed.T + gain @ own @ gain.T
+        y = keep @ self._covariance @ keep.T + crossed + crossed.T + gain @ mean_products @ gain.T
         self._covariance = y
         self._mean = keep @ self._mean + gain @ weighed.trace(axis1=1, axis2=2)
-        c = _carried(_carried(c, by_rates, decay).swapaxes(1, 2), by_rates, decay)
+        c = _propagate(_propagate(c, by_rates, decay).swapaxes(1, 2), by_rates, decay)
         c = np.tensordot(keep, c, 1) + np.tensordot(gain, 2.0 * (k @ forms @ k.T), 1)
         self._with_state = c
         self.mean_square = y + np.outer(self._mean, self._mean)
@@ -209,7 +209,7 @@ def _transition(h: float, a: Array) -> tuple[Array, Array]:
     return keep, gain
 
 
-def _carried(rows: Array, by_rates: Array, decay: Array) -> Array:
+def _propagate(rows: Array, by_rates: Array, decay: Array) -> Array:
     """Return ``F rows`` for rows (..., n, k): theta gains from the rates, the rates decay."""
     theta, rates = rows[..., :3, :], rows[..., 3:, :]
     return np.concatenate([theta + by_rates @ rates, decay[:, None] * rates], axis=-2)

@@ -1,9 +1,9 @@
 # Copyright 2026 imu_sim_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""How much of the truth's time an estimate covers, and when it first breaks off.
+"""Share of the truth's time that an estimate covers, and its first interruption.
 
-Errors are means over the poses that there are: an estimator that stops in time has small ones.
+Errors are means over the existing poses: an estimator that stops in time has small ones.
 """
 
 from collections.abc import Mapping
@@ -17,22 +17,23 @@ from imu_sim_ros.types import Array, Integers, Mask, Times
 LEAST: Final = 0.9
 """Coverage below which errors do not speak for the whole motion."""
 MAX_GAP: Final = 0.5
-"""[s] Poses further apart have a gap between them, which is not covered."""
+"""Longest time between poses without a gap, which is not covered [s]."""
 ALLOWANCE: Final = 5.0
-"""[s] Time before the first pose that is not held against an estimate, which has to initialise."""
+"""Time before the first pose in which an estimate may initialise [s]."""
 LARGEST_ALLOWANCE: Final = 0.25
-"""Of the truth's time: the allowance ends there, or a short motion need not be estimated at all."""
+"""Largest share of the truth's time that is allowed for the start."""
 
 
 _UNSAID: Final = 0.1
-"""[s] Without a truth that is not worth a line: stamps of a truth of 10 Hz end so much earlier."""
+"""Longest time without a truth that is not reported: stamps of a truth of 10 Hz end as early
+[s]."""
 
 
 class Coverage(NamedTuple):
     """The time that an estimate and its truth have in common."""
 
     share: float
-    """Of the truth's time, without the allowance for the start: 0 to 1."""
+    """Share of the truth's time, without the allowance for the start: 0 to 1."""
     estimated_s: float
     """Truth's time between poses of the estimate that have no gap between them [s]."""
     truth_s: float
@@ -60,35 +61,36 @@ class Coverage(NamedTuple):
         }
 
 
-def coverage_line(result: Mapping[str, Any]) -> str:
+def coverage_line(coverage_values: Mapping[str, Any]) -> str:
     """Return the numbers of :meth:`Coverage.to_dict`, and what they mean for the errors."""
-    words = (
-        f"coverage: {100.0 * result['coverage']:.4g} %, {result['estimated_s']:.6g} of "
-        f"{result['truth_s']:.6g} s of the truth"
+    text = (
+        f"coverage: {100.0 * coverage_values['coverage']:.4g} %, "
+        f"{coverage_values['estimated_s']:.6g} of "
+        f"{coverage_values['truth_s']:.6g} s of the truth"
     )
-    if result["initialisation_allowed_s"]:
-        words += f", {result['initialisation_allowed_s']:.6g} s allowed for the start"
-    if result["coverage"] >= LEAST:
-        return words
+    if coverage_values["initialisation_allowed_s"]:
+        text += f", {coverage_values['initialisation_allowed_s']:.6g} s allowed for the start"
+    if coverage_values["coverage"] >= LEAST:
+        return text
     return (
-        f"{words}; begins after {result['initialisation_s']:.6g} s and breaks off after "
-        f"{result['time_to_failure_s']:.6g} s: the errors below say nothing about the rest"
+        f"{text}; begins after {coverage_values['initialisation_s']:.6g} s and breaks off after "
+        f"{coverage_values['time_to_failure_s']:.6g} s: the errors below say nothing about the rest"
     )
 
 
-def truth_line(result: Mapping[str, Any]) -> str | None:
+def truth_line(values: Mapping[str, Any]) -> str | None:
     """Return how much of an estimate has a truth, and what that means for its errors.
 
     None: all of it, apart from an interval at an end.
 
-    :param result: has ``truth_coverage``, ``compared_s``, ``truth_until_s`` and ``duration_s``.
+    :param values: has ``truth_coverage``, ``compared_s``, ``truth_until_s`` and ``duration_s``.
     """
-    if result["truth_coverage"] is None or result["duration_s"] - result["compared_s"] < _UNSAID:
+    if values["truth_coverage"] is None or values["duration_s"] - values["compared_s"] < _UNSAID:
         return None
     return (
-        f"the truth covers {100.0 * result['truth_coverage']:.4g} % of the readings' time, "
-        f"{result['compared_s']:.6g} of {result['duration_s']:.6g} s, and ends after "
-        f"{result['truth_until_s']:.6g} s: final errors are those there, and the errors below say "
+        f"the truth covers {100.0 * values['truth_coverage']:.4g} % of the readings' time, "
+        f"{values['compared_s']:.6g} of {values['duration_s']:.6g} s, and ends after "
+        f"{values['truth_until_s']:.6g} s: final errors are those there, and the errors below say "
         "nothing about the rest"
     )
 
@@ -103,10 +105,10 @@ class TruthTime:
         :param max_gap: longer intervals are gaps [s]; if all are, the truth is slow and none is.
         """
         steps = np.diff(truth_ns)
-        known = steps <= longest_step_ns(max_gap)
-        self._known: Mask = known if known.any() else np.ones(len(steps), np.bool_)
+        covered = steps <= longest_step_ns(max_gap)
+        self._covered: Mask = covered if covered.any() else np.ones(len(steps), np.bool_)
         self._stamps = truth_ns
-        self._at_stamps = np.concatenate([[0], np.cumsum(np.where(self._known, steps, 0))])
+        self._at_stamps = np.concatenate([[0], np.cumsum(np.where(self._covered, steps, 0))])
 
     @property
     def whole_ns(self) -> int:
@@ -115,12 +117,12 @@ class TruthTime:
 
     def at(self, t_ns: Times) -> Integers:
         """Return the truth's time at stamps (m,) [ns]; before and after it, that of its ends."""
-        inside = np.clip(t_ns, self._stamps[0], self._stamps[-1])
-        before = np.searchsorted(self._stamps, inside, side="right") - 1
-        before = np.minimum(before, len(self._known) - 1)
-        since = np.where(self._known[before], inside - self._stamps[before], 0)
-        found: Integers = self._at_stamps[before] + since
-        return found
+        clipped = np.clip(t_ns, self._stamps[0], self._stamps[-1])
+        index = np.searchsorted(self._stamps, clipped, side="right") - 1
+        index = np.minimum(index, len(self._covered) - 1)
+        part = np.where(self._covered[index], clipped - self._stamps[index], 0)
+        covered_ns: Integers = self._at_stamps[index] + part
+        return covered_ns
 
 
 def coverage(
@@ -145,17 +147,17 @@ def coverage(
     """
     clock = TruthTime(truth_ns, max_gap)
     at_ns = clock.at(estimate_ns)
-    held: Mask = np.diff(estimate_ns) <= longest_step_ns(max_gap)
-    estimated = int(np.sum(np.diff(at_ns)[held]))
-    first = int(at_ns[0]) if len(at_ns) else clock.whole_ns
-    allowed = min(first, round(allowance * 1e9), int(LARGEST_ALLOWANCE * clock.whole_ns))
-    breaks: Mask = np.append(~held, True)
+    continues: Mask = np.diff(estimate_ns) <= longest_step_ns(max_gap)
+    estimated = int(np.sum(np.diff(at_ns)[continues]))
+    first_ns = int(at_ns[0]) if len(at_ns) else clock.whole_ns
+    allowed = min(first_ns, round(allowance * 1e9), int(LARGEST_ALLOWANCE * clock.whole_ns))
+    breaks: Mask = np.append(~continues, True)
     if failed is not None:
         breaks = breaks | failed
     # A pose before or after the truth stands for none of its time.
     lies_in = (estimate_ns >= truth_ns[0]) & (estimate_ns <= truth_ns[-1])
     failure = int(at_ns[np.argmax(breaks)]) if lies_in.any() else 0
-    times = (estimated, clock.whole_ns, first, allowed, failure)
+    times = (estimated, clock.whole_ns, first_ns, allowed, failure)
     share = estimated / (clock.whole_ns - allowed)
     return Coverage(share, *(1e-9 * time for time in times))
 

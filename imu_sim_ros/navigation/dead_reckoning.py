@@ -89,7 +89,7 @@ def dead_reckon(
     :param correction: the known errors of the readings.
     :param max_gap: longest interval that is integrated over [s].
     :param earth_rate: (3,) rate of the world, in the world frame [rad/s].
-    :param mount: that of the IMU in the body.
+    :param mount: mount of the IMU in the body.
     :param initial_rate: (3,) angular rate of the body at the first stamp, relative to the world and
         in the body [rad/s]; with a lever arm it decides the IMU's velocity. None: as it is read.
     :returns: the states of the body at all stamps, the initial one first.
@@ -101,21 +101,21 @@ def dead_reckon(
     check_readings(t_ns, gyro, accel, max_gap)
     ways = (method, attitude, gravity, correction, earth_rate)
     if mount == ALIGNED:
-        return _integrated(t_ns, gyro, accel, initial, *ways)
+        return _integrate(t_ns, gyro, accel, initial, *ways)
 
     def rate(rows: slice, q_wi: Array) -> Array:
         """Return the rate relative to the world (m, 3), in the IMU's axes."""
-        read = correction.apply(gyro[rows], accel[rows])[0]
-        return read - rotation.rotate_inverse(q_wi, earth_rate)
+        corrected_rate = correction.apply(gyro[rows], accel[rows])[0]
+        return corrected_rate - rotation.rotate_inverse(q_wi, earth_rate)
 
     if initial_rate is None:
         q_wi = rotation.multiply(initial.q_wb, mount.q_bi)
         initial_rate = rotation.rotate(mount.q_bi, rate(slice(1), q_wi)[0])
-    imu = _integrated(t_ns, gyro, accel, mount.imu_state(initial, initial_rate), *ways)
+    imu = _integrate(t_ns, gyro, accel, mount.imu_state(initial, initial_rate), *ways)
     return mount.body_states(imu, rate(slice(None), imu.q_wb))
 
 
-def _integrated(
+def _integrate(
     t_ns: Integers,
     gyro: Array,
     accel: Array,
@@ -138,8 +138,8 @@ def _integrated(
     )
     if attitude == "euler_angles":
         between = angles.AngleIncrements(method, states.attitude)
-    for first in range(0, len(t_ns) - 1, _BLOCK):
-        rows = slice(first, first + _BLOCK + 1)
+    for start in range(0, len(t_ns) - 1, _BLOCK):
+        rows = slice(start, start + _BLOCK + 1)
         h = np.diff(t_ns[rows]) * 1e-9
         readings = (vector(np.asfortranarray(values[rows])) for values in (gyro, accel))
         rate, force = correction.correct(*readings)
@@ -170,25 +170,25 @@ class _States:
         self._position[0], self._velocity[0] = initial.position, initial.velocity
         self._q[0] = rotation.normalise(initial.q_wb)
         self._world = increments.world_vectors(gravity, earth_rate)
-        self._last = 0
+        self._row = 0
 
     @property
     def attitude(self) -> Array:
         """The last attitude so far (4,)."""
-        return self._q[self._last]
+        return self._q[self._row]
 
     def extend(self, h: Array, increment: Increment[Array]) -> None:
         """Append the states at the ends of intervals of lengths h (n,)."""
-        first, self._last = self._last, self._last + len(h)
+        begin, self._row = self._row, self._row + len(h)
         start = (
-            vector(self._position[first]),
-            vector(self._velocity[first]),
-            quaternion(self._q[first]),
+            vector(self._position[begin]),
+            vector(self._velocity[begin]),
+            quaternion(self._q[begin]),
         )
         end = increments.states(start, h, increment, self._world)
         for rows, columns in zip((self._position, self._velocity, self._q), end, strict=True):
             for k, column in enumerate(columns):
-                rows[first + 1 : self._last + 1, k] = column
+                rows[begin + 1 : self._row + 1, k] = column
 
     def result(self) -> States:
         return states_of(self._t_ns, self._position, self._velocity, self._q)

@@ -1,7 +1,7 @@
 # Copyright 2026 imu_sim_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""How far an estimated trajectory is from the truth, and whether its covariance states it."""
+"""Errors of an estimated trajectory against the truth, and consistency with its covariance."""
 
 from typing import Final, NamedTuple, TypedDict
 
@@ -78,7 +78,7 @@ def without_gauge(covariance: Array, position: Array, row: int = 0) -> Array:
 
 
 LARGEST_SIGMA: Final = 0.5
-"""[rad] of an attitude, along its worst axis: beyond, no covariance is right, nor any NEES."""
+"""Largest standard deviation of an attitude with a valid covariance, along its worst axis [rad]."""
 
 
 def attitude_sigma(covariances: Array) -> Array:
@@ -98,7 +98,7 @@ class Band(NamedTuple):
 
 
 _ROUNDING: Final = 1e-6
-"""Of a stated covariance: what remains of it below this may be the rounding of a text."""
+"""Share of a stated covariance that may be rounding of text."""
 
 
 def invertible(covariances: Array, stated: Array | None = None) -> Mask:
@@ -106,19 +106,19 @@ def invertible(covariances: Array, stated: Array | None = None) -> Mask:
 
     :param stated: (n, k, k) those of which they are what remains.
     """
-    result: Mask = np.asarray(np.isfinite(covariances).all(axis=(1, 2)))
-    sizes = np.linalg.eigvalsh(covariances[result])
-    least = covariances.shape[-1] * np.finfo(float).eps * np.abs(sizes).max(axis=1, initial=0.0)
+    mask: Mask = np.asarray(np.isfinite(covariances).all(axis=(1, 2)))
+    sizes = np.linalg.eigvalsh(covariances[mask])
+    smallest = covariances.shape[-1] * np.finfo(float).eps * np.abs(sizes).max(axis=1, initial=0.0)
     if stated is not None:
-        least = _ROUNDING * np.abs(np.linalg.eigvalsh(stated[result])).max(axis=1, initial=0.0)
-    result[result] = sizes[:, 0] > least
-    return result
+        smallest = _ROUNDING * np.abs(np.linalg.eigvalsh(stated[mask])).max(axis=1, initial=0.0)
+    mask[mask] = sizes[:, 0] > smallest
+    return mask
 
 
 def nees(errors: Array, covariances: Array) -> Array:
     """Return ``e^T P^-1 e`` (n,).
 
-    :param errors: (n, k).
+    :param errors: (n, k) errors.
     :param covariances: (n, k, k), or one (k, k) for all; each invertible.
     """
     solved = np.linalg.solve(covariances, errors[..., None])[..., 0]
@@ -188,10 +188,10 @@ def remainder(
     gauge = gauge_at(poses, truth, row)
     poses, turn = gauge.apply(poses), np.kron(np.eye(2), gauge.r)
     turned = turn @ pose @ turn.T
-    left = without_gauge(turned, poses.position, row)[:, part, part]
-    usable = invertible(left, turned[:, part, part])
+    covariances = without_gauge(turned, poses.position, row)[:, part, part]
+    usable = invertible(covariances, turned[:, part, part])
     usable[:row] = False
-    return Remainder(row, absolute_errors(poses, truth)[_ORDER[name]], left, usable)
+    return Remainder(row, absolute_errors(poses, truth)[_ORDER[name]], covariances, usable)
 
 
 def _completed(pose: Array, position: Array) -> Array:
@@ -220,16 +220,16 @@ def _gauge_row(name: str, pose: Array, position: Array) -> int | None:
     at from the pose on at which the tilt, which is measured, has converged to twice the variance
     that it has half of the time.
     """
-    part, count, first = _PARTS[name], len(pose), 0
+    part, count, first_row = _PARTS[name], len(pose), 0
     if name == "position":
         tilt = np.trace(pose[:, 3:5, 3:5], axis1=1, axis2=2)
-        first = int(np.argmax(tilt <= 2.0 * np.median(tilt)))
-    last = max(first, count // 4)
-    for row in np.unique(np.linspace(first, last, _CANDIDATES).astype(int)):
+        first_row = int(np.argmax(tilt <= 2.0 * np.median(tilt)))
+    last_row = max(first_row, count // 4)
+    for row in np.unique(np.linspace(first_row, last_row, _CANDIDATES).astype(int)):
         later = np.unique(np.linspace(row + 1, count - 1, _LATER).astype(int))
         rows = np.append(row, later)
-        left = without_gauge(pose[rows], position[rows])[1:, part, part]
-        if invertible(left, pose[later, part, part]).mean() >= _HELD:
+        covariances = without_gauge(pose[rows], position[rows])[1:, part, part]
+        if invertible(covariances, pose[later, part, part]).mean() >= _HELD:
             return int(row)
     return None
 
@@ -247,7 +247,7 @@ class PartNees(_MeanNees, total=False):
     """The NEES of a part of the poses."""
 
     fixed_s: float | None
-    """When the gauge is fixed, since the first pose [s]; None: nowhere. Not of velocity."""
+    """Time of the gauge since the first pose [s]; None: nowhere. The velocity has no gauge."""
 
 
 class PoseNees(TypedDict):
@@ -255,7 +255,7 @@ class PoseNees(TypedDict):
 
     poses: int
     gauge: str | None
-    """Where yaw and position are fixed; None: nowhere."""
+    """Pose at which yaw and position are fixed; None: nowhere."""
     band_95: list[float]
     position: PartNees | None
     attitude: PartNees | None
@@ -276,7 +276,8 @@ def stated_nees(
         estimate states none.
     :param poses: (n,) of the estimate, not aligned.
     :param truth: (n,) at the same times.
-    :param alignment: of the estimate with the truth; with yaw the gauge is fixed at one pose.
+    :param alignment: alignment of the estimate with the truth; with yaw the gauge is fixed at one
+        pose.
     :param velocity_b: (n, 3) error of the velocity in the body; the gauge does not change it.
     :param linear: (n, 3, 3) its covariances.
     """
@@ -289,9 +290,9 @@ def stated_nees(
             "the estimate has no covariance; give it as nav_msgs/Odometry in a bag, or as text "
             "with OpenVINS' 12 columns"
         )
-    known = {name: invertible(pose[:, part, part]).any() for name, part in _PARTS.items()}
+    is_invertible = {name: invertible(pose[:, part, part]).any() for name, part in _PARTS.items()}
     parts = {
-        name: remainder(name, pose, poses, truth, alignment) if known[name] else None
+        name: remainder(name, pose, poses, truth, alignment) if is_invertible[name] else None
         for name in _PARTS
     }
     attitude = parts["attitude"]
@@ -304,33 +305,42 @@ def stated_nees(
             f"are linear up to {LARGEST_SIGMA:g} rad"
         )
     t_ns, band = poses.t_ns, anees_band(3, 1)
-    found: dict[str, PartNees] = {}
+    nees_by_part: dict[str, PartNees] = {}
     reasons = []
-    for name, one in parts.items():
-        if one is not None and one.usable.any():
-            later = slice(one.row, None)
-            of_part = _nees(one.errors[later], one.covariances[later], one.usable[later], band)
-            fixed = float(t_ns[one.row] - t_ns[0]) * 1e-9
-            of_part["fixed_s"] = None if alignment == "none" else fixed
-            found[name] = of_part
+    for name, remainder_of_part in parts.items():
+        if remainder_of_part is not None and remainder_of_part.usable.any():
+            later = slice(remainder_of_part.row, None)
+            part_nees = _nees(
+                remainder_of_part.errors[later],
+                remainder_of_part.covariances[later],
+                remainder_of_part.usable[later],
+                band,
+            )
+            fixed = float(t_ns[remainder_of_part.row] - t_ns[0]) * 1e-9
+            part_nees["fixed_s"] = None if alignment == "none" else fixed
+            nees_by_part[name] = part_nees
         else:
-            reasons.append(f"{name}: {_NO_GAUGE if known[name] else _SINGULAR}")
+            reasons.append(f"{name}: {_NO_GAUGE if is_invertible[name] else _SINGULAR}")
     why = "; ".join(reasons) or None
     if len(reasons) == len(parts):
-        return None, _SINGULAR if not any(known.values()) else why
-    rows = {name: one.row for name, one in parts.items() if one is not None and name in found}
+        return None, _SINGULAR if not any(is_invertible.values()) else why
+    rows = {
+        name: remainder_of_part.row
+        for name, remainder_of_part in parts.items()
+        if remainder_of_part is not None and name in nees_by_part
+    }
     at_first = "first pose" if not any(rows.values()) else "a later pose"
     if velocity_b is not None and linear is not None and invertible(linear).any():
-        found["velocity"] = _nees(velocity_b, linear, invertible(linear), band)
-    result: PoseNees = {
-        "poses": max(found[name]["poses"] for name in rows),
+        nees_by_part["velocity"] = _nees(velocity_b, linear, invertible(linear), band)
+    pose_nees: PoseNees = {
+        "poses": max(nees_by_part[name]["poses"] for name in rows),
         "gauge": at_first if alignment == "yaw" else None,
         "band_95": list(band),
-        "position": found.get("position"),
-        "attitude": found.get("attitude"),
-        "velocity": found.get("velocity"),
+        "position": nees_by_part.get("position"),
+        "attitude": nees_by_part.get("attitude"),
+        "velocity": nees_by_part.get("velocity"),
     }
-    return result, why
+    return pose_nees, why
 
 
 _SINGULAR: Final = "the estimate's covariances are singular"
@@ -479,13 +489,11 @@ def relative_errors(estimate: States, truth: States, chosen: PosePairs) -> Relat
     )
 
 
-def _relative(
-    poses: States, first: NDArray[np.intp], second: NDArray[np.intp]
-) -> tuple[Array, Array]:
+def _relative(poses: States, begin: NDArray[np.intp], end: NDArray[np.intp]) -> tuple[Array, Array]:
     position = rotation.rotate_inverse(
-        poses.q_wb[first], poses.position[second] - poses.position[first]
+        poses.q_wb[begin], poses.position[end] - poses.position[begin]
     )
-    turn = rotation.multiply(rotation.conjugate(poses.q_wb[first]), poses.q_wb[second])
+    turn = rotation.multiply(rotation.conjugate(poses.q_wb[begin]), poses.q_wb[end])
     return position, turn
 
 

@@ -266,7 +266,7 @@ class WorldVectors(NamedTuple):
     """The vectors of the world that act on a body besides its readings."""
 
     gravity: Vector[float]
-    """[m/s^2]"""
+    """Gravity in the world frame [m/s^2]."""
     earth_rate: Vector[float]
     """Rate at which the world turns [rad/s]."""
 
@@ -300,8 +300,8 @@ def running_product(
     if not isinstance(dq[0], np.ndarray):
         return start, normalise(multiply(start, dq))
     chain = np.empty((4, len(dq[0]) + 1))
-    for row, first, turn in zip(chain, start, dq, strict=True):
-        row[0], row[1:] = first, turn
+    for row, initial, turn in zip(chain, start, dq, strict=True):
+        row[0], row[1:] = initial, turn
     w, x, y, z = normalise(quaternion(cumulative_product(chain.T)))
     return (w[:-1], x[:-1], y[:-1], z[:-1]), (w[1:], x[1:], y[1:], z[1:])
 

@@ -164,7 +164,7 @@ class Initial(NamedTuple):
     """The initial condition of integration."""
 
     state: NavigationState
-    """Of the body."""
+    """State of the body."""
     correction: Correction
     covariance: Covariance
     """Covariance of the error of the IMU's state."""
@@ -217,13 +217,13 @@ def rest_rows(parameters: IntegratorParameters, t_ns: Times) -> slice:
     step = np.diff(t_ns)
     gaps = np.flatnonzero((step <= 0) | (step > longest_step_ns(parameters.max_gap))) + 1
     longest, length = 0, round(parameters.level_time * 1e9)
-    for first, end in itertools.pairwise([0, *gaps.tolist(), len(t_ns)]):
-        piece = t_ns[first:end]
+    for begin, end in itertools.pairwise([0, *gaps.tolist(), len(t_ns)]):
+        piece = t_ns[begin:end]
         if not len(piece):
             continue
         rest = int(np.searchsorted(piece, piece[0] + length))
         if rest < len(piece):
-            return slice(first, first + rest + 1)
+            return slice(begin, begin + rest + 1)
         longest = max(longest, int(piece[-1] - piece[0]))
     raise InputError(
         f"level_time = {parameters.level_time:g}: the readings without a gap last only "
@@ -257,8 +257,8 @@ def from_rest(
     """
     rates, forces = np.asarray(gyro, dtype=np.float64), np.asarray(accel, dtype=np.float64)
     finite = np.isfinite(rates).all(axis=1) & np.isfinite(forces).all(axis=1)
-    known = correction_of(parameters)
-    rates, forces = known.apply(rates[finite], forces[finite])
+    known_errors = correction_of(parameters)
+    rates, forces = known_errors.apply(rates[finite], forces[finite])
     mount = mount_of(parameters.imu)
     heading = parameters.initial_orientation[2] if yaw is None else yaw
     errors = parameters.imu if noise is None else noise
@@ -269,20 +269,20 @@ def from_rest(
     uncertainty = math.hypot(max(errors.accelerometer.turn_on_bias_sigma), by_scale)
     check_rest(rates, forces, errors, parameters.level_time)
     forces_b = rotation.rotate(mount.q_bi, forces)
-    found = level(rates, forces_b, parameters.gravity, heading, uncertainty)
-    q_wi = rotation.multiply(found.q_wb, mount.q_bi)
+    levelled = level(rates, forces_b, parameters.gravity, heading, uncertainty)
+    q_wi = rotation.multiply(levelled.q_wb, mount.q_bi)
     turning = rotation.rotate_inverse(q_wi, np.asarray(parameters.earth_rate))
     scale = np.reshape(parameters.gyroscope_scale_misalignment, (3, 3))
-    bias = np.asarray(parameters.gyroscope_bias) + scale @ (found.gyroscope_bias - turning)
+    bias = np.asarray(parameters.gyroscope_bias) + scale @ (levelled.gyroscope_bias - turning)
     x, y, z = bias.tolist()
     start = parameters.initial_position if position is None else position
-    state = NavigationState(np.array(start), np.zeros(3), found.q_wb)
-    correction = dataclasses.replace(known, gyroscope_bias=(x, y, z))
+    state = NavigationState(np.array(start), np.zeros(3), levelled.q_wb)
+    correction = dataclasses.replace(known_errors, gyroscope_bias=(x, y, z))
     covariance = after_rest(
         errors,
         parameters.level_time,
         errors.accelerometer.turn_on_bias_sigma,
-        rotation.to_matrix(found.q_wb),
+        rotation.to_matrix(levelled.q_wb),
         parameters.gravity,
         len(rates) / parameters.level_time,
         mount,
@@ -314,11 +314,11 @@ def after_rest(
     :param r_wb: (3, 3) attitude of the body.
     :param gravity: (3,) in the world, along z [m/s^2].
     :param rate_hz: readings per second; it decides how far rounding averages out.
-    :param mount: that of the IMU in the body.
+    :param mount: mount of the IMU in the body.
     :returns: that of the IMU's state.
     """
-    result = Covariance(noise)
-    p, slow = result.matrix, result.slow
+    covariance = Covariance(noise)
+    p, slow = covariance.matrix, covariance.slow
     r_wi = r_wb if mount == ALIGNED else r_wb @ rotation.to_matrix(mount.q_bi)
     slow.act_on(np.zeros(3), -r_wi.T @ np.asarray(gravity))
     mean, end = slow.over(time)
@@ -333,8 +333,8 @@ def after_rest(
     p[ACCEL_BIAS, ACCEL_BIAS] = constant + np.diag(walk)
     tilt = _turn_by_bias(r_wb) @ r_wi / -gravity[2]
     white = noise.accelerometer.white_variance(rate_hz) / (time * rate_hz)
-    own = constant + np.diag(white + walk / 3.0) + (accel * mean) @ accel.T
-    p[ATTITUDE, ATTITUDE] = tilt @ own @ tilt.T
+    force_covariance = constant + np.diag(white + walk / 3.0) + (accel * mean) @ accel.T
+    p[ATTITUDE, ATTITUDE] = tilt @ force_covariance @ tilt.T
     p[ATTITUDE, ATTITUDE][2, 2] += _coning(p[ATTITUDE, ATTITUDE][:2, :2], r_wb)
     p[ATTITUDE, ACCEL_BIAS] = tilt @ (constant + np.diag(0.5 * walk))
     p[ACCEL_BIAS, ATTITUDE] = p[ATTITUDE, ACCEL_BIAS].T
@@ -371,6 +371,6 @@ def _coning(tilt: Array, r_wb: Array) -> float:
     """
     heading = np.arctan2(r_wb[1, 0], r_wb[0, 0])
     cosine, sine = np.cos(heading), np.sin(heading)
-    own = np.array([[cosine, sine], [-sine, cosine]])
-    (a, c), (_, b) = own @ tilt @ own.T
+    axes = np.array([[cosine, sine], [-sine, cosine]])
+    (a, c), (_, b) = axes @ tilt @ axes.T
     return float(0.25 * (a * b + 2.0 * c * c))

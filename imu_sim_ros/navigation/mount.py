@@ -121,9 +121,9 @@ class ImuMount(NamedTuple):
         to_body[6:9, 0:3] = rotation.skew(r_wi @ arm)
         to_body[3:6, 0:3] = rotation.skew(r_wi @ np.cross(rate_i, arm))
         to_body[3:6, 9:12] = by_rate
-        result: Array = to_body @ imu @ to_body.T
-        result[3:6, 3:6] += (by_rate * white) @ by_rate.T
-        return result
+        covariance: Array = to_body @ imu @ to_body.T
+        covariance[3:6, 3:6] += (by_rate * white) @ by_rate.T
+        return covariance
 
 
 def _moved(
@@ -148,14 +148,14 @@ def _moved(
 def _twist_to_body(mount: ImuMount) -> Array:
     """Return (6, 6), which maps a twist of the IMU, in its axes, to the body's."""
     r_bi = rotation.to_matrix(mount.q_bi)
-    result = np.zeros((6, 6))
-    result[:3, :3] = result[3:, 3:] = r_bi
-    result[:3, 3:] = r_bi @ rotation.skew(mount.arm_i)  # - omega x p = p x omega
-    return result
+    transform = np.zeros((6, 6))
+    transform[:3, :3] = transform[3:, 3:] = r_bi
+    transform[:3, 3:] = r_bi @ rotation.skew(mount.arm_i)  # - omega x p = p x omega
+    return transform
 
 
 ALIGNED = ImuMount()
-"""In the body's origin, with its axes."""
+"""Mount in the body's origin, with its axes."""
 
 
 def mount_of(imu: ImuParameters | IntegratorImuParameters) -> ImuMount:

@@ -45,11 +45,12 @@ ATTITUDE_UPDATES = ("quaternion", "so3", "euler_angles")
 INITIAL_STATES = ("parameters", "truth", "level")
 
 _EARTH_GRAVITY_MAXIMUM = 30.0
-"""[m/s^2] above any planet's that an IMU flies on; a larger value is a typing mistake."""
+"""Largest gravity [m/s^2], above that of any planet with IMUs; a larger value is a typing
+mistake."""
 
 
 _OUTSIDE_COVARIANCE: Final = tuple(
-    name for name, one in parameters(TriadParameters).items() if not one.covariance
+    name for name, parameter in parameters(TriadParameters).items() if not parameter.covariance
 )
 
 
@@ -77,7 +78,7 @@ class IntegratorImuParameters(TriadsParameters):
 
 @dataclass(frozen=True)
 class IntegratorParameters:
-    """How readings become a pose."""
+    """Parameters of the integration of readings to a pose."""
 
     method: str = choice("midpoint", METHODS, "integration of position and velocity")
     attitude_update: str = choice(
@@ -178,64 +179,64 @@ class IntegratorParameters:
 
 
 def load_integrator(
-    given: Mapping[str, object], sensor: Mapping[str, object] | None = None
+    values: Mapping[str, object], sensor: Mapping[str, object] | None = None
 ) -> IntegratorParameters:
     """Return the integrator that parameters by dotted name describe.
 
     :param sensor: parameters of the sensor, instead of a preset.
     :raises ConfigurationError: with a line for each problem.
     """
-    return build_layered(IntegratorParameters, partial(layer_integrator, sensor=sensor), given)
+    return build_layered(IntegratorParameters, partial(layer_integrator, sensor=sensor), values)
 
 
 def layer_integrator(
-    given: Mapping[str, object],
+    values: Mapping[str, object],
     problems: Problems,
     sensor: Mapping[str, object] | None = None,
 ) -> dict[str, object]:
     """Return parameters above those of the IMU preset and of the calibration that they name.
 
-    :param given: by dotted name.
+    :param values: by dotted name.
     :param problems: receives a line for a preset or a calibration that cannot be read.
     :param sensor: parameters of the sensor, instead of a preset.
     """
-    own = parameters(IntegratorParameters)
-    result: dict[str, object] = {}
+    known_parameters = parameters(IntegratorParameters)
+    layered: dict[str, object] = {}
     with problems.gathered():
-        preset = given.get("imu.preset", DEFAULT_IMU)
+        preset = values.get("imu.preset", DEFAULT_IMU)
         for name, value in (sensor_layer(str(preset)) if sensor is None else sensor).items():
-            if name in own:
-                result[name] = value
-    if given.get("calibration"):
+            if name in known_parameters:
+                layered[name] = value
+    if values.get("calibration"):
         with problems.gathered():
-            for name, value in load(str(given["calibration"])).items():
+            for name, value in load(str(values["calibration"])).items():
                 short = name.removeprefix("imu.")
-                result.update({key: value for key in (name, short) if key in own})
-    return {**result, **given}
+                layered.update({key: value for key in (name, short) if key in known_parameters})
+    return {**layered, **values}
 
 
-def has_own_noise(given: Mapping[str, object]) -> bool:
+def has_own_noise(values: Mapping[str, object]) -> bool:
     """Return whether given parameters state the IMU's errors."""
-    return any(name.startswith("imu.") and name not in MOUNT for name in given)
+    return any(name.startswith("imu.") and name not in MOUNT for name in values)
 
 
-def of_the_description(
-    given: Mapping[str, object], described: Mapping[str, object]
+def sensor_description_layer(
+    values: Mapping[str, object], description: Mapping[str, object]
 ) -> Mapping[str, object]:
     """Return what a description of the sensor adds to given parameters: all, or only its mount.
 
     :param given, described: by dotted name.
     :raises ConfigurationError: for a preset that cannot be read.
     """
-    if not has_own_noise(given):
-        return described
-    mount = {name: described[name] for name in MOUNT if name in described}
-    return {**sensor_layer(str(given.get("imu.preset", DEFAULT_IMU))), **mount}
+    if not has_own_noise(values):
+        return description
+    mount = {name: description[name] for name in MOUNT if name in description}
+    return {**sensor_layer(str(values.get("imu.preset", DEFAULT_IMU))), **mount}
 
 
 def outside_covariance(
     integrator: IntegratorParameters,
-    given: Mapping[str, object],
+    values: Mapping[str, object],
     sensor: Mapping[str, object] | None = None,
 ) -> list[str]:
     """Return the names of the sensor's errors that the covariance does not include.
@@ -243,30 +244,40 @@ def outside_covariance(
     What integration corrects for is none of them; nor are range and bandwidth, which do not matter
     to readings within them.
 
-    :param given: by dotted name.
+    :param values: by dotted name.
     :param sensor: parameters of the sensor, instead of the preset.
     :raises ConfigurationError: for a preset that cannot be read.
     """
-    known = {**(sensor_layer(integrator.imu.preset) if sensor is None else sensor), **given}
-    own = parameters(IntegratorParameters)
+    sensor_values = {
+        **(sensor_layer(integrator.imu.preset) if sensor is None else sensor),
+        **values,
+    }
+    integrator_parameters = parameters(IntegratorParameters)
     corrected = {"gyroscope_bias"} if integrator.initial_state == "level" else set()
-    for name in own:
-        if name.startswith(TRIADS) and getattr(integrator, name) != own[name].default:
+    for name in integrator_parameters:
+        if (
+            name.startswith(TRIADS)
+            and getattr(integrator, name) != integrator_parameters[name].default
+        ):
             corrected.add(name)
     return [
         f"imu.{name}"
-        for name, described in parameters(ImuParameters).items()
+        for name, parameter in parameters(ImuParameters).items()
         if name.startswith(TRIADS)
-        and f"imu.{name}" not in own
+        and f"imu.{name}" not in integrator_parameters
         and name not in corrected
         and not name.endswith(("_range", "_bandwidth"))
-        and _differs(known.get(f"imu.{name}", described.default), described.default)
+        and _differs(sensor_values.get(f"imu.{name}", parameter.default), parameter.default)
     ]
 
 
-def _differs(value: object, other: object) -> bool:
+def _differs(value: object, other_value: object) -> bool:
     """Return whether two values differ; a single number applies to all elements."""
-    first, second = (v if isinstance(v, list | tuple) else [v] for v in (value, other))
-    count = max(len(first), len(second))
-    first, second = (list(v) * (count if len(v) == 1 else 1) for v in (first, second))
-    return first != second
+    left_values, right_values = (
+        v if isinstance(v, list | tuple) else [v] for v in (value, other_value)
+    )
+    count = max(len(left_values), len(right_values))
+    left_values, right_values = (
+        list(v) * (count if len(v) == 1 else 1) for v in (left_values, right_values)
+    )
+    return left_values != right_values

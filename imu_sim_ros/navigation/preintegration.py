@@ -36,8 +36,8 @@ def between(t_ns: Integers, gyro: Array, accel: Array, edges_ns: ArrayLike) -> S
     """Return the readings between neighbouring times; at these, readings are interpolated.
 
     :param t_ns: (n,) stamps [ns], increasing.
-    :param gyro: (n, 3) [rad/s].
-    :param accel: (n, 3) [m/s^2].
+    :param gyro: (n, 3) angular rates [rad/s].
+    :param accel: (n, 3) specific forces [m/s^2].
     :param edges_ns: (B + 1,) times within the stamps, increasing [ns].
     :raises InputError: for times outside of the stamps or out of order.
     """
@@ -50,10 +50,10 @@ def between(t_ns: Integers, gyro: Array, accel: Array, edges_ns: ArrayLike) -> S
             f"they last from {t_ns[0]} to {t_ns[-1]} ns"
         )
     times = np.union1d(t_ns, edges)
-    first, last = np.searchsorted(times, edges[:-1]), np.searchsorted(times, edges[1:])
-    most = int(np.max(last - first))
+    begin, end = np.searchsorted(times, edges[:-1]), np.searchsorted(times, edges[1:])
+    longest = int(np.max(end - begin))
     # Behind an interval's end its last row is repeated, which makes steps of length 0.
-    rows = np.minimum(first[:, None] + np.arange(most + 1), last[:, None])
+    rows = np.minimum(begin[:, None] + np.arange(longest + 1), end[:, None])
     return StepReadings(
         np.diff(times[rows], axis=1) * 1e-9,
         interpolate_vectors(t_ns, gyro, times)[rows],
@@ -114,7 +114,7 @@ def preintegrate(
     :param readings: B intervals.
     :param noise: the IMU's errors; None leaves the covariance zero.
     :param gyro_bias: (B, 3), (3,) or one number [rad/s].
-    :param accel_bias: likewise [m/s^2].
+    :param accel_bias: (B, 3), (3,) or one number [m/s^2].
     :param method: euler or midpoint.
     """
     if method not in METHODS:
@@ -129,11 +129,11 @@ def preintegrate(
     errors = _Errors(batch, noise, _period(readings.h), shared_noise)
     step = METHODS[method]
     block = max(_JOINED, _BLOCK // batch // _JOINED * _JOINED)
-    for first in range(0, readings.h.shape[1], block):
-        h = np.ascontiguousarray(readings.h[:, first : first + block].T)
-        ends = slice(first, first + block + 1)
+    for start in range(0, readings.h.shape[1], block):
+        h = np.ascontiguousarray(readings.h[:, start : start + block].T)
+        ends = slice(start, start + block + 1)
         rates, forces = _pairs(rate[:, ends]), _pairs(force[:, ends])
-        gammas = gamma[first : first + len(h)]
+        gammas = gamma[start : start + len(h)]
         flat = (values.reshape(-1, *values.shape[2:]) for values in (gammas, rates, forces))
         acceleration, f, g = step(h.reshape(-1, 1), *flat)
         gained = acceleration.reshape(*h.shape, 3) * h[..., None]
@@ -166,12 +166,12 @@ def _attitudes(method: str, h: Array, rate: Array) -> Array:
     :param rate: (B, m + 1, 3) the rates at their ends [rad/s].
     """
     turns = _turn(method, h.T[..., None], _pairs(rate))
-    result = np.concatenate([np.tile(rotation.IDENTITY, (1, len(h), 1)), rotation.exp(turns)])
+    attitudes = np.concatenate([np.tile(rotation.IDENTITY, (1, len(h), 1)), rotation.exp(turns)])
     step = 1
-    while step < len(result):  # a scan by doubling: each is the product of up to 2 step of them
-        result[step:] = rotation.multiply(result[:-step], result[step:])
+    while step < len(attitudes):  # a scan by doubling: each is the product of up to 2 step of them
+        attitudes[step:] = rotation.multiply(attitudes[:-step], attitudes[step:])
         step *= 2
-    return rotation.normalise(result)
+    return rotation.normalise(attitudes)
 
 
 def _period(h: Array) -> float:
@@ -245,7 +245,8 @@ def _move_rows(
 ) -> None:
     """Rows of beta and alpha from the derivatives of the acceleration.
 
-    :param by_state: with respect to theta, bias of the accelerometer, bias of the gyroscope.
+    :param by_state: derivatives with respect to theta and the biases of accelerometer and
+        gyroscope.
     :param by_noise: accelerometer and gyroscope at the start, then at the end.
     """
     f[:, ALPHA, BETA] = h * _EYE
@@ -266,7 +267,7 @@ class _Errors:
     ) -> None:
         self.jacobian = np.tile(np.eye(SIZE), (batch, 1, 1))
         self.covariance = np.zeros((batch, SIZE, SIZE))
-        self._known = noise is not None
+        self._has_noise = noise is not None
         if noise is None:
             return
         triads = (noise.accelerometer, noise.gyroscope)
@@ -280,7 +281,7 @@ class _Errors:
 
     def total(self) -> Array:
         """Return the covariance (B, 15, 15), the slow errors included."""
-        if not (self._known and self._slow):
+        if not (self._has_noise and self._slow):
             return self.covariance
         return self.covariance + self._slow.covariance(self.jacobian)
 
@@ -288,9 +289,9 @@ class _Errors:
         """Take m steps of lengths h (m, B) with F (m, B, 15, 15) and G (m, B, 15, 12).
 
         :param force: (m, B, 2, 3) at both ends of the steps.
-        :param rate: likewise.
+        :param rate: (m, B, 2, 3) at both ends of the steps.
         """
-        if not self._known:
+        if not self._has_noise:
             for transition in _joined(f)[0]:
                 self.jacobian = transition @ self.jacobian
             return
@@ -322,7 +323,7 @@ def _joined(f: Array, q: Array | None = None) -> tuple[Array, Array]:
     ``Q = F2 Q1 F2^T + Q2``. Each takes a few calls of NumPy for all of them.
 
     :param f: (m, B, 15, 15), m > 0.
-    :param q: likewise; None: without.
+    :param q: (m, B, 15, 15); None: without.
     """
     joined = 1
     while joined < _JOINED:

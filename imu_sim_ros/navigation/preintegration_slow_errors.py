@@ -1,7 +1,7 @@
 # Copyright 2026 imu_sim_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""What 1/f noise, Gauss-Markov biases and unknown scales add to a preintegration's covariance.
+"""Share of 1/f noise, Gauss-Markov biases and unknown scales in a preintegration's covariance.
 
 :class:`~imu_sim_ros.sensors.imu.triads.TriadsParameters` says what they are. A preintegration is
 given the biases at its start, so that what acts on it is their change since then. The interval is
@@ -18,7 +18,7 @@ the last J that of the interval's end, and the change of the biases b(t) by
 a linear function of means over pieces and of the values at both ends. The covariance of a process
 of variance s^2 and correlation time tau between the means over two pieces of lengths L and M, a
 time g apart, is ``s^2 m(L) m(M) exp(-g / tau)`` with ``m(L) = (1 - exp(-L / tau)) tau / L``, 1 for
-a single value (:func:`~imu_sim_ros.navigation.covariance_terms.of_mean`). In the block of the
+a single value (:func:`~imu_sim_ros.navigation.covariance_terms.mean_factors`). In the block of the
 biases this makes ``2 s^2 (1 - exp(-T / tau))``, the change of a process over the interval.
 
 An unknown term of the response multiplies the readings r: ``x = sum_k W_k r_k e`` with one number
@@ -29,7 +29,7 @@ from typing import Final
 
 import numpy as np
 
-from imu_sim_ros.navigation.covariance_terms import of_mean
+from imu_sim_ros.navigation.covariance_terms import mean_factors
 from imu_sim_ros.sensors.imu.triads import TriadsParameters
 from imu_sim_ros.types import Array
 
@@ -93,21 +93,21 @@ class SlowErrorsOfIntervals:
 
         :param jacobian: (B, 15, 15) at the ends of the intervals.
         """
-        result = np.zeros_like(jacobian)
+        additions = np.zeros_like(jacobian)
         if self._variances:
             ends, sums = np.concatenate(self._ends), np.concatenate(self._sums)
             chosen = np.r_[0 : len(ends) - 1 : -(-(len(ends) - 1) // _MAX_PIECES), len(ends) - 1]
             ends, sums = ends[chosen].T, sums[chosen].swapaxes(0, 1)
             size = max(1, _AT_ONCE // len(chosen) ** 2)
-            for first in range(0, len(result), size):
-                part = slice(first, first + size)
-                result[part] = self._of_processes(jacobian[part], ends[part], sums[part])
+            for start in range(0, len(additions), size):
+                part = slice(start, start + size)
+                additions[part] = self._process_covariance(jacobian[part], ends[part], sums[part])
         by_terms = self._by_terms.reshape(-1, 9, 6, 12) * np.sqrt(self._terms)
         by_terms = jacobian[:, :9, :9] @ by_terms.reshape(-1, 9, 72)
-        result[:, :9, :9] += by_terms @ by_terms.swapaxes(1, 2)
-        return result
+        additions[:, :9, :9] += by_terms @ by_terms.swapaxes(1, 2)
+        return additions
 
-    def _of_processes(self, jacobian: Array, ends: Array, sums: Array) -> Array:
+    def _process_covariance(self, jacobian: Array, ends: Array, sums: Array) -> Array:
         """Return (B, 15, 15) from the pieces' ends (B, N + 1), first 0, and S (B, N + 1, 9, 6)."""
         batch, count = ends.shape
         # The value at the start, the means over the pieces, the value at the end.
@@ -125,7 +125,7 @@ class SlowErrorsOfIntervals:
         flat = weights.reshape(batch, count + 1, 90)
         acting = np.zeros_like(flat)
         for tau, variances in self._variances.items():
-            of_itself, with_end = of_mean(length / tau)
+            of_itself, with_end = mean_factors(length / tau)
             kernel = np.exp(gap * (-1.0 / tau))
             kernel *= with_end[:, None] * with_end[:, :, None]
             kernel[:, diagonal, diagonal] = of_itself

@@ -27,8 +27,8 @@ def check_readings(t_ns: Integers, gyro: Array, accel: Array, max_gap: float = m
     """Make sure that readings can be integrated.
 
     :param t_ns: (n,) stamps [ns].
-    :param gyro: (n, 3) [rad/s].
-    :param accel: (n, 3) [m/s^2].
+    :param gyro: (n, 3) angular rates [rad/s].
+    :param accel: (n, 3) specific forces [m/s^2].
     :param max_gap: longest interval that is bridged [s].
     :raises InputError: with a line for each thing that is wrong.
     """
@@ -53,10 +53,10 @@ def _order_problems(t_ns: Integers, steps: Integers) -> list[str]:
         return problems
     for what, bad in (("repeated", steps == 0), ("earlier than the one before them", steps < 0)):
         if bad.any():
-            first = int(np.argmax(bad)) + 1
+            row = int(np.argmax(bad)) + 1
             problems.append(
                 f"{np.count_nonzero(bad)} stamps are {what}, "
-                f"the first is number {first} ({t_ns[first]} ns)"
+                f"the first is number {row} ({t_ns[row]} ns)"
             )
     return problems
 
@@ -66,10 +66,10 @@ def _gap_problems(t_ns: Integers, steps_ns: Integers, max_gap: float) -> list[st
     if not gaps.any():
         return []
     steps = steps_ns * 1e-9
-    first = int(np.argmax(gaps))
+    row = int(np.argmax(gaps))
     return [
         f"{np.count_nonzero(gaps)} gaps are longer than max_gap = {max_gap:g} s, the first is "
-        f"{steps[first]:.6g} s after number {first} ({t_ns[first]} ns)"
+        f"{steps[row]:.6g} s after number {row} ({t_ns[row]} ns)"
     ]
 
 
@@ -103,8 +103,8 @@ def check_method(method: str, attitude: str) -> None:
     if problems:
         raise ConfigurationError(problems)
     if attitude == "euler_angles" and method not in angles.METHODS:
-        known = ", ".join(angles.METHODS)
-        raise ConfigurationError(f"method = {method!r}: euler_angles goes with {known}")
+        methods = ", ".join(angles.METHODS)
+        raise ConfigurationError(f"method = {method!r}: euler_angles goes with {methods}")
 
 
 class Stepper:
@@ -166,7 +166,7 @@ class Stepper:
     def add(self, t_ns: int, gyro: Vector, accel: Vector) -> bool:
         """Take a reading that the gate of ``inputs`` passes; return whether it was a step.
 
-        :param t_ns: its stamp [ns].
+        :param t_ns: stamp of the reading [ns].
         :param gyro: angular rate as read [rad/s].
         :param accel: specific force as read [m/s^2].
         """

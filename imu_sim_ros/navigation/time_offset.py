@@ -21,22 +21,22 @@ from imu_sim_ros.records import States
 from imu_sim_ros.types import Array
 
 LARGEST: Final = 1.0
-"""[s] The offset is searched up to this, in both directions."""
+"""Largest offset of the search, in both directions [s]."""
 _INTERVAL: Final = 0.5
-"""[s] Length of the relative poses: long against the noise of one pose, short against drift."""
+"""Length of the relative poses: long against the noise of one pose, short against drift [s]."""
 _STEPS: Final = (0.02, 0.002, 0.0002)
-"""[s] Grids, each around the best value of the one before; a parabola gives the rest."""
+"""Steps of the grids, each around the best value of the previous one, before a parabola [s]."""
 _PAIRS: Final = 4000
 _LEAST_PAIRS: Final = 10
 _SHARPNESS: Final = 1.1
 """The errors at most offsets must be at least this much larger than at the best one."""
 _ROUNDING: Final = 1e-12
 _CORRELATED: Final = 4.0 * _INTERVAL
-"""[s] Length of a block, at least: relative poses that share no time are nearly independent."""
+"""Shortest block: relative poses without common time are nearly independent [s]."""
 _BLOCKS: Final = (4, 30)
 """Fewest and most blocks."""
 _DOUBTFUL: Final = 0.01
-"""[s] Largest half of a 95 % interval: a body at 1 m/s moves by a centimetre in it."""
+"""Largest half of a 95 % interval: a body at 1 m/s moves by a centimetre in it [s]."""
 
 
 class OffsetInterval(NamedTuple):
@@ -74,10 +74,10 @@ def time_offset(
         costs = np.array([pairs.cost(offset, scaled) for offset in offsets])
         k = int(np.clip(np.argmin(costs), 1, len(costs) - 2))
         best = float(offsets[k])
-    left, middle, right = costs[k - 1 : k + 2]
-    curvature = left - 2.0 * middle + right
+    before_cost, middle, after_cost = costs[k - 1 : k + 2]
+    curvature = before_cost - 2.0 * middle + after_cost
     if curvature > 0.0:
-        best += float(np.clip(0.5 * (left - right) / curvature, -1.0, 1.0)) * _STEPS[-1]
+        best += float(np.clip(0.5 * (before_cost - after_cost) / curvature, -1.0, 1.0)) * _STEPS[-1]
     half = pairs.half_interval(best, scaled)
     if half > _DOUBTFUL:
         raise InputError(
@@ -90,11 +90,11 @@ def time_offset(
 class _Pairs:
     """Relative poses of the estimate, to be compared with those of the truth at other times."""
 
-    def __init__(self, estimate: States, truth: States, first: Rows, second: Rows) -> None:
+    def __init__(self, estimate: States, truth: States, begin: Rows, end: Rows) -> None:
         self._truth = truth
-        self._first_ns, self._second_ns = estimate.t_ns[first], estimate.t_ns[second]
-        self._position, self._turn = _relative(estimate.rows(first), estimate.rows(second))
-        self._least = len(first) * (np.square(_chord_errors(truth)) + _ROUNDING)
+        self._first_ns, self._second_ns = estimate.t_ns[begin], estimate.t_ns[end]
+        self._position, self._turn = _relative(estimate.rows(begin), estimate.rows(end))
+        self._interpolation_error = len(begin) * (np.square(_chord_errors(truth)) + _ROUNDING)
 
     def cost(self, offset: float, scaled: bool) -> float:
         """Return J at an offset [s]."""
@@ -106,14 +106,14 @@ class _Pairs:
 
         step = _STEPS[1]
         residuals = self._residuals(offset, scaled)
-        before, after = (self._residuals(offset + s, scaled) for s in (-step, step))
-        slopes = (after - before) / (2.0 * step)
+        earlier, later = (self._residuals(offset + s, scaled) for s in (-step, step))
+        slopes = (later - earlier) / (2.0 * step)
         weight = 2.0 / self._sums(residuals)
         curvature = float(weight @ np.sum(slopes**2, axis=(1, 2)))
         parts = np.einsum("c,cnk,cnk->n", weight, residuals, slopes)
         seconds = (self._first_ns - self._first_ns[0]) * 1e-9
-        fewest, most = _BLOCKS
-        count = int(np.clip(seconds[-1] / _CORRELATED, fewest, most))
+        fewest, largest = _BLOCKS
+        count = int(np.clip(seconds[-1] / _CORRELATED, fewest, largest))
         block = np.minimum((seconds / max(seconds[-1], 1e-9) * count).astype(np.int64), count - 1)
         sums = np.bincount(block, weights=parts, minlength=count)
         deviation = float(np.sqrt(count * np.var(sums, ddof=1)))
@@ -121,7 +121,7 @@ class _Pairs:
 
     def _sums(self, residuals: Array) -> Array:
         """Return (2,) the sums of squares of position and turn, with what interpolation leaves."""
-        return np.asarray(np.sum(residuals**2, axis=(1, 2)) + self._least)
+        return np.asarray(np.sum(residuals**2, axis=(1, 2)) + self._interpolation_error)
 
     def _residuals(self, offset: float, scaled: bool) -> Array:
         """Return (2, n, 3) the differences of the relative positions [m] and turns [rad].
@@ -175,7 +175,7 @@ def _pairs(estimate: States, truth: States, max_gap: float) -> _Pairs:
     return _Pairs(estimate, truth, rows[start], rows[behind[start]])
 
 
-def _relative(first: States, second: States) -> tuple[Array, Array]:
+def _relative(begin: States, end: States) -> tuple[Array, Array]:
     """Return the motion between poses in the body: positions (n, 3), rotations (n, 4)."""
-    position = rotation.rotate_inverse(first.q_wb, second.position - first.position)
-    return position, rotation.multiply(rotation.conjugate(first.q_wb), second.q_wb)
+    position = rotation.rotate_inverse(begin.q_wb, end.position - begin.position)
+    return position, rotation.multiply(rotation.conjugate(begin.q_wb), end.q_wb)

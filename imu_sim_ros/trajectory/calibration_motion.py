@@ -114,9 +114,9 @@ def _rest(time: float) -> list[Turn]:
     return [Turn(Phase(time, 0.0, 0.0), _Z)]
 
 
-def _turn_over(first: Array, last: Array, time: float) -> list[Turn]:
+def _turn_over(start: Array, end: Array, time: float) -> list[Turn]:
     """Turn from one attitude to another about one axis: faster over half the time, then slower."""
-    vector = rotation.log(rotation.multiply(rotation.conjugate(first), last))
+    vector = rotation.log(rotation.multiply(rotation.conjugate(start), end))
     angle = float(np.linalg.norm(vector))
     half, peak = 0.5 * time, 2.0 * angle / time
     axis = vector / angle

@@ -14,7 +14,7 @@ from imu_sim_ros.trajectory.motion import Motion
 from imu_sim_ros.types import Array
 
 _STEP: Final = 1e-3
-"""[s] At most, between two knots."""
+"""Largest step between two knots [s]."""
 
 
 def dense_poses(
@@ -25,7 +25,7 @@ def dense_poses(
     Cubic Hermite polynomials between knots that are at most 1 ms apart, from exact positions,
     velocities, attitudes and their rates. The error is ``h^4 / 384`` times the fourth derivative:
     below 1e-8 m for 1 g at 100 Hz. Knots depend on start and end alone, so that the poses do not
-    depend on which times are asked for.
+    depend on the requested times.
 
     :param sample: returns the exact motion at times (k,) [s].
     :param start: start of the interval in which all times lie [s].
@@ -46,11 +46,11 @@ def dense_poses(
     step = values[1:] - values[:-1]
     a, b = values[:-1], slopes[:-1]
     c, d = 3.0 * step - 2.0 * b - slopes[1:], b + slopes[1:] - 2.0 * step
-    found = np.empty((len(t), 7))
+    poses = np.empty((len(t), 7))
     for j in range(7):
-        each = d[:, j].take(k)
+        column = d[:, j].take(k)
         for coefficient in (c, b, a):
-            each *= u
-            each += coefficient[:, j].take(k)
-        found[:, j] = each
-    return found[:, :3], rotation.normalise(found[:, 3:])
+            column *= u
+            column += coefficient[:, j].take(k)
+        poses[:, j] = column
+    return poses[:, :3], rotation.normalise(poses[:, 3:])

@@ -35,9 +35,9 @@ from imu_sim_ros.types import Array
 
 _PREFIX: Final = "trajectory."
 _SAME: Final = 1e-3
-"""[m] between two waypoints that are one place."""
+"""Largest distance of waypoints that are one place [m]."""
 _SAME_ORIGIN: Final = 1e-6
-"""[deg]"""
+"""Largest difference of equal origins [deg]."""
 _RESPONSE_STEPS: Final = 40.0
 """Samples of the suspension in one of its periods."""
 
@@ -69,19 +69,19 @@ class Drive:
     def sample(self, t: Array) -> Motion:
         """Return the motion at times t (n,) [s]."""
         (u,), (rate,), (change,) = self.schedule.sample(t, 2)
-        position, first, second, third = self.path.sample(u, 3)
+        position, d1, d2, d3 = self.path.sample(u, 3)
         ground = self._ground.sample(u, 3)
         height, rise, curve, kink = (values[0] for values in ground)
         facing = self.path.facing(u)
         p, v, a = np.empty((3, len(t), 3))
         for column, value, slope, bend in (
-            *zip((0, 1), position, first, second, strict=True),
+            *zip((0, 1), position, d1, d2, strict=True),
             (2, height, rise, curve),
         ):
             p[:, column], v[:, column] = value, slope * rate
             a[:, column] = bend * rate**2 + slope * change
-        yaw = _yaw(facing * first, facing * second, facing * third)
-        pitch = _pitch(first, second, third, (facing * rise, facing * curve, facing * kink))
+        yaw = _yaw(facing * d1, facing * d2, facing * d3)
+        pitch = _pitch(d1, d2, d3, (facing * rise, facing * curve, facing * kink))
         roll = _roll(pitch, _across([values[1:] for values in ground[:3]], yaw))
         yaw = yaw._replace(value=self._continued(u, yaw.value))
         angles = np.array([_in_time(x, rate, change) for x in (roll, pitch, yaw)])
@@ -97,13 +97,13 @@ class Drive:
     def _unwrapped(self) -> tuple[Array, Array]:
         """Return places along the path, and headings there that do not jump."""
         u = self.path.bends().u
-        first = self.path.facing(u) * self.path.sample(u, 1)[1]
-        return u, np.unwrap(np.arctan2(first[1], first[0]))
+        d1 = self.path.facing(u) * self.path.sample(u, 1)[1]
+        return u, np.unwrap(np.arctan2(d1[1], d1[0]))
 
     def _continued(self, u: Array, yaw: Array) -> Array:
         """Return headings with whole turns added, so that they do not jump along the path."""
-        near = np.interp(u, *self._headings)
-        return yaw + 2.0 * math.pi * np.rint((near - yaw) / (2.0 * math.pi))
+        nearest = np.interp(u, *self._headings)
+        return yaw + 2.0 * math.pi * np.rint((nearest - yaw) / (2.0 * math.pi))
 
 
 def drive(parameters: DriveParameters) -> Trajectory:
@@ -267,27 +267,25 @@ def _in_time(angle: Derivatives, rate: Array, change: Array) -> Derivatives:
     )
 
 
-def _yaw(first: Array, second: Array, third: Array) -> Derivatives:
+def _yaw(d1: Array, d2: Array, d3: Array) -> Derivatives:
     """Return ``atan2(y', x')`` and its derivatives, from derivatives (2, n)."""
-    (x1, y1), (x2, y2), (x3, y3) = first, second, third
+    (x1, y1), (x2, y2), (x3, y3) = d1, d2, d3
     square = x1 * x1 + y1 * y1
     slope = (x1 * y2 - y1 * x2) / square
     bend = (x1 * y3 - y1 * x3) / square - 2.0 * slope * (x1 * x2 + y1 * y2) / square
     return Derivatives(np.arctan2(y1, x1), slope, bend)
 
 
-def _pitch(
-    first: Array, second: Array, third: Array, height: tuple[Array, Array, Array]
-) -> Derivatives:
+def _pitch(d1: Array, d2: Array, d3: Array, height: tuple[Array, Array, Array]) -> Derivatives:
     """Return ``-atan2(z', |(x', y')|)`` and its derivatives."""
-    (x1, y1), (x2, y2), (x3, y3) = first, second, third
+    (x1, y1), (x2, y2), (x3, y3) = d1, d2, d3
     z1, z2, z3 = height
     r = np.sqrt(x1 * x1 + y1 * y1)
     r1 = (x1 * x2 + y1 * y2) / r
     r2 = (x2 * x2 + y2 * y2 + x1 * x3 + y1 * y3 - r1 * r1) / r
-    above, below = z2 * r - z1 * r1, r * r + z1 * z1
-    slope = -above / below
-    bend = -(z3 * r - z1 * r2 + 2.0 * slope * (r * r1 + z1 * z2)) / below
+    numerator, denominator = z2 * r - z1 * r1, r * r + z1 * z1
+    slope = -numerator / denominator
+    bend = -(z3 * r - z1 * r2 + 2.0 * slope * (r * r1 + z1 * z2)) / denominator
     return Derivatives(-np.arctan2(z1, r), slope, bend)
 
 
@@ -301,12 +299,12 @@ def _across(slopes: list[Array], yaw: Derivatives) -> Derivatives:
     def ahead(slope: Array) -> Array:
         return slope[0] * c + slope[1] * s
 
-    value, first, second = slopes
+    value, d1, d2 = slopes
     return Derivatives(
         sideways(value),
-        sideways(first) - ahead(value) * yaw.first,
-        sideways(second)
-        - 2.0 * ahead(first) * yaw.first
+        sideways(d1) - ahead(value) * yaw.first,
+        sideways(d2)
+        - 2.0 * ahead(d1) * yaw.first
         - ahead(value) * yaw.second
         - sideways(value) * yaw.first * yaw.first,
     )

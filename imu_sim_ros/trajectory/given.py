@@ -19,10 +19,10 @@ from imu_sim_ros.trajectory.motion import Motion, Trajectory
 from imu_sim_ros.types import Array
 
 STEP: Final = 2.0**-9
-"""[s] Between the nine poses from which the derivatives of a function are worked out."""
+"""Step between the nine poses for the derivatives of a function [s]."""
 _NODES: Final = np.arange(-4.0, 5.0)
 _FASTEST: Final = 3.0 / (8.0 * STEP)
-"""[rad/s] At which eight steps turn by less than pi, from where on the turn is ambiguous."""
+"""Rate at which eight steps turn by less than pi; a larger turn is ambiguous [rad/s]."""
 _ACCELERATION: Final = Quantity("acceleration", 1e7, "m/s^2")
 _ANGULAR_ACCELERATION: Final = Quantity("angular acceleration", 1e10, "rad/s^2")
 _OF_MOTION: Final = (
@@ -35,7 +35,7 @@ _OF_MOTION: Final = (
 )
 _OF_POSES: Final = (gate.POSITION, gate.ORIENTATION)
 _UNIT: Final = 1e-6
-"""By which a quaternion may differ from the length 1: what single precision leaves of it."""
+"""Largest deviation of a quaternion's length from 1, in single precision."""
 _LOOKS: Final = 10_000
 _LONGEST_LOOK: Final = 3600.0  # s
 _NEIGHBOUR: Final = 2.0**-12  # s
@@ -46,28 +46,28 @@ _OFTEN: Final = 0.01
 """Share of the times; an acceleration may jump at some."""
 _LEAP: Final = 2.0
 _ROUNDING: Final = 1e-3
-"""[m/s, m/s^2, rad/s, rad/s^2] Far above what rounding does to differences."""
+"""Differences far above rounding [m/s, m/s^2, rad/s, rad/s^2]."""
 
 
-def given_trajectory(given: Any) -> Trajectory | None:
+def given_trajectory(motion: Any) -> Trajectory | None:
     """Return what somebody gives as a motion in a form that is checked whenever it is sampled.
 
-    :param given: an object with ``sample(t)``, which returns a :class:`Motion`, or a function that
+    :param motion: an object with ``sample(t)``, which returns a :class:`Motion`, or a function that
         returns positions and attitudes at times t (n,); either may have a ``duration`` [s].
     :returns: None for anything else.
     :raises ConfigurationError: for a duration that is none.
     """
-    if isinstance(given, type):
+    if isinstance(motion, type):
         return None
-    if callable(getattr(given, "sample", None)):
-        return CheckedMotion(given.sample, *_limits(given))
-    return Differentiated(given, *_limits(given)) if callable(given) else None
+    if callable(getattr(motion, "sample", None)):
+        return CheckedMotion(motion.sample, *_limits(motion))
+    return Differentiated(motion, *_limits(motion)) if callable(motion) else None
 
 
-def _limits(given: Any) -> tuple[float, float]:
+def _limits(motion: Any) -> tuple[float, float]:
     """Return duration [s] and highest frequency [Hz]."""
-    duration = _called(lambda: getattr(given, "duration", math.inf), "trajectory.duration")
-    highest = _called(lambda: getattr(given, "highest_frequency", 0.0), "highest_frequency")
+    duration = _called(lambda: getattr(motion, "duration", math.inf), "trajectory.duration")
+    highest = _called(lambda: getattr(motion, "highest_frequency", 0.0), "highest_frequency")
     allowed = "seconds, more than 0; omitted or infinite if the motion has no end"
     return (
         number("trajectory.duration", duration, allowed, 0.0, math.inf, above=True),
@@ -90,8 +90,8 @@ class CheckedMotion:
 
         :raises ConfigurationError: for what is no motion, and whatever the object raises.
         """
-        found = _called(lambda: self._sample(t), "trajectory.sample(t)")
-        return Motion(*_checked(found, _OF_MOTION, t, "trajectory.sample(t)", "a Motion: "))
+        samples = _called(lambda: self._sample(t), "trajectory.sample(t)")
+        return Motion(*_checked(samples, _OF_MOTION, t, "trajectory.sample(t)", "a Motion: "))
 
 
 def suspicions(trajectory: Trajectory, duration: float, rate: float) -> list[str]:
@@ -110,53 +110,53 @@ def suspicions(trajectory: Trajectory, duration: float, rate: float) -> list[str
         if motion is None:
             return []
         motion = getattr(motion, "inner", None)
-    near = min(_NEIGHBOUR, _OF_PERIOD / max(motion.highest_frequency, 1e-9))
-    end = min(duration, motion.duration, _LONGEST_LOOK) - near
+    step = min(_NEIGHBOUR, _OF_PERIOD / max(motion.highest_frequency, 1e-9))
+    end = min(duration, motion.duration, _LONGEST_LOOK) - step
     count = min(_LOOKS, math.ceil(end * rate))
     if count < 2:
         return []
     t: Array = np.linspace(0.0, end, count)
-    here = motion.sample(t)
-    acceleration = np.linalg.norm(here.acceleration, axis=1)
-    turning = np.linalg.norm(here.angular_velocity, axis=1)
+    motions = motion.sample(t)
+    acceleration = np.linalg.norm(motions.acceleration, axis=1)
+    turning = np.linalg.norm(motions.angular_velocity, axis=1)
     j, k = int(np.argmax(acceleration)), int(np.argmax(turning))
     lines = beyond_any_body("trajectory", acceleration[j], t[j], turning[k], t[k])
     if isinstance(motion, CheckedMotion):
-        lines += _contradictions(t, near, here, motion.sample(t + near))
+        lines += _contradictions(t, step, motions, motion.sample(t + step))
     return lines
 
 
-def _contradictions(t: Array, near: float, here: Motion, next_to: Motion) -> list[str]:
+def _contradictions(t: Array, step: float, motions: Motion, next_to: Motion) -> list[str]:
     lines: list[str] = []
-    for name, derivative, unit, long, short, before, after in (
-        ("position", "velocity", "m", *_moved(here, next_to, 0), here[1], next_to[1]),
-        ("velocity", "acceleration", "m/s", *_moved(here, next_to, 1), here[2], next_to[2]),
-        ("attitude", "angular velocity", "rad", *_turned(here, next_to), here[4], next_to[4]),
+    for name, derivative, unit, long, short, rate_before, rate_after in (
+        ("position", "velocity", "m", *_moved(motions, next_to, 0), motions[1], next_to[1]),
+        ("velocity", "acceleration", "m/s", *_moved(motions, next_to, 1), motions[2], next_to[2]),
+        ("attitude", "angular velocity", "rad", *_turned(motions, next_to), motions[4], next_to[4]),
         (
             "angular velocity",
             "angular acceleration",
             "rad/s",
-            *_moved(here, next_to, 4),
-            here[5],
+            *_moved(motions, next_to, 4),
+            motions[5],
             next_to[5],
         ),
     ):
         lines += _contradiction(
-            name, derivative, unit, t, long, short / near, 0.5 * (before + after)
+            name, derivative, unit, t, long, short / step, 0.5 * (rate_before + rate_after)
         )
     return lines
 
 
-def _moved(here: Motion, next_to: Motion, part: int) -> tuple[Array, Array]:
+def _moved(motions: Motion, next_to: Motion, part: int) -> tuple[Array, Array]:
     """Return the changes of a vector: to the next time (n - 1, 3), and in a short one (n, 3)."""
-    return np.diff(here[part], axis=0), next_to[part] - here[part]
+    return np.diff(motions[part], axis=0), next_to[part] - motions[part]
 
 
-def _turned(here: Motion, next_to: Motion) -> tuple[Array, Array]:
+def _turned(motions: Motion, next_to: Motion) -> tuple[Array, Array]:
     """Return the rotations to the next time (n - 1, 3), and in a short one (n, 3) [rad]."""
-    back = rotation.conjugate(here.q_wb)
+    back = rotation.conjugate(motions.q_wb)
     return (
-        rotation.log(rotation.multiply(back[:-1], here.q_wb[1:])),
+        rotation.log(rotation.multiply(back[:-1], motions.q_wb[1:])),
         rotation.log(rotation.multiply(back, next_to.q_wb)),
     )
 
@@ -166,7 +166,7 @@ def _contradiction(
 ) -> list[str]:
     """Return a line if a quantity does not change as its derivative says.
 
-    :param t: (n,) [s].
+    :param t: (n,) times [s].
     :param long: (n - 1, 3) its changes from each time to the next.
     :param measured: (n, 3) its rates of change in a very short time.
     :param stated: (n, 3) mean of its derivative in that time.
@@ -176,10 +176,10 @@ def _contradiction(
     bad = off > _DISAGREES * size + _ROUNDING
     if bad.mean() > _OFTEN:
         k = int(np.argmax(off))
-        shown = (" ".join(f"{value:.4g}" for value in row) for row in (stated[k], measured[k]))
+        texts = (" ".join(f"{value:.4g}" for value in row) for row in (stated[k], measured[k]))
         return [
             "trajectory.sample(t): {0} contradicts {1}: at t = {2:.4g} s it is [{4}] {3}/s, but "
-            "the {1} changes by [{5}] {3}/s".format(derivative, name, t[k], unit, *shown)
+            "the {1} changes by [{5}] {3}/s".format(derivative, name, t[k], unit, *texts)
         ]
     step = float(t[1] - t[0])
     leaps = np.linalg.norm(long, axis=1)
@@ -219,8 +219,8 @@ class Differentiated:
         """
         middle = np.clip(t, 4.0 * STEP, self.duration - 4.0 * STEP)
         times = np.concatenate([t[None], middle + STEP * _NODES[:, None]])
-        found = _called(lambda: self._poses(times.ravel()), "trajectory(t)")
-        position, q_wb = _checked(found, _OF_POSES, times.ravel(), "trajectory(t)", "")
+        poses = _called(lambda: self._poses(times.ravel()), "trajectory(t)")
+        position, q_wb = _checked(poses, _OF_POSES, times.ravel(), "trajectory(t)", "")
         p = position.reshape(10, -1, 3)
         q = q_wb.reshape(10, -1, 4)
         step = rotation.log(rotation.multiply(rotation.conjugate(q[1:-1]), q[2:]))
@@ -231,16 +231,16 @@ class Differentiated:
                 "rad/s: give an object with sample(t)"
             )
         turn = rotation.log(rotation.multiply(rotation.conjugate(q[0]), q[1:]))
-        first, second = _weights((t - middle) / STEP)
+        d1, d2 = _weights((t - middle) / STEP)
         return Motion(
             p[0],
-            np.einsum("kn,kni->ni", first, p[1:] - p[0]),
-            np.einsum("kn,kni->ni", second, p[1:] - p[0]),
+            np.einsum("kn,kni->ni", d1, p[1:] - p[0]),
+            np.einsum("kn,kni->ni", d2, p[1:] - p[0]),
             q[0],
             # The turn is 0 at t itself, so that its right Jacobian is the identity there, and the
             # Jacobian's derivative falls out of the angular acceleration: phi' x phi' = 0.
-            np.einsum("kn,kni->ni", first, turn),
-            np.einsum("kn,kni->ni", second, turn),
+            np.einsum("kn,kni->ni", d1, turn),
+            np.einsum("kn,kni->ni", d2, turn),
         )
 
 
@@ -255,9 +255,9 @@ def _weights(s: Array) -> tuple[Array, Array]:
     """
     powers = s[None] ** np.arange(9)[:, None]
     k = np.arange(1, 9)[:, None]
-    first = _INVERSE[1:].T @ (k * powers[:-1]) / STEP
-    second = _INVERSE[2:].T @ (k[1:] * k[:-1] * powers[:-2]) / STEP**2
-    return first, second
+    d1 = _INVERSE[1:].T @ (k * powers[:-1]) / STEP
+    d2 = _INVERSE[2:].T @ (k[1:] * k[:-1] * powers[:-2]) / STEP**2
+    return d1, d2
 
 
 def _called(function: Callable[[], Any], name: str) -> Any:
@@ -280,7 +280,7 @@ def _called(function: Callable[[], Any], name: str) -> Any:
 
 
 def _checked(
-    found: Any, quantities: tuple[Quantity, ...], t: Array, name: str, kind: str
+    values_found: Any, quantities: tuple[Quantity, ...], t: Array, name: str, kind: str
 ) -> list[Array]:
     """Return arrays that are what they must be at each of the times.
 
@@ -288,12 +288,12 @@ def _checked(
         has, with the time of the first one.
     """
     widths = [4 if quantity is gate.ORIENTATION else 3 for quantity in quantities]
-    words = ", ".join(f"{q.name} (n, {w})" for q, w in zip(quantities, widths, strict=True))
-    allowed = f"{kind}{words}, for the {len(t)} times"
-    if not isinstance(found, tuple | list) or len(found) != len(quantities):
-        refuse(name, found, allowed, wrong_type=True)
+    content = ", ".join(f"{q.name} (n, {w})" for q, w in zip(quantities, widths, strict=True))
+    allowed = f"{kind}{content}, for the {len(t)} times"
+    if not isinstance(values_found, tuple | list) or len(values_found) != len(quantities):
+        refuse(name, values_found, allowed, wrong_type=True)
     arrays = []
-    for quantity, width, values in zip(quantities, widths, found, strict=True):
+    for quantity, width, values in zip(quantities, widths, values_found, strict=True):
         try:
             array = np.array(values, dtype=np.float64)
             if isinstance(values, np.ma.MaskedArray):
@@ -308,12 +308,12 @@ def _checked(
     verdict = gate.Verdict(None, list(zip(quantities, arrays, strict=True)))
     for row in verdict.bad[:1]:
         raise ConfigurationError(f"{name}: at t = {t[row]:g} s {verdict.why(int(row))}")
-    at = quantities.index(gate.ORIENTATION)
-    lengths = np.linalg.norm(arrays[at], axis=1)
+    index = quantities.index(gate.ORIENTATION)
+    lengths = np.linalg.norm(arrays[index], axis=1)
     for row in np.flatnonzero(np.abs(lengths - 1.0) > _UNIT)[:1]:
         raise ConfigurationError(
             f"{name}: at t = {t[row]:g} s a quaternion of length {lengths[row]:.7g}: must be 1 "
             f"within {_UNIT:g}"
         )
-    arrays[at] = gate.at_unit_length(arrays[at])
+    arrays[index] = gate.at_unit_length(arrays[index])
     return arrays

@@ -42,9 +42,9 @@ class HeightMap:
         """
         rows, columns = self._heights.shape
         scaled = (points - self._corner) / self.spacing
-        outside = ((scaled < 0.0) | (scaled > [columns - 1, rows - 1])).any(axis=1)
-        if outside.any():
-            x, y = points[np.argmax(outside)]
+        is_outside = ((scaled < 0.0) | (scaled > [columns - 1, rows - 1])).any(axis=1)
+        if is_outside.any():
+            x, y = points[np.argmax(is_outside)]
             east, north = self._corner + self.spacing * np.array([columns - 1, rows - 1])
             raise InputError(
                 f"{self._path}: the drive leaves the map at x {x:.1f}, y {y:.1f} m; it reaches "
@@ -53,13 +53,13 @@ class HeightMap:
         cell = np.minimum(scaled.astype(np.int64), [max(columns - 2, 0), max(rows - 2, 0)])
         (east, north), (k, j) = (scaled - cell).T, cell.T
         h = self._heights
-        found: Array = (1.0 - north) * ((1.0 - east) * h[j, k] + east * h[j, k + 1]) + north * (
+        heights: Array = (1.0 - north) * ((1.0 - east) * h[j, k] + east * h[j, k + 1]) + north * (
             (1.0 - east) * h[j + 1, k] + east * h[j + 1, k + 1]
         )
-        if np.isnan(found).any():
-            x, y = points[np.argmax(np.isnan(found))]
+        if np.isnan(heights).any():
+            x, y = points[np.argmax(np.isnan(heights))]
             raise InputError(f"{self._path}: has no height at x {x:.1f}, y {y:.1f} m, on the drive")
-        return found
+        return heights
 
 
 def read_height_map(path: str) -> HeightMap:
@@ -72,14 +72,14 @@ def read_height_map(path: str) -> HeightMap:
     count = 0
     for block in row_blocks(FilePath(path), "an ESRI ASCII grid"):
         for number, line in block:
-            words = line.decode(errors="replace").split()
-            if not values and words[0].lower() in (*_KEYS, *_OPTIONAL):
-                header[words[0].lower()] = _value(path, number, words[1:])
+            tokens = line.decode(errors="replace").split()
+            if not values and tokens[0].lower() in (*_KEYS, *_OPTIONAL):
+                header[tokens[0].lower()] = _value(path, number, tokens[1:])
                 continue
             if not values:
                 _check_header(path, header)
             try:
-                row = np.array([number_of(word) for word in words])
+                row = np.array([number_of(word) for word in tokens])
             except ValueError:
                 raise InputError(f"{path}: line {number}: not numbers") from None
             values.append(row)
@@ -99,13 +99,13 @@ def read_height_map(path: str) -> HeightMap:
     return HeightMap(path, x, y, cell, heights)
 
 
-def _value(path: str, number: int, words: list[str]) -> float:
+def _value(path: str, number: int, tokens: list[str]) -> float:
     try:
-        (word,) = words
-        return number_of(word)
+        (token,) = tokens
+        return number_of(token)
     except ValueError:
-        given = shortened(" ".join(words))
-        raise InputError(f"{path}: line {number}: {given}: must be one number") from None
+        text = shortened(" ".join(tokens))
+        raise InputError(f"{path}: line {number}: {text}: must be one number") from None
 
 
 def _check_header(path: str, header: dict[str, float]) -> None:
@@ -115,8 +115,8 @@ def _check_header(path: str, header: dict[str, float]) -> None:
             f"{path}: lacks {', '.join(missing)} in its head; it must be an ESRI ASCII grid"
         )
     columns, rows, cell = (header[key] for key in _KEYS)
-    least = min(columns, rows)
-    if not (least >= 2 and columns * rows <= _MOST_CELLS and columns % 1 == rows % 1 == 0):
+    smallest = min(columns, rows)
+    if not (smallest >= 2 and columns * rows <= _MOST_CELLS and columns % 1 == rows % 1 == 0):
         raise InputError(
             f"{path}: {columns:g} columns of {rows:g} rows: must be at least 2 each and at most "
             f"{_MOST_CELLS} cells"
@@ -137,13 +137,15 @@ class PlaneProfile:
 
     def __init__(self, slope: tuple[float, ...], path: Path) -> None:
         rises = np.array(slope)
-        self._joints = path.at[path.turns]
+        self._joints = path.waypoint_u[path.turns]
         self._splines = [
             UniformSpline(
-                np.column_stack([one.controls @ rises, np.broadcast_to(rises, one.controls.shape)]),
-                one.spacing,
+                np.column_stack(
+                    [spline.controls @ rises, np.broadcast_to(rises, spline.controls.shape)]
+                ),
+                spline.spacing,
             )
-            for one in path.splines
+            for spline in path.splines
         ]
 
     def sample(self, u: Array, derivatives: int) -> list[Array]:
@@ -168,7 +170,7 @@ class GradeProfile:
         self._step = float(path.length / count)
         nodes: Array = np.arange(count + 1, dtype=np.float64) * self._step
         self._ways = np.concatenate([[0.0], np.cumsum(self._between(nodes[:-1], self._step))])
-        s = self._way(path.at)
+        s = self._way(path.waypoint_u)
         length = float(s[-1])
         segments = min(max(1, round(length / smoothing)), _MOST_SEGMENTS)
         spacing = length / segments
@@ -179,16 +181,18 @@ class GradeProfile:
         polygon = make_interp_spline(
             knots, np.concatenate([beyond[:1], heights, beyond[1:]]), k=1
         ).antiderivative()
-        at = (np.arange(segments + DEGREE) - 2.0) * spacing
-        means = (polygon(at + 0.5 * spacing) - polygon(at - 0.5 * spacing)) / spacing
+        knot_positions = (np.arange(segments + DEGREE) - 2.0) * spacing
+        means = (
+            polygon(knot_positions + 0.5 * spacing) - polygon(knot_positions - 0.5 * spacing)
+        ) / spacing
         self._heights = UniformSpline(means[:, None], spacing)
 
     def sample(self, u: Array, derivatives: int) -> list[Array]:
         """Return height and slopes; see :class:`Ground`. The slopes are those across: 0."""
-        _, first, second, third = self._path.sample(u, 3)
-        r = np.hypot(*first)
-        r1 = (first * second).sum(axis=0) / r
-        r2 = ((second * second + first * third).sum(axis=0) - r1 * r1) / r
+        _, d1, d2, d3 = self._path.sample(u, 3)
+        r = np.hypot(*d1)
+        r1 = (d1 * d2).sum(axis=0) / r
+        r2 = ((d2 * d2 + d1 * d3).sum(axis=0) - r1 * r1) / r
         (z,), (z1,), (z2,), (z3,) = self._heights.sample(self._way(u), 3)
         values = (
             *(z, z1 * r, z2 * r * r + z1 * r1),
@@ -207,8 +211,8 @@ class GradeProfile:
         """Return the way (n,) from u to u + length, by Gauss and Legendre's rule."""
         x, weights = np.polynomial.legendre.leggauss(_GAUSS)
         half = 0.5 * np.broadcast_to(length, u.shape)
-        at = u + half * (1.0 + x[:, None])
-        speed = np.hypot(*self._path.sample(at.ravel(), 1)[1]).reshape(at.shape)
+        nodes = u + half * (1.0 + x[:, None])
+        speed = np.hypot(*self._path.sample(nodes.ravel(), 1)[1]).reshape(nodes.shape)
         return half * (weights @ speed)
 
 
@@ -231,7 +235,10 @@ def map_profile(ground: HeightMap, path: UniformSpline, track: float) -> Uniform
     values = np.column_stack([ground.height(points), *slopes])
     # Point-symmetric beyond both ends, three nodes far; a spline of values v is too smooth by
     # spacing^2 / 4 times their second derivative.
-    before, after = 2.0 * values[0] - values[3:0:-1], 2.0 * values[-1] - values[-2:-5:-1]
-    values = np.vstack([before, values, after])
+    padding_before, padding_after = (
+        2.0 * values[0] - values[3:0:-1],
+        2.0 * values[-1] - values[-2:-5:-1],
+    )
+    values = np.vstack([padding_before, values, padding_after])
     controls = values[1:-1] - 0.25 * (values[2:] - 2.0 * values[1:-1] + values[:-2])
     return UniformSpline(controls, spacing)

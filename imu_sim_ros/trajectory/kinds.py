@@ -79,7 +79,7 @@ class _Wave(NamedTuple):
     """``sine sin(w t) + cosine cos(w t)``."""
 
     number: int
-    """Of its frequency w."""
+    """Index of the angular frequency w."""
     w: float
     sine: float
     cosine: float
@@ -101,29 +101,29 @@ class _Coordinates:
     """
 
     def __init__(self, series: Sequence[SeriesParameters]) -> None:
-        w = sorted({one for each in series for one in each.angular_frequency})
+        w = sorted({w_value for sinusoids in series for w_value in sinusoids.angular_frequency})
         self._frequencies = np.array(w)
         self.highest_frequency = max(w, default=0.0) / (2.0 * math.pi)
-        """Of the sinusoids [Hz]."""
+        """Highest frequency of the sinusoids [Hz]."""
         self._waves = [
             [
-                _Wave(w.index(one), one, float(a * np.cos(phase)), float(a * np.sin(phase)))
-                for a, one, phase in zip(
-                    each.amplitude,
-                    each.angular_frequency,
-                    each.phase or (0.0,) * len(each.amplitude),
+                _Wave(w.index(w_value), w_value, float(a * np.cos(phase)), float(a * np.sin(phase)))
+                for a, w_value, phase in zip(
+                    sinusoids.amplitude,
+                    sinusoids.angular_frequency,
+                    sinusoids.phase or (0.0,) * len(sinusoids.amplitude),
                     strict=True,
                 )
             ]
-            for each in series
+            for sinusoids in series
         ]
-        degree = max((len(each.polynomial) for each in series), default=1)
+        degree = max((len(sinusoids.polynomial) for sinusoids in series), default=1)
         powers: Array = np.arange(degree, dtype=np.float64)
         c = np.zeros((3, len(series), degree))
-        for row, each in zip(c[0], series, strict=True):
-            row[: len(each.polynomial)] = each.polynomial
-        for before, after in itertools.pairwise(c):
-            after[:, :-1] = (powers * before)[:, 1:]
+        for row, sinusoids in zip(c[0], series, strict=True):
+            row[: len(sinusoids.polynomial)] = sinusoids.polynomial
+        for lower, higher in itertools.pairwise(c):
+            higher[:, :-1] = (powers * lower)[:, 1:]
         rows = c.reshape(3 * len(series), degree)
         self._polynomials = [_from_highest(row) for row in rows.tolist()]
         """Coefficients of k functions, of their derivatives, and of those of these: of each the
@@ -140,7 +140,7 @@ class _Coordinates:
             for coefficient in lower:
                 row *= t
                 row += coefficient
-        for (value, first, second), waves in zip(table.swapaxes(0, 1), self._waves, strict=True):
+        for (value, d1, d2), waves in zip(table.swapaxes(0, 1), self._waves, strict=True):
             for number, w, a, b in waves:
                 sine, cosine = sines[number], cosines[number]
                 wave, slope = a * sine, w * a * cosine
@@ -148,9 +148,9 @@ class _Coordinates:
                     wave += b * cosine
                     slope -= w * b * sine
                 value += wave
-                first += slope
+                d1 += slope
                 wave *= w * w
-                second -= wave
+                d2 -= wave
         return table.swapaxes(1, 2)
 
 
@@ -198,10 +198,10 @@ class Polar(_Endless):
         return Motion(p, v, a, *_heading(angle, angle1, angle2))
 
 
-def _heading(yaw: Array, first: Array, second: Array) -> tuple[Array, Array, Array]:
+def _heading(yaw: Array, d1: Array, d2: Array) -> tuple[Array, Array, Array]:
     """Return q_wb, omega_b and alpha_b of an upright body from its yaw and the derivatives (n,)."""
     angles = np.zeros((3, 3, len(yaw)))
-    angles[:, 2] = yaw, first, second
+    angles[:, 2] = yaw, d1, d2
     return rotation.euler_motion(*angles.swapaxes(1, 2))
 
 
@@ -256,9 +256,9 @@ def _times_within_limits(coordinates: Array, parameters: WaypointsParameters) ->
     times = np.concatenate([[0.0], np.cumsum(np.maximum(ways, turns))])
     indices = np.arange(0.0, len(times) - 1.0, 1.0 / _PEAK_SAMPLES)
     dense = np.interp(indices, np.arange(len(times)), times)
-    _, first, second = (spline(dense) for spline in _splines(times, coordinates))
-    speed = np.max(np.linalg.norm(first[:, :3], axis=-1)) / parameters.speed_limit
-    force = np.max(np.linalg.norm(second[:, :3], axis=-1)) / parameters.acceleration_limit
-    rate = np.max(np.abs(first[:, 3])) / parameters.heading_rate_limit
+    _, d1, d2 = (spline(dense) for spline in _splines(times, coordinates))
+    speed = np.max(np.linalg.norm(d1[:, :3], axis=-1)) / parameters.speed_limit
+    force = np.max(np.linalg.norm(d2[:, :3], axis=-1)) / parameters.acceleration_limit
+    rate = np.max(np.abs(d1[:, 3])) / parameters.heading_rate_limit
     # Slower by a factor k: speeds fall with k, accelerations with k^2, and the shape stays.
     return times * max(speed, np.sqrt(force), rate)

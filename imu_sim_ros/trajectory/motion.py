@@ -63,12 +63,12 @@ class RememberedTrajectory:
         self.duration = trajectory.duration
         self.highest_frequency = trajectory.highest_frequency
         self._trajectory = trajectory
-        self._kept: list[tuple[Array, Motion]] = []
+        self._cache: list[tuple[Array, Motion]] = []
         self._count = 0
 
     def sample(self, t: Array) -> Motion:
         """Return the motion at times t (n,) [s]."""
-        for times, motion in self._kept:
+        for times, motion in self._cache:
             if np.array_equal(times, t):
                 return motion
         motion = self._trajectory.sample(t)
@@ -76,5 +76,5 @@ class RememberedTrajectory:
             self._count += len(t)
             for values in motion:
                 values.flags.writeable = False
-            self._kept.append((t.copy(), motion))
+            self._cache.append((t.copy(), motion))
         return motion

@@ -89,17 +89,17 @@ class VibrationParameters:
         count = len(self.frequency)
         left_out = {"acceleration": bool(self.angular_rate), "angular_rate": True}
         for name, may_be_empty in left_out.items():
-            given = getattr(self, name)
-            if len(given) != 3 * count and (given or not may_be_empty):
+            entries = getattr(self, name)
+            if len(entries) != 3 * count and (entries or not may_be_empty):
                 yield (
-                    f"{prefix}{name} = {list(given)}: must have three entries for "
+                    f"{prefix}{name} = {list(entries)}: must have three entries for "
                     f"each of the {count} in {prefix}frequency"
                 )
         for name in ("phase", "angular_phase"):
-            given = getattr(self, name)
-            if given and len(given) != count:
+            entries = getattr(self, name)
+            if entries and len(entries) != count:
                 yield (
-                    f"{prefix}{name} = {list(given)}: must be empty or have as many entries as "
+                    f"{prefix}{name} = {list(entries)}: must be empty or have as many entries as "
                     f"{prefix}frequency, {count}"
                 )
         if self.noise_high <= self.noise_low:
@@ -124,7 +124,7 @@ class LeadInParameters:
 
 @dataclass(frozen=True)
 class TrajectoryParameters:
-    """What every trajectory has; applied in the order length, repeat, time scale and rests."""
+    """Parameters of every trajectory, applied in the order length, repeat, time scale and rests."""
 
     type: str = text("static", TYPE_TEXT)
     length: float = number(0.0, "use this much of the motion; 0: all of it", unit="s", minimum=0.0)
@@ -156,7 +156,7 @@ class TrajectoryParameters:
     def motion(self, pose_reader: "PoseReader") -> "Trajectory":
         """Return the bare motion; here that of a user's own parameters, which sample themselves.
 
-        A type imports what it needs when it is asked, some SciPy.
+        A type imports its libraries, such as SciPy, when it is used.
 
         :param pose_reader: reads a file of poses.
         :raises ConfigurationError: for parameters that do not describe a motion.
@@ -551,9 +551,9 @@ class DriveParameters(TrajectoryParameters):
     def problems(self, prefix: str) -> Iterator[str]:
         """Yield which lists do not match."""
         for name in ("origin", "slope"):
-            given = getattr(self, name)
-            if len(given) != 2 and (given or name == "slope"):
-                yield f"{prefix}{name} = {list(given)}: must be two numbers"
+            entries = getattr(self, name)
+            if len(entries) != 2 and (entries or name == "slope"):
+                yield f"{prefix}{name} = {list(entries)}: must be two numbers"
         if self.origin[2:] == () and self.origin and abs(self.origin[0]) > 90.0:
             yield f"{prefix}origin: latitude {self.origin[0]:g}: must be within 90 deg"
         if self.use_times and not self.file:
@@ -599,8 +599,8 @@ class DriveParameters(TrajectoryParameters):
             ground = "height_map" if self.height_map else name
             yield f"{prefix}speeds: must be above 0 with {prefix}{ground}; it backs up on a plane"
         timed = self.times or self.use_times
-        for name, given in (("stops", self.stops), ("laps", self.laps), ("speeds", self.speeds)):
-            if timed and given:
+        for name, entries in (("stops", self.stops), ("laps", self.laps), ("speeds", self.speeds)):
+            if timed and entries:
                 yield f"{prefix}{name}: must be left out if times are given"
         if timed and self.deviation:
             yield f"{prefix}deviation = {self.deviation:g}: must be 0 if times are given"
@@ -717,11 +717,11 @@ class PosesParameters(TrajectoryParameters):
         """Yield whether the file is missing, and whether the knots are too dense."""
         if not self.file:
             yield f"{prefix}file = '': must name a file of poses"
-        least = LEAST_KNOTS / self.cutoff
-        if 0.0 < self.knot_spacing < least:
+        smallest = LEAST_KNOTS / self.cutoff
+        if 0.0 < self.knot_spacing < smallest:
             yield (
                 f"{prefix}knot_spacing = {self.knot_spacing:g}: must be 0 or at least "
-                f"{LEAST_KNOTS} / {prefix}cutoff, {least:.3g} s"
+                f"{LEAST_KNOTS} / {prefix}cutoff, {smallest:.3g} s"
             )
 
     def motion(self, pose_reader: PoseReader) -> "Trajectory":
@@ -760,25 +760,27 @@ def find_trajectory(name: str) -> type[TrajectoryParameters]:
         return TYPES[name]
     from importlib.metadata import entry_points  # a search of all packages; seldom needed
 
-    offered = {point.name: point for point in entry_points(group=ENTRY_POINTS)}
-    if name not in offered:
-        known = [*TYPES, *sorted(offered)]
-        otherwise = f"must be one of {', '.join(known)}, a name in config/trajectories, or a file"
-        hint = suggestion(name, [*known, *files.names("trajectories")], otherwise)
+    plugins = {point.name: point for point in entry_points(group=ENTRY_POINTS)}
+    if name not in plugins:
+        names = [*TYPES, *sorted(plugins)]
+        otherwise = f"must be one of {', '.join(names)}, a name in config/trajectories, or a file"
+        hint = suggestion(name, [*names, *files.names("trajectories")], otherwise)
         raise ConfigurationError(f"trajectory.type = {name!r}: {hint}")
-    point = offered[name]
+    point = plugins[name]
     try:
-        found = point.load()
+        trajectory_class = point.load()
     except Exception as error:  # code of other people: whatever it raises
         raise ConfigurationError(
             f"trajectory.type = {name!r}: {point.value} cannot be loaded: {error}"
         ) from error
-    if not (isinstance(found, type) and issubclass(found, TrajectoryParameters)):
+    if not (
+        isinstance(trajectory_class, type) and issubclass(trajectory_class, TrajectoryParameters)
+    ):
         raise ConfigurationError(
             f"trajectory.type = {name!r}: {point.value} is not a class derived from "
             "TrajectoryParameters"
         )
-    return found
+    return trajectory_class
 
 
 def names_a_file(trajectory: str) -> bool:

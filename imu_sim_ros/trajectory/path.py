@@ -21,16 +21,16 @@ from imu_sim_ros.types import Array, Mask
 _SAMPLES: Final = 8
 """Per segment, to look at curvature and length."""
 _MOST_SEGMENTS: Final = 250_000
-"""Of the finest path that is tried: some seconds, and less than 1 GB."""
+"""Largest number of segments of a path: some seconds, and less than 1 GB."""
 _WIDTHS: Final = 2.0 ** np.arange(-2.0, 5.1, 0.25)
 """Lengths of a segment that are tried, over the smallest radius."""
 _OFF_LINE: Final = 1e-3
-"""By which a waypoint after turning back may be off the line, over its distance."""
+"""Largest distance of a waypoint after turning back from the line, over its distance."""
 _ALIKE: Final = 1e-9
-"""[rad] between headings before and after turning back."""
+"""Largest angle between the headings before and after turning back [rad]."""
 _CORRECTIONS: Final = 200
 _MISS: Final = 1e-9
-"""[m] by which a path passes a waypoint that it goes through."""
+"""Largest distance of a path from a waypoint that it goes through [m]."""
 
 
 class UniformSpline:
@@ -97,13 +97,13 @@ class Path:
     def __init__(
         self,
         splines: Sequence[UniformSpline],
-        at: Array,
+        waypoint_u: Array,
         turns: Sequence[int] = (),
         starts_backward: bool = False,
     ) -> None:
-        self.splines, self.at, self.turns = splines, at, list(turns)
-        self.length, self._turns_at = float(at[-1]), at[self.turns]
-        self._first = -1.0 if starts_backward else 1.0
+        self.splines, self.waypoint_u, self.turns = splines, waypoint_u, list(turns)
+        self.length, self._turns_at = float(waypoint_u[-1]), waypoint_u[self.turns]
+        self._first_direction = -1.0 if starts_backward else 1.0
 
     def sample(self, u: Array, derivatives: int) -> list[Array]:
         """Return the place and its derivatives by u (n,), each (2, n)."""
@@ -112,9 +112,9 @@ class Path:
     def facing(self, u: Array) -> Array | float:
         """Return 1 where the vehicle drives forward, -1 where it backs up, at u (n,)."""
         if not self.turns:
-            return self._first
+            return self._first_direction
         odd = np.searchsorted(self._turns_at, u, side="right") % 2
-        return np.where(odd, -self._first, self._first)
+        return np.where(odd, -self._first_direction, self._first_direction)
 
     def bends(self, per_segment: int = _SAMPLES) -> Bends:
         """Return speed and curvature everywhere, a few places in each segment."""
@@ -126,13 +126,13 @@ class Path:
             parts.append(start + steps[: count + (end == ends[-1])] * ((end - start) / count))
             start = float(end)
         u = np.concatenate(parts)
-        _, first, second = self.sample(u, 2)
-        speed = np.hypot(*first)
-        turning = first[0] * second[1] - first[1] * second[0]
+        _, d1, d2 = self.sample(u, 2)
+        speed = np.hypot(*d1)
+        turning = d1[0] * d2[1] - d1[1] * d2[0]
         with np.errstate(divide="ignore", invalid="ignore"):
             curvature = turning / speed**3
         turned_back = np.zeros(len(u), dtype=bool)
-        turned_back[1:] = (first[:, 1:] * first[:, :-1]).sum(axis=0) <= 0.0
+        turned_back[1:] = (d1[:, 1:] * d1[:, :-1]).sum(axis=0) <= 0.0
         turned_back[np.searchsorted(u, self._turns_at)] = False
         return Bends(u, speed, np.where(turned_back, np.inf, curvature))
 
@@ -147,8 +147,8 @@ def joined_samples(
     starts = np.concatenate([[0.0], joints])
     values = np.empty((derivatives + 1, splines[0].controls.shape[1], len(u)))
     for k, spline in enumerate(splines):
-        here = which == k
-        values[:, :, here] = spline.sample(u[here] - starts[k], derivatives)
+        rows = which == k
+        values[:, :, rows] = spline.sample(u[rows] - starts[k], derivatives)
     return list(values)
 
 
@@ -181,10 +181,15 @@ def find_path(
         for a, b in ends
     ]
     starts = np.cumsum([0.0, *(part.length for part in parts)])
-    at = np.concatenate([[0.0], *(a + part.at[1:] for a, part in zip(starts, parts, strict=False))])
-    path = Path([part.splines[0] for part in parts], at, turns, bool(backward[0]))
-    for k, before, after in zip(turns, parts, parts[1:], strict=False):
-        end, start = before.sample(before.at[-1:], 1), after.sample(after.at[:1], 1)
+    waypoint_u = np.concatenate(
+        [[0.0], *(a + part.waypoint_u[1:] for a, part in zip(starts, parts, strict=False))]
+    )
+    path = Path([part.splines[0] for part in parts], waypoint_u, turns, bool(backward[0]))
+    for k, path_before, path_after in zip(turns, parts, parts[1:], strict=False):
+        end, start = (
+            path_before.sample(path_before.waypoint_u[-1:], 1),
+            path_after.sample(path_after.waypoint_u[:1], 1),
+        )
         (x1,), (y1,), (x2,), (y2,) = *end[1], *start[1]
         bend = abs(x1 * y2 - y1 * x2)
         if not (bend < _ALIKE and np.abs(end[0] - start[0]).max() < _MISS):
@@ -198,11 +203,12 @@ def find_path(
 def _check_length(waypoints: Array, radius: float, prefix: str) -> None:
     """Refuse what would take minutes, with the leg that a wrong waypoint makes long."""
     legs = np.linalg.norm(np.diff(waypoints, axis=0), axis=1)
-    least = float(legs.sum()) / (_WIDTHS[0] * _MOST_SEGMENTS)
-    if radius < least:
+    smallest = float(legs.sum()) / (_WIDTHS[0] * _MOST_SEGMENTS)
+    if radius < smallest:
         k = int(np.argmax(legs))
         raise ConfigurationError(
-            f"{prefix}turning_radius = {radius:g}: must be at least {least:.3g} m for a route of "
+            f"{prefix}turning_radius = {radius:g}: must be at least {smallest:.3g} m for a route "
+            "of "
             f"{legs.sum() * 1e-3:.3g} km; its longest leg, {legs[k] * 1e-3:.3g} km, is that from "
             f"waypoint {k + 1} to {k + 2}"
         )
@@ -229,24 +235,24 @@ def _straight_at_turns(waypoints: Array, turns: list[int], prefix: str) -> Array
     return moved
 
 
-def _guarded(waypoints: Array, first: bool, last: bool) -> tuple[Array, Mask]:
+def _guarded(waypoints: Array, guard_start: bool, guard_end: bool) -> tuple[Array, Mask]:
     """Return waypoints with one more in the middle of the first or last leg, and which were there.
 
     From there to the end a path is straight, however its corners are moved.
     """
     if len(waypoints) == 2:
-        first = last = False
+        guard_start = guard_end = False
     middle = 0.5 * (waypoints[1:] + waypoints[:-1])
     parts = [
         waypoints[:1],
-        *[middle[:1]] * first,
+        *[middle[:1]] * guard_start,
         waypoints[1:-1],
-        *[middle[-1:]] * last,
+        *[middle[-1:]] * guard_end,
         waypoints[-1:],
     ]
-    waypoint = np.ones(len(waypoints) + first + last, dtype=bool)
-    waypoint[1] = not first
-    waypoint[-2] &= not last
+    waypoint = np.ones(len(waypoints) + guard_start + guard_end, dtype=bool)
+    waypoint[1] = not guard_start
+    waypoint[-2] &= not guard_end
     return np.concatenate(parts), waypoint
 
 
@@ -256,32 +262,39 @@ def _find_part(
     radius: float,
     deviation: float,
     prefix: str,
-    before: int,
+    waypoints_before: int,
 ) -> Path:
     """Return a path without turning back; ``before`` waypoints are before it, for messages."""
     steps = np.linalg.norm(np.diff(waypoints, axis=0), axis=1)
-    at = np.concatenate([[0.0], np.cumsum(steps)])
-    longest = 1.5 * np.diff(at[waypoint]).min()
+    waypoint_u = np.concatenate([[0.0], np.cumsum(steps)])
+    longest = 1.5 * np.diff(waypoint_u[waypoint]).min()
     best: tuple[float, str] = (0.0, "")
     for width in _WIDTHS * radius:
         if not deviation and width > longest:
             break
-        path, miss = _rounded(waypoints, at, waypoint, width, deviation)
+        path, miss = _rounded(waypoints, waypoint_u, waypoint, width, deviation)
         if miss.max() > max(deviation, _MISS):
-            far = int(np.argmax(miss))
-            reason = f"the path would pass {miss[far]:.2f} m from waypoint {before + far + 1}"
+            farthest = int(np.argmax(miss))
+            reason = (
+                f"the path would pass {miss[farthest]:.2f} m from waypoint "
+                f"{waypoints_before + farthest + 1}"
+            )
             best = max(best, (0.0, reason)) if not best[1] else best
             if deviation:
                 break
             continue
         bends = path.bends()
         sharpest = int(np.argmax(np.abs(bends.curvature)))
-        found = 1.0 / max(abs(bends.curvature[sharpest]), 1e-12)
-        if found >= radius:
+        radius_found = 1.0 / max(abs(bends.curvature[sharpest]), 1e-12)
+        if radius_found >= radius:
             return path
-        near = int(np.argmin(np.abs(path.at - bends.u[sharpest])))
-        if found >= best[0]:
-            best = found, f"the path turns with {found:.3g} m near waypoint {before + near + 1}"
+        nearest = int(np.argmin(np.abs(path.waypoint_u - bends.u[sharpest])))
+        if radius_found >= best[0]:
+            best = (
+                radius_found,
+                f"the path turns with {radius_found:.3g} m near waypoint "
+                f"{waypoints_before + nearest + 1}",
+            )
     raise ConfigurationError(
         f"{prefix}turning_radius = {radius:g}: {best[1] or 'the waypoints are too close'}; move "
         f"waypoints apart, allow a larger {prefix}deviation than {deviation:g} m, or reduce the "
@@ -290,28 +303,32 @@ def _find_part(
 
 
 def _rounded(
-    waypoints: Array, at: Array, waypoint: Mask, width: float, deviation: float
+    waypoints: Array, waypoint_u: Array, waypoint: Mask, width: float, deviation: float
 ) -> tuple[Path, Array]:
     """Return the path with segments of a length, and its distance from each waypoint (n,)."""
-    segments = max(1, round(at[-1] / width))
-    spacing = at[-1] / segments
+    segments = max(1, round(waypoint_u[-1] / width))
+    spacing = waypoint_u[-1] / segments
     nodes = (np.arange(segments + DEGREE) - 2) * spacing
     corners = waypoints
     for _ in range(_CORRECTIONS):
-        spline = UniformSpline(_on_polygon(nodes, at, corners), spacing)
-        error = np.where(waypoint[:, None], waypoints - spline.sample(at, 0)[0].T, 0.0)
+        spline = UniformSpline(_on_polygon(nodes, waypoint_u, corners), spacing)
+        error = np.where(waypoint[:, None], waypoints - spline.sample(waypoint_u, 0)[0].T, 0.0)
         miss = np.linalg.norm(error, axis=1)
         if deviation or miss.max() <= _MISS or not np.isfinite(miss.max()) or miss.max() > 1e6:
             break
         corners = corners + error
-    return Path([spline], at[waypoint]), miss[waypoint]
+    return Path([spline], waypoint_u[waypoint]), miss[waypoint]
 
 
-def _on_polygon(nodes: Array, at: Array, corners: Array) -> Array:
+def _on_polygon(nodes: Array, waypoint_u: Array, corners: Array) -> Array:
     """Return points (m, 2) of a polygon with corners at u ``at``, its ends continued straight."""
-    reach = 3.0 * at[-1]
-    before = corners[0] - (corners[1] - corners[0]) / (at[1] - at[0]) * reach
-    after = corners[-1] + (corners[-1] - corners[-2]) / (at[-1] - at[-2]) * reach
-    waypoints = np.vstack([before, corners, after])
-    u = np.concatenate([[-reach], at, [at[-1] + reach]])
+    reach = 3.0 * waypoint_u[-1]
+    start_extension = (
+        corners[0] - (corners[1] - corners[0]) / (waypoint_u[1] - waypoint_u[0]) * reach
+    )
+    end_extension = (
+        corners[-1] + (corners[-1] - corners[-2]) / (waypoint_u[-1] - waypoint_u[-2]) * reach
+    )
+    waypoints = np.vstack([start_extension, corners, end_extension])
+    u = np.concatenate([[-reach], waypoint_u, [waypoint_u[-1] + reach]])
     return np.column_stack([np.interp(nodes, u, waypoints[:, k]) for k in (0, 1)])

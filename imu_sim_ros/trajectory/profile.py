@@ -23,13 +23,13 @@ class Phase(NamedTuple):
     """A time span over which a rate changes from one value to another."""
 
     length: float
-    """[s]; infinite for a last one that never ends."""
+    """Length [s]; infinite for a last phase that never ends."""
     first_rate: float
     last_rate: float
 
     @property
     def change(self) -> float:
-        """By how much the quantity changes over the whole phase."""
+        """Change of the quantity over the whole phase."""
         if self.first_rate == self.last_rate == 0.0:
             return 0.0
         return 0.5 * (self.first_rate + self.last_rate) * self.length
@@ -61,8 +61,8 @@ class RateProfile:
 
     def locate(self, t: Array) -> Integers:
         """Return the phase (n,) of each time (n,) [s]."""
-        found = np.searchsorted(self._times, t, side="right") - 1
-        return np.clip(found, 0, len(self._times) - 1)
+        index = np.searchsorted(self._times, t, side="right") - 1
+        return np.clip(index, 0, len(self._times) - 1)
 
     def sample(self, t: Array) -> Derivatives:
         """Return value, rate and acceleration (n,) at times t (n,) [s]."""

@@ -28,7 +28,7 @@ _PEAK_SAMPLES: Final = 4  # per segment
 
 
 class FitReport(NamedTuple):
-    """How well a spline fits its poses; distances [m], angles [rad], times [s]."""
+    """Quality of a spline's fit to its poses; distances [m], angles [rad], times [s]."""
 
     poses: int
     repeated: int
@@ -78,8 +78,8 @@ _DONE: Final = {
 
 def _suspicions(disturbances: Disturbances, poses: States) -> list[Finding]:
     """Return the findings about poses that ``robust`` repairs."""
-    held = held_findings(poses) if len(disturbances.held) else []
-    return [*disturbance_findings(poses, disturbances), *held]
+    repeated = held_findings(poses) if len(disturbances.held) else []
+    return [*disturbance_findings(poses, disturbances), *repeated]
 
 
 class RecordedMotion:
@@ -96,17 +96,19 @@ class RecordedMotion:
         """Stamp of the first pose [ns]."""
         t = timebase.seconds_since(poses.t_ns, self.t0_ns)
         self.repairs: list[str] = []
-        """What was repaired, as text."""
+        """Texts of the repairs."""
         if parameters.robust:
-            found = mended(t, poses.position, poses.q_wb)
+            repaired = mended(t, poses.position, poses.q_wb)
             self.repairs = [
                 f"{parameters.file}: {finding.evidence}; {_DONE[finding.kind]}"
-                for finding in _suspicions(found.disturbances, poses)
+                for finding in _suspicions(repaired.disturbances, poses)
             ]
-            if found.disturbances:
-                t = found.t
+            if repaired.disturbances:
+                t = repaired.t
                 t_ns = self.t0_ns + np.round(t * 1e9).astype(np.int64)
-                poses = States(t_ns, found.position, found.q_wb, repeated=poses.repeated).in_order()
+                poses = States(
+                    t_ns, repaired.position, repaired.q_wb, repeated=poses.repeated
+                ).in_order()
         self._parameters, self._t, self._poses = parameters, t, poses
         self._knots = UniformKnots(float(t[-1]), spacing)
         cutoff, outliers = parameters.cutoff, parameters.outlier_distance
@@ -114,28 +116,28 @@ class RecordedMotion:
 
     @cached_property
     def report(self) -> FitReport:
-        """How well the spline fits."""
+        """Quality of the spline's fit."""
         return _report(self._t, self._poses, self._spline, self._knots, self._parameters.cutoff)
 
     @cached_property
     def warnings(self) -> list[str]:
-        """What looks wrong, as text."""
+        """Texts about suspicious poses."""
         t, poses, report, file = self._t, self._poses, self.report, self._parameters.file
-        result = []
+        texts = []
         if not self._parameters.robust:
-            found = mended(t, poses.position, poses.q_wb)
-            result = [
+            repaired = mended(t, poses.position, poses.q_wb)
+            texts = [
                 f"{file}: {finding.evidence}; {finding.remedy}"
-                for finding in _suspicions(found.disturbances, poses)
+                for finding in _suspicions(repaired.disturbances, poses)
             ]
-        result += beyond_any_body(
+        texts += beyond_any_body(
             file,
             report.peak_acceleration,
             report.peak_acceleration_at,
             report.peak_rate,
             report.peak_rate_at,
         )
-        return result
+        return texts
 
     @property
     def duration(self) -> float:
@@ -144,7 +146,7 @@ class RecordedMotion:
 
     @property
     def highest_frequency(self) -> float:
-        """That the spline follows [Hz]."""
+        """Highest frequency that the spline follows [Hz]."""
         return min(self._parameters.cutoff, 0.5 / self._knots.spacing)
 
     def sample(self, t: Array) -> Motion:
@@ -173,9 +175,10 @@ def _check(poses: States, parameters: PosesParameters) -> None:
     if len(gaps):
         start = timebase.seconds_since(poses.t_ns[gaps], int(poses.t_ns[0]))
         raise InputError(
-            f"{parameters.file}: a gap of {steps[k]:.3g} s at {at:.3f} s after the first pose: "
+            f"{parameters.file}: a gap of {steps[k]:.3g} s at {gap_start:.3f} s after the first "
+            "pose: "
             f"longer than trajectory.max_gap, {parameters.max_gap:g} s"
-            for k, at in zip(gaps, start, strict=True)
+            for k, gap_start in zip(gaps, start, strict=True)
         )
 
 
@@ -195,10 +198,10 @@ def _knot_spacing(poses: States, parameters: PosesParameters) -> float:
 def _report(
     t: Array, poses: States, spline: PoseSpline, knots: UniformKnots, cutoff: float
 ) -> FitReport:
-    near = spline.sample(t)
-    distance = np.linalg.norm(near.position - poses.position, axis=-1)
-    between = rotation.multiply(rotation.conjugate(near.q_wb), poses.q_wb)
-    angle = np.linalg.norm(rotation.log(between), axis=-1)
+    fitted = spline.sample(t)
+    distance = np.linalg.norm(fitted.position - poses.position, axis=-1)
+    turn = rotation.multiply(rotation.conjugate(fitted.q_wb), poses.q_wb)
+    angle = np.linalg.norm(rotation.log(turn), axis=-1)
     steps = np.diff(t)
     widest = int(np.argmax(steps))
     times = np.linspace(0.0, spline.duration, _PEAK_SAMPLES * knots.segments + 1)

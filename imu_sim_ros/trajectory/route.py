@@ -33,9 +33,9 @@ _HEIGHTS: Final = ("z", "z_m", "up", "altitude", "alt", "elevation", "ele", "hei
 _TIMES: Final = ("t", "time", "time_s", "timestamp")
 MOST_POINTS: Final = 1_000_000
 _FARTHEST: Final = 1e6
-"""[m] from the origin; farther, a plane is no longer like the Earth."""
+"""Largest distance from the origin at which a plane resembles the Earth [m]."""
 _HIGHEST: Final = 1e5
-"""[m]"""
+"""Largest height [m]."""
 _STEPS: Final = 4
 """Each puts a place closer to the plane by its distance over the Earth's radius."""
 
@@ -61,11 +61,11 @@ class _Row(NamedTuple):
     second: str
     height: str
     time: float
-    """[s]; nan: none."""
+    """Time [s]; nan: none."""
 
 
 class _Points(NamedTuple):
-    """What a file says: latitude, longitude or x, y; times and heights, nan if there is none."""
+    """Contents of a file: latitude, longitude or x, y; times and heights, nan if there is none."""
 
     rows: list[tuple[float, float, float, float]]
     is_geographic: bool
@@ -96,10 +96,11 @@ def read_route(path: str | Path, origin: Sequence[float] = ()) -> Route:
         return Route(values[:, :2], times, None, values[:, 3])
     where = (float(origin[0]), float(origin[1])) if origin else (values[0, 0], values[0, 1])
     waypoints = east_north(values[:, 0], values[:, 1], *where)
-    far = np.linalg.norm(waypoints, axis=1)
-    if not far.max() <= _FARTHEST:
+    distance = np.linalg.norm(waypoints, axis=1)
+    if not distance.max() <= _FARTHEST:
         raise InputError(
-            f"{path}: point {np.argmax(far) + 1} is {far.max() * 1e-3:.0f} km from the origin "
+            f"{path}: point {np.argmax(distance) + 1} is {distance.max() * 1e-3:.0f} km from the "
+            "origin "
             f"({where[0]:g}, {where[1]:g}); a flat world reaches {_FARTHEST * 1e-3:.0f} km"
         )
     return Route(waypoints, times, where, values[:, 3])
@@ -112,9 +113,9 @@ def east_north(latitude: Array, longitude: Array, origin: float, meridian: float
     plane, z = 0, reports them.
 
     :param latitude: (n,) geodetic [deg].
-    :param longitude: (n,) [deg].
-    :param origin: its latitude [deg].
-    :param meridian: its longitude [deg].
+    :param longitude: (n,) longitude [deg].
+    :param origin: latitude of the origin [deg].
+    :param meridian: longitude of the origin [deg].
 
     >>> import numpy as np
     >>> east_north(np.array([48.0]), np.array([11.001]), 48.0, 11.0).round(2).tolist()
@@ -124,13 +125,13 @@ def east_north(latitude: Array, longitude: Array, origin: float, meridian: float
     sine, cosine = np.sin(phi), np.cos(phi)
     s, c = math.sin(math.radians(origin)), math.cos(math.radians(origin))
     normal = SEMI_MAJOR_AXIS / np.sqrt(1.0 - ECCENTRICITY_SQUARED * sine * sine)
-    first = SEMI_MAJOR_AXIS / math.sqrt(1.0 - ECCENTRICITY_SQUARED * s * s)
+    curvature_radius = SEMI_MAJOR_AXIS / math.sqrt(1.0 - ECCENTRICITY_SQUARED * s * s)
     height = np.zeros_like(phi)
     for _ in range(_STEPS):
         across = (normal + height) * cosine
-        out, east = across * np.cos(lam) - first * c, across * np.sin(lam)
+        out, east = across * np.cos(lam) - curvature_radius * c, across * np.sin(lam)
         z = (normal * (1.0 - ECCENTRICITY_SQUARED) + height) * sine
-        z = z - first * (1.0 - ECCENTRICITY_SQUARED) * s
+        z = z - curvature_radius * (1.0 - ECCENTRICITY_SQUARED) * s
         up = c * out + s * z
         north = c * z - s * out
         # The vertical there leans away from ours by the angle between both.
@@ -141,16 +142,16 @@ def east_north(latitude: Array, longitude: Array, origin: float, meridian: float
 def _checked(rows: Iterator[_Row], bad: BadRows, is_geographic: bool) -> _Points:
     """Return the points of rows."""
     points: list[tuple[float, float, float, float]] = []
-    for number, first, second, height, t in rows:
+    for number, x_text, y_text, height, t in rows:
         if len(points) >= MOST_POINTS:
             raise InputError(f"{bad.source}: more than {MOST_POINTS} points")
         try:
-            pair = number_of(first.strip()), number_of(second.strip())
+            pair = number_of(x_text.strip()), number_of(y_text.strip())
         except ValueError:
-            bad.note(NUMBERS, number, f"{shortened(first)}, {shortened(second)}: not two numbers")
+            bad.note(NUMBERS, number, f"{shortened(x_text)}, {shortened(y_text)}: not two numbers")
             continue
         if not all(math.isfinite(value) for value in pair):
-            bad.note(VALUES, number, f"{first}, {second}: must be finite")
+            bad.note(VALUES, number, f"{x_text}, {y_text}: must be finite")
         elif is_geographic and not (abs(pair[0]) <= 90.0 and abs(pair[1]) <= 360.0):
             bad.note(
                 *(VALUES, number),
@@ -170,23 +171,23 @@ def _csv(path: Path, bad: BadRows) -> _Points:
     geographic = False
     for block in row_blocks(path, "a route of comma-separated values"):
         for number, line in block:
-            words = [w.strip() for w in line.decode(errors="replace").replace(";", ",").split(",")]
+            cells = [w.strip() for w in line.decode(errors="replace").replace(";", ",").split(",")]
             if columns is None:
-                header = [word.lower() for word in words]
+                header = [word.lower() for word in cells]
                 columns, geographic = _columns(path, header)
                 continue
-            if len(words) != len(header):
-                bad.note(COLUMNS, number, f"{len(words)} columns; must be {len(header)}")
+            if len(cells) != len(header):
+                bad.note(COLUMNS, number, f"{len(cells)} columns; must be {len(header)}")
                 continue
-            first, second, up, time = columns
+            x_column, y_column, up, time = columns
             t = math.nan
             if time >= 0:
                 try:
-                    t = number_of(words[time])
+                    t = number_of(cells[time])
                 except ValueError:
-                    bad.note(STAMPS, number, f"time {shortened(words[time])}: not a number [s]")
-            height = words[up] if up >= 0 else ""
-            rows.append(_Row(number, words[first], words[second], height, t))
+                    bad.note(STAMPS, number, f"time {shortened(cells[time])}: not a number [s]")
+            height = cells[up] if up >= 0 else ""
+            rows.append(_Row(number, cells[x_column], cells[y_column], height, t))
         bad.rows, bad.good = bad.count, len(rows)
         bad.give_up()
     if columns is None:
@@ -226,12 +227,12 @@ def _gpx(path: str | Path, bad: BadRows) -> Iterator[_Row]:
     """Yield the points of all tracks, or else of all routes, or else all waypoints."""
     elements = list(parsed(path).every())
     for tag in ("trkpt", "rtept", "wpt"):
-        points = [one for one in elements if _local(one) == tag]
+        points = [element for element in elements if _local(element) == tag]
         if points:
             break
     for number, point in enumerate(points, start=1):
         stamp, height = (
-            next((one.text for one in point.children if _local(one) == tag), "")
+            next((child.text for child in point.children if _local(child) == tag), "")
             for tag in ("time", "ele")
         )
         latitude, longitude = (point.attributes.get(name, "") for name in ("lat", "lon"))
@@ -241,19 +242,19 @@ def _gpx(path: str | Path, bad: BadRows) -> Iterator[_Row]:
 def _kml(path: str | Path, bad: BadRows) -> Iterator[_Row]:
     """Yield the points of the first line or track, or else all placemarks' points."""
     elements = list(parsed(path, LARGEST_TEXT).every())
-    track = next((one for one in elements if _local(one) == "Track"), None)
+    track = next((element for element in elements if _local(element) == "Track"), None)
     if track is not None:
-        coordinates = [one.text for one in track.children if _local(one) == "coord"]
-        stamps = [one.text for one in track.children if _local(one) == "when"]
+        coordinates = [child.text for child in track.children if _local(child) == "coord"]
+        stamps = [child.text for child in track.children if _local(child) == "when"]
         for number, text in enumerate(coordinates, start=1):
             longitude, latitude, height, *_ = (*text.split(), "", "", "")
             stamp = stamps[number - 1] if len(stamps) == len(coordinates) else ""
             yield _Row(number, latitude, longitude, height, _seconds(stamp, number, bad))
         return
     texts = _coordinates(elements, "LineString")[:1] or _coordinates(elements, "Point")
-    words = [word for text in texts for word in text.split()]
-    for number, word in enumerate(words, start=1):
-        longitude, latitude, height, *_ = (*word.split(","), "", "", "")
+    tuples = [tuple_text for text in texts for tuple_text in text.split()]
+    for number, tuple_text in enumerate(tuples, start=1):
+        longitude, latitude, height, *_ = (*tuple_text.split(","), "", "", "")
         yield _Row(number, latitude, longitude, height, math.nan)
 
 
@@ -261,9 +262,9 @@ def _coordinates(elements: list[Element], tag: str) -> list[str]:
     """Return the texts of the coordinates of all elements of a name."""
     return [
         child.text
-        for one in elements
-        if _local(one) == tag
-        for child in one.children
+        for element in elements
+        if _local(element) == tag
+        for child in element.children
         if _local(child) == "coordinates"
     ]
 
@@ -275,12 +276,12 @@ def _local(element: Element) -> str:
 
 def _seconds(stamp: str, number: int, bad: BadRows) -> float:
     """Return the Unix time of an ISO 8601 stamp; nan if there is none."""
-    words = stamp.strip()
-    if not words:
+    text = stamp.strip()
+    if not text:
         return math.nan
     try:
-        when = datetime.fromisoformat(words.replace("Z", "+00:00"))
+        when = datetime.fromisoformat(text.replace("Z", "+00:00"))
     except ValueError:
-        bad.note(STAMPS, number, f"time {shortened(words)}: must be like 2026-05-01T08:30:00Z")
+        bad.note(STAMPS, number, f"time {shortened(text)}: must be like 2026-05-01T08:30:00Z")
         return math.nan
     return when.replace(tzinfo=when.tzinfo or timezone.utc).timestamp()

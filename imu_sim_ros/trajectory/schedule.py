@@ -1,7 +1,7 @@
 # Copyright 2026 imu_sim_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""When a vehicle is where on its path: as fast as limits allow, or at given times.
+"""Schedule of a vehicle on its path: as fast as limits allow, or at given times.
 
 The fastest schedule within limits of speed and acceleration by place follows from one pass forward
 and one back over the squares of speeds, which a constant acceleration changes in proportion to the
@@ -25,27 +25,27 @@ from imu_sim_ros.types import Array, Mask
 _KERNEL: Final = 3.0
 """Half of the reach of a control point, in steps: how long a rest has to be for one to show."""
 _MOST_STEPS: Final = 2_000_000
-"""Of a schedule: less than 2 GB."""
+"""Largest number of steps of a schedule: less than 2 GB."""
 _ROUNDING: Final = 1e-6
-"""[steps]"""
+"""Rounding of times [steps]."""
 _AIMS: Final = 6
 _ROUNDS: Final = 400
 _TIMES_MET: Final = 1e-9
-"""[s] by which the schedule before smoothing meets given times."""
+"""Largest deviation of the schedule from given times before smoothing [s]."""
 _LATE: Final = 1e-3
-"""[s] by which a waypoint is reached too late to be in time."""
+"""Largest delay of a waypoint that is still in time [s]."""
 _EXACT: Final = 1e-9
-"""[m]"""
+"""Largest error of a position at a given time [m]."""
 _OVER: Final = 0.02
 """Share of a limit by which given times may exceed it."""
 _FASTEST: Final = 1e4
-"""[m/s]"""
+"""Largest speed [m/s]."""
 _FINE: Final = 4
 """Samples in a step, to look at speeds."""
 
 
 class Visits(NamedTuple):
-    """When each of w waypoints is to be reached and left [s]; the first time is 0."""
+    """Times at which each of w waypoints is reached and left [s]; the first time is 0."""
 
     arrivals: Array
     departures: Array
@@ -61,15 +61,15 @@ class _Way(NamedTuple):
     """Derivative of u by the way."""
     square: Array
     """Largest square of the speed [m^2/s^2]."""
-    at: NDArray[np.intp]
+    waypoint_index: NDArray[np.intp]
     """(w,) rows of the waypoints."""
 
 
 class Driven(NamedTuple):
-    """How a path is driven, at n times."""
+    """Motion along a path at n times."""
 
     speed: Array
-    """[m/s]"""
+    """Speed [m/s]."""
     along: Array
     """Acceleration along the path [m/s^2]."""
     across: Array
@@ -81,11 +81,11 @@ class Driven(NamedTuple):
 def driven(path: Path, schedule: UniformSpline, t: Array) -> Driven:
     """Return speeds and accelerations in the plane at times t (n,) [s]."""
     (u,), (rate,), (change,) = schedule.sample(t, 2)
-    _, first, second = path.sample(u, 2)
-    size = np.hypot(*first)
+    _, d1, d2 = path.sample(u, 2)
+    size = np.hypot(*d1)
     speed = size * rate
-    turning = (first[0] * second[1] - first[1] * second[0]) / size**3
-    along = (first[0] * second[0] + first[1] * second[1]) / size * rate**2 + size * change
+    turning = (d1[0] * d2[1] - d1[1] * d2[0]) / size**3
+    along = (d1[0] * d2[0] + d1[1] * d2[1]) / size * rate**2 + size * change
     return Driven(speed, along, speed**2 * turning, speed * turning)
 
 
@@ -103,10 +103,10 @@ def find_schedule(
         return _timed(path, p, visits, prefix)
     step = p.smoothing_time / (2.0 * _KERNEL)
     stops = {int(k) - 1: wait for k, wait in np.reshape(p.stops, (-1, 2))}
-    waits = np.array([stops.get(k, 0.0) for k in range(len(path.at))])
+    waits = np.array([stops.get(k, 0.0) for k in range(len(path.waypoint_u))])
     # Where it turns back it has to rest for a moment.
     waits[path.turns] = np.maximum(waits[path.turns], step)
-    speeds = np.array(p.speeds) if p.speeds else np.full(len(path.at) - 1, np.inf)
+    speeds = np.array(p.speeds) if p.speeds else np.full(len(path.waypoint_u) - 1, np.inf)
     aim = p
     for _ in range(_AIMS):
         way = _way(path, aim)
@@ -150,7 +150,7 @@ def _shares(done: Driven, p: DriveParameters) -> Array:
 
 def _way(path: Path, p: DriveParameters) -> _Way:
     bends = path.bends()
-    u = np.union1d(bends.u, path.at)
+    u = np.union1d(bends.u, path.waypoint_u)
     middle = 0.5 * (u[:-1] + u[1:])
     size, between = (np.hypot(*path.sample(x, 1)[1]) for x in (u, middle))
     # Simpson's rule
@@ -159,7 +159,7 @@ def _way(path: Path, p: DriveParameters) -> _Way:
     square = np.minimum(p.lateral_limit / curvature, (p.heading_rate_limit / curvature) ** 2)
     s = np.concatenate([[0.0], np.cumsum(steps)])
     square = np.minimum(square, p.speed_limit**2)
-    return _Way(u, s, 1.0 / size, square, np.searchsorted(u, path.at))
+    return _Way(u, s, 1.0 / size, square, np.searchsorted(u, path.waypoint_u))
 
 
 def _limited(way: _Way, p: DriveParameters, speeds: Array, waits: Array) -> Array:
@@ -168,10 +168,12 @@ def _limited(way: _Way, p: DriveParameters, speeds: Array, waits: Array) -> Arra
     :param speeds: (w - 1,) largest, of each leg [m/s].
     :param waits: (w,) rest at each waypoint [s].
     """
-    leg = np.searchsorted(way.at, np.arange(len(way.u)), side="right") - 1
+    leg = np.searchsorted(way.waypoint_index, np.arange(len(way.u)), side="right") - 1
     square = np.minimum(way.square, speeds[np.minimum(leg, len(speeds) - 1)] ** 2)
-    square[way.at[1:-1]] = np.minimum(square[way.at[1:-1]], speeds[:-1] ** 2)
-    rests = np.concatenate([[0], way.at[waits > 0.0], [len(square) - 1]])
+    square[way.waypoint_index[1:-1]] = np.minimum(
+        square[way.waypoint_index[1:-1]], speeds[:-1] ** 2
+    )
+    rests = np.concatenate([[0], way.waypoint_index[waits > 0.0], [len(square) - 1]])
     square[rests] = 0.0
     rise = 2.0 * p.acceleration_limit * way.s
     square = np.minimum.accumulate(square - rise) + rise
@@ -195,12 +197,12 @@ def _controls(way: _Way, square: Array, waits: Array, step: float) -> tuple[Arra
     """
     margin = _KERNEL * step
     rest = np.zeros(len(way.u))
-    rest[way.at] = np.where(waits > 0.0, waits + 2.0 * margin, 0.0)
+    rest[way.waypoint_index] = np.where(waits > 0.0, waits + 2.0 * margin, 0.0)
     rest[[0, -1]] = 0.0
     durations = _durations(way, square)
     arrival = margin + np.concatenate([[0.0], np.cumsum(durations + rest[:-1])])
     end = float(arrival[-1]) + margin
-    _check_steps(end / step, np.diff(arrival[way.at]))
+    _check_steps(end / step, np.diff(arrival[way.waypoint_index]))
     count = math.ceil(end / step - _ROUNDING) + DEGREE
     t: Array = (np.arange(count, dtype=np.float64) - 2.0) * step
     return t, _at_times(way, square, arrival, arrival + rest, t)
@@ -240,16 +242,16 @@ def _timed(path: Path, p: DriveParameters, visits: Visits, prefix: str) -> Unifo
     rests[[0, -1]] = True
     margin = np.where(rests, _KERNEL * step, 0.0)
     needed = visits.arrivals[1:] - margin[1:] - visits.departures[:-1] - margin[:-1]
-    lengths = np.diff(way.s[way.at])
+    lengths = np.diff(way.s[way.waypoint_index])
     speeds = lengths / np.maximum(needed, 1e-3)
     for _ in range(_ROUNDS):
         square = _limited(way, p, speeds, waits)
-        taken = np.add.reduceat(_durations(way, square), way.at[:-1])
-        if np.abs(taken - needed).max() < _TIMES_MET:
+        durations = np.add.reduceat(_durations(way, square), way.waypoint_index[:-1])
+        if np.abs(durations - needed).max() < _TIMES_MET:
             break
-        speeds = speeds * np.clip(taken / np.maximum(needed, 1e-3), 0.5, 2.0)
+        speeds = speeds * np.clip(durations / np.maximum(needed, 1e-3), 0.5, 2.0)
         speeds = np.minimum(speeds, _FASTEST)
-    late = taken - needed
+    late = durations - needed
     problems = [
         f"{prefix}times: waypoint {k + 2} at {visits.arrivals[k + 1]:g} s: cannot be reached from "
         f"waypoint {k + 1} before {visits.arrivals[k + 1] + late[k]:.2f} s within the limits"
@@ -273,11 +275,11 @@ def _meeting(path: Path, visits: Visits, rests: Mask, t: Array, controls: Array)
     times = np.concatenate(
         [visits.arrivals - margin, visits.arrivals, visits.departures, visits.departures + margin]
     )
-    times, first = np.unique(np.clip(times, 0.0, visits.arrivals[-1]), return_index=True)
-    which = first % len(path.at)
+    times, first_rows = np.unique(np.clip(times, 0.0, visits.arrivals[-1]), return_index=True)
+    waypoint = first_rows % len(path.waypoint_u)
     for _ in range(_ROUNDS):
         schedule = UniformSpline(controls[:, None], step)
-        error = (path.at - schedule.sample(visits.arrivals, 0)[0][0])[which]
+        error = (path.waypoint_u - schedule.sample(visits.arrivals, 0)[0][0])[waypoint]
         if np.abs(error).max() < _EXACT:
             break
         controls = controls + PchipInterpolator(times, error)(np.clip(t, times[0], times[-1]))
@@ -301,7 +303,7 @@ def _check_limits(
     problems = []
     for share, value, (name, unit) in zip(shares, values, names, strict=True):
         worst = int(np.argmax(share))
-        leg = int(np.clip(np.searchsorted(visits.arrivals, t[worst]), 1, len(path.at) - 1))
+        leg = int(np.clip(np.searchsorted(visits.arrivals, t[worst]), 1, len(path.waypoint_u) - 1))
         if share[worst] > 1.0 + _OVER:
             problems.append(
                 f"{prefix}times: from waypoint {leg} to {leg + 1}: {abs(value[worst]):.3g} {unit} "

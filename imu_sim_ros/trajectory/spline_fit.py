@@ -86,16 +86,16 @@ class LeastSquares:
         :param bend: (c - 3, 3) third differences that the control points already have.
         """
         c = self._knots.control_points
-        right = np.zeros((c, data.shape[1]))
+        target = np.zeros((c, data.shape[1]))
         for axis in range(data.shape[1]):
             products = self._weighted * data[:, axis, None]
-            right[:, axis] = np.bincount(self._columns.ravel(), products.ravel(), minlength=c)
+            target[:, axis] = np.bincount(self._columns.ravel(), products.ravel(), minlength=c)
         if bend is not None:
             for i, a in enumerate(_DIFFERENCE):
-                right[i : i + c - 3] -= a * self._penalty[:, None] * bend
+                target[i : i + c - 3] -= a * self._penalty[:, None] * bend
         from scipy.linalg import cho_solve_banded
 
-        return cho_solve_banded((self._factor, True), right)
+        return cho_solve_banded((self._factor, True), target)
 
     def fitted(self, points: Array) -> Array:
         """Return the spline (n, 3) of control points (c, 3) at the times."""
@@ -113,7 +113,7 @@ def fit(
     """Return the spline near the poses.
 
     :param t: (n,) times [s], increasing from 0 to the knots' duration.
-    :param position: (n, 3) [m].
+    :param position: (n, 3) positions [m].
     :param q_wb: (n, 4) unit quaternions, of any sign.
     :param cutoff: see :class:`LeastSquares` [Hz].
     :param outlier_distance: poses at this distance [m] from the spline count half, farther ones
@@ -141,8 +141,8 @@ def _without_outliers(
         system = LeastSquares(t, knots, cutoff, trust)
         points = system.solve(position)
         squared = np.sum((system.fitted(points) - position) ** 2, axis=-1)
-        before, trust = trust, 1.0 / (1.0 + squared / distance**2)
-        if np.max(np.abs(trust - before)) < _SETTLED:
+        previous, trust = trust, 1.0 / (1.0 + squared / distance**2)
+        if np.max(np.abs(trust - previous)) < _SETTLED:
             break
     return system, points
 
@@ -152,8 +152,8 @@ def _fit_rotation(system: LeastSquares, t: Array, q_wb: Array, knots: UniformKno
     controls = _first_controls(t, q_wb, knots)
     segment, u = knots.locate(t)
     for _ in range(_ITERATIONS):
-        near = RotationSpline(knots, controls).attitude(segment, u)
-        residual = rotation.log(rotation.multiply(rotation.conjugate(near), q_wb))
+        fitted = RotationSpline(knots, controls).attitude(segment, u)
+        residual = rotation.log(rotation.multiply(rotation.conjugate(fitted), q_wb))
         steps = rotation.log(rotation.multiply(rotation.conjugate(controls[:-1]), controls[1:]))
         turn = system.solve(residual, bend=np.diff(steps, n=2, axis=0))
         controls = rotation.multiply(controls, rotation.exp(turn))

@@ -52,14 +52,14 @@ def waypoint_parameters(parameters: TourParameters) -> dict[str, Value]:
     >>> sorted(waypoint_parameters(small))[-2:]
     ['trajectory.speed_limit', 'trajectory.type']
     """
-    found = waypoints(parameters)
+    waypoint_set = waypoints(parameters)
     return {
-        "trajectory.type": found.type,
-        "trajectory.positions": found.positions,
-        "trajectory.headings": tuple(heading + 0.0 for heading in found.headings),  # no -0.0
-        "trajectory.speed_limit": found.speed_limit,
-        "trajectory.acceleration_limit": found.acceleration_limit,
-        "trajectory.heading_rate_limit": found.heading_rate_limit,
+        "trajectory.type": waypoint_set.type,
+        "trajectory.positions": waypoint_set.positions,
+        "trajectory.headings": tuple(heading + 0.0 for heading in waypoint_set.headings),  # no -0.0
+        "trajectory.speed_limit": waypoint_set.speed_limit,
+        "trajectory.acceleration_limit": waypoint_set.acceleration_limit,
+        "trajectory.heading_rate_limit": waypoint_set.heading_rate_limit,
     }
 
 

@@ -46,8 +46,8 @@ class Sinusoids:
             columns = [
                 np.concatenate([a[axis], b[axis]]) for a, b in zip(tones, noise, strict=True)
             ]
-            there = columns[0] != 0.0
-            self._lines.append(_Lines(*(column[there][:, None] for column in columns)))
+            is_used = columns[0] != 0.0
+            self._lines.append(_Lines(*(column[is_used][:, None] for column in columns)))
 
     def __bool__(self) -> bool:
         """Return whether there is any line."""
@@ -55,9 +55,9 @@ class Sinusoids:
 
     @property
     def highest_frequency(self) -> float:
-        """[Hz]; 0 without lines."""
-        found = [float(lines.w.max()) for lines in self._lines if len(lines.w)]
-        return max(found, default=0.0) / (2.0 * np.pi)
+        """Highest frequency of the lines [Hz]; 0 without lines."""
+        frequencies = [float(lines.w.max()) for lines in self._lines if len(lines.w)]
+        return max(frequencies, default=0.0) / (2.0 * np.pi)
 
     def with_integrals(self, t: Array) -> tuple[Array, Array, Array]:
         """Return second and first integral, without constants, and the sum (n, 3)."""
@@ -69,8 +69,8 @@ class Sinusoids:
                 parts = (-(wave / (w * w)), -((amplitude / w) * np.cos(angle)), wave)
                 for total, part in zip(sums, parts, strict=True):
                     _add(total[:, axis], part)
-        second, first, value = sums
-        return second, first, value
+        d2, d1, value = sums
+        return d2, d1, value
 
     def with_derivative(self, t: Array) -> tuple[Array, Array, Array]:
         """Return the first integral, the sum, and its derivative (n, 3)."""
@@ -86,8 +86,8 @@ class Sinusoids:
                 )
                 for total, part in zip(sums, parts, strict=True):
                     _add(total[:, axis], part)
-        first, value, slope = sums
-        return first, value, slope
+        d1, value, slope = sums
+        return d1, value, slope
 
 
 def _groups(lines: _Lines, count: int) -> Iterator[_Lines]:
@@ -216,9 +216,9 @@ class Vibrating:
         )
 
     def _turned(self, motion: Motion, t: Array, clock: Derivatives | None) -> Motion:
-        phi, first, second = _in_time(self._vibration.turn.with_derivative, t, clock)
+        phi, d1, d2 = _in_time(self._vibration.turn.with_derivative, t, clock)
         turn = rotation.exp(phi)
-        own_rate, own_acceleration = rotation.rate_and_acceleration(phi, first, second)
+        own_rate, own_acceleration = rotation.rate_and_acceleration(phi, d1, d2)
         rate = rotation.rotate_inverse(turn, motion.angular_velocity)
         acceleration = rotation.rotate_inverse(turn, motion.angular_acceleration)
         return motion._replace(
@@ -235,6 +235,6 @@ def _in_time(
     if clock is None:
         return function(t)
     value, rate, acceleration = clock
-    result, first, second = function(value)
+    values, d1, d2 = function(value)
     rate = rate[:, None]
-    return result, first * rate, second * rate**2 + first * acceleration[:, None]
+    return values, d1 * rate, d2 * rate**2 + d1 * acceleration[:, None]

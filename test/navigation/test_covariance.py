@@ -333,8 +333,8 @@ def test_propagate_gives_the_rows_that_are_asked_for(record, at):
         *[TriadParameters(noise_density=np.full(3, 1e-3), random_walk=np.full(3, 1e-3))] * 2
     )
     states = dead_reckon(motion.t_ns, motion.gyro, motion.accel, motion.initial)
-    found = propagate(states, motion.accel, noise, at=at)
-    whole = propagate(states, motion.accel, noise, at=range(401))
+    found = propagate(states, motion.accel, noise, row_numbers=at)
+    whole = propagate(states, motion.accel, noise, row_numbers=range(401))
     np.testing.assert_array_equal(found, whole[list(at)])
 
 

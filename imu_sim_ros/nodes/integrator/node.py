@@ -36,8 +36,8 @@ from imu_sim_ros.navigation.parameters import (
     IntegratorParameters,
     layer_integrator,
     load_integrator,
-    of_the_description,
     outside_covariance,
+    sensor_description_layer,
 )
 from imu_sim_ros.nodes import messages as decode
 from imu_sim_ros.nodes import run, signals
@@ -180,7 +180,7 @@ class Integrator(ConfiguredNode[IntegratorParameters]):
 
         :raises ConfigurationError: for invalid values.
         """
-        sensor = of_the_description(self.given, sensor)
+        sensor = sensor_description_layer(self.given, sensor)
         new = load_integrator(self.given, sensor)
         with self._lock:
             later = not self.odometer.waiting and new.imu != self.odometer.parameters.imu

@@ -112,7 +112,7 @@ def test_a_dipole_is_twice_as_strong_on_its_axis_and_constant_inside() -> None:
     field = MagneticField(load_simulation(BASE, values))
     r = 0.05
     places = np.array([[1, 0, 2.0], [3, 0, 0], [1, 0, r * (1 + 1e-12)], [1, 0, 0], [1, 0.01, 0.02]])
-    found = field.at(np.zeros(5), places)
+    found = field.field(np.zeros(5), places)
     inside = 1e-7 * 2.0 * 4.0 / r**3
     expected = [1e-7 * 2.0 * 4.0 / 8.0, -1e-7 * 4.0 / 8.0, inside, inside, inside]
     assert np.allclose(found[:, 2], expected, rtol=1e-9)

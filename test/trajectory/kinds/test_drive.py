@@ -333,7 +333,7 @@ def test_an_even_grade_of_elevations_is_an_even_pitch(build, assert_exact_deriva
     u = np.linspace(0.0, path.length, 200_001)
     speed = np.hypot(*path.sample(u, 1)[1])
     way = np.concatenate([[0.0], np.cumsum(0.5 * (speed[1:] + speed[:-1]))]) * u[1]
-    heights = grade * np.interp(path.at, u, way)
+    heights = grade * np.interp(path.waypoint_u, u, way)
     trajectory = build(type="drive", deviation=3.0, elevations=heights.tolist())
     _, m, velocity = body(trajectory)
     angles = rotation.to_euler(m.q_wb)
