@@ -360,6 +360,7 @@ def _watcher(name: str, quiet: bool, complete: Callable[[Path], None]) -> Watche
         warn=said("warning: "),
         remark=said(""),
         undisturbed=signals.collected,
+        interrupted=signals.interrupted,
         complete=complete,
     )
     return lines if quiet else replace(lines, bar=terminal_bar, note=said("note: "))

@@ -35,6 +35,8 @@ class Watcher:
     """Receives lines about what was chosen."""
     undisturbed: Callable[[], AbstractContextManager[object]] = nullcontext
     """Holds signals while outputs get their names."""
+    interrupted: Callable[[], bool] = bool
+    """Returns whether the job has been interrupted, so that nobody uses what is under way."""
     complete: Callable[[Path], None] = _nothing
     """Receives each output that has its name."""
 
@@ -45,6 +47,17 @@ _watcher: ContextVar[Watcher] = ContextVar("watcher", default=Watcher())  # noqa
 def watcher() -> Watcher:
     """Return who follows the jobs that begin now."""
     return _watcher.get()
+
+
+def check_interrupted() -> None:
+    """End long work in a thread whose job has been interrupted.
+
+    :raises CancelledError: if it has.
+    """
+    if _watcher.get().interrupted():
+        from concurrent.futures import CancelledError  # most programs have no threads
+
+        raise CancelledError
 
 
 def watch_thread(follower: Watcher) -> None:

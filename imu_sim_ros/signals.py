@@ -18,7 +18,7 @@ import signal
 import sys
 import time
 from collections.abc import Callable, Iterable, Iterator
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from types import FrameType
 from typing import Any, Final
 
@@ -45,6 +45,23 @@ class Interrupted(KeyboardInterrupt):
 def status() -> int:
     """Return the exit status after an interruption, as a shell counts: 128 and the signal."""
     return 128 + (_received[0] if _received else signal.SIGINT)
+
+
+def interrupted() -> bool:
+    """Return whether a signal has ended the work of the command."""
+    return bool(_received)
+
+
+def end_process() -> None:
+    """End the process if a signal ended its command, without waiting for threads.
+
+    Nobody uses their results, and compiling cannot be interrupted.
+    """
+    if _received:
+        for stream in (sys.stdout, sys.stderr):
+            with suppress(OSError, ValueError):
+                stream.flush()
+        os._exit(status())
 
 
 def end_at_once(program: str) -> None:

@@ -70,14 +70,18 @@ def prefetch(items: Iterable[_T]) -> Generator[_T, None, None]:
 
 @contextmanager
 def threads(count: int) -> "Iterator[ThreadPoolExecutor]":
-    """Offer threads; what has not begun when the block ends is not done."""
+    """Offer threads; what has not begun when the block ends is not done.
+
+    After an interruption nothing is waited for: what is under way ends itself
+    (:func:`~imu_sim_ros.progress.check_interrupted`).
+    """
     from concurrent.futures import ThreadPoolExecutor  # most runs have no work for them
 
     pool = ThreadPoolExecutor(count, "jobs", watch_thread, (watcher(),))
     try:
         yield pool
     finally:
-        pool.shutdown(cancel_futures=True)
+        pool.shutdown(wait=not watcher().interrupted(), cancel_futures=True)
 
 
 class Pipeline(Generic[_T, _Made]):

@@ -40,6 +40,7 @@ def _run(name: str) -> int:
         status: int = startup.load(f"imu_sim_ros.commands.{name}").main()
     finally:
         signals.ignore()
+    signals.end_process()
     return status
 
 

@@ -12,7 +12,7 @@ images; OpenCV and NumPy let them run side by side.
 import io
 from collections import deque
 from collections.abc import Callable, Iterable, Mapping
-from concurrent.futures import Future
+from concurrent.futures import Future, wait
 from pathlib import Path
 from typing import Any, Final, NamedTuple
 
@@ -44,6 +44,8 @@ from imu_sim_ros.types import Bytes, Single
 EUROC_HEADER: Final = "#timestamp [ns],filename"
 MASK_FOLDER: Final = "mask"
 FLOW_FOLDER: Final = "flow"
+_LONGEST_END: Final = 1.0
+"""Time to wait for images under way after an interruption [s]."""
 _AHEAD: Final = 4
 """Number of images in progress for each thread."""
 LATEST_NS: Final = 2**63 - 1
@@ -192,10 +194,12 @@ class ImageFolders:
     def __exit__(self, kind: object, error: BaseException | None, trace: object) -> None:
         failed = error is not None and isinstance(error, Exception)
         try:
+            if error is not None and not failed:  # what is complete is kept
+                running = [future for future in self._pending if not future.cancel()]
+                wait(running, _LONGEST_END)
+                self._pending.clear()
             while self._pending and not failed:
-                future = self._pending.popleft()
-                if error is None or not future.cancel():
-                    future.result()
+                self._pending.popleft().result()
         finally:
             for future in self._pending:
                 future.cancel()

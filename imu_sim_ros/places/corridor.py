@@ -41,13 +41,13 @@ def corridor(site: Site) -> Place:
         _hang(b, sides[side], moving, min(2.1, height - 0.2), door)
     for side in ("-x", "+x") if along == 0 else ("-y", "+y"):
         width = float(high[1 - along] - low[1 - along])
-        fits = min(1.8, width - 0.2), min(2.15, height - 0.2)
+        fits = min(1.8, width - 0.2), min(2.15, height - 0.35)
         b.add_prints(
             sides[side],
             [
                 Print("strip", 0, 0, width, 0.07),
                 Print("doors", 0.5 * (width - fits[0]), 0, *fits, number=door),
-                Print("exit", 0.5 * width - 0.2, min(2.25, height - 0.25), 0.4, 0.18),
+                Print("exit", 0.5 * width - 0.2, fits[1] + 0.1, 0.4, 0.18),
             ],
         )
     _lamps(b, along)

@@ -143,6 +143,16 @@ def regions(faces: Sequence[Face], sides: Array) -> list[Region]:
     return found
 
 
+def glossy(faces: Sequence[Face], sides: Array) -> Mask:
+    """Return which faces (m,) have glossy parts.
+
+    :param sides: (m, 2) lengths of across and up [m].
+    """
+    mask = np.zeros(len(faces), np.bool_)
+    mask[[region.face for region in regions(faces, sides)]] = True
+    return mask
+
+
 def panes(faces: Sequence[Face], sides: Array) -> list[Region]:
     """Return the parts of faces that are glass, windows through which it is bright, too.
 

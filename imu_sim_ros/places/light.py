@@ -38,7 +38,8 @@ _BOUNCES: Final = 4
 _SAMPLES: Final = 2
 """Points along each side of a lamp."""
 _LEAST: Final = np.float32(1e-3)
-"""Light of a point of a lamp below which nobody asks for its shadow."""
+"""Irradiance by a lamp that is left out on matt surfaces. Gloss needs it at any distance: a lobe
+multiplies it by up to 2049, and where it ended a highlight would end at once."""
 _OFF: Final = np.float32(2e-3)
 """Rays start this far in front of their surface [m]."""
 
@@ -145,8 +146,11 @@ def bake(
     sky: Mask,
     lighting: Lighting,
     detail: Array | float = 1.0,
+    mirrors: Mask | None = None,
 ) -> Baked:
     """Return the light on each surface.
+
+    :param mirrors: (m,) surfaces with gloss, which lamps light at any distance; None: none.
 
     :param albedo: (m, 3) share of the light that each surface gives back, mean of it.
     :param detail: (m,) density of the points on each surface, of the others' one.
@@ -155,7 +159,11 @@ def bake(
     casting = ~sky & (where.sides.prod(axis=1) > _SMALL)
     solid = Caster(where.some(casting), np.float32)
     fine, coarse = (_Points.on(where, ~sky, count, detail) for count in (_POINTS, _COARSE))
-    (direct, sources), (start, _) = (_direct(each, solid, lighting) for each in (fine, coarse))
+    least = np.full(len(sky), _LEAST) if mirrors is None else np.where(mirrors, 0, _LEAST)
+    (direct, sources), (start, _) = (
+        _direct(each, solid, lighting, threshold)
+        for each, threshold in ((fine, least), (coarse, np.full(len(sky), _LEAST)))
+    )
     given = _given_back(coarse, where, albedo.astype(np.float32), sky, start, lighting)
     maps = []
     for m, (rows, columns) in enumerate(fine.shapes.tolist()):
@@ -188,15 +196,28 @@ def resampled(grid: Single, axis: int, length: int, first: int = 0, some: int = 
     return result
 
 
-def _direct(points: _Points, solid: Caster, lighting: Lighting) -> tuple[Single, Single]:
-    """Return what lamps and sun give (n, 3), and each of them without its colour (lamps + 1, n)."""
+def _direct(
+    points: _Points, solid: Caster, lighting: Lighting, least: Single
+) -> tuple[Single, Single]:
+    """Return the irradiance (n, 3) by lamps and sun, and that by each of them (lamps + 1, n).
+
+    The latter is without the colour of the source.
+
+    :param least: (m,) irradiance by a lamp that is left out on each surface.
+    """
     sources = np.zeros((len(lighting.lamps) + 1, len(points.places)), np.float32)
-    total = _from_lamps(points, solid, lighting, sources)
+    total = _from_lamps(points, solid, lighting, sources, least[points.surface])
     total += _from_sun(points, solid, lighting, sources[-1])
     return total, sources
 
 
-def _from_lamps(points: _Points, solid: Caster, lighting: Lighting, sources: Single) -> Single:
+def _from_lamps(
+    points: _Points, solid: Caster, lighting: Lighting, sources: Single, least: Single
+) -> Single:
+    """Return the irradiance (n, 3) by lamps, and add that of each of them to ``sources``.
+
+    :param least: (n,) irradiance by a lamp that is left out at each point.
+    """
     result = np.zeros_like(points.places)
     for lamp, alone in zip(lighting.lamps, sources, strict=False):
         origin, across, up = lamp.rectangle
@@ -213,7 +234,7 @@ def _from_lamps(points: _Points, solid: Caster, lighting: Lighting, sources: Sin
             there, here = -_dot(way, normal[None].astype(np.float32)), _dot(way, points.normals)
             square = np.maximum(square, np.float32(0.02))
             value = share * np.maximum(there, 0) * np.maximum(here, 0) / (square * square)
-            rows = np.flatnonzero(value * colour.max() > _LEAST / _SAMPLES**2)
+            rows = np.flatnonzero(value * colour.max() > least / _SAMPLES**2)
             seen = rows[~hidden_places(solid.surfaces, place, normal, points.places[rows])]
             result[seen] += value[seen, None] * colour
             alone[seen] += value[seen]

@@ -220,15 +220,6 @@ def _grass(c: Canvas, colour: Array) -> Array:
     return _plain(colour, value, np.stack([0.3 * value, 0 * value, -0.2 * value]))
 
 
-def _sky(c: Canvas, colour: Array) -> Array:
-    clouds = np.maximum(
-        c.noise(60.0, 12.0) + 0.5 * c.noise(25.0, 6.0) + 0.25 * c.noise(9.0, 3.0), 0.0
-    )
-    white = np.float32(255.0)
-    share = np.minimum(clouds, 1.0)
-    return colour[:, None, None] * (1 - share) + white * share
-
-
 _WEAR: Final = {
     "plaster": 4.0,
     "concrete": 8.0,
@@ -247,7 +238,6 @@ _WEAR: Final = {
     "cardboard": 4.0,
     "leaves": 16.0,
     "grass": 12.0,
-    "sky": 0.0,
 }
 """Amplitude of stains and wear on each kind [grey values]."""
 WEAR_PERIODS: Final = (2.63, 3.49)
@@ -272,7 +262,6 @@ _KINDS: Final[dict[str, tuple[Callable[..., Array], str, float]]] = {
     "cardboard": (_cardboard, "b08c5e", 1.2),
     "leaves": (_leaves, "4c6a34", 1.6),
     "grass": (_grass, "5c7240", 2.0),
-    "sky": (_sky, "86b0de", 400.0),
 }
 """Painter, usual colour and length after which each kind repeats [m]."""
 

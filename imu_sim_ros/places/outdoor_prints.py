@@ -162,10 +162,19 @@ def _shop(s: Sheet) -> None:
             s.fill(x, 0.37, x + w, 0.37 + s.stream.uniform(0.2, 1.0), s.colour(60, 230))
 
 
+CAR_COLOURS: Final = ("8c1c20", "24405c", "d4d6d8", "2a2c2e", "8c9296")
+WHEEL_HEIGHT: Final = 0.125
+"""Height of a wheel's axis above the lower edge of the car's side [m]."""
+
+
 def _wheel(s: Sheet) -> None:
-    s.all((24, 24, 26))
-    s.disc(0.5 * s.width, 0.42 * s.height, 0.3 * s.height, (150, 152, 154))
-    s.disc(0.5 * s.width, 0.42 * s.height, 0.1 * s.height, (60, 60, 62))
+    """Draw a wheel in its arch, on a side in the colour of the number."""
+    code = CAR_COLOURS[s.number % len(CAR_COLOURS)]
+    s.all((int(code[:2], 16), int(code[2:4], 16), int(code[4:], 16)))
+    for radius, colour in (
+        (0.37, (16, 16, 18)), (0.3, (32, 32, 34)), (0.12, (150, 152, 154)), (0.04, (60, 60, 62)),
+    ):  # fmt: skip
+        s.disc(0.5 * s.width, WHEEL_HEIGHT, radius, colour)
 
 
 def _car_panes(s: Sheet) -> None:

@@ -11,8 +11,9 @@ from typing import Final, TypeVar
 import numpy as np
 from numpy.typing import NDArray
 
+from imu_sim_ros.places.clouds import CLOUDED, clouds
 from imu_sim_ros.places.geometry import nearest
-from imu_sim_ros.places.gloss import Polish
+from imu_sim_ros.places.gloss import Polish, glossy
 from imu_sim_ros.places.light import GAMMA, Baked, bake, factors, resampled
 from imu_sim_ros.places.materials import (
     CONTRASTS,
@@ -72,7 +73,8 @@ class Painter:
     @cached_property
     def _exposed(self) -> Baked:
         sky = self.place.sky
-        light = bake(self._surfaces, self._albedo, sky, self.place.lighting, self.place.detail)
+        place, mirrors = self.place, glossy(self.place.faces, self._surfaces.sides)
+        light = bake(self._surfaces, self._albedo, sky, place.lighting, place.detail, mirrors)
         self._scattered_in_leaves(light.total)
         return light.exposed(_exposure(light.total, sky, self._areas(), MIDDLE[self._site.light]))
 
@@ -143,6 +145,8 @@ class Painter:
         :param texel: edge of its texels, about [m].
         """
         face = self.place.faces[m]
+        if face.sky and face.material == CLOUDED:
+            return self._clouds(m, rows, columns, colour)
         starts = generator_at(self._site.seed, "place.start", m)
         base = self._base if face.detail == 1.0 else None
         pattern = self._tile(face.material, texel, colour, base)
@@ -155,7 +159,7 @@ class Painter:
             for each in face.prints:
                 if each.glows != glowing:
                     continue
-                image = picture(each, 0.5 * (1 / scale[0] + 1 / scale[1]), self._site.seed)
+                image = picture(each, (1 / scale[0], 1 / scale[1]), self._site.seed)
                 _put(
                     result,
                     image if colour else grey(image),
@@ -165,6 +169,15 @@ class Painter:
             if not (glowing or face.sky or face.glows):
                 self._lit(result, m)
         return result
+
+    def _clouds(self, m: int, rows: int, columns: int, colour: bool) -> Bytes:
+        """Return the clouds on face m, a part of the sky around the middle of the place."""
+        origin, across, up = self.place.faces[m].rectangle
+        eye = 0.5 * (self.place.low + self.place.high)
+        eye[2] = self.place.low[2]
+        contrast = CONTRASTS[self._site.texture]
+        values = clouds((origin - eye, across, up), (rows, columns), self._site.seed, contrast)
+        return values if colour else grey(values)
 
     def _tile(self, material: str, texel: float, colour: bool, base: float | None) -> Bytes:
         key = material, round(texel, 4), colour

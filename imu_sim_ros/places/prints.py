@@ -434,11 +434,11 @@ PRINTS: Final[dict[str, Callable[[Sheet], None]]] = {
 }
 
 
-def picture(what: Print, texel: float, seed: int) -> Bytes:
+def picture(content: Print, texel: tuple[float, float], seed: int) -> Bytes:
     """Return the picture (rows, columns, 3) of a print; its first row is the lowest.
 
-    :param texel: edge of a texel, about [m].
+    :param texel: height and width of a texel [m].
     """
-    sheet = Sheet(what, texel, seed)
-    PRINTS[what.kind](sheet)
+    sheet = Sheet(content, texel, seed)
+    PRINTS[content.kind](sheet)
     return sheet.values

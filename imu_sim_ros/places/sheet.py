@@ -32,9 +32,16 @@ class Print(NamedTuple):
 class Sheet:
     """A picture in metres: x to the right, y up."""
 
-    def __init__(self, p: Print, texel: float, seed: int) -> None:
-        self.width, self.height, self._texel = p.width, p.height, texel
-        rows, columns = (max(2, round(side / texel)) for side in (p.height, p.width))
+    def __init__(self, p: Print, texel: tuple[float, float], seed: int) -> None:
+        """Start with a black sheet.
+
+        :param texel: height and width of a texel [m].
+        """
+        self.width, self.height, self.number = p.width, p.height, p.number
+        rows, columns = (
+            max(2, round(side / edge))
+            for side, edge in zip((p.height, p.width), texel, strict=True)
+        )
         self.values: Bytes = np.zeros((rows, columns, 3), np.uint8)
         self.stream = generator_at(seed, f"print.{p.kind}", p.number)
 

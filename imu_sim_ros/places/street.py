@@ -8,16 +8,18 @@ from typing import Final
 
 import numpy as np
 
+from imu_sim_ros.places.clouds import CLOUDED
 from imu_sim_ros.places.furniture import LAMP, SUN
 from imu_sim_ros.places.light import Lamp, Lighting
-from imu_sim_ros.places.place import Place, PlaceBuilder, Site
+from imu_sim_ros.places.outdoor_prints import CAR_COLOURS, WHEEL_HEIGHT
+from imu_sim_ros.places.place import Place, PlaceBuilder, Site, turned
 from imu_sim_ros.places.sheet import Print
 
 _FACADES: Final = (
     *("brick", "brick:8a4c3c", "plaster:d8c8a4", "plaster:c8b0a0", "plaster:a8b4b8"),
     *("concrete:b0aca4", "plaster:e0d8c0", "brick:b08468"),
 )
-_SKY: Final = {"day": "sky", "lamps": "paint:0c1018", "dim": "paint:b4b8be"}
+_SKY: Final = {"day": CLOUDED, "lamps": "paint:0c1018", "dim": "paint:b4b8be"}
 _RADIANCE: Final = {
     "day": (0.42, 0.5, 0.62),
     "lamps": (0.01, 0.012, 0.018),
@@ -26,6 +28,11 @@ _RADIANCE: Final = {
 _FAR: Final = 140.0
 """Distance of the sky from the street's ends and sides [m]."""
 _STOREY: Final = 3.1
+_AXLE: Final = 1.25
+"""Distance of a car's axles from its middle [m]."""
+_FLAT: Final = 0.3
+"""Distance of a tyre's axis from the ground: a tyre is an octagon [m]."""
+_TYRE: Final = "paint:202022"
 
 
 def street(site: Site) -> Place:
@@ -189,7 +196,10 @@ def _lamp_post(b: PlaceBuilder, foot: tuple[float, float, float], along: int, in
     b.prism((x, y, z + 5.0), (x + reach[0], y + reach[1], z + 5.1), 0.05, "paint:4c545a", 4)
     head = (x + reach[0], y + reach[1], z + 5.06)
     hx, hy, hz = head
-    b.box((hx - 0.25, hy - 0.15, hz), (hx + 0.25, hy + 0.15, hz + 0.1), "paint:3c4046")
+    b.box((hx - 0.25, hy - 0.15, hz), (hx + 0.25, hy + 0.15, hz + 0.1), "paint:3c4046", leave="")
+    b.box(
+        (x - 0.075, y - 0.075, z + 4.95), (x + 0.075, y + 0.075, z + 5.06), "paint:4c545a", leave=""
+    )
     if b.site.light == "lamps":
         corner = np.array([hx - 0.2, hy + 0.1, hz - 0.03])
         pane = corner, np.array([0.4, 0.0, 0.0]), np.array([0.0, -0.2, 0.0])
@@ -200,17 +210,66 @@ def _lamp_post(b: PlaceBuilder, foot: tuple[float, float, float], along: int, in
 
 def _car(b: PlaceBuilder, middle: list[float], along: int, stream: np.random.Generator) -> None:
     x, y, z = middle
-    colour = ("paint:8c1c20", "paint:24405c", "paint:d4d6d8", "paint:2a2c2e", "paint:8c9296")[
-        int(stream.integers(5))
-    ]
+    paint = int(stream.integers(len(CAR_COLOURS)))
+    colour = f"paint:{CAR_COLOURS[paint]}"
     turn = 0.0 if along == 0 else 0.5 * math.pi
     if not b.free((x - 2.2, y - 2.2, z), (x + 2.2, y + 2.2, z + 1.5)):
         return
-    side = [Print("wheel", 0.5, 0.0, 0.62, 0.5), Print("wheel", 3.0, 0.0, 0.62, 0.5)]
-    ends = [Print("bumper", 0, 0, 1.7, 0.62)]
+    side = [Print("wheel", 2.1 + at - 0.38, 0.0, 0.76, 0.5, paint) for at in (-_AXLE, _AXLE)]
+    ends = [Print("bumper", 0, 0, 1.7, 0.55)]
     prints = {"-y": side, "+y": side, "-x": ends, "+x": ends}
-    low, high = (x - 2.1, y - 0.85, z + 0.1), (x + 2.1, y + 0.85, z + 0.78)
+    bottom = z + _FLAT - WHEEL_HEIGHT
+    low, high = (x - 2.1, y - 0.85, bottom), (x + 2.1, y + 0.85, z + 0.78)
     b.box(low, high, colour, prints, turn, leave="")
     panes = {face: [Print("panes", 0.1, 0.06, 2.0, 0.46)] for face in ("-y", "+y")}
     panes |= {face: [Print("panes", 0.1, 0.06, 1.3, 0.46)] for face in ("-x", "+x")}
     b.box((x - 1.2, y - 0.75, z + 0.78), (x + 1.0, y + 0.75, z + 1.38), colour, panes, turn)
+    for along_x in (-_AXLE, _AXLE):
+        for side_y in (-1.0, 1.0):
+            _tyre(b, (x, y, z), turn, along_x, side_y, WHEEL_HEIGHT)
+
+
+def _tyre(
+    b: PlaceBuilder,
+    foot: tuple[float, float, float],
+    turn: float,
+    along: float,
+    side: float,
+    hidden: float,
+) -> None:
+    """Add the part of a tyre that is below a car: the lower part of an octagon.
+
+    :param foot: point on the ground below the middle of the car [m].
+    :param turn: heading of the car [rad].
+    :param along: place of the axle along the car [m].
+    :param side: -1 or 1, side of the car.
+    :param hidden: height of the axis above the lower edge of the car [m].
+    """
+    half = _FLAT * math.tan(math.pi / 8.0)  # of an edge
+    rise = _FLAT - half  # of an oblique edge
+    matrix = turned(turn)
+
+    def face(
+        corner: tuple[float, float, float],
+        first: tuple[float, float, float],
+        second: tuple[float, float, float],
+    ) -> None:
+        """Add a rectangle in the axes of the car; the order of its sides turns with the side."""
+        across, up = (first, second) if side < 0.0 else (second, first)
+        place = np.array(foot) + matrix @ (np.array([along, 0.0, 0.0]) + np.array(corner))
+        b.face(place, matrix @ np.array(across), matrix @ np.array(up), _TYRE)
+
+    outer, inner = 0.83 * side, 0.63 * side
+    height = _FLAT - hidden
+    face((-half, outer, 0.0), (2.0 * half, 0.0, 0.0), (0.0, 0.0, height))
+    deep = outer - 0.002 * side
+    for way in (-1.0, 1.0):
+        edge, depth = (way * rise, 0.0, rise), (-0.5 * way * rise, 0.0, 0.5 * rise)
+        corner, width = (way * half, deep, 0.0), (0.0, inner - deep, 0.0)
+        if way > 0.0:
+            face(corner, edge, depth)
+            face(corner, width, edge)
+        else:
+            face(corner, depth, edge)
+            face(corner, edge, width)
+    face((-rise, inner, 0.0), (0.0, 0.0, height), (2.0 * rise, 0.0, 0.0))

@@ -11,8 +11,9 @@ import pytest
 from imu_sim_ros.bags.messages.blocks import side_by_side
 from imu_sim_ros.bags.messages.encode import IMU, ImuEncoder
 from imu_sim_ros.bags.read import read_imu
-from imu_sim_ros.bags.threads import Pipeline
+from imu_sim_ros.bags.threads import Pipeline, threads
 from imu_sim_ros.bags.writer import BagOptions, open_writer
+from imu_sim_ros.progress import Watcher, watched_by
 
 COUNT = 12_000  # four chunks
 
@@ -120,3 +121,19 @@ def test_patterns_arrays_and_lists_make_the_same_file(tmp_path, name):
                     writer.flush()
         contents.append(path.read_bytes())
     assert contents[0] == contents[1] == contents[2]
+
+
+def test_an_interrupted_job_does_not_wait_for_its_threads():
+    """A compiler cannot be interrupted: the first Ctrl-C waited for it."""
+    release, jobs = threading.Event(), []
+
+    def interrupted_work():
+        with threads(1) as pool:
+            jobs.extend(pool.submit(release.wait, 60) for _ in range(2))
+            raise KeyboardInterrupt
+
+    with watched_by(Watcher(interrupted=lambda: True)), pytest.raises(KeyboardInterrupt):
+        interrupted_work()
+    assert not jobs[0].done()
+    assert jobs[1].cancelled()
+    release.set()

@@ -41,6 +41,29 @@ def test_a_lamp_lights_a_point_below_it_as_its_form_factor_says():
     assert corner == pytest.approx((2.5**2 / (2.5**2 + 2 * 1.95**2)) ** 2, rel=0.03)
 
 
+def test_gloss_has_the_light_of_lamps_at_any_distance():
+    """A lobe multiplies it by 1025: cut off at 1e-3, highlights of a corridor ended at once.
+
+    To a small lamp at a height h over a floor ``E = A h^2 / (pi r^4)``, to 0.5 % beyond 8 m.
+    """
+    floor = (np.array([0.0, -1.0, 0.0]), np.array([40.0, 0, 0]), np.array([0.0, 2.0, 0]))
+    lamp = (np.array([-0.1, 0.1, 2.5]), np.array([0.2, 0, 0]), np.array([0.0, -0.2, 0]))
+    where, one = surfaces([floor], hides=True), np.zeros(1, np.bool_)
+    lighting = Lighting([Lamp(lamp, (1.0, 1.0, 1.0))])
+    for mirrors in (~one, one):
+        light = bake(where, np.zeros((1, 3)), one, lighting, mirrors=mirrors).sources[0][0]
+        rows, columns = light.shape
+        x = (np.arange(columns) + 0.5) * 40.0 / columns
+        y = (np.arange(rows) + 0.5) * 2.0 / rows - 1.0
+        square = x**2 + y[:, None] ** 2 + 2.5**2
+        far = np.broadcast_to(x > 8.0, light.shape)
+        if mirrors[0]:
+            expected = 0.04 * 2.5**2 / (np.pi * square**2)
+            assert np.abs(light / expected - 1.0)[far].max() < 0.005
+        else:
+            assert not light[far & (square > 250.0)].any()
+
+
 def test_a_lamp_gives_no_light_backwards_nor_through_a_board():
     lamp = (np.array([-0.3, -0.3, 2.5]), np.array([0.6, 0, 0]), np.array([0.0, 0.6, 0]))
     [above] = baked([FLOOR], 0.5, Lighting([Lamp(lamp, (1.0, 1.0, 1.0))]))

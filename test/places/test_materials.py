@@ -50,7 +50,7 @@ def test_seed_colour_and_contrast_decide():
 
 DRAWN = {
     *("poster", "notices", "whiteboard", "books", "screen", "window", "night", "label", "paper"),
-    *("door", "exit", "cartons", "panel", "number", "glass", "shop", "bumper"),
+    *("door", "exit", "cartons", "panel", "number", "glass", "shop", "bumper", "wheel"),
     *("bolts", "book", "cables", "places", "plan"),
 }
 """Prints that differ from one to the next; the others are all alike."""
@@ -59,10 +59,11 @@ DRAWN = {
 @pytest.mark.parametrize("kind", sorted(PRINTS))
 def test_a_print_fills_its_size_and_follows_its_number(kind):
     what = Print(kind, 0.0, 0.0, 1.2, 0.8, 1)
-    image = picture(what, 0.01, 5)
+    image = picture(what, (0.01, 0.01), 5)
     assert image.shape == (80, 120, 3)
-    assert np.array_equal(image, picture(what, 0.01, 5))
-    others = [picture(what._replace(number=k), 0.01, 5) for k in range(2, 5)]
+    assert picture(what, (0.01, 0.02), 5).shape == (80, 60, 3)
+    assert np.array_equal(image, picture(what, (0.01, 0.01), 5))
+    others = [picture(what._replace(number=k), (0.01, 0.01), 5) for k in range(2, 5)]
     assert all(np.array_equal(image, other) for other in others) == (kind not in DRAWN)
     if kind in ("grid", "door", "doors", "window", "books"):
         assert np.ptp(image.astype(int)) > 80

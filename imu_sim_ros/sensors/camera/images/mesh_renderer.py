@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 
 from imu_sim_ros.places.geometry import Floats
 from imu_sim_ros.places.mesh import MeshCaster
+from imu_sim_ros.progress import check_interrupted
 from imu_sim_ros.sensors.camera.images.loops import POINTS, paint_mesh, space
 from imu_sim_ros.sensors.camera.images.mesh_look import Look
 from imu_sim_ros.sensors.camera.images.rays import PixelRays
@@ -197,6 +198,7 @@ class MeshRenderer:
         """Yield each band's number, rows and rays (3, h, w), and what they meet first."""
         position, r_wc = poses
         for number, band in enumerate(self._rays.bands):
+            check_interrupted()
             rows, rays = self._rays.rows(band), self._rays.of_band(number)
             own = slice(None) if len(position) == 1 else rows
             turn = r_wc[own].astype(np.float32)[:, None]

@@ -14,6 +14,7 @@ from imu_sim_ros import rotation
 from imu_sim_ros.places.bodies import Crowd
 from imu_sim_ros.places.geometry import Surfaces
 from imu_sim_ros.places.shadows import ShadowLine
+from imu_sim_ros.progress import check_interrupted
 from imu_sim_ros.sensors.camera.images.cells import CellGrid, Pairs, Planes, patches
 from imu_sim_ros.sensors.camera.images.finish import Glossy, Shades
 from imu_sim_ros.sensors.camera.images.loops import measure, paint, space
@@ -109,6 +110,7 @@ class Renderer:
         visible = self.visible(eyes)
         rays, image = self._rays, self.atlas.image.reshape(*self.atlas.image.shape[:2], -1)
         for number, band in enumerate(self.bands):
+            check_interrupted()
             rows = rays.rows(band)
             picture = np.empty((rows.stop - rows.start, rays.width, image.shape[2]), np.uint8)
             paint(
@@ -154,6 +156,7 @@ class Renderer:
         bodies = np.searchsorted(self._first, numbers, side="right").astype(np.uint8)
         depth, mask = np.empty(rays.shape, np.float32), np.empty(rays.shape, np.uint8)
         for number, band in enumerate(self.bands):
+            check_interrupted()
             rows, last = rays.rows(band), rays.height - 1
             of_band = rays.of_band(number)
             measure(depth[rows], mask[rows], of_band, (rows.start, last), planes, pairs, bodies)
