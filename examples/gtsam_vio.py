@@ -432,7 +432,7 @@ def main() -> None:
 def configuration(path: Path) -> tuple[SimulationParameters, list[CameraParameters]]:
     """Return the simulation and the cameras of a file of ``--with-configs``."""
     simulation = load_simulation(files.load(path))
-    return simulation, list(simulation.rig.each().values())
+    return simulation, list(simulation.rig.camera_parameters().values())
 
 
 if __name__ == "__main__":

@@ -92,7 +92,7 @@ def rig_values(
         return None
     rig: RigParameters = parameters.rig
     topics = {camera: _image_topic(camera, names) for camera in rig.cameras}
-    return RigValues(values, rig.each(), topics, rig.scene, bad)
+    return RigValues(values, rig.camera_parameters(), topics, rig.scene, bad)
 
 
 def _start(body: Body) -> InitialMotion:

@@ -222,7 +222,7 @@ def read_track_folder(folder: Path) -> TrackFolder:
     :raises ConfigurationError: for a cameras.yaml that describes none.
     """
     path = folder / "tracks.npz"
-    cameras = load_rig(files.load(folder / "cameras.yaml")).each()
+    cameras = load_rig(files.load(folder / "cameras.yaml")).camera_parameters()
     landmarks = read_points(folder / "landmarks.csv")
     columns = _arrays(path)
     for name, count in (("camera", len(cameras)), ("landmark", len(landmarks))):

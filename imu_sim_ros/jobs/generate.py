@@ -25,7 +25,7 @@ from imu_sim_ros.datasets.forms import (
     open_output,
 )
 from imu_sim_ros.errors import ConfigurationError, Problems
-from imu_sim_ros.jobs.simulate import GivenMotion, Moving, given_layers
+from imu_sim_ros.jobs.simulate import GivenMotion, Moving, argument_layers
 from imu_sim_ros.jobs.writing import (
     OUTPUT,
     Compression,
@@ -279,7 +279,7 @@ def generate(
     with written.staged(), threads(renderers) if long else nullcontext() as pool:
         for truth, text in truths.items():
             truth.write_text(text, encoding="utf-8")
-        moving = build_trajectory(built.trajectory, pose_reader, motion.given)
+        moving = build_trajectory(built.trajectory, pose_reader, motion.trajectory)
         body = Body(built, trajectory=moving, sensors=wanted, threads=pool)
         if body.total is None:
             raise ConfigurationError(
@@ -363,7 +363,7 @@ def described(
     in_files, in_scene = dict[str, object](), dict[str, object]()
     with problems.gathered(hanging=""):
         in_files = load_all(parameter_files(params_file), "simulator")
-    own, last, motion = given_layers(imu, trajectory, duration, rate, seed, parameters, problems)
+    own, last, motion = argument_layers(imu, trajectory, duration, rate, seed, parameters, problems)
     if arguments.switch("robust", robust):
         own["trajectory.robust"] = True
     asked = []

@@ -99,20 +99,20 @@ def simulate(
     """
     body = _body(imu, trajectory, duration, rate, seed, params_file, sensors, parameters)
     windows = body.windows()
-    first = next(windows)
+    first_block = next(windows)
     samples = body.total or 0
     memory = os.sysconf("SC_PAGE_SIZE") * os.sysconf("SC_PHYS_PAGES")
-    most = memory * len(first[IMU].t_ns) // _bytes(first)
-    if samples > most:
+    limit = memory * len(first_block[IMU].t_ns) // _bytes(first_block)
+    if samples > limit:
         raise ConfigurationError(
             f"duration: its {samples} samples, with those of all sensors, do not fit into memory, "
-            f"which has room for {most}; blocks() yields them piece by piece"
+            f"which has room for {limit}; blocks() yields them piece by piece"
         )
     motion = body.parameters.trajectory.type
     if isinstance(trajectory, str | Path):
         motion = Path(trajectory).stem
     name = f"{sensor_name(imu, body.parameters.imu.preset)} on {motion}"
-    return Flight(body, [first, *windows], name)
+    return Flight(body, [first_block, *windows], name)
 
 
 def blocks(
@@ -140,13 +140,13 @@ def blocks(
     """
     body = _body(imu, trajectory, duration, rate, seed, params_file, sensors, parameters)
     size = arguments.block_size("block_size", block_size)
-    return (_block(read) for read in body.windows(size))
+    return (_block(samples) for samples in body.windows(size))
 
 
-def _block(read: dict[str, Samples]) -> Samples:
+def _block(samples_by_sensor: dict[str, Samples]) -> Samples:
     """Return the samples of the IMU, with those of the other sensors."""
-    block = read.pop(IMU)
-    return block._replace(values={**block.values, "sensors": read})
+    block = samples_by_sensor.pop(IMU)
+    return block._replace(values={**block.values, "sensors": samples_by_sensor})
 
 
 def _bytes(block: object) -> int:
@@ -174,25 +174,29 @@ def _body(
 
     What is allowed but may be unintended causes warnings.
     """
-    below: dict[str, object] = {}
-    wanted = frozenset[str]()
+    file_values: dict[str, object] = {}
+    sensor_names = frozenset[str]()
     problems = Problems()
     if params_file is not None:
         with problems.gathered(hanging=""):
-            below, wanted = _of_file(arguments.path("params_file", params_file))
-    own, last, motion = given_layers(imu, trajectory, duration, rate, seed, parameters, problems)
-    own |= last
+            file_values, sensor_names = _of_file(arguments.path("params_file", params_file))
+    values, overrides, motion = argument_layers(
+        imu, trajectory, duration, rate, seed, parameters, problems
+    )
+    values |= overrides
     if sensors is not None:
-        wanted = checked_sensors(sensors, {**below, **own})
+        sensor_names = checked_sensors(sensors, {**file_values, **values})
         quantities = [sensor.quantity for sensor in sensors_of_imus()]
-        own["sensors"] = sorted(name for name in wanted if name not in quantities)
-    built = load_simulation({**below, **own}, problems=problems)
-    for listing, words in (("imus", "one IMU"), ("cameras", "no cameras: see camera.images")):
+        values["sensors"] = sorted(name for name in sensor_names if name not in quantities)
+    built = load_simulation({**file_values, **values}, problems=problems)
+    for listing, supported in (("imus", "one IMU"), ("cameras", "no cameras: see camera.images")):
         if getattr(built, listing):
             names = list(getattr(built, listing))
-            raise ConfigurationError(f"{listing} = {names}: simulate() and blocks() have {words}")
-    moving = build_trajectory(built.trajectory, motion.pose_reader, motion.given)
-    body = Body(built, trajectory=moving, sensors={*wanted, *built.each_sensor, POSE})
+            raise ConfigurationError(
+                f"{listing} = {names}: simulate() and blocks() have {supported}"
+            )
+    moving = build_trajectory(built.trajectory, motion.pose_reader, motion.trajectory)
+    body = Body(built, trajectory=moving, sensors={*sensor_names, *built.each_sensor, POSE})
     if body.total is None:
         raise ConfigurationError(
             "duration: this trajectory has no end; give a duration, duration=60"
@@ -202,7 +206,7 @@ def _body(
     return body
 
 
-def given_layers(
+def argument_layers(
     imu: object,
     trajectory: object,
     duration: float | str | None,
@@ -216,28 +220,29 @@ def given_layers(
     :param problems: receives a line for each argument that cannot be used.
     :returns: those of arguments; those in ``parameters={...}``, which win; the motion.
     """
-    flat, last = keyword_parameters(parameters)
-    own, motion = dict[str, object](), GivenMotion({})
+    flat, overrides = keyword_parameters(parameters)
+    values, motion = dict[str, object](), GivenMotion({})
     with problems.gathered():
-        own |= imu_parameters(imu)
+        values |= imu_parameters(imu)
     with problems.gathered(hanging="trajectory."):
         motion = _motion(trajectory)
-    own |= {**flat, **motion.parameters}
+    values |= {**flat, **motion.parameters}
     if "trajectory.type" not in flat:  # else they describe another motion
-        own.update({n: value for n, value in flat.items() if n.startswith("trajectory.")})
-    given = {"rate": rate, "seed": seed}
+        values.update({n: value for n, value in flat.items() if n.startswith("trajectory.")})
+    scalars = {"rate": rate, "seed": seed}
     with problems.gathered():
-        given["duration"] = _seconds(duration)
-    own.update({name: value for name, value in given.items() if value is not None})
+        scalars["duration"] = _seconds(duration)
+    values.update({name: value for name, value in scalars.items() if value is not None})
     problems += [
-        f"{name} = {given[name]:g} and --set {name} = {last[name]}: two values; give one of them"
-        for name in given
-        if name in last
-        and isinstance(given[name], int | float)
-        and isinstance(last[name], int | float)
-        and last[name] != given[name]
+        f"{name} = {scalars[name]:g} and --set {name} = {overrides[name]}: two values; give one of "
+        "them"
+        for name in scalars
+        if name in overrides
+        and isinstance(scalars[name], int | float)
+        and isinstance(overrides[name], int | float)
+        and overrides[name] != scalars[name]
     ]
-    return own, last, motion
+    return values, overrides, motion
 
 
 def _seconds(duration: float | str | None) -> float | None:
@@ -256,16 +261,18 @@ def _of_file(path: Path) -> tuple[dict[str, object], frozenset[str]]:
 
     That of the node simulator will do.
     """
-    given = presets.load(path)
-    of_node = of_the_node(given)
-    known = {**OF_EVERY_NODE, **described(SimulatorParameters)}
-    problems = bad_values(known, {name: given[name] for name in of_node}).values()
+    values = presets.load(path)
+    of_node = of_the_node(values)
+    declared = {**OF_EVERY_NODE, **described(SimulatorParameters)}
+    problems = bad_values(declared, {name: values[name] for name in of_node}).values()
     if problems:
         raise ConfigurationError([f"{path}: {line}" for line in problems])
-    unset = [name for name in ("imus", "cameras") if given.get(name) in ((), [], EMPTY_LIST)]
-    own = {n: value for n, value in given.items() if n not in (*of_node, *unset)}
-    wanted = (sensor.quantity for sensor in sensors_of_imus())
-    return own, frozenset(name for name in wanted if given.get(f"publish.{name}") is True)
+    unset = [name for name in ("imus", "cameras") if values.get(name) in ((), [], EMPTY_LIST)]
+    simulation_values = {n: value for n, value in values.items() if n not in (*of_node, *unset)}
+    published = (sensor.quantity for sensor in sensors_of_imus())
+    return simulation_values, frozenset(
+        name for name in published if values.get(f"publish.{name}") is True
+    )
 
 
 def _poses_of_any_file(path: str | Path, *options: Any) -> States:
@@ -279,7 +286,7 @@ class GivenMotion(NamedTuple):
 
     parameters: Mapping[str, object]
     pose_reader: PoseReader = _poses_of_any_file
-    given: Trajectory | None = None
+    trajectory: Trajectory | None = None
 
 
 def _motion(trajectory: object) -> GivenMotion:
@@ -292,17 +299,17 @@ def _motion(trajectory: object) -> GivenMotion:
     if isinstance(trajectory, np.ndarray):
         trajectory = poses_of_rows(trajectory)
     if isinstance(trajectory, States):
-        own = {"trajectory.type": "poses", "trajectory.file": "poses given as arrays"}
+        parameters = {"trajectory.type": "poses", "trajectory.file": "poses given as arrays"}
         poses = checked_poses("trajectory", trajectory)
-        return GivenMotion(own, lambda *_: poses)
+        return GivenMotion(parameters, lambda *_: poses)
     if isinstance(trajectory, Mapping):
         flat = files.dotted(trajectory, "trajectory")
         return GivenMotion({f"trajectory.{name}": value for name, value in flat.items()})
     if isinstance(trajectory, str | PathLike):
         path = arguments.path("trajectory", trajectory, "a name or the path of a file")
         return GivenMotion(trajectory_layer(str(path)))
-    given = given_trajectory(trajectory)
-    if given is None:
+    own_trajectory = given_trajectory(trajectory)
+    if own_trajectory is None:
         refuse(
             "trajectory",
             trajectory,
@@ -311,7 +318,7 @@ def _motion(trajectory: object) -> GivenMotion:
             "that returns positions (n, 3) and attitudes (n, 4)",
             wrong_type=True,
         )
-    return GivenMotion({"trajectory.type": GIVEN}, given=given)
+    return GivenMotion({"trajectory.type": GIVEN}, trajectory=own_trajectory)
 
 
 def sensor_name(imu: object, preset: str) -> str:
@@ -325,12 +332,12 @@ def imu_parameters(imu: object) -> dict[str, object]:
     if imu is None:
         return {}
     if isinstance(imu, Mapping):
-        own = files.dotted(imu, "imu")
+        parameters = files.dotted(imu, "imu")
         # A model of Gazebo states these with its sensor (from_sdf).
-        beside: dict[str, object] = {
-            name: own.pop(name) for name in ("rate", "imu_frame") if name in own
+        run_parameters: dict[str, object] = {
+            name: parameters.pop(name) for name in ("rate", "imu_frame") if name in parameters
         }
-        return {**beside, **{f"imu.{name}": value for name, value in own.items()}}
+        return {**run_parameters, **{f"imu.{name}": value for name, value in parameters.items()}}
     allowed = "a name, the path of a file, or parameters by name"
     return {"imu.preset": str(arguments.path("imu", imu, allowed))}
 
@@ -339,8 +346,8 @@ def keyword_parameters(
     parameters: Mapping[str, Any],
 ) -> tuple[dict[str, object], dict[str, object]]:
     """Return keyword arguments by dotted name, and those in ``parameters={...}``, which win."""
-    last = parameters.get("parameters", {})
-    if not isinstance(last, Mapping):
-        refuse("parameters", last, "parameters by name", wrong_type=True)
-    own = {name: value for name, value in parameters.items() if name != "parameters"}
-    return files.dotted(own, "parameters"), files.dotted(last, "parameters")
+    overrides = parameters.get("parameters", {})
+    if not isinstance(overrides, Mapping):
+        refuse("parameters", overrides, "parameters by name", wrong_type=True)
+    keywords = {name: value for name, value in parameters.items() if name != "parameters"}
+    return files.dotted(keywords, "parameters"), files.dotted(overrides, "parameters")

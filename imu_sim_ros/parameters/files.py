@@ -96,9 +96,12 @@ def find(kind: str, name_or_file: str, option: str = "") -> Path:
             return Path(name_or_file)
     except InputError as error:
         raise ConfigurationError(error.problems) from None
-    known = names(kind)
+    presets = names(kind)
     line = unknown(
-        _KINDS.get(kind, kind), name_or_file, known, f"neither a file nor one of {', '.join(known)}"
+        _KINDS.get(kind, kind),
+        name_or_file,
+        presets,
+        f"neither a file nor one of {', '.join(presets)}",
     )
     raise ConfigurationError(f"{option}: {line}" if option else line)
 
@@ -127,22 +130,22 @@ def parameters_of(tree: Mapping[Any, Any], path: Path, node: str) -> dict[str, o
     :param path: of the file, for the messages.
     :raises ConfigurationError: for anything else, and for nodes of that name in two namespaces.
     """
-    named = {
+    sections = {
         name: content
         for name, content in _sections(tree, path, node)
         if name.rpartition("/")[2] in (node, "*", "**")
     }
-    nodes = [name for name in named if "*" not in name]
+    nodes = [name for name in sections if "*" not in name]
     if len({name.strip("/") for name in nodes}) > 1:
         raise ConfigurationError(
             f"{path}: has parameters for several nodes, {', '.join(nodes)}: leave one of them"
         )
     result: dict[str, object] = {}
-    for name, content in sorted(named.items(), key=lambda item: "*" not in item[0]):
+    for name, content in sorted(sections.items(), key=lambda item: "*" not in item[0]):
         content = {} if content is None else content
         values = dotted(content, f"{path}: {name}: {_PARAMETERS}")
         result.update({key: placed(key, value, path) for key, value in values.items()})
-    if not named:
+    if not sections:
         raise ConfigurationError(f"{path}: no section for the node {node} (/{node} or /**)")
     return result
 
@@ -172,15 +175,17 @@ def placed(name: str, value: object, path: Path) -> object:
     :param name: of the parameter, or its last word.
     :param path: of the parameter file.
     """
-    last = name.rpartition(".")[2]
-    if last not in _PATHS or not isinstance(value, str) or not value or "\0" in value:
+    parameter = name.rpartition(".")[2]
+    if parameter not in _PATHS or not isinstance(value, str) or not value or "\0" in value:
         return value
     file = value.partition("#")[0]  # model.sdf#sensor
-    if last not in ("file", "mesh") and not Path(file).suffix:  # mpu6000, also next to a folder
+    if (
+        parameter not in ("file", "mesh") and not Path(file).suffix
+    ):  # mpu6000, also next to a folder
         return value
-    there = path.parent / file
+    sibling = path.parent / file
     try:
-        return str(path.parent / value) if there.exists() else value
+        return str(path.parent / value) if sibling.exists() else value
     except OSError:  # too long for a path
         return value
 
@@ -242,13 +247,13 @@ def build_layered(
         found hides no other problem.
     """
     problems = Problems() if problems is None else problems
-    given: dict[str, object] = {}
+    values_by_name: dict[str, object] = {}
     for values in layers:
-        given.update(values)
+        values_by_name.update(values)
     with problems.gathered():
-        every = layering(given, problems)
-        left = {key: every[key] for key in every if not key.startswith(problems.unjudged)}
-        built = build(cls, left, complete=not problems)
+        layered = layering(values_by_name, problems)
+        checked = {key: layered[key] for key in layered if not key.startswith(problems.unjudged)}
+        built = build(cls, checked, complete=not problems)
     problems.tell()
     return built
 
@@ -269,15 +274,17 @@ def text(values: Mapping[str, Value], node: str = "/**", comment: str = "") -> s
 
     tree: dict[str, Any] = {}
     for name, value in values.items():
-        *parents, last = name.split(".")
+        *parents, leaf = name.split(".")
         branch = tree
         for parent in parents:
             branch = branch.setdefault(parent, {})
-        branch[last] = list(value) if isinstance(value, tuple) else value
+        branch[leaf] = list(value) if isinstance(value, tuple) else value
     header = "".join(f"# {line}\n" for line in comment.splitlines())
     content = {node: {_PARAMETERS: tree}}
-    words, dumper = repr(content), yaml.SafeDumper
-    if words.isascii() and "\\" not in words:  # without what has to be escaped, libyaml
+    content_text, dumper = repr(content), yaml.SafeDumper
+    if (
+        content_text.isascii() and "\\" not in content_text
+    ):  # without what has to be escaped, libyaml
         dumper = getattr(yaml, "CSafeDumper", dumper)  # writes the same in a quarter of the time
     body = yaml.dump(content, Dumper=dumper, sort_keys=False, default_flow_style=None)
     return header + body

@@ -46,22 +46,22 @@ _POSSIBLE = {
     "Pa": gate.PRESSURE,
     "degC": gate.TEMPERATURE,
 }
-"""What the gate takes for possible, by the beginning of the unit, the longer ones first; densities
-and coefficients that alone make larger readings are none either."""
+"""Largest plausible values by the beginning of the unit, longer beginnings first; they also limit
+densities and coefficients that would alone cause larger readings."""
 
 METADATA = "parameter"
 """Key of a field's description in the dataclass."""
 
 
 class _Kind(NamedTuple):
-    """Which values a parameter may have."""
+    """Values that a parameter may have."""
 
     allowed: str
-    """In words."""
+    """Description of the allowed values."""
     entry: type[float] | type[bool] | type[str]
     """The type of a value, or of each entry of a list."""
     length: int | None = None
-    """Of a list; 0: any; None: a single value."""
+    """Length of a list; 0: any length; None: a single value."""
 
 
 _KINDS: Final = {
@@ -120,15 +120,15 @@ class Parameter:
         try:
             if length is None:
                 return self._entry(value)
-            given = entries(value)
-            if hasattr(given, "__iter__") and not isinstance(given, str):
-                found = tuple(self._entry(one) for one in given)
-                if len(found) != (length or len(found)) or len(found) % self.group:
+            listed = entries(value)
+            if hasattr(listed, "__iter__") and not isinstance(listed, str):
+                parsed = tuple(self._entry(entry) for entry in listed)
+                if len(parsed) != (length or len(parsed)) or len(parsed) % self.group:
                     raise ValueError
-                return cast(Value, found)
+                return cast(Value, parsed)
             if length != 3:
                 raise ValueError
-            number = cast(float, self._entry(given))
+            number = cast(float, self._entry(listed))
             if self.kind == "vector":
                 return (number, number, number)
             if number < 0.0:
@@ -168,26 +168,30 @@ class Parameter:
         return number
 
     def allowed(self) -> str:
-        """Return in words which values are allowed."""
-        words = _KINDS[self.kind].allowed
+        """Return the description of the allowed values, with limits and unit."""
+        description = _KINDS[self.kind].allowed
         if self.choices:
-            words += f" {', '.join(self.choices)}"
+            description += f" {', '.join(self.choices)}"
         if self.group > 1:
-            words += f", {self.group} for each entry"
+            description += f", {self.group} for each entry"
         limits = []
         if self.minimum > -math.inf:
             limits.append(f"{'above' if self.above_minimum else 'at least'} {self.minimum:g}")
         if self.maximum < math.inf:
             limits.append(f"at most {self.maximum:g}")
         if limits:
-            words += (" " if _KINDS[self.kind].length is None else ", each ") + " and ".join(limits)
-        return f"{words} [{self.unit}]" if self.unit else words
+            description += (" " if _KINDS[self.kind].length is None else ", each ") + " and ".join(
+                limits
+            )
+        return f"{description} [{self.unit}]" if self.unit else description
 
     @cached_property
     def largest(self) -> float:
         """The largest size that is possible at all; a reading of it still passes the gate."""
-        found = (one.largest for start, one in _POSSIBLE.items() if self.unit.startswith(start))
-        return next(found, LARGEST)
+        limits = (
+            limit.largest for start, limit in _POSSIBLE.items() if self.unit.startswith(start)
+        )
+        return next(limits, LARGEST)
 
 
 def entries(value: object) -> object:
@@ -233,9 +237,9 @@ def _field(
     return dataclasses.field(default=default, metadata={METADATA: parameter})
 
 
-def like(other: Parameter, **changed: Any) -> Any:
+def like(parameter_of_origin: Parameter, **changed: Any) -> Any:
     """Describe what another parameter describes, but for some fields of :class:`Parameter`."""
-    parameter = dataclasses.replace(other, **changed)
+    parameter = dataclasses.replace(parameter_of_origin, **changed)
     return dataclasses.field(default=parameter.default, metadata={METADATA: parameter})
 
 
@@ -287,10 +291,10 @@ def gravity_warnings(gravity: Vector) -> Iterator[str]:
     :param gravity: g_w [m/s^2].
     """
     if any(gravity) and gravity[2] >= 0.0:
-        words = ", ".join(f"{component:g}" for component in gravity)
+        components = ", ".join(f"{component:g}" for component in gravity)
         usual = ", ".join(f"{component:g}" for component in GRAVITY)
         yield (
-            f"gravity = [{words}]: does not point downwards; z of the world is up, so that "
+            f"gravity = [{components}]: does not point downwards; z of the world is up, so that "
             f"gravity is usually [{usual}], or {-GRAVITY[2]:g}, its magnitude"
         )
     size = math.hypot(*gravity)

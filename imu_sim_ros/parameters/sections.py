@@ -20,12 +20,12 @@ OF_EVERY_NODE: Final = {
     "use_sim_time": Parameter("flag", False, "take the time from /clock"),
     "start_type_description_service": Parameter("flag", True, "offer the types' descriptions"),
 }
-"""What ROS gives to every node; ``ros2 param dump`` writes it into files."""
+"""Parameters that ROS adds to every node; ``ros2 param dump`` writes them into files."""
 _QOS: Final = "qos_overrides."
 
 
 _NESTED: Final = "sections"
-"""Key of what describes the sections in a field of a dataclass."""
+"""Key of the description of nested sections in the metadata of a dataclass field."""
 
 
 @dataclass(frozen=True)
@@ -36,74 +36,79 @@ class _Nested:
     """
 
     before: str
-    """What stands before the names of their parameters, with ``{field}`` and ``{name}``."""
+    """Prefix of the names of their parameters, with ``{field}`` and ``{name}``."""
     names: Callable[[Mapping[str, object]], Collection[str]]
-    """Returns their names from all values that are given; a single section has none, ``""``."""
+    """Function that returns their names from all values; a single section has the name ``""``."""
     find: Callable[[str, Mapping[str, object]], type]
-    """Returns the class for a name, or the field's if there is none, and all values."""
+    """Function that returns the class for a name, or for the name of the field, and all values."""
     several: bool = False
-    """Whether the field is a dictionary of sections by name."""
-    own: Mapping[str, Parameter] | None = None
-    """Their parameters; None: all those of the class, as it describes them."""
+    """True if the field is a dictionary of sections by name."""
+    declarations: Mapping[str, Parameter] | None = None
+    """Declarations of their parameters; None: those of the class."""
     listed: str = ""
-    """The parameter that lists the names, if one does."""
-    taken: Collection[str] = ()
-    """Names that it cannot list, next to those of parameters."""
+    """Name of the parameter that lists the names; empty: no parameter lists them."""
+    reserved: Collection[str] = ()
+    """Names that it cannot list, in addition to those of parameters."""
     key: str = ""
-    """The parameter in the section on which its class depends, if it does."""
+    """Name of the parameter in the section that selects its class; empty: the class is fixed."""
     default: str = ""
-    """Of that parameter."""
+    """Default of the parameter ``key``."""
     kinds: Mapping[str, type] = field(default_factory=dict)
-    """The classes by that parameter."""
+    """Classes by the value of the parameter ``key``."""
 
     def classes(
         self, name: str, prefix: str, values: Mapping[str, object]
     ) -> Iterator[tuple[str, type, str]]:
-        """Yield the name of each section, its class, and what stands before its parameters.
+        """Yield the name of each section, its class, and the prefix of its parameters.
 
-        :param name: of the field.
-        :param prefix: what stands before it.
+        :param name: name of the field.
+        :param prefix: prefix of the field.
         """
-        for own in self.names(values):
-            cls = self.find(own or prefix + name, values)
-            yield own, cls, prefix + self.before.format(field=name, name=own)
+        for section_name in self.names(values):
+            cls = self.find(section_name or prefix + name, values)
+            yield section_name, cls, prefix + self.before.format(field=name, name=section_name)
 
 
 def section(
     cls: type[_T],
     *,
     joint: str = ".",
-    words: Mapping[str, str] | None = None,
+    substitutions: Mapping[str, str] | None = None,
     without: Collection[str] = (),
     fixed: bool = False,
 ) -> _T:
     """Describe a nested section; its parameters' names are the field's, the joint, and their own.
 
-    :param words: replacements of ``{word}`` in the section's texts and units.
+    :param substitutions: replacements of ``{word}`` in the section's texts and units.
     :param without: fields of the section that are not parameters here and keep their default.
     :param fixed: whether none of its parameters is live here.
     """
-    own: dict[str, Parameter] | None = None
-    if words or without or fixed:
-        own = {}
+    declarations: dict[str, Parameter] | None = None
+    if substitutions or without or fixed:
+        declarations = {}
         for name, parameter in parameters(cls).items():
             if name in without:
                 continue
-            if words:
-                text, unit = (of.format_map(words) for of in (parameter.text, parameter.unit))
+            if substitutions:
+                text, unit = (
+                    description.format_map(substitutions)
+                    for description in (parameter.text, parameter.unit)
+                )
                 parameter = dataclasses.replace(parameter, text=text, unit=unit)
-            own[name] = dataclasses.replace(parameter, live=False) if fixed else parameter
-    nested = _Nested(f"{{field}}{joint}", lambda _: ("",), lambda *_: cls, own=own)
+            declarations[name] = dataclasses.replace(parameter, live=False) if fixed else parameter
+    nested = _Nested(
+        f"{{field}}{joint}", lambda _: ("",), lambda *_: cls, declarations=declarations
+    )
     return field(default_factory=cls, metadata={_NESTED: nested})
 
 
 def variant(
-    key: str, default: str, find: Callable[[str], type[_T]], kinds: Mapping[str, type[_T]]
+    key: str, default: str, find: Callable[[str], type[_T]], variants: Mapping[str, type[_T]]
 ) -> _T:
     """Describe a nested section whose class depends on the text at ``key`` within it.
 
     :param find: returns the class for a string, or raises ConfigurationError with one line.
-    :param kinds: classes that :func:`build` names if a parameter of theirs is given to another.
+    :param variants: classes that :func:`build` names if a parameter of theirs is given to another.
     """
     nested = _Nested(
         "{field}.",
@@ -111,35 +116,37 @@ def variant(
         lambda name, values: find(str(values.get(f"{name}.{key}", default))),
         key=key,
         default=default,
-        kinds=kinds,
+        kinds=variants,
     )
     return field(default_factory=lambda: find(default)(), metadata={_NESTED: nested})
 
 
-def each(
+def sections_by_name(
     parameter: str,
     find: Callable[[str, Mapping[str, object]], type[_T]],
-    taken: Collection[str] = (),
+    reserved: Collection[str] = (),
 ) -> Mapping[str, _T]:
     """Describe a dictionary of sections by name; their parameters are ``NAME.*``.
 
     :param parameter: of the same section, which lists the names.
     :param find: returns the class for a name and all values, or raises ConfigurationError with one
         line.
-    :param taken: names that cannot be used, next to those of parameters.
+    :param reserved: names that cannot be used, next to those of parameters.
     """
     nested = _Nested(
         "{name}.",
-        lambda values: listed(parameter, values),
+        lambda values: listed_names(parameter, values),
         find,
         several=True,
         listed=parameter,
-        taken=taken,
+        reserved=reserved,
     )
     return field(default_factory=dict, metadata={_NESTED: nested})
 
 
-def shared(sections: Callable[[], Mapping[str, type[_T]]], joint: str | None) -> Mapping[str, _T]:
+def common_sections(
+    sections: Callable[[], Mapping[str, type[_T]]], joint: str | None
+) -> Mapping[str, _T]:
     """Describe a dictionary of sections whose parameters stand among those of the one around it.
 
     :param joint: behind the name of each, before those of its parameters; None: no name either.
@@ -156,15 +163,15 @@ def shared(sections: Callable[[], Mapping[str, type[_T]]], joint: str | None) ->
     )
 
 
-def optional(
-    cls: Callable[[], type[_T]], there: Callable[[Mapping[str, object]], bool]
+def optional_section(
+    cls: Callable[[], type[_T]], is_present: Callable[[Mapping[str, object]], bool]
 ) -> _T | None:
     """Describe a section, or None, whose parameters have no prefix of their own.
 
     :param cls: returns it; called only if it is there, so that it may be imported then.
-    :param there: tells from all values whether it is.
+    :param is_present: tells from all values whether it is.
     """
-    nested = _Nested("", lambda values: ("",) if there(values) else (), lambda *_: cls())
+    nested = _Nested("", lambda values: ("",) if is_present(values) else (), lambda *_: cls())
     return field(default=None, metadata={_NESTED: nested})
 
 
@@ -177,20 +184,23 @@ def parameters(
     :param prefix: before each name.
     """
     result: dict[str, Parameter] = {}
-    for one in fields(cls):
-        if METADATA in one.metadata:
-            result[prefix + one.name] = one.metadata[METADATA]
+    for dataclass_field in fields(cls):
+        if METADATA in dataclass_field.metadata:
+            result[prefix + dataclass_field.name] = dataclass_field.metadata[METADATA]
             continue
-        nested: _Nested = one.metadata[_NESTED]
-        for _, inner, below in nested.classes(one.name, prefix, values or {}):
-            if nested.own is None:
-                result |= parameters(inner, values, below)
+        nested: _Nested = dataclass_field.metadata[_NESTED]
+        for _, inner, inner_prefix in nested.classes(dataclass_field.name, prefix, values or {}):
+            if nested.declarations is None:
+                result |= parameters(inner, values, inner_prefix)
             else:
-                result |= {below + name: parameter for name, parameter in nested.own.items()}
+                result |= {
+                    inner_prefix + name: parameter
+                    for name, parameter in nested.declarations.items()
+                }
     return result
 
 
-def listed(parameter: str, values: Mapping[str, object]) -> list[str]:
+def listed_names(parameter: str, values: Mapping[str, object]) -> list[str]:
     """Return the names that a parameter lists; none, if it is not a list."""
     try:
         value = entries(values.get(parameter, ()))
@@ -219,26 +229,34 @@ def build(cls: type[_T], values: Mapping[str, object], complete: bool = True) ->
     """
     unused = {**OF_EVERY_NODE, **getattr(cls, "passed_over", dict)()}
     building = _Building(values)
-    result = building.section(cls, "", named=True)
-    values, known, elsewhere = building.values, building.known, getattr(cls, "elsewhere", None)
+    result = building.section(cls, "", is_relevant=True)
+    values, declared, elsewhere = (
+        building.values,
+        building.declared,
+        getattr(cls, "elsewhere", None),
+    )
     problems = building.misnamed + [
-        _of_other_variants(cls, values, name) or unknown(name, known, elsewhere)
+        _of_other_variants(cls, values, name) or unknown(name, declared, elsewhere)
         for name in values
-        if name not in known and name not in unused and not is_of_ros(name)
+        if name not in declared and name not in unused and not is_of_ros(name)
     ]
     problems += {**bad_values(unused, values), **building.bad}.values()
     if complete and not problems:
-        asked = (one for one in building.made if hasattr(one[0], "problems"))
-        problems = [line for one, prefix in asked for line in one.problems(prefix)]
+        checked_sections = (
+            section for section in building.sections if hasattr(section[0], "problems")
+        )
+        problems = [
+            line for section, prefix in checked_sections for line in section.problems(prefix)
+        ]
     if problems:
         raise ConfigurationError(problems)
     return result
 
 
-def bad_values(known: Mapping[str, Parameter], values: Mapping[str, object]) -> dict[str, str]:
+def bad_values(declared: Mapping[str, Parameter], values: Mapping[str, object]) -> dict[str, str]:
     """Return a line for every bad value of a known name, by name; other names are passed over."""
     lines = {}
-    for name, parameter in known.items():
+    for name, parameter in declared.items():
         if name in values:
             try:
                 parameter.parse(name, values[name])
@@ -249,30 +267,34 @@ def bad_values(known: Mapping[str, Parameter], values: Mapping[str, object]) -> 
 
 def _of_other_variants(cls: type, values: Mapping[str, object], name: str) -> str | None:
     """Return the line for a parameter that only other classes of its variant have; else None."""
-    for one in fields(cls):
-        nested: _Nested | None = one.metadata.get(_NESTED)
+    for dataclass_field in fields(cls):
+        nested: _Nested | None = dataclass_field.metadata.get(_NESTED)
         if nested is not None and not nested.before:
-            for _, inner, _ in nested.classes(one.name, "", values):
+            for _, inner, _ in nested.classes(dataclass_field.name, "", values):
                 line = _of_other_variants(inner, values, name)
                 if line is not None:
                     return line
-        if nested is None or not nested.key or not name.startswith(f"{one.name}."):
+        if nested is None or not nested.key or not name.startswith(f"{dataclass_field.name}."):
             continue
-        own = name.removeprefix(f"{one.name}.")
-        having = [word for word, kind in nested.kinds.items() if own in parameters(kind)]
-        if having:
-            verb = "has" if len(having) == 1 else "have"
-            key = f"{one.name}.{nested.key}"
-            of = f"{key} {values.get(key, nested.default)}"
-            return f"{name}: unknown parameter of {of}; {', '.join(having)} {verb} it"
+        parameter_name = name.removeprefix(f"{dataclass_field.name}.")
+        owners = [
+            kind_name
+            for kind_name, kind in nested.kinds.items()
+            if parameter_name in parameters(kind)
+        ]
+        if owners:
+            verb = "has" if len(owners) == 1 else "have"
+            key = f"{dataclass_field.name}.{nested.key}"
+            variant = f"{key} {values.get(key, nested.default)}"
+            return f"{name}: unknown parameter of {variant}; {', '.join(owners)} {verb} it"
     return None
 
 
 class _Plan(NamedTuple):
-    """The fields of a section, as often as it is built."""
+    """Fields of a section, collected once for all times that it is built."""
 
     parameters: Mapping[str, Parameter]
-    """Its own parameters by dotted name."""
+    """Parameters of the section itself by dotted name."""
     sections: Sequence[tuple[str, _Nested]]
     """Names of the fields that hold sections, and their descriptions."""
 
@@ -281,95 +303,99 @@ class _Plan(NamedTuple):
 def _plan(cls: type, prefix: str) -> _Plan:
     """Return the fields of a section.
 
-    :param prefix: what stands before the names of its parameters.
+    :param prefix: prefix of the names of its parameters.
     """
-    described = [(field.name, field.metadata) for field in fields(cls)]
+    descriptions = [(field.name, field.metadata) for field in fields(cls)]
     return _Plan(
-        {prefix + name: data[METADATA] for name, data in described if METADATA in data},
-        [(name, data[_NESTED]) for name, data in described if METADATA not in data],
+        {prefix + name: data[METADATA] for name, data in descriptions if METADATA in data},
+        [(name, data[_NESTED]) for name, data in descriptions if METADATA not in data],
     )
 
 
 @dataclass
 class _Building:
-    """Sections on their way from values: one walk that makes them and notes all that is wrong."""
+    """Construction of nested sections from values, with all problems that occur."""
 
     values: Mapping[str, object]
-    """By dotted name, without those of sections that cannot be."""
-    known: dict[str, Parameter] = field(default_factory=dict)
+    """Values by dotted name, without those of invalid sections."""
+    declared: dict[str, Parameter] = field(default_factory=dict)
     """All parameters by dotted name."""
     names: dict[str, str] = field(default_factory=dict)
-    """The names of sections so far, and the parameters that list them."""
+    """Parameters that list the names of sections, by these names."""
     misnamed: list[str] = field(default_factory=list)
-    """A line for each section that cannot be."""
+    """Line for each invalid section."""
     bad: dict[str, str] = field(default_factory=dict)
-    """A line for each bad value, by dotted name."""
-    made: list[tuple[Any, str]] = field(default_factory=list)
-    """The sections in which something is given, the outer ones first, and what stands before their
-    parameters."""
+    """Line for each bad value, by dotted name."""
+    sections: list[tuple[Any, str]] = field(default_factory=list)
+    """Sections with at least one value, outer ones first, and the prefixes of their parameters."""
 
     def section(
         self,
         cls: type[_T],
         prefix: str,
-        own: Mapping[str, Parameter] | None = None,
-        named: bool = False,
+        declarations: Mapping[str, Parameter] | None = None,
+        is_relevant: bool = False,
     ) -> _T:
         """Return a section with the sections in it.
 
-        :param prefix: what stands before its parameters.
-        :param own: them by dotted name; None: as the class describes them.
-        :param named: whether it is there because it is named, whatever is given in it.
+        :param prefix: prefix of its parameters.
+        :param declarations: declarations by dotted name; None: those of the class.
+        :param is_relevant: True if the section exists even though none of its parameters is set.
         """
-        position, arguments, values = len(self.made), dict[str, Any](), self.values
+        position, arguments, values = len(self.sections), dict[str, Any](), self.values
         plan = _plan(cast(Any, cls), prefix)
-        known = plan.parameters
-        if own is not None:
-            known = {path: own[path] for path in known if path in own}
-        self.known |= known
-        for path in [path for path in known if path in values]:
-            named = True
+        declared = plan.parameters
+        if declarations is not None:
+            declared = {path: declarations[path] for path in declared if path in declarations}
+        self.declared |= declared
+        for path in [path for path in declared if path in values]:
+            is_relevant = True
             try:
-                arguments[path[len(prefix) :]] = known[path].parse(path, values[path])
+                arguments[path[len(prefix) :]] = declared[path].parse(path, values[path])
             except ConfigurationError as error:
                 (self.bad[path],) = error.problems
         for field_name, nested in plan.sections:
             path = prefix + field_name
             names = list(nested.names(self.values))
             if len(set(names)) < len(names):
-                # Which other name was meant is not known, nor whose the values below it are.
+                # Ambiguous: the values below a repeated name could belong to either section.
                 raise ConfigurationError(f"{nested.listed} = {names}: names must differ")
             inner = dict[str, Any]()
             for name in names:
-                below = prefix + nested.before.format(field=field_name, name=name)
-                kind = self._class(nested, cls, name or path, below)
+                inner_prefix = prefix + nested.before.format(field=field_name, name=name)
+                kind = self._class(nested, cls, name or path, inner_prefix)
                 if kind is not None:
-                    described = own
-                    if own is None and nested.own is not None:
-                        described = {below + word: each for word, each in nested.own.items()}
-                    inner[name] = self.section(kind, below, described, bool(nested.listed))
+                    inner_declarations = declarations
+                    if declarations is None and nested.declarations is not None:
+                        inner_declarations = {
+                            inner_prefix + path: parameter
+                            for path, parameter in nested.declarations.items()
+                        }
+                    inner[name] = self.section(
+                        kind, inner_prefix, inner_declarations, bool(nested.listed)
+                    )
             arguments[field_name] = inner if nested.several else inner.get("")
         result = cls(**arguments)
-        if named or len(self.made) > position:
-            self.made.insert(position, (result, prefix))
+        if is_relevant or len(self.sections) > position:
+            self.sections.insert(position, (result, prefix))
         return result
 
-    def _class(self, nested: _Nested, outer: type, name: str, below: str) -> type | None:
-        """Return the class of a section, or None if it cannot be.
+    def _class(self, nested: _Nested, outer: type, name: str, prefix: str) -> type | None:
+        """Return the class of a section, or None if the section is invalid.
 
-        What is given in that one is left out, so that all else is still checked.
+        The values of an invalid section are ignored, so that all others are still checked.
 
-        :param outer: the class of the section around it, whose names are taken.
-        :param name: its own, or else the dotted name of the field.
-        :param below: what stands before its parameters.
+        :param outer: class of the enclosing section, whose names are reserved.
+        :param name: name of the section, or else the dotted name of the field.
+        :param prefix: prefix of its parameters.
         """
         listing, problems = nested.listed, list[str]()
         if listing and name in self.names:
             problems.append(f"{listing}: {name!r}: is a name in {self.names[name]}")
         elif listing:
             self.names[name] = listing
-            taken = {*nested.taken, *(field.name for field in fields(outer))}
-            if name in taken or not _SECTION_NAME.fullmatch(name):
+            reserved = {*nested.reserved, *(field.name for field in fields(outer))}
+            if name in reserved or not _SECTION_NAME.fullmatch(name):
                 problems.append(
                     f"{listing}: {name!r}: must be letters, digits and underscores, and not "
                     "a parameter's name"
@@ -380,34 +406,38 @@ class _Building:
             except ConfigurationError as error:
                 problems += error.problems
         self.misnamed += problems
-        left = {key: each for key, each in self.values.items() if not key.startswith(below)}
+        remaining = {key: value for key, value in self.values.items() if not key.startswith(prefix)}
         if listing:
             self.bad.pop(listing, None)
-            left[listing] = [each for each in listed(listing, left) if each != name]
-        self.values = left
+            remaining[listing] = [
+                section_name
+                for section_name in listed_names(listing, remaining)
+                if section_name != name
+            ]
+        self.values = remaining
         return None
 
 
 def flatten(instance: object, prefix: str = "") -> dict[str, Value]:
     """Return all values of a section by dotted name; :func:`build` of it gives an equal section."""
     result: dict[str, Value] = {}
-    for one in fields(cast(Any, instance)):
-        value = getattr(instance, one.name)
-        if METADATA in one.metadata:
-            result[prefix + one.name] = value
+    for dataclass_field in fields(cast(Any, instance)):
+        value = getattr(instance, dataclass_field.name)
+        if METADATA in dataclass_field.metadata:
+            result[prefix + dataclass_field.name] = value
             continue
-        nested: _Nested = one.metadata[_NESTED]
+        nested: _Nested = dataclass_field.metadata[_NESTED]
         sections = value if nested.several else {} if value is None else {"": value}
         for name, inner in sections.items():
-            below = prefix + nested.before.format(field=one.name, name=name)
+            inner_prefix = prefix + nested.before.format(field=dataclass_field.name, name=name)
             values = flatten(inner)
-            names = values if nested.own is None else nested.own
-            result.update({below + own: values[own] for own in names})
+            names = values if nested.declarations is None else nested.declarations
+            result.update({inner_prefix + parameter: values[parameter] for parameter in names})
     return result
 
 
 def unknown(
-    name: str, known: Mapping[str, object], elsewhere: Callable[[str], str | None] | None = None
+    name: str, declared: Mapping[str, object], elsewhere: Callable[[str], str | None] | None = None
 ) -> str:
     """Return the line for a name that does not exist, with the nearest one that does.
 
@@ -415,9 +445,13 @@ def unknown(
     """
     section, dot, _ = name.partition(".")
     hint = None
-    if dot and elsewhere is not None and not any(one.startswith(f"{section}.") for one in known):
+    if (
+        dot
+        and elsewhere is not None
+        and not any(parameter.startswith(f"{section}.") for parameter in declared)
+    ):
         hint = elsewhere(name)
     if hint is None:
-        alike = [each for each in known if "." in each] if dot else known
+        alike = [each for each in declared if "." in each] if dot else declared
         hint = suggestion(name, alike, "see the parameter reference for all names")
     return f"{name}: unknown parameter; {hint}"

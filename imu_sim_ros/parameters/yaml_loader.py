@@ -29,12 +29,12 @@ _SOURCE: Final = ' in "<unicode string>",'
 _LONGEST_REASON: Final = 200
 
 
-def _refused(words: str, mark: yaml.Mark | None) -> Exception:
-    return yaml.MarkedYAMLError(None, None, words, mark)
+def _refused(problem: str, mark: yaml.Mark | None) -> Exception:
+    return yaml.MarkedYAMLError(None, None, problem, mark)
 
 
 class _Rules(Composer, SafeConstructor, Resolver):
-    """What is read otherwise than by PyYAML, and what is refused."""
+    """Rules that differ from PyYAML's, and limits on size and depth."""
 
     depth = aliases = values = 0
 
@@ -57,12 +57,12 @@ class _Rules(Composer, SafeConstructor, Resolver):
     def construct_mapping(
         self, node: yaml.MappingNode, deep: bool = False
     ) -> dict[Hashable, object]:
-        seen = set()
+        keys = set()
         for key, _ in node.value:
             if isinstance(key, yaml.ScalarNode) and key.tag != _MERGE:
-                if key.value in seen:
+                if key.value in keys:
                     raise _refused(f"{key.value!r} is given twice", key.start_mark)
-                seen.add(key.value)
+                keys.add(key.value)
         return super().construct_mapping(node, deep=True)
 
     def construct_list(self, node: yaml.SequenceNode) -> list[object]:
@@ -129,8 +129,8 @@ def content(text: str) -> Any:
         raise ValueError(" ".join(str(error).split()).replace(_SOURCE, ",")) from None
     except (ArithmeticError, AttributeError, LookupError, TypeError, ValueError) as error:
         # PyYAML's own constructors trip over !!timestamp 1, !!bool x, 2020-99-99.
-        words = " ".join(str(error).split()) or type(error).__name__
-        raise ValueError(words[:_LONGEST_REASON]) from None
+        reason = " ".join(str(error).split()) or type(error).__name__
+        raise ValueError(reason[:_LONGEST_REASON]) from None
 
 
 def _size(node: yaml.Node, sizes: dict[int, int]) -> int:
@@ -138,14 +138,16 @@ def _size(node: yaml.Node, sizes: dict[int, int]) -> int:
 
     :param sizes: of the nodes that are known, by their id; 0 while a node's own is counted.
     """
-    known = sizes.get(id(node))
-    if known == 0:
+    size = sizes.get(id(node))
+    if size == 0:
         raise ValueError("a value that contains itself")
-    if known is None:
+    if size is None:
         sizes[id(node)] = 0
         children = node.value if isinstance(node.value, list) else ()
-        parts = [part for one in children for part in (one if isinstance(one, tuple) else (one,))]
-        known = sizes[id(node)] = 1 + sum(_size(part, sizes) for part in parts)
-        if known > _MAX_VALUES:
+        parts = [
+            part for child in children for part in (child if isinstance(child, tuple) else (child,))
+        ]
+        size = sizes[id(node)] = 1 + sum(_size(part, sizes) for part in parts)
+        if size > _MAX_VALUES:
             raise ValueError(f"over {_MAX_VALUES:,} values")
-    return known
+    return size

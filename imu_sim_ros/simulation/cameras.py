@@ -68,7 +68,7 @@ def fitted(given: Mapping[str, object]) -> dict[str, object]:
         moves = load_simulation({k: v for k, v in given.items() if k.startswith("trajectory.")})
     except ConfigurationError:
         return given  # whoever loads them says what is wrong
-    views = [View(name, one, 0, 0, HORIZON) for name, one in rig.each().items()]
+    views = [View(name, one, 0, 0, HORIZON) for name, one in rig.camera_parameters().items()]
     told = [key.removeprefix("scene.") for key in given if key.startswith("scene.")]
     return {**given, **suiting(views, moves.trajectory, rig.scene, told, turns)}
 

@@ -23,7 +23,7 @@ from imu_sim_ros.parameters.kinds import (
     matrix,
     number,
 )
-from imu_sim_ros.parameters.sections import parameters, section, shared
+from imu_sim_ros.parameters.sections import common_sections, parameters, section
 from imu_sim_ros.sensors import sensors_of_imus
 from imu_sim_ros.sensors.imu.parameters import ImuParameters
 from imu_sim_ros.sensors.imu.presets import layer_imu
@@ -165,7 +165,7 @@ class ErrorPublishParameters(ImuPublishParameters):
     Those of the sensors whose ideal values can be given, and of what is stated with the readings.
     """
 
-    sensors: Mapping[str, Any] = shared(
+    sensors: Mapping[str, Any] = common_sections(
         lambda: switches(
             one
             for one in sensors_of_imus()

@@ -17,12 +17,12 @@ from imu_sim_ros.parameters import files
 from imu_sim_ros.parameters.files import build_layered
 from imu_sim_ros.parameters.kinds import Value, gravity_warnings, like, texts
 from imu_sim_ros.parameters.sections import (
-    each,
     flatten,
-    listed,
-    optional,
+    listed_names,
+    optional_section,
     parameters,
     section,
+    sections_by_name,
     variant,
 )
 from imu_sim_ros.sensors import CAMERAS, find_sensor, is_known, kind_of
@@ -75,10 +75,10 @@ class SampledParameters(EnvironmentParameters):
         nyquist = 0.5 * self.rate * float(ratio)
         for triad in TRIADS:
             cutoffs = self.imu.triad(triad).bandwidth
-            least = min((one for one in cutoffs if one), default=nyquist)
-            if least < _LOWEST_CUTOFF * nyquist:
+            lowest = min((cutoff for cutoff in cutoffs if cutoff), default=nyquist)
+            if lowest < _LOWEST_CUTOFF * nyquist:
                 yield (
-                    f"{prefix}imu.{triad}_bandwidth = {least:g}: must be 0 or at least "
+                    f"{prefix}imu.{triad}_bandwidth = {lowest:g}: must be 0 or at least "
                     f"{_LOWEST_CUTOFF * nyquist:g} Hz at this rate"
                 )
             acting = self.imu.low_pass(triad, self.rate)
@@ -138,10 +138,10 @@ class SampledParameters(EnvironmentParameters):
             ("line_frequency", vibration.line_frequency),
             ("band_low", vibration.band_low),
         ):
-            above = [frequency for frequency in frequencies if frequency >= nyquist]
-            if above:
+            aliased = [frequency for frequency in frequencies if frequency >= nyquist]
+            if aliased:
                 lines.append(
-                    f"imu.vibration.{name} = {', '.join(f'{value:g}' for value in above)}: left "
+                    f"imu.vibration.{name} = {', '.join(f'{value:g}' for value in aliased)}: left "
                     f"out, since it is not below half the rate, {nyquist:g} Hz"
                 )
         return lines
@@ -152,8 +152,8 @@ class SampledParameters(EnvironmentParameters):
         :param gravity: magnitude [m/s^2].
         """
         for triad in TRIADS:
-            own = self.imu.triad(triad)
-            limits = list(zip(own.resolution, own.range, strict=True))
+            errors = self.imu.triad(triad)
+            limits = list(zip(errors.resolution, errors.range, strict=True))
             name = f"imu.{triad}_resolution"
             if any(step > limit > 0.0 for step, limit in limits):
                 step, limit = next((s, r) for s, r in limits if s > r > 0.0)
@@ -161,14 +161,14 @@ class SampledParameters(EnvironmentParameters):
                     f"{name} = {step:g}: larger than imu.{triad}_range = {limit:g}, so that every "
                     "reading is 0"
                 )
-            elif triad == "accelerometer" and 0.0 < 2.0 * gravity < max(own.resolution):
+            elif triad == "accelerometer" and 0.0 < 2.0 * gravity < max(errors.resolution):
                 yield (
-                    f"{name} = {max(own.resolution):g}: more than twice gravity ({gravity:g} "
+                    f"{name} = {max(errors.resolution):g}: more than twice gravity ({gravity:g} "
                     "m/s^2), so that an IMU at rest reads 0"
                 )
-            elif triad == "gyroscope" and max(own.resolution) > COARSEST_RATE:
+            elif triad == "gyroscope" and max(errors.resolution) > COARSEST_RATE:
                 yield (
-                    f"{name} = {max(own.resolution):g}: larger than the rates of most motions, "
+                    f"{name} = {max(errors.resolution):g}: larger than the rates of most motions, "
                     "which it rounds to 0; is it in deg/s or in LSB per rad/s?"
                 )
 
@@ -192,12 +192,14 @@ def _rig_parameters() -> type:
     return RigParameters
 
 
-def has_scene(given: Mapping[str, object]) -> bool:
+def has_scene(values: Mapping[str, object]) -> bool:
     """Return whether there is anything that sees a scene."""
-    if listed("cameras", given):
+    if listed_names("cameras", values):
         return True
     try:
-        return any(find_sensor(kind_of(name, given)).sees for name in listed("sensors", given))
+        return any(
+            find_sensor(kind_of(name, values)).sees for name in listed_names("sensors", values)
+        )
     except ConfigurationError:  # whoever builds them says what is wrong
         return False
 
@@ -211,11 +213,13 @@ class SimulationParameters(SampledParameters):
     imus: tuple[str, ...] = texts((), IMUS)
     sensors: tuple[str, ...] = texts((), SENSORS)
     cameras: tuple[str, ...] = texts((), CAMERAS)
-    each_imu: Mapping[str, OneImuParameters] = each("imus", lambda *_: OneImuParameters, _TAKEN)
-    each_sensor: Mapping[str, Any] = each(
-        "sensors", lambda name, given: find_sensor(kind_of(name, given)).section, _TAKEN
+    each_imu: Mapping[str, OneImuParameters] = sections_by_name(
+        "imus", lambda *_: OneImuParameters, _TAKEN
     )
-    rig: Any = optional(_rig_parameters, has_scene)
+    each_sensor: Mapping[str, Any] = sections_by_name(
+        "sensors", lambda name, values: find_sensor(kind_of(name, values)).section, _TAKEN
+    )
+    rig: Any = optional_section(_rig_parameters, has_scene)
     """Cameras and scene; None, if nothing sees one."""
 
     def problems(self, prefix: str) -> Iterator[str]:
@@ -232,7 +236,7 @@ class SimulationParameters(SampledParameters):
 
         def __getattr__(self, name: str) -> Any:
             """Return the section of a sensor, or of one IMU of several."""
-            for sections in (self.__dict__.get(one, {}) for one in ("each_sensor", "each_imu")):
+            for sections in (self.__dict__.get(group, {}) for group in ("each_sensor", "each_imu")):
                 if name in sections:
                     return sections[name]
             raise AttributeError(f"{type(self).__name__!r} object has no attribute {name!r}")
@@ -252,8 +256,8 @@ class SimulationParameters(SampledParameters):
         if rest.startswith("camera."):
             return f"there is no camera {section}; name it in cameras"
         if section == "cameras":
-            camera, _, last = rest.replace(".camera.", ".").rpartition(".")
-            return _of_camera(camera, last)
+            camera, _, parameter = rest.replace(".camera.", ".").rpartition(".")
+            return _of_camera(camera, parameter)
         return _of_camera(section, rest) if section.startswith("cam") else None
 
 
@@ -264,11 +268,11 @@ def _of_camera(camera: str, name: str) -> str | None:
     """
     from imu_sim_ros.sensors.camera.parameters import CameraParameters  # most runs have none
 
-    near = nearest(name, parameters(CameraParameters))
-    if near is None:
+    suggestion = nearest(name, parameters(CameraParameters))
+    if suggestion is None:
         return None
-    own = f"{camera}.camera.{near}, or " if camera else ""
-    return f"did you mean {own}camera.{near}{' for all cameras' if camera else ''}?"
+    single = f"{camera}.camera.{suggestion}, or " if camera else ""
+    return f"did you mean {single}camera.{suggestion}{' for all cameras' if camera else ''}?"
 
 
 def imus(parameters: SampledParameters) -> dict[str, Any]:
@@ -281,9 +285,9 @@ def imus(parameters: SampledParameters) -> dict[str, Any]:
     shared = {field.name: getattr(parameters, field.name) for field in fields(SimulationParameters)}
     shared |= {"imus": (), "each_imu": {}, "cameras": (), "rig": None}
     result = {}
-    for name, own in parameters.each_imu.items():
-        of_its_own = {field.name: getattr(own, field.name) for field in fields(own)}
-        result[name] = SimulationParameters(**{**shared, **of_its_own})
+    for name, imu in parameters.each_imu.items():
+        overrides = {field.name: getattr(imu, field.name) for field in fields(imu)}
+        result[name] = SimulationParameters(**{**shared, **overrides})
     return result
 
 
@@ -304,7 +308,7 @@ def load_simulation(
     return build_layered(SimulationParameters, layered, *layers, problems=problems)
 
 
-def layered(given: Mapping[str, object], problems: Problems) -> dict[str, object]:
+def layered(values: Mapping[str, object], problems: Problems) -> dict[str, object]:
     """Return what was given above the files that it names: presets, trajectory and scene.
 
     Scene and motion suit each other and what sees; what is given stays as it is. An IMU of several
@@ -313,30 +317,30 @@ def layered(given: Mapping[str, object], problems: Problems) -> dict[str, object
 
     :param problems: receives a line for each file that cannot be read.
     """
-    seen = has_scene(given)
-    if seen:
+    has_views = has_scene(values)
+    if has_views:
         from imu_sim_ros.sensors.camera.rig_parameters import axes, layer_rig
         from imu_sim_ros.simulation.cameras import fitted  # most runs have none
 
-        given = fitted(given)
+        values = fitted(values)
 
     # What is one IMU's own, and what is common.
-    several = listed("imus", given)
-    own: dict[str, dict[str, object]] = {name: {} for name in several}
+    imu_names = listed_names("imus", values)
+    imu_layers: dict[str, dict[str, object]] = {name: {} for name in imu_names}
     common: dict[str, object] = {}
-    for key, value in given.items():
+    for key, value in values.items():
         name, dot, rest = key.partition(".")
-        if dot and name in own:
-            own[name][rest] = value
+        if dot and name in imu_layers:
+            imu_layers[name][rest] = value
         else:
             common[key] = value
-    of_all = {key: common[key] for key in common if key == "rate" or key.startswith("imu.")}
+    imu_defaults = {key: common[key] for key in common if key == "rate" or key.startswith("imu.")}
 
     # Files below what is common: cameras and scene, other sensors, the IMU, the trajectory.
-    if seen:
+    if has_views:
         common = layer_rig(common, problems)
-    of_sensors: dict[str, object] = {}
-    for name in listed("sensors", common):
+    sensor_presets: dict[str, object] = {}
+    for name in listed_names("sensors", common):
         kind = kind_of(name, common)
         preset = common.get(f"{name}.preset")
         if preset and preset != "none":
@@ -344,27 +348,31 @@ def layered(given: Mapping[str, object], problems: Problems) -> dict[str, object
                 path = files.find(find_sensor(kind).presets or kind, str(preset))
                 for key, value in files.load(path).items():
                     short = key.removeprefix(f"{kind}.")
-                    of_sensors[key if short == key else f"{name}.{short}"] = value
+                    sensor_presets[key if short == key else f"{name}.{short}"] = value
     result = layer_imu(common, NODE, problems)
     if "trajectory.type" in common:  # else the motion of the IMU's preset counts
-        moved = [key for key in result if key.startswith("trajectory.") and key not in common]
-        result = {key: value for key, value in result.items() if key not in moved}
+        preset_motion = [
+            key for key in result if key.startswith("trajectory.") and key not in common
+        ]
+        result = {key: value for key, value in result.items() if key not in preset_motion}
     motion = str(result.setdefault("trajectory.type", DEFAULT_TRAJECTORY))
     if names_a_file(motion):
         del result["trajectory.type"]
         with problems.gathered(hanging="trajectory."):
             result = {**trajectory_layer(motion), **result}
-    result = {**of_sensors, **result}
-    if seen:
-        result.update(axes(given, result.get("trajectory.type") == PosesParameters.type))
+    result = {**sensor_presets, **result}
+    if has_views:
+        result.update(axes(values, result.get("trajectory.type") == PosesParameters.type))
 
     # Files below what is one IMU's own.
     seed = common.get("seed", 0)
-    for k, name in enumerate(several):
-        usual: dict[str, object] = {"imu_frame": f"{name}_imu_link"}
+    for k, name in enumerate(imu_names):
+        defaults: dict[str, object] = {"imu_frame": f"{name}_imu_link"}
         if isinstance(seed, int):
-            usual["seed"] = seed + k
-        for key, value in layer_imu({**of_all, **usual, **own[name]}, NODE, problems).items():
+            defaults["seed"] = seed + k
+        for key, value in layer_imu(
+            {**imu_defaults, **defaults, **imu_layers[name]}, NODE, problems
+        ).items():
             if not key.startswith("trajectory."):
                 result[f"{name}.{key}"] = value
     return result
@@ -379,25 +387,35 @@ def named(kind: str, presets: Sequence[object]) -> dict[str, object]:
     :param presets: of each; True: that of the kind's parameters.
     """
     if kind == "camera":
-        names, group, own = [f"cam{k}" for k in range(len(presets))], "cameras", "camera.preset"
+        names, group, parameter = (
+            [f"cam{k}" for k in range(len(presets))],
+            "cameras",
+            "camera.preset",
+        )
     else:
-        names, group, own = [f"{kind}{k or ''}" for k in range(len(presets))], "sensors", "preset"
+        names, group, parameter = (
+            [f"{kind}{k or ''}" for k in range(len(presets))],
+            "sensors",
+            "preset",
+        )
     result: dict[str, object] = {group: names} if names else {}
     if group == "sensors":
         result |= {f"{name}.type": kind for name in names[1:]}
     pairs = zip(names, presets, strict=True)
-    return result | {f"{name}.{own}": preset for name, preset in pairs if preset is not True}
+    return result | {f"{name}.{parameter}": preset for name, preset in pairs if preset is not True}
 
 
-def joined(below: Mapping[str, object], above: Mapping[str, object]) -> dict[str, object]:
+def joined(lower: Mapping[str, object], upper: Mapping[str, object]) -> dict[str, object]:
     """Return parameters by dotted name with others above them.
 
     The sensors are those of both. Cameras that are named above are all there are: what those below
     have of their own is left out with them.
     """
-    gone = set(listed("cameras", below)) if listed("cameras", above) else set()
-    gone -= {*listed("cameras", above)}
-    kept = {name: one for name, one in below.items() if name.partition(".")[0] not in gone}
-    sensors = listed("sensors", below)
-    sensors += [name for name in listed("sensors", above) if name not in sensors]
-    return {**kept, **above, **({"sensors": sensors} if sensors else {})}
+    dropped = set(listed_names("cameras", lower)) if listed_names("cameras", upper) else set()
+    dropped -= {*listed_names("cameras", upper)}
+    remaining = {
+        name: value for name, value in lower.items() if name.partition(".")[0] not in dropped
+    }
+    sensors = listed_names("sensors", lower)
+    sensors += [name for name in listed_names("sensors", upper) if name not in sensors]
+    return {**remaining, **upper, **({"sensors": sensors} if sensors else {})}

@@ -22,7 +22,7 @@ from imu_sim_ros.parameters.kinds import (
     text,
     vector,
 )
-from imu_sim_ros.parameters.sections import is_of_ros, section, shared
+from imu_sim_ros.parameters.sections import common_sections, is_of_ros, section
 from imu_sim_ros.sensors import find_sensor, sensors_of_imus
 from imu_sim_ros.sensors.declaration import Sensor
 from imu_sim_ros.sensors.faults import Fault
@@ -92,7 +92,7 @@ class PublishParameters(ImuPublishParameters):
     tf_static: bool = flag(
         True, "publish the IMUs' lever arms and mountings in body_frame on /tf_static"
     )
-    sensors: Mapping[str, Any] = shared(lambda: switches(sensors_of_imus()), joint=None)
+    sensors: Mapping[str, Any] = common_sections(lambda: switches(sensors_of_imus()), joint=None)
 
 
 @dataclass(frozen=True)

@@ -70,7 +70,7 @@ def test_a_camera_sees_the_motion_that_somebody_gave(given, start):
     for block in blocks:
         motion = flight.trajectory.sample((block.frames.true_t_ns - flight.t0_ns) * 1e-9)
         off = reprojection_errors(
-            rig.parameters.each()["cam0"],
+            rig.parameters.camera_parameters()["cam0"],
             motion.position[block.frame],
             motion.q_wb[block.frame],
             rig.scene.landmarks[block.landmark],

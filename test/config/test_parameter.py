@@ -26,7 +26,14 @@ from imu_sim_ros.parameters.kinds import (
     texts,
     vector,
 )
-from imu_sim_ros.parameters.sections import build, each, flatten, parameters, section, variant
+from imu_sim_ros.parameters.sections import (
+    build,
+    flatten,
+    parameters,
+    section,
+    sections_by_name,
+    variant,
+)
 from imu_sim_ros.sensors import declared
 from imu_sim_ros.sensors.camera.rig_parameters import OneCameraParameters, RigParameters
 from imu_sim_ros.simulation.error_parameters import ErrorNodeParameters
@@ -211,8 +218,10 @@ class Side:
 
 @dataclass(frozen=True)
 class Both:
-    left: Side = section(Side, joint="_", words={"side": "left", "unit": "m"})
-    right: Side = section(Side, joint="_", words={"side": "right", "unit": "mm"}, without=["tilt"])
+    left: Side = section(Side, joint="_", substitutions={"side": "left", "unit": "m"})
+    right: Side = section(
+        Side, joint="_", substitutions={"side": "right", "unit": "mm"}, without=["tilt"]
+    )
 
 
 @dataclass(frozen=True)
@@ -307,7 +316,7 @@ def test_a_section_that_is_named_is_asked_though_nothing_is_given_in_it():
     @dataclass(frozen=True)
     class Several:
         names: tuple[str, ...] = texts((), "names")
-        sections: dict = each("names", lambda *_: Strict)
+        sections: dict = sections_by_name("names", lambda *_: Strict)
 
     assert build(Several, {}) == Several()
     with pytest.raises(ConfigurationError, match=r"^a\.file = '': must name a file$"):

@@ -64,7 +64,7 @@ def case(request, tmp_path_factory):
     )
     imu = ImuValues(build(ImuParameters, {"preset": "perfect", **IMU}), 200.0, 9.81, "/imu0")
     topics = {"cam0": "/cam0/image_raw", "cam1": "/right"}
-    rig = RigValues(imu, parameters.each(), topics, parameters.scene)
+    rig = RigValues(imu, parameters.camera_parameters(), topics, parameters.scene)
     folder = tmp_path_factory.mktemp("files") / "configs"
     write_all(folder, imu, rig)
     return rig, folder
@@ -169,7 +169,9 @@ def test_kalibr_takes_whole_numbers_for_real_ones(tmp_path, scene):
     """kalibr_common/ConfigReader.py refuses 0 and 1, which are no floats in YAML."""
     parameters = load_rig({"cameras": ["cam0"], "camera.preset": "euroc_cam0", **scene})
     imu = ImuValues(build(ImuParameters, {"preset": "perfect", **IMU}), 200.0, 9.81, "/imu0")
-    rig = RigValues(imu, parameters.each(), {"cam0": "/cam0/image_raw"}, parameters.scene)
+    rig = RigValues(
+        imu, parameters.camera_parameters(), {"cam0": "/cam0/image_raw"}, parameters.scene
+    )
     write_all(tmp_path / "configs", imu, rig)
     target = yaml.safe_load((tmp_path / "configs" / "target.yaml").read_text())
     lengths = [v for k, v in target.items() if k.endswith(("Size", "Spacing", "Meters"))]
@@ -382,7 +384,7 @@ def test_no_choice_of_a_camera_is_an_error_that_a_format_misses():
     choices = {"camera.response": "linear", "camera.depth": True, "camera.mip_levels": "trilinear"}
     rig = load_rig({"cameras": ["cam0"], "camera.preset": "euroc_cam0", **choices})
     imu = ImuValues(build(ImuParameters, {"preset": "perfect", **IMU}), 200.0, 9.81, "/imu0")
-    values = RigValues(imu, rig.each(), {"cam0": "/image"}, rig.scene)
+    values = RigValues(imu, rig.camera_parameters(), {"cam0": "/image"}, rig.scene)
     assert list(values.remarks()) == []
 
 
@@ -392,7 +394,9 @@ def test_what_a_format_cannot_express_of_a_camera_is_said_at_its_top(tmp_path):
     errors = {"camera.row_time": 2e-5, "camera.jitter": 1e-4, "cam1.camera.time_offset": 0.004}
     rig = load_rig({"cameras": ["cam0", "cam1"], **presets, **errors})
     imu = ImuValues(build(ImuParameters, {"preset": "perfect", **IMU}), 200.0, 9.81, "/imu0")
-    values = RigValues(imu, rig.each(), dict.fromkeys(rig.cameras, "/image"), rig.scene)
+    values = RigValues(
+        imu, rig.camera_parameters(), dict.fromkeys(rig.cameras, "/image"), rig.scene
+    )
     write_all(tmp_path / "configs", imu, values)
     rolling, jitter = "row_time = 2.0e-05 s (rolling shutter)", "jitter = 0.0001 s"
     second = "time_offset = 0.004 s"

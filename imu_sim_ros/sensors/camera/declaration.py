@@ -187,7 +187,7 @@ def seeing(rig: RigParameters, parameters: Any) -> dict[str, Mounted]:
     """
     found = {
         name: Mounted(name, SENSOR, own, parameters, rig.frame(name), f"{name}/")
-        for name, own in rig.each().items()
+        for name, own in rig.camera_parameters().items()
     }
     if not found:
         return {}

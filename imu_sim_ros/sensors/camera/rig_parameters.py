@@ -17,7 +17,7 @@ from imu_sim_ros.errors import ConfigurationError, Problems
 from imu_sim_ros.names import unknown
 from imu_sim_ros.parameters import files
 from imu_sim_ros.parameters.kinds import choice, texts
-from imu_sim_ros.parameters.sections import each, listed, section, variant
+from imu_sim_ros.parameters.sections import listed_names, section, sections_by_name, variant
 from imu_sim_ros.places.mesh_file import is_mesh
 from imu_sim_ros.sensors import CAMERAS
 from imu_sim_ros.sensors.camera.parameters import CameraParameters
@@ -63,7 +63,7 @@ class RigParameters:
     cameras: tuple[str, ...] = texts((), CAMERAS)
     scene: SceneParameters = variant("type", DEFAULT_SCENE, find_scene, TYPES)
     features: FeatureParameters = section(FeatureParameters)
-    each_camera: Mapping[str, OneCameraParameters] = each(
+    each_camera: Mapping[str, OneCameraParameters] = sections_by_name(
         "cameras", lambda *_: OneCameraParameters, _TAKEN
     )
 
@@ -76,7 +76,9 @@ class RigParameters:
     @property
     def longest_window(self) -> float:
         """How much is read at once [s]."""
-        return min((one.longest_window for one in self.each().values()), default=math.inf)
+        return min(
+            (one.longest_window for one in self.camera_parameters().values()), default=math.inf
+        )
 
     def frame(self, name: str) -> str:
         """Return the frame of a camera's messages."""
@@ -86,7 +88,7 @@ class RigParameters:
         """Return the parameters of one camera."""
         return self.each_camera[name].camera
 
-    def each(self) -> dict[str, CameraParameters]:
+    def camera_parameters(self) -> dict[str, CameraParameters]:
         """Return the parameters of all cameras by name, in order."""
         return {name: self.camera(name) for name in self.cameras}
 
@@ -98,7 +100,7 @@ def axes(given: Mapping[str, object], recorded: bool) -> dict[str, object]:
     :param recorded: the trajectory is recorded poses: the body has the axes of their recording.
     """
     result: dict[str, object] = {}
-    for name in listed("cameras", given):
+    for name in listed_names("cameras", given):
         told = {key: given.get(f"{name}.camera.{key}", given.get(f"camera.{key}")) for key in _AXES}
         if told["body_axes"] in (None, "trajectory"):
             own = recorded or told["mounting"] is not None
@@ -113,7 +115,7 @@ def layer_rig(given: Mapping[str, object], problems: Problems) -> dict[str, obje
 
     :param problems: receives a line for each preset that cannot be read.
     """
-    names = listed("cameras", given)
+    names = listed_names("cameras", given)
     of_all = {key: value for key, value in given.items() if key.startswith("camera.")}
     result = {key: value for key, value in given.items() if not (names and key in of_all)}
     for name in names:
@@ -132,7 +134,7 @@ def layer_rig(given: Mapping[str, object], problems: Problems) -> dict[str, obje
 
 def of_rig(given: Mapping[str, object]) -> dict[str, object]:
     """Return the parameters that are about cameras and scene."""
-    own = (f"{name}.camera." for name in listed("cameras", given))
+    own = (f"{name}.camera." for name in listed_names("cameras", given))
     prefixes = ("camera.", "scene.", "features.", *own)
     return {k: v for k, v in given.items() if k == "cameras" or k.startswith(prefixes)}
 
@@ -149,7 +151,7 @@ def load_rig(given: Mapping[str, object]) -> RigParameters:
 def rig_problems(rig: RigParameters, simulation: EnvironmentParameters) -> Iterator[str]:
     """Yield a line for each camera that does not fit the IMU, or is another one again."""
     of_values: dict[CameraParameters, str] = {}
-    for name, camera in rig.each().items():
+    for name, camera in rig.camera_parameters().items():
         # The file that a camera came from, and the frame of its messages, make no other camera.
         first = of_values.setdefault(dataclasses.replace(camera, preset="", frame=""), name)
         if first != name:
@@ -157,7 +159,7 @@ def rig_problems(rig: RigParameters, simulation: EnvironmentParameters) -> Itera
                 f"{name}.camera: is {first} again, with the same lens and mount; give it "
                 f"another {name}.camera.preset or {name}.camera.lever_arm"
             )
-    for name, camera in rig.each().items():
+    for name, camera in rig.camera_parameters().items():
         ratio = exact_rate(simulation.rate) / exact_rate(camera.rate)
         if camera.trigger == "synchronised" and ratio.denominator != 1:
             yield (

@@ -27,7 +27,7 @@ from imu_sim_ros.parameters.kinds import (
     text,
     vector,
 )
-from imu_sim_ros.parameters.sections import section, shared
+from imu_sim_ros.parameters.sections import common_sections, section
 from imu_sim_ros.sensors import sensors_of_imus
 from imu_sim_ros.sensors.imu.triads import TriadsParameters
 from imu_sim_ros.sensors.parameters import LONGEST, TimingParameters, rotation_problems
@@ -298,7 +298,7 @@ class ImuParameters(TimingParameters, BoardParameters, TriadsParameters):
         2, "order of the low-pass filters (Butterworth)", minimum=1, maximum=8
     )
     vibration: BoardVibrationParameters = section(BoardVibrationParameters)
-    sensors: Mapping[str, Any] = shared(
+    sensors: Mapping[str, Any] = common_sections(
         lambda: {one.name: one.section for one in sensors_of_imus()}, joint="_"
     )
     """``imu.magnetometer`` is ``imu.sensors["magnetometer"]``."""

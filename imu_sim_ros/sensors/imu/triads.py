@@ -384,7 +384,9 @@ def triad(name: Triad, without: Collection[str] = (), fixed: bool = False) -> An
     :param without, fixed: as for :func:`section`.
     """
     absent = (*without, *(() if name == "gyroscope" else _OF_THE_GYROSCOPE))
-    return section(TriadParameters, joint="_", words=_WORDS[name], without=absent, fixed=fixed)
+    return section(
+        TriadParameters, joint="_", substitutions=_WORDS[name], without=absent, fixed=fixed
+    )
 
 
 @dataclass(frozen=True)

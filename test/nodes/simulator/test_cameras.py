@@ -175,7 +175,7 @@ def check_mounts(payloads: list[bytes]) -> None:
     values = {k: v for k, v in RIG.items() if "camera" in k and k != "cameras"}
     values["camera.intrinsics"] = [57.3, 57.2, 45.9, 31.0]
     rig = load_rig({**values, "cameras": ["cam0", "cam1"]})
-    for name, camera in rig.each().items():
+    for name, camera in rig.camera_parameters().items():
         transform = found[f"{name}_optical_frame"]
         assert transform.header.frame_id == "base_link"
         r_bc, p_bc = camera.pose()
