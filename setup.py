@@ -37,7 +37,7 @@ OPTIONAL = {
     "complete": ["argcomplete"],
     "fast": ["orjson>=3.11.9"],
     "frames": ["pandas"],
-    "logs": ["pyulog>=1.1.0"],
+    "logs": ["pymavlink>=2.4.40", "pyulog>=1.1.0"],
     "magnetic": ["pygeomag"],
     "mesh": ["trimesh>=4.0", "embreex>=4.4"],
     "view": ["rerun-sdk>=0.23"],

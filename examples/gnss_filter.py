@@ -23,8 +23,8 @@ from gtsam.symbol_shorthand import B, V, X
 
 import imu_sim_ros as ims
 from imu_sim_ros import rotation
+from imu_sim_ros.geodesy import earth_fixed, east_north_up
 from imu_sim_ros.parameters import files
-from imu_sim_ros.sensors.gravity import earth_fixed, east_north_up
 from imu_sim_ros.simulation.parameters import load_simulation
 
 START = {"pose": np.array([1e-3, 1e-3, 5e-3, 1e-2, 1e-2, 1e-2]), "velocity": 1e-2}

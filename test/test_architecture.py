@@ -23,8 +23,8 @@ PACKAGE = ROOT / "imu_sim_ros"
 LOW = {
     "__version__",
     "types",
-    *("arguments", "components", "conventions", "errors", "inputs", "json_text", "names"),
-    *("parameters", "poses", "progress", "random_streams", "recordings"),
+    *("arguments", "components", "conventions", "errors", "geodesy", "inputs", "json_text"),
+    *("names", "parameters", "poses", "progress", "random_streams", "recordings"),
     *("records", "rotation"),
     *("text_tables", "timebase"),
 }
@@ -67,6 +67,7 @@ ONLY_IN = {
     "geometry_msgs": {"nodes"},
     "rosbags": {"bags"},
     "mcap": {"bags"},
+    "pymavlink": {"bags"},
     "pyulog": {"bags"},
     "matplotlib": {"plots"},
     "cv2": {"sensors"},

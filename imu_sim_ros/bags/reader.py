@@ -32,6 +32,7 @@ from imu_sim_ros.conventions import IDEAL_IMU_TOPIC
 from imu_sim_ros.errors import ImuSimError, InputError, MissingDependencyError, system_error
 from imu_sim_ros.inputs.rows import open_regular
 from imu_sim_ros.names import suggestion
+from imu_sim_ros.recordings.findings.clipping import ClippingCounts
 from imu_sim_ros.types import Bytes, Times
 
 DAMAGE: Final = (
@@ -128,6 +129,8 @@ class Bag(AbstractContextManager["Bag"], ABC):
         """Defects of a bag in recovery that lose no message."""
         self.damage: list[str] = []
         """Lines about parts left out of a bag in recovery, with the reasons."""
+        self.clippings: Sequence[ClippingCounts] = ()
+        """Counts of clipped readings that the device has kept."""
         self.lost_bytes = 0
         """Bytes of those parts."""
         self.lost_messages = 0

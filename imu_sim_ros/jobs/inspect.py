@@ -47,10 +47,12 @@ from imu_sim_ros.recordings.findings.catalogue import (
     KINDS,
     by_severity,
     camera_findings,
+    clipping_findings,
     cloud_findings,
     reading_findings,
     state_findings,
 )
+from imu_sim_ros.recordings.findings.clipping import ClippingCounts
 from imu_sim_ros.recordings.findings.finding import SEVERITIES, Finding
 from imu_sim_ros.recordings.findings.measures import ReadingMeasures
 from imu_sim_ros.records import Readings, States, concatenated, with_fields
@@ -269,7 +271,7 @@ def _cell(value: object) -> str:
     return f"{value:,}" if isinstance(value, int) else str(value)
 
 
-Record = Readings | States | CameraRecord | CloudRecord
+Record = Readings | States | ClippingCounts | CameraRecord | CloudRecord
 """Readings, poses, the description of a camera, or clouds."""
 Source = str | PathLike[str] | Readings | States | Flight
 """A file, or a record in memory."""
@@ -340,6 +342,8 @@ def inspect(
     for record in records:
         if isinstance(record, CameraRecord):
             findings += camera_findings(record)
+        elif isinstance(record, ClippingCounts):
+            findings += clipping_findings(record)
         elif isinstance(record, CloudRecord):
             findings += cloud_findings(record)
         elif isinstance(record, Readings):
@@ -372,6 +376,7 @@ def _read(
         named = None if topic is None else bag.find(topic)
         cameras = list(camera_records(bag, name, image_size))
         clouds = list(cloud_records(bag, name))
+        clippings = [replace(counts, source=f"{name}, {counts.source}") for counts in bag.clippings]
     topics += [TopicContents(name, info.name, info.type, info.count) for info in infos]
     imus = door.imu_choices(path, choice)
     tracks = [info.name for info in infos if info.type == ODOMETRY and info.count]
@@ -398,6 +403,7 @@ def _read(
         with problems.gathered():
             yield with_fields(read_odometry(path, track), source=f"{name}, {track}")
     if topic is None:
+        yield from clippings
         yield from cameras
         yield from clouds
     problems.tell()

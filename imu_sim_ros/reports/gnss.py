@@ -12,10 +12,10 @@ import numpy as np
 from imu_sim_ros.bags.messages.blocks import TopicInfo
 from imu_sim_ros.bags.messages.encode import NAV_SAT_FIX, TWIST_WITH_COVARIANCE
 from imu_sim_ros.bags.read import decoded_blocks, open_bag
+from imu_sim_ros.geodesy import tangent_plane
 from imu_sim_ros.reports.page import Item, Section
 from imu_sim_ros.reports.sensors import TRUTH, MeasuredQuantity, comparison, truth_of
 from imu_sim_ros.reports.streams import extremes
-from imu_sim_ros.sensors.gravity import earth_fixed, east_north_up
 from imu_sim_ros.types import Array, Times
 
 _DIRECTIONS: Final = ("east", "north", "up")
@@ -49,12 +49,12 @@ def _fixes(path: Path, name: str, true_name: str | None) -> list[Item]:
     if not fixed.any():
         return [{"kind": "text", "text": text}]
     origin = geodetic[fixed][0]
-    measured = _quantity("m", t_ns[fixed], _local(geodetic[fixed], origin), variance[fixed])
+    measured = _quantity("m", t_ns[fixed], tangent_plane(geodetic[fixed], origin), variance[fixed])
     tracks = [_track(name, 0, measured.values)]
     truth = None
     if true_name is not None:
         true_ns, true_geodetic, no_variance, _ = _read_fixes(path, true_name)
-        truth = _quantity("m", true_ns, _local(true_geodetic, origin), no_variance)
+        truth = _quantity("m", true_ns, tangent_plane(true_geodetic, origin), no_variance)
         tracks.insert(0, _track(true_name, None, truth.values))
     text += f"; metres east, north and up of {origin[0]:.7f}, {origin[1]:.7f} deg"
     items: list[Item] = [
@@ -77,16 +77,6 @@ def _quantity(unit: str, t_ns: Times, values: Array, variance: Array) -> Measure
 def _track(name: str, colour: int | None, positions: Array) -> Item:
     x, y, z = positions[extremes(positions)].T
     return {"name": name, "colour": colour, "x": x, "y": y, "z": z}
-
-
-def _local(geodetic: Array, origin: Array) -> Array:
-    """Return positions (n, 3) east, north and up of an origin [m].
-
-    :param geodetic: (n, 3) latitude [deg], longitude [deg] and height [m], as the origin (3,).
-    """
-    latitude, longitude, height = (np.array([number]) for number in origin)
-    difference = earth_fixed(*geodetic.T) - earth_fixed(latitude, longitude, height)
-    return np.einsum("ij,nj->ni", east_north_up(latitude, longitude)[0], difference)
 
 
 def _read_fixes(path: Path, name: str) -> tuple[Times, Array, Array, Array]:

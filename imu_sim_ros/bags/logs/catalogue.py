@@ -7,11 +7,11 @@ from functools import lru_cache
 from pathlib import Path
 from typing import Final
 
-from imu_sim_ros.bags.logs import px4
+from imu_sim_ros.bags.logs import ardupilot, px4
 from imu_sim_ros.bags.logs.log import Contents, LogBag, LogFormat
 from imu_sim_ros.bags.reader import Recover
 
-LOGS: Final[tuple[LogFormat, ...]] = (px4,)
+LOGS: Final[tuple[LogFormat, ...]] = (px4, ardupilot)
 """All kinds; the first that recognises a path reads it."""
 
 

@@ -3,7 +3,12 @@
 
 """A log of many sensors as a bag: arrays of each sensor become messages, piece by piece."""
 
+import io
+import os
+import sys
+import tempfile
 from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
+from contextlib import contextmanager, redirect_stderr, redirect_stdout
 from dataclasses import dataclass, field
 from pathlib import Path
 from types import MappingProxyType
@@ -27,11 +32,16 @@ from imu_sim_ros.bags.messages.encode import (
 from imu_sim_ros.bags.reader import END_NS, Bag, Recover, Timed
 from imu_sim_ros.conventions import BODY_FRAME, IMU_FRAME, WORLD_FRAME
 from imu_sim_ros.errors import InputError, Remark, naming, warn
+from imu_sim_ros.recordings.findings.clipping import ClippingCounts
 from imu_sim_ros.rotation import conjugate, interpolate, log, multiply, normalise, rotate_inverse
 from imu_sim_ros.types import Array, Bytes, Mask, Times
 
 _ROWS: Final = 1 << 14
 """Messages of all topics in a piece, which bounds the memory of encoding."""
+_STDERR: Final = 2
+"""Descriptor of the standard error."""
+_LONGEST_OUTPUT: Final = 1 << 16
+"""Output of a library that is looked at [bytes]."""
 _ABSENT: Final = (-1.0, *[0.0] * 8)
 """Covariance of a triad that a message has not (REP-145)."""
 
@@ -60,6 +70,8 @@ class Contents:
     """Topics with messages."""
     preferred: Mapping[str, Sequence[str]] = field(default_factory=lambda: MappingProxyType({}))
     """Names of topics by type, of which the first that exists is read if the user names none."""
+    clippings: Sequence[ClippingCounts] = ()
+    """Counts of clipped readings."""
     damage: tuple[str, ...] = ()
     """Lines about parts that could not be read."""
     remarks: tuple[str, ...] = ()
@@ -100,6 +112,7 @@ class LogBag(Bag):
             info = TopicInfo(stream.name, stream.type, len(stream.t_ns), schema, ())
             self._streams[info] = stream
         self.topics = list(self._streams)
+        self.clippings = contents.clippings
         self.damage += contents.damage
         for line in (*contents.remarks, *(() if recover else contents.damage)):
             warn(f"{path}: {line}", Remark)
@@ -373,6 +386,30 @@ def _alone(triad: LogTriad, is_gyro: bool) -> LogStream:
     """Return the readings of a triad without the other one."""
     columns = (triad.values, None) if is_gyro else (None, triad.values)
     return imu(triad.topic, triad.t_ns, *columns, aliases=triad.aliases)
+
+
+@contextmanager
+def printed(lines: list[str]) -> Iterator[None]:
+    """Keep what a library prints about a log from the terminal.
+
+    Compiled code of libraries writes to the descriptor itself.
+
+    :param lines: receives the lines.
+    """
+    text = io.StringIO()
+    with tempfile.TemporaryFile() as file:
+        sys.stderr.flush()
+        terminal = os.dup(_STDERR)
+        os.dup2(file.fileno(), _STDERR)
+        try:
+            with redirect_stdout(text), redirect_stderr(text):
+                yield
+        finally:
+            os.dup2(terminal, _STDERR)
+            os.close(terminal)
+        file.seek(0)
+        content = file.read(_LONGEST_OUTPUT).decode("utf-8", "replace")
+    lines += [line for line in (text.getvalue() + content).splitlines() if line.strip()]
 
 
 def refuse_empty(path: Path, kind: str, names: Sequence[str]) -> InputError:

@@ -7,8 +7,6 @@ Fields, units and frames are those of PX4's message definitions (PX4/PX4-Autopil
 container that of the ULog description (docs.px4.io, "ULog File Format").
 """
 
-import contextlib
-import io
 import re
 import struct
 from collections import Counter
@@ -29,9 +27,10 @@ from imu_sim_ros.bags.messages.encode import (
     ODOMETRY,
     TEMPERATURE,
 )
-from imu_sim_ros.conventions import AXES, TRUTH_TOPIC, WORLD_FRAME
+from imu_sim_ros.conventions import AXES, TRIADS, TRUTH_TOPIC, WORLD_FRAME
 from imu_sim_ros.errors import InputError, MissingDependencyError
 from imu_sim_ros.inputs.rows import open_regular
+from imu_sim_ros.recordings.findings.clipping import ClippingCounts
 from imu_sim_ros.rotation import to_matrix
 from imu_sim_ros.types import Array, Mask, Times
 
@@ -151,7 +150,8 @@ def contents(path: Path) -> Contents:
     if not streams:
         raise log.refuse_empty(path, "a ULog file", sorted(file.message_formats))
     damage = ("damaged: pyulog leaves out what it cannot read",) if file.file_corruption else ()
-    return Contents(streams, _PREFERRED, damage, tuple(remarks))
+    clippings = tuple(_clippings(topics))
+    return Contents(streams, _PREFERRED, clippings, damage, tuple(remarks))
 
 
 def _load(path: Path) -> "ULog":
@@ -163,7 +163,7 @@ def _load(path: Path) -> "ULog":
             f"{path}: a ULog file is read by pyulog: pip install pyulog"
         ) from None
     try:
-        with contextlib.redirect_stdout(io.StringIO()):  # pyulog prints what is wrong
+        with log.printed([]):
             return ULog(str(path), sorted(_NAMES))
     except (OSError, MemoryError):
         raise
@@ -505,6 +505,16 @@ def _geodetic(topic: _Topic) -> tuple[Array, Array, Array] | None:
     return latitude, longitude, altitude
 
 
+def _clippings(topics: Topics) -> Iterator[ClippingCounts]:
+    """Yield the counts of clipped readings of each IMU."""
+    for topic in topics.get("vehicle_imu_status", ()):
+        for triad, name in zip(TRIADS, ("gyro_clipping", "accel_clipping"), strict=True):
+            counts = topic.vector(name)
+            if counts is not None:
+                total = counts.sum(axis=1).astype(np.int64)
+                yield ClippingCounts(f"vehicle_imu/{topic.instance}", triad, topic.t_ns, total)
+
+
 _READERS: Final = (
     _combined,
     _integrals,
@@ -518,7 +528,7 @@ _READERS: Final = (
 """Functions that yield streams of the topics, in the order in which they are listed."""
 _NAMES: Final = frozenset(
     {
-        *("sensor_combined", "vehicle_imu"),
+        *("sensor_combined", "vehicle_imu", "vehicle_imu_status"),
         *(f"sensor_{triad}{suffix}" for triad in ("gyro", "accel") for suffix in ("", _FIFO)),
         *(
             f"vehicle_{name}{suffix}"

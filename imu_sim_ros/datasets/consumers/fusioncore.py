@@ -15,7 +15,7 @@ from imu_sim_ros.conventions import TRIADS
 from imu_sim_ros.datasets.consumers.aiding import SPEED, Aiding
 from imu_sim_ros.datasets.consumers.subject import Subject
 from imu_sim_ros.datasets.consumers.values import comment, real
-from imu_sim_ros.sensors.gravity import earth_fixed
+from imu_sim_ros.geodesy import earth_fixed
 from imu_sim_ros.simulation.topics import resolved
 
 _GRAVITY: Final = 9.80665

@@ -10,6 +10,7 @@ import numpy as np
 
 from imu_sim_ros.recordings.cameras import CameraRecord, CloudRecord
 from imu_sim_ros.recordings.findings.cameras import CAMERAS, CLOUDS
+from imu_sim_ros.recordings.findings.clipping import CLIPPING, ClippingCounts
 from imu_sim_ros.recordings.findings.disturbances import DISTURBANCES, DisturbedPoses
 from imu_sim_ros.recordings.findings.finding import SEVERITIES, FaultCheck, Finding, RecordT
 from imu_sim_ros.recordings.findings.measures import ReadingMeasures
@@ -25,6 +26,7 @@ GROUPS: Final[dict[str, tuple[FaultCheck[Any], ...]]] = {
     "Poses": (*STATES, *DISTURBANCES),
     "Cameras": CAMERAS,
     "Clouds": CLOUDS,
+    "Counts of devices": CLIPPING,
 }
 """All checks, by the part of a recording that they look at."""
 _JUDGED: Final = 200_000
@@ -90,6 +92,11 @@ def camera_findings(camera: CameraRecord) -> list[Finding]:
 def cloud_findings(cloud: CloudRecord) -> list[Finding]:
     """Return the findings about clouds, worst first."""
     return by_severity(_findings(CLOUDS, cloud, cloud.source))
+
+
+def clipping_findings(counts: ClippingCounts) -> list[Finding]:
+    """Return the findings about the clipped readings that a device counts."""
+    return list(_findings(CLIPPING, counts, counts.source))
 
 
 def by_severity(findings: Iterable[Finding]) -> list[Finding]:

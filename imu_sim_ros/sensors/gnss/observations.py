@@ -18,6 +18,7 @@ from typing import Any, Final, NamedTuple
 
 import numpy as np
 
+from imu_sim_ros.geodesy import earth_fixed, east_north_up
 from imu_sim_ros.random_streams import generator, generator_at
 from imu_sim_ros.sensors.environment import EnvironmentParameters
 from imu_sim_ros.sensors.gnss.parameters import RawParameters
@@ -30,7 +31,7 @@ from imu_sim_ros.sensors.gnss.satellites import (
     orbits,
 )
 from imu_sim_ros.sensors.gnss.sky import SATELLITES, Broadcast
-from imu_sim_ros.sensors.gravity import earth_fixed, east_north_up, geodetic
+from imu_sim_ros.sensors.gravity import geodetic
 from imu_sim_ros.timebase import NANOSECONDS_PER_SECOND
 from imu_sim_ros.types import Array, Integers, Mask
 

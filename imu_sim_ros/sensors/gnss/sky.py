@@ -11,6 +11,7 @@ from typing import Final, NamedTuple
 import numpy as np
 
 from imu_sim_ros.errors import ConfigurationError, InputError
+from imu_sim_ros.geodesy import earth_fixed, east_north_up
 from imu_sim_ros.sensors.environment import EnvironmentParameters
 from imu_sim_ros.sensors.gnss import rinex
 from imu_sim_ros.sensors.gnss.parameters import GnssParameters
@@ -24,7 +25,7 @@ from imu_sim_ros.sensors.gnss.satellites import (
     gps_time,
     orbits,
 )
-from imu_sim_ros.sensors.gravity import earth_fixed, east_north_up, geodetic
+from imu_sim_ros.sensors.gravity import geodetic
 from imu_sim_ros.types import Array, Integers, Mask
 
 SATELLITES: Final = 32

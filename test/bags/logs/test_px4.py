@@ -331,7 +331,7 @@ def test_a_bag_keeps_all_sensors(folder, flight, old):
         **sensors(readings.t_ns[::10], old),
     }  # fmt: skip
     path = ulog.write(folder / f"all_{old}.ulg", topics)
-    written = ims.convert(path, folder / f"all_{old}.mcap")
+    written = ims.convert(path, folder / f"all_{old}.bag")
     receiver = "/vehicle_gps_position" if old else "/sensor_gps_0"
     n, few = len(readings), len(readings.t_ns[::10])
     assert written.messages == {

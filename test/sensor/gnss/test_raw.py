@@ -14,10 +14,10 @@ import pytest
 
 import imu_sim_ros as ims
 from imu_sim_ros.errors import ConfigurationError, InputError
+from imu_sim_ros.geodesy import earth_fixed
 from imu_sim_ros.sensors.gnss import rinex
 from imu_sim_ros.sensors.gnss.observations import Antenna, klobuchar, ranges, saastamoinen
 from imu_sim_ros.sensors.gnss.satellites import LIGHT, GpsTime, almanac, gps_time, orbits
-from imu_sim_ros.sensors.gravity import earth_fixed
 from imu_sim_ros.simulation.engine import Body
 from imu_sim_ros.simulation.parameters import load_simulation
 
