@@ -51,8 +51,8 @@ def recorded_cameras(topics: Sequence[TopicInfo]) -> list[RecordedCamera]:
     """
     cameras: dict[str, dict[str, TopicInfo]] = {}
     for topic in sorted(topics, key=lambda topic: (topic.type == COMPRESSED_IMAGE, topic.name)):
-        other = topic.name.endswith((f"/{MASK_TOPIC}", f"/{FLOW_TOPIC}"))
-        if topic.type in (IMAGE, COMPRESSED_IMAGE) and not other:
+        is_mask_or_flow = topic.name.endswith((f"/{MASK_TOPIC}", f"/{FLOW_TOPIC}"))
+        if topic.type in (IMAGE, COMPRESSED_IMAGE) and not is_mask_or_flow:
             kind = "depth" if topic.name.endswith(f"/{DEPTH_TOPIC}") else "images"
             cameras.setdefault(base_of(topic.name), {}).setdefault(kind, topic)
     bases = sorted(cameras)
@@ -133,7 +133,7 @@ def _changes(bag: Bag, topic: TopicInfo) -> tuple[tuple[int, ...], tuple[CameraI
     """Return numbers and contents of the messages that differ from the one before."""
     types = schemas.typestore([(topic.type, topic.schema)], bag.encoding)
     decode = types.deserialize_cdr if bag.encoding == "cdr" else types.deserialize_ros1
-    before, row = b"", 0
+    previous, row = b"", 0
     rows, infos = [], []
     for group in bag.groups({topic.name}):
         for block in group:
@@ -141,10 +141,10 @@ def _changes(bag: Bag, topic: TopicInfo) -> tuple[tuple[int, ...], tuple[CameraI
                 continue
             for payload in as_list(block.payloads):
                 content = bytes(payload[_STAMP_END:])
-                if content != before:
+                if content != previous:
                     with errors_naming(bag.path, f" ({topic.name})"):
                         infos.append(camera_info(decode(payload, topic.type)))
                     rows.append(row)
-                    before = content
+                    previous = content
                 row += 1
     return tuple(rows), tuple(infos)

@@ -74,11 +74,11 @@ class ChunkWriter(Writer):
         self._written: list[Stored] = []
         self._emitting = False
         self._finishing: int | None = None
-        """Where the file's end begins, once that is being written."""
+        """Byte at which the file's end begins, once it is being written."""
         self._mark = (0, 0)
         """Bytes and chunks up to which the file is whole."""
         self._before = b""
-        """What stands before the records of the next chunk."""
+        """Bytes in front of the records of the next chunk."""
         self._pipeline: Pipeline[Chunk, Sequence[bytes | memoryview]] | None = None
         """Threads that take the chunks, once a file has as much as one; a small file does without.
 
@@ -87,11 +87,11 @@ class ChunkWriter(Writer):
 
     @abstractmethod
     def _records(
-        self, topic: BagTopic, first: int, t_ns: Times, payloads: RowTemplate
+        self, topic: BagTopic, start: int, t_ns: Times, payloads: RowTemplate
     ) -> list[RowTemplate]:
         """Return messages of equal size as records: what stands side by side in each.
 
-        :param first: how many messages of the topic were written before.
+        :param start: number of messages of the topic that were written before.
         """
 
     @abstractmethod
@@ -211,12 +211,12 @@ class ChunkWriter(Writer):
             if isinstance(payloads, RowTemplate) and bool(np.all(t_ns[1:] >= t_ns[:-1]))
         ]
         by_rows = len({topic for topic, _, _ in in_order}) == len(blocks)
-        for made in self._by_rows(in_order) if by_rows else self._one_by_one(blocks):
-            chunk, before, self._before = made, self._before, b""
-            if before:
+        for built in self._by_rows(in_order) if by_rows else self._one_by_one(blocks):
+            chunk, prefix, self._before = built, self._before, b""
+            if prefix:
                 chunk = Chunk(
-                    np.concatenate([np.frombuffer(before, np.uint8), made.records]),
-                    [Indexed(t, t_ns, at + len(before)) for t, t_ns, at in made.messages],
+                    np.concatenate([np.frombuffer(prefix, np.uint8), built.records]),
+                    [Indexed(t, t_ns, at + len(prefix)) for t, t_ns, at in built.messages],
                 )
             for topic, t_ns, _ in chunk.messages:
                 topic.add(len(t_ns), int(t_ns.min()), int(t_ns.max()))
@@ -266,16 +266,16 @@ class ChunkWriter(Writer):
         self, blocks: Sequence[tuple[BagTopic, Times, list[bytes] | RowTemplate]]
     ) -> Iterator[Chunk]:
         """Yield chunks of any blocks, message by message in the order of time."""
-        before = {topic: topic.count for topic, _, _ in blocks}
+        message_counts = {topic: topic.count for topic, _, _ in blocks}
         records: list[bytes] = []
         for topic, times, payloads in blocks:
-            first = before[topic]
-            before[topic] += len(times)
+            first_index = message_counts[topic]
+            message_counts[topic] += len(times)
             if isinstance(payloads, RowTemplate):
-                records += as_list(side_by_side(self._records(topic, first, times, payloads)))
+                records += as_list(side_by_side(self._records(topic, first_index, times, payloads)))
                 continue
             records += [
-                self._record(topic, first + k, time, payload)
+                self._record(topic, first_index + k, time, payload)
                 for k, (time, payload) in enumerate(zip(times.tolist(), payloads, strict=True))
             ]
         order = time_order([times for _, times, _ in blocks])
@@ -319,10 +319,10 @@ def merged(tables: Sequence[tuple[Simultaneous, slice]]) -> Chunk:
         positions = [(ends - widths[owner])[owner == k] for k in range(len(tables))]
         starts = np.flatnonzero(np.concatenate([[True], owner[1:] != owner[:-1]]))
         sources = owner[starts]
-        first = (row[starts] * widths[sources]).tolist()
+        begins = (row[starts] * widths[sources]).tolist()
         last = ((row[np.append(starts[1:], len(owner)) - 1] + 1) * widths[sources]).tolist()
         memory = [memoryview(rows.reshape(-1).data) for rows in content]
-        pieces = zip(sources.tolist(), first, last, strict=True)
+        pieces = zip(sources.tolist(), begins, last, strict=True)
         joined = b"".join([memory[k][begin:end] for k, begin, end in pieces])
         records = np.frombuffer(joined, np.uint8)
     messages = []

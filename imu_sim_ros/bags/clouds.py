@@ -36,7 +36,7 @@ def is_truth(topic: str) -> bool:
 def cloud_topics(path: Path) -> list[str]:
     """Return the topics of clouds in a bag."""
     with open_bag(path) as bag:
-        return [one.name for one in bag.topics if one.type == POINT_CLOUD2 and one.count]
+        return [topic.name for topic in bag.topics if topic.type == POINT_CLOUD2 and topic.count]
 
 
 def read_cloud(path: Path, name: str) -> Array:
@@ -99,16 +99,16 @@ def _points(cloud: Any, name: str) -> NDArray[np.void]:
     """Return the points (n,) of a message with all of its fields."""
     kinds = {number: kind for kind, number in POINT_TYPES.items()}
     order = ">" if cloud.is_bigendian else "<"
-    fields = {one.name: one for one in cloud.fields if int(one.datatype) in kinds}
+    fields = {field.name: field for field in cloud.fields if int(field.datatype) in kinds}
     if any(axis not in fields or int(fields[axis].datatype) not in (7, 8) for axis in "xyz"):
         raise InputError(f"{name}: a cloud without x, y and z as floating-point numbers")
-    formats = [order + kinds[int(one.datatype)] for one in fields.values()]
-    counts = [max(int(one.count), 1) for one in fields.values()]
+    formats = [order + kinds[int(field.datatype)] for field in fields.values()]
+    counts = [max(int(field.count), 1) for field in fields.values()]
     row = np.dtype(
         {
             "names": list(fields),
             "formats": [f if n == 1 else (f, (n,)) for f, n in zip(formats, counts, strict=True)],
-            "offsets": [int(one.offset) for one in fields.values()],
+            "offsets": [int(field.offset) for field in fields.values()],
             "itemsize": int(cloud.point_step),
         }
     )

@@ -55,23 +55,23 @@ def unpack(path: Path, compression: str, stack: ExitStack) -> Unpacked:
     :raises InputError: for a file that expands to more than any bag does.
     :raises MachineError: if the folder for temporary files has no room.
     """
-    most = max(_ALWAYS_ALLOWED, _LARGEST_RATIO * path.stat().st_size)
+    limit = max(_ALWAYS_ALLOWED, _LARGEST_RATIO * path.stat().st_size)
     folder = tempfile.gettempdir()
     try:
         target = Path(stack.enter_context(tempfile.TemporaryDirectory())) / stem(path).name
         with open_regular(path) as source, target.open("wb") as file:
-            unpacked = _copy(_reader(source, compression), file, most)
+            unpacked = _copy(_reader(source, compression), file, limit)
     except OSError as error:
         raise MachineError(
             f"{path}: cannot be unpacked into {folder}: {error.strerror or error}; the variable "
             "TMPDIR names a folder with more room"
         ) from None
     if unpacked is None:
-        raise InputError(f"{path}: more than {most} bytes of {compression} data exceed the limit")
+        raise InputError(f"{path}: more than {limit} bytes of {compression} data exceed the limit")
     return Unpacked(target, torn=not unpacked)
 
 
-def _copy(reader: Any, file: IO[bytes], most: int) -> bool | None:
+def _copy(reader: Any, file: IO[bytes], limit: int) -> bool | None:
     """Copy what can be unpacked; return whether it is all of it, None if it is too much."""
     import zstandard
 
@@ -84,7 +84,7 @@ def _copy(reader: Any, file: IO[bytes], most: int) -> bool | None:
             return False
         if not part:
             return True
-        if file.tell() + len(part) > most:
+        if file.tell() + len(part) > limit:
             return None
         file.write(part)
 

@@ -64,15 +64,17 @@ def chosen(bag: Bag, names: Collection[str]) -> list[TopicInfo]:
 
     :raises InputError: with a line for every topic that the bag lacks.
     """
-    found = [bag.find(name) for name in names]
+    topics_or_none = [bag.find(name) for name in names]
     lacking = [
-        f"/{name.lstrip('/')}" for name, topic in zip(names, found, strict=True) if topic is None
+        f"/{name.lstrip('/')}"
+        for name, topic in zip(names, topics_or_none, strict=True)
+        if topic is None
     ]
     if lacking:
         raise InputError(
             [f"{bag.path}: has no topic {name}; {missing(name, bag.topics)}" for name in lacking]
         )
-    topics = [topic for topic in found if topic is not None]
+    topics = [topic for topic in topics_or_none if topic is not None]
     return topics if names else list(bag.topics)
 
 
@@ -84,7 +86,7 @@ def bag_to_bag(
     advance: Callable[[int], object],
     skipped: Skipped | None = None,
     warned: Warned | None = None,
-    more: More | None = None,
+    additional: More | None = None,
     ungated: str = "",
     edit: ImuEdit | None = None,
 ) -> list[str]:
@@ -93,7 +95,7 @@ def bag_to_bag(
     :param renamed: new names by old ones.
     :param advance: receives the number of messages copied.
     :param skipped, warned: as for :func:`imu_sim_ros.bags.read.imu_blocks`.
-    :param more: makes further messages for each block of messages, in a thread of its own.
+    :param additional: makes further messages for each block of messages, in a thread of its own.
     :param ungated: a topic whose messages are checked elsewhere.
     :param edit: units and frame of Imu messages; None: they are copied as they are.
     :returns: a line for each topic and type whose fields differ in the other generation of ROS.
@@ -125,7 +127,7 @@ def bag_to_bag(
             lines += [f"{name}: {line}" for line in translate.differences(info)]
     gates = {info: MessageGate(bag.path, info.name, warned is not None) for info in topics}
     groups = bag.groups({info.name for info in topics})
-    for group, beside_it in _with_more(groups, more):
+    for group, beside_it in _with_more(groups, additional):
         copied = [block for block in group if block.topic in handles]
         if edit is not None:
             copied = [edit.apply(block, bag.encoding) for block in copied]
@@ -147,12 +149,15 @@ def bag_to_bag(
 
 
 def _with_more(
-    groups: Iterator[list[MessageBlock]], more: More | None
+    groups: Iterator[list[MessageBlock]], additional: More | None
 ) -> Iterator[tuple[list[MessageBlock], list[Block]]]:
     """Yield groups, each with its further messages."""
-    if more is None:
+    if additional is None:
         return ((group, []) for group in groups)
-    return prefetch((group, [made for block in group for made in more(block)]) for group in groups)
+    return prefetch(
+        (group, [extra_block for block in group for extra_block in additional(block)])
+        for group in groups
+    )
 
 
 class _Translator:
@@ -163,8 +168,8 @@ class _Translator:
 
     def schema(self, info: TopicInfo) -> schemas.Schema:
         """Return the definition for the new bag."""
-        known = schemas.known_types(self._encoding).fielddefs
-        if not info.schema.text and info.type in known:
+        standard_fields = schemas.known_types(self._encoding).fielddefs
+        if not info.schema.text and info.type in standard_fields:
             return schemas.schema(info.type, self._encoding)
         return info.schema
 
@@ -189,7 +194,7 @@ class _Between(_Translator):
 
     def schema(self, info: TopicInfo) -> schemas.Schema:
         """Return the definition in the other ROS version's form."""
-        return schemas.schema(info.type, self._encoding, self._translation.result)
+        return schemas.schema(info.type, self._encoding, self._translation.target_types)
 
     def differences(self, info: TopicInfo) -> list[str]:
         """Return a line for each type within a topic's whose fields differ."""
@@ -213,7 +218,7 @@ are counted."""
 
 def text_to_bag(
     path: Path,
-    read: ReadImu,
+    read_imu: ReadImu,
     writer: Writer,
     renamed: Mapping[str, str],
     advance: Callable[[int], object],
@@ -228,7 +233,7 @@ def text_to_bag(
     Several IMUs have a namespace each, as in ``generate``: ``/imu1/imu/data_raw``. The poses of a
     motion capture system, as TUM VI has them, are a topic of poses.
 
-    :param read: yields the readings of the IMUs.
+    :param read_imu: yields the readings of the IMUs.
     :param skipped: as for :func:`imu_sim_ros.bags.read.imu_blocks`.
     :param frames: more streams in time order, of cameras; the blocks of one item have the same
         times.
@@ -236,10 +241,12 @@ def text_to_bag(
     """
     names = text_reader.imu_names(path)
     streams = [
-        _reading_messages(read(name, True), writer, renamed, name)
+        _reading_messages(read_imu(name, True), writer, renamed, name)
         for name in (names if len(names) > 1 else [None])
     ]
-    streams += sensor_tables.streams_of_tables(path, read, writer, renamed, names, skipped, tables)
+    streams += sensor_tables.streams_of_tables(
+        path, read_imu, writer, renamed, names, skipped, tables
+    )
     if text_reader.has_states(path):
         streams.append(_state_messages(path, writer, renamed, skipped))
     elif (poses := text_reader.pose_file(path)) is not None:
@@ -382,12 +389,12 @@ def _states(
 class BiasTopicReader:
     """A topic of vectors that is read in step with another one; zero if the bag has none."""
 
-    def __init__(self, path: Path, name: str, of_truth: str | None, recover: Recover) -> None:
+    def __init__(self, path: Path, name: str, truth_topic: str | None, recover: Recover) -> None:
         with open_bag(path, recover) as bag:
             counts = {topic.name: topic.count for topic in bag.topics if topic.name == name}
-            truth = bag.topic(ODOMETRY, of_truth).count
-        there = counts.get(name, -1) == truth
-        self._blocks = vector_blocks(path, name, recover, gated=False) if there else None
+            truth = bag.topic(ODOMETRY, truth_topic).count
+        has_biases = counts.get(name, -1) == truth
+        self._blocks = vector_blocks(path, name, recover, gated=False) if has_biases else None
         self._t_ns, self._vectors = np.empty(0, dtype=np.int64), np.empty((0, 3))
 
     def at(self, t_ns: Times) -> Array:

@@ -98,7 +98,7 @@ def _open_file(path: Path, recover: Recover = False) -> Bag:
 def _open_plain(path: Path, magic: bytes, recover: Recover) -> Bag:
     """Open a bag that is one file, not compressed.
 
-    :param magic: its first bytes.
+    :param magic: first bytes of the file.
     """
     if magic.startswith(b"#ROSBAG V"):
         return Rosbag1Bag(path, recover)

@@ -46,7 +46,7 @@ _CHUNK_BYTES = 40
 """Size of a chunk's fields but its records and the name of their compression."""
 _LONGEST_HEAD = _HEADER_BYTES + _CHUNK_BYTES + len("zstd")
 _HEADS = re.compile(rb"(?=[\x02-\x0f].{4}\x00{4})", re.DOTALL)
-"""Where a record of less than 4 GiB may begin."""
+"""Possible beginnings of records of less than 4 GiB."""
 _FIELDS = {
     0x01: "ss",
     _FOOTER: "884",
@@ -184,18 +184,18 @@ class McapBag(ChunkedBag[_Chunk]):
                     self._leave_out(position, following, "no whole record")
                     position = following
                     continue
-                opcode, after = record
+                opcode, end = record
                 if opcode == CHUNK:
-                    after = self._add_chunk(position, after, counts)
+                    end = self._add_chunk(position, end, counts)
                 elif opcode == MESSAGE:
                     # Messages outside chunks: neighbours are read as if they were one chunk.
-                    after = self._add_messages(position, counts)
+                    end = self._add_messages(position, counts)
                 elif opcode in (_SCHEMA, _CHANNEL):
-                    body = self._bytes(position, after - position)[_HEADER_BYTES:]
+                    body = self._bytes(position, end - position)[_HEADER_BYTES:]
                     self._try_definition(opcode, body, position)
                 elif opcode >= _PRIVATE and self._recover:  # or a damaged opcode of a chunk
-                    self._leave_out(position, after, f"record of the unknown kind {opcode:#x}")
-                position = after
+                    self._leave_out(position, end, f"record of the unknown kind {opcode:#x}")
+                position = end
         except ContradictionError as error:
             if not self._recover:
                 raise
@@ -222,19 +222,19 @@ class McapBag(ChunkedBag[_Chunk]):
         if len(head) < _HEADER_BYTES:
             return None
         opcode, length = struct.unpack_from("<BQ", head)
-        after = position + _HEADER_BYTES + length
+        end = position + _HEADER_BYTES + length
         if opcode == CHUNK:
             plausible = _begins_chunk(head)
         elif opcode == MESSAGE:
-            plausible = after <= self._end and self._begins_message(head)
+            plausible = end <= self._end and self._begins_message(head)
         elif opcode == _FOOTER:
-            plausible = length == _FOOTER_BYTES and MAGIC.startswith(self._head(after)[:8])
+            plausible = length == _FOOTER_BYTES and MAGIC.startswith(self._head(end)[:8])
         elif self._recover:
             fields = position + _HEADER_BYTES
-            plausible = after <= self._end and self._is_filled(opcode, fields, after)
+            plausible = end <= self._end and self._is_filled(opcode, fields, end)
         else:
-            plausible = after <= self._end and (0 < opcode <= _LAST_OPCODE or opcode >= _PRIVATE)
-        return (opcode, after) if plausible else None
+            plausible = end <= self._end and (0 < opcode <= _LAST_OPCODE or opcode >= _PRIVATE)
+        return (opcode, end) if plausible else None
 
     def _is_filled(self, opcode: int, position: int, end: int) -> bool:
         """Return whether the fields of a record end where the record does.
@@ -273,17 +273,21 @@ class McapBag(ChunkedBag[_Chunk]):
         opcode, length, channel = struct.unpack_from("<BQH", head)
         if opcode != MESSAGE or length < MESSAGE_HEADER.itemsize - _HEADER_BYTES:
             return False
-        known, of_summary = self._channels, self._summary_channels
-        return channel in known or channel in of_summary or not (known or of_summary)
+        has_channel_ids, of_summary = self._channels, self._summary_channels
+        return (
+            channel in has_channel_ids
+            or channel in of_summary
+            or not (has_channel_ids or of_summary)
+        )
 
-    def _add_chunk(self, position: int, after: int, counts: dict[int, int]) -> int:
+    def _add_chunk(self, position: int, end: int, counts: dict[int, int]) -> int:
         """Note a chunk and count its messages; returns where to go on.
 
         The records of a damaged chunk without compression are gone through like messages outside
         chunks: what breaks their sequence shows which of them are lost. If nothing does, any of
         them may be wrong.
         """
-        chunk = _Chunk(position, min(after, self._end) - position, 0, 0, torn=after > self._end)
+        chunk = _Chunk(position, min(end, self._end) - position, 0, 0, torn=end > self._end)
         content: bytes | memoryview = b""
         try:
             content = self._chunk_data(chunk)
@@ -293,12 +297,13 @@ class McapBag(ChunkedBag[_Chunk]):
             content = self._chunk_data(chunk, checked=False)
             if self._keeps_damaged and _are_records(content):
                 chunk = chunk._replace(checked=False)
-                kept = self._add_scanned(chunk, content, counts)
+                message_count = self._add_scanned(chunk, content, counts)
                 self.found.append(
-                    f"chunk at byte {position}: {problem}; its {kept} messages are kept, and any "
+                    f"chunk at byte {position}: {problem}; its {message_count} messages are kept, "
+                    "and any "
                     "of them may be wrong"
                 )
-                return after
+                return end
             if self._recover and _are_records(content):
                 problem += "; --keep-damaged keeps its messages"
         except DAMAGE as error:
@@ -306,21 +311,21 @@ class McapBag(ChunkedBag[_Chunk]):
         else:
             if not chunk.torn and _are_records(content):
                 self._add_scanned(chunk, content, counts)
-                return after
+                return end
         if not self._recover:
             raise InputError(f"{self.path}: chunk at byte {position}: {problem}")
         if not self._is_compressed(position):
-            inside = position + _LONGEST_HEAD - len("zstd")
-            if not self._is_sequence(inside, after):
-                return inside
+            inner_position = position + _LONGEST_HEAD - len("zstd")
+            if not self._is_sequence(inner_position, end):
+                return inner_position
         elif chunk.torn and self._next_record(position + 1) == self._end:
             self._add_scanned(chunk, content, counts)
-            return after
-        if after != self._end and not self._is_followed(after):
-            after = self._next_record(position + 1)
-        messages = self._indexed_count(after)
-        self._leave_out(position, after, f"chunk: {problem}", messages)
-        return after
+            return end
+        if end != self._end and not self._is_followed(end):
+            end = self._next_record(position + 1)
+        messages = self._indexed_count(end)
+        self._leave_out(position, end, f"chunk: {problem}", messages)
+        return end
 
     def _indexed_count(self, position: int) -> int:
         """Return how many messages the indexes at an offset name: those of the chunk before it."""
@@ -343,15 +348,15 @@ class McapBag(ChunkedBag[_Chunk]):
             and record[0] == MESSAGE
         ):
             previous, end = end, record[1]
-        after = end
+        next_position = end
         if end < self._end and not self._record_at(end) and not self._is_cut(end):
-            after = self._next_record(previous + 1)
-            self._leave_out(previous, after, "no whole record")
+            next_position = self._next_record(previous + 1)
+            self._leave_out(previous, next_position, "no whole record")
             end = previous
         if end > position:
             chunk = _Chunk(position, end - position, 0, 0)
             self._add_scanned(chunk, self._chunk_data(chunk), counts)
-        return after
+        return next_position
 
     def _is_cut(self, position: int) -> bool:
         """Return whether a message begins here that the end of the file cuts off."""
@@ -375,27 +380,27 @@ class McapBag(ChunkedBag[_Chunk]):
 
     def _add_scanned(self, chunk: _Chunk, data: bytes | memoryview, counts: dict[int, int]) -> int:
         """Note a chunk, its definitions and messages; returns how many messages it has."""
-        starts, found = [END_NS], dict[int, int]()
+        starts, counts_by_channel = [END_NS], dict[int, int]()
         for opcode, start, length in _records(memoryview(data)):
             if opcode == MESSAGE:
                 _, channel, _, log_time = struct.unpack_from("<QHIQ", data, start + 1)
-                found[channel] = found.get(channel, 0) + 1
+                counts_by_channel[channel] = counts_by_channel.get(channel, 0) + 1
                 starts.append(log_time)
             else:
                 body = bytes(data[start + _HEADER_BYTES : start + _HEADER_BYTES + length])
                 self._try_definition(opcode, body, chunk.position + start)
-        for channel, count in found.items():
+        for channel, count in counts_by_channel.items():
             counts[channel] = counts.get(channel, 0) + count
         if chunk.torn:
             self._leave_out(
                 chunk.position,
                 self._end,
                 "chunk: cut off by the end of the file; "
-                f"{sum(found.values())} messages before that are kept",
+                f"{sum(counts_by_channel.values())} messages before that are kept",
             )
         if len(starts) > 1:
             self._chunks.append(chunk._replace(start_ns=min(starts)))
-        return sum(found.values())
+        return sum(counts_by_channel.values())
 
     def _try_definition(self, opcode: int, body: bytes, position: int) -> None:
         """Register a schema or a channel; a damaged one is skipped when recovering."""
@@ -423,9 +428,9 @@ class McapBag(ChunkedBag[_Chunk]):
             self._schemas[schema.id] = schema
         elif opcode == _CHANNEL:
             channel = Channel.read(ReadDataStream(BytesIO(body)))
-            before = self._channels.get(channel.id, channel)
-            _check_same("channel", channel.id, before.topic, channel.topic)
-            _check_same("channel", channel.id, before.schema_id, channel.schema_id)
+            previous = self._channels.get(channel.id, channel)
+            _check_same("channel", channel.id, previous.topic, channel.topic)
+            _check_same("channel", channel.id, previous.schema_id, channel.schema_id)
             self._channels[channel.id] = channel
 
     def _name_topics(self, counts: Mapping[int, int]) -> None:
@@ -465,12 +470,12 @@ class McapBag(ChunkedBag[_Chunk]):
                     encodings[name] = channel.message_encoding
         readable = [form for form in ("cdr", "ros1") if form in encodings.values()]
         encoding = readable[0] if readable else "cdr"
-        others = {name: form for name, form in encodings.items() if form != encoding}
+        other_encodings = {name: form for name, form in encodings.items() if form != encoding}
         self.unreadable = {
             name: f"holds {form or 'no encoding'}, not {_GENERATIONS[encoding]} messages"
-            for name, form in others.items()
+            for name, form in other_encodings.items()
         }
-        if others and not readable and not self._recover:
+        if other_encodings and not readable and not self._recover:
             raise InputError([f"{self.path}: {n} {why}" for n, why in self.unreadable.items()])
         return encoding
 
@@ -486,8 +491,8 @@ class McapBag(ChunkedBag[_Chunk]):
         text = record.data.decode("utf-8", "replace") if record else ""
         digest = metadata.get("topic_type_hash", "")
         language = record.encoding if record and record.encoding else "ros2msg"
-        offered = metadata.get("offered_qos_profiles", "")
-        return TopicInfo(name, type_name, count, Schema(text, digest, language), offered)
+        qos_profiles = metadata.get("offered_qos_profiles", "")
+        return TopicInfo(name, type_name, count, Schema(text, digest, language), qos_profiles)
 
     def _ros1_type(
         self,
@@ -508,23 +513,27 @@ class McapBag(ChunkedBag[_Chunk]):
         qos = Qos(durability="transient_local") if is_latched else Qos()
         return TopicInfo(name, type_name, count, Schema(text, digest), (qos,))
 
-    def _blocks(self, chunk: _Chunk, wanted: Mapping[int, TopicInfo]) -> list[MessageBlock]:
+    def _blocks(
+        self, chunk: _Chunk, topics_by_channel: Mapping[int, TopicInfo]
+    ) -> list[MessageBlock]:
         data = np.frombuffer(self._chunk_data(chunk), np.uint8)
         offsets = self._indexed(chunk) or _scanned(data)
         blocks = []
         header = MESSAGE_HEADER.itemsize
-        for channel, own in offsets.items():
-            if channel not in wanted or not len(own):
+        for channel, rows_of_channel in offsets.items():
+            if channel not in topics_by_channel or not len(rows_of_channel):
                 continue
-            rows = gather(data, own, np.full(len(own), header, dtype=np.int64))
+            rows = gather(
+                data, rows_of_channel, np.full(len(rows_of_channel), header, dtype=np.int64)
+            )
             fields = np.ascontiguousarray(rows).view(MESSAGE_HEADER)[:, 0]
             is_of_channel = (fields["opcode"] == MESSAGE) & (fields["channel"] == channel)
             if not is_of_channel.all():
                 raise ValueError("the index of the messages is wrong")
             lengths = fields["length"].astype(np.int64) - (header - _HEADER_BYTES)
-            payloads = gather(data, own + header, lengths)
+            payloads = gather(data, rows_of_channel + header, lengths)
             t_ns = fields["log_time"].astype(np.int64)
-            blocks.append(MessageBlock(wanted[channel], t_ns, payloads))
+            blocks.append(MessageBlock(topics_by_channel[channel], t_ns, payloads))
         return blocks
 
     def _chunk_data(self, chunk: _Chunk, checked: bool = True) -> bytes | memoryview:
@@ -558,15 +567,15 @@ class McapBag(ChunkedBag[_Chunk]):
     def _indexed(self, chunk: _Chunk) -> dict[int, Integers]:
         """Return by channel where the index says that messages begin; empty without an index."""
         data = self._bytes(chunk.position + chunk.length, chunk.index_length)
-        found: dict[int, Integers] = {}
+        offsets: dict[int, Integers] = {}
         for opcode, start, _ in _records(memoryview(data)):
             if opcode != MESSAGE_INDEX:
                 return {}
             channel, size = struct.unpack_from("<HI", data, start + _HEADER_BYTES)
-            first = start + _HEADER_BYTES + 6
-            entries = np.frombuffer(data, INDEX_ENTRY, size // INDEX_ENTRY.itemsize, first)
-            found[channel] = entries["offset"].astype(np.int64)
-        return found
+            begin = start + _HEADER_BYTES + 6
+            entries = np.frombuffer(data, INDEX_ENTRY, size // INDEX_ENTRY.itemsize, begin)
+            offsets[channel] = entries["offset"].astype(np.int64)
+        return offsets
 
 
 def _are_records(data: bytes | memoryview) -> bool:
@@ -588,20 +597,22 @@ def _begins_chunk(head: bytes) -> bool:
     return bool(length == _CHUNK_BYTES + name_length + stored)
 
 
-def _check_same(what: str, id_: int, before: object, now: object) -> None:
-    if before != now:
-        raise ContradictionError(f"{what} {id_} is {now} from here on, and {before} before")
+def _check_same(kind: str, id_: int, previous: object, current: object) -> None:
+    if previous != current:
+        raise ContradictionError(f"{kind} {id_} is {current} from here on, and {previous} before")
 
 
 def _scanned(data: Bytes) -> dict[int, Integers]:
     """Return by channel where messages begin, found by going from record to record."""
-    found: dict[int, list[int]] = {}
+    starts_by_channel: dict[int, list[int]] = {}
     content = memoryview(data.data)
     for opcode, start, _ in _records(content):
         if opcode == MESSAGE:
             (channel,) = struct.unpack_from("<H", content, start + _HEADER_BYTES)
-            found.setdefault(channel, []).append(start)
-    return {channel: np.array(starts, dtype=np.int64) for channel, starts in found.items()}
+            starts_by_channel.setdefault(channel, []).append(start)
+    return {
+        channel: np.array(starts, dtype=np.int64) for channel, starts in starts_by_channel.items()
+    }
 
 
 def _records(data: memoryview) -> Iterator[tuple[int, int, int]]:
@@ -609,8 +620,8 @@ def _records(data: memoryview) -> Iterator[tuple[int, int, int]]:
     position = 0
     while position + _HEADER_BYTES <= len(data):
         opcode, length = struct.unpack_from("<BQ", data, position)
-        after = position + _HEADER_BYTES + length
-        if after > len(data):
+        end = position + _HEADER_BYTES + length
+        if end > len(data):
             return
         yield opcode, position, length
-        position = after
+        position = end

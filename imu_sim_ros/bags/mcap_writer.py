@@ -65,16 +65,16 @@ def compressor(compression: str) -> Callable[[bytes | memoryview], bytes | memor
     if compression == "zstd":
         import zstandard
 
-        own = threading.local()
+        thread_data = threading.local()
 
         def zstd(data: bytes | memoryview) -> bytes:
-            if not hasattr(own, "compress"):  # a compressor serves one thread
-                own.compress = zstandard.ZstdCompressor(
+            if not hasattr(thread_data, "compress"):  # a compressor serves one thread
+                thread_data.compress = zstandard.ZstdCompressor(
                     compression_params=zstandard.ZstdCompressionParameters.from_level(
                         _ZSTD_LEVEL, hash_log=_ZSTD_HASH_LOG, min_match=_ZSTD_MIN_MATCH
                     )
                 ).compress
-            return own.compress(data)
+            return thread_data.compress(data)
 
         return zstd
     return lambda data: data
@@ -131,7 +131,7 @@ class McapWriter(ChunkWriter):
         self._mark = (self.file.position, len(self._written))
 
     def _records(
-        self, topic: BagTopic, first: int, t_ns: Times, payloads: RowTemplate
+        self, topic: BagTopic, start: int, t_ns: Times, payloads: RowTemplate
     ) -> list[RowTemplate]:
         count = payloads.count
         header = np.zeros(1, MESSAGE_HEADER)
@@ -140,7 +140,7 @@ class McapWriter(ChunkWriter):
         header["length"] = length
         header["channel"] = topic.index + 1
         columns = [
-            Column(_OFFSETS["sequence"], np.arange(first, first + count).astype("<u4")),
+            Column(_OFFSETS["sequence"], np.arange(start, start + count).astype("<u4")),
             Column(_OFFSETS["log_time"], t_ns),
             Column(_OFFSETS["publish_time"], t_ns),
         ]

@@ -19,7 +19,7 @@ from imu_sim_ros.errors import ImuSimError, InputError, MachineError, system_err
 from imu_sim_ros.progress import watcher
 
 ACTIVE_SUFFIX = ".active"
-"""What ROS 1 appends to the name of a bag that is being recorded."""
+"""Suffix of the name of a bag that is being recorded, as in ROS 1."""
 
 
 def refuse_existing(path: Path) -> None:
@@ -30,9 +30,9 @@ def refuse_existing(path: Path) -> None:
     if "\0" in str(path):
         raise InputError(f"{str(path)!r}: is not a file name")
     try:
-        for there in (path, active_path(path)):
-            if is_being_written(there):
-                raise _taken(there)
+        for existing in (path, active_path(path)):
+            if is_being_written(existing):
+                raise _taken(existing)
         if os.path.lexists(path):
             raise InputError(f"{path}: already exists; nothing is overwritten")
         if os.path.lexists(active_path(path)):
@@ -96,8 +96,8 @@ def unfinished(path: Path) -> Path | None:
     """
     active = active_path(path)
     if active.is_dir():
-        inside = (active / path.name, active / active.name)
-        return next((part for part in inside if part.exists()), None)
+        candidates = (active / path.name, active / active.name)
+        return next((part for part in candidates if part.exists()), None)
     return active if active.exists() else None
 
 
@@ -182,13 +182,13 @@ class OutputFile:
 
         :raises MachineError: if it has.
         """
-        there = os.fstat(self._file.fileno())
-        if there.st_size < self.position:
+        status = os.fstat(self._file.fileno())
+        if status.st_size < self.position:
             raise MachineError(
-                f"{self.path}: another program has truncated it to {there.st_size} of "
+                f"{self.path}: another program has truncated it to {status.st_size} of "
                 f"{self.position} bytes"
             )
-        if not there.st_nlink:
+        if not status.st_nlink:
             raise MachineError(f"{self.path}: another program has deleted it")
 
     def cut(self, position: int) -> None:
@@ -211,7 +211,7 @@ class OutputFile:
 
     @property
     def closed(self) -> bool:
-        """Whether it was closed, whole or not."""
+        """True if the output was closed, complete or not."""
         return self._file.closed
 
     def finish(self) -> None:
@@ -245,7 +245,7 @@ def _refuse_newcomer(path: Path) -> None:
 
 PARTIAL: Final = "partial"
 _LOOK: Final = 0.01
-"""[s] Between two tries to lock a staging folder."""
+"""Time between two tries to lock a staging folder [s]."""
 _LOOKS: Final = 50
 """Tries for one's own folder, which another program may be looking at."""
 _LONGEST_ADDITION: Final = len(".partial99")
@@ -265,7 +265,7 @@ class Target:
     """One output, and where it is written until it is complete."""
 
     final: Path
-    """Its name in the end: that of a file or of a folder that is made as a whole, or that of a
+    """Final path: that of a file or of a folder that is made as a whole, or that of a
     folder, which may exist, for some files."""
     folder: Path
     """The folder, in the end, of what is in ``staging``."""
@@ -276,7 +276,7 @@ class Target:
     path: Path
     """Path for writing."""
     kept: bool = False
-    """When the program is interrupted, the complete part is kept under a partial name."""
+    """True if the complete part is kept under a partial name when the program is interrupted."""
     companion_of: "Target | None" = None
     """An output of the same folder, in whose staging folder this one is written: a program that is
     killed leaves one folder. With ``kept`` it is complete before that one's first part, and kept
@@ -327,7 +327,7 @@ class Outputs:
     ) -> Target:
         """Add a file, or a folder that is made as a whole.
 
-        :param path: its name in the end.
+        :param path: final path.
         :param endings: allowed endings of the name; if empty, any.
         :param kept: keep complete parts when the program is interrupted.
         :param companion_of: an output of the same folder.
@@ -337,9 +337,9 @@ class Outputs:
         final = Path(path)
         if endings and final.suffix.lower() not in endings:
             raise InputError(f"{path}: must end in {' or '.join(endings)}")
-        of = companion_of
-        staging = of.staging if of else final.parent / (final.name + ACTIVE_SUFFIX)
-        target = Target(final, final.parent, [final], staging, staging / final.name, kept, of)
+        owner = companion_of
+        staging = owner.staging if owner else final.parent / (final.name + ACTIVE_SUFFIX)
+        target = Target(final, final.parent, [final], staging, staging / final.name, kept, owner)
         self._targets.append(target)
         return target
 
@@ -366,20 +366,20 @@ class Outputs:
             raise InputError(problems)
         staged = [target for target in self._targets if target.companion_of is None]
         follower = watcher()
-        with ExitStack() as ending, ExitStack() as made:
+        with ExitStack() as ending, ExitStack() as cleanup:
             for target in staged:
                 folder = target.staging
                 try:
                     missing = [p for p in (folder.parent, *folder.parent.parents) if not p.exists()]
                     for parent in reversed(missing):
                         parent.mkdir(exist_ok=True)
-                        made.callback(_remove_empty, parent)
+                        cleanup.callback(_remove_empty, parent)
                     if os.path.lexists(folder):
                         self._remove_stale(folder)
                     with follower.undisturbed():  # else a folder could remain
                         lock = _claimed(folder)
-                        made.callback(os.close, lock)
-                        made.callback(_remove_own, folder, lock)
+                        cleanup.callback(os.close, lock)
+                        cleanup.callback(_remove_own, folder, lock)
                     # One that found it unlocked may be looking whether it is stale.
                     _lock(lock, folder, _LOOKS)
                 except OSError as error:
@@ -433,20 +433,22 @@ class Outputs:
             if target.paths != [final] and os.path.lexists(final) and not final.is_dir():
                 yield f"{final}: exists and is not a folder"
                 return
-            there = next(folder for folder in final.absolute().parents if os.path.lexists(folder))
-            if not there.is_dir():
-                yield f"{final}: {there} is not a folder"
+            ancestor = next(
+                folder for folder in final.absolute().parents if os.path.lexists(folder)
+            )
+            if not ancestor.is_dir():
+                yield f"{final}: {ancestor} is not a folder"
                 return
             for output in target.paths:
-                taken = [output] if os.path.lexists(output) else []
+                existing = [output] if os.path.lexists(output) else []
                 if output.suffix:  # the files of an output that is split
                     pattern = f"{glob.escape(output.stem)}_*{glob.escape(output.suffix)}"
-                    taken += [
+                    existing += [
                         part
                         for part in output.parent.glob(pattern)
                         if part.stem.removeprefix(output.stem + "_").isdecimal()
                     ]
-                for path in taken[:1]:
+                for path in existing[:1]:
                     used = self._input_in(path)
                     if used:
                         yield f"{output}: {used}; an input is never overwritten"
@@ -463,34 +465,36 @@ class Outputs:
 
     def _input_in(self, output: Path) -> str:
         """Return the input that is this existing file or folder, is in it, or contains it."""
-        here = Path(os.path.realpath(output))
-        for given in self._inputs:
-            if not given.exists():
+        output_path = Path(os.path.realpath(output))
+        for input_path in self._inputs:
+            if not input_path.exists():
                 continue
-            there = Path(os.path.realpath(given))
-            if here == there or (output.exists() and os.path.samefile(output, given)):
-                return f"is the input {given}"  # by its name, or a link of any kind
-            if here in there.parents:
-                return f"holds the input {given}"
-            if there in here.parents:
-                return f"lies in the input {given}"
+            input_real = Path(os.path.realpath(input_path))
+            if output_path == input_real or (
+                output.exists() and os.path.samefile(output, input_path)
+            ):
+                return f"is the input {input_path}"  # by its name, or a link of any kind
+            if output_path in input_real.parents:
+                return f"holds the input {input_path}"
+            if input_real in output_path.parents:
+                return f"lies in the input {input_path}"
         return ""
 
     def _collisions(self) -> Iterator[str]:
         """Yield targets that are, or lie in, one another."""
-        seen: list[tuple[Path, Path, bool]] = []
+        previous: list[tuple[Path, Path, bool]] = []
         for target in self._targets:
             for output in target.paths:
                 try:
                     real = Path(os.path.realpath(output.parent)) / output.name
                 except OSError:
                     continue
-                for other, shown, whole in seen:
-                    if real == other:
+                for previous_real, previous_output, whole in previous:
+                    if real == previous_real:
                         yield f"{output}: two outputs would have this name"
-                    elif whole and (other in real.parents or real in other.parents):
-                        yield f"{output}: another output is {shown}"
-                seen.append((real, output, target.paths == [target.final]))
+                    elif whole and (previous_real in real.parents or real in previous_real.parents):
+                        yield f"{output}: another output is {previous_output}"
+                previous.append((real, output, target.paths == [target.final]))
 
     def _remove_stale(self, staging: Path) -> None:
         """Remove the remains of a killed run, with ``force``; never the output of a running one."""
@@ -528,32 +532,36 @@ class Outputs:
                 entry.rename(partial)
                 names.append(str(partial))
             if names:
-                more = f" and {len(names) - 1} more files" if len(names) > 1 else ""
+                suffix = f" and {len(names) - 1} more files" if len(names) > 1 else ""
                 kept = self._keep_companions(target, Path(names[0]).name)
                 next_to_it = f", with {', '.join(kept)}" if kept else ""
-                lines.append(f"{names[0]}{more}: {target.summary()}{next_to_it}")
+                lines.append(f"{names[0]}{suffix}: {target.summary()}{next_to_it}")
         return lines
 
     def _keep_companions(self, target: Target, part: str) -> list[str]:
         """Rename an output's complete companions as they are named next to its part."""
-        kept = []
-        for one in self._targets:
-            if one.companion_of is not target or not one.kept or not one.path.exists():
+        names = []
+        for companion in self._targets:
+            if (
+                companion.companion_of is not target
+                or not companion.kept
+                or not companion.path.exists()
+            ):
                 continue
-            own, of = one.final.name, target.final
-            stem = of.name if own.startswith(of.name) else of.stem
-            partial = one.final.with_name(
-                part.removesuffix(of.name.removeprefix(stem)) + own.removeprefix(stem)
+            companion_name, owner = companion.final.name, target.final
+            stem = owner.name if companion_name.startswith(owner.name) else owner.stem
+            partial = companion.final.with_name(
+                part.removesuffix(owner.name.removeprefix(stem)) + companion_name.removeprefix(stem)
             )
-            one.path.rename(partial)
-            kept.append(partial.name)
-        return kept
+            companion.path.rename(partial)
+            names.append(partial.name)
+        return names
 
     def _finally_named(self, line: str) -> str:
         """Return a line with the targets' names in place of the staging ones."""
         for target in self._targets:
-            shown = "" if target.folder == Path() else f"{target.folder}/"
-            line = line.replace(f"{target.staging}/", shown)
+            folder_text = "" if target.folder == Path() else f"{target.folder}/"
+            line = line.replace(f"{target.staging}/", folder_text)
         return line
 
 
@@ -632,9 +640,9 @@ def _partial_name(path: Path) -> Path:
 
 def _irreplaceable(folder: Path) -> Iterator[str]:
     """Yield why a folder is not replaced, even with force: files in it that are not outputs."""
-    here = Path(os.path.realpath(folder))
+    real = Path(os.path.realpath(folder))
     working = Path(os.path.realpath(os.curdir))
-    if here == working or here in working.parents:
+    if real == working or real in working.parents:
         yield f"{folder}: is or holds the working folder and is not replaced"
         return
     for count, (parent, _, files) in enumerate(os.walk(folder)):

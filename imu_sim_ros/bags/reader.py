@@ -1,7 +1,7 @@
 # Copyright 2026 imu_sim_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""What all bag readers share: topics, chunks, blocks of messages, and their order in time."""
+"""Common parts of all bag readers: topics, chunks, blocks of messages, and their order in time."""
 
 import re
 import sqlite3
@@ -47,7 +47,7 @@ DAMAGE: Final = (
     ValueError,
     struct.error,
 )
-"""What Python, NumPy and the bag libraries raise for malformed bytes."""
+"""Exceptions of Python, NumPy and the bag libraries for malformed bytes."""
 _LONGEST_REASON: Final = 200
 _SEARCHED_BYTES: Final = 1 << 20
 _LONGEST_MATCH: Final = 64
@@ -55,14 +55,14 @@ _ARGUMENTS: Final = re.compile(
     r"(unexpected|invalid) keyword argument|required (positional|keyword-only) argument|"
     r"takes .* positional"
 )
-"""What Python says of a call whose arguments a function does not have."""
+"""Messages of Python about a call with unexpected arguments."""
 _BAG_LIBRARIES: Final = ("mcap", "rosbags", "lz4", "zstandard")
 END_NS: Final = 2**63 - 1
 """After all messages."""
 LOOSE_BYTES: Final = 1 << 20
 """Size of a run of messages outside chunks that is read at once [bytes]."""
 _LARGEST_CHUNK: Final = 1 << 30
-"""[bytes] A larger chunk is refused; those of rosbag2 and roscpp have about 1 MB."""
+"""Largest accepted chunk [bytes]; those of rosbag2 and roscpp have about 1 MB."""
 _ALWAYS_ALLOWED: Final = 64 << 20
 _LARGEST_RATIO: Final = 40
 """Largest ratio of compression of larger chunks: a file of 10 MB must not fill the memory."""
@@ -70,7 +70,7 @@ _UNPACKED_BYTES: Final = 1 << 20
 """Bytes that are unpacked at a time."""
 _Packed = TypeVar("_Packed", bytes, memoryview)
 Recover: TypeAlias = bool | Literal["keep_damaged"]
-"""Whether a bag is recovered, and then with chunks whose checksum is wrong."""
+"""Mode of recovery: none, without or with chunks whose checksum is wrong."""
 
 
 class Timed(NamedTuple):
@@ -110,8 +110,8 @@ def errors_naming(path: Path, hint: str = "") -> Iterator[None]:
                 f"{path}: not read, because a library of another version has another interface: "
                 f"{error}; the requirements of this package name the versions"
             ) from error
-        words = " ".join(str(error).split())[:_LONGEST_REASON] or type(error).__name__
-        raise InputError(f"{path}: damaged: {words}{hint}") from error
+        text = " ".join(str(error).split())[:_LONGEST_REASON] or type(error).__name__
+        raise InputError(f"{path}: damaged: {text}{hint}") from error
 
 
 class Bag(AbstractContextManager["Bag"], ABC):
@@ -226,8 +226,8 @@ def missing(
     name: str, topics: Iterable[TopicInfo], fitting: Iterable[TopicInfo] | None = None
 ) -> str:
     """Return a hint for a missing topic: the nearest one of the right type, or all."""
-    near = topics if fitting is None else fitting
-    return suggestion(name, (topic.name for topic in near), f"it has {listed(topics)}")
+    candidates = topics if fitting is None else fitting
+    return suggestion(name, (topic.name for topic in candidates), f"it has {listed(topics)}")
 
 
 class ChunkInFile(Protocol):
@@ -235,7 +235,7 @@ class ChunkInFile(Protocol):
 
     @property
     def position(self) -> int:
-        """Where it begins in the file."""
+        """Beginning of the chunk in the file [bytes]."""
 
     @property
     def start_ns(self) -> int:
@@ -290,7 +290,7 @@ class ChunkedBag(Bag, Generic[_Chunk]):
         """Find chunks and topics, by the index or by going through the file."""
 
     @abstractmethod
-    def _blocks(self, chunk: _Chunk, wanted: Mapping[int, TopicInfo]) -> list[MessageBlock]:
+    def _blocks(self, chunk: _Chunk, topics_by_id: Mapping[int, TopicInfo]) -> list[MessageBlock]:
         """Return the messages of a chunk, in blocks of one topic each."""
 
     def _leave_out(self, start: int, end: int, why: str, messages: int = 0) -> None:
@@ -327,10 +327,10 @@ class ChunkedBag(Bag, Generic[_Chunk]):
     def _timed(self, names: Collection[str]) -> Iterator[Timed]:
         chunks = sorted(self._chunks, key=lambda chunk: chunk.start_ns)
         starts = [*(chunk.start_ns for chunk in chunks), END_NS][1:]
-        wanted = {id_: topic for id_, topic in self._topic_of.items() if topic.name in names}
+        topics_by_id = {id_: topic for id_, topic in self._topic_of.items() if topic.name in names}
         for chunk, next_start_ns in zip(chunks, starts, strict=True):
             try:
-                yield Timed(next_start_ns, self._blocks(chunk, wanted))
+                yield Timed(next_start_ns, self._blocks(chunk, topics_by_id))
             except DAMAGE as error:
                 raise InputError(
                     f"{self.path}: chunk at byte {chunk.position}: {error}; "

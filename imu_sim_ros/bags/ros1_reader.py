@@ -37,7 +37,7 @@ from imu_sim_ros.types import Bytes, Integers
 
 _LONGEST_HEADER = 1 << 24
 _LARGEST_BAG_HEADER: Final = 1 << 16
-"""[bytes] Bag headers have 4096."""
+"""Largest bag header [bytes]; bag headers usually have 4096."""
 _CHUNK_COUNT: Final = struct.Struct("<II")
 """Connection and number of its messages, in the data of a chunk's information."""
 _FIELDS: Final = {
@@ -51,7 +51,7 @@ _FIELDS: Final = {
 """The fields that records have by their kind."""
 _NAMES: Final = "|".join(sorted({"op"}.union(*_FIELDS.values())))
 _HEADS: Final = re.compile(rb"(?=..\0\0..\0\0(?:%b)=)" % _NAMES.encode(), re.DOTALL)
-"""Where a record may begin: lengths of its header and first field, and the name of that field."""
+"""Possible beginnings of records: lengths of header and first field, and that field's name."""
 
 _MESSAGE_HEAD_BYTES: Final = 8 + sum(
     4 + len(field) for field in ("op=_", "conn=____", "time=________")
@@ -103,7 +103,7 @@ class Rosbag1Bag(ChunkedBag[_Chunk]):
     encoding = "ros1"
 
     def _open(self) -> None:
-        self._found: dict[int, tuple[str, str, Schema, bool]] = {}
+        self._connections: dict[int, tuple[str, str, Schema, bool]] = {}
         if self._file.read(len(MAGIC)) != MAGIC:
             raise InputError(f"{self.path}: not a ROS 1 bag of format 2.0")
         try:
@@ -138,7 +138,7 @@ class Rosbag1Bag(ChunkedBag[_Chunk]):
                     counts[connection] = counts.get(connection, 0) + count
             position = record.after
         if len(self._chunks) != header.number("chunk_count") or (
-            len(self._found) != header.number("conn_count")
+            len(self._connections) != header.number("conn_count")
         ):
             raise ValueError("the index is not complete")
         return counts
@@ -239,23 +239,23 @@ class Rosbag1Bag(ChunkedBag[_Chunk]):
         records = list(_records(data))
         if stored and (problem or not records or records[-1].after < len(data)):
             return record.start
-        after = record.after
+        end = record.after
         if problem and not (data and is_last):
-            if after != self._end and not self._is_followed(after):
-                after = self._next_record(position + 1)
-            messages = self._indexed_count(after)
-            self._leave_out(position, after, f"chunk: {problem}", messages)
-            return after
+            if end != self._end and not self._is_followed(end):
+                end = self._next_record(position + 1)
+            messages = self._indexed_count(end)
+            self._leave_out(position, end, f"chunk: {problem}", messages)
+            return end
         self._add_scanned(_Chunk(position, 0, False), data, records, counts)
         if problem:
-            kept = sum(kept.op == OP_MESSAGE for kept in records)
-            problem = f"chunk: {problem}; {kept} messages before that are kept"
+            message_count = sum(message_count.op == OP_MESSAGE for message_count in records)
+            problem = f"chunk: {problem}; {message_count} messages before that are kept"
             self._leave_out(position, self._end, problem)
         elif not records or records[-1].after < len(data):
             kept_bytes = records[-1].after if records else 0
             problem = f"chunk: {len(data) - kept_bytes} of its {len(data)} bytes are no records"
-            self._leave_out(position, after, problem)
-        return after
+            self._leave_out(position, end, problem)
+        return end
 
     def _indexed_count(self, position: int) -> int:
         """Return how many messages the indexes at an offset name: those of the chunk before it."""
@@ -278,16 +278,16 @@ class Rosbag1Bag(ChunkedBag[_Chunk]):
             and record.op in (OP_MESSAGE, OP_CONNECTION)
         ):
             previous, end = end, record.after
-        after = end
+        next_position = end
         if end < self._end and not self._record_at(end) and not self._is_cut(end):
-            after = self._next_record(previous + 1)
-            self._leave_out(previous, after, "no whole record")
+            next_position = self._next_record(previous + 1)
+            self._leave_out(previous, next_position, "no whole record")
             end = previous
         if end > position:
             chunk = _Chunk(position, 0, False, end - position)
             data = self._content(chunk)
             self._add_scanned(chunk, data, list(_records(data)), counts)
-        return after
+        return next_position
 
     def _is_cut(self, position: int) -> bool:
         """Return whether a message begins here that the end of the file cuts off."""
@@ -334,14 +334,14 @@ class Rosbag1Bag(ChunkedBag[_Chunk]):
         details = _fields(data, len(data))
         # The data has the name before remapping; the header's is the one that counts.
         id_ = record.number("conn")
-        now = record.fields["topic"].decode(), ros2_name(details["type"].decode())
-        before = self._found[id_][:2] if id_ in self._found else now
-        if before != now:
+        current = record.fields["topic"].decode(), ros2_name(details["type"].decode())
+        previous = self._connections[id_][:2] if id_ in self._connections else current
+        if previous != current:
             raise ContradictionError(
-                f"connection {id_} is {now[0]} from here on, and {before[0]} before"
+                f"connection {id_} is {current[0]} from here on, and {previous[0]} before"
             )
-        self._found[id_] = (
-            *now,
+        self._connections[id_] = (
+            *current,
             Schema(
                 details["message_definition"].decode("utf-8", "replace"),
                 details["md5sum"].decode(),
@@ -353,12 +353,12 @@ class Rosbag1Bag(ChunkedBag[_Chunk]):
         """Make a topic of all connections with the same name and type."""
         groups: dict[tuple[str, str], list[int]] = {}
         for id_, count in counts.items():
-            if count and id_ not in self._found:
+            if count and id_ not in self._connections:
                 self._leave_out_messages(count, f"the definition of connection {id_} is lost")
-        for connection, (name, type_name, _, _) in self._found.items():
+        for connection, (name, type_name, _, _) in self._connections.items():
             groups.setdefault((name, type_name), []).append(connection)
         for (name, type_name), connections in groups.items():
-            _, _, schema, latched = self._found[connections[0]]
+            _, _, schema, latched = self._connections[connections[0]]
             qos = Qos(durability="transient_local") if latched else Qos()
             count = sum(counts.get(connection, 0) for connection in connections)
             topic = TopicInfo(name, type_name, count, schema, (qos,))
@@ -382,31 +382,35 @@ class Rosbag1Bag(ChunkedBag[_Chunk]):
         self._file.seek(chunk.position)
         return self._file.read(chunk.loose)
 
-    def _blocks(self, chunk: _Chunk, wanted: Mapping[int, TopicInfo]) -> list[MessageBlock]:
+    def _blocks(
+        self, chunk: _Chunk, topics_by_connection: Mapping[int, TopicInfo]
+    ) -> list[MessageBlock]:
         if chunk.indexed:
-            content, after = self._chunk(chunk.position)
-            index = self._indexed(after)
+            content, index_position = self._chunk(chunk.position)
+            index = self._indexed(index_position)
         else:
             content = self._content(chunk)
             index = _scanned(content)
         data = np.frombuffer(content, np.uint8)
         return [
-            _block(wanted[connection], data, entries)
+            _block(topics_by_connection[connection], data, entries)
             for connection, entries in index.items()
-            if connection in wanted and len(entries)
+            if connection in topics_by_connection and len(entries)
         ]
 
     def _indexed(self, position: int) -> dict[int, NDArray[np.void]]:
         """Return the index records that follow a chunk, by connection."""
-        found: dict[int, list[Any]] = {}
+        entries_by_connection: dict[int, list[Any]] = {}
         while position < self._end:
             record = self._record(position)
             if record.op != OP_INDEX:
                 break
             entries = np.frombuffer(self._data(record), INDEX_ENTRY, record.number("count"))
-            found.setdefault(record.number("conn"), []).append(entries)
+            entries_by_connection.setdefault(record.number("conn"), []).append(entries)
             position = record.after
-        return {connection: np.concatenate(parts) for connection, parts in found.items()}
+        return {
+            connection: np.concatenate(parts) for connection, parts in entries_by_connection.items()
+        }
 
 
 def _block(topic: TopicInfo, data: Bytes, entries: NDArray[np.void]) -> MessageBlock:
@@ -426,14 +430,18 @@ def _numbers(data: Bytes, offsets: Integers) -> Integers:
 
 def _scanned(data: bytes) -> dict[int, NDArray[np.void]]:
     """Return the index of a chunk, found by going from record to record."""
-    found: dict[int, list[tuple[int, int, int]]] = {}
+    rows_by_connection: dict[int, list[tuple[int, int, int]]] = {}
     for record in _records(data):
         if record.op == OP_MESSAGE and _FIELDS[OP_MESSAGE] <= set(record.fields):
             second, nanosecond = struct.unpack("<II", record.fields["time"][:8])
             header = sum(len(name) + len(value) + 5 for name, value in record.fields.items())
             offset = record.start - 8 - header
-            found.setdefault(record.number("conn"), []).append((second, nanosecond, offset))
-    return {connection: np.array(rows, INDEX_ENTRY) for connection, rows in found.items()}
+            rows_by_connection.setdefault(record.number("conn"), []).append(
+                (second, nanosecond, offset)
+            )
+    return {
+        connection: np.array(rows, INDEX_ENTRY) for connection, rows in rows_by_connection.items()
+    }
 
 
 def _records(data: bytes) -> Iterator[_Record]:

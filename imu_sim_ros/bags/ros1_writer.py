@@ -88,8 +88,8 @@ _OFFSETS: Final = {name: field[1] for name, field in (_HEADER_TYPE.fields or {})
 def _begins_with_header(definition: str) -> bool:
     """Return whether the first field of a message is a header, whose first field is seq."""
     lines = (line.partition("#")[0].strip() for line in definition.splitlines())
-    first = next((line for line in lines if line and "=" not in line), "")
-    return re.fullmatch(r"(std_msgs/)?Header\s+\w+", first) is not None
+    first_line = next((line for line in lines if line and "=" not in line), "")
+    return re.fullmatch(r"(std_msgs/)?Header\s+\w+", first_line) is not None
 
 
 def compressor(compression: str) -> Callable[[bytes | memoryview], bytes | memoryview]:
@@ -158,7 +158,7 @@ class Rosbag1Writer(ChunkWriter):
         return fields(conn=_u4(topic.index), op=_u1(OP_CONNECTION), topic=name) + details
 
     def _records(
-        self, topic: BagTopic, first: int, t_ns: Times, payloads: RowTemplate
+        self, topic: BagTopic, start: int, t_ns: Times, payloads: RowTemplate
     ) -> list[RowTemplate]:
         count, size = payloads.count, len(payloads.template)
         header = np.frombuffer(bytearray(_HEADER), _HEADER_TYPE)
@@ -169,8 +169,8 @@ class Rosbag1Writer(ChunkWriter):
             Column(_OFFSETS["nanosec"], nanosecond),
         ]
         if topic in self._numbered and size >= _SEQ_BYTES:
-            first += topic.before
-            seq = Column(0, np.arange(first, first + count).astype("<u4"))
+            start += topic.before
+            seq = Column(0, np.arange(start, start + count).astype("<u4"))
             payloads = RowTemplate(payloads.template, [*payloads.columns, seq], count)
         return [RowTemplate(header.tobytes(), columns, count), payloads]
 

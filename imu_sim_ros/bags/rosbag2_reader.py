@@ -44,7 +44,7 @@ class SqliteBag(Bag):
         self._recover = bool(recover)
         self._read_from = path
         self._pages: MessagePages | None = None
-        """Of a damaged file in recovery: its messages."""
+        """Messages of a damaged file in recovery."""
         try:
             mode = "mode=ro"
             if recover:
@@ -111,7 +111,7 @@ class SqliteBag(Bag):
         qos = "offered_qos_profiles" if "offered_qos_profiles" in columns else "''"
         rows = self._database.execute(f"SELECT id, name, type, {qos} FROM topics ORDER BY id")
         topics = rows.fetchmany(_MAX_TOPICS)
-        if not all(isinstance(word, str) for _, *words in topics for word in words[:2]):
+        if not all(isinstance(string, str) for _, *strings in topics for string in strings[:2]):
             raise InputError(f"{self.path}: the names of its topics are not strings")
         return {
             id_: TopicInfo(
@@ -162,28 +162,30 @@ class SqliteBag(Bag):
         self._pages = MessagePages(self._read_from, [column[1] for column in columns], topics)
         self._stack.callback(self._pages.close)
         counts: dict[int, int] = {}
-        last = 0
+        last_id = 0
         for rows in self._pages.rows():
             for row in rows:
-                if row.id > last + 1:
-                    lost = f"messages {last + 1} to {row.id - 1}"
-                    self.damage.append(f"{lost} ({row.id - 1 - last}): {problem}")
-                    self.lost_messages += row.id - 1 - last
-                last = max(last, row.id)
+                if row.id > last_id + 1:
+                    lost = f"messages {last_id + 1} to {row.id - 1}"
+                    self.damage.append(f"{lost} ({row.id - 1 - last_id}): {problem}")
+                    self.lost_messages += row.id - 1 - last_id
+                last_id = max(last_id, row.id)
                 counts[row.topic] = counts.get(row.topic, 0) + 1
         if self._pages.is_cut:
-            self.damage.append(f"the messages after number {last}: the end of the file is missing")
+            self.damage.append(
+                f"the messages after number {last_id}: the end of the file is missing"
+            )
         elif not self.damage:
-            self.found.append(f"{problem}; all messages up to number {last} are there")
+            self.found.append(f"{problem}; all messages up to number {last_id} are there")
         return counts
 
     def _timed(self, names: Collection[str]) -> Iterator[Timed]:
         ids = {id_ for id_, topic in self._topics.items() if topic.name in names}
         if self._pages is not None:
             for page in self._pages.rows():
-                found = [(row.topic, row.t_ns, row.data) for row in page if row.topic in ids]
-                if found:
-                    yield Timed(found[-1][1], self._blocks(found))
+                rows = [(row.topic, row.t_ns, row.data) for row in page if row.topic in ids]
+                if rows:
+                    yield Timed(rows[-1][1], self._blocks(rows))
             return
         # What is to be recovered is read in the order of the table: its index may be damaged.
         order = "id" if self._recover else "timestamp, id"
@@ -268,13 +270,13 @@ class Rosbag2Folder(Bag):
         except InputError as error:
             self.found += [line.partition("; convert_bag --recover")[0] for line in error.problems]
             return files
-        there = set(files)
+        existing = set(files)
         self.damage += [
             f"{file.name}: metadata.yaml lists it, and it is not there"
-            for file in sorted(listed - there)
+            for file in sorted(listed - existing)
         ]
         self.found += [
-            f"{file.name}: metadata.yaml does not list it" for file in sorted(there - listed)
+            f"{file.name}: metadata.yaml does not list it" for file in sorted(existing - listed)
         ]
         return files
 
@@ -354,8 +356,8 @@ def _merged(topics: Collection[TopicInfo]) -> list[TopicInfo]:
     merged: dict[tuple[str, str], TopicInfo] = {}
     for topic in topics:
         key = (topic.name, topic.type)
-        before = merged[key].count if key in merged else 0
-        merged[key] = replace(merged.get(key, topic), count=before + topic.count)
+        previous_count = merged[key].count if key in merged else 0
+        merged[key] = replace(merged.get(key, topic), count=previous_count + topic.count)
     return list(merged.values())
 
 

@@ -62,8 +62,8 @@ def blocks(
         for t_ns, values in text_reader.table_blocks(path, name, table, skipped):
             yield TableRows(t_ns, values, np.zeros((len(t_ns), size, size)))
         return
-    read = decoded_blocks(path, table.type, topic, table.fields, recover, skipped, warned)
-    for decoded in read:
+    decoded_stream = decoded_blocks(path, table.type, topic, table.fields, recover, skipped, warned)
+    for decoded in decoded_stream:
         values, *stated_of = decoded.numbers.values()
         values = values.reshape(-1, table.columns)
         t_ns = decoded.t_ns
@@ -79,7 +79,7 @@ def blocks(
 def stamps(folder: Path, name: str, table: Table | None) -> Iterator[Times]:
     """Yield the stamps of a table of a folder in blocks: of mag0 and so on.
 
-    :param table: its kind; None: readings of an IMU, imu0.
+    :param table: kind of the table; None: readings of an IMU, imu0.
     """
     if table is None:
         return (readings.t_ns for readings in text_reader.imu_blocks(folder, name))
@@ -137,8 +137,8 @@ def truths_of(table: Table, topic: str) -> Truths:
     """
     if table.truths is None:
         raise InputError(f"{topic}: there is no topic of its truth")
-    own = "/" + topic.lstrip("/")
-    space = own.removesuffix(table.topic) if own.endswith("/" + table.topic) else "/"
+    topic_name = "/" + topic.lstrip("/")
+    space = topic_name.removesuffix(table.topic) if topic_name.endswith("/" + table.topic) else "/"
     ideal, bias = table.truths
     return Truths(space + ideal, space + bias)
 
@@ -161,26 +161,28 @@ def tables_of(topics: Iterable[TopicInfo], readings: str, tables: Tables) -> dic
     :param readings: name of the IMU's topic: its own sensors have the same namespace. Another
         one is taken if it is the only one.
     """
-    found: dict[str, TopicInfo] = {}
+    topics_by_table: dict[str, TopicInfo] = {}
     space = readings.removesuffix(IMU_TOPIC)
     for again in tables.values():
         space = space.removesuffix(again.topic) if again.of_readings else space
-    for kind, of in tables.items():
-        fitting = [topic for topic in topics if topic.type == of.type and _TRUTH not in topic.name]
-        if not of.is_converted:
+    for kind, table in tables.items():
+        fitting = [
+            topic for topic in topics if topic.type == table.type and _TRUTH not in topic.name
+        ]
+        if not table.is_converted:
             continue
-        own = [topic for topic in fitting if topic.name == space + of.topic]
-        if of.of_readings:
+        namesake = [topic for topic in fitting if topic.name == space + table.topic]
+        if table.of_readings:
             fitting = []  # other readings may have none
-        chosen = own or (fitting if len(fitting) == 1 else [])
+        chosen = namesake or (fitting if len(fitting) == 1 else [])
         if chosen:
-            found[kind] = chosen[0]
-    return found
+            topics_by_table[kind] = chosen[0]
+    return topics_by_table
 
 
 def streams_of_tables(
     path: Path,
-    read: Callable[[str | None, bool], Iterator[Readings]],
+    read_imu: Callable[[str | None, bool], Iterator[Readings]],
     writer: Writer,
     renamed: Mapping[str, str],
     imus: Sequence[str],
@@ -189,11 +191,11 @@ def streams_of_tables(
 ) -> list[Iterator[list[Block]]]:
     """Return the messages of all tables other than the readings of IMUs in a folder, in blocks.
 
-    :param read: yields the readings of an IMU by its name; False: without counting bad rows.
+    :param read_imu: yields the readings of an IMU by its name; False: without counting bad rows.
     :param renamed: new names of topics by old ones.
     :param imus: names of the IMUs, imu0 and so on: of several, each has a namespace.
     """
-    made: list[Iterator[list[Block]]] = []
+    streams: list[Iterator[list[Block]]] = []
     names = text_reader.table_names(path, tables)
     for name, kind in names.items():
         table, imu = tables[kind], f"imu{name.removeprefix(kind)}"
@@ -209,11 +211,13 @@ def streams_of_tables(
         topic = writer.add_topic(renamed.get(full, full), table.type)
         if table.encoder is None:
             encoder = ImuEncoder(frame, writer.encoding)
-            made.append(_orientations(path, name, table, read(imu, False), topic, encoder, skipped))
+            streams.append(
+                _orientations(path, name, table, read_imu(imu, False), topic, encoder, skipped)
+            )
         else:
             encode = table.encoder(frame, writer.encoding)
-            made.append(_measurements(path, name, table, topic, encode, skipped))
-    return made
+            streams.append(_measurements(path, name, table, topic, encode, skipped))
+    return streams
 
 
 def _measurements(
@@ -239,15 +243,17 @@ def _orientations(
     t_ns, gyro, accel = np.empty(0, np.int64), np.empty((0, 3)), np.empty((0, 3))
     for stamps, q_wi, _ in blocks(path, table, name, skipped=skipped):
         while not len(t_ns) or t_ns[-1] < stamps[-1]:
-            more = next(readings, None)
-            if more is None:
+            following = next(readings, None)
+            if following is None:
                 break
-            kept = slice(int(np.searchsorted(t_ns, stamps[0])), None)
-            parts = zip((t_ns, gyro, accel), (more.t_ns, *more.triads()), strict=True)
-            t_ns, gyro, accel = (np.concatenate([old[kept], new]) for old, new in parts)
+            remaining = slice(int(np.searchsorted(t_ns, stamps[0])), None)
+            parts = zip((t_ns, gyro, accel), (following.t_ns, *following.triads()), strict=True)
+            t_ns, gyro, accel = (
+                np.concatenate([previous[remaining], added]) for previous, added in parts
+            )
         rows = np.minimum(np.searchsorted(t_ns, stamps), len(t_ns) - 1)
-        found = t_ns[rows] == stamps
-        missing = stamps[~found]
+        is_found = t_ns[rows] == stamps
+        missing = stamps[~is_found]
         if len(missing):
             if skipped is None:
                 raise InputError(
@@ -255,7 +261,7 @@ def _orientations(
                     f"first {missing[0]} ns"
                 )
             skipped(len(missing))
-        stamps, rows, q_wi = stamps[found], rows[found], q_wi[found]
+        stamps, rows, q_wi = stamps[is_found], rows[is_found], q_wi[is_found]
         if len(stamps):
             readings_again = encoder.encode(stamps, gyro[rows], accel[rows], q_wi)
             yield [Block(topic, stamps, readings_again)]

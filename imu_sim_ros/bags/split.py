@@ -47,7 +47,7 @@ class PartsWriter(Writer):
         self._open_part, self._split_ns, self._split_bytes = open_part, split_ns, split_bytes
         self._parts: list[Writer] = [open_part(0)]
         self._ended = False
-        """Whether the last part is closed."""
+        """True if the last part is closed."""
         self._end_ns: int | None = None
         self.encoding = self._parts[0].encoding
 
@@ -71,11 +71,13 @@ class PartsWriter(Writer):
         while blocks:
             part = self._begun()
             within, past = self._divided_by_time(blocks)
-            now, later = self._divided_by_size(within, part)
-            part.write_blocks([Block(part.topics[b.topic.index], b.t_ns, b.payloads) for b in now])
-            if (past and not later) or 0 < self._split_bytes <= part.size:
+            first_blocks, remaining = self._divided_by_size(within, part)
+            part.write_blocks(
+                [Block(part.topics[b.topic.index], b.t_ns, b.payloads) for b in first_blocks]
+            )
+            if (past and not remaining) or 0 < self._split_bytes <= part.size:
                 self._end_part()
-            blocks = later + past
+            blocks = remaining + past
 
     def _begun(self) -> Writer:
         """Return the part that is being written, or a new one if the last is closed."""
@@ -88,8 +90,8 @@ class PartsWriter(Writer):
             self._parts.append(self._open_part(len(self._parts)))
             self._ended = False
             for topic in self.topics:
-                before = sum(part.topics[topic.index].count for part in self._parts[:-1])
-                _add(self._parts[-1], topic, before)
+                previous_count = sum(part.topics[topic.index].count for part in self._parts[:-1])
+                _add(self._parts[-1], topic, previous_count)
         return self._parts[-1]
 
     def _divided_by_time(self, blocks: list[Block]) -> tuple[list[Block], list[Block]]:
@@ -123,9 +125,9 @@ class PartsWriter(Writer):
         starts = np.cumsum([0, *(len(block.t_ns) for block in blocks)])
         # A block whose times run backwards goes on up to the last message that fits.
         counts = [
-            int(inside.max(initial=start - 1)) + 1 - start
+            int(rows.max(initial=start - 1)) + 1 - start
             for start, stop in pairwise(starts.tolist())
-            for inside in [fitting[(fitting >= start) & (fitting < stop)]]
+            for rows in [fitting[(fitting >= start) & (fitting < stop)]]
         ]
         return _divided(blocks, counts)
 
@@ -146,8 +148,8 @@ class PartsWriter(Writer):
     def abandon(self) -> list[Path]:
         """Keep the complete parts, and the last one as a partial file."""
         whole = self._parts if self._ended else self._parts[:-1]
-        kept = [file for part in whole for file in part.files]
-        return kept if self._ended else kept + self._parts[-1].abandon()
+        files = [file for part in whole for file in part.files]
+        return files if self._ended else files + self._parts[-1].abandon()
 
     def stop(self) -> None:
         """Finish the last part early, without it if nothing is in it."""
@@ -155,15 +157,17 @@ class PartsWriter(Writer):
         if not self._parts[-1].count:
             self._parts.pop()
         for topic in self.topics:
-            known = [p.topics[topic.index] for p in self._parts if topic.index < len(p.topics)]
-            topic.count = sum(other.count for other in known)
-            topic.last_ns = max((other.last_ns for other in known), default=-1)
+            topics = [p.topics[topic.index] for p in self._parts if topic.index < len(p.topics)]
+            topic.count = sum(part_topic.count for part_topic in topics)
+            topic.last_ns = max((part_topic.last_ns for part_topic in topics), default=-1)
         self._ended = True
 
 
-def _add(part: Writer, topic: BagTopic, before: int = 0) -> None:
-    here = part.add_topic(topic.name, topic.type_name, topic.qos, topic.schema, topic.keeps_seq)
-    here.before = before
+def _add(part: Writer, topic: BagTopic, previous_count: int = 0) -> None:
+    part_topic = part.add_topic(
+        topic.name, topic.type_name, topic.qos, topic.schema, topic.keeps_seq
+    )
+    part_topic.before = previous_count
 
 
 def _sizes(block: Block) -> Integers:
@@ -177,8 +181,10 @@ def _sizes(block: Block) -> Integers:
 def _divided(blocks: list[Block], counts: list[int]) -> tuple[list[Block], list[Block]]:
     """Return the first messages of blocks, and the others; empty blocks are left out."""
     pairs = list(zip(blocks, counts, strict=True))
-    first = [Block(b.topic, b.t_ns[:n], b.payloads[:n]) for b, n in pairs if n]
-    return first, [Block(b.topic, b.t_ns[n:], b.payloads[n:]) for b, n in pairs if n < len(b.t_ns)]
+    first_blocks = [Block(b.topic, b.t_ns[:n], b.payloads[:n]) for b, n in pairs if n]
+    return first_blocks, [
+        Block(b.topic, b.t_ns[n:], b.payloads[n:]) for b, n in pairs if n < len(b.t_ns)
+    ]
 
 
 class Rosbag2Writer(PartsWriter):
@@ -237,8 +243,8 @@ class Rosbag2Writer(PartsWriter):
 
     def abandon(self) -> list[Path]:
         """Leave the folder without metadata."""
-        kept = [self.path] if super().abandon() else []
-        if not kept:
+        paths = [self.path] if super().abandon() else []
+        if not paths:
             shutil.rmtree(self.path, ignore_errors=True)
         self._unlock()
-        return kept
+        return paths

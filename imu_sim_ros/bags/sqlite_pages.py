@@ -74,7 +74,7 @@ class MessagePages:
 
     @property
     def is_cut(self) -> bool:
-        """Whether the file has fewer pages than it states."""
+        """True if the file has fewer pages than it states."""
         return self._missing >= self._page_size
 
     def _read(self, offset: int, size: int) -> bytes:
@@ -82,7 +82,7 @@ class MessagePages:
         return self._file.read(size)
 
     def _find(self) -> list[int]:
-        found: dict[int, int] = {}
+        offsets: dict[int, int] = {}
         offset = self._page_size  # the first page is that of the schema
         while offset + self._page_size <= self._size:
             rows = self._rows(offset)
@@ -94,9 +94,9 @@ class MessagePages:
                 self._broken.add(offset - self._page_size)
                 offset = shifted
                 rows = self._rows(offset)
-            found.setdefault(rows[0].id, offset)
+            offsets.setdefault(rows[0].id, offset)
             offset += self._page_size
-        return [found[first] for first in sorted(found)]
+        return [offsets[first_id] for first_id in sorted(offsets)]
 
     def _shifted(self, offset: int) -> int | None:
         """Return where within a page's length from here a page begins, if one does."""
@@ -137,15 +137,17 @@ class MessagePages:
 
     def _cell(self, page: bytes, start: int, offset: int) -> _Cell:
         try:
-            size, at = _varint(page, start)
-            id_, at = _varint(page, at)
+            size, position = _varint(page, start)
+            id_, position = _varint(page, position)
             local = self._local(size)
-            content, end = page[at : at + local], at + local
+            content, end = page[position : position + local], position + local
             if end > self._usable:
                 raise ValueError("the row reaches past the end of its page")
             if local < size:
-                first, end = int.from_bytes(page[end : end + 4], "big"), end + 4
-                content += self._elsewhere(first, size - local, offset) if offset >= 0 else b""
+                page_number, end = int.from_bytes(page[end : end + 4], "big"), end + 4
+                content += (
+                    self._elsewhere(page_number, size - local, offset) if offset >= 0 else b""
+                )
             row = self._row(id_, content, size)
         except (ValueError, IndexError):
             return _Cell(start, start, None)
@@ -153,12 +155,12 @@ class MessagePages:
 
     def _local(self, size: int) -> int:
         """Return how many bytes of a row lie in its leaf."""
-        least = (self._usable - 12) * 32 // 255 - 23
-        most = self._usable - 35
-        fitting = least + (size - least) % (self._usable - 4)
-        if size <= most:
+        smallest = (self._usable - 12) * 32 // 255 - 23
+        largest = self._usable - 35
+        fitting = smallest + (size - smallest) % (self._usable - 4)
+        if size <= largest:
             return size
-        return fitting if fitting <= most else least
+        return fitting if fitting <= largest else smallest
 
     def _elsewhere(self, page: int, size: int, offset: int) -> bytes:
         """Return the rest of a row, from a chain of pages, each of which names the next one."""
@@ -186,12 +188,12 @@ class MessagePages:
 
         :raises ValueError: if it is none.
         """
-        head, at = _varint(content, 0)
+        head, position = _varint(content, 0)
         kinds = []
-        while at < head:
-            kind, at = _varint(content, at)
+        while position < head:
+            kind, position = _varint(content, position)
             kinds.append(kind)
-        if at != head or len(kinds) != len(self._columns):
+        if position != head or len(kinds) != len(self._columns):
             raise ValueError("it has other columns")
         values: dict[str, bytes] = {}
         stated = head

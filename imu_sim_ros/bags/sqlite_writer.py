@@ -100,8 +100,8 @@ class SqliteWriter(Writer):
             digest,
         )
         self._execute("INSERT INTO topics VALUES (?, ?, ?, ?, ?, ?)", row)
-        known = any(other.type_name == topic.type_name for other in self.topics)
-        if text and not known:
+        is_known = any(topic_of_type.type_name == topic.type_name for topic_of_type in self.topics)
+        if text and not is_known:
             self._execute(
                 "INSERT INTO message_definitions (topic_type, encoding, "
                 "encoded_message_definition, type_description_hash) VALUES (?, ?, ?, ?)",
@@ -114,13 +114,13 @@ class SqliteWriter(Writer):
         blocks = [block for block in blocks if len(block.t_ns)]
         if not blocks:
             return
-        same = blocks[0].t_ns
+        times = blocks[0].t_ns
         of_constant_size = not any(isinstance(block.payloads, list) for block in blocks)
         if (
             of_constant_size
             and len({block.topic for block in blocks}) == len(blocks)
-            and all(np.array_equal(block.t_ns, same) for block in blocks)
-            and bool(np.all(same[1:] >= same[:-1]))
+            and all(np.array_equal(block.t_ns, times) for block in blocks)
+            and bool(np.all(times[1:] >= times[:-1]))
         ):
             self._insert_rows(blocks)
             return

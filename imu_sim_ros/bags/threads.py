@@ -24,7 +24,7 @@ _T = TypeVar("_T")
 _Made = TypeVar("_Made")
 
 _Result: TypeAlias = tuple[_Made] | BaseException
-"""What was made, or what ended the work on it."""
+"""Result of the work, or the exception that ended it."""
 
 _PREFETCHED: Final = 2
 
@@ -38,7 +38,7 @@ def cores() -> int:
 
 def prefetch(items: Iterable[_T]) -> Generator[_T, None, None]:
     """Yield items that are made in a thread of their own, a few ahead of the one that is used."""
-    made: SimpleQueue[_Result[_T] | None] = SimpleQueue()  # None: there are no more
+    results: SimpleQueue[_Result[_T] | None] = SimpleQueue()  # None: there are no more
     room: SimpleQueue[bool] = SimpleQueue()
     for _ in range(_PREFETCHED):
         room.put(True)
@@ -49,19 +49,19 @@ def prefetch(items: Iterable[_T]) -> Generator[_T, None, None]:
             for item in items:
                 if not room.get() or stopped:
                     return
-                made.put((item,))
-            made.put(None)
+                results.put((item,))
+            results.put(None)
         except BaseException as error:
-            made.put(error)
+            results.put(error)
 
     worker = threading.Thread(target=work, daemon=True)
     worker.start()
     try:
-        while (result := made.get()) is not None:
-            if isinstance(result, BaseException):
-                raise result
+        while (outcome := results.get()) is not None:
+            if isinstance(outcome, BaseException):
+                raise outcome
             room.put(True)
-            yield result[0]
+            yield outcome[0]
     finally:
         stopped = True
         room.put(False)
@@ -123,10 +123,10 @@ class Pipeline(Generic[_T, _Made]):
         self._places.get()
         if self.error is not None:
             raise self.error
-        made: SimpleQueue[_Result[_Made]] = SimpleQueue()
+        outcome: SimpleQueue[_Result[_Made]] = SimpleQueue()
         # In this order: what is interrupted in between is lost, and nobody waits for it.
-        self._items.put((item, made))
-        self._order.put((item, made))
+        self._items.put((item, outcome))
+        self._order.put((item, outcome))
 
     def wait(self) -> None:
         """Wait until all items are used.
@@ -148,25 +148,25 @@ class Pipeline(Generic[_T, _Made]):
             thread.join()
 
     def _make_all(self) -> None:
-        while (given := self._items.get()) is not None:
-            item, made = given
+        while (job := self._items.get()) is not None:
+            item, outcome = job
             try:
-                made.put((self._make(item),))
+                outcome.put((self._make(item),))
             except BaseException as error:
-                made.put(error)
+                outcome.put(error)
 
     def _use_all(self) -> None:
-        while (given := self._order.get()) is not None:
-            if isinstance(given, SimpleQueue):
-                given.put(None)
+        while (job := self._order.get()) is not None:
+            if isinstance(job, SimpleQueue):
+                job.put(None)
                 continue
-            item, made = given
-            result = made.get()
+            item, outcome = job
+            work_result = outcome.get()
             try:
-                if isinstance(result, BaseException):
-                    raise result
+                if isinstance(work_result, BaseException):
+                    raise work_result
                 if self.error is None:
-                    self._use(item, result[0])
+                    self._use(item, work_result[0])
             except BaseException as failure:
                 self.error = self.error or failure
             self._places.put(None)

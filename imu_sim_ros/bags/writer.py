@@ -94,9 +94,11 @@ class Writer(ABC):
         """
         if any(topic.name == name for topic in self.topics):
             raise InputError(f"{self.path}: the topic {name} already exists")
-        found = definition or schema(type_name, self.encoding)
+        topic_schema = definition or schema(type_name, self.encoding)
         profiles = (Qos(),) if qos is None else tuple(qos)
-        topic = BagTopic(len(self.topics), name, type_name, found, profiles, keeps_seq=keeps_seq)
+        topic = BagTopic(
+            len(self.topics), name, type_name, topic_schema, profiles, keeps_seq=keeps_seq
+        )
         self._register(topic)
         self.topics.append(topic)
         return topic
@@ -171,7 +173,7 @@ class Writer(ABC):
 
 
 class BagOptions(NamedTuple):
-    """How a bag is written."""
+    """Options of writing a bag."""
 
     storage: str | None = None
     """mcap, sqlite3 or ros1; None: the one that the name implies."""
@@ -184,7 +186,7 @@ class BagOptions(NamedTuple):
 
 
 AS_NAMED: Final = BagOptions()
-"""As the name implies: one file, not compressed."""
+"""Options implied by the name: one file, not compressed."""
 
 
 def open_writer(path: str | Path, options: BagOptions = AS_NAMED) -> Writer:
@@ -270,7 +272,7 @@ def check_split(split_duration: float, period: float, duration: float) -> None:
 
 
 METADATA_FILE: Final = "metadata.yaml"
-"""In a rosbag2 folder."""
+"""Metadata file of a rosbag2 folder."""
 METADATA_VERSION: Final = 9
 ROS_DISTRO: Final = "jazzy"
 

@@ -40,8 +40,8 @@ if TYPE_CHECKING:
 
 
 def _lies_in(path: Path, folder: Path) -> bool:
-    here, there = Path(os.path.realpath(path)), Path(os.path.realpath(folder))
-    return here == there or there in here.parents
+    path_real, folder_real = Path(os.path.realpath(path)), Path(os.path.realpath(folder))
+    return path_real == folder_real or folder_real in path_real.parents
 
 
 @dataclass(frozen=True, repr=False)
@@ -56,7 +56,7 @@ class Campaign:
     new: int
     """Runs made now; the others existed before."""
     judgement: Judgement
-    """Who is best, by how much, and how sure that is; failures, requirements, the baseline."""
+    """Verdict: the best, by how much, and how sure; failures, requirements, the baseline."""
     wall_s: float
     notes: list[str]
     """A line for whatever weakens the judgement."""
@@ -88,10 +88,12 @@ class Campaign:
         return _lines(self)
 
     def __repr__(self) -> str:
-        found, words = self.judgement, [f"{len(self.runs)} runs, {self.done} done"]
-        if found.headline:
-            words.append("; ".join(headline(found.headline, found.metric, found.tolerance)))
-        return f"<Campaign {self.plan.options.name}: {'; '.join(words)}>"
+        judgement, parts = self.judgement, [f"{len(self.runs)} runs, {self.done} done"]
+        if judgement.headline:
+            parts.append(
+                "; ".join(headline(judgement.headline, judgement.metric, judgement.tolerance))
+            )
+        return f"<Campaign {self.plan.options.name}: {'; '.join(parts)}>"
 
 
 def campaign(
@@ -145,7 +147,7 @@ def campaign(
         share worse is a problem, too: 5%, or a number in the metric's unit; with --power: the
         number of seeds that this proof needs
     :param report: write report.html.
-    :param command: how the page says that it was made.
+    :param command: command line for the page.
     :returns: a :class:`Campaign` with the rows of results and the judgement.
     :raises ConfigurationError: for an invalid plan or argument, with a line for each problem.
     :raises InputError: for a folder or file that cannot be used.
@@ -163,40 +165,43 @@ def campaign(
         arguments.switch(name, value)
     for name, value in (("report", report), ("dask", dask), ("baseline_anyway", baseline_anyway)):
         arguments.switch(name, value)
-    before = None if baseline is None else arguments.path("baseline", baseline)
+    baseline_path = None if baseline is None else arguments.path("baseline", baseline)
     limits = Limits.of(tolerance, non_inferiority)
-    most = "a number of processes, from 1 to 10000"
-    processes = arguments.whole("workers", workers, most, 1, 10_000)
+    allowed = "a number of processes, from 1 to 10000"
+    processes = arguments.whole("workers", workers, allowed, 1, 10_000)
     arguments.number("worker_timeout", worker_timeout, "above 0 s", 0.0, 1e6, above=True)
     if scheduler is not None:
         arguments.text("scheduler", scheduler, "tcp://HOST:PORT")
     if batch is not None:
         arguments.whole("batch", batch, "at least 1", 1, 1 << 31)
     loaded = load_plan(path)
-    problems, known = [], (*loaded.metrics, SUCCESS)
-    if arguments.text("metric", metric, "the name of a metric", empty=True) and metric not in known:
-        problems.append(f"metric = {shown(metric)}: {suggestion(metric, known)}")
+    problems, metric_names = [], (*loaded.metrics, SUCCESS)
+    if (
+        arguments.text("metric", metric, "the name of a metric", empty=True)
+        and metric not in metric_names
+    ):
+        problems.append(f"metric = {shown(metric)}: {suggestion(metric, metric_names)}")
     if dask and scheduler:
         problems.append("--dask and --scheduler: choose one")
     if resume and force:
         problems.append("--resume and --force: choose one")
-    if limits.non_inferiority is not None and before is None:
+    if limits.non_inferiority is not None and baseline_path is None:
         problems.append(f"--non-inferiority {limits.non_inferiority}: needs --baseline")
-    if baseline_anyway and before is None:
+    if baseline_anyway and baseline_path is None:
         problems.append("--baseline-anyway: needs --baseline")
-    if before is not None and _lies_in(before, folder):
-        problems.append(f"--baseline {before}: is written by this campaign")
+    if baseline_path is not None and _lies_in(baseline_path, folder):
+        problems.append(f"--baseline {baseline_path}: is written by this campaign")
     if problems:
         raise InputError(problems)
     check_plan(loaded, path)
     started = time.perf_counter()
-    earlier = None if before is None else read_results(before)
+    baseline_rows = None if baseline_path is None else read_results(baseline_path)
     notes: list[str] = []
-    if before is not None and earlier is not None:
-        identities = identities_of_plan(loaded, earlier)
-        if difference := differences(loaded, identities, before, earlier):
+    if baseline_path is not None and baseline_rows is not None:
+        identities = identities_of_plan(loaded, baseline_rows)
+        if difference := differences(loaded, identities, baseline_path, baseline_rows):
             if not baseline_anyway:
-                raise InputError(plan_mismatch(before, difference))
+                raise InputError(plan_mismatch(baseline_path, difference))
             notes.append(f"the baseline is of another plan: {difference}")
     judged = metric or loaded.metrics[0]
     with (
@@ -220,19 +225,19 @@ def campaign(
                 )
             if report:
                 # A metric that no run has cannot be drawn.
-                there = any(row.get(judged) is not None for row in outcome.rows)
-                drawn = judged if there or judged == SUCCESS else ""
-                baselines = [before] if before else []
+                has_metric = any(row.get(judged) is not None for row in outcome.rows)
+                drawn = judged if has_metric or judged == SUCCESS else ""
+                baselines = [baseline_path] if baseline_path else []
                 anyway = baseline_anyway
                 write_campaign_page(folder, drawn, baselines, limits, command, anyway)
         watcher().complete(folder)
-    found = judge(loaded, outcome.rows, judged, earlier, *limits)
+    judgement = judge(loaded, outcome.rows, judged, baseline_rows, *limits)
     wall_s = time.perf_counter() - started
-    return Campaign(loaded, folder, outcome.rows, outcome.executed, found, wall_s, notes)
+    return Campaign(loaded, folder, outcome.rows, outcome.executed, judgement, wall_s, notes)
 
 
 class Limits(NamedTuple):
-    """What differences matter."""
+    """Differences that matter."""
 
     tolerance: Tolerance | None
     """None: the plan's."""
@@ -245,9 +250,9 @@ class Limits(NamedTuple):
 
         :raises ConfigurationError: for other words.
         """
-        given = {"tolerance": tolerance, "non_inferiority": non_inferiority}
+        texts = {"tolerance": tolerance, "non_inferiority": non_inferiority}
         return cls(
-            *(None if one is None else parse_tolerance(one, name) for name, one in given.items())
+            *(None if text is None else parse_tolerance(text, name) for name, text in texts.items())
         )
 
 
@@ -286,31 +291,31 @@ def _explaining_full_disk(folder: Path) -> Iterator[None]:
         raise
 
 
-def reasons(found: Judgement) -> list[str]:
+def reasons(judgement: Judgement) -> list[str]:
     """Return why runs failed if none is done, each reason once."""
     counted: dict[str, int] = {}
-    for failure in found.failures:
+    for failure in judgement.failures:
         counted[failure.reason] = counted.get(failure.reason, 0) + failure.runs
     return [f"no run is done: {runs:,} x {reason}" for reason, runs in list(counted.items())[:10]]
 
 
 def expected_duration(plan: Plan, processes: int) -> str:
     """Return how long a campaign takes, from its first run; of programs only their limit says."""
-    total, words = runs.seconds_of_all_runs(plan), "at"
+    total, prefix = runs.seconds_of_all_runs(plan), "at"
     if total is None:
         limits = (e.timeout for e in plan.estimators.values() if isinstance(e, CommandEstimator))
-        total, words = plan.run_count * max(limits), "at up to"
-    one, hours = total / plan.run_count, total / max(processes, 1) / 3600.0
-    each = f"{one * 1e3:.2g} ms" if one < 1.0 else f"{one:.3g} s"
-    on = "1 process" if processes == 1 else f"{processes} processes"
-    return f"{words} {each} each about {max(hours, 0.1):,.1f} hours on {on}"
+        total, prefix = plan.run_count * max(limits), "at up to"
+    run_s, hours = total / plan.run_count, total / max(processes, 1) / 3600.0
+    run_text = f"{run_s * 1e3:.2g} ms" if run_s < 1.0 else f"{run_s:.3g} s"
+    processes_text = "1 process" if processes == 1 else f"{processes} processes"
+    return f"{prefix} {run_text} each about {max(hours, 0.1):,.1f} hours on {processes_text}"
 
 
 class Power:
     """The chance to find a difference with a plan's seeds, and the seeds it takes.
 
     :param wanted: the difference, a share.
-    :param scatter: of the ratio of both results on the same seed.
+    :param scatter: standard deviation of the logarithm of the ratio of both results on a seed.
     :param baseline_anyway: compare with a baseline of another plan, which is refused otherwise: its
         simulation, alignment or limits differ
     :param tolerance: difference that does not matter.
@@ -322,12 +327,12 @@ class Power:
     def __init__(
         self,
         plan: Plan,
-        wanted: Tolerance,
+        difference: Tolerance,
         scatter: Tolerance,
         tolerance: Tolerance,
         margin: Tolerance | None = None,
     ) -> None:
-        shares = {"--power": wanted, "--scatter": scatter, "tolerance": tolerance}
+        shares = {"--power": difference, "--scatter": scatter, "tolerance": tolerance}
         if margin is not None:
             shares["--non-inferiority"] = margin
         problems = [
@@ -335,21 +340,26 @@ class Power:
             for name, share in shares.items()
             if not share.relative
         ]
-        if not problems and margin is not None and wanted.value >= margin.value:
-            problems.append(f"--power {wanted}: must be below --non-inferiority, {margin}")
-        if not problems and margin is None and wanted.value <= tolerance.value:
-            problems.append(f"--power {wanted}: must be above the tolerance, {tolerance}")
+        if not problems and margin is not None and difference.value >= margin.value:
+            problems.append(f"--power {difference}: must be below --non-inferiority, {margin}")
+        if not problems and margin is None and difference.value <= tolerance.value:
+            problems.append(f"--power {difference}: must be above the tolerance, {tolerance}")
         if scatter.value <= 0.0:
             problems.append(f"--scatter {scatter}: must be above 0")
         if problems:
             raise InputError(problems)
-        self.wanted, self.scatter, self.tolerance, self.margin = wanted, scatter, tolerance, margin
+        self.difference, self.scatter, self.tolerance, self.margin = (
+            difference,
+            scatter,
+            tolerance,
+            margin,
+        )
         self.seeds = len(plan.seeds)
         self.comparisons = cell_count(plan.axes) * len(plan.estimators)
-        sizes = (wanted.value, scatter.value, tolerance.value, self.comparisons)
+        sizes = (difference.value, scatter.value, tolerance.value, self.comparisons)
         together = 1
         if margin is not None:  # the same test, with both hypotheses exchanged; all must succeed
-            sizes = (margin.value, scatter.value, wanted.value, 1)
+            sizes = (margin.value, scatter.value, difference.value, 1)
             together = self.comparisons
         self.power = power(self.seeds, *sizes) ** together
         self.needed = {
@@ -359,7 +369,7 @@ class Power:
     def to_dict(self) -> dict[str, Any]:
         """Return what ``--json`` prints."""
         return {
-            "difference": self.wanted.value,
+            "difference": self.difference.value,
             "scatter": self.scatter.value,
             "tolerance": self.tolerance.value,
             "non_inferiority": None if self.margin is None else self.margin.value,
@@ -374,66 +384,68 @@ class Power:
         many = f"{self.comparisons} comparison{'s' * (self.comparisons != 1)}"
         if self.margin is not None:
             yield (
-                f"Non-inferiority by {self.margin}, true difference {self.wanted}, scatter "
+                f"Non-inferiority by {self.margin}, true difference {self.difference}, scatter "
                 f"{self.scatter}, {many}: the plan's {self.seeds} seeds prove it in "
                 f"{100.0 * self.power:.0f} % of campaigns"
             )
         else:
             yield (
-                f"A difference of {self.wanted} beyond a tolerance of {self.tolerance}, scatter "
+                f"A difference of {self.difference} beyond a tolerance of {self.tolerance}, "
+                "scatter "
                 f"{self.scatter}, {many}: the "
                 f"plan's {self.seeds} seeds find it in {100.0 * self.power:.0f} % of campaigns"
             )
         for share, seeds in self.needed.items():
-            shown = "more than 100,000" if seeds is None else f"{seeds:,}"
-            yield f"{100.0 * share:.0f} %: {shown} seeds"
+            seeds_text = "more than 100,000" if seeds is None else f"{seeds:,}"
+            yield f"{100.0 * share:.0f} %: {seeds_text} seeds"
 
 
 _SHOWN: Final = 40
 """Rows of a table."""
 
 
-def _lines(made: Campaign) -> Iterator[str | TextTable]:
-    metric, found = made.judgement.metric, group_runs(made.runs, made.plan.grid_names)
-    rows = [_row(group, metric) for group in found[:_SHOWN]]
+def _lines(result: Campaign) -> Iterator[str | TextTable]:
+    metric, groups = result.judgement.metric, group_runs(result.runs, result.plan.grid_names)
+    rows = [_row(group, metric) for group in groups[:_SHOWN]]
     header = ["cell", "estimator", "done", "coverage", "median", "95 % interval", "p95"]
     header.append("NEES (band)")
     yield TextTable(header, rows, f"{metric}, median with 95 % interval")
-    if len(found) > _SHOWN:
-        yield (f"{len(found) - _SHOWN} more in {made.folder / 'summary.csv'}")
-    yield from _difference_lines(made.judgement)
-    yield from made.notes
-    yield from _baseline_tables(made.judgement)
-    yield from _slope_tables(made.runs, found, metric)
-    for status, count in counts(made.runs).items():
+    if len(groups) > _SHOWN:
+        yield (f"{len(groups) - _SHOWN} more in {result.folder / 'summary.csv'}")
+    yield from _difference_lines(result.judgement)
+    yield from result.notes
+    yield from _baseline_tables(result.judgement)
+    yield from _slope_tables(result.runs, groups, metric)
+    for status, count in counts(result.runs).items():
         if status != "done":
             yield f"{count} runs {status}"
-    for finding in made.judgement.findings[:_SHOWN]:
-        runs_of = f"{finding.runs} of {_run_count(found, finding)} runs"
+    for finding in result.judgement.findings[:_SHOWN]:
+        runs_of = f"{finding.runs} of {_run_count(groups, finding)} runs"
         yield f"{finding.cell}; {finding.estimator}: {runs_of}: {finding.finding}"
     yield (
-        f"{made.folder}: {len(made.runs):,} runs, {made.new:,} of them new, in {made.wall_s:.1f} s"
+        f"{result.folder}: {len(result.runs):,} runs, {result.new:,} of them new, in "
+        f"{result.wall_s:.1f} s"
     )
 
 
-def _run_count(found: Sequence[Group], finding: EstimateFinding) -> int:
+def _run_count(groups: Sequence[Group], finding: EstimateFinding) -> int:
     """Return how many runs the group of a finding has."""
     key = (finding.cell, finding.estimator)
-    return next(len(group.rows) for group in found if (group.cell, group.estimator) == key)
+    return next(len(group.rows) for group in groups if (group.cell, group.estimator) == key)
 
 
-def _difference_lines(found: Judgement) -> Iterator[str | TextTable]:
+def _difference_lines(judgement: Judgement) -> Iterator[str | TextTable]:
     """Yield who is best, and the effects of the headline's contests."""
-    if len(found.headline) > 1:
-        yield "; ".join(headline(found.headline, found.metric, found.tolerance))
-    for contest in found.headline[:_SHOWN]:
-        yield contest.line(found.metric, found.tolerance)
+    if len(judgement.headline) > 1:
+        yield "; ".join(headline(judgement.headline, judgement.metric, judgement.tolerance))
+    for contest in judgement.headline[:_SHOWN]:
+        yield contest.line(judgement.metric, judgement.tolerance)
     rows = [
         [
             *(contest.where_text, effect.a, effect.b, effect.size(), effect.at_once()),
             *(_number(effect.p), effect.verdict),
         ]
-        for contest in found.contests
+        for contest in judgement.contests
         for effect in contest.effects
         if effect.significant
     ]
@@ -442,21 +454,23 @@ def _difference_lines(found: Judgement) -> Iterator[str | TextTable]:
         yield TextTable(
             ["of", "A", "B", "A than B", "95 %, all at once", "p", "A is"], rows[:_SHOWN], title
         )
-    yield from sorted({e.note for c in found.contests for e in c.effects if e.note})
+    yield from sorted({e.note for c in judgement.contests for e in c.effects if e.note})
 
 
-def _baseline_tables(found: Judgement) -> Iterator[TextTable]:
+def _baseline_tables(judgement: Judgement) -> Iterator[TextTable]:
     """Yield how each group compares with the baseline, worse groups first."""
-    effects = sorted(found.baseline or [], key=lambda effect: effect.verdict != "worse")
+    effects = sorted(judgement.baseline or [], key=lambda effect: effect.verdict != "worse")
     rows = [[one.a, one.note or one.size(), _number(one.p), one.verdict] for one in effects]
     if rows:
-        title = f"Against the baseline: {found.metric}"
+        title = f"Against the baseline: {judgement.metric}"
         header = ["cell; estimator", "than before", "p", "is"]
         yield TextTable(header, rows[:_SHOWN], title)
 
 
-def _slope_tables(rows: Sequence[Row], found: Sequence[Group], metric: str) -> Iterator[TextTable]:
-    grid = found[0].grid if found else ()
+def _slope_tables(
+    rows: Sequence[Row], judgement: Sequence[Group], metric: str
+) -> Iterator[TextTable]:
+    grid = judgement[0].grid if judgement else ()
     slopes_of = [
         [one.parameter, one.estimator, _number(slope.value), f"{slope.low:.3g} - {slope.high:.3g}"]
         for one in slopes(rows, grid, metric)

@@ -186,8 +186,8 @@ def imu(
 ) -> LogStream:
     """Return readings in FLU; a triad that is None is marked as absent.
 
-    :param gyro: (n, 3) [rad/s].
-    :param accel: (n, 3) [m/s^2].
+    :param gyro: (n, 3) angular rates [rad/s].
+    :param accel: (n, 3) specific forces [m/s^2].
     """
     encoder = _ImuOfTriads(frame_id, gyro is not None, accel is not None)
     zeros = np.zeros((len(t_ns), 3))
@@ -221,8 +221,8 @@ def odometry(
 ) -> LogStream:
     """Return poses with velocities.
 
-    :param position: (n, 3) [m].
-    :param q_wb: (n, 4).
+    :param position: (n, 3) positions [m].
+    :param q_wb: (n, 4) attitudes.
     :param velocity: (n, 3) in the world [m/s].
     :param rates: (n, 3) in the body [rad/s]; None: those of the attitude.
     :param variances: (n, 3) of position [m^2], of rotation about the world's axes [rad^2], and of
@@ -293,7 +293,7 @@ def fix(
 def velocity(name: str, t_ns: Times, velocity_enu: Array, deviation: Array) -> LogStream:
     """Return velocities of a GNSS receiver.
 
-    :param velocity_enu: (n, 3) [m/s].
+    :param velocity_enu: (n, 3) velocities [m/s].
     :param deviation: (n,) standard deviation of each axis [m/s].
     """
     variance = np.tile(np.nan_to_num(deviation)[:, None] ** 2, 3)
@@ -417,8 +417,10 @@ def refuse_empty(path: Path, kind: str, names: Sequence[str]) -> InputError:
 
     :param names: topics that the log has.
     """
-    shown = ", ".join(names[:12]) + (", ..." if len(names) > 12 else "")
-    return InputError(f"{path}: {kind} without sensors or poses; it has {shown or 'no messages'}")
+    contents = ", ".join(names[:12]) + (", ..." if len(names) > 12 else "")
+    return InputError(
+        f"{path}: {kind} without sensors or poses; it has {contents or 'no messages'}"
+    )
 
 
 def _diagonal(*variances: Array) -> Array:

@@ -48,7 +48,7 @@ _MICROSECOND: Final = 1000
 _LAST_STAMP: Final = 2**31 * 10**6
 """End of the stamps that a message of ROS holds [us]."""
 _GAUSS: Final = 1e-4
-"""[T]"""
+"""One gauss [T]."""
 _NO_TIME: Final = 2**31 - 1
 """Relative time of an accelerometer without valid readings."""
 _LOWEST_PASCALS: Final = 2000.0

@@ -38,7 +38,7 @@ class RowTemplate:
 
     @property
     def are_whole(self) -> bool:
-        """Whether a single column has all of the rows."""
+        """True if each column has all of the rows."""
         return len(self.columns) == 1 and self.columns[0].values.dtype.kind == "V"
 
     def __len__(self) -> int:
@@ -47,7 +47,7 @@ class RowTemplate:
     def __getitem__(self, rows: slice) -> "RowTemplate":
         """Return some consecutive rows."""
         start, stop, _ = rows.indices(self.count)
-        columns = [Column(at, values[start:stop]) for at, values in self.columns]
+        columns = [Column(offset, values[start:stop]) for offset, values in self.columns]
         return RowTemplate(self.template, columns, max(stop - start, 0))
 
 
@@ -56,14 +56,16 @@ def side_by_side(patterns: Sequence[RowTemplate], rows: slice = slice(None)) -> 
     template = b"".join(pattern.template for pattern in patterns)
     count, size = len(range(*rows.indices(patterns[0].count))), len(template)
     table: Bytes = np.frombuffer(bytearray(template) * count, np.uint8).reshape(count, size)
-    before = 0
+    row_start = 0
     for pattern in patterns if table.size else ():
         for offset, values in pattern.columns:
-            own = values[rows]
-            strides = (size, own.itemsize)[: own.ndim]
-            cells: NDArray[Any] = np.ndarray(own.shape, own.dtype, table, before + offset, strides)
-            cells[...] = own
-        before += len(pattern.template)
+            values_of_rows = values[rows]
+            strides = (size, values_of_rows.itemsize)[: values_of_rows.ndim]
+            cells: NDArray[Any] = np.ndarray(
+                values_of_rows.shape, values_of_rows.dtype, table, row_start + offset, strides
+            )
+            cells[...] = values_of_rows
+        row_start += len(pattern.template)
     return table
 
 
@@ -85,7 +87,7 @@ class TopicInfo:
 
     name: str
     type: str
-    """In the form of ROS 2, for instance sensor_msgs/msg/Imu."""
+    """Type in the form of ROS 2, for instance sensor_msgs/msg/Imu."""
     count: int
     schema: Schema
     offered: object

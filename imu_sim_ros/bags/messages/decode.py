@@ -58,16 +58,19 @@ class Decoded(NamedTuple):
 
 def joined(parts: Sequence[Decoded]) -> Decoded:
     """Return blocks of messages that follow each other as one; there must be one."""
-    first = parts[0]
+    first_part = parts[0]
     if len(parts) == 1:
-        return first
+        return first_part
     frame_ids = tuple(dict.fromkeys(name for part in parts for name in part.frame_ids))
     return Decoded(
-        first.texts,
+        first_part.texts,
         np.concatenate([part.record_t_ns for part in parts]),
         np.concatenate([part.t_ns for part in parts]),
         np.concatenate([part.nanosecond for part in parts]),
-        {name: np.concatenate([part.numbers[name] for part in parts]) for name in first.numbers},
+        {
+            name: np.concatenate([part.numbers[name] for part in parts])
+            for name in first_part.numbers
+        },
         np.concatenate([_indices(part, frame_ids) for part in parts]),
         frame_ids,
     )
@@ -94,10 +97,10 @@ def decode_block(block: MessageBlock, encoding: str, names: Sequence[str]) -> De
         raise InputError(f"{block.topic.name}: not {type_name} messages: {error}") from None
     count = len(block.t_ns)
     t_ns, nanosecond = np.empty((2, count), dtype=np.int64)
-    first = groups[0].form
+    first_form = groups[0].form
     fields_of = {name: name.removesuffix(FIRST) for name in names}
     numbers = {
-        name: np.empty((count, *first.dtype[field].shape)[: 1 if name != field else None])
+        name: np.empty((count, *first_form.dtype[field].shape)[: 1 if name != field else None])
         for name, field in fields_of.items()
     }
     frame_ids = tuple(dict.fromkeys(group.texts[0] for group in groups if group.texts))
@@ -155,10 +158,13 @@ class MessageDecoder:
 
     def _form(self, payload: bytes) -> "_Form":
         texts = raw_texts(self._type_name, "cdr", payload)
-        found = layout(self._type_name, "cdr", texts)
-        fixed = [(start, stop, found.template[start:stop]) for start, stop in found.fixed]
-        words = tuple(text.rstrip(b"\0").decode("utf-8", "replace") for text in texts)
-        return _Form(fixed, found.unpacker(self._names), words)
+        message_layout = layout(self._type_name, "cdr", texts)
+        fixed = [
+            (start, stop, message_layout.template[start:stop])
+            for start, stop in message_layout.fixed
+        ]
+        strings = tuple(text.rstrip(b"\0").decode("utf-8", "replace") for text in texts)
+        return _Form(fixed, message_layout.unpacker(self._names), strings)
 
 
 class _Form(NamedTuple):
@@ -181,7 +187,7 @@ class MessageGroup(NamedTuple):
     form: Layout
     texts: tuple[str, ...]
     rows: slice | Integers
-    """Which of the block's messages they are."""
+    """Rows of the block's messages."""
     payloads: Bytes
     """(n, size)"""
 
@@ -204,8 +210,8 @@ def group_by_texts(type_name: str, encoding: str, payloads: Payloads) -> list[Me
         table = np.frombuffer(b"".join(messages[k] for k in rows), np.uint8).reshape(-1, size)
         if not whole <= size <= whole + 3:
             raise ValueError(f"{size} bytes instead of {whole}")
-        own = np.ascontiguousarray(table[:, :whole])
-        groups.append(MessageGroup(form, texts, np.array(rows), own))
+        fixed_bytes = np.ascontiguousarray(table[:, :whole])
+        groups.append(MessageGroup(form, texts, np.array(rows), fixed_bytes))
     return groups
 
 
@@ -225,13 +231,13 @@ def transcode(block: MessageBlock, source: str, target: str) -> Payloads | None:
     if len(groups) > 1:
         return None
     form, texts, _, payloads = groups[0]
-    result = layout(type_name, target, texts)
-    rows = np.empty((len(payloads), len(result.template)), np.uint8)
-    rows[:] = np.frombuffer(result.template, np.uint8)
-    new, old = rows.view(result.dtype)[:, 0], payloads.view(form.dtype)[:, 0]
-    for name in result.dtype.names or ():
+    target_layout = layout(type_name, target, texts)
+    rows = np.empty((len(payloads), len(target_layout.template)), np.uint8)
+    rows[:] = np.frombuffer(target_layout.template, np.uint8)
+    target_rows, source_rows = rows.view(target_layout.dtype)[:, 0], payloads.view(form.dtype)[:, 0]
+    for name in target_layout.dtype.names or ():
         if name in (form.dtype.names or ()):
-            new[name] = old[name]
+            target_rows[name] = source_rows[name]
     return rows
 
 
@@ -269,7 +275,7 @@ class MessageGate:
 
     def __init__(self, path: str | Path, topic: str, open_to_all: bool = False) -> None:
         self.bad = BadRows(f"{path}: {topic}", "message")
-        self._open, self._seen = open_to_all, 0
+        self._open, self._row_count = open_to_all, 0
 
     def good(self, decoded: Decoded) -> Mask | None:
         """Return which of the next messages (n,) pass; None: all of them."""
@@ -278,13 +284,15 @@ class MessageGate:
         if _STATED in numbers and "orientation" in numbers:
             unstated = numbers[_STATED][:, :1] < 0.0
             stated = np.where(unstated, (0.0, 0.0, 0.0, 1.0), numbers["orientation"])
-            columns = [(of, stated if of is gate.ORIENTATION else v) for of, v in columns]
+            columns = [
+                (quantity, stated if quantity is gate.ORIENTATION else v) for quantity, v in columns
+            ]
         verdict = gate.Verdict(decoded.t_ns, columns, decoded.nanosecond)
-        first, self._seen = self._seen, self._seen + len(decoded.t_ns)
+        start, self._row_count = self._row_count, self._row_count + len(decoded.t_ns)
         self.bad.good += int(np.count_nonzero(verdict.good))
         if verdict.good.all():
             return None
-        verdict.note(self.bad, np.arange(first, self._seen), stamps=True)
+        verdict.note(self.bad, np.arange(start, self._row_count), stamps=True)
         return None if self._open else verdict.good
 
     def passed(self, block: MessageBlock, encoding: str) -> MessageBlock:

@@ -59,5 +59,5 @@ class ImuEdit(NamedTuple):
                     )
             rows = np.arange(len(block.t_ns))[group.rows]
             messages.update(zip(rows.tolist(), map(bytes, payloads), strict=True))
-        kept = sorted(messages)
-        return block._replace(t_ns=block.t_ns[kept], payloads=[messages[k] for k in kept])
+        kept_rows = sorted(messages)
+        return block._replace(t_ns=block.t_ns[kept_rows], payloads=[messages[k] for k in kept_rows])

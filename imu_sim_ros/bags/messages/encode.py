@@ -50,7 +50,7 @@ _STAMP: Final = struct.Struct("<II")
 _POSE: Final = struct.Struct("<7d")
 _TWIST: Final = struct.Struct("<6d")
 ROS_ORDER: Final = [1, 2, 3, 0]
-"""Where (x, y, z, w) stand in (w, x, y, z)."""
+"""Indices of (x, y, z, w) in (w, x, y, z)."""
 
 
 def divided(t_ns: Times) -> tuple[Times, Times]:
@@ -65,11 +65,11 @@ def seconds(t_ns: Times, encoding: str) -> tuple[Times, Times]:
     :raises InputError: for stamps that a message cannot hold.
     """
     second, nanosecond = divided(t_ns)
-    last = _LAST_SECOND[encoding]
-    if len(t_ns) and (second.min() < 0 or second.max() > last):
+    last_second = _LAST_SECOND[encoding]
+    if len(t_ns) and (second.min() < 0 or second.max() > last_second):
         raise InputError(
             f"stamps from {t_ns.min() * 1e-9:.3f} s to {t_ns.max() * 1e-9:.3f} s: a message "
-            f"holds 0 to {last} s"
+            f"holds 0 to {last_second} s"
         )
     return second, nanosecond
 
@@ -93,9 +93,9 @@ class Encoder:
         self._template = self.layout.template
         self._template = self._row(constant)
 
-    def encode(self, *columns: Any, **named: Any) -> Bytes:
+    def encode(self, *columns: Any, **keywords: Any) -> Bytes:
         """Return messages (n, size) of what ``pattern`` takes."""
-        return side_by_side([self.pattern(*columns, **named)])
+        return side_by_side([self.pattern(*columns, **keywords)])
 
     def _stamp(self, t_ns: int) -> tuple[int, int]:
         """Return the seconds and nanoseconds of one stamp, in less time than :func:`seconds`."""
@@ -107,9 +107,9 @@ class Encoder:
     def _row(self, numbers: Mapping[str, ArrayLike]) -> bytes:
         """Return the template with some of its numbers: (m,) or one for each field."""
         row = bytearray(self._template)
-        for name, given in numbers.items():
+        for name, number in numbers.items():
             field, offset = self._fields[name]
-            values = np.asarray(given, field.base)
+            values = np.asarray(number, field.base)
             if values.nbytes != field.itemsize:
                 values = np.broadcast_to(values, field.shape)
             row[offset : offset + field.itemsize] = values.tobytes()
@@ -127,14 +127,14 @@ class Encoder:
             for k, row_t_ns in enumerate(t_ns.tolist()):
                 _STAMP.pack_into(memory, at + k * len(self._template), *self._stamp(row_t_ns))
             rows = np.frombuffer(memory, self.layout.dtype)
-            for name, given in numbers.items():
-                rows[name] = given
+            for name, numbers_of_field in numbers.items():
+                rows[name] = numbers_of_field
             return RowTemplate(self._template, [Column(0, rows.view(self._whole))], len(rows))
         stamp = zip(("sec", "nanosec"), seconds(t_ns, self.layout.encoding), strict=True)
         columns, constant = [], {}
-        for name, given in (*stamp, *numbers.items()):
+        for name, numbers_of_field in (*stamp, *numbers.items()):
             field, offset = self._fields[name]
-            values = np.asarray(given)
+            values = np.asarray(numbers_of_field)
             if values.ndim > field.ndim:
                 columns.append(Column(offset, values.astype(field.base, copy=False)))
             else:
@@ -164,7 +164,7 @@ class ImuEncoder(Encoder):
         """Set up what all messages have in common.
 
         :param gyro_covariance: per sample [(rad/s)^2]: 0 (unknown), three variances, or (3, 3).
-        :param accel_covariance: likewise [(m/s^2)^2].
+        :param accel_covariance: covariance of the accelerometer [(m/s^2)^2].
         """
         super().__init__(
             layout(self.type_name, encoding, (frame_id,)),
@@ -227,7 +227,7 @@ class OdometryEncoder(Encoder):
 
         :param t_ns: (n,) stamps.
         :param position: (n, 3) p_wb [m].
-        :param q_wb: (n, 4).
+        :param q_wb: (n, 4) attitudes.
         :param velocity_b: (n, 3) of the body, resolved in the body frame [m/s].
         :param angular_velocity_b: (n, 3) omega_b [rad/s].
         :param pose_covariance: (n, 6, 6) or (6, 6): position, then rotation about fixed axes.
@@ -320,7 +320,7 @@ class MagneticFieldEncoder(_OfFrame):
     def pattern(self, t_ns: Times, field: ArrayLike, covariance: ArrayLike = 0.0) -> RowTemplate:
         """Return n messages.
 
-        :param field: (n, 3) [T].
+        :param field: (n, 3) fields [T].
         :param covariance: per sample [T^2]: 0 (unknown), three variances, or (3, 3).
         """
         of_field = _matrix3(covariance).ravel()
@@ -345,12 +345,12 @@ class TwistWithCovarianceEncoder(_OfFrame):
     def pattern(self, t_ns: Times, velocity: ArrayLike, variance: ArrayLike) -> RowTemplate:
         """Return n messages; the angular velocity is 0 and its covariance -1: unknown.
 
-        :param velocity: (n, 3) [m/s].
+        :param velocity: (n, 3) velocities [m/s].
         :param variance: (n, 3) or (3,) [m^2/s^2].
         """
-        own = np.asarray(variance, dtype=np.float64)
-        covariance = np.zeros((*own.shape[:-1], 36))
-        covariance[..., [0, 7, 14]] = own
+        variances = np.asarray(variance, dtype=np.float64)
+        covariance = np.zeros((*variances.shape[:-1], 36))
+        covariance[..., [0, 7, 14]] = variances
         covariance[..., [21, 28, 35]] = -1.0
         return self._row_template(t_ns, linear=velocity, twist_covariance=covariance)
 
@@ -372,25 +372,25 @@ class NavSatFixEncoder(_OfFrame):
         """Return n messages.
 
         :param latitude: (n,) geodetic [deg].
-        :param longitude: (n,) [deg].
+        :param longitude: (n,) longitudes [deg].
         :param altitude: (n,) above the ellipsoid [m].
         :param status: (n,) of each; -1: no fix, of unknown covariance. None: all have a fix, with a
             covariance that is known, and zero.
         :param variance: (n, 3) of the errors east, north, up [m^2].
         """
         if status is not None:
-            given = np.asarray(status)
-            covariance = np.zeros((len(given), 9))
+            statuses = np.asarray(status)
+            covariance = np.zeros((len(statuses), 9))
             covariance[:, ::4] = variance
             return self._row_template(
                 t_ns,
-                status=given,
+                status=statuses,
                 service=_GPS,
                 latitude=latitude,
                 longitude=longitude,
                 altitude=altitude,
                 position_covariance=covariance,
-                position_covariance_type=np.where(given < 0, 0, _COVARIANCE_TYPE_DIAGONAL),
+                position_covariance_type=np.where(statuses < 0, 0, _COVARIANCE_TYPE_DIAGONAL),
             )
         return self._row_template(
             t_ns,
@@ -426,8 +426,8 @@ class GpsFixEncoder(Encoder):
             left out are 0.
         :param variance: (n, 3) of the errors east, north, up [m^2].
         """
-        given, (second, nanosecond) = np.asarray(status), divided(np.asarray(t_ns))
-        covariance = np.zeros((len(given), 9))
+        statuses, (second, nanosecond) = np.asarray(status), divided(np.asarray(t_ns))
+        covariance = np.zeros((len(statuses), 9))
         covariance[:, ::4] = variance
         return self._row_template(
             t_ns,
@@ -435,11 +435,11 @@ class GpsFixEncoder(Encoder):
             nanosec_of_status=nanosecond,
             satellites_used=satellites,
             satellites_visible=satellites,
-            status=given,
+            status=statuses,
             motion_source=_SOURCE_DOPPLER,
             position_source=_GPS,
             position_covariance=covariance,
-            position_covariance_type=np.where(given < 0, 0, _COVARIANCE_TYPE_DIAGONAL),
+            position_covariance_type=np.where(statuses < 0, 0, _COVARIANCE_TYPE_DIAGONAL),
             **numbers,
         )
 

@@ -30,7 +30,7 @@ _PIXEL_BYTES: Final = {
     "32FC2": 8,
 }
 _PNG_COLOURS: Final = {"rgb8": "bgr8", "rgba8": "bgra8", "rgb16": "bgr16"}
-"""What image_transport calls the colours of an encoded image; it has no word for grey ones."""
+"""Colours of encoded images in image_transport, which has no word for grey ones."""
 
 
 class StampedBuilder(LayoutBuilder):
@@ -54,11 +54,11 @@ class StampedBuilder(LayoutBuilder):
         :raises InputError: for a stamp that a message cannot hold.
         """
         second, nanosecond = seconds(np.array([t_ns]), self.encoding)
-        result = bytearray(self.template)
+        message = bytearray(self.template)
         for name, value in (("sec", second), ("nanosec", nanosecond)):
-            at = self.offsets[self.names.index(name)]
-            result[at : at + 4] = int(value[0]).to_bytes(4, "little")
-        return result
+            offset = self.offsets[self.names.index(name)]
+            message[offset : offset + 4] = int(value[0]).to_bytes(4, "little")
+        return message
 
 
 def restamped(payload: bytes, by_ns: int) -> bytes:
@@ -173,7 +173,7 @@ class PointCloudEncoder:
     def encode(self, t_ns: int, points: ArrayLike, values: Array) -> bytes:
         """Return a message.
 
-        :param points: (n, 3).
+        :param points: (n, 3) points [m].
         :param values: (n, m) of the channels.
         """
         positions = np.asarray(points, dtype="<f4")

@@ -68,29 +68,33 @@ def fields(type_name: str, encoding: str = "cdr") -> tuple[tuple[str, str, int],
 def _fields(
     name: str, texts: Mapping[str, str], within: str = ""
 ) -> Iterator[tuple[str, str, int]]:
-    before = f"{within}_" if within else ""
+    prefix = f"{within}_" if within else ""
     for line in texts[name].splitlines():
-        words = line.partition("#")[0].split()
-        if not words or "=" in line.partition("#")[0]:  # a constant
+        tokens = line.partition("#")[0].split()
+        if not tokens or "=" in line.partition("#")[0]:  # a constant
             continue
-        (kind, _, size), own = words[0].partition("["), words[1]
+        (kind, _, size), field = tokens[0].partition("["), tokens[1]
         if kind in ("std_msgs/Header", "Header"):
-            yield f"{before}stamp", "header", 1
-            yield f"{before}frame_id", "text", 1
+            yield f"{prefix}stamp", "header", 1
+            yield f"{prefix}frame_id", "text", 1
         elif size == "]":
-            yield own, "u4", 1
+            yield field, "u4", 1
         elif kind == "string":
-            yield own, "text", 1
+            yield field, "text", 1
         elif kind in ("builtin_interfaces/Time", "time"):
-            yield own, "time", 1
+            yield field, "time", 1
         elif kind in _CODES:
-            named = f"{before}{own}" if own == "covariance" else own
-            yield named, _CODES[kind], int(size.rstrip("]") or 1)
+            field_name = f"{prefix}{field}" if field == "covariance" else field
+            yield field_name, _CODES[kind], int(size.rstrip("]") or 1)
         else:  # ROS 1 leaves out the package of neighbours
-            whole = next(one for one in texts if one == kind or one.endswith(f"/{kind}"))
-            parts = list(_fields(whole, texts, own))
+            whole = next(
+                text_name
+                for text_name in texts
+                if text_name == kind or text_name.endswith(f"/{kind}")
+            )
+            parts = list(_fields(whole, texts, field))
             if [part for part, _, _ in parts] in _VECTORS:
-                yield own, parts[0][1], len(parts)
+                yield field, parts[0][1], len(parts)
             else:
                 yield from parts
 
@@ -128,9 +132,9 @@ class Layout(NamedTuple):
         size = self.dtype.itemsize
         if payloads.shape[1] != size:
             return False
-        words = _words(size, self.fixed)
-        rows, template = payloads.view(words)[:, 0], np.frombuffer(self.template, words)
-        return all(bool(np.all(rows[name] == template[name])) for name in words.names or ())
+        spans = _words(size, self.fixed)
+        rows, template = payloads.view(spans)[:, 0], np.frombuffer(self.template, spans)
+        return all(bool(np.all(rows[name] == template[name])) for name in spans.names or ())
 
     def offset(self, name: str) -> int:
         """Return the first byte of a field."""
@@ -307,4 +311,4 @@ def texts_of(type_name: str, encoding: str, payload: bytes) -> tuple[str, ...]:
 
 
 STAMP_OFFSET: Final = layout("rosgraph_msgs/msg/Clock", "cdr").offset("sec")
-"""Where the stamp is in a CDR message that begins with one, or with a header."""
+"""Offset of the stamp in a CDR message that begins with one, or with a header."""

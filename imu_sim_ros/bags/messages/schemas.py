@@ -71,7 +71,7 @@ def schema(type_name: str, encoding: str, types: "Typestore | None" = None) -> S
     standard = known_types(encoding)
     if type_name not in standard.fielddefs and encoding == "ros1":
         # Noetic's types are known without tf2_msgs, whose fields are those of ROS 2.
-        standard = Translation(known_types("cdr"), encoding).result
+        standard = Translation(known_types("cdr"), encoding).target_types
     types = types or standard
     if type_name not in types.fielddefs:
         raise InputError(f"{type_name}: the definition of this message type is not known")
@@ -92,21 +92,23 @@ def joined_text(name: str, texts: Mapping[str, str], end: str = "") -> str:
     :param texts: definitions by name.
     :param end: behind each of them.
     """
-    found: list[str] = []
+    order: list[str] = []
     waiting = [name]
     while waiting:
-        one = waiting.pop()
-        if one in found:
+        type_name = waiting.pop()
+        if type_name in order:
             continue
-        found.append(one)
-        package = one.partition("/")[0]
+        order.append(type_name)
+        package = type_name.partition("/")[0]
         kinds = [
-            line.split()[0].partition("[")[0] for line in texts[one].splitlines() if line.strip()
+            line.split()[0].partition("[")[0]
+            for line in texts[type_name].splitlines()
+            if line.strip()
         ]
         # ROS 1 leaves out the package of neighbours, and of Header.
         names = [(kind, f"{package}/{kind}", f"std_msgs/{kind}") for kind in kinds]
-        waiting += reversed([n for each in names for n in each if n in texts])
-    parts = [texts[name], *(f"MSG: {other}\n{texts[other]}" for other in found[1:])]
+        waiting += reversed([n for type_names in names for n in type_names if n in texts])
+    parts = [texts[name], *(f"MSG: {dependency}\n{texts[dependency]}" for dependency in order[1:])]
     return f"{end}{'=' * 80}\n".join(parts) + end
 
 
@@ -116,8 +118,11 @@ def definitions(type_name: str, encoding: str) -> dict[str, str]:
     :param type_name: type in the form of ROS 2.
     """
     whole = schema(type_name, encoding).text
-    first, *others = re.split(r"^=+\nMSG: ", whole, flags=re.MULTILINE)
-    return {"": first, **{part: text for part, _, text in (o.partition("\n") for o in others)}}
+    main_text, *dependencies = re.split(r"^=+\nMSG: ", whole, flags=re.MULTILINE)
+    return {
+        "": main_text,
+        **{part: text for part, _, text in (o.partition("\n") for o in dependencies)},
+    }
 
 
 def typestore(schemas: Iterable[tuple[str, Schema]], encoding: str) -> "Typestore":
@@ -127,18 +132,20 @@ def typestore(schemas: Iterable[tuple[str, Schema]], encoding: str) -> "Typestor
     """
     from rosbags.typesys import Stores, get_types_from_idl, get_types_from_msg, get_typestore
 
-    found = {}
+    fields = {}
     for name, (text, _, language) in schemas:
         if not text:
-            known = known_types(encoding)
-            found.update({key: known.fielddefs[key] for key in _closure(name, known)})
+            known_fields = known_types(encoding)
+            fields.update(
+                {key: known_fields.fielddefs[key] for key in _closure(name, known_fields)}
+            )
         elif language == "ros2idl":
             for part in _idl_parts(text):
-                found.update(get_types_from_idl(part))
+                fields.update(get_types_from_idl(part))
         else:
-            found.update(get_types_from_msg(text, name))
+            fields.update(get_types_from_msg(text, name))
     store = get_typestore(Stores.EMPTY)
-    store.register(found)
+    store.register(fields)
     return store
 
 
@@ -167,63 +174,73 @@ class Translation:
         for name in types.fielddefs:
             if standard.fielddefs.get(name, fields[name]) != fields[name]:
                 fields.update({part: standard.fielddefs[part] for part in _closure(name, standard)})
-        self.result = get_typestore(Stores.EMPTY)
+        self.target_types = get_typestore(Stores.EMPTY)
         """The types in the other generation."""
-        self.result.register(fields)
+        self.target_types.register(fields)
         self._types, self._encoding = types, encoding
 
     def converter(self, name: str) -> "Callable[[bytes], bytes | memoryview]":
         """Return what turns a message of a type into its bytes in the other generation."""
-        ours, theirs = self._types, self.result
+        source_types, target_types = self._types, self.target_types
         if self._encoding == "ros1":
             if self._has_same_fields(name):
-                return lambda data: ours.cdr_to_ros1(data, name)
-            return lambda data: theirs.serialize_ros1(
-                self._translated(ours.deserialize_cdr(data, name), name), name
+                return lambda data: source_types.cdr_to_ros1(data, name)
+            return lambda data: target_types.serialize_ros1(
+                self._translated(source_types.deserialize_cdr(data, name), name), name
             )
         if self._has_same_fields(name):
-            return lambda data: theirs.ros1_to_cdr(data, name)
-        return lambda data: theirs.serialize_cdr(
-            self._translated(ours.deserialize_ros1(data, name), name), name
+            return lambda data: target_types.ros1_to_cdr(data, name)
+        return lambda data: target_types.serialize_cdr(
+            self._translated(source_types.deserialize_ros1(data, name), name), name
         )
 
     def differences(self, name: str) -> list[str]:
         """Return a line for each type within a type whose fields differ."""
         if self._has_same_fields(name):
             return []
-        before, after = ({n.lower() for n, _ in store.fielddefs[name][1]} for store in self._stores)
-        lost, new = sorted(before - after), sorted(after - before)
-        words = [f"{', '.join(lost)} left out"] * bool(lost)
-        words += [f"{', '.join(new)} 0 or empty"] * bool(new)
-        own = [f"{ros1_name(name)} of {_NAMES[self._encoding]} is another one: {'; '.join(words)}"]
-        parts = {part for _, kind in self.result.fielddefs[name][1] if (part := _nested(kind))}
-        known = sorted(parts & self._types.fielddefs.keys() - {name})
-        return own * bool(words) + [line for part in known for line in self.differences(part)]
+        source_fields, target_fields = (
+            {n.lower() for n, _ in store.fielddefs[name][1]} for store in self._stores
+        )
+        lost, added = sorted(source_fields - target_fields), sorted(target_fields - source_fields)
+        changes = [f"{', '.join(lost)} left out"] * bool(lost)
+        changes += [f"{', '.join(added)} 0 or empty"] * bool(added)
+        own_lines = [
+            f"{ros1_name(name)} of {_NAMES[self._encoding]} is another one: {'; '.join(changes)}"
+        ]
+        parts = {
+            part for _, kind in self.target_types.fielddefs[name][1] if (part := _nested(kind))
+        }
+        shared_types = sorted(parts & self._types.fielddefs.keys() - {name})
+        return own_lines * bool(changes) + [
+            line for part in shared_types for line in self.differences(part)
+        ]
 
     @property
     def _stores(self) -> "tuple[Typestore, Typestore]":
-        return self._types, self.result
+        return self._types, self.target_types
 
     def _has_same_fields(self, name: str) -> bool:
         """Return whether a type has the same fields in both, whatever their names, but headers."""
         if name == _HEADER:
             return True
-        before, after = ([kind for _, kind in one.fielddefs[name][1]] for one in self._stores)
-        return before == after and all(
-            map(self._has_same_fields, filter(None, map(_nested, after)))
+        source_kinds, target_kinds = (
+            [kind for _, kind in store.fielddefs[name][1]] for store in self._stores
+        )
+        return source_kinds == target_kinds and all(
+            map(self._has_same_fields, filter(None, map(_nested, target_kinds)))
         )
 
     def _translated(self, message: object, name: str) -> Any:
         """Return a message of the other generation with the fields that both have."""
-        known = self._types.fielddefs.get(name, ((), ()))[1]
-        given = {
+        source_fields = self._types.fielddefs.get(name, ((), ()))[1]
+        values = {
             # What is a word of Python has an underscore behind it.
             field.lower(): getattr(message, field, getattr(message, f"{field}_", None))
-            for field, _ in known
+            for field, _ in source_fields
         }
-        fields = self.result.fielddefs[name][1]
-        return self.result.types[name](
-            *(self._value(kind, given.get(field.lower())) for field, kind in fields)
+        fields = self.target_types.fielddefs[name][1]
+        return self.target_types.types[name](
+            *(self._value(kind, values.get(field.lower())) for field, kind in fields)
         )
 
     def _value(self, kind: Any, value: Any) -> Any:
@@ -238,8 +255,8 @@ class Translation:
         part, length = inner
         length = length if node == Nodetype.ARRAY else 0
         if part[0] == Nodetype.NAME:
-            each = value if value is not None else [SimpleNamespace()] * length
-            return [self._translated(one, part[1]) for one in each]
+            elements = value if value is not None else [SimpleNamespace()] * length
+            return [self._translated(element, part[1]) for element in elements]
         if value is not None:
             return value
         zero = _nothing(part[1])
@@ -281,7 +298,7 @@ class BrokenMessageError(InputError):
 
 
 class RecordedType(NamedTuple):
-    """How messages that arrive as CDR are stored in a bag."""
+    """Storage of messages that arrive as CDR in a bag."""
 
     schema: Schema
     convert: Callable[[bytes], bytes]
@@ -297,16 +314,16 @@ def recorded_type(type_name: str, text: str, digest: str, encoding: str) -> Reco
     :param encoding: cdr or ros1, as in the bag.
     :raises InputError: for a type whose definition is wanted but unknown.
     """
-    found = Schema(text, digest) if text else _known(type_name)
+    source_schema = Schema(text, digest) if text else _known(type_name)
     if encoding == "cdr":
-        return RecordedType(found, _unchanged)
-    if not found.text:
+        return RecordedType(source_schema, _unchanged)
+    if not source_schema.text:
         raise InputError(f"{type_name}: a ROS 1 bag needs its definition, which is not installed")
     from rosbags.serde import SerdeError
 
-    types = typestore([(type_name, found)], "cdr")
+    types = typestore([(type_name, source_schema)], "cdr")
     translation = Translation(types, "ros1")
-    own = schema(type_name, "ros1", translation.result)
+    target_schema = schema(type_name, "ros1", translation.target_types)
     convert = translation.converter(type_name)
 
     def to_ros1(payload: bytes) -> bytes:
@@ -315,7 +332,7 @@ def recorded_type(type_name: str, text: str, digest: str, encoding: str) -> Reco
         except (SerdeError, struct.error, IndexError, ValueError) as error:
             raise BrokenMessageError(f"not a {type_name}: {error}") from None
 
-    return RecordedType(own, to_ros1)
+    return RecordedType(target_schema, to_ros1)
 
 
 def _known(type_name: str) -> Schema:

@@ -83,7 +83,7 @@ class JointStateEncoder(Encoder):
     def __init__(self, joints: Sequence[str], frame_id: str = "", encoding: str = "cdr") -> None:
         """Set up the messages.
 
-        :param joints: their names, at least one.
+        :param joints: names of the joints, at least one.
         """
         builder = LayoutBuilder(encoding)
         builder.field("stamp", "header")
@@ -102,7 +102,7 @@ class JointStateEncoder(Encoder):
 
         :param t_ns: (n,) stamps.
         :param position: (n, m) angles of the m joints [rad].
-        :param velocity: (n, m) [rad/s].
+        :param velocity: (n, m) velocities of the joints [rad/s].
         :raises InputError: for stamps that a message cannot hold.
         """
         return self._row_template(t_ns, position=position, velocity=velocity)

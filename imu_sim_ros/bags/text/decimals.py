@@ -77,6 +77,6 @@ def seconds(t_ns: Times) -> list[bytes]:
 
 def decimal(value: float) -> str:
     """Return a number as YAML 1.1 takes it for one: 5e-05 is a string there, 5.0e-05 is not."""
-    words = f"{value:.12g}"
-    mantissa, e, exponent = words.partition("e")
-    return words if "." in mantissa or not e else f"{mantissa}.0e{exponent}"
+    text = f"{value:.12g}"
+    mantissa, e, exponent = text.partition("e")
+    return text if "." in mantissa or not e else f"{mantissa}.0e{exponent}"

@@ -101,11 +101,13 @@ def table_blocks(
     :param skipped: as for :func:`imu_blocks`.
     :raises InputError: for a folder that has no such table, and bad rows.
     """
-    found = _tables_in(path, {table.name: table})
-    if name not in found:
+    tables_by_name = _tables_in(path, {table.name: table})
+    if name not in tables_by_name:
         raise InputError(f"{path}: has no table {name}")
     form = {_VALUES: tuple(range(1, table.columns + 1))}
-    for t_ns, values in _Table(found[name][1], {_VALUES: table.quantity}, form).read(skipped):
+    for t_ns, values in _Table(tables_by_name[name][1], {_VALUES: table.quantity}, form).read(
+        skipped
+    ):
         yield t_ns, values[_VALUES]
 
 
@@ -124,10 +126,10 @@ def state_file(path: Path) -> Path:
     """
     if vio_data_simulation.is_source(path):
         return vio_data_simulation.truth_file(path)
-    found = _table(path, _STATE_FOLDER) if path.is_dir() else path
-    if found is None:
+    table = _table(path, _STATE_FOLDER) if path.is_dir() else path
+    if table is None:
         raise InputError(f"{path}: has no {_STATE_FOLDER}/data.csv")
-    return found
+    return table
 
 
 def state_blocks(
@@ -170,8 +172,8 @@ def pose_file(path: Path) -> Path | None:
     """
     if not path.is_dir():
         return None
-    table, own = _table(path, _POSE_FOLDER), path / POSES_OF_TABLES
-    return own if table is None and is_present(own) else table
+    table, pose_table = _table(path, _POSE_FOLDER), path / POSES_OF_TABLES
+    return pose_table if table is None and is_present(pose_table) else table
 
 
 def imu_names(path: Path) -> list[str]:
@@ -188,22 +190,26 @@ def imu_file(path: Path, name: str | None) -> Path:
         return vio_data_simulation.readings_file(path)
     if not path.is_dir():
         return path
-    found = _tables(path, "imu")
+    tables_by_name = _tables(path, "imu")
     if name is not None:
-        if name not in found:
-            raise InputError(f"{path}: has no sensor {name}; it has {', '.join(found) or 'none'}")
-        return found[name]
-    if len(found) != 1:
-        words = f"several, name one of {', '.join(found)}" if found else "no imu0"
-        raise InputError(f"{path}: IMU data: {words}")
-    return next(iter(found.values()))
+        if name not in tables_by_name:
+            raise InputError(
+                f"{path}: has no sensor {name}; it has {', '.join(tables_by_name) or 'none'}"
+            )
+        return tables_by_name[name]
+    if len(tables_by_name) != 1:
+        problem = (
+            f"several, name one of {', '.join(tables_by_name)}" if tables_by_name else "no imu0"
+        )
+        raise InputError(f"{path}: IMU data: {problem}")
+    return next(iter(tables_by_name.values()))
 
 
-def _tables_in(path: Path, known: Tables) -> dict[str, tuple[str, Path]]:
+def _tables_in(path: Path, kinds: Tables) -> dict[str, tuple[str, Path]]:
     """Return kind and file of tables other than the readings of IMUs, by name: a kind, a number."""
     return {
         name: (kind, file)
-        for kind in (known if path.is_dir() else ())
+        for kind in (kinds if path.is_dir() else ())
         for name, file in _tables(path, kind).items()
         if name.removeprefix(kind).isdigit()
     }
@@ -211,15 +217,15 @@ def _tables_in(path: Path, known: Tables) -> dict[str, tuple[str, Path]]:
 
 def _tables(folder: Path, kind: str) -> dict[str, Path]:
     """Return tables of a kind by name: imu0/data.csv (EuRoC) or imu0.csv (kalibr)."""
-    found: dict[str, Path] = {}
+    tables_by_name: dict[str, Path] = {}
     for parent in parents(folder):
         files = [(name, parent / name / "data.csv") for name in sensor_folders(parent, kind)]
         plain = (parent / name for name in names_in(parent) if name.endswith(".csv"))
         files += [(file.stem, file) for file in plain if file.name.startswith(kind)]
         for name, file in files:
-            if name not in found and is_present(file):
-                found[name] = file
-    return found
+            if name not in tables_by_name and is_present(file):
+                tables_by_name[name] = file
+    return tables_by_name
 
 
 def sensor_folders(parent: Path, kind: str) -> list[str]:
@@ -313,10 +319,10 @@ class _Table:
 
     def layout_of(self, rows: list[Row]) -> TableLayout:
         """Return the layout of the table, and remove its header from its first rows."""
-        columns, at = dict(self._form or {}), 1
+        columns, column = dict(self._form or {}), 1
         for name in () if columns else self._quantities:
-            columns[name] = tuple(range(at, at + len(header.AXES_OF[name])))
-            at += len(columns[name])
+            columns[name] = tuple(range(column, column + len(header.AXES_OF[name])))
+            column += len(columns[name])
         numbers = sum(map(len, columns.values()))
         form = TableForm(columns, (numbers + 1,), 0, f"expected nanoseconds and {numbers} numbers")
         needed = [] if self._form else list(self._quantities)
@@ -348,9 +354,9 @@ class _Table:
     def _note(self, layout: TableLayout, line: int, text: bytes) -> None:
         """Record why a row cannot be converted to numbers."""
         self.bad.rows += 1
-        before = self.bad.count
+        count = self.bad.count
         layout.note(self.bad, line, text, self._quantities)
-        if self.bad.count == before:
+        if self.bad.count == count:
             self.bad.note(NUMBERS, line, "cannot be read as numbers")
 
     def _good(self, lines: Times, t_ns: Times, values: Mapping[str, Array]) -> Mask:
@@ -365,8 +371,8 @@ class _Table:
         back = verdict.good & (t_ns < latest)
         for k in np.flatnonzero(back):
             step = (int(latest[k]) - int(t_ns[k])) * 1e-9
-            words = f"the stamp is {step:.9g} s before that of an earlier line"
-            self.bad.note(STAMPS, int(lines[k]), words)
+            text = f"the stamp is {step:.9g} s before that of an earlier line"
+            self.bad.note(STAMPS, int(lines[k]), text)
         self._last_ns = int(latest[-1])
         good: Mask = verdict.good & ~back
         self.bad.good += int(np.count_nonzero(good))

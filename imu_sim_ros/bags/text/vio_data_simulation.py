@@ -113,7 +113,7 @@ def _velocities(t: Array, position: Array, force: Array) -> Array:
     f``; p_0, v_0 and g are those of least squares.
 
     :param t: (n,) times after the first row [s].
-    :param position: (n, 3) [m].
+    :param position: (n, 3) positions [m].
     :param force: (n, 3) specific force in the world [m/s^2].
     """
     h = np.diff(t)[:, None]

@@ -68,7 +68,7 @@ class TextFile:
 
     @property
     def rows(self) -> int:
-        """How many rows there are."""
+        """Number of rows."""
         return self._counted.rows
 
     @property
@@ -113,7 +113,7 @@ class Dataset:
         if the name ends in .csv. ``tum``: one file of poses.
 
         :param states: write the truth.
-        :param imus: how many there are.
+        :param imus: number of IMUs.
         :param tables: further tables, mag0 and so on, each with the IMU's number.
         :raises InputError: for a place that cannot be used, and several IMUs in one file.
         """
@@ -227,7 +227,7 @@ class Dataset:
             if kind is None or (self.rows and not issubclass(kind, Exception)):
                 file.file.finish()
             else:
-                file.file.abandon(empty=not any(other.rows for other in files))
+                file.file.abandon(empty=not any(table_file.rows for table_file in files))
         if kind is not None and not any(file.rows for file in files) and self.path.is_dir():
             shutil.rmtree(self.path)
 

@@ -127,12 +127,14 @@ class StatedCovariance:
         """
         if not len(pose):
             return np.zeros((0, 3, 3))
-        previous = np.concatenate([pose[:1] if self._pose is None else self._pose[None], pose[:-1]])
+        previous_pose = np.concatenate(
+            [pose[:1] if self._pose is None else self._pose[None], pose[:-1]]
+        )
         # No interval precedes the first pose.
         dt = np.full(len(pose), self._dt)
         dt[0] = 0.0 if self._pose is None else self._dt
         self._pose = pose[-1].copy()
-        wheels, steering = self._ways(previous, pose, twist, angle, dt)
+        wheels, steering = self._ways(previous_pose, pose, twist, angle, dt)
         rims = rows_times(self._rims, twist)
         p = self._parameters
         slip = p.slip_noise * np.sqrt(np.abs(rims) / self._dt)
