@@ -71,6 +71,9 @@ class TimeSeries:
                 continue
             quantity: gate.Quantity | None = metadata["quantity"]
             shape = (len(columns["t_ns"]), *metadata["shape"])
+            if name.endswith("t_ns"):
+                columns[name] = stamps(f"{prefix}{name}", values)
+                continue
             columns[name] = array(f"{prefix}{name}", values, shape, finite=quantity is None)
             if quantity is not None:
                 quantities.append((quantity, columns[name]))

@@ -38,14 +38,13 @@ def add_tables(tables: Tables, folder: Path, view: View, scene: Scene) -> None:
     for start in range(0, total, _BLOCK):
         index = np.arange(start, min(start + _BLOCK, total))
         t_ns = view.t0_ns + index * (1_000_000_000 // RATE)
-        states = [body.state(view.seconds(t_ns)) for body in crowd.each]
+        states = [body.states(t_ns, view.seconds(t_ns)) for body in crowd.each]
         number = np.tile(np.arange(count), len(index))
-        zeros = np.zeros((len(number), 2))
         position, q_wb, velocity, rate = (
             np.stack([getattr(state, name) for state in states], axis=1).reshape(len(number), -1)
-            for name in ("position", "q_wb", "velocity", "heading_rate")
+            for name in ("position", "q_wb", "velocity", "angular_velocity")
         )
-        rows = (number + 1, names[number], position, q_wb, velocity, zeros, rate)
+        rows = (number + 1, names[number], position, q_wb, velocity, rate)
         table.write(t_ns.repeat(count), *rows)
     landmarks = tables.csv(folder / "body_landmarks.csv", "id,body,x,y,z")
     first_id = len(scene.landmarks)

@@ -107,7 +107,7 @@ class TriadNoise:
 
 @dataclass(frozen=True, repr=False)
 class Noise:
-    """What :func:`imu_sim_ros.allan` found."""
+    """Result of :func:`imu_sim_ros.allan`: the noise of both triads."""
 
     gyroscope: TriadNoise
     accelerometer: TriadNoise

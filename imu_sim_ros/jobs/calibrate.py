@@ -38,7 +38,7 @@ from imu_sim_ros.calibration.deterministic.temperature import (
 from imu_sim_ros.calibration.deterministic.turntable import calibrate_turntable as turntable
 from imu_sim_ros.calibration.deterministic.turntable import known_rates, specific_force, true_rates
 from imu_sim_ros.calibration.noise.truth import load_truth
-from imu_sim_ros.conventions import GRAVITY, STANDARD_GRAVITY, TRIADS
+from imu_sim_ros.conventions import GRAVITY, STANDARD_GRAVITY
 from imu_sim_ros.errors import InputError, Problems, naming
 from imu_sim_ros.formats import door
 from imu_sim_ros.inputs import gate
@@ -653,7 +653,7 @@ def calibrate_magnetometer(
 def _orders(found: Temperature) -> dict[str, list[int]]:
     """Return the order of each polynomial, by triad and kind, for its three axes."""
     orders = {}
-    for name, triad in zip(TRIADS, (found.gyroscope, found.accelerometer), strict=True):
+    for name, triad in found.triads.items():
         orders[f"{name}_bias_order"] = [len(axis.bias) - 1 for axis in triad.axes]
         orders[f"{name}_scale_order"] = [len(axis.scale) for axis in triad.axes]
     return orders

@@ -22,7 +22,7 @@ from imu_sim_ros.names import suggestion
 from imu_sim_ros.recordings.clock import estimate_clock
 from imu_sim_ros.recordings.findings.catalogue import reading_findings
 from imu_sim_ros.recordings.findings.readings import UNITS
-from imu_sim_ros.records import Readings, States, with_fields
+from imu_sim_ros.records import Readings, States, TimeSeries, with_fields
 from imu_sim_ros.rotation import from_euler
 from imu_sim_ros.sensors import find_sensor, kind_of, named_sensors, registered, sensors_of_imus
 from imu_sim_ros.types import Array, Times
@@ -280,20 +280,26 @@ def check_simulated(windows: Sequence[Mapping[str, Any]], name: str) -> None:
 
 
 def delivered_of(
-    windows: Sequence[Mapping[str, Any]], name: str, readings: type[SensorReadings] | None
+    windows: Sequence[Mapping[str, Any]],
+    name: str,
+    readings: type[SensorReadings | TimeSeries] | None,
 ) -> Any:
     """Return the delivered samples of a sensor from all windows.
 
     :param name: of the sensor on the body.
-    :param readings: its dataclass of arrays, which a flight has of it.
+    :param readings: its dataclass of arrays, or its record, which a flight has of it.
     :raises ConfigurationError: if it was not simulated.
     """
     check_simulated(windows, name)
     parts = [read[name] for read in windows]
     assert readings is not None
-    return readings(
-        **{
-            field.name: np.concatenate([getattr(p, field.name)[p.delivered] for p in parts])
-            for field in fields(readings)
-        }
-    )
+    names = [field.name for field in fields(readings)]
+    if issubclass(readings, TimeSeries):
+        names = [name for name in names if name in ("t_ns", "true_t_ns", *parts[0].values)]
+    columns = {
+        name: np.concatenate([getattr(part, name)[part.delivered] for part in parts])
+        for name in names
+    }
+    if issubclass(readings, TimeSeries):
+        return readings.unchecked(source=name, **columns)
+    return readings(**columns)

@@ -16,7 +16,7 @@ from imu_sim_ros.calibration.twin import comparison as truth
 from imu_sim_ros.calibration.twin.analysis import Analysis
 from imu_sim_ros.calibration.twin.fit import Fit, Recording
 from imu_sim_ros.calibration.twin.model import Errors
-from imu_sim_ros.calibration.twin.pose_noise import NoisyPoses, noise_over, scatter
+from imu_sim_ros.calibration.twin.pose_noise import noise_over, scatter
 from imu_sim_ros.jobs.twin_recording import TwinRecording, moving
 from imu_sim_ros.json_text import plain
 from imu_sim_ros.navigation.dead_reckoning import dead_reckon
@@ -179,8 +179,7 @@ def _truth_noise(source: TwinRecording, fit: Fit, parts: tuple[slice, ...], t: A
     :param parts: rows of the recording whose residual is simulated.
     """
     poses = source.poses
-    t_poses = timebase.seconds_since(poses.t_ns, source.t0_ns)
-    times, noise = scatter(NoisyPoses(t_poses, poses.position, poses.q_wb))
+    times, noise = scatter(poses)
     noise = np.concatenate([noise[:, k : k + 3] @ fit.errors.r_ib.T for k in (0, 3)], axis=1)
     stamps = source.recording.stamps[parts[0].start : parts[-1].stop]
     return noise_over(times, noise, (float(stamps[0]), float(stamps[-1])), t)

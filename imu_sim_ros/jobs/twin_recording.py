@@ -19,7 +19,6 @@ from imu_sim_ros.calibration.twin.alignment import axis_problems, coarse_offset,
 from imu_sim_ros.calibration.twin.fit import Recording
 from imu_sim_ros.calibration.twin.model import BodyMotion, KnownMotion
 from imu_sim_ros.calibration.twin.pose_noise import (
-    NoisyPoses,
     PoseNoise,
     highest_motion,
     noise_of,
@@ -227,15 +226,14 @@ class _Splines:
         self.t = timebase.seconds_since(poses.t_ns, int(poses.t_ns[0]))
         self._poses, self._name = poses, name
         motion = self._spline(poses, _SMOOTH).sample(self.t)
-        self._smooth = NoisyPoses(self.t, motion.position, motion.q_wb)
+        self._smooth = with_fields(poses, position=motion.position, q_wb=motion.q_wb)
 
     def noise(self, cutoff: float) -> tuple[PoseNoise, float]:
         """Return the poses' noise, and the highest frequency [Hz] of motion that stands out of it.
 
         :param cutoff: up to which motion counts [Hz].
         """
-        given = NoisyPoses(self.t, self._poses.position, self._poses.q_wb)
-        noise = noise_of(given, self._smooth)
+        noise = noise_of(self._poses, self._smooth)
         if not noise.there:
             return noise, np.inf
         times = np.arange(_MARGIN, self.t[-1] - _MARGIN, 0.25 / cutoff)
@@ -252,11 +250,9 @@ class _Splines:
         result = [self._spline(self._poses, cutoff)]
         if noise.there:
             rng = np.random.default_rng(0)
-            given = NoisyPoses(self.t, self._poses.position, self._poses.q_wb)
             for _ in range(_DRAWS):
-                _, position, q_wb = spoiled(given, *noise.drawn(self._smooth, rng))
-                other = with_fields(self._poses, position=position, q_wb=q_wb)
-                result.append(self._spline(other, cutoff))
+                noisy = spoiled(self._poses, *noise.drawn(self._smooth, rng))
+                result.append(self._spline(noisy, cutoff))
         return result
 
     def _spline(self, poses: States, cutoff: float) -> Trajectory:

@@ -21,7 +21,8 @@ from imu_sim_ros.places.place import Face, Hinge, Place, PlaceBuilder, Site
 from imu_sim_ros.places.shadows import Shadow, Sunlight
 from imu_sim_ros.places.sheet import Print
 from imu_sim_ros.random_streams import generator_at
-from imu_sim_ros.types import Array, Mask, Single
+from imu_sim_ros.records import States
+from imu_sim_ros.types import Array, Mask, Single, Times
 
 KINDS: Final = ("person", "cart", "door")
 RADIUS: Final = {"person": 0.3, "cart": 0.56}
@@ -34,19 +35,6 @@ _LEAF: Final = 0.04
 """Thickness of a door [m]."""
 _OVERHEAD: Final = {"up": 1.15, "sideways": 0.9, "down": 0.45}
 """Light on faces by where they look, in that of the place."""
-
-
-class State(NamedTuple):
-    """Where a body is, and how it moves, at n times."""
-
-    position: Array
-    """(n, 3) p_wb [m]."""
-    q_wb: Array
-    """(n, 4)."""
-    velocity: Array
-    """(n, 3) in the world [m/s]."""
-    heading_rate: Array
-    """(n,) about z [rad/s]."""
 
 
 class Course(NamedTuple):
@@ -123,33 +111,49 @@ class MovingBody(NamedTuple):
         result = surfaces([face.rectangle for face in self.faces], hides=True)
         return result._replace(texture=tuple(face.material for face in self.faces))
 
-    def state(self, t: Array) -> State:
-        """Return where it is at times t (n,) after the start [s]."""
-        place, rate = self.course.at(t), self.course.rates(t)
+    def pose(self, t: Array) -> tuple[Array, Array]:
+        """Return positions (n, 3) [m] and attitudes (n, 4) in the world at times t (n,) [s]."""
+        place = self.course.at(t)
         count = len(place)
         position = np.column_stack([place[:, :2], np.full(count, self.floor)])
         half = 0.5 * place[:, 2]
         zeros = np.zeros(count)
-        q_wb = np.column_stack([np.cos(half), zeros, zeros, np.sin(half)])
-        velocity = np.column_stack([rate[:, :2], zeros])
-        return State(position, q_wb, velocity, rate[:, 2])
+        return position, np.column_stack([np.cos(half), zeros, zeros, np.sin(half)])
+
+    def states(self, t_ns: Times, t: Array) -> States:
+        """Return the states at times after the start.
+
+        :param t_ns: (n,) stamps [ns].
+        :param t: (n,) times after the start [s].
+        """
+        (position, q_wb), rate = self.pose(t), self.course.rates(t)
+        velocity, angular_velocity = rate.copy(), rate.copy()
+        velocity[:, 2] = angular_velocity[:, :2] = 0.0
+        return States.unchecked(
+            t_ns=t_ns,
+            position=position,
+            q_wb=q_wb,
+            velocity=velocity,
+            angular_velocity=angular_velocity,
+            source=self.name,
+        )
 
     def sees(self, t: Array, position: Array, q_wc: Array) -> tuple[Array, Array]:
         """Return positions (n, 3) and attitudes (n, 4) in its own axes at times t (n,) [s]."""
-        own = self.state(t)
-        at = rotation.rotate_inverse(own.q_wb, position - own.position)
-        return at, rotation.multiply(rotation.conjugate(own.q_wb), q_wc)
+        p_wb, q_wb = self.pose(t)
+        at = rotation.rotate_inverse(q_wb, position - p_wb)
+        return at, rotation.multiply(rotation.conjugate(q_wb), q_wc)
 
     def inside(self, t: Array, points: Array) -> Array:
         """Return points (n, 3) of the world in its own axes at times t (n,) [s]."""
-        own = self.state(t)
-        at: Array = rotation.rotate_inverse(own.q_wb, points - own.position)
+        p_wb, q_wb = self.pose(t)
+        at: Array = rotation.rotate_inverse(q_wb, points - p_wb)
         return at
 
     def outside(self, t: Array, points: Array) -> Array:
         """Return points (n, 3) of its own axes in the world at times t (n,) [s]."""
-        own = self.state(t)
-        at: Array = own.position + rotation.rotate(own.q_wb, points)
+        p_wb, q_wb = self.pose(t)
+        at: Array = p_wb + rotation.rotate(q_wb, points)
         return at
 
 

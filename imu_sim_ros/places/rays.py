@@ -162,9 +162,9 @@ def _near(
 def _of_body(
     body: MovingBody, solid: _Solid, t: Array, origins: Array, directions: Array, rows: Integers
 ) -> tuple[Floats, Integers, Array]:
-    state = body.state(t[rows])
-    start = rotation.rotate_inverse(state.q_wb, origins[rows] - state.position)
-    return solid.meet(start, rotation.rotate_inverse(state.q_wb, directions[rows]))
+    position, q_wb = body.pose(t[rows])
+    start = rotation.rotate_inverse(q_wb, origins[rows] - position)
+    return solid.meet(start, rotation.rotate_inverse(q_wb, directions[rows]))
 
 
 def _put(

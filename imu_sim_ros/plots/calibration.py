@@ -166,11 +166,8 @@ def temperature(result: Temperature, source: str = "") -> Figure:
     :param source: name of the bag, for the title.
     """
     figure, panels = style.panels(2, 2, 11.5, 7.5)
-    triads = (
-        ("gyroscope", result.gyroscope, "rad/s"),
-        ("accelerometer", result.accelerometer, "m/s$^2$"),
-    )
-    for row, (name, triad, unit) in enumerate(triads):
+    units = ("rad/s", "m/s$^2$")
+    for row, ((name, triad), unit) in enumerate(zip(result.triads.items(), units, strict=True)):
         _draw_bias(panels[2 * row], triad, result.reference)
         panels[2 * row].set_ylabel(f"bias [{unit}]")
         panels[2 * row].set_title(f"{name}: bias")

@@ -19,6 +19,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from imu_sim_ros.inputs.tables import Table
+from imu_sim_ros.records import TimeSeries
 from imu_sim_ros.rotation import pose_matrix
 from imu_sim_ros.sensors.environment import EnvironmentParameters
 from imu_sim_ros.sensors.faults import Fault
@@ -216,7 +217,7 @@ class Sensor:
     quantity."""
     topics: tuple[Topic, ...]
     """The readings first."""
-    readings: "type[SensorReadings] | None"
+    readings: "type[SensorReadings | TimeSeries] | None"
     """What Python returns of a flight: a frozen dataclass of arrays of the samples. None: they are
     too large."""
     with_imu: bool = False

@@ -8,6 +8,7 @@ from typing import Any, NamedTuple, TypeAlias
 
 import numpy as np
 
+from imu_sim_ros.records import TimeSeries, concatenated
 from imu_sim_ros.types import Integers, Times, shapes
 
 Rows: TypeAlias = "slice | Integers"
@@ -104,14 +105,18 @@ def joined(parts: Sequence[Samples]) -> Samples:
 
 
 def _rows(values: Any, rows: slice) -> Any:
-    """Return rows of an array, or of a tuple of arrays."""
+    """Return rows of an array, of a tuple of arrays, or of a record."""
+    if isinstance(values, TimeSeries):
+        return values.rows(rows)
     if isinstance(values, tuple):
         return type(values)(*(one[rows] for one in values))
     return values[rows]
 
 
 def _joined(parts: Sequence[Any]) -> Any:
-    """Return arrays, or tuples of arrays, one behind the other."""
+    """Return arrays, tuples of arrays, or records, one behind the other."""
+    if isinstance(parts[0], TimeSeries):
+        return concatenated(parts)
     if isinstance(parts[0], tuple):
         return type(parts[0])(*map(_joined, zip(*parts, strict=True)))
     if all(part.strides[0] == 0 for part in parts):  # an error that the sensor does not have

@@ -218,8 +218,8 @@ def test_temperature(trajectory):
     values = temperature_parameters(found)
     z = deviations(values, run.imu)
     assert np.abs(z).max() < 4.0
-    assert [len(axis.scale) for axis in found.gyroscope.axes] == [1, 1, 1]
-    assert [len(axis.bias) >= 3 for axis in found.gyroscope.axes] == [True, False, True]
+    assert [len(axis.scale) for axis in found.triads["gyroscope"].axes] == [1, 1, 1]
+    assert [len(axis.bias) >= 3 for axis in found.triads["gyroscope"].axes] == [True, False, True]
 
 
 def test_temperature_at_rest_in_one_position_shows_the_bias_only():
@@ -235,8 +235,8 @@ def test_temperature_at_rest_in_one_position_shows_the_bias_only():
     at = temperatures_at(steady, run.t_ns, run.temperature)
     still = np.zeros((len(at), 3))
     found = calibrate_temperature(steady, at, still, specific_force(steady, G), 25.0)
-    slope = np.array([axis.bias[1] for axis in found.gyroscope.axes])
-    sigma = np.array([axis.bias_sigma[1] for axis in found.gyroscope.axes])
+    slope = np.array([axis.bias[1] for axis in found.triads["gyroscope"].axes])
+    sigma = np.array([axis.bias_sigma[1] for axis in found.triads["gyroscope"].axes])
     truth = np.array([2e-4, -1e-4, 3e-4])
     assert np.abs((slope - truth) / np.hypot(sigma, 2e-5)).max() < 4.0
     assert "gyroscope_scale_misalignment" not in temperature_parameters(found)

@@ -23,7 +23,6 @@ from imu_sim_ros.calibration.twin.intensity import (
 )
 from imu_sim_ros.calibration.twin.model import BodyMotion, Errors, KnownMotion
 from imu_sim_ros.calibration.twin.pose_noise import (
-    NoisyPoses,
     highest_motion,
     noise_of,
     noise_over,
@@ -42,7 +41,7 @@ from imu_sim_ros.calibration.twin.spectrum import (
 )
 from imu_sim_ros.errors import InputError
 from imu_sim_ros.jobs.twin import _steps
-from imu_sim_ros.records import States
+from imu_sim_ros.records import States, with_fields
 
 RATE = 100.0
 SECONDS = 40.0
@@ -330,6 +329,11 @@ def test_a_disturbance_is_scaled_down_to_the_usual():
     np.testing.assert_array_equal(calm[:, 0], values[:, 0])
 
 
+def poses_at(t, position, q_wb):
+    t_ns = np.rint(t * 1e9).astype(np.int64)
+    return States.unchecked(t_ns=t_ns, position=position, q_wb=q_wb)
+
+
 def test_noise_of_poses_is_measured_where_nothing_moves():
     rng = np.random.default_rng(15)
     t = np.arange(4000) / RATE
@@ -339,30 +343,30 @@ def test_noise_of_poses_is_measured_where_nothing_moves():
     noise = size * rng.standard_normal((4000, 6))
     q_wb = rotation.multiply(rotation.exp(angle), rotation.exp(noise[:, :3]))
     position_noisy = position + rotation.rotate(q_wb, noise[:, 3:])
-    at, found = scatter(NoisyPoses(t, position_noisy, q_wb))
+    at, found = scatter(poses_at(t, position_noisy, q_wb))
     # Differences of eighth order that overlap: some 700 free ones in 2000, 3 % of a deviation.
     before, after = (found[at < 19.9].std(axis=0), found[at > 20.1].std(axis=0))
     np.testing.assert_allclose(before, size[0], rtol=0.12)
     np.testing.assert_allclose(after, size[-1], rtol=0.12)
     ratio = noise_over(at, found, (0.0, 19.9), np.array([10.0, 30.0]))
     assert np.all(np.abs(ratio / [[1.0], [0.5]] - 1.0) < 0.5)  # in one second, 12 %
-    _, still = scatter(NoisyPoses(t, position, rotation.exp(angle)))
+    _, still = scatter(poses_at(t, position, rotation.exp(angle)))
     assert not still.any()
-    at, few = scatter(NoisyPoses(t[:5], position[:5], q_wb[:5]))
+    at, few = scatter(poses_at(t[:5], position[:5], q_wb[:5]))
     assert len(few) == 0
     np.testing.assert_array_equal(noise_over(at, few, (0.0, 9.0), t[:3]), 1.0)
 
 
 def curve(t):
     angle = np.stack([np.sin(0.9 * t), 0.5 * np.cos(1.3 * t), 0.5 * t + np.sin(t)], axis=1)
-    return NoisyPoses(t, 3.0 * angle[:, ::-1], rotation.exp(angle))
+    return poses_at(t, 3.0 * angle[:, ::-1], rotation.exp(angle))
 
 
 @pytest.mark.parametrize("digits", [3, 4, 5])
 def test_digits_of_poses_are_found_and_their_rounding_drawn(digits):
     smooth, step = curve(np.arange(4000) / RATE), 10.0**-digits
     q_wb = rotation.normalise(np.round(smooth.q_wb, digits))
-    noise = noise_of(NoisyPoses(smooth.t, np.round(smooth.position, digits), q_wb), smooth)
+    noise = noise_of(poses_at(smooth.t, np.round(smooth.position, digits), q_wb), smooth)
     assert noise.quaternion_step == pytest.approx(step)
     assert noise.position_step == pytest.approx(step)
     # The fastest digits are even within a step, their deviation step / sqrt(12); 4000 poses.
@@ -377,7 +381,7 @@ def test_stamps_that_are_not_even_make_no_noise():
     t = np.sort(np.arange(4000) / RATE + 0.004 * rng.uniform(-1.0, 1.0, 4000))
     smooth = curve(t)
     assert not noise_of(smooth, smooth).there
-    noisy = smooth._replace(position=smooth.position + 1e-4 * rng.standard_normal((4000, 3)))
+    noisy = with_fields(smooth, position=smooth.position + 1e-4 * rng.standard_normal((4000, 3)))
     white = noise_of(noisy, smooth).white
     np.testing.assert_allclose(white[3:], 1e-4, rtol=0.12)
     assert np.all(white[:3] < 1e-6)
@@ -492,7 +496,7 @@ def test_jumps_of_a_truth_are_not_its_usual_noise():
     position[1000:] += 0.5
     position[2500:] -= 0.3
     q_wb = np.tile([1.0, 0.0, 0.0, 0.0], (4000, 1))
-    found = noise_of(NoisyPoses(t, position, q_wb), NoisyPoses(t, 0.0 * position, q_wb)).white
+    found = noise_of(poses_at(t, position, q_wb), poses_at(t, 0.0 * position, q_wb)).white
     # 200 differences a second, neighbours alike: a variance is known to some 15 %.
     np.testing.assert_allclose(found[3:], 1e-3, rtol=0.1)
 

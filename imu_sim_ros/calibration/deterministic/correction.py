@@ -12,7 +12,7 @@ import numpy as np
 from imu_sim_ros.calibration.deterministic.ellipsoid import Ellipsoid, symmetric_root
 from imu_sim_ros.calibration.deterministic.gravity_norm import upper_triangular
 from imu_sim_ros.calibration.deterministic.positions import SixPosition
-from imu_sim_ros.calibration.deterministic.temperature import Temperature, TriadTemperature
+from imu_sim_ros.calibration.deterministic.temperature import Temperature
 from imu_sim_ros.calibration.deterministic.turntable import Turntable
 from imu_sim_ros.conventions import TRIADS
 from imu_sim_ros.parameters import files
@@ -81,8 +81,7 @@ def magnetometer_parameters(result: Ellipsoid) -> Parameters:
 def temperature_parameters(result: Temperature) -> Parameters:
     """Return the parameters of a soak or ramp run; biases and scales are those at T0."""
     values = {"reference_temperature": _flat(np.array([result.reference]), np.zeros(1))}
-    for name in TRIADS:
-        triad: TriadTemperature = getattr(result, name)
+    for name, triad in result.triads.items():
         axes = triad.axes
         p = triad.inputs.shape[1]
         values[f"{name}_bias"] = _flat(

@@ -71,7 +71,10 @@ _JUMP: Final = 6.0
 
 
 class Steady(NamedTuple):
-    """m pieces of steady stretches, without the stretches' margins."""
+    """m pieces of steady stretches, without the stretches' margins.
+
+    A result: means over pieces with their standard errors, not readings.
+    """
 
     stretch: Integers
     """(m,) number of the stretch that a piece belongs to."""

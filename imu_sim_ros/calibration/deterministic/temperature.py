@@ -3,6 +3,7 @@
 
 """Bias and scale against temperature, from soak or ramp runs."""
 
+from collections.abc import Mapping
 from typing import Final, NamedTuple
 
 import numpy as np
@@ -16,6 +17,7 @@ from imu_sim_ros.calibration.deterministic.response import (
     walk_whitener,
 )
 from imu_sim_ros.calibration.deterministic.steady import Steady
+from imu_sim_ros.conventions import TRIADS
 from imu_sim_ros.errors import InputError
 from imu_sim_ros.types import Array, Integers
 
@@ -70,8 +72,8 @@ class Temperature(NamedTuple):
 
     reference: float
     """Reference temperature T0 [degC]."""
-    gyroscope: TriadTemperature
-    accelerometer: TriadTemperature
+    triads: Mapping[str, TriadTemperature]
+    """Fit of each triad by its name, ``gyroscope`` and ``accelerometer``."""
 
 
 def calibrate_temperature(
@@ -100,11 +102,9 @@ def calibrate_temperature(
     both = np.concatenate([rate, force], axis=1)
     gyro_inputs = next((x for x in (both, rate) if determined(x)), rate[:, :0])
     accel_inputs = force if determined(force) else force[:, :0]
-    return Temperature(
-        reference,
-        _triad(steady, gyro_inputs, steady.gyro, rate, steady.gyro_sigma, difference),
-        _triad(steady, accel_inputs, steady.accel, force, steady.accel_sigma, difference),
-    )
+    gyro = _triad(steady, gyro_inputs, steady.gyro, rate, steady.gyro_sigma, difference)
+    accel = _triad(steady, accel_inputs, steady.accel, force, steady.accel_sigma, difference)
+    return Temperature(reference, dict(zip(TRIADS, (gyro, accel), strict=True)))
 
 
 def _triad(

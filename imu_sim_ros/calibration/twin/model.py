@@ -44,7 +44,11 @@ _STEP: Final = 5e-4
 
 
 class BodyMotion(NamedTuple):
-    """Motion of an IMU's body in the body's axes, at n times."""
+    """Motion of an IMU's body in the body's axes, at n times.
+
+    It has no position, unlike :class:`imu_sim_ros.trajectory.motion.Motion`, but the specific force
+    that follows from motion and gravity.
+    """
 
     rate: Array
     """(n, 3) omega_b [rad/s]."""
@@ -71,7 +75,7 @@ class KnownMotion(NamedTuple):
 
 
 class Errors(NamedTuple):
-    """The constant errors of an IMU on a body."""
+    """The constant errors of an IMU on a body: parameters of both triads, not readings."""
 
     r_ib: Array
     """(3, 3) mounting."""

@@ -16,6 +16,7 @@ from typing import Final, NamedTuple
 import numpy as np
 
 from imu_sim_ros import rotation
+from imu_sim_ros.records import States, with_fields
 from imu_sim_ros.types import Array
 
 _POSES: Final = 9
@@ -39,24 +40,13 @@ _NARROWEST, _WIDTH = 5, 0.3
 """Frequencies, absolute and relative, over which spectra are averaged."""
 
 
-class NoisyPoses(NamedTuple):
-    """n poses."""
-
-    t: Array
-    """(n,) [s]."""
-    position: Array
-    """(n, 3) [m]."""
-    q_wb: Array
-    """(n, 4)"""
-
-
-def scatter(poses: NoisyPoses) -> tuple[Array, Array]:
+def scatter(poses: States) -> tuple[Array, Array]:
     """Return times (m,) and what poses scatter by at their highest frequencies (m, 6).
 
     Divided differences of eighth order, over the factor by which they enlarge white noise: attitude
     [rad] and position [m], both in the body's axes. 0 if these differences are mostly motion.
     """
-    if len(poses.t) < _POSES:
+    if len(poses) < _POSES:
         return np.zeros(0), np.zeros((0, 6))
     half = _POSES // 2
     high, low = (_differences(poses, count) for count in (_POSES, _POSES - _SLOWER))
@@ -68,9 +58,9 @@ def scatter(poses: NoisyPoses) -> tuple[Array, Array]:
     return poses.t[middle], high
 
 
-def _differences(poses: NoisyPoses, count: int) -> Array:
+def _differences(poses: States, count: int) -> Array:
     """Return divided differences (n + 1 - count, 6) with weights whose squares sum to 1."""
-    t, position, q_wb = poses
+    t, position, q_wb = poses.t, poses.position, poses.q_wb
     times = np.lib.stride_tricks.sliding_window_view(t, count)
     apart = (times[:, :, None] - times[:, None, :]) / (times[:, -1:, None] - times[:, :1, None])
     apart[:, np.arange(count), np.arange(count)] = 0.25
@@ -120,18 +110,18 @@ class PoseNoise(NamedTuple):
         steps = {"quaternion_step": self.quaternion_step, "position_step_m": self.position_step}
         return {"attitude_rad": angle, "position_m": distance, **steps}
 
-    def drawn(self, smooth: NoisyPoses, rng: np.random.Generator) -> tuple[Array, Array]:
+    def drawn(self, smooth: States, rng: np.random.Generator) -> tuple[Array, Array]:
         """Return one more noise of poses: turns (n, 3) in the body [rad], shifts (n, 3) [m].
 
         :param smooth: the path without its noise.
         """
-        path, noise = smooth, self.white * rng.standard_normal((len(smooth.t), 6))
+        path, noise = smooth, self.white * rng.standard_normal((len(smooth), 6))
         if self.position_step or self.quaternion_step:
             offsets = rng.uniform(-0.5, 0.5, 7)
-            path = NoisyPoses(
-                smooth.t,
-                smooth.position + self.position_step * offsets[:3],
-                rotation.normalise(smooth.q_wb + self.quaternion_step * offsets[3:]),
+            path = with_fields(
+                smooth,
+                position=smooth.position + self.position_step * offsets[:3],
+                q_wb=rotation.normalise(smooth.q_wb + self.quaternion_step * offsets[3:]),
             )
         noisy = spoiled(path, noise[:, :3], rotation.rotate(path.q_wb, noise[:, 3:]))
         q_wb = rotation.normalise(_rounded(noisy.q_wb, self.quaternion_step))
@@ -143,7 +133,7 @@ def _rounded(values: Array, step: float) -> Array:
     return step * np.rint(values / step) if step else values
 
 
-def noise_of(poses: NoisyPoses, smooth: NoisyPoses) -> PoseNoise:
+def noise_of(poses: States, smooth: States) -> PoseNoise:
     """Return the noise of poses.
 
     :param smooth: the same poses without most of their noise.
@@ -159,7 +149,7 @@ def noise_of(poses: NoisyPoses, smooth: NoisyPoses) -> PoseNoise:
     return steps._replace(white=np.where(white > _NONE, white, 0.0))
 
 
-def _variance(poses: NoisyPoses) -> Array:
+def _variance(poses: States) -> Array:
     """Return the variance (6,) of the scatter: the median over seconds, which no jump raises."""
     t, high = scatter(poses)
     if not len(high):
@@ -172,10 +162,10 @@ def _variance(poses: NoisyPoses) -> Array:
     return np.asarray(np.median(squares[whole] / counts[whole, None], axis=0))
 
 
-def spoiled(poses: NoisyPoses, turn: Array, shift: Array) -> NoisyPoses:
+def spoiled(poses: States, turn: Array, shift: Array) -> States:
     """Return poses with a noise."""
     q_wb = rotation.multiply(poses.q_wb, rotation.exp(turn))
-    return NoisyPoses(poses.t, poses.position + shift, q_wb)
+    return with_fields(poses, position=poses.position + shift, q_wb=q_wb)
 
 
 def _step(values: Array) -> float:

@@ -10,7 +10,7 @@ import numpy as np
 
 from imu_sim_ros import rotation
 from imu_sim_ros.conventions import BODIES_TOPIC, LANDMARKS_TOPIC
-from imu_sim_ros.places.bodies import State
+from imu_sim_ros.records import States
 from imu_sim_ros.sensors.camera.rig_parameters import RigParameters
 from imu_sim_ros.sensors.declaration import Mounted, Payloads, Sensor, Topic
 from imu_sim_ros.sensors.deferred import Deferred
@@ -61,14 +61,14 @@ class BodyTruth(AtFrames):
             times[frames.delivered] for times in (frames.true_t_ns, frames.release_t_ns)
         )
 
-        def state() -> State:
+        def states() -> States:
             crowd = world.scene.crowd
             assert crowd is not None
             body = next(each for each in crowd.each if each.name == self.mounted.name)
-            return body.state(camera.view.seconds(t_ns))
+            return body.states(t_ns, camera.view.seconds(t_ns))
 
         every = np.arange(len(t_ns))
-        return Samples(t_ns, t_ns, release_t_ns, every, Deferred(state=state))
+        return Samples(t_ns, t_ns, release_t_ns, every, Deferred(states=states))
 
 
 def _cloud(mounted: Mounted, encoding: str) -> Payloads:
@@ -96,12 +96,10 @@ def _odometry(mounted: Mounted, encoding: str) -> Payloads:
     encoder = OdometryEncoder(mounted.environment.world_frame, mounted.name, encoding)
 
     def payloads(read: Samples, rows: Rows, _: object) -> "RowTemplate":
-        state: State = read.state
-        velocity_b = rotation.rotate_inverse(state.q_wb, state.velocity)
-        rate = np.zeros_like(velocity_b)
-        rate[:, 2] = state.heading_rate
-        values = (state.position, state.q_wb, velocity_b, rate)
-        return encoder.pattern(read.t_ns[rows], *(each[rows] for each in values))
+        states: States = read.states.rows(rows)
+        velocity_b = rotation.rotate_inverse(states.q_wb, states.velocities())
+        columns = (states.position, states.q_wb, velocity_b, states.body_rates())
+        return encoder.pattern(read.t_ns[rows], *columns)
 
     return payloads
 

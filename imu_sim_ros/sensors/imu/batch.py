@@ -29,7 +29,7 @@ RESTARTS: Final = ("same_seed", "same_unit", "next_seed")
 
 
 class BatchSamples(NamedTuple):
-    """A sample of each unit; all arrays have ``count`` rows.
+    """A sample of each unit at one time; all arrays have ``count`` rows, one for each unit.
 
     As of one IMU, a reading is the digital output of the sum ``ideal + response_error + bias +
     noise + low_pass``.

@@ -3,7 +3,7 @@
 
 """The IMU as the rest of the package sees it: topics of its readings and of their truth."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Any, Final
 
 from imu_sim_ros.conventions import (
@@ -18,11 +18,11 @@ from imu_sim_ros.conventions import (
     TRIADS,
 )
 from imu_sim_ros.errors import ConfigurationError
+from imu_sim_ros.records import Readings, column
 from imu_sim_ros.sensors.declaration import (
     Mounted,
     Payloads,
     Sensor,
-    SensorReadings,
     Topic,
     on_demand,
     topic,
@@ -30,7 +30,7 @@ from imu_sim_ros.sensors.declaration import (
 from imu_sim_ros.sensors.errors.triad import variance_discrete
 from imu_sim_ros.sensors.imu.parameters import ImuParameters
 from imu_sim_ros.sensors.samples import Rows, Samples
-from imu_sim_ros.types import Array
+from imu_sim_ros.types import Times
 
 if TYPE_CHECKING:
     from imu_sim_ros.bags.messages.blocks import RowTemplate
@@ -40,14 +40,12 @@ TYPE: Final = "sensor_msgs/msg/Imu"
 _VECTOR: Final = ("geometry_msgs/msg/Vector3Stamped", "Vector3StampedEncoder")
 
 
-@dataclass(frozen=True, repr=False)
-class ImuReadings(SensorReadings):
+@dataclass(frozen=True, repr=False, eq=False, kw_only=True)
+class ImuReadings(Readings):
     """The n readings of an IMU that are delivered."""
 
-    gyro: Array
-    """(n, 3) [rad/s]."""
-    accel: Array
-    """(n, 3) [m/s^2]."""
+    true_t_ns: Times = field(metadata=column((), None))
+    """(n,) true times of the samples [ns]."""
 
 
 def readings(mounted: Mounted, encoding: str, *orientation: str) -> Payloads:

@@ -3,7 +3,7 @@
 
 """The true pose: the body's motion as samples without errors, and its topics."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Final
 
 import numpy as np
@@ -14,12 +14,12 @@ from imu_sim_ros.conventions import (
     TRUTH_POSE_TOPIC,
     TRUTH_TOPIC,
 )
+from imu_sim_ros.records import States, column
 from imu_sim_ros.rotation import rotate_inverse
 from imu_sim_ros.sensors.declaration import (
     Mounted,
     Payloads,
     Sensor,
-    SensorReadings,
     Topic,
 )
 from imu_sim_ros.sensors.environment import EnvironmentParameters
@@ -28,7 +28,7 @@ from imu_sim_ros.sensors.model import FixedModel
 from imu_sim_ros.sensors.samples import Samples
 from imu_sim_ros.sensors.timing import SampleTimes
 from imu_sim_ros.sensors.world import Window, World
-from imu_sim_ros.types import Array
+from imu_sim_ros.types import Times
 
 if TYPE_CHECKING:
     from imu_sim_ros.bags.messages.blocks import RowTemplate
@@ -50,14 +50,12 @@ class Pose(FixedModel):
         return Samples(true_t_ns, true_t_ns, true_t_ns, rows, world.motion(t)._asdict())
 
 
-@dataclass(frozen=True, repr=False)
-class Poses(SensorReadings):
-    """The body's motion at n times."""
+@dataclass(frozen=True, repr=False, eq=False, kw_only=True)
+class Poses(States):
+    """The body's true states at n times."""
 
-    position: Array
-    """(n, 3) p_wb [m]."""
-    q_wb: Array
-    """(n, 4) unit quaternions (w, x, y, z)."""
+    true_t_ns: Times = field(metadata=column((), None))
+    """(n,) the same times [ns], as all sensors have them."""
 
 
 def _odometry(mounted: Mounted, encoding: str) -> Payloads:
