@@ -261,7 +261,7 @@ def test_a_message_type(copy: Copy) -> None:
         from pathlib import Path
         from rosbags.highlevel import AnyReader
         from imu_sim_ros.bags.messages.encode import RelativeHumidityEncoder
-        from imu_sim_ros.bags.writer import open_writer
+        from imu_sim_ros.bags.create import open_writer
         found = []
         for name in ("a.mcap", "a.bag", "folder"):
             with open_writer(Path(name)) as writer:
@@ -440,7 +440,7 @@ def test_an_integration_method(copy: Copy) -> None:
 
 
 def test_a_trajectory(copy: Copy) -> None:
-    """Its section with its motion, and its line in the table: ``--trajectory`` and Python."""
+    """Its section and its motion, each with its line in a table: ``--trajectory`` and Python."""
     copy.change(
         "imu_sim_ros/trajectory/parameters.py",
         (
@@ -449,11 +449,7 @@ def test_a_trajectory(copy: Copy) -> None:
             "class LiftParameters(TrajectoryParameters):\n"
             '    """A body that goes up at a constant acceleration."""\n\n'
             '    type: str = text("lift", TYPE_TEXT)\n'
-            '    acceleration: float = number(1.0, "upwards", unit="m/s^2")\n\n'
-            '    def motion(self, pose_reader: PoseReader) -> "Trajectory":\n'
-            '        """Return the motion that these parameters describe."""\n'
-            "        from imu_sim_ros.trajectory.kinds import Lift\n\n"
-            "        return Lift(self)\n\n\n"
+            '    acceleration: float = number(1.0, "upwards", unit="m/s^2")\n\n\n'
             "TYPES: dict[",
         ),
         (
@@ -483,6 +479,10 @@ def test_a_trajectory(copy: Copy) -> None:
             "class FreeFall(_Endless):",
         ),
         ("    HarmonicParameters,\n", "    HarmonicParameters,\n    LiftParameters,\n"),
+        (
+            "    StaticParameters: Static,\n",
+            "    StaticParameters: Static,\n    LiftParameters: Lift,\n",
+        ),
     )
     copy.guard(2)
     found = copy.run(

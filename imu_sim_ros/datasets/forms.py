@@ -14,6 +14,7 @@ from typing import Any, Final, NamedTuple, Protocol
 
 import numpy as np
 
+from imu_sim_ros.bags.create import open_writer
 from imu_sim_ros.bags.messages.schemas import LATCHED
 from imu_sim_ros.bags.text.writer import FORMATS as TEXT_FORMATS
 from imu_sim_ros.bags.text.writer import WITH_TABLES, Dataset
@@ -24,7 +25,6 @@ from imu_sim_ros.bags.writer import (
     Block,
     Writer,
     amount,
-    open_writer,
     topics_summary,
 )
 from imu_sim_ros.conventions import IMU_TOPIC, TRUTH_TOPIC

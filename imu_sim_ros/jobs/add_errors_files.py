@@ -16,12 +16,13 @@ from typing import Annotated, Any, Final
 
 from imu_sim_ros import arguments
 from imu_sim_ros.bags import convert as streams
+from imu_sim_ros.bags.create import open_writer
 from imu_sim_ros.bags.messages.encode import ODOMETRY
 from imu_sim_ros.bags.outputs import Outputs, Target
 from imu_sim_ros.bags.read import open_bag
 from imu_sim_ros.bags.text import reader as text_reader
 from imu_sim_ros.bags.text.writer import Dataset
-from imu_sim_ros.bags.writer import BagOptions, open_writer, topics_summary
+from imu_sim_ros.bags.writer import BagOptions, topics_summary
 from imu_sim_ros.conventions import IMU_TOPIC, TWIST_FRAMES
 from imu_sim_ros.errors import InputError, Problems
 from imu_sim_ros.formats.choice import Choice

@@ -3,7 +3,9 @@
 
 """Calibrations as text: deterministic errors, and twins."""
 
-from collections.abc import Iterator, Mapping
+from __future__ import annotations
+
+from collections.abc import Collection, Iterator, Mapping
 from typing import TYPE_CHECKING, Any, Final
 
 import numpy as np
@@ -19,8 +21,8 @@ from imu_sim_ros.types import Array
 if TYPE_CHECKING:
     from imu_sim_ros.calibration.twin.analysis import Analysis
     from imu_sim_ros.calibration.twin.intensity import Lines
-    from imu_sim_ros.jobs.twin import Twin
     from imu_sim_ros.jobs.twin_check import Check
+    from imu_sim_ros.jobs.twin_recording import TwinRecording
 
 _DIGITS = 1e-12  # of a noise-free result, relative
 _UNITS = {
@@ -107,15 +109,22 @@ def _deviation(value: float, sigma: float, truth: float) -> list[str]:
 _SIX: Final = [f"{triad}{axis}" for triad in "ga" for axis in AXES]
 
 
-def twin_lines(found: "Twin") -> Iterator[str | TextTable]:
-    """Yield all that was found of a twin."""
+def twin_lines(
+    errors: correction.Parameters,
+    undetermined: Collection[str],
+    source: TwinRecording,
+    clock_wander: float,
+    analysis: Analysis,
+    check: Check | None,
+) -> Iterator[str | TextTable]:
+    """Yield the text of a twin; arguments are the fields of :class:`imu_sim_ros.Twin`."""
     rows = []
-    for name, calibrated in found.errors.items():
+    for name, calibrated in errors.items():
         for label, value, sigma in zip(
             _labels(len(calibrated.value)), calibrated.value, calibrated.sigma, strict=True
         ):
             if sigma != 0.0:
-                mark = "no" if f"{name} {label}" in found.undetermined else ""
+                mark = "no" if f"{name} {label}" in undetermined else ""
                 numbers = ["not given", ""] if np.isnan(value) else [f"{value:.6g}", f"{sigma:.2g}"]
                 rows.append([f"{name} {label}".strip(), *numbers, _unit(name) or "1", mark])
     yield TextTable(
@@ -123,27 +132,27 @@ def twin_lines(found: "Twin") -> Iterator[str | TextTable]:
         rows,
         "Constant errors; sigma: standard error; mounting: rotation vector of R_ib",
     )
-    noise = found.source.noise
+    noise = source.noise
     if noise.there:
         angle, distance = 1e3 * noise.deviation
         yield (
             f"the poses scatter by {distance:.3g} mm and {angle:.3g} mrad; their motion stands out "
-            f"of that up to {found.source.cutoff:.3g} Hz, the cut-off"
+            f"of that up to {source.cutoff:.3g} Hz, the cut-off"
         )
-    if found.clock_wander > 0.0:
+    if clock_wander > 0.0:
         yield (
-            f"the truth's clock wanders by {1e3 * found.clock_wander:.2f} ms RMS around offset "
+            f"the truth's clock wanders by {1e3 * clock_wander:.2f} ms RMS around offset "
             "and skew; that is taken out and not simulated"
         )
-    yield _white_floor(found.analysis)
-    if len(found.analysis.lines.frequency):
-        yield _spectral_lines(found.analysis.lines)
-    yield from _intensity(found.analysis)
-    if found.check is not None:
-        yield from _check_lines(found.check)
+    yield _white_floor(analysis)
+    if len(analysis.lines.frequency):
+        yield _spectral_lines(analysis.lines)
+    yield from _intensity(analysis)
+    if check is not None:
+        yield from _check_lines(check)
 
 
-def _white_floor(found: "Analysis") -> TextTable:
+def _white_floor(found: Analysis) -> TextTable:
     white = found.white
     rows = []
     for k, (triad, axis) in enumerate((t, a) for t in TRIADS for a in AXES):
@@ -155,7 +164,7 @@ def _white_floor(found: "Analysis") -> TextTable:
     return TextTable(["[unit/sqrt(Hz)]", "value", "95 % interval"], rows, title)
 
 
-def _spectral_lines(lines: "Lines") -> TextTable:
+def _spectral_lines(lines: Lines) -> TextTable:
     sizes = zip(lines.amplitude, lines.amplitude_sigma, strict=True)
     rows = [
         [f"{f:.4f}", f"{s:.2g}", *(f"{a:.3g} +- {e:.1g}" for a, e in zip(*size, strict=True))]
@@ -165,7 +174,7 @@ def _spectral_lines(lines: "Lines") -> TextTable:
     return TextTable(["line [Hz]", "sigma", *_SIX], rows, title)
 
 
-def _intensity(found: "Analysis") -> Iterator[TextTable]:
+def _intensity(found: Analysis) -> Iterator[TextTable]:
     exponents, edges = found.exponents, found.range_edges
     rows = []
     for k in range(len(edges) - 1):
@@ -181,7 +190,7 @@ def _intensity(found: "Analysis") -> Iterator[TextTable]:
         yield TextTable(["", "rate", "acceleration", "speed"], rows, title)
 
 
-def _check_lines(check: "Check") -> Iterator[str | TextTable]:
+def _check_lines(check: Check) -> Iterator[str | TextTable]:
     from imu_sim_ros.calibration.twin.comparison import BANDS
 
     rows = [

@@ -18,6 +18,7 @@ import numpy as np
 from imu_sim_ros import arguments
 from imu_sim_ros.bags import convert as streams
 from imu_sim_ros.bags import sensor_tables
+from imu_sim_ros.bags.create import open_writer
 from imu_sim_ros.bags.messages.blocks import TopicInfo
 from imu_sim_ros.bags.messages.edit import ImuEdit
 from imu_sim_ros.bags.messages.encode import IMU, ODOMETRY, ImuEncoder
@@ -29,7 +30,7 @@ from imu_sim_ros.bags.reader import Bag, Recover
 from imu_sim_ros.bags.text import reader as text_reader
 from imu_sim_ros.bags.text import writer as text_writer
 from imu_sim_ros.bags.text.writer import Dataset
-from imu_sim_ros.bags.writer import BagOptions, Writer, amount, open_writer, topics_summary
+from imu_sim_ros.bags.writer import BagOptions, Writer, amount, topics_summary
 from imu_sim_ros.conventions import IMU_TOPIC
 from imu_sim_ros.errors import ConfigurationError, InputError
 from imu_sim_ros.formats.bag import pose_topic

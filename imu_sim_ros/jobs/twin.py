@@ -227,7 +227,14 @@ class Twin:
         from imu_sim_ros.jobs.calibration_text import twin_lines
 
         yield from input_lines(self.source.notes)
-        yield from twin_lines(self)
+        yield from twin_lines(
+            self.errors,
+            self.undetermined,
+            self.source,
+            self.clock_wander,
+            self.analysis,
+            self.check,
+        )
 
     def to_dict(self) -> dict[str, Any]:
         """Return all numbers by name, in plain types; None for those that are not finite."""

@@ -1,27 +1,19 @@
 # Copyright 2026 imu_sim_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""The scene around the sensors that see, and parameters that suit them."""
+"""The scene around the sensors that see."""
 
-from collections.abc import Mapping
 from typing import Any
 
 import numpy as np
 
-from imu_sim_ros.errors import ConfigurationError
-from imu_sim_ros.parameters import files
-from imu_sim_ros.places.catalogue import KINDS, usual
 from imu_sim_ros.sensors.camera.build import build_scene, check_path, scene_span
 from imu_sim_ros.sensors.camera.declaration import cameras_in
-from imu_sim_ros.sensors.camera.rig_parameters import DEFAULT_SCENE, axes, load_rig, of_rig
 from imu_sim_ros.sensors.camera.scene import Scene
 from imu_sim_ros.sensors.camera.scene_parameters import SceneParameters
-from imu_sim_ros.sensors.camera.target import HORIZON, TURNS, suiting
-from imu_sim_ros.sensors.camera.view import View, view_of
+from imu_sim_ros.sensors.camera.view import view_of
 from imu_sim_ros.sensors.world import World
-from imu_sim_ros.simulation.parameters import has_scene, load_simulation
 from imu_sim_ros.simulation.sensors import mounted
-from imu_sim_ros.trajectory.parameters import TourParameters
 
 
 def scene_around(world: World) -> Scene:
@@ -43,74 +35,3 @@ def scene_around(world: World) -> Scene:
     longest = min(parameters.duration or trajectory.duration, trajectory.duration)
     check_path(described, arms, trajectory, longest, scene)
     return scene
-
-
-def fitted(given: Mapping[str, object]) -> dict[str, object]:
-    """Return parameters by dotted name with the board and the motion that suit what sees.
-
-    The trajectory ``target`` before the scene ``aprilgrid`` gets a board before the middle of the
-    images, the smallest tags that have enough pixels a bit in every place, fewer of them for wide
-    lenses, and turns as far as the corners need to cover the images; rigs that look in other
-    directions than x stay as they are. The trajectory ``tour`` in a place goes through that place,
-    which has its usual size unless told; if no scene is told, sensors see the tour's own place.
-    What is given stays as it is.
-
-    :param given: as for :func:`imu_sim_ros.camera.build_rig`; not checked here.
-    """
-    given = _toured(given)
-    if given.get("scene.type") != "aprilgrid" or "cameras" not in given:
-        return given
-    try:
-        turns = _free_turns(given)
-        if turns is None:
-            return given
-        rig = load_rig({**of_rig(given), **axes(given, recorded=False)})
-        moves = load_simulation({k: v for k, v in given.items() if k.startswith("trajectory.")})
-    except ConfigurationError:
-        return given  # whoever loads them says what is wrong
-    views = [View(name, one, 0, 0, HORIZON) for name, one in rig.camera_parameters().items()]
-    told = [key.removeprefix("scene.") for key in given if key.startswith("scene.")]
-    return {**given, **suiting(views, moves.trajectory, rig.scene, told, turns)}
-
-
-def _toured(given: Mapping[str, object]) -> dict[str, object]:
-    """Return parameters with a tour through the place that sensors see, and that place for it."""
-    kind = given.get("scene.type", DEFAULT_SCENE)
-    if kind == DEFAULT_SCENE:
-        kind = given.get("trajectory.place", TourParameters.place)
-    if given.get("trajectory.type") != "tour" or kind not in KINDS or not has_scene(given):
-        return dict(given)
-    own = {
-        f"trajectory.{to}": given[f"scene.{name}"]
-        for name, to in (("seed", "place_seed"), ("size", "place_size"))
-        if f"scene.{name}" in given
-    }
-    values = {"trajectory.place": kind, **own, **given}
-    size = values.get("trajectory.place_size", (0.0, 0.0, 0.0))
-    if values["trajectory.place"] != kind or not isinstance(size, list | tuple) or len(size) != 3:
-        return dict(given)
-    try:
-        low, high = usual(str(kind), [float(length) for length in size])
-    except (TypeError, ValueError):
-        return dict(given)  # whoever loads them says what is wrong
-    there = {
-        "scene.size": (high - low).tolist(),
-        "scene.center": (0.5 * (low + high)).tolist(),
-        "scene.seed": values.get("trajectory.place_seed", 0),
-    }
-    return {**there, **values, "scene.type": kind}
-
-
-def _free_turns(given: Mapping[str, object]) -> list[str] | None:
-    """Return which angles of ``target`` have amplitudes that nobody gave; None: another motion."""
-    base = files.load(files.find("trajectories", "target"))
-    if given.get("trajectory.type") != "target":
-        same = [k for k in base if k == "trajectory.type" or k.endswith(".angular_frequency")]
-        if any(_plain(given.get(k)) != base[k] for k in same):
-            return None
-    names = {angle: f"trajectory.{angle}.amplitude" for angle in TURNS}
-    return [a for a, name in names.items() if _plain(given.get(name, base[name])) == base[name]]
-
-
-def _plain(value: object) -> object:
-    return list(value) if isinstance(value, tuple | np.ndarray) else value

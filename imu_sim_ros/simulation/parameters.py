@@ -320,9 +320,9 @@ def layered(values: Mapping[str, object], problems: Problems) -> dict[str, objec
     has_views = has_scene(values)
     if has_views:
         from imu_sim_ros.sensors.camera.rig_parameters import axes, layer_rig
-        from imu_sim_ros.simulation.cameras import fitted  # most runs have none
+        from imu_sim_ros.simulation.scene_fit import fitted  # most runs have none
 
-        values = fitted(values)
+        values = fitted(values, lambda layer: load_simulation(layer).trajectory)
 
     # What is one IMU's own, and what is common.
     imu_names = listed_names("imus", values)

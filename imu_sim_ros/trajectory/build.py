@@ -4,17 +4,26 @@
 """Trajectory of parameters: a motion cut, repeated, slowed, with rests and vibration."""
 
 import math
-from typing import Final, Protocol
+from pathlib import Path
+from typing import Any, Final, Protocol
 
 import numpy as np
 
 from imu_sim_ros.errors import ConfigurationError
 from imu_sim_ros.poses import read_poses
+from imu_sim_ros.trajectory.calibration_motion import six_position, turntable
+from imu_sim_ros.trajectory.kinds import MOTIONS
 from imu_sim_ros.trajectory.motion import Motion, Trajectory
 from imu_sim_ros.trajectory.parameters import (
+    GIVEN,
+    DriveParameters,
     LeadInParameters,
     PoseReader,
+    PosesParameters,
+    SixPositionParameters,
+    TourParameters,
     TrajectoryParameters,
+    TurntableParameters,
 )
 from imu_sim_ros.trajectory.profile import Derivatives, Phase, RateProfile, smooth_step
 from imu_sim_ros.types import Array
@@ -34,7 +43,7 @@ def build_trajectory(
     :raises InputError: for a file of poses that cannot be used.
     """
     p = parameters
-    trajectory = p.motion(pose_reader) if bare_motion is None else bare_motion
+    trajectory = motion_of_section(p, pose_reader) if bare_motion is None else bare_motion
     if p.length:
         if p.length > trajectory.duration:
             raise ConfigurationError(
@@ -55,6 +64,54 @@ def build_trajectory(
 
         trajectory = Vibrating(trajectory, Vibration(v))
     return trajectory
+
+
+def motion_of_section(parameters: TrajectoryParameters, pose_reader: PoseReader) -> Trajectory:
+    """Return the motion of a section, before it is cut, repeated and so on.
+
+    :param pose_reader: reads a file of poses.
+    :raises ConfigurationError: for parameters that do not describe a motion.
+    :raises InputError: for a file of poses that cannot be used.
+    """
+    p = parameters
+    if isinstance(p, PosesParameters):
+        from imu_sim_ros.trajectory.recorded import RecordedMotion  # SciPy
+
+        topic = (p.topic,) if p.topic else ()
+        return RecordedMotion(pose_reader(Path(p.file), *topic), p)
+    if isinstance(p, TurntableParameters):
+        return turntable(p)
+    if isinstance(p, SixPositionParameters):
+        return six_position(p)
+    if isinstance(p, TourParameters):
+        from imu_sim_ros.trajectory.tour import tour  # SciPy
+
+        return tour(p)
+    if isinstance(p, DriveParameters):
+        from imu_sim_ros.trajectory.drive import drive  # SciPy
+
+        return drive(p)
+    for section in type(p).__mro__:
+        if section in MOTIONS:
+            return MOTIONS[section](p)
+    if p.type == GIVEN:
+        raise ConfigurationError(
+            "trajectory.type = 'given': an object or a function from Python; give it as trajectory="
+        )
+    if not (hasattr(p, "sample") and hasattr(p, "duration")):
+        raise ConfigurationError(
+            f"trajectory.type = {p.type!r}: {type(p).__name__} lacks duration or sample(t)"
+        )
+    return _OwnMotion(p)
+
+
+class _OwnMotion:
+    """The motion of a user's own parameters, which may leave out the highest frequency."""
+
+    def __init__(self, parameters: Any) -> None:
+        self.sample = parameters.sample
+        self.duration: float = parameters.duration
+        self.highest_frequency: float = getattr(parameters, "highest_frequency", 0.0)
 
 
 # Largest difference of joined ends: position [m], velocity [m/s], attitude [rad], rate [rad/s].

@@ -5,19 +5,20 @@
 
 import itertools
 import math
-from collections.abc import Sequence
+from collections.abc import Callable, Mapping, Sequence
 from typing import Any, Final, NamedTuple
 
 import numpy as np
 
 from imu_sim_ros import rotation
-from imu_sim_ros.trajectory.motion import Motion
+from imu_sim_ros.trajectory.motion import Motion, Trajectory
 from imu_sim_ros.trajectory.parameters import (
     FreeFallParameters,
     HarmonicParameters,
     PolarParameters,
     SeriesParameters,
     StaticParameters,
+    TrajectoryParameters,
     WaypointsParameters,
 )
 from imu_sim_ros.types import Array
@@ -262,3 +263,13 @@ def _times_within_limits(coordinates: Array, parameters: WaypointsParameters) ->
     rate = np.max(np.abs(d1[:, 3])) / parameters.heading_rate_limit
     # Slower by a factor k: speeds fall with k, accelerations with k^2, and the shape stays.
     return times * max(speed, np.sqrt(force), rate)
+
+
+MOTIONS: Final[Mapping[type[TrajectoryParameters], Callable[[Any], Trajectory]]] = {
+    StaticParameters: Static,
+    HarmonicParameters: Harmonic,
+    PolarParameters: Polar,
+    FreeFallParameters: FreeFall,
+    WaypointsParameters: Waypoints,
+}
+"""Motions in closed form by their sections."""

@@ -11,7 +11,7 @@ from collections.abc import Callable, Iterator
 from contextlib import suppress
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, Final, TypeAlias
+from typing import TYPE_CHECKING, Final, TypeAlias
 
 from imu_sim_ros.errors import ConfigurationError
 from imu_sim_ros.names import suggestion
@@ -32,7 +32,6 @@ from imu_sim_ros.places.catalogue import KINDS, size_problems
 
 if TYPE_CHECKING:
     from imu_sim_ros.records import States
-    from imu_sim_ros.trajectory.motion import Trajectory
 
 ENTRY_POINTS = "imu_sim_ros.trajectories"
 """Group of entry points under which other packages offer trajectories of their own."""
@@ -153,34 +152,6 @@ class TrajectoryParameters:
     lead_in: LeadInParameters = section(LeadInParameters)
     vibration: VibrationParameters = section(VibrationParameters)
 
-    def motion(self, pose_reader: "PoseReader") -> "Trajectory":
-        """Return the bare motion; here that of a user's own parameters, which sample themselves.
-
-        A type imports its libraries, such as SciPy, when it is used.
-
-        :param pose_reader: reads a file of poses.
-        :raises ConfigurationError: for parameters that do not describe a motion.
-        """
-        if self.type == GIVEN:
-            raise ConfigurationError(
-                "trajectory.type = 'given': an object or a function from Python; give it as "
-                "trajectory="
-            )
-        if not (hasattr(self, "sample") and hasattr(self, "duration")):
-            raise ConfigurationError(
-                f"trajectory.type = {self.type!r}: {type(self).__name__} lacks "
-                "duration or sample(t)"
-            )
-        return _Own(self)
-
-
-class _Own:
-    """The motion of a user's own parameters, which may leave out the highest frequency."""
-
-    def __init__(self, parameters: Any) -> None:
-        self.sample = parameters.sample
-        self.duration: float = parameters.duration
-        self.highest_frequency: float = getattr(parameters, "highest_frequency", 0.0)
 
 
 @dataclass(frozen=True)
@@ -224,12 +195,6 @@ class StaticParameters(TrajectoryParameters):
     position: Vector = vector(ZERO_VECTOR, "position in the world", unit="m")
     roll_pitch_yaw: Vector = vector(ZERO_VECTOR, "attitude", unit="rad")
 
-    def motion(self, pose_reader: PoseReader) -> "Trajectory":
-        """Return the motion that these parameters describe."""
-        from imu_sim_ros.trajectory.kinds import Static
-
-        return Static(self)
-
 
 @dataclass(frozen=True)
 class HarmonicParameters(TrajectoryParameters):
@@ -243,12 +208,6 @@ class HarmonicParameters(TrajectoryParameters):
     pitch: SeriesParameters = section(SeriesParameters)
     yaw: SeriesParameters = section(SeriesParameters)
 
-    def motion(self, pose_reader: PoseReader) -> "Trajectory":
-        """Return the motion that these parameters describe."""
-        from imu_sim_ros.trajectory.kinds import Harmonic
-
-        return Harmonic(self)
-
 
 @dataclass(frozen=True)
 class PolarParameters(TrajectoryParameters):
@@ -258,12 +217,6 @@ class PolarParameters(TrajectoryParameters):
     radius: SeriesParameters = section(SeriesParameters)
     angle: SeriesParameters = section(SeriesParameters)
     height: float = number(0.0, "height of the plane in the world", unit="m")
-
-    def motion(self, pose_reader: PoseReader) -> "Trajectory":
-        """Return the motion that these parameters describe."""
-        from imu_sim_ros.trajectory.kinds import Polar
-
-        return Polar(self)
 
 
 @dataclass(frozen=True)
@@ -278,12 +231,6 @@ class FreeFallParameters(TrajectoryParameters):
     gravity: Vector = kinds.gravity(
         "acceleration of the fall; equal to the simulation's gravity for true free fall"
     )
-
-    def motion(self, pose_reader: PoseReader) -> "Trajectory":
-        """Return the motion that these parameters describe."""
-        from imu_sim_ros.trajectory.kinds import FreeFall
-
-        return FreeFall(self)
 
 
 @dataclass(frozen=True)
@@ -355,12 +302,6 @@ class WaypointsParameters(TrajectoryParameters):
                         f"leave one out or give {prefix}times"
                     )
 
-    def motion(self, pose_reader: PoseReader) -> "Trajectory":
-        """Return the motion that these parameters describe."""
-        from imu_sim_ros.trajectory.kinds import Waypoints
-
-        return Waypoints(self)
-
 
 @dataclass(frozen=True)
 class TourParameters(TrajectoryParameters):
@@ -391,12 +332,6 @@ class TourParameters(TrajectoryParameters):
     def problems(self, prefix: str) -> Iterator[str]:
         """Yield whether the place is too small."""
         yield from size_problems(self.place, self.place_size, f"{prefix}place_size")
-
-    def motion(self, pose_reader: PoseReader) -> "Trajectory":
-        """Return the motion that these parameters describe."""
-        from imu_sim_ros.trajectory.tour import tour
-
-        return tour(self)
 
 
 @dataclass(frozen=True)
@@ -605,12 +540,6 @@ class DriveParameters(TrajectoryParameters):
         if timed and self.deviation:
             yield f"{prefix}deviation = {self.deviation:g}: must be 0 if times are given"
 
-    def motion(self, pose_reader: PoseReader) -> "Trajectory":
-        """Return the motion that these parameters describe."""
-        from imu_sim_ros.trajectory.drive import drive
-
-        return drive(self)
-
 
 @dataclass(frozen=True)
 class SixPositionParameters(TrajectoryParameters):
@@ -632,12 +561,6 @@ class SixPositionParameters(TrajectoryParameters):
     transition: float = number(
         3.0, "time of a turn to the next position", unit="s", minimum=0.0, above_minimum=True
     )
-
-    def motion(self, pose_reader: PoseReader) -> "Trajectory":
-        """Return the motion that these parameters describe."""
-        from imu_sim_ros.trajectory.calibration_motion import six_position
-
-        return six_position(self)
 
 
 @dataclass(frozen=True)
@@ -669,12 +592,6 @@ class TurntableParameters(SixPositionParameters):
         """Yield whether there is nothing to do."""
         if not self.rates:
             yield f"{prefix}rates = []: must have at least one entry [rad/s]"
-
-    def motion(self, pose_reader: PoseReader) -> "Trajectory":
-        """Return the motion that these parameters describe."""
-        from imu_sim_ros.trajectory.calibration_motion import turntable
-
-        return turntable(self)
 
 
 @dataclass(frozen=True)
@@ -723,16 +640,6 @@ class PosesParameters(TrajectoryParameters):
                 f"{prefix}knot_spacing = {self.knot_spacing:g}: must be 0 or at least "
                 f"{LEAST_KNOTS} / {prefix}cutoff, {smallest:.3g} s"
             )
-
-    def motion(self, pose_reader: PoseReader) -> "Trajectory":
-        """Return splines through the poses of the file.
-
-        :raises InputError: for a file of poses that cannot be used.
-        """
-        from imu_sim_ros.trajectory.recorded import RecordedMotion  # SciPy
-
-        topic = (self.topic,) if self.topic else ()
-        return RecordedMotion(pose_reader(Path(self.file), *topic), self)
 
 
 TYPES: dict[str, type[TrajectoryParameters]] = {

@@ -8,6 +8,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from imu_sim_ros.bags.create import open_writer
 from imu_sim_ros.bags.messages.encode import (
     IMU,
     ODOMETRY,
@@ -18,7 +19,7 @@ from imu_sim_ros.bags.messages.encode import (
     TemperatureEncoder,
     Vector3StampedEncoder,
 )
-from imu_sim_ros.bags.writer import BagOptions, Block, open_writer
+from imu_sim_ros.bags.writer import BagOptions, Block
 
 COUNT = 4500
 FORMS = {

@@ -8,9 +8,10 @@ from pathlib import Path
 
 import numpy as np
 
+from imu_sim_ros.bags.create import open_writer
 from imu_sim_ros.bags.messages.encode import IMU, ODOMETRY, ImuEncoder, OdometryEncoder
 from imu_sim_ros.bags.text.writer import Dataset
-from imu_sim_ros.bags.writer import BagOptions, Block, open_writer
+from imu_sim_ros.bags.writer import BagOptions, Block
 from imu_sim_ros.records import States
 
 COUNT = 12

@@ -6,9 +6,10 @@
 import numpy as np
 import pytest
 
+from imu_sim_ros.bags.create import open_writer
 from imu_sim_ros.bags.messages.encode import IMU, ImuEncoder
 from imu_sim_ros.bags.read import open_bag
-from imu_sim_ros.bags.writer import BagOptions, open_writer
+from imu_sim_ros.bags.writer import BagOptions
 from imu_sim_ros.commands import convert_bag, dead_reckon
 from imu_sim_ros.errors import InputError
 

@@ -13,6 +13,7 @@ import pytest
 import yaml
 from rosbags.highlevel import AnyReader
 
+from imu_sim_ros.bags.create import open_writer
 from imu_sim_ros.bags.mcap_writer import McapWriter
 from imu_sim_ros.bags.messages.blocks import as_list
 from imu_sim_ros.bags.messages.encode import (
@@ -23,7 +24,7 @@ from imu_sim_ros.bags.messages.encode import (
 )
 from imu_sim_ros.bags.messages.schemas import Qos
 from imu_sim_ros.bags.read import open_bag, read_imu
-from imu_sim_ros.bags.writer import BagOptions, Block, open_writer
+from imu_sim_ros.bags.writer import BagOptions, Block
 from imu_sim_ros.errors import InputError
 from imu_sim_ros.formats.choice import Choice
 from imu_sim_ros.formats.door import read_readings

@@ -16,11 +16,12 @@ import zstandard
 from mcap.writer import Writer
 from rosbags.highlevel import AnyReader
 
+from imu_sim_ros.bags.create import open_writer
 from imu_sim_ros.bags.messages.blocks import as_list
 from imu_sim_ros.bags.messages.encode import IMU, ImuEncoder
 from imu_sim_ros.bags.messages.schemas import schema
 from imu_sim_ros.bags.read import open_bag, read_imu
-from imu_sim_ros.bags.writer import BagOptions, open_writer
+from imu_sim_ros.bags.writer import BagOptions
 from imu_sim_ros.commands import convert_bag
 from imu_sim_ros.errors import InputError
 

@@ -9,9 +9,10 @@ import numpy as np
 import pytest
 
 import imu_sim_ros as ims
+from imu_sim_ros.bags.create import open_writer
 from imu_sim_ros.bags.messages.encode import IMU, ODOMETRY, ImuEncoder, OdometryEncoder
 from imu_sim_ros.bags.read import read_imu, read_odometry
-from imu_sim_ros.bags.writer import BagOptions, open_writer
+from imu_sim_ros.bags.writer import BagOptions
 from imu_sim_ros.commands import convert_bag, dead_reckon, evaluate, report
 from imu_sim_ros.errors import InputError
 from imu_sim_ros.formats.door import read_states

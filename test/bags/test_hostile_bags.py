@@ -10,10 +10,11 @@ import zlib
 import numpy as np
 import pytest
 
+from imu_sim_ros.bags.create import open_writer
 from imu_sim_ros.bags.messages.encode import IMU, ImuEncoder
 from imu_sim_ros.bags.read import open_bag, read_imu
 from imu_sim_ros.bags.reader import decompress, gather
-from imu_sim_ros.bags.writer import BagOptions, open_writer
+from imu_sim_ros.bags.writer import BagOptions
 from imu_sim_ros.commands import convert_bag, dead_reckon, generate
 from imu_sim_ros.errors import InputError
 

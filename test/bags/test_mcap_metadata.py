@@ -8,8 +8,8 @@ import pytest
 import yaml
 from mcap.reader import make_reader
 
+from imu_sim_ros.bags.create import open_writer
 from imu_sim_ros.bags.messages.encode import ImuEncoder
-from imu_sim_ros.bags.writer import open_writer
 
 
 @pytest.mark.parametrize("name", ["flight.mcap", "flight"])

@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 
 import imu_sim_ros as ims
+from imu_sim_ros.bags.create import open_writer
 from imu_sim_ros.bags.messages.encode import IMU, ImuEncoder
 from imu_sim_ros.bags.read import (
     decoded_blocks,
@@ -16,7 +17,6 @@ from imu_sim_ros.bags.read import (
     read_odometry,
     read_temperature,
 )
-from imu_sim_ros.bags.writer import open_writer
 from imu_sim_ros.errors import InputError
 from imu_sim_ros.formats.choice import Choice
 from imu_sim_ros.formats.door import read_readings, read_states

@@ -12,9 +12,10 @@ import numpy as np
 import pytest
 from programs import program, until
 
+from imu_sim_ros.bags.create import open_writer
 from imu_sim_ros.bags.messages.encode import IMU, ImuEncoder
 from imu_sim_ros.bags.read import imu_blocks, open_bag
-from imu_sim_ros.bags.writer import BagOptions, open_writer
+from imu_sim_ros.bags.writer import BagOptions
 from imu_sim_ros.errors import InputError
 
 CUTS = (0.3, 0.52, 0.77, 0.999)
@@ -122,7 +123,8 @@ WRITE_FOREVER = """
 import sys
 import numpy as np
 from imu_sim_ros.bags.messages.encode import IMU, ImuEncoder
-from imu_sim_ros.bags.writer import BagOptions, open_writer
+from imu_sim_ros.bags.create import open_writer
+from imu_sim_ros.bags.writer import BagOptions
 writer = open_writer(sys.argv[1], BagOptions(sys.argv[2]))
 encoder = ImuEncoder("imu_link", writer.encoding)
 topic = writer.add_topic("/imu/data_raw", IMU)

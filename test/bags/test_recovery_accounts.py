@@ -11,11 +11,12 @@ import numpy as np
 import pytest
 from mcap.writer import CompressionType, Writer
 
+from imu_sim_ros.bags.create import open_writer
 from imu_sim_ros.bags.messages.blocks import as_list
 from imu_sim_ros.bags.messages.encode import IMU, ImuEncoder
 from imu_sim_ros.bags.messages.schemas import schema
 from imu_sim_ros.bags.read import open_bag
-from imu_sim_ros.bags.writer import BagOptions, open_writer
+from imu_sim_ros.bags.writer import BagOptions
 from imu_sim_ros.commands import convert_bag
 
 CHUNKS, MESSAGES = 70, 40

@@ -8,11 +8,12 @@ import threading
 import numpy as np
 import pytest
 
+from imu_sim_ros.bags.create import open_writer
 from imu_sim_ros.bags.messages.blocks import side_by_side
 from imu_sim_ros.bags.messages.encode import IMU, ImuEncoder
 from imu_sim_ros.bags.read import read_imu
 from imu_sim_ros.bags.threads import Pipeline, threads
-from imu_sim_ros.bags.writer import BagOptions, open_writer
+from imu_sim_ros.bags.writer import BagOptions
 from imu_sim_ros.progress import Watcher, watched_by
 
 COUNT = 12_000  # four chunks

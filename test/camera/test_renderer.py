@@ -7,8 +7,8 @@ import numpy as np
 import pytest
 
 from imu_sim_ros import rotation
-from imu_sim_ros.sensors.camera.images.cells import Planes
-from imu_sim_ros.sensors.camera.images.loops import LEVELS
+from imu_sim_ros.sensors.camera.images.loops import IN_FRONT, LEVELS
+from imu_sim_ros.sensors.camera.images.planes import Planes
 from imu_sim_ros.sensors.camera.images.rays import PixelRays
 from imu_sim_ros.sensors.camera.images.renderer import Renderer
 from imu_sim_ros.sensors.camera.images.texture import Atlas
@@ -89,7 +89,9 @@ def test_no_rectangle_is_missed_however_thin(make_rig, lens):
         planes = Planes.of(surfaces, surfaces.normal, position, r_wc)
         nearest, seen = np.zeros((120, 188), np.float32), set()
         for m in range(40):
-            met = planes.meet(np.array([m]), rays.reshape(3, 1, -1), np.zeros((1, 1), np.int64))
+            met = planes.meet(
+                np.array([m]), rays.reshape(3, 1, -1), np.zeros((1, 1), np.int64), IN_FRONT
+            )
             ahead, inverse, places = (part.reshape(*part.shape[:-2], 120, 188) for part in met)
             inside = ((places >= 0.0) & (places <= 1.0)).all(axis=0)
             shown = ahead & inside & (inverse > nearest)

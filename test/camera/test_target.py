@@ -12,10 +12,14 @@ from imu_sim_ros.parameters import files
 from imu_sim_ros.sensors.camera.frames import warnings
 from imu_sim_ros.sensors.camera.images.imager import Imager
 from imu_sim_ros.sensors.camera.images.texture import atlas
-from imu_sim_ros.simulation.cameras import fitted
 from imu_sim_ros.simulation.engine import Body
 from imu_sim_ros.simulation.parameters import load_simulation
+from imu_sim_ros.simulation.scene_fit import fitted as fitted_with
 from imu_sim_ros.trajectory.parameters import trajectory_layer
+
+
+def fitted(given):
+    return fitted_with(given, lambda values: load_simulation(values).trajectory)
 
 
 def given(*presets, **values):

@@ -112,7 +112,7 @@ import sys
 import numpy as np
 from imu_sim_ros.bags.read import read_odometry
 from imu_sim_ros.bags.messages.encode import ODOMETRY, OdometryEncoder
-from imu_sim_ros.bags.writer import open_writer
+from imu_sim_ros.bags.create import open_writer
 from imu_sim_ros.rotation import rotate_inverse
 truth = read_odometry(sys.argv[1], "/ground_truth/odom")
 position = truth.position + [0.2, 0, 0]

@@ -10,10 +10,10 @@ import numpy as np
 import pytest
 
 import imu_sim_ros as ims
+from imu_sim_ros.bags.create import open_writer
 from imu_sim_ros.bags.messages.blocks import as_list
 from imu_sim_ros.bags.messages.encode import IMU, ImuEncoder
 from imu_sim_ros.bags.read import open_bag
-from imu_sim_ros.bags.writer import open_writer
 from imu_sim_ros.commands import add_errors, convert_bag, generate
 
 COMMON = ["--trajectory", "figure_eight", "--duration", "3s", "--rate", "100", "--quiet"]

@@ -12,8 +12,8 @@ import numpy as np
 import pytest
 
 import imu_sim_ros as ims
+from imu_sim_ros.bags.create import open_writer
 from imu_sim_ros.bags.messages.encode import IMU, ImuEncoder
-from imu_sim_ros.bags.writer import open_writer
 from imu_sim_ros.commands import allan, generate
 from imu_sim_ros.parameters import files
 from imu_sim_ros.parameters.sections import build

@@ -13,9 +13,10 @@ import yaml
 from rosbags.highlevel import AnyReader
 from rosbags.typesys import Stores, get_typestore
 
+from imu_sim_ros.bags.create import open_writer
 from imu_sim_ros.bags.messages.encode import IMU
 from imu_sim_ros.bags.read import imu_blocks, open_bag
-from imu_sim_ros.bags.writer import BagOptions, Block, open_writer
+from imu_sim_ros.bags.writer import BagOptions, Block
 from imu_sim_ros.commands import convert_bag, generate
 
 SETTINGS = {

@@ -6,10 +6,11 @@
 import numpy as np
 import pytest
 
+from imu_sim_ros.bags.create import open_writer
 from imu_sim_ros.bags.messages.blocks import as_list
 from imu_sim_ros.bags.messages.encode import IMU, ODOMETRY, ImuEncoder, OdometryEncoder
 from imu_sim_ros.bags.read import read_imu, read_odometry
-from imu_sim_ros.bags.writer import BagOptions, open_writer
+from imu_sim_ros.bags.writer import BagOptions
 from imu_sim_ros.commands import convert_bag, dead_reckon
 from imu_sim_ros.errors import InputError
 from imu_sim_ros.formats.door import read_states

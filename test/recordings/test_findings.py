@@ -11,8 +11,9 @@ import pytest
 
 import imu_sim_ros as ims
 from imu_sim_ros import rotation
+from imu_sim_ros.bags.create import open_writer
 from imu_sim_ros.bags.messages.encode import ODOMETRY, OdometryEncoder
-from imu_sim_ros.bags.writer import Block, open_writer
+from imu_sim_ros.bags.writer import Block
 from imu_sim_ros.commands import inspect
 from imu_sim_ros.conventions import STANDARD_GRAVITY
 from imu_sim_ros.recordings.findings.catalogue import KINDS, reading_findings, state_findings

@@ -9,8 +9,8 @@ import numpy as np
 import pytest
 import yaml
 
+from imu_sim_ros.bags.create import open_writer
 from imu_sim_ros.bags.messages.encode import IMU, ODOMETRY, ImuEncoder, OdometryEncoder
-from imu_sim_ros.bags.writer import open_writer
 from imu_sim_ros.campaigns import campaign
 from imu_sim_ros.campaigns.engine import work
 from imu_sim_ros.campaigns.plan import find_plan, load_plan

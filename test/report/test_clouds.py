@@ -11,8 +11,8 @@ import numpy as np
 import pytest
 
 import imu_sim_ros as ims
+from imu_sim_ros.bags.create import open_writer
 from imu_sim_ros.bags.messages.encode_cameras import POINT_CLOUD2, PointCloud2Encoder
-from imu_sim_ros.bags.writer import open_writer
 from imu_sim_ros.commands.report import main
 
 cv2 = pytest.importorskip("cv2")

@@ -15,10 +15,10 @@ import pytest
 import scipy.signal
 
 import imu_sim_ros as ims
+from imu_sim_ros.bags.create import open_writer
 from imu_sim_ros.bags.messages.encode import VECTOR3_STAMPED, Vector3StampedEncoder
 from imu_sim_ros.bags.messages.encode_cameras import IMAGE, ImageEncoder
 from imu_sim_ros.bags.read import read_imu, read_odometry
-from imu_sim_ros.bags.writer import open_writer
 from imu_sim_ros.campaigns.metrics import COVERED
 from imu_sim_ros.campaigns.plan import load_plan
 from imu_sim_ros.campaigns.results import read_results

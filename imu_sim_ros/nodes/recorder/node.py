@@ -15,8 +15,9 @@ from rclpy.qos import QoSProfile
 from rclpy.topic_endpoint_info import TopicEndpointInfo
 
 from imu_sim_ros import timebase
+from imu_sim_ros.bags.create import open_writer
 from imu_sim_ros.bags.recorder_parameters import RecorderParameters
-from imu_sim_ros.bags.writer import BagOptions, Writer, open_writer
+from imu_sim_ros.bags.writer import BagOptions, Writer
 from imu_sim_ros.errors import ConfigurationError, InputError, MissingDependencyError
 from imu_sim_ros.json_text import as_json
 from imu_sim_ros.nodes import run, signals

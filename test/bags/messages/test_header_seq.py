@@ -8,8 +8,9 @@ import pytest
 from rosbags.rosbag1 import Reader
 from rosbags.typesys import Stores, get_typestore
 
+from imu_sim_ros.bags.create import open_writer
 from imu_sim_ros.bags.messages.encode import CLOCK, IMU, ClockEncoder, ImuEncoder
-from imu_sim_ros.bags.writer import BagOptions, Block, open_writer
+from imu_sim_ros.bags.writer import BagOptions, Block
 from imu_sim_ros.commands import convert_bag
 
 TYPES = get_typestore(Stores.ROS1_NOETIC)

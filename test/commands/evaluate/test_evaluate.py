@@ -10,8 +10,8 @@ import pytest
 
 import imu_sim_ros as ims
 from imu_sim_ros import rotation
+from imu_sim_ros.bags.create import open_writer
 from imu_sim_ros.bags.messages.encode import ODOMETRY, OdometryEncoder
-from imu_sim_ros.bags.writer import open_writer
 from imu_sim_ros.commands import generate
 from imu_sim_ros.commands.evaluate import main
 from imu_sim_ros.errors import Remark

@@ -11,10 +11,10 @@ import numpy as np
 import pytest
 from rosbags.typesys import Stores, get_types_from_msg, get_typestore
 
+from imu_sim_ros.bags.create import open_writer
 from imu_sim_ros.bags.messages.encode import ImuEncoder
 from imu_sim_ros.bags.messages.schemas import recorded_type
 from imu_sim_ros.bags.recorder_parameters import RecorderParameters
-from imu_sim_ros.bags.writer import open_writer
 from imu_sim_ros.errors import ConfigurationError, InputError, MissingDependencyError
 from imu_sim_ros.nodes import messages as message_types
 from imu_sim_ros.nodes.arguments import ros_arguments

@@ -10,7 +10,7 @@ import numpy as np
 
 from imu_sim_ros.places.gloss import Polish, Sheen
 from imu_sim_ros.places.shadows import ShadowLine
-from imu_sim_ros.sensors.camera.images.cells import Pairs, Planes
+from imu_sim_ros.sensors.camera.images.planes import Pairs, Planes
 from imu_sim_ros.types import Integers, Mask, Single
 
 _TURNING: Final = np.float32(12.0)

@@ -14,24 +14,19 @@ Rays that meet the triangles of a mesh look in the same way, each at a level of 
 """
 
 import math
-from typing import TYPE_CHECKING, Any, Final
+from typing import Any, Final, TypeAlias
 
 import numpy as np
 from numpy.typing import NDArray
 
-from imu_sim_ros.places.gloss import mirrored, reflectance
+from imu_sim_ros.places.gloss import Sheen, mirrored, reflectance
+from imu_sim_ros.sensors.camera.images.finish import Glossy, Shades
 from imu_sim_ros.sensors.camera.images.libraries import compiled, part
+from imu_sim_ros.sensors.camera.images.planes import Pairs, Planes
+from imu_sim_ros.sensors.camera.images.visible import Met, Triangles, Visible
 from imu_sim_ros.types import Bytes, Integers, Mask, Single
 
-if TYPE_CHECKING:
-    from imu_sim_ros.places.gloss import Sheen
-    from imu_sim_ros.sensors.camera.images.cells import Pairs, Planes
-    from imu_sim_ros.sensors.camera.images.finish import Glossy, Shades
-    from imu_sim_ros.sensors.camera.images.mesh_look import Triangles
-    from imu_sim_ros.sensors.camera.images.mesh_renderer import Met
-    from imu_sim_ros.sensors.camera.images.renderer import Visible
-
-    Ray = tuple[np.float32, np.float32, np.float32]
+Ray: TypeAlias = tuple[np.float32, np.float32, np.float32]
 
 FROM_ELSEWHERE: Final = "bfea73bf6e38"
 """Digest of what is compiled here and written in other files. numba keeps what it compiled until
@@ -84,7 +79,7 @@ def space() -> tuple[Integers, Single]:
 @compiled
 def candidates(
     found: NDArray[np.void],
-    planes: "Planes",
+    planes: Planes,
     rays: Single,
     rows: Integers,
     edges: Single,
@@ -193,7 +188,7 @@ def _candidate(
 
 @compiled
 def arrange(
-    pairs: "Pairs",
+    pairs: Pairs,
     found: NDArray[np.void],
     hiding: Single,
     front: Integers,
@@ -250,7 +245,7 @@ def paint(
     picture: Bytes,
     rays: Single,
     at: tuple[int, int],
-    seen: "Visible",
+    seen: Visible,
     atlas: Bytes,
     areas: bool,
     space: tuple[Integers, Single],
@@ -337,8 +332,8 @@ def measure(
     body: Bytes,
     rays: Single,
     at: tuple[int, int],
-    planes: "Planes",
-    pairs: "Pairs",
+    planes: Planes,
+    pairs: Pairs,
     bodies: Bytes,
 ) -> None:
     """Put the distance along the axis (h, w) [m] of what rays see, and its body (h, w); 0: nothing.
@@ -374,7 +369,7 @@ def nearest(
     begin: int,
     end: int,
     k: int,
-    ray: "Ray",
+    ray: Ray,
 ) -> tuple[np.float32, int, np.float32, np.float32]:
     """Return 1 / t of the nearest rectangle that a ray meets, its pair (-1: none), s and r.
 
@@ -397,14 +392,14 @@ def nearest(
 
 
 @part
-def _dot(vectors: Single, m: int, k: int, j: int, ray: "Ray") -> np.float32:
+def _dot(vectors: Single, m: int, k: int, j: int, ray: Ray) -> np.float32:
     x, y, z = ray
     return vectors[m, k, j, 0] * x + vectors[m, k, j, 1] * y + vectors[m, k, j, 2] * z
 
 
 @part
 def _meet(
-    vectors: Single, start: Single, m: int, k: int, ray: "Ray"
+    vectors: Single, start: Single, m: int, k: int, ray: Ray
 ) -> tuple[np.float32, np.float32, np.float32]:
     """Return 1 / t, s and r where a ray meets a plane; 0, 0, 0: it is not before it."""
     n = _dot(vectors, m, k, 0, ray)
@@ -432,7 +427,7 @@ def _at_edge(
     begin: int,
     end: int,
     k: int,
-    ray: "Ray",
+    ray: Ray,
     inverse: np.float32,
     own: int,
 ) -> bool:
@@ -458,7 +453,7 @@ def _see_at_points(
     patch: Any,
     p: int,
     k: int,
-    ray: "Ray",
+    ray: Ray,
 ) -> None:
     """Put the number of a pair where it is the nearest at the points of a pixel (8,).
 
@@ -551,7 +546,7 @@ def mixed(fine: int, coarse: int, share: int) -> int:
 
 @part
 def _shade(
-    value: Integers, shades: "Shades", cell: int, k: int, ray: "Ray", inverse: np.float32
+    value: Integers, shades: Shades, cell: int, k: int, ray: Ray, inverse: np.float32
 ) -> None:
     """Darken a value (colours,) that a ray sees at 1 / t by the shadows of its cell."""
     vectors, start = shades.planes
@@ -604,7 +599,7 @@ def _height(vectors: Single, m: int, k: int) -> np.float32:
 def _polish(
     value: Integers,
     added: Single,
-    gloss: "Glossy",
+    gloss: Glossy,
     vectors: Single,
     start: Single,
     m: int,
@@ -637,7 +632,7 @@ _mirrored: Final = part(mirrored)
 @part
 def shine(
     added: Single,
-    sheen: "Sheen",
+    sheen: Sheen,
     m: int,
     lit: Mask,
     point: tuple[np.float32, np.float32],
@@ -692,9 +687,9 @@ def shine(
 def _of_lamp(
     source: Any,
     sight: Any,
-    ray: "Ray",
+    ray: Ray,
     away: np.float32,
-    to: "Ray",
+    to: Ray,
     blur: np.float32,
 ) -> np.float32:
     """Return the share of a highlight's middle that a lamp has.
@@ -721,7 +716,7 @@ def _of_lamp(
 
 
 @part
-def _along(axis: Single, vector: "Ray") -> np.float32:
+def _along(axis: Single, vector: Ray) -> np.float32:
     return axis[0] * vector[0] + axis[1] * vector[1] + axis[2] * vector[2]
 
 
@@ -734,9 +729,9 @@ def _step(x: np.float32) -> np.float32:
 
 @part
 def _of_sun(
-    ray: "Ray",
+    ray: Ray,
     away: np.float32,
-    to: "Ray",
+    to: Ray,
     distance: np.float32,
     doublings: int,
     floor: np.float32,
@@ -781,9 +776,9 @@ def _between(share: np.float32, count: int) -> tuple[int, np.float32]:
 @compiled
 def paint_mesh(
     values: Bytes,
-    seen: "Met",
+    seen: Met,
     pitch: Single,
-    triangles: "Triangles",
+    triangles: Triangles,
     textures: tuple[Bytes, Single, Single],
     modes: tuple[bool, bool],
     space: tuple[Integers, Single],
@@ -841,10 +836,10 @@ def _on_triangle(coefficients: Single, k: int, m: int, point: Single, n: int) ->
 @part
 def _footprint(
     along: Single,
-    seen: "Met",
+    seen: Met,
     n: int,
     pitch: np.float32,
-    triangles: "Triangles",
+    triangles: Triangles,
     size: Single,
     modes: tuple[bool, bool],
 ) -> tuple[np.float32, np.float32]:

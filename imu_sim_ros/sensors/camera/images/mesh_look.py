@@ -4,13 +4,14 @@
 """What the triangles of a mesh look like: functions of the point on each, and its textures."""
 
 from collections.abc import Iterator
-from typing import Final, NamedTuple
+from typing import Final
 
 import numpy as np
 
-from imu_sim_ros.places.mesh_file import Mesh, Numbers, normals
+from imu_sim_ros.places.mesh_file import Mesh, normals
 from imu_sim_ros.places.paint import grey
 from imu_sim_ros.sensors.camera.images.texture import Atlas, assembled
+from imu_sim_ros.sensors.camera.images.visible import Triangles
 from imu_sim_ros.types import Array, Bytes, Single
 
 _WHITE: Final = np.full((4, 4, 3), 255, np.uint8)
@@ -21,21 +22,6 @@ _SKY: Final = 0.45
 """Light of a face that looks to the sky, of that which faces the sun as well."""
 _GROUND: Final = 0.25
 """Light of a face that looks down."""
-
-
-class Triangles(NamedTuple):
-    """What m triangles look like."""
-
-    texture: Numbers
-    """(m,) number of each triangle's texture in the atlas."""
-    uv: Single
-    """(8, m) coefficients of u and v; (0, 0): nothing has a texture."""
-    density: Single
-    """(m,) square of the texels along a metre where they are densest."""
-    tints: Single
-    """(4 c, m) coefficients of the colours, 0 to 255; (0, 0): textures are all that there is."""
-    shades: Single
-    """(2, m) by what colours are multiplied: seen from the front, and from behind; or (0, 0)."""
 
 
 class Look:

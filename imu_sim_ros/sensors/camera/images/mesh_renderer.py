@@ -4,18 +4,18 @@
 """Pictures of a mesh: each pixel's ray meets the nearest triangle."""
 
 from collections.abc import Iterator
-from typing import Final, NamedTuple
+from typing import Final
 
 import numpy as np
 from numpy.typing import NDArray
 
-from imu_sim_ros.places.geometry import Floats
 from imu_sim_ros.places.mesh import MeshCaster
 from imu_sim_ros.progress import check_interrupted
 from imu_sim_ros.sensors.camera.images.loops import POINTS, paint_mesh, space
 from imu_sim_ros.sensors.camera.images.mesh_look import Look
 from imu_sim_ros.sensors.camera.images.rays import PixelRays
 from imu_sim_ros.sensors.camera.images.renderer import rounded
+from imu_sim_ros.sensors.camera.images.visible import Met
 from imu_sim_ros.sensors.camera.model import CameraModel
 from imu_sim_ros.sensors.camera.view import Eyes
 from imu_sim_ros.types import Array, Bytes, Integers, Mask, Single
@@ -28,34 +28,6 @@ _FLAT: Final = 0.9
 """Cosine between their normals below which they are."""
 _RAYS_OF_EDGES: Final = 65_536
 """Rays that are cast at once."""
-
-
-class Met(NamedTuple):
-    """What n rays see."""
-
-    number: Integers
-    """(n,) triangle; 0 for nothing."""
-    nothing: Mask
-    """(n,)."""
-    distance: Floats
-    """(n,) infinite: nothing."""
-    along: Array
-    """(n,) the triangle's normal times the ray's direction."""
-    point: Single
-    """(3, n) where, from the mesh's middle [m]."""
-    way: Single
-    """(n, 3) unit vectors along the rays in the world."""
-
-    def some(self, which: Integers) -> "Met":
-        """Return what some of the rays see."""
-        return Met(
-            self.number.take(which),
-            self.nothing.take(which),
-            self.distance.take(which),
-            self.along.take(which),
-            self.point.take(which, axis=1),
-            self.way.take(which, axis=0),
-        )
 
 
 class MeshRenderer:

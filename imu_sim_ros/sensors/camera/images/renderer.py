@@ -8,18 +8,19 @@ from collections.abc import Iterator
 from typing import Final, NamedTuple, Protocol
 
 import numpy as np
-from numpy.typing import NDArray
 
 from imu_sim_ros import rotation
 from imu_sim_ros.places.bodies import Crowd
 from imu_sim_ros.places.geometry import Surfaces
 from imu_sim_ros.places.shadows import ShadowLine
 from imu_sim_ros.progress import check_interrupted
-from imu_sim_ros.sensors.camera.images.cells import CellGrid, Pairs, Planes, patches
+from imu_sim_ros.sensors.camera.images.cells import CellGrid, patches
 from imu_sim_ros.sensors.camera.images.finish import Glossy, Shades
-from imu_sim_ros.sensors.camera.images.loops import measure, paint, space
+from imu_sim_ros.sensors.camera.images.loops import IN_FRONT, measure, paint, space
+from imu_sim_ros.sensors.camera.images.planes import Pairs, Planes
 from imu_sim_ros.sensors.camera.images.rays import PixelRays, corners_and_probes
 from imu_sim_ros.sensors.camera.images.texture import Atlas
+from imu_sim_ros.sensors.camera.images.visible import Visible
 from imu_sim_ros.sensors.camera.model import CameraModel
 from imu_sim_ros.sensors.camera.view import CameraPoses, Eyes
 from imu_sim_ros.types import Array, Bytes, Integers, Mask, Single
@@ -49,19 +50,6 @@ class PictureMaker(Protocol):
     def depth_and_mask(self, eyes: Eyes) -> tuple[Single, Bytes]:
         """Return :meth:`depth`, and which body each pixel sees (h, w): 1, 2, ...; 0: none."""
         ...
-
-
-class Visible(NamedTuple):
-    """What may be in an image, and where."""
-
-    planes: Planes
-    pairs: Pairs
-    """With the rectangles' numbers among these."""
-    patches: NDArray[np.void]
-    """Of the pairs."""
-    shades: Shades
-    gloss: Glossy
-    """Of the pairs."""
 
 
 class Renderer:
@@ -183,7 +171,9 @@ class Renderer:
         planes, numbers, pairs = self._there(eyes)
         rows = self._probes.rows.take(pairs.cell, axis=1)
         met = [
-            planes.meet(pairs.which, rays.take(pairs.cell, axis=1)[..., None], row[:, None])
+            planes.meet(
+                pairs.which, rays.take(pairs.cell, axis=1)[..., None], row[:, None], IN_FRONT
+            )
             for rays, row in zip(self._probes.rays, rows, strict=True)
         ]
         # One probe after the other in memory: loops are long.

@@ -1,0 +1,101 @@
+# Copyright 2026 imu_sim_ros maintainers
+# SPDX-License-Identifier: Apache-2.0
+
+"""Rectangles as a camera sees them, and the cells of its image in which they may be."""
+
+from typing import Final, NamedTuple
+
+import numpy as np
+
+from imu_sim_ros.places.geometry import Surfaces
+from imu_sim_ros.types import Array, Integers, Mask, Single
+
+_ONE: Final = np.float32(1.0)
+_FIRST: Final = np.zeros(1, np.int64)
+
+
+class Planes(NamedTuple):
+    """m rectangles in the camera's frame, for one pose (n = 1) or for one each row of rays."""
+
+    vectors: Single
+    """(m, n, 3, 3) of n / (n (o - c)), a / a^2 and b / b^2, the x, y, z."""
+    start: Single
+    """(m, n, 2) s and r of the camera itself."""
+
+    @classmethod
+    def of(cls, surfaces: Surfaces, normals: Array, position: Array, r_wc: Array) -> "Planes":
+        """Return surfaces with their normals (m, 3) as poses (n, 3), (n, 3, 3) see them."""
+        o, a, b, normal = (
+            part[:, None] for part in (surfaces.origin, surfaces.across, surfaces.up, normals)
+        )
+        distance = ((o - position) * normal).sum(axis=2, keepdims=True)
+        safe = np.where(distance == 0.0, 1e-12, distance)
+        sides = [side / (side * side).sum(axis=2, keepdims=True) for side in (a, b)]
+        shape = (len(o), len(position), 3)
+        world = np.stack([np.broadcast_to(x, shape) for x in (normal / safe, *sides)], axis=2)
+        vectors = (world[..., None] * r_wc[:, None]).sum(axis=3)
+        start = np.stack([((position - o) * side).sum(axis=2) for side in sides], axis=2)
+        return cls(vectors.astype(np.float32), start.astype(np.float32))
+
+    def joined(self, others: "list[Planes]") -> "Planes":
+        """Return these and others."""
+        every = [self, *others]
+        return Planes(*(np.concatenate(parts) for parts in zip(*every, strict=True)))
+
+    def none(self) -> "Planes":
+        """Return none of them, for the same poses."""
+        return Planes(self.vectors[:0], self.start[:0])
+
+    def seen(self, which: Integers, rows: Integers) -> tuple[Single, Single]:
+        """Return vectors (3, 3, p, k) and start (2, p, k) of some rectangles (p,).
+
+        :param rows: (p, k) of the rays; k is 1 for one pose.
+        """
+        own = rows if self.start.shape[1] > 1 else _FIRST
+        vectors, start = self.vectors[which[:, None], own], self.start[which[:, None], own]
+        return vectors.transpose(2, 3, 0, 1), start.transpose(2, 0, 1)
+
+    def meet(
+        self, which: Integers, rays: Single, rows: Integers, least: np.float32
+    ) -> tuple[Mask, Single, Single]:
+        """Return which rays (3, p, k) have a plane before them, 1 / t, and s and r (2, p, k).
+
+        :param which: (p,) numbers of the rectangles among these.
+        :param rows: (p, k) of the rays.
+        :param least: 1 / t above which a plane is before a ray.
+        """
+        vectors, start = self.seen(which, rows)
+        dots = _dots(vectors, rays)
+        inverse, positions = dots[0], dots[1:]
+        in_front = inverse > least
+        positions *= _ONE / np.where(in_front, inverse, _ONE)
+        positions += start
+        return in_front, inverse, positions
+
+    def linear(self, which: Integers, rays: Single, rows: Integers) -> Single:
+        """Return 1 / t, s / t and r / t (3, p, k) of rays (3, p, k): linear in the ray."""
+        vectors, start = self.seen(which, rows)
+        dots = _dots(vectors, rays)
+        dots[1:] += start * dots[0]
+        return dots
+
+
+def _dots(vectors: Single, rays: Single) -> Single:
+    dots: Single = vectors[:, 0] * rays[0]
+    term = vectors[:, 1] * rays[1]
+    dots += term
+    dots += np.multiply(vectors[:, 2], rays[2], out=term)
+    return dots
+
+
+class Pairs(NamedTuple):
+    """p pairs of a cell and a rectangle, by cell."""
+
+    cell: Integers
+    """(p,) number of the cell, row by row."""
+    first: Integers
+    """(cells + 1,) first pair of each cell; the last is p."""
+    which: Integers
+    """(p,) number of the rectangle; in a cell they ascend."""
+    fills: Mask
+    """(p,) it fills its cell."""

@@ -1,0 +1,71 @@
+# Copyright 2026 imu_sim_ros maintainers
+# SPDX-License-Identifier: Apache-2.0
+
+"""What may be seen in an image, in the tables that the compiled loops read."""
+
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from imu_sim_ros.places.geometry import Floats
+from imu_sim_ros.places.mesh_file import Numbers
+from imu_sim_ros.sensors.camera.images.finish import Glossy, Shades
+from imu_sim_ros.sensors.camera.images.planes import Pairs, Planes
+from imu_sim_ros.types import Array, Integers, Mask, Single
+
+
+class Visible(NamedTuple):
+    """What may be in an image, and where."""
+
+    planes: Planes
+    pairs: Pairs
+    """With the rectangles' numbers among these."""
+    patches: NDArray[np.void]
+    """Of the pairs."""
+    shades: Shades
+    gloss: Glossy
+    """Of the pairs."""
+
+
+class Triangles(NamedTuple):
+    """What m triangles look like."""
+
+    texture: Numbers
+    """(m,) number of each triangle's texture in the atlas."""
+    uv: Single
+    """(8, m) coefficients of u and v; (0, 0): nothing has a texture."""
+    density: Single
+    """(m,) square of the texels along a metre where they are densest."""
+    tints: Single
+    """(4 c, m) coefficients of the colours, 0 to 255; (0, 0): textures are all that there is."""
+    shades: Single
+    """(2, m) by what colours are multiplied: seen from the front, and from behind; or (0, 0)."""
+
+
+class Met(NamedTuple):
+    """What n rays see."""
+
+    number: Integers
+    """(n,) triangle; 0 for nothing."""
+    nothing: Mask
+    """(n,)."""
+    distance: Floats
+    """(n,) infinite: nothing."""
+    along: Array
+    """(n,) the triangle's normal times the ray's direction."""
+    point: Single
+    """(3, n) where, from the mesh's middle [m]."""
+    way: Single
+    """(n, 3) unit vectors along the rays in the world."""
+
+    def some(self, which: Integers) -> "Met":
+        """Return what some of the rays see."""
+        return Met(
+            self.number.take(which),
+            self.nothing.take(which),
+            self.distance.take(which),
+            self.along.take(which),
+            self.point.take(which, axis=1),
+            self.way.take(which, axis=0),
+        )
