@@ -172,27 +172,66 @@ def exports(folder):
     return getattr(importlib.import_module(dotted(folder)), "__all__", ())
 
 
-def imported_at_once(body):
-    """Every module that is imported when a file is, the type checker's imports left out."""
-    for node in body:
-        if isinstance(node, ast.If) and "TYPE_CHECKING" not in ast.unparse(node.test):
-            yield from imported_at_once(node.body)
-        elif isinstance(node, ast.Import | ast.ImportFrom):
-            yield from imports(ast.Module([node], []))
+def own_files():
+    """Every module and room by its dotted name, but the front door.
 
-
-def test_no_module_imports_itself_in_a_circle():
-    files = {dotted(path.with_suffix("")): path for path in modules() if path.stem != "__init__"}
-    wants = {
-        name: {other for other in imported_at_once(parsed(path).body) if other in files}
+    Its list of names is for Python and the type checker; no room takes a name from it but the
+    version.
+    """
+    files = {dotted(path.with_suffix("")): path for path in modules()}
+    return {
+        name.removesuffix(".__init__"): path
         for name, path in files.items()
+        if path != PACKAGE / "__init__.py"
     }
+
+
+def own_imports(tree, files):
+    """Every module of the package that a file imports: also in functions, also for types alone."""
+    for node in ast.walk(tree):
+        if isinstance(node, ast.Import):
+            yield from (alias.name for alias in node.names if alias.name in files)
+        elif isinstance(node, ast.ImportFrom):
+            names = {f"{node.module}.{alias.name}" for alias in node.names}
+            known = names & files.keys()
+            yield from known
+            if node.module in files and names != known:
+                yield node.module
+
+
+def circle_in(wants):
+    """Return the modules that import each other, or that such ones import; none: no circle."""
+    wants = {name: set(others) - {name} for name, others in wants.items()}
     while free := [name for name, others in wants.items() if not others]:
         for name in free:
             del wants[name]
         for others in wants.values():
             others.difference_update(free)
-    assert not wants, "these import each other"
+    return wants
+
+
+def test_no_module_imports_itself_in_a_circle():
+    files = own_files()
+    circle = circle_in({n: own_imports(parsed(path), files) for n, path in files.items()})
+    assert not circle, "these import each other"
+
+
+@pytest.mark.parametrize(
+    "text",
+    [
+        "from imu_sim_ros import b",
+        "def f():\n    from imu_sim_ros.b import name",
+        "if TYPE_CHECKING:\n    from imu_sim_ros.b import name",
+        "class C:\n    def f(self):\n        import imu_sim_ros.b",
+    ],
+)
+def test_every_kind_of_import_counts_in_a_circle(text):
+    files = {"imu_sim_ros.a": "from imu_sim_ros.b import name", "imu_sim_ros.b": "", "x.c": ""}
+    one_way = {name: own_imports(ast.parse(code), files) for name, code in files.items()}
+    assert not circle_in(one_way)
+    files["imu_sim_ros.b"] = text.replace("imu_sim_ros.b", "imu_sim_ros.a").replace(" b", " a")
+    both = {name: own_imports(ast.parse(code), files) for name, code in files.items()}
+    assert circle_in(both).keys() == {"imu_sim_ros.a", "imu_sim_ros.b"}
 
 
 @over(sorted((ROOT / "test").rglob("*.py")))
