@@ -11,6 +11,7 @@ import pytest
 import yaml
 
 import imu_sim_ros as ims
+from imu_sim_ros.bags.create import open_writer
 from imu_sim_ros.bags.messages.encode import IMU, ImuEncoder
 from imu_sim_ros.bags.messages.encode_cameras import (
     CAMERA_INFO,
@@ -22,7 +23,7 @@ from imu_sim_ros.bags.messages.encode_cameras import (
     ImageEncoder,
     PointCloud2Encoder,
 )
-from imu_sim_ros.bags.writer import BagOptions, Block, open_writer
+from imu_sim_ros.bags.writer import BagOptions, Block
 from imu_sim_ros.commands import convert_bag, generate, inspect
 from imu_sim_ros.parameters import files
 from imu_sim_ros.recordings.cameras import CameraInfo, CameraRecord
