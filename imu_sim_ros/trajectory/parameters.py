@@ -153,7 +153,6 @@ class TrajectoryParameters:
     vibration: VibrationParameters = section(VibrationParameters)
 
 
-
 @dataclass(frozen=True)
 class SeriesParameters:
     """One coordinate as a function of time: a polynomial and a sum of sinusoids.
