@@ -92,6 +92,7 @@ if TYPE_CHECKING:
     from imu_sim_ros.jobs.inspect import inspect as inspect
     from imu_sim_ros.jobs.measured import ReadingsEvaluation as ReadingsEvaluation
     from imu_sim_ros.jobs.preintegrate import preintegrate as preintegrate
+    from imu_sim_ros.jobs.presets import presets as presets
     from imu_sim_ros.jobs.readings import read_imu as read_imu
     from imu_sim_ros.jobs.readings import read_odometry as read_odometry
     from imu_sim_ros.jobs.readings import read_readings as read_readings
@@ -144,6 +145,7 @@ _HOMES = {
     "jobs.inspect": ["Inspection", "inspect"],
     "jobs.measured": ["ReadingsEvaluation"],
     "jobs.preintegrate": ["preintegrate"],
+    "jobs.presets": ["presets"],
     "jobs.readings": ["read_imu", "read_odometry", "read_readings", "read_states"],
     "jobs.recorded": ["read_images", "read_points"],
     "jobs.report": ["Report", "report"],

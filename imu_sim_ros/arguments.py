@@ -3,12 +3,13 @@
 
 """Checks of arguments of the Python interface: name, value, and what is allowed."""
 
+import functools
 import math
 import os
 import sys
-from collections.abc import Collection, Mapping
+from collections.abc import Callable, Collection, Mapping
 from pathlib import Path
-from typing import Any, Final, NoReturn
+from typing import Any, Final, NoReturn, ParamSpec, TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
@@ -17,6 +18,8 @@ from imu_sim_ros.errors import ArgumentTypeError, ConfigurationError
 from imu_sim_ros.names import printable, shown, suggestion
 from imu_sim_ros.types import Array, Integers
 
+_P = ParamSpec("_P")
+_R = TypeVar("_R")
 BAG_OR_FILE: Final = "the path of a bag, a folder or a file"
 _LONGEST_PATH: Final = 4095
 _LONGEST_NAME: Final = 255
@@ -31,6 +34,26 @@ def refuse(name: str, value: object, allowed: str, wrong_type: bool = False) -> 
     """
     kind = ArgumentTypeError if wrong_type else ConfigurationError
     raise kind(f"{name} = {shown(value)}: must be {allowed}")
+
+
+def suggest_keywords(function: Callable[_P, _R]) -> Callable[_P, _R]:
+    """Return a function that names the nearest of its arguments for an unknown keyword.
+
+    :param function: has no ``**`` argument.
+    """
+    code = function.__code__
+    known = code.co_varnames[: code.co_argcount + code.co_kwonlyargcount]
+
+    @functools.wraps(function)
+    def checked(*args: _P.args, **keywords: _P.kwargs) -> _R:
+        wrong = [name for name in keywords if name not in known]
+        if wrong:
+            raise ArgumentTypeError(
+                [f"{name}: unknown argument; {suggestion(name, known)}" for name in wrong]
+            )
+        return function(*args, **keywords)
+
+    return checked
 
 
 def path(name: str, value: object, allowed: str = "the path of a file") -> Path:

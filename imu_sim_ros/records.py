@@ -170,12 +170,15 @@ class TimeSeries:
 
         :raises MissingDependencyError: without pandas.
         """
-        named = {
+        return data_frame(self.t_ns, self._frame_columns())
+
+    def _frame_columns(self) -> dict[str, Array]:
+        """Return the columns of :meth:`to_frame` (n,) or (n, k) by name."""
+        return {
             metadata["prefix"] or name: getattr(self, name)
             for name, metadata in self.columns().items()
             if getattr(self, name) is not None and len(metadata["shape"]) < 2
         }
-        return data_frame(self.t_ns, named)
 
 
 @dataclass(frozen=True, repr=False, eq=False)

@@ -3,6 +3,7 @@
 
 """Results as text: lines and tables that fit the terminal."""
 
+import html
 import shutil
 import sys
 from collections.abc import Iterable, Sequence
@@ -15,6 +16,24 @@ class TextTable(NamedTuple):
     header: Sequence[str]
     rows: Sequence[Sequence[str]]
     title: str = ""
+
+
+def html_of(lines: Iterable[str | TextTable]) -> str:
+    """Return lines and tables as HTML, for notebooks."""
+    return "".join(
+        _html_table(line) if isinstance(line, TextTable) else f"<div>{html.escape(line)}</div>"
+        for line in lines
+    )
+
+
+def _html_table(table: TextTable) -> str:
+    caption = f"<caption>{html.escape(table.title)}</caption>" if table.title else ""
+    head = "".join(f"<th>{html.escape(name)}</th>" for name in table.header)
+    body = "".join(
+        "<tr>" + "".join(f"<td>{html.escape(cell)}</td>" for cell in row) + "</tr>"
+        for row in table.rows
+    )
+    return f"<table>{caption}<thead><tr>{head}</tr></thead><tbody>{body}</tbody></table>"
 
 
 def print_lines(lines: Iterable[str | TextTable]) -> None:

@@ -15,7 +15,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from imu_sim_ros import arguments
-from imu_sim_ros.arguments import refuse
+from imu_sim_ros.arguments import refuse, suggest_keywords
 from imu_sim_ros.conventions import (
     ACCELEROMETER_BIAS_TOPIC,
     ERROR_TOPICS,
@@ -650,6 +650,7 @@ def _spread(name: str, value: object) -> Spread:
     return Spread(value[0], low, high)
 
 
+@suggest_keywords
 def from_sdf(file: str | Path, sensor: str | None = None) -> dict[str, Any]:
     """Return the parameters of an IMU from a model file of Gazebo.
 

@@ -14,7 +14,7 @@ from typing import TYPE_CHECKING, Annotated, Any, Final
 import numpy as np
 
 from imu_sim_ros import arguments
-from imu_sim_ros.arguments import BAG_OR_FILE, name_of
+from imu_sim_ros.arguments import BAG_OR_FILE, name_of, suggest_keywords
 from imu_sim_ros.calibration.noise import noise_files, truth
 from imu_sim_ros.calibration.noise.analysis import MODELS, AllanResult, analyse
 from imu_sim_ros.calibration.noise.estimate import Estimate
@@ -37,7 +37,7 @@ from imu_sim_ros.jobs.selection import (
 from imu_sim_ros.jobs.writing import SkipBadRows, saved
 from imu_sim_ros.progress import progress
 from imu_sim_ros.records import Readings, concatenated
-from imu_sim_ros.text_tables import TextTable
+from imu_sim_ros.text_tables import TextTable, html_of
 from imu_sim_ros.types import Array, Mask
 
 if TYPE_CHECKING:
@@ -133,6 +133,10 @@ class Noise:
             f"<Noise of {self.duration:.6g} s at {self.rate:.4g} Hz: gyroscope {density:.3g} "
             f"rad/s/sqrt(Hz), accelerometer {force:.3g} m/s^2/sqrt(Hz)>"
         )
+
+    def _repr_html_(self) -> str:
+        """Return the text of the result as HTML, for notebooks."""
+        return html_of(self.lines())
 
     def plot(self) -> Figure:
         """Return a matplotlib figure of the Allan deviations, their bands and the fitted terms."""
@@ -242,6 +246,7 @@ def _draw(noise: Noise, path: Path) -> None:
     pictures.draw(noise.result, path, noise.name)
 
 
+@suggest_keywords
 def allan(
     source: Annotated[Flight | Readings | str | Path | Sequence[str | Path], "BAG"],
     *,

@@ -18,7 +18,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from imu_sim_ros import arguments
-from imu_sim_ros.arguments import BAG_OR_FILE, name_of, number
+from imu_sim_ros.arguments import BAG_OR_FILE, name_of, number, suggest_keywords
 from imu_sim_ros.bags import read as bags
 from imu_sim_ros.bags.sensor_tables import read_measured
 from imu_sim_ros.calibration.deterministic import correction
@@ -376,6 +376,7 @@ Table = tuple[Times, Array]
 """Times (n,) [ns] and values (n, ...)."""
 
 
+@suggest_keywords
 def calibrate_six_position(
     readings: Annotated[Source, "BAG"],
     *,
@@ -448,6 +449,7 @@ def calibrate_six_position(
     )
 
 
+@suggest_keywords
 def calibrate_turntable(
     readings: Annotated[Source, "BAG"],
     *,
@@ -525,6 +527,7 @@ def calibrate_turntable(
     return run.calibration("turntable", correction.turntable_parameters(found), facts, picture)
 
 
+@suggest_keywords
 def calibrate_temperature(
     readings: Annotated[Source, "BAG"],
     *,
@@ -600,6 +603,7 @@ def calibrate_temperature(
     return run.calibration("temperature", correction.temperature_parameters(found), facts, picture)
 
 
+@suggest_keywords
 def calibrate_magnetometer(
     readings: Annotated[Flight | ArrayLike | str | Path, "BAG", Path],
     *,

@@ -16,6 +16,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any, Final, NamedTuple
 
 from imu_sim_ros import arguments
+from imu_sim_ros.arguments import suggest_keywords
 from imu_sim_ros.campaigns import campaign as runs
 from imu_sim_ros.campaigns import engine as engines
 from imu_sim_ros.campaigns.baseline import differences, identities_of_plan, plan_mismatch
@@ -96,6 +97,7 @@ class Campaign:
         return f"<Campaign {self.plan.options.name}: {'; '.join(parts)}>"
 
 
+@suggest_keywords
 def campaign(
     plan: Annotated[str | PathLike[str], "PLAN"],
     output: Annotated[str | PathLike[str], "-o --output DIR"],

@@ -16,6 +16,7 @@ from typing import TYPE_CHECKING, Annotated, Any, Final
 import numpy as np
 
 from imu_sim_ros import arguments
+from imu_sim_ros.arguments import suggest_keywords
 from imu_sim_ros.bags import convert as streams
 from imu_sim_ros.bags import sensor_tables
 from imu_sim_ros.bags.create import open_writer
@@ -140,6 +141,7 @@ class Converted:
         return f"<Converted {self.output.name}: {counts or 'no messages'}>"
 
 
+@suggest_keywords
 def convert(
     source: Annotated[str | Path, "INPUT"],
     output: Output,

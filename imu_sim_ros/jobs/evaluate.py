@@ -14,7 +14,16 @@ from typing import TYPE_CHECKING, Annotated, Any, Final, NamedTuple, Protocol, T
 
 import numpy as np
 
-from imu_sim_ros.arguments import BAG_OR_FILE, array, number, one_of, refuse, switch, text
+from imu_sim_ros.arguments import (
+    BAG_OR_FILE,
+    array,
+    number,
+    one_of,
+    refuse,
+    suggest_keywords,
+    switch,
+    text,
+)
 from imu_sim_ros.arguments import path as checked_path
 from imu_sim_ros.arguments import topic as checked_topic
 from imu_sim_ros.bags.text.reader import is_text
@@ -47,7 +56,7 @@ from imu_sim_ros.navigation.evaluation import (
 from imu_sim_ros.navigation.time_offset import time_offset as time_offset_of
 from imu_sim_ros.poses import write_tum
 from imu_sim_ros.records import States, with_fields
-from imu_sim_ros.text_tables import TextTable
+from imu_sim_ros.text_tables import TextTable, html_of
 from imu_sim_ros.types import Array, Integers, Mask, Times
 
 if TYPE_CHECKING:
@@ -125,6 +134,10 @@ class Evaluation(Comparison):
             f"{self.distance:.4g} m: "
             f"position {self.rms_position:.4g} m rms, attitude {self.rms_attitude:.4g} rad rms>"
         )
+
+    def _repr_html_(self) -> str:
+        """Return the text of the result as HTML, for notebooks."""
+        return html_of(self.lines())
 
     def to_dict(self, deltas: Sequence[tuple[float, str]] = ()) -> dict[str, Any]:
         """Return all errors in plain types, as ``--json`` prints them.
@@ -308,6 +321,7 @@ def evaluate(
 ) -> AttitudeEvaluation: ...
 
 
+@suggest_keywords
 def evaluate(
     estimate: Annotated[Any, "ESTIMATE", Path],
     truth: Annotated[HasPoses | str | Path, "TRUTH"],

@@ -6,7 +6,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, fields
 from functools import cached_property
 from os import PathLike
 from pathlib import Path
@@ -28,7 +28,8 @@ from imu_sim_ros.sensors.samples import joined
 from imu_sim_ros.simulation.engine import Body
 from imu_sim_ros.simulation.parameters import SampledParameters
 from imu_sim_ros.simulation.sensors import mounted
-from imu_sim_ros.timebase import span
+from imu_sim_ros.text_tables import TextTable, html_of
+from imu_sim_ros.timebase import seconds_since, span
 from imu_sim_ros.trajectory.motion import Trajectory
 from imu_sim_ros.types import Array, Integers
 
@@ -83,6 +84,14 @@ class Truth(States):
 
     def __repr__(self) -> str:
         return f"<Truth: {span(self.t_ns)}>"
+
+    def _frame_columns(self) -> dict[str, Array]:
+        """Return motion, ideal readings and every true error by name."""
+        return super()._frame_columns() | {
+            field.name: getattr(self, field.name)
+            for field in fields(Truth)
+            if field.name not in States.__dataclass_fields__
+        }
 
 
 def readings_of(
@@ -165,6 +174,11 @@ class Flight:
         """(n,) stamps of the readings [ns], with the errors of the sensor's clock."""
         return np.concatenate([block.t_ns[block.delivered] for block in self._blocks])
 
+    @property
+    def t(self) -> Array:
+        """(n,) times after the first stamp [s]."""
+        return seconds_since(self.t_ns, int(self.t_ns[0]) if len(self.t_ns) else 0)
+
     @cached_property
     def gyro(self) -> Array:
         """(n, 3) angular rates as read [rad/s], in the IMU's frame."""
@@ -235,6 +249,19 @@ class Flight:
 
     def __repr__(self) -> str:
         return f"<Flight {self.name}: {span(self.t_ns)}, seed {self.parameters.seed}>"
+
+    def _repr_html_(self) -> str:
+        """Return the flight as a table, for notebooks."""
+        rows = [
+            ["readings", span(self.t_ns)],
+            ["seed", str(self.parameters.seed)],
+            *(
+                [name, span(getattr(self, name).t_ns)]
+                for name in self._sensors
+                if name != IMU and name in self._windows[0]
+            ),
+        ]
+        return html_of([TextTable(["flight", self.name], rows)])
 
     def to_frame(self) -> Any:
         """Return the readings as a pandas DataFrame: index t_ns, columns gyro_x ... accel_z.

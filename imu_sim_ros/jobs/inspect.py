@@ -14,7 +14,7 @@ from typing import Annotated, Any, Final
 import numpy as np
 
 from imu_sim_ros import arguments
-from imu_sim_ros.arguments import BAG_OR_FILE, name_of
+from imu_sim_ros.arguments import BAG_OR_FILE, name_of, suggest_keywords
 from imu_sim_ros.bags.cameras import camera_records
 from imu_sim_ros.bags.clouds import cloud_records
 from imu_sim_ros.bags.messages.encode import IMU, ODOMETRY
@@ -56,7 +56,7 @@ from imu_sim_ros.recordings.findings.clipping import ClippingCounts
 from imu_sim_ros.recordings.findings.finding import SEVERITIES, Finding
 from imu_sim_ros.recordings.findings.measures import ReadingMeasures
 from imu_sim_ros.records import Readings, States, concatenated, with_fields
-from imu_sim_ros.text_tables import TextTable
+from imu_sim_ros.text_tables import TextTable, html_of
 from imu_sim_ros.types import Array
 
 _NEAREST: Final = 3
@@ -148,6 +148,10 @@ class Inspection:
         kinds = ", ".join(dict.fromkeys(finding.kind for finding in self.findings))
         contents = f"{len(self.sensors)} IMUs, {len(self.trajectories)} trajectories"
         return f"<Inspection: {contents}; {kinds or 'no findings'}>"
+
+    def _repr_html_(self) -> str:
+        """Return the text of the result as HTML, for notebooks."""
+        return html_of(self.lines())
 
     def select(self, kinds: Sequence[str]) -> list[Finding]:
         """Return the findings of some kinds.
@@ -277,6 +281,7 @@ Source = str | PathLike[str] | Readings | States | Flight
 """A file, or a record in memory."""
 
 
+@suggest_keywords
 def inspect(
     inputs: Annotated[Source | Sequence[Source], "FILE", Path],
     *,

@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from imu_sim_ros import arguments
-from imu_sim_ros.arguments import array, number, stamps
+from imu_sim_ros.arguments import array, number, stamps, suggest_keywords
 from imu_sim_ros.errors import InputError
 from imu_sim_ros.inputs import gate
 from imu_sim_ros.jobs.flight import Flight, readings_of
@@ -23,6 +23,7 @@ from imu_sim_ros.records import Readings
 from imu_sim_ros.types import Array
 
 
+@suggest_keywords
 def preintegrate(
     readings: Flight | Readings | str | Path,
     edges_ns: ArrayLike | None = None,

@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING, Any, Final, Protocol
 import numpy as np
 
 from imu_sim_ros import arguments
-from imu_sim_ros.arguments import BAG_OR_FILE, array, name_of, refuse, words
+from imu_sim_ros.arguments import BAG_OR_FILE, array, name_of, refuse, suggest_keywords, words
 from imu_sim_ros.errors import ConfigurationError, InputError, warn
 from imu_sim_ros.inputs import gate
 from imu_sim_ros.inputs.rows import tell_skipped
@@ -89,6 +89,7 @@ def in_clock_order(readings: Readings) -> Readings:
     return with_fields(readings.rows(clock.rows), t_ns=clock.times_ns())
 
 
+@suggest_keywords
 def read_imu(
     path: str | Path, topic: str | None = None, *, skip_bad_rows: bool = False
 ) -> Readings:
@@ -110,6 +111,7 @@ def read_imu(
     return read_readings(path, topic, skip_bad_rows=skip_bad_rows)
 
 
+@suggest_keywords
 def read_readings(
     path: str | Path,
     topic: str | None = None,
@@ -150,6 +152,7 @@ def read_readings(
     return with_fields(door.read_readings(path, choice, skipped), source=name_of(path))
 
 
+@suggest_keywords
 def read_states(path: str | Path, topic: str | None = None) -> States:
     """Return poses, with all else that a file knows of the motion.
 
@@ -172,6 +175,7 @@ def read_states(path: str | Path, topic: str | None = None) -> States:
     return with_fields(states, source=name_of(path))
 
 
+@suggest_keywords
 def read_odometry(path: str | Path, topic: str | None = None) -> States:
     """Return the odometry of a bag, with velocities in the world frame.
 

@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from imu_sim_ros import arguments
-from imu_sim_ros.arguments import BAG_OR_FILE
+from imu_sim_ros.arguments import BAG_OR_FILE, suggest_keywords
 from imu_sim_ros.errors import InputError
 from imu_sim_ros.inputs.gate import stamp_ns
 
@@ -21,6 +21,7 @@ if TYPE_CHECKING:
     from imu_sim_ros.datasets.recorded import RecordedFrames
 
 
+@suggest_keywords
 def read_images(path: str | Path, topic: str | None = None) -> Iterator[tuple[int, NDArray[Any]]]:
     """Yield the images of a camera in a bag, or in a EuRoC, TUM VI or kalibr_bagcreater folder.
 
@@ -115,6 +116,7 @@ def _images(path: Path, name: str) -> Iterator[tuple[int, NDArray[Any]]]:
                     yield t_ns, np.asarray(image)
 
 
+@suggest_keywords
 def read_points(path: str | Path, topic: str | None = None) -> Iterator[tuple[int, NDArray[Any]]]:
     """Yield the clouds that a bag holds.
 

@@ -13,6 +13,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any, Final
 
 from imu_sim_ros import __version__, arguments
+from imu_sim_ros.arguments import suggest_keywords
 from imu_sim_ros.bags.outputs import named
 from imu_sim_ros.bags.text.reader import is_text
 from imu_sim_ros.errors import InputError, Problems
@@ -100,6 +101,7 @@ class Report:
         return [*input_lines(self.notes), size]
 
 
+@suggest_keywords
 def report(
     inputs: Annotated[str | PathLike[str] | Sequence[str | PathLike[str]], "INPUT", Path],
     output: str | PathLike[str] | None = None,

@@ -9,7 +9,7 @@ import os
 from collections.abc import Callable, Collection, Iterator, Mapping
 from os import PathLike
 from pathlib import Path
-from typing import Any, NamedTuple, TypeAlias
+from typing import Any, Final, NamedTuple, TypeAlias
 
 import numpy as np
 from numpy.typing import NDArray
@@ -19,6 +19,7 @@ from imu_sim_ros.arguments import number, refuse
 from imu_sim_ros.errors import ConfigurationError, Problems, warn
 from imu_sim_ros.jobs.flight import Flight
 from imu_sim_ros.jobs.readings import checked_poses, checked_sensors, poses_of_rows
+from imu_sim_ros.names import nearest
 from imu_sim_ros.parameters import files
 from imu_sim_ros.parameters.kinds import EMPTY_LIST
 from imu_sim_ros.parameters.sections import OF_EVERY_NODE, bad_values
@@ -109,7 +110,9 @@ def simulate(
             f"which has room for {limit}; blocks() yields them piece by piece"
         )
     motion = body.parameters.trajectory.type
-    if isinstance(trajectory, str | Path):
+    if isinstance(trajectory, Mapping):
+        motion = trajectory.get("type", motion)
+    elif isinstance(trajectory, str | Path):
         motion = Path(trajectory).stem
     name = f"{sensor_name(imu, body.parameters.imu.preset)} on {motion}"
     return Flight(body, [first_block, *windows], name)
@@ -350,4 +353,18 @@ def keyword_parameters(
     if not isinstance(overrides, Mapping):
         refuse("parameters", overrides, "parameters by name", wrong_type=True)
     keywords = {name: value for name, value in parameters.items() if name != "parameters"}
+    for name in keywords:
+        argument = nearest(name, _ARGUMENTS, 0.8)
+        if argument is not None and not _is_parameter(name):
+            raise ConfigurationError(f"{name}: unknown argument; did you mean {argument}?")
     return files.dotted(keywords, "parameters"), files.dotted(overrides, "parameters")
+
+
+_ARGUMENTS: Final = ("imu", "trajectory", "duration", "rate", "seed", "params_file", "sensors")
+"""Arguments that are no parameters by the same name, or are offered first."""
+
+
+def _is_parameter(name: str) -> bool:
+    """Return True for a parameter, and for a section or another name that a section begins."""
+    known = described(SimulatorParameters)
+    return name in known or any(key.startswith(f"{name.partition('.')[0]}.") for key in known)

@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING, Annotated, Any, Final, NamedTuple
 import numpy as np
 
 from imu_sim_ros import arguments
-from imu_sim_ros.arguments import number, whole
+from imu_sim_ros.arguments import number, suggest_keywords, whole
 from imu_sim_ros.calibration.twin import model, spectrum
 from imu_sim_ros.calibration.twin.analysis import (
     Analysis,
@@ -338,6 +338,7 @@ class Twin:
         return Flight(engine, list(engine.windows()), f"twin of {self.source.name}")
 
 
+@suggest_keywords
 def twin(
     recording: Annotated[Flight | Readings | str | Path, "RECORDING"],
     truth: HasPoses | str | Path,

@@ -28,6 +28,7 @@ from imu_sim_ros.navigation.evaluation import (
 )
 from imu_sim_ros.records import States
 from imu_sim_ros.rotation import rotate_inverse
+from imu_sim_ros.timebase import seconds_since
 from imu_sim_ros.types import Array, Times
 
 
@@ -63,6 +64,11 @@ class Comparison:
     """Share of the truth's time that is estimated, which errors cannot show."""
     unaligned: States = field(kw_only=True)
     """(m,) estimate before the alignment."""
+
+    @property
+    def t(self) -> Array:
+        """(m,) times after the first common time [s]."""
+        return seconds_since(self.t_ns, int(self.t_ns[0]))
 
     @property
     def rms_position(self) -> float:

@@ -9,7 +9,8 @@ from rosbags.highlevel import AnyReader
 
 import imu_sim_ros as ims
 from imu_sim_ros.commands.generate import main as generate
-from imu_sim_ros.conventions import ERRORS
+from imu_sim_ros.conventions import ERROR_TOPICS, ERRORS
+from imu_sim_ros.text_tables import html_of
 
 IMU = {"preset": "mpu6000", "dropout_probability": 0.02, "duplicate_probability": 0.02}
 
@@ -149,6 +150,67 @@ def test_frames_have_a_column_for_each_axis():
     np.testing.assert_array_equal(frame["accel_y"].to_numpy(), made.accel[:, 1])
     np.testing.assert_array_equal(frame.index.to_numpy(), made.t_ns)
     assert "q_w" in ims.dead_reckon(made).to_frame().columns
+
+
+def test_the_frame_of_a_truth_has_every_true_error():
+    pytest.importorskip("pandas")
+    truth = flight("mpu6000").truth
+    frame = truth.to_frame()
+    for name in ("acceleration", "gyro", *ERROR_TOPICS.values()):
+        columns = frame[[f"{name}_{axis}" for axis in "xyz"]].to_numpy()
+        np.testing.assert_array_equal(columns, getattr(truth, name))
+    assert "q_w" in frame.columns
+
+
+def test_times_are_seconds_from_the_start():
+    made = flight("mpu6000")
+    evaluation = ims.evaluate(ims.dead_reckon(made), made.truth)
+    for record in (made, made.readings, made.truth, evaluation):
+        np.testing.assert_allclose(record.t, (record.t_ns - record.t_ns[0]) * 1e-9)
+
+
+def test_presets_are_listed_with_what_they_are():
+    assert ims.simulate(imu=sorted(ims.presets())[0], duration=0.1)
+    assert "figure_eight" in ims.presets("trajectory")
+    assert all(ims.presets(kind) for kind in ("camera", "scene", "gnss", "wheels", "lidar"))
+    with pytest.raises(ims.ConfigurationError, match="did you mean camera"):
+        ims.presets("cameras")
+
+
+def test_results_are_shown_as_html_in_notebooks():
+    """Text of the results is escaped: the name of a file may be anything."""
+    made = ims.simulate(imu="adis16448", trajectory="static", duration="2min")
+    shown = {
+        "adis16448 on static": made,
+        "ATE position": ims.evaluate(ims.dead_reckon(made), made.truth),
+        "Gyroscope": ims.allan(made),
+        "200": ims.inspect(made),
+    }
+    for text, result in shown.items():
+        html = result._repr_html_()
+        assert html.count("<table>") == html.count("</table>") > 0
+        assert text in html
+    assert html_of(["<b>"]) == "<div>&lt;b&gt;</div>"
+
+
+@pytest.mark.parametrize(
+    ("name", "call"),
+    [
+        ("align", lambda made: ims.evaluate(made, made.truth, algin="yaw")),
+        ("model", lambda made: ims.allan(made, modell="gauss_markov")),
+        ("trajectory", lambda made: ims.simulate(trajektory="circle")),
+        ("method", lambda made: ims.dead_reckon(made, metod="rk4")),
+        ("topic", lambda made: ims.read_readings("flight.mcap", topics="/imu")),
+    ],
+)
+def test_an_unknown_keyword_gets_the_nearest_name(name, call):
+    with pytest.raises(ims.ConfigurationError, match=f"did you mean {name}\\?"):
+        call(flight("mpu6000"))
+
+
+def test_a_flight_is_called_by_the_names_that_were_typed():
+    made = ims.simulate(imu={"preset": "bmi088"}, trajectory={"type": "circle"}, duration=0.1)
+    assert made.name == "bmi088 on circle"
 
 
 def test_short_words_say_what_is_inside():

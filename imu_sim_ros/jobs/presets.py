@@ -1,0 +1,41 @@
+# Copyright 2026 imu_sim_ros maintainers
+# SPDX-License-Identifier: Apache-2.0
+
+"""The presets that come with the package."""
+
+from typing import Final
+
+from imu_sim_ros import arguments
+from imu_sim_ros.arguments import suggest_keywords
+from imu_sim_ros.sensors.catalogue import descriptions
+
+_FOLDERS: Final = {
+    "imu": "imus",
+    "trajectory": "trajectories",
+    "camera": "cameras",
+    "scene": "scenes",
+    "gnss": "gnss",
+    "wheels": "wheels",
+    "lidar": "lidar",
+    "barometer": "barometers",
+    "campaign": "campaigns",
+    "estimator": "estimators",
+}
+"""Folders of config/ by the argument that takes a name from it."""
+
+
+@suggest_keywords
+def presets(kind: str = "imu") -> dict[str, str]:
+    """Return the presets of one kind: their names, and what each is.
+
+    :param kind: imu, trajectory, camera, scene, gnss, wheels, lidar, barometer, campaign or
+        estimator
+    :raises ConfigurationError: for another kind.
+
+    >>> import imu_sim_ros as ims
+    >>> ims.presets()["perfect"]
+    'Perfect, no price: An IMU without errors: its readings are the ideal ones'
+    >>> "figure_eight" in ims.presets("trajectory")
+    True
+    """
+    return descriptions(_FOLDERS[arguments.one_of("kind", kind, _FOLDERS)])
