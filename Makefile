@@ -191,7 +191,7 @@ reference: build
 	$(CLEAN) $(BIN)/python docs/contributing/write_findings.py >docs/reference/findings.md
 
 bench: build .venv/test-installed
-	@$(CLEAN) $(BIN)/python test/bench/run.py
+	@$(CLEAN) $(BIN)/python test/bench/run.py $(if $(filter-out file,$(origin BASE)),--base "$(BASE)")
 
 # Whether samples, files, results and public names are those of the revision BASE.
 BASE ?= HEAD

@@ -37,12 +37,12 @@ _PoolWords: TypeAlias = tuple[_Word, _Word, _Word, _Word]
 class _SeedWords(ISeedSequence):
     """The words from which one SFC64 starts, already computed."""
 
-    def __init__(self, words: tuple[int, int, int]) -> None:
+    def __init__(self, words: Words) -> None:
         self._words = words
 
     def generate_state(self, n_words: int, dtype: Any = np.uint32) -> Words:
         """Return the three words of 64 bits that SFC64 asks for."""
-        return np.array(self._words, np.uint64)
+        return self._words
 
 
 def generator(seed: int, source: str) -> Generator:
@@ -51,8 +51,13 @@ def generator(seed: int, source: str) -> Generator:
     :param seed: the simulation's seed, 0 to 2^63 - 1.
     :param source: a stable name such as ``gyroscope.white_noise.x``.
     """
-    words = _SeedWords(_seed_words(_pool_of_seed(seed), _key(source)))
-    return Generator(SFC64(cast(SeedSequence, words)))  # stubs know no other ISeedSequence
+    key, words = _key(source), _words_of_seed(seed)
+    if key not in words:
+        words[key] = np.array(_seed_words(_pool_of_seed(seed), key), np.uint64)
+        if len(_keys) < _MOST_KEYS:
+            _keys[key] = None
+    sequence = cast(SeedSequence, _SeedWords(words[key]))  # stubs know no other ISeedSequence
+    return Generator(SFC64(sequence))
 
 
 def seed_of_node(name: str) -> int:
@@ -135,6 +140,22 @@ def _pool(low: _Word, high: _Word) -> _PoolWords[_Word]:
 def _pool_of_seed(seed: int) -> _PoolWords[int]:
     """Return the pool of entropy after a seed."""
     return _pool(seed & _WORD, seed >> 32)
+
+
+_keys: dict[int, None] = {}
+"""Numbers of the sources that streams had so far: the next run of a study has the same."""
+_MOST_KEYS: Final = 256
+
+
+@lru_cache(maxsize=8)
+def _words_of_seed(seed: int) -> dict[int, Words]:
+    """Return the words of SFC64 (3,) by source, those of a run made in one go."""
+    if not _keys:
+        return {}
+    low, high = (np.array([word], np.uint64) for word in (seed & _WORD, seed >> 32))
+    keys = np.array(list(_keys), np.uint64)
+    table = np.stack(_seed_words(_pool(low, high), keys), axis=-1)
+    return dict(zip(keys.tolist(), table, strict=True))
 
 
 def _seed_words(pool: _PoolWords[_Word], key: _Word) -> tuple[_Word, _Word, _Word]:

@@ -33,9 +33,17 @@ def poses_at(poses: States, at_ns: Times) -> States:
 
     :param at_ns: (m,) times within the stamps [ns], in any order.
     """
+    velocity = poses.velocity
+    if np.array_equal(poses.t_ns, at_ns):
+        return States.unchecked(
+            t_ns=at_ns,
+            position=poses.position,
+            q_wb=poses.q_wb,
+            velocity=velocity,
+            source=poses.source,
+        )
     index, part = _intervals(poses.t_ns, at_ns)
     q_wb = rotation.interpolate(poses.q_wb[index], poses.q_wb[index + 1], part)
-    velocity = poses.velocity
     if velocity is not None:
         velocity = interpolate_vectors(poses.t_ns, velocity, at_ns)
     return States.unchecked(

@@ -1,10 +1,11 @@
 # Copyright 2026 imu_sim_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Run every benchmark below this folder, one after another, each in a process of its own.
+"""Run benchmarks below this folder, one after another, each in a process of its own.
 
-make bench                                    all of them
-.venv/bin/python test/bench/run.py bags live  some of them
+make bench                                    speeds, the live nodes, how cost grows: ten minutes
+make bench BASE=1.0.0                          the same, speeds next to those of a revision
+.venv/bin/python test/bench/run.py bags allan  others by name; statistics take up to hours
 """
 
 import argparse
@@ -15,15 +16,19 @@ import sys
 from pathlib import Path
 
 FOLDER = Path(__file__).parent
+USUAL = ("speeds", "error_node", "growth")
+"""Benchmarks that are run if none is named."""
 
 
 def main() -> int:
-    """Run the named benchmarks, or all; return the number that failed."""
+    """Run the named benchmarks, or the usual ones; return the number that failed."""
     found = sorted(FOLDER.rglob("bench_*.py"))
     scripts = {path.stem.removeprefix("bench_"): path for path in found}
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument("names", nargs="*", metavar="NAME", help=f"out of {', '.join(scripts)}")
-    names = parser.parse_args().names or list(scripts)
+    parser.add_argument("--base", metavar="REVISION", help="measure speeds next to its")
+    arguments = parser.parse_args()
+    names = arguments.names or list(USUAL)
     unknown = [name for name in names if name not in scripts]
     if unknown:
         parser.error(f"no benchmark {', '.join(unknown)}; there are {', '.join(scripts)}")
@@ -34,6 +39,8 @@ def main() -> int:
     for name in names:
         print(f"\n=== {name}", flush=True)
         command = [sys.executable, str(scripts[name])]
+        if name == "speeds" and arguments.base:
+            command += ["--base", arguments.base]
         failed += bool(subprocess.run(command, cwd=root, env=environment, check=False).returncode)
     return failed
 
