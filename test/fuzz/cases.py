@@ -14,9 +14,14 @@ from pathlib import Path
 from typing import Final
 
 sys.path.insert(0, str(Path(__file__).parent))
+sys.path.insert(0, str(Path(__file__).parents[1] / "data"))
+import dataflash
 import documents
 import folders
 import processes
+import ulog
+
+import imu_sim_ros as ims
 
 SMALL: Final = ["--duration", "1s", "--rate", "100", "--quiet", "--trajectory", "lecture"]
 BAGS: Final = {
@@ -30,6 +35,7 @@ BAGS: Final = {
     "sqlite": ["--storage", "sqlite3"],
     "euroc": ["--format", "euroc"],
 }
+LOGS: Final = ("log.ulg", "log.bin", "log.log")
 POSES: Final = [f"{k / 10:.1f} {k} 0 0 0 0 0 1" for k in range(50)]
 WORDS: Final = [
     "--x=--", "9" * 400, "A" * 5000, "", " ", "-", "--", "\n", "é", "\udce9", "nan", "inf", "-1",
@@ -72,6 +78,26 @@ def _bag(dice: random.Random, sound: Path, place: Path) -> tuple[str, list[str]]
         _damage_database(dice, file)
     else:
         file.write_bytes(_damaged(dice, file.read_bytes()))
+    return _reading(dice, path)
+
+
+def write_logs(folder: Path) -> None:
+    """Write the sound logs of autopilots."""
+    flight = ims.simulate(imu="bmi088", trajectory="lecture", duration=2, rate=100, seed=1)
+    readings = flight.readings
+    ulog.write(folder / LOGS[0], ulog.flight_topics(flight))
+    columns = {f"Gyr{axis}": readings.gyro[:, k] for k, axis in enumerate("XYZ")}
+    columns |= {f"Acc{axis}": readings.accel[:, k] for k, axis in enumerate("XYZ")}
+    tables = {"IMU": {"TimeUS": readings.t_ns // 1000, **columns}}
+    dataflash.write(folder / LOGS[1], tables)
+    dataflash.write_text(folder / LOGS[2], tables)
+
+
+def _log(dice: random.Random, sound: Path, place: Path) -> tuple[str, list[str]]:
+    """Return a command over a log that is damaged in one of many ways."""
+    name = dice.choice(LOGS)
+    path = place / name
+    path.write_bytes(_damaged(dice, (sound / name).read_bytes()))
     return _reading(dice, path)
 
 
@@ -336,6 +362,7 @@ MAKERS: Final = {
     "rows": folders.rows,
     "mistyped": folders.mistyped,
     "bag": _bag,
+    "log": _log,
     "yaml": _yaml,
     "arguments": _arguments,
     "poses": _poses,

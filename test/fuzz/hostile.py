@@ -96,6 +96,7 @@ class Inputs:
         words = ["-o", str(folder / "navigation.mcap"), *documents.NAVIGATION]
         status, error, _ = called("generate", words)
         assert status == 0, error
+        cases.write_logs(folder)
         (folder / "poses.txt").write_text("\n".join(cases.POSES) + "\n")
         (folder / "file.yaml").write_text("/**:\n  ros__parameters: {rate: 100.0}\n")
         self.digests = self._digests()

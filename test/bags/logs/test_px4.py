@@ -12,8 +12,9 @@ import ulog
 
 import imu_sim_ros as ims
 from imu_sim_ros import rotation
+from imu_sim_ros.bags.logs import catalogue, px4
 from imu_sim_ros.bags.read import open_bag
-from imu_sim_ros.errors import InputError, MissingDependencyError, Remark
+from imu_sim_ros.errors import InputError, MachineError, MissingDependencyError, Remark
 
 pytest.importorskip("pyulog")
 pytestmark = pytest.mark.filterwarnings("ignore::imu_sim_ros.errors.Remark")
@@ -375,6 +376,22 @@ def test_a_file_of_another_kind_and_a_missing_library(folder, flown, monkeypatch
     copy = folder / "copy.ulg"
     copy.write_bytes(flown.read_bytes())
     with pytest.raises(MissingDependencyError, match="pip install pyulog"):
+        ims.read_readings(copy)
+
+
+def test_the_memory_for_a_large_log_is_told(folder, flown, monkeypatch):
+    copy = folder / "large.ulg"
+    copy.write_bytes(flown.read_bytes())
+    monkeypatch.setattr(catalogue, "_LARGE", 1000)
+    with pytest.warns(Remark, match="large.ulg: .*read as a whole.* MB of memory"):
+        ims.read_readings(copy)
+
+    def fail(path):
+        raise MemoryError
+
+    monkeypatch.setattr(px4, "contents", fail)
+    copy.write_bytes(flown.read_bytes() + b" ")
+    with pytest.raises(MachineError, match="large.ulg: is read as a whole, which takes up to"):
         ims.read_readings(copy)
 
 
