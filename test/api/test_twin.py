@@ -12,7 +12,7 @@ from recordings import EUROC, EUROC_IMU, missing
 
 import imu_sim_ros as ims
 from imu_sim_ros.calibration.twin.pose_noise import PoseNoise
-from imu_sim_ros.inputs.gate import stamp_words
+from imu_sim_ros.inputs.gate import stamp_text
 from imu_sim_ros.jobs.twin import check_settled, judged
 from imu_sim_ros.records import States
 from imu_sim_ros.rotation import conjugate, exp, log, multiply, normalise, to_matrix
@@ -322,7 +322,7 @@ def test_bad_input_is_reported_in_a_line_each(flight):
     with pytest.raises(ims.InputError) as caught:
         ims.Readings(readings.t_ns, gyro, readings.accel, "bad")
     assert list(caught.value.problems) == [
-        f"bad: number 7: {stamp_words(int(readings.t_ns[7]))}: a value that is not finite: "
+        f"bad: number 7: {stamp_text(int(readings.t_ns[7]))}: a value that is not finite: "
         "angular velocity [nan, nan, nan]"
     ]
     stuck = ims.Readings(readings.t_ns, readings.gyro, 0.0 * readings.accel, "stuck")

@@ -484,7 +484,7 @@ def test_what_estimated_weights_cost_is_in_the_standard_errors():
     sums.count[1] = count - 1
     sums.matrix[1] = count
     inverse = np.array([[1.0 / (6.0 * count)]])
-    factor = float(sums.widening(np.ones_like(sums.left), inverse)[0])
+    factor = float(sums.widening(np.ones_like(sums.remaining_share), inverse)[0])
     assert factor**2 == pytest.approx(found.var() / claimed, rel=0.04)
     assert found.var() / claimed > 1.1
 

@@ -440,7 +440,7 @@ def test_a_program_that_ends_just_before_it_is_killed_has_ended():
     """Nobody may take its status meanwhile: "No child processes" was what the run failed with."""
     process = subprocess.Popen([sys.executable, "-c", ""])
     until(lambda: "\nState:\tZ" in Path(f"/proc/{process.pid}/status").read_text())
-    assert command._killed(process, command._PeakMemory()) > 0.0
+    assert command._kill(process, command._PeakMemory()) > 0.0
     assert process.returncode == 0
 
 

@@ -87,15 +87,15 @@ MUTANTS = (
     # The Earth's turn on a signal's way enters the range rate with the wrong sign.
     Mutant(
         "sensors/gnss/observations.py",
-        "rate = (approach - own) / (1.0 + approach / LIGHT - swing)",
-        "rate = (approach - own) / (1.0 + approach / LIGHT + swing)",
+        "rate = (approach - antenna_rate) / (1.0 + approach / LIGHT - swing)",
+        "rate = (approach - antenna_rate) / (1.0 + approach / LIGHT + swing)",
         ("sensor/gnss/test_raw.py", "-k", "range_rates"),
     ),
     # The mean of a wheel's speed takes the slopes at both ends the wrong way round.
     Mutant(
         "sensors/wheels/model.py",
-        "return 0.5 * (before + twist) + self._dt / 12.0 * (slopes - rate)",
-        "return 0.5 * (before + twist) + self._dt / 12.0 * (rate - slopes)",
+        "return 0.5 * (previous + twist) + self._dt / 12.0 * (slopes - rate)",
+        "return 0.5 * (previous + twist) + self._dt / 12.0 * (rate - slopes)",
         ("sensor/wheels/test_wheels.py", "-k", "means_are"),
     ),
     # The tangential distortion has one wrong sign.
