@@ -170,7 +170,7 @@ class _Sums:
         self.square = np.zeros((count, 6))
         self.product = np.zeros((count, 6, p))
         self.matrix = np.zeros((count, 6, p, p))
-        self.left = np.ones((count, 6))
+        self.remaining_share = np.ones((count, 6))
         """Average share of the residual's squares that remains after the fit."""
 
     def forget_noise(self) -> None:
