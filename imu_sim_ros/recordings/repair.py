@@ -60,12 +60,22 @@ class Disturbances(NamedTuple):
         return bool(len(self.single) or self.jumps or self.scatter or len(self.held))
 
 
-class Mended(NamedTuple):
-    """Repaired poses; the outlying rows are missing."""
+class TimedPoses(NamedTuple):
+    """n poses at times that need not be whole nanoseconds, unlike those of States."""
 
     t: Array
+    """(n,) times [s]."""
     position: Array
+    """(n, 3) [m]."""
     q_wb: Array
+    """(n, 4) unit quaternions without jumps of sign."""
+
+
+class Mended(NamedTuple):
+    """Repaired poses, and their disturbances."""
+
+    poses: TimedPoses
+    """Poses without the outlying rows."""
     disturbances: Disturbances
 
 
@@ -89,7 +99,7 @@ def mended(t: Array, position: Array, q_wb: Array) -> Mended:
         )
     if len(t) < _LEAST_POSES:
         none = Disturbances(nothing, np.zeros(0), np.zeros(0), [], 0.0, 0.0, nothing)
-        return Mended(t, position, q_wb, none)
+        return Mended(TimedPoses(t, position, q_wb), none)
     taken, scatter, interval = even_times(t, position, q_wb)
     return _repaired(taken, position, q_wb, scatter, interval)
 
@@ -113,12 +123,12 @@ def _repaired(
         off = found.largest
         if np.max(off) <= _OFF:
             break
-        poses = _Poses(taken[rows], p[rows], q[rows], found.usual)
+        poses = TimedPoses(taken[rows], p[rows], q[rows])
         for first, last in reversed(_clusters(np.flatnonzero(off > _OFF))):
-            dropped, jump = _explained(poses, first, last)
+            dropped, jump = _explained(poses, found.usual, first, last)
             if jump is not None:  # all that follows is moved as a whole, so the last comes first
                 jumps.append(jump._replace(row=int(rows[jump.row])))
-                _join_all(p, q, rows, poses, jump)
+                _join_all(p, q, rows, poses, found.usual, jump)
                 poses = poses._replace(position=p[rows], q_wb=q[rows])
                 continue
             if not len(dropped):
@@ -130,7 +140,7 @@ def _repaired(
     disturbances = Disturbances(
         left, distance, angle, sorted(jumps, key=_row), scatter, interval, nothing
     )
-    return Mended(taken[rows], p[rows], q[rows], disturbances)
+    return Mended(TimedPoses(taken[rows], p[rows], q[rows]), disturbances)
 
 
 def _held(t: Array, position: Array, q_wb: Array) -> Integers:
@@ -159,22 +169,16 @@ def _clusters(rows: Integers) -> list[tuple[int, int]]:
     return [(int(part[0]), int(part[-1])) for part in parts]
 
 
-class _Poses(NamedTuple):
-    t: Array
-    position: Array
-    q_wb: Array
-    usual: Array
-    """(n, 2)"""
-
-
-def _explained(poses: _Poses, first: int, last: int) -> tuple[Integers, Jump | None]:
+def _explained(
+    poses: TimedPoses, usual: Array, first: int, last: int
+) -> tuple[Integers, Jump | None]:
     """Return rows to leave out, or a jump, that explain a disturbance; nothing if neither does.
 
     What is left must follow a polynomial of degree 5. A jump has as many unknowns as one pose left
     out, so the better of the two holds; then come more poses in a row.
     """
     window = np.arange(max(first - _WINDOW, 0), min(last + _WINDOW + 1, len(poses.t)))
-    values, columns = _scaled(poses, window)
+    values, columns = _scaled(poses, usual, window)
 
     def best(length: int) -> tuple[float, int, float]:
         """Return what is left without so many poses from a row on (0: with a jump), and the jump.
@@ -199,26 +203,26 @@ def _explained(poses: _Poses, first: int, last: int) -> tuple[Integers, Jump | N
         left, start, _ = best(length)
         if left <= min(_OFF, jumped):
             return np.arange(start, start + length), None
-    return nothing, _step(poses, window, row) if is_jump else None
+    return nothing, _step(poses, usual, window, row) if is_jump else None
 
 
-def _step(poses: _Poses, window: Integers, row: int) -> Jump:
+def _step(poses: TimedPoses, usual: Array, window: Integers, row: int) -> Jump:
     """Return the jump ahead of a row that leaves least of a polynomial on both sides."""
-    values, columns = _scaled(poses, window)
+    values, columns = _scaled(poses, usual, window)
     _, solution = _left(np.column_stack([columns, window >= row]), values, window >= 0)
-    change = solution[-1] * np.repeat(np.median(poses.usual[window], axis=0), 3)
+    change = solution[-1] * np.repeat(np.median(usual[window], axis=0), 3)
     return Jump(row, change[:3], rotation.rotate(poses.q_wb[window[0]], change[3:]))
 
 
-def _scaled(poses: _Poses, window: Integers) -> tuple[Array, Array]:
+def _scaled(poses: TimedPoses, usual: Array, window: Integers) -> tuple[Array, Array]:
     """Return position and attitude (k, 6) in usual deviations, and a polynomial's columns."""
     t = poses.t[window]
     since = 2.0 * (t - t[0]) / (t[-1] - t[0]) - 1.0
     start = rotation.conjugate(poses.q_wb[window[0]])
     turns = rotation.log(rotation.multiply(start, poses.q_wb[window]))
-    usual = np.repeat(np.median(poses.usual[window], axis=0), 3)
+    scale = np.repeat(np.median(usual[window], axis=0), 3)
     moved = poses.position[window] - poses.position[window[0]]
-    return np.column_stack([moved, turns]) / usual, since[:, None] ** _DEGREES
+    return np.column_stack([moved, turns]) / scale, since[:, None] ** _DEGREES
 
 
 def _left(columns: Array, values: Array, keep: Mask) -> tuple[float, Array]:
@@ -230,12 +234,14 @@ def _left(columns: Array, values: Array, keep: Mask) -> tuple[float, Array]:
     return float(np.max(lengths)), solution
 
 
-def _join_all(p: Array, q: Array, rows: Integers, poses: _Poses, jump: Jump) -> None:
+def _join_all(
+    p: Array, q: Array, rows: Integers, poses: TimedPoses, usual: Array, jump: Jump
+) -> None:
     """Join poses (in place) at their jumps; repeatedly, as large rotations are nonlinear."""
     window = np.arange(max(jump.row - _WINDOW, 0), min(jump.row + _WINDOW + 1, len(rows)))
     for _ in range(_JOINS):
         _join(p, q, jump._replace(row=int(rows[jump.row])))
-        jump = _step(poses._replace(position=p[rows], q_wb=q[rows]), window, jump.row)
+        jump = _step(poses._replace(position=p[rows], q_wb=q[rows]), usual, window, jump.row)
 
 
 def _join(p: Array, q: Array, jump: Jump) -> None:

@@ -34,10 +34,8 @@ is off by half of it), which changes the spline's velocity by 0.025 m/s."""
 class Residuals(NamedTuple):
     """Residuals of n poses, in units of the typical deviation around them."""
 
-    position: Array
-    """(n,)"""
-    attitude: Array
-    """(n,)"""
+    ratio: Array
+    """(n, 2) residuals of position and attitude over the usual deviations."""
     usual: Array
     """(n, 2) usual deviations of position [m] and attitude [rad] around each pose."""
     median: float
@@ -46,7 +44,7 @@ class Residuals(NamedTuple):
     @property
     def largest(self) -> Array:
         """(n,) of the two."""
-        return np.maximum(self.position, self.attitude)
+        return np.asarray(self.ratio.max(axis=1))
 
 
 def smallest_distance(t: Array, position: Array) -> float:
@@ -84,9 +82,7 @@ def residuals(
     usual = np.column_stack(
         [_usual(length, least) for length, least in zip(lengths, limits, strict=True)]
     )
-    return Residuals(
-        lengths[0] / usual[:, 0], lengths[1] / usual[:, 1], usual, float(np.median(lengths[0]))
-    )
+    return Residuals(np.column_stack(lengths) / usual, usual, float(np.median(lengths[0])))
 
 
 def _lengths(

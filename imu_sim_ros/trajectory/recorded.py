@@ -104,10 +104,10 @@ class RecordedMotion:
                 for finding in _suspicions(repaired.disturbances, poses)
             ]
             if repaired.disturbances:
-                t = repaired.t
+                t = repaired.poses.t
                 t_ns = self.t0_ns + np.round(t * 1e9).astype(np.int64)
                 poses = States(
-                    t_ns, repaired.position, repaired.q_wb, repeated=poses.repeated
+                    t_ns, repaired.poses.position, repaired.poses.q_wb, repeated=poses.repeated
                 ).in_order()
         self._parameters, self._t, self._poses = parameters, t, poses
         self._knots = UniformKnots(float(t[-1]), spacing)

@@ -260,15 +260,15 @@ def test_smooth_poses_are_mended_nowhere_however_far_and_fast():
                 position = states.position * scale + np.array([shift, -shift, 0.1 * shift])
                 result = mended(states.t, position, states.q_wb)
                 assert not result.disturbances, (trajectory, shift, scale)
-                assert len(result.position) == len(states)
+                assert len(result.poses.position) == len(states)
 
 
 def test_held_poses_are_mended_to_one_of_each(poses):
     rows = np.arange(len(poses)) // 4 * 4
     result = mended(poses.t, poses.position[rows], poses.q_wb[rows])
     assert len(result.disturbances.held) == len(poses) * 3 // 4
-    np.testing.assert_array_equal(result.position, poses.position[::4])
-    np.testing.assert_array_equal(result.t, poses.t[::4])
+    np.testing.assert_array_equal(result.poses.position, poses.position[::4])
+    np.testing.assert_array_equal(result.poses.t, poses.t[::4])
     assert not len(result.disturbances.single)
 
 

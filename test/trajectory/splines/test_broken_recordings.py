@@ -274,4 +274,4 @@ def test_a_shaken_end_is_no_jump_behind_it() -> None:
     t = np.arange(600) / 200.0
     found = mended(t, drive.truth.position[rows], drive.truth.q_wb[rows])
     assert all(0 <= jump.row < 600 for jump in found.disturbances.jumps)
-    assert len(found.t) > 500
+    assert len(found.poses.t) > 500
