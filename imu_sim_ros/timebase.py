@@ -115,6 +115,6 @@ def span(t_ns: Integers) -> str:
     n = len(t_ns)
     if n < 2:
         return f"{n} row{'s' if n != 1 else ''}"
-    seconds = float(t_ns[-1] - t_ns[0]) * 1e-9
-    rate = 1e9 / float(np.median(np.diff(t_ns))) if seconds > 0.0 else 0.0
+    seconds, step = float(t_ns[-1] - t_ns[0]) * 1e-9, float(np.median(np.diff(t_ns)))
+    rate = 1e9 / step if step > 0.0 else 0.0
     return f"{n} at {rate:.4g} Hz, {seconds:.6g} s"

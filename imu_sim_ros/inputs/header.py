@@ -170,6 +170,8 @@ class TableHeader:
     """Number of columns."""
     stamp: int
     """Index of the column of the stamps."""
+    nanosecond: int | None
+    """Index of the column of nanoseconds next to the seconds of the stamp; None: there is none."""
     digits: int | None
     """Decimal digits between the unit of the stamp and a nanosecond; None: not stated."""
     columns: Mapping[str, tuple[int, ...]]
@@ -300,6 +302,7 @@ def header_of(names: Sequence[str], place: str = "") -> TableHeader:
         places.setdefault(quantity, {})[column.axis] = k
         units.setdefault(quantity, set()).add(column.unit)
     stamp = next((k for k in stamps if "stamp" in names[k].lower()), stamps[0])
+    stamp, nanosecond = _pair(names, columns, stamps, stamp)
     stated = columns[stamp]
     unit = "" if stated is None else stated.unit
     digits = TIME_UNITS[unit] if unit else None
@@ -312,6 +315,7 @@ def header_of(names: Sequence[str], place: str = "") -> TableHeader:
     return TableHeader(
         len(names),
         stamp,
+        nanosecond,
         digits,
         {
             name: tuple(axes[axis] for axis in AXES_OF[name] or ("",))
@@ -320,6 +324,54 @@ def header_of(names: Sequence[str], place: str = "") -> TableHeader:
         factors,
         {name: unit for name, unit in unit_of.items() if unit},
     )
+
+
+def _pair(
+    names: Sequence[str],
+    columns: Sequence[ColumnName | None],
+    stamps: Sequence[int],
+    stamp: int,
+) -> tuple[int, int | None]:
+    """Return the columns of seconds and of nanoseconds that are one stamp: ``sec, nsec``.
+
+    :param stamps: columns of stamps.
+    :param stamp: the one that is read.
+    :returns: the stamp and None if it is in one column.
+    """
+
+    def digits(k: int) -> int | None:
+        column = columns[k]
+        return None if column is None else TIME_UNITS.get(column.unit)
+
+    def name_without_unit(k: int) -> list[str]:
+        tokens = re.split(r"[^0-9a-zµ]+", _BRACKETS.sub(" ", names[k]).lower())
+        return [token for token in tokens if token and token not in TIME_UNITS]
+
+    alike = [k for k in stamps if name_without_unit(k) == name_without_unit(stamp)]
+    seconds = [k for k in alike if digits(k) == TIME_UNITS["s"]]
+    nanoseconds = [k for k in alike if digits(k) == TIME_UNITS["ns"]]
+    if len(seconds) == len(nanoseconds) == 1 and stamp in (*seconds, *nanoseconds):
+        return seconds[0], nanoseconds[0]
+    return stamp, None
+
+
+_STATE_OF_OPENVINS: Final = ("q", "p", "v", "bg", "ba")
+"""Names of the columns of an OpenVINS state, each for all of its axes; others follow."""
+
+
+def expanded(names: Sequence[str], count: int) -> list[str]:
+    """Return the names of a header, one for each column of a row.
+
+    OpenVINS' state files name ``q p v bg ba`` once for all axes, the quaternion in the order
+    x, y, z, w, and what follows them likewise.
+
+    :param count: number of columns of a row.
+    """
+    if tuple(names[1:6]) != _STATE_OF_OPENVINS:
+        return list(names)
+    axes = (("q", "xyzw"), *((name, "xyz") for name in _STATE_OF_OPENVINS[1:]))
+    columns = [names[0], *(f"{name}_{axis}" for name, letters in axes for axis in letters)]
+    return columns + [f"column {k}" for k in range(len(columns), count)]
 
 
 def is_known(names: Sequence[str]) -> bool:

@@ -20,6 +20,7 @@ from numpy.typing import NDArray
 from imu_sim_ros.errors import InputError, Remark, warn
 from imu_sim_ros.inputs.header import (
     TIME_NAMES,
+    expanded,
     header_of,
     is_known,
     split_names,
@@ -47,6 +48,8 @@ _LEAST_MICROSECONDS: Final = 100
 _SLOWEST: Final = 200_000
 """Step from which stamps are nanoseconds, even if they could be UTC in microseconds [ns]."""
 _SECONDS: Final = 9
+_DIGITS_OF_PART: Final = 9
+"""Most digits of nanoseconds below a second."""
 
 
 class TableForm(NamedTuple):
@@ -88,6 +91,8 @@ class TableLayout:
     """Expected columns, for messages."""
     units: Mapping[str, str] = field(default_factory=dict)
     """Units that the header states, by quantity."""
+    nanosecond: int | None = None
+    """Column of nanoseconds, from 0 to 999,999,999, that are added to stamps in seconds."""
 
     @property
     def notes(self) -> tuple[str, ...]:
@@ -127,7 +132,13 @@ class TableLayout:
         chosen = self.quantities(names)
         table = self._table(rows, [k for columns in chosen.values() for k in columns])
         t_ns = table["stamp"]
-        if self.whole:
+        if self.nanosecond is not None:
+            below = nanoseconds(np.char.strip(table["nanosecond"]).astype(f"S{STAMP_BYTES}"), 0)
+            if np.any((below < 0) | (below >= NANOSECONDS_PER_SECOND)):
+                raise OverflowError("nanoseconds of more than a second")
+            seconds = nanoseconds(np.char.strip(t_ns).astype(f"S{STAMP_BYTES}"), self.digits)
+            t_ns = seconds + below
+        elif self.whole:
             if np.any((t_ns > _LAST_STAMP) | (t_ns < -_LAST_STAMP)):
                 raise OverflowError(f"a stamp above {_LAST_SECOND} s")
             t_ns = np.ascontiguousarray(t_ns)
@@ -153,7 +164,8 @@ class TableLayout:
         edited = self.trailing or self.decimal_comma or any('"' in line for line in lines)
         if delimiter and edited:
             lines = [self._plain(text).decode("latin-1") for _, text in rows]
-        columns = [self.stamp, *indices]
+        stamps = [self.stamp] if self.nanosecond is None else [self.stamp, self.nanosecond]
+        columns = [*stamps, *indices]
         # NumPy compares the widths of rows only if all columns are read, and skips empty lines,
         # which an edited row may be.
         complete = columns == list(range(len(columns))) and self.counts == (len(columns),)
@@ -162,13 +174,14 @@ class TableLayout:
             if not widths <= set(self.counts):
                 raise ValueError("columns")
         stamp = "<i8" if self.whole else f"S{STAMP_BYTES}"
+        stamp_fields = [(name, stamp) for name in ("stamp", "nanosecond")[: len(stamps)]]
         with warnings.catch_warnings():
             # NumPy reads 1.5 as the integer 1 with this warning.
             warnings.simplefilter("error", DeprecationWarning)
             try:
                 table: NDArray[np.void] = np.loadtxt(
                     lines,
-                    dtype=np.dtype([("stamp", stamp), ("values", "<f8", (len(indices),))]),
+                    dtype=np.dtype([*stamp_fields, ("values", "<f8", (len(indices),))]),
                     delimiter=delimiter,
                     usecols=None if complete else columns,
                     comments=None,
@@ -190,6 +203,15 @@ class TableLayout:
         except (ValueError, OverflowError):
             unit = "whole nanoseconds" if self.whole else _LONG_NAMES[self.digits]
             bad.note(NUMBERS, number, f"{shortened(stamp)} is not a stamp in {unit}")
+        if self.nanosecond is not None:
+            part = fields[self.nanosecond]
+            try:
+                good = 0 <= nanosecond(part, 0, whole=False) < NANOSECONDS_PER_SECOND
+            except (ValueError, OverflowError):
+                good = False
+            if not good:
+                problem = f"{shortened(part)} is not nanoseconds from 0 to 999999999"
+                bad.note(NUMBERS, number, problem)
         for columns in self.quantities(names).values():
             for k in columns:
                 try:
@@ -244,6 +266,8 @@ def _names_in_comments(comments: Sequence[bytes], rows: Sequence[Row]) -> list[s
     """Return the names of the columns in the last comment line that has them; else None."""
     for comment in reversed(comments):
         names = split_names(comment.decode("utf-8", "replace"))
+        if rows:
+            names = expanded(names, len(_cells(rows[0][1])))
         if is_known(names) and (not rows or len(names) == len(_cells(rows[0][1]))):
             return names
     return None
@@ -270,21 +294,24 @@ def _header_layout(
             f"{path}: the header names {header.count} columns, line {sample[0][0]} has {counts[0]}"
         )
     form = forms.get(separator) or forms[","]
-    digits = header.digits
+    stamp, part, digits = header.stamp, header.nanosecond, header.digits
+    if part is not None and not _are_parts(sample, separator, part):
+        stamp, part, digits = part, None, 0  # the same time twice, in seconds and nanoseconds
     if digits is None:
-        digits = _digits(path, sample, separator, header.stamp, form.digits, decimal_comma)
+        digits = _digits(path, sample, separator, stamp, form.digits, decimal_comma)
     layout = TableLayout(
         separator,
         decimal_comma,
         trailing,
         (header.count,),
-        header.stamp,
+        stamp,
         digits,
-        digits == 0 and not _has_points(sample, separator, header.stamp),
+        digits == 0 and not _has_points(sample, separator, stamp),
         header.columns,
         header.factors,
         f"the header names {header.count}",
         header.units,
+        part,
     )
     for note in layout.notes:
         warn(f"{path}: {note}", Remark)
@@ -307,6 +334,13 @@ def _form_layout(path: Path, sample: Sequence[Row], forms: Mapping[str, TableFor
         {},
         form.expected,
     )
+
+
+def _are_parts(sample: Sequence[Row], separator: str, column: int) -> bool:
+    """Return True if a column of nanoseconds has parts of seconds, not whole stamps."""
+    texts = _stamp_texts(sample, separator, column)
+    whole = sum(len(text.partition(".")[0].lstrip("-+0")) > _DIGITS_OF_PART for text in texts)
+    return 2 * whole <= len(texts)
 
 
 def _separator(sample: Sequence[Row]) -> tuple[str, bool, bool]:

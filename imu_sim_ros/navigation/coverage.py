@@ -23,7 +23,8 @@ ALLOWANCE: Final = 5.0
 LARGEST_ALLOWANCE: Final = 0.25
 """Largest share of the truth's time that is allowed for the start."""
 
-
+_FEWEST_STEPS: Final = 3
+"""Steps between poses from which on their usual length can be told."""
 _UNSAID: Final = 0.1
 """Longest time without a truth that is not reported: stamps of a truth of 10 Hz end as early
 [s]."""
@@ -44,6 +45,8 @@ class Coverage(NamedTuple):
     """The part of it that does not count [s]."""
     time_to_failure_s: float
     """Truth's time until the estimate first breaks off, by a gap or by its end [s]."""
+    sparse_s: float = 0.0
+    """Usual time between poses of an estimate if it is longer than a gap [s]; 0: it is not."""
 
     def words(self) -> str:
         """Return it as ``coverage 9.75 %``."""
@@ -58,6 +61,7 @@ class Coverage(NamedTuple):
             "initialisation_s": self.initialisation_s,
             "initialisation_allowed_s": self.allowed_s,
             "time_to_failure_s": self.time_to_failure_s,
+            "sparse_s": self.sparse_s,
         }
 
 
@@ -72,6 +76,12 @@ def coverage_line(coverage_values: Mapping[str, Any]) -> str:
         text += f", {coverage_values['initialisation_allowed_s']:.6g} s allowed for the start"
     if coverage_values["coverage"] >= LEAST:
         return text
+    sparse = coverage_values["sparse_s"]
+    if sparse:
+        return (
+            f"{text}; the estimate has a pose each {sparse:.4g} s, and the time between poses "
+            f"counts if it is at most max_gap: --max-gap {1.5 * sparse:.2g}s counts it"
+        )
     return (
         f"{text}; begins after {coverage_values['initialisation_s']:.6g} s and breaks off after "
         f"{coverage_values['time_to_failure_s']:.6g} s: the errors below say nothing about the rest"
@@ -147,7 +157,9 @@ def coverage(
     """
     clock = TruthTime(truth_ns, max_gap)
     at_ns = clock.at(estimate_ns)
-    continues: Mask = np.diff(estimate_ns) <= longest_step_ns(max_gap)
+    steps = np.diff(estimate_ns)
+    continues: Mask = steps <= longest_step_ns(max_gap)
+    usual = float(np.median(steps)) if len(steps) else 0.0
     estimated = int(np.sum(np.diff(at_ns)[continues]))
     first_ns = int(at_ns[0]) if len(at_ns) else clock.whole_ns
     allowed = min(first_ns, round(allowance * 1e9), int(LARGEST_ALLOWANCE * clock.whole_ns))
@@ -157,9 +169,16 @@ def coverage(
     # A pose before or after the truth stands for none of its time.
     lies_in = (estimate_ns >= truth_ns[0]) & (estimate_ns <= truth_ns[-1])
     failure = int(at_ns[np.argmax(breaks)]) if lies_in.any() else 0
-    times = (estimated, clock.whole_ns, first_ns, allowed, failure)
-    share = estimated / (clock.whole_ns - allowed)
-    return Coverage(share, *(1e-9 * time for time in times))
+    sparse = usual if len(steps) >= _FEWEST_STEPS and usual > longest_step_ns(max_gap) else 0.0
+    return Coverage(
+        share=estimated / (clock.whole_ns - allowed),
+        estimated_s=1e-9 * estimated,
+        truth_s=1e-9 * clock.whole_ns,
+        initialisation_s=1e-9 * first_ns,
+        allowed_s=1e-9 * allowed,
+        time_to_failure_s=1e-9 * failure,
+        sparse_s=1e-9 * sparse,
+    )
 
 
 def common_time(estimate_ns: Times, truth_ns: Times) -> float:

@@ -158,3 +158,54 @@ def test_a_bad_row_among_whole_nanoseconds_is_named(tmp_path, row, words):
         file.write(row + "\n")
     with pytest.raises(InputError, match=f"line {N + 2}: .*{words}"):
         read_imu(path)
+
+
+@pytest.mark.parametrize(
+    ("seconds", "part"),
+    [("sec", "nsec"), ("field.header.stamp.secs", "field.header.stamp.nsecs"),
+     ("header.stamp.sec", "header.stamp.nanosec"), ("stamp [s]", "stamp [ns]")],
+)  # fmt: skip
+@pytest.mark.parametrize("swapped", [False, True])
+def test_seconds_and_nanoseconds_are_one_stamp(tmp_path, seconds, part, swapped):
+    whole, below = np.divmod(T_NS + 300_000_000 * np.arange(N) + 7, 10**9)
+    names, stamps = [seconds, part], np.stack([whole, below])
+    if swapped:
+        names, stamps = names[::-1], stamps[::-1]
+    header = ",".join([*names, *(f"gyro_{a}" for a in "xyz"), *(f"accel_{a}" for a in "xyz")])
+    texts = [f"{a},{b}" for a, b in stamps.T.tolist()]
+    readings = read_imu(write(tmp_path / "imu.csv", header, texts, GYRO, ACCEL))
+    assert readings.t_ns.tolist() == (whole * 10**9 + below).tolist()
+    np.testing.assert_allclose(readings.accel, ACCEL, rtol=1e-11)
+    text = (tmp_path / "imu.csv").read_text().replace(f",{below[7]},", ",1000000000,", 1)
+    text = text if not swapped else text.replace(f"\n{below[7]},", "\n1000000000,", 1)
+    (tmp_path / "imu.csv").write_text(text)
+    with pytest.raises(
+        InputError, match="line 9: '1000000000' is not nanoseconds from 0 to 9999999"
+    ):
+        read_imu(tmp_path / "imu.csv")
+
+
+def test_a_time_in_seconds_and_in_nanoseconds_is_read_once(tmp_path):
+    header = "timestamp_s,timestamp_ns,gx,gy,gz,ax,ay,az"
+    texts = [f"{t / 1e9:.6f},{t}" for t in T_NS.tolist()]
+    readings = read_imu(write(tmp_path / "imu.csv", header, texts, GYRO, ACCEL))
+    assert readings.t_ns.tolist() == T_NS.tolist()
+
+
+def test_states_of_openvins_are_read_by_their_header(tmp_path):
+    header = ("# timestamp(s) q p v bg ba cam_imu_dt num_cam cam0_k cam0_d cam0_rot cam0_trans\n"
+              "# another line of text")  # fmt: skip
+    zero = np.zeros((N, 11))
+    stamps = [f"{t // 10**9}.{t % 10**9:09d}" for t in T_NS.tolist()]
+    columns = (Q_WB[:, [1, 2, 3, 0]], POSITION, GYRO, zero)
+    poses = read_poses(write(tmp_path / "state.txt", header, stamps, *columns, separator=" "))
+    assert poses.t_ns.tolist() == T_NS.tolist()
+    np.testing.assert_allclose(poses.position, POSITION, rtol=1e-11)
+    # OpenVINS' JPL quaternion from the world to the IMU is Hamilton's from the IMU to the world.
+    np.testing.assert_allclose(poses.q_wb, Q_WB, rtol=1e-11)
+
+
+def test_rows_that_share_a_stamp_have_a_text_too():
+    from imu_sim_ros.timebase import span
+
+    assert span(np.array([0, 0, 0, 5_000_000])) == "4 at 0 Hz, 0.005 s"

@@ -6,7 +6,7 @@
 import numpy as np
 import pytest
 
-from imu_sim_ros.navigation.coverage import Coverage, coverage
+from imu_sim_ros.navigation.coverage import Coverage, coverage, coverage_line
 
 SECOND = 1_000_000_000
 TRUTH = np.arange(2001) * SECOND // 100  # 20 s at 100 Hz
@@ -83,3 +83,13 @@ def test_the_first_pose_that_has_failed_ends_it():
 def test_an_estimate_of_another_time_covers_nothing_and_fails_at_once(hours):
     found = coverage(TRUTH + hours * 3_600_000_000_000, TRUTH)
     assert (found.share, found.estimated_s, found.time_to_failure_s) == (0.0, 0.0, 0.0)
+
+
+def test_sparse_poses_have_the_option_that_counts_the_time_between_them():
+    truth = np.arange(0, 60 * 10**9, 10**7)
+    found = coverage(truth[::250], truth)
+    assert (found.share, found.sparse_s) == (0.0, 2.5)
+    assert "a pose each 2.5 s" in coverage_line(found.to_dict())
+    assert "--max-gap 3.8s counts it" in coverage_line(found.to_dict())
+    counted = coverage(truth[::250], truth, max_gap=3.8)
+    assert (round(counted.share, 2), counted.sparse_s) == (0.96, 0.0)
