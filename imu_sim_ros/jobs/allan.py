@@ -37,7 +37,7 @@ from imu_sim_ros.jobs.selection import (
 from imu_sim_ros.jobs.writing import SkipBadRows, saved
 from imu_sim_ros.progress import progress
 from imu_sim_ros.records import Readings, concatenated
-from imu_sim_ros.text_tables import TextTable, html_of
+from imu_sim_ros.text_tables import TextTable, html_of, interval_text
 from imu_sim_ros.types import Array, Mask
 
 if TYPE_CHECKING:
@@ -439,8 +439,8 @@ def _value_and_interval(found: Estimate, factor: float = 1.0) -> list[str]:
         return ["not analysed", ""]
     if found.value is None:
         return [f"< {found.high * factor:.3g}", ""]
-    interval = f"{found.low * factor:.4g} .. {found.high * factor:.4g}"
-    return [f"{found.value * factor:.4g}", interval]
+    value, low, high = interval_text(found.value * factor, found.low * factor, found.high * factor)
+    return [value, f"{low} .. {high}"]
 
 
 def _truth_columns(comparison: ParameterComparison | None) -> list[str]:

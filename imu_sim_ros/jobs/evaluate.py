@@ -215,10 +215,18 @@ class Evaluation(Comparison):
 
         text("title", title, "a title")
         t = (self.t_ns - self.t_ns[0]) * 1e-9
-        aligned = "" if self.kind == "none" else f", alignment: {self.kind}"
-        title += f"{aligned}: {self.distance:.4g} m, ATE {self.rms_position:.4g} m"
+        title += f"{_ALIGNED[self.kind]}; path {self.distance:.4g} m, ATE {self.rms_position:.4g} m"
         positions = (self.estimate.position, self.truth.position, self.position)
         return pictures.evaluation(t, *positions, self.attitude, title)
+
+
+_ALIGNED: Final = {
+    "none": "",
+    "yaw": ", aligned in yaw and position",
+    "se3": ", aligned by a rigid motion",
+    "sim3": ", aligned by a rigid motion and scale",
+}
+"""Alignments in the titles of pictures."""
 
 
 def delta(words: str) -> tuple[float, str]:

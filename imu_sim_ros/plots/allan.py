@@ -21,6 +21,7 @@ from imu_sim_ros.calibration.noise.terms import (
 from imu_sim_ros.conventions import AXIS_COLOURS, TRIADS, TRUTH_COLOUR
 from imu_sim_ros.plots import style
 from imu_sim_ros.plots.style import Figure
+from imu_sim_ros.text_tables import plus_minus
 from imu_sim_ros.types import Array
 
 _SHORT_UNITS: Final = {"gyroscope": "rad/s", "accelerometer": "m/s$^2$"}
@@ -77,6 +78,7 @@ def _draw_triad(result: AllanResult, triad: int, axes: Axes) -> None:
             bbox_to_anchor=(0.5, -0.1),  # below the panel: inside it would hide a curve
             frameon=False,
             title=_units(result, triad),
+            fontsize=8.5,
             title_fontsize=8.5,
         )
 
@@ -98,8 +100,7 @@ def _label(result: AllanResult, column: int) -> str:
         found = result.estimate(column, key)
         symbol = QUANTITIES[TRIADS[column // 3], key].symbol
         if found.value is not None:
-            half = 0.5 * (found.high - found.low)
-            words.append(f"{symbol} = {found.value:.3g} $\\pm$ {half:.1g}")
+            words.append(f"{symbol} = {plus_minus(found.value, 0.5 * (found.high - found.low))}")
         elif key == "random_walk":
             words.append(f"{symbol} < {found.high:.2g}")
     return f"{'xyz'[column % 3]}: " + ", ".join(words)

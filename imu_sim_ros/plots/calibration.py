@@ -22,6 +22,7 @@ from imu_sim_ros.calibration.twin import comparison
 from imu_sim_ros.conventions import AXES, AXIS_COLOURS, SERIES_COLOURS, TRIADS, TRUTH_COLOUR
 from imu_sim_ros.plots import style
 from imu_sim_ros.plots.style import Figure
+from imu_sim_ros.text_tables import plus_minus
 from imu_sim_ros.types import Array
 
 _AXES = "xyz"
@@ -41,7 +42,7 @@ def six_position(result: SixPosition, gravity: float, source: str = "") -> Figur
         (result.faces, FACES),
         ("axis that points up", "error [mm/s$^2$]"),
     )
-    bias = _values("b", result.bias, result.bias_sigma, 4)
+    bias = _values("b", result.bias, result.bias_sigma)
     style.legend_above(figure.axes[0], 3, f"accelerometer, bias in m/s$^2$: {bias}")
     figure.suptitle(
         f"{_named(source)}accelerometer in {result.positions.stretches} rests, "
@@ -69,7 +70,7 @@ def turntable(result: Turntable, source: str = "") -> Figure:
         (groups, labels),
         ("axis and rate of the table [rad/s]", "error [mrad/s]"),
     )
-    bias = _values("b", result.bias, result.bias_sigma, 5)
+    bias = _values("b", result.bias, result.bias_sigma)
     style.legend_above(figure.axes[0], 3, f"gyroscope, bias in rad/s: {bias}")
     figure.suptitle(
         f"{_named(source)}gyroscope in {result.stretches.stretches} stretches on a rate table "
@@ -82,9 +83,9 @@ def _named(source: str) -> str:
     return f"{source}: " if source else ""
 
 
-def _values(symbol: str, values: Array, sigma: Array, digits: int) -> str:
-    words = (f"{v:.{digits}f} $\\pm$ {2 * s:.1g}" for v, s in zip(values, sigma, strict=True))
-    return f"{symbol} = " + ", ".join(words)
+def _values(symbol: str, values: Array, sigma: Array) -> str:
+    parts = (plus_minus(v, 2 * s) for v, s in zip(values, sigma, strict=True))
+    return f"{symbol} = " + ", ".join(parts) + " (2 sigma)"
 
 
 def _residuals(
@@ -146,7 +147,7 @@ def ellipsoid(result: Ellipsoid, readings: Array, source: str) -> Figure:
     left.set_ylim(bottom=0.0)
     left.set_xlabel("number of the reading")
     left.set_ylabel("strength of the field [µT]")
-    left.legend()
+    style.legend_above(left, 2)
     direction = corrected / np.linalg.norm(corrected, axis=1)[:, None]
     azimuth = np.degrees(np.arctan2(direction[:, 1], direction[:, 0]))
     shown = right.scatter(
@@ -192,7 +193,7 @@ def _draw_bias(axes: Axes, triad: TriadTemperature, reference: float) -> None:
         points = _polynomial(axis.bias, triad.difference) + axis.residuals
         _draw_curve(axes, k, reference + triad.difference, points)
         _draw_band(axes, k, reference + grid, curve, polynomial_sigma(powers, part), len(axis.bias))
-    axes.legend()
+    style.legend_above(axes, 3)
 
 
 def _draw_scale(axes: Axes, triad: TriadTemperature, reference: float) -> None:
@@ -209,7 +210,7 @@ def _draw_scale(axes: Axes, triad: TriadTemperature, reference: float) -> None:
         start = len(axis.gain) + len(axis.bias)
         sigma = polynomial_sigma(powers[:, 1:], axis.covariance[start:, start:])
         _draw_band(axes, k, reference + grid, 1e6 * curve, 1e6 * sigma, len(axis.scale) + 1)
-    axes.legend()
+    style.legend_above(axes, 3)
 
 
 def _scale_points(axis: AxisResponse, triad: TriadTemperature, k: int) -> tuple[Array, Array]:
@@ -254,7 +255,7 @@ def draw(real: Series, simulated: Series, rate: float, name: str) -> Figure:
         label = f"{TRIADS[axis // 3]} {AXES[axis % 3]}"
         _spectrum(panels[axis], real[1], simulated[1], rate, axis, label)
         _series(panels[6 + axis], real, simulated, rate, axis, label)
-    figure.legend(*panels[0].get_legend_handles_labels(), loc="upper right", ncols=2)
+    style.legend_above(panels[2], 2)
     figure.suptitle(f"Digital twin of {name}: residuals after its constant errors")
     return figure
 

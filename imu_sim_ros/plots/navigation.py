@@ -79,17 +79,17 @@ def evaluation(
     _view(axes[1], {"estimate": estimate}, truth, looks, 0, 2)
     degrees = np.degrees(attitude_error)
     for axis, errors, label, unit in (
-        (axes[2], position_error, "position error [m]", "m"),
-        (axes[3], degrees, "attitude error [deg]", "deg"),
+        (axes[2], position_error, "position, estimate - truth [m]", "m"),
+        (axes[3], degrees, "attitude, estimate - truth [deg]", "deg"),
     ):
         for k, (name, colour) in enumerate(AXIS_COLOURS.items()):
             rms = float(np.sqrt(np.mean(np.square(errors[:, k]))))
-            words = f"{name}: {rms:.3g} {unit}"
-            axis.plot(_thinned(t), _thinned(errors[:, k]), color=colour, label=words)
+            label_of_axis = f"{name}: {rms:.3g} {unit} RMS"
+            axis.plot(_thinned(t), _thinned(errors[:, k]), color=colour, label=label_of_axis)
         axis.set_xlabel("time [s]")
         axis.set_ylabel(label)
-        style.legend_above(axis, ncols=3, title="root mean square")
-    axes[0].legend(loc="best", ncols=2)
+        style.legend_above(axis, ncols=3)
+    style.legend_above(axes[0], ncols=2)
     figure.suptitle(title)
     return figure
 
@@ -123,20 +123,20 @@ def _view(
     up: int,
 ) -> None:
     if truth is not None:
-        shown = _thinned(truth)
+        line = _thinned(truth)
         axis.plot(
-            shown[:, across],
-            shown[:, up],
+            line[:, across],
+            line[:, up],
             color=TRUTH_COLOUR,
-            lw=6.0,
-            alpha=0.35,
+            lw=0.8,
             label="truth",
             marker="" if np.any(np.ptp(truth, axis=0)) else "o",  # a body at rest is a point
-            ms=10.0,
+            ms=4.0,
+            zorder=3.0,  # thin, and over the estimates
         )
     for name, path in paths.items():
-        shown = _thinned(path)
-        axis.plot(shown[:, across], shown[:, up], label=name, **looks[name])
+        line = _thinned(path)
+        axis.plot(line[:, across], line[:, up], label=name, **looks[name])
     if truth is not None:
         _keep_in_view(axis, truth[:, (across, up)], equal=up == 1)
     if up == 1:  # the panel stays filled: the shorter axis shows more

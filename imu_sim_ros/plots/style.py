@@ -132,19 +132,21 @@ def tidy(axes: Axes) -> None:
 
 
 def legend_above(axes: Axes, ncols: int, title: str | None = None) -> None:
-    """Make room above the lines of a panel and put the legend there, so that it hides nothing."""
-    axes.autoscale_view()
-    low, high = axes.get_ylim()
-    axes.set_ylim(low, high + (0.3 if title else 0.16) * (high - low), auto=True)
+    """Put the legend above a panel, at the right; the panel's title, if any, moves to the left."""
+    heading = axes.get_title()
+    axes.set_title("")
+    axes.set_title(heading, loc="left")
     axes.legend(
         title=title,
-        loc="upper center",
+        loc="lower right",
+        bbox_to_anchor=(1.0, 1.0),
         ncols=ncols,
         fontsize=8.0,
         title_fontsize=8.0,
         handlelength=1.5,
         columnspacing=1.2,
-        framealpha=0.9,
+        borderaxespad=0.2,
+        frameon=False,
     )
 
 

@@ -5,7 +5,9 @@
 
 import numpy as np
 import pytest
+from matplotlib.text import Text
 
+import imu_sim_ros as ims
 from imu_sim_ros.plots import style
 
 
@@ -64,3 +66,26 @@ def test_a_saved_picture_is_as_savefig_writes_it(tmp_path):
             figure.savefig(path, dpi=130)
     own, theirs = (path.read_bytes() for path in paths)
     assert own == theirs
+
+
+@pytest.mark.parametrize("ending", ["svg", "pdf", "png"])
+def test_an_evaluation_hides_no_curve_and_its_truth_is_thin(tmp_path, ending):
+    """Legends lie outside the axes, and no title lies over them."""
+    flight = ims.simulate(imu="adis16448", trajectory="circle", duration=5)
+    picture = ims.evaluate(ims.dead_reckon(flight), flight.truth, align="yaw").plot("circle")
+    assert "aligned in yaw" in picture.get_suptitle()
+    style.save(picture, tmp_path / f"picture.{ending}")
+    renderer = picture.canvas.get_renderer()
+    legends = [axes for axes in picture.axes if axes.get_legend() is not None]
+    assert len(legends) == 3
+    for axes in legends:
+        legend = axes.get_legend().get_window_extent(renderer)
+        assert not legend.overlaps(axes.patch.get_window_extent(renderer).padded(-1.0))
+        if axes.get_title(loc="left"):
+            titles = [text for text in axes.get_children() if isinstance(text, Text)]
+            shown = [text.get_window_extent(renderer) for text in titles if text.get_text()]
+            assert shown
+            assert not any(legend.overlaps(box) for box in shown)
+    truth = next(line for line in picture.axes[0].get_lines() if line.get_label() == "truth")
+    assert truth.get_linewidth() < 1.0
+    assert picture.axes[2].get_ylabel() == "position, estimate - truth [m]"
