@@ -21,6 +21,7 @@ from imu_sim_ros.conventions import (
     GYROSCOPE_BIAS_TOPIC,
     IDEAL_IMU_TOPIC,
     IMU_TOPIC,
+    TWIST_FRAMES,
 )
 from imu_sim_ros.errors import InputError
 from imu_sim_ros.inputs import gate
@@ -93,7 +94,7 @@ def twist_warnings(bag: Bag, source: TopicInfo, twist_frame: str) -> Iterator[st
             break
     if blocks:
         compared = with_fields(concatenated(blocks), source=source.name)
-        if twist_frame == "world":  # the blocks are those of a twist in the body's axes
+        if twist_frame == TWIST_FRAMES[1]:  # the blocks are those of a twist in the body's axes
             turned = (
                 rotate_inverse(compared.q_wb, column)
                 for column in (compared.velocities(), compared.body_rates())

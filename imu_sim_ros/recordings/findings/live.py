@@ -9,6 +9,7 @@ from typing import Final
 import numpy as np
 
 from imu_sim_ros import rotation
+from imu_sim_ros.conventions import TWIST_FRAMES
 from imu_sim_ros.recordings.findings.catalogue import twist_findings, unit_findings
 from imu_sim_ros.recordings.findings.finding import Finding
 from imu_sim_ros.recordings.findings.states import StateMeasures
@@ -72,7 +73,7 @@ class TwistWatch:
         :param source: name of the topic.
         :param twist_frame: axes of the twist, body or world.
         """
-        self._source, self._in_world = source, twist_frame == "world"
+        self._source, self._in_world = source, twist_frame == TWIST_FRAMES[1]
         self.begin()
 
     def begin(self) -> None:
