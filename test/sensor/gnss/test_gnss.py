@@ -330,6 +330,9 @@ def test_extended_fixes_hold_the_same(tmp_path: Path) -> None:
         assert one.speed == pytest.approx(np.hypot(east, north))
         assert np.radians(one.track) == pytest.approx(np.arctan2(east, north) % (2 * np.pi))
         assert one.climb == up
+        # 95 % of a Gaussian error is within 1.960 standard deviations.
+        speed, climb = 1.960 * np.sqrt(read.velocity_variance[0, [0, 2]])
+        assert (one.err_speed, one.err_climb) == pytest.approx((speed, climb), rel=1e-6)
         assert (one.header.frame_id, one.status.header.frame_id) == ("gps_link", "gps_link")
         assert one.status.header.stamp.sec == one.header.stamp.sec == 1
 

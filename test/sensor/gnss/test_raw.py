@@ -236,6 +236,26 @@ def test_delays_have_their_known_sizes() -> None:
     assert noon > 2.0 * night
 
 
+def test_klobuchar_is_the_published_example() -> None:
+    """23.784 m for 40 N, 100 W, azimuth 210 and elevation 20 deg, at 20:45 (Klobuchar, 1987)."""
+    ion = np.array([0.3820e-7, 0.1490e-7, -0.1790e-6, 0.0, 0.1430e6, 0.0, -0.3280e6, 0.1130e6])
+    place = np.radians([40.0]), np.radians([-100.0])
+    look = np.radians([[210.0]]), np.radians([[20.0]])
+    delay = klobuchar(GpsTime(2400, 593_100.0), np.zeros(1), place, look, ion)[0, 0]
+    assert delay == pytest.approx(23.784, abs=5e-4)
+
+
+def test_the_troposphere_over_a_mountain_is_that_of_its_pressure() -> None:
+    """ICAO's atmosphere has 701.1 hPa at 3 km; ZHD = 2.2768 mm/hPa p / f (Davis et al., 1985).
+
+    ``f = 1 - 0.00266 cos 2 latitude - 0.00028 h / km``.
+    """
+    zenith, latitude = np.full((1, 1), np.pi / 2), np.array([np.radians(30.0)])
+    delay = saastamoinen(latitude, np.array([3000.0]), zenith, 0.0)[0, 0]
+    expected = 2.2768e-3 * 701.1 / (1.0 - 0.00266 * 0.5 - 0.00028 * 3.0)
+    assert delay == pytest.approx(expected, rel=2e-4)
+
+
 def test_files_of_ephemerides_are_the_sky(tmp_path: Path) -> None:
     """What was written is read, as version 3 and 2, and gives the same measurements."""
     gnss = raw(**QUIET)

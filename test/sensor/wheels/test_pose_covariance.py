@@ -70,6 +70,32 @@ def test_errors_of_angles_do_not_add_up() -> None:
     assert covariance[-1, 1, 1] == pytest.approx(0.5 * yaw * (d**2 + d * 0.04), rel=5e-3)
 
 
+def test_steering_noise_on_a_circle_turns_the_remaining_way() -> None:
+    """Each interval's steering error turns the rest of the path about the place of the interval.
+
+    With ``slope = v (1 + tan^2 d) / L`` its yaw error is ``s slope dt``, and the position at the end
+    moves by that angle times the vector from the middle of the interval to the end, turned by 90
+    degrees; at 100 Hz the middle of the chord is on the arc to 2e-5 m.
+    """
+    speed, rate, base, sigma, dt = 2.5, 0.5, 2.0, 1e-4, 0.02
+    given = {**LINE, "trajectory": "circle", "duration": 4}
+    wheels = {**NOTHING, "model": "ackermann", "wheelbase": base, "steering_noise": sigma}
+    read = ims.simulate(**given, wheels={**wheels, "rate": 50}).wheels
+    slope = speed * (1.0 + (rate * base / speed) ** 2) / base
+    count = len(read.t_ns) - 1
+    # On a circle of 5 m: places of the ends and middles of intervals in the frame of odometry.
+    angle = rate * dt * np.arange(count + 1)
+    path = speed / rate * np.stack([np.sin(angle), 1.0 - np.cos(angle)], axis=1)
+    rest = path[-1] - 0.5 * (path[1:] + path[:-1])
+    moves = np.column_stack([-rest[:, 1], rest[:, 0], np.ones(count)]) * sigma * slope * dt
+    expected = moves.T @ moves
+    scale = np.sqrt(np.outer(np.diag(expected), np.diag(expected)))
+    np.testing.assert_allclose((read.pose_covariance[-1] - expected) / scale, 0.0, atol=5e-3)
+    # The twist: forward speed is known, the yaw rate is uncertain by the slope.
+    twist = read.covariance[-1][2, 2]
+    assert twist == pytest.approx((sigma * slope) ** 2, rel=1e-3)
+
+
 def test_radii_last() -> None:
     """A share g of each radius: ``x = g D / sqrt(2)``, yaw = sqrt(2) g D / b, y = yaw D / 2."""
     way, covariance = on_a_line(radius_sigma_percent=1e-6)
