@@ -73,7 +73,7 @@ def test_errors_of_angles_do_not_add_up() -> None:
 def test_steering_noise_on_a_circle_turns_the_remaining_way() -> None:
     """Each interval's steering error turns the rest of the path about the place of the interval.
 
-    With ``slope = v (1 + tan^2 d) / L`` its yaw error is ``s slope dt``, and the position at the end
+    With ``slope = v (1 + tan^2 d) / L`` its yaw error is ``s slope dt``; the position at the end
     moves by that angle times the vector from the middle of the interval to the end, turned by 90
     degrees; at 100 Hz the middle of the chord is on the arc to 2e-5 m.
     """
