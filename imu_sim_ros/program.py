@@ -30,7 +30,7 @@ _KINDS: Final[dict[str, Callable[[str], object]]] = {
     "N": int,
     "HZ": float,
 }
-"""What the values of options are, by their metavariable; text if it is none of these."""
+"""Types of the values of options by their metavariable; others are text."""
 
 JSON_AND_QUIET: Final = {
     "--json": "print the result as a JSON object",
@@ -46,15 +46,17 @@ def add_options(parser: argparse._ActionsContainer, options: Mapping[str, Any]) 
         ``group``, the heading in the help under which it stands.
     """
     groups = {group.title: group for group in parser._action_groups}
-    for option, given in options.items():
-        words = option.split()
-        names = [word for word in words if word.startswith("-")] or words[:1]
+    for option, keywords_or_help in options.items():
+        parts = option.split()
+        names = [word for word in parts if word.startswith("-")] or parts[:1]
         keywords: dict[str, Any] = {}
-        if len(names) < len(words):
-            keywords = {"metavar": words[-1], "type": _KINDS.get(words[-1], str)}
-        elif isinstance(given, str):
+        if len(names) < len(parts):
+            keywords = {"metavar": parts[-1], "type": _KINDS.get(parts[-1], str)}
+        elif isinstance(keywords_or_help, str):
             keywords = {"action": "store_true"}
-        keywords |= {"help": given} if isinstance(given, str) else given
+        keywords |= (
+            {"help": keywords_or_help} if isinstance(keywords_or_help, str) else keywords_or_help
+        )
         title = keywords.pop("group", None)
         if title is not None and title not in groups:
             groups[title] = parser.add_argument_group(title)
@@ -85,7 +87,7 @@ def print_result(
 
 
 class Result(Protocol):
-    """What a job returns."""
+    """Result of a job: a JSON object and lines of text."""
 
     def to_dict(self) -> Mapping[str, object]:
         """Return it in plain types."""
@@ -94,13 +96,13 @@ class Result(Protocol):
         """Yield it as text."""
 
 
-def show(arguments: argparse.Namespace, result: Result, **named: object) -> None:
+def show(arguments: argparse.Namespace, result: Result, **leading: object) -> None:
     """Print a result as ``--json`` and ``--quiet`` ask for it.
 
-    :param named: come first in the JSON object.
+    :param leading: come first in the JSON object.
     """
     if arguments.json:
-        print_json({**named, **result.to_dict()})
+        print_json({**leading, **result.to_dict()})
     elif not arguments.quiet:
         print_lines(result.lines())
 
@@ -123,8 +125,8 @@ _ON_THEIR_OWN: Final = ("imu_sim", "make", "python", "demo")
 
 def _called(line: str) -> str:
     """Return a command line as people who installed with pip type it: ``imu_sim generate ...``."""
-    words = line.strip()
-    return words if words.partition(" ")[0] in _ON_THEIR_OWN else f"imu_sim {words}"
+    text = line.strip()
+    return text if text.partition(" ")[0] in _ON_THEIR_OWN else f"imu_sim {text}"
 
 
 class Parser(argparse.ArgumentParser):
@@ -136,7 +138,7 @@ class Parser(argparse.ArgumentParser):
     """
 
     problems: list[str]
-    """What is wrong with the values of the command line that is being parsed."""
+    """Line for each invalid value of the command line that is being parsed."""
 
     def __init__(
         self,
@@ -205,35 +207,35 @@ class Parser(argparse.ArgumentParser):
         """
         self.problems = []
         self._refuse(self._unknown_options(sys.argv[1:] if args is None else args))
-        found, rest = super().parse_known_args(args, namespace)
+        parsed, rest = super().parse_known_args(args, namespace)
         self._end_if_wrong()
-        return self._with_words(found), rest
+        return self._with_choices(parsed), rest
 
     def parse_args(  # type: ignore[override]  # the overloads say the same
         self, args: Sequence[str] | None = None, namespace: argparse.Namespace | None = None
     ) -> argparse.Namespace:
         """Parse; whatever is left over is an error."""
-        found, rest = self.parse_known_args(args, namespace)
+        parsed, rest = self.parse_known_args(args, namespace)
         self._refuse(rest)
-        return found
+        return parsed
 
     def parse_every(self, argv: Sequence[str] | None) -> argparse.Namespace:
         """Parse a command line on which options may also stand between several inputs."""
         if not any(action.nargs == "+" for action in self._get_positional_actions()):
             return self.parse_args(argv)
-        found, rest = self.parse_known_intermixed_args(argv)
+        namespace, rest = self.parse_known_intermixed_args(argv)
         self._refuse(rest)
-        return self._with_words(found)
+        return self._with_choices(namespace)
 
-    def _with_words(self, found: argparse.Namespace) -> argparse.Namespace:
-        words = {action.dest for action in self._actions if action.choices is not None}
-        found.words = getattr(found, "words", frozenset()) | words
-        return found
+    def _with_choices(self, namespace: argparse.Namespace) -> argparse.Namespace:
+        choices = {action.dest for action in self._actions if action.choices is not None}
+        namespace.words = getattr(namespace, "words", frozenset()) | choices
+        return namespace
 
-    def _unknown_options(self, words: Sequence[str]) -> Iterator[str]:
+    def _unknown_options(self, arguments: Sequence[str]) -> Iterator[str]:
         """Yield the options that this parser does not have; a subcommand looks at its own."""
         has_commands = any(self._commands())
-        for word in words:
+        for word in arguments:
             name = word.partition("=")[0]
             if word == "--" or (has_commands and not word.startswith("-")):
                 return
@@ -244,20 +246,22 @@ class Parser(argparse.ArgumentParser):
             ):
                 yield word
 
-    def _refuse(self, words: Iterable[str]) -> None:
+    def _refuse(self, arguments: Iterable[str]) -> None:
         """End if words are left over that are no arguments."""
-        others = []
-        for word in words:
+        unexpected = []
+        for word in arguments:
             option = word.partition("=")[0]
             if not word.startswith("-"):
-                others.append(repr(word))
-            elif owners := [name for name, one in self._commands() if option in one._options()]:
+                unexpected.append(repr(word))
+            elif owners := [
+                name for name, command in self._commands() if option in command._options()
+            ]:
                 self.problems.append(f"option {option!r} belongs after {' or '.join(owners)}")
             else:
                 self.problems.append(unknown("option", option, self._options(), ""))
-        if others:
-            plural = "s" if len(others) > 1 else ""
-            self.problems.append(f"unexpected argument{plural} {', '.join(others)}")
+        if unexpected:
+            plural = "s" if len(unexpected) > 1 else ""
+            self.problems.append(f"unexpected argument{plural} {', '.join(unexpected)}")
         self._end_if_wrong()
 
     def _commands(self) -> Iterator[tuple[str, "Parser"]]:
@@ -316,9 +320,11 @@ def add_subcommand(
 
     :param examples: lines, of which those of the subcommand are taken.
     """
-    own = [line for line in examples.splitlines() if f"{line.strip()} ".startswith(f"{command} ")]
-    words: dict[str, Any] = {"examples": "\n".join(own), "arguments": arguments}
-    return actions.add_parser(command.split()[-1], help=text, description=text, **words)
+    command_examples = [
+        line for line in examples.splitlines() if f"{line.strip()} ".startswith(f"{command} ")
+    ]
+    options: dict[str, Any] = {"examples": "\n".join(command_examples), "arguments": arguments}
+    return actions.add_parser(command.split()[-1], help=text, description=text, **options)
 
 
 def main(
@@ -334,20 +340,20 @@ def main(
     :raises SystemExit: for arguments that cannot be read, with status 2, and after ``--help``.
     """
     open_standard_streams()
-    made = parser()
-    complete(made)
+    program_parser = parser()
+    complete(program_parser)
     try:
-        arguments = made.parse_every(argv)
+        arguments = program_parser.parse_every(argv)
     except BrokenPipeError:
         _give_up_output()
         return 1
     except Exception as error:  # an argument of an unforeseen kind
-        return _report_error(made.prog, error, debug=False)
+        return _report_error(program_parser.prog, error, debug=False)
     debug = getattr(arguments, "debug", False)
     quiet = any(getattr(arguments, name, False) for name in ("quiet", "json"))
     written: list[Path] = []
-    with watched_by(_watcher(made.prog, quiet, written.append)):
-        return run(made.prog, lambda: command(arguments), debug, written)
+    with watched_by(_watcher(program_parser.prog, quiet, written.append)):
+        return run(program_parser.prog, lambda: command(arguments), debug, written)
 
 
 def _watcher(name: str, quiet: bool, complete: Callable[[Path], None]) -> Watcher:
@@ -373,14 +379,16 @@ def _remarks(program: str) -> Iterator[None]:
         warnings.simplefilter("always", Remark)
         usual, printed = warnings.showwarning, set[str]()
 
-        def show(message: Warning | str, category: type[Warning], *rest: Any, **more: Any) -> None:
+        def show(
+            message: Warning | str, category: type[Warning], *rest: Any, **options: Any
+        ) -> None:
             if issubclass(category, Remark):
                 # What a file says is remarked on each time when it is read.
                 if str(message) not in printed:
                     print(f"{program}: {message}", file=sys.stderr)
                 printed.add(str(message))
             else:
-                usual(message, category, *rest, **more)
+                usual(message, category, *rest, **options)
 
         warnings.showwarning = show
         yield
@@ -437,10 +445,10 @@ def _report_error(program: str, error: Exception, debug: bool) -> int:
 
 def _shortened(line: str) -> str:
     """Return a line without what a hostile name may put into it: line ends, control characters."""
-    words = "".join(letter if letter.isprintable() else repr(letter)[1:-1] for letter in line)
-    if len(words) <= _LONGEST_LINE:
-        return words
-    return f"{words[: _LONGEST_LINE // 2]} ... {words[-_LONGEST_LINE // 2 :]}"
+    printable = "".join(letter if letter.isprintable() else repr(letter)[1:-1] for letter in line)
+    if len(printable) <= _LONGEST_LINE:
+        return printable
+    return f"{printable[: _LONGEST_LINE // 2]} ... {printable[-_LONGEST_LINE // 2 :]}"
 
 
 def _give_up_output() -> None:

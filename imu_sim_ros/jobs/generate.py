@@ -80,7 +80,7 @@ _WITHOUT_READINGS: Final = ("tum", "vio_data_simulation")
 
 @dataclass(frozen=True)
 class Generated:
-    """What :func:`generate` wrote."""
+    """Result of :func:`generate`: the output and its counts."""
 
     output: Path
     messages: dict[str, int]
@@ -92,7 +92,7 @@ class Generated:
     warnings: tuple[str, ...] = ()
     """Settings that are allowed but may be unintended, a line each."""
     notes: tuple[str, ...] = ()
-    """What has no effect, what was made of recorded poses, of cameras' axes and of a place."""
+    """Parameters without effect, and how poses, axes of cameras and the place were interpreted."""
 
     def to_dict(self) -> dict[str, Any]:
         """Return what ``--json`` prints."""
@@ -227,7 +227,7 @@ def generate(
     renderers = cores() if jobs is None else jobs
     arguments.whole("jobs", renderers, f"from 1 to {_MAX_JOBS}", 1, _MAX_JOBS)
     journal, problems = Journal(), Problems()
-    given, motion = described(
+    layers, motion = described(
         journal,
         problems,
         params_file,
@@ -241,17 +241,21 @@ def generate(
         cameras=cameras,
         scene=scene,
     )
-    built = load_simulator(given, problems=problems)
+    built = load_simulator(layers, problems=problems)
 
     # What is to be written: topics, and the files next to the output.
     sensors, dataset = mounted(built), form.dataset
     check_form(dataset, path, sensors)
     names = chosen_topics(sensors, dataset, path, form.topics, form.renamed, imu_only)
-    known = offered(sensors)
-    fastest = max(one.environment.rate for one in sensors.values())
+    topics_by_name = offered(sensors)
+    fastest = max(sensor.environment.rate for sensor in sensors.values())
     check_split(form.bag.split_duration, 1.0 / fastest, built.duration or 0.0)
     values = flatten(built)
-    folders = [Path(str(one)) for name, one in values.items() if name.endswith(".file") and one]
+    folders = [
+        Path(str(file_name))
+        for name, file_name in values.items()
+        if name.endswith(".file") and file_name
+    ]
     inputs = [*parameter_files(params_file), *values.values(), *folders]
     written = outputs(force, discard_partial, inputs)
     started = time.perf_counter()
@@ -263,10 +267,12 @@ def generate(
     if dataset not in _WITHOUT_READINGS and not path.parent.is_file():  # one line will do
         for file, text in truth_files.new_truths(path, built).items():
             truths[written.add(file, companion_of=whole, kept=True).path] = text
-        for name, own in truth_files.companions(path, sensors).items():
-            of_sensors[name] = [written.add(file, companion_of=whole).path for file in own]
-    wanted = {known[name].name for name in names} | of_sensors.keys() | {POSE}
-    wanted |= {name for name, one in sensors.items() if dataset in one.sensor.datasets}
+        for name, companion_files in truth_files.companions(path, sensors).items():
+            of_sensors[name] = [
+                written.add(file, companion_of=whole).path for file in companion_files
+            ]
+    sensor_names = {topics_by_name[name].name for name in names} | of_sensors.keys() | {POSE}
+    sensor_names |= {name for name, sensor in sensors.items() if dataset in sensor.sensor.datasets}
 
     def pose_reader(file: str | Path, topic: str | None = None) -> States:
         poses = motion.pose_reader(file, topic, skip)
@@ -275,12 +281,12 @@ def generate(
         return poses
 
     # The run.
-    long = any(one.sensor.apart for one in sensors.values())
+    long = any(sensor.sensor.apart for sensor in sensors.values())
     with written.staged(), threads(renderers) if long else nullcontext() as pool:
         for truth, text in truths.items():
             truth.write_text(text, encoding="utf-8")
         moving = build_trajectory(built.trajectory, pose_reader, motion.trajectory)
-        body = Body(built, trajectory=moving, sensors=wanted, threads=pool)
+        body = Body(built, trajectory=moving, sensors=sensor_names, threads=pool)
         if body.total is None:
             raise ConfigurationError(
                 "duration = 0: this trajectory has no end; give a duration, for instance 20s"
@@ -307,24 +313,24 @@ def generate(
             whole.summary = target.summary
             companions: dict[str, Companion] = {}
             for name, files_of_one in of_sensors.items():
-                one = sensors[name]
-                assert one.sensor.companions is not None
-                made = one.sensor.companions.open(
-                    one.own, one.environment, body.t0_ns, files_of_one
+                sensor = sensors[name]
+                assert sensor.sensor.companions is not None
+                companion_file = sensor.sensor.companions.open(
+                    sensor.own, sensor.environment, body.t0_ns, files_of_one
                 )
-                companions[name] = stack.enter_context(closing(made))
-            samples, every = 0, imus_in(body.sensors)
-            seen = {name: 0 for name in sorted(wanted) if sensors[name].sensor.sees}
-            for read in windows:  # made by a thread of its own
-                target.write(read)
+                companions[name] = stack.enter_context(closing(companion_file))
+            samples, imu_names = 0, imus_in(body.sensors)
+            frame_counts = {name: 0 for name in sorted(sensor_names) if sensors[name].sensor.sees}
+            for window in windows:  # computed by another thread
+                target.write(window)
                 for name, companion in companions.items():
-                    companion.write(read[name])
-                for name in seen:
-                    seen[name] += len(read[name].t_ns)
-                lengths = [len(read[name].t_ns) for name in every]
+                    companion.write(window[name])
+                for name in frame_counts:
+                    frame_counts[name] += len(window[name].t_ns)
+                lengths = [len(window[name].t_ns) for name in imu_names]
                 samples += sum(lengths)
                 advance(max(lengths))
-        for name, number in seen.items():
+        for name, number in frame_counts.items():
             if not number:
                 rate = sensors[name].own.rate
                 journal.warn(f"{name}: not a single frame in the whole run, at {rate:g} Hz")
@@ -363,13 +369,15 @@ def described(
     in_files, in_scene = dict[str, object](), dict[str, object]()
     with problems.gathered(hanging=""):
         in_files = load_all(parameter_files(params_file), "simulator")
-    own, last, motion = argument_layers(imu, trajectory, duration, rate, seed, parameters, problems)
+    layers, overrides, motion = argument_layers(
+        imu, trajectory, duration, rate, seed, parameters, problems
+    )
     if arguments.switch("robust", robust):
-        own["trajectory.robust"] = True
+        layers["trajectory.robust"] = True
     asked = []
-    for kind, one in switches().items():
-        if arguments.switch(one.name, own.pop(one.name, False)):
-            own[f"{kind}.{one.parameter}"] = True
+    for kind, switch in switches().items():
+        if arguments.switch(switch.name, layers.pop(switch.name, False)):
+            layers[f"{kind}.{switch.parameter}"] = True
             asked.append(kind)
     if scene is not None:
         from imu_sim_ros.sensors.camera.rig_parameters import scene_layer  # most runs have none
@@ -377,32 +385,32 @@ def described(
         with problems.gathered(hanging="scene."):
             file = arguments.path("scene", scene, "a name or the path of a file")
             in_scene = scene_layer(str(file))
-    given = {**in_files, **in_scene, **own}
+    values = {**in_files, **in_scene, **layers}
     for kind in ("camera", *named_sensors()):
         option = "cameras" if kind == "camera" else kind
-        value, presets = cameras if kind == "camera" else given.pop(kind, ()), list[object]()
+        value, presets = cameras if kind == "camera" else values.pop(kind, ()), list[object]()
         with problems.gathered(hanging="cam" if kind == "camera" else f"{kind}."):
             presets = [
-                one is True
-                or str(arguments.path(option, one, "a name, the path of a file, or several"))
-                for one in (value if isinstance(value, list | tuple) else [value])
+                preset is True
+                or str(arguments.path(option, preset, "a name, the path of a file, or several"))
+                for preset in (value if isinstance(value, list | tuple) else [value])
             ]
         if kind in asked and not presets:
             presets = [True]
         if presets:
-            given = joined(given, named(kind, presets))
-    given |= last
-    of_node = dict.fromkeys(name.partition("./")[0] for name in of_the_node(given))
+            values = joined(values, named(kind, presets))
+    values |= overrides
+    of_node = dict.fromkeys(name.partition("./")[0] for name in of_the_node(values))
     if of_node:
         journal.note(f"no effect in a file: {', '.join(of_node)}")
-    above = [name for name in in_files if name.startswith("imu.") and name != "imu.preset"]
-    if isinstance(imu, str | Path) and above:
-        others = f" and {len(above) - 3} more" if len(above) > 3 else ""
+    overridden = [name for name in in_files if name.startswith("imu.") and name != "imu.preset"]
+    if isinstance(imu, str | Path) and overridden:
+        further = f" and {len(overridden) - 3} more" if len(overridden) > 3 else ""
         journal.note(
             f"--imu {imu} is the base of the parameter file; "
-            f"the values of the file take precedence: {', '.join(above[:3])}{others}"
+            f"the values of the file take precedence: {', '.join(overridden[:3])}{further}"
         )
-    return given, motion
+    return values, motion
 
 
 def _size(output: Path) -> int:

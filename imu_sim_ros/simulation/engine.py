@@ -96,10 +96,10 @@ class Body:
                 f"duration = {duration:g}: must be at most {longest:g} s, the trajectory's length"
             )
         self._scene: Scene | None = None
-        self.rate = max(one.rate for one in imus(parameters).values())
-        """Of the fastest IMU [Hz]."""
+        self.rate = max(imu_parameters.rate for imu_parameters in imus(parameters).values())
+        """Sample rate of the fastest IMU [Hz]."""
         self.total: int | None = None
-        """Its number of samples; None: endless."""
+        """Number of samples of the fastest IMU; None: the run has no end."""
         self._end: Fraction | None = None
         if not math.isinf(duration):
             self._end = timebase.exact(duration)
@@ -119,16 +119,16 @@ class Body:
 
         p = self.parameters
         duration = p.duration or self.trajectory.duration
-        lines = [line for one in imus(p).values() for line in one.warnings()]
+        lines = [line for imu_parameters in imus(p).values() for line in imu_parameters.warnings()]
         if self._recorded is not None:
             lines += self._recorded.warnings
         if isinstance(p.trajectory, DriveParameters):
             from imu_sim_ros.trajectory.drive import elsewhere_on_earth  # most motions are none
 
             lines += elsewhere_on_earth(self.trajectory, p.latitude_deg, p.longitude_deg)
-        for name, one in self.sensors.items():
-            if name in self._models and not (elsewhere and one.sensor.apart):
-                lines += sensor_warnings(one, self.world, duration)
+        for name, sensor in self.sensors.items():
+            if name in self._models and not (elsewhere and sensor.sensor.apart):
+                lines += sensor_warnings(sensor, self.world, duration)
         if p.trajectory.type == GIVEN:
             lines += suspicions(self.trajectory, duration, self.rate)
         return list(dict.fromkeys(lines))
@@ -141,8 +141,8 @@ class Body:
         recorded, lines = self._recorded, list[str]()
         if recorded is not None:
             lines += recorded.repairs + recorded.report.lines()
-        for one in self.sensors.values():
-            lines += one.sensor.notes(one)
+        for sensor in self.sensors.values():
+            lines += sensor.sensor.notes(sensor)
         note = self.note_of_scene(elsewhere)
         return [*lines, note] if note else lines
 
@@ -152,8 +152,8 @@ class Body:
         :param elsewhere: as in :meth:`warnings`.
         """
         sensors = [self.sensors[name].sensor for name in self._models]
-        seen = any(one.sees and not (elsewhere and one.apart) for one in sensors)
-        return self.world.scene.note if seen else ""
+        has_views = any(sensor.sees and not (elsewhere and sensor.apart) for sensor in sensors)
+        return self.world.scene.note if has_views else ""
 
     def reset(self) -> None:
         """Go back to the first sample: the same samples follow again."""
@@ -177,20 +177,20 @@ class Body:
         return self._scene
 
     def with_seed(
-        self, seed: int, more: Collection[str] = (), threads: "Executor | None" = None
+        self, seed: int, further_sensors: Collection[str] = (), threads: "Executor | None" = None
     ) -> "Body":
         """Return the same body and sensors with another seed, at the start.
 
         The trajectory is shared: fitting a spline or checking parameters is not done again.
 
-        :param more: further sensors that are read.
+        :param further_sensors: further sensors that are read.
         :param threads: as of the body.
         """
-        other = copy.copy(self)
-        other._wanted, other._threads = self._wanted.union(more), threads
-        other.parameters = replace(self.parameters, seed=seed)
-        other.reset()
-        return other
+        copied = copy.copy(self)
+        copied._wanted, copied._threads = self._wanted.union(further_sensors), threads
+        copied.parameters = replace(self.parameters, seed=seed)
+        copied.reset()
+        return copied
 
     def update(self, parameters: SimulationParameters) -> None:
         """Take new values of live parameters; they apply from the next window on.
@@ -198,13 +198,13 @@ class Body:
         :raises ConfigurationError: with a line for every changed parameter that is not live;
             nothing is changed then.
         """
-        old, new = flatten(self.parameters), flatten(parameters)
-        known = described(type(parameters), new)
-        fixed = [name for name, value in new.items() if old.get(name) != value]
+        previous, values = flatten(self.parameters), flatten(parameters)
+        declared = described(type(parameters), values)
+        fixed = [name for name, value in values.items() if previous.get(name) != value]
         problems = [
             f"{name}: cannot be changed while the simulation runs"
             for name in fixed
-            if not known[name].live
+            if not declared[name].live
         ]
         if problems:
             raise ConfigurationError(problems)
@@ -222,26 +222,32 @@ class Body:
         """
         if not (math.isfinite(delay) and delay >= 0.0):
             raise ConfigurationError(f"fault delay = {delay}: must be at least 0 s")
-        hit = [name for name, one in self.sensors.items() if one.takes(fault)]
+        hit = [name for name, sensor in self.sensors.items() if sensor.takes(fault)]
         if not hit:
-            known = dict.fromkeys(part for one in self.sensors.values() for part in one.faulty)
-            raise ConfigurationError(
-                f"fault triad = {fault.triad!r}: {suggestion(fault.triad, list(known))}"
+            faulty_parts = dict.fromkeys(
+                part for sensor in self.sensors.values() for part in sensor.faulty
             )
-        every, times = imus(self.parameters), dict[str, int]()
+            raise ConfigurationError(
+                f"fault triad = {fault.triad!r}: {suggestion(fault.triad, list(faulty_parts))}"
+            )
+        imu_parameters, times = imus(self.parameters), dict[str, int]()
         for name in hit:
             if name not in self._models:
                 raise ConfigurationError(
                     f"fault triad = {fault.triad}: this simulation has no {fault.triad}"
                 )
             # One that no IMU has with it is hit whichever IMU is meant.
-            own = self.sensors[name]
-            of_imu = own.space.rstrip("/") if own.sensor.with_imu else imu or next(iter(every))
+            target = self.sensors[name]
+            of_imu = (
+                target.space.rstrip("/")
+                if target.sensor.with_imu
+                else imu or next(iter(imu_parameters))
+            )
             if imu in ("", of_imu):
-                sampled = own.environment.rate
-                first = self.taken(sampled) + timebase.sample_count(delay, sampled)
-                self._models[name].inject(fault, first / timebase.exact_rate(sampled))
-                t_ns = timebase.sample_times_ns(first, 1, sampled, self.t0_ns)
+                sampled = target.environment.rate
+                begin = self.taken(sampled) + timebase.sample_count(delay, sampled)
+                self._models[name].inject(fault, begin / timebase.exact_rate(sampled))
+                t_ns = timebase.sample_times_ns(begin, 1, sampled, self.t0_ns)
                 times[of_imu] = int(t_ns[0])
         return times
 
@@ -259,8 +265,8 @@ class Body:
         stop = end if self._end is None else min(end, self._end)
         window = Window(self._now, max(stop, self._now))
         self._now = window.end
-        read = {name: model.read(window, self.world) for name, model in self._models.items()}
-        return {name: read[name] for name in self._shown}
+        samples = {name: model.read(window, self.world) for name, model in self._models.items()}
+        return {name: samples[name] for name in self._shown}
 
     def next(self, count: int) -> dict[str, Samples]:
         """Return the samples of each sensor in the next ``count`` intervals of the fastest IMU.
@@ -275,9 +281,9 @@ class Body:
         :param block_size: intervals of the fastest IMU in a window, at most; windows are shorter if
             the samples of a sensor are large.
         """
-        taken, rate = self.taken(self.rate), timebase.exact_rate(self.rate)
+        position, rate = self.taken(self.rate), timebase.exact_rate(self.rate)
         end = math.inf if self.total is None else self.total
-        most = min(block_size, max(self._longest * self.rate, 1.0))
-        while taken < end:
-            taken += int(min(most, end - taken))
-            yield self.until(taken / rate)
+        limit = min(block_size, max(self._longest * self.rate, 1.0))
+        while position < end:
+            position += int(min(limit, end - position))
+            yield self.until(position / rate)

@@ -28,58 +28,76 @@ def mounted(parameters: SampledParameters) -> dict[str, Mounted]:
     What they measure is their name, behind that of the IMU if there are several: ``imu``,
     ``magnetic_field``, ``pose``, ``gnss``, ``left/imu``, ``left/pressure``.
     """
-    found: dict[str, Mounted] = {}
-    for name, one in imus(parameters).items():
+    sensors: dict[str, Mounted] = {}
+    for name, imu_parameters in imus(parameters).items():
         space = f"{name}/" if name else ""
         for sensor in (imu.SENSOR, *sensors_of_imus()):
-            of_imu = Mounted(sensor.name, sensor, one.imu, one, one.imu_frame, space)
-            found[space + sensor.quantity] = of_imu
+            of_imu = Mounted(
+                sensor.name,
+                sensor,
+                imu_parameters.imu,
+                imu_parameters,
+                imu_parameters.imu_frame,
+                space,
+            )
+            sensors[space + sensor.quantity] = of_imu
     frame = parameters.body_frame
-    found[pose.NAME] = Mounted(pose.NAME, pose.SENSOR, parameters, parameters, frame)
-    named, seen = dict[str, Mounted](), dict[str, Mounted]()
-    for name, own in getattr(parameters, "each_sensor", {}).items():
-        sensor = find_sensor(own.type or name)
-        space = f"{name}/" if own.type else ""
-        named[name] = Mounted(name, sensor, own, parameters, own.own_frame(name, frame), space)
+    sensors[pose.NAME] = Mounted(pose.NAME, pose.SENSOR, parameters, parameters, frame)
+    extra_sensors, cameras = dict[str, Mounted](), dict[str, Mounted]()
+    for name, section in getattr(parameters, "each_sensor", {}).items():
+        sensor = find_sensor(section.type or name)
+        space = f"{name}/" if section.type else ""
+        extra_sensors[name] = Mounted(
+            name, sensor, section, parameters, section.own_frame(name, frame), space
+        )
     if isinstance(parameters, SimulationParameters) and parameters.cameras:
         from imu_sim_ros.sensors.camera.declaration import seeing  # most runs have none
 
-        seen = seeing(parameters.rig, parameters)
-    for listed, group in (("sensors", named), ("cameras", seen)):
-        known = {part for one in found.values() for part in (one.name, *one.sensor.parts)}
-        taken = [
+        cameras = seeing(parameters.rig, parameters)
+    for listed, group in (("sensors", extra_sensors), ("cameras", cameras)):
+        reserved = {
+            part
+            for mounted_sensor in sensors.values()
+            for part in (mounted_sensor.name, *mounted_sensor.sensor.parts)
+        }
+        problems = [
             f"{listed}: {name!r}: is another sensor, or what one measures"
             for name in group
-            if name in known or name in found
+            if name in reserved or name in sensors
         ]
-        if taken:
-            raise ConfigurationError(taken)
-        found |= group
-    return found
+        if problems:
+            raise ConfigurationError(problems)
+        sensors |= group
+    return sensors
 
 
 def imus_in(sensors: Mapping[str, Mounted]) -> list[str]:
     """Return the names of the IMUs among the sensors."""
-    return [name for name, one in sensors.items() if one.sensor is imu.SENSOR]
+    return [name for name, sensor in sensors.items() if sensor.sensor is imu.SENSOR]
 
 
-def models(sensors: Mapping[str, Mounted], wanted: Collection[str], t0_ns: int) -> dict[str, Model]:
+def models(sensors: Mapping[str, Mounted], names: Collection[str], t0_ns: int) -> dict[str, Model]:
     """Return the IMUs, the wanted sensors and those that these need, at their start.
 
     :param t0_ns: time of the start [ns].
     """
-    needed = {*imus_in(sensors), *wanted}
-    for name in wanted:
-        one = sensors[name]
-        needed |= {one.space + quantity for quantity in one.sensor.needs(one.own)}
-    made: dict[str, Model] = {}
-    for name, one in sensors.items():
+    needed = {*imus_in(sensors), *names}
+    for name in names:
+        mounted_sensor = sensors[name]
+        needed |= {
+            mounted_sensor.space + quantity
+            for quantity in mounted_sensor.sensor.needs(mounted_sensor.own)
+        }
+    models: dict[str, Model] = {}
+    for name, mounted_sensor in sensors.items():
         if name in needed:
-            before = {
-                n.removeprefix(one.space): m for n, m in made.items() if n.startswith(one.space)
+            sensors_of_namespace = {
+                n.removeprefix(mounted_sensor.space): m
+                for n, m in models.items()
+                if n.startswith(mounted_sensor.space)
             }
-            made[name] = one.sensor.model(one, t0_ns, before)
-    return made
+            models[name] = mounted_sensor.sensor.model(mounted_sensor, t0_ns, sensors_of_namespace)
+    return models
 
 
 def sensor_warnings(mounted: Mounted, world: World, duration: float) -> list[str]:
@@ -101,11 +119,11 @@ def mounts(sensors: Mapping[str, Mounted]) -> dict[str, Array]:
 
     What coincides with the body's own frame needs none.
     """
-    found: dict[str, Array] = {}
-    for one in sensors.values():
-        found.setdefault(one.frame, one.sensor.mount(one.own))
-    found.pop(sensors[pose.NAME].frame)
-    return found
+    poses: dict[str, Array] = {}
+    for mounted_sensor in sensors.values():
+        poses.setdefault(mounted_sensor.frame, mounted_sensor.sensor.mount(mounted_sensor.own))
+    poses.pop(sensors[pose.NAME].frame)
+    return poses
 
 
 class InTable(NamedTuple):
@@ -113,7 +131,7 @@ class InTable(NamedTuple):
 
     table: Table
     number: int
-    """Of its IMU among the IMUs, or among the sensors of its kind."""
+    """Index of its IMU among the IMUs, or of the sensor among those of its kind."""
     name: str
     mounted: Mounted
 
@@ -121,10 +139,10 @@ class InTable(NamedTuple):
 def all_tables(sensors: Mapping[str, Mounted]) -> list[InTable]:
     """Return the tables of the sensors that have one of their own in a dataset."""
     numbers: Counter[str] = Counter()
-    found = []
-    for name, one in sensors.items():
-        table = one.sensor.table
+    tables = []
+    for name, mounted_sensor in sensors.items():
+        table = mounted_sensor.sensor.table
         if table is not None:
-            found.append(InTable(table, numbers[table.name], name, one))
+            tables.append(InTable(table, numbers[table.name], name, mounted_sensor))
             numbers[table.name] += 1
-    return found
+    return tables

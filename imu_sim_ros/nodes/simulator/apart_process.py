@@ -62,7 +62,7 @@ _LATCHED: Final = QoSProfile(depth=1, durability=DurabilityPolicy.TRANSIENT_LOCA
 
 
 class Made(NamedTuple):
-    """What is published of a sample."""
+    """Messages of one sample."""
 
     true_t_ns: int
     """If time zero were ORIGIN_NS."""
@@ -92,12 +92,12 @@ class SampleQueue:
             with self._changed:
                 self._changed.wait_for(lambda: len(self._made) < AHEAD and self._exists(self._next))
                 number, run_number = self._next, self._run
-            made = self._make(number)
+            messages = self._make(number)
             with self._changed:
                 if run_number == self._run:  # else others are wanted
                     self._next = number + 1
-                    if made is not None and number >= self._wanted:
-                        self._made[number] = made
+                    if messages is not None and number >= self._wanted:
+                        self._made[number] = messages
                     self._changed.notify_all()
 
     def wait_for_first(self) -> None:
@@ -119,17 +119,19 @@ class SampleQueue:
                 self._next = number
                 self._run += 1
             self._wanted = number
-            self._made = {k: made for k, made in self._made.items() if k >= number}
+            self._made = {
+                k: kept_messages for k, kept_messages in self._made.items() if k >= number
+            }
             self._changed.notify_all()
             self._changed.wait_for(lambda: number in self._made)
-            found = self._made.pop(number)
+            messages = self._made.pop(number)
             self._wanted = number + 1
             self._changed.notify_all()
-        return found
+        return messages
 
 
 class SensorNode:
-    """What one process publishes."""
+    """Node that publishes the sensor of one process."""
 
     def __init__(self, start: ProcessStart) -> None:
         """Make node, publishers, world and sensors."""
@@ -146,10 +148,12 @@ class SensorNode:
             parameter_overrides=overrides,
         )
         self._sensors = mounted(parameters)
-        known = offered(self._sensors)
-        self._offered = {topic: known[topic] for topic in start["topics"] if topic in known}
+        topics = offered(self._sensors)
+        self._offered = {topic: topics[topic] for topic in start["topics"] if topic in topics}
         self.counters = dict(self._publishers(start["topics"]))
-        self._encoders = {topic: one.encoder() for topic, one in self._offered.items()}
+        self._encoders = {
+            topic: topic_of_sensor.encoder() for topic, topic_of_sensor in self._offered.items()
+        }
         trajectory = build_trajectory(parameters.trajectory, read_states)
         self._duration = parameters.duration or trajectory.duration
         self._world = World(trajectory, parameters, ORIGIN_NS, scene_around)
@@ -161,17 +165,17 @@ class SensorNode:
         """Yield a publisher for each topic of this process."""
         depth = max(20, round(4 * self._sensors[self.name].own.rate))
         for topic, full in names.items():
-            one = self._offered.get(topic)
-            kind = one.topic.type if one else MARKERS
-            latched = one is None or one.topic.latched
+            topic_of_sensor = self._offered.get(topic)
+            kind = topic_of_sensor.topic.type if topic_of_sensor else MARKERS
+            latched = topic_of_sensor is None or topic_of_sensor.topic.latched
             qos = _LATCHED if latched else QoSProfile(depth=depth)
             yield topic, Counter(topic, create(self.node, kind, full, qos))
 
     def publish_latched(self) -> None:
         """Publish what is kept for later subscribers, before the first sample."""
         start = Window(Fraction(0), self._times.time(1))
-        for topic, one in self._offered.items():
-            if one.topic.latched:
+        for topic, topic_of_sensor in self._offered.items():
+            if topic_of_sensor.topic.latched:
                 for payload in self._messages(topic, start, {}):
                     self.counters[topic].send(restamped(payload, -ORIGIN_NS))
         if MARKERS_TOPIC in self.counters:
@@ -180,51 +184,55 @@ class SensorNode:
 
     def warnings(self) -> list[str]:
         """Return the warnings of its sensors."""
-        each = [self._sensors[name] for name in self._members]
-        return [w for one in each for w in sensor_warnings(one, self._world, self._duration)]
+        members = [self._sensors[name] for name in self._members]
+        return [
+            w for member in members for w in sensor_warnings(member, self._world, self._duration)
+        ]
 
     def notes(self) -> list[str]:
         """Return what was made of the scene, if no other sensor before it sees one."""
-        first = next(name for name, one in self._sensors.items() if one.sensor.sees)
-        note = self._world.scene.note if first == self.name else ""
+        first_viewer = next(
+            name for name, mounted_sensor in self._sensors.items() if mounted_sensor.sensor.sees
+        )
+        note = self._world.scene.note if first_viewer == self.name else ""
         return [note] if note else []
 
     def publish(self, number: int, true_t_ns: int) -> None:
         """Publish what there is of a sample."""
-        made = self.samples.take(number)
-        for topic, payload in made.messages:
-            moved = restamped(payload, true_t_ns - made.true_t_ns)
+        sample = self.samples.take(number)
+        for topic, payload in sample.messages:
+            moved = restamped(payload, true_t_ns - sample.true_t_ns)
             self.counters[topic].send(moved)
 
     @property
     def _times(self) -> SampleTimes:
-        """When the sensor takes samples."""
+        """Return the sample times of the sensor."""
         model: Any = self._models[self.name]
         times: SampleTimes = model.times
         return times
 
     def _make(self, number: int) -> Made | None:
         window = Window(self._times.time(number), self._times.time(number + 1))
-        read = {self.name: self._models[self.name].read(window, self._world)}
-        if not len(read[self.name].delivered):
+        samples = {self.name: self._models[self.name].read(window, self._world)}
+        if not len(samples[self.name].delivered):
             return None
         messages = [
             (topic, payload)
-            for topic, one in self._offered.items()
-            if not one.topic.latched
-            for payload in self._messages(topic, window, read)
+            for topic, topic_of_sensor in self._offered.items()
+            if not topic_of_sensor.topic.latched
+            for payload in self._messages(topic, window, samples)
         ]
-        return Made(int(read[self.name].true_t_ns[0]), messages)
+        return Made(int(samples[self.name].true_t_ns[0]), messages)
 
-    def _messages(self, topic: str, window: Window, read: dict[str, Samples]) -> list[bytes]:
+    def _messages(self, topic: str, window: Window, samples: dict[str, Samples]) -> list[bytes]:
         """Return the messages of a topic in a window.
 
-        :param read: the samples of it so far; those of further sensors are added.
+        :param samples: the samples of it so far; those of further sensors are added.
         """
         name = self._offered[topic].name
-        if name not in read:
-            read[name] = self._models[name].read(window, self._world)
-        messages = self._encoders[topic](read[name], self._sensors[name].valid)
+        if name not in samples:
+            samples[name] = self._models[name].read(window, self._world)
+        messages = self._encoders[topic](samples[name], self._sensors[name].valid)
         return as_list(messages.made())
 
 
@@ -235,10 +243,10 @@ class Reports:
         self._file = os.fdopen(descriptor, "wb", buffering=0)
         self._lock = threading.Lock()
 
-    def say(self, **said: object) -> None:
+    def say(self, **report: object) -> None:
         """Write a line."""
         with self._lock:
-            self._file.write(as_json(said).encode() + b"\n")
+            self._file.write(as_json(report).encode() + b"\n")
 
 
 def main() -> int:
@@ -265,12 +273,12 @@ def main() -> int:
 
 def _report_connected(node: SensorNode, reports: Reports, begun: threading.Event) -> None:
     """Report until the run begins how many subscribers each publisher is connected to."""
-    said: dict[str, int] = {}
+    reported: dict[str, int] = {}
     while not begun.wait(_POLL):
-        now = {t: c.publisher.get_subscription_count() for t, c in node.counters.items()}
-        if now != said:
-            reports.say(connected=now)
-            said = now
+        connections = {t: c.publisher.get_subscription_count() for t, c in node.counters.items()}
+        if connections != reported:
+            reports.say(connected=connections)
+            reported = connections
 
 
 def _run(node: SensorNode, reports: Reports) -> None:

@@ -40,7 +40,7 @@ class ChunkedProcess(ABC):
         self._left = np.empty((0, *shape))
         """Generated and not yet read; of a batch a whole chunk, if a block is shorter than that."""
         self._read = np.zeros(shape[:-1], np.int64)
-        """Of each unit of a batch, how many values of its chunk."""
+        """Number of values already read from the chunk of each unit of a batch."""
 
     @abstractmethod
     def _make_chunks(self, count: int, units: Units) -> Array:
@@ -53,19 +53,19 @@ class ChunkedProcess(ABC):
         """
         if self._read.ndim:
             return self._next_of(units, count)
-        left = self._left
-        if count <= len(left):
-            self._left = left[count:]
-            return np.copy(left[:count])
-        parts, done = [left], len(left)
+        remaining = self._left
+        if count <= len(remaining):
+            self._left = remaining[count:]
+            return np.copy(remaining[:count])
+        parts, done = [remaining], len(remaining)
         while done < count:
             chunks = -((done - count) // self._length)
             chunks = max(min(chunks, _AT_ONCE // self._length), _AT_LEAST // self._length, 1)
             parts.append(self._make_chunks(chunks, units))
             done += chunks * self._length
-        last = parts[-1]
-        used = len(last) - (done - count)
-        self._left, parts[-1] = last[used:], last[:used]
+        last_part = parts[-1]
+        used = len(last_part) - (done - count)
+        self._left, parts[-1] = last_part[used:], last_part[:used]
         return parts[-1] if used == count else np.concatenate(parts)
 
     def _next_of(self, units: Units, count: int) -> Array:
@@ -75,13 +75,13 @@ class ChunkedProcess(ABC):
         if not len(self._left):
             self._left = np.empty((self._length, *self._left.shape[1:]))
         units = np.arange(len(self._read))[units]
-        new = units[self._read[units] == 0]
-        if len(new):
-            self._left[:, new] = self._make_chunks(1, new)
-        first = self._read[units]
-        self._read[units] = (first + count) % self._length
-        taken: Array = self._left[first + np.arange(count)[:, None], units]
-        return taken
+        exhausted = units[self._read[units] == 0]
+        if len(exhausted):
+            self._left[:, exhausted] = self._make_chunks(1, exhausted)
+        begin = self._read[units]
+        self._read[units] = (begin + count) % self._length
+        values: Array = self._left[begin + np.arange(count)[:, None], units]
+        return values
 
 
 _COLUMNS: Final = 32
@@ -120,15 +120,15 @@ class GaussMarkovBank(ChunkedProcess):
         table = np.empty((_COLUMNS, *exponent.shape[:-2], count, _MARKOV_ROWS))
         np.multiply(np.moveaxis(numbers, -2, 0), drive, out=table)
         carried = np.empty(table.shape[1:])
-        for before, column in itertools.pairwise(table):
-            column += np.multiply(phi, before, out=carried)
+        for previous, column in itertools.pairwise(table):
+            column += np.multiply(phi, previous, out=carried)
         starts = self._row_starts(table[-1], exponent, units)
         columns = np.arange(1, _COLUMNS + 1).reshape(-1, *(1,) * exponent.ndim)
         decay = np.exp(exponent * columns)
         np.multiply(decay, starts, out=(added := numbers.reshape(table.shape)))
         table += added
-        made = np.moveaxis(table, 0, -1).reshape(*exponent.shape[:-2], count * MARKOV_CHUNK)
-        return np.moveaxis(made, -1, 0)
+        chunks = np.moveaxis(table, 0, -1).reshape(*exponent.shape[:-2], count * MARKOV_CHUNK)
+        return np.moveaxis(chunks, -1, 0)
 
     def _row_starts(self, ends: Array, exponent: Array, units: Units) -> Array:
         """Return the value before each row from the ends of rows that start at 0.
@@ -140,17 +140,17 @@ class GaussMarkovBank(ChunkedProcess):
         while step < _MARKOV_ROWS:  # a scan by doubling: five passes instead of 32 steps
             decay = row_decay[..., step, None]
             np.multiply(decay, reached[..., :-step], out=carried[..., step:])
-            after = reached[..., step:]
-            np.add(after, carried[..., step:], out=after)
+            final = reached[..., step:]
+            np.add(final, carried[..., step:], out=final)
             step *= 2
         # The states between the chunks, one after the other: a few numbers each.
         over_row, over_rows = np.exp(exponent * _COLUMNS)[..., 0, 0], row_decay[..., 0, :]
         states, state = np.empty(ends.shape[:-1]), self._state[units]
         for chunk in range(ends.shape[-2]):
             states[..., chunk] = state
-            last = over_rows[..., -1] * state
-            last += reached[..., chunk, -2]
-            state = ends[..., chunk, -1] + over_row * last
+            last_row = over_rows[..., -1] * state
+            last_row += reached[..., chunk, -2]
+            state = ends[..., chunk, -1] + over_row * last_row
         self._state[units] = state
         starts: Array = row_decay * states[..., None]
         starts[..., 1:] += reached[..., :-1]
@@ -189,12 +189,14 @@ class FlickerFilter(NamedTuple):
         count = max(int(np.ceil(np.log(_HIGHEST_CORNER * LONGEST_TIME / dt) / np.log(_RATIO))), 1)
         corners = _HIGHEST_CORNER * _RATIO ** -np.arange(count + 1.0)
         # 1 - phi, which at the low end has the digits that phi has not.
-        below = np.append(_below_one(corners), 1.0 - _POLE)
+        distances = np.append(_below_one(corners), 1.0 - _POLE)
         below_zeros = np.append(_below_one(corners * np.sqrt(_RATIO)), 1.0 - _ZERO)
-        poles, zeros = 1.0 - below, 1.0 - below_zeros
-        own = np.eye(len(poles), dtype=bool)
-        ratio = (below_zeros[None, :] - below[:, None]) / poles[:, None]
-        distance = np.where(own, 1.0, (below[None, :] - below[:, None]) / poles[:, None])
+        poles, zeros = 1.0 - distances, 1.0 - below_zeros
+        diagonal = np.eye(len(poles), dtype=bool)
+        ratio = (below_zeros[None, :] - distances[:, None]) / poles[:, None]
+        distance = np.where(
+            diagonal, 1.0, (distances[None, :] - distances[:, None]) / poles[:, None]
+        )
         gains = _GAIN * np.prod(ratio / distance, axis=1)
         return cls(poles, gains, float(_GAIN * np.prod(zeros / poles)))
 
@@ -231,11 +233,11 @@ def _rows(dt: float) -> _Rows:
     impulse = powers[:-1] @ gains
     impulse[0] += design.direct
     lag = np.subtract.outer(np.arange(_COLUMNS), np.arange(_COLUMNS))
-    own = np.where(lag >= 0, impulse[np.abs(lag)], 0.0)
+    lower_triangle = np.where(lag >= 0, impulse[np.abs(lag)], 0.0)
     # Covariance of recursions that see the same unit noise: 1 / (1 - phi_i phi_j).
     covariance = 1.0 / (1.0 - np.outer(poles, poles))
     return _Rows(
-        np.concatenate([own.T, powers[:-1][::-1]], axis=1),
+        np.concatenate([lower_triangle.T, powers[:-1][::-1]], axis=1),
         np.ascontiguousarray((powers[1:] * gains).T),
         poles ** (_COLUMNS * np.arange(_FLICKER_ROWS + 1.0))[:, None],
         np.asarray(np.linalg.cholesky(covariance), dtype=np.float64),
@@ -279,8 +281,8 @@ class FlickerNoise(ChunkedProcess):
         numbers = by_axis(self._streams.next(count * FLICKER_CHUNK, units))
         # All rows of a unit's chunk in a product: its size, and so its sums, never differ.
         noise = numbers.reshape(*several, 3, count, _FLICKER_ROWS, _COLUMNS).swapaxes(-4, -3)
-        made = noise.reshape(*several, count, 3 * _FLICKER_ROWS, _COLUMNS) @ rows.from_noise
-        values, ends = made[..., :_COLUMNS], made[..., _COLUMNS:]
+        filtered = noise.reshape(*several, count, 3 * _FLICKER_ROWS, _COLUMNS) @ rows.from_noise
+        values, ends = filtered[..., :_COLUMNS], filtered[..., _COLUMNS:]
         ends = ends.reshape(*several, count, 3, _FLICKER_ROWS, poles)  # of rows that start at 0
         step = 1
         while step < _FLICKER_ROWS:  # of chunks that start at 0, by doubling
@@ -291,15 +293,15 @@ class FlickerNoise(ChunkedProcess):
         states = np.empty((count + 1, *state.shape))
         states[0] = state
         of_chunks = np.moveaxis(ends[..., -1, :], -3, 0)
-        for before, after, end in zip(states[:-1], states[1:], of_chunks, strict=True):
-            np.multiply(over_chunk, before, out=after)
-            after += end
+        for previous, following, end in zip(states[:-1], states[1:], of_chunks, strict=True):
+            np.multiply(over_chunk, previous, out=following)
+            following += end
         self._state[units] = states[-1]
         starts = rows.decay[:_FLICKER_ROWS] * np.moveaxis(states[:-1], 0, -3)[..., None, :]
         starts[..., 1:, :] += ends[..., :-1, :]
         values += starts.reshape(*several, count, 3 * _FLICKER_ROWS, poles) @ rows.from_state
-        found = values.reshape(*several, count, 3, FLICKER_CHUNK).swapaxes(-3, -2)
-        return np.moveaxis(found.reshape(*several, 3, count * FLICKER_CHUNK), -1, 0)
+        chunks = values.reshape(*several, count, 3, FLICKER_CHUNK).swapaxes(-3, -2)
+        return np.moveaxis(chunks.reshape(*several, 3, count * FLICKER_CHUNK), -1, 0)
 
 
 class Events:
@@ -322,20 +324,20 @@ class Events:
 
     def next(self, count: int) -> Times:
         """Return the number of the event (count,), from 1, that each sample lies in; 0: none."""
-        found = np.zeros(count, np.int64)
+        counts = np.zeros(count, np.int64)
         if not self._probability:
-            return found
-        first = self._done
-        if self._end > first:
-            found[: self._end - first] = self.count
+            return counts
+        begin = self._done
+        if self._end > begin:
+            counts[: self._end - begin] = self.count
         for k in np.flatnonzero(self._begins.random(count) < self._probability):
-            if first + k >= self._end:
+            if begin + k >= self._end:
                 self.count += 1
                 length = max(1, math.ceil(self._lengths.exponential() * self._duration))
-                self._end = first + int(k) + length
-                found[k : k + length] = self.count
-        self._done = first + count
-        return found
+                self._end = begin + int(k) + length
+                counts[k : k + length] = self.count
+        self._done = begin + count
+        return counts
 
     def values(self, count: int, draw: Callable[[], Array]) -> Iterator[tuple[Mask, Array]]:
         """Yield which of the next samples (count,) lie in an event, and its value, for each event.

@@ -26,7 +26,7 @@ _TEMPERATURE_DIGITS: Final = 6
 
 
 class Surroundings(NamedTuple):
-    """What acts on a triad during n readings."""
+    """Environment of a triad during n readings."""
 
     temperature_offset: Array
     """(n, ...) temperature above the reference [K]."""
@@ -46,12 +46,12 @@ class TriadEffect:
     """
 
     parameter: str
-    """Its strength: the name of a field, or of a property, of the triad's parameters."""
+    """Name of the field or property of the triad's parameters that holds the strength."""
     source = ""
-    """Its random streams, if it has any, are ``gyroscope.SOURCE.x`` and so on."""
+    """Name of the random streams, ``gyroscope.SOURCE.x``; empty: the term has none."""
 
     def __init__(
-        self, triad: str, imu: ImuParameters, seed: Seed, rate: float, own: TriadParameters
+        self, triad: str, imu: ImuParameters, seed: Seed, rate: float, parameters: TriadParameters
     ) -> None:
         """Start before the first reading.
 
@@ -59,7 +59,7 @@ class TriadEffect:
         :param imu: has what is not of a single triad, such as the age.
         :param seed: of a batch, an array that changes before units :meth:`begin` again.
         :param rate: readings per second [Hz].
-        :param own: parameters of the triad, of a batch arrays (count, k).
+        :param parameters: parameters of the triad, of a batch arrays (count, k).
         """
         self.triad, self.imu, self.seed = triad, imu, seed
         self.rate, self.dt = rate, 1.0 / rate
@@ -69,22 +69,22 @@ class TriadEffect:
         """(...) readings that a unit has had."""
         self.strength = np.zeros(3)
         """(..., 3), the parameter."""
-        self.configure(own)
+        self.configure(parameters)
         self.begin(...)
 
     @cached_property
     def streams(self) -> Streams:
-        """Its random streams, which begin when they are first needed."""
+        """Random streams of the term, created on first use."""
         return Streams(self.seed, f"{self.triad}.{self.source}")
 
-    def configure(self, own: TriadParameters) -> None:
+    def configure(self, parameters: TriadParameters) -> None:
         """Take new values of parameters, from the next reading on."""
-        self.own = own
-        self.strength = np.asarray(getattr(own, self.parameter))
+        self.parameters = parameters
+        self.strength = np.asarray(getattr(parameters, self.parameter))
         self.axes = np.flatnonzero(self.strength.reshape(-1, 3).any(axis=0))
-        """Those on which the strength is not zero."""
+        """Indices of the axes with a strength other than zero."""
         self.active = len(self.axes) > 0
-        """Whether it changes anything now."""
+        """True if the strength is not zero on any axis."""
 
     def begin(self, units: Units) -> None:
         """Let some units of a batch begin, or begin again, from their present seeds."""
@@ -97,28 +97,28 @@ class ErrorTerm(TriadEffect, ABC):
     """An effect that is added to others."""
 
     follows_force = False
-    """Whether it depends on the specific force, so that it cannot be computed before that."""
+    """True if the term depends on the specific force and cannot be computed before it."""
 
     @abstractmethod
-    def next(self, around: Surroundings, units: Units = ...) -> Array:
+    def next(self, surroundings: Surroundings, units: Units = ...) -> Array:
         """Return the error of the next n readings of some units (n, ..., 3).
 
         One that stays the same may be (1, ..., 3) or (..., 3).
         """
 
-    def next_times(self, around: Surroundings, units: Units) -> Array:
+    def next_times(self, surroundings: Surroundings, units: Units) -> Array:
         """Return when the next n readings of some units are (n, ...) [s], since they began."""
-        count, first = len(around.temperature_offset), self.done[units]
-        numbers = np.arange(count).reshape(-1, *(1,) * first.ndim) + first
+        count, begin = len(surroundings.temperature_offset), self.done[units]
+        numbers = np.arange(count).reshape(-1, *(1,) * begin.ndim) + begin
         self.done[units] += count
         return numbers.astype(np.float64) * self.dt
 
-    def next_numbers(self, around: Surroundings, units: Units) -> Array:
+    def next_numbers(self, surroundings: Surroundings, units: Units) -> Array:
         """Return standard normal numbers for the next n readings of some units (n, ..., 3).
 
         Axes without a strength draw none: theirs are 0.
         """
-        drawn = self.streams.next(len(around.temperature_offset), units, self.axes)
+        drawn = self.streams.next(len(surroundings.temperature_offset), units, self.axes)
         if len(self.axes) == 3:
             return drawn
         numbers = np.zeros((*drawn.shape[:-1], 3), order="F")
@@ -135,24 +135,26 @@ class WhiteNoise(ErrorTerm):
 
     parameter, source = "noise_density", "white_noise"
 
-    def configure(self, own: TriadParameters) -> None:
+    def configure(self, parameters: TriadParameters) -> None:
         """Take the density, the correlation and the dependence on temperature."""
-        super().configure(own)
+        super().configure(parameters)
         self._sigma = self.strength / np.sqrt(self.dt)
         self._mixing: Array | None = None
-        if is_set(own.noise_correlation):
-            self._mixing = _square_root(np.asarray(own.noise_correlation))
+        if is_set(parameters.noise_correlation):
+            self._mixing = _square_root(np.asarray(parameters.noise_correlation))
             self.axes = np.arange(3)  # the numbers of all axes are mixed
 
-    def next(self, around: Surroundings, units: Units = ...) -> Array:
+    def next(self, surroundings: Surroundings, units: Units = ...) -> Array:
         """Return the noise of the next n readings of some units (n, ..., 3), a new array."""
-        noise = self.next_numbers(around, units)
+        noise = self.next_numbers(surroundings, units)
         if self._mixing is not None:
             noise = transform(self._mixing[units], noise)
         noise *= self._sigma[units]
-        if is_set(self.own.noise_temperature_coefficient):
-            thermal = np.asarray(self.own.noise_temperature_coefficient)
-            noise *= np.maximum(1.0 + thermal[units] * around.temperature_offset[..., None], 0.0)
+        if is_set(self.parameters.noise_temperature_coefficient):
+            thermal = np.asarray(self.parameters.noise_temperature_coefficient)
+            noise *= np.maximum(
+                1.0 + thermal[units] * surroundings.temperature_offset[..., None], 0.0
+            )
         return noise
 
 
@@ -180,9 +182,9 @@ class ThermalBias(ErrorTerm):
 
     parameter = "temperature_bias"
 
-    def next(self, around: Surroundings, units: Units = ...) -> Array:
+    def next(self, surroundings: Surroundings, units: Units = ...) -> Array:
         """Return the bias of n readings of some units (n, ..., 3), or the same for all."""
-        offset, coefficients = around.temperature_offset, self.strength[units]
+        offset, coefficients = surroundings.temperature_offset, self.strength[units]
         if is_constant(offset):
             offset = offset[:1]
         result = np.zeros((*offset.shape, 3), order="F")
@@ -208,7 +210,7 @@ class TurnOnBias(ErrorTerm):
         seeds, sigma = np.asarray(self.seed)[units], self.strength[units]
         self.state[units] = turn_on(seeds, f"{self.triad}.{self.source}", sigma)
 
-    def next(self, around: Surroundings, units: Units = ...) -> Array:
+    def next(self, surroundings: Surroundings, units: Units = ...) -> Array:
         """Return the bias of some units (..., 3)."""
         return self.state[units]
 
@@ -235,7 +237,7 @@ class ConstantBias(ErrorTerm):
 
     parameter = "bias"
 
-    def next(self, around: Surroundings, units: Units = ...) -> Array:
+    def next(self, surroundings: Surroundings, units: Units = ...) -> Array:
         """Return the bias of some units (..., 3)."""
         return self.strength[units]
 
@@ -245,15 +247,15 @@ class RandomWalk(ErrorTerm):
 
     parameter = source = "random_walk"
 
-    def configure(self, own: TriadParameters) -> None:
+    def configure(self, parameters: TriadParameters) -> None:
         """Take the density; the walk goes on, or stays, where it is."""
-        super().configure(own)
+        super().configure(parameters)
         self._sigma = self.strength * np.sqrt(self.dt)
         self.active = self.active or bool(self.state.any())
 
-    def next(self, around: Surroundings, units: Units = ...) -> Array:
+    def next(self, surroundings: Surroundings, units: Units = ...) -> Array:
         """Return the bias of the next n readings of some units (n, ..., 3)."""
-        steps, start = self.next_numbers(around, units), self.state[units]
+        steps, start = self.next_numbers(surroundings, units), self.state[units]
         steps *= self._sigma[units]
         walk = np.empty((len(steps) + 1, *start.shape), order="F")
         walk[0], walk[1:] = start, steps
@@ -276,9 +278,9 @@ class _Process(ErrorTerm):
         if "process" in vars(self):
             self.process.begin(units)
 
-    def next(self, around: Surroundings, units: Units = ...) -> Array:
+    def next(self, surroundings: Surroundings, units: Units = ...) -> Array:
         """Return the bias of the next n readings of some units (n, ..., 3)."""
-        values = self.process.next_block(len(around.temperature_offset), units)
+        values = self.process.next_block(len(surroundings.temperature_offset), units)
         values *= self.strength[units]
         return values
 
@@ -297,7 +299,7 @@ class GaussMarkov(_Process):
     @cached_property
     def process(self) -> GaussMarkovBank:
         """The process of unit variance."""
-        tau = np.asarray(self.own.correlation_time)
+        tau = np.asarray(self.parameters.correlation_time)
         # An axis without correlation time has no such bias (that is checked); any time will do.
         tau = np.where(tau > 0.0, tau, 1.0)
         return GaussMarkovBank(self.seed, f"{self.triad}.{self.source}", tau, self.dt)
@@ -325,19 +327,19 @@ class RateRamp(ErrorTerm):
 
     parameter = "rate_ramp"
 
-    def configure(self, own: TriadParameters) -> None:
+    def configure(self, parameters: TriadParameters) -> None:
         """Take the slope; the ramp goes on from where it is."""
-        before = self.strength
-        super().configure(own)
-        changed = np.any(self.strength != before, axis=-1)
-        reached = self.state + before * (self.done * self.dt)[..., None]
+        previous = self.strength
+        super().configure(parameters)
+        changed = np.any(self.strength != previous, axis=-1)
+        reached = self.state + previous * (self.done * self.dt)[..., None]
         self.state = np.where(changed[..., None], reached, self.state)
         self.done[changed] = 0
         self.active = self.active or bool(self.state.any())
 
-    def next(self, around: Surroundings, units: Units = ...) -> Array:
+    def next(self, surroundings: Surroundings, units: Units = ...) -> Array:
         """Return the bias of the next n readings of some units (n, ..., 3)."""
-        t = self.next_times(around, units)
+        t = self.next_times(surroundings, units)
         return self.state[units] + self.strength[units] * t[..., None]
 
 
@@ -356,9 +358,9 @@ class TemperatureHysteresis(ErrorTerm):
         self._direction, self._last = 0.0, math.nan
         self._turned_at = self._s_there = 0.0
 
-    def next(self, around: Surroundings, units: Units = ...) -> Array:
+    def next(self, surroundings: Surroundings, units: Units = ...) -> Array:
         """Return the bias of the next n readings (n, 3)."""
-        temperature = np.round(around.temperature_offset, _TEMPERATURE_DIGITS)
+        temperature = np.round(surroundings.temperature_offset, _TEMPERATURE_DIGITS)
         if len(temperature) and math.isnan(self._last):
             self._last = self._turned_at = float(temperature[0])
         s = np.empty_like(temperature)
@@ -397,9 +399,9 @@ class AgeingBias(ErrorTerm):
 
     parameter = "ageing_bias"
 
-    def next(self, around: Surroundings, units: Units = ...) -> Array:
+    def next(self, surroundings: Surroundings, units: Units = ...) -> Array:
         """Return the drift at the next n readings of some units (n, ..., 3)."""
-        days = self.next_times(around, units) / _DAY
+        days = self.next_times(surroundings, units) / _DAY
         return self.strength[units] * np.log10(1.0 + self.imu.age_days + days)[..., None]
 
 
@@ -430,17 +432,17 @@ class StressSteps(ErrorTerm):
         self._reached += self._times.exponential() / mean
         return math.ceil(self._reached)
 
-    def next(self, around: Surroundings, units: Units = ...) -> Array:
+    def next(self, surroundings: Surroundings, units: Units = ...) -> Array:
         """Return the bias of the next n readings (n, 3)."""
-        values = np.empty((len(around.temperature_offset), 3))
-        first, end = int(self.done), int(self.done) + len(values)
-        while first < end:
-            while self._next <= first:
+        values = np.empty((len(surroundings.temperature_offset), 3))
+        begin, end = int(self.done), int(self.done) + len(values)
+        while begin < end:
+            while self._next <= begin:
                 self.state += self.strength * self._sizes.next(1)[0]
                 self._next = self._draw()
             until = min(self._next, end)
-            values[first - self.done : until - self.done] = self.state
-            first = until
+            values[begin - self.done : until - self.done] = self.state
+            begin = until
         self.done[...] = end
         return values
 
@@ -463,17 +465,17 @@ class ShockBias(ErrorTerm):
         self._carried = np.zeros((1, 3))
         self._above = False
 
-    def next(self, around: Surroundings, units: Units = ...) -> Array:
+    def next(self, surroundings: Surroundings, units: Units = ...) -> Array:
         """Return the bias of the next n readings (n, 3)."""
-        force, tau = around.force, self.imu.shock_recovery_time
+        force, tau = surroundings.force, self.imu.shock_recovery_time
         assert force is not None
         jumps = np.zeros_like(force)
         if len(force) == 0:
             return jumps
         x, y, z = force.T
-        above = x * x + y * y + z * z > self.imu.shock_threshold**2
-        begins = above & ~np.concatenate([[self._above], above[:-1]])
-        self._above = bool(above[-1])
+        shaken = x * x + y * y + z * z > self.imu.shock_threshold**2
+        begins = shaken & ~np.concatenate([[self._above], shaken[:-1]])
+        self._above = bool(shaken[-1])
         rows = np.flatnonzero(begins)
         jumps[rows] = self.strength * self._sizes.next(len(rows))
         phi = math.exp(-self.dt / tau) if tau else 1.0
@@ -494,9 +496,9 @@ BIAS: Final[tuple[type[ErrorTerm], ...]] = (
     StressSteps,
     ShockBias,
 )
-"""What adds up to a triad's bias, in this order; a new term is one line more."""
+"""Terms of the bias of a triad, in the order in which they are added."""
 DRIFT_OF_SCALE: Final[tuple[type[ErrorTerm], ...]] = (ThermalScale, AgeingScale)
-"""What adds up to the change c of a triad's scale ``1 + s + c``, s that of :class:`TurnOnScale`."""
+"""Terms of the drift c of a triad's scale ``1 + s + c``, with s of :class:`TurnOnScale`."""
 
 
 def is_constant(values: Array) -> bool:

@@ -55,7 +55,7 @@ class Response:
         )
         linear = self._quadratic is None and self._g is None and self._h is None
         self.is_perfect = linear and bool((response == np.eye(3)).all())
-        """Whether it returns its input."""
+        """True if the response returns its input."""
 
     def apply(
         self, ideal: components.Vector[Any], force: components.Vector[Any]
@@ -106,9 +106,9 @@ class _Group:
     @property
     def columns(self) -> slice | NDArray[np.intp]:
         """The axes, as a slice if they are neighbours: they are then filtered in place."""
-        first, last = int(self.axes[0]), int(self.axes[-1])
-        neighbours = last - first + 1 == len(self.axes)
-        return slice(first, last + 1) if neighbours else self.axes
+        first_axis, last_axis = int(self.axes[0]), int(self.axes[-1])
+        neighbours = last_axis - first_axis + 1 == len(self.axes)
+        return slice(first_axis, last_axis + 1) if neighbours else self.axes
 
     def settled_on(self, values: Array) -> Array:
         """Return the state of filters whose input has always been values (..., axes)."""
@@ -146,9 +146,9 @@ class LowPass:
 
     def apply(self, values: Array) -> Array:
         """Filter the next n samples (n, ..., 3) in place; return what that adds."""
-        before = np.copy(values)
+        unfiltered = np.copy(values)
         if len(values) == 0:
-            return before
+            return unfiltered
         for group in self._groups:
             x = values[..., group.columns]
             if group.state is None:
@@ -159,7 +159,7 @@ class LowPass:
                 group.sections, x, axis=0, zi=group.state
             )
         self._fresh[...] = False
-        return np.subtract(values, before, out=before)
+        return np.subtract(values, unfiltered, out=unfiltered)
 
 
 _WHOLE: Final = 1.0 + 1e-6
@@ -170,24 +170,24 @@ class _Digits(NamedTuple):
     """Steps and range of an axis, of one unit or of the units of a batch."""
 
     rounded: bool | Mask
-    """Whether there are steps; a mask where units of a batch differ."""
+    """True if the output has digital steps; a mask where the units of a batch differ."""
     step: Any
     """1 where there are none."""
     limited: bool
-    least: Any
+    minimum: Any
     """Last step within the range, or the range itself where there are no steps."""
-    most: Any
+    maximum: Any
 
     def digital(self, x: Any) -> Any:
         """Return values as they are read."""
-        rounded, step, limited, least, most = self
+        rounded, step, limited, minimum, maximum = self
         if rounded is False:
-            return limit(x, least, most) if limited else x
+            return limit(x, minimum, maximum) if limited else x
         if rounded is True:
-            return quantise(x, step, least, most)
+            return quantise(x, step, minimum, maximum)
         x = x / step
         x = np.where(rounded, rint(x), x)
-        return (limit(x, least, most) if limited else x) * step
+        return (limit(x, minimum, maximum) if limited else x) * step
 
 
 class Digitiser:
@@ -198,13 +198,13 @@ class Digitiser:
         limits, steps = np.asarray(parameters.range), np.asarray(parameters.resolution)
         rounded = steps > 0.0
         steps = np.where(rounded, steps, 1.0)
-        most = np.where(rounded, np.floor(limits / steps * _WHOLE), limits)
-        most = np.where(limits > 0.0, most, np.inf)
+        maximum = np.where(rounded, np.floor(limits / steps * _WHOLE), limits)
+        maximum = np.where(limits > 0.0, maximum, np.inf)
         self._is_perfect = not (rounded.any() or limits.any())
         self._axes = [
             _Digits(_one_of_all(rounded[..., k]), step, bool(limits[..., k].any()), low, high)
             for k, (step, low, high) in enumerate(
-                zip(_entries(steps), _entries(-most), _entries(most), strict=True)
+                zip(_entries(steps), _entries(-maximum), _entries(maximum), strict=True)
             )
         ]
 
@@ -232,11 +232,11 @@ class IncrementRounding(TriadEffect):
 
     parameter = "increment_resolution"
 
-    def configure(self, own: TriadParameters) -> None:
+    def configure(self, parameters: TriadParameters) -> None:
         """Take the steps (..., 3); 0 is none. The sum of an axis with another step begins at 0."""
-        before = self.strength
-        super().configure(own)
-        self.state[np.broadcast_to(self.strength != before, self.state.shape)] = 0.0
+        previous = self.strength
+        super().configure(parameters)
+        self.state[np.broadcast_to(self.strength != previous, self.state.shape)] = 0.0
 
     def apply(self, values: Array) -> None:
         """Round the increments of mean readings (n, ..., 3) in place."""
@@ -252,7 +252,7 @@ class IncrementRounding(TriadEffect):
 
 
 class Reading(NamedTuple):
-    """What a triad reads and why; all (n, ..., 3), errors in the order of conventions.ERRORS."""
+    """Readings of a triad and their errors in the order of conventions.ERRORS, all (n, ..., 3)."""
 
     reading: Array
     bias: Array
@@ -270,7 +270,7 @@ NumberAdditions: TypeAlias = tuple[
 
 
 class Additions(NamedTuple):
-    """What n readings of a triad get, whatever they are; made before they are known."""
+    """Additive errors of n readings of a triad that do not depend on the readings."""
 
     scale: Array | None
     """(n, ..., 3); None: 1."""
@@ -317,21 +317,21 @@ class Triad:
         self._last: Array | components.Vector[Any] | None = None
         """The last reading, which a sensor that is stuck repeats."""
 
-    def configure(self, own: TriadParameters) -> None:
+    def configure(self, parameters: TriadParameters) -> None:
         """Take new values of live parameters, from the next sample on.
 
-        :param own: the constants of the unit, or of the units of a batch, are drawn
+        :param parameters: the constants of the unit, or of the units of a batch, are drawn
             (:func:`unit_of_seed`).
         """
-        self._parameters = own
-        self._response, self._digitiser = Response(own), Digitiser(own)
+        self._parameters = parameters
+        self._response, self._digitiser = Response(parameters), Digitiser(parameters)
         self._bias = [term for kind in BIAS if (term := self._active(kind))]
         self._drift = [term for kind in DRIFT_OF_SCALE if (term := self._active(kind))]
         self._turn_on_scale = self._active(TurnOnScale)
         self._white = self._active(WhiteNoise)
         self._increments = self._active(IncrementRounding)
         self.follows_force = any(term.follows_force for term in self._bias)
-        """Whether a bias depends on the readings, so that nothing can be computed before them."""
+        """True if a bias depends on the readings and cannot be computed before them."""
 
     def _active(self, kind: type[_Kind]) -> _Kind | None:
         """Return an effect with the present parameters; None if it changes nothing."""
@@ -360,28 +360,32 @@ class Triad:
         if self._low_pass is not None:
             self._low_pass.begin(units)
 
-    def additions(self, around: Surroundings, units: Units = ...) -> Additions:
+    def additions(self, surroundings: Surroundings, units: Units = ...) -> Additions:
         """Return what the next n readings get, whatever they are.
 
         :param units: those of a batch whose readings these are.
         """
-        shape = (*around.temperature_offset.shape, 3)
+        shape = (*surroundings.temperature_offset.shape, 3)
         scale: Array | None = None
         if self._drift or self._turn_on_scale is not None:
-            run = 0.0 if self._turn_on_scale is None else self._turn_on_scale.next(around, units)
-            drift = sum(term.next(around, units) for term in self._drift)
+            run = (
+                0.0
+                if self._turn_on_scale is None
+                else self._turn_on_scale.next(surroundings, units)
+            )
+            drift = sum(term.next(surroundings, units) for term in self._drift)
             scale = np.asarray(drift + (1.0 + run))
             if scale.shape != shape:  # it stands for all times, which its strides then say
                 scale = np.broadcast_to(scale, shape)
         bias = np.zeros(shape, order="F")
         for term in self._bias:
-            bias += term.next(around, units)
-        noise = None if self._white is None else self._white.next(around, units)
+            bias += term.next(surroundings, units)
+        noise = None if self._white is None else self._white.next(surroundings, units)
         return Additions(scale, bias, noise)
 
     def read(
         self,
-        first: int,
+        start: int,
         ideal: Array,
         force: Array,
         additions: Additions,
@@ -392,7 +396,7 @@ class Triad:
 
         Inside an oversampled sensor there are m = ratio readings for each, 1 elsewhere.
 
-        :param first: index of the first of them.
+        :param start: index of the first of them.
         :param ideal: (n m, 3) ideal reading of this triad.
         :param force: (n m, 3) ideal specific force [m/s^2].
         :param additions: what :meth:`additions` has returned for these n m readings.
@@ -402,11 +406,11 @@ class Triad:
         scale, bias, noise = additions
         windows = faults is not None and bool(faults.windows)
         if faults is not None and windows:
-            bias = self._with_jumps(first, bias, faults)
-        given = split(ideal)
+            bias = self._with_jumps(start, bias, faults)
+        inputs = split(ideal)
         total, error = self._analogue(
-            given,
-            given if force is ideal else split(force),
+            inputs,
+            inputs if force is ideal else split(force),
             None if scale is None else split(scale),
             split(bias),
             None if noise is None else split(noise),
@@ -418,24 +422,24 @@ class Triad:
             if self._low_pass is not None:
                 low_pass = self._low_pass.apply(reading)
             if self._ratio > 1:
-                last = slice(self._ratio - 1, None, self._ratio)
-                reading, bias = np.copy(reading[last]), np.copy(bias[last])
+                decimated = slice(self._ratio - 1, None, self._ratio)
+                reading, bias = np.copy(reading[decimated]), np.copy(bias[decimated])
                 scale, noise, response_error, low_pass = (
-                    None if values is None else np.copy(values[last])
+                    None if values is None else np.copy(values[decimated])
                     for values in (scale, noise, response_error, low_pass)
                 )
             if vibration is not None:
                 reading += vibration
             if faults is not None and windows:
-                faults.saturate(self._name, first, reading)
+                faults.saturate(self._name, start, reading)
             total = split(reading)
         reading = together(self._digitiser.apply(total), bias.shape)
         if self._increments is not None:
             self._increments.apply(reading)
         if faults is not None:
             if windows:
-                before = None if self._last is None else np.array(self._last)
-                faults.hold(self._name, first, reading, before)
+                held = None if self._last is None else np.array(self._last)
+                faults.hold(self._name, start, reading, held)
             if len(reading):
                 self._last = reading[-1].copy()
         return reading_of(
@@ -444,7 +448,7 @@ class Triad:
 
     @property
     def remembers(self) -> bool:
-        """Whether a reading depends on those before it, apart from its additions."""
+        """True if a reading depends on earlier readings, apart from its additive errors."""
         return bool(self._low_pass or self._ratio > 1 or self._increments)
 
     def read_numbers(
@@ -485,14 +489,14 @@ class Triad:
             x, y, z = x + u, y + v, z + w
         return (x, y, z), error
 
-    def _with_jumps(self, first: int, bias: Array, faults: FaultSchedule) -> Array:
+    def _with_jumps(self, start: int, bias: Array, faults: FaultSchedule) -> Array:
         """Return a bias (n m, 3) with the jumps of faults in it."""
         if self._ratio == 1:
             jumped = np.copy(bias)
-            faults.add_bias(self._name, first, jumped)
+            faults.add_bias(self._name, start, jumped)
             return jumped
         jumps = np.zeros((len(bias) // self._ratio, 3))
-        faults.add_bias(self._name, first, jumps)
+        faults.add_bias(self._name, start, jumps)
         return bias + np.repeat(jumps, self._ratio, axis=0)
 
 

@@ -46,27 +46,27 @@ _VALUES: Final = (
     *("accel", *(f"accel_{error}" for error in ERRORS)),
     *("temperature", "ideal_gyro", "ideal_accel", "motion"),
 )
-"""What samples have, in the order in which it is made."""
+"""Names of the arrays in a block of samples, in the order of computation."""
 AHEAD: Final = 64
 """Samples whose noise is made at once where given readings come one by one."""
 _LONGEST_LOOK: Final = 3600.0
 """[s] Of a motion that is compared with the ranges."""
 _ROUNDING: Final = 1e-9
-"""Of the length of a vector that is rotated, far more than there is."""
+"""Bound on the relative rounding error of the length of a rotated vector."""
 _MOST_LOOKS: Final = 100_000
 _LOOKS_AT_ONCE: Final = 8192
 """A run of one block, of as many samples, has its motion sampled once: the world keeps it."""
 
 
 class _Ahead(NamedTuple):
-    """What samples ``first .. end - 1`` get whatever their ideal readings are."""
+    """Errors of the samples ``start .. end - 1`` that do not depend on their ideal readings."""
 
-    first: int
+    start: int
     end: int
     temperature: Array
     """(end - first,) [degC]."""
     additions: Sequence[Additions]
-    """Those of the gyroscope and of the accelerometer."""
+    """Additive errors of the gyroscope and of the accelerometer."""
     numbers: Sequence[tuple[NumberAdditions, NumberAdditions]]
     """The same of each sample."""
 
@@ -75,7 +75,7 @@ class Imu:
     """One IMU; its samples are read in order."""
 
     latest: Samples
-    """What was read last."""
+    """Samples of the most recent read."""
 
     def __init__(self, mounted: Mounted, t0_ns: int, _: object = None) -> None:
         """Set up all errors at their start.
@@ -109,10 +109,10 @@ class Imu:
             triad.configure(unit_of_seed(imu.triad(name), name, self._seed))
         follows = any(triad.follows_force for triad in self._triads)
         self._made_ahead = self._ratio == 1 and not follows
-        """Whether what is added to given readings can be made before them."""
+        """True if the additive errors can be drawn before the readings exist."""
         remembers = any(triad.remembers for triad in self._triads)
         self._plain = self._made_ahead and not remembers and self._vibration is None
-        """Whether one reading needs no arrays, apart from its message."""
+        """True if a single reading is computed with numbers instead of arrays."""
         self._timing.configure(imu)
 
     def inject(self, fault: Fault, begin: Fraction) -> None:
@@ -121,16 +121,16 @@ class Imu:
 
     def read(self, window: Window, world: World) -> Samples:
         """Return the samples in a window, which begins where the last one ended."""
-        first, true_t_ns, t = self._timing.times.within(window)
-        motion, *ideal = self._ideal_readings(first, t, world)
+        start, true_t_ns, t = self._timing.times.within(window)
+        motion, *ideal = self._ideal_readings(start, t, world)
         temperature = world.temperature.at(t)
-        vibration = None if self._vibration is None else self._vibration.read(first, motion)
+        vibration = None if self._vibration is None else self._vibration.read(start, motion)
         if self._ratio == 1:
             additions = self._additions(temperature, ideal[1])
-            made = self._triad_readings(first, ideal, additions, vibration)
+            readings = self._triad_readings(start, ideal, additions, vibration)
         else:
-            made = self._oversampled(first, len(t), world, vibration)
-        return self._samples(first, true_t_ns, motion, ideal, temperature, made)
+            readings = self._oversampled(start, len(t), world, vibration)
+        return self._samples(start, true_t_ns, motion, ideal, temperature, readings)
 
     def apply(
         self, true_t_ns: Times, motion: Motion, gyro: Array, accel: Array, world: World
@@ -147,31 +147,33 @@ class Imu:
             for each sample, the last of them at its time, others 1.
         :param accel: (n m, 3) ideal [m/s^2].
         """
-        first, count, m = self._timing.position, len(true_t_ns), self._ratio
-        if self._made_ahead and self._ahead.end <= first and 0 < count < AHEAD:
-            self._look_ahead(first, world)
-        left = self._ahead.end - first
-        if 0 < left < count:
+        start, count, m = self._timing.position, len(true_t_ns), self._ratio
+        if self._made_ahead and self._ahead.end <= start and 0 < count < AHEAD:
+            self._look_ahead(start, world)
+        remaining = self._ahead.end - start
+        if 0 < remaining < count:
             parts = []
-            for rows in (slice(0, left), slice(left, count)):
-                own = Motion(*(values[rows] for values in motion))
-                parts.append(self.apply(true_t_ns[rows], own, gyro[rows], accel[rows], world))
+            for rows in (slice(0, remaining), slice(remaining, count)):
+                part_motion = Motion(*(values[rows] for values in motion))
+                parts.append(
+                    self.apply(true_t_ns[rows], part_motion, gyro[rows], accel[rows], world)
+                )
             self.latest = joined(parts)
             return self.latest
-        if left > 0:
-            rows = slice(first - self._ahead.first, first - self._ahead.first + count)
+        if remaining > 0:
+            rows = slice(start - self._ahead.start, start - self._ahead.start + count)
             temperature = self._ahead.temperature[rows]
-            additions = [one.at(rows) for one in self._ahead.additions]
+            additions = [errors.at(rows) for errors in self._ahead.additions]
         else:
-            temperature = world.temperature.at(self._timing.times.following(first, count).t)
-            inside = temperature
+            temperature = world.temperature.at(self._timing.times.following(start, count).t)
+            substep_temperature = temperature
             if m > 1:
-                inside = world.temperature.at(self._times_inside(first, first + count))
-            additions = self._additions(inside, accel)
-        vibration = None if self._vibration is None else self._vibration.read(first, motion)
-        made = self._triad_readings(first, (gyro, accel), additions, vibration)
+                substep_temperature = world.temperature.at(self._times_inside(start, start + count))
+            additions = self._additions(substep_temperature, accel)
+        vibration = None if self._vibration is None else self._vibration.read(start, motion)
+        readings = self._triad_readings(start, (gyro, accel), additions, vibration)
         ideal = (gyro[m - 1 :: m], accel[m - 1 :: m])
-        return self._samples(first, true_t_ns, motion, ideal, temperature, made)
+        return self._samples(start, true_t_ns, motion, ideal, temperature, readings)
 
     def apply_few(
         self, times: Sequence[int], readings: Sequence[LiveReading], motion: Motion, world: World
@@ -184,41 +186,41 @@ class Imu:
         """
         if not self._plain or self._timing.faults.windows:
             return None
-        first, count = self._timing.position, len(readings)
-        if self._ahead.end <= first:
-            self._look_ahead(first, world)
+        start, count = self._timing.position, len(readings)
+        if self._ahead.end <= start:
+            self._look_ahead(start, world)
         ahead = self._ahead
-        row, end = first - ahead.first, first - ahead.first + count
+        row, end = start - ahead.start, start - ahead.start + count
         if end > len(ahead.numbers):
             return None
         of_gyro, of_accel = self._triads
-        made = []
+        results = []
         for (_, gyro, accel, _), added in zip(readings, ahead.numbers[row:end], strict=True):
-            made.append(of_gyro.read_numbers(gyro, accel, added[0]))
-            made.append(of_accel.read_numbers(accel, accel, added[1]))
-        table = np.array([reading for reading, _ in made])
+            results.append(of_gyro.read_numbers(gyro, accel, added[0]))
+            results.append(of_accel.read_numbers(accel, accel, added[1]))
+        table = np.array([reading for reading, _ in results])
         rates, forces = table[::2], table[1::2]
-        truth = partial(_truth, (rates, forces), made, ahead, slice(row, end), readings, motion)
+        truth = partial(_truth, (rates, forces), results, ahead, slice(row, end), readings, motion)
         values = Completed({"gyro": rates, "accel": forces}, _VALUES, truth)
-        self.latest = self._timing.samples(first, np.array(times), values)
+        self.latest = self._timing.samples(start, np.array(times), values)
         return self.latest
 
-    def _look_ahead(self, first: int, world: World) -> None:
+    def _look_ahead(self, start: int, world: World) -> None:
         """Make what samples from an index on get, up to a multiple of ``AHEAD``."""
-        end = first + AHEAD - first % AHEAD
-        temperature = world.temperature.at(self._timing.times.following(first, end - first).t)
+        end = start + AHEAD - start % AHEAD
+        temperature = world.temperature.at(self._timing.times.following(start, end - start).t)
         additions = self._additions(temperature, None)
         numbers = list(zip(*(values.numbers() for values in additions), strict=True))
-        self._ahead = _Ahead(first, end, temperature, additions, numbers)
+        self._ahead = _Ahead(start, end, temperature, additions, numbers)
 
     def _additions(self, temperature: Array, force: Array | None) -> list[Additions]:
         """Return what the next readings get at a temperature (n,) [degC]."""
-        around = Surroundings(temperature - self._reference_temperature, force)
-        return [triad.additions(around) for triad in self._triads]
+        surroundings = Surroundings(temperature - self._reference_temperature, force)
+        return [triad.additions(surroundings) for triad in self._triads]
 
     def _triad_readings(
         self,
-        first: int,
+        start: int,
         ideal: Sequence[Array],
         additions: Sequence[Additions],
         vibration: Array | None,
@@ -226,24 +228,26 @@ class Imu:
         """Return what gyroscope and accelerometer read."""
         shaken = (None, None) if vibration is None else (vibration[:, :3], vibration[:, 3:])
         return [
-            triad.read(first, own, ideal[1], added, self._timing.faults, shake)
-            for triad, own, added, shake in zip(self._triads, ideal, additions, shaken, strict=True)
+            triad.read(start, triad_input, ideal[1], added, self._timing.faults, shake)
+            for triad, triad_input, added, shake in zip(
+                self._triads, ideal, additions, shaken, strict=True
+            )
         ]
 
     def _samples(
         self,
-        first: int,
+        start: int,
         true_t_ns: Times,
         motion: Motion,
         ideal: Sequence[Array],
         temperature: Array,
-        made: Sequence[Reading],
+        readings: Sequence[Reading],
     ) -> Samples:
         """Return n samples with stamps and transport."""
-        gyro, accel = made
-        given = (*gyro, *accel, temperature, *ideal, motion)
-        values = dict(zip(_VALUES, given, strict=True))
-        self.latest = self._timing.samples(first, true_t_ns, values)
+        gyro, accel = readings
+        arrays = (*gyro, *accel, temperature, *ideal, motion)
+        values = dict(zip(_VALUES, arrays, strict=True))
+        self.latest = self._timing.samples(start, true_t_ns, values)
         return self.latest
 
     def _times_inside(self, begin: int, end: int) -> Array:
@@ -259,40 +263,40 @@ class Imu:
         return timebase.seconds_since(np.concatenate([np.zeros(missing, np.int64), t_ns]), 0)
 
     def _oversampled(
-        self, first: int, count: int, world: World, vibration: Array | None
+        self, start: int, count: int, world: World, vibration: Array | None
     ) -> list[Reading]:
         """Return the triads' samples, each the last of ``ratio`` readings at the internal rate.
 
         In pieces, so that the readings inside the sensor need no more memory than a block. Before
         the first sample the body is assumed to be where it is at the first.
         """
-        made = []
+        pieces = []
         step = max(_INTERNAL_READINGS // self._ratio, 1)
-        for begin in range(first, first + max(count, 1), step):
-            end = min(begin + step, first + count)
+        for begin in range(start, start + max(count, 1), step):
+            end = min(begin + step, start + count)
             t = self._times_inside(begin, end)
             ideal = self._ideal.read(world.trajectory.sample(t))
             additions = self._additions(world.temperature.at(t), ideal[1])
-            own = None if vibration is None else vibration[begin - first : end - first]
-            made.append(self._triad_readings(begin, ideal, additions, own))
+            piece_vibration = None if vibration is None else vibration[begin - start : end - start]
+            pieces.append(self._triad_readings(begin, ideal, additions, piece_vibration))
         return [
             Reading(*(np.concatenate(parts) for parts in zip(*readings, strict=True)))
-            for readings in zip(*made, strict=True)
+            for readings in zip(*pieces, strict=True)
         ]
 
-    def _ideal_readings(self, first: int, t: Array, world: World) -> tuple[Motion, Array, Array]:
+    def _ideal_readings(self, start: int, t: Array, world: World) -> tuple[Motion, Array, Array]:
         """Return the motion at times t (n,) and what a perfect IMU reads, (n, 3) twice."""
         if not self._averaged:
             motion = world.motion(t)
             return motion, *self._ideal.read(motion)
         if self._quadrature is None:
             self._quadrature = quadrature(world.trajectory.highest_frequency, 1.0 / self._rate)
-        before = timebase.sample_times_ns(max(first - 1, 0), 1, self._rate)
-        ends = np.concatenate([timebase.seconds_since(before, 0), t])
+        previous = timebase.sample_times_ns(max(start - 1, 0), 1, self._rate)
+        ends = np.concatenate([timebase.seconds_since(previous, 0), t])
         motion = world.motion(ends)
         rate, force = self._ideal.read_mean(world.trajectory, ends, motion, self._quadrature)
         motion = Motion(*(values[1:] for values in motion))
-        if first == 0:  # nothing lies before the first sample: it is the value at its time
+        if start == 0:  # nothing lies before the first sample: it is the value at its time
             at_once = self._ideal.read(Motion(*(values[:1] for values in motion)))
             rate[:1], force[:1] = at_once
         return motion, rate, force
@@ -300,7 +304,7 @@ class Imu:
 
 def _truth(
     samples: Sequence[Array],
-    made: Sequence[tuple[Vector[float], Vector[float] | None]],
+    results: Sequence[tuple[Vector[float], Vector[float] | None]],
     ahead: _Ahead,
     rows: slice,
     readings: Sequence[LiveReading],
@@ -309,12 +313,12 @@ def _truth(
     """Yield all values of a few samples, in the order of ``_VALUES``.
 
     :param samples: (n, 3) of gyroscope and accelerometer.
-    :param made: readings and response errors of both triads in turn.
+    :param results: readings and response errors of both triads in turn.
     :param rows: of the samples in what was made ahead.
     :param readings: ideal ones.
     """
     for k, (values, added) in enumerate(zip(samples, ahead.additions, strict=True)):
-        errors = [error for _, error in made[k::2] if error is not None]
+        errors = [error for _, error in results[k::2] if error is not None]
         yield from reading_of(values, added.at(rows), np.array(errors) if errors else None)
     yield ahead.temperature[rows]
     yield np.array([reading[1] for reading in readings])
@@ -339,16 +343,16 @@ def exceeded(mounted: Mounted, world: World, duration: float) -> list[str]:
     samples = max(1, min(_MOST_LOOKS, math.ceil(end * environment.rate)))
     limits = np.array([imu.triad(name).range for name in TRIADS])
     limits = np.where(limits > 0.0, limits, np.inf)
-    least = (1.0 - _ROUNDING) * limits.min(axis=1)
+    smallest_limits = (1.0 - _ROUNDING) * limits.min(axis=1)
     # Rows are the triads, columns the axes.
     peaks, times = np.zeros((2, 3)), np.zeros((2, 3))
-    for first in range(0, samples, _LOOKS_AT_ONCE):
-        count = min(_LOOKS_AT_ONCE, samples - first)
-        t_ns = timebase.sample_times_ns(first, count, min(environment.rate, samples / end))
+    for start in range(0, samples, _LOOKS_AT_ONCE):
+        count = min(_LOOKS_AT_ONCE, samples - start)
+        t_ns = timebase.sample_times_ns(start, count, min(environment.rate, samples / end))
         t = timebase.seconds_since(t_ns, 0)
         motion = world.motion(t)
         rate, force = motion.angular_velocity, motion.acceleration - np.asarray(environment.gravity)
-        if _longest(rate) < least[0] and _longest(force) < least[1]:
+        if _longest(rate) < smallest_limits[0] and _longest(force) < smallest_limits[1]:
             continue  # no axis can read more, however the body is turned
         force = rotation.rotate_inverse(motion.q_wb, force)
         for triad, values in enumerate((rate, force)):
