@@ -52,12 +52,10 @@ def watcher() -> Watcher:
 def check_interrupted() -> None:
     """End long work in a thread whose job has been interrupted.
 
-    :raises CancelledError: if it has.
+    :raises KeyboardInterrupt: if it has; the thread that waits for the result is interrupted, too.
     """
     if _watcher.get().interrupted():
-        from concurrent.futures import CancelledError  # most programs have no threads
-
-        raise CancelledError
+        raise KeyboardInterrupt
 
 
 def watch_thread(follower: Watcher) -> None:

@@ -27,6 +27,8 @@ _Handler = Callable[[int, FrameType | None], Any]
 
 
 _received: list[int] = []
+_is_raised = False
+"""True after :class:`Interrupted` was raised in the main thread."""
 _begun = False
 """Whether a command's work has begun, and is perhaps over."""
 _AGAIN: Final = 0.005
@@ -48,8 +50,8 @@ def status() -> int:
 
 
 def interrupted() -> bool:
-    """Return whether a signal has ended the work of the command."""
-    return bool(_received)
+    """Return whether a signal has ended the work of the command, in the main thread first."""
+    return _is_raised
 
 
 def end_process() -> None:
@@ -86,10 +88,11 @@ def ignore() -> None:
 @contextmanager
 def raised() -> Iterator[None]:
     """Let signals raise :class:`Interrupted` in the main thread."""
-    global _begun
+    global _begun, _is_raised
     first = end = 0.0
 
     def interrupt(number: int, frame: FrameType | None) -> None:
+        global _is_raised
         nonlocal first, end
         now = time.monotonic()
         first = first or now
@@ -101,6 +104,7 @@ def raised() -> Iterator[None]:
             signal.setitimer(signal.ITIMER_REAL, _AGAIN)
         else:
             end = now + _LONGEST_END
+            _is_raised = True
             raise Interrupted
 
     def swallowed(event: "sys.UnraisableHookArgs") -> None:
@@ -111,7 +115,7 @@ def raised() -> Iterator[None]:
         else:
             hook(event)
 
-    _begun = True
+    _begun, _is_raised = True, False
     _received.clear()
     hook = sys.unraisablehook
     before = _handle(interrupt, (*SIGNALS, signal.SIGALRM))
@@ -153,6 +157,7 @@ def collected() -> Iterator[None]:
 
     :raises Interrupted: after the block, if one has come and nothing else ended it.
     """
+    global _is_raised
     requests: list[int] = []
 
     def keep(number: int, _: FrameType | None) -> None:
@@ -166,6 +171,7 @@ def collected() -> Iterator[None]:
     finally:
         _restore(before)
     if requests:
+        _is_raised = True
         raise Interrupted
 
 

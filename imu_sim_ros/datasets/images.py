@@ -14,6 +14,7 @@ from collections import deque
 from collections.abc import Callable, Iterable, Mapping
 from concurrent.futures import Future, wait
 from pathlib import Path
+from threading import Lock
 from typing import Any, Final, NamedTuple
 
 import numpy as np
@@ -106,6 +107,9 @@ class ImageFolders:
         self._truth_folders = (DEPTH_FOLDER, MASK_FOLDER) if world.scene.crowd else (DEPTH_FOLDER,)
         """Folders of the truth of each pixel, if it is wanted."""
         self._pending: deque[Future[None]] = deque()
+        self._lock = Lock()
+        self._is_closed = False
+        """True after an interruption: no further file is written."""
         for view in self.views:
             outputs = self._outputs(view.parameters)
             if DEPTH_FOLDER in outputs:
@@ -171,22 +175,30 @@ class ImageFolders:
         camera = self.views[frame.camera].parameters
         if camera.images != "none":
             image: NDArray[Any] = samples.image[frame.row]
-            write_png(path, in_16_bits(image) if self._has_16_bits and image.ndim == 2 else image)
+            in_range = in_16_bits(image) if self._has_16_bits and image.ndim == 2 else image
+            self._write_file(path, png(in_range))
         outputs = self._outputs(camera)
         if DEPTH_FOLDER in outputs:
             depth, mask = samples.depth_and_mask[frame.row]
             for folder, values in ((DEPTH_FOLDER, millimetres(depth)), (MASK_FOLDER, mask)):
                 if values is not None:
-                    write_png(path.parents[1] / folder / path.name, values)
+                    self._write_file(path.parents[1] / folder / path.name, png(values))
         if FLOW_FOLDER in outputs:
             steps = samples.flow[frame.row]
             target = path.parents[1] / FLOW_FOLDER / path.name
             if camera.flow == "kitti":
-                write_png(target, kitti_flow(steps))
+                self._write_file(target, png(kitti_flow(steps)))
             else:
                 content = io.BytesIO()
                 np.save(content, steps)
-                write_bytes(target.with_suffix(".npy"), content.getvalue())
+                self._write_file(target.with_suffix(".npy"), content.getvalue())
+
+    def _write_file(self, path: Path, data: bytes) -> None:
+        """Write a whole file, unless the output has been closed by an interruption."""
+        with self._lock:
+            if self._is_closed:
+                raise KeyboardInterrupt
+            write_bytes(path, data)
 
     def __enter__(self) -> "ImageFolders":
         return self
@@ -197,6 +209,8 @@ class ImageFolders:
             if error is not None and not failed:  # what is complete is kept
                 running = [future for future in self._pending if not future.cancel()]
                 wait(running, _LONGEST_END)
+                with self._lock:
+                    self._is_closed = True
                 self._pending.clear()
             while self._pending and not failed:
                 self._pending.popleft().result()
@@ -289,14 +303,6 @@ def millimetres(depth: Single) -> NDArray[np.uint16]:
 def in_16_bits(image: Bytes) -> NDArray[np.uint16]:
     """Return grey values (h, w) in 16 bits, the upper 8 of which are the given ones."""
     return image.astype(np.uint16) * np.uint16(256)
-
-
-def write_png(path: Path, image: NDArray[Any]) -> None:
-    """Write an image (h, w), or (h, w, 3) in red, green and blue.
-
-    :raises ImuSimError: if it cannot be written, with the reason.
-    """
-    write_bytes(path, png(image))
 
 
 def _sensor_yaml(camera: CameraParameters, comment: str) -> str:

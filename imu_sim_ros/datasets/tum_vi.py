@@ -26,8 +26,9 @@ from imu_sim_ros.bags.text.decimals import decimal
 from imu_sim_ros.bags.text.writer import EUROC_IMU_HEADER
 from imu_sim_ros.bags.writer import amount
 from imu_sim_ros.conventions import IMU_TOPIC, TRUTH_TOPIC
-from imu_sim_ros.datasets.images import ImageFolders, image_name, write_png
+from imu_sim_ros.datasets.images import ImageFolders, image_name
 from imu_sim_ros.sensors.camera.declaration import cameras_in
+from imu_sim_ros.sensors.camera.images.files import png
 from imu_sim_ros.sensors.camera.images.vignetting import vignette
 from imu_sim_ros.sensors.camera.parameters import CameraParameters
 from imu_sim_ros.sensors.declaration import Mounted
@@ -92,7 +93,7 @@ class TumVi:
         for view in self._images.views:
             target = self.path / "dso" / view.name
             share = np.rint(vignette(view.parameters) * np.float32(0xFFFF))
-            write_png(target / "vignette.png", share.astype(np.uint16))
+            write_bytes(target / "vignette.png", png(share.astype(np.uint16)))
             text = dso_lens(view.parameters)
             if text:
                 write_bytes(target / "camera.txt", text.encode())
