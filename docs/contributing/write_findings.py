@@ -8,7 +8,8 @@
 
 from collections.abc import Iterator
 
-from imu_sim_ros.recordings.findings.catalogue import GROUPS
+from imu_sim_ros.recordings.findings.catalogue import GROUPS, KINDS
+from imu_sim_ros.recordings.findings.policy import JOBS
 
 _INTRODUCTION = """\
 # Findings
@@ -34,6 +35,18 @@ def _lines() -> Iterator[str]:
             cells = (check.meaning, check.effect, check.remedy)
             yield f"| `{check.kind}` | {check.severity} | {' | '.join(cells)} |"
         yield ""
+    yield "## Jobs\n"
+    yield (
+        "`inspect` tells all of them. The other jobs refuse them (exit status 2), correct and tell "
+        "them, or only tell them;\nan empty cell means that the finding does not matter to the "
+        "result.\n"
+    )
+    yield f"| kind | {' | '.join(f'`{name}`' for name in JOBS)} |"
+    yield "|---|" + "---|" * len(JOBS)
+    for kind in KINDS:
+        actions = [policy.action(kind) for policy in JOBS.values()]
+        if any(actions):
+            yield f"| `{kind}` | {' | '.join(actions)} |"
 
 
 if __name__ == "__main__":

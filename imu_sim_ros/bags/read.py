@@ -3,6 +3,7 @@
 
 """Bags, EuRoC folders and CSV files as arrays."""
 
+from collections import Counter
 from collections.abc import Collection, Iterator
 from pathlib import Path
 from typing import Any, NamedTuple
@@ -30,6 +31,8 @@ from imu_sim_ros.bags.reader import Bag, Recover, errors_naming
 from imu_sim_ros.bags.text import reader as text_reader
 from imu_sim_ros.errors import InputError
 from imu_sim_ros.inputs.rows import Skipped, Warned
+from imu_sim_ros.recordings.findings.catalogue import frame_findings
+from imu_sim_ros.recordings.findings.roles import TopicFrames
 from imu_sim_ros.records import Readings, States, concatenated
 from imu_sim_ros.rotation import rotate
 from imu_sim_ros.types import Array, Times
@@ -141,13 +144,20 @@ def _of_frame(
     :raises InputError: for the messages of another frame.
     """
     if not selected:
-        several = ", ".join(dict.fromkeys((frame, *fields.frame_ids)))
-        name = "" if topic is None else f" {topic}"
-        raise InputError(
-            f"{path}:{name} has readings of several frames: {several}; choose one with --frame"
-        )
+        name = str(path) if topic is None else f"{path}, {topic}"
+        topic_frames = TopicFrames(name, imu_frames(path, topic))
+        raise InputError([finding.sentence() for finding in frame_findings(topic_frames)])
     index = fields.frame_ids.index(frame) if frame in fields.frame_ids else -1
     return fields.at(fields.frames == index)
+
+
+def imu_frames(path: str | Path, topic: str | None = None) -> dict[str, int]:
+    """Return the number of messages of each frame on an Imu topic of a bag."""
+    counts: Counter[str] = Counter()
+    for block in decoded_blocks(path, IMU, topic, (), skipped=lambda count: None):
+        for k, name in enumerate(block.frame_ids):
+            counts[name] += int(np.count_nonzero(block.frames == k))
+    return dict(counts)
 
 
 def read_imu(

@@ -24,7 +24,6 @@ from imu_sim_ros.conventions import AXES, TRIADS
 from imu_sim_ros.errors import InputError, Problems
 from imu_sim_ros.inputs.rows import tell_skipped
 from imu_sim_ros.jobs.flight import Flight, readings_of
-from imu_sim_ros.jobs.readings import unit_problems
 from imu_sim_ros.jobs.selection import (
     AccelTopic,
     AccelUnit,
@@ -36,6 +35,8 @@ from imu_sim_ros.jobs.selection import (
 )
 from imu_sim_ros.jobs.writing import SkipBadRows, saved
 from imu_sim_ros.progress import progress
+from imu_sim_ros.recordings.findings.catalogue import reading_findings
+from imu_sim_ros.recordings.findings.policy import ALLAN
 from imu_sim_ros.records import Readings, concatenated
 from imu_sim_ros.text_tables import TextTable, html_of, interval_text
 from imu_sim_ros.types import Array, Mask
@@ -316,7 +317,9 @@ def allan(
     else:
         selection = (frame, gyro_topic, accel_topic, gyro_unit, accel_unit)
         readings = readings_of("source", source, topic, selection=selection)
-        problems_of_units = [] if isinstance(source, Flight) else unit_problems(readings)
+        problems_of_units = []
+        if not isinstance(source, Flight):
+            _judge(readings, problems_of_units)
         notes = list(readings.notes)
         result = analyse([[readings]], model=model, force=force)
         name, origin = readings.source, ""
@@ -353,10 +356,19 @@ def _judged(
         if sum(map(len, start)) >= _JUDGED:
             break
     if start:
-        problems += unit_problems(concatenated(start))
+        _judge(concatenated(start), problems)
         notes += start[0].notes
     yield from start
     yield from stream
+
+
+def _judge(readings: Readings, problems: list[str]) -> None:
+    """Refuse or tell what is wrong with readings; the analysis tells what it corrects itself.
+
+    :param problems: receives a line for each problem that is told.
+    """
+    findings = [f for f in reading_findings(readings) if f.kind not in ALLAN.corrects]
+    ALLAN.judge(findings, problems.append)
 
 
 def _count(path: Path, topic: str | None) -> int:

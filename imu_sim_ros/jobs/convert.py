@@ -67,7 +67,9 @@ from imu_sim_ros.jobs.writing import (
     outputs,
 )
 from imu_sim_ros.progress import Advance, progress
-from imu_sim_ros.records import Readings, States
+from imu_sim_ros.recordings.findings.catalogue import unit_findings
+from imu_sim_ros.recordings.findings.policy import CONVERT
+from imu_sim_ros.records import Readings, States, concatenated, with_fields
 from imu_sim_ros.sensors import known_tables
 from imu_sim_ros.simulation.topics import resolved
 
@@ -75,6 +77,8 @@ if TYPE_CHECKING:
     from imu_sim_ros.datasets.recorded_bag import RecordedImages
     from imu_sim_ros.datasets.recorded_folder import FolderImages
 
+_JUDGED: Final = 4096
+"""Readings at the start of a recording that show its units."""
 IMAGES: Final = ("raw", "compressed", "both", "none")
 _SHOWN_DAMAGE: Final = 10
 Counts = tuple[dict[str, int], int]
@@ -205,10 +209,25 @@ def convert(
     recovery: Recover = "keep_damaged" if keep_damaged else recover
     selection = frame, gyro_topic, accel_topic, gyro_unit, accel_unit
     choice = checked_choice(None, *selection, of_a_file=True)
+    if form.dataset != "tum":
+        _tell_units(path, choice, journal)
     found = write(
         path, target, form, written, journal, images=images, recover=recovery, choice=choice
     )
     return dataclasses.replace(found, warnings=tuple(journal.lines))
+
+
+def _tell_units(source: Path, choice: Choice, journal: Journal) -> None:
+    """Tell of readings in other units; what cannot be read is told when it is converted."""
+    start: list[Readings] = []
+    with contextlib.suppress(InputError):
+        for block in reading_blocks(source, choice):
+            start.append(block)
+            if sum(map(len, start)) >= _JUDGED:
+                break
+    if start:
+        readings = with_fields(concatenated(start), source=str(source))
+        CONVERT.judge(unit_findings(readings), journal.remark)
 
 
 def write(

@@ -26,7 +26,7 @@ from imu_sim_ros.formats.door import format_of
 from imu_sim_ros.inputs.rows import tell_skipped
 from imu_sim_ros.jobs import tracks
 from imu_sim_ros.jobs.flight import Flight, readings_of
-from imu_sim_ros.jobs.readings import in_clock_order, tell_units
+from imu_sim_ros.jobs.readings import judged
 from imu_sim_ros.jobs.selection import (
     NOTHING,
     AccelTopic,
@@ -64,7 +64,7 @@ from imu_sim_ros.navigation.state import (
     NavigationState,
     correction_of,
 )
-from imu_sim_ros.recordings.order import RESTART_NS
+from imu_sim_ros.recordings.findings.policy import DEAD_RECKON
 from imu_sim_ros.records import Readings, States, with_fields
 from imu_sim_ros.rotation import to_euler
 from imu_sim_ros.sensors.imu.triads import TriadsParameters
@@ -330,9 +330,10 @@ def _begun(
             with problems.gathered():
                 tracks.has_truth(checked_path("readings", readings, BAG_OR_FILE))
         problems.tell()
-    recording = _recording(readings, *topics, skip_bad_rows, selection).in_order().after(skip)
-    if not isinstance(readings, Flight):
-        tell_units(recording.readings)
+    recording = _recording(readings, *topics, skip_bad_rows, selection)
+    if not (isinstance(readings, Flight) and (np.diff(recording.readings.t_ns) > 0).all()):
+        recording = recording._replace(readings=judged(recording.readings, DEAD_RECKON))
+    recording = recording.after(skip)
     world = _world(readings, selection[1] or topics[0], topics[1])
     known = {**world.parameters, **given}
     usual = all(isinstance(value, str) for value in known.values())
@@ -351,16 +352,6 @@ class ReadingsAndTruth(NamedTuple):
 
     readings: Readings
     truth: States | None
-
-    def in_order(self) -> ReadingsAndTruth:
-        """Return the recording with readings in the order of their clock.
-
-        Stamps that increase without a long pause need none.
-        """
-        steps = np.diff(self.readings.t_ns)
-        if not len(steps) or (steps.min() > 0 and steps.max() <= RESTART_NS):
-            return self
-        return self._replace(readings=in_clock_order(self.readings))
 
     def after(self, skip: float) -> ReadingsAndTruth:
         """Return the recording without its first seconds."""

@@ -28,7 +28,7 @@ from imu_sim_ros.arguments import path as checked_path
 from imu_sim_ros.arguments import topic as checked_topic
 from imu_sim_ros.bags.text.reader import is_text
 from imu_sim_ros.conventions import TRUTH_TOPIC
-from imu_sim_ros.errors import InputError, Problems
+from imu_sim_ros.errors import InputError, Problems, warn
 from imu_sim_ros.formats.door import read_trajectory
 from imu_sim_ros.inputs.tables import Table
 from imu_sim_ros.jobs.attitude import (
@@ -55,6 +55,9 @@ from imu_sim_ros.navigation.evaluation import (
 )
 from imu_sim_ros.navigation.time_offset import time_offset as time_offset_of
 from imu_sim_ros.poses import write_tum
+from imu_sim_ros.recordings.findings.catalogue import pose_findings, use_findings
+from imu_sim_ros.recordings.findings.policy import EVALUATE
+from imu_sim_ros.recordings.findings.roles import TrajectoryUse
 from imu_sim_ros.records import States, with_fields
 from imu_sim_ros.text_tables import TextTable, html_of
 from imu_sim_ros.types import Array, Integers, Mask, Times
@@ -434,12 +437,14 @@ def _check_exchanged(estimate: object, truth: object, estimate_topic: str | None
 
     :raises InputError: if they are exchanged.
     """
-    order = "the estimate comes first, the truth second"
+    uses: list[TrajectoryUse] = []
     role = truth.role if isinstance(truth, States) else ""
-    if isinstance(estimate, States) and estimate.role == "truth" != role:
-        raise InputError(f"estimate: {estimate!r} is the truth of a simulation; {order}")
-    if role == "estimate":
-        raise InputError(f"truth: {truth!r} is an estimate; {order}")
+    if isinstance(estimate, States) and role != "truth":
+        uses.append(TrajectoryUse(f"estimate: {estimate!r}", estimate.role, "estimate"))
+    if isinstance(truth, States):
+        uses.append(TrajectoryUse(f"truth: {truth!r}", role, "truth"))
+    for use in uses:
+        EVALUATE.judge(use_findings(use), warn)
     if not isinstance(estimate, str | Path):
         return
     topic = estimate_topic
@@ -447,7 +452,8 @@ def _check_exchanged(estimate: object, truth: object, estimate_topic: str | None
         topics = odometry_topics(Path(estimate))
         topic = topics[0] if len(topics) == 1 else None
     if topic is not None and topic.strip("/").endswith(TRUTH_TOPIC):
-        raise InputError(f"{estimate}: {topic} is the truth of a simulation; {order}")
+        use = TrajectoryUse(f"{estimate}: {topic}", "truth", "estimate")
+        EVALUATE.judge(use_findings(use), warn)
 
 
 def _check_two(
@@ -535,7 +541,9 @@ def _track(
     if isinstance(given, str | Path):
         file = checked_path(name, given, BAG_OR_FILE)
         chosen = truth_topic_of(file, topic) if name == "truth" else topic
-        return read_trajectory(file, chosen, name == "estimate", skip_bad_rows)
+        states = read_trajectory(file, chosen, name == "estimate", skip_bad_rows)
+        EVALUATE.judge(pose_findings(states), warn)
+        return states
     poses = checked_poses(name, given)
     speed, stated = getattr(given, "velocity", None), getattr(given, "covariance", None)
     if speed is not None:

@@ -15,10 +15,11 @@ from imu_sim_ros.arguments import array, number, stamps, suggest_keywords
 from imu_sim_ros.errors import InputError
 from imu_sim_ros.inputs import gate
 from imu_sim_ros.jobs.flight import Flight, readings_of
-from imu_sim_ros.jobs.readings import in_clock_order
+from imu_sim_ros.jobs.readings import judged
 from imu_sim_ros.navigation.preintegration import METHODS, Preintegration, between
 from imu_sim_ros.navigation.preintegration import preintegrate as over_intervals
 from imu_sim_ros.navigation.stepper import check_readings
+from imu_sim_ros.recordings.findings.policy import PREINTEGRATE
 from imu_sim_ros.records import Readings
 from imu_sim_ros.types import Array
 
@@ -74,7 +75,8 @@ def preintegrate(
     number("max_gap", max_gap, "a number of seconds above 0", 0.0, above=True)
     noise = readings.parameters.imu if isinstance(readings, Flight) else None
     selection = frame, gyro_topic, accel_topic, gyro_unit, accel_unit
-    imu = in_clock_order(readings_of("readings", readings, topic, selection=selection))
+    imu = readings_of("readings", readings, topic, selection=selection)
+    imu = judged(imu, PREINTEGRATE)
     if (edges_ns is None) == (every is None):
         raise InputError("give the times of the frames, edges_ns, or the time between them, every")
     if every is not None:

@@ -19,9 +19,9 @@ from imu_sim_ros.inputs import gate
 from imu_sim_ros.inputs.rows import tell_skipped
 from imu_sim_ros.jobs.selection import checked_choice
 from imu_sim_ros.names import suggestion
-from imu_sim_ros.recordings.clock import estimate_clock
 from imu_sim_ros.recordings.findings.catalogue import reading_findings
-from imu_sim_ros.recordings.findings.readings import UNITS
+from imu_sim_ros.recordings.findings.measures import ReadingMeasures
+from imu_sim_ros.recordings.findings.policy import FindingPolicy
 from imu_sim_ros.records import Readings, States, TimeSeries, with_fields
 from imu_sim_ros.rotation import from_euler
 from imu_sim_ros.sensors import find_sensor, kind_of, named_sensors, registered, sensors_of_imus
@@ -47,45 +47,21 @@ class HasPoses(Protocol):
         """(n, 4) unit quaternions (w, x, y, z)."""
 
 
-_TOLD: Final = ("batches", "bunches", "rounded", "stray", "late", "duplicate")
-_REFUSED: Final = ("unit", "reset", "clock_change")
+def judged(readings: Readings, policy: FindingPolicy) -> Readings:
+    """Return readings as a job takes them; what is wrong is refused, corrected or told.
 
+    Corrected readings have the order and the times of the clock behind their stamps.
 
-def tell_units(readings: Readings) -> None:
-    """Warn of readings that are in other units than rad/s and m/s^2, or whose triads are swapped.
-
-    ``inspect`` says the same of them.
+    :raises InputError: with a line for each finding that the job refuses.
     """
-    for sentence in unit_problems(readings):
-        warn(sentence)
-
-
-def unit_problems(readings: Readings) -> list[str]:
-    """Return a line for each unit that is not rad/s or m/s^2, and for swapped triads."""
-    findings = reading_findings(readings)
-    return [finding.sentence() for finding in findings if finding.kind in UNITS]
-
-
-def in_clock_order(readings: Readings) -> Readings:
-    """Return readings by the times of the clock behind their stamps; what it changes is told.
-
-    :raises InputError: for stamps without a rate or in another unit, and for a clock that goes back
-        or changes: sorting would mix two times.
-    """
-    equal = np.all(np.diff(np.hstack(readings.triads()), axis=0) == 0.0, axis=1)
-    try:
-        clock = estimate_clock(readings.t_ns, np.append(False, equal))
-    except InputError as error:
-        raise InputError(f"{readings.source}: {error}") from None
-    for trait in clock.traits:
-        if trait.kind in _REFUSED:
-            raise InputError(
-                f"{readings.source}: stamps from row {trait.row} on: {trait.text}; they must be "
-                "nanoseconds of one clock (sorting would mix two times)"
-            )
-    for trait in clock.traits:
-        if trait.kind in _TOLD:
-            warn(f"{readings.source}: {trait.text}")
+    measures = ReadingMeasures(readings)
+    findings = reading_findings(readings, measures)
+    policy.judge(findings, warn)
+    clock = measures.clock
+    if clock is None and len(readings) > 1 and policy.corrects:
+        raise InputError(f"{readings.source}: {measures.no_clock}")
+    if clock is None or not any(finding.kind in policy.corrects for finding in findings):
+        return readings
     return with_fields(readings.rows(clock.rows), t_ns=clock.times_ns())
 
 

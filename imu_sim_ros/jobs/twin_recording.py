@@ -27,9 +27,10 @@ from imu_sim_ros.calibration.twin.pose_noise import (
 from imu_sim_ros.conventions import TRIADS
 from imu_sim_ros.errors import InputError, Problems
 from imu_sim_ros.jobs.flight import Flight, readings_of
-from imu_sim_ros.jobs.readings import HasPoses, checked_poses, in_clock_order
+from imu_sim_ros.jobs.readings import HasPoses, checked_poses, judged
 from imu_sim_ros.jobs.selection import NOTHING, Selection
 from imu_sim_ros.recordings.clock import estimate_clock
+from imu_sim_ros.recordings.findings.policy import TWIN
 from imu_sim_ros.records import Readings, States, with_fields
 from imu_sim_ros.rotation import to_matrix
 from imu_sim_ros.trajectory.build import build_trajectory
@@ -177,7 +178,7 @@ def recorded(
     with problems.gathered():
         skip = skip_bad_rows
         readings = readings_of("recording", recording, topic, "topic", skip, selection)
-        readings = in_clock_order(readings)
+        readings = judged(readings, TWIN)
         _check(readings)
     with problems.gathered():
         poses, name = _poses(truth, truth_topic, skip_bad_rows)
@@ -287,7 +288,6 @@ def _placed(
     motion = half.body_motion(stamps + offset)
     if np.sqrt(np.mean(motion.rate**2)) < _TURNING:
         raise InputError(f"{name}: hardly turns; a twin is found in motion, not at rest")
-    _check_units(y, motion, readings.source)
     problems = axis_problems(y[:, :3], y[:, 3:], motion)
     if problems:
         raise InputError([f"{readings.source}: {problem}" for problem in problems])
@@ -317,26 +317,6 @@ def _check(readings: Readings) -> None:
         if len(values) and np.any(np.ptp(values, axis=0) == 0.0):
             axis = "xyz"[int(np.argmin(np.ptp(values, axis=0)))]
             problems.append(f"{readings.source}: {name} {axis}: all readings are equal")
-    if problems:
-        raise InputError(problems)
-
-
-def _check_units(readings: Array, motion: BodyMotion, name: str) -> None:
-    """Refuse degrees and g: sizes that no sensor's scale can explain.
-
-    :param readings: (n, 6)
-    :raises InputError: with a line for each triad.
-    """
-    read = [float(np.median(np.linalg.norm(x, axis=1))) for x in (readings[:, :3], readings[:, 3:])]
-    true = [float(np.median(np.linalg.norm(x, axis=1))) for x in (motion.rate, motion.force)]
-    problems = [
-        f"{name}: the {triad} reads {r / t:.3g} times what the truth moves: readings must be in "
-        f"{unit}"
-        for triad, unit, r, t, least in zip(
-            TRIADS, ("rad/s", "m/s^2"), read, true, (_TURNING, 1.0), strict=True
-        )
-        if t > least and not 1.0 / _SCALE < r / t < _SCALE
-    ]
     if problems:
         raise InputError(problems)
 

@@ -27,6 +27,14 @@ _HELD: Final = 2 * RESET_READINGS
 """Readings whose order depends on those after them."""
 
 
+_FINDINGS: Final = {
+    "rounded": "stamps_rounded",
+    "batches": "stamps_shared",
+    "bunches": "stamps_bunched",
+}
+"""Kinds of findings by the kinds of clocks that have them."""
+
+
 class Stretch(NamedTuple):
     """n readings in the order of their stamps, without a pause between them."""
 
@@ -184,12 +192,15 @@ class ClockStream:
         steps, samples = float(self._jitter[0]), float(self._passed[1])
         size = samples / steps if steps else 1.0
         kind, text = kind_of_stamps(self.pattern, self.interval_ns, self.jitter_ns, size)
-        if kind not in {"exact", "jitter"}:
-            yield f"{text}; equal intervals are assumed"
-        for number, text in (
-            (self.strays, "stamps are far from their neighbours: those readings are left out"),
-            (self.resets, "times the clock went back: the pieces are analysed separately"),
-            (self.late, "readings came after later ones: their stamps put them in order"),
+        if kind in _FINDINGS:
+            yield f"{text}; equal intervals are assumed [{_FINDINGS[kind]}]"
+        strays = "stamps are far from their neighbours: those readings are left out"
+        resets = "times the clock went back: the pieces are analysed separately"
+        late = "readings came after later ones: their stamps put them in order"
+        for number, text, finding in (
+            (self.strays, strays, "stamps_stray"),
+            (self.resets, resets, "clock_reset"),
+            (self.late, late, "stamps_late"),
         ):
             if number:
-                yield f"{number} {text}"
+                yield f"{number} {text} [{finding}]"

@@ -17,9 +17,12 @@ import numpy as np
 
 from imu_sim_ros import rotation, timebase
 from imu_sim_ros.components import Vector
-from imu_sim_ros.conventions import STANDARD_GRAVITY, TRIADS
+from imu_sim_ros.conventions import TRIADS
 from imu_sim_ros.errors import InputError
 from imu_sim_ros.recordings.clock import SHORT, estimate_clock
+from imu_sim_ros.recordings.findings.catalogue import unit_findings
+from imu_sim_ros.recordings.findings.finding import Finding
+from imu_sim_ros.recordings.findings.policy import ERROR_MODEL
 from imu_sim_ros.recordings.order import RESET_READINGS, RESTART_NS
 from imu_sim_ros.records import (
     Readings,
@@ -610,10 +613,8 @@ _REST_FORCE: Final = 0.1
 """[m/s^2] The same."""
 _TOLERANCE: Final = 0.05
 """Share by which rate and gravity may miss what is declared."""
-_IN_G: Final = (0.8, 1.5)
-"""Mean length of the specific force in g over some seconds, whatever a vehicle usually does."""
-_FASTEST: Final = 35.0
-"""[rad/s] Mean angular rate that gyroscopes of 2000 deg/s cannot measure."""
+_MOVING: Final = 0.8
+"""Least mean length of the specific force in g over some seconds, whatever a vehicle does."""
 _NOISY: Final = 1.0 / 3.0
 """Share of the sensor's white noise from which that of the input is told.
 
@@ -686,21 +687,31 @@ class StartCheck:
         )
         return self.remarks(t_ns[rows], gyro, accel)
 
-    def remarks(self, t_ns: Times, gyro: Array, accel: Array) -> list[str]:
+    def units(self, t_ns: Times, gyro: Array, accel: Array) -> list[Finding]:
+        """Return the findings about the units of readings; arguments as for :meth:`remarks`."""
+        given = Readings.unchecked(t_ns=t_ns, gyro=gyro, accel=accel, source="input")
+        return unit_findings(given)
+
+    def remarks(
+        self, t_ns: Times, gyro: Array, accel: Array, units: Sequence[Finding] | None = None
+    ) -> list[str]:
         """Return a line for each contradiction between readings and declaration.
 
         :param t_ns: (n,) stamps [ns], increasing.
         :param gyro: (n, 3) angular rates in the axes of the input [rad/s].
         :param accel: (n, 3) specific forces in the axes of the input [m/s^2].
+        :param units: findings about their units; None: they are looked for.
         """
         if len(t_ns) < _FEWEST_AT_START:
             return []
         self._span = f"{1e-9 * float(t_ns[-1] - t_ns[0]):.2g} s"
+        lines: list[str] = []
+        ERROR_MODEL.judge(self.units(t_ns, gyro, accel) if units is None else units, lines.append)
         return [
             *self._of_stamps(t_ns),
-            *self._of_rates(gyro),
-            *self._of_forces(gyro, accel),
-            *self._of_noise(t_ns, gyro, accel),
+            *lines,
+            *([] if lines else self._of_forces(gyro, accel)),
+            *([] if lines else self._of_noise(t_ns, gyro, accel)),
         ]
 
     def _of_stamps(self, t_ns: Times) -> Iterator[str]:
@@ -712,14 +723,6 @@ class StartCheck:
         if abs(rate - declared) > _TOLERANCE * declared:
             yield f"{name} = {declared:g}: the readings come {rate:.4g} times a second"
 
-    def _of_rates(self, gyro: Array) -> Iterator[str]:
-        mean = float(np.linalg.norm(gyro, axis=1).mean())
-        if mean > _FASTEST:
-            yield (
-                f"input: the angular rate is {mean:.3g} rad/s on average over {self._span}; are "
-                "the readings in deg/s? They must be in rad/s"
-            )
-
     def _of_forces(self, gyro: Array, accel: Array) -> Iterator[str]:
         turning = np.abs(gyro).max() > 10.0 * _REST_RATE or gyro.std(axis=0).max() > _REST_RATE
         rests = not turning and accel.std(axis=0).max() <= _REST_FORCE
@@ -728,20 +731,13 @@ class StartCheck:
         upwards = float(np.linalg.norm(mean))
         size = upwards if rests else float(np.linalg.norm(accel, axis=1).mean())
         when = "at rest" if rests else f"on average over {self._span}"
-        least, most = (1.0 - _TOLERANCE, 1.0 + _TOLERANCE) if rests else _IN_G
         declared, g = self._parameters.input, self._g
         included = declared.gravity == "included"
         # Accelerations change their direction, gravity does not.
         steady = rests or upwards > 0.7 * size
-        if least <= size <= most and steady and (included or rests) and g > most:
-            yield (
-                f"input: {when} the readings are {size:.3g} long, instead of {g:.4g}: they are in "
-                f"g; multiply them by {STANDARD_GRAVITY}, they must be in m/s^2"
-            )
-            return
         long = f"{when} the readings are {size:.3g} m/s^2 long"
         if not included:
-            if steady and size > (0.5 if rests else _IN_G[0]) * g:
+            if steady and size > (0.5 if rests else _MOVING) * g:
                 yield f"input.gravity = missing: {long}, so gravity is included"
             return
         if size < 0.5 * g:
@@ -863,10 +859,13 @@ class BatchStartCheck:
         if not (np.diff(t_ns) > 0).all():  # passed on, without a meaning for the samples
             t_ns = np.rint(np.arange(len(t_ns)) * self._step_ns).astype(np.int64)
         lines: dict[str, list[tuple[int, str]]] = {}
+        units: list[Finding] | None = None  # one simulator has the same units for all
         for k, unit in enumerate(self._units.tolist()):
             rows = ~held[:, k]
             check = StartCheck(self._parameters[unit % len(self._parameters)])
-            for line in check.remarks(t_ns[rows], gyro[rows, k], accel[rows, k]):
+            given = t_ns[rows], gyro[rows, k], accel[rows, k]
+            units = check.units(*given) if units is None else units
+            for line in check.remarks(*given, units):
                 lines.setdefault(_NUMBER.sub("", line), []).append((unit, line))
         return [self._line(alike) for alike in lines.values()]
 

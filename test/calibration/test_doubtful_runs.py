@@ -96,9 +96,12 @@ def test_the_shortest_rest_is_told_in_seconds_and_readings():
 def test_six_positions_in_another_unit_are_told(factor, words):
     flight = ims.simulate(imu=QUIET, trajectory="six_position", rate=50, seed=1)
     readings = ims.Readings(flight.t_ns, flight.gyro, factor * flight.accel)
-    (note,) = ims.calibrate_six_position(readings).warnings
+    *findings, note = ims.calibrate_six_position(readings).warnings
     assert note.startswith("accelerometer: its three scales are")
     assert words in note
+    kinds = {"g": "g", "mg": "mg", "counts": "counts"} if factor != 0.9 else {}
+    unit = kinds.get(words.rpartition("in ")[2].partition(",")[0])
+    assert [f"[accelerometer_{unit}]" in line for line in findings] == [True] * (unit is not None)
     assert ims.calibrate_six_position(flight).warnings == ()
 
 

@@ -8,6 +8,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from faults import FAULTS, saturated
 
 import imu_sim_ros as ims
 from imu_sim_ros import rotation
@@ -26,39 +27,6 @@ IMUS = sorted(path.stem for path in (ROOT / "config" / "imus").glob("*.yaml"))
 TRAJECTORIES = sorted(
     {path.stem for path in (ROOT / "config" / "trajectories").glob("*.yaml")} - {"free_fall"}
 )
-FRD = np.diag([1.0, -1.0, -1.0])
-CAMERA = np.array([[0.0, -1.0, 0.0], [0.0, 0.0, -1.0], [1.0, 0.0, 0.0]])
-"""From forward-left-up to right-down-forward."""
-
-
-def stuck(readings):
-    accel = readings.accel.copy()
-    accel[-2000:, 1] = accel[-2000, 1]
-    return with_fields(readings, accel=accel)
-
-
-def saturated(readings):
-    gyro = readings.gyro.copy()
-    limit = np.quantile(np.abs(gyro[:, 2]), 0.9)
-    gyro[:, 2] = np.clip(gyro[:, 2], -limit, limit)
-    return with_fields(readings, gyro=gyro)
-
-
-FAULTS = {
-    "accelerometer_g": lambda r: with_fields(r, accel=r.accel / STANDARD_GRAVITY),
-    "accelerometer_mg": lambda r: with_fields(r, accel=1e3 * r.accel / STANDARD_GRAVITY),
-    "accelerometer_counts": lambda r: with_fields(
-        r, accel=np.rint(16384.0 * r.accel / STANDARD_GRAVITY)
-    ),
-    "gyroscope_degrees": lambda r: with_fields(r, gyro=np.degrees(r.gyro)),
-    "gyroscope_counts": lambda r: with_fields(r, gyro=np.rint(131.0 * np.degrees(r.gyro))),
-    "axes_down": lambda r: with_fields(r, gyro=r.gyro @ FRD, accel=r.accel @ FRD),
-    "axes_sideways": lambda r: with_fields(r, gyro=r.gyro @ CAMERA.T, accel=r.accel @ CAMERA.T),
-    "triads_swapped": lambda r: with_fields(r, gyro=r.accel, accel=r.gyro),
-    "gyroscope_absent": lambda r: with_fields(r, gyro=0.0 * r.gyro),
-    "accelerometer_absent": lambda r: with_fields(r, accel=None),
-    "axis_stuck": stuck,
-}
 
 
 def kinds(readings):

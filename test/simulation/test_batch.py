@@ -185,7 +185,7 @@ UP = [0.0, 0.0, 9.81]
 @pytest.mark.parametrize(
     ("accel", "line"),
     [
-        ([0.0, 0.0, 1.0], "at rest the readings are 1 long, instead of 9.81: they are in g"),
+        ([0.0, 0.0, 1.0], "at rest the accelerometer reads 1 instead of 9.81: it is in g"),
         ([0.0, 0.0, 0.0], "gravity is missing"),
         ([0.0, 0.0, -9.81], "input.axes = flu: at rest upwards is"),
     ],

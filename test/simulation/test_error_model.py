@@ -464,7 +464,7 @@ def test_the_check_at_the_start() -> None:
     assert "the readings come 1000 times a second" in resting([0.0, 0.0, 9.81], 1000.0)[0]
     assert resting([0.0, 0.0, 0.0], **{"input.check": False}) == []
     assert "instead of 9.81" in resting([0.0, 0.0, 1.0 * 8.0])[0]
-    assert "they are in g; multiply them by 9.80665" in resting([0.0, 0.0, 1.0])[0]
+    assert "it is in g; --accel-unit g converts it" in resting([0.0, 0.0, 1.0])[0]
 
 
 def moving(
@@ -487,7 +487,7 @@ def moving(
 def test_conventions_are_checked_in_motion() -> None:
     assert moving() == []
     assert moving(gravity=0.0, **{"input.gravity": "missing"}) == []
-    assert "they are in g" in moving(1.0 / 9.80665)[0]
+    assert "it is in g" in moving(1.0 / 9.80665)[0]
     assert "gravity is missing" in moving(gravity=0.0)[0]
     assert "gravity is included" in moving(**{"input.gravity": "missing"})[0]
     assert "frd would fit" in moving(gravity=-1.0)[0]

@@ -314,7 +314,10 @@ def _record_warnings(
             "the pieces between them are analysed separately and combined"
         )
     if timing.duplicates:
-        yield f"{timing.duplicates} messages repeat the one before them and were dropped"
+        yield (
+            f"{timing.duplicates} messages repeat the one before them and were dropped "
+            "[messages_repeated]"
+        )
     yield from timing.remarks
     share = timing.jitter * timing.rate
     if share > 0.1 and not timing.remarks:

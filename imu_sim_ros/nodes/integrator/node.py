@@ -53,6 +53,8 @@ from imu_sim_ros.nodes.publishing import Counter
 from imu_sim_ros.nodes.sensor_description import SensorDescription
 from imu_sim_ros.nodes.subscriptions import DEPTH, MatchedInputs, RawSubscriptions, Taken
 from imu_sim_ros.parameters.kinds import IDENTITY_MATRIX
+from imu_sim_ros.recordings.findings.live import UnitWatch
+from imu_sim_ros.recordings.findings.policy import INTEGRATOR
 from imu_sim_ros.records import LiveState
 from imu_sim_ros.rotation import to_euler
 
@@ -77,6 +79,7 @@ class Integrator(ConfiguredNode[IntegratorParameters]):
         """Integrate readings in the reader's thread; everything else runs in the executor's."""
         self._received = {IMU_TOPIC: 0, TRUTH_TOPIC: 0}
         self._add_publishers(parameters)
+        self._units = UnitWatch(self.resolve_topic_name(IMU_TOPIC))
         self.sensor = SensorDescription(self, self._adopt, self._integrate, self._lock)
         for line in parameters.warnings():
             self.get_logger().warning(line)
@@ -165,7 +168,10 @@ class Integrator(ConfiguredNode[IntegratorParameters]):
         for payload, _ in taken:
             try:
                 if is_reading:
-                    rows += self.odometer.add_reading(decode.imu_reading(payload))
+                    reading = decode.imu_reading(payload)
+                    if not self._units.done:
+                        INTEGRATOR.judge(self._units.add(reading), self.get_logger().warning)
+                    rows += self.odometer.add_reading(reading)
                 else:
                     self._take_truth(decode.truth(payload), rows, errors)
             except InputError as error:

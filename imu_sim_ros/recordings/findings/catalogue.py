@@ -15,6 +15,7 @@ from imu_sim_ros.recordings.findings.disturbances import DISTURBANCES, Disturbed
 from imu_sim_ros.recordings.findings.finding import SEVERITIES, FaultCheck, Finding, RecordT
 from imu_sim_ros.recordings.findings.measures import ReadingMeasures
 from imu_sim_ros.recordings.findings.readings import READINGS, UNIT_CHECKS
+from imu_sim_ros.recordings.findings.roles import FRAMES, USES, TopicFrames, TrajectoryUse
 from imu_sim_ros.recordings.findings.stamps import STAMPS
 from imu_sim_ros.recordings.findings.states import STATES, TWIST, StateMeasures, poses_held
 from imu_sim_ros.recordings.repair import Disturbances, mended
@@ -27,6 +28,7 @@ GROUPS: Final[dict[str, tuple[FaultCheck[Any], ...]]] = {
     "Cameras": CAMERAS,
     "Clouds": CLOUDS,
     "Counts of devices": CLIPPING,
+    "Topics and arguments": (*FRAMES, *USES),
 }
 """All checks, by the part of a recording that they look at."""
 _JUDGED: Final = 200_000
@@ -57,6 +59,11 @@ def unit_findings(readings: Readings) -> list[Finding]:
 def twist_findings(states: States, measures: StateMeasures | None = None) -> list[Finding]:
     """Return the findings about a twist that contradicts the poses beside it."""
     return list(_findings(TWIST, measures or StateMeasures(states), states))
+
+
+def pose_findings(states: States) -> list[Finding]:
+    """Return the findings about poses and their twist, without jumps, which estimates may have."""
+    return by_severity(_findings(STATES, StateMeasures(states), states)) if len(states) else []
 
 
 def state_findings(states: States) -> list[Finding]:
@@ -97,6 +104,16 @@ def cloud_findings(cloud: CloudRecord) -> list[Finding]:
 def clipping_findings(counts: ClippingCounts) -> list[Finding]:
     """Return the findings about the clipped readings that a device counts."""
     return list(_findings(CLIPPING, counts, counts.source))
+
+
+def frame_findings(topic: TopicFrames) -> list[Finding]:
+    """Return the finding about several frames on a topic."""
+    return list(_findings(FRAMES, topic, topic.source))
+
+
+def use_findings(use: TrajectoryUse) -> list[Finding]:
+    """Return the finding about a trajectory in the wrong place."""
+    return list(_findings(USES, use, use.source))
 
 
 def by_severity(findings: Iterable[Finding]) -> list[Finding]:

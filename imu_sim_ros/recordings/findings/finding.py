@@ -57,9 +57,9 @@ class Finding:
         return name if self.t is None else f"{name} ({self.t:.3f} s)"
 
     def sentence(self) -> str:
-        """Return source, place, evidence and remedy as a line."""
+        """Return source, place, evidence, remedy and kind as a line."""
         place = f", from {self.place()} on" if self.row else ""
-        return f"{self.source}{place}: {self.evidence}; {self.remedy}"
+        return f"{self.source}{place}: {self.evidence}; {self.remedy} [{self.kind}]"
 
     def to_dict(self) -> dict[str, Any]:
         """Return the fields by name."""

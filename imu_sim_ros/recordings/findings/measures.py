@@ -89,11 +89,13 @@ class ReadingMeasures:
         :param clock: their clock; None: it is estimated.
         """
         self.readings = readings
+        self.no_clock = ""
+        """Reason for which the stamps have no rate; empty: they have one."""
         if clock is None:
             try:
                 clock = estimate_clock(readings.t_ns, self._equal())
-            except InputError:  # no rate: only whole columns are judged
-                clock = None
+            except InputError as error:  # only whole columns are judged
+                self.no_clock = str(error)
         self.clock = clock
         """Clock of the readings; None: their stamps have no rate."""
 
@@ -134,8 +136,11 @@ class ReadingMeasures:
 
     @property
     def window(self) -> int:
-        """Readings of a window: about a second, and four or more in each part."""
-        return _PARTS * max(round(1.0 / self.interval / _PARTS), _FEWEST // _PARTS)
+        """Readings of a window: about a second, or all if they are fewer, four in each part."""
+        part = round(1.0 / self.interval / _PARTS)
+        if self.values is not None:
+            part = min(part, len(self.values[0]) // _PARTS)
+        return _PARTS * max(part, _FEWEST // _PARTS)
 
     def _windows(self, values: Array) -> Array:
         """Return readings (windows, parts, k, 3)."""

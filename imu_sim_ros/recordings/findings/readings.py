@@ -49,7 +49,7 @@ _ENOUGH: Final = 1000
     "name the topic of the gyroscope (--gyro-topic), or take another one",
 )
 def gyroscope_absent(measures: ReadingMeasures) -> Iterator[Evidence]:
-    """Find readings without a gyroscope: none recorded, or all zeros."""
+    """Find readings without a gyroscope."""
     yield from _absent(measures, 0)
 
 
@@ -59,22 +59,30 @@ def gyroscope_absent(measures: ReadingMeasures) -> Iterator[Evidence]:
     "name the topic of the accelerometer (--accel-topic), or take another one",
 )
 def accelerometer_absent(measures: ReadingMeasures) -> Iterator[Evidence]:
-    """Find readings without an accelerometer: none recorded, or all zeros."""
+    """Find readings without an accelerometer."""
     yield from _absent(measures, 1)
 
 
 def _absent(measures: ReadingMeasures, triad: int) -> Iterator[Evidence]:
     readings = measures.readings
-    values, partner = readings.gyro, readings.accel
-    if triad:
-        values, partner = partner, values
-    if values is None:
+    if (readings.accel if triad else readings.gyro) is None:
         yield Evidence(f"contains no readings of the {TRIADS[triad]}")
-        return
-    # An ideal sensor at rest reads zeros, too, but its partner has no noise.
-    noise = partner is not None and any(measures.noisy(column) for column in partner.T)
-    if noise and not values.any():
-        yield Evidence(f"all readings of the {TRIADS[triad]} are 0")
+
+
+@check(
+    "error",
+    "motion of this triad is missing in all results",
+    "name the topic of the triad (--gyro-topic, --accel-topic), or take another one",
+)
+def triad_zeros(measures: ReadingMeasures) -> Iterator[Evidence]:
+    """Find a gyroscope or an accelerometer whose readings are all zeros."""
+    triads = (measures.readings.gyro, measures.readings.accel)
+    for name, values, partner in zip(TRIADS, triads, triads[::-1], strict=True):
+        # An ideal sensor at rest reads zeros, too, but its partner has no noise.
+        if values is None or partner is None or values.any():
+            continue
+        if any(measures.noisy(column) for column in partner.T):
+            yield Evidence(f"all readings of the {name} are 0")
 
 
 @check(
@@ -149,7 +157,7 @@ def gravity_absent(measures: ReadingMeasures) -> Iterator[Evidence]:
     """Find an accelerometer whose readings do not have gravity."""
     if measures.values is None or measures.swapped is not None:
         return
-    if any(accelerometer_absent.find(measures)):
+    if any(accelerometer_absent.find(measures)) or any(triad_zeros.find(measures)):
         return
     limit = _ABSENT * STANDARD_GRAVITY
     size, text, certain = _level(measures)
@@ -331,6 +339,7 @@ def steps_coarse(measures: ReadingMeasures) -> Iterator[Evidence]:
 READINGS: Final = (
     gyroscope_absent,
     accelerometer_absent,
+    triad_zeros,
     triads_swapped,
     accelerometer_g,
     accelerometer_mg,

@@ -1,0 +1,103 @@
+# Copyright 2026 imu_sim_ros maintainers
+# SPDX-License-Identifier: Apache-2.0
+
+"""The declaration of each job: which findings it refuses, corrects or tells."""
+
+from collections.abc import Callable, Iterable
+from dataclasses import dataclass
+from typing import Final, Literal
+
+from imu_sim_ros.errors import InputError
+from imu_sim_ros.recordings.findings.finding import Finding
+from imu_sim_ros.recordings.findings.readings import UNITS
+
+Action = Literal["refuses", "corrects", "tells", ""]
+ABSENT: Final = ("gyroscope_absent", "accelerometer_absent")
+"""Kinds of readings without one of the triads."""
+BROKEN_CLOCK: Final = ("stamps_unit", "clock_reset", "clock_change")
+"""Kinds of stamps that are not nanoseconds of one clock."""
+UNEVEN_CLOCK: Final = (
+    *("stamps_stray", "stamps_bunched", "stamps_shared", "stamps_late"),
+    *("messages_repeated", "stamps_rounded"),
+)
+"""Kinds of stamps whose true times the clock tells."""
+TWIST: Final = ("twist_world", "twist_body", "twist_unfilled")
+"""Kinds of a twist that contradicts the poses beside it."""
+POSES: Final = (
+    *("quaternion_order", "poses_held", "poses_sparse", "z_down", "axes_camera"),
+    *("poses_jump", "poses_outlying", "poses_arrival"),
+)
+"""Kinds of poses that are not those of a body, or not all of them."""
+ROLES: Final = ("truth_as_estimate", "estimate_as_truth")
+"""Kinds of trajectories in the wrong place."""
+
+
+@dataclass(frozen=True)
+class FindingPolicy:
+    """The declaration of a job; findings of other kinds do not matter to its results."""
+
+    refuses: tuple[str, ...] = ()
+    """Kinds after which the job has no result: each is a line, the exit status 2."""
+    corrects: tuple[str, ...] = ()
+    """Kinds whose effect the job removes; each is told."""
+    tells: tuple[str, ...] = ()
+    """Kinds that make the result wrong or worse; each is told."""
+
+    def action(self, kind: str) -> Action:
+        """Return what the job does about a kind of finding; empty: nothing."""
+        if kind in self.refuses:
+            return "refuses"
+        if kind in self.corrects:
+            return "corrects"
+        return "tells" if kind in self.tells else ""
+
+    def judge(self, findings: Iterable[Finding], tell: Callable[[str], object]) -> None:
+        """Refuse or tell findings, as declared.
+
+        :param tell: receives a line for each finding that is corrected or told.
+        :raises InputError: with a line for each finding that is refused.
+        """
+        relevant = [finding for finding in findings if self.action(finding.kind)]
+        refused = [f for f in relevant if f.kind in self.refuses]
+        if refused:
+            raise InputError([finding.sentence() for finding in refused])
+        for finding in relevant:
+            tell(finding.sentence())
+
+
+DEAD_RECKON: Final = FindingPolicy(
+    refuses=(*ABSENT, *BROKEN_CLOCK),
+    corrects=UNEVEN_CLOCK,
+    tells=(*UNITS, "triad_zeros", "gravity_absent", "axes_down"),
+)
+PREINTEGRATE: Final = FindingPolicy(
+    refuses=(*ABSENT, *BROKEN_CLOCK), corrects=UNEVEN_CLOCK, tells=(*UNITS, "triad_zeros")
+)
+TWIN: Final = FindingPolicy(
+    refuses=(*ABSENT, *BROKEN_CLOCK, *UNITS, "triad_zeros"), corrects=UNEVEN_CLOCK
+)
+ALLAN: Final = FindingPolicy(
+    refuses=(*ABSENT, "stamps_unit"),
+    corrects=("clock_reset", *UNEVEN_CLOCK),
+    tells=(*UNITS, "gravity_size"),
+)
+CALIBRATE: Final = FindingPolicy(refuses=ABSENT, tells=UNITS)
+CONVERT: Final = FindingPolicy(tells=UNITS)
+INTEGRATOR: Final = FindingPolicy(tells=UNITS)
+ERROR_MODEL: Final = FindingPolicy(tells=(*UNITS, *TWIST))
+EVALUATE: Final = FindingPolicy(
+    refuses=("poses_disordered", *ROLES),
+    tells=("quaternion_order", "poses_held", "poses_sparse", "z_down", "axes_camera"),
+)
+JOBS: Final = {
+    "add_errors, error_model": ERROR_MODEL,
+    "allan": ALLAN,
+    "calibrate": CALIBRATE,
+    "convert_bag": CONVERT,
+    "dead_reckon": DEAD_RECKON,
+    "evaluate": EVALUATE,
+    "integrator": INTEGRATOR,
+    "preintegrate": PREINTEGRATE,
+    "twin": TWIN,
+}
+"""Declarations by the names of programs, nodes and functions; `inspect` tells all findings."""

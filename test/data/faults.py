@@ -1,0 +1,66 @@
+# Copyright 2026 imu_sim_ros maintainers
+# SPDX-License-Identifier: Apache-2.0
+
+"""Recordings with the faults that people's recordings have, made from clean ones."""
+
+import numpy as np
+
+from imu_sim_ros.conventions import STANDARD_GRAVITY
+from imu_sim_ros.records import with_fields
+
+FRD = np.diag([1.0, -1.0, -1.0])
+CAMERA = np.array([[0.0, -1.0, 0.0], [0.0, 0.0, -1.0], [1.0, 0.0, 0.0]])
+"""From forward-left-up to right-down-forward."""
+
+
+def stuck(readings):
+    accel = readings.accel.copy()
+    accel[-2000:, 1] = accel[-2000, 1]
+    return with_fields(readings, accel=accel)
+
+
+def saturated(readings):
+    gyro = readings.gyro.copy()
+    limit = np.quantile(np.abs(gyro[:, 2]), 0.9)
+    gyro[:, 2] = np.clip(gyro[:, 2], -limit, limit)
+    return with_fields(readings, gyro=gyro)
+
+
+FAULTS = {
+    "accelerometer_g": lambda r: with_fields(r, accel=r.accel / STANDARD_GRAVITY),
+    "accelerometer_mg": lambda r: with_fields(r, accel=1e3 * r.accel / STANDARD_GRAVITY),
+    "accelerometer_counts": lambda r: with_fields(
+        r, accel=np.rint(16384.0 * r.accel / STANDARD_GRAVITY)
+    ),
+    "gyroscope_degrees": lambda r: with_fields(r, gyro=np.degrees(r.gyro)),
+    "gyroscope_counts": lambda r: with_fields(r, gyro=np.rint(131.0 * np.degrees(r.gyro))),
+    "axes_down": lambda r: with_fields(r, gyro=r.gyro @ FRD, accel=r.accel @ FRD),
+    "axes_sideways": lambda r: with_fields(r, gyro=r.gyro @ CAMERA.T, accel=r.accel @ CAMERA.T),
+    "triads_swapped": lambda r: with_fields(r, gyro=r.accel, accel=r.gyro),
+    "gyroscope_absent": lambda r: with_fields(r, gyro=None),
+    "triad_zeros": lambda r: with_fields(r, gyro=0.0 * r.gyro),
+    "accelerometer_absent": lambda r: with_fields(r, accel=None),
+    "axis_stuck": stuck,
+}
+"""Readings with a fault, by the kind of its finding."""
+
+MS = 1_000_000
+
+
+def shifted(readings, rows, by_ns):
+    t_ns = readings.t_ns.copy()
+    t_ns[rows] += by_ns
+    return with_fields(readings, t_ns=t_ns)
+
+
+STAMPS = {
+    "stamps_unit": lambda r: with_fields(r, t_ns=(r.t_ns - r.t_ns[0]) // 1000),
+    "clock_reset": lambda r: shifted(r, slice(len(r) // 2, None), -(10**9) * 60),
+    "clock_change": lambda r: shifted(r, slice(len(r) // 2, None), 10**18),
+    "stamps_stray": lambda r: shifted(r, 500, -(10**18)),
+    "stamps_shared": lambda r: with_fields(r, t_ns=r.t_ns[np.arange(len(r)) // 8 * 8]),
+    "stamps_late": lambda r: r.rows(np.r_[0:500, 502, 500, 501, 503 : len(r)]),
+    "messages_repeated": lambda r: r.rows(np.sort(np.r_[0 : len(r), 300:400])),
+    "stamps_rounded": lambda r: with_fields(r, t_ns=r.t_ns // MS * MS),
+}
+"""Readings whose stamps have a fault, by the kind of its finding."""

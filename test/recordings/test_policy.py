@@ -1,0 +1,139 @@
+# Copyright 2026 imu_sim_ros maintainers
+# SPDX-License-Identifier: Apache-2.0
+
+"""Every job refuses, corrects or tells the findings of a recording as it declares."""
+
+import warnings
+
+import numpy as np
+import pytest
+from faults import FAULTS, STAMPS
+
+import imu_sim_ros as ims
+from imu_sim_ros.errors import InputError
+from imu_sim_ros.recordings.findings.catalogue import KINDS, reading_findings
+from imu_sim_ros.recordings.findings.live import UnitWatch
+from imu_sim_ros.recordings.findings.policy import JOBS, ROLES
+from imu_sim_ros.records import LiveReading
+from imu_sim_ros.simulation.error_model import GivenImu
+from imu_sim_ros.simulation.error_parameters import load_error_model
+
+ALL = {**FAULTS, **STAMPS}
+
+
+@pytest.fixture(scope="module")
+def flights():
+    rate, seed = 400.1, 3
+    return {
+        # Half of it, up to a reset of the clock, is the shortest record that allan takes.
+        "rest": ims.simulate(imu="bmi088", trajectory="static", rate=rate, duration=125, seed=seed),
+        "motion": ims.simulate(
+            imu="bmi088", trajectory="figure_eight", rate=rate, duration=12, seed=seed
+        ),
+    }
+
+
+def told_by(call):
+    """Return the lines that a job tells, with those of its result."""
+    with warnings.catch_warnings(record=True) as caught:
+        warnings.simplefilter("always")
+        result = call()
+    return [str(entry.message) for entry in caught] + list(getattr(result, "warnings", ()))
+
+
+def allan(readings, flight, folder):
+    return told_by(lambda: ims.allan(readings, force=True))
+
+
+def dead_reckon(readings, flight, folder):
+    truth = flight.truth
+    initial = ims.NavigationState(truth.position[0], truth.velocity[0], truth.q_wb[0])
+    return told_by(lambda: ims.dead_reckon(readings, initial=initial))
+
+
+def preintegrate(readings, flight, folder):
+    return told_by(lambda: ims.preintegrate(readings, every=0.5, max_gap=1e10))
+
+
+def twin(readings, flight, folder):
+    return told_by(lambda: ims.twin(readings, flight.truth))
+
+
+def add_errors(readings, flight, folder):
+    lines = []
+    model = GivenImu(load_error_model({"imu.preset": "perfect", "rate": 400.1}), (), lines.append)
+    model.read(readings)
+    model.finish()
+    return lines
+
+
+def integrator(readings, flight, folder):
+    watch, lines = UnitWatch("imu"), []
+    columns = (readings.t_ns.tolist(), readings.gyro.tolist(), readings.accel.tolist())
+    for t_ns, gyro, accel in zip(*columns, strict=True):
+        findings = watch.add(LiveReading(t_ns, tuple(gyro), tuple(accel)))
+        JOBS["integrator"].judge(findings, lines.append)
+        if watch.done:
+            break
+    return lines
+
+
+def convert_bag(readings, flight, folder):
+    rows = np.column_stack([readings.gyro, readings.accel])
+    path = folder / "given.csv"
+    with path.open("w") as file:
+        for t_ns, row in zip(readings.t_ns.tolist(), rows.tolist(), strict=True):
+            file.write(f"{t_ns}," + ",".join(map(repr, row)) + "\n")
+    return told_by(lambda: ims.convert(path, folder / "out.mcap", force=True))
+
+
+PROGRAMS = {
+    "allan": (allan, "rest", ALL),
+    "dead_reckon": (dead_reckon, "motion", ALL),
+    "preintegrate": (preintegrate, "motion", ALL),
+    "twin": (twin, "motion", [k for k in ALL if JOBS["twin"].action(k) == "refuses"]),
+    "add_errors, error_model": (add_errors, "motion", FAULTS),
+    "integrator": (integrator, "motion", FAULTS),
+    "convert_bag": (convert_bag, "motion", FAULTS),
+}
+
+
+@pytest.mark.parametrize("job", PROGRAMS)
+def test_each_job_does_as_it_declares(flights, tmp_path, job):
+    run, name, kinds = PROGRAMS[job]
+    flight, policy, wrong = flights[name], JOBS[job], []
+    for kind in kinds:
+        readings = ALL[kind](flight.readings)
+        absent = readings.gyro is None or readings.accel is None
+        if absent and job in ("integrator", "convert_bag", "add_errors, error_model"):
+            continue  # messages and tables of these have both
+        assert kind in {finding.kind for finding in reading_findings(readings)}, kind
+        action = policy.action(kind)
+        tag = f"[{kind}]"
+        try:
+            lines = run(readings, flight, tmp_path)
+        except InputError as error:
+            lines = error.problems
+            if action != "refuses":
+                wrong.append((kind, action, "refused", lines))
+                continue
+        if any(tag in line for line in lines) != bool(action):
+            wrong.append((kind, action, lines))
+    assert not wrong, wrong
+
+
+def test_trajectories_in_the_wrong_place_are_refused(flights):
+    flight = flights["motion"]
+    track = ims.dead_reckon(flight)
+    with pytest.raises(InputError, match=r"\[truth_as_estimate\]"):
+        ims.evaluate(flight.truth, track)
+    with pytest.raises(InputError, match=r"\[estimate_as_truth\]"):
+        ims.evaluate(track, track)
+    assert all(JOBS["evaluate"].action(kind) == "refuses" for kind in ROLES)
+
+
+def test_declarations_name_kinds_that_exist_once():
+    for name, policy in JOBS.items():
+        every = [*policy.refuses, *policy.corrects, *policy.tells]
+        assert set(every) <= set(KINDS), name
+        assert len(set(every)) == len(every), name
