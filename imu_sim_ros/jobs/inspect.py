@@ -18,7 +18,7 @@ from imu_sim_ros.arguments import BAG_OR_FILE, name_of, suggest_keywords
 from imu_sim_ros.bags.cameras import camera_records
 from imu_sim_ros.bags.clouds import cloud_records
 from imu_sim_ros.bags.messages.encode import IMU, ODOMETRY
-from imu_sim_ros.bags.read import open_bag
+from imu_sim_ros.bags.read import MixedFramesError, open_bag
 from imu_sim_ros.bags.text.reader import has_states, is_text
 from imu_sim_ros.calibration.noise.truth import load_truth, true_noise
 from imu_sim_ros.conventions import AXES, TRIADS
@@ -49,12 +49,14 @@ from imu_sim_ros.recordings.findings.catalogue import (
     camera_findings,
     clipping_findings,
     cloud_findings,
+    frame_findings,
     reading_findings,
     state_findings,
 )
 from imu_sim_ros.recordings.findings.clipping import ClippingCounts
 from imu_sim_ros.recordings.findings.finding import SEVERITIES, Finding
 from imu_sim_ros.recordings.findings.measures import ReadingMeasures
+from imu_sim_ros.recordings.findings.roles import TopicFrames
 from imu_sim_ros.records import Readings, States, concatenated, with_fields
 from imu_sim_ros.text_tables import TextTable, html_of
 from imu_sim_ros.types import Array
@@ -275,8 +277,8 @@ def _cell(value: object) -> str:
     return f"{value:,}" if isinstance(value, int) else str(value)
 
 
-Record = Readings | States | ClippingCounts | CameraRecord | CloudRecord
-"""Readings, poses, the description of a camera, or clouds."""
+Record = Readings | States | ClippingCounts | CameraRecord | CloudRecord | TopicFrames
+"""Readings, poses, counts of clipping, a camera's description, clouds, or frames on a topic."""
 Source = str | PathLike[str] | Readings | States | Flight
 """A file, or a record in memory."""
 
@@ -349,6 +351,8 @@ def inspect(
             findings += camera_findings(record)
         elif isinstance(record, ClippingCounts):
             findings += clipping_findings(record)
+        elif isinstance(record, TopicFrames):
+            findings += frame_findings(record)
         elif isinstance(record, CloudRecord):
             findings += cloud_findings(record)
         elif isinstance(record, Readings):
@@ -395,10 +399,9 @@ def _read(
     for imu in imus:
         with problems.gathered():
             label = imu.topic or f"{imu.gyro_topic}, {imu.accel_topic}"
-            skipped = tell_skipped(path) if skip else None
-            blocks = list(door.reading_blocks(path, imu, Handling(skipped)))
-            if blocks:
-                yield with_fields(concatenated(blocks), source=f"{name}, {label}")
+            parts = list(_read_frames(path, imu, f"{name}, {label}", skip))
+            if parts:
+                yield from parts
             else:
                 empty += 1
     if choice.frame is not None and empty == len(imus):
@@ -412,6 +415,20 @@ def _read(
         yield from cameras
         yield from clouds
     problems.tell()
+
+
+def _read_frames(path: Path, choice: Choice, source: str, skip: bool) -> Iterator[Record]:
+    """Yield the readings of a topic; of several frames their numbers, and those of each."""
+    handling = Handling(tell_skipped(path) if skip else None)
+    try:
+        blocks = list(door.reading_blocks(path, choice, handling))
+    except MixedFramesError as error:
+        yield error.topic._replace(source=source)
+        for frame in error.topic.frames:
+            yield from _read_frames(path, replace(choice, frame=frame), f"{source}, {frame}", skip)
+        return
+    if blocks:
+        yield with_fields(concatenated(blocks), source=source)
 
 
 def _read_text(path: Path, choice: Choice, skip: bool) -> Iterator[Record]:

@@ -10,6 +10,8 @@ import pytest
 from faults import FAULTS, STAMPS
 
 import imu_sim_ros as ims
+from imu_sim_ros.bags.messages.encode import IMU, ImuEncoder
+from imu_sim_ros.bags.writer import BagOptions, Block, open_writer
 from imu_sim_ros.errors import InputError
 from imu_sim_ros.recordings.findings.catalogue import KINDS, reading_findings
 from imu_sim_ros.recordings.findings.live import UnitWatch
@@ -137,3 +139,24 @@ def test_declarations_name_kinds_that_exist_once():
         every = [*policy.refuses, *policy.corrects, *policy.tells]
         assert set(every) <= set(KINDS), name
         assert len(set(every)) == len(every), name
+
+
+@pytest.mark.parametrize("name", ["two.bag", "two.mcap"])
+def test_inspect_tells_of_two_frames_on_a_topic_and_judges_each(flights, tmp_path, name):
+    readings = flights["motion"].readings.rows(slice(3000))
+    with open_writer(tmp_path / name, BagOptions()) as writer:
+        topic = writer.add_topic("/imu/data_raw", IMU)
+        blocks = [
+            Block(topic, readings.t_ns, encoder.pattern(readings.t_ns, readings.gyro, accel))
+            for encoder, accel in (
+                (ImuEncoder("left", writer.encoding), readings.accel),
+                (ImuEncoder("right", writer.encoding), readings.accel / 9.80665),
+            )
+        ]
+        writer.write_blocks(blocks)
+    inspection = ims.inspect(tmp_path / name)
+    assert [finding.kind for finding in inspection.findings] == ["frames_mixed", "accelerometer_g"]
+    assert "left (3,000), right (3,000)" in inspection.findings[0].evidence
+    assert inspection.findings[1].source.endswith(", right")
+    with pytest.raises(InputError, match=r"--frame chooses one \[frames_mixed\]"):
+        ims.dead_reckon(tmp_path / name)
