@@ -146,7 +146,9 @@ def _of_frame(
     if not selected:
         name = str(path) if topic is None else f"{path}, {topic}"
         topic_frames = TopicFrames(name, imu_frames(path, topic))
-        raise MixedFramesError(topic_frames)
+        error = MixedFramesError([f.sentence() for f in frame_findings(topic_frames)])
+        error.topic = topic_frames
+        raise error
     index = fields.frame_ids.index(frame) if frame in fields.frame_ids else -1
     return fields.at(fields.frames == index)
 
@@ -154,11 +156,8 @@ def _of_frame(
 class MixedFramesError(InputError):
     """Readings of several frames on one topic, of which none was chosen."""
 
-    def __init__(self, topic: TopicFrames) -> None:
-        """Take the frames of the topic."""
-        super().__init__([finding.sentence() for finding in frame_findings(topic)])
-        self.topic = topic
-        """Frames, and the number of messages of each."""
+    topic: TopicFrames = TopicFrames("", {})
+    """Frames, and the number of messages of each."""
 
 
 def imu_frames(path: str | Path, topic: str | None = None) -> dict[str, int]:

@@ -252,6 +252,8 @@ class _Run:
             readings = door.read_readings(self.path, self._choice, skipped)
             readings = with_fields(readings, source=self.name)
         self._notes = readings.notes
+        if not isinstance(self._given, Flight):
+            CALIBRATE.judge(reading_findings(readings), self._warnings.append)
         return readings
 
     def field(self) -> Array:

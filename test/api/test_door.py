@@ -190,9 +190,7 @@ def test_add_errors_takes_readings_as_they_are_chosen(two_frames, one_triad, tmp
 
 def test_two_frames_on_a_topic_are_refused_unless_one_is_chosen(two_frames):
     for job in (ims.read_imu, ims.allan, ims.dead_reckon, ims.calibrate_six_position):
-        with pytest.raises(
-            InputError, match="several frames: left .*--frame chooses one"
-        ):
+        with pytest.raises(InputError, match="several frames: left .*--frame chooses one"):
             job(two_frames)
     left = ims.read_readings(two_frames, frame="left")
     assert (len(left), left.frame_id) == (500, "left")

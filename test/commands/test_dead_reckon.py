@@ -265,7 +265,7 @@ def test_no_overlap(tmp_path, capsys):
     ("order", "message"),
     [
         ([0], "1 reading: integration needs at least two"),
-        ([*range(20, 40), *range(20)], "stamps from row 20 on: the clock went back by 0.195 s"),
+        ([*range(20, 40), *range(20)], "from row 20 (-0.100 s) on: the clock went back by 0.195 s"),
         (
             [0, 1, 2, 60],
             "longer than max_gap = 0.1 s, the first is 0.29 s after number 2",

@@ -73,9 +73,7 @@ DEAD_RECKON: Final = FindingPolicy(
 PREINTEGRATE: Final = FindingPolicy(
     refuses=(*ABSENT, *BROKEN_CLOCK), corrects=UNEVEN_CLOCK, tells=(*UNITS, "triad_zeros")
 )
-TWIN: Final = FindingPolicy(
-    refuses=(*ABSENT, *BROKEN_CLOCK, *UNITS, "triad_zeros"), corrects=UNEVEN_CLOCK
-)
+TWIN: Final = FindingPolicy(refuses=(*ABSENT, *BROKEN_CLOCK, *UNITS), corrects=UNEVEN_CLOCK)
 ALLAN: Final = FindingPolicy(
     refuses=(*ABSENT, "stamps_unit"),
     corrects=("clock_reset", *UNEVEN_CLOCK),
