@@ -60,6 +60,8 @@ from imu_sim_ros.navigation.parameters import IntegratorParameters
 from imu_sim_ros.navigation.state import NO_CORRECTION, Correction, correction_of
 from imu_sim_ros.parameters import files
 from imu_sim_ros.parameters.sections import build
+from imu_sim_ros.recordings.findings.catalogue import reading_findings
+from imu_sim_ros.recordings.findings.policy import CALIBRATE
 from imu_sim_ros.records import Readings, with_fields
 from imu_sim_ros.sensors.magnetometer.declaration import SENSOR, TABLE
 from imu_sim_ros.text_tables import TextTable
