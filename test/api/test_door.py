@@ -259,10 +259,11 @@ def test_report_inspect_and_preintegrate_read_as_is_chosen(two_frames, one_triad
         np.testing.assert_array_equal(pieces.alpha, same.alpha)
     for job in (lambda **choice: ims.report(two_frames, tmp_path / "none.html", **choice),
                 lambda **choice: ims.inspect(two_frames, **choice)):  # fmt: skip
-        with pytest.raises(InputError, match="several frames: left, right; choose one with"):
-            job()
         with pytest.raises(InputError, match="contains no readings of the frame middle"):
             job(frame="middle")
+    with pytest.raises(InputError, match="several frames: left .*--frame chooses one"):
+        ims.report(two_frames, tmp_path / "none.html")
+    assert ims.inspect(two_frames).findings[0].kind == "frames_mixed"
     with pytest.raises(ConfigurationError, match="frame"):
         ims.inspect(ims.read_readings(two_frames, frame="left"), frame="left")
 

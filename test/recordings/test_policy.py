@@ -10,8 +10,9 @@ import pytest
 from faults import FAULTS, STAMPS
 
 import imu_sim_ros as ims
+from imu_sim_ros.bags.create import open_writer
 from imu_sim_ros.bags.messages.encode import IMU, ImuEncoder
-from imu_sim_ros.bags.writer import BagOptions, Block, open_writer
+from imu_sim_ros.bags.writer import BagOptions, Block
 from imu_sim_ros.errors import InputError
 from imu_sim_ros.recordings.findings.catalogue import KINDS, reading_findings
 from imu_sim_ros.recordings.findings.live import UnitWatch
