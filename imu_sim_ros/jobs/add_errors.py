@@ -68,11 +68,11 @@ from imu_sim_ros.simulation.given_sensor import OTHERS, Counts, GivenOther
 from imu_sim_ros.types import Array, Integers, Mask
 
 TOPICS: Final = (IMU_TOPIC, IDEAL_IMU_TOPIC, GYROSCOPE_BIAS_TOPIC, ACCELEROMETER_BIAS_TOPIC)
-"""What a flight of given readings is saved as."""
+"""Topics of a bag of readings with errors."""
 ROWS_AT_ONCE: Final = 8192
 MOST_ENVIRONMENTS: Final = 1_000_000
 _LARGEST_SEED: Final = 2**62
-"""Of a batch, whose units have the next ones, and further ones after each reset."""
+"""Largest seed of a batch: its units count up from it, and further with each reset."""
 _TOLD: Final = 3
 """Environments that a warning names, and warnings of held readings."""
 
@@ -124,22 +124,22 @@ def add_errors(
     >>> bool((flight.accel == same.accel).all())
     True
     """
-    given = _given(t_ns, gyro, accel, orientation, "add_errors")
-    if not len(given.t_ns):
+    ideal_readings = _given(t_ns, gyro, accel, orientation, "add_errors")
+    if not len(ideal_readings.t_ns):
         raise InputError("add_errors: no readings")
     layers = layers_of(imu, seed, params_file, input, parameters, rate)
-    built = with_rate(layers, lambda: rate_of(given.t_ns))
+    built = with_rate(layers, lambda: rate_of(ideal_readings.t_ns))
     model = GivenImu(built, OTHERS, warn)
     windows: list[dict[str, Samples]] = []
-    for begin in range(0, len(given.t_ns), ROWS_AT_ONCE):
-        windows += model.read(given.rows(slice(begin, begin + ROWS_AT_ONCE)))
+    for begin in range(0, len(ideal_readings.t_ns), ROWS_AT_ONCE):
+        windows += model.read(ideal_readings.rows(slice(begin, begin + ROWS_AT_ONCE)))
     model.finish()
     topics: tuple[str, ...] = TOPICS
     for quantity, pair in (("magnetic_field", magnetic_field), ("pressure", pressure)):
         if pair is not None:
             topics += _add_other(model.other(quantity), pair, windows)
     name = f"{sensor_name(imu, built.imu.preset)} on given readings"
-    return Flight(Source(built, NOWHERE, int(given.t_ns[0])), windows, name, topics)
+    return Flight(Source(built, NOWHERE, int(ideal_readings.t_ns[0])), windows, name, topics)
 
 
 def _add_other(
@@ -153,10 +153,10 @@ def _add_other(
     quantity = sensor.declared.quantity
     if not isinstance(pair, tuple | list) or len(pair) != 2:
         refuse(quantity, pair, "a pair of stamps and values", wrong_type=True)
-    given = _given_values(quantity, *pair)
-    if not len(given.t_ns):
+    ideal_values = _given_values(quantity, *pair)
+    if not len(ideal_values.t_ns):
         raise InputError(f"{quantity}: no readings")
-    block = joined(sensor.read(given))
+    block = joined(sensor.read(ideal_values))
     begin = 0
     for k, window in enumerate(windows):
         end = len(block.true_t_ns)
@@ -164,7 +164,7 @@ def _add_other(
             last_ns = window[IMU].true_t_ns[-1]
             end = max(int(np.searchsorted(block.true_t_ns, last_ns, side="right")), begin)
         window[quantity], begin = block.at(begin, end), end
-    return tuple(one.name for one in sensor.declared.topics if one.flags is not None)
+    return tuple(topic.name for topic in sensor.declared.topics if topic.flags is not None)
 
 
 class ErrorModel:
@@ -225,8 +225,8 @@ class ErrorModel:
     ) -> ErrorModel | ErrorModelBatch:
         """Set up the sensor, or a batch of ``count``."""
         if count is not None:
-            given = {"imu": imu, "seed": seed, "params_file": params_file, "input": input}
-            return ErrorModelBatch(rate=rate, count=count, **given, **parameters)
+            batch_arguments = {"imu": imu, "seed": seed, "params_file": params_file, "input": input}
+            return ErrorModelBatch(rate=rate, count=count, **batch_arguments, **parameters)
         self = super().__new__(cls)
         layers = layers_of(imu, seed, params_file, input, parameters, rate)
         self._model = GivenImu(load_error_model(layers), OTHERS, warn)
@@ -268,8 +268,8 @@ class ErrorModel:
                 samples = self._model.read_few([LiveReading(t_ns, rate, force)])
                 if samples is not None:
                     return samples
-        given = _given(t_ns, gyro, accel, orientation, "read")
-        blocks = [read[IMU] for read in self._model.read(given)]
+        ideal_readings = _given(t_ns, gyro, accel, orientation, "read")
+        blocks = [window[IMU] for window in self._model.read(ideal_readings)]
         return joined(blocks) if blocks else _no_samples(self._model.position)
 
     def read_magnetic_field(self, t_ns: int | ArrayLike, field: ArrayLike) -> MagneticReadings:
@@ -287,9 +287,9 @@ class ErrorModel:
         >>> model.read_magnetic_field(0, [0.0, 2e-5, -4e-5]).field.shape
         (1, 3)
         """
-        given = _given_values("magnetic_field", t_ns, field)
-        found: MagneticReadings = _delivered(self._model.other("magnetic_field"), given)
-        return found
+        ideal_values = _given_values("magnetic_field", t_ns, field)
+        readings: MagneticReadings = _delivered(self._model.other("magnetic_field"), ideal_values)
+        return readings
 
     def read_pressure(
         self,
@@ -315,9 +315,9 @@ class ErrorModel:
         100129
         """
         values = _pressures(self.parameters, pressure, altitude)
-        given = _given_values("pressure", t_ns, values)
-        found: PressureReadings = _delivered(self._model.other("pressure"), given)
-        return found
+        ideal_values = _given_values("pressure", t_ns, values)
+        readings: PressureReadings = _delivered(self._model.other("pressure"), ideal_values)
+        return readings
 
     def update(self, **parameters: Any) -> None:
         """Change live parameters by their ROS names, ``imu={"gyroscope_bias": [0.1, 0, 0]}``.
@@ -351,7 +351,9 @@ class ErrorModel:
         """
         arguments.one_of("kind", kind, KINDS)
         if not isinstance(triad, str) or triad:
-            arguments.one_of("triad", triad, (*TRIADS, *(one.name for one in OTHERS.values())))
+            arguments.one_of(
+                "triad", triad, (*TRIADS, *(sensor.name for sensor in OTHERS.values()))
+            )
         if not (isinstance(duration, float) and duration == math.inf):
             arguments.number("duration", duration, "seconds, or math.inf", 0.0, above=True)
         arguments.number("delay", delay, "seconds", 0.0, LONGEST)
@@ -419,8 +421,8 @@ class ErrorModelBatch:
         if not imus:
             refuse("imu", imu, "at least one sensor")
         built = [
-            load_error_model(layers_of(one, seed, params_file, input, parameters, rate))
-            for one in imus
+            load_error_model(layers_of(sensor, seed, params_file, input, parameters, rate))
+            for sensor in imus
         ]
         self._built = built
         self.parameters: ErrorModelParameters = built[0]
@@ -437,7 +439,7 @@ class ErrorModelBatch:
         if not isinstance(spread, Mapping | None):
             refuse("spread", spread, "a dictionary of parameters by name", wrong_type=True)
         drawn = {name: _spread(name, value) for name, value in (spread or {}).items()}
-        self._batch = ImuBatch([one.imu for one in built], self.parameters, self.count, drawn)
+        self._batch = ImuBatch([model.imu for model in built], self.parameters, self.count, drawn)
         self._last: dict[str, Array] = {}
         """The last ideal values, by quantity."""
         self._told = 0
@@ -463,24 +465,27 @@ class ErrorModelBatch:
         units = self._batch.units
         if units.seeds[k] != units.unit_seeds[k]:
             refuse("k", k, "an environment that did not begin again as the same unit")
-        own = self._built[k % len(self._built)]
-        preset = {"imu.preset": own.imu.preset, "rate": own.rate}
+        sensor = self._built[k % len(self._built)]
+        preset = {"imu.preset": sensor.imu.preset, "rate": sensor.rate}
         usual = flatten(load_error_model(preset))
         changed = {
             name: value
-            for name, value in flatten(own).items()
+            for name, value in flatten(sensor).items()
             if value != usual[name] and name not in ("rate", "seed")
         }
-        given: dict[str, Any] = {"imu": {"preset": own.imu.preset}, "seed": int(units.seeds[k])}
+        model_arguments: dict[str, Any] = {
+            "imu": {"preset": sensor.imu.preset},
+            "seed": int(units.seeds[k]),
+        }
         for name, value in changed.items():
             section, dot, rest = name.partition(".")
             entry = list(value) if isinstance(value, tuple) else value
             if dot:
-                given.setdefault(section, {})[rest] = entry
+                model_arguments.setdefault(section, {})[rest] = entry
             else:
-                given[name] = entry
-        given["imu"].update(units.unit(k))
-        return given
+                model_arguments[name] = entry
+        model_arguments["imu"].update(units.unit(k))
+        return model_arguments
 
     def read(
         self,
@@ -507,15 +512,15 @@ class ErrorModelBatch:
         if orientation is not None:
             q_wb = arguments.array("orientation", orientation, (self.count, 4), finite=False)
         rates, forces = np.array(rates, order="F"), np.array(forces, order="F")
-        held = _impossible(rates, gate.RATE) | _impossible(forces, gate.FORCE)
+        invalid = _impossible(rates, gate.RATE) | _impossible(forces, gate.FORCE)
         if q_wb is not None:
-            held |= ~(np.abs(np.linalg.norm(q_wb, axis=1) - 1.0) < gate.UNIT_TOLERANCE)
+            invalid |= ~(np.abs(np.linalg.norm(q_wb, axis=1) - 1.0) < gate.UNIT_TOLERANCE)
         if not self._check.done:
-            self._remark(self._check.look(t_ns, rates, forces, held))
+            self._remark(self._check.look(t_ns, rates, forces, invalid))
         readings = Readings.unchecked(t_ns=single, gyro=rates, accel=forces, q_wb=q_wb)
         rates, forces = self._conventions.apply(readings).triads()
-        self._hold(held, gyro=rates, accel=forces)
-        return self._batch.read(t_ns, rates, forces, held)
+        self._hold(invalid, gyro=rates, accel=forces)
+        return self._batch.read(t_ns, rates, forces, invalid)
 
     def read_magnetic_field(self, t_ns: int, field: ArrayLike) -> BatchField:
         """Return the next sample of the magnetometer of each environment.
@@ -530,10 +535,10 @@ class ErrorModelBatch:
         t_ns = _time(t_ns)
         fields = arguments.array("field", field, (self.count, 3), finite=False)
         fields = np.array(fields, order="F")
-        held = _impossible(fields, gate.FIELD)
+        invalid = _impossible(fields, gate.FIELD)
         fields = self._conventions.turned(fields)
-        self._hold(held, field=fields)
-        return self._batch.magnetometers.read(t_ns, fields, held)
+        self._hold(invalid, field=fields)
+        return self._batch.magnetometers.read(t_ns, fields, invalid)
 
     def read_pressure(
         self,
@@ -552,21 +557,23 @@ class ErrorModelBatch:
         :param altitude: in its place, (count,) heights above sea level [m].
         :raises ConfigurationError: for an array of another shape, and rates that differ.
         """
-        t_ns, (name, given) = _time(t_ns), _one_of(pressure=pressure, altitude=altitude)
-        values = arguments.array(name, given, (self.count,), finite=False).copy()
-        held = _impossible(values[:, None], gate.POSITION if name == "altitude" else gate.PRESSURE)
+        t_ns, (name, quantity) = _time(t_ns), _one_of(pressure=pressure, altitude=altitude)
+        values = arguments.array(name, quantity, (self.count,), finite=False).copy()
+        invalid = _impossible(
+            values[:, None], gate.POSITION if name == "altitude" else gate.PRESSURE
+        )
         if name == "altitude":
-            values[held] = 0.0
+            values[invalid] = 0.0
             values = Atmosphere(self.parameters.atmosphere).pressure(values)
-        self._hold(held, pressure=values)
-        return self._batch.barometers.read(t_ns, values, held)
+        self._hold(invalid, pressure=values)
+        return self._batch.barometers.read(t_ns, values, invalid)
 
-    def _hold(self, held: Mask, **values: Array) -> None:
+    def _hold(self, invalid: Mask, **values: Array) -> None:
         """Keep the last values of some environments in place of these, and say so."""
-        if held.any():
-            for name, now in values.items():
-                now[held] = self._last[name][held] if name in self._last else 0.0
-            self._tell(np.flatnonzero(held))
+        if invalid.any():
+            for name, reading in values.items():
+                reading[invalid] = self._last[name][invalid] if name in self._last else 0.0
+            self._tell(np.flatnonzero(invalid))
         self._last |= values
 
     @staticmethod
@@ -577,12 +584,12 @@ class ErrorModelBatch:
     def _tell(self, units: Integers) -> None:
         self._told += 1
         if self._told <= _TOLD:
-            first = ", ".join(map(str, units[:_TOLD].tolist()))
-            more = f" and {len(units) - _TOLD} more" if len(units) > _TOLD else ""
-            last = "; further ones are only marked in held" if self._told == _TOLD else ""
+            names = ", ".join(map(str, units[:_TOLD].tolist()))
+            remainder = f" and {len(units) - _TOLD} more" if len(units) > _TOLD else ""
+            ending = "; further ones are only marked in held" if self._told == _TOLD else ""
             warn(
-                f"environment {first}{more}: a reading that is not finite or not possible; "
-                f"it keeps the one before{last}"
+                f"environment {names}{remainder}: a reading that is not finite or not possible; "
+                f"it keeps the one before{ending}"
             )
 
     def reset(self, mask: ArrayLike | None = None, restart: str = "next_seed") -> None:
@@ -616,8 +623,8 @@ def _time(t_ns: object) -> int:
 
     :raises ConfigurationError: for anything but a whole number.
     """
-    most = np.iinfo(np.int64).max
-    return arguments.whole("t_ns", t_ns, "whole nanoseconds, one number for all", -most, most)
+    limit = np.iinfo(np.int64).max
+    return arguments.whole("t_ns", t_ns, "whole nanoseconds, one number for all", -limit, limit)
 
 
 def _impossible(values: Array, quantity: gate.Quantity) -> Mask:
@@ -637,7 +644,7 @@ def _spread(name: str, value: object) -> Spread:
     if not isinstance(value, list | tuple) or not value or ways.get(value[0]) != len(value) - 1:
         refuse(f"spread {name}", value, allowed)
     try:
-        sizes = [np.broadcast_to(np.asarray(one, np.float64), (3,)) for one in value[1:]]
+        sizes = [np.broadcast_to(np.asarray(size, np.float64), (3,)) for size in value[1:]]
     except (TypeError, ValueError):
         refuse(f"spread {name}", value, allowed, wrong_type=True)
     low, high = sizes[0], sizes[-1]
@@ -678,12 +685,14 @@ def from_sdf(file: str | Path, sensor: str | None = None) -> dict[str, Any]:
     """
     path = arguments.path("file", file)
     name = None if sensor is None else arguments.text("sensor", sensor, "the name of a sensor")
-    found = sdf.read(path, name).parameters
-    own = {k.removeprefix("imu."): v for k, v in found.items() if k.startswith("imu.")}
-    beside = ("preset", *(name.removeprefix("imu.") for name in MOUNT))
-    if not any(np.asarray(value).any() for name, value in own.items() if name not in beside):
-        warn(f"{own['preset']}: has no noise at all")
-    return {**own, **{k: v for k, v in found.items() if not k.startswith("imu.")}}
+    parameters = sdf.read(path, name).parameters
+    imu_fields = {k.removeprefix("imu."): v for k, v in parameters.items() if k.startswith("imu.")}
+    excluded = ("preset", *(name.removeprefix("imu.") for name in MOUNT))
+    if not any(
+        np.asarray(value).any() for name, value in imu_fields.items() if name not in excluded
+    ):
+        warn(f"{imu_fields['preset']}: has no noise at all")
+    return {**imu_fields, **{k: v for k, v in parameters.items() if not k.startswith("imu.")}}
 
 
 def _no_samples(position: int) -> Samples:
@@ -733,17 +742,17 @@ def _given_values(name: str, t_ns: object, values: ArrayLike) -> IdealValues:
     """
     times = arguments.stamps("t_ns", [t_ns] if isinstance(t_ns, int | np.integer) else t_ns)
     if name == "magnetic_field":
-        found = arguments.vectors("field", values, 3)
+        readings = arguments.vectors("field", values, 3)
     else:
-        found = arguments.array(name, _several(values), (None,), finite=False)
-    if len(found) != len(times):
+        readings = arguments.array(name, _several(values), (None,), finite=False)
+    if len(readings) != len(times):
         raise ConfigurationError(
-            f"{name}: {len(times)} stamps, {len(found)} values: must be equally many"
+            f"{name}: {len(times)} stamps, {len(readings)} values: must be equally many"
         )
     table = OTHERS[name].table
     assert table is not None
-    gate.Verdict(times, [(table.quantity, found)]).complain(name)
-    return IdealValues.unchecked(t_ns=times, values=np.array(found))
+    gate.Verdict(times, [(table.quantity, readings)]).complain(name)
+    return IdealValues.unchecked(t_ns=times, values=np.array(readings))
 
 
 def _several(values: ArrayLike) -> Any:
@@ -770,21 +779,21 @@ def _one_of(**values: ArrayLike | None) -> tuple[str, ArrayLike]:
 
     :raises ConfigurationError: if both are, or neither.
     """
-    given = [(name, value) for name, value in values.items() if value is not None]
-    if len(given) != 1:
+    pairs = [(name, value) for name, value in values.items() if value is not None]
+    if len(pairs) != 1:
         raise ConfigurationError(f"read_pressure: needs either {' or '.join(values)}")
-    return given[0]
+    return pairs[0]
 
 
-def _delivered(sensor: GivenOther, given: IdealValues) -> Any:
+def _delivered(sensor: GivenOther, ideal_values: IdealValues) -> Any:
     """Return the samples of ideal values that are delivered, as a flight has them."""
     quantity, readings = sensor.declared.quantity, sensor.declared.readings
-    windows = [{quantity: block} for block in sensor.read(given)]
+    windows = [{quantity: block} for block in sensor.read(ideal_values)]
     if windows:
         return delivered_of(windows, quantity, readings)
-    none = given.rows(slice(0))
+    none = ideal_values.rows(slice(0))
     assert readings is not None
-    values: dict[str, Any] = {one.name: none.values for one in dataclasses.fields(readings)}
+    values: dict[str, Any] = {field.name: none.values for field in dataclasses.fields(readings)}
     return readings(**{**values, "t_ns": none.t_ns, "true_t_ns": none.t_ns})
 
 
@@ -800,20 +809,20 @@ def layers_of(
 
     :raises ConfigurationError: with a line for each argument that is not what it must be.
     """
-    given = load_all(parameter_files(params_file), NODE)
+    layers = load_all(parameter_files(params_file), NODE)
     of_sensor = imu_parameters(imu)
     of_sensor.pop("rate", None)  # readings have one of their own
-    own, last = keyword_parameters(parameters)
-    given |= {**of_sensor, **own}
+    keywords, overrides = keyword_parameters(parameters)
+    layers |= {**of_sensor, **keywords}
     if input is not None:
         if not isinstance(input, Mapping):
             refuse("input", input, "parameters by name", wrong_type=True)
-        given |= files.dotted(input, "input", "input.")
+        layers |= files.dotted(input, "input", "input.")
     if seed is not None:
-        given["seed"] = seed
+        layers["seed"] = seed
     if rate is not None:
-        given["rate"] = rate
-    return {**given, **last}
+        layers["rate"] = rate
+    return {**layers, **overrides}
 
 
 def with_rate(layers: Mapping[str, object], rate: Callable[[], float]) -> ErrorModelParameters:
@@ -822,8 +831,8 @@ def with_rate(layers: Mapping[str, object], rate: Callable[[], float]) -> ErrorM
     :param rate: returns the rate of the readings [Hz].
     :raises ConfigurationError: with a line for each problem.
     """
-    given = "rate" in layers or layers.get("input.rate")
-    return load_error_model(layers if given else {**layers, "rate": rate()})
+    has_rate = "rate" in layers or layers.get("input.rate")
+    return load_error_model(layers if has_rate else {**layers, "rate": rate()})
 
 
 def rate_of(t_ns: Integers) -> float:

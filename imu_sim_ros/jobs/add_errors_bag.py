@@ -52,21 +52,21 @@ def source_of(bag: Bag, name: str | None) -> TopicInfo:
 
     :raises InputError: if there is none, or several.
     """
-    named = [t for t in bag.topics if name and t.name.lstrip("/") == name.lstrip("/")]
-    if named and named[0].type == ODOMETRY:
-        return named[0]
+    matches = [t for t in bag.topics if name and t.name.lstrip("/") == name.lstrip("/")]
+    if matches and matches[0].type == ODOMETRY:
+        return matches[0]
     return bag.topic(IMU, name)
 
 
 def stamps(bag: Bag, source: TopicInfo) -> Times:
     """Return the first stamps of a topic [ns]."""
-    found = np.empty(0, np.int64)
+    t_ns = np.empty(0, np.int64)
     for group in bag.groups({source.name}):
         for block in group:
-            found = np.concatenate([found, _decoded(bag, block, ()).t_ns])
-        if len(found) > _FIRST:
+            t_ns = np.concatenate([t_ns, _decoded(bag, block, ()).t_ns])
+        if len(t_ns) > _FIRST:
             break
-    return found[:_FIRST]
+    return t_ns[:_FIRST]
 
 
 def rate_in(bag: Bag, source: TopicInfo) -> float:
@@ -110,7 +110,7 @@ def names_in(
     bag: Bag,
     source: TopicInfo,
     copied: Sequence[TopicInfo],
-    wanted: Sequence[str],
+    added: Sequence[str],
     renamed: Mapping[str, str],
 ) -> tuple[dict[str, str], dict[str, str]]:
     """Return the new topics, each with its name, and new names of those that are copied.
@@ -120,27 +120,27 @@ def names_in(
     :param renamed: new names by old ones, as the user gives them, without slashes in front.
     :raises InputError: with a line for each name that there would be twice.
     """
-    new = {key: resolved(renamed.get(key, key)) for key in wanted}
-    old = {
+    output_names = {key: resolved(renamed.get(key, key)) for key in added}
+    renames = {
         topic.name: resolved(renamed[topic.name.lstrip("/")])
         for topic in copied
-        if topic.name.lstrip("/") in renamed and topic.name.lstrip("/") not in wanted
+        if topic.name.lstrip("/") in renamed and topic.name.lstrip("/") not in added
     }
-    if source in copied and source.name in new.values():
-        old[source.name] = resolved(IDEAL_IMU_TOPIC)
-    kept = [old.get(topic.name, topic.name) for topic in copied]
+    if source in copied and source.name in output_names.values():
+        renames[source.name] = resolved(IDEAL_IMU_TOPIC)
+    copied_names = [renames.get(topic.name, topic.name) for topic in copied]
     problems = [
         f"{bag.path}: has a topic {name}; --topic {key}=NEW gives the new one another name, "
         f"--without {name} leaves the old one out"
-        for key, name in new.items()
-        if name in kept
+        for key, name in output_names.items()
+        if name in copied_names
     ]
-    every = [*kept, *new.values()]
-    twice = {name for name in every if every.count(name) > 1} - set(new.values())
+    all_names = [*copied_names, *output_names.values()]
+    twice = {name for name in all_names if all_names.count(name) > 1} - set(output_names.values())
     problems += [f"{bag.path}: two topics would be {name}" for name in sorted(twice)]
     if problems:
         raise InputError(problems)
-    return new, old
+    return output_names, renames
 
 
 class BagErrors:
@@ -186,14 +186,14 @@ class BagErrors:
         """
         self._outputs = []
         for key, name in self._names.items():
-            known = self._offered[key]
-            topic = writer.add_topic(name, known.topic.type)
-            self._outputs.append((topic, known.name, known.encoder(writer.encoding)))
+            output = self._offered[key]
+            topic = writer.add_topic(name, output.topic.type)
+            self._outputs.append((topic, output.name, output.encoder(writer.encoding)))
         topics = [*copied, *([] if self._source in copied else [self._source])]
         if self._source in copied:
-            more, name = self._more, self._source.name
+            append_blocks, name = self._more, self._source.name
             lines = convert.bag_to_bag(
-                self._bag, writer, topics, renamed, advance, None, warned, more, name
+                self._bag, writer, topics, renamed, advance, None, warned, append_blocks, name
             )
         else:
             lines = self._write_without_source(writer, copied, renamed, advance, warned)
@@ -215,8 +215,8 @@ class BagErrors:
     ) -> list[str]:
         """Write the sensor's topics, then copy the others; bags are ordered when they are read."""
         groups = self._bag.groups({self._source.name})
-        made = ((self._more(block), len(block.t_ns)) for group in groups for block in group)
-        for blocks, count in prefetch(made):
+        batches = ((self._more(block), len(block.t_ns)) for group in groups for block in group)
+        for blocks, count in prefetch(batches):
             writer.write_blocks(blocks)
             advance(count)
         if not copied:
@@ -228,17 +228,17 @@ class BagErrors:
         if block.topic is not self._source or not len(block.t_ns):
             return []
         decoded = _decoded(self._bag, block, self._fields)
-        made = []
+        blocks = []
         # What was recorded late is so by as much next to it; nothing is before 1970.
         late_ns = int(np.median(block.t_ns - decoded.t_ns))
-        for given in self._passed(decoded):
-            for read in self.model.read(given):
+        for readings in self._passed(decoded):
+            for window in self.model.read(readings):
                 for topic, sensor, encode in self._outputs:
-                    messages = encode(read[sensor], self._parameters)
+                    messages = encode(window[sensor], self._parameters)
                     if len(messages.record_t_ns):
                         recorded = np.maximum(messages.record_t_ns + late_ns, 0)
-                        made.append(Block(topic, recorded, messages.made()))
-        return made
+                        blocks.append(Block(topic, recorded, messages.made()))
+        return blocks
 
     def _passed(self, decoded: Decoded) -> Iterator[Readings]:
         """Yield the readings of messages that the gate lets pass."""
@@ -255,9 +255,9 @@ class BagErrors:
                 (gate.RATE, numbers["angular"]),
             ]
         verdict = gate.Verdict(decoded.t_ns, columns)
-        first, self._seen = self._seen, self._seen + len(decoded.t_ns)
+        start, self._seen = self._seen, self._seen + len(decoded.t_ns)
         if not verdict.good.all():
-            verdict.note(self._bad, np.arange(first, self._seen), stamps=True)
+            verdict.note(self._bad, np.arange(start, self._seen), stamps=True)
             decoded = decoded.at(verdict.good)
             numbers = decoded.numbers
         if not len(decoded.t_ns):
@@ -265,9 +265,9 @@ class BagErrors:
         t_ns = decoded.t_ns
         if self._odometry is not None:
             q_wb = inside_order(numbers["orientation"])
-            given = self._odometry.apply(t_ns, q_wb, numbers["linear"], numbers["angular"])
-            if len(given.t_ns):
-                yield given
+            readings = self._odometry.apply(t_ns, q_wb, numbers["linear"], numbers["angular"])
+            if len(readings.t_ns):
+                yield readings
             return
         yield Readings.unchecked(
             t_ns=t_ns,
@@ -280,8 +280,8 @@ class BagErrors:
 def _orientation(numbers: Mapping[str, Array]) -> Array | None:
     """Return q_wb (n, 4) of messages; None if one of them states none."""
     stated = np.linalg.norm(numbers["orientation"], axis=1)
-    there = (numbers["orientation_covariance"][:, 0] >= 0.0) & (np.abs(stated - 1.0) < 1e-3)
-    return inside_order(numbers["orientation"]) / stated[:, None] if there.all() else None
+    valid = (numbers["orientation_covariance"][:, 0] >= 0.0) & (np.abs(stated - 1.0) < 1e-3)
+    return inside_order(numbers["orientation"]) / stated[:, None] if valid.all() else None
 
 
 def _decoded(bag: Bag, block: MessageBlock, fields: Sequence[str]) -> Decoded:

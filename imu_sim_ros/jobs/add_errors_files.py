@@ -89,7 +89,7 @@ _ADDED: Final = Text(
 
 @dataclass(frozen=True)
 class ErrorsAdded:
-    """What :func:`add_errors_to_file` wrote."""
+    """Result of :func:`add_errors_to_file`."""
 
     output: Path
     messages: dict[str, int]
@@ -98,7 +98,7 @@ class ErrorsAdded:
     """Counts of irregular readings: missing, pauses, restarts, ..."""
     wall_s: float
     warnings: tuple[str, ...] = ()
-    """What looks like a mistake in the input, a line each."""
+    """Likely mistakes in the input, one line each."""
     notes: tuple[str, ...] = ()
     """Choices and conversions of reading, a line each."""
 
@@ -115,10 +115,10 @@ class ErrorsAdded:
     def lines(self) -> Iterator[str]:
         """Yield what ``add_errors`` prints."""
         yield from input_lines(self.notes)
-        found = vars(self.counts)
+        tally = vars(self.counts)
         kinds = ("missing", "pauses", "restarts", "repeated", "backward")
-        notes = "".join(f", {found[kind]:,} {kind}" for kind in kinds if found[kind])
-        speed = time_and_speed(found["readings"], self.wall_s, "readings")
+        notes = "".join(f", {tally[kind]:,} {kind}" for kind in kinds if tally[kind])
+        speed = time_and_speed(tally["readings"], self.wall_s, "readings")
         yield f"{self.output}: {counts(self.messages)}{notes}; {speed}"
 
     def __repr__(self) -> str:
@@ -189,7 +189,7 @@ def add_errors_to_file(
     >>> ims.add_errors_to_file(ideal.output, folder / "n.bag", imu="bmi088", topics="imu/data_raw")
     <ErrorsAdded n.bag: 400 /imu/data_raw, 400 /ground_truth/imu>
     """
-    given = arguments.path("source", source)
+    source_path = arguments.path("source", source)
     options = BagOptions(storage, compression, split_duration, split_size)
     path, form = checked_form(FORMATS, output, format, options, topics, rename)
     dataset = form.dataset
@@ -203,13 +203,13 @@ def add_errors_to_file(
         layers = layers_of(imu, seed, params_file, input, parameters, rate)
         if twist_frame is not None:
             layers["input.twist_frame"] = arguments.one_of("twist_frame", twist_frame, TWIST_FRAMES)
-    if problems and not text_reader.is_text(given):
-        with problems.gathered(), open_bag(given):
+    if problems and not text_reader.is_text(source_path):
+        with problems.gathered(), open_bag(source_path):
             pass
     problems.tell()
-    read = [given, *parameter_files(params_file), *layers.values()]
-    written = outputs(force, discard_partial, read)
-    journal = Journal(given, arguments.switch("skip_bad_rows", skip_bad_rows))
+    input_files = [source_path, *parameter_files(params_file), *layers.values()]
+    written = outputs(force, discard_partial, input_files)
+    journal = Journal(source_path, arguments.switch("skip_bad_rows", skip_bad_rows))
     left_out = {resolved(name.strip()) for name in arguments.words("without", without) if name}
     started = time.perf_counter()
     names = [name.strip().lstrip("/") for name in form.topics if name.strip()]
@@ -218,62 +218,62 @@ def add_errors_to_file(
         raise InputError([unknown("topic", name, OF_THE_ERROR_MODEL) for name in unfit])
     added = USUAL if dataset else list(dict.fromkeys(names)) or USUAL
     target = written.add(path, kept=True)
-    with written.staged(), tempfile.TemporaryDirectory(dir=target.path.parent) as made:
-        folder, is_text = Path(made), text_reader.is_text(given)
-        recording, notes = _Ideal(given, choice, journal), list[str]()
+    with written.staged(), tempfile.TemporaryDirectory(dir=target.path.parent) as temporary:
+        folder, is_text = Path(temporary), text_reader.is_text(source_path)
+        recording, notes = _Ideal(source_path, choice, journal), list[str]()
         if is_text:
             with_rate(layers, recording.rate)  # refused before work begins
         if is_text and dataset:
-            found, messages, notes = _dataset_to_dataset(recording, target, folder, dataset, layers)
+            tally, messages, notes = _dataset_to_dataset(recording, target, folder, dataset, layers)
         else:
-            ideal, noisy = given, folder / "noisy.mcap" if dataset else target.path
+            ideal, noisy = source_path, folder / "noisy.mcap" if dataset else target.path
             if is_text or not choice.is_plain:
                 ideal = folder / "between.mcap"
                 notes = recording.convert(ideal, Form())
                 topic = streams.READINGS if choice.merges else None if is_text else topic
             with open_bag(ideal) as bag:
-                bag.path = given  # for messages
+                bag.path = source_path  # for messages
                 readings = source_of(bag, topic)
                 built = with_rate(layers, lambda: rate_in(bag, readings))
                 if "imu/data" in added and (wrong := list(orientation_problems(built.imu))):
                     raise InputError(wrong)
                 if readings.type == ODOMETRY and not choice.is_plain:
                     raise InputError(
-                        f"{given}: frame, topics and units are those of readings; {readings.name} "
-                        "is odometry"
+                        f"{source_path}: frame, topics and units are those of readings; "
+                        f"{readings.name} is odometry"
                     )
                 if readings.type == ODOMETRY:
                     for line in twist_warnings(bag, readings, built.input.twist_frame):
                         journal.warn(line)
-                have = {resolved(one.name) for one in bag.topics}
+                have = {resolved(info.name) for info in bag.topics}
                 if is_text:  # a dataset's biases are those of the readings before
                     left_out |= {resolved(name) for name in added} & have - {readings.name}
                 if left_out - have:
                     raise InputError(
                         [unknown("topic", name, sorted(have)) for name in sorted(left_out - have)]
                     )
-                copied = [one for one in bag.topics if resolved(one.name) not in left_out]
+                copied = [info for info in bag.topics if resolved(info.name) not in left_out]
                 if dataset:
-                    copied = [one for one in copied if one.type != readings.type]
-                new, renamed = names_in(bag, readings, copied, added, dict(form.renamed))
-                errors = BagErrors(bag, readings, built, new, journal.warn)
-                total = sum(one.count for one in {*copied, readings})
+                    copied = [info for info in copied if info.type != readings.type]
+                topic_names, renamed = names_in(bag, readings, copied, added, dict(form.renamed))
+                errors = BagErrors(bag, readings, built, topic_names, journal.warn)
+                total = sum(info.count for info in {*copied, readings})
                 with (
                     open_writer(noisy, form.bag) as writer,
                     progress(f"writing {path}", lambda: total) as advance,
                 ):
                     if not dataset:
                         target.summary = lambda: topics_summary(writer.topics)
-                    warned = (journal.passed_on if ideal == given else None) or _unsaid
+                    warned = (journal.passed_on if ideal == source_path else None) or _unsaid
                     errors.write(writer, copied, renamed, advance, journal.skipped, warned)
-                found = errors.model.counts
-                messages = {one.name: one.count for one in writer.topics}
+                tally = errors.model.counts
+                messages = {info.name: info.count for info in writer.topics}
             if dataset:
                 convert.write(
                     noisy, target.path, Form(dataset), Outputs([noisy]), journal, shown=False
                 )
     wall_s = time.perf_counter() - started
-    return ErrorsAdded(path, messages, found, wall_s, tuple(journal.lines), tuple(notes))
+    return ErrorsAdded(path, messages, tally, wall_s, tuple(journal.lines), tuple(notes))
 
 
 @dataclass(frozen=True)

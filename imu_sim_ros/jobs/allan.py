@@ -60,11 +60,11 @@ class Estimated:
 
     def to_dict(self) -> dict[str, list[float | None]]:
         """Return value and interval of each axis; None if there is none."""
-        known = np.isfinite(self.high)
+        finite = np.isfinite(self.high)
         return {
             "value": _or_none(self.value, np.isfinite(self.value)),
-            "low": _or_none(self.low, known),
-            "high": _or_none(self.high, known),
+            "low": _or_none(self.low, finite),
+            "high": _or_none(self.high, finite),
         }
 
     def __repr__(self) -> str:
@@ -72,12 +72,12 @@ class Estimated:
             _in_words(value, low, high)
             for value, low, high in zip(self.value, self.low, self.high, strict=True)
         ]
-        named = (f"{axis} {words}" for axis, words in zip(AXES, axes, strict=True))
-        return f"<Estimated {', '.join(named)} {self.unit}>"
+        columns = (f"{axis} {text}" for axis, text in zip(AXES, axes, strict=True))
+        return f"<Estimated {', '.join(columns)} {self.unit}>"
 
 
-def _or_none(values: Array, known: Mask) -> list[float | None]:
-    return [float(v) if there else None for v, there in zip(values, known, strict=True)]
+def _or_none(values: Array, finite: Mask) -> list[float | None]:
+    return [float(v) if is_finite else None for v, is_finite in zip(values, finite, strict=True)]
 
 
 def _in_words(value: float, low: float, high: float) -> str:
@@ -156,7 +156,10 @@ class Noise:
         return {
             "rate_hz": self.rate,
             "duration_s": self.duration,
-            **{name: {key: one.to_dict() for key, one in t.all.items()} for name, t in triads},
+            **{
+                name: {key: estimate.to_dict() for key, estimate in t.all.items()}
+                for name, t in triads
+            },
             "not_analysed": self.result.reasons,
             "model": self.result.model,
             "jitter_s": timing.jitter,
@@ -222,7 +225,7 @@ _CONFIGURATIONS: Final = (
     "imu.yaml",
 )
 FILES: Final = ("allan.csv", *_CONFIGURATIONS, "allan.png")
-"""What an analysis writes to a folder."""
+"""Names of the files that an analysis writes to a folder."""
 
 
 def write_files(noise: Noise, folder: Path, topic: str) -> None:
@@ -293,8 +296,8 @@ def allan(
         from imu_sim_ros.formats.door import reading_blocks
         from imu_sim_ros.formats.handling import Handling
 
-        given: Any = [source] if isinstance(source, str | PathLike) else source
-        paths = [arguments.path("source", one, BAG_OR_FILE) for one in given]
+        sources: Any = [source] if isinstance(source, str | PathLike) else source
+        paths = [arguments.path("source", entry, BAG_OR_FILE) for entry in sources]
         if not paths:
             arguments.refuse("source", source, BAG_OR_FILE)
         problems = Problems()
@@ -388,17 +391,17 @@ def _count(path: Path, topic: str | None) -> int:
 
 def _triad(result: AllanResult, triad: int) -> TriadNoise:
     columns = slice(3 * triad, 3 * triad + 3)
-    found = {}
+    estimates = {}
     for key in result.keys:
         axes = [result.estimate(axis, key) for axis in range(6)[columns]]
         value = np.array([np.nan if axis.value is None else axis.value for axis in axes])
         low, high = np.array([axis.low for axis in axes]), np.array([axis.high for axis in axes])
-        found[key] = Estimated(value, low, high, QUANTITIES[TRIADS[triad], key].unit)
+        estimates[key] = Estimated(value, low, high, QUANTITIES[TRIADS[triad], key].unit)
     return TriadNoise(
-        found["noise_density"],
-        found.get("random_walk"),
-        found.get("bias_instability"),
-        found,
+        estimates["noise_density"],
+        estimates.get("random_walk"),
+        estimates.get("bias_instability"),
+        estimates,
         result.deviation.deviation[:, columns],
     )
 
@@ -429,29 +432,35 @@ def _triad_tables(
     rows, names, field_rows = [], [], []
     for key in result.keys:
         axes = range(3 * triad, 3 * triad + 3)
-        found = [result.estimate(axis, key) for axis in axes]
-        known = any((axis, key) in by_axis for axis in axes)
-        if key in _OPTIONAL and all(each.value is None for each in found) and not known:
+        estimates = [result.estimate(axis, key) for axis in axes]
+        has_truth = any((axis, key) in by_axis for axis in axes)
+        if (
+            key in _OPTIONAL
+            and all(estimate.value is None for estimate in estimates)
+            and not has_truth
+        ):
             continue
         q = QUANTITIES[TRIADS[triad], key]
         names.append(f"{q.symbol} {q.text}")
-        for axis, each in zip(axes, found, strict=True):
-            row = [f"{q.symbol} [{q.unit}]", "xyz"[axis % 3], *_value_and_interval(each)]
+        for axis, estimate in zip(axes, estimates, strict=True):
+            row = [f"{q.symbol} [{q.unit}]", "xyz"[axis % 3], *_value_and_interval(estimate)]
             if by_axis:
                 row += _truth_columns(by_axis.get((axis, key)))
             rows.append(row)
-        values = [_value_and_interval(each, q.field_factor)[0] for each in found]
+        values = [_value_and_interval(estimate, q.field_factor)[0] for estimate in estimates]
         field_rows.append([f"{q.symbol} [{q.field_unit}]", *values])
     yield TextTable(header, rows, f"{TRIADS[triad].capitalize()}: {', '.join(names)}")
     yield TextTable(["in data sheets' units", "x", "y", "z"], field_rows)
 
 
-def _value_and_interval(found: Estimate, factor: float = 1.0) -> list[str]:
-    if np.isinf(found.high):
+def _value_and_interval(estimate: Estimate, factor: float = 1.0) -> list[str]:
+    if np.isinf(estimate.high):
         return ["not analysed", ""]
-    if found.value is None:
-        return [f"< {found.high * factor:.3g}", ""]
-    value, low, high = interval_text(found.value * factor, found.low * factor, found.high * factor)
+    if estimate.value is None:
+        return [f"< {estimate.high * factor:.3g}", ""]
+    value, low, high = interval_text(
+        estimate.value * factor, estimate.low * factor, estimate.high * factor
+    )
     return [value, f"{low} .. {high}"]
 
 

@@ -44,7 +44,7 @@ class AttitudeEvaluation:
     heading: Array
     """(m,) errors of the heading [rad]."""
     coverage: Coverage
-    """How much of the truth's time is estimated."""
+    """Share of the truth's time with estimates."""
     without_truth: int = 0
     """Attitudes that are left out: the truth has none at their times."""
     nees: SampleNees | None = None
@@ -52,7 +52,7 @@ class AttitudeEvaluation:
     no_nees: str | None = None
     """Why there is no NEES."""
     topic: str = ""
-    """That of the recorded orientation; empty: it is not recorded."""
+    """Topic of the recorded orientation; empty if it was not recorded."""
 
     def __repr__(self) -> str:
         return (
@@ -158,14 +158,14 @@ def stated_consistency(errors: Array, covariance: Array) -> tuple[SampleNees | N
     freedom = errors.shape[1]
     values = nees(errors[stated], covariance[stated])
     band = anees_band(freedom, 1)
-    found: SampleNees = {
+    summary: SampleNees = {
         "samples": int(np.count_nonzero(stated)),
         "expected": freedom,
         "mean": float(values.mean()),
         "band_95": list(band),
         "inside_band": float(np.mean((values >= band.low) & (values <= band.high))),
     }
-    return found, None
+    return summary, None
 
 
 def has_attitude_alone(estimate: object) -> bool:
@@ -185,15 +185,15 @@ def evaluate_attitude(estimate: Any, truth: States, max_gap: float) -> AttitudeE
     t_ns = stamps("estimate.t_ns", estimate.t_ns)
     if (t_ns[1:] <= t_ns[:-1]).any():
         refuse("estimate.t_ns", estimate.t_ns, "strictly increasing")
-    given = array(f"estimate.{name}", getattr(estimate, name), (len(t_ns), 4))
-    if (np.linalg.norm(given, axis=1) < 0.5).any():
+    q_wb = array(f"estimate.{name}", getattr(estimate, name), (len(t_ns), 4))
+    if (np.linalg.norm(q_wb, axis=1) < 0.5).any():
         refuse(f"estimate.{name}", getattr(estimate, name), "unit quaternions (w, x, y, z)")
-    return compared_attitudes(t_ns, given, truth, max_gap)
+    return compared_attitudes(t_ns, q_wb, truth, max_gap)
 
 
 def compared_attitudes(
     t_ns: Times,
-    given: Array,
+    q_wb: Array,
     truth: States,
     max_gap: float,
     q_bi: Array | None = None,
@@ -207,11 +207,15 @@ def compared_attitudes(
     :raises InputError: if both do not overlap in time.
     """
     rows = common_rows(t_ns, truth.t_ns, max_gap)
-    q, true = normalise(given[rows]), poses_at(truth, t_ns[rows]).q_wb
+    q, true = normalise(q_wb[rows]), poses_at(truth, t_ns[rows]).q_wb
     if q_bi is not None:
         true = multiply(true, q_bi[None])
     errors = attitude_errors(q, true)
-    found = (None, None) if covariance is None else stated_consistency(errors, covariance[rows])
+    consistency = (
+        (None, None) if covariance is None else stated_consistency(errors, covariance[rows])
+    )
     angles = tilt_and_heading(q, true)
     covered = coverage(t_ns, truth.t_ns, max_gap)
-    return AttitudeEvaluation(t_ns[rows], errors, *angles, covered, len(t_ns) - len(rows), *found)
+    return AttitudeEvaluation(
+        t_ns[rows], errors, *angles, covered, len(t_ns) - len(rows), *consistency
+    )

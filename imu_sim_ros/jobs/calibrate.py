@@ -90,9 +90,9 @@ class TriadCalibration(dict[str, Calibrated]):
         try:
             return self[name]
         except KeyError:
-            known = ", ".join(self)
+            names = ", ".join(self)
             raise AttributeError(
-                f"{name}: this run does not determine it; it determines {known}"
+                f"{name}: this run does not determine it; it determines {names}"
             ) from None
 
 
@@ -105,7 +105,7 @@ class Calibration:
     parameters: correction.Parameters
     """Every parameter that the run determines, by its name below ``imu.``."""
     facts: dict[str, Any]
-    """How the run went: stretches, rates, temperatures, residuals."""
+    """Statistics of the run: stretches, rates, temperatures, residuals."""
     picture: Callable[[], Figure]
     name: str
     """The file, for titles and comments."""
@@ -131,8 +131,8 @@ class Calibration:
 
     def _triad(self, triad: str) -> TriadCalibration:
         return TriadCalibration(
-            (name.removeprefix(f"{triad}_"), found)
-            for name, found in self.parameters.items()
+            (name.removeprefix(f"{triad}_"), calibrated)
+            for name, calibrated in self.parameters.items()
             if name.startswith(triad)
         )
 
@@ -160,13 +160,13 @@ class Calibration:
 
         :param imu: as for :meth:`true_values`; adds the truth of each parameter.
         """
-        found = {
-            name: {"value": each.value.tolist(), "sigma": each.sigma.tolist()}
-            for name, each in self.parameters.items()
+        parameters = {
+            name: {"value": calibrated.value.tolist(), "sigma": calibrated.sigma.tolist()}
+            for name, calibrated in self.parameters.items()
         }
         for name, truth in ({} if imu is None else self.true_values(imu)).items():
-            found[name]["truth"] = truth.tolist()
-        return {"parameters": found, **self.facts, "notes": list(self.notes)}
+            parameters[name]["truth"] = truth.tolist()
+        return {"parameters": parameters, **self.facts, "notes": list(self.notes)}
 
     def lines(self, true: Mapping[str, Array] | None = None) -> Iterator[str | TextTable]:
         """Yield the text of the calibration, as ``calibrate`` prints it.
@@ -269,18 +269,18 @@ class _Run:
         gate.Verdict(None, [(gate.FIELD, values)]).complain("readings")
         return values
 
-    def temperature(self, t_ns: Times, given: ArrayLike | None, topic: str | None) -> Table:
+    def temperature(self, t_ns: Times, values: ArrayLike | None, topic: str | None) -> Table:
         """Return times and temperatures of the sensor [degC]."""
         topic = arguments.topic("temperature_topic", topic, of_a_file=self.path is not None)
-        if given is None and self.path is not None:
-            found = bags.read_temperature(self.path, topic, self._skipped(f"{self.path}"))
-            check_unit(found.temperature)
-            return found.t_ns, found.temperature
-        if given is None:
+        if values is None and self.path is not None:
+            measured = bags.read_temperature(self.path, topic, self._skipped(f"{self.path}"))
+            check_unit(measured.temperature)
+            return measured.t_ns, measured.temperature
+        if values is None:
             if not isinstance(self._given, Flight):
                 raise InputError("temperature: give that of the sensor at each reading [degC]")
-            given = self._given.temperature
-        at_readings = arguments.array("temperature", given, (len(t_ns),))
+            values = self._given.temperature
+        at_readings = arguments.array("temperature", values, (len(t_ns),))
         gate.Verdict(t_ns, [(gate.TEMPERATURE, at_readings)]).complain("temperature")
         check_unit(at_readings)
         return t_ns, at_readings
@@ -303,7 +303,7 @@ class _Run:
         if set_to is not None and not (set_to.size and set_to.all()):
             arguments.refuse("rates", rates, "one rate or more, none of them zero [rad/s]")
         steady = find_steady(imu.t_ns, *imu.triads(), rotating=rotating)
-        at = None if temperature is None else temperatures_at(steady, *temperature)
+        temperatures = None if temperature is None else temperatures_at(steady, *temperature)
         if set_to is None:
             truth = self._true_rates(topic)
             if truth is not None:
@@ -312,15 +312,15 @@ class _Run:
                 raise InputError(
                     "rates: the rates the table was set to are not known; give them in rad/s"
                 )
-        found = known_rates(steady, np.empty(0) if set_to is None else set_to, at)
-        if len(found.missing):
-            self._warnings.append(f"rates: nothing turns at {_listed(found.missing)} rad/s")
-        if len(found.unknown):
+        rotations = known_rates(steady, np.empty(0) if set_to is None else set_to, temperatures)
+        if len(rotations.missing):
+            self._warnings.append(f"rates: nothing turns at {_listed(rotations.missing)} rad/s")
+        if len(rotations.unknown):
             self._warnings.append(
-                f"{len(found.unknown)} pieces that turn at {_listed(found.unknown)} rad/s are left "
-                "out: rates does not name them"
+                f"{len(rotations.unknown)} pieces that turn at {_listed(rotations.unknown)} rad/s are "
+                "left out: rates does not name them"
             )
-        return found.steady, found.rate
+        return rotations.steady, rotations.rate
 
     def warn_of_scale(self, triad: str, scale_misalignment: Array, causes: str) -> None:
         """Tell if all scales of a triad are off by as much as no sensor's are.
@@ -348,13 +348,13 @@ class _Run:
             return None
         try:
             skipped = self._skipped(f"the truth of {self.path}")
-            found = bags.read_odometry(self.path, topic, skipped)
+            odometry = bags.read_odometry(self.path, topic, skipped)
         except InputError:
             if topic is not None:
                 raise
             return None
-        rates = found.angular_velocity
-        return None if rates is None else (found.t_ns, rates)
+        rates = odometry.angular_velocity
+        return None if rates is None else (odometry.t_ns, rates)
 
     def _skipped(self, name: str) -> Skipped | None:
         """Return what counts the rows of a file that are left out; None: they are errors."""
@@ -419,8 +419,8 @@ def calibrate_six_position(
 
     >>> import imu_sim_ros as ims
     >>> imu = {"preset": "perfect", "accelerometer_bias": [0.1, -0.2, 0.3]}
-    >>> found = ims.calibrate_six_position(ims.simulate(imu=imu, trajectory="six_position"))
-    >>> found.accelerometer.bias.value.round(6).tolist()
+    >>> calibration = ims.calibrate_six_position(ims.simulate(imu=imu, trajectory="six_position"))
+    >>> calibration.accelerometer.bias.value.round(6).tolist()
     [0.1, -0.2, 0.3]
     """
     run = _Run(
@@ -432,25 +432,23 @@ def calibrate_six_position(
     imu = run.imu()
     with run.naming():
         steady = find_steady(imu.t_ns, *imu.triads())
-        found = six_position(steady, gravity, simple=simple, fixture=fixture)
+        fit = six_position(steady, gravity, simple=simple, fixture=fixture)
         causes = "counts, or gravity is wrong"
-        run.warn_of_scale("accelerometer", found.scale_misalignment, causes)
+        run.warn_of_scale("accelerometer", fit.scale_misalignment, causes)
     facts = {
-        "positions": found.positions.stretches,
-        "seconds_at_rest": float(found.positions.duration.sum()),
-        "rms_residual": _rms(found.residuals),
-        "fixture": found.fixture,
-        "fixture_reason": found.reason,
+        "positions": fit.positions.stretches,
+        "seconds_at_rest": float(fit.positions.duration.sum()),
+        "rms_residual": _rms(fit.residuals),
+        "fixture": fit.fixture,
+        "fixture_reason": fit.reason,
     }
 
     def picture() -> Figure:
         from imu_sim_ros.plots import calibration as pictures
 
-        return pictures.six_position(found, gravity, run.name)
+        return pictures.six_position(fit, gravity, run.name)
 
-    return run.calibration(
-        "six_position", correction.six_position_parameters(found), facts, picture
-    )
+    return run.calibration("six_position", correction.six_position_parameters(fit), facts, picture)
 
 
 @suggest_keywords
@@ -494,8 +492,8 @@ def calibrate_turntable(
 
     >>> import imu_sim_ros as ims
     >>> imu = {"preset": "perfect", "gyroscope_bias": [0.01, 0.0, -0.02]}
-    >>> found = ims.calibrate_turntable(ims.simulate(imu=imu, trajectory="turntable"))
-    >>> (found.gyroscope.bias.value.round(6) + 0.0).tolist()
+    >>> calibration = ims.calibrate_turntable(ims.simulate(imu=imu, trajectory="turntable"))
+    >>> (calibration.gyroscope.bias.value.round(6) + 0.0).tolist()
     [0.01, 0.0, -0.02]
     """
     run = _Run(
@@ -506,19 +504,19 @@ def calibrate_turntable(
     with problems.gathered():
         imu = run.imu()
     with problems.gathered():
-        known = NO_CORRECTION if accelerometer is None else _correction(accelerometer)
+        accel_correction = NO_CORRECTION if accelerometer is None else _correction(accelerometer)
     problems.tell()
-    imu = with_fields(imu, accel=known.apply(*imu.triads())[1])
+    imu = with_fields(imu, accel=accel_correction.apply(*imu.triads())[1])
     with run.naming():
         steady, rate = run.steady(imu, rates, truth_topic)
-        found = turntable(steady, rate, gravity)
-        run.warn_of_scale("gyroscope", found.scale_misalignment, "rates are wrong, or counts")
+        fit = turntable(steady, rate, gravity)
+        run.warn_of_scale("gyroscope", fit.scale_misalignment, "rates are wrong, or counts")
     facts: dict[str, Any] = {
         "stretches": steady.stretches,
         "rates": sorted({round(float(r), 6) for r in np.abs(rate).max(axis=1)}),
-        "rms_residual": _rms(found.residuals),
+        "rms_residual": _rms(fit.residuals),
     }
-    if found.g_sensitivity is None:
+    if fit.g_sensitivity is None:
         facts["note"] = (
             "g-sensitivity: not separable from the bias; each axis must point up and down"
         )
@@ -526,9 +524,9 @@ def calibrate_turntable(
     def picture() -> Figure:
         from imu_sim_ros.plots import calibration as pictures
 
-        return pictures.turntable(found, run.name)
+        return pictures.turntable(fit, run.name)
 
-    return run.calibration("turntable", correction.turntable_parameters(found), facts, picture)
+    return run.calibration("turntable", correction.turntable_parameters(fit), facts, picture)
 
 
 @suggest_keywords
@@ -577,8 +575,8 @@ def calibrate_temperature(
     >>> import imu_sim_ros as ims
     >>> imu = {"preset": "perfect", "gyroscope_temperature_bias": [1e-4, 0.0, 0.0]}
     >>> flight = ims.simulate(imu=imu, trajectory="temperature_soak", rate=20)
-    >>> found = ims.calibrate_temperature(flight)
-    >>> [f"{value:.6f}" for value in found.gyroscope.temperature_bias.value + 0.0]
+    >>> calibration = ims.calibrate_temperature(flight)
+    >>> [f"{value:.6f}" for value in calibration.gyroscope.temperature_bias.value + 0.0]
     ['0.000100', '0.000000', '0.000000']
     """
     run = _Run(
@@ -590,21 +588,21 @@ def calibrate_temperature(
     with run.naming():
         measured = run.temperature(imu.t_ns, temperature, temperature_topic)
         steady, rate = run.steady(imu, rates, truth_topic, measured)
-        at = temperatures_at(steady, *measured)
+        temperatures = temperatures_at(steady, *measured)
         force = specific_force(steady, gravity)
-        found = over_temperature(steady, at, rate, force, reference)
+        fit = over_temperature(steady, temperatures, rate, force, reference)
     facts = {
         "stretches": steady.stretches,
-        "temperature_degC": [float(at.min()), float(at.max())],
-        **_orders(found),
+        "temperature_degC": [float(temperatures.min()), float(temperatures.max())],
+        **_orders(fit),
     }
 
     def picture() -> Figure:
         from imu_sim_ros.plots import calibration as pictures
 
-        return pictures.temperature(found, run.name)
+        return pictures.temperature(fit, run.name)
 
-    return run.calibration("temperature", correction.temperature_parameters(found), facts, picture)
+    return run.calibration("temperature", correction.temperature_parameters(fit), facts, picture)
 
 
 @suggest_keywords
@@ -632,8 +630,8 @@ def calibrate_magnetometer(
     >>> imu = {"preset": "perfect", "magnetometer_hard_iron": [1e-5, 0.0, -2e-5]}
     >>> sensors = ["magnetic_field"]
     >>> flight = ims.simulate(imu=imu, trajectory="tumble", duration=60, sensors=sensors)
-    >>> found = ims.calibrate_magnetometer(flight).magnetometer
-    >>> ((found.hard_iron.value * 1e6).round(6) + 0.0).tolist()
+    >>> calibration = ims.calibrate_magnetometer(flight).magnetometer
+    >>> ((calibration.hard_iron.value * 1e6).round(6) + 0.0).tolist()
     [10.0, 0.0, -20.0]
     """
     if strength is not None:
@@ -641,27 +639,27 @@ def calibrate_magnetometer(
     run = _Run(readings, topic, skip_bad_rows)
     values = run.field()
     with run.naming():
-        found = ellipsoid(values, strength)
+        fit = ellipsoid(values, strength)
     facts = {
         "readings": len(values),
-        "field_T": found.field,
+        "field_T": fit.field,
         "field_given": strength is not None,
-        "noise_T": found.noise,
-        "rms_residual_T": float(np.sqrt(np.mean(found.residuals**2))),
+        "noise_T": fit.noise,
+        "rms_residual_T": float(np.sqrt(np.mean(fit.residuals**2))),
     }
 
     def picture() -> Figure:
         from imu_sim_ros.plots import calibration as pictures
 
-        return pictures.ellipsoid(found, values, f"{run.name}: magnetometer")
+        return pictures.ellipsoid(fit, values, f"{run.name}: magnetometer")
 
-    return run.calibration(_MAGNETOMETER, correction.magnetometer_parameters(found), facts, picture)
+    return run.calibration(_MAGNETOMETER, correction.magnetometer_parameters(fit), facts, picture)
 
 
-def _orders(found: Temperature) -> dict[str, list[int]]:
+def _orders(fit: Temperature) -> dict[str, list[int]]:
     """Return the order of each polynomial, by triad and kind, for its three axes."""
     orders = {}
-    for name, triad in found.triads.items():
+    for name, triad in fit.triads.items():
         orders[f"{name}_bias_order"] = [len(axis.bias) - 1 for axis in triad.axes]
         orders[f"{name}_scale_order"] = [len(axis.scale) for axis in triad.axes]
     return orders
@@ -671,14 +669,14 @@ def _gravity(value: float) -> float:
     return number("gravity", value, "a magnitude from 1 to 30 m/s^2", 1.0, 30.0)
 
 
-def _correction(given: Calibration | str | Path) -> Correction:
+def _correction(source: Calibration | str | Path) -> Correction:
     """Return how the errors that a calibration found are taken from readings."""
     values: Mapping[str, object]
-    if isinstance(given, Calibration):
-        values = correction.for_integrator(given.parameters)
+    if isinstance(source, Calibration):
+        values = correction.for_integrator(source.parameters)
     else:
         values = files.load(
-            arguments.path("accelerometer", given, "a Calibration or the path of its correction"),
+            arguments.path("accelerometer", source, "a Calibration or the path of its correction"),
             "integrator",
         )
     return correction_of(build(IntegratorParameters, values))
@@ -699,7 +697,7 @@ class Run(NamedTuple):
 
     job: Callable[..., Calibration]
     text: str
-    """What it does, for ``--help``."""
+    """Summary of the run for ``--help``."""
     examples: tuple[str, ...]
     """Lines of a shell."""
 
@@ -735,4 +733,4 @@ RUNS: Final = {
         ("calibrate magnetometer tumble.bag --field 4.92e-5 --truth tumble_truth.yaml",),
     ),
 }
-"""By the name that the command takes."""
+"""Calibration runs by the name that the command takes."""

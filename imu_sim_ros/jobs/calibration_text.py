@@ -50,26 +50,28 @@ def calibration_lines(
         yield f"{name}: {_shown(fact)}"
     sensors = (*TRIADS, *(sensor.name for sensor in sensors_of_imus()), "reference")
     for triad in sensors:
-        own = {name: found for name, found in values.items() if name.startswith(triad)}
-        if own:
-            yield _group(triad, own, true)
+        triad_values = {
+            name: calibrated for name, calibrated in values.items() if name.startswith(triad)
+        }
+        if triad_values:
+            yield _group(triad, triad_values, true)
 
 
 def _group(triad: str, values: correction.Parameters, true: Mapping[str, Array]) -> TextTable:
     """Return the parameters of one sensor, or of both; off: by how many standard errors."""
     header = ["", "value", "sigma", "unit", *(["truth", "off"] if true else [])]
     rows = []
-    for name, found in values.items():
-        for k, label in enumerate(_labels(len(found.value))):
+    for name, calibrated in values.items():
+        for k, label in enumerate(_labels(len(calibrated.value))):
             short = name.removeprefix(f"{triad}_")
             row = [
                 f"{short} {label}",
-                f"{found.value[k]:.6g}",
-                f"{found.sigma[k]:.2g}" if found.sigma[k] > 0.0 else "",
+                f"{calibrated.value[k]:.6g}",
+                f"{calibrated.sigma[k]:.2g}" if calibrated.sigma[k] > 0.0 else "",
                 _unit(name),
             ]
             if true:
-                row += _deviation(found.value[k], found.sigma[k], true[name][k])
+                row += _deviation(calibrated.value[k], calibrated.sigma[k], true[name][k])
             rows.append(row)
     return TextTable(header, rows, f"{triad.capitalize()}; sigma: standard error")
 
@@ -152,15 +154,15 @@ def twin_lines(
         yield from _check_lines(check)
 
 
-def _white_floor(found: Analysis) -> TextTable:
-    white = found.white
+def _white_floor(analysis: Analysis) -> TextTable:
+    white = analysis.white
     rows = []
     for k, (triad, axis) in enumerate((t, a) for t in TRIADS for a in AXES):
         hidden = white.low[k] == 0.0
         value = f"< {white.high[k]:.3g}" if hidden else f"{white.density[k]:.4g}"
         interval = "" if hidden else f"{white.low[k]:.4g} .. {white.high[k]:.4g}"
         rows.append([f"{triad} {axis}", value, interval])
-    title = f"White floor; {len(found.vibration.low)} bands of vibration above it"
+    title = f"White floor; {len(analysis.vibration.low)} bands of vibration above it"
     return TextTable(["[unit/sqrt(Hz)]", "value", "95 % interval"], rows, title)
 
 
@@ -174,8 +176,8 @@ def _spectral_lines(lines: Lines) -> TextTable:
     return TextTable(["line [Hz]", "sigma", *_SIX], rows, title)
 
 
-def _intensity(found: Analysis) -> Iterator[TextTable]:
-    exponents, edges = found.exponents, found.range_edges
+def _intensity(analysis: Analysis) -> Iterator[TextTable]:
+    exponents, edges = analysis.exponents, analysis.range_edges
     rows = []
     for k in range(len(edges) - 1):
         for triad, name in enumerate(TRIADS):

@@ -87,13 +87,13 @@ Counts = tuple[dict[str, int], int]
 
 @dataclass(frozen=True)
 class Converted:
-    """What :func:`convert` wrote."""
+    """Result of :func:`convert`."""
 
     output: Path
     messages: dict[str, int]
     """Messages by topic, rows by table, images by camera."""
     recovered: bool
-    """Whether the input was not whole."""
+    """True if the input was damaged or incomplete."""
     last_stamp_ns: int | None
     found: tuple[str, ...] | None = None
     """Lines about the result of a recovery; None if nothing was recovered."""
@@ -211,10 +211,10 @@ def convert(
     choice = checked_choice(None, *selection, of_a_file=True)
     if form.dataset != "tum":
         _tell_units(path, choice, journal)
-    found = write(
+    converted = write(
         path, target, form, written, journal, images=images, recover=recovery, choice=choice
     )
-    return dataclasses.replace(found, warnings=tuple(journal.lines))
+    return dataclasses.replace(converted, warnings=tuple(journal.lines))
 
 
 def _tell_units(source: Path, choice: Choice, journal: Journal) -> None:
@@ -276,14 +276,14 @@ def write(
 
 @dataclass(frozen=True)
 class _Output:
-    """What is written, and how."""
+    """Output of a conversion and its settings."""
 
     target: Target
     form: Form
     shown: bool
-    """Whether progress is."""
+    """True if progress is displayed."""
     comment: str
-    """At the head of descriptions."""
+    """Comment at the head of the descriptions."""
     choice: Choice
     """Frame, topics and units of the readings."""
     notes: list[str] = dataclasses.field(default_factory=list)
@@ -306,7 +306,7 @@ class _Output:
     @property
     def renamed(self) -> dict[str, str]:
         """New names of topics by old ones."""
-        return {resolved(old): resolved(new) for old, new in self.form.renamed.items()}
+        return {resolved(name): resolved(new_name) for name, new_name in self.form.renamed.items()}
 
     def progress(self, total: int) -> AbstractContextManager[Advance]:
         """Return what shows progress.
@@ -329,12 +329,12 @@ class _Output:
         :param states: whether it has the truth, too.
         :param tables: its other tables, by kind.
         """
-        known = known_tables()
+        tables_by_kind = known_tables()
         dataset = Dataset(
             self.target.path,
             str(self.form.dataset),
             states,
-            tables=[(known[kind], 0) for kind in tables],
+            tables=[(tables_by_kind[kind], 0) for kind in tables],
         )
         self.target.summary = lambda: amount(dataset.rows, dataset.last_ns, "rows")
         return dataset
@@ -346,12 +346,12 @@ class _Output:
 
         :param last_ns: the last stamp; -1: there is none.
         """
-        last = last_ns if last_ns >= 0 else None
+        last_stamp_ns = last_ns if last_ns >= 0 else None
         return Converted(
             self.target.final,
             messages,
             False,
-            last,
+            last_stamp_ns,
             not_converted=tuple(not_converted),
             notes=tuple(self.notes),
         )
@@ -368,9 +368,9 @@ def _from_bag(source: Path, output: _Output, journal: Journal, recover: Recover)
         if form.dataset is None:
             counts, last_ns = _bag_to_bag(bag, topics, output, journal, recover)
         elif form.dataset == "tum":
-            named = topics[0].name if form.topics and len(topics) == 1 else None
-            poses = _poses(bag.path, journal, named, recover)
-            counts, last_ns = _to_tum(poses, output, pose_topic(bag, named)[0])
+            topic_name = topics[0].name if form.topics and len(topics) == 1 else None
+            poses = _poses(bag.path, journal, topic_name, recover)
+            counts, last_ns = _to_tum(poses, output, pose_topic(bag, topic_name)[0])
         else:
             counts, last_ns = _bag_to_dataset(bag, topics, output, journal, recover)
     lost = _without_table(topics, counts, output) if form.dataset else []
@@ -423,8 +423,10 @@ def _without_table(
     if streams.TRUTH in converted and output.form.dataset == "euroc":
         converted |= {streams.GYRO_BIAS, streams.ACCEL_BIAS}  # columns of the states
     # What describes cameras is in a folder's files.
-    seen = {CAMERA_INFO, TF_MESSAGE} if output.target.path.is_dir() else set()
-    return [t.name for t in topics if t.count and t.name not in converted and t.type not in seen]
+    camera_types = {CAMERA_INFO, TF_MESSAGE} if output.target.path.is_dir() else set()
+    return [
+        t.name for t in topics if t.count and t.name not in converted and t.type not in camera_types
+    ]
 
 
 def _bag_to_bag(
@@ -475,14 +477,14 @@ def _unmerged(bag: Bag, topics: Sequence[TopicInfo], output: _Output) -> list[To
     """
     triads = (output.choice.gyro_topic, output.choice.accel_topic)
     merged = {resolved(name) for name in triads if name}
-    others = [topic for topic in topics if resolved(topic.name) not in merged]
-    new = output.renamed.get(streams.READINGS, streams.READINGS)
-    if new in (output.renamed.get(topic.name, topic.name) for topic in others):
+    other_topics = [topic for topic in topics if resolved(topic.name) not in merged]
+    merged_name = output.renamed.get(streams.READINGS, streams.READINGS)
+    if merged_name in (output.renamed.get(topic.name, topic.name) for topic in other_topics):
         raise InputError(
-            f"{bag.path}: has a topic {new}; --topic {IMU_TOPIC}=NEW gives the merged readings "
-            "another name"
+            f"{bag.path}: has a topic {merged_name}; --topic {IMU_TOPIC}=NEW gives the merged "
+            "readings another name"
         )
-    return others
+    return other_topics
 
 
 def _write_merged(source: Path, output: _Output, writer: Writer, handling: Handling) -> None:
@@ -515,10 +517,10 @@ def _bag_to_dataset(
         readings, topic, count = info.name, info.name, info.count
     truths = [topic for topic in topics if topic.type == ODOMETRY]
     if truths:
-        own = [topic.name for topic in truths if topic.name.endswith(streams.TRUTH)]
-        named = only_named(ODOMETRY) or (own[0] if len(own) == 1 else None)
-        truth = bag.topic(ODOMETRY, named).name
-        if named is None:
+        truth_topics = [topic.name for topic in truths if topic.name.endswith(streams.TRUTH)]
+        truth_name = only_named(ODOMETRY) or (truth_topics[0] if len(truth_topics) == 1 else None)
+        truth = bag.topic(ODOMETRY, truth_name).name
+        if truth_name is None:
             journal.remark(f"{bag.path}: {truth} becomes the truth of the dataset")
     one_table = output.target.path.suffix.lower() == ".csv"
     tables = {} if one_table else sensor_tables.tables_of(topics, readings, known_tables())
@@ -587,25 +589,25 @@ def _to_tum(poses: States, output: _Output, name: str) -> Counts:
 
 def _text_to_bag(source: Path, output: _Output, journal: Journal, images: str | None) -> Converted:
     """Write poses, or readings, tables and images, as messages."""
-    renamed, skipped, known = output.renamed, journal.skipped, known_tables()
+    renamed, skipped, tables_by_kind = output.renamed, journal.skipped, known_tables()
     if streams.holds_poses(source):
         with output.bag() as writer, output.progress(0) as advance:
             streams.poses_to_bag(_poses(source, journal), writer, renamed, advance)
         return output.converted(*_tally(writer))
     with (
-        _folder_images(source, images, skipped) as seen,
+        _folder_images(source, images, skipped) as image_folder,
         output.bag() as writer,
         output.progress(0) as advance,
     ):
-        frames = seen.streams(writer, renamed, images or "raw") if seen else []
+        frames = image_folder.streams(writer, renamed, images or "raw") if image_folder else []
 
         def read(name: str | None, counted: bool) -> Iterator[Readings]:
             of_bad_rows = skipped if counted or skipped is None else bool
             return output.readings(source, name, Handling(of_bad_rows))
 
-        streams.text_to_bag(source, read, writer, renamed, advance, skipped, frames, known)
-        kinds = text_reader.table_names(source, known)
-        lost = [name for name, kind in kinds.items() if not known[kind].is_converted]
+        streams.text_to_bag(source, read, writer, renamed, advance, skipped, frames, tables_by_kind)
+        kinds = text_reader.table_names(source, tables_by_kind)
+        lost = [name for name, kind in kinds.items() if not tables_by_kind[kind].is_converted]
     return output.converted(*_tally(writer), lost)
 
 
@@ -613,13 +615,13 @@ def _text_to_dataset(
     source: Path, output: _Output, journal: Journal, images: str | None
 ) -> Converted:
     """Write readings, states, tables and a folder's images in another form."""
-    skipped, known = journal.skipped, known_tables()
+    skipped, tables_by_kind = journal.skipped, known_tables()
     states = text_reader.has_states(source)
     poses = None if states else text_reader.pose_file(source)
     # Tables have states, with velocities.
     lost = [] if poses is None else [str(poses.relative_to(source))]
     one_table = output.target.path.suffix.lower() == ".csv"
-    tables = {} if one_table else text_reader.table_names(source, known)
+    tables = {} if one_table else text_reader.table_names(source, tables_by_kind)
     names = {kind: name for name, kind in tables.items()}
     with (
         _folder_images(source, images, skipped) as folder,
@@ -628,15 +630,15 @@ def _text_to_dataset(
     ):
         imu = output.readings(source, None, Handling(skipped))
         streams.to_dataset(source, imu, dataset, None, advance, False, skipped, _described(names))
-        seen = {}
+        image_counts = {}
         if folder and output.target.path.is_dir():
             form = str(output.form.dataset)
-            seen = folder.copy(output.target.path, form, output.comment, advance)
+            image_counts = folder.copy(output.target.path, form, output.comment, advance)
     if output.form.dataset == "euroc":
         _describe(output, states, names)
-    called = {kind: resolved(known[kind].topic) for kind in names}
+    called = {kind: resolved(tables_by_kind[kind].topic) for kind in names}
     counts = _rows(dataset, streams.READINGS, streams.TRUTH, called)
-    return output.converted({**counts, **seen}, dataset.last_ns, lost)
+    return output.converted({**counts, **image_counts}, dataset.last_ns, lost)
 
 
 def _folder_images(
@@ -656,10 +658,10 @@ def _describe(output: _Output, states: bool, tables: Collection[str]) -> None:
     """Write sensor.yaml files; values that the input does not have are left out."""
 
     def rate(name: str, table: Table | None = None) -> float:
-        first = np.empty(0, np.int64)
+        t_ns = np.empty(0, np.int64)
         with contextlib.suppress(InputError):  # no usable row
-            first = next(sensor_tables.stamps(output.target.path, name, table), first)
-        period = float(np.median(np.diff(first))) if len(first) > 1 else 0.0
+            t_ns = next(sensor_tables.stamps(output.target.path, name, table), t_ns)
+        period = float(np.median(np.diff(t_ns))) if len(t_ns) > 1 else 0.0
         return round(1e9 / period, 3) if period else 0.0
 
     folder, comment = output.target.path, output.comment
@@ -690,5 +692,5 @@ def _rows(
 
 def _described(names: Mapping[str, str]) -> list[tuple[Table, str]]:
     """Return tables instead of their kinds."""
-    known = known_tables()
-    return [(known[kind], name) for kind, name in names.items()]
+    tables_by_kind = known_tables()
+    return [(tables_by_kind[kind], name) for kind, name in names.items()]
