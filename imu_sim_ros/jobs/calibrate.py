@@ -317,8 +317,8 @@ class _Run:
             self._warnings.append(f"rates: nothing turns at {_listed(rotations.missing)} rad/s")
         if len(rotations.unknown):
             self._warnings.append(
-                f"{len(rotations.unknown)} pieces that turn at {_listed(rotations.unknown)} rad/s are "
-                "left out: rates does not name them"
+                f"{len(rotations.unknown)} pieces that turn at {_listed(rotations.unknown)} rad/s "
+                "are left out: rates does not name them"
             )
         return rotations.steady, rotations.rate
 
