@@ -1,7 +1,7 @@
 # Copyright 2026 imu_sim_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""What commands have in common: outputs and ``--force``."""
+"""Code common to commands: outputs and ``--force``."""
 
 import argparse
 from collections.abc import Callable, Iterator

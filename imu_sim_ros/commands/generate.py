@@ -48,7 +48,7 @@ def parser() -> program.Parser:
 
 
 class _Parser(program.Parser):
-    """Its help names the sensors of other packages, for which it looks only then."""
+    """Parser whose help names the sensors of other packages, for which it looks only then."""
 
     def format_help(self) -> str:
         """Return the help text."""

@@ -1,7 +1,7 @@
 # Copyright 2026 imu_sim_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""What Fast DDS needs: a profile, and shared memory without what a killed process left in it.
+"""Setup of Fast DDS: a profile, and shared memory without the remains of killed processes.
 
 Fast DDS opens the segment of a port by ``boost::interprocess::managed_open_or_create`` (in
 ``SharedMemGlobal::open_port_internal``; seen in 2.14): its creator writes 2 into its first word

@@ -1,7 +1,7 @@
 # Copyright 2026 imu_sim_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""How a node's run ends: any thread may end it, and none dies in silence.
+"""End of a node's run: any thread may end it, and none dies in silence.
 
 The first end counts; an error overrides it.
 """
@@ -66,13 +66,13 @@ class Lifetime:
         self.status: int | None = None
         """The exit status; None while the run goes on."""
         self.failure: BaseException | None = None
-        """What ended the run if it was an error."""
+        """Error that ended the run, or None."""
         self._node = node
         self._lock = threading.Lock()
 
     @property
     def reached(self) -> bool:
-        """Whether the run is over."""
+        """True if the run is over."""
         return self.status is not None
 
     def finish(self, status: int = 0) -> None:

@@ -153,7 +153,7 @@ _STATES: Final = ("position", "orientation", "linear", "angular")
 _ROUNDING: Final = 1e-12
 """Rounding error of the squared length of a quaternion that was written as a unit one."""
 _LENGTH: Final = 1e-3
-"""By how much the squared length of a quaternion may miss 1 before it counts as none."""
+"""Tolerance of the squared length of a quaternion, beyond which it counts as none."""
 _FRAME: Final = 12
 """Place of the frame's length: behind the encapsulation and the stamp."""
 _imu = MessageDecoder(IMU, _READINGS)

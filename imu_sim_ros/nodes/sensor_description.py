@@ -99,11 +99,11 @@ class SensorDescription:
         self._held: list[tuple[str, list[Taken]]] = []
         self._first = 0.0
         self.noise_known = has_own_noise(node.given) or not node.parameters.covariance
-        """Whether the noise is given, or not needed."""
+        """True if the noise is given, or not needed."""
         self.settled = self.noise_known and all(name in node.given for name in MOUNT)
-        """Whether nothing waits any more."""
+        """True if nothing waits any more."""
         self.described = False
-        """Whether the source of the readings has described its sensor."""
+        """True if the source of the readings has described its sensor."""
         if self.settled:
             return
         self.topic = topic(node)

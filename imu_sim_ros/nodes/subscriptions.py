@@ -33,7 +33,7 @@ DEPTH: Final = 5000
 _MARGIN_NS: Final = 150_000
 """A look comes this much after the message is due: the usual lateness of a publisher."""
 _TOLERANCE: Final = 0.25
-"""How far the mean interval of a look may be off, as a share of it."""
+"""Relative tolerance of the mean interval of a look."""
 _TRUSTED: Final = 5
 """Number of looks with regular intervals from which on more are expected; a look with others
 takes as many away."""
@@ -138,7 +138,7 @@ class RawSubscriptions:
         leading: str | None = None,
     ) -> None:
         self.first_at = 0.0
-        """When the first message was taken, on the steady clock [s]; 0 before."""
+        """Time at which the first message was taken, on the steady clock [s]; 0 before."""
         self._node, self._deliver, self._period = node, deliver, period
         self._leading, self._pace = leading, PollTimer(period)
         self._group = _OutsideTheExecutor()

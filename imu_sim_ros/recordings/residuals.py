@@ -1,7 +1,7 @@
 # Copyright 2026 imu_sim_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""How far each recorded pose lies from a smooth motion through its neighbours alone."""
+"""Distance of each recorded pose from a smooth motion through its neighbours alone."""
 
 from typing import Final, NamedTuple
 
@@ -13,7 +13,7 @@ REACH: Final = 3
 """Neighbours on each side."""
 _POWERS: Final = np.arange(4)
 _LONG_STEP: Final = 5.0
-"""In typical steps; across a longer one neighbours carry no information."""
+"""Longest step in typical steps; across a longer one neighbours carry no information."""
 _RIDGE: Final = 1e-6
 _PART: Final = 16384
 """Poses examined together; each needs half a kilobyte meanwhile."""

@@ -50,12 +50,12 @@ def reading_sections(
         if count is None:  # of text, which has no index
             blocks = list(blocks)
             count = sum(map(len, blocks))
-        own: list[str] = []
-        stream = analyse(_noting(blocks, own), count)
+        remarks: list[str] = []
+        stream = analyse(_noting(blocks, remarks), count)
         if stream is not None:
-            items += [{"kind": "text", "text": f"{name or path.name}: {note}"} for note in own]
+            items += [{"kind": "text", "text": f"{name or path.name}: {note}"} for note in remarks]
             items += _stream_items(name or path.name, stream, f"{path} {name}")
-            notes += [note for note in own if note not in notes]
+            notes += [note for note in remarks if note not in notes]
             shown += 1
     if choice.frame is not None and not shown:
         raise InputError(f"{path}: contains no readings of the frame {choice.frame}")

@@ -77,8 +77,8 @@ def campaign_sections(
             earlier.append((_named(path), read_results(path)))
     problems.tell()
     notes: list[str] = []
-    for path, (_, before) in zip(baselines, earlier, strict=True):
-        if difference := differences(plan, identities_of_rows(rows), path, before):
+    for path, (_, baseline_identities) in zip(baselines, earlier, strict=True):
+        if difference := differences(plan, identities_of_rows(rows), path, baseline_identities):
             if baseline_anyway:
                 notes.append(f"The baseline {path} is of another plan: {difference}.")
             else:
@@ -88,21 +88,21 @@ def campaign_sections(
     if metric and metric not in (*present, SUCCESS):
         none = None if present else "no run is done"
         raise InputError(unknown("--metric", metric, [*present, SUCCESS], none))
-    found = group_runs(rows, plan.grid_names)
+    groups = group_runs(rows, plan.grid_names)
     chosen = metric or ("ate_rmse_m" if "ate_rmse_m" in present else [*present, SUCCESS][0])
-    last = earlier[-1][1] if earlier else None
-    judged = judge(plan, rows, chosen, last, tolerance, non_inferiority)
+    latest_rows = earlier[-1][1] if earlier else None
+    judged = judge(plan, rows, chosen, latest_rows, tolerance, non_inferiority)
     judgements = [(label(chosen), judged)]
     if chosen != SUCCESS and judged.done < judged.runs:  # else there is nothing to compare
         judgements.append((label(SUCCESS), judge(plan, rows, SUCCESS, None, tolerance)))
-    verdict = verdict_section(plan, judgements, found, str(folder))
+    verdict = verdict_section(plan, judgements, groups, str(folder))
     if judged.baseline:
         verdict.items.append(against_baseline(judged.baseline, chosen, earlier[-1][0]))
     verdict.items.extend({"kind": "text", "text": note} for note in notes)
-    sections = [verdict, _results(plan, rows, found, present, chosen, folder)]
+    sections = [verdict, _results(plan, rows, groups, present, chosen, folder)]
     if earlier:
-        sections[1].items[-1]["trend"] = _trend(found, earlier, chosen)
-    sections.append(_cells(plan, found, present, chosen))
+        sections[1].items[-1]["trend"] = _trend(groups, earlier, chosen)
+    sections.append(_cells(plan, groups, present, chosen))
     return plan.options.name, [*sections, _parameters(plan), _repeat(folder, rows)]
 
 
@@ -124,16 +124,16 @@ def label(metric: str) -> str:
 def _results(
     plan: Plan,
     rows: Sequence[Row],
-    found: Sequence[Group],
+    groups: Sequence[Group],
     metrics: Sequence[str],
     chosen: str,
     folder: Path,
 ) -> Section:
     names = ["seed", "estimator", "status", *plan.grid_names, *metrics, "cell"]
-    shown = [name for name in ("estimator", *plan.grid_names) if name in varying_names(found)]
-    first = [name for name in ("coverage", *metrics[:5]) if name in metrics]
-    shown = ["seed", *shown, "status", *dict.fromkeys([chosen, *first])]
-    varying = varying_names(found)
+    shown = [name for name in ("estimator", *plan.grid_names) if name in varying_names(groups)]
+    main = [name for name in ("coverage", *metrics[:5]) if name in metrics]
+    shown = ["seed", *shown, "status", *dict.fromkeys([chosen, *main])]
+    varying = varying_names(groups)
     item: Item = {
         "kind": "campaign",
         "campaign": str(folder),
@@ -146,9 +146,9 @@ def _results(
         "grid": list(plan.grid_names),
         "shown": shown,
         "columns": [column(name, (row.get(name) for row in rows)) for name in names],
-        "groups": [_group(group, metrics, varying) for group in found],
-        "estimators": _estimators(found),
-        "curves": [name for name in plan.grid_names if _is_curve(name, found)],
+        "groups": [_group(group, metrics, varying) for group in groups],
+        "estimators": _estimators(groups),
+        "curves": [name for name in plan.grid_names if _is_curve(name, groups)],
         "slopes": [
             {
                 "metric": name,
@@ -160,9 +160,9 @@ def _results(
             for name in metrics
             for slope in slopes(rows, plan.grid_names, name)
         ],
-        "sensors": _sensors(plan, found),
-        "consistency": _consistency(found),
-        "opened": opened(plan, rows, found, folder, chosen),
+        "sensors": _sensors(plan, groups),
+        "consistency": _consistency(groups),
+        "opened": opened(plan, rows, groups, folder, chosen),
         "plan": repeated(folder),
         "cells": {cell.name: cell.values for cell in plan.cells()},
     }
@@ -176,34 +176,40 @@ def _group(group: Group, metrics: Sequence[str], varying: Sequence[str]) -> Item
         numbers = group.values(name)
         if len(numbers):
             summary[name] = list(quantile(numbers, 0.5))
-    named = {"cell": group.cell, "estimator": group.estimator}
+    labels = {"cell": group.cell, "estimator": group.estimator}
     where = short(group.labels, [name for name in varying if name != "estimator"])
-    named |= {"label": short(group.labels, varying), "place": where}
-    return {**named, "values": values, "metrics": summary}
+    labels |= {"label": short(group.labels, varying), "place": where}
+    return {**labels, "values": values, "metrics": summary}
 
 
 def _trend(
-    found: Sequence[Group], earlier: Sequence[tuple[str, Sequence[Row]]], metric: str
+    groups: Sequence[Group], earlier: Sequence[tuple[str, Sequence[Row]]], metric: str
 ) -> Item:
     """Return the metric's medians with their intervals over campaigns, this one the last."""
     campaigns = [
-        {(one.cell, one.estimator): one for one in group_runs(rows, ())} for _, rows in earlier
+        {(group.cell, group.estimator): group for group in group_runs(rows, ())}
+        for _, rows in earlier
     ]
-    campaigns.append({(one.cell, one.estimator): one for one in found})
-    varying, series = varying_names(found), []
-    colours = line_colours(found)
-    for colour, group in zip(colours, found[:_MAX_TRENDS], strict=False):
+    campaigns.append({(group.cell, group.estimator): group for group in groups})
+    varying, series = varying_names(groups), []
+    colours = line_colours(groups)
+    for colour, group in zip(colours, groups[:_MAX_TRENDS], strict=False):
         key = (group.cell, group.estimator)
         points = [
-            (k, one[key].success() if metric == SUCCESS else quantile(one[key].values(metric), 0.5))
-            for k, one in enumerate(campaigns)
-            if key in one
+            (
+                k,
+                campaign[key].success()
+                if metric == SUCCESS
+                else quantile(campaign[key].values(metric), 0.5),
+            )
+            for k, campaign in enumerate(campaigns)
+            if key in campaign
         ]
         line = {"name": short(group.labels, varying), "colour": colour, "x": [k for k, _ in points]}
         for name in ("value", "low", "high"):
             line["y" if name == "value" else name] = [getattr(p, name) for _, p in points]
         series.append(line)
-    rest = f" The first {_MAX_TRENDS} of {len(found)} lines." if len(found) > _MAX_TRENDS else ""
+    rest = f" The first {_MAX_TRENDS} of {len(groups)} lines." if len(groups) > _MAX_TRENDS else ""
     return {
         "kind": "plot",
         "title": f"Trend: {label(metric)} over campaigns",
@@ -215,9 +221,9 @@ def _trend(
     }
 
 
-def _estimators(found: Sequence[Group]) -> list[str]:
+def _estimators(groups: Sequence[Group]) -> list[str]:
     """Return the estimators in the plan's order, by which they are coloured; one has no colour."""
-    names = list(dict.fromkeys(group.estimator for group in found))
+    names = list(dict.fromkeys(group.estimator for group in groups))
     return names if len(names) > 1 else []
 
 
@@ -225,26 +231,26 @@ def _colour(group: Group, estimators: Sequence[str]) -> int | None:
     return estimators.index(group.estimator) if estimators else None
 
 
-def line_colours(found: Sequence[Group]) -> list[int]:
+def line_colours(groups: Sequence[Group]) -> list[int]:
     """Return the colour of each group's line: that of its estimator, dashed for further groups."""
-    estimators, before = _estimators(found), dict[str, int]()
+    estimators, counts = _estimators(groups), dict[str, int]()
     result = []
-    for k, group in enumerate(found):
-        number = before[group.estimator] = before.get(group.estimator, -1) + 1
+    for k, group in enumerate(groups):
+        number = counts[group.estimator] = counts.get(group.estimator, -1) + 1
         column = _colour(group, estimators)
         result.append(k if column is None else column + len(SERIES_COLOURS) * number)
     return result
 
 
-def _is_curve(name: str, found: Sequence[Group]) -> bool:
+def _is_curve(name: str, groups: Sequence[Group]) -> bool:
     """Return whether a parameter of the grid is a number that has three values or more."""
-    values = {group.rows[0].get(name) for group in found}
+    values = {group.rows[0].get(name) for group in groups}
     return len(values) > 2 and all(
         isinstance(value, int | float) and not isinstance(value, bool) for value in values
     )
 
 
-def _sensors(plan: Plan, found: Sequence[Group]) -> list[Item]:
+def _sensors(plan: Plan, groups: Sequence[Group]) -> list[Item]:
     """Return the parameters of each group's sensor, if the grid has several sensors."""
     if "imu" not in plan.grid_names:
         return []
@@ -254,35 +260,37 @@ def _sensors(plan: Plan, found: Sequence[Group]) -> list[Item]:
         by_cell[cell.name] = {name: float(np.mean(imu[f"imu.{name}"])) for name in _SENSORS}
     result = []
     for name, unit in _SENSORS.items():
-        values = [by_cell[group.cell][name] if group.cell in by_cell else None for group in found]
+        values = [by_cell[group.cell][name] if group.cell in by_cell else None for group in groups]
         if sum(value is not None and value > 0.0 for value in values) > 1:
-            words = f"{name.replace('_', ' ')} [{unit}]"
-            result.append({"name": name, "label": words, "values": values})
+            title = f"{name.replace('_', ' ')} [{unit}]"
+            result.append({"name": name, "label": title, "values": values})
     return result
 
 
-def _consistency(found: Sequence[Group]) -> Item | None:
+def _consistency(groups: Sequence[Group]) -> Item | None:
     """Return the mean NEES of each group with its chi-square band (3 degrees of freedom)."""
-    shown = [group for group in found if len(group.values("nees_position"))][:_MAX_ROWS]
+    shown = [group for group in groups if len(group.values("nees_position"))][:_MAX_ROWS]
     if not shown:
         return None
-    estimators = _estimators(found)
+    estimators = _estimators(groups)
     bands = [anees_band(3, len(group.values("nees_position"))) for group in shown]
-    at = list(range(len(shown)))
+    heights = list(range(len(shown)))
     ends = {"low": [band.low for band in bands], "high": [band.high for band in bands]}
-    series: list[Item] = [{"name": "95 % band", "mode": "rows", "colour": None, "at": at, **ends}]
+    series: list[Item] = [
+        {"name": "95 % band", "mode": "rows", "colour": None, "at": heights, **ends}
+    ]
     series[0]["line"] = 3.0
     for k, metric in enumerate(("nees_position", "nees_attitude", "nees_velocity")):
         values = [group.values(metric) for group in shown]
-        if any(len(one) for one in values):
-            means = [float(one.mean()) if len(one) else None for one in values]
+        if any(len(sample) for sample in values):
+            means = [float(sample.mean()) if len(sample) else None for sample in values]
             point = {"low": means, "high": means, "pointed": True, "shift": 0.2 * (k - 1)}
             name = metric.removeprefix("nees_")
             series.append({"name": name, "mode": "rows", "colour": None, "shape": _SHAPES[k]})
             series[-1] |= {"colours": [_colour(group, estimators) for group in shown]}
-            series[-1] |= {"at": at, "x": means, **point}
-    varying = varying_names(found)
-    rest = f" The first {_MAX_ROWS}." if len(found) > _MAX_ROWS else ""
+            series[-1] |= {"at": heights, "x": means, **point}
+    varying = varying_names(groups)
+    rest = f" The first {_MAX_ROWS}." if len(groups) > _MAX_ROWS else ""
     return {
         "kind": "plot",
         "title": "Consistency: mean NEES of the final state",
@@ -294,17 +302,17 @@ def _consistency(found: Sequence[Group]) -> Item | None:
     }
 
 
-def _cells(plan: Plan, found: Sequence[Group], metrics: Sequence[str], chosen: str) -> Section:
+def _cells(plan: Plan, groups: Sequence[Group], metrics: Sequence[str], chosen: str) -> Section:
     """Return the summary: a row for each cell and estimator."""
     shown = [name for name in metrics if not name.startswith("rpe_")]
-    varying = varying_names(found)
+    varying = varying_names(groups)
     header = ["no.", *plan.grid_names, "estimator", "done", "runs"]
     for name in shown:
         header += [f"{name} {part}" for part in ("median", "low", "high", "p95")]
     rows: list[list[Any]] = []
-    for number, group in enumerate(found, 1):
-        words = group.labels
-        row: list[Any] = [number, *(words[name] for name in plan.grid_names), group.estimator]
+    for number, group in enumerate(groups, 1):
+        labels = group.labels
+        row: list[Any] = [number, *(labels[name] for name in plan.grid_names), group.estimator]
         row += [group.done, len(group.rows)]
         for name in shown:
             values = group.values(name)
@@ -317,10 +325,10 @@ def _cells(plan: Plan, found: Sequence[Group], metrics: Sequence[str], chosen: s
     text += f"the attitude is known to no better than {LARGEST_SIGMA:g} rad."
     items: list[Item] = [{"kind": "text", "text": text, "faint": True}]
     cells = table("cells", header, rows, search=True)
-    first = [f"{chosen} {part}" for part in ("median", "low", "high", "p95")]
-    first += [name for name in ("coverage median",) if name in header]
+    main = [f"{chosen} {part}" for part in ("median", "low", "high", "p95")]
+    main += [name for name in ("coverage median",) if name in header]
     cells["printed"] = len(rows)
-    cells["shown"] = ["no.", *varying, "done", "runs", *first]
+    cells["shown"] = ["no.", *varying, "done", "runs", *main]
     return Section("Cells", [*items, cells])
 
 
@@ -331,11 +339,11 @@ def _parameters(plan: Plan) -> Section:
         for name, value in flatten(plan.simulation(cell)).items():
             values.setdefault(name, {})[_word(value)] = None
     values.pop("seed", None)
-    same = [[name, *words] for name, words in values.items() if len(words) == 1]
+    constants = [[name, *texts] for name, texts in values.items() if len(texts) == 1]
     differing = [
-        [name, len(words), " | ".join(list(words)[:12])]
-        for name, words in values.items()
-        if len(words) > 1
+        [name, len(texts), " | ".join(list(texts)[:12])]
+        for name, texts in values.items()
+        if len(texts) > 1
     ]
     estimators = [
         [f"estimators.{name}.{key}", _word(value)]
@@ -346,8 +354,8 @@ def _parameters(plan: Plan) -> Section:
     if differing:
         name = "parameters that vary"
         items.append(table(name, ["name", "values", "the first 12"], differing, search=True))
-    constant = table("constant parameters", ["name", "value"], same + estimators, search=True)
-    title = f"{len(same)} parameters that do not vary, and those of the estimators"
+    constant = table("constant parameters", ["name", "value"], constants + estimators, search=True)
+    title = f"{len(constants)} parameters that do not vary, and those of the estimators"
     items.append({"kind": "folded", "title": title, "items": [constant]})
     return Section("Parameters", items)
 

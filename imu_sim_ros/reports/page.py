@@ -66,13 +66,13 @@ def html(title: str, lines: Sequence[str], sections: Sequence[Section]) -> str:
         f"default-src 'none'; script-src '{_digest(script)}'; style-src '{_digest(style)}'; "
         "img-src data:; base-uri 'none'; form-action 'none'"
     )
-    below = "".join(f'<p class="faint">{markup.escape(line)}</p>\n' for line in lines)
+    subtitle = "".join(f'<p class="faint">{markup.escape(line)}</p>\n' for line in lines)
     return printable(
         '<!DOCTYPE html>\n<html lang="en">\n<head>\n<meta charset="utf-8">\n'
         f'<meta http-equiv="Content-Security-Policy" content="{policy}">\n'
         '<meta name="viewport" content="width=device-width, initial-scale=1">\n'
         f"<title>{markup.escape(title)}</title>\n<style>{style}</style>\n</head>\n<body>\n"
-        f"<header><h1>{markup.escape(title)}</h1>\n{below}"
+        f"<header><h1>{markup.escape(title)}</h1>\n{subtitle}"
         "<noscript><p>The plots and tables need JavaScript.</p></noscript></header>\n"
         '<nav><div><div id="links"></div></div></nav>\n<main></main>\n'
         f'<script type="application/json" id="content">{as_json(content)}</script>\n'
@@ -96,25 +96,25 @@ def _shortened(value: float) -> float | int:
 
 def column(name: str, values: Iterable[Any]) -> Item:
     """Return a table's column; what recurs is written once, many numbers as floats."""
-    found = list(values)
-    if len(found) > _PACKED:
-        usual = max(counted := Counter(found), key=counted.__getitem__)
-        if counted[usual] > _USUAL * len(found):
-            others = [[row, value] for row, value in enumerate(found) if value != usual]
-            return {"name": name, "usual": usual, "count": len(found), "others": others}
-    words = list(dict.fromkeys(value for value in found if isinstance(value, str)))
+    entries = list(values)
+    if len(entries) > _PACKED:
+        usual = max(counted := Counter(entries), key=counted.__getitem__)
+        if counted[usual] > _USUAL * len(entries):
+            exceptions = [[row, value] for row, value in enumerate(entries) if value != usual]
+            return {"name": name, "usual": usual, "count": len(entries), "others": exceptions}
+    texts = list(dict.fromkeys(value for value in entries if isinstance(value, str)))
     if (
-        words
-        and len(words) * 2 < len(found)
-        and all(isinstance(v, str) or v is None for v in found)
+        texts
+        and len(texts) * 2 < len(entries)
+        and all(isinstance(v, str) or v is None for v in entries)
     ):
-        order = {word: k for k, word in enumerate(words)}
-        index = [None if value is None else order[value] for value in found]
-        return {"name": name, "words": words, "index": index}
-    if len(found) > _PACKED and any(type(v) is float for v in found) and _are_many(found):
-        packed = np.array([np.nan if v is None else v for v in found], dtype="<f4")
+        order = {word: k for k, word in enumerate(texts)}
+        index = [None if value is None else order[value] for value in entries]
+        return {"name": name, "words": texts, "index": index}
+    if len(entries) > _PACKED and any(type(v) is float for v in entries) and _are_many(entries):
+        packed = np.array([np.nan if v is None else v for v in entries], dtype="<f4")
         return {"name": name, "f4": base64.b64encode(packed.tobytes()).decode()}
-    return {"name": name, "values": found}
+    return {"name": name, "values": entries}
 
 
 def _are_many(values: Sequence[Any]) -> bool:
@@ -159,8 +159,8 @@ def _style() -> str:
 
 
 def _variables(axes: Mapping[str, str], series: Sequence[str]) -> str:
-    named = {**axes, **{f"c{number}": colour for number, colour in enumerate(series)}}
-    return " ".join(f"--{name}: {colour};" for name, colour in named.items())
+    colours = {**axes, **{f"c{number}": colour for number, colour in enumerate(series)}}
+    return " ".join(f"--{name}: {colour};" for name, colour in colours.items())
 
 
 def _asset(name: str) -> str:

@@ -36,7 +36,7 @@ _ESTIMATES: Final = ("estimate.txt", "estimate.csv", "estimate")
 
 
 def opened(
-    plan: Plan, rows: Sequence[Row], found: Sequence[Group], folder: Path, metric: str
+    plan: Plan, rows: Sequence[Row], groups: Sequence[Group], folder: Path, metric: str
 ) -> Item:
     """Return what there is of runs in addition to their numbers, by their places in the rows.
 
@@ -47,15 +47,15 @@ def opened(
     result: dict[str, Item] = {}
     order = sorted(range(len(rows)), key=lambda k: rows[k]["status"] == "done")
     for k in order:
-        kept = _kept(rows[k], numbers, folder)
-        if kept.is_dir():
-            result[str(k)] = {"folder": str(kept.relative_to(folder))}
+        run_folder = _kept(rows[k], numbers, folder)
+        if run_folder.is_dir():
+            result[str(k)] = {"folder": str(run_folder.relative_to(folder))}
             if len(result) == _MAX_LOGS:
                 break
-            if (log := _tail(kept / _OUTPUT)) != "":
+            if (log := _tail(run_folder / _OUTPUT)) != "":
                 result[str(k)]["log"] = log
     indices = {id(row): k for k, row in enumerate(rows)}
-    shown = [indices[id(row)] for row in _typical(found, metric)[:_MAX_PATHS]]
+    shown = [indices[id(row)] for row in _typical(groups, metric)[:_MAX_PATHS]]
     for k, path in _paths(plan, rows, shown, folder).items():
         result.setdefault(str(k), {})["path"] = path
     return result
@@ -88,11 +88,11 @@ def _tail(path: Path) -> str:
         return ""
 
 
-def _typical(found: Sequence[Group], metric: str) -> list[Row]:
+def _typical(groups: Sequence[Group], metric: str) -> list[Row]:
     """Return the run in the middle of each group, then the one with the largest value."""
     ordered = [
         sorted((row for row in group.rows if row.get(metric) is not None), key=lambda r: r[metric])
-        for group in found
+        for group in groups
     ]
     full = [rows for rows in ordered if rows]
     return [rows[(len(rows) - 1) // 2] for rows in full] + [rows[-1] for rows in full]
@@ -100,7 +100,7 @@ def _typical(found: Sequence[Group], metric: str) -> list[Row]:
 
 def _paths(plan: Plan, rows: Sequence[Row], shown: Sequence[int], folder: Path) -> dict[int, Any]:
     cells = {cell.name: cell for cell in plan.cells()}
-    made: dict[str, SimulatedCell] = {}
+    simulated: dict[str, SimulatedCell] = {}
     result = {}
     for k in shown:
         row = rows[k]
@@ -108,27 +108,29 @@ def _paths(plan: Plan, rows: Sequence[Row], shown: Sequence[int], folder: Path) 
         if name not in cells or estimator not in plan.estimators:
             continue
         try:
-            if name not in made:
-                made[name] = SimulatedCell(plan, cells[name])
-            kept = folder / "runs" / f"{cells[name].number:06d}" / str(row["seed"]) / estimator
-            found = _tracks(made[name], estimator, int(row["seed"]), kept)
+            if name not in simulated:
+                simulated[name] = SimulatedCell(plan, cells[name])
+            run_folder = (
+                folder / "runs" / f"{cells[name].number:06d}" / str(row["seed"]) / estimator
+            )
+            tracks = _tracks(simulated[name], estimator, int(row["seed"]), run_folder)
         except ImuSimError:
             continue  # the page shows what it can
-        if found is not None:
+        if tracks is not None:
             colours = None, list(plan.estimators).index(estimator)
             result[k] = [
-                _line(words, colour, positions)
-                for colour, (words, positions) in zip(colours, found, strict=True)
+                _line(title, colour, positions)
+                for colour, (title, positions) in zip(colours, tracks, strict=True)
             ]
     return result
 
 
 def _tracks(
-    cell: SimulatedCell, name: str, seed: int, kept: Path
+    cell: SimulatedCell, name: str, seed: int, folder: Path
 ) -> list[tuple[str, Array]] | None:
     """Return the true path of a run and the estimated one, aligned as in the comparison."""
     estimator = cell.plan.estimators[name]
-    files = [kept / one for one in _ESTIMATES if (kept / one).exists()]
+    files = [folder / file for file in _ESTIMATES if (folder / file).exists()]
     if cell.total is None or cell.total > _LONGEST:
         return None
     block = cell.block(seed)

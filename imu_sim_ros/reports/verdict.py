@@ -36,11 +36,11 @@ _MAX_DRAWN: Final = 12
 _MAX_OTHERS: Final = 30
 
 
-def short(words: dict[str, str], varying: Sequence[str]) -> str:
+def short(labels: dict[str, str], varying: Sequence[str]) -> str:
     """Return a group's name: what varies; numbers with the last part of their parameter's name."""
     parts = []
     for name in varying:
-        value = words[name]
+        value = labels[name]
         plain = value.replace(".", "").replace("-", "").replace("e", "").replace("+", "").isdigit()
         parts.append(f"{name.rpartition('.')[2]} {value}" if plain else value)
     return ", ".join(parts) or "all"
@@ -53,70 +53,83 @@ def query(cell: str, estimator: str) -> str:
 
 
 def verdict_section(
-    plan: Plan, judgements: Sequence[tuple[str, Judgement]], found: Sequence[Group], campaign: str
+    plan: Plan, judgements: Sequence[tuple[str, Judgement]], groups: Sequence[Group], campaign: str
 ) -> Section:
     """Return the verdict.
 
     :param judgements: with the metrics' names in words; the first is shown first.
     :param campaign: by which links find the runs.
     """
-    first = judgements[0][1]
-    places = {(group.cell, group.estimator): group for group in found}
-    varying = varying_names(found)
+    main = judgements[0][1]
+    places = {(group.cell, group.estimator): group for group in groups}
+    varying = varying_names(groups)
 
     def place(cell: str, estimator: str) -> str:
         return short(places[cell, estimator].labels, varying)
 
-    missed = [one for one in first.requirements if not one.met]
-    reported = {one.requirement for one in missed}
+    missed = [outcome for outcome in main.requirements if not outcome.met]
+    reported = {outcome.requirement for outcome in missed}
     requirements: Item = {
         "count": len(plan.require),
         "texts": len(reported),
         "missed": [
-            {"requirement": one.requirement, "comment": one.comment}
-            | {"place": place(one.cell, one.estimator), "query": query(one.cell, one.estimator)}
-            for one in missed
+            {"requirement": outcome.requirement, "comment": outcome.comment}
+            | {
+                "place": place(outcome.cell, outcome.estimator),
+                "query": query(outcome.cell, outcome.estimator),
+            }
+            for outcome in missed
         ],
     }
     failures = [
-        {"reason": one.reason, "runs": one.runs, "place": place(one.cell, one.estimator)}
-        | {"query": f"{query(one.cell, one.estimator)} status=failed"}
-        for one in first.failures
+        {
+            "reason": failure.reason,
+            "runs": failure.runs,
+            "place": place(failure.cell, failure.estimator),
+        }
+        | {"query": f"{query(failure.cell, failure.estimator)} status=failed"}
+        for failure in main.failures
     ]
     findings = [
-        {"finding": one.finding, "runs": one.runs, "place": place(one.cell, one.estimator)}
-        | {"query": query(one.cell, one.estimator)}
-        for one in first.findings
+        {
+            "finding": finding.finding,
+            "runs": finding.runs,
+            "place": place(finding.cell, finding.estimator),
+        }
+        | {"query": query(finding.cell, finding.estimator)}
+        for finding in main.findings
     ]
     item: Item = {
         "kind": "verdict",
         "campaign": campaign,
         "requirements": requirements,
-        "problems": first.other_problems,
+        "problems": main.other_problems,
         "failures": failures,
         "findings": findings,
         "judged": [
-            _judged(words, judged, factor, found)
-            for words, judged in judgements
-            for factor in dict.fromkeys([judged.factor, *(one.factor for one in judged.contests)])
+            _judged(title, judged, factor, groups)
+            for title, judged in judgements
+            for factor in dict.fromkeys(
+                [judged.factor, *(contest.factor for contest in judged.contests)]
+            )
         ],
     }
-    summary = f"{first.runs:,} runs, {first.done:,} done, in {len(found)} cells and estimators."
-    if any(one.unranked for one in first.headline):
+    summary = f"{main.runs:,} runs, {main.done:,} done, in {len(groups)} cells and estimators."
+    if any(contest.unranked for contest in main.headline):
         summary += f" {WITHOUT_ERRORS}, the sensor without errors, is compared and not ranked."
     text = (
         f"{summary} Compared on the same seeds, over the time that both estimates cover; failed "
-        f"runs are worse than any number; differences up to {first.tolerance} do not matter; p "
+        f"runs are worse than any number; differences up to {main.tolerance} do not matter; p "
         "values (Wilcoxon, for shares McNemar) are corrected by Holm; intervals of all comparisons "
         "at once by Bonferroni."
     )
     return Section("Verdict", [item, {"kind": "text", "text": text, "faint": True}])
 
 
-def _judged(words: str, judged: Judgement, factor: str, found: Sequence[Group]) -> Item:
-    names = varying_names(found)
-    drawn = found if factor == judged.factor else ()
-    fought = [one for one in judged.contests if one.factor == factor]
+def _judged(title: str, judged: Judgement, factor: str, groups: Sequence[Group]) -> Item:
+    names = varying_names(groups)
+    drawn = groups if factor == judged.factor else ()
+    fought = [contest for contest in judged.contests if contest.factor == factor]
     contests = [
         _contest(contest, judged, drawn if k < _MAX_DRAWN else (), names)
         for k, contest in enumerate(fought)
@@ -124,19 +137,19 @@ def _judged(words: str, judged: Judgement, factor: str, found: Sequence[Group]) 
     lead, rest = headline(fought, judged.metric, judged.tolerance) if fought else ("", "")
     alone = ""
     if not contests and judged.standings:
-        one = judged.standings[0]
-        alone = f"{judged.metric}: nothing varies; {one.done} of {one.runs} runs done"
-        if one.median.value is not None:
-            alone += f", median {one.median.value:.4g}"
+        standing = judged.standings[0]
+        alone = f"{judged.metric}: nothing varies; {standing.done} of {standing.runs} runs done"
+        if standing.median.value is not None:
+            alone += f", median {standing.median.value:.4g}"
     return {
         "metric": judged.metric,
-        "label": words,
+        "label": title,
         "factor": factor,
         "lead": lead or alone,
         "rest": rest,
         "table": _table(fought[0], judged) if len(fought) == 1 else None,
         "contests": contests,
-        "names": list(dict.fromkeys(group.labels[factor] for group in found)) if fought else [],
+        "names": list(dict.fromkeys(group.labels[factor] for group in groups)) if fought else [],
     }
 
 
@@ -144,12 +157,12 @@ def _table(contest: Contest, judged: Judgement) -> Item | None:
     """Return the members of a contest in their order, each compared with the first."""
     if len(contest.ranking) < 3:
         return None
-    first = contest.ranking[0]
-    effects = {one.b: one for one in contest.effects if one.a == first}
+    reference = contest.ranking[0]
+    effects = {effect.b: effect for effect in contest.effects if effect.a == reference}
     standings = {
-        one.values[contest.factor]: one
-        for one in judged.standings
-        if all(one.values[name] == word for name, word in contest.where.items())
+        standing.values[contest.factor]: standing
+        for standing in judged.standings
+        if all(standing.values[name] == word for name, word in contest.where.items())
     }
     rows: list[list[Any]] = []
     for rank, name in enumerate(contest.ranking, 1):
@@ -162,7 +175,14 @@ def _table(contest: Contest, judged: Judgement) -> Item | None:
             p = None if effect.p is None else float(f"{effect.p:.2g}")
             row += [_brief(effect, True), *_ends(effect), p, _TURNED[effect.verdict]]
         rows.append(row)
-    header = ["no.", contest.factor, "done", "coverage", f"median {judged.metric}", f"than {first}"]
+    header = [
+        "no.",
+        contest.factor,
+        "done",
+        "coverage",
+        f"median {judged.metric}",
+        f"than {reference}",
+    ]
     header += ["95 %", "95 %, all at once", "p (Holm)", "is"]
     return table("", header, rows, search=False)
 
@@ -174,7 +194,9 @@ def _ends(effect: Effect) -> list[str]:
     """Return the intervals of B compared with A."""
     return [
         " to ".join("open" if end is None else _size(effect.kind, end) for end in ends[1:])
-        for ends in (_turned(effect.kind, one) for one in (effect.effect, effect.simultaneous))
+        for ends in (
+            _turned(effect.kind, estimate) for estimate in (effect.effect, effect.simultaneous)
+        )
     ]
 
 
@@ -187,13 +209,18 @@ def _turned(kind: str, interval: ConfidenceInterval) -> ConfidenceInterval:
 
 
 def _contest(
-    contest: Contest, judged: Judgement, found: Sequence[Group], varying: Sequence[str]
+    contest: Contest, judged: Judgement, groups: Sequence[Group], varying: Sequence[str]
 ) -> Item:
     where = [name for name in varying if name in contest.where]
     effects = [
-        {"a": one.a, "b": one.b, "verdict": one.verdict, "line": one.line(judged.metric)}
-        | {"short": _brief(one, False), "turned": _brief(one, True)}
-        for one in contest.effects
+        {
+            "a": effect.a,
+            "b": effect.b,
+            "verdict": effect.verdict,
+            "line": effect.line(judged.metric),
+        }
+        | {"short": _brief(effect, False), "turned": _brief(effect, True)}
+        for effect in contest.effects
     ]
     return {
         "place": short(contest.where, where) if where else "",
@@ -205,7 +232,7 @@ def _contest(
         "size": _brief(contest.lead, False),
         "line": f"{contest.outcome(judged.tolerance)}: {contest.describe(judged.metric)}",
         "effects": effects,
-        "plot": _paired(contest, judged, found),
+        "plot": _paired(contest, judged, groups),
     }
 
 
@@ -231,24 +258,24 @@ def _few(value: float) -> str:
     return f"{value:.3g}"
 
 
-def _paired(contest: Contest, judged: Judgement, found: Sequence[Group]) -> Item | None:
+def _paired(contest: Contest, judged: Judgement, groups: Sequence[Group]) -> Item | None:
     """Return the plot of the first compared with each other one: the effect and every seed."""
-    first, kind = contest.ranking[0], contest.lead.kind
-    shown = [one for one in contest.effects if one.a == first and one.kind == kind]
-    shown = [one for one in shown if one.effect.value is not None]
-    shown = [one for one in shown if one.b not in contest.unranked][:_MAX_OTHERS]
+    reference, kind = contest.ranking[0], contest.lead.kind
+    shown = [effect for effect in contest.effects if effect.a == reference and effect.kind == kind]
+    shown = [effect for effect in shown if effect.effect.value is not None]
+    shown = [effect for effect in shown if effect.b not in contest.unranked][:_MAX_OTHERS]
     if not shown:
         return None
     ratio = kind == RATIO
     series: list[Item] = []
     dots: Item = {"at": [], "x": []}
-    members = _members(contest, found)
+    members = _members(contest, groups)
     # An estimator has its own colour in every plot.
-    order = list(dict.fromkeys(group.estimator for group in found))
+    order = list(dict.fromkeys(group.estimator for group in groups))
     order = order if contest.factor == "estimator" else []
-    for k, one in enumerate(shown):
-        if one.b in members and first in members:
-            for x in _seeds(members[first], members[one.b], judged.metric, ratio):
+    for k, effect in enumerate(shown):
+        if effect.b in members and reference in members:
+            for x in _seeds(members[reference], members[effect.b], judged.metric, ratio):
                 dots["at"].append(k)
                 dots["x"].append(x)
     if dots["at"]:
@@ -257,15 +284,18 @@ def _paired(contest: Contest, judged: Judgement, found: Sequence[Group]) -> Item
         series.append({**bare, **dots, "low": none, "high": none})
     series.append(
         {"name": "effect, 95 %", "mode": "rows", "colour": None, "at": list(range(len(shown)))}
-        | {"colours": [order.index(one.b) if one.b in order else None for one in shown]}
-        | {"x": [one.effect.value for one in shown], "line": 1.0 if ratio else 0.0}
-        | {"low": [one.effect.low for one in shown], "high": [one.effect.high for one in shown]}
+        | {"colours": [order.index(effect.b) if effect.b in order else None for effect in shown]}
+        | {"x": [effect.effect.value for effect in shown], "line": 1.0 if ratio else 0.0}
+        | {
+            "low": [effect.effect.low for effect in shown],
+            "high": [effect.effect.high for effect in shown],
+        }
     )
     sign = "/" if ratio else "-"
     return {
-        "title": f"{judged.metric}: {first} {sign} each other, on the same seeds",
-        "x": {"label": f"{judged.metric}, {first} {sign} other", "log": ratio},
-        "categories": [one.b for one in shown],
+        "title": f"{judged.metric}: {reference} {sign} each other, on the same seeds",
+        "x": {"label": f"{judged.metric}, {reference} {sign} other", "log": ratio},
+        "categories": [effect.b for effect in shown],
         "series": series,
         "caption": "The effect with its 95 % interval; small points are single seeds."
         if dots["at"]
@@ -273,11 +303,11 @@ def _paired(contest: Contest, judged: Judgement, found: Sequence[Group]) -> Item
     }
 
 
-def _members(contest: Contest, found: Sequence[Group]) -> dict[str, Group]:
+def _members(contest: Contest, groups: Sequence[Group]) -> dict[str, Group]:
     """Return the groups of a contest by their values of its factor."""
     return {
         group.labels[contest.factor]: group
-        for group in found
+        for group in groups
         if all(group.labels[name] == word for name, word in contest.where.items())
     }
 
@@ -287,24 +317,30 @@ def _seeds(a: Group, b: Group, metric: str, ratio: bool) -> list[float]:
     if metric == SUCCESS:
         return []
     ours, theirs, _ = paired_values(a, b, metric)
-    known = [
-        (value, other)
-        for seed, value in ours.items()
-        if value is not None
-        and (other := theirs.get(seed)) is not None
-        and math.isfinite(value)
-        and math.isfinite(other)
+    pairs = [
+        (a_value, b_value)
+        for seed, a_value in ours.items()
+        if a_value is not None
+        and (b_value := theirs.get(seed)) is not None
+        and math.isfinite(a_value)
+        and math.isfinite(b_value)
     ]
     if ratio:
-        return [one / other for one, other in known[:_MAX_SEEDS] if other]
-    return [one - other for one, other in known[:_MAX_SEEDS]]
+        return [a_value / b_value for a_value, b_value in pairs[:_MAX_SEEDS] if b_value]
+    return [a_value - b_value for a_value, b_value in pairs[:_MAX_SEEDS]]
 
 
 def against_baseline(effects: Sequence[Effect], metric: str, name: str) -> Item:
     """Return the table of each group compared with the same one of an earlier campaign."""
     rows = [
-        [one.a, one.verdict, one.note or one.size(), f"{one.won} of {one.seeds}", one.p]
-        for one in effects
+        [
+            effect.a,
+            effect.verdict,
+            effect.note or effect.size(),
+            f"{effect.won} of {effect.seeds}",
+            effect.p,
+        ]
+        for effect in effects
     ]
     header = ["cell and estimator", "now", f"{metric}, than before", "better seeds", "p"]
     return table(f"compared with {name}", header, rows, search=True)

@@ -40,7 +40,7 @@ CAMERAS: Final = (
     "names of the cameras on the body, each the namespace of its topics and the prefix of its "
     "own parameters (cam0.camera.rate, ...); none: no camera"
 )
-"""What the parameter ``cameras`` is."""
+"""Description of the parameter ``cameras``."""
 ENTRY_POINTS: Final = "imu_sim_ros.sensors"
 _NAME: Final = re.compile(r"[a-z][a-z0-9_]*")
 _REGISTERED: Final[dict[str, "Sensor"]] = {}
@@ -55,18 +55,18 @@ def declared() -> "dict[str, Sensor]":
 @cache
 def sensors_of_imus() -> "tuple[Sensor, ...]":
     """Return the sensors that each IMU has with it."""
-    return tuple(one for one in declared().values() if one.with_imu)
+    return tuple(sensor for sensor in declared().values() if sensor.with_imu)
 
 
 @cache
 def named_sensors() -> "dict[str, Sensor]":
     """Return the sensors that the parameter ``sensors`` switches on, by name."""
-    return {name: one for name, one in declared().items() if not one.with_imu}
+    return {name: sensor for name, sensor in declared().items() if not sensor.with_imu}
 
 
 def switches() -> "dict[str, Switch]":
     """Return the options of ``generate`` that ask for files of these sensors, by sensor."""
-    asked = ((name, one.companions) for name, one in named_sensors().items())
+    asked = ((name, sensor.companions) for name, sensor in named_sensors().items())
     return {name: files.switch for name, files in asked if files and files.switch}
 
 
@@ -75,7 +75,7 @@ def known_tables() -> "dict[str, Table]":
 
     They are those of all sensors of this package and of those that were registered.
     """
-    tables = (one.table for one in (*declared().values(), *registered()))
+    tables = (sensor.table for sensor in (*declared().values(), *registered()))
     return {table.name: table for table in tables if table is not None}
 
 
@@ -118,18 +118,18 @@ def find_sensor(name: str) -> "Sensor":
         return named_sensors()[name]
     offered = _offered()
     if name not in offered:
-        known = [*named_sensors(), *_REGISTERED, *sorted(offered)]
-        hint = suggestion(name, known, f"must be one of {', '.join(known) or 'none'}")
-        if any(name in (one.name, one.quantity) for one in sensors_of_imus()):
+        names = [*named_sensors(), *_REGISTERED, *sorted(offered)]
+        hint = suggestion(name, names, f"must be one of {', '.join(names) or 'none'}")
+        if any(name in (companion.name, companion.quantity) for companion in sensors_of_imus()):
             hint = "each IMU has it: publish.* and --topics choose it"
         raise ConfigurationError(f"sensors: {name!r}: {hint}")
     _REGISTERED[name] = _loaded(name, offered[name])
     return _REGISTERED[name]
 
 
-def kind_of(name: str, given: "Mapping[str, object]") -> str:
+def kind_of(name: str, parameters: "Mapping[str, object]") -> str:
     """Return the kind of a sensor: ``NAME.type``, or its name."""
-    return str(given.get(f"{name}.type") or name)
+    return str(parameters.get(f"{name}.type") or name)
 
 
 def all_sensors() -> "tuple[list[Sensor], list[str]]":
@@ -137,12 +137,12 @@ def all_sensors() -> "tuple[list[Sensor], list[str]]":
 
     This looks up all entry points.
     """
-    found: list[Sensor] = []
+    sensors: list[Sensor] = []
     problems = Problems()
     for name in dict.fromkeys([*named_sensors(), *_REGISTERED, *sorted(_offered())]):
         with problems.gathered():
-            found.append(find_sensor(name))
-    return found, problems
+            sensors.append(find_sensor(name))
+    return sensors, problems
 
 
 def is_known(name: str) -> bool:
@@ -159,12 +159,12 @@ def _offered() -> "dict[str, EntryPoint]":
 def _loaded(name: str, point: "EntryPoint") -> "Sensor":
     """Return the sensor of an entry point: a declaration, or a module that has one as SENSOR."""
     try:
-        found = point.load()
+        target = point.load()
     except Exception as error:  # code of other people: whatever it raises
         raise ConfigurationError(
             f"sensors: {name!r}: {point.value} cannot be loaded: {error}"
         ) from error
-    sensor = _checked(getattr(found, "SENSOR", found), f"sensors: {point.value}")
+    sensor = _checked(getattr(target, "SENSOR", target), f"sensors: {point.value}")
     if sensor.name != name:
         raise ConfigurationError(
             f"sensors: {name!r}: {point.value} is the sensor {sensor.name!r}; the entry point must "
@@ -181,11 +181,11 @@ def _checked(sensor: Any, what: str) -> "Sensor":
     from imu_sim_ros.sensors.declaration import Sensor
     from imu_sim_ros.sensors.parameters import SensorParameters
 
-    given: object = sensor
-    if not isinstance(given, Sensor):
+    candidate: object = sensor
+    if not isinstance(candidate, Sensor):
         raise ConfigurationError(f"{what}: {shown(sensor)} is not a Sensor")
     problems = []
-    of_imus = [one.name for one in sensors_of_imus()]
+    of_imus = [companion.name for companion in sensors_of_imus()]
     if not _NAME.fullmatch(sensor.name) or sensor.name in of_imus:
         problems.append(
             f"{what}: name = {sensor.name!r}: must be lower-case letters, digits and underscores, "

@@ -1,7 +1,7 @@
 # Copyright 2026 imu_sim_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""What ``--list-*`` prints: the files of config/, and the sensors that can be named."""
+"""Output of ``--list-*``: the files of config/, and the sensors that can be named."""
 
 import re
 from itertools import takewhile
@@ -16,21 +16,21 @@ def sensor_lines() -> list[str]:
 
     What cannot be loaded has its reason.
     """
-    found, problems = all_sensors()
-    return [f"{sensor.name}: {sensor.text or 'no description'}" for sensor in found] + problems
+    sensors, problems = all_sensors()
+    return [f"{sensor.name}: {sensor.text or 'no description'}" for sensor in sensors] + problems
 
 
 def sensor_table() -> str:
     """Return the sensors as text: topics, then parameters with default and unit."""
-    found, problems = all_sensors()
+    sensors, problems = all_sensors()
     lines = []
-    for sensor in found:
+    for sensor in sensors:
         lines.append(f"{sensor.name:12} {sensor.text}")
         lines += [f"{'':12} {topic.name} ({topic.type})" for topic in sensor.topics]
-        for name, known in parameters(sensor.section).items():
-            unit = f" [{known.unit}]" if known.unit else ""
-            words = f"{sensor.name}.{name} ({known.default}{unit}): {known.text}"
-            lines.append(f"{'':12} {words}")
+        for name, parameter in parameters(sensor.section).items():
+            unit = f" [{parameter.unit}]" if parameter.unit else ""
+            line = f"{sensor.name}.{name} ({parameter.default}{unit}): {parameter.text}"
+            lines.append(f"{'':12} {line}")
     return "\n".join([*lines, *problems]) or "no sensor is installed"
 
 
@@ -39,17 +39,17 @@ def descriptions(folder: str) -> dict[str, str]:
 
     :param folder: one of config/: imus, trajectories, cameras, scenes, barometers, gnss, ...
     """
-    found = {}
+    texts = {}
     for name in files.names(folder):
         lines = files.find(folder, name).read_text(encoding="utf-8").splitlines()
         head = takewhile(lambda line: line.startswith("#"), lines)
-        words = " ".join(line.removeprefix("# ") for line in head)
-        found[name] = re.split(r"\.(?= |$)", words, maxsplit=1)[0]
-    return found
+        header = " ".join(line.removeprefix("# ") for line in head)
+        texts[name] = re.split(r"\.(?= |$)", header, maxsplit=1)[0]
+    return texts
 
 
 def listing(folder: str) -> str:
     """Return the files of a folder of config/ as text, a line each: name and description."""
-    found = descriptions(folder)
-    width = max(map(len, found))
-    return "\n".join(f"{name:{width}}  {text}" for name, text in found.items())
+    texts = descriptions(folder)
+    width = max(map(len, texts))
+    return "\n".join(f"{name:{width}}  {text}" for name, text in texts.items())

@@ -1,7 +1,7 @@
 # Copyright 2026 imu_sim_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""How a sensor is declared: parameters, model, topics, table, readings, in one place.
+"""Declaration of a sensor: parameters, model, topics, table, readings, in one place.
 
 A sensor that each IMU has with it has the parameters ``imu.NAME_...`` and the clock, transport and
 mount of the IMU. A sensor that the parameter ``sensors`` names has the parameters ``NAME.*``, and a
@@ -61,15 +61,15 @@ class Mounted(NamedTuple):
     """A sensor on a body."""
 
     name: str
-    """Of its parameters, faults and random streams: the kind of sensor, or another one if there
-    are several of a kind."""
+    """Name in its parameters, faults and random streams: the kind of sensor, or another name if
+    there are several of a kind."""
     sensor: "Sensor"
     own: Any
     """The parameters that its model is made with: those of its IMU, or its own section."""
     environment: Any
     """The parameters of its simulation: world, cameras, and the rate and seed of its IMU."""
     frame: str
-    """Of its messages."""
+    """Frame of its messages."""
     space: str = ""
     """Namespace of its topics, with a slash, if there are several of a kind."""
 
@@ -80,7 +80,7 @@ class Mounted(NamedTuple):
 
     @property
     def faulty(self) -> tuple[str, ...]:
-        """What faults name: its parts, or itself; nothing if it has none."""
+        """Names of its targets of faults: its parts, or itself; none if no fault can hit it."""
         return (self.sensor.parts or (self.name,)) if self.sensor.faults else ()
 
     def takes(self, fault: Fault) -> bool:
@@ -100,16 +100,17 @@ class Topic:
     payloads: Callable[[Mounted, str], Payloads]
     """Makes the encoder for a sensor and an encoding, ``cdr`` or ``ros1``."""
     truth: bool = False
-    """At the true times of all samples, lost ones too; else what is delivered, as stamped."""
+    """True if messages bear the true times of all samples, lost ones too; else only delivered
+    samples are sent, with their stamps."""
     foreign: bool = False
-    """Its type is in a package that need not be installed: a bag has it on request, a node
+    """True if its type is in a package that need not be installed: a bag has it on request, a node
     publishes it if it can."""
     sent: Callable[[Samples], Mask] | None = None
     """Returns for which samples (n,) there is a message at all; None: for all."""
     exists: Callable[[Mounted], bool] = lambda _: True
-    """Whether a sensor with these parameters has it."""
+    """Returns True if a sensor with these parameters has the topic."""
     latched: bool = False
-    """Its last message is kept for later subscribers."""
+    """True if the last message is kept for later subscribers."""
 
 
 def topic(
@@ -138,18 +139,18 @@ def topic(
         frame = mounted.environment.world_frame if in_world else mounted.frame
         messages = getattr(encode, encoder)(frame, encoding)
 
-        def payloads(read: Samples, rows: Rows, now: Any) -> "RowTemplate":
-            t_ns = read.true_t_ns if truth else read.t_ns
-            return messages.pattern(t_ns[rows], *values(read, rows, now))
+        def payloads(samples: Samples, rows: Rows, valid: Any) -> "RowTemplate":
+            t_ns = samples.true_t_ns if truth else samples.t_ns
+            return messages.pattern(t_ns[rows], *values(samples, rows, valid))
 
         return payloads
 
     return Topic(name, type_name, flags, make, truth, foreign, sent)
 
 
-def mount_of(own: Any) -> Array:
+def mount_of(parameters: Any) -> Array:
     """Return the pose T_bs (4, 4) that ``lever_arm`` and ``mounting`` describe."""
-    return pose_matrix(np.reshape(own.mounting, (3, 3)), own.lever_arm)
+    return pose_matrix(np.reshape(parameters.mounting, (3, 3)), parameters.lever_arm)
 
 
 def on_demand(module: str, name: str) -> Callable[..., Any]:
@@ -157,7 +158,7 @@ def on_demand(module: str, name: str) -> Callable[..., Any]:
 
     Most runs have few sensors, and what makes one is slow to import.
     """
-    return lambda *given: getattr(import_module(module), name)(*given)
+    return lambda *arguments: getattr(import_module(module), name)(*arguments)
 
 
 class Companion(Protocol):
@@ -177,7 +178,7 @@ class Switch(NamedTuple):
     parameter: str
     """The flag of its section that the option sets; it also switches the sensor on."""
     text: str
-    """What ``--help`` says."""
+    """Description in ``--help``."""
 
 
 class Companions(NamedTuple):
@@ -192,7 +193,7 @@ class Companions(NamedTuple):
 
 
 class Serial(NamedTuple):
-    """What a sensor writes to a serial line: in a node, a pseudo-terminal."""
+    """Output of a sensor on a serial line: in a node, a pseudo-terminal."""
 
     where: Callable[[Any], str]
     """Returns of its section where the terminal is linked; ``pty``: nowhere; empty: it has none."""
@@ -207,10 +208,10 @@ class Sensor:
     name: str
     """NAME in its parameters, ``imu.NAME_...`` or ``NAME.*``, and in its faults."""
     quantity: str
-    """What it measures: the name in ``simulate(sensors=...)``, of ``publish.*`` and of a flight.
-    That of a sensor that ``sensors`` names is its name."""
+    """Measured quantity: the name in ``simulate(sensors=...)``, of ``publish.*`` and of a flight;
+    for a sensor that ``sensors`` names, its name."""
     section: type
-    """Its parameters, a frozen dataclass; those of a sensor that ``sensors`` names derive from
+    """Frozen dataclass of the parameters; that of a sensor that ``sensors`` names derives from
     :class:`~imu_sim_ros.sensors.parameters.SensorParameters`."""
     model: Callable[[Mounted, int, Mapping[str, Model]], Model]
     """Makes it of how it is mounted, the time of the start [ns], and the sensors before it by
@@ -218,32 +219,33 @@ class Sensor:
     topics: tuple[Topic, ...]
     """The readings first."""
     readings: "type[SensorReadings | TimeSeries] | None"
-    """What Python returns of a flight: a frozen dataclass of arrays of the samples. None: they are
-    too large."""
+    """Frozen dataclass of arrays of the samples, returned for a flight in Python. None: the samples
+    are too large."""
     with_imu: bool = False
     """Each IMU has it: its parameters are ``imu.NAME_...``, and it shares clock, transport and
     mount of the IMU. Else ``sensors`` names it, and all these are its own."""
     given: Callable[[Array], str] | None = None
-    """It also takes ideal values that another simulator gives: its model has ``apply``. Returns a
-    line if the first value, () or (3,), looks like one in another unit, or else nothing."""
+    """Check of the ideal values from another simulator, for a model that has ``apply``: returns a
+    line if the first value, () or (3,), seems to be in another unit, or else nothing. None: the
+    sensor takes no ideal values."""
     table: Table | None = None
     """The readings in datasets of text; None: these have a form of their own, or none, for it."""
     values: Callable[[Samples], Array] = np.asarray
     """The numbers (n, columns) of the table, of all n samples."""
     switches: type | None = None
-    """Those of its flags that are parameters ``publish.*`` of its own: a frozen dataclass."""
+    """Frozen dataclass of the flags that are the sensor's own parameters ``publish.*``."""
     needs: Callable[[Any], tuple[str, ...]] = lambda _: ()
     """Returns of its section, or of its IMU, the sensors without which it cannot read: their
     quantities, or their names."""
     realised: Callable[[Any, int, str], Any] = lambda parameters, seed, name: parameters
-    """Its parameters for a seed and its name, with nothing left to draw but the noise."""
+    """Returns the parameters for a seed and a name, with nothing left to draw but the noise."""
     sees: bool = False
-    """Whether it sees or ranges: the world then has a scene, which leaves its path free."""
+    """True if it sees or ranges: the world then has a scene, which leaves its path free."""
     faults: bool = True
     parts: tuple[str, ...] = ()
-    """What faults name instead of the sensor itself."""
+    """Names of the parts that faults hit instead of the sensor as a whole."""
     text: str = ""
-    """What it is, in a line of ``--help``."""
+    """Description in one line of ``--help``."""
     mount: Callable[[Any], Array] = mount_of
     """Returns of its section the pose T_bs (4, 4), which maps its coordinates to the body."""
     warnings: Callable[[Mounted, World, float], list[str]] = lambda *_: []
@@ -257,7 +259,7 @@ class Sensor:
     apart: bool = False
     """A sample takes so long that a node makes it in a process of its own."""
     datasets: tuple[str, ...] = ()
-    """Those with a place of its own for what it measures, in which it always is."""
+    """Formats of datasets with a dedicated place for its quantity, which always contain it."""
     serial: Serial | None = None
     companions: Companions | None = None
     presets: str = ""

@@ -19,7 +19,7 @@ class Deferred(Mapping[str, Any]):
 
     def __init__(self, **makers: Callable[[], Any]) -> None:
         self._makers, self.made = makers, dict[str, Any]()
-        """Those that exist so far."""
+        """Values made so far, by name."""
 
     def __getitem__(self, name: str) -> Any:
         if name not in self.made:
@@ -59,7 +59,7 @@ class Completed(Mapping[str, Any]):
 
 
 class Results(Sequence[_Made]):
-    """What threads make, in order; reading waits for it."""
+    """Results of threads, in order; reading one waits for it."""
 
     def __init__(self, results: list[Callable[[], _Made]]) -> None:
         """Take what waits for each."""
@@ -120,8 +120,8 @@ class Each(Generic[_T]):
     def _begun(self, use: Callable[[int, _T], _Made], k: int) -> Callable[[], _Made]:
         if self._threads is not None:
             return self._threads.submit(self._used, use, k).result
-        made = self._used(use, k)
-        return lambda: made
+        computed = self._used(use, k)
+        return lambda: computed
 
     def _used(self, use: Callable[[int, _T], _Made], k: int) -> _Made:
         return use(k, self[k])

@@ -1,7 +1,7 @@
 # Copyright 2026 imu_sim_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""What all sensors of a simulation have in common: time, frames, the Earth, the surroundings."""
+"""Parameters common to all sensors of a simulation: time, frames, the Earth, the surroundings."""
 
 from collections.abc import Iterator
 from dataclasses import dataclass
@@ -81,9 +81,12 @@ class TemperatureParameters:
         times = self.profile[::2]
         if times and times[0] < 0.0:
             yield f"{prefix}profile: time {times[0]:g} s: must be at least 0"
-        for before, after in pairwise(times):
-            if after <= before:
-                yield (f"{prefix}profile: time {after:g} s after {before:g} s: times must increase")
+        for previous, following in pairwise(times):
+            if following <= previous:
+                yield (
+                    f"{prefix}profile: time {following:g} s after {previous:g} s: "
+                    "times must increase"
+                )
 
 
 FIELD: Vector = (0.0, 2.0e-5, -4.5e-5)

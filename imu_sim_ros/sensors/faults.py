@@ -36,7 +36,7 @@ _OF_A_TRIAD: Final = ("bias_jump", "saturation", "stuck")
 
 @dataclass(frozen=True)
 class Fault:
-    """What goes wrong, and for how long.
+    """A fault: its kind, size, target and duration.
 
     :raises ConfigurationError: with a line for each problem.
     """
@@ -103,18 +103,18 @@ class FaultSchedule:
     prefix: str = ""
     """Prefix of the random streams' names; another for each sensor."""
     windows: list[_Window] = field(default_factory=list)
-    """Those that have not ended; empty without any fault."""
+    """Faults that have not ended; empty without any fault."""
     _injected: int = 0
 
-    def add(self, fault: Fault, first: int, now: int) -> None:
-        """Let a fault begin at a sample; those that ended before the sample ``now`` are dropped."""
-        end = first + fault.duration / self.dt
+    def add(self, fault: Fault, first_sample: int, current: int) -> None:
+        """Let a fault begin at a sample; drop those that ended before the sample ``current``."""
+        end = first_sample + fault.duration / self.dt
         stream = generator(self.seed, f"{self.prefix}fault.{self._injected}")
         self._injected += 1
         # The last sample that still belongs to the fault lies strictly before its end.
         end = end if math.isinf(end) else math.ceil(round(end, 6))
-        self.windows = [w for w in self.windows if w.end > now]
-        self.windows.append(_Window(fault, first, end, stream))
+        self.windows = [w for w in self.windows if w.end > current]
+        self.windows.append(_Window(fault, first_sample, end, stream))
 
     def _active(self, kind: str, first: int, count: int) -> Iterator[tuple[_Window, slice]]:
         for window in self.windows:
@@ -142,17 +142,17 @@ class FaultSchedule:
             limit = np.where(limit > 0.0, limit, np.inf)
             reading[rows] = np.clip(reading[rows], -limit, limit)
 
-    def hold(self, triad: str, first: int, reading: Array, before: Array | None) -> None:
+    def hold(self, triad: str, first: int, reading: Array, previous: Array | None) -> None:
         """Repeat the last good reading (n, 3).
 
-        :param before: the reading of sample ``first - 1`` (3,); None if there is none.
+        :param previous: the reading of sample ``first - 1`` (3,); None if there is none.
         """
         for window, rows in self._of_triad("stuck", triad, first, len(reading)):
             if window.held is None:
                 if rows.start > 0:
                     window.held = reading[rows.start - 1].copy()
                 else:
-                    window.held = reading[0].copy() if before is None else before
+                    window.held = reading[0].copy() if previous is None else previous
             reading[rows] = window.held
 
     def lose(self, first: int, lost: Mask) -> None:

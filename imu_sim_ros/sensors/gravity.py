@@ -66,7 +66,7 @@ def earth_rate_vector(environment: EnvironmentParameters) -> Array:
 
 
 class GeodeticPosition(NamedTuple):
-    """Where a body is on the Earth; all (n,)."""
+    """Position of a body on the Earth; all (n,)."""
 
     latitude: Array
     """Geodetic [rad]."""

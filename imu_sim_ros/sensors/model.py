@@ -1,7 +1,7 @@
 # Copyright 2026 imu_sim_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""What models of sensors share: times, stamps, transport, mount, faults; errors of a triad."""
+"""Base of the sensors' models: times, stamps, transport, mount, faults; errors of a triad."""
 
 from collections.abc import Mapping
 from fractions import Fraction
@@ -100,11 +100,11 @@ class SensorModel:
         values = dict(self.measure(samples.t, world))
         self._take_faults(samples.first, values)
         values = dict(self.complete(values))
-        read = self._timing.samples(samples.first, samples.true_t_ns, values)
+        block = self._timing.samples(samples.first, samples.true_t_ns, values)
         sent = self.sent(values)
         if sent is None:
-            return read
-        return read._replace(delivered=read.delivered[sent[read.delivered]])
+            return block
+        return block._replace(delivered=block.delivered[sent[block.delivered]])
 
     def _take_faults(self, first: int, values: dict[str, Array]) -> None:
         """Let faults change the readings."""
@@ -125,9 +125,9 @@ class SensorModel:
                 added = jump[:, :columns].reshape(reading.shape)
                 values["bias"] = values["bias"] + added
         if count and np.size(values[name][-1]) <= 3:
-            last = values[name][-1]
+            latest = values[name][-1]
             self._before = np.zeros(3)
-            self._before[: np.size(last)] = last
+            self._before[: np.size(latest)] = latest
 
 
 class SensorWithImu:
@@ -139,7 +139,7 @@ class SensorWithImu:
     """
 
     latest: Samples
-    """What was read last."""
+    """Samples of the last call of ``read``."""
 
     def __init__(self, mounted: Mounted, t0_ns: int, _: object = None) -> None:
         """Set up all errors at their start.
@@ -148,12 +148,12 @@ class SensorWithImu:
         """
         self.name: str = mounted.sensor.name
         self.seed: int = mounted.environment.seed
-        imu, own = mounted.own, mounted.own.sensors[self.name]
+        imu, section = mounted.own, mounted.own.sensors[self.name]
         self.lever_arm_b: Array = np.array(imu.lever_arm)
         """(3,) position of the IMU in the body [m]."""
-        self.triad = Triad(self.name, imu, self.seed, own.rate)
+        self.triad = Triad(self.name, imu, self.seed, section.rate)
         self.timing = SampleTiming(
-            self.name, own.rate, imu, self.seed, t0_ns, own.time_offset, own.span
+            self.name, section.rate, imu, self.seed, t0_ns, section.time_offset, section.span
         )
         self.configure(imu)
 

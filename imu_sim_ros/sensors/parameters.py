@@ -50,12 +50,12 @@ class OwnRateParameters:
 
     @property
     def span(self) -> float:
-        """How long a sample takes [s]; it is in the window of time in which it is complete."""
+        """Duration of a sample [s]; it is in the window of time in which it is complete."""
         return 0.0
 
     @property
     def longest_window(self) -> float:
-        """How much may be read at once [s], if samples are large."""
+        """Longest window that may be read at once [s], if samples are large."""
         return math.inf
 
     def problems(self, prefix: str) -> Iterator[str]:
@@ -157,7 +157,7 @@ class TimingParameters:
 
 @dataclass(frozen=True)
 class SensorParameters(OwnRateParameters, TimingParameters):
-    """What every sensor that `sensors` names has: rate, stamps, transport, frame and mount."""
+    """Parameters of every sensor that `sensors` names: rate, stamps, transport, frame and mount."""
 
     type: str = text("", "kind of sensor, if its name in `sensors` is another word")
     frame: str = text(

@@ -1,7 +1,7 @@
 # Copyright 2026 imu_sim_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""What a sensor other than the IMU recorded, from any file."""
+"""Recorded samples of a sensor other than the IMU, from any file."""
 
 from dataclasses import dataclass
 from pathlib import Path
@@ -51,9 +51,15 @@ def read_samples(table: "Table", path: str | Path, topic: str | None) -> Recorde
     topic = arguments.topic("topic", topic)
     if topic is None and not is_text(path):
         with open_bag(path) as bag:
-            names = (one.name for one in bag.topics if one.name.strip("/") == table.topic)
+            names = (
+                candidate.name
+                for candidate in bag.topics
+                if candidate.name.strip("/") == table.topic
+            )
             topic = next(names, None)
-    found = read_table(path, table, topic)
-    if not len(found.t_ns):
+    table_rows = read_table(path, table, topic)
+    if not len(table_rows.t_ns):
         raise InputError(f"{path}: contains no {table.name}")
-    return RecordedSamples(found.t_ns, found.values, found.covariance, arguments.name_of(path))
+    return RecordedSamples(
+        table_rows.t_ns, table_rows.values, table_rows.covariance, arguments.name_of(path)
+    )

@@ -12,11 +12,11 @@ from imu_sim_ros.records import TimeSeries, concatenated
 from imu_sim_ros.types import Integers, Times, shapes
 
 Rows: TypeAlias = "slice | Integers"
-"""Which of n samples."""
+"""Selection of some of n samples."""
 
 
 class Samples(NamedTuple):
-    """What one sensor reports in a window of time, and the truth of it: n consecutive samples.
+    """Output of one sensor in a window of time, and the truth of it: n consecutive samples.
 
     All arrays but ``delivered`` have n rows. ``samples.NAME`` is ``samples.values["NAME"]``. Those
     of an IMU, for each of its triads (``gyro_...`` in rad/s, ``accel_...`` in m/s^2, all (n, 3)):
@@ -59,7 +59,7 @@ class Samples(NamedTuple):
     first: int = 0
     """Index of the first sample."""
     span_ns: int = 0
-    """How long after its true time a sample is complete [ns]."""
+    """Time from the true time of a sample until it is complete [ns]."""
 
     def __getattr__(self, name: str) -> Any:
         """Return one of the values."""
@@ -77,7 +77,7 @@ class Samples(NamedTuple):
             t_ns=self.t_ns[rows],
             release_t_ns=self.release_t_ns[rows],
             delivered=sent,
-            values={name: _rows(one, rows) for name, one in self.values.items()},
+            values={name: _rows(column, rows) for name, column in self.values.items()},
             first=self.first + begin,
         )
 
@@ -100,7 +100,7 @@ def joined(parts: Sequence[Samples]) -> Samples:
         delivered=np.concatenate(
             [part.delivered + shift for part, shift in zip(parts, shifts, strict=True)]
         ),
-        values={name: _joined([one.values[name] for one in parts]) for name in parts[0].values},
+        values={name: _joined([part.values[name] for part in parts]) for name in parts[0].values},
     )
 
 
@@ -109,7 +109,7 @@ def _rows(values: Any, rows: slice) -> Any:
     if isinstance(values, TimeSeries):
         return values.rows(rows)
     if isinstance(values, tuple):
-        return type(values)(*(one[rows] for one in values))
+        return type(values)(*(column[rows] for column in values))
     return values[rows]
 
 

@@ -54,10 +54,10 @@ class SampleTimes:
 
         :param t: since the start [s].
         """
-        after = (t - self._offset - self._span) * self._exact_rate
+        intervals = (t - self._offset - self._span) * self._exact_rate
         if self._span:
-            return max(after.numerator // after.denominator + 1, 0)
-        return max(-(-after.numerator // after.denominator), 0)
+            return max(intervals.numerator // intervals.denominator + 1, 0)
+        return max(-(-intervals.numerator // intervals.denominator), 0)
 
     def time(self, index: int) -> Fraction:
         """Return the time of a sample since the start [s]."""
@@ -65,8 +65,8 @@ class SampleTimes:
 
     def within(self, window: Window) -> Sampled:
         """Return the samples in a window."""
-        first = self.index(window.begin)
-        return self.following(first, self.index(window.end) - first)
+        begin = self.index(window.begin)
+        return self.following(begin, self.index(window.end) - begin)
 
     def following(self, first: int, count: int) -> Sampled:
         """Return the samples from an index on."""
@@ -126,10 +126,10 @@ class SampleTiming:
         # What suits the IMU's interval may be more than this sensor's allows.
         stated = min(timing.jitter, LARGEST_JITTER_SIGMA / self._rate) * second
         self._jitter_ns = deviation_before_cut(stated, self._limit_ns) if stated else 0.0
-        before = (self._latency_ns, self._latency_jitter_ns)
+        previous = (self._latency_ns, self._latency_jitter_ns)
         self._latency_ns = timebase.to_nanoseconds(timing.latency)
         self._latency_jitter_ns = timing.latency_jitter * second
-        if self._latency_ns < before[0] or self._latency_jitter_ns < before[1]:
+        if self._latency_ns < previous[0] or self._latency_jitter_ns < previous[1]:
             self._last_release_ns = int(_NEVER)
         self._dropout = timing.dropout_probability
         # The first burst of an interval; a Poisson process of the given rate.

@@ -1,7 +1,7 @@
 # Copyright 2026 imu_sim_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""What the sensors of a body are in: its motion, the environment, and the time."""
+"""World of the sensors of a body: its motion, the environment, and the time."""
 
 from collections.abc import Callable
 from fractions import Fraction
@@ -65,7 +65,7 @@ class TemperatureProfile:
             if rise
         ]
         self.constant = len(times) == 1 and not self._warm_up
-        """Whether the temperature never changes."""
+        """True if the temperature never changes."""
 
     def at(self, t: Array) -> Array:
         """Return the sensor's temperature (n,) [degC] at times t (n,) [s] since the start."""
@@ -106,7 +106,7 @@ class World:
 
     @cached_property
     def scene(self) -> "Scene":
-        """What sensors see and range: surfaces, meshes, landmarks, and bodies that move.
+        """Scene that sensors see and range: surfaces, meshes, landmarks, and bodies that move.
 
         :raises ConfigurationError: for a scene that does not fit the path, and without one.
         """
@@ -141,8 +141,8 @@ def _evenly_spaced(t: Array, times: Array) -> slice | None:
     if not 0 < count <= len(times):
         return None
     indices = np.searchsorted(times, t[[0, min(1, count - 1)]], side="right") - 1
-    first, step = int(indices[0]), max(int(indices[1] - indices[0]), 1)
-    if first < 0:
+    begin, step = int(indices[0]), max(int(indices[1] - indices[0]), 1)
+    if begin < 0:
         return None
-    rows = slice(first, first + step * (count - 1) + 1, step)
+    rows = slice(begin, begin + step * (count - 1) + 1, step)
     return rows if np.array_equal(times[rows], t) else None

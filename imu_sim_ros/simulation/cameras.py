@@ -28,9 +28,9 @@ def scene_around(world: World) -> Scene:
     sensors, trajectory = mounted(parameters), world.trajectory
     # A scene belongs to the trajectory, however much of it is flown.
     span = scene_span(described, trajectory.duration)
-    seeing = [one for one in sensors.values() if one.sensor.sees]
-    arms = np.reshape([one.sensor.mount(one.own)[:3, 3] for one in seeing], (-1, 3))
-    views = [view_of(one, world, span) for one in cameras_in(sensors).values()]
+    seeing = [sensor for sensor in sensors.values() if sensor.sensor.sees]
+    arms = np.reshape([sensor.sensor.mount(sensor.own)[:3, 3] for sensor in seeing], (-1, 3))
+    views = [view_of(sensor, world, span) for sensor in cameras_in(sensors).values()]
     scene = build_scene(described, arms, views, trajectory, span)
     longest = min(parameters.duration or trajectory.duration, trajectory.duration)
     check_path(described, arms, trajectory, longest, scene)

@@ -1,7 +1,7 @@
 # Copyright 2026 imu_sim_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""From what another simulator sends to the ideal reading of an IMU where it is mounted.
+"""Conversion of another simulator's output to the ideal readings of an IMU where it is mounted.
 
 Everything is carried from one call to the next, so that the result does not depend on how many
 readings come at a time.
@@ -97,33 +97,33 @@ class Spreading(Generic[SeriesT]):
         self.spread = 0
         """Number of readings whose stamps were changed."""
 
-    def take(self, given: SeriesT) -> None:
+    def take(self, readings: SeriesT) -> None:
         """Take readings with a stamp of their own each, the last of which may be repeated."""
-        self._last, self._last_ns, self._rank = given, int(given.t_ns[-1]), 0
+        self._last, self._last_ns, self._rank = readings, int(readings.t_ns[-1]), 0
 
-    def apply(self, given: SeriesT) -> SeriesT:
+    def apply(self, readings: SeriesT) -> SeriesT:
         """Return readings with a stamp of their own each."""
-        t_ns = given.t_ns
+        t_ns = readings.t_ns
         if not len(t_ns):
-            return given
-        last, repeats = self._last, int(t_ns[0]) == self._last_ns
-        self._last, self._last_ns = given, int(t_ns[-1])
+            return readings
+        previous, repeats = self._last, int(t_ns[0]) == self._last_ns
+        self._last, self._last_ns = readings, int(t_ns[-1])
         if not repeats and (len(t_ns) == 1 or not np.any(t_ns[1:] == t_ns[:-1])):
             self._rank = 0
-            return given
-        if repeats and last is not None:
-            changes = _changes(concatenated([last.rows(slice(-1, None)), given])).tolist()
+            return readings
+        if repeats and previous is not None:
+            changes = _changes(concatenated([previous.rows(slice(-1, None)), readings])).tolist()
         else:
-            changes, self._rank = [False, *_changes(given).tolist()], 0
+            changes, self._rank = [False, *_changes(readings).tolist()], 0
         ranks, rank = [], self._rank
-        same = [repeats, *(t_ns[1:] == t_ns[:-1]).tolist()]
-        for repeated, changed in zip(same, changes, strict=True):
+        repetitions = [repeats, *(t_ns[1:] == t_ns[:-1]).tolist()]
+        for repeated, changed in zip(repetitions, changes, strict=True):
             rank = rank + changed if repeated else 0
             ranks.append(rank)
         self._rank = rank
         self.spread += int(np.count_nonzero(ranks))
         later = np.rint(np.array(ranks) * self._nominal_ns).astype(np.int64)
-        return with_fields(given, t_ns=t_ns + later)
+        return with_fields(readings, t_ns=t_ns + later)
 
 
 class Order(Generic[SeriesT]):
@@ -152,71 +152,73 @@ class Order(Generic[SeriesT]):
 
     def follow(self, times: Sequence[int]) -> bool:
         """Return whether stamps [ns] increase and are after the last one, and no reading waits."""
-        last = self.last_ns
+        previous_ns = self.last_ns
         for t_ns in times:
-            if t_ns <= last:
+            if t_ns <= previous_ns:
                 return False
-            last = t_ns
+            previous_ns = t_ns
         return self._waiting is None
 
-    def parts(self, given: SeriesT) -> Iterable[tuple[SeriesT, int]]:
+    def parts(self, readings: SeriesT) -> Iterable[tuple[SeriesT, int]]:
         """Return stretches of readings whose stamps increase.
 
         With each comes how far its stamps have jumped back before it [ns]; 0: it follows.
         """
-        known = 0 if self._waiting is None else len(self._waiting.t_ns)
+        waiting_count = 0 if self._waiting is None else len(self._waiting.t_ns)
         if self._waiting is not None:
-            given, self._waiting = concatenated([self._waiting, given]), None
-        t_ns = given.t_ns.tolist()
+            readings, self._waiting = concatenated([self._waiting, readings]), None
+        t_ns = readings.t_ns.tolist()
         if not t_ns:
             return ()
         if self._first_ns is None:
             self._first_ns, self.last_ns = t_ns[0], t_ns[0] - 1
-        increase = len(t_ns) == 1 or bool((given.t_ns[1:] > given.t_ns[:-1]).all())
+        increase = len(t_ns) == 1 or bool((readings.t_ns[1:] > readings.t_ns[:-1]).all())
         if t_ns[0] > self.last_ns and increase:
             self.last_ns = t_ns[-1]
-            return ((given, 0),)
-        return self._sorted_out(given, t_ns, known)
+            return ((readings, 0),)
+        return self._sorted_out(readings, t_ns, waiting_count)
 
     def _sorted_out(
-        self, given: SeriesT, t_ns: Sequence[int], known: int
+        self, readings: SeriesT, t_ns: Sequence[int], waiting_count: int
     ) -> Iterator[tuple[SeriesT, int]]:
         """Yield stretches of readings some of which are late, repeated, or after a reset.
 
         :param t_ns: (n,) their stamps [ns].
-        :param known: readings at the beginning that had waited.
+        :param waiting_count: readings at the beginning that had waited.
         """
         assert self._first_ns is not None
         keep = np.zeros(len(t_ns), dtype=np.bool_)
         begin, back, run = 0, 0, list[int]()
-        for k, now in enumerate(t_ns):
-            if now > self.last_ns:
-                keep[k], self.last_ns, run = True, now, []
+        for k, stamp_ns in enumerate(t_ns):
+            if stamp_ns > self.last_ns:
+                keep[k], self.last_ns, run = True, stamp_ns, []
                 continue
-            if now == self.last_ns or (run and now == t_ns[run[-1]]):
+            if stamp_ns == self.last_ns or (run and stamp_ns == t_ns[run[-1]]):
                 self._left_out(0)
                 continue
-            again = self.last_ns > self._first_ns >= now or now < self.last_ns - RESTART_NS
-            if again or (run and now < t_ns[run[-1]]):
+            again = (
+                self.last_ns > self._first_ns >= stamp_ns or stamp_ns < self.last_ns - RESTART_NS
+            )
+            if again or (run and stamp_ns < t_ns[run[-1]]):
                 run = []
             run.append(k)
-            if not again and k >= known:
-                self._left_out(now - self.last_ns)
+            if not again and k >= waiting_count:
+                self._left_out(stamp_ns - self.last_ns)
             if not again and len(run) < RESET_READINGS:
                 continue
             self._taken_back(0 if again else len(run))
             if keep[begin:].any():
-                yield given.rows(slice(begin, None)).rows(keep[begin:]), back
+                yield readings.rows(slice(begin, None)).rows(keep[begin:]), back
             begin, self._first_ns = run[0], t_ns[run[0]]
             back = self.last_ns - self._first_ns
             keep[:begin], keep[run] = False, True
-            self.last_ns, run = now, []
+            self.last_ns, run = stamp_ns, []
         if keep[begin:].any():
-            yield given.rows(slice(begin, None)).rows(keep[begin:]), back
+            yield readings.rows(slice(begin, None)).rows(keep[begin:]), back
         if run:
             waiting = np.zeros(len(t_ns), dtype=np.bool_)
             waiting[run] = True
-            self._waiting = given.rows(waiting)
+            self._waiting = readings.rows(waiting)
 
 
 class Gaps:
@@ -249,11 +251,11 @@ class Gaps:
 
     def none_in(self, times: Sequence[int]) -> bool:
         """Return whether no reading is missing before or between a few stamps [ns]."""
-        last = self._recent_ns[-1] if self._recent_ns else times[0]
+        previous_ns = self._recent_ns[-1] if self._recent_ns else times[0]
         for t_ns in times:
-            if t_ns - last > self._without_gap_ns:
+            if t_ns - previous_ns > self._without_gap_ns:
                 return False
-            last = t_ns
+            previous_ns = t_ns
         return True
 
     def take(self, times: Sequence[int]) -> None:
@@ -263,30 +265,30 @@ class Gaps:
 
     def _split(self, t_ns: Times) -> Iterator[tuple[slice | None, int, int]]:
         """Yield what :meth:`parts` returns."""
-        before, given = len(self._recent_ns), t_ns
+        recent_count, next_ns = len(self._recent_ns), t_ns
         t_ns = np.concatenate([np.array(self._recent_ns, np.int64), t_ns])
         self._recent_ns = t_ns[-_LARGEST_BUNCH:].tolist()
-        since = max(before, 1)
+        since = max(recent_count, 1)
         long = t_ns[since:] - t_ns[since - 1 : -1] > self._without_gap_ns
         begin = missing = pause = 0
         for k in (np.flatnonzero(long) + since).tolist() if long.any() else ():
-            if k > before:
-                yield slice(begin, k - before), missing, pause
-            begin = k - before
+            if k > recent_count:
+                yield slice(begin, k - recent_count), missing, pause
+            begin = k - recent_count
             missing, pause = self._gap(t_ns[: k + 1])
-        yield (slice(begin, len(given)) if begin else None), missing, pause
+        yield (slice(begin, len(next_ns)) if begin else None), missing, pause
 
     def _gap(self, t_ns: Times) -> tuple[int, int]:
         """Return how many readings the last step of stamps leaves out, or its length as a pause."""
         step_ns = int(t_ns[-1] - t_ns[-2])
         if step_ns > self._longest_ns:
             return 0, step_ns
-        before = t_ns[-_LARGEST_BUNCH - 1 : -1][::-1]
-        short = np.count_nonzero(before[:-1] - before[1:] < SHORT * self._nominal_ns)
-        if 2 * short < len(before) - 1:
-            before = before[:_LOOKED_BACK]
-        expected = np.rint((t_ns[-1] - before) / self._nominal_ns).astype(np.int64)
-        return max(int((expected - np.arange(1, len(before) + 1)).min()), 0), 0
+        previous_ns = t_ns[-_LARGEST_BUNCH - 1 : -1][::-1]
+        short = np.count_nonzero(previous_ns[:-1] - previous_ns[1:] < SHORT * self._nominal_ns)
+        if 2 * short < len(previous_ns) - 1:
+            previous_ns = previous_ns[:_LOOKED_BACK]
+        expected = np.rint((t_ns[-1] - previous_ns) / self._nominal_ns).astype(np.int64)
+        return max(int((expected - np.arange(1, len(previous_ns) + 1)).min()), 0), 0
 
 
 class Conventions:
@@ -307,27 +309,27 @@ class Conventions:
             turned = np.reshape(imu.mounting, (3, 3)).T @ turned
         self._turn_only = None if np.array_equal(turned, np.eye(3)) else turned
         self.nothing = self._turn is None and self._mount is None and not self._adds_gravity
-        """Whether readings stay as they are."""
+        """True if readings stay as they are."""
 
     def turned(self, values: Array) -> Array:
         """Return vectors (n, 3) in the IMU's axes."""
         return values if self._turn_only is None else transform(self._turn_only, values)
 
-    def apply(self, given: Readings) -> Readings:
+    def apply(self, readings: Readings) -> Readings:
         """Return readings of the IMU where it is mounted.
 
         :raises InputError: if gravity is missing, and the orientation too.
         """
-        q_wb = given.q_wb
+        q_wb = readings.q_wb
         if self.nothing and q_wb is None:
-            return given
+            return readings
         if q_wb is not None and self._q_input is not None:
             q_wb = rotation.multiply(q_wb, self._q_input)
             if self._world is not None:
                 q_wb = rotation.multiply(self._world, q_wb)
         if self.nothing:
-            return with_fields(given, q_wb=q_wb)
-        gyro, accel = given.triads()
+            return with_fields(readings, q_wb=q_wb)
+        gyro, accel = readings.triads()
         if self._adds_gravity:
             if q_wb is None:
                 raise InputError(
@@ -339,8 +341,8 @@ class Conventions:
         if self._turn is not None:
             gyro, accel = transform(self._turn, gyro), transform(self._turn, accel)
         if self._mount is not None:
-            gyro, accel = self._mount.apply(given.t_ns, gyro, accel)
-        return Readings.unchecked(t_ns=given.t_ns, gyro=gyro, accel=accel, q_wb=q_wb)
+            gyro, accel = self._mount.apply(readings.t_ns, gyro, accel)
+        return Readings.unchecked(t_ns=readings.t_ns, gyro=gyro, accel=accel, q_wb=q_wb)
 
 
 def _flu_in(axes: str) -> Array:
@@ -380,7 +382,7 @@ class _Mount:
 
     def _derivative(self, t_ns: Times, gyro: Array) -> Array:
         """Return the angular acceleration (n, 3); 0 at the first reading."""
-        before = len(self._t_ns)
+        history = len(self._t_ns)
         times = np.concatenate([self._t_ns, t_ns])
         rates = np.concatenate([self._rates, gyro])
         self._t_ns, self._rates = times[-2:], rates[-2:]
@@ -390,14 +392,14 @@ class _Mount:
         alpha[1:] = slope
         if len(h) > 1:  # the parabola's own slope at its end
             alpha[2:] += (slope[1:] - slope[:-1]) * (h[1:] / (h[1:] + h[:-1]))
-        return alpha[before:]
+        return alpha[history:]
 
 
 class Grid(NamedTuple):
     """Samples of a sensor with a clock of its own."""
 
     given: Readings
-    """At the samples' times."""
+    """Readings at the samples' times."""
     inside: tuple[Array, Array]
     """(n m, 3) twice: the readings inside an oversampled sensor, for others those of ``given``."""
 
@@ -422,59 +424,59 @@ class Resampler:
         """Let the next reading be the first sample of a new grid, after a pause."""
         self._begin_ns, self._next, self._kept = None, 0, None
 
-    def apply(self, given: Readings) -> Grid:
+    def apply(self, readings: Readings) -> Grid:
         """Take n readings; return the samples up to the last of them."""
         if self._begin_ns is None:
-            self._begin_ns = int(given.t_ns[0])
-        known = given if self._kept is None else concatenated([self._kept, given])
-        end_ns = int(known.t_ns[-1])
+            self._begin_ns = int(readings.t_ns[0])
+        stretch = readings if self._kept is None else concatenated([self._kept, readings])
+        end_ns = int(stretch.t_ns[-1])
         count = self._count_until(end_ns)
         times = timebase.sample_times_ns(self._next, count, self._rate, self._begin_ns)
-        at = _interpolated(known, times)
-        inside = at
+        samples = _interpolated(stretch, times)
+        internal = samples
         if self._averaged and count:
-            at = inside = self._means(known, at)
+            samples = internal = self._means(stretch, samples)
         elif self._ratio > 1:
-            inside = _interpolated(known, self._times_inside(count))
+            internal = _interpolated(stretch, self._times_inside(count))
         self._next += count
-        self._keep(known)
-        return Grid(at, inside.triads())
+        self._keep(stretch)
+        return Grid(samples, internal.triads())
 
     def _count_until(self, end_ns: int) -> int:
         """Return how many samples from the next on are not after a time."""
         assert self._begin_ns is not None
-        after = timebase.exact_rate(self._rate) * (end_ns - self._begin_ns)
-        last = math.floor(after / timebase.NANOSECONDS_PER_SECOND) + 2
+        elapsed = timebase.exact_rate(self._rate) * (end_ns - self._begin_ns)
+        limit = math.floor(elapsed / timebase.NANOSECONDS_PER_SECOND) + 2
         times = timebase.sample_times_ns(
-            self._next, max(last - self._next, 0) + 1, self._rate, self._begin_ns
+            self._next, max(limit - self._next, 0) + 1, self._rate, self._begin_ns
         )
         return int(np.searchsorted(times, end_ns, side="right"))
 
     def _times_inside(self, count: int) -> Times:
         assert self._begin_ns is not None
-        first, after = self._next, self._next + count
-        j = np.arange((first - 1) * self._ratio + 1, (after - 1) * self._ratio + 1)
-        first = int(max(j[0], 0)) if len(j) else 0
+        begin, end = self._next, self._next + count
+        j = np.arange((begin - 1) * self._ratio + 1, (end - 1) * self._ratio + 1)
+        begin = int(max(j[0], 0)) if len(j) else 0
         later = timebase.sample_times_ns(
-            first, int(np.count_nonzero(j >= 0)), self._rate * self._ratio, self._begin_ns
+            begin, int(np.count_nonzero(j >= 0)), self._rate * self._ratio, self._begin_ns
         )
-        before = np.full(len(j) - len(later), self._begin_ns)
-        return np.concatenate([before, later])
+        clamped = np.full(len(j) - len(later), self._begin_ns)
+        return np.concatenate([clamped, later])
 
-    def _means(self, known: Readings, at: Readings) -> Readings:
+    def _means(self, stretch: Readings, samples: Readings) -> Readings:
         """Return the means between the samples; the first sample of all is the value at it."""
         assert self._begin_ns is not None
-        rows = known.triads()
-        ends = at.t_ns
+        rows = stretch.triads()
+        ends = samples.t_ns
         if self._next:
-            before = timebase.sample_times_ns(self._next - 1, 1, self._rate, self._begin_ns)
-            ends = np.concatenate([before, ends])
+            previous_ns = timebase.sample_times_ns(self._next - 1, 1, self._rate, self._begin_ns)
+            ends = np.concatenate([previous_ns, ends])
         means = []
-        points = np.union1d(known.t_ns, ends)
+        points = np.union1d(stretch.t_ns, ends)
         cuts = np.searchsorted(points, ends)
         seconds = np.diff(points) * 1e-9
         for values in rows:
-            line = _lines(known.t_ns, values, points)
+            line = _lines(stretch.t_ns, values, points)
             pieces = 0.5 * (line[1:] + line[:-1]) * seconds[:, None]
             if len(ends) > 1:
                 sums = np.add.reduceat(pieces[: cuts[-1]], cuts[:-1])
@@ -483,20 +485,20 @@ class Resampler:
                 means.append(np.empty((0, 3)))
         gyro, accel = means
         if not self._next:
-            of_gyro, of_accel = at.triads()
+            of_gyro, of_accel = samples.triads()
             gyro = np.concatenate([of_gyro[:1], gyro])
             accel = np.concatenate([of_accel[:1], accel])
-        return with_fields(at, gyro=gyro, accel=accel)
+        return with_fields(samples, gyro=gyro, accel=accel)
 
-    def _keep(self, known: Readings) -> None:
+    def _keep(self, stretch: Readings) -> None:
         """Keep the readings that the next samples need: from the one before the last sample on."""
         assert self._begin_ns is not None
         reached = self._begin_ns
         if self._next:
             times = timebase.sample_times_ns(self._next - 1, 1, self._rate, self._begin_ns)
             reached = int(times[0])
-        first = max(int(np.searchsorted(known.t_ns, reached, side="right")) - 1, 0)
-        self._kept = known.rows(slice(first, None))
+        begin = max(int(np.searchsorted(stretch.t_ns, reached, side="right")) - 1, 0)
+        self._kept = stretch.rows(slice(begin, None))
 
 
 def _line(t_ns: Times, values: Array, at_ns: Times) -> Array:
@@ -519,12 +521,12 @@ def _lines(t_ns: Times, values: Array, at_ns: Times) -> Array:
     return result
 
 
-def _interpolated(known: Readings, at_ns: Times) -> Readings:
-    gyro, accel = (_lines(known.t_ns, values, at_ns) for values in known.triads())
+def _interpolated(readings: Readings, at_ns: Times) -> Readings:
+    gyro, accel = (_lines(readings.t_ns, values, at_ns) for values in readings.triads())
     q_wb = None
-    if known.q_wb is not None:
-        same = np.cumprod(np.sign(_products(known.q_wb)))  # q and -q are one rotation
-        q_wb = normalise(_lines(known.t_ns, known.q_wb * same[:, None], at_ns))
+    if readings.q_wb is not None:
+        signs = np.cumprod(np.sign(_products(readings.q_wb)))  # q and -q are one rotation
+        q_wb = normalise(_lines(readings.t_ns, readings.q_wb * signs[:, None], at_ns))
     return Readings.unchecked(t_ns=at_ns, gyro=gyro, accel=accel, q_wb=q_wb)
 
 
@@ -574,18 +576,18 @@ class Differentiator:
             velocity=velocity,
             angular_velocity=rate,
         )
-        known = [_none()]
+        blocks = [_none()]
         for part, back in self._order.parts(states):
             if back:
                 self._forget()
-            known.append(self._differences(part))
-        return concatenated(known)
+            blocks.append(self._differences(part))
+        return concatenated(blocks)
 
     def _differences(self, states: States) -> Readings:
         """Return the readings that are known after n states whose stamps increase."""
         times = np.concatenate([self._t_ns, states.t_ns])
-        every = np.concatenate([states.q_wb, states.velocities(), states.body_rates()], axis=1)
-        rows = np.concatenate([self._rows, every])
+        quantities = np.concatenate([states.q_wb, states.velocities(), states.body_rates()], axis=1)
+        rows = np.concatenate([self._rows, quantities])
         span = self.span
         self._t_ns, self._rows = times[-2 * span :], rows[-2 * span :]
         if len(times) <= 2 * span:
@@ -628,7 +630,7 @@ _FEWEST: Final = 100
 _HELD: Final = 0.05
 """Share up to which readings that repeat the one before are jumps, or chance."""
 _ORDER: Final = 4
-"""Of differences: the more, the less is left of motion, and the more of them a jump hits."""
+"""Order of the differences: a higher one leaves less of the motion, but spreads jumps further."""
 _QUARTILE: Final = 0.3186
 """Lower quartile of the size of a Gaussian variable, in standard deviations."""
 _JUMP: Final = 5.0
@@ -667,18 +669,18 @@ class StartCheck:
         :param accel: (n, 3), or the components of one [m/s^2].
         """
         self._seen.append((t_ns, gyro, accel))
-        first, last = (t_ns, t_ns) if isinstance(t_ns, int) else t_ns[[0, -1]].tolist()
+        begin_ns, end_ns = (t_ns, t_ns) if isinstance(t_ns, int) else t_ns[[0, -1]].tolist()
         if self._begin_ns is None:
-            self._begin_ns = first
-        return self.finish() if last - self._begin_ns >= _LOOK_NS else []
+            self._begin_ns = begin_ns
+        return self.finish() if end_ns - self._begin_ns >= _LOOK_NS else []
 
     def finish(self) -> list[str]:
         """Return the remarks on the readings so far, after which no more are needed."""
-        seen, self._seen = self._seen, []
-        if self.done or not seen:
+        blocks, self._seen = self._seen, []
+        if self.done or not blocks:
             return []
         self.done = True
-        times, rates, forces = zip(*seen, strict=True)
+        times, rates, forces = zip(*blocks, strict=True)
         t_ns = np.concatenate([np.atleast_1d(values) for values in times])
         rows = t_ns <= t_ns[0] + _LOOK_NS
         gyro, accel = (
@@ -689,8 +691,8 @@ class StartCheck:
 
     def units(self, t_ns: Times, gyro: Array, accel: Array) -> list[Finding]:
         """Return the findings about the units of readings; arguments as for :meth:`remarks`."""
-        given = Readings.unchecked(t_ns=t_ns, gyro=gyro, accel=accel, source="input")
-        return unit_findings(given)
+        readings = Readings.unchecked(t_ns=t_ns, gyro=gyro, accel=accel, source="input")
+        return unit_findings(readings)
 
     def remarks(
         self, t_ns: Times, gyro: Array, accel: Array, units: Sequence[Finding] | None = None
@@ -792,23 +794,27 @@ class StartCheck:
         steps = np.diff(t_ns[rows])
         # A mean has the density of the readings; a reading that is a sample, that of the samples,
         # unless several of them are the same one.
-        given = 1e9 / float(np.median(steps))
-        given = min(given, rate) if imu.sampling == "instantaneous" else given
+        readings_rate = 1e9 / float(np.median(steps))
+        readings_rate = (
+            min(readings_rate, rate) if imu.sampling == "instantaneous" else readings_rate
+        )
         for triad, unit, values in zip(TRIADS, ("rad/s", "m/s^2"), (gyro, accel), strict=True):
-            own = imu.triad(triad)
-            found = _white_noise(steps, self._turned(values[rows])) / math.sqrt(given)
+            parameters = imu.triad(triad)
+            density = _white_noise(steps, self._turned(values[rows])) / math.sqrt(readings_rate)
             # Without noise of the sensor none is added twice: who adds other errors to a recording
             # wants to keep its noise, and nothing tells how much matters; rounding is noise, too.
             share = np.zeros(3)
-            has = np.array(own.noise_density) > 0.0
-            np.divide(found, np.sqrt(own.white_variance(rate) / rate), out=share, where=has)
-            most = int(share.argmax())
-            if share[most] > _NOISY:
+            has = np.array(parameters.noise_density) > 0.0
+            np.divide(
+                density, np.sqrt(parameters.white_variance(rate) / rate), out=share, where=has
+            )
+            worst = int(share.argmax())
+            if share[worst] > _NOISY:
                 name = f"imu.{triad}_noise_density"
                 yield (
-                    f"input: the {triad} has white noise of {found[most]:.2g} {unit}/sqrt(Hz) "
-                    f"already, and {name} adds {own.noise_density[most]:.2g}; switch off the "
-                    f"noise of the source, or set {name} = 0 (shaking and coarse rounding look "
+                    f"input: the {triad} has white noise of {density[worst]:.2g} {unit}/sqrt(Hz) "
+                    f"already, and {name} adds {parameters.noise_density[worst]:.2g}; switch off "
+                    f"the noise of the source, or set {name} = 0 (shaking and coarse rounding look "
                     "the same)"
                 )
 
@@ -851,31 +857,31 @@ class BatchStartCheck:
 
         A line that several units have is there once, with the first of them.
         """
-        seen, self._seen = self._seen, []
-        if self.done or not seen:
+        samples, self._seen = self._seen, []
+        if self.done or not samples:
             return []
         self.done = True
-        t_ns, gyro, accel, held = (np.array(column) for column in zip(*seen, strict=True))
+        t_ns, gyro, accel, invalid = (np.array(column) for column in zip(*samples, strict=True))
         if not (np.diff(t_ns) > 0).all():  # passed on, without a meaning for the samples
             t_ns = np.rint(np.arange(len(t_ns)) * self._step_ns).astype(np.int64)
         lines: dict[str, list[tuple[int, str]]] = {}
         units: list[Finding] | None = None  # one simulator has the same units for all
         for k, unit in enumerate(self._units.tolist()):
-            rows = ~held[:, k]
+            rows = ~invalid[:, k]
             check = StartCheck(self._parameters[unit % len(self._parameters)])
-            given = t_ns[rows], gyro[rows, k], accel[rows, k]
-            units = check.units(*given) if units is None else units
-            for line in check.remarks(*given, units):
+            valid = t_ns[rows], gyro[rows, k], accel[rows, k]
+            units = check.units(*valid) if units is None else units
+            for line in check.remarks(*valid, units):
                 lines.setdefault(_NUMBER.sub("", line), []).append((unit, line))
         return [self._line(alike) for alike in lines.values()]
 
     def _line(self, alike: Sequence[tuple[int, str]]) -> str:
         """Return a remark with the units that have it."""
-        (first, line), checked = alike[0], len(self._units)
+        (unit, line), checked = alike[0], len(self._units)
         if len(alike) == checked:
             return line
         share = f", and {len(alike) - 1} more of {checked} checked" if len(alike) > 1 else ""
-        return f"environment {first}{share}: {line}"
+        return f"environment {unit}{share}: {line}"
 
 
 def _in_a_row(t_ns: Times, readings: Sequence[Array]) -> Integers:
@@ -885,8 +891,8 @@ def _in_a_row(t_ns: Times, readings: Sequence[Array]) -> Integers:
     the stretch has the first reading of each step.
     """
     changes = [(np.diff(values, axis=0) != 0.0).any(axis=1) for values in readings]
-    new = np.concatenate([[True], np.any(changes, axis=0)])
-    rows = np.arange(len(t_ns)) if new.mean() > 1.0 - _HELD else np.flatnonzero(new)
+    onsets = np.concatenate([[True], np.any(changes, axis=0)])
+    rows = np.arange(len(t_ns)) if onsets.mean() > 1.0 - _HELD else np.flatnonzero(onsets)
     steps = np.diff(t_ns[rows])
     typical = float(np.median(steps)) if len(steps) else 0.0
     return max(np.split(rows, np.flatnonzero(steps > 1.5 * typical) + 1), key=len)

@@ -80,7 +80,7 @@ class GivenImu(GivenSensor[Readings, dict[str, Any]]):
 
     @property
     def uses_orientation(self) -> bool:
-        """Whether the orientation of readings matters to the samples."""
+        """True if the orientation of readings matters to the samples."""
         return bool(self._sensors) or self.parameters.input.gravity == "missing"
 
     def _begin(self, seed: int) -> None:
@@ -90,7 +90,7 @@ class GivenImu(GivenSensor[Readings, dict[str, Any]]):
         self._conventions = Conventions(self.parameters)
         self._resampler = Resampler(self.parameters) if self._resamples else None
         self._as_it_is = self._conventions.nothing and self._resampler is None and not self._sensors
-        """Whether a reading is that of the mounted sensor, and no other sensor needs it."""
+        """True if a reading is that of the mounted sensor, and no other sensor needs it."""
         self._latest: LiveReading | None = None
         """The last reading, if it came by :meth:`read_few`."""
 
@@ -121,7 +121,7 @@ class GivenImu(GivenSensor[Readings, dict[str, Any]]):
         self.counts.samples += len(times)
         return samples
 
-    def read(self, given: Readings) -> list[dict[str, Any]]:
+    def read(self, readings: Readings) -> list[dict[str, Any]]:
         """Return the samples that readings give; see :class:`GivenSensor`."""
         if self._latest is not None:
             t_ns, gyro, accel, _ = self._latest
@@ -130,14 +130,14 @@ class GivenImu(GivenSensor[Readings, dict[str, Any]]):
             )
             self._spreading.take(self._held)
             self._latest = None
-        return super().read(given)
+        return super().read(readings)
 
     def reset(self) -> None:
         """Begin again with the next reading, with the seed that input.restart gives."""
         self.finish()
         super().reset()
-        for other in self._given_others.values():
-            other.reset()
+        for sensor in self._given_others.values():
+            sensor.reset()
 
     def update(self, parameters: ErrorModelParameters) -> None:
         """Take new values of live parameters, from the next multiple of 64 samples on.
@@ -145,19 +145,19 @@ class GivenImu(GivenSensor[Readings, dict[str, Any]]):
         :raises ConfigurationError: with a line for every changed parameter that is not live;
             nothing is changed then.
         """
-        old, new = flatten(self.parameters), flatten(parameters)
-        known = described(type(parameters), new)
+        old_values, new_values = flatten(self.parameters), flatten(parameters)
+        declarations = described(type(parameters), new_values)
         problems = [
             f"{name}: cannot be changed while the error model runs"
-            for name, value in new.items()
-            if old.get(name) != value and not known[name].live
+            for name, value in new_values.items()
+            if old_values.get(name) != value and not declarations[name].live
         ]
         if problems:
             raise ConfigurationError(problems)
         self.parameters = parameters
         self._pending = parameters
-        for other in self._given_others.values():
-            other.configure(parameters)
+        for sensor in self._given_others.values():
+            sensor.configure(parameters)
 
     def hit_by(self, fault: Fault) -> "GivenSensor[Any, Any]":
         """Return the sensor that a fault hits.
@@ -182,19 +182,19 @@ class GivenImu(GivenSensor[Readings, dict[str, Any]]):
         hit = self.hit_by(fault)
         if isinstance(hit, GivenOther):
             return hit.inject(fault, delay)
-        first = self.first_hit(delay)
+        first_sample = self.first_hit(delay)
         if self._imu is None:
-            self._faults.append((fault, first))
+            self._faults.append((fault, first_sample))
         else:
-            self._imu.inject(fault, self.begin_of(first))
-        return first
+            self._imu.inject(fault, self.begin_of(first_sample))
+        return first_sample
 
     def _count(self, window: dict[str, Any]) -> int:
         return len(window[IMU].true_t_ns)
 
-    def _look(self, given: Readings) -> None:
+    def _look(self, readings: Readings) -> None:
         if not self._check.done:
-            for line in self._check.look(given.t_ns, *given.triads()):
+            for line in self._check.look(readings.t_ns, *readings.triads()):
                 self._remark(line)
 
     def finish(self) -> None:
@@ -209,67 +209,80 @@ class GivenImu(GivenSensor[Readings, dict[str, Any]]):
         if self._resampler is not None:
             self._resampler.begin()
 
-    def _placed(self, given: Readings) -> Readings:
-        return self._conventions.apply(given)
+    def _placed(self, readings: Readings) -> Readings:
+        return self._conventions.apply(readings)
 
-    def _sampled(self, given: Readings) -> list[dict[str, Any]]:
+    def _sampled(self, readings: Readings) -> list[dict[str, Any]]:
         """Return the samples of readings where the IMU is mounted."""
-        inside = given.triads()
+        internal = readings.triads()
         if self._resampler is not None:
-            given, inside = self._resampler.apply(given)
+            readings, internal = self._resampler.apply(readings)
         else:
-            self._held = given
-        count = len(given.t_ns)
+            self._held = readings
+        count = len(readings.t_ns)
         if not count:
             return []
-        imu = self._imu or self._start(given)
+        imu = self._imu or self._start(readings)
         if self._pending is None:
-            return [self._apply(imu, given, *inside)]
-        ratio = len(inside[0]) // count
+            return [self._apply(imu, readings, *internal)]
+        ratio = len(internal[0]) // count
         blocks, done = [], 0
         while done < count:
             if self._pending is not None and self.position % AHEAD == 0:
                 imu.configure(self._pending.imu)
                 self._pending = None
-            left = count - done
-            step = left if self._pending is None else min(left, AHEAD - self.position % AHEAD)
-            rows, own = slice(done, done + step), slice(done * ratio, (done + step) * ratio)
-            blocks.append(self._apply(imu, given.rows(rows), inside[0][own], inside[1][own]))
+            remaining = count - done
+            step = (
+                remaining
+                if self._pending is None
+                else min(remaining, AHEAD - self.position % AHEAD)
+            )
+            rows, internal_rows = (
+                slice(done, done + step),
+                slice(done * ratio, (done + step) * ratio),
+            )
+            blocks.append(
+                self._apply(
+                    imu, readings.rows(rows), internal[0][internal_rows], internal[1][internal_rows]
+                )
+            )
             done += step
         return blocks
 
-    def _apply(self, imu: Imu, given: Readings, gyro: Array, accel: Array) -> dict[str, Any]:
+    def _apply(self, imu: Imu, readings: Readings, gyro: Array, accel: Array) -> dict[str, Any]:
         """Return the next samples, which are those of readings (n m, 3) inside the sensor."""
-        first, self.position = self.position, self.position + len(given.t_ns)
-        read = {IMU: imu.apply(given.t_ns, self._motion(given), gyro, accel, self._world)}
+        begin, self.position = self.position, self.position + len(readings.t_ns)
+        samples = {IMU: imu.apply(readings.t_ns, self._motion(readings), gyro, accel, self._world)}
         if self._others:
             rate = timebase.exact_rate(self.parameters.rate)
-            window = Window(first / rate, self.position / rate)
-            read |= {name: model.read(window, self._world) for name, model in self._others.items()}
-        return read
+            window = Window(begin / rate, self.position / rate)
+            samples |= {
+                name: model.read(window, self._world) for name, model in self._others.items()
+            }
+        return samples
 
-    def _start(self, given: Readings) -> Imu:
+    def _start(self, readings: Readings) -> Imu:
         """Make the sensor, whose first sample is the first of the readings."""
         parameters = self.parameters
         environment = dataclasses.replace(parameters, seed=self.seed)
-        t0_ns = int(given.t_ns[0])
+        t0_ns = int(readings.t_ns[0])
         self._world = World(NOWHERE, environment, t0_ns)
         self._others = models(mounted(environment), self._sensors, t0_ns)
         imu = self._others.pop("imu")
         assert isinstance(imu, Imu)
-        for fault, first in self._faults:
-            imu.inject(fault, self.begin_of(first))
+        for fault, first_sample in self._faults:
+            imu.inject(fault, self.begin_of(first_sample))
         self._imu, self._faults, self._pending = imu, [], None
         return imu
 
-    def _motion(self, given: Readings) -> Motion:
+    def _motion(self, readings: Readings) -> Motion:
         """Return what is known of the motion: the attitude, and the acceleration with it."""
-        motion = unknown_motion(len(given.t_ns))
-        if given.q_wb is None:
+        motion = unknown_motion(len(readings.t_ns))
+        if readings.q_wb is None:
             if self._sensors:
                 raise ConfigurationError(
                     "orientation: the readings come without one, so there is none to state"
                 )
             return motion
-        acceleration = rotate(given.q_wb, given.triads()[1]) + self._gravity_w
-        return motion._replace(q_wb=given.q_wb, acceleration=acceleration)
+        acceleration = rotate(readings.q_wb, readings.triads()[1]) + self._gravity_w
+        return motion._replace(q_wb=readings.q_wb, acceleration=acceleration)

@@ -43,7 +43,7 @@ NODE: Final = "error_model"
 
 @dataclass(frozen=True)
 class InputParameters:
-    """What another simulator sends, declared."""
+    """Declaration of the input from another simulator."""
 
     rate: float = number(
         0.0,
@@ -122,23 +122,24 @@ class ErrorModelParameters(SampledParameters):
     def problems(self, prefix: str) -> Iterator[str]:
         """Say what cannot be done without the motion between the readings."""
         yield from super().problems(prefix)
-        given, sampling = self.input.rate, self.imu.sampling
-        if given and given < self.rate:
+        input_rate, sampling = self.input.rate, self.imu.sampling
+        if input_rate and input_rate < self.rate:
             yield (
-                f"{prefix}input.rate = {given:g}: must be 0 or at least the rate, {self.rate:g} Hz"
+                f"{prefix}input.rate = {input_rate:g}: must be 0 or at least the rate, "
+                f"{self.rate:g} Hz"
             )
-        elif sampling == "averaged" and given <= self.rate:
+        elif sampling == "averaged" and input_rate <= self.rate:
             yield (
                 f"{prefix}imu.sampling = 'averaged': needs input.rate above the rate, "
                 f"{self.rate:g} Hz: nothing is known of the motion between readings that come "
                 "one by one"
             )
         elif sampling == "oversampled":
-            inside = exact_rate(self.rate) * self.imu.internal_ratio(self.rate)
-            if not given or exact_rate(given) != inside:
+            internal_rate = exact_rate(self.rate) * self.imu.internal_ratio(self.rate)
+            if not input_rate or exact_rate(input_rate) != internal_rate:
                 yield (
-                    f"{prefix}input.rate = {given:g}: must be {float(inside):g} Hz, the rate "
-                    f"inside the sensor, if {prefix}imu.sampling is oversampled"
+                    f"{prefix}input.rate = {input_rate:g}: must be {float(internal_rate):g} Hz, "
+                    f"the rate inside the sensor, if {prefix}imu.sampling is oversampled"
                 )
         if self.input.place == "imu" and any(self.imu.accelerometer_positions):
             yield (
@@ -160,16 +161,16 @@ class ErrorModelParameters(SampledParameters):
 
 @dataclass(frozen=True)
 class ErrorPublishParameters(ImuPublishParameters):
-    """Which topics are published in addition to ``imu/data_raw``.
+    """Switches of the topics published in addition to ``imu/data_raw``.
 
     Those of the sensors whose ideal values can be given, and of what is stated with the readings.
     """
 
     sensors: Mapping[str, Any] = common_sections(
         lambda: switches(
-            one
-            for one in sensors_of_imus()
-            if one.given is not None or (one.table is not None and one.table.of_readings)
+            sensor
+            for sensor in sensors_of_imus()
+            if sensor.given is not None or (sensor.table is not None and sensor.table.of_readings)
         ),
         joint=None,
     )
@@ -201,23 +202,23 @@ _OF_THE_SIMULATOR: Final = {
 }
 
 
-def layer_error_model(given: Mapping[str, object], problems: Problems) -> dict[str, object]:
+def layer_error_model(parameters: Mapping[str, object], problems: Problems) -> dict[str, object]:
     """Return what was given above the preset that it names; what concerns motion is left out.
 
     :param problems: receives a line for a preset that cannot be read.
     """
-    layers = layer_imu(given, NODE, problems)
+    layers = layer_imu(parameters, NODE, problems)
     return {name: value for name, value in layers.items() if not name.startswith("trajectory.")}
 
 
 def load_error_model(
-    given: Mapping[str, object], cls: type[ErrorModelParameters] = ErrorModelParameters
+    parameters: Mapping[str, object], cls: type[ErrorModelParameters] = ErrorModelParameters
 ) -> Any:
     """Return the error model that parameters describe.
 
     :raises ConfigurationError: with a line for each problem.
     """
-    return build_layered(cls, layer_error_model, given)
+    return build_layered(cls, layer_error_model, parameters)
 
 
 def orientation_problems(imu: ImuParameters, prefix: str = "") -> Iterator[str]:

@@ -30,7 +30,9 @@ from imu_sim_ros.simulation.error_input import (
 from imu_sim_ros.simulation.error_parameters import ErrorModelParameters
 from imu_sim_ros.simulation.sensors import models, mounted
 
-OTHERS: Final = {one.quantity: one for one in sensors_of_imus() if one.given is not None}
+OTHERS: Final = {
+    sensor.quantity: sensor for sensor in sensors_of_imus() if sensor.given is not None
+}
 """The other sensors of an IMU that take ideal values, by what they measure."""
 _SAMPLES_AT_ONCE: Final = 65536
 """Most samples of a gap that are taken at once."""
@@ -41,12 +43,12 @@ Made = TypeVar("Made")
 
 @dataclasses.dataclass
 class Counts:
-    """What happened to the readings so far."""
+    """Counts of the readings so far, and of their irregularities."""
 
     readings: int = 0
-    """That came in, the refused ones too."""
+    """Readings received, the refused ones too."""
     samples: int = 0
-    """That went out."""
+    """Samples delivered."""
     missing: int = 0
     """Samples that nobody sent, and during which biases went on."""
     pauses: int = 0
@@ -93,21 +95,21 @@ class GivenSensor(ABC, Generic[SeriesT, Made]):
         """The last readings; with the last of them the sensor goes on during a gap."""
         self._gaps = Gaps(self._nominal_ns, self.parameters.input.longest_gap * 1e9)
         self._faults: list[tuple[Fault, int]] = []
-        """Those that wait for the first reading, with the first sample that they hit."""
+        """Faults that wait for the first reading, with the first sample that they hit."""
 
-    def _placed(self, given: SeriesT) -> SeriesT:
+    def _placed(self, readings: SeriesT) -> SeriesT:
         """Return readings where the sensor is mounted, in its axes."""
-        return given
+        return readings
 
     @abstractmethod
-    def _sampled(self, given: SeriesT) -> list[Made]:
+    def _sampled(self, readings: SeriesT) -> list[Made]:
         """Return the samples of readings of the mounted sensor; ``position`` counts on."""
 
     @abstractmethod
     def _count(self, window: Made) -> int:
         """Return how many samples there are in a window."""
 
-    def _look(self, given: SeriesT) -> None:
+    def _look(self, readings: SeriesT) -> None:
         """See readings in order, as they came."""
 
     def _missing(self, count: int) -> int:
@@ -147,29 +149,29 @@ class GivenSensor(ABC, Generic[SeriesT, Made]):
             return None
         return self._last_ns + round((index - self.position + 1) * self._nominal_ns)
 
-    def read(self, given: SeriesT) -> list[Made]:
+    def read(self, readings: SeriesT) -> list[Made]:
         """Return the samples that readings give, in one window or several.
 
         If stamps jump back the errors begin again; readings that repeat a stamp, or come late,
         are left out.
 
-        :param given: as they come from the other simulator; they have passed the gate.
+        :param readings: as they come from the other simulator; they have passed the gate.
         """
-        self.counts.readings += len(given.t_ns)
+        self.counts.readings += len(readings.t_ns)
         windows: list[Made] = []
-        for part, back_ns in self._order.parts(self._spreading.apply(given)):
+        for part, back_ns in self._order.parts(self._spreading.apply(readings)):
             windows += self._in_order(part, back_ns)
         for window in windows:
             self.counts.samples += self._count(window)
         return windows
 
-    def _in_order(self, given: SeriesT, back_ns: int) -> list[Made]:
+    def _in_order(self, readings: SeriesT, back_ns: int) -> list[Made]:
         """Return the samples of readings in order, after a jump back of their stamps."""
         if back_ns:
             self._restart(back_ns)
-        self._look(given)
+        self._look(readings)
         windows: list[Made] = []
-        for rows, left_out, pause_ns in self._gaps.parts(given.t_ns):
+        for rows, left_out, pause_ns in self._gaps.parts(readings.t_ns):
             if pause_ns:
                 self.counts.pauses += 1
                 line = f"no readings for {pause_ns * 1e-9:.3f} s: a pause, the errors stand still"
@@ -178,7 +180,7 @@ class GivenSensor(ABC, Generic[SeriesT, Made]):
             elif left_out and (missing := self._missing(left_out)):
                 self.counts.missing += missing
                 self._skip(missing)
-            part = given if rows is None else given.rows(rows)
+            part = readings if rows is None else readings.rows(rows)
             self._last_ns = int(part.t_ns[-1])
             windows += self._sampled(self._placed(part))
         return windows
@@ -187,12 +189,12 @@ class GivenSensor(ABC, Generic[SeriesT, Made]):
         """Let the sensor take samples that nobody sees, where it was last."""
         if self._held is None:
             return
-        held = self._held.rows(slice(-1, None))
+        latest = self._held.rows(slice(-1, None))
         while count:
             step = min(count, _SAMPLES_AT_ONCE)
             steps = np.arange(1, step + 1) * self._nominal_ns
-            repeated = held.rows(np.zeros(step, dtype=np.intp))
-            t_ns = held.t_ns + np.rint(steps).astype(np.int64)
+            repeated = latest.rows(np.zeros(step, dtype=np.intp))
+            t_ns = latest.t_ns + np.rint(steps).astype(np.int64)
             self._sampled(with_fields(repeated, t_ns=t_ns))
             count -= step
 
@@ -247,13 +249,13 @@ class GivenOther(GivenSensor[IdealValues, Samples]):
         super()._begin(seed)
         self._model: Any = None
 
-    def _look(self, given: IdealValues) -> None:
+    def _look(self, ideal: IdealValues) -> None:
         """Say if the first value looks like one of another unit."""
         if self._looked or not self.parameters.input.check:
             return
         self._looked = True
         assert self.declared.given is not None
-        line = self.declared.given(given.values[0])
+        line = self.declared.given(ideal.values[0])
         if line:
             self._remark(f"{self._what}{line}")
 
@@ -268,30 +270,30 @@ class GivenOther(GivenSensor[IdealValues, Samples]):
 
         :raises ConfigurationError: for a delay that is none.
         """
-        first = self.first_hit(delay)
+        first_sample = self.first_hit(delay)
         if self._model is None:
-            self._faults.append((fault, first))
+            self._faults.append((fault, first_sample))
         else:
-            self._model.inject(fault, self.begin_of(first))
-        return first
+            self._model.inject(fault, self.begin_of(first_sample))
+        return first_sample
 
-    def _placed(self, given: IdealValues) -> IdealValues:
-        if given.values.ndim == 1:
-            return given
-        return with_fields(given, values=self._conventions.turned(given.values))
+    def _placed(self, ideal: IdealValues) -> IdealValues:
+        if ideal.values.ndim == 1:
+            return ideal
+        return with_fields(ideal, values=self._conventions.turned(ideal.values))
 
-    def _sampled(self, given: IdealValues) -> list[Samples]:
-        self._held = given
+    def _sampled(self, ideal: IdealValues) -> list[Samples]:
+        self._held = ideal
         if self._model is None:
             environment = dataclasses.replace(self.parameters, seed=self.seed)
-            t0_ns = int(given.t_ns[0])
+            t0_ns = int(ideal.t_ns[0])
             self._world = World(NOWHERE, environment, t0_ns)
             quantity = self.declared.quantity
             self._model = models(mounted(environment), [quantity], t0_ns)[quantity]
-            for fault, first in self._faults:
-                self._model.inject(fault, self.begin_of(first))
-        self.position += len(given.t_ns)
-        block: Samples = self._model.apply(given.t_ns, given.values, self._world)
+            for fault, first_sample in self._faults:
+                self._model.inject(fault, self.begin_of(first_sample))
+        self.position += len(ideal.t_ns)
+        block: Samples = self._model.apply(ideal.t_ns, ideal.values, self._world)
         return [block]
 
     def _count(self, window: Samples) -> int:

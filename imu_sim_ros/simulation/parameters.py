@@ -178,7 +178,7 @@ _OF_A_SINGLE_IMU: Final = parameters(EnvironmentParameters)
 
 @dataclass(frozen=True)
 class OneImuParameters:
-    """What an IMU of several has of its own."""
+    """Parameters of one IMU of several."""
 
     rate: float = like(_OF_A_SINGLE_IMU["rate"])
     seed: int = like(_OF_A_SINGLE_IMU["seed"])

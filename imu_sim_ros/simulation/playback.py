@@ -29,25 +29,27 @@ from imu_sim_ros.sensors.faults import Fault
 from imu_sim_ros.sensors.parameters import LARGEST_LATENCY, LONGEST
 from imu_sim_ros.simulation.parameters import SimulationParameters, imus, layered
 
-PARTS: Final = (*TRIADS, *(one.name for one in sensors_of_imus() if one.faults))
-"""What faults of an IMU and of the sensors with it name."""
+PARTS: Final = (*TRIADS, *(sensor.name for sensor in sensors_of_imus() if sensor.faults))
+"""Targets of the faults of an IMU and of the sensors with it."""
 FAULTS = ("none", "bias_jump", "saturation", "stuck", "dropout", "latency")
 
 
 def _biases() -> str:
     """Return the topics of the biases of all sensors of IMUs, in words."""
-    names = [t.name for one in sensors_of_imus() for t in one.topics if "biases" in (t.flags or ())]
+    names = [
+        t.name for sensor in sensors_of_imus() for t in sensor.topics if "biases" in (t.flags or ())
+    ]
     return " and ".join(names)
 
 
 def switches(sensors: Iterable[Sensor]) -> dict[str, type]:
     """Return the switches of sensors of IMUs that have some, by name."""
-    return {one.name: one.switches for one in sensors if one.switches is not None}
+    return {sensor.name: sensor.switches for sensor in sensors if sensor.switches is not None}
 
 
 @dataclass(frozen=True)
 class ImuPublishParameters:
-    """Which topics of an IMU are published in addition to its readings, whoever makes these."""
+    """Switches of the topics published in addition to an IMU's readings, whoever makes these."""
 
     ground_truth_imu: bool = flag(False, "publish ground_truth/imu, the readings without errors")
     biases: bool = flag(
@@ -65,7 +67,7 @@ class ImuPublishParameters:
 
 @dataclass(frozen=True)
 class PublishParameters(ImuPublishParameters):
-    """Which topics are published in addition to ``imu/data_raw``."""
+    """Switches of the topics published in addition to ``imu/data_raw``."""
 
     ground_truth: bool = flag(True, "publish ground_truth/odom")
     ground_truth_fix: bool = flag(
@@ -138,10 +140,10 @@ class InjectParameters:
     )
     imu: str = text("", "affected IMU, a name in `imus`; empty: all", live=True)
 
-    def unknown_part(self, prefix: str, known: Collection[str]) -> Iterator[str]:
+    def unknown_part(self, prefix: str, names: Collection[str]) -> Iterator[str]:
         """Say whether `triad` is none of the names that are known."""
-        if self.triad not in known:
-            yield f"{prefix}inject.triad = {self.triad!r}: {suggestion(self.triad, known)}"
+        if self.triad not in names:
+            yield f"{prefix}inject.triad = {self.triad!r}: {suggestion(self.triad, names)}"
 
     def fault(self) -> Fault:
         """Return the fault.
@@ -149,9 +151,9 @@ class InjectParameters:
         :raises ConfigurationError: for one that cannot be.
         """
         of_triad = self.kind in ("bias_jump", "saturation", "stuck")
-        named = of_triad or self.triad not in TRIADS
+        has_target = of_triad or self.triad not in TRIADS
         value = self.value if of_triad else self.value[0]
-        return Fault(self.kind, self.duration, value, self.triad if named else "")
+        return Fault(self.kind, self.duration, value, self.triad if has_target else "")
 
 
 @dataclass(frozen=True)
@@ -203,21 +205,25 @@ class SimulatorParameters(SimulationParameters):
                 f"{prefix}wait_for_truth_subscribers = {self.wait_for_truth_subscribers}: "
                 f"must be 0 if {prefix}publish.ground_truth is false"
             )
-        wanted = self.publish.increments or self.publish.ground_truth_increments
-        for name, simulation in imus(self).items() if wanted else ():
+        needs_means = self.publish.increments or self.publish.ground_truth_increments
+        for name, simulation in imus(self).items() if needs_means else ():
             if simulation.imu.sampling != "averaged":
-                own = f"{name}." if name else prefix
+                prefix_of_imu = f"{name}." if name else prefix
                 yield (
-                    f"{own}imu.sampling = {simulation.imu.sampling!r}: must be averaged if "
-                    f"{prefix}publish.increments or publish.ground_truth_increments is true"
+                    f"{prefix_of_imu}imu.sampling = {simulation.imu.sampling!r}: must be averaged "
+                    f"if {prefix}publish.increments or publish.ground_truth_increments is true"
                 )
         if self.inject.imu and self.inject.imu not in self.imus:
             yield (
                 f"{prefix}inject.imu = {self.inject.imu!r}: must be empty or one of imus, "
                 f"{list(self.imus)}"
             )
-        named = [n for n, own in self.each_sensor.items() if find_sensor(own.type or n).faults]
-        yield from self.inject.unknown_part(prefix, (*PARTS, *named))
+        sensors = [
+            name
+            for name, section in self.each_sensor.items()
+            if find_sensor(section.type or name).faults
+        ]
+        yield from self.inject.unknown_part(prefix, (*PARTS, *sensors))
 
 
 def load_simulator(
@@ -231,14 +237,14 @@ def load_simulator(
     return build_layered(SimulatorParameters, layered, *layers, problems=problems)
 
 
-def of_the_node(given: Mapping[str, object]) -> list[str]:
+def of_the_node(names: Mapping[str, object]) -> list[str]:
     """Return the names among those given that concern the live node alone, not its samples.
 
     Those that ROS gives to every node are among them.
     """
-    every, samples = (
+    node_names, samples = (
         {field.name for field in dataclasses.fields(cls)}
         for cls in (SimulatorParameters, SimulationParameters)
     )
-    node = every - samples
-    return [name for name in given if name.partition(".")[0] in node or is_of_ros(name)]
+    node = node_names - samples
+    return [name for name in names if name.partition(".")[0] in node or is_of_ros(name)]

@@ -17,7 +17,7 @@ from imu_sim_ros.trajectory.parameters import TourParameters, TrajectoryParamete
 
 
 def fitted(
-    given: Mapping[str, object],
+    parameters: Mapping[str, object],
     trajectory_of: Callable[[Mapping[str, object]], TrajectoryParameters],
 ) -> dict[str, object]:
     """Return parameters by dotted name with the board and the motion that suit what sees.
@@ -29,63 +29,65 @@ def fitted(
     which has its usual size unless told; if no scene is told, sensors see the tour's own place.
     What is given stays as it is.
 
-    :param given: as for :func:`imu_sim_ros.camera.build_rig`, of a body with sensors that see a
-        scene; not checked here.
+    :param parameters: as for :func:`imu_sim_ros.camera.build_rig`, of a body with sensors that
+        see a scene; not checked here.
     :param trajectory_of: returns the trajectory that parameters by dotted name describe.
     """
-    given = _toured(given)
-    if given.get("scene.type") != "aprilgrid" or "cameras" not in given:
-        return given
+    parameters = _toured(parameters)
+    if parameters.get("scene.type") != "aprilgrid" or "cameras" not in parameters:
+        return parameters
     try:
-        turns = _free_turns(given)
+        turns = _free_turns(parameters)
         if turns is None:
-            return given
-        rig = load_rig({**of_rig(given), **axes(given, recorded=False)})
-        motion = trajectory_of({k: v for k, v in given.items() if k.startswith("trajectory.")})
+            return parameters
+        rig = load_rig({**of_rig(parameters), **axes(parameters, recorded=False)})
+        motion = trajectory_of({k: v for k, v in parameters.items() if k.startswith("trajectory.")})
     except ConfigurationError:
-        return given  # whoever loads them says what is wrong
-    views = [View(name, one, 0, 0, HORIZON) for name, one in rig.camera_parameters().items()]
-    told = [key.removeprefix("scene.") for key in given if key.startswith("scene.")]
-    return {**given, **suiting(views, motion, rig.scene, told, turns)}
+        return parameters  # whoever loads them says what is wrong
+    views = [View(name, camera, 0, 0, HORIZON) for name, camera in rig.camera_parameters().items()]
+    scene_names = [key.removeprefix("scene.") for key in parameters if key.startswith("scene.")]
+    return {**parameters, **suiting(views, motion, rig.scene, scene_names, turns)}
 
 
-def _toured(given: Mapping[str, object]) -> dict[str, object]:
+def _toured(parameters: Mapping[str, object]) -> dict[str, object]:
     """Return parameters with a tour through the place that sensors see, and that place for it."""
-    kind = given.get("scene.type", DEFAULT_SCENE)
+    kind = parameters.get("scene.type", DEFAULT_SCENE)
     if kind == DEFAULT_SCENE:
-        kind = given.get("trajectory.place", TourParameters.place)
-    if given.get("trajectory.type") != "tour" or kind not in KINDS:
-        return dict(given)
-    own = {
-        f"trajectory.{to}": given[f"scene.{name}"]
+        kind = parameters.get("trajectory.place", TourParameters.place)
+    if parameters.get("trajectory.type") != "tour" or kind not in KINDS:
+        return dict(parameters)
+    tour = {
+        f"trajectory.{to}": parameters[f"scene.{name}"]
         for name, to in (("seed", "place_seed"), ("size", "place_size"))
-        if f"scene.{name}" in given
+        if f"scene.{name}" in parameters
     }
-    values = {"trajectory.place": kind, **own, **given}
+    values = {"trajectory.place": kind, **tour, **parameters}
     size = values.get("trajectory.place_size", (0.0, 0.0, 0.0))
     if values["trajectory.place"] != kind or not isinstance(size, list | tuple) or len(size) != 3:
-        return dict(given)
+        return dict(parameters)
     try:
         low, high = usual(str(kind), [float(length) for length in size])
     except (TypeError, ValueError):
-        return dict(given)  # whoever loads them says what is wrong
-    there = {
+        return dict(parameters)  # whoever loads them says what is wrong
+    scene = {
         "scene.size": (high - low).tolist(),
         "scene.center": (0.5 * (low + high)).tolist(),
         "scene.seed": values.get("trajectory.place_seed", 0),
     }
-    return {**there, **values, "scene.type": kind}
+    return {**scene, **values, "scene.type": kind}
 
 
-def _free_turns(given: Mapping[str, object]) -> list[str] | None:
+def _free_turns(parameters: Mapping[str, object]) -> list[str] | None:
     """Return which angles of ``target`` have amplitudes that nobody gave; None: another motion."""
     base = files.load(files.find("trajectories", "target"))
-    if given.get("trajectory.type") != "target":
-        same = [k for k in base if k == "trajectory.type" or k.endswith(".angular_frequency")]
-        if any(_plain(given.get(k)) != base[k] for k in same):
+    if parameters.get("trajectory.type") != "target":
+        path_names = [k for k in base if k == "trajectory.type" or k.endswith(".angular_frequency")]
+        if any(_plain(parameters.get(k)) != base[k] for k in path_names):
             return None
     names = {angle: f"trajectory.{angle}.amplitude" for angle in TURNS}
-    return [a for a, name in names.items() if _plain(given.get(name, base[name])) == base[name]]
+    return [
+        a for a, name in names.items() if _plain(parameters.get(name, base[name])) == base[name]
+    ]
 
 
 def _plain(value: object) -> object:

@@ -65,7 +65,7 @@ class Offered(NamedTuple):
     """A topic that a sensor of a body has."""
 
     name: str
-    """Of the sensor."""
+    """Name of the sensor."""
     mounted: Mounted
     topic: Topic
 
@@ -80,16 +80,16 @@ class Offered(NamedTuple):
         """
         topic, payloads = self.topic, self.topic.payloads(self.mounted, encoding)
 
-        def encode(read: Samples, now: Any) -> Messages:
+        def encode(samples: Samples, valid: Any) -> Messages:
             if topic.truth:
-                made = payloads(read, slice(None), now)
-                times = read.true_t_ns[: len(made)]
-                return Messages(times + read.span_ns, times + read.span_ns, made)
-            rows = delivered_rows(read)
+                messages = payloads(samples, slice(None), valid)
+                times = samples.true_t_ns[: len(messages)]
+                return Messages(times + samples.span_ns, times + samples.span_ns, messages)
+            rows = delivered_rows(samples)
             if topic.sent is not None:
-                rows = read.delivered[topic.sent(read)[read.delivered]]
-            record_t_ns = read.t_ns[rows] + read.span_ns
-            return Messages(record_t_ns, read.release_t_ns[rows], payloads(read, rows, now))
+                rows = samples.delivered[topic.sent(samples)[samples.delivered]]
+            record_t_ns = samples.t_ns[rows] + samples.span_ns
+            return Messages(record_t_ns, samples.release_t_ns[rows], payloads(samples, rows, valid))
 
         return encode
 
@@ -99,7 +99,7 @@ def offered(sensors: Mapping[str, Mounted]) -> dict[str, Offered]:
 
     Several IMUs have a namespace each.
     """
-    found = {
+    topics = {
         f"{mounted.space}{topic.name}": Offered(name, mounted, topic)
         for name, mounted in sensors.items()
         for topic in mounted.sensor.topics
@@ -110,7 +110,7 @@ def offered(sensors: Mapping[str, Mounted]) -> dict[str, Offered]:
         return _mounts(sensors, encoding)
 
     topic = Topic(MOUNTS, TF_MESSAGE, None, make, truth=True, latched=True)
-    return {**found, MOUNTS: Offered(POSE, sensors[POSE], topic)}
+    return {**topics, MOUNTS: Offered(POSE, sensors[POSE], topic)}
 
 
 def _mounts(sensors: Mapping[str, Mounted], encoding: str) -> Payloads:
@@ -118,14 +118,14 @@ def _mounts(sensors: Mapping[str, Mounted], encoding: str) -> Payloads:
 
     They are one message, with the first sample's time.
     """
-    found, body_frame = mounts(sensors), sensors[POSE].frame
-    frames = TransformsEncoder([(body_frame, frame) for frame in found], encoding)
-    poses = np.reshape([*found.values()], (-1, 4, 4))
-    written = not found
+    poses_by_frame, body_frame = mounts(sensors), sensors[POSE].frame
+    frames = TransformsEncoder([(body_frame, frame) for frame in poses_by_frame], encoding)
+    poses = np.reshape([*poses_by_frame.values()], (-1, 4, 4))
+    written = not poses_by_frame
 
-    def payloads(read: Samples, _: Rows, __: Any) -> RowTemplate:
+    def payloads(samples: Samples, _: Rows, __: Any) -> RowTemplate:
         nonlocal written
-        t_ns = read.true_t_ns[: 0 if written else 1]
+        t_ns = samples.true_t_ns[: 0 if written else 1]
         written = written or len(t_ns) > 0
         return as_row_template(frames.encode_fixed(t_ns, poses))
 
@@ -139,9 +139,9 @@ def published(sensors: Mapping[str, Mounted], publish: ImuPublishParameters) -> 
     """
     switches = flatten(publish)
     return {
-        name: one
-        for name, one in offered(sensors).items()
-        if one.topic.flags is not None and all(switches.get(flag) for flag in one.topic.flags)
+        name: offer
+        for name, offer in offered(sensors).items()
+        if offer.topic.flags is not None and all(switches.get(flag) for flag in offer.topic.flags)
     }
 
 
@@ -150,15 +150,15 @@ def resolved(name: str) -> str:
     return "/" + name.lstrip("/")
 
 
-def delivered_rows(read: Samples) -> Rows:
+def delivered_rows(samples: Samples) -> Rows:
     """Return the rows of samples that are delivered; all of them need no copy."""
-    rows, count = read.delivered, len(read.t_ns)
+    rows, count = samples.delivered, len(samples.t_ns)
     if len(rows) == count and (count == 1 or not np.count_nonzero(rows != np.arange(count))):
         return slice(None)
     return rows
 
 
-def delivered(read: Samples) -> tuple[Times, Array, Array]:
+def delivered(samples: Samples) -> tuple[Times, Array, Array]:
     """Return stamps, angular rates and specific forces of the readings that are delivered."""
-    rows = delivered_rows(read)
-    return read.t_ns[rows], read.gyro[rows], read.accel[rows]
+    rows = delivered_rows(samples)
+    return samples.t_ns[rows], samples.gyro[rows], samples.accel[rows]

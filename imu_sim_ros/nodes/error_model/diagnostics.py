@@ -1,7 +1,7 @@
 # Copyright 2026 imu_sim_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""What /diagnostics reports about the error model."""
+"""Report of the error model on /diagnostics."""
 
 import dataclasses
 from collections.abc import Mapping, Sequence

@@ -54,7 +54,7 @@ _FEW: Final = 8
 _REFUSAL_PERIOD: Final = 10.0
 _REMARKS_A_SECOND: Final = 5
 _ACKNOWLEDGEMENT: Final = Duration(nanoseconds=300_000_000)
-"""How long shutdown waits for subscribers; a signal must end the node within a second."""
+"""Longest wait for subscribers at shutdown; a signal must end the node within a second."""
 
 
 class ErrorModelNode(ConfiguredNode[ErrorNodeParameters]):
@@ -69,7 +69,7 @@ class ErrorModelNode(ConfiguredNode[ErrorNodeParameters]):
         self.refused = 0
         self._unit_of: tuple[ErrorNodeParameters, int] | None = None
         self._unit: Mapping[str, str] = {}
-        """What the seed has drawn of the parameters."""
+        """Parameters drawn from the seed."""
         self._remarks: list[str] = []
         self._said: deque[float] = deque(maxlen=_REMARKS_A_SECOND)
         sensors = {one.name for one in wanted(parameters).values()}
@@ -88,7 +88,7 @@ class ErrorModelNode(ConfiguredNode[ErrorNodeParameters]):
         turned = sensor_rotation(parameters.input) is not None or parameters.input.place == "body"
         own = "imu_frame" in self.given or parameters.imu_frame != conventions.IMU_FRAME
         self._takes_frame = not (parameters.odometry or turned or own)
-        """Whether the frame of the readings is still to be that of the input."""
+        """True if the frame of the readings is still to be that of the input."""
         self.outputs = ErrorModelOutputs(self, parameters, self.lifetime.fail)
         self._faults = create(
             self,

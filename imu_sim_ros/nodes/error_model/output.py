@@ -1,7 +1,7 @@
 # Copyright 2026 imu_sim_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""What the error model publishes of a block of samples, at once or after the sensor's latency."""
+"""Publication of the error model's samples, at once or after the sensor's latency."""
 
 import threading
 import time

@@ -1,7 +1,7 @@
 # Copyright 2026 imu_sim_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""What /diagnostics reports about the integrator, once per second."""
+"""Report of the integrator on /diagnostics, once per second."""
 
 import dataclasses
 import math

@@ -63,7 +63,7 @@ _READ_PERIOD = 0.002
 _COMPLAINT_PERIOD = 1.0
 _REFUSAL_PERIOD = 10.0
 _ACKNOWLEDGEMENT = Duration(nanoseconds=300_000_000)
-"""How long shutdown waits for subscribers; a signal must end the node within a second."""
+"""Longest wait for subscribers at shutdown; a signal must end the node within a second."""
 
 
 class Integrator(ConfiguredNode[IntegratorParameters]):

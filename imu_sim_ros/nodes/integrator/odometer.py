@@ -60,7 +60,7 @@ class LiveIntegrator:
         self.totals = Totals()
         self.parameters = parameters
         self.frames = (parameters.world_frame, parameters.body_frame)
-        """Of the pose, and of the body: those of the odometry that it started from."""
+        """Frames of the pose and of the body: those of the odometry that it started from."""
         self._complain, self._is_new_source = complain, is_new_source
         self.begin()
 

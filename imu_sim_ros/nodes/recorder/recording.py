@@ -167,7 +167,7 @@ class RecordedTopic:
     definition: str
     digest: str
     stamped: bool
-    """Whether every message so far had a stamp that was set."""
+    """True if every message so far had a stamp that was set."""
     statistics: StampStatistics
     convert: Callable[[bytes], bytes] = bytes
     unseen: list[int] = field(default_factory=list)
@@ -201,7 +201,7 @@ class BagRecording:
         self.refused: dict[str, str] = {}
         """Topics that the bag cannot hold, and why."""
         self.failed = False
-        """Whether writing ended with an error."""
+        """True if writing ended with an error."""
         self.dropped = 0
         """Messages dropped because the buffer was full."""
         self.broken = 0

@@ -56,16 +56,16 @@ _LONGEST_END: Final = 5.0
 
 
 class ProcessStart(TypedDict):
-    """What the node tells a process, in JSON."""
+    """Arguments from the node to a process, in JSON."""
 
     sensor: str
-    """At whose samples it publishes."""
+    """Name of the sensor at whose samples it publishes."""
     members: list[str]
     """All sensors that it reads."""
     parameters: dict[str, Value]
-    """Of the simulator, by dotted name."""
+    """Parameters of the simulator, by dotted name."""
     topics: dict[str, str]
-    """Those that it publishes, with their full names."""
+    """Topics that it publishes, with their full names."""
     node: str
     namespace: str
     overrides: dict[str, object]
@@ -84,7 +84,7 @@ class RemoteCounter:
 
     @property
     def connected(self) -> bool:
-        """Whether the process is connected to all subscribers that the node sees."""
+        """True if the process is connected to all subscribers that the node sees."""
         return self._process.connected.get(self.topic, 0) >= self.get_subscription_count()
 
     @property
@@ -272,11 +272,11 @@ class SensorsApart:
 
     @property
     def ready(self) -> bool:
-        """Whether all processes have their first samples."""
+        """True if all processes have their first samples."""
         return all(process.ready for process in self._processes)
 
     def connected(self, now: float) -> bool:
-        """Whether the processes are connected to all subscribers, or have tried long enough.
+        """Return whether the processes are connected to all subscribers, or have tried long enough.
 
         :param now: [s], of a clock that never jumps.
         """

@@ -1,7 +1,7 @@
 # Copyright 2026 imu_sim_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""What /diagnostics reports about the simulator: counts and lateness."""
+"""Report of the simulator on /diagnostics: counts and lateness."""
 
 from collections.abc import Mapping, Sequence
 from typing import TYPE_CHECKING, Final

@@ -1,7 +1,7 @@
 # Copyright 2026 imu_sim_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""When a sample is due: simulated time against the steady clock, on absolute deadlines."""
+"""Deadlines of samples: simulated time against the steady clock, without drift."""
 
 import enum
 import itertools
@@ -41,7 +41,7 @@ STALL_NS: Final = 50_000_000
 """A sample later than this means that the process stalled."""
 
 CATCH_UP_SPEED: Final = 8
-"""How many times faster than normal late samples follow: subscribers' queues are short."""
+"""Speed of late samples relative to normal: subscribers' queues are short."""
 
 _BURST_NS: Final = 2_000_000
 """Samples no later than this may follow at once: 4 at 2 kHz; rosbag2's queues hold 10."""
@@ -52,7 +52,7 @@ _ON_TIME_NS: Final = 1_000_000
 
 
 class SampleAction(enum.Enum):
-    """What to do with a sample."""
+    """Decision about a sample."""
 
     GO = enum.auto()
     SKIP = enum.auto()
@@ -66,9 +66,9 @@ class Stall(NamedTuple):
     """A stall that is over."""
 
     late_ns: int
-    """How late the first sample was."""
+    """Lateness of the first sample."""
     samples: int
-    """How many were published late, or skipped."""
+    """Number of samples published late, or skipped."""
     skipped: bool
 
 
@@ -106,7 +106,7 @@ class Pacer:
 
     @property
     def paused(self) -> bool:
-        """Whether the simulated time is stopped."""
+        """True if the simulated time is stopped."""
         return self._paused
 
     def pause(self, paused: bool) -> None:

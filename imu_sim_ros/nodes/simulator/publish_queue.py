@@ -102,7 +102,7 @@ class PublishQueue:
 
     @property
     def finished(self) -> bool:
-        """Whether every message has been yielded."""
+        """True if every message has been yielded."""
         return self._end >= self._duration
 
     def restart(self, t0_ns: int) -> None:

@@ -36,7 +36,7 @@ class BatchSamples(NamedTuple):
     """
 
     t_ns: int
-    """As given [ns]."""
+    """Stamp, as passed to ``read`` [ns]."""
     gyro: Array
     """(count, 3) readings [rad/s]."""
     accel: Array
@@ -62,7 +62,7 @@ class BatchField(NamedTuple):
     """A sample of each magnetometer; all arrays have ``count`` rows."""
 
     t_ns: int
-    """As given [ns]."""
+    """Stamp, as passed to ``read`` [ns]."""
     field: Array
     """(count, 3) readings [T]."""
     bias: Array
@@ -75,7 +75,7 @@ class BatchPressure(NamedTuple):
     """A sample of each barometer; all arrays have ``count`` rows."""
 
     t_ns: int
-    """As given [ns]."""
+    """Stamp, as passed to ``read`` [ns]."""
     pressure: Array
     """(count,) readings [Pa]."""
     bias: Array
@@ -100,12 +100,12 @@ class ImuBatch:
 
     @cached_property
     def magnetometers(self) -> "MagnetometerBatch":
-        """Their magnetometers, which start when they are first asked for."""
+        """Magnetometers of the units, which start when they are first asked for."""
         return MagnetometerBatch(self.units)
 
     @cached_property
     def barometers(self) -> "BarometerBatch":
-        """Their barometers, likewise."""
+        """Barometers of the units, which start when they are first asked for."""
         return BarometerBatch(self.units)
 
     def begin(self, units: Integers, restart: str) -> None:
@@ -129,17 +129,17 @@ class ImuBatch:
         :param held: (count,) passed on.
         """
         additions, temperature, _ = self._triads.next()
-        made = [
+        outputs = [
             self._triads[name].read(0, ideal[None], accel[None], additions[name])
             for name, ideal in zip(TRIADS, (gyro, accel), strict=True)
         ]
         errors: dict[str, Array] = {
             f"{name}_{error}": values[0]
-            for name, reading in zip(("gyro", "accel"), made, strict=True)
+            for name, reading in zip(("gyro", "accel"), outputs, strict=True)
             for error, values in zip(ERRORS, reading[1:], strict=True)
             if error != "vibration"
         }
-        rate, force = (reading.reading[0] for reading in made)
+        rate, force = (reading.reading[0] for reading in outputs)
         return BatchSamples(t_ns, rate, force, temperature, held=held, **errors)
 
 
@@ -149,9 +149,9 @@ class MagnetometerBatch:
     def __init__(self, units: UnitsOfBatch) -> None:
         """Set up all of them at their start."""
         self._units = units
-        own = [imu.magnetometer for imu in units.imus]
-        check_alike(own, f"imu.{MAGNETOMETER}", ("rate", "time_offset", "current_profile"))
-        self._common = own[0]
+        sections = [imu.magnetometer for imu in units.imus]
+        check_alike(sections, f"imu.{MAGNETOMETER}", ("rate", "time_offset", "current_profile"))
+        self._common = sections[0]
         """Whose rate and currents all share."""
         flows = {"current": self._currents} if self._common.current_profile else {}
         self._triads = Triads(units, [MAGNETOMETER], self._common, flows)
@@ -161,8 +161,8 @@ class MagnetometerBatch:
         """Let some units begin again; arguments as for :meth:`Triads.begin`."""
         self._triads.begin(units, renewed)
         if renewed:
-            for near, own in zip(self._near, self._iron(units), strict=True):
-                near[units] = own
+            for arrays, renewed_arrays in zip(self._near, self._iron(units), strict=True):
+                arrays[units] = renewed_arrays
 
     def read(self, t_ns: int, field: Array, held: Mask) -> BatchField:
         """Return the next sample of each unit.
@@ -170,21 +170,21 @@ class MagnetometerBatch:
         :param field: (count, 3) ideal fields in the axes of the IMUs [T].
         :param held: (count,) passed on.
         """
-        additions, _, others = self._triads.next()
-        current = others.get("current")
-        triad, own = self._triads[MAGNETOMETER], additions[MAGNETOMETER]
-        made = read_field(triad, self._near, 0, field[None], current, own)
-        return BatchField(t_ns, made["field"][0], made["bias"][0], held)
+        additions, _, inputs = self._triads.next()
+        current = inputs.get("current")
+        triad, addition = self._triads[MAGNETOMETER], additions[MAGNETOMETER]
+        output = read_field(triad, self._near, 0, field[None], current, addition)
+        return BatchField(t_ns, output["field"][0], output["bias"][0], held)
 
     def _iron(self, units: Units) -> Iron:
         """Return what is near the magnetometers of some units."""
         seeds = self._units.unit_seeds[units].tolist()
         once = cache(iron)  # most presets have nothing near, or the same for all units
-        each = [
-            once(with_constants(own, MAGNETOMETER, seed))
-            for own, seed in zip(self._units.magnetometers(units), seeds, strict=True)
+        irons = [
+            once(with_constants(section, MAGNETOMETER, seed))
+            for section, seed in zip(self._units.magnetometers(units), seeds, strict=True)
         ]
-        return Iron(*(np.stack(parts) for parts in zip(*each, strict=True)))
+        return Iron(*(np.stack(parts) for parts in zip(*irons, strict=True)))
 
     def _currents(self, units: Units, first: Integers) -> Array:
         """Return the currents of the next samples (AHEAD, m) [A]."""
@@ -198,27 +198,32 @@ class BarometerBatch:
         """Set up all of them at their start."""
         self._units = units
         which = units.which(slice(None))
-        own = [imu.barometer for imu in units.imus]
-        check_alike(own, f"imu.{BAROMETER}", ("rate", "time_offset"))
+        sections = [imu.barometer for imu in units.imus]
+        check_alike(sections, f"imu.{BAROMETER}", ("rate", "time_offset"))
         self._gusts: list[Gusts | None] = [None] * units.count
         self._draw(np.arange(units.count))
-        flows = {"gust": self._blow} if any(one.gust_rate for one in own) else {}
-        self._triads = Triads(units, [BAROMETER], own[0], flows)
-        limits = [np.array([getattr(one, name) for one in own]) for name in ("minimum", "maximum")]
+        flows = {"gust": self._blow} if any(section.gust_rate for section in sections) else {}
+        self._triads = Triads(units, [BAROMETER], sections[0], flows)
+        limits = [
+            np.array([getattr(section, name) for section in sections])
+            for name in ("minimum", "maximum")
+        ]
         self._limits = limits[0][which], limits[1][which]
 
     def _draw(self, units: Integers) -> None:
         """Let the gusts of some units begin; each is a process of its own."""
         which = self._units.which(units).tolist()
         for unit, number in zip(units.tolist(), which, strict=True):
-            own = self._units.imus[number].barometer
-            self._gusts[unit] = gusts(own, int(self._units.seeds[unit]))
+            section = self._units.imus[number].barometer
+            self._gusts[unit] = gusts(section, int(self._units.seeds[unit]))
 
     def _blow(self, units: Units, _: Integers) -> Array:
         """Return what gusts add to the next samples (AHEAD, m) [Pa]."""
         chosen = np.arange(self._units.count)[units].tolist()
-        each = [one.next(AHEAD) if (one := self._gusts[k]) else np.zeros(AHEAD) for k in chosen]
-        return np.stack(each, axis=1)
+        draws = [
+            process.next(AHEAD) if (process := self._gusts[k]) else np.zeros(AHEAD) for k in chosen
+        ]
+        return np.stack(draws, axis=1)
 
     def begin(self, units: Integers, renewed: bool) -> None:
         """Let some units begin again; arguments as for :meth:`Triads.begin`."""
@@ -231,8 +236,8 @@ class BarometerBatch:
         :param pressure: (count,) of the still air at the IMUs [Pa].
         :param held: (count,) passed on.
         """
-        additions, _, others = self._triads.next()
-        gust = others.get("gust")
-        triad, own = self._triads[BAROMETER], additions[BAROMETER]
-        made = read_pressures(triad, self._limits, 0, pressure[None], gust, own)
-        return BatchPressure(t_ns, made["pressure"][0], made["bias"][0], held)
+        additions, _, inputs = self._triads.next()
+        gust = inputs.get("gust")
+        triad, addition = self._triads[BAROMETER], additions[BAROMETER]
+        output = read_pressures(triad, self._limits, 0, pressure[None], gust, addition)
+        return BatchPressure(t_ns, output["pressure"][0], output["bias"][0], held)

@@ -55,16 +55,16 @@ def readings(mounted: Mounted, encoding: str, *orientation: str) -> Payloads:
     """
     from imu_sim_ros.bags.messages.encode import ImuEncoder
 
-    known: Any = None
+    cached: Any = None
     messages: ImuEncoder
 
-    def payloads(read: Samples, rows: Rows, now: Any) -> "RowTemplate":
-        nonlocal known, messages
-        if now is not known:
-            variances = (variance_discrete(now.imu, triad, now.rate) for triad in TRIADS)
-            known, messages = now, ImuEncoder(mounted.frame, encoding, *variances)
-        columns = (read.values[name][rows] for name in ("gyro", "accel", *orientation))
-        return messages.pattern(read.t_ns[rows], *columns)
+    def payloads(samples: Samples, rows: Rows, valid: Any) -> "RowTemplate":
+        nonlocal cached, messages
+        if valid is not cached:
+            variances = (variance_discrete(valid.imu, triad, valid.rate) for triad in TRIADS)
+            cached, messages = valid, ImuEncoder(mounted.frame, encoding, *variances)
+        columns = (samples.values[name][rows] for name in ("gyro", "accel", *orientation))
+        return messages.pattern(samples.t_ns[rows], *columns)
 
     return payloads
 
@@ -80,9 +80,9 @@ def _increments(name: str, means: str, flag: str, truth: bool = False) -> Topic:
             raise ConfigurationError(f"topic {name}: needs imu.sampling averaged; it is {sampling}")
         messages = Vector3StampedEncoder(mounted.frame, encoding)
 
-        def payloads(read: Samples, rows: Rows, _: object) -> "RowTemplate":
-            t_ns = read.true_t_ns if truth else read.t_ns
-            return messages.pattern(t_ns[rows], getattr(read, means)[rows] * interval)
+        def payloads(samples: Samples, rows: Rows, _: object) -> "RowTemplate":
+            t_ns = samples.true_t_ns if truth else samples.t_ns
+            return messages.pattern(t_ns[rows], getattr(samples, means)[rows] * interval)
 
         return payloads
 
@@ -93,7 +93,7 @@ def _error(name: str, column: str) -> Topic:
     """Return the topic of a true error."""
     flag = "biases" if column.endswith("_bias") else "errors"
     return topic(
-        name, *_VECTOR, lambda read, rows, _: (getattr(read, column)[rows],), flag, truth=True
+        name, *_VECTOR, lambda samples, rows, _: (getattr(samples, column)[rows],), flag, truth=True
     )
 
 
@@ -107,14 +107,14 @@ SENSOR = Sensor(
         Topic(IMU_TOPIC, TYPE, (), readings),
         topic(
             *(IDEAL_IMU_TOPIC, TYPE, "ImuEncoder"),
-            lambda read, rows, _: (read.ideal_gyro[rows], read.ideal_accel[rows]),
+            lambda samples, rows, _: (samples.ideal_gyro[rows], samples.ideal_accel[rows]),
             "ground_truth_imu",
             truth=True,
         ),
         *(_error(name, column) for name, column in ERROR_TOPICS.items()),
         topic(
             *(TEMPERATURE_TOPIC, "sensor_msgs/msg/Temperature", "TemperatureEncoder"),
-            lambda read, rows, _: (read.temperature[rows],),
+            lambda samples, rows, _: (samples.temperature[rows],),
             "temperature",
             truth=True,
         ),

@@ -56,9 +56,9 @@ def quadrature(frequency: float, interval: float) -> Quadrature:
     if c and _error(fewest, c) < _ROUNDING:
         return fewest
     count = max(5, int(0.5 * c))
-    while _error(found := lobatto(count), c) >= _ACCURACY:
+    while _error(rule := lobatto(count), c) >= _ACCURACY:
         count += max(1, count // 16)
-    return found
+    return rule
 
 
 def lobatto(count: int) -> Quadrature:
@@ -72,10 +72,10 @@ def lobatto(count: int) -> Quadrature:
     """
     x = -np.cos(np.pi * np.arange(count) / (count - 1))
     for _ in range(_NEWTON_STEPS):
-        before, value = np.ones(count), x
+        previous, value = np.ones(count), x
         for k in range(2, count):
-            before, value = value, ((2 * k - 1) * x * value - (k - 1) * before) / k
-        x = x - (x * value - before) / (count * value)
+            previous, value = value, ((2 * k - 1) * x * value - (k - 1) * previous) / k
+        x = x - (x * value - previous) / (count * value)
     return 0.5 + 0.5 * x, 1.0 / (count * (count - 1) * value**2)
 
 
@@ -172,10 +172,10 @@ class IdealImu:
                 times = start[row] + nodes[column, None] * length[row]
                 readings = self.read(trajectory.sample(times.ravel()))
                 for mean, values in zip(means, readings, strict=True):
-                    for weight, own in zip(
+                    for weight, columns_of_node in zip(
                         weights[column], values.reshape(*times.shape, 3), strict=True
                     ):
-                        mean[row] += weight * own
+                        mean[row] += weight * columns_of_node
         rate, force = means
         return rate, force
 
@@ -191,10 +191,10 @@ def size_effect(positions: Array, omega: Array, alpha: Array) -> Array:
     :param alpha: (n, 3) angular acceleration [rad/s^2].
     """
     result, w, a = np.empty(omega.shape, order="F"), omega.T, alpha.T
-    for k, own in enumerate(result.T):
+    for k, component in enumerate(result.T):
         i, j = (k + 1) % 3, (k + 2) % 3
         r = positions[k]
-        own[:] = a[i] * r[j] - a[j] * r[i]
-        own += w[k] * (w[i] * r[i] + w[j] * r[j])
-        own -= r[k] * (w[i] * w[i] + w[j] * w[j])
+        component[:] = a[i] * r[j] - a[j] * r[i]
+        component += w[k] * (w[i] * r[i] + w[j] * r[j])
+        component -= r[k] * (w[i] * w[i] + w[j] * w[j])
     return result

@@ -39,7 +39,7 @@ AXES_READ = 6
 PAIRS = 15
 """Number of pairs of six axes: gx gy, gx gz, gx ax, ..., ay az."""
 ROUNDING = 0.01
-"""By how much rounded coherence may miss the nearest possible one (the least eigenvalue)."""
+"""Tolerance of the least eigenvalue of a rounded coherence matrix, which may be negative."""
 
 
 @dataclass(frozen=True)
@@ -149,7 +149,7 @@ class BoardVibrationParameters:
 
     @property
     def there(self) -> bool:
-        """Whether there is any vibration."""
+        """True if there is any vibration."""
         return any(self.line_amplitude) or any(self.band_density)
 
     @property
@@ -171,14 +171,14 @@ class BoardVibrationParameters:
     def problems(self, prefix: str) -> Iterator[str]:
         """Yield a line for each list that does not match, and for each impossible band."""
         lines, bands = len(self.line_frequency), len(self.band_low)
-        for name, count, each in (
+        for name, count, rule in (
             ("line_amplitude", AXES_READ * lines, "six for each line"),
             ("band_high", bands, "one for each band"),
             ("band_density", AXES_READ * bands, "six for each band"),
         ):
             if len(getattr(self, name)) != count:
-                yield f"{prefix}{name}: {len(getattr(self, name))} entries; must be {count}, {each}"
-        for name, count, each in (
+                yield f"{prefix}{name}: {len(getattr(self, name))} entries; must be {count}, {rule}"
+        for name, count, rule in (
             ("line_phase", AXES_READ * lines, "six for each line"),
             ("band_coherence", 2 * PAIRS * bands, "30 for each band"),
             ("gyroscope_exponents", 3 * self.ranges, "three for each range"),
@@ -187,14 +187,15 @@ class BoardVibrationParameters:
             if len(getattr(self, name)) not in (0, count):
                 yield (
                     f"{prefix}{name}: {len(getattr(self, name))} entries; must be 0 or {count}, "
-                    f"{each}"
+                    f"{rule}"
                 )
         if len(self.band_coherence) == 2 * PAIRS * len(self.band_low) > 0:
-            least = np.linalg.eigvalsh(self.coherence())[:, 0]
-            for k in np.flatnonzero(least < -ROUNDING):
+            smallest = np.linalg.eigvalsh(self.coherence())[:, 0]
+            for k in np.flatnonzero(smallest < -ROUNDING):
                 yield (
                     f"{prefix}band_coherence: band {k + 1}, from {self.band_low[k]:g} Hz: its "
-                    f"matrix must be positive semidefinite; the least eigenvalue is {least[k]:.2g}"
+                    "matrix must be positive semidefinite; the least eigenvalue is "
+                    f"{smallest[k]:.2g}"
                 )
         for low, high in zip(self.band_low, self.band_high, strict=False):
             if high <= low:
@@ -207,7 +208,7 @@ class BoardVibrationParameters:
                     f"{prefix}band_low = {following:g}: must be at least {high:g} Hz, where the "
                     "band before ends"
                 )
-        if any(after <= before for before, after in pairwise(self.range_edges)):
+        if any(upper <= lower for lower, upper in pairwise(self.range_edges)):
             yield f"{prefix}range_edges = {list(self.range_edges)}: must increase"
 
 
@@ -220,7 +221,7 @@ _CAUSES = {"stress_step_sigma": "stress_step_rate", "shock_bias_sigma": "shock_t
 
 @dataclass(frozen=True)
 class BoardParameters:
-    """What the triads of a board have in common: its age, its shocks, where its elements sit."""
+    """Parameters common to the triads of a board: its age, its shocks, where its elements sit."""
 
     accelerometer_positions: Matrix = matrix(
         ZERO_MATRIX,
@@ -299,7 +300,7 @@ class ImuParameters(TimingParameters, BoardParameters, TriadsParameters):
     )
     vibration: BoardVibrationParameters = section(BoardVibrationParameters)
     sensors: Mapping[str, Any] = common_sections(
-        lambda: {one.name: one.section for one in sensors_of_imus()}, joint="_"
+        lambda: {sensor.name: sensor.section for sensor in sensors_of_imus()}, joint="_"
     )
     """``imu.magnetometer`` is ``imu.sensors["magnetometer"]``."""
 

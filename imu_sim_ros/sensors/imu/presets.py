@@ -88,7 +88,7 @@ def sensor_layer(
     while True:
         file, imu = _file_and_imu(name_or_file)
         path = find("imus", str(file))
-        if passed and path.resolve() in [before.resolve() for before in passed]:
+        if passed and path.resolve() in [ancestor.resolve() for ancestor in passed]:
             raise ConfigurationError(f"{path}: imu.preset = {name_or_file} leads back to this file")
         passed.append(path)
         values = load(f"{path}#{imu}" if imu else path, node)
@@ -99,31 +99,31 @@ def sensor_layer(
         name_or_file = str(base)
 
 
-def layer_imu(given: Mapping[str, object], node: str, problems: Problems) -> dict[str, object]:
+def layer_imu(parameters: Mapping[str, object], node: str, problems: Problems) -> dict[str, object]:
     """Return what was given above the preset of an IMU, and above that of its barometer.
 
     What an included preset says, and the choices of a user leave no place for, is left out; a
     file of one's own is taken at its word.
 
-    :param given: parameters of all kinds, as a preset may have, by dotted name.
+    :param parameters: parameters of all kinds, as a preset may have, by dotted name.
     :param problems: receives a line for a preset that cannot be read.
     """
-    above = {"imu.preset": DEFAULT_IMU, **given}
+    overrides = {"imu.preset": DEFAULT_IMU, **parameters}
     preset, file = dict[str, object](), dict[str, object]()
     with problems.gathered():
-        preset = sensor_layer(str(above["imu.preset"]), node, given.get("rate"))
-    above["imu.preset"] = preset.pop("imu.preset", above["imu.preset"])
-    barometer = {**preset, **given}.get(_BAROMETER)
+        preset = sensor_layer(str(overrides["imu.preset"]), node, parameters.get("rate"))
+    overrides["imu.preset"] = preset.pop("imu.preset", overrides["imu.preset"])
+    barometer = {**preset, **parameters}.get(_BAROMETER)
     with problems.gathered():
         file = files.load(find("barometers", str(barometer)), node) if barometer else {}
     # A barometer that the IMU's preset names may be changed there; another one is what it is.
-    own = {**preset, **file} if _BAROMETER in given else {**file, **preset}
-    result = {**own, **above}
+    layer = {**preset, **file} if _BAROMETER in parameters else {**file, **preset}
+    result = {**layer, **overrides}
     # A filter has none of the errors of a modelled orientation.
     if result.get("imu.orientation_source") == "filter" and is_included(
         "imus", result["imu.preset"]
     ):
         for name in MODEL_ERRORS:
-            if f"imu.orientation_{name}" not in given:
+            if f"imu.orientation_{name}" not in parameters:
                 result.pop(f"imu.orientation_{name}", None)
     return result

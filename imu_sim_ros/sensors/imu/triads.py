@@ -55,7 +55,7 @@ _WORDS: Final[Mapping[Triad, Mapping[str, str]]] = {
         "increments": "delta velocities",
     },
 }
-"""What the descriptions say of each; ``change`` is the unit per second, ``increment`` times it."""
+"""Words for each triad's descriptions; ``change``: unit per second, ``increment``: unit times s."""
 _OF_THE_GYROSCOPE: Final = ("g_sensitivity", "g_sensitivity_sigma", "g_squared_sensitivity")
 """An accelerometer's response to specific force is its scale and its non-linearity."""
 
@@ -412,7 +412,7 @@ class TriadsParameters:
             deviation.
         """
         triads = (self.gyroscope, self.accelerometer)
-        found = [
+        processes = [
             (3 * k + i, float(triad.correlation_time[i]), float(sigma))
             for k, triad in enumerate(triads)
             for i, sigma in enumerate(triad.gauss_markov)
@@ -420,13 +420,13 @@ class TriadsParameters:
         decades = round(np.log10(_LONGEST_FLICKER / shortest))
         times = np.geomspace(shortest, _LONGEST_FLICKER, max(2, decades + 1))
         share = float(np.sqrt(np.log(times[1] / times[0]) / np.pi))
-        found += [
+        processes += [
             (3 * k + i, tau, float(b) * share)
             for k, triad in enumerate(triads)
             for i, b in enumerate(triad.bias_instability)
             for tau in times.tolist()
         ]
-        return [one for one in found if one[2] > 0.0]
+        return [process for process in processes if process[2] > 0.0]
 
     def response_terms(self) -> list[tuple[int, int, float]]:
         """Return the errors that scale with a reading: scale and misalignment, g-sensitivity, ...
@@ -434,28 +434,28 @@ class TriadsParameters:
         :returns: of each, its axis 0 to 5, gyroscope first; its input, the readings 0 to 5 and
             their squares 6 to 11; the standard deviation of the factor.
         """
-        found = []
+        terms = []
         for k, triad in enumerate((self.gyroscope, self.accelerometer)):
             scale, cross = triad.turn_on_scale_sigma, triad.misalignment_sigma
             for i in range(3):
                 axis = 3 * k + i
                 for j in range(3):
-                    found.append((axis, 3 * k + j, float(scale[i] if i == j else cross[i])))
-                found.append((axis, 6 + axis, float(triad.quadratic_sigma[i])))
+                    terms.append((axis, 3 * k + j, float(scale[i] if i == j else cross[i])))
+                terms.append((axis, 6 + axis, float(triad.quadratic_sigma[i])))
         for i, sigma in enumerate(self.gyroscope.g_sensitivity_sigma):
-            found += [(i, 3 + j, float(sigma)) for j in range(3)]
-        return [one for one in found if one[2] > 0.0]
+            terms += [(i, 3 + j, float(sigma)) for j in range(3)]
+        return [term for term in terms if term[2] > 0.0]
 
 
-def as_in_triads(name: str, words: Mapping[str, str], **changed: Any) -> Any:
+def as_in_triads(name: str, unit_texts: Mapping[str, str], **changed: Any) -> Any:
     """Describe a parameter of another sensor that is one of the triads'.
 
-    :param words: what stands for ``{triad}``, ``{unit}``, ... in text and unit.
+    :param unit_texts: what stands for ``{triad}``, ``{unit}``, ... in text and unit.
     :param changed: fields of :class:`Parameter` that are others.
     """
     triads = parameters(TriadParameters)[name]
-    own = {"text": triads.text.format(**words), "unit": triads.unit.format(**words)}
-    described = like(triads, **{**own, **changed})
+    texts = {"text": triads.text.format(**unit_texts), "unit": triads.unit.format(**unit_texts)}
+    described = like(triads, **{**texts, **changed})
     metadata = {**described.metadata, _OF_A_TRIAD: True}
     return dataclasses.field(default=described.default, metadata=metadata)
 
@@ -470,10 +470,10 @@ def as_triad(sensor: object) -> TriadParameters:
 
     Those of a sensor that measures a single number are those of the first axis.
     """
-    known, values = parameters(type(sensor)), {}
+    declarations, values = parameters(type(sensor)), {}
     for name in names_as_in_triads(type(sensor)):
-        value, kind = getattr(sensor, name), known[name].kind
-        if kind == "number" or (kind == "numbers" and known[name].group == 1):
+        value, kind = getattr(sensor, name), declarations[name].kind
+        if kind == "number" or (kind == "numbers" and declarations[name].group == 1):
             value = tuple(entry for x in np.ravel(value).tolist() for entry in (x, 0.0, 0.0))
         values[name] = value
     return TriadParameters(**values)

@@ -289,17 +289,17 @@ class Triads:
             self._others[name][:, units] = make(units, begins)
 
     def _kept(
-        self, kept: Array | None, made: Array | None, usual: float, units: Units
+        self, stored: Array | None, drawn: Array | None, usual: float, units: Units
     ) -> Array | None:
         """Return what is kept of all units, with what was made of some; None: the usual value."""
-        if made is None:
-            return kept
-        own = made[:1] if is_constant(made) else made  # what never changes is kept once
-        if kept is None:
-            kept = _room(self._units.count, len(own))
-            kept[...] = usual
-        kept[:, units] = own
-        return kept
+        if drawn is None:
+            return stored
+        rows = drawn[:1] if is_constant(drawn) else drawn  # what never changes is kept once
+        if stored is None:
+            stored = _room(self._units.count, len(rows))
+            stored[...] = usual
+        stored[:, units] = rows
+        return stored
 
 
 def _room(count: int, rows: int = AHEAD) -> Array:
@@ -317,14 +317,14 @@ def _at(rows: int | tuple[Integers, Integers], values: Array) -> Array:
     memory = values.swapaxes(1, 2).reshape(-1)
     count = len(unit)
     begin = row * (3 * count) + unit
-    found = memory.take(begin + count * np.arange(3)[:, None])
-    return found.T[None]
+    components = memory.take(begin + count * np.arange(3)[:, None])
+    return components.T[None]
 
 
-def _drawn(spread: Spread, own: Array, seeds: Integers, source: str) -> Array:
+def _drawn(spread: Spread, nominal: Array, seeds: Integers, source: str) -> Array:
     """Return values (m, 3) of units."""
     if spread.kind == "gaussian":
-        return own + spread.low * Streams(seeds, source).next(1)[0]
+        return nominal + spread.low * Streams(seeds, source).next(1)[0]
     share = Streams(seeds, source, numbers="random").next(1)[0]
     return spread.low + (spread.high - spread.low) * share
 
@@ -350,16 +350,16 @@ def _check(imus: Sequence[ImuParameters], spread: Mapping[str, Spread]) -> None:
     :raises ConfigurationError: with a line for each thing.
     """
     problems = list(dict.fromkeys(_problems(imus)))
-    known = _spreadable()
+    names = _spreadable()
     problems += [
-        f"spread {name}: {suggestion(name, sorted(known))}" for name in spread if name not in known
+        f"spread {name}: {suggestion(name, sorted(names))}" for name in spread if name not in names
     ]
     if problems:
         raise ConfigurationError(problems)
 
 
 def _problems(imus: Sequence[ImuParameters]) -> Iterator[str]:
-    first = imus[0]
+    reference = imus[0]
     for imu in imus:
         if imu.sampling != "instantaneous":
             yield f"imu.sampling = {imu.sampling!r}: must be instantaneous in a batch"
@@ -372,10 +372,10 @@ def _problems(imus: Sequence[ImuParameters]) -> Iterator[str]:
             for name in _NOT_IN_BATCHES:
                 if any(getattr(imu.triad(triad), name)):
                     yield f"imu.{triad}_{name}: not in a batch"
-            if imu.triad(triad).bandwidth != first.triad(triad).bandwidth:
+            if imu.triad(triad).bandwidth != reference.triad(triad).bandwidth:
                 yield f"imu.{triad}_bandwidth: must be the same for all units of a batch"
         yield from _unlike(
-            first, imu, "imu.", ("bandwidth_order", "reference_temperature", "age_days")
+            reference, imu, "imu.", ("bandwidth_order", "reference_temperature", "age_days")
         )
 
 
@@ -384,12 +384,14 @@ def check_alike(sections: Sequence[object], prefix: str, names: Sequence[str]) -
 
     :raises ConfigurationError: with a line for each parameter that is not.
     """
-    lines = (line for one in sections for line in _unlike(sections[0], one, f"{prefix}_", names))
+    lines = (
+        line for section in sections for line in _unlike(sections[0], section, f"{prefix}_", names)
+    )
     if problems := list(dict.fromkeys(lines)):
         raise ConfigurationError(problems)
 
 
-def _unlike(first: object, other: object, prefix: str, names: Sequence[str]) -> Iterator[str]:
+def _unlike(reference: object, section: object, prefix: str, names: Sequence[str]) -> Iterator[str]:
     for name in names:
-        if getattr(first, name) != getattr(other, name):
+        if getattr(reference, name) != getattr(section, name):
             yield f"{prefix}{name}: must be the same for all units of a batch"

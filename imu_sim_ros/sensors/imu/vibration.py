@@ -52,13 +52,13 @@ class BandNoise(ChunkedProcess):
         ]
         frequency = np.arange(1, frame // 2) * rate / frame
         band = np.searchsorted(parameters.band_low, frequency, side="right") - 1
-        inside = band >= 0
-        inside[inside] = frequency[inside] < np.asarray(parameters.band_high)[band[inside]]
-        self._rows = np.flatnonzero(inside) + 1
+        in_band = band >= 0
+        in_band[in_band] = frequency[in_band] < np.asarray(parameters.band_high)[band[in_band]]
+        self._rows = np.flatnonzero(in_band) + 1
         # E |X|^2 = S * frame * rate, half of it in each of real and imaginary part.
         size = np.sqrt(0.5 * frame * rate)
-        self._root = size * root(cross_spectra(parameters))[band[inside]]
-        range_of = np.searchsorted(parameters.range_edges, frequency[inside], side="right")
+        self._root = size * root(cross_spectra(parameters))[band[in_band]]
+        range_of = np.searchsorted(parameters.range_edges, frequency[in_band], side="right")
         self._ranges = [np.flatnonzero(range_of == k) for k in range(parameters.ranges)]
         self._window = np.sin(np.pi * (np.arange(frame) + 0.5) / frame)
         self._frame = frame
@@ -178,9 +178,9 @@ class BoardVibration:
             result += part
         return result
 
-    def _add_lines(self, first: int, parts: list[Array]) -> None:
+    def _add_lines(self, begin: int, parts: list[Array]) -> None:
         p = self._parameters
-        index = np.arange(first, first + len(parts[0]))
+        index = np.arange(begin, begin + len(parts[0]))
         amplitudes = np.reshape(p.line_amplitude, (-1, _AXES))
         phases = np.reshape(p.line_phase or (0.0,) * amplitudes.size, (-1, _AXES))
         where = np.searchsorted(p.range_edges, p.line_frequency, side="right")
@@ -195,9 +195,9 @@ class BoardVibration:
         """Return the factors (n, 6) of each range."""
         logs = self._size.logs(motion)
         factors = []
-        for own in self._exponents.swapaxes(0, 1):  # (2, 3)
+        for exponents in self._exponents.swapaxes(0, 1):  # (2, 3)
             factor = np.empty((len(logs), _AXES), order="F")
-            for triad, (x, y, z) in enumerate(own):
+            for triad, (x, y, z) in enumerate(exponents):
                 total = x * logs[:, 0]
                 total += y * logs[:, 1]
                 total += z * logs[:, 2]
