@@ -1,7 +1,7 @@
 # Copyright 2026 imu_sim_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""From parameters to a scene: places and sizes drawn from the scene's seed."""
+"""Construction of a scene from its parameters, with places and sizes drawn from its seed."""
 
 import math
 from collections.abc import Sequence
@@ -48,17 +48,17 @@ _LOOKS: Final = 20_000
 _SIGHTS: Final = 500
 """Positions from which it is looked how near everything is."""
 _LONGEST: Final = 600.0
-"""How much of an endless path is looked at whether it leaves its room [s]."""
+"""Length of an endless path that is checked against its room [s]."""
 _FRAMES: Final = 64
 """Frames of a cloud that are counted at once."""
 _TRIES: Final = 20
-"""How often a frame may get more points of a cloud."""
+"""Largest number of times that points of a cloud are added for a frame."""
 _SAMPLES: Final = 1000
 """Points of a cloud from which it is seen whether a camera sees any."""
 _IN_FRONT: Final = 0.1
 """Cosine of the largest angle from the axis at which a cloud has points."""
 _FURNITURE: Final = 0.8
-"""How far a box may extend into the room, in distances of the path from the wall."""
+"""Largest depth of a box into the room, in distances of the path from the wall."""
 
 
 def build_scene(
@@ -147,11 +147,11 @@ def check_path(
                 "flies around everything"
             )
     if (low <= corner).any() or (high >= end).any():
-        given = f"size = {list(parameters.size)}"
+        setting = f"size = {list(parameters.size)}"
         if not any(parameters.size):
-            given = f"horizon = {parameters.horizon:g}"
+            setting = f"horizon = {parameters.horizon:g}"
         raise ConfigurationError(
-            f"scene.{given}: the path, from {_shown(low)} to {_shown(high)} m, "
+            f"scene.{setting}: the path, from {_shown(low)} to {_shown(high)} m, "
             f"leaves the {kind}, from {_shown(corner)} to {_shown(end)} m"
         )
 
@@ -224,13 +224,17 @@ def _office_or_room(p: AutoParameters, passage: Passage) -> Scene:
 
 def _crowd(p: PlaceParameters, place: Place, site: Site, passage: Passage) -> Crowd | None:
     """Return what moves in a place."""
-    own = p.bodies
-    counts = {"person": own.people, "cart": own.carts, "door": own.doors}
+    crowd_parameters = p.bodies
+    counts = {
+        "person": crowd_parameters.people,
+        "cart": crowd_parameters.carts,
+        "door": crowd_parameters.doors,
+    }
     if not any(counts.values()):
         return None
-    bodies = moving(place, site, counts, own.speed, passage)
+    bodies = moving(place, site, counts, crowd_parameters.speed, passage)
     points = [
-        _scattered(body.surfaces(), own.landmarks, p.seed + k)
+        _scattered(body.surfaces(), crowd_parameters.landmarks, p.seed + k)
         for k, body in enumerate(bodies, start=1)
     ]
     return Crowd(bodies, site, points, sunlight(place.surfaces(), place.sky, place.lighting))
@@ -250,10 +254,10 @@ def _box(
     size = (end - corner) * stream.uniform(0.08, 0.2, 3)
     size[axis] = depth
     size[2] = (end - corner)[2] * stream.uniform(0.2, 0.7)
-    first = corner + (end - corner - size) * stream.random(3)
-    first[axis] = corner[axis] if side == 0 else end[axis] - depth
-    first[2] = corner[2]
-    return first, first + size
+    box_corner = corner + (end - corner - size) * stream.random(3)
+    box_corner[axis] = corner[axis] if side == 0 else end[axis] - depth
+    box_corner[2] = corner[2]
+    return box_corner, box_corner + size
 
 
 def _inner_faces(low: Array, high: Array) -> list[tuple[Array, Array, Array]]:
@@ -299,8 +303,8 @@ def _planes(p: PlanesParameters) -> Scene:
 def _house(p: HouseParameters) -> Scene:
     """Return the lines' end points, each once, in the order of their first mention."""
     ends = np.reshape(p.lines, (-1, 3))
-    _, first = np.unique(ends, axis=0, return_index=True)
-    points = ends[np.sort(first)]
+    _, first_rows = np.unique(ends, axis=0, return_index=True)
+    points = ends[np.sort(first_rows)]
     if any(p.second_points):
         points = np.concatenate([points, points + np.asarray(p.second_points)])
     return Scene.of_points(points)._replace(lines=ends.reshape(-1, 2, 3))
@@ -330,9 +334,9 @@ def _cloud(
             if missing > 0:
                 local = _in_view(view, missing, p, stream)
                 points = np.concatenate([points, pose.position + rotation.rotate(pose.q_wc, local)])
-    more = generator(p.seed, "scene.landmarks.frames")
+    extra_stream = generator(p.seed, "scene.landmarks.frames")
     for view in views:
-        points = _completed(points, p, view, trajectory, duration, more)
+        points = _completed(points, p, view, trajectory, duration, extra_stream)
     return Scene.of_points(points)
 
 
@@ -366,18 +370,18 @@ def _completed(
     """
     total = view.total
     total = math.ceil(duration * view.parameters.rate) if total is None else total
-    tracker, first, tries = Tracker(view, Scene.of_points(points), trajectory), 0, 0
-    while first < total:
-        counts = tracker.counts(first, min(_FRAMES, total - first))
+    tracker, first_frame, tries = Tracker(view, Scene.of_points(points), trajectory), 0, 0
+    while first_frame < total:
+        counts = tracker.counts(first_frame, min(_FRAMES, total - first_frame))
         few = np.flatnonzero((counts >= 0) & (counts < p.visible))
         if not len(few):
-            first, tries = first + len(counts), 0
+            first_frame, tries = first_frame + len(counts), 0
             continue
-        first, tries = first + int(few[0]), tries + 1 if few[0] == 0 else 0
+        first_frame, tries = first_frame + int(few[0]), tries + 1 if few[0] == 0 else 0
         if tries > _TRIES:  # out of the depths that it sees, for instance
-            first, tries = first + 1, 0
+            first_frame, tries = first_frame + 1, 0
             continue
-        pose = view.poses(trajectory, view.seconds(view.frames(first, 1).true_t_ns))
+        pose = view.poses(trajectory, view.seconds(view.frames(first_frame, 1).true_t_ns))
         local = _in_view(view, p.visible - int(counts[few[0]]), p, stream)
         points = np.concatenate([points, pose.position + rotation.rotate(pose.q_wc, local)])
         tracker = Tracker(view, Scene.of_points(points), trajectory)
@@ -386,19 +390,21 @@ def _completed(
 
 def _in_view(view: View, count: int, p: CloudParameters, stream: np.random.Generator) -> Array:
     """Return points (count, 3) in the camera's frame, each in a random pixel."""
-    found = np.zeros((0, 3))
-    while len(found) < count:
+    visible_points = np.zeros((0, 3))
+    while len(visible_points) < count:
         pixel = stream.random((count, 2)) * (view.model.width, view.model.height) - 0.5
         ray = view.model.unproject(pixel)
         local = ray.direction * stream.uniform(p.near, p.far, (count, 1))
         # A wide lens sees beyond 90 degrees, where a landmark has no depth.
-        found = np.concatenate([found, local[ray.valid & (local[:, 2] > p.near * _IN_FRONT)]])
-    return found[:count]
+        visible_points = np.concatenate(
+            [visible_points, local[ray.valid & (local[:, 2] > p.near * _IN_FRONT)]]
+        )
+    return visible_points[:count]
 
 
 def _count_seen(view: View, local: Array) -> int:
-    near = local[(local[:, 2] > view.parameters.min_depth)]
-    uv, valid = view.model.project(near)
+    in_front = local[(local[:, 2] > view.parameters.min_depth)]
+    uv, valid = view.model.project(in_front)
     return int(np.count_nonzero(valid & view.model.inside(uv)))
 
 
@@ -437,10 +443,10 @@ def _in_world(p: TargetParameters, corners: Array) -> Array:
     return moved
 
 
-def _target(p: TargetParameters, corners: Array, first: Array, size: Array) -> Scene:
+def _target(p: TargetParameters, corners: Array, board_corner: Array, size: Array) -> Scene:
     r_wt, p_wt = np.reshape(p.orientation, (3, 3)), np.asarray(p.position)
     landmarks = _in_world(p, corners)
     normals = np.broadcast_to(r_wt[:, 2], landmarks.shape)
-    board = (p_wt + r_wt[:, :2] @ first, size[0] * r_wt[:, 0], size[1] * r_wt[:, 1])
+    board = (p_wt + r_wt[:, :2] @ board_corner, size[0] * r_wt[:, 0], size[1] * r_wt[:, 1])
     where = surfaces([board], hides=True, texture=p.type)
     return Scene(landmarks, normals, np.zeros((0, 2, 3)), where, float(np.linalg.norm(size)))

@@ -62,11 +62,11 @@ def _of_pixels(
         check_surfaces(mounted.environment.rig.scene)
         encode = encoder(mounted, encoding)
 
-        def payloads(read: Samples, rows: Rows, _: object) -> "Results[bytes]":
+        def payloads(readings: Samples, rows: Rows, _: object) -> "Results[bytes]":
             def message(k: int, shown: Any) -> bytes:
-                return encode(int(read.t_ns[k]), shown)
+                return encode(int(readings.t_ns[k]), shown)
 
-            return getattr(read, value).begin(_numbers(read, rows), message)
+            return getattr(readings, value).begin(_numbers(readings, rows), message)
 
         return payloads
 
@@ -77,9 +77,9 @@ def _of_pixels(
     return Topic(name, kind, (), make, exists=there)
 
 
-def _numbers(read: Samples, rows: Rows) -> Iterable[int]:
+def _numbers(readings: Samples, rows: Rows) -> Iterable[int]:
     """Return the numbers of the rows of samples that are sent."""
-    return np.arange(len(read.t_ns))[rows].tolist()
+    return np.arange(len(readings.t_ns))[rows].tolist()
 
 
 def _pixels(mounted: Mounted, pixels: str, encoding: str) -> Encode:
@@ -103,12 +103,12 @@ def _compressed(mounted: Mounted, encoding: str) -> Encode:
 
 def _depth(mounted: Mounted, encoding: str) -> Encode:
     encode = _pixels(mounted, "32FC1", encoding)
-    return lambda t_ns, seen: encode(t_ns, seen[0])
+    return lambda t_ns, depth_and_mask: encode(t_ns, depth_and_mask[0])
 
 
 def _mask(mounted: Mounted, encoding: str) -> Encode:
     encode = _pixels(mounted, "mono8", encoding)
-    return lambda t_ns, seen: encode(t_ns, seen[1])
+    return lambda t_ns, depth_and_mask: encode(t_ns, depth_and_mask[1])
 
 
 def _flow(mounted: Mounted, encoding: str) -> Encode:
@@ -119,7 +119,9 @@ def _info(mounted: Mounted, encoding: str) -> Payloads:
     from imu_sim_ros.bags.messages.encode_cameras import CameraInfoEncoder
 
     messages = CameraInfoEncoder(mounted.frame, info_of_camera(mounted.own), encoding)
-    return lambda read, rows, _: [messages.encode(t_ns) for t_ns in read.t_ns[rows].tolist()]
+    return lambda readings, rows, _: [
+        messages.encode(t_ns) for t_ns in readings.t_ns[rows].tolist()
+    ]
 
 
 def info_of_camera(camera: CameraParameters) -> "CameraInfo":
@@ -138,8 +140,8 @@ def info_of_camera(camera: CameraParameters) -> "CameraInfo":
         d = (*d, *[0.0] * (5 - len(d)))
     if camera.model != "pinhole":
         kind = camera.model
-        own = (camera.xi,) if camera.model == "unified" else (camera.xi, camera.alpha)
-        d = (*own, *camera.distortion)
+        intrinsics = (camera.xi,) if camera.model == "unified" else (camera.xi, camera.alpha)
+        d = (*intrinsics, *camera.distortion)
     return CameraInfo(camera.height, camera.width, kind, d, k, np.eye(3), p)
 
 
@@ -177,7 +179,7 @@ SENSOR = Sensor(
 
 def cameras_in(sensors: Mapping[str, Mounted]) -> dict[str, Mounted]:
     """Return the cameras among sensors."""
-    return {name: one for name, one in sensors.items() if one.sensor is SENSOR}
+    return {name: camera for name, camera in sensors.items() if camera.sensor is SENSOR}
 
 
 def seeing(rig: RigParameters, parameters: Any) -> dict[str, Mounted]:
@@ -185,14 +187,14 @@ def seeing(rig: RigParameters, parameters: Any) -> dict[str, Mounted]:
 
     :param parameters: of the simulation.
     """
-    found = {
-        name: Mounted(name, SENSOR, own, parameters, rig.frame(name), f"{name}/")
-        for name, own in rig.camera_parameters().items()
+    cameras = {
+        name: Mounted(name, SENSOR, camera_parameters, parameters, rig.frame(name), f"{name}/")
+        for name, camera_parameters in rig.camera_parameters().items()
     }
-    if not found:
+    if not cameras:
         return {}
     tracked = [FEATURES] if rig.features.layout != "none" else []
     for sensor in (*tracked, LANDMARKS, *map(moving_body, body_names(rig.scene))):
         frame = parameters.body_frame
-        found[sensor.quantity] = Mounted(sensor.name, sensor, rig, parameters, frame)
-    return found
+        cameras[sensor.quantity] = Mounted(sensor.name, sensor, rig, parameters, frame)
+    return cameras

@@ -1,7 +1,7 @@
 # Copyright 2026 imu_sim_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""What is tracked in the frames of all cameras, as VINS-Mono and VINS-Fusion take it."""
+"""Tracked features in the frames of all cameras, in the messages of VINS-Mono and VINS-Fusion."""
 
 from collections.abc import Iterator, Mapping
 from functools import partial
@@ -66,14 +66,16 @@ class _Ids:
 
     def __init__(self, landmarks: int) -> None:
         self._count = np.zeros(landmarks, dtype=np.int64)
-        """How many tracks each landmark has had."""
+        """(landmarks,) number of tracks that each landmark has had."""
         self._last = np.empty(0, dtype=np.int64)
         """The features of the last message."""
 
     def next(self, features: list[_Observed]) -> list[Integers]:
         """Return the ids (n,) of what each camera sends in the next message."""
-        feature, at = np.unique(np.concatenate([seen.id for seen in features]), return_index=True)
-        landmark = np.concatenate([seen.landmark for seen in features])[at]
+        feature, rows = np.unique(
+            np.concatenate([observations.id for observations in features]), return_index=True
+        )
+        landmark = np.concatenate([observations.landmark for observations in features])[rows]
         # A new life of a landmark (track_lifetime) is a new feature.
         begun = ~np.isin(feature, self._last, assume_unique=True)
         self._count[landmark[begun]] += 1
@@ -84,9 +86,9 @@ class _Ids:
 
 def together(cameras: Mapping[str, CameraParameters]) -> list[str]:
     """Return the first camera and those with frames at the same times: of its rate and phase."""
-    times = {name: (one.rate, one.phase) for name, one in cameras.items()}
-    first = next(iter(times.values()))
-    return [name for name, own in times.items() if own == first]
+    times = {name: (camera.rate, camera.phase) for name, camera in cameras.items()}
+    reference = next(iter(times.values()))
+    return [name for name, timing in times.items() if timing == reference]
 
 
 class FeatureStream:
@@ -109,32 +111,34 @@ class FeatureStream:
 
     def next(self, count: int) -> list[FeatureMessage]:
         """Return the messages of the next ``count`` frames."""
-        found = [tracker.tracks(self.position, count) for tracker in self._trackers]
+        camera_tracks = [tracker.tracks(self.position, count) for tracker in self._trackers]
         self.position += count
-        return list(self._messages(found))
+        return list(self._messages(camera_tracks))
 
-    def _messages(self, found: list[Tracks]) -> Iterator[FeatureMessage]:
-        frames = found[0].frames
+    def _messages(self, camera_tracks: list[Tracks]) -> Iterator[FeatureMessage]:
+        frames = camera_tracks[0].frames
         normalised = [
-            _normalised(t, tracks) for t, tracks in zip(self._trackers, found, strict=True)
+            _normalised(t, tracks) for t, tracks in zip(self._trackers, camera_tracks, strict=True)
         ]
         for k in np.flatnonzero(frames.delivered).tolist():
             withheld = self._before[0] is None
             sending: list[tuple[int, _Observed, Array]] = []
             sent = None
-            for camera, (tracks, own) in enumerate(zip(found, normalised, strict=True)):
+            for camera, (tracks, coordinates) in enumerate(
+                zip(camera_tracks, normalised, strict=True)
+            ):
                 if not tracks.frames.delivered[k]:
                     continue
-                now = _frame(tracks, own, k)
-                speed, again = _speed(now, self._before[camera])
+                current = _frame(tracks, coordinates, k)
+                speed, again = _speed(current, self._before[camera])
                 if camera and self._layout == "fusion" and sent is not None:
                     # VINS-Fusion asserts that what its right camera sees the left one does.
-                    again &= np.isin(now.id, sent)
-                sent = now.id[again] if camera == 0 else sent
-                sending.append((camera, now.at(again), speed[again]))
-                self._before[camera] = now
+                    again &= np.isin(current.id, sent)
+                sent = current.id[again] if camera == 0 else sent
+                sending.append((camera, current.at(again), speed[again]))
+                self._before[camera] = current
             if not withheld:
-                ids = self._ids.next([seen for _, seen, _ in sending])
+                ids = self._ids.next([observations for _, observations, _ in sending])
                 true_t_ns = int(frames.true_t_ns[k])
                 rows = [
                     self._rows(*part, i, true_t_ns) for part, i in zip(sending, ids, strict=True)
@@ -142,18 +146,20 @@ class FeatureStream:
                 yield FeatureMessage(int(frames.number[k]), np.concatenate(rows))
 
     def _rows(
-        self, camera: int, seen: _Observed, speed: Array, ids: Integers, true_t_ns: int
+        self, camera: int, observations: _Observed, speed: Array, ids: Integers, true_t_ns: int
     ) -> Array:
         """Return points and channels (n, 3 + m)."""
-        points = np.column_stack([seen.normalised, np.ones(len(ids))])
-        body = [seen.body] * self._moving
+        points = np.column_stack([observations.normalised, np.ones(len(ids))])
+        body = [observations.body] * self._moving
         if self._layout == "mono":
             cameras = len(self._trackers)
             identity = (ids % (_EXACT_IDS // cameras)) * cameras + camera
-            return np.column_stack([points, identity, seen.uv, speed, *body])
-        truth = self._trackers[camera].positions(seen.landmark, true_t_ns)
+            return np.column_stack([points, identity, observations.uv, speed, *body])
+        truth = self._trackers[camera].positions(observations.landmark, true_t_ns)
         which = np.full(len(ids), float(camera))
-        return np.column_stack([points, ids % _EXACT_IDS, which, seen.uv, speed, truth, *body])
+        return np.column_stack(
+            [points, ids % _EXACT_IDS, which, observations.uv, speed, truth, *body]
+        )
 
 
 def _normalised(tracker: Tracker, tracks: Tracks) -> Array:
@@ -174,13 +180,15 @@ def _frame(tracks: Tracks, normalised: Array, k: int) -> _Observed:
     return _Observed(t_ns, *(column[rows] for column in columns))
 
 
-def _speed(now: _Observed, before: _Observed | None) -> tuple[Array, Mask]:
+def _speed(current: _Observed, previous: _Observed | None) -> tuple[Array, Mask]:
     """Return the normalised velocities (n, 2) [1/s], and which features were there before."""
-    if before is None or not len(before.id):
-        return np.zeros_like(now.normalised), np.zeros(len(now.id), dtype=bool)
-    at = np.searchsorted(before.id, now.id).clip(0, len(before.id) - 1)
-    again = before.id[at] == now.id
-    speed = (now.normalised - before.normalised[at]) / ((now.t_ns - before.t_ns) * 1e-9)
+    if previous is None or not len(previous.id):
+        return np.zeros_like(current.normalised), np.zeros(len(current.id), dtype=bool)
+    rows = np.searchsorted(previous.id, current.id).clip(0, len(previous.id) - 1)
+    again = previous.id[rows] == current.id
+    speed = (current.normalised - previous.normalised[rows]) / (
+        (current.t_ns - previous.t_ns) * 1e-9
+    )
     return speed, again
 
 
@@ -196,24 +204,24 @@ class Features(AtFrames):
 
         The first frame has no message, as from a tracker, which sends what it has seen twice.
         """
-        frames, *_ = [one.frames(window, world) for one in self.cameras]
-        first = 0
-        while len(frames.number) and not self.cameras[0].view.frames(first, 1).delivered[0]:
-            first += 1
-        kept = frames.delivered & (frames.number > first)
-        times = frames.true_t_ns[kept], frames.t_ns[kept], frames.release_t_ns[kept]
+        frames, *_ = [camera.frames(window, world) for camera in self.cameras]
+        first_frame = 0
+        while len(frames.number) and not self.cameras[0].view.frames(first_frame, 1).delivered[0]:
+            first_frame += 1
+        sent = frames.delivered & (frames.number > first_frame)
+        times = frames.true_t_ns[sent], frames.t_ns[sent], frames.release_t_ns[sent]
         rows = partial(self._rows, frames.number)
-        return Samples(*times, np.arange(int(kept.sum())), Deferred(rows=rows))
+        return Samples(*times, np.arange(int(sent.sum())), Deferred(rows=rows))
 
     def _rows(self, numbers: Integers) -> list[Array]:
         """Return points and channels (n, 3 + m) of the messages of consecutive frames."""
         if not len(numbers):
             return []
-        first, count = int(numbers[0]), len(numbers)
-        if self._stream is None or self._stream.position > first:
-            trackers = [one.tracker for one in self.cameras]
+        first_number, count = int(numbers[0]), len(numbers)
+        if self._stream is None or self._stream.position > first_number:
+            trackers = [camera.tracker for camera in self.cameras]
             self._stream = FeatureStream(trackers, self.mounted.own.features.layout)
-        self._stream.next(first - self._stream.position)
+        self._stream.next(first_number - self._stream.position)
         return [message.values for message in self._stream.next(count)]
 
 
@@ -224,10 +232,10 @@ def _clouds(mounted: Mounted, encoding: str) -> Payloads:
     channels = (*CHANNELS[rig.features.layout], *[BODY_CHANNEL] * bool(body_names(rig.scene)))
     encoder = PointCloudEncoder(mounted.environment.world_frame, channels, encoding)
 
-    def payloads(read: Samples, rows: Rows, _: object) -> list[bytes]:
-        chosen = np.arange(len(read.t_ns))[rows].tolist()
-        values = [(int(read.t_ns[k]), read.rows[k]) for k in chosen]
-        return [encoder.encode(t_ns, each[:, :3], each[:, 3:]) for t_ns, each in values]
+    def payloads(readings: Samples, rows: Rows, _: object) -> list[bytes]:
+        chosen = np.arange(len(readings.t_ns))[rows].tolist()
+        values = [(int(readings.t_ns[k]), readings.rows[k]) for k in chosen]
+        return [encoder.encode(t_ns, points[:, :3], points[:, 3:]) for t_ns, points in values]
 
     return payloads
 

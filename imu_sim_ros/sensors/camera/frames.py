@@ -55,8 +55,8 @@ class Camera(FixedModel):
 
     def frames(self, window: Window, world: World) -> Frames:
         """Return times and numbers of the frames in a window."""
-        first, end = self.times.index(window.begin), self.times.index(window.end)
-        return self.within(world).view.frames(first, end - first)
+        begin, end = self.times.index(window.begin), self.times.index(window.end)
+        return self.within(world).view.frames(begin, end - begin)
 
     def within(self, world: World) -> "Camera":
         """Put it in a world."""
@@ -65,26 +65,26 @@ class Camera(FixedModel):
 
     def samples(self, frames: Frames) -> Samples:
         """Return frames with all that they show."""
-        first, count = int(frames.number[0]) if len(frames.number) else 0, len(frames.number)
+        first_number, count = int(frames.number[0]) if len(frames.number) else 0, len(frames.number)
         p, moving = self.view.parameters, bool(body_names(self.mounted.environment.rig.scene))
 
-        def each(name: str, kept: bool = False) -> Callable[[], Each[Any]]:
+        def each(name: str, keep: bool = False) -> Callable[[], Each[Any]]:
             def made() -> Each[Any]:
                 make, threads = getattr(self.imager, name), self.world.threads
-                return Each(make, frames.number.tolist(), threads, kept)
+                return Each(make, frames.number.tolist(), threads, keep)
 
             return made
 
         values = Deferred(
-            tracks=lambda: self.tracker.tracks(first, count),
-            lines=lambda: self.tracker.lines(first, count),
-            image=each("image", kept=p.images == "both"),
-            depth_and_mask=each("depth_and_mask", kept=moving),
+            tracks=lambda: self.tracker.tracks(first_number, count),
+            lines=lambda: self.tracker.lines(first_number, count),
+            image=each("image", keep=p.images == "both"),
+            depth_and_mask=each("depth_and_mask", keep=moving),
             flow=each("flow"),
             exposure=each("exposure"),
         )
         times = frames.true_t_ns, frames.t_ns, frames.release_t_ns
-        return Samples(*times, np.flatnonzero(frames.delivered), values, first)
+        return Samples(*times, np.flatnonzero(frames.delivered), values, first_number)
 
     @property
     def world(self) -> World:
@@ -94,17 +94,17 @@ class Camera(FixedModel):
 
     @cached_property
     def view(self) -> View:
-        """When it takes frames, and where it is then."""
+        """Frame times of the camera and its poses at them."""
         return view_of(self.mounted, self.world)
 
     @cached_property
     def tracker(self) -> Tracker:
-        """Which landmarks it sees."""
+        """Tracker of the landmarks in the camera's frames."""
         return Tracker(self.view, self.world.scene, self.world.trajectory)
 
     @cached_property
     def imager(self) -> "Imager":
-        """Its images.
+        """Renderer of the camera's images.
 
         :raises ConfigurationError: for a scene without surfaces.
         :raises MissingDependencyError: if OpenCV or numba is not installed.
@@ -165,8 +165,8 @@ def _meets_surfaces(view: View, world: World, t: Array) -> Mask:
         poses.position.repeat(count, axis=0),
         rotation.rotate(poses.q_wc[:, None], direction).reshape(-1, 3),
     )
-    met: Mask = traced.surface.reshape(len(t), count) >= 0
-    rows: Mask = np.any(met, axis=1)
+    hits: Mask = traced.surface.reshape(len(t), count) >= 0
+    rows: Mask = np.any(hits, axis=1)
     return rows
 
 

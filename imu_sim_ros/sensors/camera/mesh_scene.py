@@ -61,16 +61,16 @@ def _seen_from(mesh: Mesh, caster: MeshCaster, path: Array, p: MeshParameters) -
     """Return landmarks, evenly spread over what some places of the path see; none: nothing."""
     stream = generator(p.seed, "scene.landmarks")
     eyes = path[np.linspace(0, len(path) - 1, _EYES).astype(np.int64)]
-    found: list[Array] = []
+    landmarks: list[Array] = []
     sums = np.cumsum(areas(mesh))
     for _ in range(_ROUNDS):
         points = scattered(mesh, sums, p.landmarks, stream)
-        seen = np.zeros(len(points), np.bool_)
+        visible = np.zeros(len(points), np.bool_)
         for eye in eyes:
-            rest = np.flatnonzero(~seen)
-            here = np.broadcast_to(eye, (len(rest), 3))
-            seen[rest] = ~caster.hidden(here, points[rest])
-        found.append(points[seen])
-        if sum(map(len, found)) >= p.landmarks:
+            rest = np.flatnonzero(~visible)
+            origins = np.broadcast_to(eye, (len(rest), 3))
+            visible[rest] = ~caster.hidden(origins, points[rest])
+        landmarks.append(points[visible])
+        if sum(map(len, landmarks)) >= p.landmarks:
             break
-    return np.concatenate(found)[: p.landmarks]
+    return np.concatenate(landmarks)[: p.landmarks]

@@ -132,7 +132,7 @@ def undistort_radtan(d: Array, k: Sequence[float], inverse: RadialInverse) -> Ar
 
 
 class Sphere(NamedTuple):
-    """Which model: the unified one has alpha None."""
+    """Unified (alpha None) or extended unified camera model."""
 
     xi: float = 0.0
     alpha: float | None = None
@@ -140,9 +140,9 @@ class Sphere(NamedTuple):
     def project(self, p: Array) -> tuple[Array, Mask]:
         """Return the plane's coordinates (n, 2) of points (n, 3), and which have some."""
         denominator = self._denominator(p)
-        seen = self._in_front(p) & (denominator > 0.0)
-        safe = np.where(seen, denominator, 1.0)
-        return p[:, :2] / safe[:, None], seen
+        valid = self._in_front(p) & (denominator > 0.0)
+        safe = np.where(valid, denominator, 1.0)
+        return p[:, :2] / safe[:, None], valid
 
     def project_by_point(self, p: Array) -> Array:
         """Return the derivative (n, 2, 3) of :meth:`project` by points (n, 3)."""

@@ -28,7 +28,7 @@ from imu_sim_ros.timebase import LOWEST_RATE
 from imu_sim_ros.types import Array
 
 COUNTS: Final[dict[str, tuple[int, ...]]] = {"none": (0,), "radtan": (4, 5), "equidistant": (4,)}
-"""How many coefficients each distortion model takes: k1 k2 p1 p2 (k3), k1 k2 k3 k4."""
+"""Numbers of coefficients that each distortion model takes: k1 k2 p1 p2 (k3), k1 k2 k3 k4."""
 
 
 def radial_coefficients(model: str, distortion: Sequence[float]) -> tuple[float, ...]:
@@ -46,14 +46,14 @@ def fold(model: str, distortion: Sequence[float]) -> tuple[float, float]:
     :returns: both infinite if it never folds; for the equidistant model at most pi.
     """
     k = radial_coefficients(model, distortion)
-    last = math.pi if model == "equidistant" else math.inf
+    limit = math.pi if model == "equidistant" else math.inf
     slope = [1.0] + [(2 * j + 3) * value for j, value in enumerate(k)]
     roots = np.roots(slope[::-1]) if any(k) else np.zeros(0)
     real = roots[(np.abs(roots.imag) < 1e-9 * np.abs(roots)) & (roots.real > 0.0)].real
-    at = min(last, math.sqrt(float(real.min()))) if len(real) else last
-    if math.isinf(at):
-        return at, at
-    return at, float(distorted_radius(np.array([at]), k)[0])
+    radius = min(limit, math.sqrt(float(real.min()))) if len(real) else limit
+    if math.isinf(radius):
+        return radius, radius
+    return radius, float(distorted_radius(np.array([radius]), k)[0])
 
 
 def distorted_radius(r: Array, k: Sequence[float]) -> Array:
@@ -74,7 +74,7 @@ RESPONSES = ("srgb", "linear")
 
 @dataclass(frozen=True)
 class ImageParameters:
-    """How an image comes about; grey values are 0 to 255."""
+    """Photometry, noise and encoding of images; grey values are 0 to 255."""
 
     images: str = choice(
         "raw",
@@ -217,7 +217,7 @@ FARTHEST = 1e6
 
 @dataclass(frozen=True)
 class CameraModelParameters:
-    """How a direction becomes a pixel. The centre of the first pixel is at (0, 0)."""
+    """Projection and distortion model. The centre of the first pixel is at (0, 0)."""
 
     preset: str = text("vio_data_simulation", "file in config/cameras, or a path, to start from")
     model: str = choice(
@@ -248,9 +248,9 @@ class CameraModelParameters:
         yield from self._intrinsics_problems(prefix)
         counts = COUNTS[self.distortion_model]
         if len(self.distortion) not in counts:
-            wanted = " or ".join(map(str, counts))
+            allowed = " or ".join(map(str, counts))
             yield (
-                f"{prefix}distortion = {list(self.distortion)}: must have {wanted} entries for "
+                f"{prefix}distortion = {list(self.distortion)}: must have {allowed} entries for "
                 f"{prefix}distortion_model {self.distortion_model}"
             )
             return
@@ -279,7 +279,7 @@ class CameraModelParameters:
                 )
 
     def _fold_problems(self, prefix: str) -> Iterator[str]:
-        at, image = fold(self.distortion_model, self.distortion)
+        radius, image = fold(self.distortion_model, self.distortion)
         fx, fy, cx, cy = self.intrinsics
         x = max(cx + 0.5, self.width - 0.5 - cx) / fx
         y = max(cy + 0.5, self.height - 0.5 - cy) / fy
@@ -287,7 +287,7 @@ class CameraModelParameters:
         if image < corner:
             what = "angle" if self.distortion_model == "equidistant" else "normalised radius"
             yield (
-                f"{prefix}distortion = {list(self.distortion)}: folds at a {what} of {at:.4g}, "
+                f"{prefix}distortion = {list(self.distortion)}: folds at a {what} of {radius:.4g}, "
                 f"{image * fx:.1f} px from the centre, inside the image, whose farthest corner is "
                 f"at {corner * fx:.1f} px"
             )
@@ -295,7 +295,7 @@ class CameraModelParameters:
 
 @dataclass(frozen=True)
 class CameraMountParameters:
-    """Where the camera is on the body. Its axes: x to the right, y down, z along the view."""
+    """Pose of the camera on the body. Camera axes: x to the right, y down, z along the view."""
 
     lever_arm: Vector = vector(0.0, "position of the camera in the body frame, p_bc", unit="m")
     mounting: Matrix = matrix(IDENTITY_MATRIX, "rotation R_bc of the camera in the body")
@@ -330,7 +330,7 @@ class CameraMountParameters:
 
 @dataclass(frozen=True)
 class CameraTimingParameters:
-    """When frames are taken, and what their stamps say."""
+    """Frame times, exposure, and errors of the stamps."""
 
     rate: float = number(20.0, "frames per second", unit="Hz", minimum=LOWEST_RATE, maximum=1000.0)
     trigger: str = choice(
@@ -440,7 +440,7 @@ class TrackParameters:
 _IN_MEMORY: Final = 1 << 23
 """[bytes] of the images of one camera that are read at once."""
 _MOST_FRAMES: Final = 64
-"""That are read at once."""
+"""Largest number of frames that are read at once."""
 
 
 @dataclass(frozen=True)
@@ -455,7 +455,7 @@ class CameraParameters(
 
     @property
     def longest_window(self) -> float:
-        """How much is read at once [s]: the images of that time are in memory, about 8 MB."""
+        """Longest time that is read at once [s]: its images take about 8 MB of memory."""
         size = self.width * self.height * (3 if self.encoding == "rgb8" else 1)
         return min(max(_IN_MEMORY // size, 1), _MOST_FRAMES) / self.rate
 

@@ -39,7 +39,7 @@ _TAKEN: Final = ("camera", "imus", "imu", "trajectory", "publish", "inject")
 
 @dataclass(frozen=True)
 class OneCameraParameters:
-    """What a camera has of its own."""
+    """Parameters of a single camera of the rig."""
 
     camera: CameraParameters = section(CameraParameters)
 
@@ -75,9 +75,10 @@ class RigParameters:
 
     @property
     def longest_window(self) -> float:
-        """How much is read at once [s]."""
+        """Longest time that is read at once [s]."""
         return min(
-            (one.longest_window for one in self.camera_parameters().values()), default=math.inf
+            (camera.longest_window for camera in self.camera_parameters().values()),
+            default=math.inf,
         )
 
     def frame(self, name: str) -> str:
@@ -93,34 +94,39 @@ class RigParameters:
         return {name: self.camera(name) for name in self.cameras}
 
 
-def axes(given: Mapping[str, object], recorded: bool) -> dict[str, object]:
+def axes(parameters: Mapping[str, object], recorded: bool) -> dict[str, object]:
     """Return ``NAME.camera.body_axes`` of the cameras for which the trajectory decides them.
 
-    :param given: what was told, above any preset, with ``cameras`` and ``camera.*``.
+    :param parameters: explicit parameters, without any preset, with ``cameras`` and ``camera.*``.
     :param recorded: the trajectory is recorded poses: the body has the axes of their recording.
     """
     result: dict[str, object] = {}
-    for name in listed_names("cameras", given):
-        told = {key: given.get(f"{name}.camera.{key}", given.get(f"camera.{key}")) for key in _AXES}
-        if told["body_axes"] in (None, "trajectory"):
-            own = recorded or told["mounting"] is not None
-            result[f"{name}.camera.body_axes"] = "preset" if own else "flu"
+    for name in listed_names("cameras", parameters):
+        settings = {
+            key: parameters.get(f"{name}.camera.{key}", parameters.get(f"camera.{key}"))
+            for key in _AXES
+        }
+        if settings["body_axes"] in (None, "trajectory"):
+            has_mount = recorded or settings["mounting"] is not None
+            result[f"{name}.camera.body_axes"] = "preset" if has_mount else "flu"
     return result
 
 
-def layer_rig(given: Mapping[str, object], problems: Problems) -> dict[str, object]:
-    """Return what was given above the presets of cameras and the scene's file.
+def layer_rig(parameters: Mapping[str, object], problems: Problems) -> dict[str, object]:
+    """Return parameters layered on the presets of cameras and the scene's file.
 
     A camera takes ``camera.*`` from those of all, if it has none of its own.
 
     :param problems: receives a line for each preset that cannot be read.
     """
-    names = listed_names("cameras", given)
-    of_all = {key: value for key, value in given.items() if key.startswith("camera.")}
-    result = {key: value for key, value in given.items() if not (names and key in of_all)}
+    names = listed_names("cameras", parameters)
+    of_all = {key: value for key, value in parameters.items() if key.startswith("camera.")}
+    result = {key: value for key, value in parameters.items() if not (names and key in of_all)}
     for name in names:
-        own = {k.removeprefix(f"{name}."): v for k, v in given.items() if k.startswith(f"{name}.")}
-        merged: dict[str, object] = {"camera.preset": DEFAULT_CAMERA, **of_all, **own}
+        camera_settings = {
+            k.removeprefix(f"{name}."): v for k, v in parameters.items() if k.startswith(f"{name}.")
+        }
+        merged: dict[str, object] = {"camera.preset": DEFAULT_CAMERA, **of_all, **camera_settings}
         with problems.gathered():
             preset = files.load(files.find("cameras", str(merged["camera.preset"])))
             merged = {**preset, **merged}
@@ -132,20 +138,20 @@ def layer_rig(given: Mapping[str, object], problems: Problems) -> dict[str, obje
     return result
 
 
-def of_rig(given: Mapping[str, object]) -> dict[str, object]:
+def of_rig(parameters: Mapping[str, object]) -> dict[str, object]:
     """Return the parameters that are about cameras and scene."""
-    own = (f"{name}.camera." for name in listed_names("cameras", given))
-    prefixes = ("camera.", "scene.", "features.", *own)
-    return {k: v for k, v in given.items() if k == "cameras" or k.startswith(prefixes)}
+    camera_prefixes = (f"{name}.camera." for name in listed_names("cameras", parameters))
+    prefixes = ("camera.", "scene.", "features.", *camera_prefixes)
+    return {k: v for k, v in parameters.items() if k == "cameras" or k.startswith(prefixes)}
 
 
-def load_rig(given: Mapping[str, object]) -> RigParameters:
+def load_rig(parameters: Mapping[str, object]) -> RigParameters:
     """Return the cameras and the scene that parameters describe.
 
-    :param given: ``cameras``, ``camera.*``, ``scene.*`` and ``NAME.camera.*`` by dotted name.
+    :param parameters: ``cameras``, ``camera.*``, ``scene.*`` and ``NAME.camera.*`` by dotted name.
     :raises ConfigurationError: with a line for each problem.
     """
-    return files.build_layered(RigParameters, layer_rig, given)
+    return files.build_layered(RigParameters, layer_rig, parameters)
 
 
 def rig_problems(rig: RigParameters, simulation: EnvironmentParameters) -> Iterator[str]:
@@ -153,10 +159,10 @@ def rig_problems(rig: RigParameters, simulation: EnvironmentParameters) -> Itera
     of_values: dict[CameraParameters, str] = {}
     for name, camera in rig.camera_parameters().items():
         # The file that a camera came from, and the frame of its messages, make no other camera.
-        first = of_values.setdefault(dataclasses.replace(camera, preset="", frame=""), name)
-        if first != name:
+        twin = of_values.setdefault(dataclasses.replace(camera, preset="", frame=""), name)
+        if twin != name:
             yield (
-                f"{name}.camera: is {first} again, with the same lens and mount; give it "
+                f"{name}.camera: is {twin} again, with the same lens and mount; give it "
                 f"another {name}.camera.preset or {name}.camera.lever_arm"
             )
     for name, camera in rig.camera_parameters().items():

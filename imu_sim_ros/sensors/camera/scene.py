@@ -1,7 +1,7 @@
 # Copyright 2026 imu_sim_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""What cameras see: landmarks on surfaces; landmarks from a file (CSV, PLY)."""
+"""Scenes that cameras see: landmarks on surfaces; landmarks from a file (CSV, PLY)."""
 
 from pathlib import Path
 from typing import Final, NamedTuple
@@ -32,15 +32,15 @@ class Scene(NamedTuple):
     extent: float
     """Largest distance of anything from anything else, about [m]."""
     painter: Painter | None = None
-    """What the surfaces of a place look like; None: their kind decides."""
+    """Painter of a place's surfaces; None: the texture follows from their kind."""
     mesh: Mesh | None = None
     """Triangles instead of rectangles, in the world."""
     caster: MeshCaster | None = None
-    """Of the mesh."""
+    """Ray caster of the mesh."""
     crowd: Crowd | None = None
-    """What moves; None: nothing."""
+    """Moving bodies; None: nothing moves."""
     note: str = ""
-    """How it was fitted to the path, in words; empty: it has the size that was told."""
+    """Description of how the scene was fitted to the path; empty: its size is as configured."""
 
     def hidden(self, eye: Array, points: Array) -> Mask:
         """Tell which landmarks (n, 3) are behind something, each seen from its eye (n, 3)."""
@@ -185,9 +185,9 @@ def _ply_header(path: Path, lines: list[str]) -> tuple[str, int, list[str], list
                 types.append(_PLY_TYPES.get(kind, ""))
             case ["property", "list", *_] if element == "vertex":
                 raise InputError(f"{path}: a vertex with a list property is not supported")
-    known = form in ("ascii", "binary_little_endian", "binary_big_endian")
+    supported = form in ("ascii", "binary_little_endian", "binary_big_endian")
     if (
-        not known
+        not supported
         or not {"x", "y", "z"} <= set(names)
         or "" in types
         or not 0 <= count <= _MAX_LANDMARKS

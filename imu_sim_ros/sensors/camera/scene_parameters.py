@@ -35,7 +35,7 @@ LOOKS = ("auto", "unlit", "sun")
 
 @dataclass(frozen=True)
 class SceneParameters:
-    """What every scene has."""
+    """Parameters common to all scenes."""
 
     type: str = text("auto", TYPE_TEXT)
     seed: int = integer(0, "seed of places and textures", minimum=0, maximum=2**63 - 1)
@@ -43,7 +43,7 @@ class SceneParameters:
 
 @dataclass(frozen=True)
 class PathSceneParameters(SceneParameters):
-    """What scenes along the path share; they do not depend on the duration of the simulation."""
+    """Parameters of scenes along the path, which do not depend on the simulation's duration."""
 
     horizon: float = number(
         60.0,
@@ -163,7 +163,7 @@ class PlanesParameters(SceneParameters):
 
 @dataclass(frozen=True)
 class TargetParameters(SceneParameters):
-    """What calibration targets share: the target's x to the right and y up, seen from its +z."""
+    """Pose of a calibration target: x to the right and y up, seen from its +z."""
 
     position: Vector = vector(ZERO_VECTOR, "position of the target's origin in the world", unit="m")
     orientation: Matrix = matrix(
@@ -273,7 +273,7 @@ class MeshParameters(PathSceneParameters):
 
 @dataclass(frozen=True)
 class BodiesParameters:
-    """What moves in a place, on courses of its own that keep off things and cameras."""
+    """Numbers and speed of moving bodies, whose courses keep off things and cameras."""
 
     people: int = integer(0, "people who walk, stop and turn", minimum=0, maximum=50)
     carts: int = integer(0, "carts that drive themselves", minimum=0, maximum=50)
@@ -297,7 +297,7 @@ class BodiesParameters:
 
 @dataclass(frozen=True)
 class PlaceParameters(PathSceneParameters):
-    """What all places have: materials, light, and things that leave the path free."""
+    """Parameters common to all places: materials, light, and things that leave the path free."""
 
     size: Vector = vector(
         ZERO_VECTOR,
@@ -428,7 +428,7 @@ def check_surfaces(scene: SceneParameters) -> None:
 
 def known_scenes() -> list[str]:
     """Return all kinds of scenes, and the names of the others in config/scenes."""
-    return [*TYPES, *(each for each in names("scenes") if each not in TYPES)]
+    return [*TYPES, *(name for name in names("scenes") if name not in TYPES)]
 
 
 def find_scene(name: str) -> type[SceneParameters]:

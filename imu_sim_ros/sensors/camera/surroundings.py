@@ -81,10 +81,10 @@ def _blind_lines(in_sight: Mask, t: Array, mounted: Mounted) -> Iterator[str]:
     """
     if in_sight.all():
         return
-    scene, first = mounted.environment.rig.scene, t[int(np.argmin(in_sight))]
+    scene, first_time = mounted.environment.rig.scene, t[int(np.argmin(in_sight))]
     if in_sight.any():
         share = 1.0 - float(in_sight.mean())
-        yield f"nothing in sight for {share:.0%} of the time, first at {first:.2f} s"
+        yield f"nothing in sight for {share:.0%} of the time, first at {first_time:.2f} s"
     elif has_surfaces(scene):
         yield f"nothing in sight: nothing of scene.type = {scene.type!r} is in its field of view"
     else:
@@ -106,23 +106,23 @@ def _through(path: _Path, tracer: RayTracer) -> Iterator[str]:
     traced = tracer.trace(path.t[rows], path.position[rows], step[rows] / length[rows, None])
     rows = rows[traced.distance < length[rows]]
     if len(rows):
-        first, more = int(rows[0]), len(rows) - 1
-        times = f", and {more} more times" if more else ""
+        row, repeats = int(rows[0]), len(rows) - 1
+        times = f", and {repeats} more times" if repeats else ""
         yield (
-            f"the path goes through the {path.name} at {path.t[first]:.2f} s, "
-            f"{_shown(path.position[first])} m{times}"
+            f"the path goes through the {path.name} at {path.t[row]:.2f} s, "
+            f"{_shown(path.position[row])} m{times}"
         )
 
 
 def _outside(path: _Path) -> Iterator[str]:
     """Yield a line for a path that is in the scene's box and leaves it."""
     low, high = path.scene.box()
-    outside = ((path.position < low) | (path.position > high)).any(axis=1)
-    if outside.any() and not outside.all():
-        first = int(np.argmax(outside))
+    is_outside = ((path.position < low) | (path.position > high)).any(axis=1)
+    if is_outside.any() and not is_outside.all():
+        row = int(np.argmax(is_outside))
         yield (
-            f"the path is outside of the {path.name} for {outside.mean():.0%} of the time, first "
-            f"at {path.t[first]:.2f} s, {_shown(path.position[first])} m; {_boxes(path)}"
+            f"the path is outside of the {path.name} for {is_outside.mean():.0%} of the time, "
+            f"first at {path.t[row]:.2f} s, {_shown(path.position[row])} m; {_boxes(path)}"
         )
 
 

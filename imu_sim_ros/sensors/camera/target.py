@@ -25,15 +25,15 @@ BITS: Final = 4.0
 _TAG: Final = 10
 """Bits along the edge of a tag: six of data, two of border on either side."""
 _MARGIN: Final = 1.03
-"""By how much a fitted board and motion exceed these limits."""
+"""Factor by which a fitted board and motion exceed these limits."""
 HORIZON: Final = 60.0
-"""How much of a motion is looked at [s]."""
+"""Length of a motion that is evaluated [s]."""
 _LOOKS: Final = 300
 """Moments of it that are looked at."""
 _BODY: Final = (0.0, 0.0, 1.0)
-"""Where the body of config/trajectories/target.yaml is on average [m]."""
+"""Mean position of the body of config/trajectories/target.yaml [m]."""
 _DISTANCE: Final = 1.35
-"""From there to the board along x [m]; the tags' size follows from the lens, not the distance."""
+"""Distance from the body to the board along x [m]; the tags' size follows from the lens only."""
 _ALONG: Final = 0.9
 """Least cosine of the angle between a view and the body's x axis for which a board is fitted."""
 TURNS: Final = {"yaw": 0, "pitch": 1}
@@ -52,7 +52,7 @@ bends their edges, which detectors take for straight."""
 
 
 class Sight(NamedTuple):
-    """How a camera sees the tags over a flight."""
+    """Size, number and coverage of the tags in a camera's view over a flight."""
 
     coverage: tuple[float, float]
     """Shares of the image's width and height between the outermost corners in view."""
@@ -70,14 +70,14 @@ def sight(view: View, trajectory: Trajectory, corners: Array) -> Sight:
     t = np.linspace(0.0, min(trajectory.duration, HORIZON), _LOOKS)
     poses = view.poses(trajectory, t)
     local = rotation.rotate_inverse(poses.q_wc[:, None], corners - poses.position[:, None])
-    uv, seen = view.model.project(local.reshape(-1, 3))
-    seen &= view.model.inside(uv)
-    tags = seen.reshape(_LOOKS, -1, 4).all(axis=2)
+    uv, visible = view.model.project(local.reshape(-1, 3))
+    visible &= view.model.inside(uv)
+    tags = visible.reshape(_LOOKS, -1, 4).all(axis=2)
     if not tags.any():
         return Sight((0.0, 0.0), 0.0, 0)
-    width, height = np.ptp(uv[seen], axis=0) / (view.model.width, view.model.height)
-    around = uv.reshape(*tags.shape, 4, 2)[tags]
-    edges = np.linalg.norm(np.roll(around, -1, axis=1) - around, axis=2)
+    width, height = np.ptp(uv[visible], axis=0) / (view.model.width, view.model.height)
+    tag_corners = uv.reshape(*tags.shape, 4, 2)[tags]
+    edges = np.linalg.norm(np.roll(tag_corners, -1, axis=1) - tag_corners, axis=2)
     return Sight((float(width), float(height)), float(edges.min()) / _TAG, int(tags.sum(1).min()))
 
 
@@ -104,20 +104,20 @@ def suiting(
     views: Sequence[View],
     motion: TrajectoryParameters,
     scene: SceneParameters,
-    told: Collection[str],
+    fixed: Collection[str],
     turns: Collection[str],
 ) -> dict[str, object]:
     """Return the parameters of the board and the motion that suit lenses, by dotted name.
 
     Nothing for views in other directions than the body's x axis.
 
-    :param motion: that of config/trajectories/target.yaml, with what was told.
-    :param told: names of the board's parameters that stay as they are in the scene.
+    :param motion: that of config/trajectories/target.yaml, with explicit parameters applied.
+    :param fixed: names of the board's parameters that stay as they are in the scene.
     :param turns: the angles of the motion that may grow.
     """
-    own = {name: getattr(scene, name) for name in _BOARD if name in told}
+    board_settings = {name: getattr(scene, name) for name in _BOARD if name in fixed}
     best, values = -1.0, dict[str, object]()
-    for board in _boards(views, motion, own):
+    for board in _boards(views, motion, board_settings):
         turned, score = _turned(board, views, motion, turns)
         if score > best:
             best, values = score, _values(board, turned, turns)
@@ -127,11 +127,11 @@ def suiting(
 
 
 def _boards(
-    views: Sequence[View], motion: TrajectoryParameters, own: Mapping[str, Any]
+    views: Sequence[View], motion: TrajectoryParameters, settings: Mapping[str, Any]
 ) -> Iterator[AprilgridParameters]:
     """Yield boards upright and square to the body's x axis, most and smallest tags first.
 
-    :param own: their parameters that are given.
+    :param settings: their parameters that are given.
     """
     centers = []
     for view in views:
@@ -144,16 +144,19 @@ def _boards(
     r_wt = np.array([[0.0, 0.0, -side], [-side, 0.0, 0.0], [0.0, 1.0, 0.0]])
 
     def board(tags: int, size: float) -> AprilgridParameters:
-        values = {"columns": tags, "rows": tags, "tag_size": size, **own}
-        there = AprilgridParameters(**values)
-        pitch = there.tag_size * (1.0 + there.tag_spacing)
-        extent = np.array([there.columns, there.rows]) * pitch - there.tag_size * there.tag_spacing
+        values = {"columns": tags, "rows": tags, "tag_size": size, **settings}
+        candidate = AprilgridParameters(**values)
+        pitch = candidate.tag_size * (1.0 + candidate.tag_spacing)
+        extent = (
+            np.array([candidate.columns, candidate.rows]) * pitch
+            - candidate.tag_size * candidate.tag_spacing
+        )
         corner = np.round(center - 0.5 * r_wt[:, :2] @ extent, 4)
         pose = {"position": tuple(corner.tolist()), "orientation": tuple(r_wt.ravel().tolist())}
         return AprilgridParameters(**{**pose, **values})
 
     sizes = _GROWTH
-    if "tag_size" not in own:
+    if "tag_size" not in settings:
         trajectory = build_trajectory(motion)
         bits = min(sight(v, trajectory, aprilgrid_corners(board(1, _TINY)))[1] for v in views)
         if bits == 0.0:
@@ -178,14 +181,14 @@ def _turned(
     for _ in range(_TURN_STEPS):
         trajectory = build_trajectory(motion)
         sights = [sight(view, trajectory, corners) for view in views]
-        bits = min(one.bits for one in sights) / BITS
-        cover = np.min([one.coverage for one in sights], axis=0) / COVERAGE
+        bits = min(sighting.bits for sighting in sights) / BITS
+        cover = np.min([sighting.coverage for sighting in sights], axis=0) / COVERAGE
         score = min(bits, float(cover.min()))
         short = [angle for angle in turns if cover[TURNS[angle]] < _MARGIN]
         if not short or bits < _MARGIN:
             break
-        more: dict[str, Any] = {angle: _more(getattr(motion, angle)) for angle in short}
-        motion = dataclasses.replace(motion, **more)
+        changes: dict[str, Any] = {angle: _more(getattr(motion, angle)) for angle in short}
+        motion = dataclasses.replace(motion, **changes)
     return motion, score
 
 

@@ -98,18 +98,18 @@ class Tracker:
     def tracks(self, first: int, count: int) -> Tracks:
         """Return the features of frames ``first .. first + count - 1``; lost ones have none."""
         frames = self.view.frames(first, count)
-        seen = self._chosen(self._visible(frames))
-        uv, wrong = self._measured(frames, seen)
+        observations = self._chosen(self._visible(frames))
+        uv, wrong = self._measured(frames, observations)
         return Tracks(
             frames,
-            seen.frame,
-            self._ids(frames.number[seen.frame], seen.landmark),
-            seen.landmark,
+            observations.frame,
+            self._ids(frames.number[observations.frame], observations.landmark),
+            observations.landmark,
             uv,
-            seen.uv,
-            seen.depth,
+            observations.uv,
+            observations.depth,
             wrong,
-            np.searchsorted(self._first, seen.landmark, side="right"),
+            np.searchsorted(self._first, observations.landmark, side="right"),
         )
 
     def positions(self, landmark: Rows, t_ns: int) -> Array:
@@ -117,12 +117,12 @@ class Tracker:
         at_rest = landmark < len(self.scene.landmarks)
         result = self.scene.landmarks[np.where(at_rest, landmark, 0)]
         body = np.searchsorted(self._first, landmark, side="right")
-        for number, one in enumerate(self._bodies, start=1):
+        for number, moving_body in enumerate(self._bodies, start=1):
             rows = np.flatnonzero(body == number)
             assert self.scene.crowd is not None
             points, _ = self.scene.crowd.landmarks[number - 1]
             t = np.full(len(rows), self.view.seconds(np.array([t_ns]))[0])
-            result[rows] = one.outside(t, points[landmark[rows] - self._first[number - 1]])
+            result[rows] = moving_body.outside(t, points[landmark[rows] - self._first[number - 1]])
         return result
 
     def counts(self, first: int, count: int) -> Rows:
@@ -141,10 +141,10 @@ class Tracker:
         """Return the lines of frames ``first .. first + count - 1``."""
         frames = self.view.frames(first, count)
         ends = self.scene.lines.reshape(-1, 3)
-        seen = self._look(frames, ends, np.zeros_like(ends))
-        found = np.full((count, len(ends), 2), np.nan)
-        found[seen.frame, seen.landmark] = seen.uv
-        both = found.reshape(count, len(self.scene.lines), 2, 2)
+        observations = self._look(frames, ends, np.zeros_like(ends))
+        pixels = np.full((count, len(ends), 2), np.nan)
+        pixels[observations.frame, observations.landmark] = observations.uv
+        both = pixels.reshape(count, len(self.scene.lines), 2, 2)
         frame, line = np.nonzero(np.isfinite(both).all(axis=(2, 3)))
         true = both[frame, line]
         measured = true.copy()
@@ -164,16 +164,20 @@ class Tracker:
         return result
 
     def _visible(self, frames: Frames) -> _Observed:
-        seen = self._look(frames, self.scene.landmarks, self.scene.normals)
+        observations = self._look(frames, self.scene.landmarks, self.scene.normals)
         if self.scene.crowd is None:
-            return seen
-        found = [seen]
-        each = zip(self._first, self._bodies, self.scene.crowd.landmarks, strict=False)
-        for first, body, (points, normals) in each:
+            return observations
+        parts = [observations]
+        moving_parts = zip(self._first, self._bodies, self.scene.crowd.landmarks, strict=False)
+        for first_landmark, body, (points, normals) in moving_parts:
             of_body = self._look(frames, points, normals, body)
-            found.append(of_body._replace(landmark=of_body.landmark + first))
-        every = _Observed(*(np.concatenate(column) for column in zip(*found, strict=True)))
-        return _kept(every, np.lexsort((every.landmark, every.frame)))
+            parts.append(of_body._replace(landmark=of_body.landmark + first_landmark))
+        all_observations = _Observed(
+            *(np.concatenate(column) for column in zip(*parts, strict=True))
+        )
+        return _kept(
+            all_observations, np.lexsort((all_observations.landmark, all_observations.frame))
+        )
 
     def _look(
         self, frames: Frames, points: Array, normals: Array, body: MovingBody | None = None
@@ -207,13 +211,13 @@ class Tracker:
         slack = _SLACK * model.height if p.row_time > 0.0 else 0.0
         frame, point, local = self._in_front(poses, points)
         uv, valid = model.project(local)
-        seen = valid & model.inside(uv, p.border - slack)
-        frame, point, uv, depth = frame[seen], point[seen], uv[seen], local[seen, 2]
+        visible = valid & model.inside(uv, p.border - slack)
+        frame, point, uv, depth = frame[visible], point[visible], uv[visible], local[visible, 2]
         eye, t = CameraPoses(poses.position[frame], poses.q_wc[frame]), t[frame]
         if slack:
-            eye, t, uv, depth, seen = self._through_rolling_shutter(t, points[point], uv, body)
-            eye, t = CameraPoses(eye.position[seen], eye.q_wc[seen]), t[seen]
-            frame, point, uv, depth = frame[seen], point[seen], uv[seen], depth[seen]
+            eye, t, uv, depth, visible = self._through_rolling_shutter(t, points[point], uv, body)
+            eye, t = CameraPoses(eye.position[visible], eye.q_wc[visible]), t[visible]
+            frame, point, uv, depth = frame[visible], point[visible], uv[visible], depth[visible]
         shown = self._shown(t, eye.position, points[point], normals[point], body)
         return _Observed(rows[frame[shown]], point[shown], uv[shown], depth[shown])
 
@@ -224,8 +228,8 @@ class Tracker:
         local = in_camera(
             CameraPoses(poses.position[:, None], poses.q_wc[:, None]), points[None]
         ).reshape(-1, 3)
-        near = np.flatnonzero((local[:, 2] > p.min_depth) & (local[:, 2] < p.max_depth))
-        return near // count, near % count, local[near]
+        in_range = np.flatnonzero((local[:, 2] > p.min_depth) & (local[:, 2] < p.max_depth))
+        return in_range // count, in_range % count, local[in_range]
 
     def _through_rolling_shutter(
         self, t: Array, points: Array, uv: Array, body: MovingBody | None
@@ -242,8 +246,8 @@ class Tracker:
             local = in_camera(poses, points)
             uv, valid = model.project(local)
         depth = local[:, 2]
-        seen = valid & model.inside(uv, p.border) & (depth > p.min_depth) & (depth < p.max_depth)
-        return poses, t + shift, uv, depth, seen
+        visible = valid & model.inside(uv, p.border) & (depth > p.min_depth) & (depth < p.max_depth)
+        return poses, t + shift, uv, depth, visible
 
     def _shown(
         self, t: Array, eye: Array, points: Array, normals: Array, body: MovingBody | None
@@ -261,29 +265,29 @@ class Tracker:
         shown[rows[behind]] = False
         return shown
 
-    def _chosen(self, seen: _Observed) -> _Observed:
+    def _chosen(self, observations: _Observed) -> _Observed:
         """Return at most ``max_features`` of each frame: of each cell those of highest priority."""
         p = self.view.parameters
-        if not p.max_features or not len(seen.frame):
-            return seen
-        row = ((seen.uv[:, 1] + 0.5) * p.grid_rows / p.height).astype(np.int64)
-        column = ((seen.uv[:, 0] + 0.5) * p.grid_columns / p.width).astype(np.int64)
+        if not p.max_features or not len(observations.frame):
+            return observations
+        row = ((observations.uv[:, 1] + 0.5) * p.grid_rows / p.height).astype(np.int64)
+        column = ((observations.uv[:, 0] + 0.5) * p.grid_columns / p.width).astype(np.int64)
         cells = p.grid_rows * p.grid_columns
         cell = row.clip(0, p.grid_rows - 1) * p.grid_columns + column.clip(0, p.grid_columns - 1)
-        priority = self._priority[seen.landmark]
-        rank = _rank(seen.frame * cells + cell, priority)
+        priority = self._priority[observations.landmark]
+        rank = _rank(observations.frame * cells + cell, priority)
         # The best of every cell come before the second best of any.
         order = rank * len(self._priority) + priority
-        keep = _rank(seen.frame, order) < p.max_features
-        return _kept(seen, keep)
+        keep = _rank(observations.frame, order) < p.max_features
+        return _kept(observations, keep)
 
-    def _measured(self, frames: Frames, seen: _Observed) -> tuple[Array, Mask]:
+    def _measured(self, frames: Frames, observations: _Observed) -> tuple[Array, Mask]:
         """Return the pixels with noise, outliers and mismatches, and which are wrong."""
         p = self.view.parameters
-        uv, wrong = seen.uv.copy(), np.zeros(len(seen.uv), dtype=bool)
+        uv, wrong = observations.uv.copy(), np.zeros(len(observations.uv), dtype=bool)
         if not (p.pixel_noise or p.outlier_probability or p.mismatch_probability):
             return uv, wrong
-        edges = np.searchsorted(seen.frame, np.arange(len(frames.number) + 1))
+        edges = np.searchsorted(observations.frame, np.arange(len(frames.number) + 1))
         for k, index in enumerate(frames.number.tolist()):
             part = slice(edges[k], edges[k + 1])
             if p.pixel_noise > 0.0:
@@ -302,15 +306,20 @@ class Tracker:
         return uv, wrong
 
 
-def _kept(seen: _Observed, rows: Mask | Rows) -> _Observed:
-    return _Observed(seen.frame[rows], seen.landmark[rows], seen.uv[rows], seen.depth[rows])
+def _kept(observations: _Observed, rows: Mask | Rows) -> _Observed:
+    return _Observed(
+        observations.frame[rows],
+        observations.landmark[rows],
+        observations.uv[rows],
+        observations.depth[rows],
+    )
 
 
 def _rank(group: Rows, order: Rows) -> Rows:
     """Return each item's place (n,) within its group (n,) when sorted by ``order`` (n,)."""
-    by = np.lexsort((order, group))
-    sorted_group = group[by]
+    sequence = np.lexsort((order, group))
+    sorted_group = group[sequence]
     starts = np.searchsorted(sorted_group, sorted_group)
     result = np.empty(len(group), dtype=np.int64)
-    result[by] = np.arange(len(group)) - starts
+    result[sequence] = np.arange(len(group)) - starts
     return result

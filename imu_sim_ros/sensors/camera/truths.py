@@ -23,16 +23,16 @@ if TYPE_CHECKING:
     from imu_sim_ros.sensors.camera.frames import Camera
 
 DATASETS: Final = ("euroc", "csv", "tracks", "tum_vi", "vio_data_simulation")
-"""Those that have what cameras see."""
+"""Dataset layouts with ground truth of cameras."""
 
 
 class AtFrames(FixedModel):
-    """What there is at the frames of cameras."""
+    """Ground truth at the frames of cameras."""
 
     def __init__(self, mounted: Mounted, t0_ns: int, cameras: Mapping[str, Any]) -> None:
         self.mounted = mounted
         self.cameras: list[Camera] = [cameras[name] for name in mounted.sensor.needs(mounted.own)]
-        """Those that it needs."""
+        """Cameras whose frames set the times."""
 
 
 class Landmarks(AtFrames):
@@ -64,11 +64,13 @@ class BodyTruth(AtFrames):
         def states() -> States:
             crowd = world.scene.crowd
             assert crowd is not None
-            body = next(each for each in crowd.each if each.name == self.mounted.name)
+            body = next(
+                candidate for candidate in crowd.each if candidate.name == self.mounted.name
+            )
             return body.states(t_ns, camera.view.seconds(t_ns))
 
-        every = np.arange(len(t_ns))
-        return Samples(t_ns, t_ns, release_t_ns, every, Deferred(states=states))
+        numbers = np.arange(len(t_ns))
+        return Samples(t_ns, t_ns, release_t_ns, numbers, Deferred(states=states))
 
 
 def _cloud(mounted: Mounted, encoding: str) -> Payloads:
@@ -76,16 +78,16 @@ def _cloud(mounted: Mounted, encoding: str) -> Payloads:
 
     encoder = PointCloud2Encoder(mounted.environment.world_frame, encoding)
 
-    def payloads(read: Samples, rows: Rows, _: object) -> list[bytes]:
+    def payloads(readings: Samples, rows: Rows, _: object) -> list[bytes]:
         fields = [*((axis, "<f4") for axis in "xyz"), ("id", "<u4")]
-        found = []
-        for t_ns in read.t_ns[rows].tolist():
-            points = np.zeros(len(read.position), fields)
-            for axis, column in zip("xyz", read.position.T, strict=True):
+        clouds = []
+        for t_ns in readings.t_ns[rows].tolist():
+            points = np.zeros(len(readings.position), fields)
+            for axis, column in zip("xyz", readings.position.T, strict=True):
                 points[axis] = column
             points["id"] = np.arange(len(points))
-            found.append(encoder.encode(t_ns, points))
-        return found
+            clouds.append(encoder.encode(t_ns, points))
+        return clouds
 
     return payloads
 
@@ -95,11 +97,11 @@ def _odometry(mounted: Mounted, encoding: str) -> Payloads:
 
     encoder = OdometryEncoder(mounted.environment.world_frame, mounted.name, encoding)
 
-    def payloads(read: Samples, rows: Rows, _: object) -> "RowTemplate":
-        states: States = read.states.rows(rows)
+    def payloads(readings: Samples, rows: Rows, _: object) -> "RowTemplate":
+        states: States = readings.states.rows(rows)
         velocity_b = rotation.rotate_inverse(states.q_wb, states.velocities())
         columns = (states.position, states.q_wb, velocity_b, states.body_rates())
-        return encoder.pattern(read.t_ns[rows], *columns)
+        return encoder.pattern(readings.t_ns[rows], *columns)
 
     return payloads
 

@@ -18,7 +18,7 @@ from imu_sim_ros.trajectory.motion import Trajectory
 from imu_sim_ros.types import Array, Integers, Mask, Times
 
 LARGEST_JITTER: Final = 0.45
-"""Where the stamps' error is cut off, in intervals, so that stamps always increase."""
+"""Largest error of the stamps, in frame intervals, so that stamps always increase."""
 
 
 class Frames(NamedTuple):
@@ -37,7 +37,7 @@ class Frames(NamedTuple):
 
 
 class CameraPoses(NamedTuple):
-    """Where a camera is at n times."""
+    """Poses of a camera at n times."""
 
     position: Array
     """(n, 3) p_wc [m]."""
@@ -46,11 +46,11 @@ class CameraPoses(NamedTuple):
 
 
 class Eyes(NamedTuple):
-    """Where a camera is at n times, in the world and in the axes of what moves there."""
+    """Poses of a camera at n times, in the world and in the axes of moving bodies."""
 
     world: CameraPoses
     bodies: Sequence[CameraPoses] = ()
-    """Of each body."""
+    """Poses in the axes of each moving body."""
 
 
 class View:

@@ -81,37 +81,37 @@ class LidarReadings(SensorReadings):
     @property
     def points(self) -> Single:
         """(n, m, 3) as read, in the sensor's frame at each ray's time [m]; NaN without one."""
-        found: Single = self.range[..., None] * self.direction
-        return found
+        positions: Single = self.range[..., None] * self.direction
+        return positions
 
     def cloud(self, k: int) -> Cloud:
         """Return the points of scan k."""
         return next(clouds(self, [k]))
 
 
-def clouds(read: Samples | LidarReadings, scans: Iterable[int]) -> Iterator[Cloud]:
+def clouds(readings: Samples | LidarReadings, scans: Iterable[int]) -> Iterator[Cloud]:
     """Yield the points of some scans."""
     for k in scans:
-        rows = np.isfinite(read.range[k])
-        distance = read.range[k][rows]
+        rows = np.isfinite(readings.range[k])
+        distance = readings.range[k][rows]
         yield Cloud(
-            int(read.t_ns[k]),
-            distance[:, None] * read.direction[k][rows],
-            read.intensity[k][rows],
-            read.ring[k][rows],
-            read.time[k][rows],
+            int(readings.t_ns[k]),
+            distance[:, None] * readings.direction[k][rows],
+            readings.intensity[k][rows],
+            readings.ring[k][rows],
+            readings.time[k][rows],
             distance,
         )
 
 
-def _true_points(read: Samples, k: int) -> NDArray[np.void]:
+def _true_points(readings: Samples, k: int) -> NDArray[np.void]:
     """Return the truth of the points of scan k, in their order."""
-    kept = np.isfinite(read.range[k])
-    rows = np.zeros(int(kept.sum()), _TRUE_POINT)
-    for axis, column in zip("xyz", read.true_point[k][kept].T, strict=True):
+    hits = np.isfinite(readings.range[k])
+    rows = np.zeros(int(hits.sum()), _TRUE_POINT)
+    for axis, column in zip("xyz", readings.true_point[k][hits].T, strict=True):
         rows[axis] = column
     for value, name in _TRUTHS:
-        rows[name] = getattr(read, value)[k][kept]
+        rows[name] = getattr(readings, value)[k][hits]
     return rows
 
 
@@ -133,26 +133,26 @@ def _topic(
 
         messages = getattr(encode_cameras, kind[1])(mounted.frame, encoding)
 
-        def payloads(read: Samples, rows: Rows, now: LidarParameters) -> list[bytes]:
-            chosen = np.arange(len(read.t_ns))[rows].tolist()
-            return [messages.encode(*scan) for scan in scans(read, chosen, now)]
+        def payloads(readings: Samples, rows: Rows, parameters: LidarParameters) -> list[bytes]:
+            chosen = np.arange(len(readings.t_ns))[rows].tolist()
+            return [messages.encode(*scan) for scan in scans(readings, chosen, parameters)]
 
         return payloads
 
     return Topic(name, kind[0], (), make, truth, foreign)
 
 
-def _points(read: Samples, scans: Iterable[int], now: LidarParameters) -> Rays:
-    layout = LAYOUTS[now.layout]
-    return ((cloud.t_ns, layout.rows(cloud)) for cloud in clouds(read, scans))
+def _points(readings: Samples, scans: Iterable[int], parameters: LidarParameters) -> Rays:
+    layout = LAYOUTS[parameters.layout]
+    return ((cloud.t_ns, layout.rows(cloud)) for cloud in clouds(readings, scans))
 
 
-def _custom(read: Samples, scans: Iterable[int], _: object) -> Rays:
-    return ((cloud.t_ns, custom_points(cloud)) for cloud in clouds(read, scans))
+def _custom(readings: Samples, scans: Iterable[int], _: object) -> Rays:
+    return ((cloud.t_ns, custom_points(cloud)) for cloud in clouds(readings, scans))
 
 
-def _truth(read: Samples, scans: Iterable[int], _: object) -> Rays:
-    return ((int(read.true_t_ns[k]), _true_points(read, k)) for k in scans)
+def _truth(readings: Samples, scans: Iterable[int], _: object) -> Rays:
+    return ((int(readings.true_t_ns[k]), _true_points(readings, k)) for k in scans)
 
 
 SENSOR = Sensor(
@@ -171,7 +171,7 @@ SENSOR = Sensor(
     in_sight=on_demand(_MODEL, "in_sight"),
     text="LiDAR: each ray from where the sensor is at its own time, with the errors of ranges",
     companions=Companions(
-        lambda own: ("_scans",) if own.files != "none" else (),
+        lambda parameters: ("_scans",) if parameters.files != "none" else (),
         on_demand("imu_sim_ros.sensors.lidar.files", "ScanFiles"),
     ),
     presets="lidar",

@@ -17,7 +17,7 @@ from imu_sim_ros.sensors.lidar.parameters import LidarParameters
 from imu_sim_ros.sensors.samples import Samples
 
 _FIELDS: Final = LAYOUTS["velodyne"]
-"""Of PLY and PCD."""
+"""Fields of a point in PLY and PCD files."""
 _PLY: Final = {"<f4": "float", "<u2": "ushort"}
 _PCD: Final = {"f": "F", "u": "U"}
 
@@ -65,7 +65,11 @@ class ScanFiles:
     """``000000.bin``, ..., and ``times.txt`` with the stamps of the scans [s]."""
 
     def __init__(
-        self, own: LidarParameters, _: EnvironmentParameters, __: int, folders: Sequence[Path]
+        self,
+        parameters: LidarParameters,
+        _: EnvironmentParameters,
+        __: int,
+        folders: Sequence[Path],
     ) -> None:
         """Make the folder.
 
@@ -73,13 +77,13 @@ class ScanFiles:
         """
         (self._folder,) = folders
         make_folder(self._folder)
-        self._suffix, self._content = _FORMS[own.files]
+        self._suffix, self._content = _FORMS[parameters.files]
         self._times = (self._folder / "times.txt").open("w", encoding="ascii", newline="\n")
         self._count = 0
 
-    def write(self, read: Samples) -> None:
+    def write(self, readings: Samples) -> None:
         """Write the next scans."""
-        for cloud in clouds(read, read.delivered):
+        for cloud in clouds(readings, readings.delivered):
             path = self._folder / f"{self._count:06d}.{self._suffix}"
             path.write_bytes(self._content(cloud))
             second, nanosecond = divmod(cloud.t_ns, 1_000_000_000)

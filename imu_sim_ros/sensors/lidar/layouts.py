@@ -40,7 +40,7 @@ class PointLayout(NamedTuple):
     size: int
     """Bytes of a point."""
     values: dict[str, Callable[[Cloud], ArrayLike]]
-    """What fills each field but x, y, z."""
+    """Values of each field except x, y, z, as functions of the point cloud."""
 
     @property
     def dtype(self) -> np.dtype[np.void]:
@@ -52,7 +52,7 @@ class PointLayout(NamedTuple):
 
     @property
     def most_rings(self) -> int:
-        """How many rings or lines its points can tell apart."""
+        """Largest number of rings or lines that a point's field can hold."""
         kind = next(kind for name, kind, _ in self.fields if name in ("ring", "line"))
         return np.iinfo(kind).max + 1
 

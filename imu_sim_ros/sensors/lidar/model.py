@@ -43,7 +43,7 @@ SURFACE, MIXED, FALSE, NOTHING, OUT_OF_RANGE, GLASS, LOST = range(7)
 """Outcomes of a ray. The first three give a point: of a surface, of several within the beam, of
 rain or dust."""
 _FALSE_INTENSITY: Final = 5.0
-"""Of rain and dust, at most."""
+"""Largest intensity of a return by rain or dust."""
 _FAR: Final = 1e9
 """[m] Where nothing is."""
 _LOOKS: Final = 256
@@ -60,19 +60,19 @@ def drawn_rings(p: LidarParameters, seed: int, name: str, rings: int) -> tuple[A
     :param name: of the sensor.
     :raises ConfigurationError: if those that are given are not as many.
     """
-    found = []
+    per_ring = []
     for key, sigma in (
         ("ring_bias", p.ring_bias_sigma),
         ("ring_elevation_error_deg", p.ring_elevation_sigma_deg),
     ):
-        given = getattr(p, key)
-        if given and len(given) != rings:
+        numbers = getattr(p, key)
+        if numbers and len(numbers) != rings:
             raise ConfigurationError(
-                f"{name}.{key}: has {len(given)} numbers; must be empty or have {rings}"
+                f"{name}.{key}: has {len(numbers)} numbers; must be empty or have {rings}"
             )
         drawn = sigma * generator(seed, f"{name}.{key}").standard_normal(rings)
-        found.append(np.array(given) if given else drawn)
-    return found[0], found[1]
+        per_ring.append(np.array(numbers) if numbers else drawn)
+    return per_ring[0], per_ring[1]
 
 
 def realised_lidar(p: LidarParameters, seed: int, name: str) -> LidarParameters:
@@ -81,7 +81,7 @@ def realised_lidar(p: LidarParameters, seed: int, name: str) -> LidarParameters:
     :param name: of the sensor.
     """
     rings = p.rings or int(build_pattern(p).ring.max()) + 1
-    bias, error_deg = (tuple(each.tolist()) for each in drawn_rings(p, seed, name, rings))
+    bias, error_deg = (tuple(column.tolist()) for column in drawn_rings(p, seed, name, rings))
     return dataclasses.replace(p, ring_bias=bias, ring_elevation_error_deg=error_deg)
 
 
@@ -108,8 +108,8 @@ def in_sight(mounted: Mounted, world: World, t: Array) -> Mask:
         reach = p.maximum_range if limit is None else np.fmin(limit, p.maximum_range)
         return bool(((traced.distance >= p.minimum_range) & (traced.distance <= reach)).any())
 
-    every = np.arange(len(pattern.time))
-    return np.array([returns(k, some) or returns(k, every) for k in range(len(t))])
+    all_rays = np.arange(len(pattern.time))
+    return np.array([returns(k, some) or returns(k, all_rays) for k in range(len(t))])
 
 
 class Lidar(SensorModel):
@@ -170,9 +170,9 @@ class Lidar(SensorModel):
         range_, outcome = distance.copy(), np.zeros(len(t), np.uint8)
         power = reflectivity * cosine
         if p.beam_divergence_deg > 0.0:
-            seen = traced, reflectivity
+            hits = traced, reflectivity
             aside = rotation.rotate(q_ws, self._aside(beam))
-            range_, power = self._within_beam(t, origin, towards, aside, targets, seen)
+            range_, power = self._within_beam(t, origin, towards, aside, targets, hits)
             outcome[np.abs(range_ - np.minimum(distance, _FAR)) > _ALIKE] = MIXED
         limit = self.detection_limit(power)
         range_ += p.range_bias + self._bias
@@ -192,15 +192,15 @@ class Lidar(SensorModel):
         outcome[(outcome <= FALSE) & ~((range_ >= p.minimum_range) & (range_ > 0.0))] = OUT_OF_RANGE
         outcome[(outcome <= FALSE) & (range_ > p.maximum_range)] = OUT_OF_RANGE
         range_[outcome > FALSE] = np.nan
-        known = np.where(traced.surface < 0, np.nan, distance)
-        hit = origin + known[:, None] * towards - origin[:1]
+        surface_range = np.where(traced.surface < 0, np.nan, distance)
+        hit = origin + surface_range[:, None] * towards - origin[:1]
         return {
             "range": range_.astype(np.float32),
             "intensity": np.maximum(intensity, 0.0).astype(np.float32),
             "direction": nominal.astype(np.float32),
             "true_range": distance.astype(np.float32),
             "true_point": rotation.rotate_inverse(q_ws[:1], hit).astype(np.float32),
-            "range_error": (range_ - known).astype(np.float32),
+            "range_error": (range_ - surface_range).astype(np.float32),
             "incidence": np.arccos(np.minimum(cosine, 1.0)).astype(np.float32),
             "reflectivity": reflectivity.astype(np.float32),
             "surface": traced.surface.astype(np.int32),
@@ -261,8 +261,8 @@ class Lidar(SensorModel):
         distances = np.stack([traced.distance for traced, _, _ in parts])
         powers = np.stack([share * rho * np.abs(traced.along) for traced, rho, share in parts])
         returned = np.where(np.isfinite(distances), powers / np.maximum(distances, 1e-3) ** 2, 0.0)
-        every = np.arange(len(t))
-        strongest = distances[np.argmax(returned, axis=0), every]
+        ray_index = np.arange(len(t))
+        strongest = distances[np.argmax(returned, axis=0), ray_index]
         with np.errstate(invalid="ignore"):
             together = np.abs(distances - strongest) <= p.pulse_length
         returned *= together
@@ -284,9 +284,9 @@ class Lidar(SensorModel):
         if limit is None or p.range_noise_at_limit == 0.0:
             return p.range_noise * self._normal("range", len(range_)) if p.range_noise else None
         with np.errstate(divide="ignore", invalid="ignore"):
-            far = p.range_noise_at_limit * np.minimum((range_ / limit) ** 2, 1.0)
-        far[~np.isfinite(far)] = p.range_noise_at_limit
-        return np.hypot(p.range_noise, far) * self._normal("range", len(range_))
+            distance_noise = p.range_noise_at_limit * np.minimum((range_ / limit) ** 2, 1.0)
+        distance_noise[~np.isfinite(distance_noise)] = p.range_noise_at_limit
+        return np.hypot(p.range_noise, distance_noise) * self._normal("range", len(range_))
 
     def _lose(
         self,
@@ -316,10 +316,12 @@ class Lidar(SensorModel):
         if p.false_return_share == 0.0:
             return
         draw = self._next("rain").random((3, count))
-        far = -p.false_return_range * np.log1p(-draw[1])
-        met: Mask = (draw[0] < p.false_return_share) & (far < distance) & (outcome != LOST)
-        outcome[met], range_[met] = FALSE, far[met]
-        intensity[met] = _FALSE_INTENSITY * draw[2][met]
+        false_range = -p.false_return_range * np.log1p(-draw[1])
+        false_returns: Mask = (
+            (draw[0] < p.false_return_share) & (false_range < distance) & (outcome != LOST)
+        )
+        outcome[false_returns], range_[false_returns] = FALSE, false_range[false_returns]
+        intensity[false_returns] = _FALSE_INTENSITY * draw[2][false_returns]
 
 
 _ARRAYS: Final = (
@@ -339,9 +341,9 @@ def _across(directions: Array, up: Array, side: Array) -> Array:
     """Return vectors (m, 3) square to unit vectors: so far upwards and counterclockwise."""
     x, y, z = directions.T
     over = 1.0 / np.sqrt(np.maximum(x * x + y * y, _UPRIGHT))
-    steep, around = up * z * over, side * over
+    steep, azimuthal = up * z * over, side * over
     result = np.empty_like(directions)
-    result[:, 0] = -x * steep - y * around
-    result[:, 1] = -y * steep + x * around
+    result[:, 0] = -x * steep - y * azimuthal
+    result[:, 1] = -y * steep + x * azimuthal
     result[:, 2] = up / over
     return result

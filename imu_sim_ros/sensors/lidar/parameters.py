@@ -14,7 +14,7 @@ from imu_sim_ros.sensors.parameters import SensorParameters
 PATTERNS: Final = ("spinning", "rosette", "nodding", "table")
 FORMS: Final = ("kitti", "ply", "pcd")
 MOST_RAYS: Final = 2_000_000
-"""In one scan."""
+"""Largest number of rays in a scan."""
 _SHARE: Final[NumberLimits] = {"minimum": 0.0, "maximum": 1.0}
 _LENGTH: Final[NumberLimits] = {"minimum": 0.0, "maximum": 1e4}
 
@@ -202,7 +202,7 @@ class LidarParameters(SensorParameters):
 
     @property
     def span(self) -> float:
-        """How long a scan takes [s]."""
+        """Duration of a scan [s]."""
         return 1.0 / self.rate
 
     @property
@@ -214,7 +214,7 @@ class LidarParameters(SensorParameters):
 
     @property
     def longest_window(self) -> float:
-        """How much is read at once [s], a scan at least."""
+        """Longest time that is read at once [s]: one scan."""
         return self.span
 
     def problems(self, prefix: str) -> Iterator[str]:

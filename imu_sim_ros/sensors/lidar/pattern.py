@@ -1,7 +1,7 @@
 # Copyright 2026 imu_sim_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""When a LiDAR sends its rays, and where to, in its own frame: x ahead, y to the left, z up."""
+"""Times and directions of a LiDAR's rays, in its frame: x ahead, y to the left, z up."""
 
 import math
 from collections.abc import Callable
@@ -90,9 +90,9 @@ def _lines(p: LidarParameters) -> tuple[Array, NDArray[np.uint16], Array]:
     count = math.floor(p.point_rate * p.span + 1e-9)
     line = np.arange(count) % p.lines
     middle = 0.5 * (p.lines - 1)
-    above = np.radians(p.line_spacing_deg * (line - middle)).astype(np.float64)
+    offset = np.radians(p.line_spacing_deg * (line - middle)).astype(np.float64)
     ring = (p.lines - 1 - line if p.top_ring_first else line).astype(np.uint16)
-    return np.arange(count) / p.point_rate, ring, above
+    return np.arange(count) / p.point_rate, ring, offset
 
 
 def _rosette(p: LidarParameters) -> Pattern:
@@ -101,10 +101,10 @@ def _rosette(p: LidarParameters) -> Pattern:
     To first order the deflections add up as vectors in the plane of azimuth and elevation: prism k
     turns its own by ``2 pi rate_k t`` (Risley prisms; Marshall, Optical Engineering 38, 1999).
     """
-    time, ring, above = _lines(p)
+    time, ring, offset = _lines(p)
 
     def directions(start: float) -> Array:
-        azimuth, elevation = np.zeros(len(time)), above.copy()
+        azimuth, elevation = np.zeros(len(time)), offset.copy()
         for rate, deflection in zip(p.prism_rates, p.prism_deflections_deg, strict=True):
             angle = 2.0 * math.pi * ((rate * (start + time)) % 1.0)
             azimuth += math.radians(deflection) * np.cos(angle)
@@ -116,13 +116,13 @@ def _rosette(p: LidarParameters) -> Pattern:
 
 def _nodding(p: LidarParameters) -> Pattern:
     """Return beams that turn about z and go up and down on a sine."""
-    time, ring, above = _lines(p)
+    time, ring, offset = _lines(p)
     low, high = np.radians(p.elevation_limits_deg)
 
     def directions(start: float) -> Array:
         t = start + time
         nod = np.sin(2.0 * math.pi * ((p.nod_rate * t) % 1.0))
-        return towards(_turned(p, t, p.turn_rate), above + 0.5 * (low + high + (high - low) * nod))
+        return towards(_turned(p, t, p.turn_rate), offset + 0.5 * (low + high + (high - low) * nod))
 
     return Pattern(time, ring, directions)
 
@@ -146,9 +146,9 @@ def _table(p: LidarParameters) -> Pattern:
             raise InputError(f"{path}: {count:,} lines of rays; at most {MOST_RAYS:,}")
     rows: list[list[float]] = []
     for number, line in enumerate(lines, start=1):
-        words = line.split("#")[0].replace(",", " ").replace(";", " ").split()
+        tokens = line.split("#")[0].replace(",", " ").replace(";", " ").split()
         try:
-            row = [float(word) for word in words]
+            row = [float(word) for word in tokens]
         except ValueError:
             if rows:
                 raise InputError(f"{path}: line {number}: {line!r} is not numeric") from None
@@ -172,7 +172,7 @@ def _table(p: LidarParameters) -> Pattern:
 
 
 def _check_row(
-    path: Path, number: int, row: list[float], before: float, p: LidarParameters
+    path: Path, number: int, row: list[float], previous_time: float, p: LidarParameters
 ) -> None:
     """Refuse a ray that no scan has.
 
@@ -181,14 +181,14 @@ def _check_row(
     where = f"{path}: line {number}"
     if not all(map(math.isfinite, row)):
         raise InputError(f"{where}: a value that is not finite")
-    if not before <= row[0] < p.span:
+    if not previous_time <= row[0] < p.span:
         raise InputError(
             f"{where}: time {row[0]:g} s: must not decrease, from 0 to below 1 / rate, {p.span:g} s"
         )
     if abs(row[2]) > 90.0:
         raise InputError(f"{where}: elevation {row[2]:g} deg: must be between -90 and 90")
-    most = LAYOUTS[p.layout].most_rings - 1
-    if len(row) == 4 and not (row[3].is_integer() and 0 <= row[3] <= most):
+    max_ring = LAYOUTS[p.layout].most_rings - 1
+    if len(row) == 4 and not (row[3].is_integer() and 0 <= row[3] <= max_ring):
         raise InputError(
-            f"{where}: ring {row[3]:g}: must be an integer from 0 to {most} for {p.layout}"
+            f"{where}: ring {row[3]:g}: must be an integer from 0 to {max_ring} for {p.layout}"
         )

@@ -1,7 +1,7 @@
 # Copyright 2026 imu_sim_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""What a scene is to the rays of a LiDAR: surfaces, their reflectivity, and glass."""
+"""Targets of a LiDAR's rays: surfaces, their reflectivity, and glass."""
 
 from typing import TYPE_CHECKING
 
@@ -31,11 +31,11 @@ class Targets:
         self._has_panes = np.zeros(len(scene.surfaces.origin) + 1, np.bool_)
         self._has_panes[[pane.face for pane in self._panes]] = True
         self._tracer = scene.tracer()
-        every = [scene.surfaces, *(body.surfaces() for body in bodies)]
-        names = [name for where in every for name in where.texture]
+        all_surfaces = [scene.surfaces, *(body.surfaces() for body in bodies)]
+        names = [name for where in all_surfaces for name in where.texture]
         values = np.array([reflectance(name) for name in names] + [np.nan])
         self._reflectivity = np.where(np.isnan(values), reflectivity, values)
-        self._first = np.cumsum([0, *(len(where.origin) for where in every)])
+        self._first = np.cumsum([0, *(len(where.origin) for where in all_surfaces)])
         self._mesh = scene.caster is not None
 
     def trace(self, t: Array, origins: Array, directions: Array) -> Traced:
@@ -56,12 +56,12 @@ class Targets:
             return result
         rows = np.flatnonzero(self._has_panes[traced.surface] & (traced.body == 0))
         face = traced.surface[rows]
-        at = origins[rows] + traced.distance[rows, None] * directions[rows]
-        at -= self._surfaces.origin[face]
+        offset = origins[rows] + traced.distance[rows, None] * directions[rows]
+        offset -= self._surfaces.origin[face]
         across, up = self._surfaces.across[face], self._surfaces.up[face]
-        s = (at * across).sum(axis=1) / (across * across).sum(axis=1)
-        r = (at * up).sum(axis=1) / (up * up).sum(axis=1)
+        s = (offset * across).sum(axis=1) / (across * across).sum(axis=1)
+        r = (offset * up).sum(axis=1) / (up * up).sum(axis=1)
         for pane in self._panes:
-            on = (face == pane.face) & (s > pane.low[0]) & (s < pane.high[0])
-            result[rows[on & (r > pane.low[1]) & (r < pane.high[1])]] = True
+            in_pane = (face == pane.face) & (s > pane.low[0]) & (s < pane.high[0])
+            result[rows[in_pane & (r > pane.low[1]) & (r < pane.high[1])]] = True
         return result
