@@ -26,7 +26,7 @@ from imu_sim_ros.types import Array, Mask, Single, Times
 
 KINDS: Final = ("person", "cart", "door")
 RADIUS: Final = {"person": 0.3, "cart": 0.56}
-"""Of the circle around its middle that a walker never leaves [m]."""
+"""Radius of the circle around its middle that a body never leaves [m]."""
 HEIGHT: Final = {"person": 1.75, "cart": 1.05, "door": 2.1}
 """[m]"""
 STEP: Final = 0.25
@@ -52,7 +52,7 @@ class Course(NamedTuple):
 
     def at(self, t: Array) -> Array:
         """Return x, y and heading (n, 3) at times t (n,) [s]."""
-        one, f = self._place(t)
+        interval, f = self._place(t)
         g = 1.0 - f
         square = f * f
         cube = square * f
@@ -62,11 +62,11 @@ class Course(NamedTuple):
             (3.0 * (f + square - cube) + 1.0) / 6.0,
             cube / 6.0,
         )
-        return self._sum(one, weights)
+        return self._sum(interval, weights)
 
     def rates(self, t: Array) -> Array:
         """Return the derivatives (n, 3) by time."""
-        one, f = self._place(t)
+        interval, f = self._place(t)
         g = 1.0 - f
         weights = (
             -0.5 * g * g / STEP,
@@ -74,7 +74,7 @@ class Course(NamedTuple):
             (0.5 + f - 1.5 * f * f) / STEP,
             0.5 * f * f / STEP,
         )
-        return self._sum(one, weights)
+        return self._sum(interval, weights)
 
     @staticmethod
     def _place(t: Array) -> tuple[Array, Array]:
@@ -82,10 +82,10 @@ class Course(NamedTuple):
         whole = np.floor(u)
         return whole.astype(np.int64), u - whole
 
-    def _sum(self, first: Array, weights: Sequence[Array]) -> Array:
-        result: Array = np.zeros((len(first), 3))
+    def _sum(self, interval: Array, weights: Sequence[Array]) -> Array:
+        result: Array = np.zeros((len(interval), 3))
         for j, weight in enumerate(weights):
-            rounds, index = np.divmod(first + j, len(self.controls))
+            rounds, index = np.divmod(interval + j, len(self.controls))
             control = self.controls[index]
             control[:, 2] += 2.0 * math.pi * self.turns * rounds
             result += weight[:, None] * control
@@ -101,7 +101,7 @@ class MovingBody(NamedTuple):
     name: str
     kind: str
     faces: tuple[Face, ...]
-    """In its own axes."""
+    """Faces in the body's axes."""
     course: Course
     floor: float
     """z of its origin [m]."""
@@ -141,20 +141,20 @@ class MovingBody(NamedTuple):
     def sees(self, t: Array, position: Array, q_wc: Array) -> tuple[Array, Array]:
         """Return positions (n, 3) and attitudes (n, 4) in its own axes at times t (n,) [s]."""
         p_wb, q_wb = self.pose(t)
-        at = rotation.rotate_inverse(q_wb, position - p_wb)
-        return at, rotation.multiply(rotation.conjugate(q_wb), q_wc)
+        position_b = rotation.rotate_inverse(q_wb, position - p_wb)
+        return position_b, rotation.multiply(rotation.conjugate(q_wb), q_wc)
 
     def inside(self, t: Array, points: Array) -> Array:
         """Return points (n, 3) of the world in its own axes at times t (n,) [s]."""
         p_wb, q_wb = self.pose(t)
-        at: Array = rotation.rotate_inverse(q_wb, points - p_wb)
-        return at
+        points_b: Array = rotation.rotate_inverse(q_wb, points - p_wb)
+        return points_b
 
     def outside(self, t: Array, points: Array) -> Array:
         """Return points (n, 3) of its own axes in the world at times t (n,) [s]."""
         p_wb, q_wb = self.pose(t)
-        at: Array = p_wb + rotation.rotate(q_wb, points)
-        return at
+        points_w: Array = p_wb + rotation.rotate(q_wb, points)
+        return points_w
 
 
 def ball(where: Surfaces) -> tuple[Array, float]:
@@ -170,8 +170,8 @@ def faces(kind: str, number: int, site: Site, hinge: Hinge | None = None) -> tup
 
     :param hinge: of a door.
     """
-    own = Site(np.zeros(3), np.ones(3), np.zeros((0, 3)), site.seed, site.texture, site.light)
-    b = PlaceBuilder(own)
+    body_site = Site(np.zeros(3), np.ones(3), np.zeros((0, 3)), site.seed, site.texture, site.light)
+    b = PlaceBuilder(body_site)
     stream = generator_at(site.seed, f"bodies.look.{kind}", number)
     if kind == "person":
         _person(b, number, stream)
@@ -267,8 +267,8 @@ class Crowd:
             center = body.outside(t, np.broadcast_to(middle, points.shape))
             rows = np.flatnonzero(_distance(center, eye, points) < radius)
             if len(rows):
-                own = (body.inside(t[rows], each[rows]) for each in (eye, points))
-                result[rows] |= hidden(where, *own)
+                in_body = (body.inside(t[rows], positions[rows]) for positions in (eye, points))
+                result[rows] |= hidden(where, *in_body)
         return result
 
 

@@ -35,14 +35,14 @@ class Kind(NamedTuple):
     most: tuple[float, float, float]
     """Largest size, so that light and images do not take minutes [m]."""
     long: bool = False
-    """It runs along the longer of x and y; its sizes are length, width and height."""
+    """True if it runs along the longer of x and y, with sizes in length, width and height."""
     fits: tuple[float, float, float] = (math.inf, math.inf, math.inf)
     """Largest size around a path: beyond it would be something else [m]."""
 
-    def sides(self, each: Sequence[Any] | Array, extent: Sequence[float] | Array) -> NDArray[Any]:
-        """Return what is told of its sides along x, y and z, as it lies in an extent (3,) [m]."""
+    def sides(self, values: Sequence[Any] | Array, extent: Sequence[float] | Array) -> NDArray[Any]:
+        """Return values of its sides in the order x, y, z, as it lies in an extent (3,) [m]."""
         turned = self.long and extent[1] > extent[0]
-        return np.asarray(each)[[1, 0, 2] if turned else [0, 1, 2]]
+        return np.asarray(values)[[1, 0, 2] if turned else [0, 1, 2]]
 
 
 KINDS: Final[dict[str, Kind]] = {
@@ -85,11 +85,11 @@ def around(name: str, path: Array, foot: float) -> tuple[Array, Array]:
     low[:2] -= 0.5 * missing[:2]
     high[:2] += 0.5 * missing[:2]
     high[2] += missing[2]
-    most = kind.sides(np.minimum(kind.most, kind.fits), extent)
-    words = kind.sides(["long", "wide", "high"], extent) if kind.long else _AXES
+    limits = kind.sides(np.minimum(kind.most, kind.fits), extent)
+    adjectives = kind.sides(["long", "wide", "high"], extent) if kind.long else _AXES
     too_large = [
         f"{length:.1f} m {word} (at most {limit:g} m)"
-        for length, word, limit in zip(high - low, words, most, strict=True)
+        for length, word, limit in zip(high - low, adjectives, limits, strict=True)
         if length > limit
     ]
     if too_large:
@@ -127,11 +127,11 @@ def size_problems(name: str, size: Sequence[float], parameter: str) -> Iterator[
         kind = KINDS[name]
         limits = zip("xyz", size, *(kind.sides(e, size) for e in (kind.least, kind.most)),
                      strict=True)  # fmt: skip
-        for axis, length, least, most in limits:
-            if not least <= length <= most:
+        for axis, length, minimum, maximum in limits:
+            if not minimum <= length <= maximum:
                 yield (
-                    f"{parameter} = {list(size)}: along {axis} must be {least:g} to {most:g} m "
-                    f"for {name}"
+                    f"{parameter} = {list(size)}: along {axis} must be {minimum:g} to {maximum:g} "
+                    f"m for {name}"
                 )
 
 

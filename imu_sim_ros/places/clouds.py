@@ -15,8 +15,8 @@ from imu_sim_ros.types import Array, Bytes, Single
 CLOUDED: Final = "paint:86b0de"
 """Material of a face of the sky that has clouds: the colour between them."""
 _LAYERS: Final = ((2.5, 12.0, 1.0), (6.0, 24.0, 0.5), (16.0, 48.0, 0.25))
-"""Of each layer of noise its cells per unit of the direction's horizontal components and of its
-height, and its amplitude: clouds are wide and flat."""
+"""Layers of noise: cells per unit of the direction's horizontal components, cells per unit of its
+height, and amplitude; clouds are wide and flat."""
 _STEP: Final = 4
 """Texels between two places at which noise is computed."""
 _ROWS: Final = 256
@@ -75,7 +75,7 @@ def _noise(
     total = np.zeros(cells.shape[:2], np.float32)
     for corner in np.ndindex(2, 2, 2):
         weight = np.ones(cells.shape[:2], np.float32)
-        for axis, far in enumerate(corner):
-            weight *= part[..., axis] if far else 1 - part[..., axis]
+        for axis, upper in enumerate(corner):
+            weight *= part[..., axis] if upper else 1 - part[..., axis]
         total += weight * knots[x + corner[0], y + corner[1], z + corner[2]]
     return total

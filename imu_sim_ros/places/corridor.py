@@ -34,10 +34,10 @@ def corridor(site: Site) -> Place:
     walls = ("-y", "+y") if along == 0 else ("-x", "+x")
     for k, side in enumerate(walls):
         moving = (site.doors + 1 - k) // 2
-        doors, others = _doors(b, length, height, door, moving)
+        doors, wall_prints = _doors(b, length, height, door, moving)
         b.add_prints(sides[side], doors)
-        for each in others:
-            b.hang(sides[side], each)
+        for fitting in wall_prints:
+            b.hang(sides[side], fitting)
         _hang(b, sides[side], moving, min(2.1, height - 0.2), door)
     for side in ("-x", "+x") if along == 0 else ("-y", "+y"):
         width = float(high[1 - along] - low[1 - along])
@@ -67,26 +67,26 @@ def _doors(
     :param moving: how many of them move: every second one.
     """
     prints = [Print("strip", 0, 0, length, 0.09)]
-    others: list[Print] = []
+    wall_prints: list[Print] = []
     prints.append(Print("band", 0, 0.95, length, 0.12))
     for k in range(int((length - 1.0) / _PITCH)):
-        left = 1.2 + k * _PITCH
+        x = 1.2 + k * _PITCH
         kind = "opening" if k % 2 and k // 2 < moving else "door"
-        prints.append(Print(kind, left, 0, _DOOR, min(2.1, height - 0.2), door))
-        prints.append(Print("label", left + _DOOR + 0.12, 1.5, 0.2, 0.12, b.number()))
+        prints.append(Print(kind, x, 0, _DOOR, min(2.1, height - 0.2), door))
+        prints.append(Print("label", x + _DOOR + 0.12, 1.5, 0.2, 0.12, b.number()))
         if b.site.texture != "blank":
-            others.append(Print("switch", left + _DOOR + 0.14, 1.12, 0.09, 0.17))
-            others.append(Print("outlet", left + _DOOR + 0.5, 0.25, 0.16, 0.08))
+            wall_prints.append(Print("switch", x + _DOOR + 0.14, 1.12, 0.09, 0.17))
+            wall_prints.append(Print("outlet", x + _DOOR + 0.5, 0.25, 0.16, 0.08))
             if k % 3 == 1:
-                others.append(Print("plan", left - 0.75, 1.35, 0.5, 0.36, b.number()))
+                wall_prints.append(Print("plan", x - 0.75, 1.35, 0.5, 0.36, b.number()))
             if kind == "door" and b.decor.random() < 0.6:
-                prints.append(Print("paper", left + 0.38, 1.15, 0.21, 0.297, b.number()))
+                prints.append(Print("paper", x + 0.38, 1.15, 0.21, 0.297, b.number()))
         if b.decor.random() < b.rich(0.7):
             kind, w, h = (("poster", 0.6, 0.85), ("notices", 1.0, 0.8))[int(b.decor.integers(2))]
-            others.append(Print(kind, left + _DOOR + 0.7, 1.15, w, h, b.number()))
+            wall_prints.append(Print(kind, x + _DOOR + 0.7, 1.15, w, h, b.number()))
         elif b.decor.random() < 0.25:
-            others.append(Print("outlet", left + _DOOR + 1.1, 0.3, 0.16, 0.08))
-    return prints, others
+            wall_prints.append(Print("outlet", x + _DOOR + 1.1, 0.3, 0.16, 0.08))
+    return prints, wall_prints
 
 
 def _hang(b: PlaceBuilder, wall: int, moving: int, height: float, door: int) -> None:
@@ -115,8 +115,8 @@ def _lamps(b: PlaceBuilder, along: int) -> None:
         center[along] = low[along] + (k + 0.5) / count * (high - low)[along]
         center[2] = high[2] - 0.005
         size = (1.2, 0.3) if along == 0 else (0.3, 1.2)
-        on = b.site.light != "dim" or k % 4 == 1
-        b.lamp(center.tolist(), size, LAMP, strength if on else 0.0)
+        lit = b.site.light != "dim" or k % 4 == 1
+        b.lamp(center.tolist(), size, LAMP, strength if lit else 0.0)
 
 
 def _things(b: PlaceBuilder, along: int, stream: np.random.Generator) -> None:

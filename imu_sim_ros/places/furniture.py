@@ -1,7 +1,7 @@
 # Copyright 2026 imu_sim_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""What stands and hangs in houses, at its real size."""
+"""Furniture and fittings of houses, at real size."""
 
 import math
 from collections.abc import Callable, Mapping, Sequence
@@ -22,8 +22,8 @@ SUN: Final = (1.0, 0.93, 0.8)
 
 
 def _moved(origin: Place3, turn: float, x: float, y: float, z: float) -> tuple[float, float, float]:
-    at = turned(turn) @ np.array([x, y, z])
-    return origin[0] + float(at[0]), origin[1] + float(at[1]), origin[2] + float(at[2])
+    offset = turned(turn) @ np.array([x, y, z])
+    return origin[0] + float(offset[0]), origin[1] + float(offset[1]), origin[2] + float(offset[2])
 
 
 def _part(
@@ -37,9 +37,9 @@ def _part(
     leave: str = "bottom",
 ) -> None:
     """Add a box by its middle and size in the axes of what it is a part of."""
-    at = np.array(_moved(origin, turn, *middle))
+    center = np.array(_moved(origin, turn, *middle))
     half = 0.5 * np.asarray(size, np.float64)
-    b.box((at - half).tolist(), (at + half).tolist(), material, prints, turn, leave)
+    b.box((center - half).tolist(), (center + half).tolist(), material, prints, turn, leave)
 
 
 def _clear(b: PlaceBuilder, origin: Place3, radius: float, height: float) -> bool:
@@ -66,9 +66,9 @@ def desk(b: PlaceBuilder, origin: Place3, turn: float, stream: Stream) -> None:
                     b.number(),
                 )
             )
-        for at in ((1.28, 0.5), (0.08, 0.52)):
+        for corner in ((1.28, 0.5), (0.08, 0.52)):
             if b.decor.random() < 0.7:
-                papers.append(Print("book", *at, 0.17, 0.24, b.number()))
+                papers.append(Print("book", *corner, 0.17, 0.24, b.number()))
     papers.append(Print("keyboard", 0.58, 0.42, 0.44, 0.14, 0))
     if b.site.texture != "blank":
         papers.append(Print("strip", 0.1, 0.05, 1.3, 0.012))
@@ -184,8 +184,8 @@ def fittings(b: PlaceBuilder, ceiling: int, pitch: float = 2.4) -> None:
     width, depth = (float(np.sqrt(side @ side)) for side in (across, up))
     for i, j in np.ndindex(max(1, int(width / pitch)), max(1, int(depth / pitch))):
         kind, size = (("vent", 0.58), ("detector", 0.16), ("detector", 0.12))[(i + 2 * j) % 3]
-        left, bottom = pitch * (i + 0.08), pitch * (j + 0.08)
-        b.hang(ceiling, Print(kind, left, bottom, size, size))
+        x, bottom = pitch * (i + 0.08), pitch * (j + 0.08)
+        b.hang(ceiling, Print(kind, x, bottom, size, size))
 
 
 HALL_SIGNS: Final = (
@@ -197,7 +197,7 @@ HALL_SIGNS: Final = (
     ("panel", 0.6, 0.8, 1.0),
     ("notices", 1.0, 0.8, 1.15),
 )
-"""What hangs on walls of halls: kind, width, height and height of its lower edge [m]."""
+"""Signs and fittings on walls of halls: kind, width, height and height of its lower edge [m]."""
 OFFICE_SIGNS: Final = (
     ("switch", 0.09, 0.17, 1.05),
     ("outlet", 0.16, 0.08, 0.3),
@@ -207,7 +207,7 @@ OFFICE_SIGNS: Final = (
     ("poster", 0.5, 0.7, 1.2),
     ("notices", 0.8, 0.6, 1.2),
 )
-"""What hangs on walls of offices."""
+"""Signs and fittings on walls of offices: kind and sizes as above [m]."""
 
 
 def signs(
@@ -229,11 +229,11 @@ def signs(
     width, height = (float(np.sqrt(side @ side)) for side in (across, up))
     if 0.0 < cables < height - 0.3:
         b.add_prints(wall, [Print("cables", 0.0, cables, width, 0.16, b.number())])
-    left = 0.3
-    while left < width - 0.3:
+    x = 0.3
+    while x < width - 0.3:
         kind, w, h, bottom = kinds[int(b.decor.integers(len(kinds)))]
-        b.hang(wall, Print(kind, left, bottom, w, h, b.number()))
-        left += w + pitch * float(b.decor.uniform(0.4, 1.2))
+        b.hang(wall, Print(kind, x, bottom, w, h, b.number()))
+        x += w + pitch * float(b.decor.uniform(0.4, 1.2))
 
 
 def plant(b: PlaceBuilder, origin: Place3, stream: Stream) -> None:
@@ -260,8 +260,8 @@ def wall_decoration(b: PlaceBuilder, wall: int) -> None:
     _, across, up = b.faces[wall].rectangle
     width, height = (float(np.sqrt((side * side).sum())) for side in (across, up))
     b.add_prints(wall, [Print("strip", 0, 0, width, 0.07)])
-    left = 0.4 + float(b.decor.uniform(0, 0.8))
-    while left < width - 1.4:
+    x = 0.4 + float(b.decor.uniform(0, 0.8))
+    while x < width - 1.4:
         choice = b.decor.random()
         if choice < b.rich(0.5) and height > 2.2:
             kind, w, h = (
@@ -270,13 +270,13 @@ def wall_decoration(b: PlaceBuilder, wall: int) -> None:
                 ("poster", 1.0, 0.7),
                 ("whiteboard", 1.8, 1.1),
             )[int(b.decor.integers(4))]
-            if left + w < width - 0.2:
+            if x + w < width - 0.2:
                 bottom = 1.0 + float(b.decor.uniform(0, 0.3))
-                b.hang(wall, Print(kind, left, bottom, w, h, b.number()))
-            left += w
+                b.hang(wall, Print(kind, x, bottom, w, h, b.number()))
+            x += w
         elif choice > 0.85:
-            b.hang(wall, Print("outlet", left, 0.3, 0.16, 0.08))
-        left += 0.5 + float(b.decor.uniform(0, 1.4))
+            b.hang(wall, Print("outlet", x, 0.3, 0.16, 0.08))
+        x += 0.5 + float(b.decor.uniform(0, 1.4))
     if b.decor.random() < b.rich(0.4):
         for share in (0.5, 0.4, 0.6, 0.3, 0.7, 0.2, 0.8):
             if b.hang(wall, Print("clock", share * width, min(2.1, height - 0.5), 0.3, 0.3)):
@@ -302,11 +302,11 @@ def windows(
     panes = []
     inwards = np.cross(across, up) / np.linalg.norm(np.cross(across, up))
     for k in range(count):
-        left = (k + 0.5) * pitch - 0.9
+        start = (k + 0.5) * pitch - 0.9
         prints.append(
-            Print("window" if day else "night", left, sill, 1.8, height, b.number(), glows=day)
+            Print("window" if day else "night", start, sill, 1.8, height, b.number(), glows=day)
         )
-        corner = origin + left / width * across + sill / top * up + 0.01 * inwards
+        corner = origin + start / width * across + sill / top * up + 0.01 * inwards
         panes.append((corner, 1.8 / width * across, height / top * up))
     b.add_prints(wall, prints)
     if day:
@@ -336,10 +336,10 @@ def ceiling_lamps(
     strength = {"day": 2.6, "lamps": 5.0, "dim": 3.0}[b.site.light]
     for i in range(rows):
         for j in range(columns):
-            on = b.site.light != "dim" or (i * columns + j) % 5 == 1
+            lit = b.site.light != "dim" or (i * columns + j) % 5 == 1
             center = (
                 x0 + (j + 0.5) * (x1 - x0) / columns,
                 y0 + (i + 0.5) * (y1 - y0) / rows,
                 z1 - 0.005,
             )
-            b.lamp(center, size, LAMP, strength if on else 0.0)
+            b.lamp(center, size, LAMP, strength if lit else 0.0)

@@ -107,10 +107,10 @@ def hidden(surfaces: Surfaces, eye: Array, points: Array) -> Mask:
         if not between.any():
             continue
         rows = np.flatnonzero(between)
-        at = [eye[rows, k] + s[rows] * sight[k][rows] - o[k] for k in range(3)]
+        offset = [eye[rows, k] + s[rows] * sight[k][rows] - o[k] for k in range(3)]
         within = np.ones(len(rows), dtype=bool)
         for side in (surfaces.across[m], surfaces.up[m]):
-            place = at[0] * side[0] + at[1] * side[1] + at[2] * side[2]
+            place = offset[0] * side[0] + offset[1] * side[1] + offset[2] * side[2]
             within &= (place >= 0.0) & (place <= float(side @ side))
         result[rows[within]] = True
     return result
@@ -128,7 +128,7 @@ def nearest(surfaces: Surfaces, points: Array) -> Array:
 
 
 class Hits(NamedTuple):
-    """What n rays meet first."""
+    """Nearest intersections of n rays with the surfaces."""
 
     distance: Floats
     """(n,) in lengths of the ray's direction; infinite: nothing."""
@@ -167,12 +167,12 @@ class Caster:
             rays = _Rays.of(origins[part], directions[part], self._kind)
             best, which = distance[part], number[part]
             for m, plane in enumerate(self._planes):
-                t, on = plane.meet(rays)
-                on &= t > nearest
-                on &= t < best
-                if on.any():
-                    np.copyto(best, t, where=on)
-                    which[on] = m
+                t, hit = plane.meet(rays)
+                hit &= t > nearest
+                hit &= t < best
+                if hit.any():
+                    np.copyto(best, t, where=hit)
+                    which[hit] = m
         return Hits(distance, number)
 
     def blocked(self, origins: Floats, directions: Floats, ends: Floats | float = 1.0) -> Mask:
@@ -186,12 +186,12 @@ class Caster:
         ends = np.broadcast_to(np.asarray(ends, self._kind), (len(origins),))
         for part in _parts(len(origins)):
             rays = _Rays.of(origins[part], directions[part], self._kind)
-            here, end = result[part], ends[part]
+            hit_part, end = result[part], ends[part]
             for plane in self._planes:
-                t, on = plane.meet(rays)
-                on &= t > 1e-4
-                on &= t < end
-                here |= on
+                t, hit = plane.meet(rays)
+                hit &= t > 1e-4
+                hit &= t < end
+                hit_part |= hit
         return result
 
 
@@ -207,8 +207,8 @@ class _Rays(NamedTuple):
         """Take them apart; none runs along a plane of two axes exactly."""
         starts: list[Floats] = [np.ascontiguousarray(origins[:, k], kind) for k in range(3)]
         axes: list[Floats] = [np.ascontiguousarray(directions[:, k], kind) for k in range(3)]
-        tiny, one = kind(1e-12), kind(1.0)
-        inverse = [one / np.where(np.abs(axis) < tiny, tiny, axis) for axis in axes]
+        tiny, unity = kind(1e-12), kind(1.0)
+        inverse = [unity / np.where(np.abs(axis) < tiny, tiny, axis) for axis in axes]
         return cls(starts, axes, inverse)
 
 
@@ -224,15 +224,15 @@ class _Plane(NamedTuple):
         """Return t (n,) of all rays, and which meet the rectangle's plane within its sides."""
         t = self.place - rays.origin[self.axis]
         t *= rays.inverse[self.axis]
-        on: Mask | None = None
+        inside: Mask | None = None
         for axis, low, high in self.sides:
-            at = t * rays.direction[axis]
-            at += rays.origin[axis]
-            within = at >= low
-            within &= at <= high
-            on = within if on is None else on & within
-        assert on is not None
-        return t, on
+            position = t * rays.direction[axis]
+            position += rays.origin[axis]
+            within = position >= low
+            within &= position <= high
+            inside = within if inside is None else inside & within
+        assert inside is not None
+        return t, inside
 
 
 class _Oblique(NamedTuple):
@@ -249,14 +249,14 @@ class _Oblique(NamedTuple):
         tiny = along.dtype.type(1e-12)
         along = np.where(np.abs(along) < tiny, tiny, along)
         t = (self.offset - _dot(self.normal, rays.origin)) / along
-        on: Mask | None = None
+        inside: Mask | None = None
         for side, start in self.sides:
-            at = _dot(side, rays.origin) - start + t * _dot(side, rays.direction)
-            within = at >= 0.0
-            within &= at <= 1.0
-            on = within if on is None else on & within
-        assert on is not None
-        return t, on
+            coordinate = _dot(side, rays.origin) - start + t * _dot(side, rays.direction)
+            within = coordinate >= 0.0
+            within &= coordinate <= 1.0
+            inside = within if inside is None else inside & within
+        assert inside is not None
+        return t, inside
 
 
 def _dot(vector: Floats, axes: Sequence[Floats]) -> Floats:
@@ -269,7 +269,7 @@ def _planes(surfaces: Surfaces, kind: Kind) -> Iterator[_Plane | _Oblique]:
     normals = surfaces.normal
     for m, (o, a, b) in enumerate(zip(*surfaces[:3], strict=True)):
         axes = [np.flatnonzero(np.abs(vector) > 1e-9) for vector in (normals[m], a, b)]
-        if all(len(each) == 1 for each in axes):
+        if all(len(components) == 1 for components in axes):
             ends = [
                 (int(axes[k][0]), o[axes[k][0]], (o + side)[axes[k][0]])
                 for k, side in ((1, a), (2, b))
@@ -284,5 +284,5 @@ def _planes(surfaces: Surfaces, kind: Kind) -> Iterator[_Plane | _Oblique]:
 
 
 def _parts(count: int) -> Iterator[slice]:
-    for first in range(0, count, _RAYS):
-        yield slice(first, min(first + _RAYS, count))
+    for start in range(0, count, _RAYS):
+        yield slice(start, min(start + _RAYS, count))

@@ -1,7 +1,7 @@
 # Copyright 2026 imu_sim_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""What depends on the place of the eye: highlights of lamps and sun, glass that mirrors a little.
+"""Light that depends on the eye: highlights of lamps and sun, glass that mirrors a little.
 
 A glossy surface adds to its baked light, in units of pi times a radiance,
 
@@ -71,16 +71,16 @@ def reflectance(cosine: Single, normal: Single | float) -> Single:
     return square * square * x * (_ONE - normal) + normal
 
 
-def mirrored(light: Single, near: Single) -> Single:
+def mirrored(light: Single, is_lamp: Single) -> Single:
     """Return what is seen of a lobe: of a lamp, not more than the lamp itself.
 
-    :param near: 1 for a lamp, 0 for the sun.
+    :param is_lamp: 1 for a lamp, 0 for the sun.
     """
-    return light / (_ONE + near * light)
+    return light / (_ONE + is_lamp * light)
 
 
 class Gloss(NamedTuple):
-    """How a surface mirrors."""
+    """Parameters of specular reflection of a surface."""
 
     normal: float
     """Share that is mirrored square on."""
@@ -126,21 +126,21 @@ def regions(faces: Sequence[Face], sides: Array) -> list[Region]:
 
     :param sides: (m, 2) lengths of across and up [m].
     """
-    found = []
+    glossy = []
     for m, face in enumerate(faces):
         width, height = sides[m].tolist()
         if face.glows or face.sky or min(width, height) < _NARROW:
             continue
         whole = _MATERIALS.get(face.material.partition(":")[0])
         if whole is not None:
-            found.append(Region(m, whole, (0.0, 0.0), (1.0, 1.0)))
-        for each in face.prints:
-            if each.kind in _PRINTS and not each.glows:
-                gloss, (left, bottom, right, top) = _PRINTS[each.kind]
-                low = (each.left + left) / width, (each.bottom + bottom) / height
-                end = each.left + each.width - right, each.bottom + each.height - top
-                found.append(Region(m, gloss, low, (end[0] / width, end[1] / height)))
-    return found
+            glossy.append(Region(m, whole, (0.0, 0.0), (1.0, 1.0)))
+        for print_ in face.prints:
+            if print_.kind in _PRINTS and not print_.glows:
+                gloss, (left, bottom, right, top) = _PRINTS[print_.kind]
+                low = (print_.left + left) / width, (print_.bottom + bottom) / height
+                end = print_.left + print_.width - right, print_.bottom + print_.height - top
+                glossy.append(Region(m, gloss, low, (end[0] / width, end[1] / height)))
+    return glossy
 
 
 def glossy(faces: Sequence[Face], sides: Array) -> Mask:
@@ -162,9 +162,9 @@ def panes(faces: Sequence[Face], sides: Array) -> list[Region]:
     return [region for region in regions(dark, sides) if region.gloss.clear]
 
 
-def _unlit(each: Print) -> Print:
+def _unlit(print_: Print) -> Print:
     """Return a window as one that does not glow."""
-    return each._replace(kind="glass", glows=False) if each.kind == "window" else each
+    return print_._replace(kind="glass", glows=False) if print_.kind == "window" else print_
 
 
 class Sights(NamedTuple):
@@ -175,10 +175,10 @@ class Sights(NamedTuple):
     r: Single
     """Place up."""
     across: Single
-    """From the eye's foot on the plane [m]."""
+    """Distance across from the eye's foot on the plane [m]."""
     up: Single
     height: Single
-    """Of the eye above the plane [m]; (p, k) or (p, 1)."""
+    """Height of the eye above the plane [m]; (p, k) or (p, 1)."""
     away: Single
     """Distance of the eye [m]."""
 
@@ -196,7 +196,7 @@ class Sights(NamedTuple):
 
     def some(self, rows: Integers) -> "Sights":
         """Return those of some rows."""
-        return Sights(*(each.take(rows, axis=0) for each in self))
+        return Sights(*(column.take(rows, axis=0) for column in self))
 
 
 _REGION: Final = np.dtype(
@@ -240,7 +240,7 @@ _SIGHT: Final = np.dtype(
 
 
 class Sheen(NamedTuple):
-    """What decides how k glossy regions look: records, and arrays."""
+    """Appearance of k glossy regions: records, and arrays."""
 
     regions: NDArray[np.void]
     """(k,)."""
@@ -282,14 +282,14 @@ class Polish:
         :param weights: (colours, 3) of red, green and blue in each of the image's colours.
         """
         where = place.surfaces()
-        found = regions(place.faces, where.sides)
-        self.face = np.array([each.face for each in found], np.int64)
+        glossy = regions(place.faces, where.sides)
+        self.face = np.array([region.face for region in glossy], np.int64)
         self.count = np.bincount(self.face, minlength=len(place.faces))
         """(m,) number of regions of each face."""
         self._first = np.cumsum(self.count) - self.count
-        glosses = [each.gloss for each in found]
+        glosses = [region.gloss for region in glossy]
         normal, smooth = (np.array([gloss[k] for gloss in glosses], np.float32) for k in (0, 1))
-        at_60 = reflectance(np.full(len(found), 0.5, np.float32), normal)
+        at_60 = reflectance(np.full(len(glossy), 0.5, np.float32), normal)
         doublings = np.array([gloss.doublings for gloss in glosses], np.int64)
         units = np.stack(
             [where.across / where.sides[:, :1], where.up / where.sides[:, 1:], where.normal]
@@ -301,13 +301,13 @@ class Polish:
         peak *= sources.brightest * at_60[:, None]
         blur = np.sqrt(np.float32(5.0) / power)
         floor, self._lobe, self._sine = _lobes(peak, power, blur, sources.near)
-        bounds = [[*each.low, *each.high] for each in found]
+        bounds = [[*region.low, *region.high] for region in glossy]
         self._bounds = np.array(bounds, np.float32).reshape(-1, 4).T
         self._normal, self._smooth = normal, smooth
         self._base = np.where([g.clear for g in glosses], np.float32(0.0), at_60)
         self._sources = sources
         environment = _environment(place, radiance, where.normal[:, 2], weights)
-        sheen = Sheen.empty(len(found), len(units[0]), len(sources.near), len(weights))
+        sheen = Sheen.empty(len(glossy), len(units[0]), len(sources.near), len(weights))
         self.sheen = sheen._replace(floor=floor, light=sources.light, mirrored=environment)
         for name, values in (
             ("face", self.face),
@@ -343,16 +343,18 @@ class Polish:
             (sights.r, steps[1], self._bounds[1], self._bounds[3]),
             (sights.s, steps[0], self._bounds[0], self._bounds[2]),
         ):
-            least, most = place[:, 0] - _PIXELS * step, place[:, 0] + _PIXELS * step
-            seen = (most.take(pair) >= low.take(region)) & (least.take(pair) <= high.take(region))
-            pair, region = pair[seen], region[seen]
-        there = sights.some(pair)
-        cosine = there.height / there.away - np.float32(angle)
+            lower, upper = place[:, 0] - _PIXELS * step, place[:, 0] + _PIXELS * step
+            in_cell = (upper.take(pair) >= low.take(region)) & (
+                lower.take(pair) <= high.take(region)
+            )
+            pair, region = pair[in_cell], region[in_cell]
+        pair_sights = sights.some(pair)
+        cosine = pair_sights.height / pair_sights.away - np.float32(angle)
         faint = self._share(region, np.maximum(cosine, 0))[:, 0] < np.float32(_LEAST)
         sides = self._sources.sides[:, self.face[region]]
         size = np.sqrt(((_PIXELS * steps[:, pair] * sides) ** 2).sum(axis=0))
         lit = self._sources.near_lobe(
-            self.face[region], there, (self._lobe[region], self._sine[region]), size, angle
+            self.face[region], pair_sights, (self._lobe[region], self._sine[region]), size, angle
         )
         keep = ~faint | lit.any(axis=1)
         return Active(pair[keep], region[keep], lit[keep])
@@ -385,7 +387,7 @@ class Active(NamedTuple):
 
 
 def _lobes(
-    peak: Single, power: Single, blur: Single, near: Single
+    peak: Single, power: Single, blur: Single, is_lamp: Single
 ) -> tuple[Single, Single, Single]:
     """Return the share of a lobe's middle (k, sources) below which no highlight is seen.
 
@@ -394,13 +396,13 @@ def _lobes(
     :param peak: (k, sources) brightest highlights.
     :param power: (k,) exponents of the lobes.
     :param blur: (k,) half-widths of their smooth steps [rad].
-    :param near: (sources,) 1 for lamps.
+    :param is_lamp: (sources,) 1 for lamps.
     """
     with np.errstate(divide="ignore"):
         floor = np.round(np.minimum(_FAINT / peak.astype(np.float64), 1.0), 6)
     of_sun = floor ** (1.0 / power[:, None].astype(np.float64))
     of_lamps = np.cos(np.minimum(_WIDEST * blur.astype(np.float64), 1.5))[:, None]
-    cosine = np.round(np.where(near > 0, of_lamps, of_sun) - 1e-4, 4)
+    cosine = np.round(np.where(is_lamp > 0, of_lamps, of_sun) - 1e-4, 4)
     sine = np.sqrt(np.maximum(1.0 - cosine * cosine, 0.0))
     cosine[floor >= 1.0] = np.inf
     return floor.astype(np.float32), cosine.astype(np.float32), sine.astype(np.float32)
@@ -412,15 +414,15 @@ def _environment(place: Place, radiance: Single, upwards: Array, weights: Single
     :param upwards: (m,) z of the normals.
     """
     areas = place.surfaces().sides.prod(axis=1) * place.detail**2
-    found = []
+    means = []
     for which in (upwards > 0.5, (np.abs(upwards) <= 0.5) & ~place.sky, upwards < -0.5):
         area = np.where(which, areas, 0.0)
         if not area.any():
-            found.append(np.zeros(3))
+            means.append(np.zeros(3))
             continue
         mean = (radiance * area[:, None]).sum(axis=0) / area.sum()
-        found.append(np.round(255.0 * np.minimum(mean, 1.0) ** (1.0 / GAMMA), 2))
-    colours = np.array(found, np.float32)[:, None] * weights
+        means.append(np.round(255.0 * np.minimum(mean, 1.0) ** (1.0 / GAMMA), 2))
+    colours = np.array(means, np.float32)[:, None] * weights
     values: Single = colours.sum(axis=2)
     return values * values
 
@@ -466,15 +468,17 @@ class _Sources(NamedTuple):
         local = [[(unit * offset).sum(axis=1) for offset in offsets] for unit in units]
         shapes_of = np.array([(a, b) for (_, a, b), _ in lamps] + [np.eye(3)[:2]])
         lengths = np.sqrt((shapes_of * shapes_of).sum(axis=2))
-        own = shapes_of / lengths[..., None]
-        own = np.concatenate([own, np.cross(own[:, :1], own[:, 1:])], axis=1)
+        lamp_axes = shapes_of / lengths[..., None]
+        lamp_axes = np.concatenate(
+            [lamp_axes, np.cross(lamp_axes[:, :1], lamp_axes[:, 1:])], axis=1
+        )
         # (3, 3, m, l): each axis of each lamp along each direction of each face.
-        axes = (own[:, :, None, None] * units).sum(axis=-1).transpose(1, 2, 3, 0)
-        colours = np.array([*(each.colour for each in lamps), place.lighting.sun], np.float32)
+        axes = (lamp_axes[:, :, None, None] * units).sum(axis=-1).transpose(1, 2, 3, 0)
+        colours = np.array([*(lamp.colour for lamp in lamps), place.lighting.sun], np.float32)
         colours *= light.exposure
-        shapes = np.array([each.shape[1:] for each in light.sources], np.int64)
+        shapes = np.array([source.shape[1:] for source in light.sources], np.int64)
         sizes = shapes.prod(axis=1) * len(offsets)
-        most = np.array([each.max(axis=(1, 2)) for each in light.sources], np.float32)
+        brightest = np.array([source.max(axis=(1, 2)) for source in light.sources], np.float32)
         return cls(
             np.array(local, np.float32).swapaxes(1, 2),
             np.ascontiguousarray(axes, np.float32),
@@ -482,10 +486,10 @@ class _Sources(NamedTuple):
             place.surfaces().sides.T.astype(np.float32),
             np.array([1.0] * len(lamps) + [0.0], np.float32),
             (weights @ colours.T) * _FULL,
-            np.concatenate([each.ravel() for each in light.sources]),
+            np.concatenate([source.ravel() for source in light.sources]),
             np.cumsum(sizes) - sizes,
             shapes,
-            2 * most,  # twice: at a slant, lobes are brighter
+            2 * brightest,  # twice: at a slant, lobes are brighter
             colours.max(axis=1),
         )
 
@@ -508,7 +512,7 @@ class _Sources(NamedTuple):
         dot = sights.across * x + sights.up * y + sights.height * z
         away = np.sqrt(x * x + y * y + z * z)
         cosine, sine = lobe
-        near = self.near * (size[:, None] + np.sqrt((self.halves * self.halves).sum(axis=0)))
-        wide = np.float32(angle) + near / np.maximum(away, np.float32(1e-3))
-        seen: Mask = dot > (cosine - sine * wide) * away * sights.away
-        return seen | (near > away) & np.isfinite(cosine)
+        extent = self.near * (size[:, None] + np.sqrt((self.halves * self.halves).sum(axis=0)))
+        wide = np.float32(angle) + extent / np.maximum(away, np.float32(1e-3))
+        in_lobe: Mask = dot > (cosine - sine * wide) * away * sights.away
+        return in_lobe | (extent > away) & np.isfinite(cosine)

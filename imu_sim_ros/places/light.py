@@ -61,7 +61,7 @@ class Lighting(NamedTuple):
     sun: tuple[float, float, float] = (0.0, 0.0, 0.0)
     """Irradiance across its rays; 0: none."""
     windows: Sequence[Rectangle] = ()
-    """What lets the sun into a house; none: it shines everywhere."""
+    """Openings that let the sun into a house; none: it shines everywhere."""
     sky: tuple[float, float, float] = (0.0, 0.0, 0.0)
     """Radiance of what directions meet that meet no matt surface."""
 
@@ -74,11 +74,11 @@ class Baked(NamedTuple):
     sources: list[Single]
     """(lamps + 1, rows, columns) of each lamp and the sun, without colour and exposure."""
     exposure: np.float32 = np.float32(1.0)
-    """By which the total was multiplied."""
+    """Exposure factor contained in the total."""
 
     def exposed(self, factor: np.float32) -> "Baked":
         """Return it with another exposure."""
-        return Baked([factor * each for each in self.total], self.sources, factor)
+        return Baked([factor * irradiance for irradiance in self.total], self.sources, factor)
 
 
 class _Points(NamedTuple):
@@ -116,8 +116,8 @@ class _Points(NamedTuple):
         surface = np.concatenate(numbers)
         normals = where.normal.astype(np.float32)[surface]
         first = np.cumsum(shapes.prod(axis=1)) - shapes.prod(axis=1)
-        at = np.concatenate(places).astype(np.float32) + _OFF * normals
-        return cls(at, normals, surface, shapes, first)
+        positions = np.concatenate(places).astype(np.float32) + _OFF * normals
+        return cls(positions, normals, surface, shapes, first)
 
     def of(self, m: int, values: Single) -> Single:
         """Return what surface m has of the values (..., n) of all points: (..., rows, columns)."""
@@ -159,64 +159,64 @@ def bake(
     casting = ~sky & (where.sides.prod(axis=1) > _SMALL)
     solid = Caster(where.some(casting), np.float32)
     fine, coarse = (_Points.on(where, ~sky, count, detail) for count in (_POINTS, _COARSE))
-    least = np.full(len(sky), _LEAST) if mirrors is None else np.where(mirrors, 0, _LEAST)
+    thresholds = np.full(len(sky), _LEAST) if mirrors is None else np.where(mirrors, 0, _LEAST)
     (direct, sources), (start, _) = (
-        _direct(each, solid, lighting, threshold)
-        for each, threshold in ((fine, least), (coarse, np.full(len(sky), _LEAST)))
+        _direct(points, solid, lighting, threshold)
+        for points, threshold in ((fine, thresholds), (coarse, np.full(len(sky), _LEAST)))
     )
-    given = _given_back(coarse, where, albedo.astype(np.float32), sky, start, lighting)
+    bounced = _given_back(coarse, where, albedo.astype(np.float32), sky, start, lighting)
     maps = []
     for m, (rows, columns) in enumerate(fine.shapes.tolist()):
-        own, others = (
-            np.moveaxis(p.of(m, v.T), 0, 2) for p, v in ((fine, direct), (coarse, given))
+        fine_map, coarse_map = (
+            np.moveaxis(p.of(m, v.T), 0, 2) for p, v in ((fine, direct), (coarse, bounced))
         )
-        maps.append(own + resampled(resampled(others, 1, columns), 0, rows))
+        maps.append(fine_map + resampled(resampled(coarse_map, 1, columns), 0, rows))
     return Baked(maps, [fine.of(m, sources) for m in range(len(maps))])
 
 
-def resampled(grid: Single, axis: int, length: int, first: int = 0, some: int = 0) -> Single:
+def resampled(grid: Single, axis: int, length: int, start: int = 0, some: int = 0) -> Single:
     """Return values of even parts along an axis at the middles of so many even parts.
 
     In between they are interpolated.
 
-    :param first: of the parts that are returned.
+    :param start: of the parts that are returned.
     :param some: their number; 0: all.
     """
     parts = grid.shape[axis]
-    index = np.arange(first, first + (some or length)).astype(np.float32) + np.float32(0.5)
+    index = np.arange(start, start + (some or length)).astype(np.float32) + np.float32(0.5)
     place = np.clip(index * np.float32(parts / length) - np.float32(0.5), 0, parts - 1)
-    before = np.floor(place).astype(np.int64)
-    share = place - before.astype(np.float32)
+    index_below = np.floor(place).astype(np.int64)
+    share = place - index_below.astype(np.float32)
     share = share.reshape(-1, *(1,) * (grid.ndim - 1 - axis))
-    low = grid.take(before, axis=axis)
+    low = grid.take(index_below, axis=axis)
     low *= 1 - share
-    result = grid.take(np.minimum(before + 1, parts - 1), axis=axis)
+    result = grid.take(np.minimum(index_below + 1, parts - 1), axis=axis)
     result *= share
     result += low
     return result
 
 
 def _direct(
-    points: _Points, solid: Caster, lighting: Lighting, least: Single
+    points: _Points, solid: Caster, lighting: Lighting, threshold: Single
 ) -> tuple[Single, Single]:
     """Return the irradiance (n, 3) by lamps and sun, and that by each of them (lamps + 1, n).
 
     The latter is without the colour of the source.
 
-    :param least: (m,) irradiance by a lamp that is left out on each surface.
+    :param threshold: (m,) irradiance by a lamp that is left out on each surface.
     """
     sources = np.zeros((len(lighting.lamps) + 1, len(points.places)), np.float32)
-    total = _from_lamps(points, solid, lighting, sources, least[points.surface])
+    total = _from_lamps(points, solid, lighting, sources, threshold[points.surface])
     total += _from_sun(points, solid, lighting, sources[-1])
     return total, sources
 
 
 def _from_lamps(
-    points: _Points, solid: Caster, lighting: Lighting, sources: Single, least: Single
+    points: _Points, solid: Caster, lighting: Lighting, sources: Single, threshold: Single
 ) -> Single:
     """Return the irradiance (n, 3) by lamps, and add that of each of them to ``sources``.
 
-    :param least: (n,) irradiance by a lamp that is left out at each point.
+    :param threshold: (n,) irradiance by a lamp that is left out at each point.
     """
     result = np.zeros_like(points.places)
     for lamp, alone in zip(lighting.lamps, sources, strict=False):
@@ -231,13 +231,16 @@ def _from_lamps(
             place = place.astype(np.float32) + _OFF * normal
             way = place - points.places
             square = _dot(way, way)
-            there, here = -_dot(way, normal[None].astype(np.float32)), _dot(way, points.normals)
+            cos_lamp, cos_surface = (
+                -_dot(way, normal[None].astype(np.float32)),
+                _dot(way, points.normals),
+            )
             square = np.maximum(square, np.float32(0.02))
-            value = share * np.maximum(there, 0) * np.maximum(here, 0) / (square * square)
-            rows = np.flatnonzero(value * colour.max() > least / _SAMPLES**2)
-            seen = rows[~hidden_places(solid.surfaces, place, normal, points.places[rows])]
-            result[seen] += value[seen, None] * colour
-            alone[seen] += value[seen]
+            value = share * np.maximum(cos_lamp, 0) * np.maximum(cos_surface, 0) / (square * square)
+            rows = np.flatnonzero(value * colour.max() > threshold / _SAMPLES**2)
+            lit = rows[~hidden_places(solid.surfaces, place, normal, points.places[rows])]
+            result[lit] += value[lit, None] * colour
+            alone[lit] += value[lit]
     return result
 
 
@@ -254,12 +257,12 @@ def _from_sun(points: _Points, solid: Caster, lighting: Lighting, alone: Single)
     if lighting.windows:
         panes = Caster(surfaces(lighting.windows, hides=True), np.float32)
         ends = panes.cast(points.places[rows], way).distance
-        inside = np.isfinite(ends)
-        rows, way = rows[inside], way[inside]
-        ends = ends[inside] - np.float32(0.02)
-    seen = rows[~solid.blocked(points.places[rows], way, ends)]
-    result[seen] = height[seen, None] * colour
-    alone[seen] = height[seen]
+        finite = np.isfinite(ends)
+        rows, way = rows[finite], way[finite]
+        ends = ends[finite] - np.float32(0.02)
+    lit = rows[~solid.blocked(points.places[rows], way, ends)]
+    result[lit] = height[lit, None] * colour
+    alone[lit] = height[lit]
     return result
 
 
@@ -272,17 +275,17 @@ def _given_back(
     lighting: Lighting,
 ) -> Single:
     """Return what surfaces give to each other."""
-    met = _met(points, Caster(where, np.float32))
+    hits = _met(points, Caster(where, np.float32))
     colour = np.array(lighting.sky, np.float32)
     of_point = albedo[points.surface]
     dark = sky[points.surface]
     total = direct
     for _ in range(_BOUNCES):
-        given = np.concatenate([of_point * total, colour[None]])
-        given[:-1][dark] = colour
+        reflected = np.concatenate([of_point * total, colour[None]])
+        reflected[:-1][dark] = colour
         sums = np.zeros_like(direct)
         for k in range(_DIRECTIONS):
-            sums += given[met[k]]
+            sums += reflected[hits[k]]
         sums /= np.float32(_DIRECTIONS)
         returned = _smoothed(sums, points)
         total = direct + returned
@@ -308,9 +311,9 @@ def _met(points: _Points, caster: Caster) -> NDArray[np.int32]:
     starts, ways = np.tile(points.places, (_DIRECTIONS, 1)), ways.reshape(-1, 3)
     hits = caster.cast(starts, ways)
     rays = np.flatnonzero(hits.surface >= 0)
-    at = starts[rays] + hits.distance[rays, None] * ways[rays]
+    positions = starts[rays] + hits.distance[rays, None] * ways[rays]
     result = np.full(len(starts), count, np.int32)
-    result[rays] = points.at(where, hits.surface[rays], at)
+    result[rays] = points.at(where, hits.surface[rays], positions)
     return result.reshape(_DIRECTIONS, count)
 
 
@@ -326,8 +329,8 @@ def _direction(k: int, quarter: int) -> tuple[float, float, float]:
 def _smoothed(values: Single, points: _Points) -> Single:
     """Return values of all points averaged with their neighbours on the same surface."""
     result = values.copy()
-    for (rows, columns), first in zip(points.shapes.tolist(), points.first.tolist(), strict=True):
-        part = slice(first, first + rows * columns)
+    for (rows, columns), start in zip(points.shapes.tolist(), points.first.tolist(), strict=True):
+        part = slice(start, start + rows * columns)
         grid = values[part].reshape(rows, columns, 3)
         for _ in range(2):
             for axis in (0, 1):
@@ -361,7 +364,7 @@ _BRIGHTEST: Final = 8.0
 _KNEE: Final = 0.5
 """Irradiance up to which the film is linear."""
 _WHITE: Final = 1.08
-"""What it tends to."""
+"""Limit of the film's response."""
 
 
 def factors(irradiance: Single) -> Single:

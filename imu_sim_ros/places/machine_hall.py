@@ -166,12 +166,12 @@ def _tank(
 def _ladder(b: PlaceBuilder, foot: tuple[float, float, float], height: float, front: str) -> None:
     """Add a ladder of which the front is seen."""
     x, y, z = foot
-    others = ",".join({"-x", "+x", "-y", "+y", "top", "bottom"} - {front})
+    hidden_sides = ",".join({"-x", "+x", "-y", "+y", "top", "bottom"} - {front})
     for k in np.arange(0.4, height, 0.4):
         low, high = (x + 0.04, y - 0.02, z + k), (x + 0.36, y + 0.02, z + k + 0.03)
-        b.box(low, high, "paint:d8b020", leave=others)
-    for left in (x, x + 0.36):
-        low, high = (left, y - 0.03, z + 0.1), (left + 0.04, y + 0.03, z + height + 0.5)
+        b.box(low, high, "paint:d8b020", leave=hidden_sides)
+    for rail in (x, x + 0.36):
+        low, high = (rail, y - 0.03, z + 0.1), (rail + 0.04, y + 0.03, z + height + 0.5)
         b.box(low, high, "paint:d8b020", leave="top,bottom")
 
 
@@ -273,6 +273,6 @@ def _lamps(b: PlaceBuilder) -> None:
     columns, rows = max(1, round((x1 - x0) / 5.0)), max(1, round((y1 - y0) / 5.0))
     for i in range(rows):
         for j in range(columns):
-            on = (i + j) % (5 if b.site.light == "dim" else 2) == 0
+            lit = (i + j) % (5 if b.site.light == "dim" else 2) == 0
             x, y = x0 + (j + 0.5) * (x1 - x0) / columns, y0 + (i + 0.5) * (y1 - y0) / rows
-            b.lamp((x, y, z1 - 0.5), (0.8, 0.5), LAMP, strength if on else 0.0)
+            b.lamp((x, y, z1 - 0.5), (0.8, 0.5), LAMP, strength if lit else 0.0)

@@ -1,7 +1,7 @@
 # Copyright 2026 imu_sim_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""What surfaces are made of: seeded tiles of colour at their real size that repeat without a seam.
+"""Materials of surfaces: seeded tiles of colour at their real size that repeat without a seam.
 
 A material is named ``KIND`` or ``KIND:RRGGBB``, for instance ``brick`` or ``paint:c8d2d8``.
 Colours are sRGB values, 0 to 255, under a light that leaves white white.
@@ -25,7 +25,7 @@ CONTRASTS: Final = {"blank": 0.25, "plain": 0.8, "rich": 1.3}
 
 
 class Canvas(NamedTuple):
-    """What a tile is painted on."""
+    """Grid of texels of a tile, and its random stream."""
 
     rows: int
     columns: int

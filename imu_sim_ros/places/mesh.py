@@ -71,7 +71,7 @@ def box(mesh: Mesh) -> tuple[Array, Array]:
 
 
 class Meeting(NamedTuple):
-    """What n rays meet first, with the faces' normals."""
+    """Nearest intersections of n rays with a mesh, and the angles of incidence."""
 
     hits: Hits
     along: Array
@@ -120,13 +120,13 @@ class MeshCaster:
         start = np.asarray(origins, np.float64) - self.middle
         from_here = np.broadcast_to(start.astype(np.float32), directions.shape)
         ways = np.ascontiguousarray(directions, np.float32)
-        found = self._scene.run(np.ascontiguousarray(from_here), ways, output=True)
-        number = found["primID"].astype(np.int64)
+        hits = self._scene.run(np.ascontiguousarray(from_here), ways, output=True)
+        number = hits["primID"].astype(np.int64)
         nothing = number < 0
         planes = self.planes.take(np.where(nothing, 0, number), axis=0)
         along = _dot(planes, directions)
         distance = planes[:, 3] - _dot(planes, start)
-        single = found["tfar"].astype(np.float64)
+        single = hits["tfar"].astype(np.float64)
         with np.errstate(divide="ignore", invalid="ignore"):
             distance /= along
             # Where a ray runs along the triangle its plane says nothing.
@@ -143,8 +143,8 @@ class MeshCaster:
         :param nearest: least t of a hit.
         """
         distance, number = np.full(len(origins), np.inf), np.full(len(origins), -1, np.int64)
-        for first in range(0, len(origins), _RAYS):
-            part = slice(first, first + _RAYS)
+        for begin in range(0, len(origins), _RAYS):
+            part = slice(begin, begin + _RAYS)
             start = np.asarray(origins[part], np.float64) + nearest * directions[part]
             hits = self.meet(start, directions[part]).hits
             distance[part], number[part] = hits.distance + nearest, hits.surface
@@ -216,16 +216,16 @@ def open_edges(mesh: Mesh) -> int:
     bits = places.view(np.uint32).astype(np.uint64)
     # Of places that differ two in 2^64 are alike.
     key = (bits[:, 0] * _ODD[0]) ^ (bits[:, 1] * _ODD[1]) ^ (bits[:, 2] * _ODD[2])
-    _, same = np.unique(key, return_inverse=True)
-    corner = same.reshape(-1)[mesh.faces]
+    _, place_ids = np.unique(key, return_inverse=True)
+    corner = place_ids.reshape(-1)[mesh.faces]
     edges = np.empty((3, len(corner)), np.int64)
     for k in range(3):
-        one, other = corner[:, k], corner[:, (k + 1) % 3]
-        edges[k] = np.minimum(one, other) * len(places) + np.maximum(one, other)
-    every = edges.reshape(-1)
-    every.sort()
-    alone = np.ones(len(every) + 1, np.bool_)
-    alone[1:-1] = every[1:] != every[:-1]
+        start, end = corner[:, k], corner[:, (k + 1) % 3]
+        edges[k] = np.minimum(start, end) * len(places) + np.maximum(start, end)
+    edge_ids = edges.reshape(-1)
+    edge_ids.sort()
+    alone = np.ones(len(edge_ids) + 1, np.bool_)
+    alone[1:-1] = edge_ids[1:] != edge_ids[:-1]
     return int((alone[1:] & alone[:-1]).sum())
 
 

@@ -40,9 +40,9 @@ _UNREADABLE: Final = ("KHR_draco_mesh_compression", "EXT_meshopt_compression", "
 _PART: Final = 100_000
 """Triangles that are looked at at once."""
 _FARTHEST: Final = 1e15
-"""Of any coordinate, so that its square is a number."""
+"""Largest magnitude of a coordinate, so that its square is finite."""
 _LEAST_AREA: Final = 1e-15
-"""Of a triangle that can be seen, in squares of the mesh's size."""
+"""Smallest area of a visible triangle, in squares of the mesh's size."""
 
 
 class Mesh(NamedTuple):
@@ -61,19 +61,19 @@ class Mesh(NamedTuple):
     colours: Bytes
     """(m, 3, 3) red, green and blue of each corner, by which the texture is multiplied."""
     painted: bool
-    """It has textures or colours other than those of whole parts."""
+    """True if it has textures, or colours other than those of whole parts."""
 
     @property
     def corners(self) -> Array:
         """(m, 3, 3) places of the corners of all triangles."""
-        found: Array = self.vertices[self.faces]
-        return found
+        positions: Array = self.vertices[self.faces]
+        return positions
 
 
 def normals(mesh: Mesh) -> Iterator[tuple[slice, Array, Array]]:
     """Yield some triangles at a time, their first corners (k, 3) and (b - a) x (c - a) (k, 3)."""
-    for first in range(0, len(mesh.faces), _PART):
-        part = slice(first, first + _PART)
+    for start in range(0, len(mesh.faces), _PART):
+        part = slice(start, start + _PART)
         a, b, c = (mesh.vertices[mesh.faces[part, k]] for k in range(3))
         yield part, a, np.cross(b - a, c - a)
 
@@ -82,8 +82,8 @@ def of_rectangles(origin: Array, across: Array, up: Array) -> Mesh:
     """Return m rectangles ``origin + s across + t up``, each (m, 3), as 2 m triangles in pairs."""
     count = len(origin)
     corners = np.stack([origin, origin + across, origin + across + up, origin + up], axis=1)
-    first = 4 * np.arange(count, dtype=np.int32)[:, None]
-    faces = (first[:, None] + np.array([[0, 1, 2], [0, 2, 3]], np.int32)).reshape(-1, 3)
+    corner = 4 * np.arange(count, dtype=np.int32)[:, None]
+    faces = (corner[:, None] + np.array([[0, 1, 2], [0, 2, 3]], np.int32)).reshape(-1, 3)
     places = np.zeros((2 * count, 3, 2), np.float32)
     colours = np.full((2 * count, 3, 3), 255, np.uint8)
     untextured = np.full(2 * count, -1, np.int32)
@@ -131,11 +131,11 @@ def read_mesh(path: str | Path) -> Mesh:
     return _without_slivers(path, _joined(parts, textures.decoded()))
 
 
-def _check_count(path: Path, count: int, what: str = "triangles", most: int | None = None) -> None:
-    most = MOST_TRIANGLES if most is None else most
-    if count > most:
+def _check_count(path: Path, count: int, what: str = "triangles", limit: int | None = None) -> None:
+    limit = MOST_TRIANGLES if limit is None else limit
+    if count > limit:
         raise InputError(
-            f"{path}: has {count:,} {what}; at most {most:,}: simplify (decimate) it, as MeshLab "
+            f"{path}: has {count:,} {what}; at most {limit:,}: simplify (decimate) it, as MeshLab "
             "and Blender do"
         )
 
@@ -150,8 +150,8 @@ def is_mesh(path: str | Path) -> bool:
             header, _, _ = file.read(65536).partition(b"end_header")
     except (InputError, OSError):
         return False
-    words = [line.split() for line in header.splitlines()]
-    return any(line[:2] == [b"element", b"face"] and line[2:] != [b"0"] for line in words)
+    tokens = [line.split() for line in header.splitlines()]
+    return any(line[:2] == [b"element", b"face"] and line[2:] != [b"0"] for line in tokens)
 
 
 def _content(path: Path) -> bytes:
@@ -162,12 +162,12 @@ def _content(path: Path) -> bytes:
         raise system_error(path, error) from None
     if not content:
         raise InputError(f"{path}: is empty")
-    suffix, most, hint = path.suffix.lower(), LARGEST, ""
+    suffix, limit, hint = path.suffix.lower(), LARGEST, ""
     if _is_text(suffix, content):
-        most, hint = _LARGEST_TEXT[suffix], ", as text: write it as a binary file (GLB, PLY), or"
-    if len(content) > most:
+        limit, hint = _LARGEST_TEXT[suffix], ", as text: write it as a binary file (GLB, PLY), or"
+    if len(content) > limit:
         raise InputError(
-            f"{path}: is larger than {most >> 20} MB{hint or ':'} simplify (decimate) the mesh"
+            f"{path}: is larger than {limit >> 20} MB{hint or ':'} simplify (decimate) the mesh"
         )
     _check_count(path, _announced(suffix, content))
     return content
@@ -184,8 +184,8 @@ def _is_text(suffix: str, content: bytes) -> bool:
 def _announced(suffix: str, content: bytes) -> int:
     """Return how many triangles a file says it has, before anything makes room for them."""
     if suffix == ".ply":
-        found = re.search(rb"element face (\d{1,18})\s", content[:65536])
-        return int(found[1]) if found else 0
+        match = re.search(rb"element face (\d{1,18})\s", content[:65536])
+        return int(match[1]) if match else 0
     if suffix == ".stl" and len(content) >= 84 and not _is_text(suffix, content):
         return int.from_bytes(content[80:84], "little")
     return content.count(b"\nf ") if suffix == ".obj" else 0
@@ -205,21 +205,22 @@ def _check_gltf(path: Path, content: bytes) -> None:
         needed = tree.get("extensionsRequired", [])
         views, images = tree.get("bufferViews", []), tree.get("images", [])
         numbers = [
-            0 if "bufferView" in each else each["count"] for each in tree.get("accessors", [])
+            0 if "bufferView" in accessor else accessor["count"]
+            for accessor in tree.get("accessors", [])
         ]
-        inside = [views[image["bufferView"]] for image in images if "bufferView" in image]
-        starts = [end + 8 + view.get("byteOffset", 0) for view in inside]
+        embedded = [views[image["bufferView"]] for image in images if "bufferView" in image]
+        starts = [end + 8 + view.get("byteOffset", 0) for view in embedded]
         pictures = [
             content[start : start + view["byteLength"]]
-            for start, view in zip(starts, inside, strict=True)
+            for start, view in zip(starts, embedded, strict=True)
         ]
         pictures = pictures if end else []
         uris = [image["uri"] for image in images if "uri" in image]
         pictures += [b64decode(uri.partition(",")[2]) for uri in uris if uri.startswith("data:")]
     except ValueError as error:
-        words = " ".join(str(error).split())[:100]
+        reason = " ".join(str(error).split())[:100]
         raise InputError(
-            f"{path}: cannot be read as {path.suffix[1:].upper()}: damaged or cut off ({words})"
+            f"{path}: cannot be read as {path.suffix[1:].upper()}: damaged or cut off ({reason})"
         ) from None
     except (AttributeError, KeyError, IndexError, TypeError, struct.error):
         return  # trimesh will say so
@@ -290,8 +291,8 @@ def _loaded(path: Path, content: bytes) -> list[tuple[Array, Any]]:
             raise
         except Exception as error:  # damaged files raise errors of many classes in its readers
             if not neighbours.lost:
-                words = " ".join(str(error).split())[:100]
-                reason = f" ({words})" if words and not isinstance(error, ImportError) else ""
+                message = " ".join(str(error).split())[:100]
+                reason = f" ({message})" if message and not isinstance(error, ImportError) else ""
                 raise InputError(
                     f"{path}: cannot be read as {kind.upper()}: damaged or cut off{reason}"
                 ) from None
@@ -327,9 +328,9 @@ class _Part(NamedTuple):
         bad = np.flatnonzero(~(np.abs(vertices) < _FARTHEST).all(axis=1) & used)
         if len(bad):
             shown = ", ".join(f"{x:g}" for x in vertices[bad[0]])
-            more = f", as are {len(bad) - 1} more" if len(bad) > 1 else ""
+            rest = f", as are {len(bad) - 1} more" if len(bad) > 1 else ""
             raise InputError(
-                f"{path}: vertex {bad[0] + 1} is at ({shown}), not a finite place{more}"
+                f"{path}: vertex {bad[0] + 1} is at ({shown}), not a finite place{rest}"
             )
         vertices[~used] = 0.0
         if not np.array_equal(place, np.eye(4)):
@@ -361,17 +362,17 @@ def _look(path: Path, part: Any, faces: Numbers, image: Any) -> tuple[Single, By
                 places = np.asarray(uv, np.float32)[faces][..., :2]
                 if not np.isfinite(places).all():
                     raise InputError(f"{path}: a texture's coordinate is not finite")
-            own = getattr(visual, "vertex_attributes", {}).get("color")
-            if own is not None and len(own) == len(part.vertices):
-                own = _bytes(own)[faces][..., :3].astype(np.uint16)
-                colours = ((own * colours + 127) // 255).astype(np.uint8)
+            vertex_colours = getattr(visual, "vertex_attributes", {}).get("color")
+            if vertex_colours is not None and len(vertex_colours) == len(part.vertices):
+                vertex_colours = _bytes(vertex_colours)[faces][..., :3].astype(np.uint16)
+                colours = ((vertex_colours * colours + 127) // 255).astype(np.uint8)
                 return places, colours, True
             return places, colours, image is not None
         if visual.kind == "vertex":
             return places, _bytes(visual.vertex_colors)[faces][..., :3], True
         if visual.kind == "face":
-            own = _bytes(visual.face_colors)[:, None, :3]
-            return places, np.broadcast_to(own, (count, 3, 3)), True
+            vertex_colours = _bytes(visual.face_colors)[:, None, :3]
+            return places, np.broadcast_to(vertex_colours, (count, 3, 3)), True
     return places, colours, False
 
 

@@ -19,7 +19,7 @@ LARGEST: Final = 1 << 26
 """Texels of a texture in a file, 8192 x 8192; while it is decoded each takes four bytes."""
 _AT_MOST: Final = f"at most {LARGEST:,} texels, as of 8192 x 8192: make it smaller"
 MOST_TEXELS: Final = 36_000_000
-"""Of all textures as they are held, for a mesh of few triangles."""
+"""Largest number of texels of all textures in memory, for a mesh of few triangles."""
 _OF_A_TRIANGLE: Final = 32
 """Texels that need as much memory as a triangle."""
 _LONGEST: Final = 8000
@@ -86,10 +86,10 @@ class Textures:
         result = np.empty((height, width, 3), np.uint8)
         rows = max(1, (1 << 20) // (width * step * step))
         try:
-            for first in range(0, height, rows):
-                last = min(height, first + rows)
-                band = image.crop((0, first * step, width * step, last * step)).convert("RGB")
-                result[first:last] = _means(np.asarray(band, np.uint8), step)
+            for top in range(0, height, rows):
+                bottom = min(height, top + rows)
+                band = image.crop((0, top * step, width * step, bottom * step)).convert("RGB")
+                result[top:bottom] = _means(np.asarray(band, np.uint8), step)
             image.close()
         except MemoryError:
             raise
@@ -98,14 +98,14 @@ class Textures:
         return result
 
 
-def _steps(sizes: Sequence[tuple[int, int]], most: int) -> list[int]:
+def _steps(sizes: Sequence[tuple[int, int]], limit: int) -> list[int]:
     """Return by which power of two each texture is made smaller."""
     area = sum(width * height for width, height in sizes)
-    halvings = math.ceil(0.5 * math.log2(area / max(most, 1))) if area else 0
+    halvings = math.ceil(0.5 * math.log2(area / max(limit, 1))) if area else 0
     steps = []
     for size in sizes:
-        own = math.ceil(math.log2(max(size) / _LONGEST))
-        steps.append(2 ** min(max(own, halvings, 0), int(math.log2(min(size)))))
+        minimum = math.ceil(math.log2(max(size) / _LONGEST))
+        steps.append(2 ** min(max(minimum, halvings, 0), int(math.log2(min(size)))))
     return steps
 
 

@@ -17,7 +17,7 @@ _KEYWORDS: Final = {
     ".obj": ("mtllib",),
     ".mtl": ("map_", "bump", "disp", "decal", "refl", "norm"),
 }
-"""How lines begin that name a file."""
+"""First words of the lines that name a file, by suffix."""
 _SHOWN: Final = 100
 """Characters of a name."""
 
@@ -29,9 +29,9 @@ class Neighbours:
     of that name next to the mesh. Links that lie in the folder are followed.
     """
 
-    def __init__(self, path: Path, most: int) -> None:
+    def __init__(self, path: Path, limit: int) -> None:
         """Read next to a file, in total at most so many bytes."""
-        self._path, self._left, self._most = path, most, most
+        self._path, self._left, self._most = path, limit, limit
         self.lost: list[str] = []
         """Lines about what could not be had."""
 
@@ -50,8 +50,8 @@ class Neighbours:
         shown = repr(name)[1:-1][:_SHOWN]
         place = self.place(name)
         if place is None:
-            outside = _leaves(name) or _leaves(unquote(name))
-            reason = "outside of its folder: put it next to the mesh" if outside else "not there"
+            escapes = _leaves(name) or _leaves(unquote(name))
+            reason = "outside of its folder: put it next to the mesh" if escapes else "not there"
             raise InputError(f"{self._path}: needs {shown}, which is {reason}")
         try:
             with open_regular(place) as file:
@@ -70,11 +70,15 @@ class Neighbours:
 
     def place(self, name: str) -> Path | None:
         """Return which file is meant; in OBJ options may be before its name."""
-        words = [name, unquote(name), *name.split()[-1:]]
-        inside = [_posix(word) for word in words if not _leaves(word)]
-        next_to_it = [PurePosixPath(_posix(word).name) for word in words]
+        spellings = [name, unquote(name), *name.split()[-1:]]
+        relative = [_posix(word) for word in spellings if not _leaves(word)]
+        next_to_it = [PurePosixPath(_posix(word).name) for word in spellings]
         folder = self._path.parent
-        places = [folder / each for each in (*inside, *next_to_it) if each.name not in ("", "..")]
+        places = [
+            folder / candidate
+            for candidate in (*relative, *next_to_it)
+            if candidate.name not in ("", "..")
+        ]
         return next(filter(is_present, places), None)
 
 
@@ -83,15 +87,15 @@ def files_of(path: Path) -> list[Path]:
 
     Only those that exist; the mesh is not checked.
     """
-    neighbours, found, left = Neighbours(path, 0), [path], [path]
-    while left:
-        one = left.pop()
-        for name in _named(one):
+    neighbours, paths, queue = Neighbours(path, 0), [path], [path]
+    while queue:
+        parent = queue.pop()
+        for name in _named(parent):
             place = neighbours.place(name)
-            if place is not None and place not in found:
-                found.append(place)
-                left.append(place)
-    return found
+            if place is not None and place not in paths:
+                paths.append(place)
+                queue.append(place)
+    return paths
 
 
 def _named(path: Path) -> list[str]:
@@ -103,7 +107,9 @@ def _named(path: Path) -> list[str]:
     if kind == ".gltf":
         return [name for name in re.findall(r'"uri"\s*:\s*"([^"]+)"', text) if name[:5] != "data:"]
     lines = (line.split(maxsplit=1) for line in text.splitlines())
-    return [words[1] for words in lines if len(words) == 2 and words[0].startswith(_KEYWORDS[kind])]
+    return [
+        tokens[1] for tokens in lines if len(tokens) == 2 and tokens[0].startswith(_KEYWORDS[kind])
+    ]
 
 
 def _posix(name: str) -> PurePosixPath:

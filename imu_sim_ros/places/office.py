@@ -56,7 +56,7 @@ def office(site: Site) -> Place:
     stops = []
     if partition < y1:
         stops = _closed_rooms(b, partition, stream)
-    west, east = _desks(b, partition, stream)
+    x_low, x_high = _desks(b, partition, stream)
     ceiling_lamps(b)
     fittings(b, sides["ceiling"])
     for x in (x0 + 0.45, x1 - 0.45):
@@ -75,7 +75,7 @@ def office(site: Site) -> Place:
         lit(b),
         site.low,
         site.high,
-        np.array([*west, *stops, *east]),
+        np.array([*x_low, *stops, *x_high]),
         tuple(b.hinges),
     )
 
@@ -90,28 +90,28 @@ def _closed_rooms(b: PlaceBuilder, y: float, stream: np.random.Generator) -> lis
     sides: list[int] = []
     fronts: list[int] = []
     for k in range(count):
-        left, right = x0 + k * width, x0 + (k + 1) * width
-        opening = left + (0.25 if k % 2 else 0.65) * (width - _DOOR)
-        fronts += _front(b, (left, right), y, opening)
-        if k and b.free((left - 0.05, y, z0), (left + 0.05, y1, z1)):
+        x_low, x_high = x0 + k * width, x0 + (k + 1) * width
+        opening = x_low + (0.25 if k % 2 else 0.65) * (width - _DOOR)
+        fronts += _front(b, (x_low, x_high), y, opening)
+        if k and b.free((x_low - 0.05, y, z0), (x_low + 0.05, y1, z1)):
             strip = [Print("strip", 0, 0, y1 - y, 0.07)]
-            low, high = (left - 0.05, y + _WALL, z0), (left + 0.05, y1, z1)
-            made = b.box(low, high, "plaster", dict.fromkeys(("-x", "+x"), strip),
+            low, high = (x_low - 0.05, y + _WALL, z0), (x_low + 0.05, y1, z1)
+            faces = b.box(low, high, "plaster", dict.fromkeys(("-x", "+x"), strip),
                          leave="top,bottom,-y,+y")  # fmt: skip
-            sides += made.values()
-        middle = 0.5 * (left + right)
+            sides += faces.values()
+        middle = 0.5 * (x_low + x_high)
         if k % 2 == 0:
             table(b, (middle, y1 - 1.35, z0), (2.0, 1.0), stream, chairs=True)
         else:
             desk(b, (middle, y1 - 0.55, z0), 0.0, stream)
-        low, high = (right - 0.45, y1 - 1.5, z0), (right - 0.06, y1 - 0.4, z0 + 1.95)
+        low, high = (x_high - 0.45, y1 - 1.5, z0), (x_high - 0.06, y1 - 0.4, z0 + 1.95)
         if b.free(low, high):
             bookcase(b, low, high, "-x")
         stops.append([opening + 0.5 * _DOOR, y + 0.75, z0 + _HEIGHT])
     for wall in sides:
         if b.decor.random() < b.rich(0.6):
             number, places = b.number(), (0.5, 0.8, 0.2, 1.1)
-            any(b.hang(wall, Print("whiteboard", at, 1.0, 2.0, 1.1, number)) for at in places)
+            any(b.hang(wall, Print("whiteboard", x, 1.0, 2.0, 1.1, number)) for x in places)
     for wall in (*sides, *fronts):
         signs(b, wall, 0.35, OFFICE_SIGNS)
     return stops
@@ -122,10 +122,10 @@ def _front(b: PlaceBuilder, ends: tuple[float, float], y: float, opening: float)
 
     :returns: the places of its sides among the faces.
     """
-    left, right = ends
+    x_low, x_high = ends
     z0, z1 = float(b.site.low[2]), float(b.site.high[2])
     strip, walls = 0.07, []
-    for a, c in ((left, opening), (opening + _DOOR, right)):
+    for a, c in ((x_low, opening), (opening + _DOOR, x_high)):
         decoration = [Print("strip", 0, 0, c - a, strip)]
         if c - a > 1.2 and b.decor.random() < b.rich(0.6):
             kind = ("poster", "notices")[int(b.decor.integers(2))]
@@ -133,15 +133,15 @@ def _front(b: PlaceBuilder, ends: tuple[float, float], y: float, opening: float)
             decoration.append(Print(kind, 0.5 * (c - a - w), 1.05, w, h, b.number()))
         low, high = (a, y, z0), (c, y + _WALL, z1)
         leave = ["top", "bottom"]
-        leave += ["-x"] if a == left else ["+x"]
-        made = b.box(
+        leave += ["-x"] if a == x_low else ["+x"]
+        faces = b.box(
             low,
             high,
             "plaster",
             {"-y": decoration, "+y": [Print("strip", 0, 0, c - a, strip)]},
             leave=",".join(leave),
         )
-        walls += [made["-y"], made["+y"]]
+        walls += [faces["-y"], faces["+y"]]
     low, high = (opening, y, z0 + _LINTEL), (opening + _DOOR, y + _WALL, z1)
     sign = [Print("label", 0.35, 0.06, 0.3, 0.16, b.number())] if z1 - z0 - _LINTEL > 0.3 else []
     b.box(low, high, "plaster", {"-y": sign}, leave="top,-x,+x")
@@ -152,7 +152,7 @@ def _front(b: PlaceBuilder, ends: tuple[float, float], y: float, opening: float)
 def _desks(
     b: PlaceBuilder, depth: float, stream: np.random.Generator
 ) -> tuple[list[list[float]], list[list[float]]]:
-    """Put pairs of desks into the open room; return places to its west and its east."""
+    """Put pairs of desks into the open room; return places to its x_low and its x_high."""
     x0, y0, z0 = b.site.low.tolist()
     x1 = float(b.site.high[0])
     rows = max(1, int((depth - y0 - 1.6) / 3.2))
@@ -171,6 +171,6 @@ def _desks(
                 if b.free(low, high):
                     b.box(low, high, "carpet:8c98a4")
     middle, edge, height = depth - 0.75, y0 + 0.65, z0 + _HEIGHT
-    west = [[x0 + 0.7, edge + 0.6, height], [x0 + 0.7, middle, height]]
-    east = [[x1 - 0.7, middle, height], [x1 - 0.7, edge + 0.6, height]]
-    return west, [*east, [0.5 * (x0 + x1), edge, height]]
+    x_low = [[x0 + 0.7, edge + 0.6, height], [x0 + 0.7, middle, height]]
+    x_high = [[x1 - 0.7, middle, height], [x1 - 0.7, edge + 0.6, height]]
+    return x_low, [*x_high, [0.5 * (x0 + x1), edge, height]]

@@ -1,7 +1,7 @@
 # Copyright 2026 imu_sim_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""What is printed or mounted flat in halls and streets."""
+"""Prints and flat fittings in halls and streets."""
 
 from collections.abc import Callable
 from typing import Final
@@ -60,16 +60,16 @@ def _number(s: Sheet) -> None:
     s.all((250, 250, 250))
     s.frame(0.03, (30, 60, 140))
     w, h, bar = s.width, s.height, 0.1 * s.width
-    low, high, left, right = 0.2 * h, 0.8 * h, 0.32 * w, 0.68 * w
+    low, high, x_left, x_right = 0.2 * h, 0.8 * h, 0.32 * w, 0.68 * w
     middle = 0.5 * (low + high)
     strokes = {
-        "a": (left, high - bar, right, high),
-        "b": (right - bar, middle, right, high),
-        "c": (right - bar, low, right, middle),
-        "d": (left, low, right, low + bar),
-        "e": (left, low, left + bar, middle),
-        "f": (left, middle, left + bar, high),
-        "g": (left, middle - 0.5 * bar, right, middle + 0.5 * bar),
+        "a": (x_left, high - bar, x_right, high),
+        "b": (x_right - bar, middle, x_right, high),
+        "c": (x_right - bar, low, x_right, middle),
+        "d": (x_left, low, x_right, low + bar),
+        "e": (x_left, low, x_left + bar, middle),
+        "f": (x_left, middle, x_left + bar, high),
+        "g": (x_left, middle - 0.5 * bar, x_right, middle + 0.5 * bar),
     }
     for name in _SEGMENTS[int(s.stream.integers(6))]:
         x0, y0, x1, y1 = strokes[name]

@@ -42,7 +42,7 @@ _PIXEL: Final = 0.0022
 _SMALL: Final = 2.0
 """Area below which a face with prints may have texels of half that edge [m^2]."""
 _STEPS: Final = 3.0
-"""How often they may be doubled."""
+"""Largest number of doublings of the texels."""
 _ROWS: Final = 256
 """Rows of a texture that are lit at once."""
 _WEIGHTS: Final = (77, 150, 29)
@@ -85,11 +85,11 @@ class Painter:
         """
         leaves = [face.material.startswith("leaves") for face in self.place.faces]
         ends = np.flatnonzero(np.diff([False, *leaves, False]))
-        for first, last in ends.reshape(-1, 2).tolist():
-            crown = light[first:last]
-            points = np.concatenate([each.reshape(-1, 3) for each in crown])
-            for each in crown:
-                np.maximum(each, np.float32(_IN_LEAVES) * points.mean(axis=0), out=each)
+        for begin, end in ends.reshape(-1, 2).tolist():
+            crown = light[begin:end]
+            points = np.concatenate([grid.reshape(-1, 3) for grid in crown])
+            for grid in crown:
+                np.maximum(grid, np.float32(_IN_LEAVES) * points.mean(axis=0), out=grid)
 
     @cached_property
     def _light(self) -> list[Single]:
@@ -98,26 +98,26 @@ class Painter:
 
     def polish(self, colour: bool) -> Polish | None:
         """Return the gloss of the place for images in colour or in grey; None: all is matt."""
-        lit = np.array([each.mean(axis=(0, 1)) for each in self._exposed.total])
+        lit = np.array([irradiance.mean(axis=(0, 1)) for irradiance in self._exposed.total])
         lit[self.place.sky] = 1.0
         weights = np.eye(3) if colour else np.array([_WEIGHTS]) / 256.0
-        found = Polish(self.place, self._exposed, self._albedo * lit, weights.astype(np.float32))
-        return found if len(found.face) else None
+        finish = Polish(self.place, self._exposed, self._albedo * lit, weights.astype(np.float32))
+        return finish if len(finish.face) else None
 
-    def texels(self, most: float) -> Array:
+    def texels(self, limit: float) -> Array:
         """Return the edge of the texels of each face (m,), about [m]: a pixel where it is nearest.
 
         In steps of two, so that few tiles serve all faces. Small faces with prints, such as desks
         with papers, have finer ones. Floors and ceilings have larger ones: what is straight below
         or above is not what a camera looks at.
 
-        :param most: texels in all; if there were more, all are larger, but those of the small
+        :param limit: texels in all; if there were more, all are larger, but those of the small
             faces with prints only if they alone are a quarter of it.
         """
         detail, surfaces = self.place.detail, self._surfaces
         areas, usual = surfaces.sides.prod(axis=1), _TEXEL / detail
         if self._path is None:
-            return usual * _enlarged(usual, areas, most)
+            return usual * _enlarged(usual, areas, limit)
         steps = np.log2(np.maximum(nearest(surfaces, self._path), 1e-3) * _PIXEL / _TEXEL)
         printed = np.array([bool(face.prints) for face in self.place.faces])
         small = areas < _SMALL
@@ -125,9 +125,9 @@ class Painter:
         steps = np.clip(np.rint(steps), np.where(printed & small, -1.0, 0.0), _STEPS)
         result = np.where(detail == 1.0, _TEXEL * 2.0**steps, usual)
         fine = steps < 0
-        result[fine] *= _enlarged(result[fine], areas[fine], 0.25 * most)
-        left = most - float((areas[fine] / result[fine] ** 2).sum())
-        larger = _enlarged(result[~fine], areas[~fine], left)
+        result[fine] *= _enlarged(result[fine], areas[fine], 0.25 * limit)
+        budget = limit - float((areas[fine] / result[fine] ** 2).sum())
+        larger = _enlarged(result[~fine], areas[~fine], budget)
         result[~fine] *= larger
         self._base = _TEXEL * larger
         return result
@@ -156,15 +156,15 @@ class Painter:
         width, height = self._surfaces.sides[m].tolist()
         scale = rows / height, columns / width
         for glowing in (False, True):
-            for each in face.prints:
-                if each.glows != glowing:
+            for print_ in face.prints:
+                if print_.glows != glowing:
                     continue
-                image = picture(each, (1 / scale[0], 1 / scale[1]), self._site.seed)
+                image = picture(print_, (1 / scale[0], 1 / scale[1]), self._site.seed)
                 _put(
                     result,
                     image if colour else grey(image),
-                    round(each.bottom * scale[0]),
-                    round(each.left * scale[1]),
+                    round(print_.bottom * scale[0]),
+                    round(print_.left * scale[1]),
                 )
             if not (glowing or face.sky or face.glows):
                 self._lit(result, m)
@@ -198,11 +198,11 @@ class Painter:
     ) -> None:
         """Add the layers of wear, each from a place of its own on."""
         layers = [self._wear(material, period, texel, base) for period in WEAR_PERIODS]
-        first = [starts.integers(0, len(layer), 2) for layer in layers]
+        offsets = [starts.integers(0, len(layer), 2) for layer in layers]
         for top in range(0, len(texture), _ROWS):
             part = texture[top : top + _ROWS]
             value = np.zeros(part.shape[:2], np.int16)
-            for layer, (row, column) in zip(layers, first, strict=True):
+            for layer, (row, column) in zip(layers, offsets, strict=True):
                 value += _repeated(layer, (row + top, column), *part.shape[:2])
             if part.ndim == 3:
                 value = np.stack([value] * 3, axis=-1)
@@ -236,9 +236,9 @@ class Painter:
             part[:] = np.minimum(value, np.float32(255.0), out=value).astype(np.uint8)
 
 
-def _enlarged(texels: Array, areas: Array, most: float) -> float:
+def _enlarged(texels: Array, areas: Array, limit: float) -> float:
     """Return by how much texels must be larger, so that there are not more than so many."""
-    return max(1.0, math.sqrt(float((areas / (texels * texels)).sum()) / most))
+    return max(1.0, math.sqrt(float((areas / (texels * texels)).sum()) / limit))
 
 
 def _resized(tile: NDArray[_Value], factor: float) -> NDArray[_Value]:
@@ -267,12 +267,12 @@ def _repeated(
 
 def _repeats(start: int, count: int, period: int) -> Iterator[tuple[slice, slice]]:
     """Yield parts of so many places, and which of a tile, from one of these on, are there."""
-    first = 0
-    while first < count:
-        own = (start + first) % period
-        length = min(period - own, count - first)
-        yield slice(first, first + length), slice(own, own + length)
-        first += length
+    begin = 0
+    while begin < count:
+        offset = (start + begin) % period
+        length = min(period - offset, count - begin)
+        yield slice(begin, begin + length), slice(offset, offset + length)
+        begin += length
 
 
 def grey(colours: Bytes) -> Bytes:
@@ -287,11 +287,11 @@ def grey(colours: Bytes) -> Bytes:
 def _put(texture: Bytes, image: Bytes, row: int, column: int) -> None:
     """Put an image on a texture, as far as it lies on it."""
     height, width = texture.shape[:2]
-    low, left = max(row, 0), max(column, 0)
-    high, right = min(row + image.shape[0], height), min(column + image.shape[1], width)
-    if high > low and right > left:
-        texture[low:high, left:right] = image[
-            low - row : high - row, left - column : right - column
+    low, left_column = max(row, 0), max(column, 0)
+    high, right_column = min(row + image.shape[0], height), min(column + image.shape[1], width)
+    if high > low and right_column > left_column:
+        texture[low:high, left_column:right_column] = image[
+            low - row : high - row, left_column - column : right_column - column
         ]
 
 
@@ -303,9 +303,9 @@ def _linear(material: str) -> list[float]:
 def _exposure(maps: list[Single], sky: Mask, areas: Array, middle: float) -> np.float32:
     """Return the factor of light with which half of all surfaces have more than a value."""
     values, weights = [], []
-    for each, dark, area in zip(maps, sky, areas, strict=True):
+    for grid, dark, area in zip(maps, sky, areas, strict=True):
         if not dark:
-            green = each[..., 1].ravel()
+            green = grid[..., 1].ravel()
             values.append(green)
             weights.append(np.full(len(green), area / len(green)))
     value, weight = np.concatenate(values), np.concatenate(weights)

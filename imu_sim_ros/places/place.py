@@ -23,7 +23,7 @@ _LINES: Final = ("strip", "band", "plinth", "cables")
 _GAP: Final = 0.05
 """Distance of what hangs on a wall from what hangs or stands next to it [m]."""
 _BEFORE: Final = 0.8
-"""What stands nearer to a wall hides a part of it [m]."""
+"""Distance from a wall within which faces hide parts of it [m]."""
 CLEARANCE: Final = 0.3
 """Whatever stands in a place keeps this far from the path [m]."""
 
@@ -39,13 +39,13 @@ class Face(NamedTuple):
     detail: float = 1.0
     """Size of its texels, of others' by the inverse; 1: as usual."""
     sky: bool = False
-    """It is the sky: gives light, takes none."""
+    """True for the sky, which gives light and takes none."""
     glows: bool = False
-    """It is seen in its own colour, whatever the light."""
+    """True if its colour does not depend on the light."""
 
 
 class Hinge(NamedTuple):
-    """What a door that moves hangs on."""
+    """Hinge of a moving door."""
 
     foot: Vector
     """p_w of its foot [m]."""
@@ -56,7 +56,7 @@ class Hinge(NamedTuple):
     width: float
     height: float
     number: int
-    """Of the picture on the leaf."""
+    """Number of the picture on the leaf."""
     usually_open: bool
 
 
@@ -72,7 +72,7 @@ class Place(NamedTuple):
     route: Array
     """(n, 3) places that a tour passes, as far from everything as it can be [m]."""
     hinges: tuple[Hinge, ...] = ()
-    """Of the doors that move."""
+    """Hinges of the moving doors."""
 
     def surfaces(self) -> Surfaces:
         """Return all rectangles."""
@@ -92,7 +92,7 @@ class Place(NamedTuple):
 
 @dataclass(frozen=True)
 class Site:
-    """What a place is built for."""
+    """Extent, path and seed for which a place is built."""
 
     low: Array
     """(3,) its corner [m]."""
@@ -104,7 +104,7 @@ class Site:
     texture: str = "plain"
     light: str = "day"
     doors: int = 0
-    """How many of its doors move, at most: their leaves are no part of it."""
+    """Largest number of moving doors, whose leaves are not part of the place."""
 
     def stream(self, what: str) -> np.random.Generator:
         """Return a random stream of one purpose."""
@@ -124,7 +124,7 @@ class PlaceBuilder:
         """Random stream of what is only seen: another texture leaves every body in place."""
         self._count = 0
         self._standing: dict[tuple[int, int], tuple[Array, Array]] = {}
-        """What stands before a wall, by its place and the number of faces at that time."""
+        """Obstructions of a wall, by its index and the number of faces at that time."""
 
     def number(self) -> int:
         """Return a number that no other print has."""
@@ -136,8 +136,8 @@ class PlaceBuilder:
         path = self.site.path
         if not len(path):
             return True
-        near = (path > np.asarray(low) - CLEARANCE) & (path < np.asarray(high) + CLEARANCE)
-        return not bool(near.all(axis=1).any())
+        occupied = (path > np.asarray(low) - CLEARANCE) & (path < np.asarray(high) + CLEARANCE)
+        return not bool(occupied.all(axis=1).any())
 
     def rich(self, plain: float) -> float:
         """Return the chance of something that only decorates, given that of a plain place."""
@@ -159,7 +159,7 @@ class PlaceBuilder:
         The other arguments are those of :class:`Face`.
         """
         corner, first, second = (
-            np.array(each, dtype=np.float64).round(9) for each in (origin, across, up)
+            np.array(vector, dtype=np.float64).round(9) for vector in (origin, across, up)
         )
         sides = (corner, first, second)
         self.faces.append(Face(sides, material, tuple(prints), detail, sky, glows))
@@ -183,16 +183,16 @@ class PlaceBuilder:
             "floor": ((x0, y0, z0), (dx, 0, 0), (0, dy, 0)),
             "ceiling": ((x0, y1, z1), (dx, 0, 0), (0, -dy, 0)),
         }
-        found = {}
+        faces = {}
         for side, (origin, across, up) in sides.items():
             material = materials.get(side, materials.get("walls", "plaster"))
-            found[side] = self.face(origin, across, up, material)
-        return found
+            faces[side] = self.face(origin, across, up, material)
+        return faces
 
     def add_prints(self, face: int, prints: Sequence[Print]) -> None:
         """Put prints on a face."""
-        old = self.faces[face]
-        self.faces[face] = old._replace(prints=(*old.prints, *prints))
+        previous = self.faces[face]
+        self.faces[face] = previous._replace(prints=(*previous.prints, *prints))
 
     def hang(self, wall: int, what: Print) -> bool:
         """Put a print on a wall, unless something hangs there or stands before it.
@@ -200,13 +200,13 @@ class PlaceBuilder:
         :returns: whether it hangs there.
         """
         width, height = (float(np.sqrt(side @ side)) for side in self.faces[wall].rectangle[1:])
-        hung = [each for each in self.faces[wall].prints if each.kind not in _LINES]
-        low = np.array([[each.left, each.bottom] for each in hung]).reshape(-1, 2)
-        high = low + np.array([[each.width, each.height] for each in hung]).reshape(-1, 2)
-        now = wall, len(self.faces)
-        if now not in self._standing:
-            self._standing[now] = self._standing_before(wall)
-        standing = self._standing[now]
+        hung = [print_ for print_ in self.faces[wall].prints if print_.kind not in _LINES]
+        low = np.array([[print_.left, print_.bottom] for print_ in hung]).reshape(-1, 2)
+        high = low + np.array([[print_.width, print_.height] for print_ in hung]).reshape(-1, 2)
+        state = wall, len(self.faces)
+        if state not in self._standing:
+            self._standing[state] = self._standing_before(wall)
+        standing = self._standing[state]
         low, high = np.concatenate([low, standing[0]]), np.concatenate([high, standing[1]])
         corner = np.array([what.left, what.bottom])
         end = corner + np.array([what.width, what.height])
@@ -221,14 +221,14 @@ class PlaceBuilder:
         """Return what of a wall, from corners to ends (n, 2), faces near it or on it hide [m]."""
         sides = np.array([face.rectangle for face in self.faces])
         origin, across, up = sides[wall]
-        axes = [each / np.sqrt(each @ each) for each in (across, up, np.cross(across, up))]
+        axes = [axis / np.sqrt(axis @ axis) for axis in (across, up, np.cross(across, up))]
         offsets = sides[:, 0, None] + np.stack(
             [np.zeros_like(sides[:, 0]), sides[:, 1], sides[:, 2], sides[:, 1] + sides[:, 2]], 1
         )
-        at = (offsets - origin) @ np.array(axes).T  # (faces, corners, 3)
-        low, high = at.min(axis=1), at.max(axis=1)
-        near = (low[:, 2] < _BEFORE) & (high[:, 2] > 1e-6)
-        return low[near, :2], high[near, :2]
+        local = (offsets - origin) @ np.array(axes).T  # (faces, corners, 3)
+        low, high = local.min(axis=1), local.max(axis=1)
+        close = (low[:, 2] < _BEFORE) & (high[:, 2] > 1e-6)
+        return low[close, :2], high[close, :2]
 
     def box(
         self,
@@ -260,15 +260,15 @@ class PlaceBuilder:
             "bottom": ((x0, y1, z0), (dx, 0, 0), (0, -dy, 0)),
         }
         matrix = turned(turn)
-        left_out, found = leave.split(","), {}
+        left_out, faces = leave.split(","), {}
         for side, vectors in sides.items():
             if side in left_out:
                 continue
             origin, across, up = (matrix @ np.array(v, np.float64) for v in vectors)
             of_side = (prints or {}).get(side, ())
-            own = (materials or {}).get(side, material)
-            found[side] = self.face(middle + origin, across, up, own, of_side)
-        return found
+            side_material = (materials or {}).get(side, material)
+            faces[side] = self.face(middle + origin, across, up, side_material, of_side)
+        return faces
 
     def prism(
         self,

@@ -1,7 +1,7 @@
 # Copyright 2026 imu_sim_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""What is printed or mounted flat on a surface: posters, books, screens, doors, windows, signs."""
+"""Prints and flat fittings on surfaces: posters, books, screens, doors, windows, signs."""
 
 from collections.abc import Callable
 from typing import Final
@@ -173,8 +173,8 @@ def _window(s: Sheet) -> None:
         s.fill(x, 0, x + step, top, (tone, tone - 6, tone - 14))
         for k in range(int(step / 0.1)):
             for j in range(int(top / 0.14)):
-                left, low = x + 0.03 + 0.1 * k, top - 0.1 - 0.14 * j
-                s.fill(left, low, left + 0.045, low + 0.07, (tone - 50, tone - 45, tone - 40))
+                pane_x, low = x + 0.03 + 0.1 * k, top - 0.1 - 0.14 * j
+                s.fill(pane_x, low, pane_x + 0.045, low + 0.07, (tone - 50, tone - 45, tone - 40))
         x += step
     _panes(s)
 
@@ -366,8 +366,8 @@ def _bolts(s: Sheet) -> None:
     for i in range(int(s.width / pitch) + 1):
         for j in range(int(s.height / pitch) + 1):
             x, y = 0.035 + pitch * i, 0.035 + pitch * j
-            inside = 0.1 < x < s.width - 0.1 and 0.1 < y < s.height - 0.1
-            if not inside and x < s.width - 0.02 and y < s.height - 0.02:
+            interior = 0.1 < x < s.width - 0.1 and 0.1 < y < s.height - 0.1
+            if not interior and x < s.width - 0.02 and y < s.height - 0.02:
                 s.disc(x, y, 0.014, (44, 46, 48))
                 s.disc(x - 0.002, y + 0.002, 0.009, (196, 198, 198))
     if s.width > 0.4 and s.height > 0.3:
@@ -390,11 +390,11 @@ def _places(s: Sheet) -> None:
     for k in range(int(s.width / 0.7)):
         x = 0.25 + 0.7 * k
         s.fill(x, 0.15 * s.height, x + 0.24, 0.85 * s.height, (246, 246, 240))
-        at = x + 0.015
-        while at < x + 0.1:
+        stroke_x = x + 0.015
+        while stroke_x < x + 0.1:
             step = s.stream.uniform(0.003, 0.009)
-            s.fill(at, 0.25 * s.height, at + step, 0.75 * s.height, INK)
-            at += 2.0 * step
+            s.fill(stroke_x, 0.25 * s.height, stroke_x + step, 0.75 * s.height, INK)
+            stroke_x += 2.0 * step
         s.text(x + 0.115, 0.3 * s.height, x + 0.235, 0.4 * s.height, INK)
 
 

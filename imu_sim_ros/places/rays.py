@@ -22,11 +22,11 @@ _RAYS: Final = 65_536
 _LOOKS: Final = 9
 """Times at which it is looked where a body is."""
 _SLACK: Final = 0.1
-"""How far a body may be from the places between two looks, in metres, and more than it moves."""
+"""Margin for a body's position between two sampled times [m]: more than it moves."""
 
 
 class Traced(NamedTuple):
-    """What n rays meet first."""
+    """Nearest intersections of n rays with surfaces at rest and moving bodies."""
 
     distance: Array
     """(n,) in lengths of the ray's direction; infinite: nothing."""
@@ -112,9 +112,9 @@ class RayTracer:
         :param mesh: in the place of rectangles.
         :param seen_through: (m,) which rectangles nothing meets, such as the sky.
         """
-        kept = np.ones(len(surfaces.origin), np.bool_) if seen_through is None else ~seen_through
-        self._kept = None if kept.all() else np.append(np.flatnonzero(kept), -1)
-        self._rest = _Triangles(mesh) if mesh is not None else _solid(surfaces.some(kept))
+        solid = np.ones(len(surfaces.origin), np.bool_) if seen_through is None else ~seen_through
+        self._kept = None if solid.all() else np.append(np.flatnonzero(solid), -1)
+        self._rest = _Triangles(mesh) if mesh is not None else _solid(surfaces.some(solid))
         self._bodies = [(body, ball(body.surfaces()), _solid(body.surfaces())) for body in bodies]
 
     def trace(self, t: Array, origins: Array, directions: Array) -> Traced:
@@ -127,19 +127,19 @@ class RayTracer:
         count = len(t)
         distance, along = np.empty(count), np.empty(count)
         surface, body = np.empty(count, np.int64), np.zeros(count, np.uint8)
-        for first in range(0, count, _RAYS):
-            part = slice(first, first + _RAYS)
+        for start in range(0, count, _RAYS):
+            part = slice(start, start + _RAYS)
             distance[part], surface[part], along[part] = self._rest.meet(
                 origins[part], directions[part]
             )
         if self._kept is not None:
             surface = self._kept[surface]
-        found = Traced(distance, surface, body, along)
+        traced = Traced(distance, surface, body, along)
         for number, (moving, extent, solid) in enumerate(self._bodies, start=1):
             rows = _near(moving, extent, t, origins, directions)
             if len(rows):
-                _put(found, rows, number, *_of_body(moving, solid, t, origins, directions, rows))
-        return found
+                _put(traced, rows, number, *_of_body(moving, solid, t, origins, directions, rows))
+        return traced
 
 
 def _near(
@@ -154,9 +154,9 @@ def _near(
     reach = radius + 2.0 * float(moved) + _SLACK
     away = [center[k] - origins[:, k] for k in range(3)]
     ahead = sum(away[k] * directions[:, k] for k in range(3))
-    square = sum(each * each for each in away)
-    near = square - np.maximum(ahead, 0.0) ** 2 < reach * reach
-    return np.flatnonzero(near)
+    square = sum(component * component for component in away)
+    within_reach = square - np.maximum(ahead, 0.0) ** 2 < reach * reach
+    return np.flatnonzero(within_reach)
 
 
 def _of_body(
@@ -168,10 +168,10 @@ def _of_body(
 
 
 def _put(
-    found: Traced, rows: Integers, number: int, distance: Floats, surface: Integers, along: Array
+    traced: Traced, rows: Integers, number: int, distance: Floats, surface: Integers, along: Array
 ) -> None:
     """Put in what is nearer than what was found before."""
-    nearer = distance < found.distance[rows]
+    nearer = distance < traced.distance[rows]
     rows = rows[nearer]
-    found.distance[rows], found.surface[rows] = distance[nearer], surface[nearer]
-    found.along[rows], found.body[rows] = along[nearer], number
+    traced.distance[rows], traced.surface[rows] = distance[nearer], surface[nearer]
+    traced.along[rows], traced.body[rows] = along[nearer], number

@@ -19,7 +19,7 @@ from imu_sim_ros.types import Array, Mask
 _BELOW: Final = 0.55
 """Share of the light that is missing below a body."""
 _EDGE: Final = 0.18
-"""By which a shadow is wider than its body [m]."""
+"""Excess of a shadow's radius over that of its body [m]."""
 _LONGEST: Final = 2.0
 """Length of a shadow at most, in heights of the body."""
 
@@ -35,7 +35,7 @@ class ShadowLine(NamedTuple):
 
     @property
     def length(self) -> float:
-        """From start to end [m]."""
+        """Distance from start to end [m]."""
         return float(np.sqrt(((self.end - self.start) ** 2).sum()))
 
     @property
@@ -56,7 +56,7 @@ class Shadow(NamedTuple):
 
     below: ShadowLine
     height: float
-    """Of the body [m]."""
+    """Height of the body [m]."""
 
     @classmethod
     def of(cls, body: Surfaces) -> "Shadow":
@@ -96,12 +96,12 @@ class Sunlight:
         offset = o - (place + 0.05 * self.to_sun)
         along = (self._normals * self.to_sun).sum(axis=1)
         t = (self._normals * offset).sum(axis=1) / np.where(along == 0.0, 1e-12, along)
-        at = t[:, None] * self.to_sun - offset
-        on = t > 0.0
+        offset_on_ray = t[:, None] * self.to_sun - offset
+        blocked = t > 0.0
         for side in (a, b):
-            s = (at * side).sum(axis=1) / (side * side).sum(axis=1)
-            on &= (s >= 0.0) & (s <= 1.0)
-        return 0.0 if on.any() else self._share
+            s = (offset_on_ray * side).sum(axis=1) / (side * side).sum(axis=1)
+            blocked &= (s >= 0.0) & (s <= 1.0)
+        return 0.0 if blocked.any() else self._share
 
 
 def sunlight(where: Surfaces, sky: Mask, lighting: Lighting) -> Sunlight | None:

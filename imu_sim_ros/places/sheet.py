@@ -1,7 +1,7 @@
 # Copyright 2026 imu_sim_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""What prints are drawn on: a sheet in metres."""
+"""Drawing surface of prints: a sheet in metres."""
 
 from typing import Final, NamedTuple
 
@@ -26,7 +26,7 @@ class Print(NamedTuple):
     number: int = 0
     """Number of the picture; another number gives another picture of its kind."""
     glows: bool = False
-    """Its colours are what is seen, whatever the light."""
+    """True if its colours do not depend on the light."""
 
 
 class Sheet:
@@ -48,9 +48,11 @@ class Sheet:
     def fill(self, x0: float, y0: float, x1: float, y1: float, colour: Colour | Array) -> None:
         """Fill a rectangle, at least a texel."""
         rows, columns = self.values.shape[:2]
-        left, right = round(x0 / self.width * columns), round(x1 / self.width * columns)
+        column0, column1 = round(x0 / self.width * columns), round(x1 / self.width * columns)
         low, high = round(y0 / self.height * rows), round(y1 / self.height * rows)
-        self.values[max(low, 0) : max(high, low + 1), max(left, 0) : max(right, left + 1)] = colour
+        self.values[
+            max(low, 0) : max(high, low + 1), max(column0, 0) : max(column1, column0 + 1)
+        ] = colour
 
     def all(self, colour: Colour | Array) -> None:
         """Fill all of it."""

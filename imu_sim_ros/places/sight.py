@@ -1,7 +1,7 @@
 # Copyright 2026 imu_sim_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Which of many places one eye, or a point of a lamp, does not see behind rectangles."""
+"""Visibility of many places from one eye, or a point of a lamp, past rectangles."""
 
 import math
 from collections.abc import Iterator
@@ -21,7 +21,7 @@ _APART: Final = np.float32(1e-4)
 _FRONT: Final = 1e-4
 """Least depth of what the eye sees [m]."""
 _SLACK: Final = np.float32(1e-5)
-"""By which the bounds of bundles are wider."""
+"""Margin of the bounds of bundles."""
 
 
 def hidden_places(where: Surfaces, eye: Array, axis: Array, places: Single) -> Mask:
@@ -40,9 +40,9 @@ def hidden_places(where: Surfaces, eye: Array, axis: Array, places: Single) -> M
     if not (len(places) and front.any()):
         return hidden
     helper = np.eye(3)[np.argmin(np.abs(axis))]
-    first = np.cross(axis, helper)
-    first /= math.sqrt(float(first @ first))
-    view = np.stack([first, np.cross(axis, first), axis])
+    horizontal = np.cross(axis, helper)
+    horizontal /= math.sqrt(float(horizontal @ horizontal))
+    view = np.stack([horizontal, np.cross(axis, horizontal), axis])
     o, a, b = origin[front], where.across[front], where.up[front]
     corners = np.stack([o, o + a, o + a + b, o + b])
     low, high = _bounds((corners[:, :, None] * view).sum(axis=3))
@@ -59,12 +59,12 @@ def hidden_places(where: Surfaces, eye: Array, axis: Array, places: Single) -> M
         n = _product(vectors[0].take(number, axis=1), way.take(place, axis=1))
         some = np.flatnonzero(n > 1 + _APART)  # it is before the place
         n, place, number = n.take(some), place.take(some), number.take(some)
-        ray, on = way.take(place, axis=1), np.ones(len(some), np.bool_)
+        ray, blocked = way.take(place, axis=1), np.ones(len(some), np.bool_)
         for vector in vectors[1:]:
             share = _product(vector.take(number, axis=1), ray)
-            on &= share >= 0
-            on &= share <= n
-        hidden[place[on]] = True
+            blocked &= share >= 0
+            blocked &= share <= n
+        hidden[place[blocked]] = True
     return hidden
 
 
@@ -98,10 +98,10 @@ def _bounds(corners: Array) -> tuple[Single, Single]:
     valid = np.concatenate([z >= _FRONT, (share > 0.0) & (share < 1.0) & (step != 0.0)])
     x, y, depth = points.transpose(2, 0, 1)
     depth = np.maximum(depth, _FRONT)
-    seen = _directions(np.stack([x, y, depth]))
+    projected = _directions(np.stack([x, y, depth]))
     valid = valid.transpose(2, 0, 1)
-    low = np.where(valid, seen, np.inf).min(axis=1)
-    high = np.where(valid, seen, -np.inf).max(axis=1)
+    low = np.where(valid, projected, np.inf).min(axis=1)
+    high = np.where(valid, projected, -np.inf).max(axis=1)
     return low.astype(np.float32), high.astype(np.float32)
 
 
@@ -120,36 +120,38 @@ class _Bundles(NamedTuple):
     """(3, b)."""
 
     @classmethod
-    def of(cls, seen: Single) -> "_Bundles":
+    def of(cls, projected: Single) -> "_Bundles":
         """Divide places by their directions (3, n)."""
-        side = max(1, round(math.sqrt(seen.shape[1] / _BUNDLE)))
-        column, row = ((np.float32(0.5 * side) * (seen[:2] + 1)).astype(np.int64)).clip(0, side - 1)
+        side = max(1, round(math.sqrt(projected.shape[1] / _BUNDLE)))
+        column, row = ((np.float32(0.5 * side) * (projected[:2] + 1)).astype(np.int64)).clip(
+            0, side - 1
+        )
         number = row * side + column
         order = np.argsort(number, kind="stable")
-        first = np.flatnonzero(np.diff(number[order], prepend=-1))
-        in_order = seen.take(order, axis=1)
-        low, high = (f.reduceat(in_order, first, axis=1) for f in (np.minimum, np.maximum))
-        return cls(order, first, np.diff(first, append=len(order)), low - _SLACK, high + _SLACK)
+        starts = np.flatnonzero(np.diff(number[order], prepend=-1))
+        in_order = projected.take(order, axis=1)
+        low, high = (f.reduceat(in_order, starts, axis=1) for f in (np.minimum, np.maximum))
+        return cls(order, starts, np.diff(starts, append=len(order)), low - _SLACK, high + _SLACK)
 
     def pairs(self, low: Single, high: Single) -> Iterator[tuple[Integers, Integers]]:
         """Yield numbers of places and of rectangles (k,) in the same directions, not behind them.
 
         :param low: (3, m) least directions and depth of the rectangles.
         """
-        near = self.high[2, :, None] >= low[2]
+        overlap = self.high[2, :, None] >= low[2]
         for k in range(2):
-            near &= self.high[k, :, None] >= low[k]
-            near &= self.low[k, :, None] <= high[k]
-        bundle, number = np.nonzero(near)
+            overlap &= self.high[k, :, None] >= low[k]
+            overlap &= self.low[k, :, None] <= high[k]
+        bundle, number = np.nonzero(overlap)
         count = self.sizes.take(bundle)
         ends = np.cumsum(count)
         start = 0
         while start < len(bundle):
-            before = int(ends[start - 1]) if start else 0
-            stop = max(start + 1, int(np.searchsorted(ends, before + _PAIRS, side="right")))
-            own = count[start:stop]
-            begin = ends[start:stop] - own - before
-            within = np.arange(int(own.sum())) - np.repeat(begin, own)
-            place = np.repeat(self.first.take(bundle[start:stop]), own) + within
-            yield self.order.take(place), np.repeat(number[start:stop], own)
+            skipped = int(ends[start - 1]) if start else 0
+            stop = max(start + 1, int(np.searchsorted(ends, skipped + _PAIRS, side="right")))
+            counts = count[start:stop]
+            begin = ends[start:stop] - counts - skipped
+            within = np.arange(int(counts.sum())) - np.repeat(begin, counts)
+            place = np.repeat(self.first.take(bundle[start:stop]), counts) + within
+            yield self.order.take(place), np.repeat(number[start:stop], counts)
             start = stop

@@ -82,19 +82,23 @@ def _sky_and_ground(b: PlaceBuilder, ground: float) -> None:
     x0, y0 = (b.site.low[:2] - _FAR).tolist()
     x1, y1 = (b.site.high[:2] + _FAR).tolist()
     low, high = (x0, y0, ground - 1.0), (x1, y1, ground + 300.0)
-    first = len(b.faces)
-    found = b.room(low, high, {"walls": _SKY[b.site.light], "ceiling": _SKY[b.site.light]})
-    for face in (found[side] for side in ("-x", "+x", "-y", "+y", "ceiling")):
+    face_count = len(b.faces)
+    sides = b.room(low, high, {"walls": _SKY[b.site.light], "ceiling": _SKY[b.site.light]})
+    for face in (sides[side] for side in ("-x", "+x", "-y", "+y", "ceiling")):
         b.faces[face] = b.faces[face]._replace(sky=True, detail=0.02)
-    del b.faces[found["floor"]]
-    assert len(b.faces) == first + 5
+    del b.faces[sides["floor"]]
+    assert len(b.faces) == face_count + 5
     b.face((x0, y0, ground - 0.02), (x1 - x0, 0, 0), (0, y1 - y0, 0), "grass", detail=0.04)
     start, size = b.site.low, b.site.high - b.site.low
     along = 0 if size[0] >= size[1] else 1
     dashes = []
     for k in range(int(size[along] / 4.0)):
-        at, middle = 4.0 * k + 0.5, 0.5 * float(size[1 - along])
-        place = (at, middle - 0.07, 2.0, 0.14) if along == 0 else (middle - 0.07, at, 0.14, 2.0)
+        dash_start, middle = 4.0 * k + 0.5, 0.5 * float(size[1 - along])
+        place = (
+            (dash_start, middle - 0.07, 2.0, 0.14)
+            if along == 0
+            else (middle - 0.07, dash_start, 0.14, 2.0)
+        )
         dashes.append(Print("dash", *place))
     b.face((start[0], start[1], ground), (size[0], 0, 0), (0, size[1], 0), "asphalt", dashes)
 
@@ -102,15 +106,15 @@ def _sky_and_ground(b: PlaceBuilder, ground: float) -> None:
 def _houses(b: PlaceBuilder, along: int, side: int, stream: np.random.Generator) -> None:
     """Build a row of houses behind one side of the street."""
     low, high, ground = b.site.low, b.site.high, float(b.site.low[2])
-    at = float(low[along]) - 6.0
-    while at < high[along] + 4.0:
+    position = float(low[along]) - 6.0
+    while position < high[along] + 4.0:
         width = float(stream.uniform(7.0, 13.0))
         storeys = int(stream.integers(2, 6))
         height = 0.6 + storeys * _STOREY
         material = _FACADES[int(stream.integers(len(_FACADES)))]
         shop = bool(stream.random() < 0.4)
         corner, end = np.zeros(3), np.zeros(3)
-        corner[along], end[along] = at, at + width
+        corner[along], end[along] = position, position + width
         face = low[1 - along] if side == 0 else high[1 - along]
         corner[1 - along], end[1 - along] = (face - 9.0, face) if side == 0 else (face, face + 9.0)
         corner[2], end[2] = ground, ground + height
@@ -118,7 +122,7 @@ def _houses(b: PlaceBuilder, along: int, side: int, stream: np.random.Generator)
         prints = _facade(b, width, storeys, shop, int(stream.integers(4)))
         roof = {"top": "paint:6c4a40" if stream.random() < 0.5 else "paint:585c60"}
         b.box(corner.tolist(), end.tolist(), material, {front: prints}, materials=roof)
-        at += width
+        position += width
 
 
 def _facade(b: PlaceBuilder, width: float, storeys: int, shop: bool, style: int) -> list[Print]:
@@ -129,16 +133,16 @@ def _facade(b: PlaceBuilder, width: float, storeys: int, shop: bool, style: int)
     for storey in range(storeys):
         sill = 0.6 + storey * _STOREY + 0.85
         for k in range(count):
-            left = (k + 0.5) * pitch - 0.55
+            x = (k + 0.5) * pitch - 0.55
             if storey == 0:
                 if shop:
                     continue
                 if k == count // 2:
-                    prints.append(Print("door", left, 0.0, 1.1, 2.4, style))
+                    prints.append(Print("door", x, 0.0, 1.1, 2.4, style))
                     continue
             lit = b.site.light == "lamps" and b.decor.random() < 0.3
             kind = "lit" if lit else "glass"
-            prints.append(Print(kind, left, sill, 1.1, 1.6, style, glows=lit))
+            prints.append(Print(kind, x, sill, 1.1, 1.6, style, glows=lit))
     if shop:
         name = b.number() if b.site.texture != "blank" else 0
         prints.append(
@@ -152,10 +156,10 @@ def _furniture(
 ) -> None:
     """Put trees and lamp posts along the kerb, and cars before it."""
     low, high, ground = b.site.low, b.site.high, float(b.site.low[2])
-    at, k = float(low[along]) + 2.5, 0
-    while at < high[along] - 2.0:
+    position, k = float(low[along]) + 2.5, 0
+    while position < high[along] - 2.0:
         place = np.array([0.0, 0.0, ground])
-        place[along], place[1 - along] = at, edge - 0.5 * inwards
+        place[along], place[1 - along] = position, edge - 0.5 * inwards
         x, y, z = place.tolist()
         if k % 2 == 0:
             _tree(b, (x, y, z), stream)
@@ -166,7 +170,7 @@ def _furniture(
             car[along] += 3.0
             car[1 - along] = edge + 1.05 * inwards
             _car(b, car.tolist(), along, stream)
-        at, k = at + 5.5, k + 1
+        position, k = position + 5.5, k + 1
 
 
 def _tree(b: PlaceBuilder, foot: tuple[float, float, float], stream: np.random.Generator) -> None:
@@ -215,7 +219,7 @@ def _car(b: PlaceBuilder, middle: list[float], along: int, stream: np.random.Gen
     turn = 0.0 if along == 0 else 0.5 * math.pi
     if not b.free((x - 2.2, y - 2.2, z), (x + 2.2, y + 2.2, z + 1.5)):
         return
-    side = [Print("wheel", 2.1 + at - 0.38, 0.0, 0.76, 0.5, paint) for at in (-_AXLE, _AXLE)]
+    side = [Print("wheel", 2.1 + axle - 0.38, 0.0, 0.76, 0.5, paint) for axle in (-_AXLE, _AXLE)]
     ends = [Print("bumper", 0, 0, 1.7, 0.55)]
     prints = {"-y": side, "+y": side, "-x": ends, "+x": ends}
     bottom = z + _FLAT - WHEEL_HEIGHT

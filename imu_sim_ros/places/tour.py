@@ -27,13 +27,13 @@ _FEAR: Final = 0.6
 _STEPS: Final = ((1.4, 5), (1.0, 3), (0.8, 3), (0.6, 1), (0.4, 1))
 """Distances of waypoints that are tried [m], and cells over which the way is smoothed."""
 _WAVE: Final = 0.15
-"""By which the flight rises and falls [m]."""
+"""Amplitude of the flight's rise and fall [m]."""
 _LENGTH: Final = 7.0
 """Length of such a wave, about [m]."""
 _LOOKS: Final = 4000
 """Places along a flight whose distance from everything is checked."""
 _CORNERS: Final = ((0.0, 0.0), (1.0, 0.0), (0.0, 1.0), (1.0, 1.0))
-"""Of a rectangle, in shares of its two sides."""
+"""Corners of a rectangle, in shares of its two sides."""
 
 
 class WaypointList(NamedTuple):
@@ -58,11 +58,11 @@ def clearance(surfaces: Surfaces, points: Array, reach: float = math.inf) -> Arr
     end = np.searchsorted(ordered[:, 0], high[:, 0], side="right")
     for k, (o, a, b) in enumerate(zip(*surfaces[:3], strict=True)):
         y = ordered[begin[k] : end[k], 1]
-        near = begin[k] + np.flatnonzero((y >= low[k, 1]) & (y <= high[k, 1]))
-        offset = ordered[near] - o
+        rows = begin[k] + np.flatnonzero((y >= low[k, 1]) & (y <= high[k, 1]))
+        offset = ordered[rows] - o
         s, r = ((offset @ side / (side @ side)).clip(0.0, 1.0)[:, None] for side in (a, b))
         rest = offset - s * a - r * b
-        result[near] = np.minimum(result[near], np.sqrt((rest * rest).sum(axis=1)))
+        result[rows] = np.minimum(result[rows], np.sqrt((rest * rest).sum(axis=1)))
     back = np.empty_like(result)
     back[order] = result
     return back
@@ -103,17 +103,17 @@ def _way(place: Place, surfaces: Surfaces) -> Array:
         level = points + np.array([0.0, 0.0, dz])
         free = np.minimum(free, clearance(_near(surfaces, height + dz), level, _REACH) + 0.1)
     stops = [_nearest_free(points, free, stop) for stop in place.route]
-    _, before = dijkstra(
+    _, predecessors = dijkstra(
         graph(free, shape, CLEARANCE + 0.1), indices=stops, return_predecessors=True
     )
-    way, here = [stops[0]], 0
+    way, stop_index = [stops[0]], 0
     for k in (*range(1, len(stops)), 0):
         part = [stops[k]]
-        while part[-1] >= 0 and part[-1] != stops[here]:
-            part.append(int(before[here][part[-1]]))
+        while part[-1] >= 0 and part[-1] != stops[stop_index]:
+            part.append(int(predecessors[stop_index][part[-1]]))
         if part[-1] >= 0 and len(part) > 1:  # others are out of reach
             way += part[-2::-1]
-            here = k
+            stop_index = k
     if len(way) < _FEWEST:
         raise ConfigurationError("trajectory.type = 'tour': this place has nowhere to fly")
     return points[way]
@@ -128,17 +128,17 @@ def _near(surfaces: Surfaces, height: float) -> Surfaces:
     return surfaces.some((low < height + _REACH) & (high > height - _REACH))
 
 
-def graph(free: Array, shape: tuple[int, int], least: float) -> Any:
+def graph(free: Array, shape: tuple[int, int], clearance: float) -> Any:
     """Return the costs of steps between neighbouring cells that are far enough from everything.
 
     :param free: (n,) distance of each cell from the nearest thing [m].
     :param shape: rows and columns of the cells.
-    :param least: distance at which a cell is far enough [m].
+    :param clearance: distance at which a cell is far enough [m].
     """
     from scipy.sparse import coo_matrix
 
     number = np.arange(shape[0] * shape[1]).reshape(shape)
-    open_cells = (free > least).reshape(shape)
+    open_cells = (free > clearance).reshape(shape)
     cost = (1.0 + 3.0 * np.maximum(0.0, 1.0 - free / _FEAR)).reshape(shape)
     rows, columns, values = [], [], []
     for di, dj in ((0, 1), (1, 0), (1, 1), (1, -1)):
@@ -167,12 +167,12 @@ def _thinned(way: Array, step: float, smooth: int, wave: float) -> WaypointList:
     line[0], line[-1] = way[0], way[-1]
     lengths = np.concatenate([[0.0], np.cumsum(np.linalg.norm(np.diff(line, axis=0), axis=1))])
     count = max(3, round(float(lengths[-1]) / step))
-    at = np.linspace(0.0, lengths[-1], count)
-    positions = np.stack([np.interp(at, lengths, line[:, k]) for k in range(3)], axis=1)
+    arc_lengths = np.linspace(0.0, lengths[-1], count)
+    positions = np.stack([np.interp(arc_lengths, lengths, line[:, k]) for k in range(3)], axis=1)
     waves = max(1, round(float(lengths[-1]) / _LENGTH))
-    positions[:, 2] += wave * np.sin(2.0 * np.pi * waves * at / lengths[-1])
-    ahead = np.stack([np.interp(at + 0.4, lengths, line[:, k]) for k in range(2)], axis=1)
-    behind = np.stack([np.interp(at - 0.4, lengths, line[:, k]) for k in range(2)], axis=1)
+    positions[:, 2] += wave * np.sin(2.0 * np.pi * waves * arc_lengths / lengths[-1])
+    ahead = np.stack([np.interp(arc_lengths + 0.4, lengths, line[:, k]) for k in range(2)], axis=1)
+    behind = np.stack([np.interp(arc_lengths - 0.4, lengths, line[:, k]) for k in range(2)], axis=1)
     along = ahead - behind
     headings = np.unwrap(np.arctan2(along[:, 1], along[:, 0]))
     return WaypointList(np.round(positions, 6), np.round(headings, 6))

@@ -23,7 +23,7 @@ from imu_sim_ros.random_streams import generator_at
 from imu_sim_ros.types import Array, Integers, Mask
 
 PERIOD: Final = 60.0
-"""Of all courses [s]."""
+"""Period of all courses [s]."""
 _KNOTS: Final = round(PERIOD / STEP)
 _CELL: Final = 0.1
 """Edge of a cell of the floor, in large places twice as much [m]."""
@@ -32,17 +32,17 @@ _LARGE: Final = 200.0
 _REACH: Final = 1.5
 """Distance from which a thing is of no interest [m]."""
 _ROOM: Final = 0.06
-"""By which a planned way is farther from things than it must be [m]."""
+"""Margin of a planned way's distance from things [m]."""
 _STOPS: Final = 24
 """Places at which a body may stop: half of them anywhere, half next to things."""
 _BESIDE: Final = 0.15
-"""How much farther from things than it must be a place next to them is [m]."""
+"""Margin within which a place counts as next to things [m]."""
 _SETS: Final = 4
 """Sets of stops that are tried, one after the other."""
 _TRIES: Final = 3
 """Courses that are drawn from one home."""
 _SLACK: Final = 0.04
-"""By which a planned course is farther from what moves than it must be [m]."""
+"""Margin of a planned course's distance from moving bodies [m]."""
 _TURNING: Final = 4
 """Knots for which a body turns before it goes on."""
 _PAUSE: Final = (4, 16)
@@ -100,14 +100,14 @@ def moving(
     :param speed: of people who walk [m/s].
     :raises ConfigurationError: if so many have no room.
     """
-    found: list[MovingBody] = []
+    bodies: list[MovingBody] = []
     for number, hinge in enumerate(place.hinges[: counts["door"]], start=1):
         course = _door(hinge, number, site, passage)
         look = faces("door", number, site, hinge)
-        found.append(MovingBody(f"door_{number}", "door", look, course, hinge.foot[2]))
-    if len(found) < counts["door"]:
+        bodies.append(MovingBody(f"door_{number}", "door", look, course, hinge.foot[2]))
+    if len(bodies) < counts["door"]:
         raise ConfigurationError(
-            f"scene.bodies.doors = {counts['door']}: this place has {len(found)} doors that can "
+            f"scene.bodies.doors = {counts['door']}: this place has {len(bodies)} doors that can "
             "move; an office and a corridor have some"
         )
     for kind in ("cart", "person"):
@@ -116,7 +116,7 @@ def moving(
             for k in range(_SETS):
                 if k == len(walkers):
                     walkers.append(_Walkers(place, site, kind, speed, passage, k))
-                way = walkers[k].course(number, found)
+                way = walkers[k].course(number, bodies)
                 if way is not None:
                     break
             if way is None:
@@ -127,12 +127,12 @@ def moving(
                     "larger place or another scene.bodies.speed"
                 )
             low = float(place.low[2])
-            found.append(MovingBody(f"{kind}_{number}", kind, faces(kind, number, site), way, low))
-    return tuple(found)
+            bodies.append(MovingBody(f"{kind}_{number}", kind, faces(kind, number, site), way, low))
+    return tuple(bodies)
 
 
 class _Walkers:
-    """Who walks on the floor of a place, of one kind.
+    """Planner of walking bodies of one kind on the floor of a place.
 
     Stops and times, a knot apart, are the nodes of a graph: from each a body may wait, or walk to
     another stop if nothing is in its way at those times. Back from the end of the period it is
@@ -160,9 +160,9 @@ class _Walkers:
         self._floor = _floor(place, top, passage if not passage.ends else None)
         self._near = passage.places[..., 2] < top + CLEARANCE
         stream = generator_at(site.seed, f"bodies.stops.{kind}", number)
-        least = self._radius + _ROOM + self._floor.cell * math.sqrt(0.5)
-        ways = graph(self._floor.free, self._floor.shape, least)
-        self._stops = _stops(self._floor.free, least, ways, stream)
+        clearance = self._radius + _ROOM + self._floor.cell * math.sqrt(0.5)
+        ways = graph(self._floor.free, self._floor.shape, clearance)
+        self._stops = _stops(self._floor.free, clearance, ways, stream)
         if len(self._stops) < 2:
             return
         _, self._before = dijkstra(ways, indices=self._stops, return_predecessors=True)
@@ -173,7 +173,7 @@ class _Walkers:
         self._cells, index = np.unique(self._floor.number(places), return_inverse=True)
         ends = np.cumsum(self._lengths.ravel())[:-1]
         self._along = np.split(index.ravel(), ends)
-        """Which of the cells each leg passes, knot by knot."""
+        """Indices of the cells that each leg passes, knot by knot."""
         self._at = np.searchsorted(self._cells, self._stops)
         self._clear = self._clear_of_cameras()
         """(knots, cells) whether each is off the cameras and all bodies that are known."""
@@ -189,32 +189,32 @@ class _Walkers:
         middles = self._floor.places[self._cells]
         reach = self._radius + CLEARANCE + _SLACK
         phase = np.tile(self._passage.times % PERIOD, len(self._near))[self._near.ravel()]
-        there = self._passage.places.reshape(-1, 3)[self._near.ravel()][:, :2]
+        positions_near = self._passage.places.reshape(-1, 3)[self._near.ravel()][:, :2]
         order = np.argsort(phase, kind="stable")
-        phase, there = phase[order], there[order]
+        phase, positions_near = phase[order], positions_near[order]
         for k in range(_KNOTS):
             # A knot moves a body for two steps before and after it.
             ends = ((k - 2) * STEP, (k + 2) * STEP)
             parts = [
-                there[slice(*np.searchsorted(phase, [end + shift for end in ends]))]
+                positions_near[slice(*np.searchsorted(phase, [end + shift for end in ends]))]
                 for shift in (-PERIOD, 0.0, PERIOD)
             ]
-            seen = np.unique(np.round(np.concatenate(parts), 2), axis=0)
-            if len(seen):
-                away, _ = cKDTree(seen).query(middles, distance_upper_bound=reach)
+            positions = np.unique(np.round(np.concatenate(parts), 2), axis=0)
+            if len(positions):
+                away, _ = cKDTree(positions).query(middles, distance_upper_bound=reach)
                 result[k] = ~np.isfinite(away)
         return result
 
-    def _keep_off(self, others: Sequence[MovingBody]) -> None:
+    def _keep_off(self, bodies: Sequence[MovingBody]) -> None:
         """Mark at which knots each cell is not off other bodies."""
         middles = self._floor.places[self._cells]
         halves: Array = np.arange(2.0 * _KNOTS) * (0.5 * STEP)
-        for other in others:
-            if other.kind == "door":  # all that it sweeps is no floor
+        for body in bodies:
+            if body.kind == "door":  # all that it sweeps is no floor
                 continue
-            reach = self._radius + RADIUS[other.kind] + _APART + _SLACK
-            there = other.course.at(halves)[:, :2]
-            off = np.array([np.hypot(*(middles - place).T) > reach for place in there])
+            reach = self._radius + RADIUS[body.kind] + _APART + _SLACK
+            positions = body.course.at(halves)[:, :2]
+            off = np.array([np.hypot(*(middles - place).T) > reach for place in positions])
             for shift in range(-4, 5):  # a knot moves a body for two steps before and after it
                 self._clear &= np.roll(off, shift, axis=0)[::2]
 
@@ -242,10 +242,10 @@ class _Walkers:
         """Tell which legs (stops, stops, knots) may begin at which knots."""
         count = len(self._stops)
         result = np.zeros((count * count, _KNOTS), np.bool_)
-        at = (np.arange(_KNOTS)[:, None] + 1 + np.arange(_KNOTS // 2)) % _KNOTS
+        knots = (np.arange(_KNOTS)[:, None] + 1 + np.arange(_KNOTS // 2)) % _KNOTS
         for k, cells in enumerate(self._along):
             if 0 < len(cells) <= _KNOTS // 2:
-                result[k] = clear[at[:, : len(cells)], cells].all(axis=1)
+                result[k] = clear[knots[:, : len(cells)], cells].all(axis=1)
         return result.reshape(count, count, _KNOTS)
 
     def _homewards(self, home: int, go: Mask, stay: Mask) -> Mask:
@@ -269,21 +269,21 @@ class _Walkers:
         stream: np.random.Generator,
     ) -> Course | None:
         """Return a course from a stop to others and back; None: it would stand all the time."""
-        here, stops = home, np.arange(len(self._stops))
+        stop, stops = home, np.arange(len(self._stops))
         line: list[Array] = []
         pause = int(stream.integers(*_PAUSE))
         while len(line) < _KNOTS:
             k = len(line)
-            arrival = np.minimum(k + self._lengths[here], _KNOTS + 1)
-            options = np.flatnonzero(go[here, :, k] & homewards[arrival, stops])
-            waits = stay[(k + 1) % _KNOTS, here] and homewards[k + 1, here]
+            arrival = np.minimum(k + self._lengths[stop], _KNOTS + 1)
+            options = np.flatnonzero(go[stop, :, k] & homewards[arrival, stops])
+            waits = stay[(k + 1) % _KNOTS, stop] and homewards[k + 1, stop]
             if waits and (pause > 0 or not len(options)):
-                line.append(self._floor.places[self._stops[here]])
+                line.append(self._floor.places[self._stops[stop]])
                 pause -= 1
                 continue
             following = int(options[stream.integers(len(options))])
-            line += list(self._legs[here][following])
-            here, pause = following, int(stream.integers(*_PAUSE))
+            line += list(self._legs[stop][following])
+            stop, pause = following, int(stream.integers(*_PAUSE))
         places = np.roll(np.array(line), 1, axis=0)  # the last knot is the first one's place
         if not np.ptp(places, axis=0).any():
             return None
@@ -304,36 +304,36 @@ class _Walkers:
         smooth[0], smooth[-1] = line[0], line[-1]
         lengths = np.concatenate([[0.0], np.cumsum(np.hypot(*np.diff(smooth, axis=0).T))])
         count = max(1, math.ceil(float(lengths[-1]) / (self._pace * STEP)))
-        at = np.linspace(0.0, lengths[-1], count + 1)[1:]
-        return np.stack([np.interp(at, lengths, smooth[:, k]) for k in (0, 1)], axis=1)
+        arc_lengths = np.linspace(0.0, lengths[-1], count + 1)[1:]
+        return np.stack([np.interp(arc_lengths, lengths, smooth[:, k]) for k in (0, 1)], axis=1)
 
-    def _possible(self, course: Course, others: Sequence[MovingBody]) -> bool:
+    def _possible(self, course: Course, bodies: Sequence[MovingBody]) -> bool:
         t: Array = np.arange(_LOOKS, dtype=np.float64) * (PERIOD / _LOOKS)
         place = course.at(t)[:, :2]
         if (self._floor.at(place) < self._radius).any():
             return False
-        for other in others:
-            if (_between(other, t, place) < self._radius + _APART).any():
+        for body in bodies:
+            if (_between(body, t, place) < self._radius + _APART).any():
                 return False
         return not self._passage.ends or self._off_the_cameras(course)
 
     def _off_the_cameras(self, course: Course) -> bool:
-        there = course.at(self._passage.times)[:, :2]
-        for near, places in zip(self._near, self._passage.places, strict=True):
-            away = np.hypot(*(places[:, :2] - there).T)
+        positions = course.at(self._passage.times)[:, :2]
+        for close, places in zip(self._near, self._passage.places, strict=True):
+            away = np.hypot(*(places[:, :2] - positions).T)
             moved = np.hypot(*np.diff(places[:, :2], axis=0, append=places[-1:, :2]).T)
-            if (near & (away - moved < self._radius + CLEARANCE)).any():
+            if (close & (away - moved < self._radius + CLEARANCE)).any():
                 return False
         return True
 
 
-def _between(other: MovingBody, t: Array, places: Array) -> Array:
+def _between(body: MovingBody, t: Array, places: Array) -> Array:
     """Return how far places (n, 2) are from a body at times t (n,), at least [m]."""
-    own = other.course.at(t)
-    offset = places - own[:, :2]
-    if other.kind != "door":
-        return np.asarray(np.hypot(*offset.T) - RADIUS[other.kind])
-    return _from_leaf(offset, own[:, 2], float(other.surfaces().sides.max(axis=0)[0]))
+    pose = body.course.at(t)
+    offset = places - pose[:, :2]
+    if body.kind != "door":
+        return np.asarray(np.hypot(*offset.T) - RADIUS[body.kind])
+    return _from_leaf(offset, pose[:, 2], float(body.surfaces().sides.max(axis=0)[0]))
 
 
 def _from_leaf(offset: Array, heading: Array, width: float) -> Array:
@@ -343,18 +343,22 @@ def _from_leaf(offset: Array, heading: Array, width: float) -> Array:
     return np.asarray(np.hypot(*(offset - along[:, None] * ahead).T) - 0.03)
 
 
-def _stops(free: Array, least: float, ways: object, stream: np.random.Generator) -> Integers:
+def _stops(free: Array, clearance: float, ways: object, stream: np.random.Generator) -> Integers:
     """Return numbers of cells that can be reached from each other: of the largest such part."""
     from scipy.sparse.csgraph import connected_components
 
     _, part = connected_components(ways, directed=False)
-    open_cells = free > least
+    open_cells = free > clearance
     sizes = np.bincount(part[open_cells], minlength=1)
     cells = np.flatnonzero(open_cells & (part == int(np.argmax(sizes))))
     if not len(cells):
         return cells
-    edge = cells[free[cells] < least + _BESIDE]
-    some = [each[stream.integers(0, len(each), _STOPS // 2)] for each in (cells, edge) if len(each)]
+    edge = cells[free[cells] < clearance + _BESIDE]
+    some = [
+        candidates[stream.integers(0, len(candidates), _STOPS // 2)]
+        for candidates in (cells, edge)
+        if len(candidates)
+    ]
     return np.unique(np.concatenate(some))
 
 
@@ -367,19 +371,19 @@ def _headings(line: Array) -> tuple[Array, int]:
     goes = np.hypot(*steps.T) > 1e-3
     start = int(np.argmax(goes))
     order = (np.arange(len(line)) + start) % len(line)
-    heading, last = np.zeros(len(line)), 0.0
+    heading, previous = np.zeros(len(line)), 0.0
     for k, number in enumerate(order.tolist()):
         if goes[number]:
             ahead = math.atan2(steps[number, 1], steps[number, 0])
-            last = ahead if k == 0 else last + _wrapped(ahead - last)
-        heading[k] = last
-    back = heading[0] + 2.0 * math.pi * round((last - heading[0]) / (2.0 * math.pi))
+            previous = ahead if k == 0 else previous + _wrapped(ahead - previous)
+        heading[k] = previous
+    back = heading[0] + 2.0 * math.pi * round((previous - heading[0]) / (2.0 * math.pi))
     turns = round((back - heading[0]) / (2.0 * math.pi))
     full = np.concatenate([heading, heading + 2.0 * math.pi * turns])
     # The mean over the next knots: a body begins to turn before it goes on.
     kernel = np.full(2 * _TURNING + 1, 1.0 / (2 * _TURNING + 1))
-    around = np.concatenate([heading[-_TURNING:] - 2.0 * math.pi * turns, full])
-    smooth = np.convolve(around, kernel, "valid")[: len(line)]
+    periodic = np.concatenate([heading[-_TURNING:] - 2.0 * math.pi * turns, full])
+    smooth = np.convolve(periodic, kernel, "valid")[: len(line)]
     result = np.empty(len(line))
     wraps = np.where(order < start, 2.0 * math.pi * turns, 0.0)
     result[order] = smooth - wraps
@@ -414,10 +418,10 @@ def _floor(place: Place, top: float, keep_off: Passage | None) -> _Floor:
     if keep_off is not None:
         from scipy.spatial import cKDTree
 
-        near = keep_off.places[keep_off.places[..., 2] < top + CLEARANCE][:, :2]
-        if len(near):
-            far = _REACH + 2.0 * CLEARANCE  # from there on the path is of no interest
-            away, _ = cKDTree(near).query(grid.reshape(-1, 2), distance_upper_bound=far)
+        obstacles = keep_off.places[keep_off.places[..., 2] < top + CLEARANCE][:, :2]
+        if len(obstacles):
+            reach = _REACH + 2.0 * CLEARANCE  # from there on the path is of no interest
+            away, _ = cKDTree(obstacles).query(grid.reshape(-1, 2), distance_upper_bound=reach)
             free = np.minimum(free, away.reshape(shape) - CLEARANCE)
     return _Floor(grid.reshape(-1, 2), free.ravel(), shape, cell)
 
@@ -439,7 +443,7 @@ def _put(free: Array, grid: Array, corners: Array) -> None:
     if not part.size:
         return
     best = np.full(part.shape[:2], np.inf)
-    inside = np.ones((2, *part.shape[:2]), np.bool_)
+    in_sweep = np.ones((2, *part.shape[:2]), np.bool_)
     for k in range(4):
         start, side = corners[k], corners[(k + 1) % 4] - corners[k]
         offset = part - start
@@ -448,9 +452,9 @@ def _put(free: Array, grid: Array, corners: Array) -> None:
         rest = offset - np.multiply.outer(share, side) if square > 0.0 else offset
         np.minimum(best, np.hypot(rest[..., 0], rest[..., 1]), out=best)
         turn = side[0] * offset[..., 1] - side[1] * offset[..., 0]
-        inside[0] &= turn > 0.0
-        inside[1] &= turn < 0.0
-    best[inside[0] | inside[1]] = 0.0
+        in_sweep[0] &= turn > 0.0
+        in_sweep[1] &= turn < 0.0
+    best[in_sweep[0] | in_sweep[1]] = 0.0
     np.minimum(free[rows, columns], best, out=free[rows, columns])
 
 
@@ -461,14 +465,14 @@ def _door(hinge: Hinge, number: int, site: Site, passage: Passage) -> Course:
     shares = [np.full(_KNOTS, usual)]
     for _ in range(_DOOR_TRIES):
         share = np.full(_KNOTS, usual)
-        at = int(stream.integers(4, 30))
-        while at < _KNOTS - 60:
+        knot = int(stream.integers(4, 30))
+        while knot < _KNOTS - 60:
             moves, stays = int(stream.integers(6, 12)), int(stream.integers(8, 24))
             ramp = np.linspace(usual, 1.0 - usual, moves)
-            share[at : at + moves] = ramp
-            share[at + moves : at + moves + stays] = 1.0 - usual
-            share[at + moves + stays : at + 2 * moves + stays] = ramp[::-1]
-            at += 2 * moves + stays + int(stream.integers(20, 60))
+            share[knot : knot + moves] = ramp
+            share[knot + moves : knot + moves + stays] = 1.0 - usual
+            share[knot + moves + stays : knot + 2 * moves + stays] = ramp[::-1]
+            knot += 2 * moves + stays + int(stream.integers(20, 60))
         shares.insert(-1, np.roll(share, int(stream.integers(_KNOTS))))
     for share in shares:
         heading = hinge.heading + hinge.swing * share
@@ -486,16 +490,17 @@ def _swings_free(course: Course, hinge: Hinge, passage: Passage) -> bool:
         headings = np.array([hinge.heading + hinge.swing * k / _ANGLES for k in range(_ANGLES + 1)])
     for places in passage.places:
         offset = places[:, :2] - np.array(hinge.foot[:2])
-        near = (places[:, 2] < top) & (np.hypot(*offset.T) < hinge.width + CLEARANCE + _REACH)
-        if not near.any():
+        close = (places[:, 2] < top) & (np.hypot(*offset.T) < hinge.width + CLEARANCE + _REACH)
+        if not close.any():
             continue
         if passage.ends:
-            away = _from_leaf(offset[near], headings[near], hinge.width)
+            away = _from_leaf(offset[close], headings[close], hinge.width)
         else:
-            each = [
-                _from_leaf(offset[near], np.full(int(near.sum()), h), hinge.width) for h in headings
+            distances = [
+                _from_leaf(offset[close], np.full(int(close.sum()), h), hinge.width)
+                for h in headings
             ]
-            away = np.min(each, axis=0)
+            away = np.min(distances, axis=0)
         if (away < CLEARANCE).any():
             return False
     return True

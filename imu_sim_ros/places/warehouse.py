@@ -19,7 +19,7 @@ _BAY: Final = 2.8
 """Distance of two uprights [m]."""
 _LEVEL: Final = 1.6
 _FRONT: Final = 3.0
-"""What stays free before the racks on both ends [m]."""
+"""Free length before the racks on both ends [m]."""
 
 
 def warehouse(site: Site) -> Place:
@@ -63,21 +63,21 @@ def _row(b: PlaceBuilder, y: float, stream: np.random.Generator) -> None:
     top = z0 + (levels - 1) * _LEVEL + 1.0
     detailed = b.site.texture != "blank"
     for k in range(bays):
-        left = start + k * _BAY
+        x = start + k * _BAY
         for level in range(levels):
             low = z0 + level * _LEVEL
-            free = b.free((left, y, low), (left + _BAY, y + _DEPTH, low + _LEVEL))
+            free = b.free((x, y, low), (x + _BAY, y + _DEPTH, low + _LEVEL))
             kind = stream.random()
             sizes = stream.uniform(0.7, 1.25, 2)
             shade = int(stream.integers(4))
             if not free or kind < 0.12:
                 continue
             parts = ((0.15, 1.25), (1.5, 1.2)) if kind < 0.6 else ((0.2, 2.4),)
-            for j, (at, width) in enumerate(parts):
-                _load(b, (left + at, y, low + 0.14), width, float(sizes[j]), shade)
+            for j, (offset, width) in enumerate(parts):
+                _load(b, (x + offset, y, low + 0.14), width, float(sizes[j]), shade)
     for k in range(bays + 1):
-        left = start + k * _BAY
-        low, high = (left - 0.05, y, z0), (left + 0.05, y + _DEPTH, top)
+        x = start + k * _BAY
+        low, high = (x - 0.05, y, z0), (x + 0.05, y + _DEPTH, top)
         if b.free(low, high):
             holes = [Print("holes", 0.0, 0.0, 0.1, top - z0)] if detailed else []
             b.box(low, high, "paint:2c4c8c", {"-y": holes, "+y": holes}, leave="bottom")
@@ -110,9 +110,9 @@ def _gates(b: PlaceBuilder, wall: int, width: float) -> None:
     count = max(1, int(width / 5.0))
     prints = [Print("strip", 0, 0, width, 0.3)]
     for k in range(count):
-        left = (k + 0.5) * width / count - 1.6
-        prints.append(Print("gate", left, 0, 3.2, 3.4, 0))
-        prints.append(Print("number", left + 1.3, 3.6, 0.6, 0.6, k + 1))
+        x = (k + 0.5) * width / count - 1.6
+        prints.append(Print("gate", x, 0, 3.2, 3.4, 0))
+        prints.append(Print("number", x + 1.3, 3.6, 0.6, 0.6, k + 1))
     b.add_prints(wall, prints)
 
 
@@ -129,8 +129,8 @@ def _roof(b: PlaceBuilder) -> None:
         across = max(1, round((y1 - y0) / 4.0))
         for j in range(across):
             y = y0 + (j + 0.5) * (y1 - y0) / across
-            on = b.site.light != "dim" or (k + j) % 4 == 0
-            b.lamp((x + 1.4, y, z1 - 0.3), (0.4, 1.5), LAMP, strength if on else 0.0)
+            lit = b.site.light != "dim" or (k + j) % 4 == 0
+            b.lamp((x + 1.4, y, z1 - 0.3), (0.4, 1.5), LAMP, strength if lit else 0.0)
             if b.site.light == "day" and j % 2 == 0:
                 corner = np.array([x - 2.4, y + 1.2, z1 - 0.004])
                 pane = corner, np.array([1.6, 0.0, 0.0]), np.array([0.0, -2.4, 0.0])
