@@ -462,7 +462,10 @@ def _difference_lines(judgement: Judgement) -> Iterator[str | TextTable]:
 def _baseline_tables(judgement: Judgement) -> Iterator[TextTable]:
     """Yield how each group compares with the baseline, worse groups first."""
     effects = sorted(judgement.baseline or [], key=lambda effect: effect.verdict != "worse")
-    rows = [[one.a, one.note or one.size(), _number(one.p), one.verdict] for one in effects]
+    rows = [
+        [effect.a, effect.note or effect.size(), _number(effect.p), effect.verdict]
+        for effect in effects
+    ]
     if rows:
         title = f"Against the baseline: {judgement.metric}"
         header = ["cell; estimator", "than before", "p", "is"]
@@ -474,9 +477,14 @@ def _slope_tables(
 ) -> Iterator[TextTable]:
     grid = judgement[0].grid if judgement else ()
     slopes_of = [
-        [one.parameter, one.estimator, _number(slope.value), f"{slope.low:.3g} - {slope.high:.3g}"]
-        for one in slopes(rows, grid, metric)
-        if (slope := one.sensitivity.slope)
+        [
+            group.parameter,
+            group.estimator,
+            _number(slope.value),
+            f"{slope.low:.3g} - {slope.high:.3g}",
+        ]
+        for group in slopes(rows, grid, metric)
+        if (slope := group.sensitivity.slope)
     ]
     if slopes_of:
         header = ["parameter", "estimator", "slope", "95 % interval"]

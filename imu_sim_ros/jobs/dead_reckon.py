@@ -135,8 +135,8 @@ class Track(States):
                 result[f"{kind}_{name}_error_{unit}"] = error
         for kind in ("final", "rms"):
             error = result[f"{kind}_position_error_m"]
-            known = error is not None and length > 0.0
-            result[f"{kind}_position_error_percent"] = 100.0 * error / length if known else None
+            has_path = error is not None and length > 0.0
+            result[f"{kind}_position_error_percent"] = 100.0 * error / length if has_path else None
         return result
 
     def _seconds(self, t_ns: int) -> float:
@@ -169,12 +169,14 @@ class Track(States):
 
 def plot_tracks(shown: Sequence[Track]) -> Figure:
     """Return a matplotlib figure of several ways to integrate the same readings."""
-    first = shown[0]
-    sensor, _, motion = first.source.partition(" on ")
-    source = f"IMU {sensor}, trajectory {motion}" if motion else first.source
+    first_track = shown[0]
+    sensor, _, motion = first_track.source.partition(" on ")
+    source = f"IMU {sensor}, trajectory {motion}" if motion else first_track.source
     title = f"{source}: dead reckoning" if source else "Dead reckoning"
-    title += "" if first.truth is None else " against the truth"
-    return plot_named_tracks({f"{one.method}, {one.attitude_update}": one for one in shown}, title)
+    title += "" if first_track.truth is None else " against the truth"
+    return plot_named_tracks(
+        {f"{track.method}, {track.attitude_update}": track for track in shown}, title
+    )
 
 
 def plot_named_tracks(shown: Mapping[str, Track], title: str) -> Figure:
@@ -318,14 +320,14 @@ def _begun(
     number("skip", skip, "seconds, from 0 to 2^31", 0.0, _LONGEST_SKIP)
     switch("skip_bad_rows", skip_bad_rows)
     name = initial if isinstance(initial, str) else "parameters"
-    given = {"initial_state": name, **_plain(parameters)}
+    overrides = {"initial_state": name, **_plain(parameters)}
     if calibration is not None:
         allowed = "a name or the path of a file"
-        given["calibration"] = str(checked_path("calibration", calibration, allowed))
+        overrides["calibration"] = str(checked_path("calibration", calibration, allowed))
     if isinstance(readings, str | PathLike):
         problems = Problems()
         with problems.gathered():
-            _settings(**given)  # wrong ones are refused before readings are read
+            _settings(**overrides)  # wrong ones are refused before readings are read
         if problems:
             with problems.gathered():
                 tracks.has_truth(checked_path("readings", readings, BAG_OR_FILE))
@@ -335,9 +337,9 @@ def _begun(
         recording = recording._replace(readings=judged(recording.readings, DEAD_RECKON))
     recording = recording.after(skip)
     world = _world(readings, selection[1] or topics[0], topics[1])
-    known = {**world.parameters, **given}
-    usual = all(isinstance(value, str) for value in known.values())
-    settings = (_usual_settings if usual else _settings)(**known)
+    layers = {**world.parameters, **overrides}
+    usual = all(isinstance(value, str) for value in layers.values())
+    settings = (_usual_settings if usual else _settings)(**layers)
     prefix = f"{readings}: " if isinstance(readings, str | PathLike) else ""
     for note in (*world.notes, *settings.warnings()):
         warn(f"{prefix}{note}", Remark)
@@ -366,12 +368,12 @@ class ReadingsAndTruth(NamedTuple):
 
 
 class InitialCondition(NamedTuple):
-    """What integration begins with."""
+    """Initial state of the integration, and the recording from there on."""
 
     recording: ReadingsAndTruth
-    """From the start on."""
+    """Readings and truth from the start on."""
     state: NavigationState
-    """Of the body."""
+    """State of the body."""
     correction: Correction
     rate: Array | None = None
     """(3,) of the body relative to the world [rad/s]; None: as it is read."""
@@ -391,8 +393,8 @@ def _recording(
         truth_topic = checked_topic("truth_topic", truth_topic)
         return read_recording(path, imu_topic, truth_topic, skip_bad_rows, selection)
     checked_topic("truth_topic", truth_topic, of_a_file=False)
-    found = readings_of("readings", readings, imu_topic, "imu_topic", selection=selection)
-    return ReadingsAndTruth(found, readings.truth if isinstance(readings, Flight) else None)
+    imu_readings = readings_of("readings", readings, imu_topic, "imu_topic", selection=selection)
+    return ReadingsAndTruth(imu_readings, readings.truth if isinstance(readings, Flight) else None)
 
 
 def read_recording(
@@ -465,9 +467,9 @@ def initial_condition(
         late = readings.t_ns < _first_common(readings.t_ns, truth.t_ns, settings.max_gap)
         if late.any():
             recording = recording.rows(~late)
-        at = recording.readings.t_ns[0]
-        state, known = state_at(truth.in_order(), int(at)), correction_of(settings)
-        return InitialCondition(recording, state, known, _true_rate(truth, int(at)))
+        first_ns = recording.readings.t_ns[0]
+        state, correction = state_at(truth.in_order(), int(first_ns)), correction_of(settings)
+        return InitialCondition(recording, state, correction, _true_rate(truth, int(first_ns)))
     rest = initialisation.rest_rows(settings, readings.t_ns)
     start_ns = int(readings.t_ns[rest.stop - 1])
     position = yaw = None
@@ -480,9 +482,11 @@ def initial_condition(
         state = state_at(truth.in_order(), start_ns)
         position, yaw = state.position, float(to_euler(state.q_wb)[2])
     gyro, accel = readings.rows(rest).triads()
-    found = initialisation.from_rest(settings, gyro, accel, position=position, yaw=yaw, noise=noise)
+    initial = initialisation.from_rest(
+        settings, gyro, accel, position=position, yaw=yaw, noise=noise
+    )
     after_rest = recording.rows(slice(rest.stop - 1, None))
-    return InitialCondition(after_rest, *found[:2], found.rate, found.covariance)
+    return InitialCondition(after_rest, *initial[:2], initial.rate, initial.covariance)
 
 
 def _true_rate(truth: States, t_ns: int) -> Array | None:
@@ -510,13 +514,13 @@ def _first_common(t_ns: Times, truth_ns: Times, tolerance: float) -> int:
     :param tolerance: seconds of readings that may come before it.
     :raises InputError: for more readings before it, and for a truth of another time.
     """
-    first, last = int(truth_ns[0]), int(truth_ns[-1])
-    late = (first - int(t_ns[0])) * 1e-9
-    if first > t_ns[-1] or last < t_ns[0]:
+    begin_ns, end_ns = int(truth_ns[0]), int(truth_ns[-1])
+    late = (begin_ns - int(t_ns[0])) * 1e-9
+    if begin_ns > t_ns[-1] or end_ns < t_ns[0]:
         raise InputError(
             "readings and truth do not overlap in time: the readings span "
             f"{t_ns[0] / 1e9:.3f} to {t_ns[-1] / 1e9:.3f} s, the truth from "
-            f"{first / 1e9:.3f} to {last / 1e9:.3f} s"
+            f"{begin_ns / 1e9:.3f} to {end_ns / 1e9:.3f} s"
         )
     if late > tolerance:
         shown = f"{math.ceil(late * 1e3) / 1e3:g}"
@@ -524,7 +528,7 @@ def _first_common(t_ns: Times, truth_ns: Times, tolerance: float) -> int:
             f"the truth starts {late:.6g} s after the readings: leave these out (in Python skip="
             f"{shown}, --skip {shown}s), or start level"
         )
-    return first
+    return begin_ns
 
 
 def integrated(start: InitialCondition, settings: IntegratorParameters) -> Track:
@@ -576,11 +580,11 @@ def track_of(
     )
 
 
-def _covariance(given: object, track: Track, start: InitialCondition, mount: ImuMount) -> Array:
+def _covariance(source: object, track: Track, start: InitialCondition, mount: ImuMount) -> Array:
     """Return the covariance (n, 6, 6) of the poses from an exact start, or from a rest."""
-    if not isinstance(given, Flight):
+    if not isinstance(source, Flight):
         raise InputError("covariance: the sensor's errors are known of a flight alone")
-    imu = given.parameters.imu
+    imu = source.parameters.imu
     initial: Array | Covariance = initial_covariance(
         gyroscope_bias=imu.gyroscope.turn_on_bias_sigma,
         accelerometer_bias=imu.accelerometer.turn_on_bias_sigma,
@@ -590,8 +594,8 @@ def _covariance(given: object, track: Track, start: InitialCondition, mount: Imu
     readings = start.recording.readings
     force = start.correction.apply(*readings.triads())[1]
     rows = range(len(track))
-    found = propagate(track, force, imu, initial, rows, mount)
-    return found[:, _POSE[:, None], _POSE]
+    covariance = propagate(track, force, imu, initial, rows, mount)
+    return covariance[:, _POSE[:, None], _POSE]
 
 
 def _plain(values: Mapping[str, Any]) -> dict[str, object]:
@@ -600,13 +604,14 @@ def _plain(values: Mapping[str, Any]) -> dict[str, object]:
 
 def lines(summaries: Sequence[Mapping[str, Any]]) -> Iterator[str | TextTable]:
     """Yield the text of tracks of one recording: their dictionaries in a line and a table."""
-    first = summaries[0]
-    yield from input_lines(first["notes"])
+    first_summary = summaries[0]
+    yield from input_lines(first_summary["notes"])
     yield (
-        f"{first['samples']} readings, {first['duration_s']:.6g} s, "
-        f"{first['distance_m']:.6g} m travelled, initial state: {first['initial_state']}"
+        f"{first_summary['samples']} readings, {first_summary['duration_s']:.6g} s, "
+        f"{first_summary['distance_m']:.6g} m travelled, "
+        f"initial state: {first_summary['initial_state']}"
     )
-    partial = truth_line(first)
+    partial = truth_line(first_summary)
     if partial is not None:
         yield partial
     columns = {

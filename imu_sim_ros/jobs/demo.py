@@ -62,8 +62,8 @@ def fly(parameters: SimulationParameters, folder: Path) -> dict[str, dict[str, i
         }
         nodes: dict[str, subprocess.Popen[str]] = {}
         try:
-            for name, words in arguments.items():
-                nodes[name] = _start(log, name, *words)
+            for name, options in arguments.items():
+                nodes[name] = _start(log, name, *options)
             _wait(nodes, parameters.duration)
             time.sleep(0.5)  # the last readings are on their way to the integrator and back
             _end(nodes["integrator"])
@@ -75,8 +75,8 @@ def fly(parameters: SimulationParameters, folder: Path) -> dict[str, dict[str, i
         for name, process in nodes.items():
             if process.returncode != 0:
                 log.seek(0)
-                last = log.read().strip().rpartition("\n")[2]
-                raise MachineError(f"{name} ended with status {process.returncode}: {last}")
+                last_line = log.read().strip().rpartition("\n")[2]
+                raise MachineError(f"{name} ended with status {process.returncode}: {last_line}")
         log.seek(0)
         return _counts(log.read())
 
@@ -167,7 +167,7 @@ def tracks(parameters: SimulationParameters, bag: Path) -> dict[str, Track]:
         "without noise": (ideal.ideal_gyro, ideal.ideal_accel),
     }
     initial = state_at(truth, int(noisy.t_ns[0]))
-    found = {}
+    tracks_by_name = {}
     for label, values in readings.items():
         for method in _METHODS:
             states = dead_reckon(
@@ -175,13 +175,13 @@ def tracks(parameters: SimulationParameters, bag: Path) -> dict[str, Track]:
                 gravity=gravity_vector(parameters).tolist(),
                 mount=mount_of(parameters.imu),
             )
-            found[f"{method}, {label}"] = track_of(states, method, "so3", truth)
-    return found
+            tracks_by_name[f"{method}, {label}"] = track_of(states, method, "so3", truth)
+    return tracks_by_name
 
 
-def error_table(found: Mapping[str, Track], duration: float) -> TextTable:
+def error_table(tracks_by_name: Mapping[str, Track], duration: float) -> TextTable:
     """Return the final errors of the tracks."""
-    results = {name: track.to_dict() for name, track in found.items()}
+    results = {name: track.to_dict() for name, track in tracks_by_name.items()}
     rows = [
         [
             name,

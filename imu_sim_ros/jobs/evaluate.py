@@ -89,18 +89,18 @@ class TimeOffset(NamedTuple):
 
 
 class Reprojection(TypedDict):
-    """How far a camera's features lie from their landmarks, seen from estimate and truth."""
+    """Reprojection errors of a camera's features, from the estimated and the true poses."""
 
     camera: str
     features: int
-    """Those with poses at their times, of all: ``of``."""
+    """Features with poses at their times, out of ``of``."""
     of: int
     behind: int
     """Features whose landmarks would not be seen."""
     rms_px: float | None
-    """In u and in v [pixels]; None: without features."""
+    """Deviation in u and in v [pixels]; None without features."""
     median_px: float | None
-    """Of the distances [pixels]."""
+    """Median of the distances [pixels]."""
     behind_of_truth: int
     rms_px_of_truth: float | None
     median_px_of_truth: float | None
@@ -232,14 +232,14 @@ _ALIGNED: Final = {
 """Alignments in the titles of pictures."""
 
 
-def delta(words: str) -> tuple[float, str]:
+def delta(text: str) -> tuple[float, str]:
     """Return the length and the unit, s, m or frames, of ``1s``, ``10m``, ``5frames``.
 
     :raises ValueError: for anything else.
     """
-    match = re.fullmatch(r"(\d+\.?\d*|\.\d+)\s*(s|min|m|km|frames?)", words.strip())
+    match = re.fullmatch(r"(\d+\.?\d*|\.\d+)\s*(s|min|m|km|frames?)", text.strip())
     if match is None or float(match[1]) == 0.0:
-        raise ValueError(f"{words[:40]!r} is not a delta such as 1s, 10m or 5frames")
+        raise ValueError(f"{text[:40]!r} is not a delta such as 1s, 10m or 5frames")
     scale, unit = _UNITS[match[2]]
     return float(match[1]) * scale, unit
 
@@ -253,26 +253,26 @@ _UNITS: Final = {
 }
 
 
-def _deltas(name: str, given: object) -> tuple[tuple[float, str], ...]:
+def _deltas(name: str, deltas: object) -> tuple[tuple[float, str], ...]:
     """Return what relative errors are over.
 
     :raises ConfigurationError: for anything but words and pairs.
     """
     allowed = "pairs of a number and s, m or frames, or words such as 10m"
-    if not isinstance(given, list | tuple):
-        refuse(name, given, allowed, wrong_type=True)
-    found = []
-    for one in given:
-        if isinstance(one, str):
+    if not isinstance(deltas, list | tuple):
+        refuse(name, deltas, allowed, wrong_type=True)
+    pairs = []
+    for entry in deltas:
+        if isinstance(entry, str):
             try:
-                one = delta(one)
+                entry = delta(entry)
             except ValueError:
-                refuse(name, one, allowed)
-        if not isinstance(one, list | tuple) or len(one) != 2:
-            refuse(name, given, allowed, wrong_type=True)
-        found.append((number(name, one[0], "above 0", 0.0, above=True), one[1]))
-        one_of(name, one[1], DELTA_UNITS)
-    return tuple(found)
+                refuse(name, entry, allowed)
+        if not isinstance(entry, list | tuple) or len(entry) != 2:
+            refuse(name, deltas, allowed, wrong_type=True)
+        pairs.append((number(name, entry[0], "above 0", 0.0, above=True), entry[1]))
+        one_of(name, entry[1], DELTA_UNITS)
+    return tuple(pairs)
 
 
 class HasAttitude(Protocol):
@@ -423,13 +423,13 @@ def evaluate(
     with problems.gathered():
         true = _track("truth", truth, truth_topic, skip)
     with problems.gathered():
-        seen = None if folder is None else _read_tracks(folder)
+        track_folder = None if folder is None else _read_tracks(folder)
     problems.tell()
-    found = evaluation(track, true, align, max_gap, time_offset)
-    if seen is not None:
-        reprojection = _reprojection(seen, str(folder), found.estimate, true)
-        found = replace(found, reprojection=reprojection)
-    return replace(found, rpe=over)
+    trajectory_errors = evaluation(track, true, align, max_gap, time_offset)
+    if track_folder is not None:
+        reprojection = _reprojection(track_folder, str(folder), trajectory_errors.estimate, true)
+        trajectory_errors = replace(trajectory_errors, reprojection=reprojection)
+    return replace(trajectory_errors, rpe=over)
 
 
 def _check_exchanged(estimate: object, truth: object, estimate_topic: str | None) -> None:
@@ -502,13 +502,13 @@ def _measured(
         _refuse_all({"imu": imu}, "omitted: it is about orientations")
     recording = checked_path("truth", truth[0], "the path of a recording")
     topic = checked_topic("truth_topic", truth[1])
-    own = (Path(estimate[0]), estimate[1])
-    return evaluate_measured(table, own, (recording, topic), max_gap, imu, skip_bad_rows)
+    measurement = (Path(estimate[0]), estimate[1])
+    return evaluate_measured(table, measurement, (recording, topic), max_gap, imu, skip_bad_rows)
 
 
-def _refuse_all(given: Mapping[str, object], allowed: str) -> None:
+def _refuse_all(options: Mapping[str, object], allowed: str) -> None:
     """Refuse each argument that is there."""
-    for name, value in given.items():
+    for name, value in options.items():
         if value is not None:
             refuse(name, value, allowed)
 
@@ -534,18 +534,18 @@ def _time_offset(estimate: States, truth: States, align: str, max_gap: float) ->
 
 
 def _track(
-    name: str, given: HasPoses | str | Path, topic: str | None, skip_bad_rows: bool
+    name: str, trajectory: HasPoses | str | Path, topic: str | None, skip_bad_rows: bool
 ) -> States:
     """Return the trajectory that an argument is, or that a path leads to."""
-    topic = checked_topic(f"{name}_topic", topic, isinstance(given, str | Path))
-    if isinstance(given, str | Path):
-        file = checked_path(name, given, BAG_OR_FILE)
+    topic = checked_topic(f"{name}_topic", topic, isinstance(trajectory, str | Path))
+    if isinstance(trajectory, str | Path):
+        file = checked_path(name, trajectory, BAG_OR_FILE)
         chosen = truth_topic_of(file, topic) if name == "truth" else topic
         states = read_trajectory(file, chosen, name == "estimate", skip_bad_rows)
         EVALUATE.judge(pose_findings(states), warn)
         return states
-    poses = checked_poses(name, given)
-    speed, stated = getattr(given, "velocity", None), getattr(given, "covariance", None)
+    poses = checked_poses(name, trajectory)
+    speed, stated = getattr(trajectory, "velocity", None), getattr(trajectory, "covariance", None)
     if speed is not None:
         speed = array(f"{name}.velocity", speed, (len(poses.t_ns), 3))
     if stated is not None and name == "estimate":
@@ -599,17 +599,17 @@ def _lines(result: Mapping[str, Any]) -> Iterator[str | TextTable]:
 
 def _left_out_line(entry: Mapping[str, Any]) -> str:
     """Return how many pairs of the RPE are too long to compare."""
-    every = entry["pairs"] + entry["pairs_left_out"]
+    total = entry["pairs"] + entry["pairs_left_out"]
     return (
-        f"RPE {entry['delta']:.3g} {entry['unit']}: {entry['pairs_left_out']} of {every} pairs "
+        f"RPE {entry['delta']:.3g} {entry['unit']}: {entry['pairs_left_out']} of {total} pairs "
         "left out: they are more than half longer, because common poses are further apart"
     )
 
 
 def _nees_table(result: PoseNees) -> TextTable:
     low, high = result["band_95"]
-    every = {name: result[name] for name in ("position", "attitude", "velocity")}
-    parts = {name: part for name, part in every.items() if part is not None}
+    entries = {name: result[name] for name in ("position", "attitude", "velocity")}
+    parts = {name: part for name, part in entries.items() if part is not None}
     rows = [
         [
             name,
@@ -624,8 +624,8 @@ def _nees_table(result: PoseNees) -> TextTable:
     if result["gauge"] == "first pose":
         title += "; yaw and position fixed at the first pose"
     elif result["gauge"] is not None:
-        words = (f"{p['fixed_s']:.4g} s ({n})" for n, p in parts.items() if p.get("fixed_s"))
-        title += f"; yaw and position fixed after {', '.join(words)}; poses from there on"
+        times = (f"{p['fixed_s']:.4g} s ({n})" for n, p in parts.items() if p.get("fixed_s"))
+        title += f"; yaw and position fixed after {', '.join(times)}; poses from there on"
     return TextTable(["of", "mean", "final", "inside", "poses"], rows, title)
 
 
@@ -651,19 +651,21 @@ def _reprojection(
         rows = np.flatnonzero((tracks.camera == k) & ~tracks.wrong)
         row = tracks.uv[rows, 1] - 0.5 * (camera.height - 1)
         t_ns = tracks.true_t_ns[rows] + np.rint(camera.row_time * row * 1e9).astype(np.int64)
-        known = _has_poses(estimate.t_ns, t_ns) & _has_poses(truth.t_ns, t_ns)
-        of, rows, t_ns = len(rows), rows[known], t_ns[known]
+        has_poses = _has_poses(estimate.t_ns, t_ns) & _has_poses(truth.t_ns, t_ns)
+        total, rows, t_ns = len(rows), rows[has_poses], t_ns[has_poses]
         points, uv = tracks.landmarks[tracks.landmark[rows]], tracks.uv[rows]
-        seen = []
+        distances = []
         for poses in (estimate, truth):
-            at = poses_at(poses, t_ns)
-            errors = reprojection_errors(camera, at.position, at.q_wb, points, uv)
-            seen.append(np.linalg.norm(errors[np.isfinite(errors[:, 0])], axis=1))
-        lengths, of_truth = seen
+            interpolated = poses_at(poses, t_ns)
+            errors = reprojection_errors(
+                camera, interpolated.position, interpolated.q_wb, points, uv
+            )
+            distances.append(np.linalg.norm(errors[np.isfinite(errors[:, 0])], axis=1))
+        lengths, of_truth = distances
         entry: Reprojection = {
             "camera": camera_name,
             "features": len(rows),
-            "of": of,
+            "of": total,
             "behind": len(rows) - len(lengths),
             "rms_px": _rms_per_axis(lengths),
             "median_px": _median(lengths),
@@ -691,12 +693,14 @@ def _median(lengths: Array) -> float | None:
 
 def _has_poses(poses_ns: Integers, at_ns: Integers) -> Mask:
     """Return at which times there is a pose, or are two that are near enough to interpolate."""
-    after = np.searchsorted(poses_ns, at_ns)
-    before = poses_ns[np.clip(after - 1, 0, len(poses_ns) - 1)]
-    following = poses_ns[np.clip(after, 0, len(poses_ns) - 1)]
-    near = np.minimum(np.abs(at_ns - before), np.abs(at_ns - following)) <= _SAME_NS
-    between = (before <= at_ns) & (at_ns <= following) & (following - before <= _LONGEST_GAP_NS)
-    return np.asarray((near | between) & (at_ns >= poses_ns[0]) & (at_ns <= poses_ns[-1]))
+    index = np.searchsorted(poses_ns, at_ns)
+    preceding = poses_ns[np.clip(index - 1, 0, len(poses_ns) - 1)]
+    following = poses_ns[np.clip(index, 0, len(poses_ns) - 1)]
+    close = np.minimum(np.abs(at_ns - preceding), np.abs(at_ns - following)) <= _SAME_NS
+    between = (
+        (preceding <= at_ns) & (at_ns <= following) & (following - preceding <= _LONGEST_GAP_NS)
+    )
+    return np.asarray((close | between) & (at_ns >= poses_ns[0]) & (at_ns <= poses_ns[-1]))
 
 
 def _reprojection_lines(result: list[Reprojection]) -> list[str]:
@@ -710,10 +714,10 @@ def _reprojection_lines(result: list[Reprojection]) -> list[str]:
     ]
 
 
-def _features(count: int, every: int) -> str:
+def _features(count: int, total: int) -> str:
     """Return how many features have a pose at their time."""
-    words = f"{count:,} features"
-    return words if count == every else f"{words} of {every:,}, the others without poses"
+    text = f"{count:,} features"
+    return text if count == total else f"{text} of {total:,}, the others without poses"
 
 
 def _shown(value: float | None) -> str:

@@ -96,7 +96,7 @@ class Truth(States):
 
 def readings_of(
     name: str,
-    given: Flight | Readings | str | Path,
+    source: Flight | Readings | str | Path,
     topic: str | None = None,
     topic_name: str = "topic",
     skip_bad_rows: bool = False,
@@ -112,20 +112,20 @@ def readings_of(
     :raises ConfigurationError: for anything else.
     :raises InputError: for what cannot be read, no readings, and what no sensor reads.
     """
-    if not isinstance(given, Flight | Readings):
-        if isinstance(given, str | PathLike):
+    if not isinstance(source, Flight | Readings):
+        if isinstance(source, str | PathLike):
             from imu_sim_ros.formats import door  # readers of bags, which flights do not need
 
-            path = arguments.path(name, given, BAG_OR_FILE)
+            path = arguments.path(name, source, BAG_OR_FILE)
             choice = checked_choice(topic, *selection, of_a_file=True, topic_name=topic_name)
             skipped = tell_skipped(path) if skip_bad_rows else None
             return with_fields(door.read_readings(path, choice, skipped), source=name_of(path))
-        arguments.refuse(name, given, f"a Flight, Readings, or {BAG_OR_FILE}", wrong_type=True)
+        arguments.refuse(name, source, f"a Flight, Readings, or {BAG_OR_FILE}", wrong_type=True)
     checked_choice(topic, *selection, of_a_file=False, topic_name=topic_name)
-    found = given.readings if isinstance(given, Flight) else given
-    if not len(found):
+    readings = source.readings if isinstance(source, Flight) else source
+    if not len(readings):
         raise InputError(f"{name}: contains no readings")
-    return found
+    return readings
 
 
 class Source(NamedTuple):
@@ -137,7 +137,7 @@ class Source(NamedTuple):
 
 
 class Flight:
-    """What :func:`imu_sim_ros.simulate` returns: the readings that are delivered, and the truth.
+    """Result of :func:`imu_sim_ros.simulate`: the delivered readings and the truth.
 
     Readings that the transport loses are missing, and those it duplicates occur twice, as in a bag.
     """
@@ -164,7 +164,7 @@ class Flight:
         self.name = name
         """Sensor and motion in words."""
         self._windows, self._topics = windows, topics
-        self._blocks = [read[IMU] for read in windows]
+        self._blocks = [window[IMU] for window in windows]
 
     def _joined(self, name: str) -> Array:
         return np.concatenate([getattr(block, name)[block.delivered] for block in self._blocks])
@@ -204,10 +204,12 @@ class Flight:
         :raises ConfigurationError: for one that was not simulated.
         """
         if not name.startswith("_"):
-            one = self._sensors.get(name)
-            if one is not None:
-                found = self.__dict__[name] = delivered_of(self._windows, name, one.sensor.readings)
-                return found
+            mount = self._sensors.get(name)
+            if mount is not None:
+                readings = self.__dict__[name] = delivered_of(
+                    self._windows, name, mount.sensor.readings
+                )
+                return readings
         raise AttributeError(f"{type(self).__name__!r} object has no attribute {name!r}")
 
     def __dir__(self) -> list[str]:
@@ -216,27 +218,27 @@ class Flight:
 
     @property
     def _sensors(self) -> dict[str, Mounted]:
-        """Those that a flight has; what is seen takes too much room."""
-        every = mounted(self.parameters)
-        return {name: one for name, one in every.items() if one.sensor.readings is not None}
+        """Sensors whose readings a flight keeps; images and clouds take too much room."""
+        sensors = mounted(self.parameters)
+        return {name: mount for name, mount in sensors.items() if mount.sensor.readings is not None}
 
     @cached_property
     def truth(self) -> Truth:
         """The truth at all samples, lost ones too."""
 
-        read = joined(self._blocks)
-        motion = read.motion
+        samples = joined(self._blocks)
+        motion = samples.motion
         return Truth.unchecked(
-            t_ns=read.true_t_ns,
+            t_ns=samples.true_t_ns,
             position=motion.position,
             q_wb=motion.q_wb,
             velocity=motion.velocity,
             angular_velocity=motion.angular_velocity,
             source=self.name,
             acceleration=motion.acceleration,
-            gyro=read.ideal_gyro,
-            accel=read.ideal_accel,
-            **{name: read.values[name] for name in ERROR_TOPICS.values()},
+            gyro=samples.ideal_gyro,
+            accel=samples.ideal_accel,
+            **{name: samples.values[name] for name in ERROR_TOPICS.values()},
         )
 
     @property
@@ -307,18 +309,18 @@ class Flight:
         from imu_sim_ros.jobs.writing import renamed_topics, saved
         from imu_sim_ros.simulation.topics import offered
 
-        given = arguments.words("topics", topics) or self._topics
+        topic_names = arguments.words("topics", topics) or self._topics
         arguments.switch("imu_only", imu_only)
         if format is not None:
             arguments.one_of("format", format, ("csv", "euroc"))
         renamed, sensors = renamed_topics(rename), self._sensors
         with saved(path, force, flatten(self.parameters).values()) as staged:
             form = format or ("csv" if staged.suffix == ".csv" else None)
-            names = chosen_topics(sensors, form, staged, given, renamed, imu_only)
-            known = offered(sensors)
-            for sensor in {known[name].name for name in names}:
+            names = chosen_topics(sensors, form, staged, topic_names, renamed, imu_only)
+            offers = offered(sensors)
+            for sensor in {offers[name].name for name in names}:
                 check_simulated(self._windows, sensor)
             with open_output(form, staged, names, sensors) as target:
-                for read in self._windows:
-                    target.write(read)
+                for window in self._windows:
+                    target.write(window)
         return Path(path)

@@ -340,8 +340,8 @@ def inspect(
                 path = arguments.path("inputs", source, BAG_OR_FILE)
                 records += _read(path, topic, choice, skip, topics)
         else:
-            wanted = f"a Flight, Readings, States, or {BAG_OR_FILE}"
-            arguments.refuse("inputs", source, wanted, wrong_type=True)
+            allowed = f"a Flight, Readings, States, or {BAG_OR_FILE}"
+            arguments.refuse("inputs", source, allowed, wrong_type=True)
     problems.tell()
     sensors: list[SensorContents] = []
     trajectories: list[PoseContents] = []
@@ -382,7 +382,7 @@ def _read(
         return
     with open_bag(path) as bag:
         infos = list(bag.topics)
-        named = None if topic is None else bag.find(topic)
+        topic_info = None if topic is None else bag.find(topic)
         cameras = list(camera_records(bag, name, image_size))
         clouds = list(cloud_records(bag, name))
         clippings = [replace(counts, source=f"{name}, {counts.source}") for counts in bag.clippings]
@@ -390,7 +390,7 @@ def _read(
     imus = door.imu_choices(path, choice)
     tracks = [info.name for info in infos if info.type == ODOMETRY and info.count]
     if topic is not None:
-        named_topic = None if named is None else named.name
+        named_topic = None if topic_info is None else topic_info.name
         imus = [imu for imu in imus if imu.topic is not None and imu.topic == named_topic]
         tracks = [track for track in tracks if track == named_topic]
         if not imus and not tracks:

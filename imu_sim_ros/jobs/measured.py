@@ -45,7 +45,7 @@ class ReadingsEvaluation:
     kind: str
     """The sensor's table: ``mag``, ``pressure``."""
     unit: str
-    """Of the errors."""
+    """Unit of the errors."""
     t_ns: Times
     """(m,) [ns]."""
     error: Array
@@ -55,13 +55,13 @@ class ReadingsEvaluation:
     without_truth: int
     """Readings that are left out: the truth has none at their times."""
     coverage: Coverage
-    """How much of the truth's time has readings."""
+    """Share of the truth's time with readings."""
     nees: SampleNees | None
     """Over the samples that state a covariance: ``mean``, ``inside_band`` and what is expected."""
     no_nees: str | None
     """Why there is no NEES."""
     topic: str = ""
-    """That of the readings."""
+    """Topic of the readings."""
 
     def __repr__(self) -> str:
         rms = np.array2string(np.sqrt(np.mean(self.error**2, axis=0)), precision=3)
@@ -134,8 +134,8 @@ def evaluate_measured(
     with problems.gathered():
         ideal = _ideal(table, truth[0], truth[1] or truths.ideal, skip_bad_rows)
     problems.tell()
-    found = _readings(table, measured, ideal, truths, truth[0], max_gap)
-    return replace(found, topic=topic)
+    evaluation = _readings(table, measured, ideal, truths, truth[0], max_gap)
+    return replace(evaluation, topic=topic)
 
 
 def _measured(table: Table, path: Path, topic: str, skip_bad_rows: bool) -> TableRows:
@@ -143,13 +143,13 @@ def _measured(table: Table, path: Path, topic: str, skip_bad_rows: bool) -> Tabl
 
     :raises InputError: for fewer than two values.
     """
-    found = read_table(path, table, topic, tell_skipped(path) if skip_bad_rows else None)
+    rows = read_table(path, table, topic, tell_skipped(path) if skip_bad_rows else None)
     where = f"{path}, {topic}"
-    if table.of_readings and not len(found.t_ns):
+    if table.of_readings and not len(rows.t_ns):
         raise InputError(f"{where}: no message has an orientation: orientation_covariance[0] is -1")
-    if len(found.t_ns) < 2:
-        raise InputError(f"{where}: {len(found.t_ns)} values; two or more are needed")
-    return found
+    if len(rows.t_ns) < 2:
+        raise InputError(f"{where}: {len(rows.t_ns)} values; two or more are needed")
+    return rows
 
 
 def _ideal(table: Table, path: Path, topic: str, skip_bad_rows: bool) -> TableRows:
@@ -188,15 +188,15 @@ def _readings(
     errors = measured.values[rows] - interpolate_vectors(ideal.t_ns, ideal.values, t_ns)
     with open_bag(path) as bag:
         biased = any(info.name.lstrip("/") == truths.bias.lstrip("/") for info in bag.topics)
-    without_bias = found = None
+    without_bias = consistency = None
     why: str | None = f"the covariance is that of white noise, and there is no {truths.bias}"
     if biased:
         bias_t_ns, bias = sensor_tables.read_bias(path, table, truths.bias)
         without_bias = errors - interpolate_vectors(bias_t_ns, bias, t_ns)
-        found, why = stated_consistency(without_bias, measured.covariance[rows])
+        consistency, why = stated_consistency(without_bias, measured.covariance[rows])
     left_out = len(measured.t_ns) - len(rows)
     covered = coverage(measured.t_ns, ideal.t_ns, max_gap)
-    what, nees = (table.name, table.quantity.unit), (found, why)
+    what, nees = (table.name, table.quantity.unit), (consistency, why)
     return ReadingsEvaluation(*what, t_ns, errors, without_bias, left_out, covered, *nees)
 
 
@@ -210,10 +210,10 @@ def _moments(errors: Array) -> dict[str, list[float]]:
     return {name: values.tolist() for name, values in moments.items()}
 
 
-def _moments_tables(found: ReadingsEvaluation) -> Iterator[TextTable]:
+def _moments_tables(evaluation: ReadingsEvaluation) -> Iterator[TextTable]:
     parts = (
-        ("reading minus truth", found.error),
-        ("and minus the true bias", found.error_without_bias),
+        ("reading minus truth", evaluation.error),
+        ("and minus the true bias", evaluation.error_without_bias),
     )
     for title, errors in parts:
         if errors is not None:
@@ -221,7 +221,7 @@ def _moments_tables(found: ReadingsEvaluation) -> Iterator[TextTable]:
             columns = np.array(list(moments.values())).T
             axes = "xyz" if len(columns) > 1 else ("",)
             rows = [
-                [f"{axis} [{found.unit}]".strip(), *(f"{value:.3g}" for value in row)]
+                [f"{axis} [{evaluation.unit}]".strip(), *(f"{value:.3g}" for value in row)]
                 for axis, row in zip(axes, columns, strict=True)
             ]
             yield TextTable(["axis", *moments], rows, title)

@@ -86,8 +86,8 @@ def preintegrate(
     edges = stamps("edges_ns", edges_ns)
     gyro, accel = imu.triads()
     pieces = between(imu.t_ns, gyro, accel, edges)
-    first, last = np.searchsorted(imu.t_ns, [edges[0], edges[-1]])
-    used = slice(max(first - 1, 0), last + 1)
+    begin, end = np.searchsorted(imu.t_ns, [edges[0], edges[-1]])
+    used = slice(max(begin - 1, 0), end + 1)
     check_readings(imu.t_ns[used], gyro[used], accel[used], max_gap)
     count = len(pieces.h)
     gyro_bias = _bias("gyro_bias", gyro_bias, count, gate.RATE)
@@ -95,13 +95,13 @@ def preintegrate(
     return over_intervals(pieces, noise, gyro_bias, accel_bias, method)
 
 
-def _bias(name: str, given: ArrayLike, count: int, quantity: gate.Quantity) -> Array:
+def _bias(name: str, values: ArrayLike, count: int, quantity: gate.Quantity) -> Array:
     """Return a bias (count, 3), (3,) or () that readings can have."""
     try:
-        dimensions = min(np.ndim(np.asarray(given)), 2)
+        dimensions = min(np.ndim(np.asarray(values)), 2)
     except ValueError:  # rows of different lengths
         dimensions = 2
-    found = array(name, given, ((), (3,), (count, 3))[dimensions])
-    if (np.abs(found) > quantity.largest).any():
-        arguments.refuse(name, given, f"at most {quantity.largest:g} {quantity.unit}")
-    return found
+    bias = array(name, values, ((), (3,), (count, 3))[dimensions])
+    if (np.abs(bias) > quantity.largest).any():
+        arguments.refuse(name, values, f"at most {quantity.largest:g} {quantity.unit}")
+    return bias

@@ -171,23 +171,23 @@ def read_odometry(path: str | Path, topic: str | None = None) -> States:
 
     path = arguments.path("path", path, BAG_OR_FILE)
     topic = arguments.topic("topic", topic)
-    found = read(path, topic if topic is None else "/" + topic.lstrip("/"))
-    return with_fields(found, source=name_of(path))
+    odometry = read(path, topic if topic is None else "/" + topic.lstrip("/"))
+    return with_fields(odometry, source=name_of(path))
 
 
-def checked_poses(name: str, given: HasPoses) -> States:
+def checked_poses(name: str, poses: HasPoses) -> States:
     """Return poses whose stamps increase; other objects than States are checked.
 
     :param name: of the argument.
     :raises ConfigurationError: for arrays of another type or shape.
     :raises InputError: as :class:`States` does, and if there are none.
     """
-    if not all(hasattr(given, each) for each in ("t_ns", "position", "q_wb")):
-        refuse(name, given, "a Track, an Odometry or another object with poses", True)
-    if isinstance(given, States):
-        states = given
+    if not all(hasattr(poses, attribute) for attribute in ("t_ns", "position", "q_wb")):
+        refuse(name, poses, "a Track, an Odometry or another object with poses", True)
+    if isinstance(poses, States):
+        states = poses
     else:
-        states = States(given.t_ns, given.position, given.q_wb, source=name)
+        states = States(poses.t_ns, poses.position, poses.q_wb, source=name)
     if not len(states):
         raise InputError(f"{name}: contains no poses")
     gate.poses(states.t_ns, states.position, states.q_wb).complain(name)  # computed ones too
@@ -195,25 +195,29 @@ def checked_poses(name: str, given: HasPoses) -> States:
 
 
 _ROUNDED: Final = 1e-3
-"""By which rounding to three decimals or more changes the length of a quaternion."""
+"""Largest change of a quaternion's length by rounding to three decimals or more."""
 
 
-def poses_of_rows(given: Array) -> States:
+def poses_of_rows(trajectory: Array) -> States:
     """Return poses that are rows of an array.
 
-    :param given: (n, 8) time [s], position [m], quaternion (w, x, y, z); or (n, 7) time [s],
+    :param trajectory: (n, 8) time [s], position [m], quaternion (w, x, y, z); or (n, 7) time [s],
         position [m], roll, pitch, yaw [rad].
     :raises ConfigurationError: for another shape.
     :raises InputError: for quaternions that are not rounded ones of length 1, and impossible poses.
     """
-    if given.ndim != 2 or given.shape[1] not in (7, 8):
+    if trajectory.ndim != 2 or trajectory.shape[1] not in (7, 8):
         columns = "time [s], x, y, z [m], then the quaternion w, x, y, z or roll, pitch, yaw [rad]"
-        refuse("trajectory", given, f"an array (n, 8) or (n, 7): {columns}; not {given.shape}")
-    rows = array("trajectory", given, (None, given.shape[1]))
+        refuse(
+            "trajectory",
+            trajectory,
+            f"an array (n, 8) or (n, 7): {columns}; not {trajectory.shape}",
+        )
+    rows = array("trajectory", trajectory, (None, trajectory.shape[1]))
     t_ns = np.round(rows[:, 0] * 1e9)
     if (np.abs(t_ns) > gate.LAST_STAMP).any():
-        refuse("trajectory", given, "an array with times in seconds in its first column")
-    if given.shape[1] == 7:
+        refuse("trajectory", trajectory, "an array with times in seconds in its first column")
+    if trajectory.shape[1] == 7:
         q_wb = from_euler(rows[:, 4:])
     else:
         q_wb = rows[:, 4:]
@@ -226,21 +230,25 @@ def poses_of_rows(given: Array) -> States:
     return States(t_ns.astype(np.int64), rows[:, 1:4], q_wb, source="trajectory").in_order()
 
 
-def checked_sensors(names: Collection[str], given: Mapping[str, object]) -> frozenset[str]:
+def checked_sensors(names: Collection[str], parameters: Mapping[str, object]) -> frozenset[str]:
     """Return the names of sensors: what those of IMUs measure, and those with names of their own.
 
-    :param given: all other parameters by dotted name; ``NAME.type`` is a kind of sensor.
+    :param parameters: all other parameters by dotted name; ``NAME.type`` is a kind of sensor.
     :raises ConfigurationError: with a line for each that does not exist.
     """
     chosen = words("sensors", names)
-    known = [sensor.quantity for sensor in sensors_of_imus()]
+    quantities = [sensor.quantity for sensor in sensors_of_imus()]
     unknown: list[str] = []
     for name in dict.fromkeys(chosen):
-        if name not in known:
+        if name not in quantities:
             try:
-                find_sensor(kind_of(name, given))
+                find_sensor(kind_of(name, parameters))
             except ConfigurationError as error:
-                everything = [*known, *named_sensors(), *(sensor.name for sensor in registered())]
+                everything = [
+                    *quantities,
+                    *named_sensors(),
+                    *(sensor.name for sensor in registered()),
+                ]
                 missing = f"sensors: {name!r}: {suggestion(name, everything)}"
                 unknown += error.problems if "loaded" in str(error) else [missing]
     if unknown:
@@ -253,7 +261,7 @@ def check_simulated(windows: Sequence[Mapping[str, Any]], name: str) -> None:
 
     :raises ConfigurationError: with what to give.
     """
-    if any(name not in read for read in windows):
+    if any(name not in window for window in windows):
         raise ConfigurationError(
             f"{name}: was not simulated; simulate(..., sensors=[{name!r}]) does"
         )
@@ -271,7 +279,7 @@ def delivered_of(
     :raises ConfigurationError: if it was not simulated.
     """
     check_simulated(windows, name)
-    parts = [read[name] for read in windows]
+    parts = [window[name] for window in windows]
     assert readings is not None
     names = [field.name for field in fields(readings)]
     if issubclass(readings, TimeSeries):

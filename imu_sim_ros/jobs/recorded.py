@@ -49,12 +49,16 @@ def read_images(path: str | Path, topic: str | None = None) -> Iterator[tuple[in
         offered = list(cameras)
     else:
         with open_bag(path) as bag:
-            offered = [one.name for one in bag.topics if one.type in (IMAGE, COMPRESSED_IMAGE)]
-    chosen = [one for one in offered if name is None or one.strip("/") == name.strip("/")]
+            offered = [info.name for info in bag.topics if info.type in (IMAGE, COMPRESSED_IMAGE)]
+    chosen = [
+        topic_name
+        for topic_name in offered
+        if name is None or topic_name.strip("/") == name.strip("/")
+    ]
     if len(chosen) != 1:
-        words = ", ".join(offered) or "no images"
+        available = ", ".join(offered) or "no images"
         options = "" if name is None else f"no images on {name}; "
-        raise InputError(f"{path}: {options}has {words}; topic= names one")
+        raise InputError(f"{path}: {options}has {available}; topic= names one")
     return _images(path, chosen[0]) if cameras is None else _of_camera(cameras[chosen[0]])
 
 
@@ -99,7 +103,7 @@ def _images(path: Path, name: str) -> Iterator[tuple[int, NDArray[Any]]]:
     from imu_sim_ros.sensors.camera.images.files import decoded
 
     with open_bag(path) as bag:
-        topic = next(one for one in bag.topics if one.name == name)
+        topic = next(info for info in bag.topics if info.name == name)
         types = schemas.typestore([(topic.type, topic.schema)], bag.encoding)
         decode = types.deserialize_cdr if bag.encoding == "cdr" else types.deserialize_ros1
         for group in bag.groups():
@@ -140,10 +144,12 @@ def read_points(path: str | Path, topic: str | None = None) -> Iterator[tuple[in
     name = arguments.topic("topic", topic)
     offered, measured = cloud_topics(Path(path)), measured_clouds(Path(path))
     chosen = (
-        measured if name is None else [one for one in offered if one.strip("/") == name.strip("/")]
+        measured
+        if name is None
+        else [topic_name for topic_name in offered if topic_name.strip("/") == name.strip("/")]
     )
     if len(chosen) != 1:
-        words = ", ".join(offered) or "no clouds"
+        available = ", ".join(offered) or "no clouds"
         options = "" if name is None else f"no clouds on {name}; "
-        raise InputError(f"{path}: {options}has {words}; topic= names one")
+        raise InputError(f"{path}: {options}has {available}; topic= names one")
     return read_clouds(Path(path), chosen[0])

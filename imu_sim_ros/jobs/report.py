@@ -71,14 +71,14 @@ class Sources:
             ("--accel-unit", self.choice.accel_unit),
             *(("--baseline", str(path)) for path in self.baselines),
         ]
-        given = [word for option in options if option[1] for word in option]
-        given += ["--baseline-anyway"] * self.baseline_anyway
-        return shlex.join(["imu_sim", "report", *map(str, self.inputs), *map(str, given)])
+        flags = [word for option in options if option[1] for word in option]
+        flags += ["--baseline-anyway"] * self.baseline_anyway
+        return shlex.join(["imu_sim", "report", *map(str, self.inputs), *map(str, flags)])
 
 
 @dataclass(frozen=True)
 class Report:
-    """What :func:`report` wrote."""
+    """Result of :func:`report`."""
 
     output: Path
     title: str
@@ -157,13 +157,13 @@ def report(
         arguments.switch("baseline_anyway", baseline_anyway),
         checked_choice(None, frame, gyro_topic, accel_topic, gyro_unit, accel_unit, of_a_file=True),
     )
-    words = arguments.text("title", title, "words", empty=True)
+    heading = arguments.text("title", title, "words", empty=True)
     if output is None:
         target = default_output(sources.inputs)
     else:
         target = arguments.path("output", output, "the path of a page")
     with saved(target, force, sources.inputs) as staged:
-        name, text = _page(sources, words)
+        name, text = _page(sources, heading)
         staged.write_text(text, encoding="utf-8")
     return Report(target, name, len(text.encode()), tuple(sources.notes))
 
@@ -175,24 +175,24 @@ def default_output(inputs: Sequence[Path]) -> Path:
     """
     from imu_sim_ros.reports.campaign import is_campaign
 
-    first = named(inputs[0])
-    if is_campaign(first):
-        return first / "report.html"
-    if not first.name:
-        raise InputError(f"{first}: has no name for the page; give one by -o FILE")
-    return first.with_name(f"{first.stem}.html")
+    path = named(inputs[0])
+    if is_campaign(path):
+        return path / "report.html"
+    if not path.name:
+        raise InputError(f"{path}: has no name for the page; give one by -o FILE")
+    return path.with_name(f"{path.stem}.html")
 
 
-def _paths(name: str, given: object) -> list[Path]:
+def _paths(name: str, paths: object) -> list[Path]:
     """Return one path or several.
 
     :raises ConfigurationError: for anything else.
     """
-    if isinstance(given, str | PathLike):
-        given = [given]
-    if not isinstance(given, list | tuple):
-        arguments.refuse(name, given, "a path, or a list of paths", wrong_type=True)
-    return [arguments.path(name, one) for one in given]
+    if isinstance(paths, str | PathLike):
+        paths = [paths]
+    if not isinstance(paths, list | tuple):
+        arguments.refuse(name, paths, "a path, or a list of paths", wrong_type=True)
+    return [arguments.path(name, path) for path in paths]
 
 
 def _page(sources: Sources, title: str) -> tuple[str, str]:
@@ -242,13 +242,15 @@ def _sections(sources: Sources) -> tuple[list[str], list[Section]]:
         if is_campaign(path):
             with problems.gathered():
                 anyway = sources.baseline_anyway
-                title, made = campaign_sections(
+                title, campaign_parts = campaign_sections(
                     path, sources.metric, baselines, baseline_anyway=anyway
                 )
                 titles.append(title)
                 if len(sources.inputs) > 1:
-                    made = [s._replace(title=f"{path.name}: {s.title}") for s in made]
-                sections += made
+                    campaign_parts = [
+                        s._replace(title=f"{path.name}: {s.title}") for s in campaign_parts
+                    ]
+                sections += campaign_parts
         else:
             estimates = []
             while inputs and _is_poses(inputs[0]):
@@ -289,14 +291,14 @@ def _bag(sources: Sources, path: Path, files: Sequence[Path]) -> list[Section]:
     sensors: list[Section] = []
     problems = Problems()
     with problems.gathered():
-        named = truth_topic(path, sources.truth_topic)
+        truth_name = truth_topic(path, sources.truth_topic)
         if is_text(path):
             truth = read(path, None, "truth") if has_truth(path) else None
         else:
             topics = odometry_topics(path)
             truths = _separate_truths(topics)
             for topic in topics:
-                if named is not None and topic.strip("/") == named.strip("/"):
+                if truth_name is not None and topic.strip("/") == truth_name.strip("/"):
                     truth = read(path, topic, f"truth ({topic})")
                 elif topic in truths:
                     separate = read(path, truths[topic], f"truth ({truths[topic]})")
@@ -324,4 +326,6 @@ def _separate_truths(topics: Sequence[str]) -> dict[str, str]:
     """
     names = {topic.strip("/"): topic for topic in topics}
     pairs = {topic: f"ground_truth/{name.replace('/', '_')}" for name, topic in names.items()}
-    return {topic: names[own] for topic, own in pairs.items() if own in names and "/" in topic[1:]}
+    return {
+        topic: names[truth] for topic, truth in pairs.items() if truth in names and "/" in topic[1:]
+    }

@@ -366,5 +366,7 @@ _ARGUMENTS: Final = ("imu", "trajectory", "duration", "rate", "seed", "params_fi
 
 def _is_parameter(name: str) -> bool:
     """Return True for a parameter, and for a section or another name that a section begins."""
-    known = described(SimulatorParameters)
-    return name in known or any(key.startswith(f"{name.partition('.')[0]}.") for key in known)
+    parameters = described(SimulatorParameters)
+    return name in parameters or any(
+        key.startswith(f"{name.partition('.')[0]}.") for key in parameters
+    )

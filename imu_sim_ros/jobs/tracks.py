@@ -25,8 +25,8 @@ def truth_topic(path: Path, topic: str | None) -> str | None:
     """Return the topic of the truth: the given one, or the one that is named so, if any is."""
     if topic is not None or is_text(path):
         return topic
-    named = [name for name in odometry_topics(path) if name.strip("/").endswith(TRUTH_TOPIC)]
-    return named[0] if len(named) == 1 else None
+    candidates = [name for name in odometry_topics(path) if name.strip("/").endswith(TRUTH_TOPIC)]
+    return candidates[0] if len(candidates) == 1 else None
 
 
 def assumed_truth(path: Path, topic: str | None) -> str | None:
@@ -34,14 +34,14 @@ def assumed_truth(path: Path, topic: str | None) -> str | None:
 
     That may be an estimate, such as ``wheel/odom``; a remark names it.
     """
-    found = truth_topic(path, topic)
-    if found is not None or is_text(path):
-        return found
+    truth_name = truth_topic(path, topic)
+    if truth_name is not None or is_text(path):
+        return truth_name
     names = odometry_topics(path)
     if len(names) != 1:
         return None
-    words = f"{path}: taken as the truth: {names[0]}, the only topic of {ODOMETRY}"
-    warn(words, Remark)
+    remark = f"{path}: taken as the truth: {names[0]}, the only topic of {ODOMETRY}"
+    warn(remark, Remark)
     return names[0]
 
 

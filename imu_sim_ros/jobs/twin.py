@@ -101,46 +101,46 @@ _BIAS: Final = (0.35, 0.5)
 
 
 class Trust(NamedTuple):
-    """What can be believed."""
+    """Fit and how far it can be trusted."""
 
     fit: Fit
-    """With standard errors no smaller than the recording itself shows."""
+    """Fit with standard errors no smaller than the recording itself shows."""
     given: Mask
-    """(42,) whether a number is given."""
+    """(42,) True where a number is given."""
     undetermined: tuple[str, ...]
     """Numbers that this motion does not determine."""
     warnings: tuple[str, ...]
 
 
-def judged(found: Fit, disagreement: Array, noise: PoseNoise) -> Trust:
+def judged(fit: Fit, disagreement: Array, noise: PoseNoise) -> Trust:
     """Return what can be believed of a fit.
 
     :param disagreement: (42,) of fits to parts of the recording, in standard errors.
     """
-    sigma = found.sigma
+    sigma = fit.sigma
     disagree = disagreement > _DISAGREE
     larger = np.where(disagree, disagreement, 1.0)
-    widened = np.sqrt(larger**2 + found.noise_shift**2) if noise.is_rounding else larger
-    wider = found._replace(covariance=found.covariance * np.outer(widened, widened))
-    given = found.noise_shift <= (_SAID if noise.is_rounding else _NOT_GIVEN)
+    widened = np.sqrt(larger**2 + fit.noise_shift**2) if noise.is_rounding else larger
+    wider = fit._replace(covariance=fit.covariance * np.outer(widened, widened))
+    reported = fit.noise_shift <= (_SAID if noise.is_rounding else _NOT_GIVEN)
     weak = sigma > _UNDETERMINED * PRIOR
     undetermined = tuple(
         NAMES[k] for k in range(model.GYROSCOPE.start, model.BIAS.start) if weak[k]
     )
-    warnings = [*_of_noise(found, given, noise), *_of_quarters(disagree, larger)]
+    warnings = [*_of_noise(fit, reported, noise), *_of_quarters(disagree, larger)]
     warnings += _contradictions(wider)
-    return Trust(wider, given, undetermined, tuple(warnings))
+    return Trust(wider, reported, undetermined, tuple(warnings))
 
 
-def _of_noise(found: Fit, given: Mask, noise: PoseNoise) -> Iterator[str]:
+def _of_noise(fit: Fit, reported: Mask, noise: PoseNoise) -> Iterator[str]:
     angle, distance = 1e3 * noise.deviation
     poses = f"noise of the poses, {distance:.2g} mm and {angle:.2g} mrad"
-    hidden = [NAMES[k] for k in np.flatnonzero(~given)]
+    hidden = [NAMES[k] for k in np.flatnonzero(~reported)]
     if hidden:
         yield f"not given, since they hang on the {poses}: {', '.join(hidden)}"
-    moved = given & (found.noise_shift > _SAID)
+    moved = reported & (fit.noise_shift > _SAID)
     if moved.any():
-        sizes = [f"{NAMES[k]} by {found.noise_shift[k]:.1f}" for k in np.flatnonzero(moved)]
+        sizes = [f"{NAMES[k]} by {fit.noise_shift[k]:.1f}" for k in np.flatnonzero(moved)]
         yield f"corrected for the {poses}, in standard errors: {', '.join(sizes)}"
 
 
@@ -153,9 +153,9 @@ def _of_quarters(disagree: Mask, larger: Array) -> Iterator[str]:
         )
 
 
-def _contradictions(found: Fit) -> Iterator[str]:
+def _contradictions(fit: Fit) -> Iterator[str]:
     """Return lines for what is not a sensor's."""
-    errors, sigma = found.errors, found.sigma
+    errors, sigma = fit.errors, fit.sigma
     tilt, unsure = errors.world[:2], sigma[model.WORLD][:2]
     angle = float(np.linalg.norm(tilt))
     if angle > _TILT and np.any(np.abs(tilt) > _SURE * unsure):
@@ -192,7 +192,7 @@ _LEFT: Final = 0.5
 
 @dataclass(frozen=True, repr=False)
 class Twin:
-    """What :func:`imu_sim_ros.twin` found."""
+    """Result of :func:`imu_sim_ros.twin`."""
 
     errors: dict[str, Calibrated]
     """Constant errors by parameter, with standard errors; ``mounting`` is the rotation vector of
@@ -206,7 +206,7 @@ class Twin:
     given: Mask
     """(42,) which numbers are given, in the order of ``calibration.twin.model``."""
     warnings: tuple[str, ...]
-    """What hangs on the poses' noise, what contradicts itself, and readings without a truth: a line
+    """Numbers that hang on the poses' noise, contradictions, and readings without a truth: a line
     each."""
     parameters: dict[str, Value]
     """Parameters of the simulator, by name."""
@@ -238,9 +238,9 @@ class Twin:
 
     def to_dict(self) -> dict[str, Any]:
         """Return all numbers by name, in plain types; None for those that are not finite."""
-        found, noise = self.analysis, self.source.noise
-        white, bands, lines = found.white, found.bands, found.lines
-        known = np.where(bands.freedom < _LEAST_FREEDOM, np.nan, bands.density)
+        analysis, noise = self.analysis, self.source.noise
+        white, bands, lines = analysis.white, analysis.bands, analysis.lines
+        density = np.where(bands.freedom < _LEAST_FREEDOM, np.nan, bands.density)
         result: dict[str, Any] = plain(
             {
                 "rate_hz": self.source.recording.rate,
@@ -263,19 +263,19 @@ class Twin:
                 "bands": {
                     "low_hz": bands.low,
                     "high_hz": bands.high,
-                    "density": known,
-                    "density_low": known * bands.interval[0],
-                    "density_high": known * bands.interval[1],
+                    "density": density,
+                    "density_low": density * bands.interval[0],
+                    "density_high": density * bands.interval[1],
                 },
-                "ranges_hz": found.range_edges,
+                "ranges_hz": analysis.range_edges,
                 "exponents": {
-                    "value": found.exponents.value,
-                    "sigma": found.exponents.sigma,
+                    "value": analysis.exponents.value,
+                    "sigma": analysis.exponents.sigma,
                 },
                 "bias_over_time": {
-                    "t_s": found.bias_t,
-                    "value": found.bias,
-                    "sigma": found.bias_sigma,
+                    "t_s": analysis.bias_t,
+                    "value": analysis.bias,
+                    "sigma": analysis.bias_sigma,
                 },
                 "check": None if self.check is None else self.check.to_dict(),
             }
@@ -410,15 +410,15 @@ def _found(source: TwinRecording, fit: float | None) -> Twin:
     used, held_out = whole, None
     if fit is not None:
         used, held_out = _split(whole, fit, source.name)
-    found = constant_errors(used, source.sharp_truth, perfect(source.r_ib, source.offset))
-    _check_likeness(source, used, found)
-    check_settled(source, found)
-    others = cross_validate(used, source.sharp_truth, found)
-    trust = judged(found, others.disagreement, source.noise)
+    fitted = constant_errors(used, source.sharp_truth, perfect(source.r_ib, source.offset))
+    _check_likeness(source, used, fitted)
+    check_settled(source, fitted)
+    validation = cross_validate(used, source.sharp_truth, fitted)
+    trust = judged(fitted, validation.disagreement, source.noise)
     # Above the cut-off, motion counts as vibration.
-    fast = fast_part(used, source.sharp_truth, source.truth, found)
-    with_vibration = trust.fit._replace(residuals=found.residuals + fast)
-    analysis = _analysed(source, used, with_vibration, others.residuals + fast)
+    fast = fast_part(used, source.sharp_truth, source.truth, fitted)
+    with_vibration = trust.fit._replace(residuals=fitted.residuals + fast)
+    analysis = _analysed(source, used, with_vibration, validation.residuals + fast)
     step = _steps(whole.readings)
     white = spectrum.without_rounding(analysis.white, step, whole.rate)
     analysis = analysis._replace(white=white)
@@ -439,7 +439,7 @@ def _found(source: TwinRecording, fit: float | None) -> Twin:
     )
 
 
-def _check_likeness(source: TwinRecording, used: Recording, found: Fit) -> None:
+def _check_likeness(source: TwinRecording, used: Recording, fit: Fit) -> None:
     """Refuse readings that are not those of the truth's motion.
 
     :raises InputError: if the truth explains too little of them.
@@ -448,23 +448,23 @@ def _check_likeness(source: TwinRecording, used: Recording, found: Fit) -> None:
     rows = len(used.stamps) // count * count
     means = [
         x[:rows, :3].reshape(-1, count, 3).mean(axis=1)
-        for x in (used.readings - found.errors.bias, found.residuals)
+        for x in (used.readings - fit.errors.bias, fit.residuals)
     ]
-    read, left = (float(np.sum(x**2)) for x in means)
-    if left > _LEFT * read:
-        share = 100.0 * max(1.0 - left / read, 0.0)
+    variance, remaining = (float(np.sum(x**2)) for x in means)
+    if remaining > _LEFT * variance:
+        share = 100.0 * max(1.0 - remaining / variance, 0.0)
         raise InputError(
             f"{source.name}: the truth explains {share:.0f} % of what the gyroscope reads: they "
             "are not of one flight, or farther apart in time than max_offset"
         )
 
 
-def check_settled(source: TwinRecording, found: Fit) -> None:
+def check_settled(source: TwinRecording, fit: Fit) -> None:
     """Refuse a recording whose least squares has no minimum.
 
     :raises InputError: if the noise of the poses hides what the motion shows.
     """
-    if not found.settled:
+    if not fit.settled:
         angle, distance = 1e3 * source.noise.deviation
         raise InputError(
             f"{source.name}: the least squares does not settle: the noise of the poses, "
@@ -493,17 +493,17 @@ def _check_numbers(fit: float | None, gravity: float, cutoff: float, max_offset:
 
 
 def _split(whole: Recording, seconds: float, name: str) -> tuple[Recording, Recording]:
-    first, last = float(whole.stamps[0]), float(whole.stamps[-1])
-    if last - first - seconds < _LEAST_FIT:
+    begin, end = float(whole.stamps[0]), float(whole.stamps[-1])
+    if end - begin - seconds < _LEAST_FIT:
         raise InputError(
-            f"fit = {seconds:g}: must leave {_LEAST_FIT:g} s of the {last - first:.4g} s of {name} "
+            f"fit = {seconds:g}: must leave {_LEAST_FIT:g} s of the {end - begin:.4g} s of {name} "
             "to compare the twin with"
         )
-    return whole.part(first, first + seconds), whole.part(first + seconds, np.inf)
+    return whole.part(begin, begin + seconds), whole.part(begin + seconds, np.inf)
 
 
-def _analysed(source: TwinRecording, used: Recording, found: Fit, unseen: Array) -> Analysis:
-    t = model.true_times(found.errors, used.stamps, found.reference, found.wander)
+def _analysed(source: TwinRecording, used: Recording, fit: Fit, unseen: Array) -> Analysis:
+    t = model.true_times(fit.errors, used.stamps, fit.reference, fit.wander)
     motion = source.motion(t)
     norms = tuple(
         np.linalg.norm(v, axis=1)
@@ -514,10 +514,10 @@ def _analysed(source: TwinRecording, used: Recording, found: Fit, unseen: Array)
         x, y, z = (float(value) for value in reference)
         return MotionSize(used.rate, (x, y, z), MOTION_FLOOR, MOTION_TIME).logs(motion)
 
-    noises = noise_residuals(used, source.truth, found)
+    noises = noise_residuals(used, source.truth, fit)
     size = (norms[0], norms[1], norms[2])
     rows = moving(motion) & vibrating(used.readings, used.pieces, used.rate)
-    return analyse(used, found, unseen, noises, sizes, size, rows)
+    return analyse(used, fit, unseen, noises, sizes, size, rows)
 
 
 _LEAST_CODES: Final = 10
@@ -527,7 +527,7 @@ _MOST_PARTS: Final = 4
 """Two codes that both occur twice may be so many steps apart."""
 _NEAR_WHOLE: Final = 0.05
 _MOSTLY: Final = 0.9
-"""Of ten numbers by chance one is so near to a whole one."""
+"""Share of whole numbers of steps; by chance, one of ten numbers is so near to a whole one."""
 
 
 def _steps(readings: Array) -> Array:
@@ -553,12 +553,12 @@ def _steps(readings: Array) -> Array:
     return result
 
 
-def _errors(found: Fit, given: Mask) -> dict[str, Calibrated]:
+def _errors(fit: Fit, reported: Mask) -> dict[str, Calibrated]:
     """Return the constant errors by name; NaN for those that are not given."""
-    errors, covariance = found.errors, found.covariance
-    span = np.array([1.0, -found.reference])
-    sigma = np.where(given, found.sigma, np.nan)
-    offset_sigma = np.sqrt(span @ covariance[:2, :2] @ span) if given[:2].all() else np.nan
+    errors, covariance = fit.errors, fit.covariance
+    span = np.array([1.0, -fit.reference])
+    sigma = np.where(reported, fit.sigma, np.nan)
+    offset_sigma = np.sqrt(span @ covariance[:2, :2] @ span) if reported[:2].all() else np.nan
 
     def of(value: Any, sigmas: Any) -> Calibrated:
         sigmas = np.ravel(sigmas).astype(np.float64)
@@ -567,8 +567,8 @@ def _errors(found: Fit, given: Mask) -> dict[str, Calibrated]:
     upper = np.zeros((3, 3))
     upper[model.UPPER] = sigma[model.ACCELEROMETER]
     return {
-        "stamp_offset": of(clock_offset(found), offset_sigma),
-        "clock_skew_ppm": of(1e6 * clock_skew(found), 1e6 * sigma[1]),
+        "stamp_offset": of(clock_offset(fit), offset_sigma),
+        "clock_skew_ppm": of(1e6 * clock_skew(fit), 1e6 * sigma[1]),
         "mounting": of(log(from_matrix(errors.r_ib)), sigma[model.MOUNTING]),
         "lever_arm": of(errors.lever_arm, sigma[model.LEVER_ARM]),
         "gyroscope_bias": of(errors.bias[:3], sigma[model.BIAS][:3]),

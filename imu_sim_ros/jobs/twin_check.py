@@ -57,7 +57,7 @@ class Flown(NamedTuple):
 
 @dataclass(frozen=True, repr=False)
 class Check:
-    """How far the twin is from the real sensor, on a part of the flight that it was not fitted to.
+    """Comparison of the twin with the real sensor, on a part of the flight not used in the fit.
 
     Lists of five are the bands 0.2-1, 1-5, 5-20, 20-50 and 50-100 Hz; six are gyroscope x, y, z and
     accelerometer x, y, z.
@@ -85,7 +85,7 @@ class Check:
     flown: tuple[Flown, Flown]
     """The real readings, and those of the first twin."""
     windows: comparison.Windows
-    """What the classifier saw."""
+    """Inputs of the classifier."""
 
     def __repr__(self) -> str:
         worst = float(np.nanmax(np.abs(self.decibels)))
@@ -140,8 +140,8 @@ def check(
     ends = [(real.t[p.start], real.t[p.stop - 1]) for p in parts]
     flown = [slice(*np.searchsorted(twins[0].t, end).tolist()) for end in ends]
     levels = comparison.levels(real.residuals, parts, rate)
-    others = [comparison.levels(twin.residuals, flown, rate) for twin in twins]
-    simulated = np.sqrt(np.mean(np.square(others), axis=0))
+    twin_levels = [comparison.levels(twin.residuals, flown, rate) for twin in twins]
+    simulated = np.sqrt(np.mean(np.square(twin_levels), axis=0))
     windows = comparison.Windows(
         comparison.features(fit.residuals, analysis.parts, rate),
         comparison.features(real.residuals, parts, rate),
@@ -203,22 +203,24 @@ def _parts(source: TwinRecording, t: Array, part: Recording) -> list[slice]:
     rows = moving(source.motion(t)) & intensity.vibrating(part.readings, part.pieces, part.rate)
     result = []
     for piece in part.pieces:
-        there = np.flatnonzero(rows[piece])
-        if len(there):
-            result.append(slice(piece.start + int(there[0]), piece.start + int(there[-1]) + 1))
+        moving_rows = np.flatnonzero(rows[piece])
+        if len(moving_rows):
+            result.append(
+                slice(piece.start + int(moving_rows[0]), piece.start + int(moving_rows[-1]) + 1)
+            )
     return result or list(part.pieces)
 
 
 def simulation(source: TwinRecording, parameters: dict[str, Value], seed: int) -> Body:
     """Return the twin's simulation on the truth's own motion."""
-    own: dict[str, object] = {
+    layers: dict[str, object] = {
         **parameters,
         "seed": seed,
         "trajectory.type": "poses",
         "trajectory.file": source.name,
         "gravity": [0.0, 0.0, -source.gravity],
     }
-    built = load_simulation(own)
+    built = load_simulation(layers)
     return Body(built, t0_ns=source.t0_ns, trajectory=source.trajectory, sensors=(POSE,))
 
 
@@ -227,16 +229,16 @@ def _simulated(
 ) -> Flown:
     """Return the twin's readings over the times of the real ones, against a noisy truth."""
     engine = simulation(source, parameters, seed)
-    blocks = [read[IMU] for read in engine.windows()]
+    blocks = [window[IMU] for window in engine.windows()]
     true = np.concatenate([b.true_t_ns for b in blocks])
     times = timebase.seconds_since(true, engine.t0_ns)
-    inside = (times >= t[0]) & (times <= t[-1])
+    overlap = (times >= t[0]) & (times <= t[-1])
     readings = np.concatenate(
         [np.concatenate([getattr(b, name) for b in blocks]) for name in ("gyro", "accel")], axis=1
-    )[inside]
-    times = times[inside]
-    seen = source.truth.noisy[seed % len(source.noisy)] if source.noisy else source.body_motion
-    residuals = readings - model.readings(errors, seen(times))
+    )[overlap]
+    times = times[overlap]
+    motion_at = source.truth.noisy[seed % len(source.noisy)] if source.noisy else source.body_motion
+    residuals = readings - model.readings(errors, motion_at(times))
     return Flown(times, readings, residuals)
 
 
@@ -247,20 +249,20 @@ def _drift(source: TwinRecording, flown: Flown, errors: Errors, world: Array) ->
     x = flown.readings - errors.bias
     result = []
     for length in WINDOWS:
-        found = []
+        distances = []
         for start in np.arange(flown.t[0], flown.t[-1] - length, _EVERY):
-            first, last = np.searchsorted(flown.t, [start, start + length])
-            rows = slice(first, last + 1)
-            if flown.t[last] - flown.t[first] > length + 0.1:
+            begin, end = np.searchsorted(flown.t, [start, start + length])
+            rows = slice(begin, end + 1)
+            if flown.t[end] - flown.t[begin] > length + 0.1:
                 continue
             state = NavigationState(
-                motion.position[first], motion.velocity[first], motion.q_wb[first]
+                motion.position[begin], motion.velocity[begin], motion.q_wb[begin]
             )
             track = dead_reckon(
                 t_ns[rows], x[rows, :3], x[rows, 3:], state, gravity=(0.0, 0.0, -source.gravity)
             )
-            found.append(float(np.linalg.norm(track.position[-1] - motion.position[last])))
-        result.append(np.array(found))
+            distances.append(float(np.linalg.norm(track.position[-1] - motion.position[end])))
+        result.append(np.array(distances))
     return result
 
 

@@ -124,12 +124,12 @@ class TwinRecording(NamedTuple):
 
     @property
     def truth(self) -> KnownMotion:
-        """What is known of the motion up to the cut-off; the rest counts as vibration."""
+        """Known motion up to the cut-off; the rest counts as vibration."""
         return self._known(self.trajectory, *self.noisy)
 
     @property
     def sharp_truth(self) -> KnownMotion:
-        """What is known of the motion, for fits below the cut-off.
+        """Known motion for fits below the cut-off.
 
         A spline that is smooth above the cut-off lacks 0.3 % of the rates at half of it already,
         and the products of what it lacks above are slow specific forces.
@@ -137,8 +137,8 @@ class TwinRecording(NamedTuple):
         return self._known(*self.sharp)
 
     def _known(self, trajectory: Trajectory, *noisy: Trajectory) -> KnownMotion:
-        motion_at, *others = (partial(self._moved, one) for one in (trajectory, *noisy))
-        return KnownMotion(motion_at, self.cutoff, tuple(others))
+        motion_at, *noisy_motions = (partial(self._moved, path) for path in (trajectory, *noisy))
+        return KnownMotion(motion_at, self.cutoff, tuple(noisy_motions))
 
     def _moved(self, trajectory: Trajectory, t: Array) -> BodyMotion:
         return body_motion(trajectory.sample(np.clip(t, 0.0, self.duration)), self.gravity)
@@ -193,8 +193,8 @@ def recorded(
     duration = min(trajectory.duration, float(splines.t[-1]))
     t0_ns = int(poses.t_ns[0])
     stamps = timebase.seconds_since(readings.t_ns, t0_ns)
-    near = (stamps > -max_offset) & (stamps < duration + max_offset)
-    if np.count_nonzero(near) < 2 or np.ptp(stamps[near]) < _SHORTEST:
+    candidates = (stamps > -max_offset) & (stamps < duration + max_offset)
+    if np.count_nonzero(candidates) < 2 or np.ptp(stamps[candidates]) < _SHORTEST:
         raise InputError(
             f"{readings.source}: has {_common(stamps, duration):.3g} s in common with {name}; a "
             f"twin needs {_SHORTEST:g} s: their stamps must be of one clock"
@@ -217,7 +217,7 @@ def recorded(
         given_s=float(np.ptp(stamps)),
         notes=readings.notes,
     )
-    return _placed(half, readings, stamps, near, max_offset, name)
+    return _placed(half, readings, stamps, candidates, max_offset, name)
 
 
 class _Splines:
@@ -264,27 +264,29 @@ def _placed(
     half: TwinRecording,
     readings: Readings,
     stamps: Array,
-    near: Mask,
+    candidates: Mask,
     max_offset: float,
     name: str,
 ) -> TwinRecording:
     """Return the recording with a first guess of clock and mounting.
 
     :param stamps: (n,) of the readings [s].
-    :param near: (n,) those that may have a truth.
+    :param candidates: (n,) those that may have a truth.
     :param name: of the truth.
     """
     duration = half.duration
     gyro, accel = readings.triads()
-    offset = coarse_offset(stamps[near], gyro[near], half.body_motion, duration, max_offset)
-    inside = (stamps + offset > _MARGIN) & (stamps + offset < duration - _MARGIN)
-    if np.count_nonzero(inside) < 2 or np.ptp(stamps[inside]) < _SHORTEST:
+    offset = coarse_offset(
+        stamps[candidates], gyro[candidates], half.body_motion, duration, max_offset
+    )
+    usable = (stamps + offset > _MARGIN) & (stamps + offset < duration - _MARGIN)
+    if np.count_nonzero(usable) < 2 or np.ptp(stamps[usable]) < _SHORTEST:
         raise InputError(
             f"{readings.source}: has {_common(stamps + offset, duration):.3g} s in common with "
             f"{name}; a twin needs {_SHORTEST:g} s"
         )
-    stamps = stamps[inside]
-    y = np.concatenate([gyro[inside], accel[inside]], axis=1)
+    stamps = stamps[usable]
+    y = np.concatenate([gyro[usable], accel[usable]], axis=1)
     motion = half.body_motion(stamps + offset)
     if np.sqrt(np.mean(motion.rate**2)) < _TURNING:
         raise InputError(f"{name}: hardly turns; a twin is found in motion, not at rest")
@@ -338,10 +340,10 @@ def _in_pieces(stamps: Array, readings: Array, name: str) -> Recording:
     cut = clock.missing > _FILLED
     cut[[piece.start for piece in clock.pieces[1:]]] = True
     if filled.any():
-        after = np.repeat(np.arange(len(stamps)), filled) - 1
-        index = np.arange(len(after)) - np.repeat(np.cumsum(filled) - filled, filled) + 1
-        steps = stamps[after + 1] - stamps[after]
-        extra = stamps[after] + steps * index / (filled[after + 1] + 1)
+        preceding = np.repeat(np.arange(len(stamps)), filled) - 1
+        index = np.arange(len(preceding)) - np.repeat(np.cumsum(filled) - filled, filled) + 1
+        steps = stamps[preceding + 1] - stamps[preceding]
+        extra = stamps[preceding] + steps * index / (filled[preceding + 1] + 1)
         times = np.sort(np.concatenate([stamps, extra]))
         columns = [np.interp(times, stamps, readings[:, k]) for k in range(6)]
         stamps, readings = times, np.column_stack(columns)
