@@ -51,26 +51,28 @@ def run(arguments: argparse.Namespace) -> None:
     folder = arguments.output or Path("allan")
     staging = None if arguments.no_files else written.add_files(folder, FILES)
     with written.staged():
-        found = call(allan, arguments)
-        comparisons = found.compare(arguments.truth) if arguments.truth else []
+        noise = call(allan, arguments)
+        comparisons = noise.compare(arguments.truth) if arguments.truth else []
         if staging is not None:
-            write_files(found, staging, arguments.topic or "/imu0")
+            write_files(noise, staging, arguments.topic or "/imu0")
     if staging is not None:
-        for name in set(FILES) - set(found.files):  # replaced by nothing: of an earlier record
+        for name in set(FILES) - set(noise.files):  # replaced by nothing: of an earlier record
             (folder / name).unlink(missing_ok=True)
-    files = [] if arguments.no_files else [folder / name for name in found.files]
-    compared = {"truth": [one.to_dict() for one in comparisons]} if comparisons else {}
-    result = {**found.to_dict(), **compared}
-    program.print_result(arguments, result, _lines(found, comparisons, files))
+    files = [] if arguments.no_files else [folder / name for name in noise.files]
+    compared = (
+        {"truth": [comparison.to_dict() for comparison in comparisons]} if comparisons else {}
+    )
+    result = {**noise.to_dict(), **compared}
+    program.print_result(arguments, result, _lines(noise, comparisons, files))
 
 
 def _lines(
-    found: Noise, comparisons: list[ParameterComparison], files: list[Path]
+    noise: Noise, comparisons: list[ParameterComparison], files: list[Path]
 ) -> Iterator[str | TextTable]:
-    yield from found.lines(comparisons)
+    yield from noise.lines(comparisons)
     yield from map(str, files)
-    if files and found.result.reasons:
-        yield f"no configuration files: {', '.join(found.result.reasons)} not analysed"
+    if files and noise.result.reasons:
+        yield f"no configuration files: {', '.join(noise.result.reasons)} not analysed"
 
 
 main = partial(program.main, parser, run)

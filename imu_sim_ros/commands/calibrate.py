@@ -27,13 +27,13 @@ from imu_sim_ros.types import Array
 EXAMPLES: Final = "\n".join(line for run in RUNS.values() for line in run.examples)
 
 
-def _numbers(words: str) -> Array:
+def _numbers(text: str) -> Array:
     try:
-        values = np.array([abs(float(word)) for word in words.split(",")])
+        values = np.array([abs(float(word)) for word in text.split(",")])
     except ValueError:
-        raise argparse.ArgumentTypeError(f"{words!r}: numbers separated by commas") from None
+        raise argparse.ArgumentTypeError(f"{text!r}: numbers separated by commas") from None
     if not (np.isfinite(values).all() and (values > 0.0).all()):
-        raise argparse.ArgumentTypeError(f"{words!r}: rates must be finite and not zero")
+        raise argparse.ArgumentTypeError(f"{text!r}: rates must be finite and not zero")
     return values
 
 
@@ -48,7 +48,7 @@ _RATES: Final = {
     "--rates R,R,...": {"type": _numbers, "help": "magnitudes of the table's rates [rad/s]"},
     "--rates-deg R,R,...": {
         "dest": "rates",
-        "type": lambda words: np.radians(_numbers(words)),
+        "type": lambda text: np.radians(_numbers(text)),
         "help": "the same [deg/s]",
     },
 }
@@ -60,9 +60,9 @@ def parser() -> program.Parser:
     kinds = result.add_subparsers(dest="kind", required=True, metavar="RUN")
     for name, run in RUNS.items():
         options = {**arguments_of(run.job), **_FILES}
-        own = program.add_subcommand(kinds, f"calibrate {name}", run.text, EXAMPLES, options)
+        subparser = program.add_subcommand(kinds, f"calibrate {name}", run.text, EXAMPLES, options)
         if "rates" in inspect.signature(run.job).parameters:
-            program.add_options(own.add_mutually_exclusive_group(), _RATES)
+            program.add_options(subparser.add_mutually_exclusive_group(), _RATES)
     return result
 
 
@@ -77,20 +77,20 @@ def calibrate(arguments: argparse.Namespace) -> None:
         problems = Problems()
         with problems.gathered():
             overrides = {} if rates is None else {"rates": rates}
-            found = call(RUNS[arguments.kind].job, arguments, overrides=overrides)
+            calibration = call(RUNS[arguments.kind].job, arguments, overrides=overrides)
         if arguments.truth:
             with problems.gathered():
                 load_truth(arguments.truth)
         problems.tell()
-        for line in found.warnings:
+        for line in calibration.warnings:
             print(f"calibrate: {line}", file=sys.stderr)
-        true = found.true_values(arguments.truth) if arguments.truth else {}
+        true = calibration.true_values(arguments.truth) if arguments.truth else {}
         if staging is not None:
             for name in names:
-                found.save(staging / name, for_simulator=name == "imu.yaml")
+                calibration.save(staging / name, for_simulator=name == "imu.yaml")
     files = [] if arguments.no_files else [folder / name for name in names]
-    lines = chain(found.lines(true), map(str, files))
-    program.print_result(arguments, found.to_dict(arguments.truth), lines)
+    lines = chain(calibration.lines(true), map(str, files))
+    program.print_result(arguments, calibration.to_dict(arguments.truth), lines)
 
 
 main = partial(program.main, parser, calibrate)

@@ -70,20 +70,20 @@ def run(arguments: argparse.Namespace) -> list[str]:
         problems.append("-o DIR: is needed, the folder of the results")
     processes = cores() if arguments.workers is None else arguments.workers
     if plan.run_count >= MANY and not arguments.yes:
-        words = f"{expected_duration(plan, processes)}; start it with --yes"
-        problems.append(f"the plan has {plan.run_count:,} runs: {words}")
+        advice = f"{expected_duration(plan, processes)}; start it with --yes"
+        problems.append(f"the plan has {plan.run_count:,} runs: {advice}")
     if problems:
         raise InputError(problems)
     command = f"imu_sim campaign {shlex.quote(arguments.plan)} -o {shlex.quote(str(folder))}"
-    made = call(campaign, arguments, {"workers": cores()}, {"command": command})
+    outcome = call(campaign, arguments, {"workers": cores()}, {"command": command})
     if arguments.junit is not None:
         from imu_sim_ros.campaigns.junit import write_junit
 
-        write_junit(arguments.junit, plan.options.name, made.judgement)
-    program.show(arguments, made)
-    if made.runs and not made.done:
-        raise MachineError([*made.problems, *reasons(made.judgement)])
-    return made.problems
+        write_junit(arguments.junit, plan.options.name, outcome.judgement)
+    program.show(arguments, outcome)
+    if outcome.runs and not outcome.done:
+        raise MachineError([*outcome.problems, *reasons(outcome.judgement)])
+    return outcome.problems
 
 
 def _look_at(arguments: argparse.Namespace) -> None:
@@ -94,11 +94,11 @@ def _look_at(arguments: argparse.Namespace) -> None:
     if arguments.power is None:
         print(plan.title())
         return
-    wanted = parse_tolerance(arguments.power, "--power")
+    effect = parse_tolerance(arguments.power, "--power")
     scatter = parse_tolerance(arguments.scatter, "--scatter")
     limits = Limits.of(arguments.tolerance, arguments.non_inferiority)
     tolerance = limits.tolerance or plan.tolerance
-    program.show(arguments, Power(plan, wanted, scatter, tolerance, limits.non_inferiority))
+    program.show(arguments, Power(plan, effect, scatter, tolerance, limits.non_inferiority))
 
 
 if __name__ == "__main__":

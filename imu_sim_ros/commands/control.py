@@ -171,10 +171,10 @@ def _act(simulator: "Control", arguments: argparse.Namespace) -> str:
         return simulator.reset()
     if arguments.action == "step":
         return simulator.step(arguments.samples)
-    given = program.given(arguments, "value", "duration", "delay", "triad", "imu")
+    fields = program.given(arguments, "value", "duration", "delay", "triad", "imu")
     # The kind comes last: it is what begins the fault.
-    given["kind"] = arguments.kind
-    simulator.set({f"inject.{name}": value for name, value in given.items()})
+    fields["kind"] = arguments.kind
+    simulator.set({f"inject.{name}": value for name, value in fields.items()})
     return f"injected {arguments.kind}"
 
 

@@ -59,19 +59,19 @@ def parser() -> program.Parser:
 def run(arguments: argparse.Namespace) -> None:
     """Integrate, compare, and say what came out."""
     # A node's file may ask for the covariance, which no result of this program states.
-    below, above = (
+    file_parameters, overrides = (
         {name: value for name, value in layer.items() if (name, value) != ("covariance", True)}
         for layer in (load_all(arguments.params_file, "integrator"), dict(arguments.set))
     )
     with output_and_plot(arguments) as (output, plot):
         if arguments.all:
-            made = call(dead_reckon_all, arguments, below, above)
+            tracks = call(dead_reckon_all, arguments, file_parameters, overrides)
         else:
-            made = [call(dead_reckon, arguments, below, above)]
+            tracks = [call(dead_reckon, arguments, file_parameters, overrides)]
         if output is not None:
-            made[0].save(output)
-        save_plot(plot, lambda: plot_tracks(made))
-    summaries = [track.to_dict() for track in made]
+            tracks[0].save(output)
+        save_plot(plot, lambda: plot_tracks(tracks))
+    summaries = [track.to_dict() for track in tracks]
     result = summaries if arguments.all else summaries[0]
     program.print_result(arguments, result, lines(summaries))
 

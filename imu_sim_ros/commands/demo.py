@@ -78,13 +78,13 @@ def _demonstrate(
     )
     counts = demo.fly(parameters, folder)
     print_lines([demo.message_table(folder / demo.BAG, counts)])
-    found = demo.tracks(parameters, folder / demo.BAG)
-    print_lines([demo.error_table(found, parameters.duration)])
+    tracks = demo.tracks(parameters, folder / demo.BAG)
+    print_lines([demo.error_table(tracks, parameters.duration)])
     title = (
         f"Dead reckoning against the truth: sensor {arguments.imu}, "
         f"trajectory {arguments.trajectory}, {parameters.rate:g} Hz, {parameters.duration:g} s"
     )
-    style.save(plot_named_tracks(found, title), folder / _PICTURE)
+    style.save(plot_named_tracks(tracks, title), folder / _PICTURE)
 
 
 main = partial(program.main, parser, run)

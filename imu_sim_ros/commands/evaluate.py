@@ -37,18 +37,18 @@ def parser() -> program.Parser:
 def run(arguments: argparse.Namespace) -> None:
     """Compare, write what is asked for, and print."""
     with output_and_plot(arguments) as (output, plot):
-        found = call(evaluate, arguments)
-        if isinstance(found, Evaluation):
+        evaluation = call(evaluate, arguments)
+        if isinstance(evaluation, Evaluation):
             title = f"{arguments.estimate.name} against {arguments.truth.name}"
-            save_plot(plot, lambda: found.plot(title))
+            save_plot(plot, lambda: evaluation.plot(title))
             if output is not None:
-                found.save(output)
+                evaluation.save(output)
         else:
-            given = program.given(arguments, "plot", "output")
-            if given:
-                raise InputError([f"--{n}: {found.topic} is no trajectory" for n in given])
+            options = program.given(arguments, "plot", "output")
+            if options:
+                raise InputError([f"--{n}: {evaluation.topic} is no trajectory" for n in options])
     names = {"estimate": str(arguments.estimate), "truth": str(arguments.truth)}
-    program.show(arguments, found, **names)
+    program.show(arguments, evaluation, **names)
 
 
 main = partial(program.main, parser, run)

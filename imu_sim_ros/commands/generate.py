@@ -36,8 +36,8 @@ _SENSORS: Final = {
     }
     for name in named_sensors()
 } | {
-    f"--{one.name}": {"action": "store_true", "help": one.text, "group": str(OF_SENSORS)}
-    for one in switches().values()
+    f"--{switch.name}": {"action": "store_true", "help": switch.text, "group": str(OF_SENSORS)}
+    for switch in switches().values()
 }
 
 
@@ -52,7 +52,7 @@ class _Parser(program.Parser):
 
     def format_help(self) -> str:
         """Return the help text."""
-        (group,) = (one for one in self._action_groups if one.title == OF_SENSORS)
+        (group,) = (section for section in self._action_groups if section.title == OF_SENSORS)
         group.description = "; ".join(catalogue.sensor_lines()) or "none is installed"
         return super().format_help()
 
@@ -77,10 +77,10 @@ class _Tour(argparse.Action):
         from imu_sim_ros.trajectory.tour import waypoints_file  # with SciPy
 
         place, _, seed = str(value).partition(":")
-        given: dict[str, object] = {"trajectory.type": "tour", "trajectory.place": place}
-        given["trajectory.place_seed"] = int(seed) if seed.isdigit() else seed or 0
+        tour_parameters: dict[str, object] = {"trajectory.type": "tour", "trajectory.place": place}
+        tour_parameters["trajectory.place_seed"] = int(seed) if seed.isdigit() else seed or 0
         try:
-            tour = load_simulation(given).trajectory
+            tour = load_simulation(tour_parameters).trajectory
             assert isinstance(tour, TourParameters)
             print(waypoints_file(tour), end="")
         except ImuSimError as error:
@@ -116,8 +116,8 @@ _LISTS: Final = {
 
 def generate(arguments: argparse.Namespace) -> None:
     """Write the requested output."""
-    names = [*named_sensors(), *(one.name for one in switches().values())]
-    sensors = {name: given for name in names if (given := getattr(arguments, name))}
+    names = [*named_sensors(), *(switch.name for switch in switches().values())]
+    sensors = {name: enabled for name in names if (enabled := getattr(arguments, name))}
     program.show(arguments, call(job, arguments, defaults=sensors))
 
 

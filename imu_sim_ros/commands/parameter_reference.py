@@ -26,7 +26,7 @@ from imu_sim_ros.simulation.error_parameters import ErrorNodeParameters
 from imu_sim_ros.simulation.playback import SimulatorParameters
 from imu_sim_ros.trajectory.parameters import TYPES, TrajectoryParameters
 
-_PARTS = (*TRIADS, *(one.name for one in sensors_of_imus()))
+_PARTS = (*TRIADS, *(sensor.name for sensor in sensors_of_imus()))
 """First words of the parameters of an IMU's sensors, below ``imu.``."""
 _INTRODUCTION = """\
 # Parameters
@@ -80,14 +80,14 @@ def _lines() -> Iterator[str]:
     yield _INTRODUCTION
     yield from _node("Simulation")
     simulator = parameters(SimulatorParameters)
-    own = {name: p for name, p in simulator.items() if not name.startswith("trajectory.")}
-    for heading, rows in _groups(own).items():
+    settings = {name: p for name, p in simulator.items() if not name.startswith("trajectory.")}
+    for heading, rows in _groups(settings).items():
         yield f"### {heading}\n"
         yield from _table(rows)
     yield from _kinds("trajectory", TrajectoryParameters, TYPES)
     yield from _node("Cameras")
-    known = parameters(RigParameters)
-    of_rig = {name: known[name] for name in ("cameras", "features.layout")}
+    rig = parameters(RigParameters)
+    of_rig = {name: rig[name] for name in ("cameras", "features.layout")}
     yield from _table({**of_rig, **_below("camera", CameraParameters)})
     yield from _kinds("scene", SceneParameters, SCENES)
     for name, sensor in named_sensors().items():
@@ -96,8 +96,8 @@ def _lines() -> Iterator[str]:
         yield from _table(_below(name, sensor.section))
     yield from _node("Integrator", parameters(IntegratorParameters))
     names = ("input.", "odometry", "publish.")
-    every = parameters(ErrorNodeParameters).items()
-    yield from _node("Error model", {name: p for name, p in every if name.startswith(names)})
+    error_model = parameters(ErrorNodeParameters).items()
+    yield from _node("Error model", {name: p for name, p in error_model if name.startswith(names)})
     yield from _node("Recorder", parameters(RecorderParameters))
 
 
@@ -122,24 +122,24 @@ def _kinds(name: str, shared: type, kinds: Mapping[str, type]) -> Iterator[str]:
     for kind, section in kinds.items():
         yield f"### {name}.type: {kind}\n"
         yield f"{(section.__doc__ or '').strip().split(chr(10))[0]}\n"
-        own = _below(name, section)
-        yield from _table({key: own[key] for key in own if key not in of_all})
+        of_kind = _below(name, section)
+        yield from _table({key: of_kind[key] for key in of_kind if key not in of_all})
 
 
 def _groups(rows: Mapping[str, Parameter]) -> dict[str, dict[str, Parameter]]:
     """Return parameters by heading, in the order of the first of each."""
-    found: dict[str, dict[str, Parameter]] = {}
+    groups: dict[str, dict[str, Parameter]] = {}
     for name, parameter in rows.items():
         section, dot, rest = name.partition(".")
-        first = rest.partition("_")[0]
+        prefix = rest.partition("_")[0]
         if not dot:
             heading = "General"
         elif section != "imu":
             heading = section.replace("_", " ").capitalize()
         else:
-            heading = f"IMU: {first if first in _PARTS else 'mounting, sampling and timing'}"
-        found.setdefault(heading, {})[name] = parameter
-    return found
+            heading = f"IMU: {prefix if prefix in _PARTS else 'mounting, sampling and timing'}"
+        groups.setdefault(heading, {})[name] = parameter
+    return groups
 
 
 def _table(rows: Mapping[str, Parameter]) -> Iterator[str]:

@@ -39,12 +39,12 @@ def parser() -> program.Parser:
 def run(arguments: argparse.Namespace) -> None:
     """Write the page where all that it is about is safe."""
     path = arguments.output or default_output(arguments.inputs)
-    inputs = [file for given in arguments.inputs for file in _files(given)]
+    inputs = [file for argument in arguments.inputs for file in _files(argument)]
     written = outputs(argparse.Namespace(**{**vars(arguments), "inputs": inputs}))
     page = written.add(path, endings=(".html", ".htm"))
     with written.staged():
-        made = call(report, arguments, overrides={"output": page.path})
-    program.show(arguments, replace(made, output=path))
+        page_report = call(report, arguments, overrides={"output": page.path})
+    program.show(arguments, replace(page_report, output=path))
 
 
 def _files(path: Path) -> Iterator[Path]:

@@ -53,12 +53,12 @@ def run(arguments: argparse.Namespace) -> None:
     written = outputs(arguments)
     staging = None if arguments.no_files else written.add_files(arguments.output, _FILES)
     with written.staged():
-        found = call(twin, arguments, overrides={"truth": arguments.truth})
+        digital_twin = call(twin, arguments, overrides={"truth": arguments.truth})
         if staging is not None:
             from imu_sim_ros.plots import style
 
-            found.write(staging / _FILES[0])
-            style.save(found.plot(), staging / _FILES[1])
+            digital_twin.write(staging / _FILES[0])
+            style.save(digital_twin.plot(), staging / _FILES[1])
     aiding = _aiding(arguments.recording)
     if aiding and not arguments.quiet:
         print(
@@ -67,10 +67,10 @@ def run(arguments: argparse.Namespace) -> None:
             "report compares topics with their truth",
             file=sys.stderr,
         )
-    for warning in found.warnings:
+    for warning in digital_twin.warnings:
         print(f"twin: warning: {warning}", file=sys.stderr)
     files = [] if arguments.no_files else [str(arguments.output / name) for name in _FILES]
-    program.print_result(arguments, found.to_dict(), chain(found.lines(), files))
+    program.print_result(arguments, digital_twin.to_dict(), chain(digital_twin.lines(), files))
 
 
 def _aiding(recording: Path) -> list[str]:
@@ -78,7 +78,9 @@ def _aiding(recording: Path) -> list[str]:
     if is_text(recording):
         return []
     with open_bag(recording) as bag:
-        topics = [one for one in bag.topics if one.count and "ground_truth/" not in one.name]
+        topics = [
+            topic for topic in bag.topics if topic.count and "ground_truth/" not in topic.name
+        ]
     return [t.name for t in topics if t.type in _OF_AIDING or t.name.endswith("wheel/odom")]
 
 

@@ -118,10 +118,10 @@ def _fill(
     :param truth, paths: as :func:`_paths` returns them.
     """
     flight = arguments.flight
-    found = {"paths": 0, "readings": 0, "biases": 0, "images": 0, "scans": 0, "landmarks": 0}
+    counts = {"paths": 0, "readings": 0, "biases": 0, "images": 0, "scans": 0, "landmarks": 0}
     for name, poses in paths.items():
         shown.path(name, poses)
-        found["paths"] += 1
+        counts["paths"] += 1
     notes: list[str] = []
     for imu in imu_choices(flight, _choice(arguments)):
         blocks = list(reading_blocks(flight, imu))
@@ -132,28 +132,28 @@ def _fill(
         for triad, values in zip(TRIADS, (readings.gyro, readings.accel), strict=True):
             if values is not None:
                 shown.series(f"{name}/{triad}", readings.t_ns, values)
-        found["readings"] += len(readings.t_ns)
+        counts["readings"] += len(readings.t_ns)
         notes += [note for note in readings.notes if note not in notes]
-    if arguments.frame is not None and not found["readings"]:
+    if arguments.frame is not None and not counts["readings"]:
         raise InputError(f"{flight}: contains no readings of the frame {arguments.frame}")
     if not is_text(flight):
-        found["biases"] = _biases(shown, flight)
+        counts["biases"] = _biases(shown, flight)
     if not arguments.no_images:
         of_folder = is_text(flight)
         cameras = camera_names(flight) if of_folder else _topics(flight, IMAGE, COMPRESSED_IMAGE)
         for name in cameras:
             shown.images(name.strip("/"), read_images(flight, name))
-            found["images"] += 1
+            counts["images"] += 1
     if not is_text(flight):
         body = frame_of(flight, ODOMETRY, truth, 1) if truth else ""
-        found["scans"] = _clouds(shown, flight, body)
+        counts["scans"] = _clouds(shown, flight, body)
     points = _landmarks(flight, arguments.landmarks)
     if len(points):
         shown.points("landmarks", points)
-        found["landmarks"] = len(points)
-    if not found["paths"] and not found["readings"]:
+        counts["landmarks"] = len(points)
+    if not counts["paths"] and not counts["readings"]:
         raise InputError(f"{flight}: has neither odometry nor readings of an IMU")
-    return {**found, "notes": notes}
+    return {**counts, "notes": notes}
 
 
 def _choice(arguments: argparse.Namespace) -> Choice:

@@ -41,8 +41,8 @@ def ros_arguments(arguments: Sequence[str], section: type, folder: Path) -> list
     problems = Problems()
     problems += [f"{argument!r}: not UTF-8" for argument in arguments if not _is_text(argument)]
     problems.tell()
-    own, ros = _split(arguments)
-    plain = _plain(own, section, problems)
+    program_arguments, ros = _split(arguments)
+    plain = _plain(program_arguments, section, problems)
     result = ["--ros-args"]
     position = 0
     while position < len(ros):
@@ -69,27 +69,27 @@ def _is_text(argument: str) -> bool:
 
 def _split(arguments: Sequence[str]) -> tuple[list[str], list[str]]:
     """Separate the program's own arguments from those between ``--ros-args`` and ``--``."""
-    own: list[str] = []
+    program_arguments: list[str] = []
     ros: list[str] = []
-    current = own
+    current = program_arguments
     for argument in arguments:
         if argument == "--ros-args":
             current = ros
         elif argument == "--" and current is ros:
-            current = own
+            current = program_arguments
         else:
             current.append(argument)
-    return own, ros
+    return program_arguments, ros
 
 
-def _plain(own: Sequence[str], section: type, problems: Problems) -> list[str]:
+def _plain(program_arguments: Sequence[str], section: type, problems: Problems) -> list[str]:
     """Turn ``--rate 400`` and ``--rate=400`` into ROS's ``-p rate:=400``."""
-    known = parameters(section)
+    declarations = parameters(section)
     result: list[str] = []
-    words = iter(own)
-    for word in words:
+    rest = iter(program_arguments)
+    for word in rest:
         if word in _OF_ROS:
-            problems.append(f"{word} {next(words, '')}: must come after --ros-args")
+            problems.append(f"{word} {next(rest, '')}: must come after --ros-args")
             continue
         name, equals, value = word.removeprefix("--").partition("=")
         name = name.replace("-", "_")
@@ -97,16 +97,16 @@ def _plain(own: Sequence[str], section: type, problems: Problems) -> list[str]:
             problems.append(f"{word}: not an argument (--help-all lists them)")
             continue
         short = SECTION_FILES.get(name)
-        if short and (short in known or short.partition(".")[0] in named_sensors()):
+        if short and (short in declarations or short.partition(".")[0] in named_sensors()):
             name = short
         if of_other_nodes(section, [name]):
-            problems.append(unknown(name, known))
+            problems.append(unknown(name, declarations))
         if not equals:
-            value = next(words, "")
+            value = next(rest, "")
         if not value:
             problems.append(f"{word}: a value is missing")
             continue
-        kind = known[name].kind if name in known else ""
+        kind = declarations[name].kind if name in declarations else ""
         quoted = kind in ("text", "choice")
         with problems.gathered():
             result += ["-p", f'{name}:="{value}"' if quoted else _rule(f"{name}:={value}", Path())]

@@ -218,6 +218,6 @@ class Control:
     def _others(self) -> str:
         """Return the names of the running simulators: the nodes with a service ``~/step``."""
         services = (name for name, _ in self._node.get_service_names_and_types())
-        found = sorted(name.removesuffix("/step") for name in services if name.endswith("/step"))
-        others = [name for name in found if name != self._name]
-        return f"; available: {', '.join(others)} (--node NAME)" if others else ""
+        nodes = sorted(name.removesuffix("/step") for name in services if name.endswith("/step"))
+        alternatives = [name for name in nodes if name != self._name]
+        return f"; available: {', '.join(alternatives)} (--node NAME)" if alternatives else ""

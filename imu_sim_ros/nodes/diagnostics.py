@@ -43,9 +43,9 @@ def drawn(imus: Mapping[str, SampledParameters]) -> dict[str, str]:
     for name, parameters in imus.items():
         prefix = f"{name}." if name else ""
         result[f"{prefix}seed"] = str(parameters.seed)
-        before = flatten(parameters.imu)
+        configured = flatten(parameters.imu)
         for key, value in flatten(realised_imu(parameters.imu, parameters.seed)).items():
-            if value != before[key] and isinstance(value, tuple) and not key.endswith("_sigma"):
+            if value != configured[key] and isinstance(value, tuple) and not key.endswith("_sigma"):
                 numbers = " ".join(f"{number:.9g}" for number in value)
                 result[f"{prefix}imu.{key}"] = numbers
     return result

@@ -93,7 +93,7 @@ def remove_torn_segments(folder: Path = FOLDER) -> list[Path]:
     :param folder: folder of shared memory.
     :returns: those that cannot be removed because they belong to another user.
     """
-    left: list[Path] = []
+    foreign: list[Path] = []
     for path in folder.glob("fastrtps_port*"):
         if path.name.endswith("_el") or not _torn(path):
             continue
@@ -102,8 +102,8 @@ def remove_torn_segments(folder: Path = FOLDER) -> list[Path]:
         except FileNotFoundError:
             continue
         except OSError:
-            left.append(path)
-    return left
+            foreign.append(path)
+    return foreign
 
 
 def _torn(path: Path) -> bool:
@@ -138,8 +138,8 @@ def _rmw_fastrtps_version() -> int:
     for prefix in filter(None, prefixes):
         manifest = Path(prefix) / "share/rmw_fastrtps_shared_cpp/package.xml"
         with suppress(OSError):
-            found = re.search(r"<version>(\d+)\.", manifest.read_text(encoding="utf-8"))
-            return int(found[1]) if found else 0
+            match = re.search(r"<version>(\d+)\.", manifest.read_text(encoding="utf-8"))
+            return int(match[1]) if match else 0
     return 0
 
 

@@ -165,14 +165,14 @@ def short_parser(name: str) -> argparse.ArgumentParser:
     node = PROGRAMS[name]
     if not node.main:
         return parser(name)
-    known = _parameters(name)
+    declarations = _parameters(name)
     short = _parser(name, node)
     group = short.add_argument_group(
         "main parameters",
-        f"--help-all describes all {len(known)} with their ranges and defaults.",
+        f"--help-all describes all {len(declarations)} with their ranges and defaults.",
     )
     for key in node.main:
-        parameter = known[SECTION_FILES.get(key, key)]
+        parameter = declarations[SECTION_FILES.get(key, key)]
         text = _BRIEF.get(key) or parameter.text.partition(";")[0]
         if parameter.unit and "[" not in text:
             text += f" [{parameter.unit}]"
@@ -215,25 +215,27 @@ def _parser(name: str, node: NodeHelp) -> argparse.ArgumentParser:
 
 def _parameters(name: str) -> dict[str, Parameter]:
     """Return the parameters of a node, with those of all sensors for the simulator."""
-    known = dict(parameters(PROGRAMS[name].section()))
+    declarations = dict(parameters(PROGRAMS[name].section()))
     if name == "simulator":
         from imu_sim_ros.sensors import all_sensors
 
         for sensor in all_sensors()[0]:
             of_sensor = parameters(sensor.section)
-            known |= {f"{sensor.name}.{key}": parameter for key, parameter in of_sensor.items()}
-    return known
+            declarations |= {
+                f"{sensor.name}.{key}": parameter for key, parameter in of_sensor.items()
+            }
+    return declarations
 
 
 def of_other_nodes(section: type, names: Iterable[str]) -> list[str]:
     """Return the names among some that are parameters of other nodes only."""
-    own = parameters(section)
-    rest = [name for name in names if name not in own]
+    declarations = parameters(section)
+    rest = [name for name in names if name not in declarations]
     if not rest:
         return []
-    others = {name for program in PROGRAMS.values() for name in parameters(program.section())}
+    all_names = {name for program in PROGRAMS.values() for name in parameters(program.section())}
     passed_over: Mapping[str, Parameter] = getattr(section, "passed_over", dict)()
-    return [name for name in rest if name in others and name not in passed_over]
+    return [name for name in rest if name in all_names and name not in passed_over]
 
 
 def _plainly(parameter: Parameter) -> str:

@@ -46,8 +46,8 @@ def arguments(section: type, names: Sequence[str]) -> list[Argument]:
 
     :param names: parameters' names, or the short ``imu`` and ``trajectory``.
     """
-    known = parameters(section)
-    return [Argument(name, _text(known[SECTION_FILES.get(name, name)])) for name in names]
+    declarations = parameters(section)
+    return [Argument(name, _text(declarations[SECTION_FILES.get(name, name)])) for name in names]
 
 
 def _text(parameter: Parameter) -> str:
@@ -62,26 +62,26 @@ def command_line(section: type, values: Mapping[str, str]) -> list[str]:
 
     :param values: by launch argument; empty ones are left to the node.
     """
-    known = parameters(section)
-    words: list[str] = []
+    declarations = parameters(section)
+    options: list[str] = []
     for name, value in values.items():
-        parameter = known.get(SECTION_FILES.get(name, name))
+        parameter = declarations.get(SECTION_FILES.get(name, name))
         if parameter is None or not value.strip():
             continue
         if parameter.kind == "texts":
             value = f"[{', '.join(names(value))}]"
-        words += [f"--{name}", value]
-    return words
+        options += [f"--{name}", value]
+    return options
 
 
 def ros_words(values: Mapping[str, str]) -> list[str]:
     """Return the arguments that follow ``--ros-args``: files and the clock."""
-    words: list[str] = []
+    options: list[str] = []
     for file in values.get("params_file", "").split():
-        words += ["--params-file", file]
+        options += ["--params-file", file]
     if values.get("use_sim_time", "").strip():
-        words += ["-p", f"use_sim_time:={str(flag(values, 'use_sim_time')).lower()}"]
-    return words
+        options += ["-p", f"use_sim_time:={str(flag(values, 'use_sim_time')).lower()}"]
+    return options
 
 
 def names(value: str) -> list[str]:
@@ -171,5 +171,5 @@ def rviz(config: Path, namespace: str, fixed_frame: str) -> Any:
             msg=f"rviz:=true: rviz2 is not installed ({installation('rviz2')}); "
             "all else runs without it"
         )
-    words = ["-d", str(config), *(("-f", fixed_frame) if fixed_frame else ())]
-    return Node(package="rviz2", executable="rviz2", namespace=namespace, arguments=words)
+    options = ["-d", str(config), *(("-f", fixed_frame) if fixed_frame else ())]
+    return Node(package="rviz2", executable="rviz2", namespace=namespace, arguments=options)

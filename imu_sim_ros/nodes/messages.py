@@ -83,10 +83,10 @@ def stamp_offset(message: Any) -> int | None:
     (rosgraph_msgs/Clock) serves as well. Of several transforms the first one counts.
     """
     fields = message.get_fields_and_field_types()
-    first = next(iter(fields.values()), "")
-    if first == "sequence<geometry_msgs/TransformStamped>":
+    kind = next(iter(fields.values()), "")
+    if kind == "sequence<geometry_msgs/TransformStamped>":
         return TransformsEncoder.stamp_offset()
-    return STAMP_OFFSET if first in ("std_msgs/Header", "builtin_interfaces/Time") else None
+    return STAMP_OFFSET if kind in ("std_msgs/Header", "builtin_interfaces/Time") else None
 
 
 @cache
@@ -98,18 +98,20 @@ def definition(type_name: str) -> str:
     """
     package, _, name = type_name.split("/")
     texts: dict[str, str] = {}
-    wanted = [f"{package}/{name}"]
-    while wanted:
-        key = wanted.pop(0)
+    queue = [f"{package}/{name}"]
+    while queue:
+        key = queue.pop(0)
         if key in texts:
             continue
         path = _find(key.split("/")[0], f"{key.split('/')[1]}.msg")
         if path is None:
             return ""
         texts[key] = path.read_text(encoding="utf-8")
-        wanted += _nested(texts[key], key.split("/")[0])
-    (_, first), *others = texts.items()
-    return first + "".join(f"\n{_SEPARATOR}\nMSG: {key}\n{text}" for key, text in others)
+        queue += _nested(texts[key], key.split("/")[0])
+    (_, text_of_type), *dependencies = texts.items()
+    return text_of_type + "".join(
+        f"\n{_SEPARATOR}\nMSG: {key}\n{text}" for key, text in dependencies
+    )
 
 
 @cache
@@ -252,5 +254,5 @@ def _stamp(second: int, nanosecond: int) -> int:
 
 def _refused(t_ns: int, *columns: tuple[gate.Quantity, tuple[float, ...]]) -> InputError:
     rows = [(quantity, np.array([values])) for quantity, values in columns]
-    words = gate.Verdict(np.array([t_ns]), rows).why(0)
-    return InputError(f"{gate.stamp_text(t_ns)}: {words}")
+    reason = gate.Verdict(np.array([t_ns]), rows).why(0)
+    return InputError(f"{gate.stamp_text(t_ns)}: {reason}")

@@ -111,12 +111,12 @@ class SensorDescription:
         steady = Clock(clock_type=ClockType.STEADY_TIME)
         self._timer = node.create_timer(_LOOK_PERIOD, self._look, clock=steady)
 
-    def hold(self, topic: str, taken: list[Taken]) -> bool:
+    def hold(self, topic: str, batch: list[Taken]) -> bool:
         """Keep messages of a topic back; False if they need not wait. The lock is held."""
         if self.settled:
             return False
         self._first = self._first or time.monotonic()
-        self._held.append((topic, taken))
+        self._held.append((topic, batch))
         return True
 
     def settle(self) -> None:
@@ -126,9 +126,9 @@ class SensorDescription:
         self._timer.cancel()
         with self._lock:
             self.settled = True
-            held, self._held = self._held, []
-            for topic, taken in held:
-                self._release(topic, taken)
+            batches, self._held = self._held, []
+            for topic, batch in batches:
+                self._release(topic, batch)
 
     def _hear(self, message: String) -> None:
         try:
@@ -144,9 +144,9 @@ class SensorDescription:
         """Give up if no description arrives."""
         if not self._held:
             return
-        waiting = sum(len(taken) for _, taken in self._held)
-        known = self._node.count_publishers(self.topic)
-        patience = _LONGER_PATIENCE if known else _PATIENCE
+        waiting = sum(len(batch) for _, batch in self._held)
+        publishers = self._node.count_publishers(self.topic)
+        patience = _LONGER_PATIENCE if publishers else _PATIENCE
         if time.monotonic() - self._first > patience or waiting > _KEPT:
             self.warn()
             self.settle()

@@ -30,9 +30,9 @@ class EndSignals:
 
     def __init__(self, last: bool = False) -> None:
         self._last = last
-        wanted = [signal.SIGINT, signal.SIGTERM]
+        numbers = [signal.SIGINT, signal.SIGTERM]
         if signal.getsignal(signal.SIGHUP) is not signal.SIG_IGN:  # nohup has it ignored
-            wanted.append(signal.SIGHUP)
+            numbers.append(signal.SIGHUP)
         self.arrived = False
         self._begun = False
         self._end: Callable[[], None] | None = None
@@ -41,7 +41,7 @@ class EndSignals:
         self._wake_reader, self._wake_writer = os.pipe()
         os.set_blocking(self._wake_writer, False)
         self._wakeup = signal.set_wakeup_fd(self._wake_writer, warn_on_full_buffer=False)
-        self._handlers = {number: signal.signal(number, _nothing) for number in wanted}
+        self._handlers = {number: signal.signal(number, _nothing) for number in numbers}
         self._thread = threading.Thread(target=self._wait, name="signals", daemon=True)
         self._thread.start()
 
@@ -77,9 +77,9 @@ class EndSignals:
             if not self._begun:
                 os._exit(0)
             with self._lock:
-                first, self.arrived = not self.arrived, True
+                is_first, self.arrived = not self.arrived, True
                 end = self._end
-            if first and end is not None:
+            if is_first and end is not None:
                 end()
             elif not self._known.wait(_LONGEST_START):
                 os._exit(0)

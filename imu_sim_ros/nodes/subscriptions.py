@@ -151,10 +151,10 @@ class RawSubscriptions:
     def subscribe(self, name: str, message: type, qos: QoSProfile) -> None:
         """Subscribe to a topic; an older subscription of it is emptied and replaced."""
         with self._lock:
-            old = self._sources.pop(name, None)
-            if old is not None:
-                self._pass_on(old)
-                self._node.destroy_subscription(old.subscription)
+            source = self._sources.pop(name, None)
+            if source is not None:
+                self._pass_on(source)
+                self._node.destroy_subscription(source.subscription)
             subscription = self._node.create_subscription(
                 message,
                 name,
@@ -191,19 +191,19 @@ class RawSubscriptions:
         leading: list[Taken] = []
         with self._lock:
             for source in self._sources.values():
-                taken = self._pass_on(source)
+                batch = self._pass_on(source)
                 if source.name == self._leading:
-                    leading = taken
+                    leading = batch
         return leading
 
     def _pass_on(self, source: _Source) -> list[Taken]:
-        taken: list[Taken] = []
-        while len(taken) < DEPTH and (one := source.take()) is not None:
-            taken.append(one)
-        if taken:
+        batch: list[Taken] = []
+        while len(batch) < DEPTH and (message := source.take()) is not None:
+            batch.append(message)
+        if batch:
             self.first_at = self.first_at or time.monotonic()
-            self._deliver(source.name, taken)
-        return taken
+            self._deliver(source.name, batch)
+        return batch
 
 
 class MessageCounter:
@@ -247,8 +247,8 @@ class MessageCounter:
         self._node.destroy_node()
         self._context.shutdown()
 
-    def _count(self, topic: str, taken: list[Taken]) -> None:
-        self.messages += len(taken)
+    def _count(self, topic: str, batch: list[Taken]) -> None:
+        self.messages += len(batch)
 
 
 def _never(message: bytes) -> None:
@@ -258,7 +258,7 @@ def _never(message: bytes) -> None:
 def offered_qos(publishers: Iterable[TopicEndpointInfo]) -> tuple[Qos, ...]:
     """Return the QoS profiles of the publishers, each distinct one once, in the terms of a bag."""
     profiles = (publisher.qos_profile for publisher in publishers)
-    words = {
+    distinct = {
         Qos(
             profile.reliability.name.lower(),
             profile.durability.name.lower(),
@@ -268,7 +268,7 @@ def offered_qos(publishers: Iterable[TopicEndpointInfo]) -> tuple[Qos, ...]:
         ): None
         for profile in profiles
     }
-    return tuple(words)
+    return tuple(distinct)
 
 
 def matching_qos(publishers: Iterable[TopicEndpointInfo], depth: int = DEPTH) -> QoSProfile:

@@ -41,9 +41,9 @@ def figure(result: AllanResult, source: str = "") -> Figure:
     picture, panels = style.panels(1, 2, 10.0, 5.6)
     for triad, axes in enumerate(panels):
         _draw_triad(result, triad, axes)
-    named = f"{source}: o" if source else "O"
+    prefix = f"{source}: o" if source else "O"
     picture.suptitle(
-        f"{named}verlapping Allan deviation, {result.record} "
+        f"{prefix}verlapping Allan deviation, {result.record} "
         "(band: 95 %; black: fitted model, grey: its terms)"
     )
     return picture
@@ -85,25 +85,27 @@ def _draw_triad(result: AllanResult, triad: int, axes: Axes) -> None:
 
 def _units(result: AllanResult, triad: int) -> str:
     """Return the units of the terms that the legend has."""
-    words = []
+    units = []
     for key in result.keys:
         q = QUANTITIES[TRIADS[triad], key]
-        found = [result.estimate(3 * triad + k, key) for k in range(3)]
-        if key == "random_walk" or any(each.value is not None for each in found):
-            words.append(f"{q.symbol} [{q.unit}]")
-    return ", ".join(words)
+        estimates = [result.estimate(3 * triad + k, key) for k in range(3)]
+        if key == "random_walk" or any(estimate.value is not None for estimate in estimates):
+            units.append(f"{q.symbol} [{q.unit}]")
+    return ", ".join(units)
 
 
 def _label(result: AllanResult, column: int) -> str:
-    words = []
+    terms = []
     for key in result.keys:
-        found = result.estimate(column, key)
+        estimate = result.estimate(column, key)
         symbol = QUANTITIES[TRIADS[column // 3], key].symbol
-        if found.value is not None:
-            words.append(f"{symbol} = {plus_minus(found.value, 0.5 * (found.high - found.low))}")
+        if estimate.value is not None:
+            terms.append(
+                f"{symbol} = {plus_minus(estimate.value, 0.5 * (estimate.high - estimate.low))}"
+            )
         elif key == "random_walk":
-            words.append(f"{symbol} < {found.high:.2g}")
-    return f"{'xyz'[column % 3]}: " + ", ".join(words)
+            terms.append(f"{symbol} < {estimate.high:.2g}")
+    return f"{'xyz'[column % 3]}: " + ", ".join(terms)
 
 
 def _draw_model(result: AllanResult, triad: int, axes: Axes) -> None:
@@ -146,5 +148,5 @@ def _mean(result: AllanResult, triad: int, key: str) -> float:
     if key not in result.keys:
         return 0.0
     values = [result.estimate(3 * triad + k, key).value for k in range(3)]
-    known = [value for value in values if value is not None]
-    return float(np.sqrt(np.mean(np.square(known)))) if known else 0.0
+    numbers = [value for value in values if value is not None]
+    return float(np.sqrt(np.mean(np.square(numbers)))) if numbers else 0.0

@@ -59,10 +59,10 @@ def turntable(result: Turntable, source: str = "") -> Figure:
     axis = np.argmax(np.abs(result.rate), axis=1)
     rate = result.rate[np.arange(len(axis)), axis]
     turns = zip(axis.tolist(), rate.tolist(), strict=True)
-    words = np.array([f"{_AXES[a]} {r:+.3g}" if r else "rest" for a, r in turns])
-    order = sorted(range(len(words)), key=lambda k: (bool(rate[k]), axis[k], rate[k]))
-    labels = list(dict.fromkeys(words[order].tolist()))
-    groups = np.array([labels.index(word) for word in words.tolist()])
+    names = np.array([f"{_AXES[a]} {r:+.3g}" if r else "rest" for a, r in turns])
+    order = sorted(range(len(names)), key=lambda k: (bool(rate[k]), axis[k], rate[k]))
+    labels = list(dict.fromkeys(names[order].tolist()))
+    groups = np.array([labels.index(word) for word in names.tolist()])
     figure = _residuals(
         ("before: reading - true rate", result.stretches.gyro - result.rate),
         ("after: reading - fitted model", result.residuals),
@@ -89,22 +89,22 @@ def _values(symbol: str, values: Array, sigma: Array) -> str:
 
 
 def _residuals(
-    before: tuple[str, Array],
-    after: tuple[str, Array],
+    uncalibrated: tuple[str, Array],
+    calibrated: tuple[str, Array],
     sigma: Array,
     poses: tuple[NDArray[np.intp], Sequence[str]],
     names: tuple[str, str],
 ) -> Figure:
     """Draw errors (n, 3) in two panels, a column for each pose and in it each axis by itself.
 
-    :param before: title and errors; ``after`` likewise.
+    :param uncalibrated: title and errors; ``calibrated`` likewise.
     :param sigma: (n, 3) standard errors.
     :param poses: (n,) pose of each piece, and the names of the poses.
     :param names: of the axes; the errors are shown in thousandths.
     """
     groups, labels = poses
     figure, panels = style.panels(2, 1, 11.0, 7.6, sharex=True)
-    for axes, (title, values) in zip(panels, (before, after), strict=True):
+    for axes, (title, values) in zip(panels, (uncalibrated, calibrated), strict=True):
         for k, name in enumerate(_AXES):
             colour = AXIS_COLOURS[name]
             for group in range(len(labels)):
@@ -113,7 +113,7 @@ def _residuals(
                     continue
                 middle = group + 0.28 * (k - 1)
                 spread = np.linspace(-0.1, 0.1, len(rows)) if len(rows) > 1 else np.zeros(1)
-                if title == after[0]:
+                if title == calibrated[0]:
                     reach = 2e3 * float(np.sqrt(np.mean(sigma[rows, k] ** 2)))
                     axes.bar(middle, 2 * reach, 0.25, -reach, color="#E4E4E4", zorder=0.5)
                 axes.plot(middle + spread, 1e3 * values[rows, k], ".", ms=4.5, color=colour)
@@ -139,24 +139,24 @@ def ellipsoid(result: Ellipsoid, readings: Array, source: str) -> Figure:
     """
     corrected = np.linalg.solve(result.soft_iron, (readings - result.hard_iron).T).T
     thin = slice(None, None, max(len(readings) // 4000, 1))
-    figure, (left, right) = style.panels(1, 2, 9.0, 4.5)
+    figure, (strength_axes, direction_axes) = style.panels(1, 2, 9.0, 4.5)
     number = np.arange(len(readings))
     for values, label in ((readings, "as read"), (corrected, "corrected")):
         strength = np.linalg.norm(values, axis=1) * 1e6
-        left.plot(number[thin], strength[thin], ".", markersize=2, label=label)
-    left.set_ylim(bottom=0.0)
-    left.set_xlabel("number of the reading")
-    left.set_ylabel("strength of the field [µT]")
-    style.legend_above(left, 2)
+        strength_axes.plot(number[thin], strength[thin], ".", markersize=2, label=label)
+    strength_axes.set_ylim(bottom=0.0)
+    strength_axes.set_xlabel("number of the reading")
+    strength_axes.set_ylabel("strength of the field [µT]")
+    style.legend_above(strength_axes, 2)
     direction = corrected / np.linalg.norm(corrected, axis=1)[:, None]
     azimuth = np.degrees(np.arctan2(direction[:, 1], direction[:, 0]))
-    shown = right.scatter(
+    shown = direction_axes.scatter(
         azimuth[thin], direction[thin, 2], c=result.residuals[thin] * 1e6, s=4, cmap="coolwarm"
     )
-    right.set_xlabel("azimuth of the field in the sensor [deg]")
-    right.set_xticks(np.arange(-180, 181, 90))
-    right.set_ylabel("z of the field's direction")
-    figure.colorbar(shown, ax=right, label="residual [µT]")
+    direction_axes.set_xlabel("azimuth of the field in the sensor [deg]")
+    direction_axes.set_xticks(np.arange(-180, 181, 90))
+    direction_axes.set_ylabel("z of the field's direction")
+    figure.colorbar(shown, ax=direction_axes, label="residual [µT]")
     figure.suptitle(f"{source}, {len(readings)} readings")
     return figure
 
@@ -199,13 +199,13 @@ def _draw_bias(axes: Axes, triad: TriadTemperature, reference: float) -> None:
 def _draw_scale(axes: Axes, triad: TriadTemperature, reference: float) -> None:
     for k, axis in enumerate(triad.axes):
         if triad.inputs.shape[1] == 0:
-            words = "one orientation, at rest: the scale is not observable"
-            axes.text(0.5, 0.5, words, transform=axes.transAxes, ha="center")
+            note = "one orientation, at rest: the scale is not observable"
+            axes.text(0.5, 0.5, note, transform=axes.transAxes, ha="center")
             axes.set_axis_off()
             return
         grid, powers = _grid(triad.difference, len(axis.scale) + 1)
-        points, at = _scale_points(axis, triad, k)
-        _draw_curve(axes, k, reference + at, 1e6 * points)
+        points, offsets = _scale_points(axis, triad, k)
+        _draw_curve(axes, k, reference + offsets, 1e6 * points)
         curve = powers[:, 1:] @ axis.scale
         start = len(axis.gain) + len(axis.bias)
         sigma = polynomial_sigma(powers[:, 1:], axis.covariance[start:, start:])

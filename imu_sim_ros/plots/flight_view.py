@@ -103,8 +103,8 @@ class FlightView:
         """Add a path: its line, and a body that moves along it."""
         rr, colour = self._rr, _COLOURS[self._paths % len(_COLOURS)]
         self._paths += 1
-        every = max(1, -(-len(poses.t_ns) // _MAX_POINTS))
-        line = rr.LineStrips3D([poses.position[::every]], colors=[colour], radii=[_RADIUS])
+        stride = max(1, -(-len(poses.t_ns) // _MAX_POINTS))
+        line = rr.LineStrips3D([poses.position[::stride]], colors=[colour], radii=[_RADIUS])
         self._recording.log(f"{WORLD_FRAME}/{name}/path", line, static=True)
         self._columns(
             f"{WORLD_FRAME}/{name}/body",
@@ -148,10 +148,10 @@ class FlightView:
         """
         rr = self._rr
         if frame is not None:
-            above, pose = frame
+            parent, pose = frame
             of_frame = rr.Transform3D(translation=pose[:3, 3], mat3x3=pose[:3, :3])
-            self._recording.log(f"{WORLD_FRAME}/{above}", of_frame, static=True)
-            name = f"{WORLD_FRAME}/{above}/{name}"
+            self._recording.log(f"{WORLD_FRAME}/{parent}", of_frame, static=True)
+            name = f"{WORLD_FRAME}/{parent}/{name}"
         for t_ns, points in scans:
             self._recording.set_time(_TIME, timestamp=np.datetime64(t_ns, "ns"))
             positions = np.stack([points[axis] for axis in "xyz"], axis=1)

@@ -106,12 +106,12 @@ def _legend(figure: Figure, axes: Sequence[Axes], finals: Mapping[str, str]) -> 
     row = figure.add_subplot(grid[-1, :])
     row.axis("off")
     handles, labels = axes[0].get_legend_handles_labels()
-    words = [finals.get(label, label) for label in labels]
-    columns = min(3, len(words))
-    lines = -(-len(words) // columns)
+    texts = [finals.get(label, label) for label in labels]
+    columns = min(3, len(texts))
+    lines = -(-len(texts) // columns)
     grid.set_height_ratios([1.0] * (grid.nrows - 1) + [0.03 + 0.07 * (lines + bool(finals))])
     title = "position error at the end" if finals else None
-    row.legend(handles, words, loc="center", ncols=columns, frameon=False, title=title)
+    row.legend(handles, texts, loc="center", ncols=columns, frameon=False, title=title)
 
 
 def _view(
@@ -162,12 +162,12 @@ def _keep_in_view(axis: Axes, truth: Array, equal: bool) -> None:
     axis.set_xlim(low, high, auto=True)  # auto: an equal aspect may still show more
     heights = [np.asarray(line.get_ydata()) for line in axis.get_lines()]
     across = [np.asarray(line.get_xdata()) for line in axis.get_lines()]
-    seen = np.concatenate(
+    visible = np.concatenate(
         [y[(x >= low) & (x <= high)] for x, y in zip(across, heights, strict=True)]
     )
-    margin = 0.05 * max(float(np.ptp(seen)), 1e-3 * _SMALLEST_VIEW)
-    low = max(float(seen.min()) - margin, centre[1] - reaches[1])
-    high = min(float(seen.max()) + margin, centre[1] + reaches[1])
+    margin = 0.05 * max(float(np.ptp(visible)), 1e-3 * _SMALLEST_VIEW)
+    low = max(float(visible.min()) - margin, centre[1] - reaches[1])
+    high = min(float(visible.max()) + margin, centre[1] + reaches[1])
     axis.set_ylim(low, high, auto=True)
 
 
@@ -178,16 +178,16 @@ def _errors(
     label: str,
     scale: float,
 ) -> None:
-    least = []
+    floors = []
     for name, (t, error) in errors.items():
         t, error = _thinned(t), _thinned(error) * scale
         axis.plot(t[error > 0.0], error[error > 0.0], label=name, **looks[name])
-        least += [np.quantile(error[error > 0.0], _SHOWN_FROM)] if np.any(error > 0.0) else []
-    if not least:
+        floors += [np.quantile(error[error > 0.0], _SHOWN_FROM)] if np.any(error > 0.0) else []
+    if not floors:
         axis.text(0.5, 0.5, "zero throughout", transform=axis.transAxes, ha="center")
     style.log_values(axis)
-    if least:  # an error that starts at zero comes from far below
-        axis.set_ylim(bottom=0.5 * float(min(least)))
+    if floors:  # an error that starts at zero comes from far below
+        axis.set_ylim(bottom=0.5 * float(min(floors)))
     axis.set_xlabel("time [s]")
     axis.set_ylabel(label)
 

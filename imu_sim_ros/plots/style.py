@@ -82,8 +82,8 @@ def log_values(axes: Axes) -> None:
         low, high = axes.yaxis.get_view_interval()
         is_power = bool(np.isclose(value, 10.0 ** np.round(np.log10(value))))
         if high < 100.0 * low:
-            first = round(value / 10.0 ** np.floor(np.log10(value) + 1e-9))
-            return f"{value:g}" if first in (1, 2, 5) else ""
+            digit = round(value / 10.0 ** np.floor(np.log10(value) + 1e-9))
+            return f"{value:g}" if digit in (1, 2, 5) else ""
         return of_powers(value, int(position or 0)) if is_power else ""
 
     axes.yaxis.set_major_formatter(label)

@@ -729,11 +729,11 @@ def kind_of_stamps(
     """
     rate = f"{1e9 / interval_ns:.6g} Hz"
     if pattern.bunch_ns >= 0.0 and size > 1.0 + _FEW_SHARED:
-        every = f"every {interval_ns * size * 1e-9:.4g} s: {rate}"
+        interval = f"every {interval_ns * size * 1e-9:.4g} s: {rate}"
         if pattern.bunch_ns == 0.0:
-            return "batches", f"readings share a stamp, {size:.4g} of them on average, {every}"
+            return "batches", f"readings share a stamp, {size:.4g} of them on average, {interval}"
         apart = f"at most {pattern.bunch_ns * 1e-6:.3g} ms apart"
-        return "bunches", f"readings come in bunches of {size:.4g}, {apart}, {every}"
+        return "bunches", f"readings come in bunches of {size:.4g}, {apart}, {interval}"
     rounded = pattern.rounded or jitter_ns < _JITTER_OF_UNIT * pattern.unit_ns
     if pattern.unit_ns and jitter_ns > _EXACT_NS and rounded:
         return "rounded", f"stamps are whole numbers of {pattern.unit_ns * 1e-6:.6g} ms: {rate}"

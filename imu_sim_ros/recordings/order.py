@@ -142,11 +142,11 @@ class _Sorting:
     def _stray_runs(self, run: int) -> int:
         """Return how many runs from this one on have stray stamps."""
         edges = self._edges
-        begin, last = edges[run], len(edges) - 1
+        begin, final = edges[run], len(edges) - 1
         if edges[run + 1] - begin > STRAY_READINGS:
             return 0
         if not self._pieces:
-            if run + 1 == last or edges[-1] - begin <= 4 * STRAY_READINGS:
+            if run + 1 == final or edges[-1] - begin <= 4 * STRAY_READINGS:
                 return 0
             end = edges[run + 1]
             step = self._first_ns[run + 1] - int(self._t_ns[end - 1])
@@ -154,13 +154,13 @@ class _Sorting:
         step = self._first_ns[run] - self._latest_ns
         if self._follows(self._latest_ns, self._first_ns[run]) or -RESTART_NS <= step < 0:
             return 0
-        for following in range(run + 1, last):
+        for following in range(run + 1, final):
             if edges[following] - begin > STRAY_READINGS:
                 return 0
             if self._follows(self._latest_ns, self._first_ns[following]):
                 return following - run
         few = edges[-1] - begin <= STRAY_READINGS
-        return last - run if few and not 0 <= step <= LONGEST_PAUSE_NS else 0
+        return final - run if few and not 0 <= step <= LONGEST_PAUSE_NS else 0
 
     def _take(self, begin: int, end: int) -> None:
         """Add a run to the stretch before it, or begin another one."""

@@ -88,59 +88,57 @@ def mended(t: Array, position: Array, q_wb: Array) -> Mended:
     """
     q_wb = rotation.continuous(q_wb)
     nothing = np.zeros(0, dtype=np.int64)
-    held = _held(t, position, q_wb)
-    if len(held):
-        rows = np.setdiff1d(np.arange(len(t)), held)
+    repeats = _held(t, position, q_wb)
+    if len(repeats):
+        rows = np.setdiff1d(np.arange(len(t)), repeats)
         rest = mended(t[rows], position[rows], q_wb[rows])
         jumps = [jump._replace(row=int(rows[jump.row])) for jump in rest.disturbances.jumps]
         single = rows[rest.disturbances.single]
         return rest._replace(
-            disturbances=rest.disturbances._replace(single=single, jumps=jumps, held=held)
+            disturbances=rest.disturbances._replace(single=single, jumps=jumps, held=repeats)
         )
     if len(t) < _LEAST_POSES:
         none = Disturbances(nothing, np.zeros(0), np.zeros(0), [], 0.0, 0.0, nothing)
         return Mended(TimedPoses(t, position, q_wb), none)
-    taken, scatter, interval = even_times(t, position, q_wb)
-    return _repaired(taken, position, q_wb, scatter, interval)
+    times, scatter, interval = even_times(t, position, q_wb)
+    return _repaired(times, position, q_wb, scatter, interval)
 
 
-def _repaired(
-    taken: Array, position: Array, q_wb: Array, scatter: float, interval: float
-) -> Mended:
+def _repaired(t: Array, position: Array, q_wb: Array, scatter: float, interval: float) -> Mended:
     """Return poses (n) without outliers and jumps.
 
-    :param taken: (n,) times at which they were taken [s].
+    :param t: (n,) times at which they were taken [s].
     :param scatter, interval: as in :class:`Disturbances`.
     """
     nothing = np.zeros(0, dtype=np.int64)
-    rows = np.arange(len(taken))
+    rows = np.arange(len(t))
     single: list[int] = []
     jumps: list[Jump] = []
     p, q = position.copy(), q_wb.copy()
-    smallest = smallest_distance(taken, position)
+    smallest = smallest_distance(t, position)
     for _ in range(_ROUNDS):
-        found = residuals(taken[rows], p[rows], q[rows], smallest)
-        off = found.largest
+        deviations = residuals(t[rows], p[rows], q[rows], smallest)
+        off = deviations.largest
         if np.max(off) <= _OFF:
             break
-        poses = TimedPoses(taken[rows], p[rows], q[rows])
+        poses = TimedPoses(t[rows], p[rows], q[rows])
         for first, last in reversed(_clusters(np.flatnonzero(off > _OFF))):
-            dropped, jump = _explained(poses, found.usual, first, last)
+            dropped, jump = _explained(poses, deviations.usual, first, last)
             if jump is not None:  # all that follows is moved as a whole, so the last comes first
                 jumps.append(jump._replace(row=int(rows[jump.row])))
-                _join_all(p, q, rows, poses, found.usual, jump)
+                _join_all(p, q, rows, poses, deviations.usual, jump)
                 poses = poses._replace(position=p[rows], q_wb=q[rows])
                 continue
             if not len(dropped):
                 dropped = np.array([first + int(np.argmax(off[first : last + 1]))])
             single += rows[dropped].tolist()
         rows = np.setdiff1d(rows, single)
-    left = np.array(sorted(single), dtype=np.int64)
-    distance, angle = _apart(taken, p, q, rows, left)
+    outliers = np.array(sorted(single), dtype=np.int64)
+    distance, angle = _apart(t, p, q, rows, outliers)
     disturbances = Disturbances(
-        left, distance, angle, sorted(jumps, key=_row), scatter, interval, nothing
+        outliers, distance, angle, sorted(jumps, key=_row), scatter, interval, nothing
     )
-    return Mended(TimedPoses(taken[rows], p[rows], q[rows]), disturbances)
+    return Mended(TimedPoses(t[rows], p[rows], q[rows]), disturbances)
 
 
 def _held(t: Array, position: Array, q_wb: Array) -> Integers:
@@ -170,14 +168,14 @@ def _clusters(rows: Integers) -> list[tuple[int, int]]:
 
 
 def _explained(
-    poses: TimedPoses, usual: Array, first: int, last: int
+    poses: TimedPoses, usual: Array, begin: int, end: int
 ) -> tuple[Integers, Jump | None]:
     """Return rows to leave out, or a jump, that explain a disturbance; nothing if neither does.
 
     What is left must follow a polynomial of degree 5. A jump has as many unknowns as one pose left
     out, so the better of the two holds; then come more poses in a row.
     """
-    window = np.arange(max(first - _WINDOW, 0), min(last + _WINDOW + 1, len(poses.t)))
+    window = np.arange(max(begin - _WINDOW, 0), min(end + _WINDOW + 1, len(poses.t)))
     values, columns = _scaled(poses, usual, window)
 
     def best(length: int) -> tuple[float, int, float]:
@@ -185,23 +183,23 @@ def _explained(
 
         The jump's size is in usual deviations, too.
         """
-        found = (np.inf, first, 0.0)
+        explanation = (np.inf, begin, 0.0)
         # A jump may also be behind the last, if there is a pose.
-        for start in range(first, min(last + 2 - length, len(poses.t))):
+        for start in range(begin, min(end + 2 - length, len(poses.t))):
             out = (window >= start) & (window < start + length)
             step = [] if length else [window >= start]
-            left, solution = _left(np.column_stack([columns, *step]), values, ~out)
-            found = min(found, (left, start, float(np.linalg.norm(solution[-1]))))
-        return found
+            remainder, solution = _left(np.column_stack([columns, *step]), values, ~out)
+            explanation = min(explanation, (remainder, start, float(np.linalg.norm(solution[-1]))))
+        return explanation
 
     nothing = np.zeros(0, dtype=np.int64)
     jumped, row, size = best(0)
     is_jump = jumped <= max(_OFF, _BENT * size)
-    for length in range(1, last - first + 2):
+    for length in range(1, end - begin + 2):
         if length == _SINGLE + 1 and is_jump:
             break
-        left, start, _ = best(length)
-        if left <= min(_OFF, jumped):
+        remainder, start, _ = best(length)
+        if remainder <= min(_OFF, jumped):
             return np.arange(start, start + length), None
     return nothing, _step(poses, usual, window, row) if is_jump else None
 
@@ -253,15 +251,15 @@ def _join(p: Array, q: Array, jump: Jump) -> None:
     q[rows] = rotation.continuous(rotation.multiply(back, q[rows]))
 
 
-def _apart(t: Array, p: Array, q: Array, rows: Integers, left: Integers) -> tuple[Array, Array]:
+def _apart(t: Array, p: Array, q: Array, rows: Integers, outliers: Integers) -> tuple[Array, Array]:
     """Return how far poses (k,) lie from the straight line between their neighbours that stay."""
-    if not len(left):
+    if not len(outliers):
         return np.zeros(0), np.zeros(0)
-    near = np.column_stack([np.interp(t[left], t[rows], p[rows, k]) for k in range(3)])
-    turned = np.column_stack([np.interp(t[left], t[rows], q[rows, k]) for k in range(4)])
-    between = rotation.multiply(rotation.conjugate(rotation.normalise(turned)), q[left])
+    interpolated = np.column_stack([np.interp(t[outliers], t[rows], p[rows, k]) for k in range(3)])
+    turned = np.column_stack([np.interp(t[outliers], t[rows], q[rows, k]) for k in range(4)])
+    between = rotation.multiply(rotation.conjugate(rotation.normalise(turned)), q[outliers])
     return (
-        np.linalg.norm(p[left] - near, axis=1),
+        np.linalg.norm(p[outliers] - interpolated, axis=1),
         np.linalg.norm(rotation.log(between), axis=1),
     )
 
@@ -281,9 +279,9 @@ def beyond_any_body(
     :param rate: [rad/s], at rate_at [s].
     """
     return [
-        f"{file}: {value:.4g} {unit} at {at:.3f} s is more than a body carrying an IMU reaches "
+        f"{file}: {value:.4g} {unit} at {time_s:.3f} s is more than a body carrying an IMU reaches "
         f"({limit:g} {unit}): the poses are not a plausible motion there"
-        for value, at, limit, unit in (
+        for value, time_s, limit, unit in (
             (acceleration, acceleration_at, _LARGEST_ACCELERATION, "m/s^2"),
             (rate, rate_at, _LARGEST_RATE, "rad/s"),
         )

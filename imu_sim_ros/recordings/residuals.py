@@ -74,24 +74,24 @@ def residuals(
     """
     n, step = len(t), float(np.median(np.diff(t)))
     parts = [
-        _lengths(t, position, q_wb, np.arange(first, min(first + _PART, n)), step)
-        for first in range(0, n, _PART)
+        _lengths(t, position, q_wb, np.arange(begin, min(begin + _PART, n)), step)
+        for begin in range(0, n, _PART)
     ]
     lengths = [np.concatenate(part) for part in zip(*parts, strict=True)]
     limits = (smallest, _SMALLEST)
     usual = np.column_stack(
-        [_usual(length, least) for length, least in zip(lengths, limits, strict=True)]
+        [_usual(length, limit) for length, limit in zip(lengths, limits, strict=True)]
     )
     return Residuals(np.column_stack(lengths) / usual, usual, float(np.median(lengths[0])))
 
 
 def _lengths(
-    t: Array, position: Array, q_wb: Array, own: Integers, step: float
+    t: Array, position: Array, q_wb: Array, poses: Integers, step: float
 ) -> tuple[Array, Array]:
     """Return the studentised distances and angles (k,) of some rows."""
-    rows = np.clip(own, REACH, len(t) - 1 - REACH)[:, None] + np.arange(-REACH, REACH + 1)
-    weight = (rows != own[:, None]).astype(np.float64)
-    since = t[rows] - t[own, None]
+    rows = np.clip(poses, REACH, len(t) - 1 - REACH)[:, None] + np.arange(-REACH, REACH + 1)
+    weight = (rows != poses[:, None]).astype(np.float64)
+    since = t[rows] - t[poses, None]
     span = np.max(np.abs(since), axis=1, keepdims=True)
     powers = (since / span)[..., None] ** _POWERS
     weighted = powers * weight[..., None]
@@ -103,29 +103,29 @@ def _lengths(
     apart = np.max(np.diff(t[rows], axis=1), axis=1) > _LONG_STEP * step
     # Over a few poses the four numbers of a quaternion are as smooth as the angles; twice their
     # distance is the angle.
-    moved = np.linalg.norm(_missed(predict, rows, since, position, own), axis=1) / size
-    turned = 2.0 * np.linalg.norm(_missed(predict, rows, since, q_wb, own), axis=1) / size
+    moved = np.linalg.norm(_missed(predict, rows, since, position, poses), axis=1) / size
+    turned = 2.0 * np.linalg.norm(_missed(predict, rows, since, q_wb, poses), axis=1) / size
     return np.where(apart, 0.0, moved), np.where(apart, 0.0, turned)
 
 
-def _missed(predict: Array, rows: Integers, since: Array, values: Array, own: Integers) -> Array:
+def _missed(predict: Array, rows: Integers, since: Array, values: Array, poses: Integers) -> Array:
     """Return prediction less value (n, a), neighbours one after the other.
 
     All are relative to a line through the pose itself, so that distance from the origin and speed
     have no effect, which the ridge would take for a deviation.
     """
     slope = (values[rows[:, -1]] - values[rows[:, 0]]) / (since[:, -1] - since[:, 0])[:, None]
-    result = np.zeros((len(own), values.shape[1]))
+    result = np.zeros((len(poses), values.shape[1]))
     for k in range(rows.shape[1]):
-        line = values[own] + slope * since[:, k, None]
+        line = values[poses] + slope * since[:, k, None]
         result += predict[:, k, None] * (values[rows[:, k]] - line)
     return result
 
 
-def _usual(lengths: Array, least: float) -> Array:
+def _usual(lengths: Array, limit: float) -> Array:
     """Return the typical deviation (n,) around each pose, from medians of blocks and neighbours."""
     blocks = [lengths[k : k + _BLOCK] for k in range(0, len(lengths), _BLOCK)]
     medians = np.array([np.median(block) for block in blocks]) / _MEDIAN_OF_NORM
     padded = np.pad(medians, 1, mode="edge")
     wide = np.max([padded[:-2], medians, padded[2:]], axis=0)
-    return np.maximum(np.repeat(wide, _BLOCK)[: len(lengths)], least)
+    return np.maximum(np.repeat(wide, _BLOCK)[: len(lengths)], limit)

@@ -163,14 +163,14 @@ class ClockStream:
                 self._pause(int(t_ns[0]) - self._losses.last_ns)
             self._losses = Losses(self.pattern)
         losses = self._losses
-        before = losses.last_ns
+        previous_ns = losses.last_ns
         missing = losses.count(t_ns)
         self._passed += losses.passed
         self._jitter += losses.deviations
         losses.passed[:] = losses.deviations[:] = 0.0
         cuts = np.flatnonzero(missing > losses.longest)
         for cut in cuts.tolist():
-            previous = t_ns[cut - 1] if cut else before
+            previous = t_ns[cut - 1] if cut else previous_ns
             self._pause(int(t_ns[cut] - previous))
         missing[cuts] = 0
         self.lost += int(missing.sum())

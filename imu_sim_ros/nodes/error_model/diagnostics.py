@@ -40,25 +40,25 @@ class ErrorModelReport:
         :param remarks: what contradicts the declaration of the input.
         :param drawn: seed and what it drew.
         """
-        before, self._before = self._before, dataclasses.replace(counts)
+        previous, self._before = self._before, dataclasses.replace(counts)
         new_refused, self._refused = refused - self._refused, refused
-        new = counts.readings - before.readings
-        irregular = [n for n in _IRREGULAR if getattr(counts, n) > getattr(before, n)]
+        new_readings = counts.readings - previous.readings
+        irregular = [n for n in _IRREGULAR if getattr(counts, n) > getattr(previous, n)]
         if new_refused:
-            level, words = DiagnosticStatus.WARN, f"{new_refused} messages refused"
-        elif not new:
-            level, words = DiagnosticStatus.STALE, "no readings arrive"
+            level, text = DiagnosticStatus.WARN, f"{new_refused} messages refused"
+        elif not new_readings:
+            level, text = DiagnosticStatus.STALE, "no readings arrive"
         elif irregular:
-            level, words = DiagnosticStatus.WARN, f"readings: {', '.join(irregular)}"
+            level, text = DiagnosticStatus.WARN, f"readings: {', '.join(irregular)}"
         elif remarks:
-            level, words = DiagnosticStatus.WARN, remarks[0]
+            level, text = DiagnosticStatus.WARN, remarks[0]
         else:
-            level, words = DiagnosticStatus.OK, "running"
+            level, text = DiagnosticStatus.OK, "running"
         values = {
-            "readings per second": f"{new / PERIOD:.1f}",
+            "readings per second": f"{new_readings / PERIOD:.1f}",
             "refused messages": refused,
             **dataclasses.asdict(counts),
-            **{f"{one.topic} published": one.count for one in counters},
+            **{f"{counter.topic} published": counter.count for counter in counters},
             **drawn,
         }
-        return diagnostics(stamp, level, self._name, words, self._hardware, values)
+        return diagnostics(stamp, level, self._name, text, self._hardware, values)

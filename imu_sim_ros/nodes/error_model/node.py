@@ -72,11 +72,14 @@ class ErrorModelNode(ConfiguredNode[ErrorNodeParameters]):
         """Parameters drawn from the seed."""
         self._remarks: list[str] = []
         self._said: deque[float] = deque(maxlen=_REMARKS_A_SECOND)
-        sensors = {one.name for one in wanted(parameters).values()}
+        sensors = {offer.name for offer in wanted(parameters).values()}
         self._values = {  # what other sensors measure, and the type of its messages, by topic
-            one.topics[0].name + conventions.IDEAL_SUFFIX: (one.quantity, one.topics[0].type)
-            for one in OTHERS.values()
-            if one.quantity in sensors
+            sensor.topics[0].name + conventions.IDEAL_SUFFIX: (
+                sensor.quantity,
+                sensor.topics[0].type,
+            )
+            for sensor in OTHERS.values()
+            if sensor.quantity in sensors
         }
         self.model = GivenImu(parameters, sensors, self._remark)
         oriented = self.model.uses_orientation
@@ -86,8 +89,8 @@ class ErrorModelNode(ConfiguredNode[ErrorNodeParameters]):
         source = f"input ({self.resolve_topic_name(conventions.INPUT_ODOMETRY_TOPIC)})"
         self._twist = TwistWatch(source, parameters.input.twist_frame) if compared else None
         turned = sensor_rotation(parameters.input) is not None or parameters.input.place == "body"
-        own = "imu_frame" in self.given or parameters.imu_frame != conventions.IMU_FRAME
-        self._takes_frame = not (parameters.odometry or turned or own)
+        has_frame = "imu_frame" in self.given or parameters.imu_frame != conventions.IMU_FRAME
+        self._takes_frame = not (parameters.odometry or turned or has_frame)
         """True if the frame of the readings is still to be that of the input."""
         self.outputs = ErrorModelOutputs(self, parameters, self.lifetime.fail)
         self._faults = create(
@@ -116,10 +119,10 @@ class ErrorModelNode(ConfiguredNode[ErrorNodeParameters]):
         self._matched = MatchedInputs(self, self.reader, self._inputs, DEPTH)
 
     def _inputs(self) -> dict[str, type]:
-        others = {name: decode.message_class(kind) for name, (_, kind) in self._values.items()}
+        classes = {name: decode.message_class(kind) for name, (_, kind) in self._values.items()}
         if self.parameters.odometry:
-            return {conventions.INPUT_ODOMETRY_TOPIC: Odometry, **others}
-        return {conventions.INPUT_IMU_TOPIC: Imu, **others}
+            return {conventions.INPUT_ODOMETRY_TOPIC: Odometry, **classes}
+        return {conventions.INPUT_IMU_TOPIC: Imu, **classes}
 
     def close(self) -> None:
         """Process what has arrived, wait for the subscribers, and print the counts."""
@@ -135,38 +138,38 @@ class ErrorModelNode(ConfiguredNode[ErrorNodeParameters]):
             print(f"error_model: published {counter.count} messages on {counter.topic}", flush=True)
 
     # ----------------------------------------------------------------------------- readings
-    def _take(self, topic: str, taken: list[Taken]) -> None:
+    def _take(self, topic: str, batch: list[Taken]) -> None:
         """Add errors to messages, as they are delivered, and publish them."""
-        self._received[topic] += len(taken)
+        self._received[topic] += len(batch)
         with self._lock:
             if topic in self._values:
-                self._take_values(topic, taken)
+                self._take_values(topic, batch)
                 return
             if self._takes_frame:
-                self._take_frame(taken)
+                self._take_frame(batch)
             try:
                 if self._odometry is None:
-                    self._take_readings(self._decoded(topic, taken, self._decode))
+                    self._take_readings(self._decoded(topic, batch, self._decode))
                 else:
-                    self._read(self._of_odometry(self._odometry, topic, taken))
+                    self._read(self._of_odometry(self._odometry, topic, batch))
             except InputError as error:
-                self._refuse(topic, error, len(taken))
+                self._refuse(topic, error, len(batch))
 
-    def _take_values(self, topic: str, taken: list[Taken]) -> None:
+    def _take_values(self, topic: str, batch: list[Taken]) -> None:
         """Add errors to ideal values of another sensor, and publish them."""
         quantity, kind = self._values[topic]
-        found = self._decoded(topic, taken, partial(decode.value, kind))
-        if found:
-            t_ns = np.array([one for one, _ in found], np.int64)
-            values = np.array([numbers for _, numbers in found])
+        stamped_values = self._decoded(topic, batch, partial(decode.value, kind))
+        if stamped_values:
+            t_ns = np.array([stamp_ns for stamp_ns, _ in stamped_values], np.int64)
+            values = np.array([numbers for _, numbers in stamped_values])
             values = values if values.shape[1] > 1 else values[:, 0]
-            given = IdealValues.unchecked(t_ns=t_ns, values=values)
-            for block in self.model.other(quantity).read(given):
+            ideal = IdealValues.unchecked(t_ns=t_ns, values=values)
+            for block in self.model.other(quantity).read(ideal):
                 self.outputs.publish({quantity: block}, self.parameters)
 
-    def _take_frame(self, taken: list[Taken]) -> None:
+    def _take_frame(self, batch: list[Taken]) -> None:
         """Let the readings be in the frame of the first message that has one."""
-        frame = next(filter(None, (decode.frame_id(payload) for payload, _ in taken)), "")
+        frame = next(filter(None, (decode.frame_id(payload) for payload, _ in batch)), "")
         if not frame:
             return
         self._takes_frame = False
@@ -185,25 +188,25 @@ class ErrorModelNode(ConfiguredNode[ErrorNodeParameters]):
         else:
             self.outputs.publish({IMU: samples}, self.parameters)
 
-    def _read(self, given: Readings) -> None:
+    def _read(self, readings: Readings) -> None:
         """Add errors to readings and publish the samples."""
-        for block in self.model.read(given) if len(given.t_ns) else ():
+        for block in self.model.read(readings) if len(readings.t_ns) else ():
             self.outputs.publish(block, self.parameters)
 
     def _decoded(
-        self, topic: str, taken: list[Taken], fields: Callable[[bytes], _Decoded]
+        self, topic: str, batch: list[Taken], fields: Callable[[bytes], _Decoded]
     ) -> list[_Decoded]:
         """Return what is in messages; those that cannot be used are refused."""
-        found = []
-        for payload, _ in taken:
+        decoded = []
+        for payload, _ in batch:
             try:
-                found.append(fields(payload))
+                decoded.append(fields(payload))
             except InputError as error:
                 self._refuse(topic, error)
-        return found
+        return decoded
 
-    def _of_odometry(self, odometry: Differentiator, topic: str, taken: list[Taken]) -> Readings:
-        states = self._decoded(topic, taken, decode.truth)
+    def _of_odometry(self, odometry: Differentiator, topic: str, batch: list[Taken]) -> Readings:
+        states = self._decoded(topic, batch, decode.truth)
         if self._twist is not None and not self._twist.done:
             for finding in self._twist.add(states):
                 self._remark(finding.sentence())
@@ -224,11 +227,11 @@ class ErrorModelNode(ConfiguredNode[ErrorNodeParameters]):
 
     def _remark(self, line: str) -> None:
         """Say what looks like a mistake, not more than a few lines a second."""
-        now = time.monotonic()
+        time_s = time.monotonic()
         if line.startswith(("input", "rate", "gravity")):  # of the declaration, for good
             self._remarks.append(line)
-        if len(self._said) < _REMARKS_A_SECOND or now - self._said[0] > 1.0:
-            self._said.append(now)
+        if len(self._said) < _REMARKS_A_SECOND or time_s - self._said[0] > 1.0:
+            self._said.append(time_s)
             self.get_logger().warning(line)
 
     # ------------------------------------------------------------------------------ control
@@ -247,11 +250,11 @@ class ErrorModelNode(ConfiguredNode[ErrorNodeParameters]):
     def _inject(self, parameters: ErrorNodeParameters) -> None:
         fault = parameters.inject.fault()
         with self._lock:
-            first = self.model.inject(fault, parameters.inject.delay)
-            t_ns = self.model.hit_by(fault).time_of(first)
-        now = self.get_clock().now() if t_ns is None else Time(nanoseconds=t_ns)
+            first_sample = self.model.inject(fault, parameters.inject.delay)
+            t_ns = self.model.hit_by(fault).time_of(first_sample)
+        stamp = self.get_clock().now() if t_ns is None else Time(nanoseconds=t_ns)
         name = f"{self.get_name()}: fault"
-        self._faults.publish(fault_message(name, fault, "", now.to_msg()))
+        self._faults.publish(fault_message(name, fault, "", stamp.to_msg()))
 
     def _reset(self, _: Trigger.Request, response: Trigger.Response) -> Trigger.Response:
         with self._lock:

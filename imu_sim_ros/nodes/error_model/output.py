@@ -43,17 +43,17 @@ class ErrorModelOutputs:
 
     def __init__(self, node: Node, parameters: ErrorNodeParameters, fail: Fail) -> None:
         self.counters = [
-            Counter(topic, create(node, one.topic.type, topic, QoSProfile(depth=DEPTH)))
-            for topic, one in wanted(parameters).items()
+            Counter(topic, create(node, offer.topic.type, topic, QoSProfile(depth=DEPTH)))
+            for topic, offer in wanted(parameters).items()
         ]
         self._delayed = Delayed(fail)
         self.encode_for(parameters)
 
     def encode_for(self, parameters: ErrorNodeParameters) -> None:
         """Encode messages in the frame of parameters from now on."""
-        known = wanted(parameters)
+        offers = wanted(parameters)
         self._outputs = [
-            _Output(known[counter.topic], known[counter.topic].encoder(), counter)
+            _Output(offers[counter.topic], offers[counter.topic].encoder(), counter)
             for counter in self.counters
         ]
 
@@ -62,17 +62,19 @@ class ErrorModelOutputs:
 
         A window has the IMU's, or those of another sensor.
         """
-        for one, encode, counter in self._outputs:
-            if one.name not in samples:
+        for offer, encode, counter in self._outputs:
+            if offer.name not in samples:
                 continue
-            read = samples[one.name]
-            messages = encode(read, parameters)
+            samples_of_sensor = samples[offer.name]
+            messages = encode(samples_of_sensor, parameters)
             payloads = as_list(messages.made())
-            if one.topic.truth:  # only what the sensor's driver releases has a latency
+            if offer.topic.truth:  # only what the sensor's driver releases has a latency
                 for payload in payloads:
                     counter.send(payload)
                 continue
-            delays = (read.release_t_ns - read.true_t_ns)[read.delivered]
+            delays = (samples_of_sensor.release_t_ns - samples_of_sensor.true_t_ns)[
+                samples_of_sensor.delivered
+            ]
             self._delayed.send(counter.send, payloads, delays.tolist())
 
     def close(self) -> None:
@@ -104,10 +106,10 @@ class Delayed:
         if self._thread is None:  # from now on all go this way, so that they stay in order
             self._thread = SupervisedThread("latency", self._run, self._fail)
             self._thread.start()
-        now = time.monotonic_ns()
+        now_ns = time.monotonic_ns()
         with self._new:
             for payload, delay in zip(payloads, delays, strict=True):
-                self._waiting.append((now + delay, send, payload))
+                self._waiting.append((now_ns + delay, send, payload))
             self._new.notify()
 
     def close(self) -> None:
@@ -126,9 +128,9 @@ class Delayed:
                 if not self._waiting:
                     return
                 due, send, payload = self._waiting[0]
-                left = (due - time.monotonic_ns()) * 1e-9
-                if left > 0.0 and not self._ended:
-                    self._new.wait(left)
+                remaining = (due - time.monotonic_ns()) * 1e-9
+                if remaining > 0.0 and not self._ended:
+                    self._new.wait(remaining)
                     continue
                 self._waiting.popleft()
             send(payload)

@@ -92,7 +92,7 @@ class IntegratorReport:
         totals = odometer.totals
         counts = dataclasses.asdict(totals.steps)
         irregular = sum(counts.values())
-        new, new_irregular = totals.readings - self._before[0], irregular - self._before[1]
+        new_readings, new_irregular = totals.readings - self._before[0], irregular - self._before[1]
         refused = totals.refused - self._before[2]
         self._before = (totals.readings, irregular, totals.refused)
         compared = 0 if comparison is None else comparison.count
@@ -100,7 +100,7 @@ class IntegratorReport:
         self._compared = compared
         if refused:
             level, message = DiagnosticStatus.WARN, f"{refused} messages refused"
-        elif not new:
+        elif not new_readings:
             level, message = DiagnosticStatus.STALE, "no readings arrive"
         elif odometer.waiting:
             level, message = DiagnosticStatus.WARN, "waiting for the initial state"
@@ -112,7 +112,7 @@ class IntegratorReport:
             level, message = DiagnosticStatus.OK, "integrating"
         values: dict[str, object] = {
             "readings": totals.readings,
-            "readings per second": f"{new / PERIOD:.1f}",
+            "readings per second": f"{new_readings / PERIOD:.1f}",
             "refused messages": totals.refused,
             "starts": totals.starts,
             "imu.preset": odometer.parameters.imu.preset,

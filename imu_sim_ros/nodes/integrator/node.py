@@ -137,10 +137,10 @@ class Integrator(ConfiguredNode[IntegratorParameters]):
         if self._path is not None:
             self._path.use_frame(world)
         for name, frame in (("world_frame", world), ("body_frame", body)):
-            given = self.given.get(name, frame)
-            if given != frame:
+            configured = self.given.get(name, frame)
+            if configured != frame:
                 self.get_logger().warning(
-                    f"{name} = {given}: {TRUTH_TOPIC}, which it starts from, is in {frame}, "
+                    f"{name} = {configured}: {TRUTH_TOPIC}, which it starts from, is in {frame}, "
                     "and so is the pose"
                 )
 
@@ -153,19 +153,19 @@ class Integrator(ConfiguredNode[IntegratorParameters]):
         with_truth = self.parameters.error or self.parameters.initial_state == "truth"
         return {IMU_TOPIC: Imu, TRUTH_TOPIC: Odometry} if with_truth else {IMU_TOPIC: Imu}
 
-    def _take(self, topic: str, taken: list[Taken]) -> None:
+    def _take(self, topic: str, batch: list[Taken]) -> None:
         """Take messages of one topic as they arrive."""
-        self._received[topic] += len(taken)
+        self._received[topic] += len(batch)
         with self._lock:
-            if not self.sensor.hold(topic, taken):
-                self._integrate(topic, taken)
+            if not self.sensor.hold(topic, batch):
+                self._integrate(topic, batch)
 
-    def _integrate(self, topic: str, taken: list[Taken]) -> None:
+    def _integrate(self, topic: str, batch: list[Taken]) -> None:
         """Integrate messages of one topic and publish the results; the lock is held."""
         is_reading = topic == IMU_TOPIC
         rows: list[LiveState] = []
         errors: list[PoseError] = []
-        for payload, _ in taken:
+        for payload, _ in batch:
             try:
                 if is_reading:
                     reading = decode.imu_reading(payload)
@@ -187,14 +187,14 @@ class Integrator(ConfiguredNode[IntegratorParameters]):
         :raises ConfigurationError: for invalid values.
         """
         sensor = sensor_description_layer(self.given, sensor)
-        new = load_integrator(self.given, sensor)
+        parameters = load_integrator(self.given, sensor)
         with self._lock:
-            later = not self.odometer.waiting and new.imu != self.odometer.parameters.imu
-            self.replace(new)
-            self.odometer.correct_with(new)
+            later = not self.odometer.waiting and parameters.imu != self.odometer.parameters.imu
+            self.replace(parameters)
+            self.odometer.correct_with(parameters)
         when = "; it takes effect at the next start" if later else ""
         self.get_logger().info(
-            f"the sensor is {_words(new.imu)}, according to {self.sensor.topic}{when}"
+            f"the sensor is {_words(parameters.imu)}, according to {self.sensor.topic}{when}"
         )
         if not self.sensor.noise_known:
             self._tell_what_is_left_out(sensor)
@@ -257,8 +257,8 @@ class Integrator(ConfiguredNode[IntegratorParameters]):
         response.message = f"starting again, initial_state = {self.parameters.initial_state}"
         return response
 
-    def _complain(self, words: str) -> None:
-        self.get_logger().warning(words, throttle_duration_sec=_COMPLAINT_PERIOD)
+    def _complain(self, text: str) -> None:
+        self.get_logger().warning(text, throttle_duration_sec=_COMPLAINT_PERIOD)
 
     def _refuse(self, topic: str, error: InputError) -> None:
         """Count a message that cannot be used; the first of many says why, with its stamp."""
@@ -270,13 +270,13 @@ class Integrator(ConfiguredNode[IntegratorParameters]):
 
     def _is_new_source(self) -> bool:
         """Return whether a publisher of readings has appeared since the last call."""
-        found = frozenset(
+        sources = frozenset(
             bytes(publisher.endpoint_gid)
             for publisher in self.get_publishers_info_by_topic(IMU_TOPIC)
         )
-        new = bool(found - self._sources)
-        self._sources |= found
-        return new
+        is_new = bool(sources - self._sources)
+        self._sources |= sources
+        return is_new
 
 
 def _words(imu: IntegratorImuParameters) -> str:

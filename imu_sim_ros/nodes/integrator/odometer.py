@@ -146,22 +146,22 @@ class LiveIntegrator:
             return initial.state
         rate = initial.rate
         if rate is None:
-            first = start.readings[0]
-            read = initial.correction.correct(first.gyro, first.accel)[0]
+            reading = start.readings[0]
+            rate_i = initial.correction.correct(reading.gyro, reading.accel)[0]
             of_earth = rotation.rotate_inverse(initial.state.q_wb, self.parameters.earth_rate)
-            rate = rotation.rotate(mount.q_bi, read) - of_earth
+            rate = rotation.rotate(mount.q_bi, rate_i) - of_earth
         return mount.imu_state(initial.state, rate)
 
     def _step(self, stepper: Stepper, reading: LiveReading) -> LiveState | None:
-        before = stepper.t_ns
+        previous_ns = stepper.t_ns
         force, rate = stepper.specific_force, stepper.angular_velocity
         if stepper.add(reading.t_ns, reading.gyro, reading.accel):
-            assert before is not None
-            h = (reading.t_ns - before) * 1e-9
+            assert previous_ns is not None
+            h = (reading.t_ns - previous_ns) * 1e-9
             self._interval += (h - self._interval) * (_SMOOTHING if self._interval else 1.0)
             if self._covariance is not None:
                 self._covariance.advance(h, self._r_wi, force, rate)
-        elif before is not None and not self._is_usable(before, reading):
+        elif previous_ns is not None and not self._is_usable(previous_ns, reading):
             return None
         if not self._is_sound(stepper, reading.t_ns):
             self._complain("the state has grown beyond any possible one; integration restarts")
@@ -176,9 +176,9 @@ class LiveIntegrator:
             sound = self._covariance.is_finite
         return sound and gate.within(stepper.velocity, gate.VELOCITY)
 
-    def _is_usable(self, before: int, reading: LiveReading) -> bool:
+    def _is_usable(self, previous_ns: int, reading: LiveReading) -> bool:
         """Report a reading that made no step; return whether its stamp is new."""
-        counts, step = self.totals.steps, (reading.t_ns - before) * 1e-9
+        counts, step = self.totals.steps, (reading.t_ns - previous_ns) * 1e-9
         if step == 0:
             self._complain(f"reading with the same stamp as the previous one ({counts.repeated})")
             return False
@@ -225,8 +225,8 @@ class PathPublisher:
     ) -> None:
         self._publisher, self._frame_id = publisher, frame_id
         self._interval_ns = 1e9 / parameters.path_rate
-        kept = int(parameters.path_length * parameters.path_rate) + 1
-        self._poses: deque[PoseStamped] = deque(maxlen=kept)
+        capacity = int(parameters.path_length * parameters.path_rate) + 1
+        self._poses: deque[PoseStamped] = deque(maxlen=capacity)
         self._due_ns = 0.0
 
     def add(self, row: LiveState) -> None:

@@ -156,8 +156,8 @@ class Recorder(ConfiguredNode[RecorderParameters]):
                 return
         types = list(dict.fromkeys(publisher.topic_type for publisher in publishers))
         qos = matching_qos(publishers)
-        known = self._qos.get(name)
-        if known is not None and not is_weaker(qos, known):
+        current = self._qos.get(name)
+        if current is not None and not is_weaker(qos, current):
             return
         try:
             if len(types) > 1:
@@ -168,7 +168,7 @@ class Recorder(ConfiguredNode[RecorderParameters]):
             self.get_logger().error(f"{name} is not recorded: {error}")
             return
         offset = stamp_offset(message)
-        if known is None:
+        if current is None:
             statistics = StampStatistics(round(self.parameters.max_gap * 1e9))
             topic = RecordedTopic(
                 name,
@@ -193,16 +193,16 @@ class Recorder(ConfiguredNode[RecorderParameters]):
     ) -> list[TopicEndpointInfo]:
         """Return the publishers of a topic's recorded type; report and count each other type."""
         recorded = self._types[name]
-        others: dict[str, list[TopicEndpointInfo]] = {}
+        by_type: dict[str, list[TopicEndpointInfo]] = {}
         for publisher in publishers:
-            others.setdefault(publisher.topic_type, []).append(publisher)
-        matching = others.pop(recorded, [])
-        for other, sources in others.items():
-            if (name, other) not in self._other_types:
-                self._other_types[name, other] = self._counter(name, other, sources)
+            by_type.setdefault(publisher.topic_type, []).append(publisher)
+        matching = by_type.pop(recorded, [])
+        for other_type, sources in by_type.items():
+            if (name, other_type) not in self._other_types:
+                self._other_types[name, other_type] = self._counter(name, other_type, sources)
                 self.get_logger().warning(
-                    f"{name} is recorded as {recorded}; messages of a publisher with type {other} "
-                    "are left out"
+                    f"{name} is recorded as {recorded}; messages of a publisher with type "
+                    f"{other_type} are left out"
                 )
         return matching
 
@@ -232,9 +232,9 @@ class Recorder(ConfiguredNode[RecorderParameters]):
         reported = {*recorded, *self._refused, *self.recording.refused}
         return [name for name in dict.fromkeys(self._wanted) if name not in reported]
 
-    def _put(self, topic: str, taken: list[Taken]) -> None:
+    def _put(self, topic: str, batch: list[Taken]) -> None:
         """Pass messages of one topic on to be written, in the reader's thread."""
-        messages = self._timestamps.messages(topic, taken)
+        messages = self._timestamps.messages(topic, batch)
         within = self._limit.take(messages, time.monotonic())
         if within:
             self.recording.put(within)
@@ -305,10 +305,10 @@ class Recorder(ConfiguredNode[RecorderParameters]):
         for name in self._silent_topics():
             reason = "its publisher sent no message" if name in self._qos else "it had no publisher"
             print(f"recorder: {name} was not recorded: {reason}", file=sys.stderr)
-        for (name, other), counter in self._other_types.items():
+        for (name, other_type), counter in self._other_types.items():
             count = "messages" if counter is None else f"{counter.messages} messages"
             print(
-                f"recorder: {name}: {count} of type {other} left out: it was recorded as "
+                f"recorder: {name}: {count} of type {other_type} left out: it was recorded as "
                 f"{self._types[name]}",
                 file=sys.stderr,
             )
@@ -321,22 +321,22 @@ def _left(files: Sequence[Path]) -> str:
     if not files:
         return "nothing is kept: it failed before any part of the bag was complete"
     gone = [p for p in files if not p.exists() or (p.is_dir() and not any(p.iterdir()))]
-    words = [f"{path} was removed and is lost" for path in gone]
+    lines = [f"{path} was removed and is lost" for path in gone]
     if len(gone) < len(files):
-        kept = ", ".join(str(path) for path in files if path not in gone)
-        words.append(
-            f"{kept} keeps the messages written before; convert_bag --recover makes a complete bag "
-            "from it"
+        paths = ", ".join(str(path) for path in files if path not in gone)
+        lines.append(
+            f"{paths} keeps the messages written before; convert_bag --recover makes a complete "
+            "bag from it"
         )
-    return "; ".join(words)
+    return "; ".join(lines)
 
 
 def _row(topic: RecordedTopic) -> tuple[str, ...]:
-    seen = topic.statistics
+    statistics = topic.statistics
     if not topic.stamped:  # times of reception tell nothing about the source
-        return topic.name, str(seen.messages), f"{seen.rate:.2f}", "-", "-", "-", "-"
-    counts = (seen.gaps, seen.missing, seen.duplicates, seen.out_of_order)
-    return topic.name, str(seen.messages), f"{seen.rate:.2f}", *map(str, counts)
+        return topic.name, str(statistics.messages), f"{statistics.rate:.2f}", "-", "-", "-", "-"
+    counts = (statistics.gaps, statistics.missing, statistics.duplicates, statistics.out_of_order)
+    return topic.name, str(statistics.messages), f"{statistics.rate:.2f}", *map(str, counts)
 
 
 def plain_arguments(arguments: Sequence[str]) -> list[str]:
@@ -350,8 +350,8 @@ def plain_arguments(arguments: Sequence[str]) -> list[str]:
     end = arguments.index("--ros-args") if "--ros-args" in arguments else len(arguments)
     result: list[str] = []
     topics: list[str] = []
-    words = iter(arguments[:end])
-    for word in words:
+    rest = iter(arguments[:end])
+    for word in rest:
         name, equals, value = word.partition("=")
         name = {"-o": "--output", "-d": "--duration"}.get(name, name)
         if name in ("-h", "--help", "--version"):
@@ -359,7 +359,7 @@ def plain_arguments(arguments: Sequence[str]) -> list[str]:
         elif not name.startswith("-"):
             topics.append(word)
         else:
-            value = value if equals else next(words, "")
+            value = value if equals else next(rest, "")
             if name in ("--duration", "--split-duration", "--split_duration"):
                 value = _seconds(name, value)
             result += [name, value]
@@ -368,9 +368,9 @@ def plain_arguments(arguments: Sequence[str]) -> list[str]:
     return [*result, *arguments[end:]]
 
 
-def _seconds(name: str, words: str) -> str:
+def _seconds(name: str, text: str) -> str:
     try:
-        return repr(timebase.parse_duration(words))
+        return repr(timebase.parse_duration(text))
     except ValueError as error:
         raise ConfigurationError(f"{name}: {error}") from None
 

@@ -57,11 +57,11 @@ class Timestamps:
         """
         self._offsets[topic] = stamp_offset
 
-    def messages(self, topic: str, taken: Iterable[Taken]) -> list[Message]:
+    def messages(self, topic: str, batch: Iterable[Taken]) -> list[Message]:
         """Return the messages of one topic with their times."""
         offset = self._offsets[topic]
         result: list[Message] = []
-        for payload, info in taken:
+        for payload, info in batch:
             stamp_ns = _stamp_ns(payload, offset)
             t_ns = stamp_ns
             if t_ns is None or self._by_reception:
@@ -112,18 +112,18 @@ class DurationLimit:
         self._length_ns = round(duration * 1e9)
         self._topics: dict[str, _Topic] = {}
 
-    def take(self, messages: list[Message], now: float) -> list[Message]:
+    def take(self, messages: list[Message], time_s: float) -> list[Message]:
         """Return those of one topic's messages that lie within its time.
 
-        :param now: on the steady clock [s].
+        :param time_s: on the steady clock [s].
         """
         if not self._length_ns or not messages:
             return messages
         first, last = messages[0], messages[-1]
         topic = self._topics.get(first.topic)
         if topic is None:
-            topic = self._topics[first.topic] = _Topic(first.t_ns, first.t_ns, now)
-        topic.last_ns, topic.seen_at = last.t_ns, now
+            topic = self._topics[first.topic] = _Topic(first.t_ns, first.t_ns, time_s)
+        topic.last_ns, topic.seen_at = last.t_ns, time_s
         # For a first stamp that was never set the time of reception, perhaps much later, is used.
         topic.first_ns = min(topic.first_ns, *(message.t_ns for message in messages))
         end_ns = topic.first_ns + self._length_ns
@@ -132,7 +132,7 @@ class DurationLimit:
         topic.complete = True
         return [message for message in messages if message.t_ns < end_ns]
 
-    def reached(self, elapsed: float, now: float) -> bool:
+    def reached(self, elapsed: float, time_s: float) -> bool:
         """Return whether every topic that is still active has reached the limit.
 
         :param elapsed: since the first message, on the clock of the node [s]. Decides if stamps
@@ -143,13 +143,13 @@ class DurationLimit:
         topics = list(self._topics.values())
         if not any(topic.complete for topic in topics) and elapsed < self._duration:
             return False
-        return bool(topics) and not any(_is_awaited(topics, now))
+        return bool(topics) and not any(_is_awaited(topics, time_s))
 
 
-def _is_awaited(topics: Iterable[_Topic], now: float) -> Iterable[bool]:
+def _is_awaited(topics: Iterable[_Topic], time_s: float) -> Iterable[bool]:
     """Yield for each topic whether it is active and has not reached the limit."""
     for topic in topics:
-        moves = topic.last_ns != topic.first_ns and now - topic.seen_at <= _QUIET
+        moves = topic.last_ns != topic.first_ns and time_s - topic.seen_at <= _QUIET
         yield moves and not topic.complete
 
 
@@ -336,6 +336,6 @@ class BagRecording:
         for topic in self.topics.values():
             topic.look()
         # Writing to a removed file keeps succeeding without a sign.
-        last = self.files[-1]
-        if not (last.exists() or active_path(last).exists()):
-            raise InputError(f"{last}: it was removed while it was being written")
+        path = self.files[-1]
+        if not (path.exists() or active_path(path).exists()):
+            raise InputError(f"{path}: it was removed while it was being written")

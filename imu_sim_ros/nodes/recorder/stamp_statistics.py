@@ -49,8 +49,8 @@ class StampStatistics:
         self.messages += len(t_ns)
         self.first_ns = int(t_ns[0]) if self.first_ns is None else self.first_ns
         self.last_ns = int(t_ns[-1])
-        before = t_ns[0] if self._previous is None else self._previous
-        steps = np.diff(t_ns, prepend=before)
+        previous_ns = t_ns[0] if self._previous is None else self._previous
+        steps = np.diff(t_ns, prepend=previous_ns)
         self.out_of_order += int(np.count_nonzero(steps < 0))
         self._previous = int(t_ns[-1])
         for part in np.split(t_ns, np.flatnonzero(steps < -_RESTART_NS)):

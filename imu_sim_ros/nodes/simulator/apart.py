@@ -184,36 +184,36 @@ class SensorProcess:
         """Read the process's reports, a line of JSON each."""
         ended = False
         for line in self._output:
-            said = json.loads(line)
+            report = json.loads(line)
             with self._changed:
-                self.counts.update(said.get("counts", {}))
-                self.connected.update(said.get("connected", {}))
-                self._done = said.get("done", self._done)
-                self.ready |= "ready" in said
+                self.counts.update(report.get("counts", {}))
+                self.connected.update(report.get("connected", {}))
+                self._done = report.get("done", self._done)
+                self.ready |= "ready" in report
                 self._changed.notify_all()
-            for warning in said.get("warnings", ()):
+            for warning in report.get("warnings", ()):
                 self._warn(warning)
-            for note in said.get("notes", ()):
+            for note in report.get("notes", ()):
                 self._note(note)
-            if "problems" in said:
+            if "problems" in report:
                 ended = True
-                kind = ConfigurationError if said["status"] == 2 else MachineError
-                self._fail(kind(said["problems"]))
+                kind = ConfigurationError if report["status"] == 2 else MachineError
+                self._fail(kind(report["problems"]))
         if not (self._closing or ended):
             status = self._process.wait()
             self._fail(MachineError(f"{self.name}: the sensor's process ended, status {status}"))
 
 
-def requests(read: Samples, _: object) -> Messages:
+def requests(samples: Samples, _: object) -> Messages:
     """Return a token for each sample that is delivered, due when its driver lets it go.
 
     It requests what a process publishes of the sample.
     """
-    rows = delivered_rows(read)
-    numbers = read.first + np.arange(len(read.t_ns))[rows]
-    tokens = zip(numbers.tolist(), read.true_t_ns[rows].tolist(), strict=True)
+    rows = delivered_rows(samples)
+    numbers = samples.first + np.arange(len(samples.t_ns))[rows]
+    tokens = zip(numbers.tolist(), samples.true_t_ns[rows].tolist(), strict=True)
     packed = [TOKEN.pack(*token) for token in tokens]
-    return Messages(read.t_ns[rows], read.release_t_ns[rows], packed)
+    return Messages(samples.t_ns[rows], samples.release_t_ns[rows], packed)
 
 
 def groups_apart(sensors: Mapping[str, Mounted]) -> dict[str, list[str]]:
@@ -222,9 +222,9 @@ def groups_apart(sensors: Mapping[str, Mounted]) -> dict[str, list[str]]:
     One that cannot read without another one is in the process of that.
     """
     groups: dict[str, list[str]] = {}
-    for name, one in sensors.items():
-        if one.sensor.apart:
-            needed = [one.space + quantity for quantity in one.sensor.needs(one.own)]
+    for name, sensor in sensors.items():
+        if sensor.sensor.apart:
+            needed = [sensor.space + quantity for quantity in sensor.sensor.needs(sensor.own)]
             groups.setdefault(next(iter(needed), name), []).append(name)
     return groups
 
@@ -237,7 +237,7 @@ class SensorsApart:
     ) -> None:
         """Start the processes."""
         sensors = mounted(parameters)
-        known, groups = offered(sensors), groups_apart(sensors)
+        offers, groups = offered(sensors), groups_apart(sensors)
         log = node.get_logger()
         overrides = [f"{_OVERRIDES}.{key}" for key in node.get_parameters_by_prefix(_OVERRIDES)]
         self.topics: list[str] = []
@@ -248,7 +248,7 @@ class SensorsApart:
         self._processes: list[SensorProcess] = []
         self._requested_at = 0.0
         for name, members in groups.items():
-            topics = [topic for topic, one in known.items() if one.name in members]
+            topics = [topic for topic, offer in offers.items() if offer.name in members]
             if LANDMARKS_TOPIC in topics:
                 topics.append(MARKERS_TOPIC)
             names = {topic: node.resolve_topic_name(topic) for topic in topics}
@@ -275,13 +275,13 @@ class SensorsApart:
         """True if all processes have their first samples."""
         return all(process.ready for process in self._processes)
 
-    def connected(self, now: float) -> bool:
+    def connected(self, time_s: float) -> bool:
         """Return whether the processes are connected to all subscribers, or have tried long enough.
 
-        :param now: [s], of a clock that never jumps.
+        :param time_s: [s], of a clock that never jumps.
         """
-        self._requested_at = self._requested_at or now
-        late = now - self._requested_at > _LONGEST_CONNECTION
+        self._requested_at = self._requested_at or time_s
+        late = time_s - self._requested_at > _LONGEST_CONNECTION
         return late or all(counter.connected for counter in self.counters)
 
     def close(self) -> None:

@@ -77,18 +77,18 @@ class StreamReport:
             values["lateness max [us]"] = f"{max(lateness_ns) * 1e-3:.0f}"
         values.update({f"{key} samples": str(value) for key, value in late.items()})
         for counter in counters:
-            before = self._counts.get(counter.topic, 0)
+            previous_count = self._counts.get(counter.topic, 0)
             self._counts[counter.topic] = counter.count
-            rate = (counter.count - before) / elapsed
+            rate = (counter.count - previous_count) / elapsed
             values[f"{counter.topic} rate [Hz]"] = f"{rate:.1f}"
             values[f"{counter.topic} published"] = str(counter.count)
             subscribers = counter.publisher.get_subscription_count()
             values[f"{counter.topic} subscribers"] = str(subscribers)
-        level, words = DiagnosticStatus.OK, state
+        level, text = DiagnosticStatus.OK, state
         if any(count > self._late.get(key, 0) for key, count in late.items()):
-            level, words = DiagnosticStatus.WARN, "samples were late"
+            level, text = DiagnosticStatus.WARN, "samples were late"
         elif p99 > LATE_US:
-            level, words = DiagnosticStatus.WARN, f"99 % of the samples are up to {p99:.0f} us late"
+            level, text = DiagnosticStatus.WARN, f"99 % of the samples are up to {p99:.0f} us late"
         values |= drawn
         self._late = dict(late)
-        return diagnostics(stamp, level, self._name, words, self._hardware, values)
+        return diagnostics(stamp, level, self._name, text, self._hardware, values)

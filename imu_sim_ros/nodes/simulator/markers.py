@@ -33,7 +33,7 @@ _COLORS: Final = {
 def markers(sensors: Mapping[str, Mounted], world: World) -> MarkerArray:
     """Return landmarks, lines and the edges of surfaces in the world, and each camera's view."""
     scene, world_frame = world.scene, world.environment.world_frame
-    found = [
+    shapes = [
         _marker(Marker.POINTS, "landmarks", world_frame, scene.landmarks),
         _marker(Marker.LINE_LIST, "lines", world_frame, scene.lines.reshape(-1, 3)),
         _marker(Marker.LINE_LIST, "surfaces", world_frame, _edges(scene.surfaces)),
@@ -42,8 +42,8 @@ def markers(sensors: Mapping[str, Mounted], world: World) -> MarkerArray:
         ends = _frustum(CameraModel(camera.own))
         shown = _marker(Marker.LINE_LIST, "cameras", camera.frame, ends)
         shown.id = k
-        found.append(shown)
-    return MarkerArray(markers=[marker for marker in found if marker.points])
+        shapes.append(shown)
+    return MarkerArray(markers=[marker for marker in shapes if marker.points])
 
 
 def _marker(kind: int, name: str, frame: str, points: Array) -> Marker:
@@ -76,7 +76,7 @@ def _frustum(model: CameraModel) -> Array:
     """Return the four rays through the corners of the image, and the edges that join them."""
     w, h = model.width - 1.0, model.height - 1.0
     corners = np.array([[0.0, 0.0], [w, 0.0], [w, h], [0.0, h]])
-    found = model.unproject(corners).direction * _FRUSTUM
-    rays = list(found[np.isfinite(found).all(axis=1)])
+    directions = model.unproject(corners).direction * _FRUSTUM
+    rays = list(directions[np.isfinite(directions).all(axis=1)])
     ends = [end for ray in rays for end in (np.zeros(3), ray)]
     return np.array([*ends, *(_pairs(rays) if rays else [])]).reshape(-1, 3)

@@ -166,19 +166,19 @@ class Simulator(ConfiguredNode[SimulatorParameters]):
 
     def _outputs(self, parameters: SimulatorParameters) -> list[tuple[str, topics.Encode, Send]]:
         """Return the sensor, encoder and receiver of each topic and serial line that there is."""
-        found: list[tuple[str, topics.Encode, Send]] = []
+        outputs: list[tuple[str, topics.Encode, Send]] = []
         sensors = mounted(parameters)
         for name, topic in topics.published(sensors, parameters.publish).items():
             if not topic.mounted.sensor.apart and self._can_publish(topic.topic):
-                found.append((topic.name, topic.encoder(), self._counted(name, topic.topic.type)))
-        for name, one in sensors.items():
-            serial = one.sensor.serial
-            if serial and (where := serial.where(one.own)):
+                outputs.append((topic.name, topic.encoder(), self._counted(name, topic.topic.type)))
+        for name, sensor in sensors.items():
+            serial = sensor.sensor.serial
+            if serial and (where := serial.where(sensor.own)):
                 terminal = PseudoTerminal(where)
                 self._terminals.append(terminal)
                 self._notes.append(f"{name}: serial line on {terminal.name}")
-                found.append((name, messages(serial), terminal.send))
-        return found
+                outputs.append((name, messages(serial), terminal.send))
+        return outputs
 
     def _can_publish(self, topic: Topic) -> bool:
         """Return whether a topic's type is installed, if it need not be."""
@@ -192,15 +192,15 @@ class Simulator(ConfiguredNode[SimulatorParameters]):
 
     def _described(self, parameters: SimulatorParameters) -> dict[str, Publisher]:
         """Return the publisher of the description of each IMU, which it has published."""
-        found = {}
+        publishers = {}
         for name, simulated in imus(parameters).items():
-            found[name] = sensor_description.create_publisher(self, f"{name}/" if name else "")
-            sensor_description.publish(found[name], simulated)
-        return found
+            publishers[name] = sensor_description.create_publisher(self, f"{name}/" if name else "")
+            sensor_description.publish(publishers[name], simulated)
+        return publishers
 
     def _made_apart(self, parameters: SimulatorParameters) -> "SensorsApart | None":
         """Return the sensors with processes of their own; None, if there are none."""
-        if not any(one.sensor.apart for one in mounted(parameters).values()):
+        if not any(sensor.sensor.apart for sensor in mounted(parameters).values()):
             return None
         from imu_sim_ros.nodes.simulator.apart import SensorsApart  # most runs have none
 
@@ -271,8 +271,8 @@ class Simulator(ConfiguredNode[SimulatorParameters]):
         self.create_service(Trigger, "~/reset", self._on_reset)
         self._stepping = False
         # While it awaits the samples, the callbacks of the node's own group keep running.
-        own = ReentrantCallbackGroup()
-        self.create_service(Trigger, "~/step", self._on_step, callback_group=own)
+        group = ReentrantCallbackGroup()
+        self.create_service(Trigger, "~/step", self._on_step, callback_group=group)
         hardware = f"simulated, {self.parameters.imu.preset}, seed {self.parameters.seed}"
         self._report = StreamReport(f"{self.get_name()}: stream", hardware)
         self._reported = time.monotonic()
@@ -284,10 +284,10 @@ class Simulator(ConfiguredNode[SimulatorParameters]):
             f"{name + ': ' if name else ''}{p.imu.preset} at {p.rate:g} Hz, seed {p.seed}"
             for name, p in imus(parameters).items()
         )
-        seen = f"; cameras {', '.join(parameters.cameras)}" if parameters.cameras else ""
+        cameras = f"; cameras {', '.join(parameters.cameras)}" if parameters.cameras else ""
         of_file = getattr(parameters.trajectory, "file", "")
         motion = of_file or self.given.get("trajectory.type", DEFAULT_TRAJECTORY)
-        return f"{described}; trajectory {motion}{seen}"
+        return f"{described}; trajectory {motion}{cameras}"
 
     # ------------------------------------------------------------------------- the run
     def _ready(self) -> bool:
@@ -296,16 +296,16 @@ class Simulator(ConfiguredNode[SimulatorParameters]):
             return False
         if self._apart is not None and not self._apart.ready:
             return False
-        wanted = {
+        minimums = {
             conventions.IMU_TOPIC: self.parameters.wait_for_subscribers,
             conventions.TRUTH_TOPIC: self.parameters.wait_for_truth_subscribers,
         }
         missing = False
         for counter in self._counters:
-            for topic, count in wanted.items():
+            for topic, count in minimums.items():
                 if counter.topic.endswith(topic):
                     missing |= counter.publisher.get_subscription_count() < count
-        if missing or not any(wanted.values()):
+        if missing or not any(minimums.values()):
             return not missing
         if self._apart is not None and not self._apart.connected(time.monotonic()):
             return False
@@ -331,10 +331,10 @@ class Simulator(ConfiguredNode[SimulatorParameters]):
 
     def _report_stalls(self, period: float) -> None:
         """Warn of the stalls so far, at most once in a period [s]."""
-        now = time.monotonic()
-        if not self._stalls or now - self._stalls_reported < period:
+        time_s = time.monotonic()
+        if not self._stalls or time_s - self._stalls_reported < period:
             return
-        self._stalls_reported = now
+        self._stalls_reported = time_s
         stalls, self._stalls = self._stalls, []
         longest = max(stall.late_ns for stall in stalls) * 1e-9
         samples = sum(stall.samples for stall in stalls)
@@ -366,17 +366,17 @@ class Simulator(ConfiguredNode[SimulatorParameters]):
 
         :raises ConfigurationError: for one that cannot be, and a sensor that is not published.
         """
-        wanted = parameters.inject
+        injection = parameters.inject
         for sensor in sensors_of_imus():
-            if sensor.name == wanted.triad and not flatten(parameters.publish)[sensor.quantity]:
+            if sensor.name == injection.triad and not flatten(parameters.publish)[sensor.quantity]:
                 raise ConfigurationError(
-                    f"inject.triad = {wanted.triad}: needs publish.{sensor.quantity}, which is "
+                    f"inject.triad = {injection.triad}: needs publish.{sensor.quantity}, which is "
                     "false"
                 )
-        fault = wanted.fault()
+        fault = injection.fault()
 
         def begin() -> None:
-            for imu, t_ns in self._body.inject(fault, wanted.delay, wanted.imu).items():
+            for imu, t_ns in self._body.inject(fault, injection.delay, injection.imu).items():
                 stamp = Time(nanoseconds=t_ns).to_msg()
                 self._faults.publish(fault_message(f"{self.get_name()}: fault", fault, imu, stamp))
 
@@ -423,8 +423,8 @@ class Simulator(ConfiguredNode[SimulatorParameters]):
 
     def _diagnose(self) -> None:
         self._report_stalls(_STALL_PERIOD)
-        now = time.monotonic()
-        elapsed, self._reported = now - self._reported, now
+        time_s = time.monotonic()
+        elapsed, self._reported = time_s - self._reported, time_s
         pacer = self.engine.pacer
         lateness_ns = pacer.take_lateness()
         self._lateness.add(lateness_ns)

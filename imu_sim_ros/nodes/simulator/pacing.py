@@ -27,14 +27,14 @@ class Settling:
         self._counts: tuple[int, ...] = ()
         self._since = 0.0
 
-    def settled(self, counts: Sequence[int], now: float) -> bool:
+    def settled(self, counts: Sequence[int], time_s: float) -> bool:
         """Return whether the subscribers of all topics are there to stay.
 
-        :param now: on the steady clock [s].
+        :param time_s: on the steady clock [s].
         """
         if tuple(counts) != self._counts:
-            self._counts, self._since = tuple(counts), now
-        return now - self._since >= _SETTLE
+            self._counts, self._since = tuple(counts), time_s
+        return time_s - self._since >= _SETTLE
 
 
 STALL_NS: Final = 50_000_000
@@ -151,8 +151,8 @@ class Pacer:
 
     def take_lateness(self) -> list[int]:
         """Return the lateness [ns] of every sample since the last call."""
-        taken, self.lateness_ns = self.lateness_ns, []
-        return taken
+        latenesses, self.lateness_ns = self.lateness_ns, []
+        return latenesses
 
     def _look(self) -> None:
         self._calm = False
@@ -183,11 +183,11 @@ class Pacer:
         if self._calm:
             # The usual case, a few thousand times a second; anything unusual takes the slow path.
             due = self._wall_ns + int((sim_ns - self._sim_ns) / self._speed)
-            now = monotonic_ns()
-            if 0 < due - now <= _LONG_NS:
-                sleep((due - now) * 1e-9)
-                now = monotonic_ns()
-            late = now - due
+            now_ns = monotonic_ns()
+            if 0 < due - now_ns <= _LONG_NS:
+                sleep((due - now_ns) * 1e-9)
+                now_ns = monotonic_ns()
+            late = now_ns - due
             if self._calm and 0 <= late < _BURST_NS:
                 self.lateness_ns.append(late)
                 return _GO
@@ -202,10 +202,10 @@ class Pacer:
                     return verdict
             if self._speed == 0:
                 return _GO
-            now = monotonic_ns()
-            delay = self._deadline(sim_ns) - now
+            now_ns = monotonic_ns()
+            delay = self._deadline(sim_ns) - now_ns
             if delay <= 0:
-                return self._due(sim_ns, now)
+                return self._due(sim_ns, now_ns)
             if delay > _LONG_NS:
                 self._attention.wait((delay - _LONG_NS // 2) * 1e-9)
             else:
@@ -246,15 +246,15 @@ class Pacer:
         if self._burst is None:
             return due
         first_sim_ns, first_wall_ns = self._burst
-        after = int((sim_ns - first_sim_ns) / (self._speed * CATCH_UP_SPEED))
-        return max(due, first_wall_ns + after)
+        offset_ns = int((sim_ns - first_sim_ns) / (self._speed * CATCH_UP_SPEED))
+        return max(due, first_wall_ns + offset_ns)
 
-    def _due(self, sim_ns: int, now: int) -> SampleAction:
-        late = now - self._due_ns(sim_ns)
+    def _due(self, sim_ns: int, now_ns: int) -> SampleAction:
+        late = now_ns - self._due_ns(sim_ns)
         if late < _BURST_NS:
             self._burst = None
-        elif self._burst is None or now - self._deadline(sim_ns) >= _BURST_NS:
-            self._burst = (sim_ns, now)
+        elif self._burst is None or now_ns - self._deadline(sim_ns) >= _BURST_NS:
+            self._burst = (sim_ns, now_ns)
         if late < _ON_TIME_NS + self._grain_ns:
             self.end_stall()
         if self._stall is None and late < STALL_NS + self._grain_ns:
@@ -320,10 +320,10 @@ class RosClockPacer(Pacer):
             if self._now_ns() < sim_ns:
                 self._attention.wait(_LONGEST_SLEEP)
                 continue
-            now = monotonic_ns()
-            delay = self._deadline(sim_ns) - now
+            now_ns = monotonic_ns()
+            delay = self._deadline(sim_ns) - now_ns
             if delay <= 0:
-                return self._due(sim_ns, now)
+                return self._due(sim_ns, now_ns)
             if delay > _LONG_NS:
                 self._attention.wait((delay - _LONG_NS // 2) * 1e-9)
             else:

@@ -54,9 +54,9 @@ class BodyStream:
 
     def advance(self, end: float) -> Iterator[Piece]:
         """Yield the messages of the samples before ``end``."""
-        read = self._body.until(Fraction(repr(float(end))))
+        samples = self._body.until(Fraction(repr(float(end))))
         for sensor, encode, send in self._outputs:
-            messages = encode(read[sensor], self._body.sensors[sensor].valid)
+            messages = encode(samples[sensor], self._body.sensors[sensor].valid)
             if len(messages.due_t_ns):
                 yield Piece(messages.due_t_ns, send, as_list(messages.made()))
 
@@ -116,8 +116,8 @@ class PublishQueue:
     def next_groups(self, length: float) -> list[Group]:
         """Return the entries due in the next ``length`` seconds, in order."""
         self._end = min(self._end + length, self._duration)
-        new = [piece for stream in self._streams for piece in stream.advance(self._end)]
-        pieces = [*_hurried(self._held, new), *new]
+        fresh = [piece for stream in self._streams for piece in stream.advance(self._end)]
+        pieces = [*_hurried(self._held, fresh), *fresh]
         if self.finished:
             self._held = []
             return _merge(pieces)
@@ -137,16 +137,16 @@ class PublishQueue:
         )
 
 
-def _hurried(held: Sequence[Piece], new: Sequence[Piece]) -> list[Piece]:
+def _hurried(waiting: Sequence[Piece], fresh: Sequence[Piece]) -> list[Piece]:
     """Return what waits, due at the latest when the next message of its topic is.
 
     With an unchanged latency that changes nothing, for no message overtakes another. Where it was
     lowered, messages under way arrive before those that now follow sooner.
     """
-    first = {piece.send: int(piece.times[0]) for piece in reversed(new) if len(piece.times)}
+    first_times = {piece.send: int(piece.times[0]) for piece in reversed(fresh) if len(piece.times)}
     return [
-        piece._replace(times=np.minimum(piece.times, first.get(piece.send, piece.times[-1])))
-        for piece in held
+        piece._replace(times=np.minimum(piece.times, first_times.get(piece.send, piece.times[-1])))
+        for piece in waiting
     ]
 
 
@@ -162,11 +162,11 @@ def _merge(pieces: Sequence[Piece]) -> list[Group]:
     order = np.argsort(times, kind="stable")
     messages = [(piece.send, payload) for piece in pieces for payload in piece.payloads]
     groups: list[Group] = []
-    last: int | None = None
+    previous_ns: int | None = None
     for time_ns, k in zip(times[order].tolist(), order.tolist(), strict=True):
-        if time_ns != last:
+        if time_ns != previous_ns:
             together: list[tuple[Send, bytes]] = []
             groups.append((time_ns, together))
-            last = time_ns
+            previous_ns = time_ns
         together.append(messages[k])
     return groups

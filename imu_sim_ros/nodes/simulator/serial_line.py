@@ -96,9 +96,9 @@ class PseudoTerminal:
 def messages(serial: Serial) -> Encode:
     """Return what turns samples into the messages of a serial line: those that are delivered."""
 
-    def encode(read: Samples, _: object) -> Messages:
-        rows = read.delivered
-        lines = [line.encode("ascii") for line in serial.lines(read, rows)]
-        return Messages(read.t_ns[rows], read.release_t_ns[rows], lines)
+    def encode(samples: Samples, _: object) -> Messages:
+        rows = samples.delivered
+        lines = [line.encode("ascii") for line in serial.lines(samples, rows)]
+        return Messages(samples.t_ns[rows], samples.release_t_ns[rows], lines)
 
     return encode

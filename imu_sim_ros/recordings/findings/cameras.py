@@ -45,8 +45,8 @@ def intrinsics_changed(camera: CameraRecord) -> Iterator[Evidence]:
     calibrated = list(_calibrated(camera))
     if len(calibrated) < 2:
         return
-    (_, before), (row, after) = calibrated[:2]
-    shown = [_numbers(info) for info in (before, after)]
+    (_, first_info), (row, second_info) = calibrated[:2]
+    shown = [_numbers(info) for info in (first_info, second_info)]
     text = f"{shown[0]} becomes {shown[1]}" if shown[0] != shown[1] else "it changes"
     yield Evidence(f"{text}; {len(calibrated)} descriptions", row, len(calibrated) - 1)
 
@@ -92,8 +92,8 @@ def distortion_problem(info: CameraInfo) -> str:
     counts = COEFFICIENTS.get(info.distortion_model, (len(info.d),))
     if len(info.d) in counts:
         return ""
-    wanted = " or ".join(map(str, counts))
-    return f"{len(info.d)} coefficients; {info.distortion_model or 'no model'} has {wanted}"
+    expected = " or ".join(map(str, counts))
+    return f"{len(info.d)} coefficients; {info.distortion_model or 'no model'} has {expected}"
 
 
 @check(

@@ -76,8 +76,8 @@ def state_findings(states: States) -> list[Finding]:
     findings = list(_findings(STATES, StateMeasures(states), states))
     if np.all(np.diff(states.t_ns) > 0):
         head = states.rows(slice(_JUDGED))
-        found = mended(head.t, head.position, head.q_wb).disturbances
-        findings += disturbance_findings(head, found)
+        disturbances = mended(head.t, head.position, head.q_wb).disturbances
+        findings += disturbance_findings(head, disturbances)
     return by_severity(findings)
 
 

@@ -40,18 +40,20 @@ class DisturbedPoses(NamedTuple):
 )
 def poses_outlying(poses: DisturbedPoses) -> Iterator[Evidence]:
     """Find single poses off the motion of their neighbours."""
-    found = poses.disturbances
-    count = len(found.single)
+    disturbances = poses.disturbances
+    count = len(disturbances.single)
     if not count:
         return
     places = [
         f"{poses.place(int(row))} by {distance:.3g} m and {np.degrees(angle):.3g} deg"
-        for row, distance, angle in zip(found.single, found.distance, found.angle, strict=True)
+        for row, distance, angle in zip(
+            disturbances.single, disturbances.distance, disturbances.angle, strict=True
+        )
     ]
     subject = "1 pose lies" if count == 1 else f"{count} poses lie"
     yield Evidence(
-        f"{subject} off the motion of the neighbours: {_largest(places, found.distance)}",
-        int(found.single[0]),
+        f"{subject} off the motion of the neighbours: {_largest(places, disturbances.distance)}",
+        int(disturbances.single[0]),
         count,
     )
 
@@ -83,20 +85,20 @@ def poses_jump(poses: DisturbedPoses) -> Iterator[Evidence]:
 )
 def poses_arrival(poses: DisturbedPoses) -> Iterator[Evidence]:
     """Find stamps of poses that are times of arrival."""
-    found = poses.disturbances
-    if found.scatter:
+    disturbances = poses.disturbances
+    if disturbances.scatter:
         yield Evidence(
-            f"the stamps scatter by {found.scatter * 1e3:.3g} ms about an even interval of "
-            f"{found.interval * 1e3:.4g} ms, on which the motion is smoother: they appear to be "
-            "times of arrival"
+            f"the stamps scatter by {disturbances.scatter * 1e3:.3g} ms about an even interval of "
+            f"{disturbances.interval * 1e3:.4g} ms, on which the motion is smoother: they appear "
+            "to be times of arrival"
         )
 
 
 def _largest(places: Sequence[str], sizes: Sequence[float] | Array) -> str:
     """Return the few largest disturbances, in the order of the file."""
     shown = sorted(np.argsort(-np.asarray(sizes), kind="stable")[:_SHOWN])
-    more = len(places) - _SHOWN
-    rest = f" and {more} smaller {'one' if more == 1 else 'ones'}" if more > 0 else ""
+    surplus = len(places) - _SHOWN
+    rest = f" and {surplus} smaller {'one' if surplus == 1 else 'ones'}" if surplus > 0 else ""
     return ", ".join(places[k] for k in shown) + rest
 
 

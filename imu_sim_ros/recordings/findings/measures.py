@@ -150,8 +150,8 @@ class ReadingMeasures:
     def _spread(self, values: Array) -> tuple[Array, Array]:
         """Return the standard deviation (windows, 3) of the parts' means, and that by noise."""
         parts = self._windows(values)
-        inside = np.sqrt(np.mean(parts.var(axis=2, ddof=1), axis=1))
-        return parts.mean(axis=2).std(axis=1, ddof=1), inside / math.sqrt(parts.shape[2])
+        deviation = np.sqrt(np.mean(parts.var(axis=2, ddof=1), axis=1))
+        return parts.mean(axis=2).std(axis=1, ddof=1), deviation / math.sqrt(parts.shape[2])
 
     @cached_property
     def rest_means(self) -> tuple[Array, Array] | None:

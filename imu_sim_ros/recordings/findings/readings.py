@@ -301,9 +301,9 @@ def axis_saturated(measures: ReadingMeasures) -> Iterator[Evidence]:
             noise = float(np.sqrt(np.mean(np.square(change)) / 70.0))
             if noise < 0.5 * float(np.diff(codes).min()):
                 continue
-            for end, beside in ((0, 1), (-1, -2)):
+            for end, neighbour in ((0, 1), (-1, -2)):
                 often = counts[end] > max(10, _SATURATED * len(column))
-                pile = counts[end] > _PILE * counts[beside]
+                pile = counts[end] > _PILE * counts[neighbour]
                 if often and pile:
                     row = int(np.flatnonzero(np.isclose(column, codes[end], rtol=ROUNDING))[0])
                     name = f"{triad} {AXES[axis]}"

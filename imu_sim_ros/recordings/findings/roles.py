@@ -37,8 +37,8 @@ class TrajectoryUse(NamedTuple):
 def frames_mixed(topic: TopicFrames) -> Iterator[Evidence]:
     """Find readings of several frames on one topic."""
     if len(topic.frames) > 1:
-        named = ", ".join(f"{name} ({count:,})" for name, count in topic.frames.items())
-        yield Evidence(f"has readings of several frames: {named}")
+        frames = ", ".join(f"{name} ({count:,})" for name, count in topic.frames.items())
+        yield Evidence(f"has readings of several frames: {frames}")
 
 
 _ORDER: Final = "the estimate comes first, the truth second"

@@ -117,8 +117,8 @@ def poses_held(measures: StateMeasures) -> Iterator[Evidence]:
         length = float(np.mean(lengths[lengths <= 10.0 * np.median(lengths)]))
         rate = 1.0 / measures.interval
         text = f"each pose stands {length:.3g} times on average: {rate / length:.4g} Hz"
-        first = int(starts[np.flatnonzero(repeated)[0]])
-        yield Evidence(f"{text}, not {rate:.4g}", first, int((lengths - 1).sum()))
+        row = int(starts[np.flatnonzero(repeated)[0]])
+        yield Evidence(f"{text}, not {rate:.4g}", row, int((lengths - 1).sum()))
 
 
 @check(
@@ -179,13 +179,13 @@ def quaternion_order(measures: StateMeasures) -> Iterator[Evidence]:
 def z_down(measures: StateMeasures) -> Iterator[Evidence]:
     """Find poses of a body or in a world whose z axis points downwards."""
     states = measures.states
-    named = [
+    names = [
         name
         for name, axes in ((states.frame_id, "ned"), (states.child_frame_id, "frd"))
         if axes in name.lower().replace("/", "_").split("_")
     ]
-    if named:
-        yield Evidence(f"the frame is called {', '.join(named)}")
+    if names:
+        yield Evidence(f"the frame is called {', '.join(names)}")
     elif any(quaternion_order.find(measures)):
         return
     elif len(states) >= _FEWEST and np.quantile(_level(states.q_wb), 0.95) < -0.9:
