@@ -42,14 +42,14 @@ def suggest_keywords(function: Callable[_P, _R]) -> Callable[_P, _R]:
     :param function: has no ``**`` argument.
     """
     code = function.__code__
-    known = code.co_varnames[: code.co_argcount + code.co_kwonlyargcount]
+    parameters = code.co_varnames[: code.co_argcount + code.co_kwonlyargcount]
 
     @functools.wraps(function)
     def checked(*args: _P.args, **keywords: _P.kwargs) -> _R:
-        wrong = [name for name in keywords if name not in known]
+        wrong = [name for name in keywords if name not in parameters]
         if wrong:
             raise ArgumentTypeError(
-                [f"{name}: unknown argument; {suggestion(name, known)}" for name in wrong]
+                [f"{name}: unknown argument; {suggestion(name, parameters)}" for name in wrong]
             )
         return function(*args, **keywords)
 
@@ -63,9 +63,9 @@ def path(name: str, value: object, allowed: str = "the path of a file") -> Path:
     """
     if not isinstance(value, str | os.PathLike) or isinstance(os.fspath(value), bytes):
         refuse(name, value, allowed, wrong_type=True)
-    words = os.fsencode(value)
-    longest = max(map(len, words.split(b"/")))
-    if not words or b"\0" in words or longest > _LONGEST_NAME or len(words) > _LONGEST_PATH:
+    encoded = os.fsencode(value)
+    longest = max(map(len, encoded.split(b"/")))
+    if not encoded or b"\0" in encoded or longest > _LONGEST_NAME or len(encoded) > _LONGEST_PATH:
         refuse(name, value, allowed)
     return Path(value)
 
@@ -83,15 +83,15 @@ def text(name: str, value: object, allowed: str, empty: bool = False) -> str:
     return value
 
 
-def one_of(name: str, value: object, known: Collection[str]) -> str:
+def one_of(name: str, value: object, choices: Collection[str]) -> str:
     """Return one of some words.
 
     :raises ConfigurationError: for anything else, with the nearest right one.
     """
     if not isinstance(value, str):
-        refuse(name, value, f"one of {', '.join(known)}", wrong_type=True)
-    if value not in known:
-        raise ConfigurationError(f"{name} = {shown(value)}: {suggestion(value, known)}")
+        refuse(name, value, f"one of {', '.join(choices)}", wrong_type=True)
+    if value not in choices:
+        raise ConfigurationError(f"{name} = {shown(value)}: {suggestion(value, choices)}")
     return value
 
 
@@ -100,10 +100,10 @@ def words(name: str, value: object) -> tuple[str, ...]:
 
     :raises ConfigurationError: for anything else.
     """
-    given = (value,) if isinstance(value, str) else value
-    if not isinstance(given, Collection) or isinstance(given, bytes | Mapping | np.ndarray):
+    texts = (value,) if isinstance(value, str) else value
+    if not isinstance(texts, Collection) or isinstance(texts, bytes | Mapping | np.ndarray):
         refuse(name, value, "names", wrong_type=True)
-    return tuple(text(name, each, "names") for each in given)
+    return tuple(text(name, word, "names") for word in texts)
 
 
 def topic(name: str, value: object, of_a_file: bool = True) -> str | None:
@@ -114,10 +114,10 @@ def topic(name: str, value: object, of_a_file: bool = True) -> str | None:
     """
     if value is None:
         return None
-    found = text(name, value, "the name of a topic, or None")
+    topic_name = text(name, value, "the name of a topic, or None")
     if not of_a_file:
         refuse(name, value, "omitted: only a file has topics")
-    return found
+    return topic_name
 
 
 def switch(name: str, value: object) -> bool:
@@ -181,18 +181,18 @@ def array(name: str, value: object, shape: tuple[int | None, ...], finite: bool 
 
     :raises ConfigurationError: for anything else.
     """
-    found = value if type(value) is np.ndarray else _plain(name, value, _allowed(shape))
-    if found.dtype is not _FLOAT64:
-        if found.dtype.kind not in "iuf":
+    values = value if type(value) is np.ndarray else _plain(name, value, _allowed(shape))
+    if values.dtype is not _FLOAT64:
+        if values.dtype.kind not in "iuf":
             refuse(name, value, _allowed(shape), wrong_type=True)
-        found = found.astype(np.float64, copy=False)
-    have = found.shape
+        values = values.astype(np.float64, copy=False)
+    have = values.shape
     if have != shape and not (
         len(have) == len(shape)
-        and all(want in (None, length) for want, length in zip(shape, have, strict=True))
+        and all(expected in (None, length) for expected, length in zip(shape, have, strict=True))
     ):
         refuse(name, value, f"{_allowed(shape)}, not {have}")
-    result: Array = found
+    result: Array = values
     if finite and not np.isfinite(result).all():
         refuse(name, value, _allowed(shape))
     return result
@@ -204,9 +204,9 @@ def vectors(name: str, value: Any, length: int) -> Array:
     :raises ConfigurationError: for anything else.
     """
     several = (None, length)
-    found = value if type(value) is np.ndarray else _plain(name, value, _allowed(several))
-    if found.ndim == 1:
-        return array(name, found if found.shape == (length,) else value, (length,), False)[None]
+    rows = value if type(value) is np.ndarray else _plain(name, value, _allowed(several))
+    if rows.ndim == 1:
+        return array(name, rows if rows.shape == (length,) else value, (length,), False)[None]
     return array(name, value, several, finite=False)
 
 
@@ -226,8 +226,8 @@ _FLOAT64: Final = np.dtype(np.float64)
 
 def _allowed(shape: tuple[int | None, ...]) -> str:
     """Return which arrays of a shape are allowed, in words."""
-    words = ", ".join("n" if length is None else str(length) for length in shape)
-    return f"finite numbers of the shape ({words}{',' if len(shape) == 1 else ''})"
+    sizes = ", ".join("n" if length is None else str(length) for length in shape)
+    return f"finite numbers of the shape ({sizes}{',' if len(shape) == 1 else ''})"
 
 
 def _plain(name: str, value: Any, allowed: str) -> NDArray[Any]:
@@ -253,14 +253,14 @@ def stamps(name: str, value: object) -> Integers:
     :raises ConfigurationError: for anything else.
     """
     allowed = "whole nanoseconds, an array of integers (n,)"
-    found = _plain(name, value, allowed)
-    if found.dtype.kind not in "iu":
+    t_ns = _plain(name, value, allowed)
+    if t_ns.dtype.kind not in "iu":
         refuse(name, value, allowed, wrong_type=True)
-    if found.ndim != 1:
+    if t_ns.ndim != 1:
         refuse(name, value, allowed)
-    if found.dtype.kind == "u" and (found > np.iinfo(np.int64).max).any():
+    if t_ns.dtype.kind == "u" and (t_ns > np.iinfo(np.int64).max).any():
         refuse(name, value, allowed)
-    return found.astype(np.int64, copy=False)
+    return t_ns.astype(np.int64, copy=False)
 
 
 def name_of(path: Path) -> str:

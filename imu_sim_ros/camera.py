@@ -1,7 +1,7 @@
 # Copyright 2026 imu_sim_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""What a camera on a simulated flight sees, in one call: pixels, tracks, images."""
+"""Cameras on a simulated flight in one call: pixels, tracks, images."""
 
 import dataclasses
 import itertools
@@ -54,7 +54,8 @@ class Rig:
         self.parameters: RigParameters = next(iter(self.cameras.values())).environment.rig
         self.trajectory, self.scene = world.trajectory, world.scene
         self._models = {
-            name: Camera(one, world.t0_ns, {}).within(world) for name, one in self.cameras.items()
+            name: Camera(mounted_camera, world.t0_ns, {}).within(world)
+            for name, mounted_camera in self.cameras.items()
         }
         self.views = {name: model.view for name, model in self._models.items()}
 
@@ -72,11 +73,11 @@ class Rig:
     def _tracks(self, name: str, block: int) -> Iterator[Tracks]:
         tracker = self.tracker(name)
         total = self.views[name].total
-        first = 0
-        while total is None or first < total:
-            size = block if total is None else min(block, total - first)
-            yield tracker.tracks(first, size)
-            first += size
+        begin = 0
+        while total is None or begin < total:
+            size = block if total is None else min(block, total - begin)
+            yield tracker.tracks(begin, size)
+            begin += size
 
     def images(self, name: str) -> Iterator[tuple[int, Bytes]]:
         """Yield the stamp [ns] and the image (h, w), or (h, w, 3), of all frames of a camera.
@@ -133,7 +134,7 @@ def build_rig(parameters: Mapping[str, object]) -> Rig:
 
 
 class Simulated(Protocol):
-    """What the cameras need from the simulation of their body."""
+    """Simulation of a body, as its cameras need it."""
 
     @property
     def parameters(self) -> SimulationParameters:
@@ -148,19 +149,19 @@ class Simulated(Protocol):
         """True time of sample 0 [ns]."""
 
 
-def on_simulation(given: Mapping[str, object], simulation: Simulated) -> Rig:
+def on_simulation(layers: Mapping[str, object], simulation: Simulated) -> Rig:
     """Return the cameras that parameters by dotted name describe, on a simulation's body.
 
     :raises ConfigurationError: with a line for each problem.
     :raises InputError: for a file that cannot be used.
     """
     recorded = isinstance(simulation.parameters.trajectory, PosesParameters)
-    rig = load_rig({**given, **axes(given, recorded)})
+    rig = load_rig({**layers, **axes(layers, recorded)})
     problems = list(rig_problems(rig, simulation.parameters))
     if problems:
         raise ConfigurationError(problems)
-    seen = dataclasses.replace(simulation.parameters, cameras=rig.cameras, rig=rig)
-    return rig_of(seen, simulation.trajectory, simulation.t0_ns)
+    parameters = dataclasses.replace(simulation.parameters, cameras=rig.cameras, rig=rig)
+    return rig_of(parameters, simulation.trajectory, simulation.t0_ns)
 
 
 def rig_of(parameters: SimulationParameters, trajectory: Trajectory, t0_ns: int) -> Rig:
@@ -184,9 +185,9 @@ def project(points: ArrayLike, camera: str | Path | Mapping[str, Any] = "euroc_c
     >>> ims.camera.project([[0.0, 0.0, 1.0]], camera={"preset": "euroc_cam0"}).uv.round(3)
     array([[367.215, 248.375]])
     """
-    given = arguments.array("points", points, (None, 3))
+    checked_points = arguments.array("points", points, (None, 3))
     rig = build_rig({**_camera(camera), "trajectory.type": "static", "duration": 1.0})
-    return rig.views[_NAME].model.project(given)
+    return rig.views[_NAME].model.project(checked_points)
 
 
 def tracks(
@@ -306,10 +307,12 @@ def _rig(flight: Simulated, camera: str | Path | Mapping[str, Any], scene: str |
 def _camera(camera: str | Path | Mapping[str, Any]) -> dict[str, object]:
     allowed = "a name, the path of a file, or parameters by name"
     if isinstance(camera, Mapping):
-        own = dict(camera)
+        camera_parameters = dict(camera)
     else:
-        own = {"preset": str(arguments.path("camera", camera, allowed))}
-    if not all(isinstance(name, str) for name in own):
+        camera_parameters = {"preset": str(arguments.path("camera", camera, allowed))}
+    if not all(isinstance(name, str) for name in camera_parameters):
         arguments.refuse("camera", camera, allowed, wrong_type=True)
-    values = {name: v.tolist() if hasattr(v, "tolist") else v for name, v in own.items()}
+    values = {
+        name: v.tolist() if hasattr(v, "tolist") else v for name, v in camera_parameters.items()
+    }
     return {"cameras": [_NAME], **{f"{_NAME}.camera.{name}": v for name, v in values.items()}}

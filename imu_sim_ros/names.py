@@ -1,7 +1,7 @@
 # Copyright 2026 imu_sim_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""What is said of a name that does not exist: the nearest one that does, or all of them."""
+"""Messages on a name that does not exist: the nearest one that does, or all of them."""
 
 from collections.abc import Iterable
 from typing import Final
@@ -24,51 +24,53 @@ def printable(text: str) -> str:
     return text.encode("utf-8", "backslashreplace").decode("utf-8")
 
 
-def suggestion(name: object, known: Iterable[str], otherwise: str | None = None) -> str:
+def suggestion(name: object, candidates: Iterable[str], otherwise: str | None = None) -> str:
     """Return the end of a line about a name that does not exist: ``did you mean mpu6000?``.
 
-    :param known: the names that exist.
+    :param candidates: the names that exist.
     :param otherwise: said if none of them is near; None: ``must be one of`` all of them.
     """
-    known = list(known)
-    near = nearest(name, known)
-    every = f"must be one of {_listed(known)}" if otherwise is None else otherwise
-    if near is None:
-        return every
-    hint = f"did you mean {near}?"
-    return f"{every}; {hint}" if otherwise is None and len(known) <= _MAX_LISTED else hint
+    candidates = list(candidates)
+    nearest_name = nearest(name, candidates)
+    fallback = f"must be one of {_listed(candidates)}" if otherwise is None else otherwise
+    if nearest_name is None:
+        return fallback
+    hint = f"did you mean {nearest_name}?"
+    return f"{fallback}; {hint}" if otherwise is None and len(candidates) <= _MAX_LISTED else hint
 
 
-def _listed(known: list[str]) -> str:
+def _listed(names: list[str]) -> str:
     """Return the names, the first ones and how many more there are if they do not fit in a line."""
-    last = "".join(f"{name}, " for name in known)[:_LETTERS_LISTED].count(", ")
-    more = f" and {len(known) - last} more" if last < len(known) else ""
-    return ", ".join(known[:last]) + more
+    count = "".join(f"{name}, " for name in names)[:_LETTERS_LISTED].count(", ")
+    remainder = f" and {len(names) - count} more" if count < len(names) else ""
+    return ", ".join(names[:count]) + remainder
 
 
-def nearest(name: object, known: Iterable[str], similarity: float = 0.6) -> str | None:
+def nearest(name: object, candidates: Iterable[str], similarity: float = 0.6) -> str | None:
     """Return the name most like another one; None: none is.
 
     :param similarity: from which on names are alike, 0 to 1 (``difflib.SequenceMatcher.ratio``).
     """
     import difflib  # only a name that does not exist needs it
 
-    lower = {each.lower(): each for each in reversed(list(known))}
-    near = difflib.get_close_matches(str(name)[:_LONGEST].lower(), lower, n=1, cutoff=similarity)
-    return lower[near[0]] if near else None
+    lower = {candidate.lower(): candidate for candidate in reversed(list(candidates))}
+    matches = difflib.get_close_matches(str(name)[:_LONGEST].lower(), lower, n=1, cutoff=similarity)
+    return lower[matches[0]] if matches else None
 
 
 def shown(value: object) -> str:
     """Return a value as messages show it: one line, cut if it is long."""
-    words = " ".join(repr(value).split())
-    return words if len(words) <= _SHOWN else f"{words[: _SHOWN - 3]}..."
+    text = " ".join(repr(value).split())
+    return text if len(text) <= _SHOWN else f"{text[: _SHOWN - 3]}..."
 
 
-def unknown(kind: str, name: object, known: Iterable[str], otherwise: str | None = None) -> str:
+def unknown(
+    kind: str, name: object, candidates: Iterable[str], otherwise: str | None = None
+) -> str:
     """Return a line on a name: ``unknown IMU 'mpu600'; did you mean mpu6000?``.
 
     :param kind: what the name should be, as people call it.
     """
-    words = str(name)
-    shown = words if len(words) <= _LONGEST else words[: _LONGEST - 3] + "..."
-    return f"unknown {kind} {shown!r}; {suggestion(name, known, otherwise)}".removesuffix("; ")
+    text = str(name)
+    shown = text if len(text) <= _LONGEST else text[: _LONGEST - 3] + "..."
+    return f"unknown {kind} {shown!r}; {suggestion(name, candidates, otherwise)}".removesuffix("; ")

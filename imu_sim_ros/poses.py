@@ -31,8 +31,8 @@ from imu_sim_ros.types import Array, Integers, Mask
 
 
 def _alternatives(counts: tuple[int, ...]) -> str:
-    *others, last = map(str, counts)
-    return f"{', '.join(others)} or {last}"
+    *initial, final = map(str, counts)
+    return f"{', '.join(initial)} or {final}"
 
 
 _POSE_COLUMNS: Final = 8
@@ -104,9 +104,11 @@ class _PoseRows(NamedTuple):
         columns: Iterator[Any] = (column[rows] for column in self)
         return _PoseRows(*columns)
 
-    def before(self, other: _PoseRows) -> _PoseRows:
+    def before(self, following: _PoseRows) -> _PoseRows:
         """Return these poses with others behind them."""
-        columns: Iterator[Any] = (np.concatenate(pair) for pair in zip(self, other, strict=True))
+        columns: Iterator[Any] = (
+            np.concatenate(pair) for pair in zip(self, following, strict=True)
+        )
         return _PoseRows(*columns)
 
 
@@ -219,16 +221,16 @@ class _Reading:
 
     def _is_sound(self, layout: TableLayout, number: int, text: bytes) -> bool:
         """Return whether one row is all numbers; note what is wrong with it."""
-        before = self._bad.count
+        previous_count = self._bad.count
         layout.note(self._bad, number, text, _POSE)
         cells = layout.fields(text)
         if self._covariance and len(cells) in _WITH_COVARIANCE:
             for cell in cells[-_TRIANGLES:]:
                 field = cell.strip().decode("utf-8", "replace")
                 if not _is_finite(field):
-                    words = f"{shortened(field)} is not a finite number of a covariance"
-                    self._bad.note(NUMBERS, number, words)
-        sound = self._bad.count == before
+                    reason = f"{shortened(field)} is not a finite number of a covariance"
+                    self._bad.note(NUMBERS, number, reason)
+        sound = self._bad.count == previous_count
         self._bad.rows += not sound
         return sound
 
@@ -236,25 +238,25 @@ class _Reading:
         """Return the poses that the gate passes, their quaternions made exact."""
         verdict = gate.poses(poses.t_ns, poses.position, poses.q_wb)
         verdict.note(self._bad, poses.number)
-        kept = poses.at(verdict.good)
-        return kept._replace(q_wb=rotation.normalise(kept.q_wb))
+        valid = poses.at(verdict.good)
+        return valid._replace(q_wb=rotation.normalise(valid.q_wb))
 
     def _in_order(self, poses: _PoseRows) -> _PoseRows:
         """Return the poses whose stamps are after the one before; those that occur twice once."""
         if not len(poses.t_ns):
             return poses
-        first = 0
+        begin = 0
         if self._last is not None:
             poses = self._last.before(poses)
-            first = 1
+            begin = 1
         repeated = _repeated(poses)
         keep = np.concatenate([[True], np.diff(poses.t_ns) > 0])
         if not keep.all():
             keep = self._increasing(poses, repeated)
         self._dropped += int(np.count_nonzero(repeated & ~keep))
-        kept = np.flatnonzero(keep)
-        self._last = poses.at(kept[-1:])
-        return poses.at(kept[kept >= first])
+        rows = np.flatnonzero(keep)
+        self._last = poses.at(rows[-1:])
+        return poses.at(rows[rows >= begin])
 
     def _increasing(self, poses: _PoseRows, repeated: Mask) -> Mask:
         """Return which stamps are after all before them; note those that are not, nor repeated."""
@@ -262,14 +264,14 @@ class _Reading:
         keep = np.concatenate([[True], poses.t_ns[1:] > latest[:-1]])
         for k in np.flatnonzero(~keep & ~repeated):
             # Compared with the last stamp that stands, not with another bad one.
-            before = int(np.flatnonzero(keep[:k])[-1])
-            step = int(poses.t_ns[k] - poses.t_ns[before])
-            line, other = int(poses.number[k]), poses.number[before]
+            previous = int(np.flatnonzero(keep[:k])[-1])
+            step = int(poses.t_ns[k] - poses.t_ns[previous])
+            line, previous_line = int(poses.number[k]), poses.number[previous]
             if step < 0:
-                words = f"the stamp is {-step * 1e-9:.9g} s before that of line {other}"
+                reason = f"the stamp is {-step * 1e-9:.9g} s before that of line {previous_line}"
             else:
-                words = f"the stamp of line {other} with a different pose"
-            self._bad.note(STAMPS, line, words)
+                reason = f"the stamp of line {previous_line} with a different pose"
+            self._bad.note(STAMPS, line, reason)
             self._bad.rows += 1
         return keep
 
@@ -315,5 +317,5 @@ def write_tum(path: str | Path, poses: States) -> None:
         for sign, second, nanosecond, row in zip(
             signs.tolist(), whole.tolist(), part.tolist(), values.tolist(), strict=True
         ):
-            words = " ".join(f"{value:.12g}" for value in row)
-            file.write(f"{sign}{second}.{nanosecond:09d} {words}\n")
+            columns = " ".join(f"{value:.12g}" for value in row)
+            file.write(f"{sign}{second}.{nanosecond:09d} {columns}\n")

@@ -189,10 +189,10 @@ def right_jacobian(rotation_vector: ArrayLike) -> Array:
     angle = np.linalg.norm(v, axis=-1)[..., None, None]
     small = angle < _SMALL_ANGLE
     x = np.where(small, 1.0, angle)
-    first = np.where(small, 0.5 - angle**2 / 24.0, (1.0 - np.cos(x)) / x**2)
-    second = np.where(small, 1.0 / 6.0 - angle**2 / 120.0, (x - np.sin(x)) / x**3)
+    b = np.where(small, 0.5 - angle**2 / 24.0, (1.0 - np.cos(x)) / x**2)
+    c = np.where(small, 1.0 / 6.0 - angle**2 / 120.0, (x - np.sin(x)) / x**3)
     s = skew(v)
-    return np.eye(3) - first * s + second * (s @ s)
+    return np.eye(3) - b * s + c * (s @ s)
 
 
 def from_euler(roll_pitch_yaw: ArrayLike) -> Array:
@@ -210,8 +210,8 @@ def euler_rates_to_body_rates(roll_pitch_yaw: ArrayLike) -> Array:
     angles = np.asarray(roll_pitch_yaw, dtype=np.float64)
     sr, cr = np.sin(angles[..., 0]), np.cos(angles[..., 0])
     sp, cp = np.sin(angles[..., 1]), np.cos(angles[..., 1])
-    one, zero = np.ones_like(sr), np.zeros_like(sr)
-    rows = [[one, zero, -sp], [zero, cr, sr * cp], [zero, -sr, cr * cp]]
+    ones, zeros = np.ones_like(sr), np.zeros_like(sr)
+    rows = [[ones, zeros, -sp], [zeros, cr, sr * cp], [zeros, -sr, cr * cp]]
     return np.stack([np.stack(row, axis=-1) for row in rows], axis=-2)
 
 
@@ -220,25 +220,25 @@ def body_rates_to_euler_rates(roll_pitch_yaw: ArrayLike) -> Array:
     angles = np.asarray(roll_pitch_yaw, dtype=np.float64)
     sr, cr = np.sin(angles[..., 0]), np.cos(angles[..., 0])
     tp, cp = np.tan(angles[..., 1]), np.cos(angles[..., 1])
-    one, zero = np.ones_like(sr), np.zeros_like(sr)
-    rows = [[one, sr * tp, cr * tp], [zero, cr, -sr], [zero, sr / cp, cr / cp]]
+    ones, zeros = np.ones_like(sr), np.zeros_like(sr)
+    rows = [[ones, sr * tp, cr * tp], [zeros, cr, -sr], [zeros, sr / cp, cr / cp]]
     return np.stack([np.stack(row, axis=-1) for row in rows], axis=-2)
 
 
-def euler_motion(angles: Array, first: Array, second: Array) -> tuple[Array, Array, Array]:
+def euler_motion(angles: Array, rates: Array, accelerations: Array) -> tuple[Array, Array, Array]:
     """Return q_wb (n, 4), omega_b (n, 3) and alpha_b (n, 3) of Euler angles over time.
 
     ``omega_b = E d/dt (roll, pitch, yaw)`` (lecture eq. 37); alpha_b is its derivative.
 
     :param angles: (n, 3) roll, pitch, yaw [rad].
-    :param first: (n, 3) their first derivatives [rad/s].
-    :param second: (n, 3) their second derivatives [rad/s^2].
+    :param rates: (n, 3) first derivatives of the angles [rad/s].
+    :param accelerations: (n, 3) second derivatives of the angles [rad/s^2].
     """
     half = 0.5 * angles
     sines, cosines = np.sin(half), np.cos(half)
     twice = 2.0 * sines[:, :2]
     (sr, sp), (cr, cp) = (twice * cosines[:, :2]).T, (1.0 - twice * sines[:, :2]).T
-    (roll1, pitch1, yaw1), (roll2, pitch2, yaw2) = first.T, second.T
+    (roll1, pitch1, yaw1), (roll2, pitch2, yaw2) = rates.T, accelerations.T
     across, down, turn = sr * cp, cr * cp, yaw1 * pitch1
     omega, alpha = (np.empty(angles.shape, order="F") for _ in range(2))
     x, y, z = omega.T
@@ -258,28 +258,28 @@ def cumulative_product(q: ArrayLike) -> Array:
     column at a time, then each row is multiplied by the product of the rows before it. Some
     2 sqrt(n) vectorised products instead of n small ones, and rounding that grows with sqrt(n).
     """
-    first = np.asarray(q, dtype=np.float64).T
-    n = first.shape[1]
+    sequence = np.asarray(q, dtype=np.float64).T
+    n = sequence.shape[1]
     if n < 2:
-        return first.T.copy()
+        return sequence.T.copy()
     columns = math.ceil(math.sqrt(n))
     rows = -(-n // columns)
     table = np.zeros((columns, 4, rows))
     table[n % columns :, 0, -1] = 1.0  # what is missing of the last row; the rest is filled next
     whole = n // columns
     in_rows = table.transpose(1, 2, 0)
-    in_rows[:, :whole] = first[:, : whole * columns].reshape(4, whole, columns)
-    in_rows[:, whole:, : n % columns] = first[:, None, whole * columns :]
-    right, terms = np.empty((_AHEAD, 4, 4, rows)), np.empty((4, 4, rows))
-    before = table[0]
+    in_rows[:, :whole] = sequence[:, : whole * columns].reshape(4, whole, columns)
+    in_rows[:, whole:, : n % columns] = sequence[:, None, whole * columns :]
+    scratch, terms = np.empty((_AHEAD, 4, 4, rows)), np.empty((4, 4, rows))
+    running = table[0]
     for begin in range(1, columns, _AHEAD):
         some = table[begin : begin + _AHEAD]
-        ahead = np.take(some, _FACTORS, axis=1, out=right[: len(some)], mode="clip")
+        ahead = np.take(some, _FACTORS, axis=1, out=scratch[: len(some)], mode="clip")
         ahead *= _SIGNS[:, :, None]
         for factors, product in zip(ahead, some, strict=True):
             # Two calls a column, and the same rounding as multiply has.
-            np.multiply(before, factors, terms)
-            before = np.add.reduce(terms, 1, None, product)
+            np.multiply(running, factors, terms)
+            running = np.add.reduce(terms, 1, None, product)
     starts = np.empty((4, columns, rows))
     starts[:] = _running(table[-1].T.tolist())[:, None]
     ends = np.ascontiguousarray(table.transpose(1, 0, 2))
@@ -292,11 +292,11 @@ def cumulative_product(q: ArrayLike) -> Array:
 
 def _running(products: list[list[float]]) -> Array:
     """Return the product of the rows before each (4, m)."""
-    before: components.Quaternion[float] = (1.0, 0.0, 0.0, 0.0)
+    running_product: components.Quaternion[float] = (1.0, 0.0, 0.0, 0.0)
     starts = []
     for w, x, y, z in products:
-        starts.append(before)
-        before = components.multiply(before, (w, x, y, z))
+        starts.append(running_product)
+        running_product = components.multiply(running_product, (w, x, y, z))
     return np.array(starts).T
 
 
@@ -304,7 +304,9 @@ _SMALL = 0.1
 """[rad] below this the series are used; what they leave out is below 1e-13."""
 
 
-def rate_and_acceleration(phi: Array, first: Array, second: Array) -> tuple[Array, Array]:
+def rate_and_acceleration(
+    phi: Array, phi_rate: Array, phi_acceleration: Array
+) -> tuple[Array, Array]:
     """Return omega and alpha (n, 3) of ``R = Exp(phi)``, in the axes that are turned.
 
     ``omega = Jr(phi) phi'`` with ``Jr = I - b [phi] + c [phi]^2``, ``b = (1 - cos t) / t^2``,
@@ -312,18 +314,20 @@ def rate_and_acceleration(phi: Array, first: Array, second: Array) -> tuple[Arra
     and Lie groups", vol. 2, eq. 10.86); alpha is its derivative, term by term.
 
     :param phi: (n, 3) rotation vectors [rad].
-    :param first: (n, 3) their first derivatives [rad/s].
-    :param second: (n, 3) their second derivatives [rad/s^2].
+    :param phi_rate: (n, 3) phi', their first derivatives [rad/s].
+    :param phi_acceleration: (n, 3) phi'', their second derivatives [rad/s^2].
     """
     angle = np.linalg.norm(phi, axis=-1)
     b, c, b_slope, c_slope = (value[:, None] for value in _coefficients(angle))
-    growth = np.sum(phi * first, axis=-1, keepdims=True)  # t t'
-    across = np.cross(phi, first)
+    growth = np.sum(phi * phi_rate, axis=-1, keepdims=True)  # t t'
+    across = np.cross(phi, phi_rate)
     twice = np.cross(phi, across)
-    omega: Array = first - b * across + c * twice
-    turned = np.cross(phi, second)
-    alpha: Array = second - b * turned - b_slope * growth * across + c_slope * growth * twice
-    alpha += c * (np.cross(first, across) + np.cross(phi, turned))
+    omega: Array = phi_rate - b * across + c * twice
+    turned = np.cross(phi, phi_acceleration)
+    alpha: Array = (
+        phi_acceleration - b * turned - b_slope * growth * across + c_slope * growth * twice
+    )
+    alpha += c * (np.cross(phi_rate, across) + np.cross(phi, turned))
     return omega, alpha
 
 

@@ -133,11 +133,13 @@ class TableLayout:
         table = self._table(rows, [k for columns in chosen.values() for k in columns])
         t_ns = table["stamp"]
         if self.nanosecond is not None:
-            below = nanoseconds(np.char.strip(table["nanosecond"]).astype(f"S{STAMP_BYTES}"), 0)
-            if np.any((below < 0) | (below >= NANOSECONDS_PER_SECOND)):
+            fraction_ns = nanoseconds(
+                np.char.strip(table["nanosecond"]).astype(f"S{STAMP_BYTES}"), 0
+            )
+            if np.any((fraction_ns < 0) | (fraction_ns >= NANOSECONDS_PER_SECOND)):
                 raise OverflowError("nanoseconds of more than a second")
             seconds = nanoseconds(np.char.strip(t_ns).astype(f"S{STAMP_BYTES}"), self.digits)
-            t_ns = seconds + below
+            t_ns = seconds + fraction_ns
         elif self.whole:
             if np.any((t_ns > _LAST_STAMP) | (t_ns < -_LAST_STAMP)):
                 raise OverflowError(f"a stamp above {_LAST_SECOND} s")

@@ -38,7 +38,7 @@ class Table:
     encoder: Callable[[str, str], Encode] | None = None
     """Makes what writes messages of a table, for a frame and an encoding."""
     of_readings: bool = False
-    """Whether the messages are readings of the IMU once more, of equal stamps, with the numbers as
+    """True if the messages repeat the readings of the IMU, of equal stamps, with the numbers as
     their orientation."""
     truths: tuple[str, str] | None = None
     """Topics of the ideal readings, in messages of the same type, and of the true biases."""
@@ -52,7 +52,7 @@ class Table:
 
     @property
     def is_converted(self) -> bool:
-        """Whether bags are converted to such tables, and back; others are only written."""
+        """True if bags are converted to such tables, and back; others are only written."""
         return self.of_readings or self.encoder is not None
 
 

@@ -33,18 +33,20 @@ class Element:
 
     def child(self, *path: str) -> "Element | None":
         """Return the first element on a path of names; None if there is none."""
-        here: Element | None = self
+        element: Element | None = self
         for name in path:
-            here = next((c for c in here.children if c.tag == name), None) if here else None
-        return here
+            element = (
+                next((c for c in element.children if c.tag == name), None) if element else None
+            )
+        return element
 
     def every(self) -> "Iterator[Element]":
         """Yield this element and all below."""
         waiting = [self]
         while waiting:
-            here = waiting.pop()
-            yield here
-            waiting += reversed(here.children)
+            element = waiting.pop()
+            yield element
+            waiting += reversed(element.children)
 
 
 def parsed(path: str | Path, longest_text: int = _LONGEST_TEXT) -> Element:
@@ -68,9 +70,9 @@ def parsed(path: str | Path, longest_text: int = _LONGEST_TEXT) -> Element:
     def end(_: str) -> None:
         stack.pop()
 
-    def text(words: str) -> None:
+    def text(characters: str) -> None:
         if len(stack[-1].text) < longest_text:
-            stack[-1].text += words
+            stack[-1].text += characters
 
     def refuse(*_: object) -> None:
         raise InputError(f"{path}: has a document type (<!DOCTYPE ...>), which is not read")
