@@ -224,15 +224,15 @@ class _Plane(NamedTuple):
         """Return t (n,) of all rays, and which meet the rectangle's plane within its sides."""
         t = self.place - rays.origin[self.axis]
         t *= rays.inverse[self.axis]
-        inside: Mask | None = None
+        within_bounds: Mask | None = None
         for axis, low, high in self.sides:
             position = t * rays.direction[axis]
             position += rays.origin[axis]
             within = position >= low
             within &= position <= high
-            inside = within if inside is None else inside & within
-        assert inside is not None
-        return t, inside
+            within_bounds = within if within_bounds is None else within_bounds & within
+        assert within_bounds is not None
+        return t, within_bounds
 
 
 class _Oblique(NamedTuple):
@@ -249,14 +249,14 @@ class _Oblique(NamedTuple):
         tiny = along.dtype.type(1e-12)
         along = np.where(np.abs(along) < tiny, tiny, along)
         t = (self.offset - _dot(self.normal, rays.origin)) / along
-        inside: Mask | None = None
+        within_bounds: Mask | None = None
         for side, start in self.sides:
             coordinate = _dot(side, rays.origin) - start + t * _dot(side, rays.direction)
             within = coordinate >= 0.0
             within &= coordinate <= 1.0
-            inside = within if inside is None else inside & within
-        assert inside is not None
-        return t, inside
+            within_bounds = within if within_bounds is None else within_bounds & within
+        assert within_bounds is not None
+        return t, within_bounds
 
 
 def _dot(vector: Floats, axes: Sequence[Floats]) -> Floats:
@@ -279,8 +279,8 @@ def _planes(surfaces: Surfaces, kind: Kind) -> Iterator[_Plane | _Oblique]:
             continue
         n = normals[m]
         shares = [side / (side * side).sum() for side in (a, b)]
-        one, two = ((side.astype(kind), kind(side @ o)) for side in shares)
-        yield _Oblique(n.astype(kind), kind(n @ o), (one, two))
+        across_side, up_side = ((side.astype(kind), kind(side @ o)) for side in shares)
+        yield _Oblique(n.astype(kind), kind(n @ o), (across_side, up_side))
 
 
 def _parts(count: int) -> Iterator[slice]:

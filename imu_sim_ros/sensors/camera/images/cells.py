@@ -1,7 +1,7 @@
 # Copyright 2026 imu_sim_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Which rectangles may be seen in which cell of an image, and where in the atlas they look there.
+"""Candidate rectangles for each cell of an image, and their texture coordinates in the atlas.
 
 A pair is a cell and a rectangle that may be seen in it. All pairs of an image are dealt with at
 once: what an image costs follows from its pixels, hardly from the number of its rectangles.
@@ -67,16 +67,16 @@ class CellGrid:
         cells = self.rows * self.columns
         room, edges = 4 * cells, np.empty((5, *self._tiles), np.float32)
         while True:
-            found = np.empty(room, _CANDIDATE)
-            at = self._corners.rays, self._corners.rows
-            count = candidates(found, planes, *at, edges, self._bent, self._slack)
+            slots = np.empty(room, _CANDIDATE)
+            corner_rays = self._corners.rays, self._corners.rows
+            count = candidates(slots, planes, *corner_rays, edges, self._bent, self._slack)
             if count <= room:
                 break
             room = count
         cell, which = np.empty((2, count), np.int64)
         pairs = Pairs(cell, np.empty(cells + 1, np.int64), which, np.empty(count, np.bool_))
         space = np.empty(cells, np.float32), np.empty(cells, np.int64)
-        count = arrange(pairs, found[:count], *space, self._bent, _APART)
+        count = arrange(pairs, slots[:count], *space, self._bent, _APART)
         return Pairs(cell[:count], pairs.first, which[:count], pairs.fills[:count])
 
 
@@ -108,7 +108,7 @@ PATCH: Final = np.dtype(
     ],
     align=True,
 )
-"""How a rectangle is seen in a cell."""
+"""Texture mapping of a rectangle in a cell."""
 
 
 def patches(
@@ -146,10 +146,10 @@ def patches(
         result["share"] = np.rint(np.clip(excess, 0.0, 1.0) * np.float32(SHARES))
     else:
         level = np.searchsorted(_NOT_COARSER if areas else _NEAREST, square)
-    for k, each in enumerate((level, level + 1)[: 1 + trilinear]):
-        result["scale"][:, k] = (size * _FACTOR[each]).T
+    for k, mip in enumerate((level, level + 1)[: 1 + trilinear]):
+        result["scale"][:, k] = (size * _FACTOR[mip]).T
         # Texel k of a level covers k to k + 1 in its own units; a look-up at k is its centre.
-        result["offset"][:, k] = atlas.corner[number, each] - _HALF
+        result["offset"][:, k] = atlas.corner[number, mip] - _HALF
     if areas:
         result["doublings"] = np.searchsorted(LOOKS, length * _FACTOR[level])
     return result
@@ -159,11 +159,11 @@ def _put_slopes(patches: NDArray[np.void], linear: Single) -> None:
     steps = linear[1:] - linear[:1]
     patches["steps"] = steps.transpose(2, 0, 1)
     n, s, r = steps.transpose(1, 0, 2)
-    most = [_HALF * np.abs(each).sum(axis=0) for each in (s, n - s, r, n - r, n)]
+    half_changes = [_HALF * np.abs(change).sum(axis=0) for change in (s, n - s, r, n - r, n)]
     for k in range(2):
-        side = np.maximum(most[2 * k], most[2 * k + 1])
+        side = np.maximum(half_changes[2 * k], half_changes[2 * k + 1])
         patches["inside"][:, k] = _ONE / np.maximum(side, _SHORTEST)
-    patches["depth"] = most[4]
+    patches["depth"] = half_changes[4]
 
 
 _SHORTEST: Final = np.float32(1e-12)
@@ -184,8 +184,8 @@ def _footprint(steps: Single) -> tuple[Single, Single, Single]:
     root = np.sqrt(half * half + xy * xy)
     long = np.maximum(_HALF * (xx + yy) + root, _SHORTEST)
     determinant = a * d - b * c
-    least = long * np.float32(1.0 / 4.0 ** len(LOOKS))
-    width = np.maximum(determinant * determinant / long, least)
+    width_floor = long * np.float32(1.0 / 4.0 ** len(LOOKS))
+    width = np.maximum(determinant * determinant / long, width_floor)
     # Of the two ways to write the axis the one without a difference of equal numbers.
     wide = half > 0.0
     axis = np.stack([np.where(wide, half + root, xy), np.where(wide, xy, root - half)])

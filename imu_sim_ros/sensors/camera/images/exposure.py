@@ -25,7 +25,7 @@ from imu_sim_ros.sensors.camera.view import View
 from imu_sim_ros.types import Array, Bytes, Single
 
 _INTERVAL: Final = 0.1
-"""Of the meter's readings [s]."""
+"""Interval of the meter's readings [s]."""
 _COLUMNS: Final = 48
 _MEMORY: Final = 5.0
 """After how many lags a reading is forgotten: it weighs less than 1 %."""
@@ -68,20 +68,20 @@ class AutoExposure:
         number = max(number, 0)  # before the start it looked at what is seen then
         if number not in self._wanted:
             p = self._view.parameters
-            wanted = p.auto_exposure / max(self._mean(number * _INTERVAL), 1e-3)
+            factor = p.auto_exposure / max(self._mean(number * _INTERVAL), 1e-3)
             limit = p.auto_exposure_limit
-            self._wanted[number] = math.log(min(max(wanted, 1.0 / limit), limit))
+            self._wanted[number] = math.log(min(max(factor, 1.0 / limit), limit))
         return self._wanted[number]
 
     def _mean(self, seconds: float) -> float:
         """Return the mean grey value of what the meter sees: an integer over another."""
         view, total, count = self._view, 0, 0
-        seen = grey_values(view.parameters.response)
+        response = grey_values(view.parameters.response)
         t = np.array([min(seconds, view.duration)])
         for picture in self._meter(t):
-            total += int(seen.of(picture).sum(dtype=np.int64))
+            total += int(response.of(picture).sum(dtype=np.int64))
             count += picture.size
-        return total / (count * seen.steps)
+        return total / (count * response.steps)
 
 
 def meter_model(p: CameraParameters) -> CameraModel:

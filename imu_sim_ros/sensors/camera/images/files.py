@@ -135,21 +135,23 @@ def _stated(data: bytes) -> tuple[int, int]:
     :raises ValueError: for another form, or a struct.error or KeyError for a header that lacks it.
     """
     if data.startswith(b"BM"):
-        old = struct.unpack_from("<I", data, 14) == (12,)
-        width, height = struct.unpack_from("<HH" if old else "<ii", data, 18)
+        core_header = struct.unpack_from("<I", data, 14) == (12,)
+        width, height = struct.unpack_from("<HH" if core_header else "<ii", data, 18)
         return width, abs(height)
     if data[:1] == b"P" and data[1:2] in b"123456":
-        words = re.sub(rb"#[^\n]*", b"", data[2:_LONGEST_HEADER]).split(maxsplit=2)
-        width, height, _ = words  # and the pixels
+        tokens = re.sub(rb"#[^\n]*", b"", data[2:_LONGEST_HEADER]).split(maxsplit=2)
+        width, height, _ = tokens  # and the pixels
         return int(width[:9]), int(height[:9])
     order = {b"II*\0": "<", b"MM\0*": ">"}[data[:4]]
     (directory,) = struct.unpack_from(f"{order}I", data, 4)
     (count,) = struct.unpack_from(f"{order}H", data, directory)
     sizes = {}
-    for at in range(directory + 2, directory + 2 + 12 * count, 12):
-        tag, kind = struct.unpack_from(f"{order}HH", data, at)
+    for offset in range(directory + 2, directory + 2 + 12 * count, 12):
+        tag, kind = struct.unpack_from(f"{order}HH", data, offset)
         if tag in (256, 257):
-            (sizes[tag],) = struct.unpack_from(f"{order}{'H' if kind == 3 else 'I'}", data, at + 8)
+            (sizes[tag],) = struct.unpack_from(
+                f"{order}{'H' if kind == 3 else 'I'}", data, offset + 8
+            )
     return sizes[256], sizes[257]
 
 
@@ -183,11 +185,11 @@ def _png(data: bytes) -> tuple[Size, bytes]:
     return (height, width), b"".join(needed)
 
 
-def _inflated(data: bytes, most: int) -> int:
+def _inflated(data: bytes, limit: int) -> int:
     """Return how many bytes compressed data hold, or more than ``most`` if they hold more."""
     stream, count = zlib.decompressobj(), 0
     try:
-        while count <= most and (part := stream.decompress(data, _STEP)):
+        while count <= limit and (part := stream.decompress(data, _STEP)):
             count += len(part)
             data = stream.unconsumed_tail
     except zlib.error as error:

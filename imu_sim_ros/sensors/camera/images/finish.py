@@ -1,7 +1,7 @@
 # Copyright 2026 imu_sim_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Where in an image there are shadows of bodies, and gloss."""
+"""Regions of an image with shadows of bodies, and with gloss."""
 
 from collections.abc import Sequence
 from typing import Final, NamedTuple
@@ -46,23 +46,23 @@ class Glossy(NamedTuple):
             first.
         """
         number = np.flatnonzero(face >= 0)
-        inverse, positions = (each.take(number, axis=-1) for each in probes[:2])
+        inverse, positions = (probe.take(number, axis=-1) for probe in probes[:2])
         rows = probes[2].take(number)[:, None]
         start, height = _eye(planes, pairs.which.take(number), rows)
         steps = np.abs(positions[1:] - positions[0]).sum(axis=0)
         turning = np.abs(inverse[1:] - inverse[0]).sum(axis=0)
         steps[:, inverse[0] <= _TURNING * turning] = _ANYWHERE
-        own = face[number]
-        sights = polish.sights(own, positions[0, ..., None], start, height)
-        found = polish.active(own, sights, steps, angle)
-        first = np.searchsorted(number[found.pair], np.arange(len(face) + 1))
-        return cls(first, found.region, found.lit, polish.sheen)
+        glossy_faces = face[number]
+        sights = polish.sights(glossy_faces, positions[0, ..., None], start, height)
+        active = polish.active(glossy_faces, sights, steps, angle)
+        starts = np.searchsorted(number[active.pair], np.arange(len(face) + 1))
+        return cls(starts, active.region, active.lit, polish.sheen)
 
     @classmethod
     def none(cls, pairs: int) -> "Glossy":
         """Return that there are no such regions."""
-        first, lit = np.zeros(pairs + 1, np.int64), np.zeros((0, 0), np.bool_)
-        return cls(first, first[:0], lit, Sheen.empty(0, 0, 0, 0))
+        starts, lit = np.zeros(pairs + 1, np.int64), np.zeros((0, 0), np.bool_)
+        return cls(starts, starts[:0], lit, Sheen.empty(0, 0, 0, 0))
 
 
 def _eye(planes: Planes, which: Integers, rows: Integers) -> tuple[Single, Single]:
@@ -79,7 +79,7 @@ class Shades(NamedTuple):
     first: Integers
     """(cells + 1,) first of each cell's shadows."""
     which: Integers
-    """Their numbers, by cell."""
+    """Numbers of the shadows, by cell."""
     planes: Planes
     """(k,) parts of the floor that may be in a shadow."""
     lines: Single

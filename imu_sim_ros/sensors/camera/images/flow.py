@@ -34,42 +34,44 @@ _KITTI_ZERO: Final = 1 << 15
 
 def flow(
     model: CameraModel,
-    seen: tuple[Single, Bytes | None],
-    then: tuple[Single, Bytes | None],
+    image: tuple[Single, Bytes | None],
+    next_image: tuple[Single, Bytes | None],
     eyes: Callable[[int], Callable[[Array], Eyes]],
 ) -> Single:
     """Return the steps (h, w, 2) in u and v [px] from each pixel's centre to the next image.
 
     NaN for pixels that see nothing, and for what is outside of the next image or hidden there.
 
-    :param seen: depth (h, w) [m] and mask (h, w) of the image.
-    :param then: those of the next one.
+    :param image: depth (h, w) [m] and mask (h, w) of the image.
+    :param next_image: those of the next one.
     :param eyes: for 0, the image, and 1, the next one, a function from rows to the poses then.
     """
-    depth, mask = seen
+    depth, mask = image
     height, width = depth.shape
     result = np.full((height * width, 2), np.nan, np.float32)
     everywhere = np.flatnonzero(depth.reshape(-1) > 0.0)
     bodies = np.zeros(len(everywhere), np.uint8)
     if mask is not None:
         bodies = mask.reshape(-1)[everywhere]
-    at, following = (_by_row(eyes(k), height) for k in (0, 1))
+    current, following = (_by_row(eyes(k), height) for k in (0, 1))
     for body in np.unique(bodies):
         pixel = everywhere[bodies == body]
         row, column = np.divmod(pixel, width)
         uv = np.stack([column, row], axis=1).astype(np.float64)
         ray = model.unproject(uv).direction
         local = ray * (depth.reshape(-1)[pixel].astype(np.float64) / ray[:, 2])[:, None]
-        here = at(uv[:, 1], int(body))
-        point = here.position + rotation.rotate(here.q_wc, local)
-        found, away, valid = _projected(model, point, uv[:, 1], partial(following, body=int(body)))
-        valid &= ~_hidden(found, away, valid, int(body), then)
-        result[pixel[valid]] = (found - uv)[valid]
+        pose = current(uv[:, 1], int(body))
+        point = pose.position + rotation.rotate(pose.q_wc, local)
+        uv_next, away, valid = _projected(
+            model, point, uv[:, 1], partial(following, body=int(body))
+        )
+        valid &= ~_hidden(uv_next, away, valid, int(body), next_image)
+        result[pixel[valid]] = (uv_next - uv)[valid]
     return result.reshape(height, width, 2)
 
 
 class _Poses(Protocol):
-    """Where a camera is at rows (n,), in the world (0) or in the axes of a body (1, ...)."""
+    """Poses of a camera at rows (n,), in the world (0) or in the axes of a body (1, ...)."""
 
     def __call__(self, v: Array, body: int) -> CameraPoses:
         """Return one pose, or n."""
@@ -81,15 +83,15 @@ def _by_row(eyes: Callable[[Array], Eyes], height: int) -> _Poses:
     Between whole rows, over microseconds, they are interpolated.
     """
     rows = np.arange(-1.0, height + 1.0)
-    every = eyes(rows)
+    row_eyes = eyes(rows)
 
     def poses(v: Array, body: int) -> CameraPoses:
-        known = every.bodies[body - 1] if body else every.world
-        if len(known.position) == 1:
-            return known
-        first = np.clip(np.floor(v).astype(np.int64) + 1, 0, height)
-        share = (np.clip(v, -1.0, height) - rows[first])[:, None]
-        ends = [CameraPoses(*(each[k] for each in known)) for k in (first, first + 1)]
+        row_poses = row_eyes.bodies[body - 1] if body else row_eyes.world
+        if len(row_poses.position) == 1:
+            return row_poses
+        low = np.clip(np.floor(v).astype(np.int64) + 1, 0, height)
+        share = (np.clip(v, -1.0, height) - rows[low])[:, None]
+        ends = [CameraPoses(*(column[k] for column in row_poses)) for k in (low, low + 1)]
         position, q = (a + share * (b - a) for a, b in zip(*ends, strict=True))
         return CameraPoses(position, q / np.linalg.norm(q, axis=1, keepdims=True))
 
@@ -105,12 +107,12 @@ def _projected(
     """
     v = row
     for _ in range(_ROUNDS):
-        there = poses(v)
-        local = rotation.rotate_inverse(there.q_wc, points - there.position)
+        pose = poses(v)
+        local = rotation.rotate_inverse(pose.q_wc, points - pose.position)
         uv, valid = model.project(local)
         change = np.where(valid, np.abs(uv[:, 1] - v), 0.0)
         v = np.where(valid, uv[:, 1], v)
-        if len(there.position) == 1 or change.max(initial=0.0) < _CLOSE:
+        if len(pose.position) == 1 or change.max(initial=0.0) < _CLOSE:
             break
     else:
         valid &= change < _FOUND
@@ -118,18 +120,18 @@ def _projected(
 
 
 def _hidden(
-    uv: Array, away: Array, valid: Mask, body: int, then: tuple[Single, Bytes | None]
+    uv: Array, away: Array, valid: Mask, body: int, next_image: tuple[Single, Bytes | None]
 ) -> Mask:
     """Tell which points are behind all that the four pixels around them see."""
-    depth, mask = then
+    depth, mask = next_image
     result = np.ones(len(uv), np.bool_)
     some = np.flatnonzero(valid)
-    first: Integers = np.floor(uv[some]).astype(np.int64)
-    last = np.array(depth.shape[::-1]) - 1
+    corner: Integers = np.floor(uv[some]).astype(np.int64)
+    limit = np.array(depth.shape[::-1]) - 1
     for k in range(4):
-        column, row = np.clip(first + np.array([k % 2, k // 2]), 0, last).T
-        there = depth[row, column]
-        free = (there == 0.0) | (away[some] <= there * (1.0 + _BEHIND))
+        column, row = np.clip(corner + np.array([k % 2, k // 2]), 0, limit).T
+        surface_depth = depth[row, column]
+        free = (surface_depth == 0.0) | (away[some] <= surface_depth * (1.0 + _BEHIND))
         if mask is not None:
             free &= mask[row, column] == body
         result[some[free]] = False
@@ -144,8 +146,8 @@ def kitti_flow(steps: Single) -> NDArray[np.uint16]:
     >>> kitti_flow(np.array([[[1.0, -0.5], [np.nan, np.nan]]], np.float32)).tolist()
     [[[32832, 32736, 1], [0, 0, 0]]]
     """
-    found = np.rint(steps.astype(np.float64) * _KITTI) + _KITTI_ZERO
+    steps_kitti = np.rint(steps.astype(np.float64) * _KITTI) + _KITTI_ZERO
     with np.errstate(invalid="ignore"):
-        valid = ((found >= 0.0) & (found < 1 << 16)).all(axis=2, keepdims=True)
-    values = np.concatenate([np.where(valid, found, 0.0), valid], axis=2)
+        valid = ((steps_kitti >= 0.0) & (steps_kitti < 1 << 16)).all(axis=2, keepdims=True)
+    values = np.concatenate([np.where(valid, steps_kitti, 0.0), valid], axis=2)
     return values.astype(np.uint16)

@@ -1,7 +1,7 @@
 # Copyright 2026 imu_sim_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""How a camera turns the light of a pixel into a grey value.
+"""Response of a camera: the grey value of a pixel from its light.
 
 Pictures are rendered in sRGB values c, as a photo shows them: light is about ``(c / 255)^2.2``. A
 camera with the response ``srgb`` gives c; one with ``linear`` gives ``255 (c / 255)^2.2``.
@@ -26,7 +26,7 @@ class GreyValues(NamedTuple):
     values: NDArray[np.uint16] | None
     """(256,) grey value of each rendered value, in steps; None: the same."""
     steps: int
-    """Of one grey value."""
+    """Steps of one grey value."""
 
     def of(self, picture: Bytes) -> NDArray[np.uint16] | Bytes:
         """Return the grey values of a picture of any shape, in steps.

@@ -135,7 +135,7 @@ class Imager:
 
     @property
     def moving(self) -> bool:
-        """Whether something moves in the scene."""
+        """True if something moves in the scene."""
         return self._scene.crowd is not None
 
     def depth_and_mask(self, number: int) -> tuple[Single, Bytes | None]:
@@ -159,13 +159,13 @@ class Imager:
         if following is None:
             return np.full((p.height, p.width, 2), np.nan, np.float32)
         numbers = number, following
-        seconds = [np.array([self._seconds(self._content(each))]) for each in numbers]
+        seconds = [np.array([self._seconds(self._content(index))]) for index in numbers]
 
         def eyes(which: int) -> Callable[[Array], Eyes]:
             return lambda rows: self._eyes(self._row_times(seconds[which], rows))
 
-        seen, then = (self.depth_and_mask(each) for each in numbers)
-        return flow(self.view.model, seen, then, eyes)
+        image, next_image = (self.depth_and_mask(index) for index in numbers)
+        return flow(self.view.model, image, next_image, eyes)
 
     def _following(self, number: int) -> int | None:
         """Return the next frame that is delivered; None: the last one was before."""
@@ -185,8 +185,8 @@ class Imager:
         """Return where the camera is at times t (n,) [s]."""
         poses = self.view.poses(self._trajectory, t)
         crowd = self._scene.crowd
-        each = crowd.each if crowd else ()
-        return Eyes(poses, [CameraPoses(*body.sees(t, *poses)) for body in each])
+        bodies = crowd.each if crowd else ()
+        return Eyes(poses, [CameraPoses(*body.sees(t, *poses)) for body in bodies])
 
     def exposure(self, number: int) -> float:
         """Return how long the shutter was open for what a frame shows [s]."""

@@ -1,7 +1,7 @@
 # Copyright 2026 imu_sim_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""What images need besides NumPy: OpenCV, and numba for what is made of their pixels."""
+"""Optional libraries of images: OpenCV, and numba for loops over pixels."""
 
 import os
 from collections.abc import Callable
@@ -67,12 +67,12 @@ def _tell_before_compiling() -> None:
     from numba.core import event
 
     class Notice(event.Listener):  # type: ignore[misc]
-        told = False
+        announced = False
 
         def on_start(self, compiling: Any) -> None:
             ours = compiling.data["dispatcher"].py_func.__module__.startswith(f"{__package__}.")
-            if ours and not self.told:
-                self.told = True
+            if ours and not self.announced:
+                self.announced = True
                 watcher().note(
                     "the code that makes images is compiled first, once after an installation: "
                     "5 to 15 s of processor time"

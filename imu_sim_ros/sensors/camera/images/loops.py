@@ -1,7 +1,7 @@
 # Copyright 2026 imu_sim_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""What is done for each pixel of an image, compiled.
+"""Compiled loops over the pixels of an image.
 
 For each pixel, of the rectangles that may be in its cell the nearest one; its texture along the
 pixel's footprint, in the shadows of bodies, with its gloss. Where an edge, or the line in which two
@@ -57,7 +57,7 @@ _GRAZING: Final = 1e-6
 _ON_FLOOR: Final = np.float32(0.03)
 """Height up to which something is floor [m]."""
 _SLANT: Final = np.float32(2.0)
-"""By which a lobe that meets a lamp at a slant is wider at most."""
+"""Largest factor by which a lobe that meets a lamp at a slant is wider."""
 _NARROWEST: Final = np.float32(1e-6)
 _STEPS: Final = np.float32(32.0)
 """Steps of a texel in which positions are told."""
@@ -78,7 +78,7 @@ def space() -> tuple[Integers, Single]:
 
 @compiled
 def candidates(
-    found: NDArray[np.void],
+    slots: NDArray[np.void],
     planes: Planes,
     rays: Single,
     rows: Integers,
@@ -88,7 +88,7 @@ def candidates(
 ) -> int:
     """Put in which cells rectangles may be, by rectangle; return how many there are.
 
-    Of more than there is room for (len(found),) the first. A rectangle is looked for in tiles of
+    Of more than there is room for (len(slots),) the first. A rectangle is looked for in tiles of
     cells, and in the cells of those in which it may be.
 
     :param rays: (3, a + 1, b + 1) through the corners of all cells; ``rows`` (a + 1,) theirs.
@@ -111,13 +111,13 @@ def candidates(
             for j in range(edges.shape[2] - 1):
                 possible = True
                 for e in range(len(edges)):
-                    least, most = _range(edges[e, i, j], edges[e, i, j + 1],
+                    low, high = _range(edges[e, i, j], edges[e, i, j + 1],
                                          edges[e, i + 1, j], edges[e, i + 1, j + 1])  # fmt: skip
-                    possible &= most + in_tile * (most - least) >= _ZERO
+                    possible &= high + in_tile * (high - low) >= _ZERO
                 if possible:
                     for row in range(i * TILE, min((i + 1) * TILE, height)):
                         for column in range(j * TILE, min((j + 1) * TILE, width)):
-                            slot = found[min(count, len(found) - 1)]
+                            slot = slots[min(count, len(slots) - 1)]
                             if _candidate(
                                 slot, vectors, start, m, rays, rows, row, column, bent, slack
                             ):
@@ -158,27 +158,27 @@ def _candidate(
     slack: np.float32,
 ) -> bool:
     """Tell whether a rectangle may be in a cell, and put how near it is there."""
-    above = rows[row] if start.shape[1] > 1 else 0
-    below = rows[row + 1] if start.shape[1] > 1 else 0
-    a = _edges(vectors, start, m, above, rays, row, column)
-    b = _edges(vectors, start, m, above, rays, row, column + 1)
-    c = _edges(vectors, start, m, below, rays, row + 1, column)
-    d = _edges(vectors, start, m, below, rays, row + 1, column + 1)
+    pose_above = rows[row] if start.shape[1] > 1 else 0
+    pose_below = rows[row + 1] if start.shape[1] > 1 else 0
+    a = _edges(vectors, start, m, pose_above, rays, row, column)
+    b = _edges(vectors, start, m, pose_above, rays, row, column + 1)
+    c = _edges(vectors, start, m, pose_below, rays, row + 1, column)
+    d = _edges(vectors, start, m, pose_below, rays, row + 1, column + 1)
     hides, nearest, hiding = True, _ZERO, -_ONE
     for e in range(len(a)):
-        least, most = _range(a[e], b[e], c[e], d[e])
-        bend = (most - least) * bent
+        low, high = _range(a[e], b[e], c[e], d[e])
+        bend = (high - low) * bent
         if e == 0:
-            bend += slack * most
-        most += bend
-        least -= bend
-        if not most >= _ZERO:
+            bend += slack * high
+        high += bend
+        low -= bend
+        if not high >= _ZERO:
             return False
         if e == 0:
-            nearest, hiding = most, least
-            hides = least > _TWO * IN_FRONT
+            nearest, hiding = high, low
+            hides = low > _TWO * IN_FRONT
         else:
-            hides = hides and least > _ZERO
+            hides = hides and low > _ZERO
     slot.cell, slot.which = row * (rays.shape[2] - 1) + column, m
     slot.nearest, slot.hiding = nearest, hiding if hides else -_ONE
     corners = slot.corners
@@ -189,7 +189,7 @@ def _candidate(
 @compiled
 def arrange(
     pairs: Pairs,
-    found: NDArray[np.void],
+    slots: NDArray[np.void],
     hiding: Single,
     front: Integers,
     bent: np.float32,
@@ -205,38 +205,43 @@ def arrange(
     hiding[:] = -_ONE
     front[:] = -1
     pairs.first[:] = 0
-    for j in range(len(found)):
-        cell = found[j].cell
-        hiding[cell] = max(hiding[cell], found[j].hiding)
-    for j in range(len(found)):
-        cell = found[j].cell
-        if found[j].hiding > _ZERO and found[j].hiding == hiding[cell]:
+    for j in range(len(slots)):
+        cell = slots[j].cell
+        hiding[cell] = max(hiding[cell], slots[j].hiding)
+    for j in range(len(slots)):
+        cell = slots[j].cell
+        if slots[j].hiding > _ZERO and slots[j].hiding == hiding[cell]:
             front[cell] = j
-    for j in range(len(found)):
-        cell = found[j].cell
-        seen = found[j].nearest > hiding[cell]
-        if seen and front[cell] >= 0:
-            near, own = found[front[cell]].corners, found[j].corners
-            least, most = _range(
-                near[0] - own[0], near[1] - own[1], near[2] - own[2], near[3] - own[3]
+    for j in range(len(slots)):
+        cell = slots[j].cell
+        visible = slots[j].nearest > hiding[cell]
+        if visible and front[cell] >= 0:
+            front_corners, corners = slots[front[cell]].corners, slots[j].corners
+            low, high = _range(
+                front_corners[0] - corners[0],
+                front_corners[1] - corners[1],
+                front_corners[2] - corners[2],
+                front_corners[3] - corners[3],
             )
-            _, nearest = _range(near[0], near[1], near[2], near[3])
-            seen = not least - bent * (most - least) > apart * nearest
-        if seen:
+            _, nearest = _range(
+                front_corners[0], front_corners[1], front_corners[2], front_corners[3]
+            )
+            visible = not low - bent * (high - low) > apart * nearest
+        if visible:
             pairs.first[cell + 1] += 1
         else:
-            found[j].cell = -1
+            slots[j].cell = -1
     for cell in range(len(front)):
         pairs.first[cell + 1] += pairs.first[cell]
         front[cell] = pairs.first[cell + 1]
     # From the last one on, so that those of a cell keep their order.
-    for j in range(len(found) - 1, -1, -1):
-        cell = found[j].cell
+    for j in range(len(slots) - 1, -1, -1):
+        cell = slots[j].cell
         if cell >= 0:
             front[cell] -= 1
             slot = front[cell]
-            pairs.cell[slot], pairs.which[slot] = cell, found[j].which
-            pairs.fills[slot] = found[j].hiding > _ZERO
+            pairs.cell[slot], pairs.which[slot] = cell, slots[j].which
+            pairs.fills[slot] = slots[j].hiding > _ZERO
     return pairs.first[-1]
 
 
@@ -244,76 +249,76 @@ def arrange(
 def paint(
     picture: Bytes,
     rays: Single,
-    at: tuple[int, int],
-    seen: Visible,
+    origin: tuple[int, int],
+    visible: Visible,
     atlas: Bytes,
     areas: bool,
     space: tuple[Integers, Single],
 ) -> None:
     """Put into a picture (h, w, colours) what the rays (3, h, w) of a band see.
 
-    :param at: row of its first rays in the whole image, and the whole image's last row.
+    :param origin: row of its first rays in the whole image, and the whole image's last row.
     :param atlas: (height, width, colours) textures.
     :param areas: pixels see what is in their areas; else what is at their centres.
     :param space: of this call alone.
     """
     height, width, colours = picture.shape
-    vectors, start = seen.planes
-    _, first, which, fills = seen.pairs
-    patches, shades, gloss = seen.patches, seen.shades, seen.gloss
-    value, other, total = space[0][0, :colours], space[0][1, :colours], space[0][2, :colours]
-    found, front, added = space[0][3], space[1][0], space[1][1, :colours]
+    vectors, start = visible.planes
+    _, starts, which, fills = visible.pairs
+    patches, shades, gloss = visible.patches, visible.shades, visible.gloss
+    value, sample, total = space[0][0, :colours], space[0][1, :colours], space[0][2, :colours]
+    pair_at, front, added = space[0][3], space[1][0], space[1][1, :colours]
     for row in range(height):
-        k = min(at[0] + row, at[1]) if start.shape[1] > 1 else 0
+        k = min(origin[0] + row, origin[1]) if start.shape[1] > 1 else 0
         for column in range(width):
-            cell = _cell(at[0] + row, column, width)
-            begin, end = first[cell], first[cell + 1]
+            cell = _cell(origin[0] + row, column, width)
+            begin, end = starts[cell], starts[cell + 1]
             ray = (rays[0, row, column], rays[1, row, column], rays[2, row, column])
-            inverse, own, s, r = nearest(vectors, start, which, fills, begin, end, k, ray)
-            if own < 0:
+            inverse, hit, s, r = nearest(vectors, start, which, fills, begin, end, k, ray)
+            if hit < 0:
                 value[:] = BACKGROUND
             else:
-                look_up(value, atlas, patches[own], s, r, patches[own].doublings)
+                look_up(value, atlas, patches[hit], s, r, patches[hit].doublings)
                 _shade(value, shades, cell, k, ray, inverse)
-                _polish(value, added, gloss, vectors, start, which[own], own, k, s, r)
+                _polish(value, added, gloss, vectors, start, which[hit], hit, k, s, r)
             if (
                 not areas
                 or (end - begin == 1 and fills[begin])
-                or not _at_edge(vectors, start, which, patches, begin, end, k, ray, inverse, own)
+                or not _at_edge(vectors, start, which, patches, begin, end, k, ray, inverse, hit)
             ):
                 for c in range(colours):
                     picture[row, column, c] = value[c]
                 continue
-            found[:] = -1
+            pair_at[:] = -1
             front[:] = _ZERO
             for p in range(begin, end):
-                _see_at_points(found, front, vectors, start, which[p], patches[p], p, k, ray)
+                _see_at_points(pair_at, front, vectors, start, which[p], patches[p], p, k, ray)
             total[:] = len(POINTS) // 2
             for point in range(len(POINTS)):
-                p = found[point]
-                count = _count(found, point, p)
-                if p == own:
+                p = pair_at[point]
+                count = _count(pair_at, point, p)
+                if p == hit:
                     _add(total, value, 1)
                 elif p < 0:
-                    other[:] = BACKGROUND
-                    _add(total, other, 1)
+                    sample[:] = BACKGROUND
+                    _add(total, sample, 1)
                 elif count > 0:
                     inverse, s, r = _meet(vectors, start, which[p], k, ray)
                     s, r = min(max(s, _ZERO), _ONE), min(max(r, _ZERO), _ONE)
-                    look_up(other, atlas, patches[p], s, r, _OF_PARTS)
-                    _shade(other, shades, cell, k, ray, inverse)
-                    _polish(other, added, gloss, vectors, start, which[p], p, k, s, r)
-                    _add(total, other, count)
+                    look_up(sample, atlas, patches[p], s, r, _OF_PARTS)
+                    _shade(sample, shades, cell, k, ray, inverse)
+                    _polish(sample, added, gloss, vectors, start, which[p], p, k, s, r)
+                    _add(total, sample, count)
             for c in range(colours):
                 picture[row, column, c] = total[c] // len(POINTS)
 
 
 @part
-def _count(found: Integers, point: int, p: int) -> int:
+def _count(pair_at: Integers, point: int, p: int) -> int:
     """Return how many points see a pair; 0: one before this has counted them."""
     count = 0
-    for j in range(len(found)):
-        if found[j] == p:
+    for j in range(len(pair_at)):
+        if pair_at[j] == p:
             if j < point:
                 return 0
             count += 1
@@ -331,28 +336,28 @@ def measure(
     depth: Single,
     body: Bytes,
     rays: Single,
-    at: tuple[int, int],
+    origin: tuple[int, int],
     planes: Planes,
     pairs: Pairs,
     bodies: Bytes,
 ) -> None:
     """Put the distance along the axis (h, w) [m] of what rays see, and its body (h, w); 0: nothing.
 
-    :param at: as of :func:`paint`.
+    :param origin: as of :func:`paint`.
     :param bodies: (m,) of each rectangle.
     """
     height, width = depth.shape
     vectors, start = planes
-    _, first, which, fills = pairs
+    _, starts, which, fills = pairs
     for row in range(height):
-        k = min(at[0] + row, at[1]) if start.shape[1] > 1 else 0
+        k = min(origin[0] + row, origin[1]) if start.shape[1] > 1 else 0
         for column in range(width):
-            cell = _cell(at[0] + row, column, width)
-            begin, end = first[cell], first[cell + 1]
+            cell = _cell(origin[0] + row, column, width)
+            begin, end = starts[cell], starts[cell + 1]
             ray = (rays[0, row, column], rays[1, row, column], rays[2, row, column])
-            inverse, own, _, _ = nearest(vectors, start, which, fills, begin, end, k, ray)
-            depth[row, column] = ray[2] / inverse if own >= 0 else _ZERO
-            body[row, column] = bodies[which[own]] if own >= 0 else 0
+            inverse, hit, _, _ = nearest(vectors, start, which, fills, begin, end, k, ray)
+            depth[row, column] = ray[2] / inverse if hit >= 0 else _ZERO
+            body[row, column] = bodies[which[hit]] if hit >= 0 else 0
 
 
 @part
@@ -379,16 +384,16 @@ def nearest(
     :param begin: first pair of the ray's cell; ``end``: that after its last.
     :param k: row of the planes.
     """
-    inverse, own, s, r = _ZERO, -1, _ZERO, _ZERO
+    inverse, hit, s, r = _ZERO, -1, _ZERO, _ZERO
     filled = end - begin == 1 and fills[begin]
     for p in range(begin, end):
         m = which[p]
         if _dot(vectors, m, k, 0, ray) > inverse:
             n, across, up = _meet(vectors, start, m, k, ray)
-            inside = across >= _ZERO and across <= _ONE and up >= _ZERO and up <= _ONE
-            if n > _ZERO and (inside or filled):
-                inverse, own, s, r = n, p, across, up
-    return inverse, own, s, r
+            in_rectangle = across >= _ZERO and across <= _ONE and up >= _ZERO and up <= _ONE
+            if n > _ZERO and (in_rectangle or filled):
+                inverse, hit, s, r = n, p, across, up
+    return inverse, hit, s, r
 
 
 @part
@@ -429,23 +434,23 @@ def _at_edge(
     k: int,
     ray: Ray,
     inverse: np.float32,
-    own: int,
+    hit: int,
 ) -> bool:
-    """Tell whether a pixel may see more than its centre does: pair ``own`` at 1 / t."""
-    least = inverse - patches[own].depth if own >= 0 else _ZERO
+    """Tell whether a pixel may see more than its centre does: pair ``hit`` at 1 / t."""
+    threshold = inverse - patches[hit].depth if hit >= 0 else _ZERO
     for p in range(begin, end):
         patch = patches[p]
-        if _dot(vectors, which[p], k, 0, ray) + patch.depth >= least:
+        if _dot(vectors, which[p], k, 0, ray) + patch.depth >= threshold:
             n, s, r = _meet(vectors, start, which[p], k, ray)
-            inside = _inside(patch, n, s, r)
-            if n > _ZERO and inside > -_ONE and (inside < _ONE or p != own):
+            overlap = _inside(patch, n, s, r)
+            if n > _ZERO and overlap > -_ONE and (overlap < _ONE or p != hit):
                 return True
     return False
 
 
 @part
 def _see_at_points(
-    found: Integers,
+    pair_at: Integers,
     front: Single,
     vectors: Single,
     start: Single,
@@ -471,9 +476,9 @@ def _see_at_points(
             away = n + (x * steps[0, 0] + y * steps[1, 0])
             across = s + (x * steps[0, 1] + y * steps[1, 1])
             up = r + (x * steps[0, 2] + y * steps[1, 2])
-            inside = across >= _ZERO and across <= away and up >= _ZERO and up <= away
-            if inside and away > front[point]:
-                front[point], found[point] = away, p
+            in_rectangle = across >= _ZERO and across <= away and up >= _ZERO and up <= away
+            if in_rectangle and away > front[point]:
+                front[point], pair_at[point] = away, p
 
 
 @part
@@ -487,11 +492,11 @@ def look_up(
         step = _step_along(j, count)
         x, y = _texel(patch, 0, s, r, step)
         for c in range(len(value)):
-            seen = bilinear(atlas, x, y, c)
+            texel = bilinear(atlas, x, y, c)
             if patch.share > 0:
                 coarse_x, coarse_y = _texel(patch, 1, s, r, step)
-                seen = mixed(seen, bilinear(atlas, coarse_x, coarse_y, c), patch.share)
-            value[c] += seen
+                texel = mixed(texel, bilinear(atlas, coarse_x, coarse_y, c), patch.share)
+            value[c] += texel
     for c in range(len(value)):
         value[c] >>= doublings
 
@@ -510,11 +515,11 @@ def _texel(
 
     :param step: from its middle, in its length. No look leaves the rectangle.
     """
-    width, left = patch.scale[level, 0], patch.offset[level, 0]
-    x = step * (patch.along[0] * width) + (s * width + left)
+    width, margin = patch.scale[level, 0], patch.offset[level, 0]
+    x = step * (patch.along[0] * width) + (s * width + margin)
     height, top = patch.scale[level, 1], patch.offset[level, 1]
     y = step * (patch.along[1] * height) + (r * height + top)
-    return in_steps(min(max(x, left), left + width)), in_steps(min(max(y, top), top + height))
+    return in_steps(min(max(x, margin), margin + width)), in_steps(min(max(y, top), top + height))
 
 
 @part
@@ -526,16 +531,16 @@ def in_steps(position: np.float32) -> int:
 @part
 def bilinear(atlas: Bytes, x: int, y: int, colour: int) -> int:
     """Return a value between four texels, in integers, at a point in 1/32 texel."""
-    column, row, right, down = x >> 5, y >> 5, x & 31, y & 31
+    column, row, weight, down = x >> 5, y >> 5, x & 31, y & 31
     column = min(max(column, 0), atlas.shape[1] - 1)
     row = min(max(row, 0), atlas.shape[0] - 1)
     next_column = min(column + 1, atlas.shape[1] - 1)
     next_row = min(row + 1, atlas.shape[0] - 1)
-    above = (32 - right) * np.int64(atlas[row, column, colour])
-    above += right * np.int64(atlas[row, next_column, colour])
-    below = (32 - right) * np.int64(atlas[next_row, column, colour])
-    below += right * np.int64(atlas[next_row, next_column, colour])
-    return ((32 - down) * above + down * below + 512) >> 10
+    upper = (32 - weight) * np.int64(atlas[row, column, colour])
+    upper += weight * np.int64(atlas[row, next_column, colour])
+    lower = (32 - weight) * np.int64(atlas[next_row, column, colour])
+    lower += weight * np.int64(atlas[next_row, next_column, colour])
+    return ((32 - down) * upper + down * lower + 512) >> 10
 
 
 @part
@@ -553,13 +558,13 @@ def _shade(
     for j in range(shades.first[cell], shades.first[cell + 1]):
         m = shades.which[j]
         away, s, r = _meet(vectors, start, m, k, ray)
-        above = _height(vectors, m, k) * (_ONE - away / inverse)
-        inside = s >= _ZERO and s <= _ONE and r >= _ZERO and r <= _ONE
-        if away > _ZERO and inside and abs(above) < _ON_FLOOR:
-            left = light_left(s, r, shades.lines[m, 0], shades.lines[m, 1], shades.lines[m, 2])
-            if left < _ONE:
+        offset = _height(vectors, m, k) * (_ONE - away / inverse)
+        in_rectangle = s >= _ZERO and s <= _ONE and r >= _ZERO and r <= _ONE
+        if away > _ZERO and in_rectangle and abs(offset) < _ON_FLOOR:
+            light = light_left(s, r, shades.lines[m, 0], shades.lines[m, 1], shades.lines[m, 2])
+            if light < _ONE:
                 for c in range(len(value)):
-                    value[c] = _changed(value[c], left, _ZERO)
+                    value[c] = _changed(value[c], light, _ZERO)
 
 
 @part
@@ -658,18 +663,18 @@ def shine(
     z /= away
     rise, fall = max(z, _ZERO), max(-z, _ZERO)
     for c in range(len(added)):
-        down, level, above = sheen.mirrored[0, c], sheen.mirrored[1, c], sheen.mirrored[2, c]
-        added[c] = (level + rise * (above - level) + fall * (down - level)) * share
+        down, level, zenith = sheen.mirrored[0, c], sheen.mirrored[1, c], sheen.mirrored[2, c]
+        added[c] = (level + rise * (zenith - level) + fall * (down - level)) * share
     for j in range(len(lit)):
         if lit[j]:
             source, sight = sheen.sources[j], sheen.sights[region.face, j]
-            near = source.near
-            x = sight.place[0] - near * face.sides[0] * point[0]
-            y = sight.place[1] - near * face.sides[1] * point[1]
+            is_lamp = source.near
+            x = sight.place[0] - is_lamp * face.sides[0] * point[0]
+            y = sight.place[1] - is_lamp * face.sides[1] * point[1]
             to = (x, y, sight.place[2])
             distance = np.sqrt(to[0] * to[0] + to[1] * to[1] + to[2] * to[2])
             ray = (across, up, height)
-            if near > _ZERO:
+            if is_lamp > _ZERO:
                 light = _of_lamp(source, sight, ray, away, to, region.blur)
             else:
                 floor = sheen.floor[m, j]
@@ -677,7 +682,7 @@ def shine(
             if light > _ZERO:
                 power = light_at(sheen.light, face, j, point[0], point[1]) * region.gain
                 power /= max(height / away, to[2] / max(distance, _NARROWEST))
-                bright = _mirrored(power, near) * light * specular
+                bright = _mirrored(power, is_lamp) * light * specular
                 for c in range(len(added)):
                     added[c] += source.colour[c] * bright
     return _ONE - share
@@ -700,13 +705,13 @@ def _of_lamp(
     steepness, height = _along(sight.axes[2], ray), _along(sight.axes[2], to)
     if not height * steepness > _ZERO:
         return _ZERO  # it never meets the lamp's plane
-    far = height / steepness
-    wide = far * away * blur
+    scale = height / steepness
+    wide = scale * away * blur
     share = _ONE
     for k in range(2):
         half = source.halves[k]
         side = _along(sight.axes[k], ray)
-        offset = far * side - _along(sight.axes[k], to)
+        offset = scale * side - _along(sight.axes[k], to)
         slant = side / steepness
         slant = min(np.sqrt(slant * slant + _ONE), _SLANT)
         width = _ONE / max(wide * slant, _NARROWEST)
@@ -754,13 +759,13 @@ def light_at(light: Single, face: Any, source: int, s: np.float32, r: np.float32
     """Return the light of a source at a point of a face, interpolated between its points."""
     rows, columns = face.shape[0], face.shape[1]
     low, down = _between(r, rows)
-    left, across = _between(s, columns)
-    above, right = min(low + 1, rows - 1), min(left + 1, columns - 1)
-    first = face.first + source * rows * columns
+    column, across = _between(s, columns)
+    high, next_column = min(low + 1, rows - 1), min(column + 1, columns - 1)
+    offset = face.first + source * rows * columns
     value = _ZERO
-    for row, share in ((low, _ONE - down), (above, down)):
-        line = light[first + row * columns + left] * (_ONE - across)
-        line += light[first + row * columns + right] * across
+    for row, share in ((low, _ONE - down), (high, down)):
+        line = light[offset + row * columns + column] * (_ONE - across)
+        line += light[offset + row * columns + next_column] * across
         value += share * line
     return value
 
@@ -768,15 +773,15 @@ def light_at(light: Single, face: Any, source: int, s: np.float32, r: np.float32
 @part
 def _between(share: np.float32, count: int) -> tuple[int, np.float32]:
     """Return the part before a share from 0 to 1 among even parts, and how far the next one is."""
-    at = min(max(share * np.float32(count) - _HALF, _ZERO), np.float32(count - 1))
-    whole = np.int64(at)
-    return whole, at - np.float32(whole)
+    position = min(max(share * np.float32(count) - _HALF, _ZERO), np.float32(count - 1))
+    whole = np.int64(position)
+    return whole, position - np.float32(whole)
 
 
 @compiled
 def paint_mesh(
     values: Bytes,
-    seen: Met,
+    hits: Met,
     pitch: Single,
     triangles: Triangles,
     textures: tuple[Bytes, Single, Single],
@@ -796,31 +801,31 @@ def paint_mesh(
     textured, tinted = len(triangles.uv) > 0, len(triangles.tints) > 0
     shaded = len(triangles.shades) > 0
     for n in range(len(values)):
-        if seen.nothing[n]:
+        if hits.nothing[n]:
             values[n, :] = BACKGROUND
             continue
-        m = seen.number[n]
+        m = hits.number[n]
         if textured:
             texture = triangles.texture[m]
             for k in range(2):
-                uv[k] = _on_triangle(triangles.uv, k, m, seen.point, n)
-            square, length = _footprint(along, seen, n, pitch[n], triangles, size[texture], modes)
+                uv[k] = _on_triangle(triangles.uv, k, m, hits.point, n)
+            square, length = _footprint(along, hits, n, pitch[n], triangles, size[texture], modes)
             level, share = _level(square, modes)
             doublings = 0
-            for least in LOOKS:
-                doublings += length * _halved(level) > least
+            for threshold in LOOKS:
+                doublings += length * _halved(level) > threshold
             _repeat(texel, image, size[texture], corner[texture], uv, along, doublings,
                     level, share)  # fmt: skip
         for c in range(len(texel)):
             if not tinted and not shaded:
                 values[n, c] = texel[c]
                 continue
-            value = _on_triangle(triangles.tints, c, m, seen.point, n) if tinted else _WHITE
+            value = _on_triangle(triangles.tints, c, m, hits.point, n) if tinted else _WHITE
             if textured:
                 value *= np.float32(texel[c])
                 value *= _ONE_OF_WHITE
             if shaded:
-                value *= triangles.shades[1 if seen.along[n] > 0.0 else 0, m]
+                value *= triangles.shades[1 if hits.along[n] > 0.0 else 0, m]
             values[n, c] = np.uint8(min(max(value + _HALF, _ZERO), _WHITE))
 
 
@@ -836,7 +841,7 @@ def _on_triangle(coefficients: Single, k: int, m: int, point: Single, n: int) ->
 @part
 def _footprint(
     along: Single,
-    seen: Met,
+    hits: Met,
     n: int,
     pitch: np.float32,
     triangles: Triangles,
@@ -850,8 +855,8 @@ def _footprint(
     ``(density pitch t)^2``, or of an eighth of its length. The axis in u and v, put into ``along``,
     is the ray's projection onto the triangle.
     """
-    m, width = seen.number[n], seen.distance[n] * pitch
-    cosine = max(abs(seen.along[n]), _GRAZING)
+    m, width = hits.number[n], hits.distance[n] * pitch
+    cosine = max(abs(hits.along[n]), _GRAZING)
     density = triangles.density[m]
     if not modes[1]:
         along[:] = _ZERO
@@ -863,7 +868,7 @@ def _footprint(
     for k in range(2):
         slope = _ZERO
         for j in range(3):
-            slope += triangles.uv[4 * k + j, m] * seen.way[n, j]
+            slope += triangles.uv[4 * k + j, m] * hits.way[n, j]
         along[k] = slope * factor
         texels = along[k] * size[k]
         square += texels * texels
@@ -915,12 +920,12 @@ def _repeat(
         s, r = s - np.floor(s), r - np.floor(r)
         x, y = _repeated(s, size, corner, 0, level), _repeated(r, size, corner, 1, level)
         for c in range(len(value)):
-            seen = bilinear(image, x, y, c)
+            texel = bilinear(image, x, y, c)
             if share > 0:
                 coarse_x = _repeated(s, size, corner, 0, level + 1)
                 coarse_y = _repeated(r, size, corner, 1, level + 1)
-                seen = mixed(seen, bilinear(image, coarse_x, coarse_y, c), share)
-            value[c] += seen
+                texel = mixed(texel, bilinear(image, coarse_x, coarse_y, c), share)
+            value[c] += texel
     for c in range(len(value)):
         value[c] >>= doublings
 

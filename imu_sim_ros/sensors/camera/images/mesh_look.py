@@ -1,7 +1,7 @@
 # Copyright 2026 imu_sim_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""What the triangles of a mesh look like: functions of the point on each, and its textures."""
+"""Appearance of a mesh's triangles: functions of the point on each, and textures."""
 
 from collections.abc import Iterator
 from typing import Final
@@ -72,7 +72,7 @@ def _atlas(mesh: Mesh, colour: bool) -> Atlas:
         rows = textures[m][::-1]
         return np.ascontiguousarray(rows if colour else grey(rows))
 
-    return assembled([each.shape[:2] for each in textures], texture, colour, repeat=True)
+    return assembled([image.shape[:2] for image in textures], texture, colour, repeat=True)
 
 
 class _Gradient:
@@ -98,8 +98,8 @@ class _Gradient:
 
 
 def _gradients(mesh: Mesh, middle: Array) -> Iterator[tuple[slice, _Gradient]]:
-    for first in range(0, len(mesh.faces), _PART):
-        part = slice(first, first + _PART)
+    for start in range(0, len(mesh.faces), _PART):
+        part = slice(start, start + _PART)
         yield part, _Gradient(mesh.vertices[mesh.faces[part]] - middle)
 
 

@@ -62,59 +62,59 @@ class MeshRenderer:
         """
         scale = self._rays.scale
         poses = rounded(eyes.world)
-        for number, rows, rays, seen in self._seen(poses):
+        for number, rows, rays, hits in self._seen(poses):
             if number not in self._pitches:
                 self._pitches[number] = _pitch(rays).reshape(-1).astype(np.float16)
             pitch = self._pitches[number].astype(np.float32)
-            picture = self._painted(seen, pitch).reshape(
+            picture = self._painted(hits, pitch).reshape(
                 *rays.shape[1:], *self._look.image.shape[2:]
             )
             if self._areas:
-                self._put_edges(picture, seen, pitch, rays, (poses, rows))
+                self._put_edges(picture, hits, pitch, rays, (poses, rows))
             yield slice(rows.start // scale, rows.stop // scale), picture
 
     def _put_edges(
         self,
         picture: Bytes,
-        seen: Met,
+        picture_hits: Met,
         pitch: Single,
         rays: Single,
-        at: tuple[tuple[Array, Array], slice],
+        poses_and_rows: tuple[tuple[Array, Array], slice],
     ) -> None:
         """Give pixels whose neighbours look different the mean of eight rays each.
 
         :param rays: (3, h, w) of the picture.
-        :param at: the poses, and the rows of the picture.
+        :param poses_and_rows: the poses, and the rows of the picture.
         """
-        (position, r_wc), rows = at
+        (position, r_wc), rows = poses_and_rows
         eyes = position if len(position) == 1 else position[rows].repeat(rays.shape[2], axis=0)
-        pixel = np.flatnonzero(self._at_edges(picture, seen, eyes))
+        pixel = np.flatnonzero(self._at_edges(picture, picture_hits, eyes))
         if not len(pixel):
             return
         row, column = np.divmod(pixel, picture.shape[1])
         steps = [_step(rays, axis, row, column) for axis in (2, 1)]
-        own = row + rows.start if len(position) > 1 else np.zeros(len(row), np.int64)
-        turn, eye = r_wc[own].astype(np.float32), position[own]
+        pose_rows = row + rows.start if len(position) > 1 else np.zeros(len(row), np.int64)
+        turn, eye = r_wc[pose_rows].astype(np.float32), position[pose_rows]
         total = np.zeros((len(pixel), *picture.shape[2:]), np.uint16)
         part = _RAYS_OF_EDGES // len(POINTS)
-        for first in range(0, len(pixel), part):
-            some = slice(first, first + part)
+        for start in range(0, len(pixel), part):
+            some = slice(start, start + part)
             middle = rays[:, row[some], column[some]]
-            x, y = (each[:, some, None] for each in steps)
+            x, y = (step[:, some, None] for step in steps)
             ray = middle[..., None] + x * POINTS[:, 0] + y * POINTS[:, 1]
             way = np.stack(
                 [sum(turn[some, k, j, None] * ray[j] for j in range(3)) for k in range(3)]
             )
             way = np.ascontiguousarray(way.reshape(3, -1).T)
             count = ray.shape[2]
-            met = self._met(eye[some].repeat(count, axis=0), way)
-            values = self._painted(met, pitch.take(pixel[some]).repeat(count))
+            hits = self._met(eye[some].repeat(count, axis=0), way)
+            values = self._painted(hits, pitch.take(pixel[some]).repeat(count))
             values = values.reshape(-1, count, *picture.shape[2:])
             total[some] = values.sum(axis=1, dtype=np.uint16)
         total += len(POINTS) // 2
         picture.reshape(-1, *picture.shape[2:])[pixel] = total // len(POINTS)
 
-    def _at_edges(self, picture: Bytes, seen: Met, eyes: Array) -> Mask:
+    def _at_edges(self, picture: Bytes, hits: Met, eyes: Array) -> Mask:
         """Tell which pixels (h w,) differ from a neighbour that sees another surface.
 
         Triangles of one surface are those whose planes go on in each other, at a small angle.
@@ -122,24 +122,26 @@ class MeshRenderer:
         """
         height, width = picture.shape[:2]
         result = np.zeros(height * width, np.bool_)
-        triangle = np.where(seen.nothing, -1, seen.number).reshape(height, width)
+        triangle = np.where(hits.nothing, -1, hits.number).reshape(height, width)
         values = picture.astype(np.int16).reshape(height, width, -1)
         for axis, step in ((0, width), (1, 1)):
             apart = (np.abs(np.diff(values, axis=axis)) > _CONTRAST).any(axis=2)
             apart &= np.diff(triangle, axis=axis) != 0
-            first = np.flatnonzero(apart)
+            edge_pixels = np.flatnonzero(apart)
             if axis == 1:
-                first += first // (width - 1)
+                edge_pixels += edge_pixels // (width - 1)
             if self._look.textured:
-                first = first[self._another(seen, eyes, first, first + step)]
-            result[first] = result[first + step] = True
+                edge_pixels = edge_pixels[
+                    self._another(hits, eyes, edge_pixels, edge_pixels + step)
+                ]
+            result[edge_pixels] = result[edge_pixels + step] = True
         return result
 
-    def _another(self, seen: Met, eyes: Array, one: Integers, other: Integers) -> Mask:
+    def _another(self, hits: Met, eyes: Array, pixels: Integers, neighbours: Integers) -> Mask:
         """Tell which of n pairs of pixels see two surfaces."""
-        first, second = seen.some(one), seen.some(other)
-        planes = [self._caster.planes.take(each.number, axis=0) for each in (first, second)]
-        start = (eyes if len(eyes) == 1 else eyes.take(other, axis=0)) - self._caster.middle
+        first, second = hits.some(pixels), hits.some(neighbours)
+        planes = [self._caster.planes.take(side.number, axis=0) for side in (first, second)]
+        start = (eyes if len(eyes) == 1 else eyes.take(neighbours, axis=0)) - self._caster.middle
         away = planes[0][:, 3] - (planes[0][:, :3] * start).sum(axis=1)
         along = (planes[0][:, :3] * second.way).sum(axis=1)
         # Without a division: the first one's plane is where the second one is.
@@ -157,8 +159,8 @@ class MeshRenderer:
     def depth(self, eyes: Eyes) -> Single:
         """Return the distance along the axis (h, w) [m] of what each pixel sees; 0: nothing."""
         result = np.empty(self._rays.shape, np.float32)
-        for _, rows, rays, seen in self._seen(rounded(eyes.world)):
-            distance = np.where(seen.nothing, 0.0, seen.distance)
+        for _, rows, rays, hits in self._seen(rounded(eyes.world)):
+            distance = np.where(hits.nothing, 0.0, hits.distance)
             result[rows] = distance.reshape(rays.shape[1:]) * rays[2]
         return result
 
@@ -172,12 +174,12 @@ class MeshRenderer:
         for number, band in enumerate(self._rays.bands):
             check_interrupted()
             rows, rays = self._rays.rows(band), self._rays.of_band(number)
-            own = slice(None) if len(position) == 1 else rows
-            turn = r_wc[own].astype(np.float32)[:, None]
+            pose_rows = slice(None) if len(position) == 1 else rows
+            turn = r_wc[pose_rows].astype(np.float32)[:, None]
             ways = np.empty((*rays.shape[1:], 3), np.float32)
             for k in range(3):
                 ways[..., k] = sum(turn[..., k, j] * rays[j] for j in range(3))
-            eye = position[own]
+            eye = position[pose_rows]
             if len(position) > 1:
                 eye = eye.repeat(rays.shape[2], axis=0)
             yield number, rows, rays, self._met(eye, ways.reshape(-1, 3))
@@ -193,25 +195,27 @@ class MeshRenderer:
         number = np.where(nothing, 0, hits.surface)
         return Met(number, nothing, hits.distance, along, point, ways)
 
-    def _painted(self, seen: Met, pitch: Single) -> Bytes:
+    def _painted(self, hits: Met, pitch: Single) -> Bytes:
         """Return the values (n,) or (n, 3) of rays."""
         atlas, image = self._look.atlas, self._look.image
         textures = image.reshape(*image.shape[:2], -1), atlas.size, atlas.corner
-        values = np.empty((len(seen.number), textures[0].shape[2]), np.uint8)
+        values = np.empty((len(hits.number), textures[0].shape[2]), np.uint8)
         modes, triangles = (self._trilinear, self._areas), self._look.triangles
-        paint_mesh(values, seen, pitch, triangles, textures, modes, space())
+        paint_mesh(values, hits, pitch, triangles, textures, modes, space())
         return values.reshape(-1, *image.shape[2:])
 
 
 def _step(rays: Single, axis: int, row: Integers, column: Integers) -> Single:
     """Return the change (3, n) of rays (3, h, w) from a pixel to the next along an axis."""
-    at = [row, column]
-    before, after = list(at), list(at)
-    last = rays.shape[axis] - 1
-    before[axis - 1] = np.maximum(at[axis - 1] - 1, 0)
-    after[axis - 1] = np.minimum(at[axis - 1] + 1, last)
-    span = np.maximum(after[axis - 1] - before[axis - 1], 1).astype(np.float32)
-    result: Single = (rays[:, after[0], after[1]] - rays[:, before[0], before[1]]) / span
+    index = [row, column]
+    previous_index, next_index = list(index), list(index)
+    limit = rays.shape[axis] - 1
+    previous_index[axis - 1] = np.maximum(index[axis - 1] - 1, 0)
+    next_index[axis - 1] = np.minimum(index[axis - 1] + 1, limit)
+    span = np.maximum(next_index[axis - 1] - previous_index[axis - 1], 1).astype(np.float32)
+    result: Single = (
+        rays[:, next_index[0], next_index[1]] - rays[:, previous_index[0], previous_index[1]]
+    ) / span
     return result
 
 
@@ -223,8 +227,8 @@ def _pitch(rays: Single) -> Single:
             continue
         step = np.diff(rays, axis=axis)
         angle = np.sqrt((step * step).sum(axis=0))
-        last = angle[-1:] if axis == 1 else angle[:, -1:]
-        np.maximum(result, np.concatenate([angle, last], axis=axis - 1), out=result)
+        edge = angle[-1:] if axis == 1 else angle[:, -1:]
+        np.maximum(result, np.concatenate([angle, edge], axis=axis - 1), out=result)
     # Next to a pixel without a direction the step says nothing.
     usual = float(np.median(result[result > 0.0])) if (result > 0.0).any() else 1.0
     result[result > 8.0 * usual] = usual

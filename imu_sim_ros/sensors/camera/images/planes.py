@@ -39,8 +39,8 @@ class Planes(NamedTuple):
 
     def joined(self, others: "list[Planes]") -> "Planes":
         """Return these and others."""
-        every = [self, *others]
-        return Planes(*(np.concatenate(parts) for parts in zip(*every, strict=True)))
+        tables = [self, *others]
+        return Planes(*(np.concatenate(parts) for parts in zip(*tables, strict=True)))
 
     def none(self) -> "Planes":
         """Return none of them, for the same poses."""
@@ -51,23 +51,26 @@ class Planes(NamedTuple):
 
         :param rows: (p, k) of the rays; k is 1 for one pose.
         """
-        own = rows if self.start.shape[1] > 1 else _FIRST
-        vectors, start = self.vectors[which[:, None], own], self.start[which[:, None], own]
+        pose_rows = rows if self.start.shape[1] > 1 else _FIRST
+        vectors, start = (
+            self.vectors[which[:, None], pose_rows],
+            self.start[which[:, None], pose_rows],
+        )
         return vectors.transpose(2, 3, 0, 1), start.transpose(2, 0, 1)
 
     def meet(
-        self, which: Integers, rays: Single, rows: Integers, least: np.float32
+        self, which: Integers, rays: Single, rows: Integers, threshold: np.float32
     ) -> tuple[Mask, Single, Single]:
         """Return which rays (3, p, k) have a plane before them, 1 / t, and s and r (2, p, k).
 
         :param which: (p,) numbers of the rectangles among these.
         :param rows: (p, k) of the rays.
-        :param least: 1 / t above which a plane is before a ray.
+        :param threshold: 1 / t above which a plane is before a ray.
         """
         vectors, start = self.seen(which, rows)
         dots = _dots(vectors, rays)
         inverse, positions = dots[0], dots[1:]
-        in_front = inverse > least
+        in_front = inverse > threshold
         positions *= _ONE / np.where(in_front, inverse, _ONE)
         positions += start
         return in_front, inverse, positions

@@ -41,8 +41,8 @@ class PixelRays:
     @cached_property
     def bands(self) -> list[slice]:
         """The rows of cells of the image in pieces, each of whole pixels."""
-        count, least = -(-self.height // CELL), self.scale // math.gcd(self.scale, CELL)
-        size = least * max(1, _BAND // (least * CELL * self.width))
+        count, step = -(-self.height // CELL), self.scale // math.gcd(self.scale, CELL)
+        size = step * max(1, _BAND // (step * CELL * self.width))
         return [slice(k, min(k + size, count)) for k in range(0, count, size)]
 
     def rows(self, cells: slice) -> slice:
@@ -53,15 +53,15 @@ class PixelRays:
         """Return the rays of a band (3, rows, width)."""
         return self._kept[number] if self._kept is not None else self._found(number)
 
-    def at(self, *wanted: tuple[Integers, Integers]) -> list[Single]:
+    def at(self, *selections: tuple[Integers, Integers]) -> list[Single]:
         """Return the rays (3, a, b) of rows (a,) in ascending order and columns (b,), of each."""
-        parts: list[list[Single]] = [[] for _ in wanted]
+        parts: list[list[Single]] = [[] for _ in selections]
         for number, band in enumerate(self.bands):
             rays, span = self.of_band(number), self.rows(band)
-            for (rows, columns), found in zip(wanted, parts, strict=True):
-                inside = rows[(rows >= span.start) & (rows < span.stop)] - span.start
-                found.append(rays[:, inside[:, None], columns])
-        return [np.concatenate(found, axis=1) for found in parts]
+            for (rows, columns), selected in zip(selections, parts, strict=True):
+                band_rows = rows[(rows >= span.start) & (rows < span.stop)] - span.start
+                selected.append(rays[:, band_rows[:, None], columns])
+        return [np.concatenate(selected, axis=1) for selected in parts]
 
     def between(self, rows: Array, columns: Array) -> Single:
         """Return the rays (3, a, b) of rows (a,) and columns (b,) that need not be whole."""
@@ -70,12 +70,12 @@ class PixelRays:
         return self._through(grid, len(rows))
 
     def _through(self, grid: Array, height: int) -> Single:
-        found = np.zeros((3, len(grid)), np.float32)
-        for first in range(0, len(grid), _AT_ONCE):
-            part = slice(first, first + _AT_ONCE)
+        directions = np.zeros((3, len(grid)), np.float32)
+        for start in range(0, len(grid), _AT_ONCE):
+            part = slice(start, start + _AT_ONCE)
             rays = self._model.unproject(grid[part])
-            found[:, part] = np.where(rays.valid[:, None], rays.direction, 0.0).T
-        return found.reshape(3, height, -1)
+            directions[:, part] = np.where(rays.valid[:, None], rays.direction, 0.0).T
+        return directions.reshape(3, height, -1)
 
     @cached_property
     def _kept(self) -> list[Single] | None:
@@ -99,7 +99,7 @@ class Corners(NamedTuple):
 
 
 class Probes(NamedTuple):
-    """For each cell of an image a pixel, and those on its right and below it."""
+    """Pixels at which each cell is probed: one, and those on its right and below it."""
 
     rays: Single
     """(3, 3, cells): of the pixel, of the one on its right, of the one below x, y, z."""
@@ -115,9 +115,9 @@ def corners_and_probes(rays: PixelRays, areas: bool = False) -> tuple[Corners, P
     height, width = rays.shape
     edges = [np.minimum(np.arange(0, n + CELL, CELL), n - 1) for n in rays.shape]
     i, j = (np.maximum(np.minimum(np.arange(0, n, CELL) + CELL // 2, n - 2), 0) for n in rays.shape)
-    below, right = np.minimum(i + 1, height - 1), np.minimum(j + 1, width - 1)
-    corners, *middle = rays.at((edges[0], edges[1]), (i, j), (i, right), (below, j))
-    rows = np.stack([i, i, below]).repeat(len(j), axis=1)
+    i_next, j_next = np.minimum(i + 1, height - 1), np.minimum(j + 1, width - 1)
+    corners, *middle = rays.at((edges[0], edges[1]), (i, j), (i, j_next), (i_next, j))
+    rows = np.stack([i, i, i_next]).repeat(len(j), axis=1)
     probes = Probes(np.stack(middle).reshape(3, 3, -1), rows)
     if areas:
         down, across = (np.minimum(np.arange(0, n + CELL, CELL), n) - 0.5 for n in rays.shape)

@@ -30,11 +30,11 @@ _GRID: Final = 2.0**30
 _SIDEWAYS: Final = 0.05
 """Least cosine between the axis and a ray of a lens whose rays are in one cone."""
 _SLACK: Final = 1e-3
-"""By which the cone of all rays is wider."""
+"""Margin of the cone of all rays."""
 
 
 class PictureMaker(Protocol):
-    """What makes pictures of one camera in one scene, whatever it is made of."""
+    """Renderer of one camera in one scene, of rectangles or of a mesh."""
 
     rows: Array
     """Row of the image of each row of rays."""
@@ -76,7 +76,7 @@ class Renderer:
         self._trilinear, self._areas, self.crowd = trilinear, areas, crowd
         self.surfaces, self.atlas = surfaces, atlas
         self._each = [_Fronts.of(where) for where in (surfaces, *(crowd.surfaces if crowd else ()))]
-        self._first = np.cumsum([len(each.normals) for each in self._each])
+        self._first = np.cumsum([len(faces.normals) for faces in self._each])
         self._shining = np.full(self._first[-1], -1)
         if atlas.polish is not None:
             self._shining[atlas.polish.face] = atlas.polish.face
@@ -118,19 +118,19 @@ class Renderer:
         if self.crowd is None:
             return
         world, sun = rounded(eyes.world), self.crowd.sun
-        for seen, shadow in zip(eyes.bodies, self.crowd.shadows, strict=True):
-            own = rounded(seen)
+        for body_eyes, shadow in zip(eyes.bodies, self.crowd.shadows, strict=True):
+            body_pose = rounded(body_eyes)
             lines = [shadow.below]
             if sun is not None:
-                r_wb = (world[1][0][:, None] * own[1][0]).sum(axis=2)
+                r_wb = (world[1][0][:, None] * body_pose[1][0]).sum(axis=2)
                 line = shadow.thrown((sun.to_sun[:, None] * r_wb).sum(axis=0), 1.0)
-                if self._may_be_seen(line.ball, *own):
-                    share = sun.share(world[0][0] - (r_wb * own[0][0]).sum(axis=1))
+                if self._may_be_seen(line.ball, *body_pose):
+                    share = sun.share(world[0][0] - (r_wb * body_pose[0][0]).sum(axis=1))
                     lines += [line._replace(depth=share)] * (share > 0.0)
             for line in lines:
-                if self._may_be_seen(line.ball, *own):
+                if self._may_be_seen(line.ball, *body_pose):
                     floor = line.floor()
-                    planes = Planes.of(floor, floor.normal, *own)
+                    planes = Planes.of(floor, floor.normal, *body_pose)
                     yield planes, self._grid.pairs(planes), line
 
     def depth(self, eyes: Eyes) -> Single:
@@ -145,46 +145,46 @@ class Renderer:
         depth, mask = np.empty(rays.shape, np.float32), np.empty(rays.shape, np.uint8)
         for number, band in enumerate(self.bands):
             check_interrupted()
-            rows, last = rays.rows(band), rays.height - 1
+            rows, last_row = rays.rows(band), rays.height - 1
             of_band = rays.of_band(number)
-            measure(depth[rows], mask[rows], of_band, (rows.start, last), planes, pairs, bodies)
+            measure(depth[rows], mask[rows], of_band, (rows.start, last_row), planes, pairs, bodies)
         return depth, mask
 
     def _there(self, eyes: Eyes) -> tuple[Planes, Integers, Pairs]:
         """Return the rectangles that may be in the image, their numbers (m,), and their cells."""
         position, r_wc = rounded(eyes.world)
-        found = [(0, self._facing(0, position, r_wc), position, r_wc)]
-        for k, seen in enumerate(eyes.bodies, start=1):
-            position, r_wc = rounded(seen)
+        candidates = [(0, self._facing(0, position, r_wc), position, r_wc)]
+        for k, body_eyes in enumerate(eyes.bodies, start=1):
+            position, r_wc = rounded(body_eyes)
             if self.crowd and self._may_be_seen(self.crowd.balls[k - 1], position, r_wc):
-                found.append((k, self._facing(k, position, r_wc), position, r_wc))
-        first, *others = (
-            Planes.of(*self._each[k].some(numbers), *pose) for k, numbers, *pose in found
+                candidates.append((k, self._facing(k, position, r_wc), position, r_wc))
+        planes_world, *planes_bodies = (
+            Planes.of(*self._each[k].some(numbers), *pose) for k, numbers, *pose in candidates
         )
-        planes = first.joined(others)
+        planes = planes_world.joined(planes_bodies)
         start = (0, *self._first)
-        numbers = np.concatenate([each + start[k] for k, each, *_ in found])
+        numbers = np.concatenate([face_numbers + start[k] for k, face_numbers, *_ in candidates])
         return planes, numbers, self._grid.pairs(planes)
 
     def visible(self, eyes: Eyes) -> Visible:
         """Return what may be in the image, and where."""
         planes, numbers, pairs = self._there(eyes)
         rows = self._probes.rows.take(pairs.cell, axis=1)
-        met = [
+        intersections = [
             planes.meet(
                 pairs.which, rays.take(pairs.cell, axis=1)[..., None], row[:, None], IN_FRONT
             )
             for rays, row in zip(self._probes.rays, rows, strict=True)
         ]
         # One probe after the other in memory: loops are long.
-        inverse = np.stack([one[1] for one in met])[..., 0]
-        positions = np.stack([one[2] for one in met])[..., 0]
+        inverse = np.stack([intersection[1] for intersection in intersections])[..., 0]
+        positions = np.stack([intersection[2] for intersection in intersections])[..., 0]
         linear = [
             planes.linear(pairs.which, rays.take(pairs.cell, axis=1)[..., None], row[:, None])
             for rays, row in zip(self._probes.rays, rows, strict=True)
         ]
         texture = numbers[pairs.which]
-        seen = patches(
+        pair_patches = patches(
             positions,
             np.stack(linear)[..., 0],
             self.atlas,
@@ -198,20 +198,20 @@ class Renderer:
             gloss = Glossy.of(polish, planes, face, pairs, probes, self._cell_angle)
         cells = self._grid.rows * self._grid.columns
         shades = Shades.of(cells, planes.none(), list(self._shadows(eyes)))
-        return Visible(planes, pairs, seen, shades, gloss)
+        return Visible(planes, pairs, pair_patches, shades, gloss)
 
     def _facing(self, k: int, position: Array, r_wc: Array) -> Integers:
         """Return the surfaces whose front is seen from one of some positions (n, 3).
 
         A surface is not seen if all its corners lie beyond one side of the cone of all rays.
         """
-        each = self._each[k]
-        offset = position[:, None] - each.surfaces.origin
-        front = ((offset * each.normals).sum(axis=2) > 0.0).any(axis=0)
-        facing = np.flatnonzero(front | each.both)
+        faces = self._each[k]
+        offset = position[:, None] - faces.surfaces.origin
+        front = ((offset * faces.normals).sum(axis=2) > 0.0).any(axis=0)
+        facing = np.flatnonzero(front | faces.both)
         if k or len(position) > 1 or self._cone is None:
             return facing
-        corners = each.corners[facing] - position[0]
+        corners = faces.corners[facing] - position[0]
         beyond = (np.matmul(np.matmul(corners, r_wc[0]), self._cone) > 0.0).all(axis=1)
         return facing[~beyond.any(axis=1)]
 
@@ -223,9 +223,9 @@ class Renderer:
         x, y, z = middle[rows].T[..., None]
         away = np.sqrt(x * x + y * y + z * z)
         sine = np.minimum(radius / np.maximum(away, 1e-9), 1.0)
-        near = np.minimum(np.arcsin(sine) + self._cell_angle, math.pi)
+        half_angle = np.minimum(np.arcsin(sine) + self._cell_angle, math.pi)
         along = self._units[0] * x + self._units[1] * y + self._units[2] * z
-        return bool(((along >= away * np.cos(near)) | (away <= radius)).any())
+        return bool(((along >= away * np.cos(half_angle)) | (away <= radius)).any())
 
     def _cone_of_rays(self) -> Array | None:
         """Return the normals (3, 4) of planes through the camera that have all rays on one side.
@@ -286,8 +286,8 @@ def _units(rays: Single) -> tuple[Single, float]:
     length = np.sqrt((rays * rays).sum(axis=0))
     units = rays / np.maximum(length, np.float32(1e-9))
     across = (units[:, :-1, :-1] * units[:, 1:, 1:]).sum(axis=0)
-    other = (units[:, :-1, 1:] * units[:, 1:, :-1]).sum(axis=0)
-    seen = (length[:-1, :-1] > 0) & (length[1:, 1:] > 0) & (length[:-1, 1:] > 0)
-    least = np.minimum(across, other)[seen]
-    angle = math.acos(max(-1.0, min(1.0, float(least.min())))) if least.size else math.pi
+    antidiagonal = (units[:, :-1, 1:] * units[:, 1:, :-1]).sum(axis=0)
+    valid = (length[:-1, :-1] > 0) & (length[1:, 1:] > 0) & (length[:-1, 1:] > 0)
+    cosine = np.minimum(across, antidiagonal)[valid]
+    angle = math.acos(max(-1.0, min(1.0, float(cosine.min())))) if cosine.size else math.pi
     return units, angle + 1e-3

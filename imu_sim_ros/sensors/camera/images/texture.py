@@ -37,7 +37,7 @@ _EDGE: Final = 1
 _CELLS: Final = ((4, 1), (8, 1), (16, 2), (32, 2), (64, 3), (128, 3))
 """Edge of an octave's cells [texels], and its weight."""
 _CONTRAST: Final = 8
-"""In fifths: the sum of the octaves is stretched by 1.6 around the middle."""
+"""Contrast in fifths: the sum of the octaves is stretched by 1.6 around the middle."""
 _TINT: Final = 40
 """Largest difference of a colour from the grey value in one octave."""
 _TINT_CELLS: Final = (16, 64)
@@ -95,7 +95,7 @@ def _of_place(surfaces: Surfaces, painter: Painter, colour: bool, crowd: Crowd |
     count = len(shapes)
     bodies: list[tuple[int, int]] = []
     if crowd is not None:
-        sides = np.concatenate([each.sides for each in crowd.surfaces])
+        sides = np.concatenate([body_surfaces.sides for body_surfaces in crowd.surfaces])
         bodies = _in_texels(sides, np.full(len(sides), _TEXEL_OF_BODIES))
 
     def texture(m: int) -> Bytes:
@@ -131,8 +131,8 @@ def assembled(
     """
     corners, height, width = _corners(shapes)
     if further:
-        more, more_height, more_width = _corners(further)
-        corners += [(row + height, column) for row, column in more]
+        further_corners, more_height, more_width = _corners(further)
+        corners += [(row + height, column) for row, column in further_corners]
         height, width = height + more_height, max(width, more_width)
         shapes = [*shapes, *further]
     image = np.zeros((height, width, *(3,) * colour), np.uint8)
@@ -149,11 +149,11 @@ def assembled(
 def _put(image: Bytes, level: Bytes, row: int, column: int, repeat: bool) -> None:
     """Put a level into the atlas, with a texel around it, of its own edge or of the opposite."""
     rows, columns = (length + 2 * _EDGE for length in level.shape[:2])
-    there = image[row : row + rows, column : column + columns]
-    there[_EDGE:-_EDGE, _EDGE:-_EDGE] = level
-    before, after = (-2, 1) if repeat else (1, -2)
-    there[:, 0], there[:, -1] = there[:, before], there[:, after]
-    there[0], there[-1] = there[before], there[after]
+    region = image[row : row + rows, column : column + columns]
+    region[_EDGE:-_EDGE, _EDGE:-_EDGE] = level
+    start_source, end_source = (-2, 1) if repeat else (1, -2)
+    region[:, 0], region[:, -1] = region[:, start_source], region[:, end_source]
+    region[0], region[-1] = region[start_source], region[end_source]
 
 
 def _corners(shapes: Sequence[tuple[int, int]]) -> tuple[list[tuple[int, int]], int, int]:
@@ -187,11 +187,11 @@ def _shapes_of_levels(height: int, width: int) -> Iterator[tuple[int, int]]:
         height, width = -(-height // 2), -(-width // 2)
 
 
-def _next_level(above: Bytes) -> Bytes:
+def _next_level(finer: Bytes) -> Bytes:
     """Return the mip level after one: each texel the rounded mean of four."""
-    even = above
+    even = finer
     for axis in (0, 1):
-        if above.shape[axis] % 2:
+        if finer.shape[axis] % 2:
             even = np.concatenate([even, even.take([-1], axis=axis)], axis=axis)
     two = even[::2].astype(np.uint16)
     two += even[1::2]

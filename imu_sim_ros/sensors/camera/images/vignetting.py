@@ -1,7 +1,7 @@
 # Copyright 2026 imu_sim_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""How much light each pixel gets."""
+"""Vignetting: the share of light that each pixel gets."""
 
 import numpy as np
 
@@ -12,14 +12,14 @@ from imu_sim_ros.types import Array, Single
 
 def vignette(p: CameraParameters) -> Single:
     """Return the share of the light that each pixel gets (h, w)."""
-    found = shares(p, 0)
-    return np.ones((p.height, p.width), np.float32) if found is None else found
+    factors = shares(p, 0)
+    return np.ones((p.height, p.width), np.float32) if factors is None else factors
 
 
-def shares(p: CameraParameters, more: int) -> Single | None:
+def shares(p: CameraParameters, dimensions: int) -> Single | None:
     """Return ``1 - v (r / r_corner)^2`` (h, w) with r from the principal point; None: all 1.
 
-    :param more: further dimensions, of length 1.
+    :param dimensions: further dimensions, of length 1.
     """
     model = CameraModel(p)
     if p.vignetting == 0.0:
@@ -27,5 +27,5 @@ def shares(p: CameraParameters, more: int) -> Single | None:
     u, v = np.meshgrid(np.arange(p.width) - model.cx, np.arange(p.height) - model.cy)
     square = u * u + v * v
     factor: Array = 1.0 - p.vignetting * square / square.max()
-    result: Single = factor.astype(np.float32).reshape(*square.shape, *(1,) * more)
+    result: Single = factor.astype(np.float32).reshape(*square.shape, *(1,) * dimensions)
     return result

@@ -1,7 +1,7 @@
 # Copyright 2026 imu_sim_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""What may be seen in an image, in the tables that the compiled loops read."""
+"""Tables of the visible surfaces of an image, which the compiled loops read."""
 
 from typing import NamedTuple
 
@@ -16,20 +16,20 @@ from imu_sim_ros.types import Array, Integers, Mask, Single
 
 
 class Visible(NamedTuple):
-    """What may be in an image, and where."""
+    """Candidate surfaces of an image, and their cells."""
 
     planes: Planes
     pairs: Pairs
     """With the rectangles' numbers among these."""
     patches: NDArray[np.void]
-    """Of the pairs."""
+    """Texture mapping of each pair."""
     shades: Shades
     gloss: Glossy
-    """Of the pairs."""
+    """Glossy regions of the pairs."""
 
 
 class Triangles(NamedTuple):
-    """What m triangles look like."""
+    """Appearance of m triangles."""
 
     texture: Numbers
     """(m,) number of each triangle's texture in the atlas."""
@@ -44,7 +44,7 @@ class Triangles(NamedTuple):
 
 
 class Met(NamedTuple):
-    """What n rays see."""
+    """Nearest intersections of n rays with a mesh, and their geometry."""
 
     number: Integers
     """(n,) triangle; 0 for nothing."""
