@@ -163,7 +163,7 @@ _HOMES = {
     "sensors": ["register_sensor"],
     "trajectory.motion": ["Motion"],
 }
-__version__ = "1.0.0"
+__version__ = "2.0.0"
 __all__ = sorted(name for names in _HOMES.values() for name in names)
 
 

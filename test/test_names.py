@@ -148,7 +148,7 @@ def test_nodes_say_what_they_are_without_ros():
     assert len(found) == 3 * len(start.NODES)
     for k, name in enumerate(start.NODES):
         version, (status, usage, _), (refused, _, complaint) = found[3 * k : 3 * k + 3]
-        assert version == (0, "imu_sim_ros 1.0.0\n", "")
+        assert version == (0, "imu_sim_ros 2.0.0\n", "")
         assert (status, usage.partition(" ...]")[0]) == (0, f"usage: {name} [--PARAMETER VALUE")
         assert refused == 2
         (line,) = complaint.splitlines()
@@ -159,4 +159,4 @@ def test_nodes_say_what_they_are_without_ros():
 def test_every_program_has_a_version(name, capsys):
     with pytest.raises(SystemExit, match="0"):
         importlib.import_module(f"imu_sim_ros.commands.{name}").main(["--version"])
-    assert capsys.readouterr().out == "imu_sim_ros 1.0.0\n"
+    assert capsys.readouterr().out == "imu_sim_ros 2.0.0\n"
