@@ -73,6 +73,7 @@ PUBLIC = [
     "generate",
     "inspect",
     "preintegrate",
+    "presets",
     "read_images",
     "read_imu",
     "read_magnetometer",
