@@ -71,7 +71,7 @@ def test_formulas_are_drawn_without_a_network(tmp_path):
     assert "<munderover>" not in "".join(formulas)
 
 
-GENERATED = ("parameters", "presets", "programs")
+GENERATED = ("findings", "parameters", "presets", "programs")
 LONGEST = 2500
 """Words of a page that somebody reads from its beginning to its end."""
 

@@ -26,10 +26,11 @@ _FOLDERS: Final = {
 
 @suggest_keywords
 def presets(kind: str = "imu") -> dict[str, str]:
-    """Return the presets of one kind: their names, and what each is.
+    """Return the presets of one kind with their descriptions.
 
     :param kind: imu, trajectory, camera, scene, gnss, wheels, lidar, barometer, campaign or
         estimator
+    :returns: descriptions by the names of the presets.
     :raises ConfigurationError: for another kind.
 
     >>> import imu_sim_ros as ims

@@ -205,7 +205,7 @@ def test_numbers_that_hang_on_the_noise_are_not_given(flight, found):
     hanging = np.zeros(42)
     hanging[[20, 30]] = 6.0, 3.0
     trust = judged(
-        fit._replace(hanging=hanging), np.ones(42), PoseNoise(np.full(6, 1e-3), 0.0, 0.0)
+        fit._replace(noise_shift=hanging), np.ones(42), PoseNoise(np.full(6, 1e-3), 0.0, 0.0)
     )
     assert np.flatnonzero(~trust.given).tolist() == [20]
     assert trust.warnings == (
@@ -225,7 +225,7 @@ def test_less_may_hang_on_rounding_than_on_white_noise(found, white, steps, give
     hanging[30] = 3.0
     noise = PoseNoise(np.full(6, white), *steps)
     fit = found.analysis.fit
-    trust = judged(fit._replace(hanging=hanging), np.ones(42), noise)
+    trust = judged(fit._replace(noise_shift=hanging), np.ones(42), noise)
     assert trust.given[30] == given
     # What rounding does is known no better than its size: the interval holds both.
     wider = 1.0 if given else np.sqrt(1.0 + 3.0**2)
@@ -339,10 +339,9 @@ def test_bad_input_is_reported_in_a_line_each(flight):
     degrees = ims.Readings(readings.t_ns, 57.3 * readings.gyro, readings.accel, "degrees")
     with pytest.raises(ims.InputError, match=r"degrees: .*--gyro-unit deg/s converts it"):
         ims.twin(degrees, flight.truth)
-    rng = np.random.default_rng(1)
-    noise = ims.Readings(readings.t_ns, rng.standard_normal(gyro.shape), readings.accel, "noise")
+    reverse = ims.Readings(readings.t_ns, readings.gyro[::-1], readings.accel, "reverse")
     with pytest.raises(ims.InputError, match="the truth explains .* % of what the gyroscope reads"):
-        ims.twin(noise, flight.truth)
+        ims.twin(reverse, flight.truth)
     still = ims.simulate(trajectory="static", duration=12, rate=50)
     with pytest.raises(ims.InputError, match="the truth: hardly turns"):
         ims.twin(still, still.truth)
