@@ -136,7 +136,7 @@ class TimeSeries:
                 if values[name] is not None:
                     values[name] = values[name][selection]
             refused = values["t_ns"].ndim != 1
-        except (IndexError, TypeError):
+        except (IndexError, TypeError, ValueError):
             refused = True
         if refused:
             refuse("selection", selection, "a slice, a mask (n,) or indices (m,)")
@@ -260,6 +260,9 @@ class States(TimeSeries):
 
     def __post_init__(self) -> None:
         """Check every column; arguments and errors as for :class:`TimeSeries`."""
+        for name, width in (("position", 3), ("q_wb", 4)):
+            if getattr(self, name) is None:
+                refuse(name, None, f"an array (n, {width})", wrong_type=True)
         super().__post_init__()
         object.__setattr__(self, "q_wb", gate.at_unit_length(self.q_wb))
 

@@ -578,10 +578,10 @@ def test_an_option_of_a_job_that_writes(copy: Copy) -> None:
             "    :param force: replace what exists, but never",
         ),
         (
-            "    built = load_simulator(given, problems=problems)\n",
+            "    built = load_simulator(layers, problems=problems)\n",
             '    arguments.number("hold", hold, "seconds, from 0 to 9", 0.0, 9.0)\n'
-            '    given["trajectory.lead_in.rest"] = hold\n'
-            "    built = load_simulator(given, problems=problems)\n",
+            '    layers["trajectory.lead_in.rest"] = hold\n'
+            "    built = load_simulator(layers, problems=problems)\n",
         ),
     )
     copy.guard(1)

@@ -56,7 +56,9 @@ def run_line(line: str) -> None:
         return
     assert first == "python", line
     sys.argv = [name, *rest]
+    sys.path.insert(0, str((ROOT / name).parent))  # as for a script that Python starts
     runpy.run_path(str(ROOT / name), run_name="__main__")
+    del sys.path[0]
 
 
 def run_block(language: str, content: str, names: dict[str, object]) -> None:

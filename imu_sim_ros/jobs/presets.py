@@ -7,6 +7,7 @@ from typing import Final
 
 from imu_sim_ros import arguments
 from imu_sim_ros.arguments import suggest_keywords
+from imu_sim_ros.sensors import find_sensor, named_sensors
 from imu_sim_ros.sensors.catalogue import descriptions
 
 _FOLDERS: Final = {
@@ -14,9 +15,6 @@ _FOLDERS: Final = {
     "trajectory": "trajectories",
     "camera": "cameras",
     "scene": "scenes",
-    "gnss": "gnss",
-    "wheels": "wheels",
-    "lidar": "lidar",
     "barometer": "barometers",
     "campaign": "campaigns",
     "estimator": "estimators",
@@ -28,8 +26,8 @@ _FOLDERS: Final = {
 def presets(kind: str = "imu") -> dict[str, str]:
     """Return the presets of one kind with their descriptions.
 
-    :param kind: imu, trajectory, camera, scene, gnss, wheels, lidar, barometer, campaign or
-        estimator
+    :param kind: imu, trajectory, camera, scene, barometer, campaign, estimator, or the name of a
+        sensor with presets, such as gnss.
     :returns: descriptions by the names of the presets.
     :raises ConfigurationError: for another kind.
 
@@ -39,4 +37,6 @@ def presets(kind: str = "imu") -> dict[str, str]:
     >>> "figure_eight" in ims.presets("trajectory")
     True
     """
-    return descriptions(_FOLDERS[arguments.one_of("kind", kind, _FOLDERS)])
+    sensors = {name: find_sensor(name).presets for name in named_sensors()}
+    folders = _FOLDERS | {name: folder for name, folder in sensors.items() if folder}
+    return descriptions(folders[arguments.one_of("kind", kind, folders)])

@@ -198,6 +198,7 @@ VALID = {
     "twin": (lambda w: {"recording": w.moved, "truth": w.moved.truth}, []),
     "preintegrate": (lambda w: {"readings": w.flight, "every": 0.1}, []),
     "inspect": (lambda w: {"inputs": w.file}, []),
+    "presets": (lambda w: {"kind": "imu"}, []),
     "read_readings": (lambda w: {"path": w.file}, []),
     "read_states": (lambda w: {"path": w.file}, []),
     "Readings": (lambda w: {"t_ns": w.stamps, "gyro": w.rows, "accel": w.rows}, []),

@@ -159,4 +159,4 @@ def test_a_type_that_both_have_is_of_the_other_generation():
     for types, encoding in ((ROS2, "ros1"), (ROS1, "cdr")):
         translation, theirs = Translation(types, encoding), known_types(encoding)
         for name in types.fielddefs.keys() & theirs.fielddefs.keys():
-            assert translation.result.fielddefs[name] == theirs.fielddefs[name], name
+            assert translation.target_types.fielddefs[name] == theirs.fielddefs[name], name

@@ -52,7 +52,7 @@ def messages(size):
         for name, one in known.items():
             made = encoders[name](read[one.name], sensors[one.name].valid)
             rows = as_list(made.made())
-            found[name] += zip(made.t_ns.tolist(), made.due_t_ns.tolist(), rows, strict=True)
+            found[name] += zip(made.record_t_ns.tolist(), made.due_t_ns.tolist(), rows, strict=True)
     return found
 
 

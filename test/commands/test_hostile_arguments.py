@@ -250,7 +250,7 @@ def test_a_folder_named_like_a_word_of_the_command_is_no_input(tmp_path, monkeyp
 def test_options_stand_between_several_inputs(tmp_path):
     parsed = report.parser().parse_every(["a", "-o", "x.html", "b", "--quiet", "c"])
     assert [str(one) for one in parsed.inputs] == ["a", "b", "c"]
-    assert parsed.words == set()
+    assert parsed.words == {"accel_unit", "gyro_unit"}
     parsed = allan.parser().parse_every(["a", "--json", "b"])
     assert [str(one) for one in parsed.source] == ["a", "b"]
 

@@ -23,7 +23,7 @@ from imu_sim_ros.conventions import (
 )
 from imu_sim_ros.navigation.parameters import IntegratorParameters, load_integrator
 from imu_sim_ros.nodes import launching
-from imu_sim_ros.nodes.arguments import SHORT
+from imu_sim_ros.nodes.arguments import SECTION_FILES
 from imu_sim_ros.parameters import files
 from imu_sim_ros.parameters.sections import build, parameters
 from imu_sim_ros.simulation.error_parameters import ErrorNodeParameters
@@ -70,7 +70,7 @@ def test_arguments_are_parameters_of_the_nodes_with_their_texts(path):
         if argument.name not in NOT_PARAMETERS:
             # The node's own default holds where nothing is given.
             assert argument.default == ""
-            assert known[SHORT.get(argument.name, argument.name)].text in argument.text
+            assert known[SECTION_FILES.get(argument.name, argument.name)].text in argument.text
 
 
 @pytest.mark.skipif(

@@ -138,7 +138,7 @@ def test_plain_arguments_become_those_of_ros(tmp_path: Path) -> None:
     with pytest.raises(ConfigurationError) as raised:
         ros_arguments(["word", "-p", "rate:=1", "--rate"], SimulatorParameters, tmp_path)
     assert raised.value.problems == (
-        "word: not an argument (--help lists them)",
+        "word: not an argument (--help-all lists them)",
         "-p rate:=1: must come after --ros-args",
         "--rate: a value is missing",
     )
