@@ -256,8 +256,8 @@ MUTANTS = (
     # Timing noise goes with the range, not with its square.
     Mutant(
         "sensors/lidar/model.py",
-        "far = p.range_noise_at_limit * np.minimum((range_ / limit) ** 2, 1.0)",
-        "far = p.range_noise_at_limit * np.minimum((range_ / limit) ** 1, 1.0)",
+        "distance_noise = p.range_noise_at_limit * np.minimum((range_ / limit) ** 2, 1.0)",
+        "distance_noise = p.range_noise_at_limit * np.minimum((range_ / limit) ** 1, 1.0)",
         ("sensor/lidar/test_lidar.py", "-k", "grows_towards"),
     ),
     # Directions across a ray are not square to it.
