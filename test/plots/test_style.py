@@ -73,7 +73,7 @@ def test_an_evaluation_hides_no_curve_and_its_truth_is_thin(tmp_path, ending):
     """Legends lie outside the axes, and no title lies over them."""
     flight = ims.simulate(imu="adis16448", trajectory="circle", duration=5)
     picture = ims.evaluate(ims.dead_reckon(flight), flight.truth, align="yaw").plot("circle")
-    assert "aligned in yaw" in picture.get_suptitle()
+    assert "aligned in yaw" in picture._suptitle.get_text()
     style.save(picture, tmp_path / f"picture.{ending}")
     renderer = picture.canvas.get_renderer()
     legends = [axes for axes in picture.axes if axes.get_legend() is not None]
