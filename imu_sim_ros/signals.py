@@ -57,9 +57,10 @@ def interrupted() -> bool:
 def end_process() -> None:
     """End the process if a signal ended its command, without waiting for threads.
 
-    Nobody uses their results, and compiling cannot be interrupted.
+    Nobody uses their results, and compiling cannot be interrupted. A pool of processes has to
+    release its semaphores first: such a command ends as usual.
     """
-    if _received:
+    if _received and "concurrent.futures.process" not in sys.modules:
         for stream in (sys.stdout, sys.stderr):
             with suppress(OSError, ValueError):
                 stream.flush()
