@@ -12,6 +12,7 @@ from imu_sim_ros import rotation, timebase
 from imu_sim_ros.errors import InputError
 from imu_sim_ros.recordings.findings.catalogue import disturbance_findings, held_findings
 from imu_sim_ros.recordings.findings.finding import Finding
+from imu_sim_ros.recordings.order import longest_step_ns
 from imu_sim_ros.recordings.repair import Disturbances, beyond_any_body, mended
 from imu_sim_ros.records import States
 from imu_sim_ros.trajectory.bspline import PoseSpline, UniformKnots
@@ -170,9 +171,10 @@ def _check(poses: States, parameters: PosesParameters) -> None:
         raise InputError(
             f"{parameters.file}: holds {count} poses; a spline needs {_LEAST_POSES} or more"
         )
-    steps = timebase.seconds_since(np.diff(poses.t_ns), 0)
-    gaps = np.flatnonzero(steps > parameters.max_gap)
+    steps_ns = np.diff(poses.t_ns)
+    gaps = np.flatnonzero(steps_ns > longest_step_ns(parameters.max_gap))
     if len(gaps):
+        steps = timebase.seconds_since(steps_ns, 0)
         start = timebase.seconds_since(poses.t_ns[gaps], int(poses.t_ns[0]))
         raise InputError(
             f"{parameters.file}: a gap of {steps[k]:.3g} s at {gap_start:.3f} s after the first "

@@ -326,3 +326,11 @@ def test_the_reader_gets_the_topic_only_where_there_is_one():
     for extra in ({}, {"trajectory.topic": "odom"}):
         build_trajectory(load_simulation(base, extra).trajectory, reader)
     assert calls == [(Path("flight.mcap"),), (Path("flight.mcap"), "odom")]
+
+
+def test_a_step_of_exactly_max_gap_is_no_gap(follow):
+    """0.3 s in floats is more than 0.3: stamps are compared in whole nanoseconds."""
+    t = np.arange(0.0, 12.0, 0.3)
+    follow(t, *smooth_motion(t), max_gap=0.3)
+    with pytest.raises(InputError, match="longer than trajectory.max_gap"):
+        follow(t, *smooth_motion(t), max_gap=0.299)
