@@ -22,8 +22,8 @@ import numpy as np
 from gtsam.symbol_shorthand import B, V, X
 
 import imu_sim_ros as ims
-from imu_sim_ros import rotation
-from imu_sim_ros.geodesy import earth_fixed, east_north_up
+from imu_sim_ros.core import rotation
+from imu_sim_ros.core.geodesy import earth_fixed, east_north_up
 from imu_sim_ros.parameters import files
 from imu_sim_ros.simulation.parameters import load_simulation
 

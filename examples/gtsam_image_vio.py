@@ -31,7 +31,7 @@ import gtsam_start
 import gtsam_vio
 import numpy as np
 
-from imu_sim_ros import rotation
+from imu_sim_ros.core import rotation
 from imu_sim_ros.sensors.camera.model import CameraModel
 from imu_sim_ros.sensors.camera.parameters import CameraParameters
 from imu_sim_ros.simulation.parameters import SimulationParameters

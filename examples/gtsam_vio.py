@@ -30,9 +30,9 @@ import gtsam_start
 import numpy as np
 from gtsam.symbol_shorthand import B, L, V, X
 
-from imu_sim_ros import rotation
+from imu_sim_ros.core import rotation
+from imu_sim_ros.inputs.poses import read_poses
 from imu_sim_ros.parameters import files
-from imu_sim_ros.poses import read_poses
 from imu_sim_ros.sensors.camera.parameters import CameraParameters
 from imu_sim_ros.simulation.parameters import SimulationParameters, load_simulation
 

@@ -28,7 +28,7 @@ from rclpy.node import Node
 from rclpy.qos import QoSProfile
 from sensor_msgs.msg import Imu, PointCloud
 
-from imu_sim_ros import rotation
+from imu_sim_ros.core import rotation
 
 LAST_WORDS = 5.0
 """[s] After this long without a message, none is under way any more."""

@@ -20,8 +20,8 @@ over both intervals.
 import numpy as np
 
 import imu_sim_ros as ims
-from imu_sim_ros import rotation
-from imu_sim_ros.conventions import GRAVITY
+from imu_sim_ros.core import rotation
+from imu_sim_ros.core.conventions import GRAVITY
 
 
 def increments(h, delta_angle, delta_velocity):

@@ -21,10 +21,10 @@ from contextlib import suppress
 from pathlib import Path
 
 from imu_sim_ros.bags.read import read_imu, read_odometry
-from imu_sim_ros.conventions import DEAD_RECKONED_TOPIC, IMU_TOPIC, TRUTH_TOPIC
+from imu_sim_ros.core.conventions import DEAD_RECKONED_TOPIC, IMU_TOPIC, TRUTH_TOPIC
+from imu_sim_ros.core.records import States
+from imu_sim_ros.inputs.poses import write_tum
 from imu_sim_ros.parameters import files
-from imu_sim_ros.poses import write_tum
-from imu_sim_ros.records import States
 
 PATIENCE = 60.0
 """[s] for a node to end after it was asked to."""

@@ -12,15 +12,16 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from imu_sim_ros import register_sensor, rotation, simulate
+from imu_sim_ros import register_sensor, simulate
 from imu_sim_ros.bags.messages.encode import VECTOR3_STAMPED
-from imu_sim_ros.inputs.gate import POSITION
+from imu_sim_ros.core import rotation
+from imu_sim_ros.core.gate import POSITION
+from imu_sim_ros.core.types import Array
 from imu_sim_ros.inputs.tables import Table
 from imu_sim_ros.parameters.kinds import number
 from imu_sim_ros.sensors.declaration import Sensor, SensorReadings, topic
 from imu_sim_ros.sensors.model import SensorModel
 from imu_sim_ros.sensors.parameters import SensorParameters
-from imu_sim_ros.types import Array
 
 
 @dataclass(frozen=True)

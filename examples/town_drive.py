@@ -13,7 +13,7 @@ import matplotlib as mpl
 import numpy as np
 
 import imu_sim_ros as ims
-from imu_sim_ros import rotation
+from imu_sim_ros.core import rotation
 
 mpl.use("Agg")
 import matplotlib.pyplot as plt

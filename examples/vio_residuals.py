@@ -17,7 +17,8 @@ from typing import NamedTuple
 import numpy as np
 
 import imu_sim_ros as ims
-from imu_sim_ros import rotation
+from imu_sim_ros.core import rotation
+from imu_sim_ros.core.types import Array
 from imu_sim_ros.navigation.preintegration import (
     ACCEL_BIAS,
     ALPHA,
@@ -28,7 +29,6 @@ from imu_sim_ros.navigation.preintegration import (
     Preintegration,
     corrected,
 )
-from imu_sim_ros.types import Array
 
 _EYE = np.eye(3)
 

@@ -53,11 +53,15 @@ from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
     from imu_sim_ros import camera as camera
-    from imu_sim_ros.errors import ArgumentTypeError as ArgumentTypeError
-    from imu_sim_ros.errors import ConfigurationError as ConfigurationError
-    from imu_sim_ros.errors import ImuSimError as ImuSimError
-    from imu_sim_ros.errors import InputError as InputError
-    from imu_sim_ros.errors import MissingDependencyError as MissingDependencyError
+    from imu_sim_ros.core.errors import ArgumentTypeError as ArgumentTypeError
+    from imu_sim_ros.core.errors import ConfigurationError as ConfigurationError
+    from imu_sim_ros.core.errors import ImuSimError as ImuSimError
+    from imu_sim_ros.core.errors import InputError as InputError
+    from imu_sim_ros.core.errors import MissingDependencyError as MissingDependencyError
+    from imu_sim_ros.core.records import Odometry as Odometry
+    from imu_sim_ros.core.records import PoseSequence as PoseSequence
+    from imu_sim_ros.core.records import Readings as Readings
+    from imu_sim_ros.core.records import States as States
     from imu_sim_ros.jobs.add_errors import ErrorModel as ErrorModel
     from imu_sim_ros.jobs.add_errors import ErrorModelBatch as ErrorModelBatch
     from imu_sim_ros.jobs.add_errors import add_errors as add_errors
@@ -109,10 +113,6 @@ if TYPE_CHECKING:
     from imu_sim_ros.navigation.preintegration import Preintegration as Preintegration
     from imu_sim_ros.navigation.state import NavigationState as NavigationState
     from imu_sim_ros.recordings.findings.finding import Finding as Finding
-    from imu_sim_ros.records import Odometry as Odometry
-    from imu_sim_ros.records import PoseSequence as PoseSequence
-    from imu_sim_ros.records import Readings as Readings
-    from imu_sim_ros.records import States as States
     from imu_sim_ros.sensors import register_sensor as register_sensor
     from imu_sim_ros.sensors.barometer.declaration import PressureReadings as PressureReadings
     from imu_sim_ros.sensors.barometer.declaration import read_pressure as read_pressure
@@ -124,7 +124,7 @@ if TYPE_CHECKING:
     from imu_sim_ros.trajectory.motion import Motion as Motion
 _HOMES = {
     "camera": ["camera"],
-    "errors": [
+    "core.errors": [
         *("ArgumentTypeError", "ConfigurationError", "ImuSimError", "InputError"),
         "MissingDependencyError",
     ],
@@ -155,7 +155,7 @@ _HOMES = {
     "navigation.preintegration": ["Preintegration"],
     "navigation.state": ["NavigationState"],
     "recordings.findings.finding": ["Finding"],
-    "records": ["Odometry", "PoseSequence", "Readings", "States"],
+    "core.records": ["Odometry", "PoseSequence", "Readings", "States"],
     "sensors.barometer.declaration": ["PressureReadings", "read_pressure"],
     "sensors.magnetometer.declaration": ["MagneticReadings", "read_magnetometer"],
     "sensors.orientation.declaration": ["Orientations", "read_orientation"],

@@ -11,8 +11,9 @@ from typing import Any, Final, Protocol
 
 from numpy.typing import ArrayLike, NDArray
 
-from imu_sim_ros import arguments
-from imu_sim_ros.errors import ConfigurationError
+from imu_sim_ros.core import arguments
+from imu_sim_ros.core.errors import ConfigurationError
+from imu_sim_ros.core.types import Bytes, Single
 from imu_sim_ros.sensors.camera.declaration import cameras_in
 from imu_sim_ros.sensors.camera.frames import Camera
 from imu_sim_ros.sensors.camera.model import Projection
@@ -33,7 +34,6 @@ from imu_sim_ros.simulation.parameters import SimulationParameters, load_simulat
 from imu_sim_ros.simulation.sensors import mounted
 from imu_sim_ros.trajectory.motion import Trajectory
 from imu_sim_ros.trajectory.parameters import PosesParameters
-from imu_sim_ros.types import Bytes, Single
 
 BLOCK: Final = 64
 """Frames generated at once."""

@@ -9,7 +9,7 @@ from pathlib import Path
 
 import pytest
 
-from imu_sim_ros import conventions
+from imu_sim_ros.core import conventions
 
 PACKAGE = Path(conventions.__file__).parent
 MANUAL = Path(__file__).parents[1] / "docs"

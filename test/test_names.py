@@ -11,7 +11,7 @@ import sys
 import pytest
 
 from imu_sim_ros.commands import dead_reckon, generate, start
-from imu_sim_ros.names import suggestion, unknown
+from imu_sim_ros.core.names import suggestion, unknown
 
 PARSERS = [*start.PROGRAMS, "demo"]
 

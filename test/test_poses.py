@@ -10,10 +10,10 @@ import numpy as np
 import pytest
 from recordings import EUROC, KAIST, TUM, missing
 
-from imu_sim_ros import rotation
-from imu_sim_ros.errors import InputError
-from imu_sim_ros.poses import read_poses, write_tum
-from imu_sim_ros.records import States
+from imu_sim_ros.core import rotation
+from imu_sim_ros.core.errors import InputError
+from imu_sim_ros.core.records import States
+from imu_sim_ros.inputs.poses import read_poses, write_tum
 
 GOOD = ["1.0 0 0 0 0 0 0 1", "1.1 1 2 3 0 0 0 1", "1.2 2 3 4 0 0 0 1", "1.3 3 4 5 0 0 0 1"]
 

@@ -217,7 +217,7 @@ def test_a_sensor_with_a_mount_of_its_own(copy: Copy) -> None:
     """The example without its own registration: a folder of two files, and a name in the list."""
     example = (ROOT / "examples/own_sensor.py").read_text(encoding="utf-8")
     example = example.partition("\nif __name__")[0]
-    example = example.replace("register_sensor, rotation, simulate", "rotation")
+    example = example.replace("from imu_sim_ros import register_sensor, simulate\n", "")
     copy.write("imu_sim_ros/sensors/sonar/__init__.py", '"""The sonar."""\n')
     copy.write("imu_sim_ros/sensors/sonar/declaration.py", example)
     file, last = LISTED
@@ -291,9 +291,9 @@ from pathlib import Path
 import numpy as np
 
 from imu_sim_ros.bags.reader import Recover
-from imu_sim_ros.errors import InputError
-from imu_sim_ros.inputs.rows import Skipped, Warned
-from imu_sim_ros.records import Readings, States
+from imu_sim_ros.core.bad_rows import Skipped, Warned
+from imu_sim_ros.core.errors import InputError
+from imu_sim_ros.core.records import Readings, States
 
 
 def holds(path: Path) -> bool:
@@ -535,8 +535,8 @@ def test_an_option_of_a_job(copy: Copy) -> None:
         import contextlib, io, json, numpy as np
         import imu_sim_ros as ims
         from imu_sim_ros.commands import evaluate
-        from imu_sim_ros.poses import write_tum
-        from imu_sim_ros.records import States
+        from imu_sim_ros.inputs.poses import write_tum
+        from imu_sim_ros.core.records import States
         from pathlib import Path
         t = np.arange(100)
         position = np.stack([0.1 * t, np.sin(0.1 * t), 0.0 * t], axis=1)

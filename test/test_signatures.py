@@ -9,10 +9,10 @@ from typing import Annotated, Any
 
 import pytest
 
-from imu_sim_ros import program
-from imu_sim_ros.errors import ConfigurationError
+from imu_sim_ros.commands import program
+from imu_sim_ros.core.errors import ConfigurationError
 from imu_sim_ros.jobs.evaluate import delta
-from imu_sim_ros.signatures import Heading, Text, arguments_of, assignment, call
+from imu_sim_ros.terminal.signatures import Heading, Text, arguments_of, assignment, call
 
 
 def job(

@@ -8,8 +8,8 @@ from fractions import Fraction
 import numpy as np
 import pytest
 
-from imu_sim_ros import timebase
-from imu_sim_ros.errors import ConfigurationError
+from imu_sim_ros.core import timebase
+from imu_sim_ros.core.errors import ConfigurationError
 
 
 @pytest.mark.parametrize("rate", [200.0, 1000.0, 8000.0, 1024.0, 30.0, 333.3, 1000 / 3, 2.5])

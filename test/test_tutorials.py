@@ -13,7 +13,7 @@ import matplotlib.pyplot as plt
 import numpy as np
 import pytest
 
-from imu_sim_ros import startup
+from imu_sim_ros.terminal import startup
 
 ROOT = Path(__file__).parents[1]
 PAGES = sorted(

@@ -13,21 +13,23 @@ FLOORS = (
     (("commands", "arguments, printing"), ("nodes", "ROS 2, no mathematics")),
     (("jobs", "what Python calls"), ("campaigns", "many runs"),
      ("reports", "pages"), ("plots", "pictures")),
-    (("datasets", "EuRoC, CSV, tracks, stacks"), ("navigation", "readings to path"),
-     ("calibration", "readings to parameters")),
+    (("formats", "the door"), ("datasets", "EuRoC, CSV, tracks, stacks"),
+     ("navigation", "readings to path"), ("calibration", "readings to parameters")),
     (("simulation", "trajectory + sensors = blocks of samples"),),
     (("sensors", "one folder a sensor: parameters, model, topics"),
      ("bags", "messages and containers")),
-    (("trajectory", "where the body is"), ("poses", "recorded poses")),
-    (("places", "geometry, materials, light"), ("recordings", "clock of the stamps")),
-    (("parameters", "declared once"), ("rotation", "quaternions"), ("inputs", "files, gate"),
-     ("conventions", "errors, timebase, ...")),
+    (("trajectory", "where the body is"),),
+    (("places", "geometry, materials, light"), ("recordings", "clock and findings")),
+    (("terminal", "tables, progress, signals"),),
+    (("parameters", "declared once"),),
+    (("inputs", "files, rows, poses as text"),),
+    (("core", "records, rotations, times, errors, names"),),
 )  # fmt: skip
 
 
 def main() -> None:
     """Draw one row a floor; who stands higher may import what is below."""
-    figure, axes = plt.subplots(figsize=(10.0, 6.2))
+    figure, axes = plt.subplots(figsize=(10.0, 7.4))
     for floor, rooms in enumerate(reversed(FLOORS)):
         width = 10.0 / len(rooms)
         for k, (name, text) in enumerate(rooms):

@@ -12,10 +12,10 @@ from typing import NamedTuple
 
 import numpy as np
 
+from imu_sim_ros.core.types import Array
 from imu_sim_ros.parameters import files
 from imu_sim_ros.sensors import catalogue, named_sensors
 from imu_sim_ros.simulation.parameters import load_simulation
-from imu_sim_ros.types import Array
 
 _INTRODUCTION = """\
 # Presets

@@ -14,7 +14,7 @@ from imu_sim_ros.bags.messages.blocks import TopicInfo, as_list
 from imu_sim_ros.bags.messages.encode_cameras import CAMERA_INFO, COMPRESSED_IMAGE, IMAGE
 from imu_sim_ros.bags.read import decoded_messages
 from imu_sim_ros.bags.reader import Bag, errors_naming
-from imu_sim_ros.conventions import (
+from imu_sim_ros.core.conventions import (
     COMPRESSED_TOPIC,
     DEPTH_TOPIC,
     FLOW_TOPIC,

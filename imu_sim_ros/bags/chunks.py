@@ -16,8 +16,8 @@ from imu_sim_ros.bags.messages.blocks import RowTemplate, as_list, as_row_templa
 from imu_sim_ros.bags.outputs import OutputFile
 from imu_sim_ros.bags.threads import Pipeline, cores
 from imu_sim_ros.bags.writer import EMPTY, BagTopic, Block, Writer, time_order
-from imu_sim_ros.errors import InputError
-from imu_sim_ros.types import Bytes, Integers, Times
+from imu_sim_ros.core.errors import InputError
+from imu_sim_ros.core.types import Bytes, Integers, Times
 
 CHUNK_BYTES: Final = 1 << 20
 _MAX_WORKERS: Final = 4

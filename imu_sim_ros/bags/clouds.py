@@ -14,10 +14,10 @@ from numpy.typing import NDArray
 from imu_sim_ros.bags.messages.encode_cameras import POINT_CLOUD2, POINT_TYPES
 from imu_sim_ros.bags.read import decoded_messages, open_bag
 from imu_sim_ros.bags.reader import Bag, errors_naming
-from imu_sim_ros.errors import InputError
-from imu_sim_ros.inputs.gate import stamp_ns
+from imu_sim_ros.core.errors import InputError
+from imu_sim_ros.core.gate import stamp_ns
+from imu_sim_ros.core.types import Array
 from imu_sim_ros.recordings.cameras import TIME_FIELDS, CloudRecord
-from imu_sim_ros.types import Array
 
 _FIRST: Final = 10
 """Clouds of a topic whose points are looked at."""

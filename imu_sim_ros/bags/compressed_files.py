@@ -12,7 +12,7 @@ from contextlib import ExitStack
 from pathlib import Path
 from typing import IO, Any, Final, NamedTuple
 
-from imu_sim_ros.errors import InputError, MachineError
+from imu_sim_ros.core.errors import InputError, MachineError
 from imu_sim_ros.inputs.rows import open_regular
 
 _MAGIC: Final = {

@@ -33,7 +33,8 @@ from imu_sim_ros.bags.text import reader as text_reader
 from imu_sim_ros.bags.text.writer import Dataset
 from imu_sim_ros.bags.threads import prefetch
 from imu_sim_ros.bags.writer import BagTopic, Block, Writer
-from imu_sim_ros.conventions import (
+from imu_sim_ros.core.bad_rows import Skipped, Warned
+from imu_sim_ros.core.conventions import (
     ACCELEROMETER_BIAS_TOPIC,
     BODY_FRAME,
     GYROSCOPE_BIAS_TOPIC,
@@ -43,13 +44,12 @@ from imu_sim_ros.conventions import (
     TRUTH_TOPIC,
     WORLD_FRAME,
 )
-from imu_sim_ros.errors import InputError
-from imu_sim_ros.inputs.rows import Skipped, Warned
+from imu_sim_ros.core.errors import InputError
+from imu_sim_ros.core.records import Readings, States
+from imu_sim_ros.core.rotation import rotate_inverse
+from imu_sim_ros.core.types import Array, Times
+from imu_sim_ros.inputs.poses import read_poses
 from imu_sim_ros.inputs.tables import Table, Tables
-from imu_sim_ros.poses import read_poses
-from imu_sim_ros.records import Readings, States
-from imu_sim_ros.rotation import rotate_inverse
-from imu_sim_ros.types import Array, Times
 
 More = Callable[[MessageBlock], Sequence[Block]]
 READINGS: Final = "/" + IMU_TOPIC

@@ -15,7 +15,7 @@ from imu_sim_ros.bags.reader import Bag, Recover, errors_naming
 from imu_sim_ros.bags.ros1_reader import Rosbag1Bag
 from imu_sim_ros.bags.rosbag2_reader import Rosbag2Folder, SqliteBag
 from imu_sim_ros.bags.text.writer import DATASET_SUFFIXES
-from imu_sim_ros.errors import InputError
+from imu_sim_ros.core.errors import InputError
 from imu_sim_ros.inputs.rows import open_regular
 
 _MAGIC_BYTES: Final = 16

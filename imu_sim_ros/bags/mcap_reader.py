@@ -30,8 +30,8 @@ from imu_sim_ros.bags.reader import (
     decompress,
     gather,
 )
-from imu_sim_ros.errors import InputError
-from imu_sim_ros.types import Bytes, Integers
+from imu_sim_ros.core.errors import InputError
+from imu_sim_ros.core.types import Bytes, Integers
 
 if TYPE_CHECKING:
     from mcap.records import Channel

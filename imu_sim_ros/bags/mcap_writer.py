@@ -20,7 +20,7 @@ from imu_sim_ros.bags.chunks import Chunk, ChunkWriter
 from imu_sim_ros.bags.messages.blocks import Column, RowTemplate
 from imu_sim_ros.bags.messages.schemas import qos_text
 from imu_sim_ros.bags.writer import ROS_DISTRO, BagTopic, rosbag2_metadata
-from imu_sim_ros.types import Times
+from imu_sim_ros.core.types import Times
 
 if TYPE_CHECKING:
     from mcap.records import Channel, McapRecord

@@ -15,8 +15,8 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Final
 
-from imu_sim_ros.errors import ImuSimError, InputError, MachineError, system_error
-from imu_sim_ros.progress import watcher
+from imu_sim_ros.core.errors import ImuSimError, InputError, MachineError, system_error
+from imu_sim_ros.terminal.progress import watcher
 
 ACTIVE_SUFFIX = ".active"
 """Suffix of the name of a bag that is being recorded, as in ROS 1."""

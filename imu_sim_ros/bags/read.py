@@ -29,13 +29,13 @@ from imu_sim_ros.bags.messages.encode import (
 )
 from imu_sim_ros.bags.reader import Bag, Recover, errors_naming
 from imu_sim_ros.bags.text import reader as text_reader
-from imu_sim_ros.errors import InputError
-from imu_sim_ros.inputs.rows import Skipped, Warned
+from imu_sim_ros.core.bad_rows import Skipped, Warned
+from imu_sim_ros.core.errors import InputError
+from imu_sim_ros.core.records import Readings, States, concatenated
+from imu_sim_ros.core.rotation import rotate
+from imu_sim_ros.core.types import Array, Times
 from imu_sim_ros.recordings.findings.catalogue import frame_findings
 from imu_sim_ros.recordings.findings.roles import TopicFrames
-from imu_sim_ros.records import Readings, States, concatenated
-from imu_sim_ros.rotation import rotate
-from imu_sim_ros.types import Array, Times
 
 __all__ = [
     "Bag",

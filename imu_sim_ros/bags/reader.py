@@ -28,12 +28,12 @@ from numpy.lib.stride_tricks import as_strided, sliding_window_view
 
 from imu_sim_ros.bags.messages.blocks import MessageBlock, Payloads, TopicInfo, as_list
 from imu_sim_ros.bags.threads import prefetch
-from imu_sim_ros.conventions import IDEAL_IMU_TOPIC
-from imu_sim_ros.errors import ImuSimError, InputError, MissingDependencyError, system_error
+from imu_sim_ros.core.conventions import IDEAL_IMU_TOPIC
+from imu_sim_ros.core.errors import ImuSimError, InputError, MissingDependencyError, system_error
+from imu_sim_ros.core.names import suggestion
+from imu_sim_ros.core.types import Bytes, Times
 from imu_sim_ros.inputs.rows import open_regular
-from imu_sim_ros.names import suggestion
 from imu_sim_ros.recordings.findings.clipping import ClippingCounts
-from imu_sim_ros.types import Bytes, Times
 
 DAMAGE: Final = (
     ArithmeticError,

@@ -31,9 +31,9 @@ from imu_sim_ros.bags.ros1_writer import (
     OP_INDEX,
     OP_MESSAGE,
 )
-from imu_sim_ros.errors import InputError
-from imu_sim_ros.timebase import NANOSECONDS_PER_SECOND
-from imu_sim_ros.types import Bytes, Integers
+from imu_sim_ros.core.errors import InputError
+from imu_sim_ros.core.timebase import NANOSECONDS_PER_SECOND
+from imu_sim_ros.core.types import Bytes, Integers
 
 _LONGEST_HEADER = 1 << 24
 _LARGEST_BAG_HEADER: Final = 1 << 16

@@ -16,9 +16,9 @@ from imu_sim_ros.bags.messages.blocks import Column, RowTemplate
 from imu_sim_ros.bags.messages.encode import divided
 from imu_sim_ros.bags.messages.schemas import ros1_name
 from imu_sim_ros.bags.writer import BagTopic
-from imu_sim_ros.errors import InputError
-from imu_sim_ros.timebase import NANOSECONDS_PER_SECOND
-from imu_sim_ros.types import Times
+from imu_sim_ros.core.errors import InputError
+from imu_sim_ros.core.timebase import NANOSECONDS_PER_SECOND
+from imu_sim_ros.core.types import Times
 
 MAGIC: Final = b"#ROSBAG V2.0\n"
 BAG_HEADER_BYTES: Final = 4096

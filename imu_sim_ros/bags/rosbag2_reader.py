@@ -19,10 +19,10 @@ from imu_sim_ros.bags.messages.schemas import Schema
 from imu_sim_ros.bags.reader import Bag, Recover, Timed, errors_naming
 from imu_sim_ros.bags.sqlite_pages import MessagePages
 from imu_sim_ros.bags.writer import METADATA_FILE
-from imu_sim_ros.errors import InputError, MachineError
+from imu_sim_ros.core.errors import InputError, MachineError
+from imu_sim_ros.core.types import Bytes
 from imu_sim_ros.inputs.rows import is_present, open_regular, read_text
 from imu_sim_ros.parameters.yaml_text import parse_yaml
-from imu_sim_ros.types import Bytes
 
 _ROWS: Final = 4096
 _MAX_TOPICS: Final = 10_000

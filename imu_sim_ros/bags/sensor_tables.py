@@ -19,12 +19,12 @@ from imu_sim_ros.bags.read import decoded_blocks, open_bag, vector_blocks
 from imu_sim_ros.bags.reader import Recover
 from imu_sim_ros.bags.text import reader as text_reader
 from imu_sim_ros.bags.writer import BagTopic, Block, Writer
-from imu_sim_ros.conventions import IMU_FRAME, IMU_TOPIC
-from imu_sim_ros.errors import InputError
-from imu_sim_ros.inputs.rows import Skipped, Warned
+from imu_sim_ros.core.bad_rows import Skipped, Warned
+from imu_sim_ros.core.conventions import IMU_FRAME, IMU_TOPIC
+from imu_sim_ros.core.errors import InputError
+from imu_sim_ros.core.records import Readings
+from imu_sim_ros.core.types import Array, Times
 from imu_sim_ros.inputs.tables import Encode, Table, Tables
-from imu_sim_ros.records import Readings
-from imu_sim_ros.types import Array, Times
 
 
 class TableRows(NamedTuple):

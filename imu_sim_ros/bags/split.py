@@ -23,8 +23,8 @@ from imu_sim_ros.bags.writer import (
     tally,
     time_order,
 )
-from imu_sim_ros.errors import InputError
-from imu_sim_ros.types import Integers
+from imu_sim_ros.core.errors import InputError
+from imu_sim_ros.core.types import Integers
 
 
 class PartsWriter(Writer):

@@ -25,7 +25,7 @@ from imu_sim_ros.bags.writer import (
     tally,
     time_order,
 )
-from imu_sim_ros.errors import MachineError
+from imu_sim_ros.core.errors import MachineError
 
 SCHEMA_VERSION: Final = 4
 _TABLES: Final = """

@@ -15,7 +15,7 @@ from contextlib import contextmanager
 from queue import SimpleQueue
 from typing import TYPE_CHECKING, Final, Generic, TypeAlias, TypeVar
 
-from imu_sim_ros.progress import watch_thread, watcher
+from imu_sim_ros.terminal.progress import watch_thread, watcher
 
 if TYPE_CHECKING:
     from concurrent.futures import ThreadPoolExecutor
@@ -73,7 +73,7 @@ def threads(count: int) -> "Iterator[ThreadPoolExecutor]":
     """Offer threads; what has not begun when the block ends is not done.
 
     After an interruption nothing is waited for: what is under way ends itself
-    (:func:`~imu_sim_ros.progress.check_interrupted`).
+    (:func:`~imu_sim_ros.terminal.progress.check_interrupted`).
     """
     from concurrent.futures import ThreadPoolExecutor  # most runs have no work for them
 

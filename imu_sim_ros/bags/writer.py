@@ -13,9 +13,9 @@ import numpy as np
 
 from imu_sim_ros.bags.messages.blocks import Payloads, RowTemplate
 from imu_sim_ros.bags.messages.schemas import Qos, Schema, qos_profiles, schema
-from imu_sim_ros.errors import InputError
-from imu_sim_ros.names import suggestion
-from imu_sim_ros.types import Integers, Times
+from imu_sim_ros.core.errors import InputError
+from imu_sim_ros.core.names import suggestion
+from imu_sim_ros.core.types import Integers, Times
 
 STORAGES: Final = ("mcap", "sqlite3", "ros1")
 COMPRESSIONS: Final[dict[str, tuple[str, ...]]] = {

@@ -12,11 +12,11 @@ from typing import Final, NamedTuple
 
 import numpy as np
 
-from imu_sim_ros import conventions
-from imu_sim_ros.conventions import TRIADS
+from imu_sim_ros.core import conventions
+from imu_sim_ros.core.conventions import TRIADS
+from imu_sim_ros.core.records import Readings
+from imu_sim_ros.core.types import Array, Mask
 from imu_sim_ros.recordings.stream import ClockStream, Stretch
-from imu_sim_ros.records import Readings
-from imu_sim_ros.types import Array, Mask
 
 AXES: Final = tuple(f"{triad} {axis}" for triad in TRIADS for axis in conventions.AXES)
 _NO_READINGS: Final = (np.empty(0, dtype=np.int64), np.empty((0, 6)))

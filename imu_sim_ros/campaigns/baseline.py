@@ -9,8 +9,8 @@ from typing import Final, NamedTuple
 
 from imu_sim_ros.campaigns.plan import Plan, load_plan
 from imu_sim_ros.campaigns.results import PLAN, SCENARIO, Row
-from imu_sim_ros.errors import ImuSimError
-from imu_sim_ros.names import shown
+from imu_sim_ros.core.errors import ImuSimError
+from imu_sim_ros.core.names import shown
 
 _MAX_DIFFERENCES: Final = 5
 """Largest number of differing values of a scenario in a message."""

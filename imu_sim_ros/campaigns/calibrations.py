@@ -23,14 +23,14 @@ from imu_sim_ros.calibration.noise.analysis import analyse
 from imu_sim_ros.campaigns.metrics import CALIBRATED, NOISE, THERMAL, Metrics
 from imu_sim_ros.campaigns.parameters import CalibrationEstimator
 from imu_sim_ros.campaigns.simulated import SimulatedCell
-from imu_sim_ros.conventions import TRIADS
-from imu_sim_ros.records import Readings
+from imu_sim_ros.core.conventions import TRIADS
+from imu_sim_ros.core.records import Readings
+from imu_sim_ros.core.types import Array
 from imu_sim_ros.sensors.errors.realised import realised_imu
 from imu_sim_ros.sensors.imu.declaration import NAME as IMU
 from imu_sim_ros.sensors.samples import Samples
 from imu_sim_ros.simulation.parameters import SimulationParameters
 from imu_sim_ros.simulation.topics import delivered
-from imu_sim_ros.types import Array
 
 _BLOCK: Final = 50_000
 """Samples in a block: a record of hours is never in memory as a whole."""

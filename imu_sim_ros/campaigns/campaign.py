@@ -35,7 +35,7 @@ from imu_sim_ros.campaigns.results import (
     write_tables,
 )
 from imu_sim_ros.campaigns.summary import group_runs, summary_rows
-from imu_sim_ros.json_text import as_json
+from imu_sim_ros.terminal.json_text import as_json
 
 _BUILT_IN_BATCH: Final = 50
 """Seeds in a task: large enough that the covariance of a cell is rarely computed again."""

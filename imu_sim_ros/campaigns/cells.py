@@ -16,8 +16,8 @@ from typing import Any, Final, NamedTuple
 
 import numpy as np
 
-from imu_sim_ros.errors import ConfigurationError, Problems
-from imu_sim_ros.names import shown
+from imu_sim_ros.core.errors import ConfigurationError, Problems
+from imu_sim_ros.core.names import shown
 from imu_sim_ros.parameters import files
 from imu_sim_ros.sensors import named_sensors
 from imu_sim_ros.simulation.parameters import joined, named

@@ -34,10 +34,10 @@ from imu_sim_ros.campaigns.parameters import CommandEstimator
 from imu_sim_ros.campaigns.plan import program
 from imu_sim_ros.campaigns.run_files import write_config, write_dataset
 from imu_sim_ros.campaigns.simulated import SimulatedCell
-from imu_sim_ros.errors import ImuSimError, InputError
+from imu_sim_ros.core.errors import ImuSimError, InputError
+from imu_sim_ros.core.names import shown
 from imu_sim_ros.formats.door import read_states
 from imu_sim_ros.inputs.rows import open_regular
-from imu_sim_ros.names import shown
 from imu_sim_ros.parameters import files
 from imu_sim_ros.sensors.samples import Samples
 

@@ -13,11 +13,11 @@ from collections.abc import Callable, Mapping
 import numpy as np
 
 from imu_sim_ros.campaigns.metrics import Metrics, grows_with_time
-from imu_sim_ros.errors import ImuSimError
-from imu_sim_ros.json_text import as_json
+from imu_sim_ros.core.errors import ImuSimError
+from imu_sim_ros.core.records import States
+from imu_sim_ros.core.types import Integers, Mask, Times
 from imu_sim_ros.navigation.coverage import TruthTime
-from imu_sim_ros.records import States
-from imu_sim_ros.types import Integers, Mask, Times
+from imu_sim_ros.terminal.json_text import as_json
 
 _ROUNDING_NS = 1_000_000
 """Largest distance of a pose from a span to which it belongs: stamps of text are rounded [ns]."""

@@ -11,7 +11,10 @@ import numpy as np
 
 from imu_sim_ros.campaigns.metrics import ESTIMATED, Metrics, Relative, pose_metrics
 from imu_sim_ros.campaigns.parameters import TrajectoryEstimator
-from imu_sim_ros.errors import ImuSimError, InputError
+from imu_sim_ros.core.errors import ImuSimError, InputError
+from imu_sim_ros.core.records import States, with_fields
+from imu_sim_ros.core.rotation import rotate_inverse
+from imu_sim_ros.core.types import Mask, Times
 from imu_sim_ros.formats.door import read_states
 from imu_sim_ros.navigation.association import (
     align,
@@ -25,10 +28,7 @@ from imu_sim_ros.navigation.evaluation import (
     nees,
     remainder,
 )
-from imu_sim_ros.records import States, with_fields
-from imu_sim_ros.rotation import rotate_inverse
 from imu_sim_ros.sensors.samples import Samples
-from imu_sim_ros.types import Mask, Times
 
 
 @dataclass

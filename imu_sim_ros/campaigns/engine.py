@@ -35,8 +35,8 @@ from imu_sim_ros.campaigns.cells import Cell
 from imu_sim_ros.campaigns.parameters import CommandEstimator
 from imu_sim_ros.campaigns.plan import Plan, missing
 from imu_sim_ros.campaigns.results import SCENARIO, Row
-from imu_sim_ros.errors import ImuSimError, InputError, MachineError, MissingDependencyError
-from imu_sim_ros.signals import SIGNALS, blocked
+from imu_sim_ros.core.errors import ImuSimError, InputError, MachineError, MissingDependencyError
+from imu_sim_ros.terminal.signals import SIGNALS, blocked
 
 if TYPE_CHECKING:
     from distributed import Client, LocalCluster

@@ -12,11 +12,11 @@ from typing import Final
 
 import numpy as np
 
-from imu_sim_ros import rotation
-from imu_sim_ros.errors import InputError
+from imu_sim_ros.core import rotation
+from imu_sim_ros.core.errors import InputError
+from imu_sim_ros.core.records import States
+from imu_sim_ros.core.types import Array, Mask, Times
 from imu_sim_ros.navigation.association import align, common_rows, poses_at
-from imu_sim_ros.records import States
-from imu_sim_ros.types import Array, Mask, Times
 
 _ROUNDING_NS: Final = 1_000_000
 """Stamps of text are rounded: a pose outside the truth by no more is at its end."""

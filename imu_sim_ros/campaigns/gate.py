@@ -21,8 +21,8 @@ from typing import Final, NamedTuple
 
 from imu_sim_ros.campaigns.cells import Axis, value_text
 from imu_sim_ros.campaigns.metrics import SUCCESS, is_share
-from imu_sim_ros.errors import ConfigurationError, Problems
-from imu_sim_ros.names import suggestion
+from imu_sim_ros.core.errors import ConfigurationError, Problems
+from imu_sim_ros.core.names import suggestion
 
 STATISTICS: Final = ("median", "mean", "p5", "p25", "p75", "p90", "p95", "p99", "min", "max")
 

@@ -16,7 +16,7 @@ from xml.etree import ElementTree
 from imu_sim_ros.campaigns.effects import WORSE
 from imu_sim_ros.campaigns.results import replaced
 from imu_sim_ros.campaigns.verdict import Judgement
-from imu_sim_ros.errors import system_error
+from imu_sim_ros.core.errors import system_error
 
 _FORBIDDEN: Final = re.compile("[^\\t\\n\\r\\x20-\\ud7ff\\ue000-\\ufffd\\U00010000-\\U0010ffff]")
 """Characters that XML 1.0 (section 2.2) excludes."""

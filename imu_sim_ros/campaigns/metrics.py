@@ -9,9 +9,9 @@ from typing import Final, NamedTuple
 
 import numpy as np
 
-from imu_sim_ros.conventions import TRIADS
-from imu_sim_ros.errors import ConfigurationError, InputError
-from imu_sim_ros.names import shown
+from imu_sim_ros.core.conventions import TRIADS
+from imu_sim_ros.core.errors import ConfigurationError, InputError
+from imu_sim_ros.core.names import shown
 from imu_sim_ros.navigation.comparison import Comparison
 
 Metrics = dict[str, float | None]

@@ -6,9 +6,9 @@
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 
-from imu_sim_ros.conventions import TRIADS
-from imu_sim_ros.errors import ConfigurationError, Problems
-from imu_sim_ros.names import shown, suggestion
+from imu_sim_ros.core.conventions import TRIADS
+from imu_sim_ros.core.errors import ConfigurationError, Problems
+from imu_sim_ros.core.names import shown, suggestion
 from imu_sim_ros.navigation.coverage import ALLOWANCE, LEAST, MAX_GAP
 from imu_sim_ros.navigation.parameters import ATTITUDE_UPDATES, METHODS
 from imu_sim_ros.parameters.kinds import choice, flag, integer, number, text

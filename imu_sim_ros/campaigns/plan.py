@@ -50,9 +50,9 @@ from imu_sim_ros.campaigns.parameters import (
     find_estimator,
     read_faults,
 )
-from imu_sim_ros.errors import ConfigurationError, InputError, Problems, naming
+from imu_sim_ros.core.errors import ConfigurationError, InputError, Problems, naming
+from imu_sim_ros.core.names import shown, suggestion
 from imu_sim_ros.inputs.rows import is_present
-from imu_sim_ros.names import shown, suggestion
 from imu_sim_ros.parameters import files
 from imu_sim_ros.parameters.sections import build, flatten
 from imu_sim_ros.places.neighbours import files_of

@@ -11,7 +11,9 @@ from imu_sim_ros.campaigns.comparison import coverage_metrics, estimate_metrics
 from imu_sim_ros.campaigns.metrics import Metrics, pose_metrics
 from imu_sim_ros.campaigns.parameters import DeadReckonEstimator
 from imu_sim_ros.campaigns.simulated import SimulatedCell
-from imu_sim_ros.errors import InputError
+from imu_sim_ros.core.errors import InputError
+from imu_sim_ros.core.records import Readings, States
+from imu_sim_ros.core.types import Array
 from imu_sim_ros.navigation.association import interpolate_vectors
 from imu_sim_ros.navigation.comparison import compare
 from imu_sim_ros.navigation.covariance import (
@@ -27,10 +29,8 @@ from imu_sim_ros.navigation.dead_reckoning import dead_reckon
 from imu_sim_ros.navigation.evaluation import LARGEST_SIGMA, attitude_errors, nees, state_at
 from imu_sim_ros.navigation.mount import mount_of
 from imu_sim_ros.navigation.state import NavigationState, state_of_row
-from imu_sim_ros.records import Readings, States
 from imu_sim_ros.sensors.gravity import earth_rate_vector, gravity_vector
 from imu_sim_ros.sensors.samples import Samples
-from imu_sim_ros.types import Array
 
 _NEES: Final = {"position": POSITION, "attitude": ATTITUDE, "velocity": VELOCITY}
 

@@ -22,9 +22,9 @@ from pathlib import Path
 from typing import Any, Final, TextIO
 
 from imu_sim_ros.campaigns.metrics import COVERED
-from imu_sim_ros.errors import InputError, system_error
+from imu_sim_ros.core.errors import InputError, system_error
 from imu_sim_ros.inputs.rows import is_present, open_regular
-from imu_sim_ros.json_text import as_json
+from imu_sim_ros.terminal.json_text import as_json
 
 Row = dict[str, Any]
 Key = tuple[str, int, str, str]

@@ -9,7 +9,7 @@ from typing import Final
 
 from imu_sim_ros.bags.threads import threads
 from imu_sim_ros.campaigns.simulated import SimulatedCell
-from imu_sim_ros.conventions import IMU_TOPIC
+from imu_sim_ros.core.conventions import IMU_TOPIC
 from imu_sim_ros.datasets.configurations import imu_values, rig_values
 from imu_sim_ros.datasets.consumers.folder import write_all
 from imu_sim_ros.datasets.forms import chosen_topics, open_output

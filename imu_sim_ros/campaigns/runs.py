@@ -26,8 +26,8 @@ from imu_sim_ros.campaigns.plan import Plan
 from imu_sim_ros.campaigns.reckoning import DeadReckoning
 from imu_sim_ros.campaigns.results import COMMON_TIME, FINDINGS, SCENARIO, SEPARATOR, Row
 from imu_sim_ros.campaigns.simulated import SimulatedCell
-from imu_sim_ros.errors import ImuSimError
-from imu_sim_ros.records import States
+from imu_sim_ros.core.errors import ImuSimError
+from imu_sim_ros.core.records import States
 from imu_sim_ros.sensors.samples import Samples
 
 DONE: Final = "done"

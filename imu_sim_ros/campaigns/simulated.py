@@ -10,9 +10,9 @@ import numpy as np
 
 from imu_sim_ros.campaigns.cells import Cell
 from imu_sim_ros.campaigns.plan import Plan
-from imu_sim_ros.errors import ConfigurationError
+from imu_sim_ros.core.errors import ConfigurationError
+from imu_sim_ros.core.records import Readings, States
 from imu_sim_ros.formats.door import read_states
-from imu_sim_ros.records import Readings, States
 from imu_sim_ros.sensors.imu.declaration import NAME as IMU
 from imu_sim_ros.sensors.pose.declaration import NAME as POSE
 from imu_sim_ros.sensors.samples import Samples

@@ -18,7 +18,7 @@ from typing import Final, NamedTuple
 
 import numpy as np
 
-from imu_sim_ros.types import Array, Integers, Mask
+from imu_sim_ros.core.types import Array, Integers, Mask
 
 CONFIDENCE: Final = 0.95
 _Z: Final = 1.959963984540054

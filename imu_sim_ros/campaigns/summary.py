@@ -22,8 +22,8 @@ from imu_sim_ros.campaigns.statistics import (
     statistic,
     success,
 )
+from imu_sim_ros.core.types import Array
 from imu_sim_ros.navigation.evaluation import LARGEST_SIGMA
-from imu_sim_ros.types import Array
 
 
 class Group(NamedTuple):

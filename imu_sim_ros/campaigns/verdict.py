@@ -61,7 +61,7 @@ from imu_sim_ros.campaigns.summary import (
     group_runs,
     unmet_lines,
 )
-from imu_sim_ros.types import Array, Mask
+from imu_sim_ros.core.types import Array, Mask
 
 WITHOUT_ERRORS: Final = "perfect"
 """Preset of a sensor without errors."""

@@ -4,12 +4,13 @@
 """``add_errors``: add the errors of a chosen sensor to another simulator's ideal readings."""
 
 import argparse
+import sys
 from functools import partial
 from typing import Final
 
-from imu_sim_ros import program
+from imu_sim_ros.commands import program
 from imu_sim_ros.jobs.add_errors_files import add_errors_to_file
-from imu_sim_ros.signatures import arguments_of, call
+from imu_sim_ros.terminal.signatures import arguments_of, call
 
 EXAMPLES: Final = """
   add_errors ideal.mcap -o noisy.mcap --imu bmi088 --seed 3
@@ -33,3 +34,6 @@ def add_errors(arguments: argparse.Namespace) -> None:
 
 
 main = partial(program.main, parser, add_errors)
+
+if __name__ == "__main__":
+    sys.exit(main())

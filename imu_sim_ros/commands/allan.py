@@ -8,17 +8,18 @@ Allan curve; see imu_sim_ros.calibration.
 """
 
 import argparse
+import sys
 from collections.abc import Iterator
 from functools import partial
 from pathlib import Path
 from typing import Final
 
-from imu_sim_ros import program
 from imu_sim_ros.calibration.noise.truth import ParameterComparison, load_truth
+from imu_sim_ros.commands import program
 from imu_sim_ros.commands.common import FORCE, outputs
 from imu_sim_ros.jobs.allan import FILES, Noise, allan, write_files
-from imu_sim_ros.signatures import arguments_of, call
-from imu_sim_ros.text_tables import TextTable
+from imu_sim_ros.terminal.signatures import arguments_of, call
+from imu_sim_ros.terminal.text_tables import TextTable
 
 EXAMPLES: Final = """
 allan rest.mcap -o allan
@@ -76,3 +77,6 @@ def _lines(
 
 
 main = partial(program.main, parser, run)
+
+if __name__ == "__main__":
+    sys.exit(main())

@@ -16,13 +16,13 @@ from typing import Final
 
 import numpy as np
 
-from imu_sim_ros import program
 from imu_sim_ros.calibration.noise.truth import load_truth
+from imu_sim_ros.commands import program
 from imu_sim_ros.commands.common import FORCE, outputs
-from imu_sim_ros.errors import Problems
+from imu_sim_ros.core.errors import Problems
+from imu_sim_ros.core.types import Array
 from imu_sim_ros.jobs.calibrate import RUNS
-from imu_sim_ros.signatures import arguments_of, call
-from imu_sim_ros.types import Array
+from imu_sim_ros.terminal.signatures import arguments_of, call
 
 EXAMPLES: Final = "\n".join(line for run in RUNS.values() for line in run.examples)
 
@@ -94,3 +94,6 @@ def calibrate(arguments: argparse.Namespace) -> None:
 
 
 main = partial(program.main, parser, calibrate)
+
+if __name__ == "__main__":
+    sys.exit(main())

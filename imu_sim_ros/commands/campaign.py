@@ -9,13 +9,13 @@ import sys
 from collections.abc import Sequence
 from typing import Final
 
-from imu_sim_ros import program
 from imu_sim_ros.bags.threads import cores
 from imu_sim_ros.campaigns.metrics import parse_tolerance
 from imu_sim_ros.campaigns.plan import check_plan, find_plan, load_plan
-from imu_sim_ros.errors import InputError, MachineError
+from imu_sim_ros.commands import program
+from imu_sim_ros.core.errors import InputError, MachineError
 from imu_sim_ros.jobs.campaign import Limits, Power, campaign, expected_duration, reasons
-from imu_sim_ros.signatures import arguments_of, call
+from imu_sim_ros.terminal.signatures import arguments_of, call
 
 EXAMPLES: Final = """
   campaign which_imu -o which_imu

@@ -10,11 +10,12 @@ from collections.abc import Sequence
 from functools import partial
 from typing import TYPE_CHECKING, Any, Final, TextIO
 
-from imu_sim_ros import program, signals, startup
-from imu_sim_ros.errors import ConfigurationError, InputError
+from imu_sim_ros.commands import program
+from imu_sim_ros.core.errors import ConfigurationError, InputError
 from imu_sim_ros.parameters.sections import parameters
 from imu_sim_ros.parameters.yaml_text import parse_yaml
 from imu_sim_ros.simulation.playback import InjectParameters
+from imu_sim_ros.terminal import signals, startup
 
 if TYPE_CHECKING:
     from imu_sim_ros.nodes.control import Control
@@ -230,3 +231,6 @@ def _watch(simulator: "Control", arguments: argparse.Namespace) -> None:
 
 
 main = partial(program.main, parser, control)
+
+if __name__ == "__main__":
+    sys.exit(main())

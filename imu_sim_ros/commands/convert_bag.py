@@ -8,9 +8,9 @@ import sys
 from functools import partial
 from typing import Final
 
-from imu_sim_ros import program
+from imu_sim_ros.commands import program
 from imu_sim_ros.jobs.convert import convert
-from imu_sim_ros.signatures import arguments_of, call
+from imu_sim_ros.terminal.signatures import arguments_of, call
 
 EXAMPLES: Final = """
   convert_bag recording -o recording.bag --compression lz4  # rosbag2 -> ROS 1

@@ -11,12 +11,12 @@ import sys
 from functools import partial
 from typing import Final
 
-from imu_sim_ros import program
+from imu_sim_ros.commands import program
 from imu_sim_ros.commands.common import FORCE, output_and_plot, save_plot
 from imu_sim_ros.jobs.dead_reckon import dead_reckon, dead_reckon_all, lines, plot_tracks
 from imu_sim_ros.jobs.writing import PARAMETERS
 from imu_sim_ros.sensors.imu.presets import load_all
-from imu_sim_ros.signatures import arguments_of, assignment, call, reader
+from imu_sim_ros.terminal.signatures import arguments_of, assignment, call, reader
 
 EXAMPLES: Final = """
 dead_reckon flight.mcap --all

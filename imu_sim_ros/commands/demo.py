@@ -13,14 +13,14 @@ from functools import partial
 from pathlib import Path
 from typing import Final
 
-from imu_sim_ros import program
+from imu_sim_ros.commands import program
 from imu_sim_ros.commands.common import FORCE, outputs
 from imu_sim_ros.formats.door import read_states
 from imu_sim_ros.jobs import demo
 from imu_sim_ros.jobs.dead_reckon import plot_named_tracks
 from imu_sim_ros.simulation.engine import Body
 from imu_sim_ros.simulation.parameters import SimulationParameters, load_simulation
-from imu_sim_ros.text_tables import print_lines
+from imu_sim_ros.terminal.text_tables import print_lines
 from imu_sim_ros.trajectory.parameters import trajectory_layer
 
 EXAMPLES: Final = """

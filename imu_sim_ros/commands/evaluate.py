@@ -4,14 +4,15 @@
 """``evaluate``: compare an estimated trajectory with the truth: ATE, RPE, drift, NEES."""
 
 import argparse
+import sys
 from functools import partial
 from typing import Final
 
-from imu_sim_ros import program
+from imu_sim_ros.commands import program
 from imu_sim_ros.commands.common import FORCE, output_and_plot, save_plot
-from imu_sim_ros.errors import InputError
+from imu_sim_ros.core.errors import InputError
 from imu_sim_ros.jobs.evaluate import Evaluation, evaluate
-from imu_sim_ros.signatures import arguments_of, call
+from imu_sim_ros.terminal.signatures import arguments_of, call
 
 EXAMPLES: Final = """
 evaluate track.csv flight.mcap
@@ -52,3 +53,6 @@ def run(arguments: argparse.Namespace) -> None:
 
 
 main = partial(program.main, parser, run)
+
+if __name__ == "__main__":
+    sys.exit(main())

@@ -8,14 +8,14 @@ import sys
 from functools import partial
 from typing import Any, Final
 
-from imu_sim_ros import program
-from imu_sim_ros.errors import ImuSimError
+from imu_sim_ros.commands import program
+from imu_sim_ros.core.errors import ImuSimError
 from imu_sim_ros.jobs.generate import OF_SENSORS
 from imu_sim_ros.jobs.generate import generate as job
 from imu_sim_ros.parameters import files
 from imu_sim_ros.sensors import catalogue, named_sensors, switches
-from imu_sim_ros.signatures import arguments_of, call
 from imu_sim_ros.simulation.parameters import load_simulation
+from imu_sim_ros.terminal.signatures import arguments_of, call
 from imu_sim_ros.trajectory.parameters import TourParameters
 
 EXAMPLES: Final = """

@@ -8,11 +8,11 @@ import sys
 from collections.abc import Sequence
 from typing import Final
 
-from imu_sim_ros import program
+from imu_sim_ros.commands import program
 from imu_sim_ros.commands.common import FORCE, outputs
 from imu_sim_ros.jobs.inspect import inspect
 from imu_sim_ros.recordings.findings.finding import Finding
-from imu_sim_ros.signatures import arguments_of, call
+from imu_sim_ros.terminal.signatures import arguments_of, call
 
 EXAMPLES: Final = """
 inspect flight.mcap
@@ -60,3 +60,7 @@ def run(arguments: argparse.Namespace) -> list[Finding]:
             inspection.save(page.path)
     program.show(arguments, inspection)
     return failures
+
+
+if __name__ == "__main__":
+    sys.exit(main())

@@ -10,9 +10,9 @@ import argparse
 import sys
 from collections.abc import Iterable, Iterator, Mapping
 
-from imu_sim_ros import program
 from imu_sim_ros.bags.recorder_parameters import RecorderParameters
-from imu_sim_ros.conventions import TRIADS
+from imu_sim_ros.commands import program
+from imu_sim_ros.core.conventions import TRIADS
 from imu_sim_ros.navigation.parameters import IntegratorParameters
 from imu_sim_ros.parameters import files
 from imu_sim_ros.parameters.kinds import Parameter, Value

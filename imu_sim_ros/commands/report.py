@@ -4,16 +4,17 @@
 """``report``: write one self-contained HTML page about campaigns or recorded bags."""
 
 import argparse
+import sys
 from collections.abc import Iterator
 from dataclasses import replace
 from functools import partial
 from pathlib import Path
 from typing import Final
 
-from imu_sim_ros import program
+from imu_sim_ros.commands import program
 from imu_sim_ros.commands.common import FORCE, outputs
 from imu_sim_ros.jobs.report import default_output, report
-from imu_sim_ros.signatures import arguments_of, call
+from imu_sim_ros.terminal.signatures import arguments_of, call
 
 EXAMPLES: Final = """
 report results
@@ -58,3 +59,6 @@ def _files(path: Path) -> Iterator[Path]:
 
 
 main = partial(program.main, parser, run)
+
+if __name__ == "__main__":
+    sys.exit(main())

@@ -9,7 +9,7 @@ import sys
 from functools import partial
 from typing import Final
 
-from imu_sim_ros import signals, startup
+from imu_sim_ros.terminal import signals, startup
 
 PROGRAMS: Final = {
     "generate": "simulate into a bag or dataset",
@@ -63,7 +63,7 @@ def _completed() -> str | None:
     """Return the program whose arguments are to be completed, or complete the programs' names."""
     import argparse  # not needed before signals are handled
 
-    from imu_sim_ros import completion
+    from imu_sim_ros.commands import completion
 
     name = completion.subcommand()
     if name is None:
@@ -93,7 +93,7 @@ def imu_sim() -> int:
     if "_ARGCOMPLETE" in os.environ:  # the shell asks what could follow
         name, rest = _completed() or name, []
     if name in ("-h", "--help", "--version"):
-        from imu_sim_ros import program
+        from imu_sim_ros.commands import program
 
         startup.open_standard_streams()
         return program.run("imu_sim", _print_version if name == "--version" else _print_programs)
@@ -102,7 +102,7 @@ def imu_sim() -> int:
         return _run(name)
     if name in NODES:
         return getattr(importlib.import_module("imu_sim_ros.nodes.start"), name)()
-    from imu_sim_ros.names import unknown
+    from imu_sim_ros.core.names import unknown
 
     print(f"imu_sim: {unknown('program', name, PROGRAMS | NODES)}", file=sys.stderr)
     return 2

@@ -10,14 +10,14 @@ from itertools import chain
 from pathlib import Path
 from typing import Final
 
-from imu_sim_ros import program
 from imu_sim_ros.bags.messages.encode import NAV_SAT_FIX
 from imu_sim_ros.bags.messages.transforms import JOINT_STATE
 from imu_sim_ros.bags.read import open_bag
 from imu_sim_ros.bags.text.reader import is_text
+from imu_sim_ros.commands import program
 from imu_sim_ros.commands.common import FORCE, outputs
 from imu_sim_ros.jobs.twin import twin
-from imu_sim_ros.signatures import arguments_of, call
+from imu_sim_ros.terminal.signatures import arguments_of, call
 
 EXAMPLES: Final = """
 twin flight.bag --truth mocap.tum -o twin
@@ -85,3 +85,6 @@ def _aiding(recording: Path) -> list[str]:
 
 
 main = partial(program.main, parser, run)
+
+if __name__ == "__main__":
+    sys.exit(main())

@@ -15,23 +15,23 @@ from typing import Any, Final
 
 import numpy as np
 
-from imu_sim_ros import program
 from imu_sim_ros.bags.clouds import cloud_frame, measured_clouds, read_cloud, read_clouds
 from imu_sim_ros.bags.messages.encode import ODOMETRY, VECTOR3_STAMPED
 from imu_sim_ros.bags.messages.encode_cameras import COMPRESSED_IMAGE, IMAGE
 from imu_sim_ros.bags.read import open_bag, vector_blocks
 from imu_sim_ros.bags.text.reader import is_text
+from imu_sim_ros.commands import program
 from imu_sim_ros.commands.common import FORCE, outputs
-from imu_sim_ros.conventions import LANDMARKS_TOPIC, TF_STATIC_TOPIC, TRIADS
+from imu_sim_ros.core.conventions import LANDMARKS_TOPIC, TF_STATIC_TOPIC, TRIADS
+from imu_sim_ros.core.errors import InputError, Problems
+from imu_sim_ros.core.records import States, concatenated
 from imu_sim_ros.datasets.world import fixed_in, frame_of, pose_between
-from imu_sim_ros.errors import InputError, Problems
 from imu_sim_ros.formats.choice import ACCEL_UNITS, GYRO_UNITS, Choice
 from imu_sim_ros.formats.door import imu_choices, read_trajectory, reading_blocks
 from imu_sim_ros.jobs.recorded import camera_names, read_images
 from imu_sim_ros.jobs.selection import checked_choice, input_lines
 from imu_sim_ros.jobs.tracks import has_truth, truth_topic
 from imu_sim_ros.plots.flight_view import FlightView, rerun
-from imu_sim_ros.records import States, concatenated
 
 EXAMPLES: Final = """
 view flight.mcap

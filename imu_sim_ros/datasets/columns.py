@@ -15,8 +15,8 @@ from numpy.typing import NDArray
 
 from imu_sim_ros.bags.outputs import OutputFile
 from imu_sim_ros.bags.text import decimals
-from imu_sim_ros.errors import system_error
-from imu_sim_ros.progress import watcher
+from imu_sim_ros.core.errors import system_error
+from imu_sim_ros.terminal.progress import watcher
 
 Column = NDArray[Any]
 

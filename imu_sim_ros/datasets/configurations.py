@@ -9,10 +9,10 @@ from typing import TYPE_CHECKING, Any, Final
 
 import numpy as np
 
-from imu_sim_ros import rotation
 from imu_sim_ros.bags.outputs import make_folder
 from imu_sim_ros.bags.text import writer as text_writer
-from imu_sim_ros.conventions import COMPRESSED_TOPIC, IMAGE_TOPIC, IMU_TOPIC
+from imu_sim_ros.core import rotation
+from imu_sim_ros.core.conventions import COMPRESSED_TOPIC, IMAGE_TOPIC, IMU_TOPIC
 from imu_sim_ros.datasets.consumers import kalibr
 from imu_sim_ros.datasets.consumers.folder import write_all
 from imu_sim_ros.datasets.consumers.rig import BadStart, InitialMotion, RigValues, bad_starts

@@ -27,11 +27,12 @@ from imu_sim_ros.bags.writer import (
     amount,
     topics_summary,
 )
-from imu_sim_ros.conventions import IMU_TOPIC, TRUTH_TOPIC
-from imu_sim_ros.errors import ConfigurationError, InputError
+from imu_sim_ros.core.conventions import IMU_TOPIC, TRUTH_TOPIC
+from imu_sim_ros.core.errors import ConfigurationError, InputError
+from imu_sim_ros.core.names import unknown
+from imu_sim_ros.core.records import States
+from imu_sim_ros.core.types import Array
 from imu_sim_ros.inputs.tables import Table
-from imu_sim_ros.names import unknown
-from imu_sim_ros.records import States
 from imu_sim_ros.sensors.declaration import Mounted
 from imu_sim_ros.sensors.deferred import Results
 from imu_sim_ros.sensors.pose.declaration import NAME as POSE
@@ -50,7 +51,6 @@ from imu_sim_ros.simulation.topics import (
     published,
     resolved,
 )
-from imu_sim_ros.types import Array
 
 Warn = Callable[[str], object]
 """Receiver of a warning."""

@@ -23,12 +23,13 @@ from numpy.typing import NDArray
 from imu_sim_ros.bags.outputs import write_bytes
 from imu_sim_ros.bags.text.decimals import decimal
 from imu_sim_ros.bags.writer import amount
-from imu_sim_ros.conventions import DEPTH_TOPIC, FLOW_TOPIC, IMAGE_TOPIC
+from imu_sim_ros.core.conventions import DEPTH_TOPIC, FLOW_TOPIC, IMAGE_TOPIC
+from imu_sim_ros.core.errors import InputError, system_error
+from imu_sim_ros.core.rotation import pose_matrix
+from imu_sim_ros.core.types import Bytes, Single
 from imu_sim_ros.datasets.bodies import add_tables
 from imu_sim_ros.datasets.columns import Tables
 from imu_sim_ros.datasets.recorded import DEPTH_FOLDER, pose_text
-from imu_sim_ros.errors import InputError, system_error
-from imu_sim_ros.rotation import pose_matrix
 from imu_sim_ros.sensors.camera.declaration import cameras_in
 from imu_sim_ros.sensors.camera.images.files import png
 from imu_sim_ros.sensors.camera.images.flow import kitti_flow
@@ -40,7 +41,6 @@ from imu_sim_ros.sensors.camera.view import view_of
 from imu_sim_ros.sensors.declaration import Mounted
 from imu_sim_ros.sensors.world import World
 from imu_sim_ros.simulation.topics import Read
-from imu_sim_ros.types import Bytes, Single
 
 EUROC_HEADER: Final = "#timestamp [ns],filename"
 MASK_FOLDER: Final = "mask"

@@ -13,13 +13,18 @@ from numpy.typing import NDArray
 
 from imu_sim_ros.bags.text import reader as text_reader
 from imu_sim_ros.bags.text.decimals import decimal
-from imu_sim_ros.errors import InputError, naming, system_error
-from imu_sim_ros.inputs.rows import (
+from imu_sim_ros.core.bad_rows import (
     COLUMNS,
     STAMPS,
     VALUES,
     BadRows,
     Skipped,
+)
+from imu_sim_ros.core.errors import InputError, naming, system_error
+from imu_sim_ros.core.rotation import inverse_pose
+from imu_sim_ros.core.timebase import NANOSECONDS_PER_SECOND
+from imu_sim_ros.core.types import Array, Integers
+from imu_sim_ros.inputs.rows import (
     is_present,
     names_in,
     open_regular,
@@ -30,11 +35,8 @@ from imu_sim_ros.inputs.rows import (
 from imu_sim_ros.parameters.yaml_text import parse_yaml
 from imu_sim_ros.recordings.cameras import COEFFICIENTS, CameraInfo, CameraRecord
 from imu_sim_ros.recordings.findings.cameras import distortion_problem
-from imu_sim_ros.rotation import inverse_pose
 from imu_sim_ros.sensors.camera.images.files import JPEG, PNG, Size, decoded, examined, png
 from imu_sim_ros.sensors.parameters import rotation_problems
-from imu_sim_ros.timebase import NANOSECONDS_PER_SECOND
-from imu_sim_ros.types import Array, Integers
 
 DEPTH_FOLDER: Final = "depth"
 _TO_EUROC: Final = {

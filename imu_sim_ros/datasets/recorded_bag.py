@@ -23,7 +23,9 @@ from imu_sim_ros.bags.outputs import write_bytes
 from imu_sim_ros.bags.read import decoded_messages
 from imu_sim_ros.bags.reader import Bag
 from imu_sim_ros.bags.threads import cores
-from imu_sim_ros.conventions import CAMERA_INFO_TOPIC, TF_STATIC_TOPIC
+from imu_sim_ros.core.conventions import CAMERA_INFO_TOPIC, TF_STATIC_TOPIC
+from imu_sim_ros.core.errors import InputError, naming, system_error
+from imu_sim_ros.core.gate import stamp_ns
 from imu_sim_ros.datasets.images import image_name, millimetres, write_table
 from imu_sim_ros.datasets.recorded import (
     DEPTH_FOLDER,
@@ -34,8 +36,6 @@ from imu_sim_ros.datasets.recorded import (
     sensor_yaml,
 )
 from imu_sim_ros.datasets.transforms import Transforms, fixed_transforms, to_root
-from imu_sim_ros.errors import InputError, naming, system_error
-from imu_sim_ros.inputs.gate import stamp_ns
 from imu_sim_ros.recordings.cameras import CameraInfo, CameraRecord
 from imu_sim_ros.recordings.findings.cameras import UNUSABLE
 from imu_sim_ros.recordings.findings.catalogue import camera_findings

@@ -31,7 +31,8 @@ from imu_sim_ros.bags.messages.transforms import TF_MESSAGE, TransformsEncoder
 from imu_sim_ros.bags.outputs import write_bytes
 from imu_sim_ros.bags.threads import cores
 from imu_sim_ros.bags.writer import BagTopic, Block, Writer
-from imu_sim_ros.conventions import (
+from imu_sim_ros.core.bad_rows import Skipped
+from imu_sim_ros.core.conventions import (
     BODY_FRAME,
     CAMERA_INFO_TOPIC,
     COMPRESSED_TOPIC,
@@ -39,6 +40,7 @@ from imu_sim_ros.conventions import (
     IMAGE_TOPIC,
     TF_STATIC_TOPIC,
 )
+from imu_sim_ros.core.errors import InputError, naming, system_error
 from imu_sim_ros.datasets.images import image_name, write_table
 from imu_sim_ros.datasets.recorded import (
     DEPTH_FOLDER,
@@ -52,8 +54,6 @@ from imu_sim_ros.datasets.recorded import (
     read_image,
     sensor_yaml,
 )
-from imu_sim_ros.errors import InputError, naming, system_error
-from imu_sim_ros.inputs.rows import Skipped
 from imu_sim_ros.recordings.findings.catalogue import camera_findings
 from imu_sim_ros.sensors.camera.images.files import Size, decoded
 

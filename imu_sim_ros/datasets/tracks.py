@@ -9,9 +9,10 @@ from typing import Any, Final, NamedTuple
 
 import numpy as np
 
+from imu_sim_ros.core.errors import ImuSimError, InputError, system_error
+from imu_sim_ros.core.types import Array, Integers, Mask
 from imu_sim_ros.datasets.bodies import add_tables
 from imu_sim_ros.datasets.columns import Column, Tables
-from imu_sim_ros.errors import ImuSimError, InputError, system_error
 from imu_sim_ros.inputs.rows import open_regular
 from imu_sim_ros.parameters import files
 from imu_sim_ros.parameters.sections import flatten
@@ -24,7 +25,6 @@ from imu_sim_ros.sensors.camera.view import view_of
 from imu_sim_ros.sensors.declaration import Mounted
 from imu_sim_ros.sensors.world import World
 from imu_sim_ros.simulation.topics import Read
-from imu_sim_ros.types import Array, Integers, Mask
 
 TRACKS_HEADER: Final = "t_ns,camera,id,u,v,u_true,v_true,depth"
 BODY_COLUMN: Final = ",body"

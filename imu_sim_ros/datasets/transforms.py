@@ -7,8 +7,8 @@ from typing import Any
 
 import numpy as np
 
-from imu_sim_ros import rotation
-from imu_sim_ros.types import Array
+from imu_sim_ros.core import rotation
+from imu_sim_ros.core.types import Array
 
 Transforms = dict[str, tuple[str, Array]]
 """Parent frame and T_parent_child (4, 4), by child frame."""

@@ -11,7 +11,7 @@ from pathlib import Path
 from typing import Final
 
 from imu_sim_ros.bags.outputs import named
-from imu_sim_ros.errors import InputError
+from imu_sim_ros.core.errors import InputError
 from imu_sim_ros.inputs.rows import is_present
 from imu_sim_ros.parameters import files
 from imu_sim_ros.parameters.kinds import Value

@@ -18,14 +18,15 @@ from typing import Final
 
 import numpy as np
 
-from imu_sim_ros import rotation
 from imu_sim_ros.bags.outputs import OutputFile, make_folder, write_bytes
 from imu_sim_ros.bags.text import decimals
 from imu_sim_ros.bags.text import reader as text_reader
 from imu_sim_ros.bags.text.decimals import decimal
 from imu_sim_ros.bags.text.writer import EUROC_IMU_HEADER
 from imu_sim_ros.bags.writer import amount
-from imu_sim_ros.conventions import IMU_TOPIC, TRUTH_TOPIC
+from imu_sim_ros.core import rotation
+from imu_sim_ros.core.conventions import IMU_TOPIC, TRUTH_TOPIC
+from imu_sim_ros.core.types import Array, Times
 from imu_sim_ros.datasets.images import ImageFolders, image_name
 from imu_sim_ros.sensors.camera.declaration import cameras_in
 from imu_sim_ros.sensors.camera.images.files import png
@@ -37,7 +38,6 @@ from imu_sim_ros.sensors.imu.parameters import ImuParameters
 from imu_sim_ros.sensors.samples import Samples
 from imu_sim_ros.sensors.world import World
 from imu_sim_ros.simulation.topics import Read, delivered, resolved
-from imu_sim_ros.types import Array, Times
 
 _POSES: Final = (
     "#timestamp [ns], p_RS_R_x [m], p_RS_R_y [m], p_RS_R_z [m], q_RS_w [], q_RS_x [], q_RS_y [], "

@@ -19,12 +19,13 @@ from typing import Any, Final
 
 import numpy as np
 
-from imu_sim_ros import rotation
 from imu_sim_ros.bags.outputs import make_folder, write_bytes
 from imu_sim_ros.bags.text import decimals
 from imu_sim_ros.bags.writer import amount
+from imu_sim_ros.core import rotation
+from imu_sim_ros.core.errors import system_error
+from imu_sim_ros.core.types import Array
 from imu_sim_ros.datasets.tracks import Blindness
-from imu_sim_ros.errors import system_error
 from imu_sim_ros.sensors.camera.declaration import cameras_in
 from imu_sim_ros.sensors.camera.view import View, view_of
 from imu_sim_ros.sensors.declaration import Mounted
@@ -33,7 +34,6 @@ from imu_sim_ros.sensors.samples import Samples
 from imu_sim_ros.sensors.world import World
 from imu_sim_ros.simulation.topics import Read
 from imu_sim_ros.trajectory.motion import Motion
-from imu_sim_ros.types import Array
 
 _SECOND: Final = 1e-9
 _INTEGRATED: Final = ("imu_int_pose", "imu_int_pose_noise")

@@ -12,15 +12,15 @@ from imu_sim_ros.bags.messages.encode import IMU, ODOMETRY
 from imu_sim_ros.bags.messages.transforms import TF_MESSAGE
 from imu_sim_ros.bags.read import decoded_blocks, decoded_messages, open_bag
 from imu_sim_ros.bags.text.reader import imu_file, is_text, state_file
-from imu_sim_ros.conventions import GRAVITY, TF_STATIC_TOPIC
+from imu_sim_ros.core.conventions import GRAVITY, TF_STATIC_TOPIC
+from imu_sim_ros.core.rotation import inverse_pose
+from imu_sim_ros.core.types import Array
 from imu_sim_ros.datasets.recorded import read_sensor_yaml
 from imu_sim_ros.datasets.transforms import Transforms, ancestors, fixed_transforms, to_root
 from imu_sim_ros.datasets.truth_files import simulation_of
 from imu_sim_ros.inputs.rows import is_present
-from imu_sim_ros.rotation import inverse_pose
 from imu_sim_ros.sensors.gravity import earth_rate_vector, gravity_vector
 from imu_sim_ros.simulation.parameters import SampledParameters
-from imu_sim_ros.types import Array
 
 _CURVED_EARTH: Final = (
     "simulated over a curved Earth, which is integrated as a plane: the errors include what the "

@@ -28,11 +28,11 @@ from imu_sim_ros.bags.read import (
     open_bag,
 )
 from imu_sim_ros.bags.reader import listed
-from imu_sim_ros.errors import InputError
+from imu_sim_ros.core.errors import InputError
+from imu_sim_ros.core.records import Readings, States, concatenated
+from imu_sim_ros.core.rotation import normalise
+from imu_sim_ros.core.timebase import NANOSECONDS_PER_SECOND
 from imu_sim_ros.formats.handling import Handling
-from imu_sim_ros.records import Readings, States, concatenated
-from imu_sim_ros.rotation import normalise
-from imu_sim_ros.timebase import NANOSECONDS_PER_SECOND
 
 POSE_TYPES: Final = (
     ODOMETRY,

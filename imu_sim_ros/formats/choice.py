@@ -8,7 +8,7 @@ from dataclasses import dataclass
 from math import pi
 from typing import Final
 
-from imu_sim_ros.conventions import STANDARD_GRAVITY, TRIADS
+from imu_sim_ros.core.conventions import STANDARD_GRAVITY, TRIADS
 
 GYRO_UNITS: Final[Mapping[str, float]] = {"rad/s": 1.0, "deg/s": pi / 180.0}
 """Value of each unit of the gyroscope [rad/s]."""

@@ -15,17 +15,17 @@ from typing import Final, NamedTuple, Protocol
 import numpy as np
 
 from imu_sim_ros.bags.reader import Recover
-from imu_sim_ros.conventions import TRIADS
-from imu_sim_ros.errors import InputError, Remark, naming, warn
+from imu_sim_ros.core.bad_rows import Skipped, Warned, tell_skipped
+from imu_sim_ros.core.conventions import TRIADS
+from imu_sim_ros.core.errors import InputError, Remark, naming, warn
+from imu_sim_ros.core.records import Readings, States, concatenated, with_fields
+from imu_sim_ros.core.timebase import seconds_since
+from imu_sim_ros.core.types import Integers, Mask, Times
 from imu_sim_ros.formats import bag, text
 from imu_sim_ros.formats.choice import ACCEL_UNITS, AS_RECORDED, GYRO_UNITS, Choice
 from imu_sim_ros.formats.handling import Handling
 from imu_sim_ros.inputs.header import UNITS
-from imu_sim_ros.inputs.rows import Skipped, Warned, tell_skipped
 from imu_sim_ros.recordings.clock import estimate_clock
-from imu_sim_ros.records import Readings, States, concatenated, with_fields
-from imu_sim_ros.timebase import seconds_since
-from imu_sim_ros.types import Integers, Mask, Times
 
 
 class FileFormat(Protocol):

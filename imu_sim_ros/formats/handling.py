@@ -6,7 +6,7 @@
 from typing import NamedTuple
 
 from imu_sim_ros.bags.reader import Recover
-from imu_sim_ros.inputs.rows import Skipped, Warned
+from imu_sim_ros.core.bad_rows import Skipped, Warned
 
 
 class Handling(NamedTuple):

@@ -7,10 +7,10 @@ from collections.abc import Iterator, Sequence
 from pathlib import Path
 
 from imu_sim_ros.bags.text import reader, vio_data_simulation
-from imu_sim_ros.errors import InputError
+from imu_sim_ros.core.errors import InputError
+from imu_sim_ros.core.records import Readings, States, concatenated
 from imu_sim_ros.formats.handling import Handling
-from imu_sim_ros.poses import read_poses
-from imu_sim_ros.records import Readings, States, concatenated
+from imu_sim_ros.inputs.poses import read_poses
 
 
 def holds(path: Path) -> bool:

@@ -14,7 +14,7 @@ from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Final
 
-from imu_sim_ros.conventions import AXES, STANDARD_GRAVITY
+from imu_sim_ros.core.conventions import AXES, STANDARD_GRAVITY
 
 GYRO: Final = "gyroscope"
 ACCEL: Final = "accelerometer"

@@ -17,7 +17,10 @@ from typing import Final, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from imu_sim_ros.errors import InputError, Remark, warn
+from imu_sim_ros.core.bad_rows import COLUMNS, NUMBERS, BadRows
+from imu_sim_ros.core.errors import InputError, Remark, warn
+from imu_sim_ros.core.timebase import NANOSECONDS_PER_SECOND
+from imu_sim_ros.core.types import Array, Bytes, Integers, Mask, Times
 from imu_sim_ros.inputs.header import (
     TIME_NAMES,
     expanded,
@@ -25,9 +28,7 @@ from imu_sim_ros.inputs.header import (
     is_known,
     split_names,
 )
-from imu_sim_ros.inputs.rows import COLUMNS, NUMBERS, BadRows, Row, number_of, shortened
-from imu_sim_ros.timebase import NANOSECONDS_PER_SECOND
-from imu_sim_ros.types import Array, Bytes, Integers, Mask, Times
+from imu_sim_ros.inputs.rows import Row, number_of, shortened
 
 STAMP_BYTES: Final = 48
 """Length of the longest stamp of text."""

@@ -10,8 +10,8 @@ from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from typing import TypeAlias
 
-from imu_sim_ros.inputs.gate import Quantity
-from imu_sim_ros.types import Array, Bytes, Times
+from imu_sim_ros.core.gate import Quantity
+from imu_sim_ros.core.types import Array, Bytes, Times
 
 Encode: TypeAlias = Callable[[Times, Array], Bytes]
 """Encoder of stamps (n,) and values (n, m) into messages (n, size)."""

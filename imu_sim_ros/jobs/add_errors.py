@@ -14,9 +14,9 @@ from typing import Any, Final, overload
 import numpy as np
 from numpy.typing import ArrayLike
 
-from imu_sim_ros import arguments
-from imu_sim_ros.arguments import refuse, suggest_keywords
-from imu_sim_ros.conventions import (
+from imu_sim_ros.core import arguments, gate
+from imu_sim_ros.core.arguments import refuse, suggest_keywords
+from imu_sim_ros.core.conventions import (
     ACCELEROMETER_BIAS_TOPIC,
     ERROR_TOPICS,
     GYROSCOPE_BIAS_TOPIC,
@@ -24,8 +24,9 @@ from imu_sim_ros.conventions import (
     IMU_TOPIC,
     TRIADS,
 )
-from imu_sim_ros.errors import ConfigurationError, InputError, warn
-from imu_sim_ros.inputs import gate
+from imu_sim_ros.core.errors import ConfigurationError, InputError, warn
+from imu_sim_ros.core.records import LiveReading, Readings
+from imu_sim_ros.core.types import Array, Integers, Mask
 from imu_sim_ros.jobs.flight import Flight, Source
 from imu_sim_ros.jobs.readings import delivered_of
 from imu_sim_ros.jobs.simulate import imu_parameters, keyword_parameters, sensor_name
@@ -33,7 +34,6 @@ from imu_sim_ros.jobs.writing import parameter_files
 from imu_sim_ros.parameters import files
 from imu_sim_ros.parameters.sections import build, flatten
 from imu_sim_ros.recordings.clock import estimate_clock
-from imu_sim_ros.records import LiveReading, Readings
 from imu_sim_ros.sensors.barometer.declaration import PressureReadings
 from imu_sim_ros.sensors.barometer.model import Atmosphere
 from imu_sim_ros.sensors.faults import KINDS, Fault
@@ -65,7 +65,6 @@ from imu_sim_ros.simulation.error_parameters import (
     load_error_model,
 )
 from imu_sim_ros.simulation.given_sensor import OTHERS, Counts, GivenOther
-from imu_sim_ros.types import Array, Integers, Mask
 
 TOPICS: Final = (IMU_TOPIC, IDEAL_IMU_TOPIC, GYROSCOPE_BIAS_TOPIC, ACCELEROMETER_BIAS_TOPIC)
 """Topics of a bag of readings with errors."""

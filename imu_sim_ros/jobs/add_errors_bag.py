@@ -16,26 +16,26 @@ from imu_sim_ros.bags.read import odometry_blocks
 from imu_sim_ros.bags.reader import Bag, errors_naming
 from imu_sim_ros.bags.threads import prefetch
 from imu_sim_ros.bags.writer import Block, Writer
-from imu_sim_ros.conventions import (
+from imu_sim_ros.core import gate
+from imu_sim_ros.core.bad_rows import BadRows, Skipped, Warned
+from imu_sim_ros.core.conventions import (
     ACCELEROMETER_BIAS_TOPIC,
     GYROSCOPE_BIAS_TOPIC,
     IDEAL_IMU_TOPIC,
     IMU_TOPIC,
     TWIST_FRAMES,
 )
-from imu_sim_ros.errors import InputError
-from imu_sim_ros.inputs import gate
-from imu_sim_ros.inputs.rows import BadRows, Skipped, Warned
+from imu_sim_ros.core.errors import InputError
+from imu_sim_ros.core.records import Readings, concatenated, with_fields
+from imu_sim_ros.core.rotation import rotate_inverse
+from imu_sim_ros.core.types import Array, Times
 from imu_sim_ros.jobs.add_errors import rate_of
 from imu_sim_ros.recordings.findings.catalogue import twist_findings
-from imu_sim_ros.records import Readings, concatenated, with_fields
-from imu_sim_ros.rotation import rotate_inverse
 from imu_sim_ros.simulation.error_input import Differentiator
 from imu_sim_ros.simulation.error_model import GivenImu
 from imu_sim_ros.simulation.error_parameters import ErrorModelParameters
 from imu_sim_ros.simulation.sensors import mounted
 from imu_sim_ros.simulation.topics import offered, resolved
-from imu_sim_ros.types import Array, Times
 
 USUAL: Final = (IMU_TOPIC, GYROSCOPE_BIAS_TOPIC, ACCELEROMETER_BIAS_TOPIC)
 _READING: Final = ("angular_velocity", "linear_acceleration")

@@ -14,7 +14,6 @@ from functools import partial
 from pathlib import Path
 from typing import Annotated, Any, Final
 
-from imu_sim_ros import arguments
 from imu_sim_ros.bags import convert as streams
 from imu_sim_ros.bags.create import open_writer
 from imu_sim_ros.bags.messages.encode import ODOMETRY
@@ -23,8 +22,11 @@ from imu_sim_ros.bags.read import open_bag
 from imu_sim_ros.bags.text import reader as text_reader
 from imu_sim_ros.bags.text.writer import Dataset
 from imu_sim_ros.bags.writer import BagOptions, topics_summary
-from imu_sim_ros.conventions import IMU_TOPIC, TWIST_FRAMES
-from imu_sim_ros.errors import InputError, Problems
+from imu_sim_ros.core import arguments
+from imu_sim_ros.core.conventions import IMU_TOPIC, TWIST_FRAMES
+from imu_sim_ros.core.errors import InputError, Problems
+from imu_sim_ros.core.names import unknown
+from imu_sim_ros.core.records import Readings, with_fields
 from imu_sim_ros.formats.choice import Choice
 from imu_sim_ros.formats.door import reading_blocks
 from imu_sim_ros.formats.handling import Handling
@@ -68,15 +70,13 @@ from imu_sim_ros.jobs.writing import (
     parameter_files,
     time_and_speed,
 )
-from imu_sim_ros.names import unknown
-from imu_sim_ros.progress import progress
-from imu_sim_ros.records import Readings, with_fields
 from imu_sim_ros.sensors.imu.declaration import NAME as IMU
-from imu_sim_ros.signatures import Heading, Text
 from imu_sim_ros.simulation.error_model import GivenImu
 from imu_sim_ros.simulation.error_parameters import orientation_problems
 from imu_sim_ros.simulation.given_sensor import Counts
 from imu_sim_ros.simulation.topics import OF_THE_ERROR_MODEL, delivered, resolved
+from imu_sim_ros.terminal.progress import progress
+from imu_sim_ros.terminal.signatures import Heading, Text
 
 FORMATS = ("euroc", "csv")
 """Datasets that have readings."""

@@ -13,16 +13,18 @@ from typing import TYPE_CHECKING, Annotated, Any, Final
 
 import numpy as np
 
-from imu_sim_ros import arguments
-from imu_sim_ros.arguments import BAG_OR_FILE, name_of, suggest_keywords
 from imu_sim_ros.calibration.noise import noise_files, truth
 from imu_sim_ros.calibration.noise.analysis import MODELS, AllanResult, analyse
 from imu_sim_ros.calibration.noise.estimate import Estimate
 from imu_sim_ros.calibration.noise.terms import QUANTITIES
 from imu_sim_ros.calibration.noise.truth import ParameterComparison
-from imu_sim_ros.conventions import AXES, TRIADS
-from imu_sim_ros.errors import InputError, Problems
-from imu_sim_ros.inputs.rows import tell_skipped
+from imu_sim_ros.core import arguments
+from imu_sim_ros.core.arguments import BAG_OR_FILE, name_of, suggest_keywords
+from imu_sim_ros.core.bad_rows import tell_skipped
+from imu_sim_ros.core.conventions import AXES, TRIADS
+from imu_sim_ros.core.errors import InputError, Problems
+from imu_sim_ros.core.records import Readings, concatenated
+from imu_sim_ros.core.types import Array, Mask
 from imu_sim_ros.jobs.flight import Flight, readings_of
 from imu_sim_ros.jobs.selection import (
     AccelTopic,
@@ -34,12 +36,10 @@ from imu_sim_ros.jobs.selection import (
     input_lines,
 )
 from imu_sim_ros.jobs.writing import SkipBadRows, saved
-from imu_sim_ros.progress import progress
 from imu_sim_ros.recordings.findings.catalogue import reading_findings
 from imu_sim_ros.recordings.findings.policy import ALLAN
-from imu_sim_ros.records import Readings, concatenated
-from imu_sim_ros.text_tables import TextTable, html_of, interval_text
-from imu_sim_ros.types import Array, Mask
+from imu_sim_ros.terminal.progress import progress
+from imu_sim_ros.terminal.text_tables import TextTable, html_of, interval_text
 
 if TYPE_CHECKING:
     from imu_sim_ros.plots.style import Figure

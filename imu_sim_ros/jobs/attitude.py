@@ -11,7 +11,10 @@ from typing import Any, TypedDict
 
 import numpy as np
 
-from imu_sim_ros.arguments import array, refuse, stamps
+from imu_sim_ros.core.arguments import array, refuse, stamps
+from imu_sim_ros.core.records import States
+from imu_sim_ros.core.rotation import multiply, normalise
+from imu_sim_ros.core.types import Array, Times
 from imu_sim_ros.navigation.association import common_rows, poses_at
 from imu_sim_ros.navigation.coverage import Coverage, coverage, coverage_line
 from imu_sim_ros.navigation.evaluation import (
@@ -22,10 +25,7 @@ from imu_sim_ros.navigation.evaluation import (
     statistics,
     tilt_and_heading,
 )
-from imu_sim_ros.records import States
-from imu_sim_ros.rotation import multiply, normalise
-from imu_sim_ros.text_tables import TextTable
-from imu_sim_ros.types import Array, Times
+from imu_sim_ros.terminal.text_tables import TextTable
 
 _NAMES = ("q_wb", "q_wi", "values")
 """Attributes with the quaternions of paths, simulated and recorded orientations."""

@@ -17,8 +17,6 @@ from typing import TYPE_CHECKING, Annotated, Any, Final, NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike
 
-from imu_sim_ros import arguments
-from imu_sim_ros.arguments import BAG_OR_FILE, name_of, number, suggest_keywords
 from imu_sim_ros.bags import read as bags
 from imu_sim_ros.bags.sensor_tables import read_measured
 from imu_sim_ros.calibration.deterministic import correction
@@ -38,11 +36,14 @@ from imu_sim_ros.calibration.deterministic.temperature import (
 from imu_sim_ros.calibration.deterministic.turntable import calibrate_turntable as turntable
 from imu_sim_ros.calibration.deterministic.turntable import known_rates, specific_force, true_rates
 from imu_sim_ros.calibration.noise.truth import load_truth
-from imu_sim_ros.conventions import GRAVITY, STANDARD_GRAVITY
-from imu_sim_ros.errors import InputError, Problems, naming
+from imu_sim_ros.core import arguments, gate
+from imu_sim_ros.core.arguments import BAG_OR_FILE, name_of, number, suggest_keywords
+from imu_sim_ros.core.bad_rows import Skipped
+from imu_sim_ros.core.conventions import GRAVITY, STANDARD_GRAVITY
+from imu_sim_ros.core.errors import InputError, Problems, naming
+from imu_sim_ros.core.records import Readings, with_fields
+from imu_sim_ros.core.types import Array, Times
 from imu_sim_ros.formats import door
-from imu_sim_ros.inputs import gate
-from imu_sim_ros.inputs.rows import Skipped
 from imu_sim_ros.jobs.flight import Flight, readings_of
 from imu_sim_ros.jobs.selection import (
     NOTHING,
@@ -62,10 +63,8 @@ from imu_sim_ros.parameters import files
 from imu_sim_ros.parameters.sections import build
 from imu_sim_ros.recordings.findings.catalogue import reading_findings
 from imu_sim_ros.recordings.findings.policy import CALIBRATE
-from imu_sim_ros.records import Readings, with_fields
 from imu_sim_ros.sensors.magnetometer.declaration import SENSOR, TABLE
-from imu_sim_ros.text_tables import TextTable
-from imu_sim_ros.types import Array, Times
+from imu_sim_ros.terminal.text_tables import TextTable
 
 if TYPE_CHECKING:
     from imu_sim_ros.plots.style import Figure

@@ -11,12 +11,12 @@ from typing import TYPE_CHECKING, Any, Final
 import numpy as np
 
 from imu_sim_ros.calibration.deterministic import correction
-from imu_sim_ros.conventions import AXES, TRIADS
+from imu_sim_ros.core.conventions import AXES, TRIADS
+from imu_sim_ros.core.types import Array
 from imu_sim_ros.parameters.sections import parameters
 from imu_sim_ros.sensors import sensors_of_imus
 from imu_sim_ros.sensors.imu.parameters import ImuParameters
-from imu_sim_ros.text_tables import TextTable
-from imu_sim_ros.types import Array
+from imu_sim_ros.terminal.text_tables import TextTable
 
 if TYPE_CHECKING:
     from imu_sim_ros.calibration.twin.analysis import Analysis

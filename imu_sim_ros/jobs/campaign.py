@@ -15,8 +15,6 @@ from os import PathLike
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any, Final, NamedTuple
 
-from imu_sim_ros import arguments
-from imu_sim_ros.arguments import suggest_keywords
 from imu_sim_ros.campaigns import campaign as runs
 from imu_sim_ros.campaigns import engine as engines
 from imu_sim_ros.campaigns.baseline import differences, identities_of_plan, plan_mismatch
@@ -28,13 +26,15 @@ from imu_sim_ros.campaigns.results import TABLE, Row, Store, read_results
 from imu_sim_ros.campaigns.statistics import ConfidenceInterval, power, quantile, seeds_needed
 from imu_sim_ros.campaigns.summary import Group, group_runs, slopes
 from imu_sim_ros.campaigns.verdict import EstimateFinding, Judgement, counts, headline, judge
-from imu_sim_ros.errors import InputError, system_error
+from imu_sim_ros.core import arguments
+from imu_sim_ros.core.arguments import suggest_keywords
+from imu_sim_ros.core.errors import InputError, system_error
+from imu_sim_ros.core.names import shown, suggestion
 from imu_sim_ros.jobs.report import write_campaign_page
-from imu_sim_ros.names import shown, suggestion
 from imu_sim_ros.navigation.evaluation import anees_band
-from imu_sim_ros.progress import progress, watcher
-from imu_sim_ros.signatures import Text
-from imu_sim_ros.text_tables import TextTable
+from imu_sim_ros.terminal.progress import progress, watcher
+from imu_sim_ros.terminal.signatures import Text
+from imu_sim_ros.terminal.text_tables import TextTable
 
 if TYPE_CHECKING:
     from imu_sim_ros.campaigns.engine import Engine

@@ -15,8 +15,6 @@ from typing import TYPE_CHECKING, Annotated, Any, Final
 
 import numpy as np
 
-from imu_sim_ros import arguments
-from imu_sim_ros.arguments import suggest_keywords
 from imu_sim_ros.bags import convert as streams
 from imu_sim_ros.bags import sensor_tables
 from imu_sim_ros.bags.create import open_writer
@@ -32,13 +30,16 @@ from imu_sim_ros.bags.text import reader as text_reader
 from imu_sim_ros.bags.text import writer as text_writer
 from imu_sim_ros.bags.text.writer import Dataset
 from imu_sim_ros.bags.writer import BagOptions, Writer, amount, topics_summary
-from imu_sim_ros.conventions import IMU_TOPIC
-from imu_sim_ros.errors import ConfigurationError, InputError
+from imu_sim_ros.core import arguments
+from imu_sim_ros.core.arguments import suggest_keywords
+from imu_sim_ros.core.bad_rows import Skipped
+from imu_sim_ros.core.conventions import IMU_TOPIC
+from imu_sim_ros.core.errors import ConfigurationError, InputError
+from imu_sim_ros.core.records import Readings, States, concatenated, with_fields
 from imu_sim_ros.formats.bag import pose_topic
 from imu_sim_ros.formats.choice import AS_RECORDED, Choice
 from imu_sim_ros.formats.door import read_states, reading_blocks
 from imu_sim_ros.formats.handling import Handling
-from imu_sim_ros.inputs.rows import Skipped
 from imu_sim_ros.inputs.tables import Table
 from imu_sim_ros.jobs.selection import (
     AccelTopic,
@@ -66,12 +67,11 @@ from imu_sim_ros.jobs.writing import (
     counts,
     outputs,
 )
-from imu_sim_ros.progress import Advance, progress
 from imu_sim_ros.recordings.findings.catalogue import unit_findings
 from imu_sim_ros.recordings.findings.policy import CONVERT
-from imu_sim_ros.records import Readings, States, concatenated, with_fields
 from imu_sim_ros.sensors import known_tables
 from imu_sim_ros.simulation.topics import resolved
+from imu_sim_ros.terminal.progress import Advance, progress
 
 if TYPE_CHECKING:
     from imu_sim_ros.datasets.recorded_bag import RecordedImages

@@ -15,15 +15,19 @@ from typing import TYPE_CHECKING, Annotated, Any, Final, NamedTuple
 
 import numpy as np
 
-from imu_sim_ros.arguments import BAG_OR_FILE, name_of, number, one_of, switch
-from imu_sim_ros.arguments import path as checked_path
-from imu_sim_ros.arguments import topic as checked_topic
+from imu_sim_ros.core.arguments import BAG_OR_FILE, name_of, number, one_of, switch
+from imu_sim_ros.core.arguments import path as checked_path
+from imu_sim_ros.core.arguments import topic as checked_topic
+from imu_sim_ros.core.bad_rows import tell_skipped
+from imu_sim_ros.core.errors import InputError, Problems, Remark, warn
+from imu_sim_ros.core.records import Readings, States, with_fields
+from imu_sim_ros.core.rotation import to_euler
+from imu_sim_ros.core.timebase import span
+from imu_sim_ros.core.types import Array, Mask, Times
 from imu_sim_ros.datasets import world as worlds
 from imu_sim_ros.datasets.world import KnownWorld, world_of_simulation
-from imu_sim_ros.errors import InputError, Problems, Remark, warn
 from imu_sim_ros.formats import bag, text
 from imu_sim_ros.formats.door import format_of
-from imu_sim_ros.inputs.rows import tell_skipped
 from imu_sim_ros.jobs import tracks
 from imu_sim_ros.jobs.flight import Flight, readings_of
 from imu_sim_ros.jobs.readings import judged
@@ -65,12 +69,8 @@ from imu_sim_ros.navigation.state import (
     correction_of,
 )
 from imu_sim_ros.recordings.findings.policy import DEAD_RECKON
-from imu_sim_ros.records import Readings, States, with_fields
-from imu_sim_ros.rotation import to_euler
 from imu_sim_ros.sensors.imu.triads import TriadsParameters
-from imu_sim_ros.text_tables import TextTable
-from imu_sim_ros.timebase import span
-from imu_sim_ros.types import Array, Mask, Times
+from imu_sim_ros.terminal.text_tables import TextTable
 
 if TYPE_CHECKING:
     from imu_sim_ros.plots.style import Figure

@@ -17,20 +17,20 @@ from typing import IO, Final
 import numpy as np
 
 from imu_sim_ros.bags.read import open_bag, read_imu, read_odometry
-from imu_sim_ros.conventions import DEAD_RECKONED_TOPIC, IMU_TOPIC, TRUTH_TOPIC
-from imu_sim_ros.errors import MachineError
+from imu_sim_ros.core.conventions import DEAD_RECKONED_TOPIC, IMU_TOPIC, TRUTH_TOPIC
+from imu_sim_ros.core.errors import MachineError
 from imu_sim_ros.formats.door import read_states
 from imu_sim_ros.jobs.dead_reckon import Track, track_of
 from imu_sim_ros.navigation.dead_reckoning import dead_reckon
 from imu_sim_ros.navigation.evaluation import state_at
 from imu_sim_ros.navigation.mount import mount_of
 from imu_sim_ros.parameters import files
-from imu_sim_ros.progress import progress
 from imu_sim_ros.sensors.gravity import gravity_vector
 from imu_sim_ros.sensors.imu.declaration import NAME as IMU
 from imu_sim_ros.simulation.engine import Body
 from imu_sim_ros.simulation.parameters import SimulationParameters
-from imu_sim_ros.text_tables import TextTable
+from imu_sim_ros.terminal.progress import progress
+from imu_sim_ros.terminal.text_tables import TextTable
 
 BAG: Final = "bag"
 TOPICS: Final = (IMU_TOPIC, TRUTH_TOPIC, DEAD_RECKONED_TOPIC)

@@ -14,7 +14,8 @@ from typing import TYPE_CHECKING, Annotated, Any, Final, NamedTuple, Protocol, T
 
 import numpy as np
 
-from imu_sim_ros.arguments import (
+from imu_sim_ros.bags.text.reader import is_text
+from imu_sim_ros.core.arguments import (
     BAG_OR_FILE,
     array,
     number,
@@ -24,12 +25,14 @@ from imu_sim_ros.arguments import (
     switch,
     text,
 )
-from imu_sim_ros.arguments import path as checked_path
-from imu_sim_ros.arguments import topic as checked_topic
-from imu_sim_ros.bags.text.reader import is_text
-from imu_sim_ros.conventions import TRUTH_TOPIC
-from imu_sim_ros.errors import InputError, Problems, warn
+from imu_sim_ros.core.arguments import path as checked_path
+from imu_sim_ros.core.arguments import topic as checked_topic
+from imu_sim_ros.core.conventions import TRUTH_TOPIC
+from imu_sim_ros.core.errors import InputError, Problems, warn
+from imu_sim_ros.core.records import States, with_fields
+from imu_sim_ros.core.types import Array, Integers, Mask, Times
 from imu_sim_ros.formats.door import read_trajectory
+from imu_sim_ros.inputs.poses import write_tum
 from imu_sim_ros.inputs.tables import Table
 from imu_sim_ros.jobs.attitude import (
     AttitudeEvaluation,
@@ -54,13 +57,10 @@ from imu_sim_ros.navigation.evaluation import (
     statistics,
 )
 from imu_sim_ros.navigation.time_offset import time_offset as time_offset_of
-from imu_sim_ros.poses import write_tum
 from imu_sim_ros.recordings.findings.catalogue import pose_findings, use_findings
 from imu_sim_ros.recordings.findings.policy import EVALUATE
 from imu_sim_ros.recordings.findings.roles import TrajectoryUse
-from imu_sim_ros.records import States, with_fields
-from imu_sim_ros.text_tables import TextTable, html_of
-from imu_sim_ros.types import Array, Integers, Mask, Times
+from imu_sim_ros.terminal.text_tables import TextTable, html_of
 
 if TYPE_CHECKING:
     from imu_sim_ros.datasets.tracks import TrackFolder

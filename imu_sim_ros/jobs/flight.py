@@ -14,24 +14,24 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
-from imu_sim_ros import arguments
-from imu_sim_ros.arguments import BAG_OR_FILE, name_of
-from imu_sim_ros.conventions import ERROR_TOPICS
-from imu_sim_ros.errors import InputError
-from imu_sim_ros.inputs.rows import tell_skipped
+from imu_sim_ros.core import arguments
+from imu_sim_ros.core.arguments import BAG_OR_FILE, name_of
+from imu_sim_ros.core.bad_rows import tell_skipped
+from imu_sim_ros.core.conventions import ERROR_TOPICS
+from imu_sim_ros.core.errors import InputError
+from imu_sim_ros.core.records import Readings, States, data_frame, with_fields
+from imu_sim_ros.core.timebase import seconds_since, span
+from imu_sim_ros.core.types import Array, Integers
 from imu_sim_ros.jobs.readings import check_simulated, delivered_of
 from imu_sim_ros.jobs.selection import NOTHING, Selection, checked_choice
 from imu_sim_ros.parameters.sections import flatten
-from imu_sim_ros.records import Readings, States, data_frame, with_fields
 from imu_sim_ros.sensors.imu.declaration import NAME as IMU
 from imu_sim_ros.sensors.samples import joined
 from imu_sim_ros.simulation.engine import Body
 from imu_sim_ros.simulation.parameters import SampledParameters
 from imu_sim_ros.simulation.sensors import mounted
-from imu_sim_ros.text_tables import TextTable, html_of
-from imu_sim_ros.timebase import seconds_since, span
+from imu_sim_ros.terminal.text_tables import TextTable, html_of
 from imu_sim_ros.trajectory.motion import Trajectory
-from imu_sim_ros.types import Array, Integers
 
 if TYPE_CHECKING:
     from imu_sim_ros.plots.style import Figure

@@ -13,10 +13,12 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Annotated, Any, Final
 
-from imu_sim_ros import arguments
 from imu_sim_ros.bags.threads import cores, prefetch, threads
 from imu_sim_ros.bags.writer import BagOptions, check_split
-from imu_sim_ros.conventions import IMU_TOPIC, TRUTH_TOPIC
+from imu_sim_ros.core import arguments
+from imu_sim_ros.core.conventions import IMU_TOPIC, TRUTH_TOPIC
+from imu_sim_ros.core.errors import ConfigurationError, Problems
+from imu_sim_ros.core.records import States
 from imu_sim_ros.datasets import truth_files
 from imu_sim_ros.datasets.forms import (
     FORMATS,
@@ -24,7 +26,6 @@ from imu_sim_ros.datasets.forms import (
     chosen_topics,
     open_output,
 )
-from imu_sim_ros.errors import ConfigurationError, Problems
 from imu_sim_ros.jobs.simulate import GivenMotion, Moving, argument_layers
 from imu_sim_ros.jobs.writing import (
     OUTPUT,
@@ -49,13 +50,10 @@ from imu_sim_ros.jobs.writing import (
 )
 from imu_sim_ros.parameters import files
 from imu_sim_ros.parameters.sections import flatten
-from imu_sim_ros.progress import progress
-from imu_sim_ros.records import States
 from imu_sim_ros.sensors import named_sensors, switches
 from imu_sim_ros.sensors.declaration import Companion
 from imu_sim_ros.sensors.imu.presets import load_all
 from imu_sim_ros.sensors.pose.declaration import NAME as POSE
-from imu_sim_ros.signatures import Heading, Text
 from imu_sim_ros.simulation.engine import Body
 from imu_sim_ros.simulation.parameters import (
     SimulationParameters,
@@ -70,6 +68,8 @@ from imu_sim_ros.simulation.playback import (
 )
 from imu_sim_ros.simulation.sensors import imus_in, mounted
 from imu_sim_ros.simulation.topics import offered
+from imu_sim_ros.terminal.progress import progress
+from imu_sim_ros.terminal.signatures import Heading, Text
 from imu_sim_ros.trajectory.build import build_trajectory
 
 BLOCK_SIZE: Final = 16384

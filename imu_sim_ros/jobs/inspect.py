@@ -13,21 +13,24 @@ from typing import Annotated, Any, Final
 
 import numpy as np
 
-from imu_sim_ros import arguments
-from imu_sim_ros.arguments import BAG_OR_FILE, name_of, suggest_keywords
 from imu_sim_ros.bags.cameras import camera_records
 from imu_sim_ros.bags.clouds import cloud_records
 from imu_sim_ros.bags.messages.encode import IMU, ODOMETRY
 from imu_sim_ros.bags.read import MixedFramesError, open_bag
 from imu_sim_ros.bags.text.reader import has_states, is_text
 from imu_sim_ros.calibration.noise.truth import load_truth, true_noise
-from imu_sim_ros.conventions import AXES, TRIADS
+from imu_sim_ros.core import arguments
+from imu_sim_ros.core.arguments import BAG_OR_FILE, name_of, suggest_keywords
+from imu_sim_ros.core.bad_rows import tell_skipped
+from imu_sim_ros.core.conventions import AXES, TRIADS
+from imu_sim_ros.core.errors import ConfigurationError, InputError, Problems
+from imu_sim_ros.core.names import suggestion
+from imu_sim_ros.core.records import Readings, States, concatenated, with_fields
+from imu_sim_ros.core.types import Array
 from imu_sim_ros.datasets.recorded import folder_cameras, image_size
-from imu_sim_ros.errors import ConfigurationError, InputError, Problems
 from imu_sim_ros.formats import door
 from imu_sim_ros.formats.choice import Choice
 from imu_sim_ros.formats.handling import Handling
-from imu_sim_ros.inputs.rows import tell_skipped
 from imu_sim_ros.jobs.flight import Flight
 from imu_sim_ros.jobs.readings import read_odometry
 from imu_sim_ros.jobs.selection import (
@@ -40,7 +43,6 @@ from imu_sim_ros.jobs.selection import (
     input_lines,
 )
 from imu_sim_ros.jobs.writing import SkipBadRows, saved
-from imu_sim_ros.names import suggestion
 from imu_sim_ros.parameters import files
 from imu_sim_ros.recordings.cameras import CameraRecord, CloudRecord
 from imu_sim_ros.recordings.findings.catalogue import (
@@ -57,9 +59,7 @@ from imu_sim_ros.recordings.findings.clipping import ClippingCounts
 from imu_sim_ros.recordings.findings.finding import SEVERITIES, Finding
 from imu_sim_ros.recordings.findings.measures import ReadingMeasures
 from imu_sim_ros.recordings.findings.roles import TopicFrames
-from imu_sim_ros.records import Readings, States, concatenated, with_fields
-from imu_sim_ros.text_tables import TextTable, html_of
-from imu_sim_ros.types import Array
+from imu_sim_ros.terminal.text_tables import TextTable, html_of
 
 _NEAREST: Final = 3
 """Number of presets that are named next to a sensor."""

@@ -12,14 +12,15 @@ from typing import Any
 
 import numpy as np
 
-from imu_sim_ros import rotation
 from imu_sim_ros.bags import sensor_tables
 from imu_sim_ros.bags.read import open_bag
 from imu_sim_ros.bags.sensor_tables import TableRows, read_table
 from imu_sim_ros.bags.text.reader import is_text
-from imu_sim_ros.errors import InputError, Problems
+from imu_sim_ros.core import rotation
+from imu_sim_ros.core.bad_rows import tell_skipped
+from imu_sim_ros.core.errors import InputError, Problems
+from imu_sim_ros.core.types import Array, Times
 from imu_sim_ros.formats.door import read_trajectory
-from imu_sim_ros.inputs.rows import tell_skipped
 from imu_sim_ros.inputs.tables import Table
 from imu_sim_ros.jobs.attitude import (
     AttitudeEvaluation,
@@ -34,8 +35,7 @@ from imu_sim_ros.jobs.tracks import assumed_truth
 from imu_sim_ros.navigation.association import common_rows, interpolate_vectors
 from imu_sim_ros.navigation.coverage import Coverage, coverage
 from imu_sim_ros.sensors import known_tables
-from imu_sim_ros.text_tables import TextTable
-from imu_sim_ros.types import Array, Times
+from imu_sim_ros.terminal.text_tables import TextTable
 
 
 @dataclass(frozen=True, repr=False)

@@ -10,18 +10,17 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import ArrayLike
 
-from imu_sim_ros import arguments
-from imu_sim_ros.arguments import array, number, stamps, suggest_keywords
-from imu_sim_ros.errors import InputError
-from imu_sim_ros.inputs import gate
+from imu_sim_ros.core import arguments, gate
+from imu_sim_ros.core.arguments import array, number, stamps, suggest_keywords
+from imu_sim_ros.core.errors import InputError
+from imu_sim_ros.core.records import Readings
+from imu_sim_ros.core.types import Array
 from imu_sim_ros.jobs.flight import Flight, readings_of
 from imu_sim_ros.jobs.readings import judged
 from imu_sim_ros.navigation.preintegration import METHODS, Preintegration, between
 from imu_sim_ros.navigation.preintegration import preintegrate as over_intervals
 from imu_sim_ros.navigation.stepper import check_readings
 from imu_sim_ros.recordings.findings.policy import PREINTEGRATE
-from imu_sim_ros.records import Readings
-from imu_sim_ros.types import Array
 
 
 @suggest_keywords

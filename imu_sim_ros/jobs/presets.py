@@ -5,8 +5,8 @@
 
 from typing import Final
 
-from imu_sim_ros import arguments
-from imu_sim_ros.arguments import suggest_keywords
+from imu_sim_ros.core import arguments
+from imu_sim_ros.core.arguments import suggest_keywords
 from imu_sim_ros.sensors import find_sensor, named_sensors
 from imu_sim_ros.sensors.catalogue import descriptions
 

@@ -12,20 +12,19 @@ from typing import TYPE_CHECKING, Any, Final, Protocol
 
 import numpy as np
 
-from imu_sim_ros import arguments
-from imu_sim_ros.arguments import BAG_OR_FILE, array, name_of, refuse, suggest_keywords, words
-from imu_sim_ros.errors import ConfigurationError, InputError, warn
-from imu_sim_ros.inputs import gate
-from imu_sim_ros.inputs.rows import tell_skipped
+from imu_sim_ros.core import arguments, gate
+from imu_sim_ros.core.arguments import BAG_OR_FILE, array, name_of, refuse, suggest_keywords, words
+from imu_sim_ros.core.bad_rows import tell_skipped
+from imu_sim_ros.core.errors import ConfigurationError, InputError, warn
+from imu_sim_ros.core.names import suggestion
+from imu_sim_ros.core.records import Readings, States, TimeSeries, with_fields
+from imu_sim_ros.core.rotation import from_euler
+from imu_sim_ros.core.types import Array, Times
 from imu_sim_ros.jobs.selection import checked_choice
-from imu_sim_ros.names import suggestion
 from imu_sim_ros.recordings.findings.catalogue import reading_findings
 from imu_sim_ros.recordings.findings.measures import ReadingMeasures
 from imu_sim_ros.recordings.findings.policy import FindingPolicy
-from imu_sim_ros.records import Readings, States, TimeSeries, with_fields
-from imu_sim_ros.rotation import from_euler
 from imu_sim_ros.sensors import find_sensor, kind_of, named_sensors, registered, sensors_of_imus
-from imu_sim_ros.types import Array, Times
 
 if TYPE_CHECKING:
     from imu_sim_ros.sensors.declaration import SensorReadings

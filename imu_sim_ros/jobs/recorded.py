@@ -12,10 +12,10 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
-from imu_sim_ros import arguments
-from imu_sim_ros.arguments import BAG_OR_FILE, suggest_keywords
-from imu_sim_ros.errors import InputError
-from imu_sim_ros.inputs.gate import stamp_ns
+from imu_sim_ros.core import arguments
+from imu_sim_ros.core.arguments import BAG_OR_FILE, suggest_keywords
+from imu_sim_ros.core.errors import InputError
+from imu_sim_ros.core.gate import stamp_ns
 
 if TYPE_CHECKING:
     from imu_sim_ros.datasets.recorded import RecordedFrames
@@ -83,8 +83,8 @@ def _cameras(path: Path) -> dict[str, RecordedFrames] | None:
 
 
 def _of_camera(frames: RecordedFrames) -> Iterator[tuple[int, NDArray[Any]]]:
+    from imu_sim_ros.core.errors import naming
     from imu_sim_ros.datasets.recorded import read_image
-    from imu_sim_ros.errors import naming
     from imu_sim_ros.sensors.camera.images.files import decoded
 
     for t_ns, name in zip(frames.t_ns.tolist(), frames.names, strict=True):

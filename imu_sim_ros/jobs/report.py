@@ -12,14 +12,16 @@ from os import PathLike
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any, Final
 
-from imu_sim_ros import __version__, arguments
-from imu_sim_ros.arguments import suggest_keywords
+from imu_sim_ros import __version__
 from imu_sim_ros.bags.outputs import named
 from imu_sim_ros.bags.text.reader import is_text
-from imu_sim_ros.errors import InputError, Problems
+from imu_sim_ros.core import arguments
+from imu_sim_ros.core.arguments import suggest_keywords
+from imu_sim_ros.core.bad_rows import tell_skipped
+from imu_sim_ros.core.errors import InputError, Problems
+from imu_sim_ros.core.records import States, with_fields
 from imu_sim_ros.formats.choice import AS_RECORDED, Choice
 from imu_sim_ros.formats.door import read_trajectory
-from imu_sim_ros.inputs.rows import tell_skipped
 from imu_sim_ros.jobs.selection import (
     AccelTopic,
     AccelUnit,
@@ -31,7 +33,6 @@ from imu_sim_ros.jobs.selection import (
 )
 from imu_sim_ros.jobs.tracks import has_truth, odometry_topics, truth_topic
 from imu_sim_ros.jobs.writing import SkipBadRows, saved
-from imu_sim_ros.records import States, with_fields
 from imu_sim_ros.reports.page import Section, html
 
 if TYPE_CHECKING:

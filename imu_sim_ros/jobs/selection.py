@@ -6,9 +6,9 @@
 from collections.abc import Iterator, Sequence
 from typing import Annotated, Final, TypeAlias
 
-from imu_sim_ros import arguments
+from imu_sim_ros.core import arguments
 from imu_sim_ros.formats.choice import ACCEL_UNITS, GYRO_UNITS, Choice
-from imu_sim_ros.signatures import Heading, Text
+from imu_sim_ros.terminal.signatures import Heading, Text
 
 Selection: TypeAlias = tuple[str | None, str | None, str | None, str | None, str | None]
 """Frame, gyroscope's and accelerometer's topic, gyroscope's and accelerometer's unit."""

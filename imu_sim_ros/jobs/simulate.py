@@ -14,17 +14,18 @@ from typing import Any, Final, NamedTuple, TypeAlias
 import numpy as np
 from numpy.typing import NDArray
 
-from imu_sim_ros import arguments, timebase
-from imu_sim_ros.arguments import number, refuse
-from imu_sim_ros.errors import ConfigurationError, Problems, warn
+from imu_sim_ros.core import arguments, timebase
+from imu_sim_ros.core.arguments import number, refuse
+from imu_sim_ros.core.errors import ConfigurationError, Problems, warn
+from imu_sim_ros.core.names import nearest
+from imu_sim_ros.core.records import States
+from imu_sim_ros.core.types import Array
 from imu_sim_ros.jobs.flight import Flight
 from imu_sim_ros.jobs.readings import checked_poses, checked_sensors, poses_of_rows
-from imu_sim_ros.names import nearest
 from imu_sim_ros.parameters import files
 from imu_sim_ros.parameters.kinds import EMPTY_LIST
 from imu_sim_ros.parameters.sections import OF_EVERY_NODE, bad_values
 from imu_sim_ros.parameters.sections import parameters as described
-from imu_sim_ros.records import States
 from imu_sim_ros.sensors import sensors_of_imus
 from imu_sim_ros.sensors.imu import presets
 from imu_sim_ros.sensors.imu.declaration import NAME as IMU
@@ -37,7 +38,6 @@ from imu_sim_ros.trajectory.build import build_trajectory
 from imu_sim_ros.trajectory.given import given_trajectory
 from imu_sim_ros.trajectory.motion import Trajectory
 from imu_sim_ros.trajectory.parameters import GIVEN, PoseReader, trajectory_layer
-from imu_sim_ros.types import Array
 
 Poses: TypeAlias = Callable[[Array], tuple[Array, Array]]
 """A function that returns positions (n, 3) [m] and attitudes q_wb (n, 4) at times (n,) [s]."""

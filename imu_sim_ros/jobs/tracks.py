@@ -9,11 +9,11 @@ import numpy as np
 
 from imu_sim_ros.bags.messages.encode import ODOMETRY
 from imu_sim_ros.bags.text.reader import has_states, is_text
-from imu_sim_ros.conventions import TRUTH_TOPIC
-from imu_sim_ros.errors import Remark, warn
+from imu_sim_ros.core.conventions import TRUTH_TOPIC
+from imu_sim_ros.core.errors import Remark, warn
+from imu_sim_ros.core.records import States
 from imu_sim_ros.formats.door import format_of
-from imu_sim_ros.poses import write_tum
-from imu_sim_ros.records import States
+from imu_sim_ros.inputs.poses import write_tum
 
 
 def odometry_topics(path: Path) -> list[str]:

@@ -12,8 +12,6 @@ from typing import TYPE_CHECKING, Annotated, Any, Final, NamedTuple
 
 import numpy as np
 
-from imu_sim_ros import arguments
-from imu_sim_ros.arguments import number, suggest_keywords, whole
 from imu_sim_ros.calibration.twin import model, spectrum
 from imu_sim_ros.calibration.twin.analysis import (
     Analysis,
@@ -34,8 +32,13 @@ from imu_sim_ros.calibration.twin.parameters import (
     simulator_parameters,
 )
 from imu_sim_ros.calibration.twin.pose_noise import PoseNoise
-from imu_sim_ros.conventions import GRAVITY
-from imu_sim_ros.errors import InputError, Problems, system_error
+from imu_sim_ros.core import arguments
+from imu_sim_ros.core.arguments import number, suggest_keywords, whole
+from imu_sim_ros.core.conventions import GRAVITY
+from imu_sim_ros.core.errors import InputError, Problems, system_error
+from imu_sim_ros.core.records import Readings
+from imu_sim_ros.core.rotation import from_matrix, log
+from imu_sim_ros.core.types import Array, Mask
 from imu_sim_ros.jobs.calibrate import Calibrated
 from imu_sim_ros.jobs.flight import Flight
 from imu_sim_ros.jobs.readings import HasPoses
@@ -50,14 +53,11 @@ from imu_sim_ros.jobs.selection import (
 from imu_sim_ros.jobs.twin_check import Check, check, flown_again, simulation
 from imu_sim_ros.jobs.twin_recording import TwinRecording, moving, recorded
 from imu_sim_ros.jobs.writing import SkipBadRows, saved
-from imu_sim_ros.json_text import plain
 from imu_sim_ros.parameters import files
 from imu_sim_ros.parameters.kinds import Value
-from imu_sim_ros.records import Readings
-from imu_sim_ros.rotation import from_matrix, log
 from imu_sim_ros.sensors.imu.vibration import MotionSize
-from imu_sim_ros.text_tables import TextTable
-from imu_sim_ros.types import Array, Mask
+from imu_sim_ros.terminal.json_text import plain
+from imu_sim_ros.terminal.text_tables import TextTable
 
 if TYPE_CHECKING:
     from imu_sim_ros.plots.style import Figure

@@ -10,15 +10,15 @@ from typing import Any, Final, NamedTuple
 
 import numpy as np
 
-from imu_sim_ros import rotation, timebase
 from imu_sim_ros.calibration.twin import comparison, intensity, model
 from imu_sim_ros.calibration.twin import comparison as truth
 from imu_sim_ros.calibration.twin.analysis import Analysis
 from imu_sim_ros.calibration.twin.fit import Fit, Recording
 from imu_sim_ros.calibration.twin.model import Errors
 from imu_sim_ros.calibration.twin.pose_noise import noise_over, scatter
+from imu_sim_ros.core import rotation, timebase
+from imu_sim_ros.core.types import Array
 from imu_sim_ros.jobs.twin_recording import TwinRecording, moving
-from imu_sim_ros.json_text import plain
 from imu_sim_ros.navigation.dead_reckoning import dead_reckon
 from imu_sim_ros.navigation.mount import mount_at
 from imu_sim_ros.navigation.state import NavigationState
@@ -27,8 +27,8 @@ from imu_sim_ros.sensors.imu.declaration import NAME as IMU
 from imu_sim_ros.sensors.pose.declaration import NAME as POSE
 from imu_sim_ros.simulation.engine import Body
 from imu_sim_ros.simulation.parameters import load_simulation
+from imu_sim_ros.terminal.json_text import plain
 from imu_sim_ros.trajectory.motion import Motion
-from imu_sim_ros.types import Array
 
 WINDOWS: Final = (1.0, 2.0, 5.0)
 """[s] over which positions are dead-reckoned."""

@@ -13,8 +13,6 @@ from typing import Final, NamedTuple
 
 import numpy as np
 
-from imu_sim_ros import arguments, timebase
-from imu_sim_ros.arguments import BAG_OR_FILE
 from imu_sim_ros.calibration.twin.alignment import axis_problems, coarse_offset, mounting
 from imu_sim_ros.calibration.twin.fit import Recording
 from imu_sim_ros.calibration.twin.model import BodyMotion, KnownMotion
@@ -24,19 +22,21 @@ from imu_sim_ros.calibration.twin.pose_noise import (
     noise_of,
     spoiled,
 )
-from imu_sim_ros.conventions import TRIADS
-from imu_sim_ros.errors import InputError, Problems
+from imu_sim_ros.core import arguments, timebase
+from imu_sim_ros.core.arguments import BAG_OR_FILE
+from imu_sim_ros.core.conventions import TRIADS
+from imu_sim_ros.core.errors import InputError, Problems
+from imu_sim_ros.core.records import Readings, States, with_fields
+from imu_sim_ros.core.rotation import to_matrix
+from imu_sim_ros.core.types import Array, Mask
 from imu_sim_ros.jobs.flight import Flight, readings_of
 from imu_sim_ros.jobs.readings import HasPoses, checked_poses, judged
 from imu_sim_ros.jobs.selection import NOTHING, Selection
 from imu_sim_ros.recordings.clock import estimate_clock
 from imu_sim_ros.recordings.findings.policy import TWIN
-from imu_sim_ros.records import Readings, States, with_fields
-from imu_sim_ros.rotation import to_matrix
 from imu_sim_ros.trajectory.build import build_trajectory
 from imu_sim_ros.trajectory.motion import Motion, Trajectory
 from imu_sim_ros.trajectory.parameters import PosesParameters
-from imu_sim_ros.types import Array, Mask
 
 _UNSAID: Final = 1.0
 """[s] of the readings without a truth that are not worth a line: margins and the clocks' offset."""

@@ -10,7 +10,6 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Annotated, Any, Final, TypeGuard
 
-from imu_sim_ros import arguments
 from imu_sim_ros.bags.outputs import Outputs
 from imu_sim_ros.bags.text.writer import DATASET_SUFFIXES
 from imu_sim_ros.bags.writer import (
@@ -21,10 +20,11 @@ from imu_sim_ros.bags.writer import (
     BagOptions,
     check_writer,
 )
-from imu_sim_ros.errors import InputError
-from imu_sim_ros.inputs.rows import BadRows, Skipped, Warned
-from imu_sim_ros.progress import watcher
-from imu_sim_ros.signatures import Heading, Text, assignment
+from imu_sim_ros.core import arguments
+from imu_sim_ros.core.bad_rows import BadRows, Skipped, Warned
+from imu_sim_ros.core.errors import InputError
+from imu_sim_ros.terminal.progress import watcher
+from imu_sim_ros.terminal.signatures import Heading, Text, assignment
 
 _OUTPUT_PATH: Final = "the path of an output"
 _LONGEST_SIZE: Final = 20

@@ -13,8 +13,8 @@ from typing import Final, Protocol, TypeAlias, overload
 
 import numpy as np
 
-from imu_sim_ros import rotation
-from imu_sim_ros.components import (
+from imu_sim_ros.core import rotation
+from imu_sim_ros.core.components import (
     Component,
     Vector,
     conjugate,
@@ -26,7 +26,8 @@ from imu_sim_ros.components import (
     tan,
     where,
 )
-from imu_sim_ros.errors import InputError
+from imu_sim_ros.core.errors import InputError
+from imu_sim_ros.core.types import Array, Mask
 from imu_sim_ros.navigation.increments import (
     Ends,
     Increment,
@@ -37,7 +38,6 @@ from imu_sim_ros.navigation.increments import (
     rk4_step,
     simpson,
 )
-from imu_sim_ros.types import Array, Mask
 
 GIMBAL_LOCK_MARGIN: Final = math.radians(1.0)
 """Smallest distance of the pitch from +-90 degrees [rad], together with that of two steps, at which

@@ -8,12 +8,12 @@ from typing import Final, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from imu_sim_ros import rotation
-from imu_sim_ros.errors import ConfigurationError, InputError
-from imu_sim_ros.names import suggestion
+from imu_sim_ros.core import rotation
+from imu_sim_ros.core.errors import ConfigurationError, InputError
+from imu_sim_ros.core.names import suggestion
+from imu_sim_ros.core.records import States, with_fields
+from imu_sim_ros.core.types import Array, Times
 from imu_sim_ros.recordings.order import longest_step_ns
-from imu_sim_ros.records import States, with_fields
-from imu_sim_ros.types import Array, Times
 
 
 def interpolate_vectors(t_ns: Times, values: Array, at_ns: Times) -> Array:

@@ -8,7 +8,11 @@ from functools import cached_property
 
 import numpy as np
 
-from imu_sim_ros.arguments import number, one_of
+from imu_sim_ros.core.arguments import number, one_of
+from imu_sim_ros.core.records import States
+from imu_sim_ros.core.rotation import rotate_inverse
+from imu_sim_ros.core.timebase import seconds_since
+from imu_sim_ros.core.types import Array, Times
 from imu_sim_ros.navigation.association import (
     Alignment,
     align,
@@ -26,17 +30,14 @@ from imu_sim_ros.navigation.evaluation import (
     relative_errors,
     stated_nees,
 )
-from imu_sim_ros.records import States
-from imu_sim_ros.rotation import rotate_inverse
-from imu_sim_ros.timebase import seconds_since
-from imu_sim_ros.types import Array, Times
 
 
 @dataclass(frozen=True, repr=False, eq=False)
 class Comparison:
     """The errors of an estimate, estimate minus truth, at the m times that both cover.
 
-    It stays next to :class:`imu_sim_ros.records.States`, since its columns are errors, not states.
+    It stays next to :class:`imu_sim_ros.core.records.States`, since its columns are errors, not
+    states.
     """
 
     t_ns: Times

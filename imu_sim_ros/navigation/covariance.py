@@ -32,14 +32,14 @@ from typing import Final
 import numpy as np
 from numpy.typing import ArrayLike
 
-from imu_sim_ros import rotation
-from imu_sim_ros.components import Matrix, Vector, float_matrix, float_vector
+from imu_sim_ros.core import rotation
+from imu_sim_ros.core.components import Matrix, Vector, float_matrix, float_vector
+from imu_sim_ros.core.records import States
+from imu_sim_ros.core.types import Array
 from imu_sim_ros.navigation.covariance_terms import SecondOrder, SlowErrors
 from imu_sim_ros.navigation.mount import ALIGNED, ImuMount
 from imu_sim_ros.parameters.kinds import ZERO_VECTOR
-from imu_sim_ros.records import States
 from imu_sim_ros.sensors.imu.triads import TriadsParameters
-from imu_sim_ros.types import Array
 
 SIZE: Final = 15
 ATTITUDE, VELOCITY, POSITION = slice(0, 3), slice(3, 6), slice(6, 9)

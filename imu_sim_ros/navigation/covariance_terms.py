@@ -8,10 +8,10 @@ from typing import Final
 
 import numpy as np
 
-from imu_sim_ros import rotation
+from imu_sim_ros.core import rotation
+from imu_sim_ros.core.types import Array
 from imu_sim_ros.navigation.evaluation import attitude_sigma
 from imu_sim_ros.sensors.imu.triads import TriadsParameters
-from imu_sim_ros.types import Array
 
 _SHORTEST: Final = 0.1
 """Correlation time of the fastest process of the 1/f noise [s]; faster ones average out."""

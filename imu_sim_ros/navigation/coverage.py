@@ -11,8 +11,8 @@ from typing import Any, Final, NamedTuple
 
 import numpy as np
 
+from imu_sim_ros.core.types import Array, Integers, Mask, Times
 from imu_sim_ros.recordings.order import longest_step_ns
-from imu_sim_ros.types import Array, Integers, Mask, Times
 
 LEAST: Final = 0.9
 """Coverage below which errors do not speak for the whole motion."""

@@ -38,9 +38,11 @@ from typing import Final
 
 import numpy as np
 
-from imu_sim_ros import rotation
-from imu_sim_ros.components import Vector, quaternion, vector
-from imu_sim_ros.conventions import GRAVITY
+from imu_sim_ros.core import rotation
+from imu_sim_ros.core.components import Vector, quaternion, vector
+from imu_sim_ros.core.conventions import GRAVITY
+from imu_sim_ros.core.records import States
+from imu_sim_ros.core.types import Array, Integers
 from imu_sim_ros.navigation import angles, increments
 from imu_sim_ros.navigation.increments import Ends, Increment
 from imu_sim_ros.navigation.mount import ALIGNED, ImuMount
@@ -51,8 +53,6 @@ from imu_sim_ros.navigation.state import (
     states_of,
 )
 from imu_sim_ros.navigation.stepper import Stepper, check_method, check_readings
-from imu_sim_ros.records import States
-from imu_sim_ros.types import Array, Integers
 
 __all__ = ["Stepper", "dead_reckon"]
 

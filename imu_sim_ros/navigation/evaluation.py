@@ -8,8 +8,8 @@ from typing import Final, NamedTuple, TypedDict
 import numpy as np
 from numpy.typing import NDArray
 
-from imu_sim_ros import rotation
-from imu_sim_ros.components import (
+from imu_sim_ros.core import rotation
+from imu_sim_ros.core.components import (
     Component,
     Quaternion,
     Vector,
@@ -19,16 +19,16 @@ from imu_sim_ros.components import (
     quaternion,
     stack,
 )
-from imu_sim_ros.errors import ConfigurationError, InputError
-from imu_sim_ros.names import suggestion
+from imu_sim_ros.core.errors import ConfigurationError, InputError
+from imu_sim_ros.core.names import suggestion
+from imu_sim_ros.core.records import States
+from imu_sim_ros.core.types import Array, Mask
 from imu_sim_ros.navigation.association import (
     Alignment,
     interpolate_vectors,
     poses_at,
 )
 from imu_sim_ros.navigation.state import NavigationState
-from imu_sim_ros.records import States
-from imu_sim_ros.types import Array, Mask
 
 
 def state_at(truth: States, t_ns: int) -> NavigationState:

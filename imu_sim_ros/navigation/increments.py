@@ -5,7 +5,7 @@
 
 An increment depends on the readings alone, not on the state, which is what makes whole records
 fast: attitudes are running products, velocities and positions running sums. All formulas are over
-components (:mod:`imu_sim_ros.components`): floats for one interval, arrays (n,) for n of them.
+components (:mod:`imu_sim_ros.core.components`): floats for one interval, arrays (n,) for n of them.
 """
 
 from collections.abc import Iterable
@@ -13,7 +13,7 @@ from typing import Final, NamedTuple, Protocol, TypeAlias
 
 import numpy as np
 
-from imu_sim_ros.components import (
+from imu_sim_ros.core.components import (
     Component,
     Quaternion,
     Vector,
@@ -26,7 +26,7 @@ from imu_sim_ros.components import (
     rotate,
     sqrt,
 )
-from imu_sim_ros.rotation import cumulative_product
+from imu_sim_ros.core.rotation import cumulative_product
 
 Ends: TypeAlias = tuple[Vector[Component], Vector[Component]]
 """A reading at the start and at the end of an interval."""

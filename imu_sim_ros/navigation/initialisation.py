@@ -12,8 +12,9 @@ from typing import Final, NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike
 
-from imu_sim_ros import rotation
-from imu_sim_ros.errors import InputError
+from imu_sim_ros.core import rotation
+from imu_sim_ros.core.errors import InputError
+from imu_sim_ros.core.types import Array, Times
 from imu_sim_ros.navigation.covariance import (
     ACCEL_BIAS,
     ATTITUDE,
@@ -27,7 +28,6 @@ from imu_sim_ros.navigation.parameters import IntegratorParameters
 from imu_sim_ros.navigation.state import Correction, NavigationState, correction_of
 from imu_sim_ros.recordings.order import longest_step_ns
 from imu_sim_ros.sensors.imu.triads import TriadsParameters
-from imu_sim_ros.types import Array, Times
 
 _GRAVITY_TOLERANCE: Final = 0.05
 """Smallest allowed difference of the mean force from gravity, as a fraction of gravity."""

@@ -17,15 +17,15 @@ from typing import NamedTuple
 
 import numpy as np
 
-from imu_sim_ros import components, rotation
-from imu_sim_ros.components import Component, Quaternion, quaternion, stack, vector
+from imu_sim_ros.core import components, rotation
+from imu_sim_ros.core.components import Component, Quaternion, quaternion, stack, vector
+from imu_sim_ros.core.records import LiveState, States
+from imu_sim_ros.core.types import Array
 from imu_sim_ros.navigation.increments import State
 from imu_sim_ros.navigation.parameters import IntegratorImuParameters
 from imu_sim_ros.navigation.state import NavigationState, states_of
 from imu_sim_ros.parameters.kinds import ZERO_VECTOR, Vector
-from imu_sim_ros.records import LiveState, States
 from imu_sim_ros.sensors.imu.parameters import ImuParameters
-from imu_sim_ros.types import Array
 
 
 class ImuMount(NamedTuple):

@@ -9,8 +9,8 @@ from dataclasses import dataclass
 from functools import partial
 from typing import Final
 
-from imu_sim_ros.conventions import BODY_FRAME, TRIADS, WORLD_FRAME
-from imu_sim_ros.errors import Problems
+from imu_sim_ros.core.conventions import BODY_FRAME, TRIADS, WORLD_FRAME
+from imu_sim_ros.core.errors import Problems
 from imu_sim_ros.navigation import increments
 from imu_sim_ros.parameters import kinds
 from imu_sim_ros.parameters.files import build_layered, load

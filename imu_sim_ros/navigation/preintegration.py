@@ -8,20 +8,20 @@ from typing import Final, NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike
 
-from imu_sim_ros import rotation
-from imu_sim_ros.errors import ConfigurationError, InputError
-from imu_sim_ros.names import suggestion
+from imu_sim_ros.core import rotation
+from imu_sim_ros.core.errors import ConfigurationError, InputError
+from imu_sim_ros.core.names import suggestion
+from imu_sim_ros.core.types import Array, Integers, shapes
 from imu_sim_ros.navigation.association import interpolate_vectors
 from imu_sim_ros.navigation.preintegration_slow_errors import SlowErrorsOfIntervals
 from imu_sim_ros.sensors.imu.triads import TriadsParameters
-from imu_sim_ros.types import Array, Integers, shapes
 
 
 class StepReadings(NamedTuple):
     """The readings of B intervals of at most m steps; shorter ones end in steps of length 0.
 
     An axis of intervals, which may belong to many runs with the same times, keeps it from being a
-    :class:`imu_sim_ros.records.Readings`.
+    :class:`imu_sim_ros.core.records.Readings`.
     """
 
     h: Array

@@ -29,9 +29,9 @@ from typing import Final
 
 import numpy as np
 
+from imu_sim_ros.core.types import Array
 from imu_sim_ros.navigation.covariance_terms import mean_factors
 from imu_sim_ros.sensors.imu.triads import TriadsParameters
-from imu_sim_ros.types import Array
 
 _MAX_PIECES: Final = 128
 """Most pieces of an interval; in a minute, each is half a second long."""

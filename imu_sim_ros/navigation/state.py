@@ -12,14 +12,13 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike
 
-from imu_sim_ros import components
-from imu_sim_ros.arguments import array, refuse
-from imu_sim_ros.components import Component, stack, transform, vector
-from imu_sim_ros.components import Vector as Components
-from imu_sim_ros.inputs import gate
+from imu_sim_ros.core import components, gate
+from imu_sim_ros.core.arguments import array, refuse
+from imu_sim_ros.core.components import Component, stack, transform, vector
+from imu_sim_ros.core.components import Vector as Components
+from imu_sim_ros.core.records import States
+from imu_sim_ros.core.types import Array, Integers
 from imu_sim_ros.parameters.kinds import IDENTITY_MATRIX, ZERO_MATRIX, ZERO_VECTOR, Matrix, Vector
-from imu_sim_ros.records import States
-from imu_sim_ros.types import Array, Integers
 
 if TYPE_CHECKING:
     from typing_extensions import Self
@@ -40,7 +39,7 @@ class NavigationState(_State):
     """The position, velocity and attitude of a body at one time; checked on creation.
 
     It is an initial condition, which has no stamp: that of the first reading counts. So it is no
-    row of :class:`imu_sim_ros.records.States`.
+    row of :class:`imu_sim_ros.core.records.States`.
     """
 
     __slots__ = ()

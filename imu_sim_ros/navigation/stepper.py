@@ -9,18 +9,18 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from imu_sim_ros.components import float_quaternion, float_vector, normalise, to_euler
-from imu_sim_ros.conventions import GRAVITY
-from imu_sim_ros.errors import ConfigurationError, InputError
-from imu_sim_ros.inputs import gate
-from imu_sim_ros.names import suggestion
+from imu_sim_ros.core import gate
+from imu_sim_ros.core.components import float_quaternion, float_vector, normalise, to_euler
+from imu_sim_ros.core.conventions import GRAVITY
+from imu_sim_ros.core.errors import ConfigurationError, InputError
+from imu_sim_ros.core.names import suggestion
+from imu_sim_ros.core.types import Array, Integers
 from imu_sim_ros.navigation import angles, increments
 from imu_sim_ros.navigation.increments import Ends, Increment
 from imu_sim_ros.navigation.parameters import ATTITUDE_UPDATES, METHODS
 from imu_sim_ros.navigation.state import NO_CORRECTION, Correction, NavigationState
 from imu_sim_ros.parameters.kinds import ZERO_VECTOR, Vector
 from imu_sim_ros.recordings.order import longest_step_ns
-from imu_sim_ros.types import Array, Integers
 
 
 def check_readings(t_ns: Integers, gyro: Array, accel: Array, max_gap: float = math.inf) -> None:

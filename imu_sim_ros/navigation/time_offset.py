@@ -14,11 +14,11 @@ from typing import Final, NamedTuple
 
 import numpy as np
 
-from imu_sim_ros import rotation
-from imu_sim_ros.errors import InputError
+from imu_sim_ros.core import rotation
+from imu_sim_ros.core.errors import InputError
+from imu_sim_ros.core.records import States
+from imu_sim_ros.core.types import Array
 from imu_sim_ros.navigation.association import Rows, common_rows, poses_at
-from imu_sim_ros.records import States
-from imu_sim_ros.types import Array
 
 LARGEST: Final = 1.0
 """Largest offset of the search, in both directions [s]."""

@@ -13,9 +13,9 @@ import tempfile
 from collections.abc import Sequence
 from pathlib import Path
 
-from imu_sim_ros.errors import ConfigurationError, InputError, Problems
+from imu_sim_ros.core.errors import ConfigurationError, InputError, Problems
+from imu_sim_ros.core.names import shown
 from imu_sim_ros.inputs.rows import read_text
-from imu_sim_ros.names import shown
 from imu_sim_ros.nodes.help import SECTION_FILES, of_other_nodes
 from imu_sim_ros.parameters import files
 from imu_sim_ros.parameters.kinds import EMPTY_LIST

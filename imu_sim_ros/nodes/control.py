@@ -20,8 +20,8 @@ from rclpy.qos import DurabilityPolicy, QoSProfile
 from rclpy.signals import SignalHandlerOptions
 from std_srvs.srv import SetBool, Trigger
 
-from imu_sim_ros.conventions import FAULTS_TOPIC
-from imu_sim_ros.errors import InputError, MachineError
+from imu_sim_ros.core.conventions import FAULTS_TOPIC
+from imu_sim_ros.core.errors import InputError, MachineError
 from imu_sim_ros.nodes import fast_dds
 
 _NODE: Final = re.compile(r"(/[A-Za-z_][A-Za-z0-9_]*)+")

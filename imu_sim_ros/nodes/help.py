@@ -7,7 +7,8 @@ import argparse
 from collections.abc import Callable, Iterable, Mapping
 from typing import Final, NamedTuple
 
-from imu_sim_ros import __version__, completion, program
+from imu_sim_ros import __version__
+from imu_sim_ros.commands import completion, program
 from imu_sim_ros.parameters.kinds import Parameter
 from imu_sim_ros.parameters.sections import parameters
 

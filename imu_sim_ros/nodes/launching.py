@@ -13,7 +13,7 @@ from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
 from typing import Any, Final, NamedTuple
 
-from imu_sim_ros.errors import ConfigurationError
+from imu_sim_ros.core.errors import ConfigurationError
 from imu_sim_ros.nodes.help import SECTION_FILES
 from imu_sim_ros.nodes.messages import installation
 from imu_sim_ros.parameters.kinds import Parameter

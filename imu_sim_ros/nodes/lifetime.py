@@ -10,7 +10,7 @@ import threading
 from collections.abc import Callable
 from typing import TYPE_CHECKING, TypeVar
 
-from imu_sim_ros.errors import explain
+from imu_sim_ros.core.errors import explain
 
 if TYPE_CHECKING:
     from rclpy.node import Node

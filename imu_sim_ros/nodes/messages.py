@@ -17,16 +17,15 @@ from typing import Any, Final
 
 import numpy as np
 
-from imu_sim_ros import rotation
 from imu_sim_ros.bags.messages.decode import MessageDecoder
 from imu_sim_ros.bags.messages.encode import FLUID_PRESSURE, IMU, MAGNETIC_FIELD, ODOMETRY
 from imu_sim_ros.bags.messages.layouts import STAMP_OFFSET
 from imu_sim_ros.bags.messages.transforms import TransformsEncoder
-from imu_sim_ros.components import Quaternion, Vector
-from imu_sim_ros.errors import InputError, MissingDependencyError
-from imu_sim_ros.inputs import gate
-from imu_sim_ros.records import LiveReading, LiveState
-from imu_sim_ros.timebase import NANOSECONDS_PER_SECOND
+from imu_sim_ros.core import gate, rotation
+from imu_sim_ros.core.components import Quaternion, Vector
+from imu_sim_ros.core.errors import InputError, MissingDependencyError
+from imu_sim_ros.core.records import LiveReading, LiveState
+from imu_sim_ros.core.timebase import NANOSECONDS_PER_SECOND
 
 _BUILTIN = frozenset(
     [

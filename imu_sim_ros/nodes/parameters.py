@@ -14,13 +14,13 @@ from rcl_interfaces.srv import SetParameters, SetParametersAtomically
 from rclpy.node import Node
 from rclpy.parameter import Parameter as RosParameter
 
-from imu_sim_ros.errors import ConfigurationError, Problems
+from imu_sim_ros.core.errors import ConfigurationError, Problems
+from imu_sim_ros.core.random_streams import seed_of_node
 from imu_sim_ros.nodes.help import of_other_nodes
 from imu_sim_ros.nodes.lifetime import Lifetime
 from imu_sim_ros.parameters.files import Layering, build_layered
 from imu_sim_ros.parameters.kinds import Parameter, Value
 from imu_sim_ros.parameters.sections import build, flatten, is_of_ros, parameters, unknown
-from imu_sim_ros.random_streams import seed_of_node
 
 _TYPES = {
     "number": RosParameter.Type.DOUBLE,

@@ -11,7 +11,7 @@ from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Final
 
-from imu_sim_ros.errors import ConfigurationError, explain
+from imu_sim_ros.core.errors import ConfigurationError, explain
 from imu_sim_ros.nodes import fast_dds, help, signals
 from imu_sim_ros.nodes.arguments import ros_arguments
 

@@ -15,9 +15,8 @@ from rclpy.publisher import Publisher
 from rclpy.qos import DurabilityPolicy, QoSProfile
 from std_msgs.msg import String
 
-from imu_sim_ros.conventions import IMU_TOPIC, SENSOR_SUFFIX
-from imu_sim_ros.errors import ImuSimError, InputError
-from imu_sim_ros.json_text import as_json
+from imu_sim_ros.core.conventions import IMU_TOPIC, SENSOR_SUFFIX
+from imu_sim_ros.core.errors import ImuSimError, InputError
 from imu_sim_ros.navigation.parameters import IntegratorParameters, has_own_noise
 from imu_sim_ros.nodes.parameters import ConfiguredNode
 from imu_sim_ros.nodes.publishing import create
@@ -25,6 +24,7 @@ from imu_sim_ros.nodes.subscriptions import Taken
 from imu_sim_ros.parameters.sections import flatten
 from imu_sim_ros.sensors.imu.parameters import MOUNT
 from imu_sim_ros.simulation.parameters import SampledParameters
+from imu_sim_ros.terminal.json_text import as_json
 
 _QOS: Final = QoSProfile(depth=1, durability=DurabilityPolicy.TRANSIENT_LOCAL)
 _PARAMETERS: Final = "ros__parameters"

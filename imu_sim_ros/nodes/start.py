@@ -6,8 +6,8 @@
 import sys
 from functools import partial
 
-from imu_sim_ros import startup
 from imu_sim_ros.nodes import signals
+from imu_sim_ros.terminal import startup
 
 
 def _run(name: str) -> int:

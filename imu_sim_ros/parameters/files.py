@@ -14,9 +14,9 @@ from functools import cache
 from pathlib import Path
 from typing import Any, Final, TypeVar
 
-from imu_sim_ros.errors import ConfigurationError, InputError, Problems
+from imu_sim_ros.core.errors import ConfigurationError, InputError, Problems
+from imu_sim_ros.core.names import printable, unknown
 from imu_sim_ros.inputs.rows import is_present, read_text
-from imu_sim_ros.names import printable, unknown
 from imu_sim_ros.parameters.kinds import Value
 from imu_sim_ros.parameters.sections import build, flatten
 from imu_sim_ros.parameters.yaml_text import parse_yaml

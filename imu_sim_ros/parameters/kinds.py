@@ -12,10 +12,10 @@ from typing import TYPE_CHECKING, Any, Final, NamedTuple, TypeAlias, TypedDict, 
 
 import numpy as np
 
-from imu_sim_ros.conventions import GRAVITY
-from imu_sim_ros.errors import ConfigurationError
-from imu_sim_ros.inputs import gate
-from imu_sim_ros.names import shown, suggestion
+from imu_sim_ros.core import gate
+from imu_sim_ros.core.conventions import GRAVITY
+from imu_sim_ros.core.errors import ConfigurationError
+from imu_sim_ros.core.names import shown, suggestion
 from imu_sim_ros.parameters.yaml_text import parse_yaml
 
 if TYPE_CHECKING:

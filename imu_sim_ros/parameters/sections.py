@@ -10,8 +10,8 @@ from dataclasses import dataclass, field, fields
 from functools import lru_cache
 from typing import Any, Final, NamedTuple, TypeVar, cast
 
-from imu_sim_ros.errors import ConfigurationError
-from imu_sim_ros.names import suggestion
+from imu_sim_ros.core.errors import ConfigurationError
+from imu_sim_ros.core.names import suggestion
 from imu_sim_ros.parameters.kinds import METADATA, Parameter, Value, entries
 
 _T = TypeVar("_T")

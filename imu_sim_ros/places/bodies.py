@@ -13,16 +13,16 @@ from typing import Final, NamedTuple
 
 import numpy as np
 
-from imu_sim_ros import rotation
+from imu_sim_ros.core import rotation
+from imu_sim_ros.core.random_streams import generator_at
+from imu_sim_ros.core.records import States
+from imu_sim_ros.core.types import Array, Mask, Single, Times
 from imu_sim_ros.places.geometry import Surfaces, hidden, surfaces
 from imu_sim_ros.places.light import Lighting, factors
 from imu_sim_ros.places.paint import MIDDLE, Painter
 from imu_sim_ros.places.place import Face, Hinge, Place, PlaceBuilder, Site
 from imu_sim_ros.places.shadows import Shadow, Sunlight
 from imu_sim_ros.places.sheet import Print
-from imu_sim_ros.random_streams import generator_at
-from imu_sim_ros.records import States
-from imu_sim_ros.types import Array, Mask, Single, Times
 
 KINDS: Final = ("person", "cart", "door")
 RADIUS: Final = {"person": 0.3, "cart": 0.56}

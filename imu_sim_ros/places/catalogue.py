@@ -10,14 +10,14 @@ from typing import Any, Final, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from imu_sim_ros.errors import ConfigurationError
+from imu_sim_ros.core.errors import ConfigurationError
+from imu_sim_ros.core.types import Array
 from imu_sim_ros.places.corridor import corridor
 from imu_sim_ros.places.machine_hall import machine_hall
 from imu_sim_ros.places.office import office
 from imu_sim_ros.places.place import Build, Place, Site
 from imu_sim_ros.places.street import street
 from imu_sim_ros.places.warehouse import warehouse
-from imu_sim_ros.types import Array
 
 
 class Kind(NamedTuple):

@@ -7,10 +7,10 @@ from typing import Final
 
 import numpy as np
 
+from imu_sim_ros.core.random_streams import generator
+from imu_sim_ros.core.types import Array, Bytes, Single
 from imu_sim_ros.places.geometry import Rectangle
 from imu_sim_ros.places.light import resampled
-from imu_sim_ros.random_streams import generator
-from imu_sim_ros.types import Array, Bytes, Single
 
 CLOUDED: Final = "paint:86b0de"
 """Material of a face of the sky that has clouds: the colour between them."""

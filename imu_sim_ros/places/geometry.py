@@ -10,7 +10,7 @@ from typing import Any, Final, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from imu_sim_ros.types import Array, Integers, Mask
+from imu_sim_ros.core.types import Array, Integers, Mask
 
 Floats = NDArray[np.floating[Any]]
 Kind = type[np.float32] | type[np.float64]

@@ -29,10 +29,10 @@ from typing import Final, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from imu_sim_ros.core.types import Array, Integers, Mask, Single
 from imu_sim_ros.places.light import GAMMA, Baked
 from imu_sim_ros.places.place import Face, Place
 from imu_sim_ros.places.sheet import Print
-from imu_sim_ros.types import Array, Integers, Mask, Single
 
 _ONE: Final = np.float32(1.0)
 _FULL: Final = np.float32(255.0**2)

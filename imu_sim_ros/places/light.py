@@ -20,9 +20,9 @@ from typing import Final, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from imu_sim_ros.core.types import Array, Integers, Mask, Single
 from imu_sim_ros.places.geometry import Caster, Floats, Rectangle, Surfaces, surfaces
 from imu_sim_ros.places.sight import hidden_places
-from imu_sim_ros.types import Array, Integers, Mask, Single
 
 _POINTS: Final = 24_000
 """Points at which light is computed, about."""

@@ -14,8 +14,8 @@ from typing import Final, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from imu_sim_ros.random_streams import generator
-from imu_sim_ros.types import Array, Bytes, Integers
+from imu_sim_ros.core.random_streams import generator
+from imu_sim_ros.core.types import Array, Bytes, Integers
 
 Differences = NDArray[np.int8]
 Stream = np.random.Generator

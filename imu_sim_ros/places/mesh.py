@@ -8,10 +8,10 @@ from typing import Any, Final, NamedTuple
 
 import numpy as np
 
-from imu_sim_ros.errors import MissingDependencyError
+from imu_sim_ros.core.errors import MissingDependencyError
+from imu_sim_ros.core.types import Array, Mask
 from imu_sim_ros.places.geometry import Floats, Hits
 from imu_sim_ros.places.mesh_file import Mesh, normals
-from imu_sim_ros.types import Array, Mask
 
 UPS: Final = ("file", "x", "y", "z", "-x", "-y", "-z")
 """Axes of a file that may point up; file: as its kind says."""

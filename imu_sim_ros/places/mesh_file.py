@@ -19,11 +19,11 @@ from typing import Any, Final, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from imu_sim_ros.errors import InputError, MissingDependencyError, system_error
+from imu_sim_ros.core.errors import InputError, MissingDependencyError, system_error
+from imu_sim_ros.core.types import Array, Bytes, Single
 from imu_sim_ros.inputs.rows import open_regular
 from imu_sim_ros.places.mesh_textures import Textures, examine
 from imu_sim_ros.places.neighbours import Neighbours
-from imu_sim_ros.types import Array, Bytes, Single
 
 Numbers = NDArray[np.int32]
 

@@ -12,8 +12,8 @@ from typing import Any, Final
 
 import numpy as np
 
-from imu_sim_ros.errors import InputError
-from imu_sim_ros.types import Bytes
+from imu_sim_ros.core.errors import InputError
+from imu_sim_ros.core.types import Bytes
 
 LARGEST: Final = 1 << 26
 """Texels of a texture in a file, 8192 x 8192; while it is decoded each takes four bytes."""

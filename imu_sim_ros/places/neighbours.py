@@ -8,7 +8,7 @@ from pathlib import Path, PurePosixPath
 from typing import Final
 from urllib.parse import unquote
 
-from imu_sim_ros.errors import ImuSimError, InputError, system_error
+from imu_sim_ros.core.errors import ImuSimError, InputError, system_error
 from imu_sim_ros.inputs.rows import is_present, open_regular
 from imu_sim_ros.places.mesh_textures import examine
 

@@ -11,6 +11,8 @@ from typing import Final, TypeVar
 import numpy as np
 from numpy.typing import NDArray
 
+from imu_sim_ros.core.random_streams import generator_at
+from imu_sim_ros.core.types import Array, Bytes, Integers, Mask, Single
 from imu_sim_ros.places.clouds import CLOUDED, clouds
 from imu_sim_ros.places.geometry import nearest
 from imu_sim_ros.places.gloss import Polish, glossy
@@ -26,8 +28,6 @@ from imu_sim_ros.places.materials import (
 )
 from imu_sim_ros.places.place import Place, Site
 from imu_sim_ros.places.prints import picture
-from imu_sim_ros.random_streams import generator_at
-from imu_sim_ros.types import Array, Bytes, Integers, Mask, Single
 
 _Value = TypeVar("_Value", np.uint8, np.int8)
 

@@ -10,11 +10,11 @@ from typing import Final, NamedTuple
 
 import numpy as np
 
+from imu_sim_ros.core.random_streams import generator
+from imu_sim_ros.core.types import Array, Mask
 from imu_sim_ros.places.geometry import Rectangle, Surfaces, surfaces
 from imu_sim_ros.places.light import Lamp, Lighting
 from imu_sim_ros.places.sheet import Print
-from imu_sim_ros.random_streams import generator
-from imu_sim_ros.types import Array, Mask
 
 TEXTURES: Final = ("rich", "plain", "blank")
 LIGHTS: Final = ("day", "lamps", "dim")

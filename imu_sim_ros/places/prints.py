@@ -8,9 +8,9 @@ from typing import Final
 
 import numpy as np
 
+from imu_sim_ros.core.types import Bytes
 from imu_sim_ros.places import outdoor_prints
 from imu_sim_ros.places.sheet import INK, Print, Sheet
-from imu_sim_ros.types import Bytes
 
 
 def _poster(s: Sheet) -> None:

@@ -9,13 +9,13 @@ from typing import Final, NamedTuple, Protocol
 import numpy as np
 from numpy.typing import NDArray
 
-from imu_sim_ros import rotation
-from imu_sim_ros.errors import MissingDependencyError
+from imu_sim_ros.core import rotation
+from imu_sim_ros.core.errors import MissingDependencyError
+from imu_sim_ros.core.types import Array, Integers, Mask
 from imu_sim_ros.places.bodies import MovingBody, ball
 from imu_sim_ros.places.geometry import Caster, Floats, Surfaces
 from imu_sim_ros.places.mesh import MeshCaster
 from imu_sim_ros.places.mesh_file import of_rectangles
-from imu_sim_ros.types import Array, Integers, Mask
 
 _RAYS: Final = 65_536
 """Rays that are processed at once."""

@@ -12,9 +12,9 @@ from typing import Final, NamedTuple
 
 import numpy as np
 
+from imu_sim_ros.core.types import Array, Mask
 from imu_sim_ros.places.geometry import Surfaces, surfaces
 from imu_sim_ros.places.light import Lighting
-from imu_sim_ros.types import Array, Mask
 
 _BELOW: Final = 0.55
 """Share of the light that is missing below a body."""

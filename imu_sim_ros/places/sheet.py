@@ -7,8 +7,8 @@ from typing import Final, NamedTuple
 
 import numpy as np
 
-from imu_sim_ros.random_streams import generator_at
-from imu_sim_ros.types import Array, Bytes
+from imu_sim_ros.core.random_streams import generator_at
+from imu_sim_ros.core.types import Array, Bytes
 
 Colour = tuple[int, int, int]
 

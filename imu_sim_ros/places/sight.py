@@ -9,8 +9,8 @@ from typing import Final, NamedTuple
 
 import numpy as np
 
+from imu_sim_ros.core.types import Array, Integers, Mask, Single
 from imu_sim_ros.places.geometry import Surfaces
-from imu_sim_ros.types import Array, Integers, Mask, Single
 
 _BUNDLE: Final = 16
 """Places in about the same direction that are compared with the same rectangles."""

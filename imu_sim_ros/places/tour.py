@@ -9,10 +9,10 @@ from typing import Any, Final, NamedTuple
 
 import numpy as np
 
-from imu_sim_ros.errors import ConfigurationError
+from imu_sim_ros.core.errors import ConfigurationError
+from imu_sim_ros.core.types import Array
 from imu_sim_ros.places.geometry import Surfaces
 from imu_sim_ros.places.place import CLEARANCE, Place
-from imu_sim_ros.types import Array
 
 _CELL: Final = 0.1
 """Edge of the cells in which a way is looked for, in large places twice as much [m]."""

@@ -14,13 +14,13 @@ from typing import Final, NamedTuple
 
 import numpy as np
 
-from imu_sim_ros.errors import ConfigurationError
+from imu_sim_ros.core.errors import ConfigurationError
+from imu_sim_ros.core.random_streams import generator_at
+from imu_sim_ros.core.types import Array, Integers, Mask
 from imu_sim_ros.places.bodies import HEIGHT, RADIUS, STEP, Course, MovingBody, faces
 from imu_sim_ros.places.geometry import Surfaces
 from imu_sim_ros.places.place import CLEARANCE, Hinge, Place, Site
 from imu_sim_ros.places.tour import graph
-from imu_sim_ros.random_streams import generator_at
-from imu_sim_ros.types import Array, Integers, Mask
 
 PERIOD: Final = 60.0
 """Period of all courses [s]."""

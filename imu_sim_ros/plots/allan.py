@@ -18,11 +18,11 @@ from imu_sim_ros.calibration.noise.terms import (
     gauss_markov_deviation,
     ramp_deviation,
 )
-from imu_sim_ros.conventions import AXIS_COLOURS, TRIADS, TRUTH_COLOUR
+from imu_sim_ros.core.conventions import AXIS_COLOURS, TRIADS, TRUTH_COLOUR
+from imu_sim_ros.core.types import Array
 from imu_sim_ros.plots import style
 from imu_sim_ros.plots.style import Figure
-from imu_sim_ros.text_tables import plus_minus
-from imu_sim_ros.types import Array
+from imu_sim_ros.terminal.text_tables import plus_minus
 
 _SHORT_UNITS: Final = {"gyroscope": "rad/s", "accelerometer": "m/s$^2$"}
 _LINES: Final = {"Q": ":", "N": "--", "B": "-.", "K": "--", "R": ":", "sigma": "-."}

@@ -19,11 +19,11 @@ from imu_sim_ros.calibration.deterministic.temperature import (
 )
 from imu_sim_ros.calibration.deterministic.turntable import Turntable
 from imu_sim_ros.calibration.twin import comparison
-from imu_sim_ros.conventions import AXES, AXIS_COLOURS, SERIES_COLOURS, TRIADS, TRUTH_COLOUR
+from imu_sim_ros.core.conventions import AXES, AXIS_COLOURS, SERIES_COLOURS, TRIADS, TRUTH_COLOUR
+from imu_sim_ros.core.types import Array
 from imu_sim_ros.plots import style
 from imu_sim_ros.plots.style import Figure
-from imu_sim_ros.text_tables import plus_minus
-from imu_sim_ros.types import Array
+from imu_sim_ros.terminal.text_tables import plus_minus
 
 _AXES = "xyz"
 

@@ -14,10 +14,10 @@ from typing import Any, Final
 import numpy as np
 from numpy.typing import NDArray
 
-from imu_sim_ros.conventions import AXIS_COLOURS, SERIES_COLOURS, WORLD_FRAME
-from imu_sim_ros.errors import MissingDependencyError
-from imu_sim_ros.records import States
-from imu_sim_ros.types import Array, Times
+from imu_sim_ros.core.conventions import AXIS_COLOURS, SERIES_COLOURS, WORLD_FRAME
+from imu_sim_ros.core.errors import MissingDependencyError
+from imu_sim_ros.core.records import States
+from imu_sim_ros.core.types import Array, Times
 
 
 def _rgb(colour: str) -> tuple[int, int, int]:

@@ -9,10 +9,10 @@ from typing import Any, Final
 import numpy as np
 from matplotlib.axes import Axes
 
-from imu_sim_ros.conventions import AXIS_COLOURS, SERIES_COLOURS, TRUTH_COLOUR
+from imu_sim_ros.core.conventions import AXIS_COLOURS, SERIES_COLOURS, TRUTH_COLOUR
+from imu_sim_ros.core.types import Array
 from imu_sim_ros.plots import style
 from imu_sim_ros.plots.style import Figure
-from imu_sim_ros.types import Array
 
 Series = tuple[Array, Array]
 """Times (n,) [s], and a value at each (n,)."""

@@ -9,12 +9,12 @@ from pathlib import Path
 import numpy as np
 
 from imu_sim_ros.calibration.noise.terms import TERMS, gauss_markov_deviation
-from imu_sim_ros.conventions import AXES, AXIS_COLOURS, SERIES_COLOURS, TRIADS
+from imu_sim_ros.core.conventions import AXES, AXIS_COLOURS, SERIES_COLOURS, TRIADS
+from imu_sim_ros.core.types import Array, Integers
 from imu_sim_ros.plots import style
 from imu_sim_ros.plots.style import Figure
 from imu_sim_ros.sensors.imu.parameters import ImuParameters
 from imu_sim_ros.sensors.imu.triads import TriadParameters
-from imu_sim_ros.types import Array, Integers
 
 _MAX_POINTS = 4000
 

@@ -7,8 +7,8 @@ from typing import Final
 
 import numpy as np
 
+from imu_sim_ros.core.types import Array, Integers
 from imu_sim_ros.recordings.residuals import residuals
-from imu_sim_ros.types import Array, Integers
 
 _WINDOW: Final = 200
 """Number of poses on each side that a running median includes."""

@@ -10,7 +10,7 @@ from typing import Any, Final, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from imu_sim_ros.types import Array
+from imu_sim_ros.core.types import Array
 
 COEFFICIENTS: Final[dict[str, tuple[int, ...]]] = {
     "": (0,),

@@ -17,9 +17,9 @@ from typing import Final, NamedTuple
 
 import numpy as np
 
-from imu_sim_ros.errors import InputError
+from imu_sim_ros.core.errors import InputError
+from imu_sim_ros.core.types import Array, Integers, Mask, Times
 from imu_sim_ros.recordings.order import RESET_READINGS, StampOrder, longest_loss, order_stamps
-from imu_sim_ros.types import Array, Integers, Mask, Times
 
 CLEAR: Final = 0.25
 """Intervals: steps that are as close to whole numbers of them are counted one by one."""

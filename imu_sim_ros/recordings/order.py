@@ -8,7 +8,7 @@ from typing import Final, NamedTuple
 
 import numpy as np
 
-from imu_sim_ros.types import Integers, Times
+from imu_sim_ros.core.types import Integers, Times
 
 RESTART_NS: Final = 1_000_000_000
 """A longer step back is a clock that was reset [ns]."""

@@ -7,12 +7,12 @@ from typing import Final, NamedTuple
 
 import numpy as np
 
-from imu_sim_ros import rotation
+from imu_sim_ros.core import rotation
+from imu_sim_ros.core.records import States
+from imu_sim_ros.core.types import Array, Integers, Mask
 from imu_sim_ros.recordings.arrival import even_times
 from imu_sim_ros.recordings.findings.states import StateMeasures, poses_held
 from imu_sim_ros.recordings.residuals import REACH, residuals, smallest_distance
-from imu_sim_ros.records import States
-from imu_sim_ros.types import Array, Integers, Mask
 
 _LEAST_POSES: Final = 30
 _OFF: Final = 10.0

@@ -7,7 +7,7 @@ from typing import Final, NamedTuple
 
 import numpy as np
 
-from imu_sim_ros.types import Array, Integers
+from imu_sim_ros.core.types import Array, Integers
 
 REACH: Final = 3
 """Neighbours on each side."""

@@ -9,7 +9,8 @@ from typing import Final, NamedTuple
 
 import numpy as np
 
-from imu_sim_ros.errors import InputError
+from imu_sim_ros.core.errors import InputError
+from imu_sim_ros.core.types import Array, Integers, Times
 from imu_sim_ros.recordings.clock import (
     Losses,
     StampPattern,
@@ -19,7 +20,6 @@ from imu_sim_ros.recordings.clock import (
     without_duplicates,
 )
 from imu_sim_ros.recordings.order import CLOCK_CHANGE_NS, RESET_READINGS, order_stamps, usual_step
-from imu_sim_ros.types import Array, Integers, Times
 
 _FIRST: Final = 65536
 """Readings from which the pattern of the stamps is found."""

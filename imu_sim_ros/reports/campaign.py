@@ -16,10 +16,10 @@ from imu_sim_ros.campaigns.results import LOG, TABLE, Row, read_results
 from imu_sim_ros.campaigns.statistics import quantile
 from imu_sim_ros.campaigns.summary import Group, group_runs, slopes
 from imu_sim_ros.campaigns.verdict import judge, varying_names
-from imu_sim_ros.conventions import SERIES_COLOURS
-from imu_sim_ros.errors import InputError, Problems
+from imu_sim_ros.core.conventions import SERIES_COLOURS
+from imu_sim_ros.core.errors import InputError, Problems
+from imu_sim_ros.core.names import unknown
 from imu_sim_ros.inputs.rows import is_present
-from imu_sim_ros.names import unknown
 from imu_sim_ros.navigation.evaluation import LARGEST_SIGMA, anees_band
 from imu_sim_ros.parameters.sections import flatten
 from imu_sim_ros.reports.page import Item, Section, column, table

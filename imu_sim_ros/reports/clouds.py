@@ -13,11 +13,11 @@ from numpy.typing import NDArray
 from imu_sim_ros.bags.clouds import measured_clouds, read_clouds
 from imu_sim_ros.bags.messages.blocks import TopicInfo
 from imu_sim_ros.bags.read import open_bag
-from imu_sim_ros.errors import ImuSimError
+from imu_sim_ros.core.errors import ImuSimError
+from imu_sim_ros.core.types import Array, Bytes
 from imu_sim_ros.reports.page import Item, Section, plot
 from imu_sim_ros.reports.sensors import truth_of
 from imu_sim_ros.reports.streams import GAP, extremes
-from imu_sim_ros.types import Array, Bytes
 
 _PICTURES: Final = 3
 _PIXELS: Final = 360

@@ -13,17 +13,17 @@ from typing import Final, NamedTuple
 
 import numpy as np
 
-from imu_sim_ros import rotation
 from imu_sim_ros.campaigns.common_time import common_spans, covered_spans, in_spans
-from imu_sim_ros.conventions import AXES
-from imu_sim_ros.errors import InputError
+from imu_sim_ros.core import rotation
+from imu_sim_ros.core.conventions import AXES
+from imu_sim_ros.core.errors import InputError
+from imu_sim_ros.core.records import States, with_fields
+from imu_sim_ros.core.types import Array, Mask, Times
 from imu_sim_ros.navigation.comparison import Comparison, compare
 from imu_sim_ros.navigation.coverage import MAX_GAP
 from imu_sim_ros.navigation.evaluation import anees_band, gauge_at, invertible, nees, statistics
-from imu_sim_ros.records import States, with_fields
 from imu_sim_ros.reports.page import Item, Section, plot, table
 from imu_sim_ros.reports.streams import extremes
-from imu_sim_ros.types import Array, Mask, Times
 
 NOT_MEASURED: Final = 1e5
 """Variance from which a number is not measured: odometry of wheels states 1e6 of its height."""

@@ -12,11 +12,11 @@ import numpy as np
 from imu_sim_ros.bags.messages.blocks import TopicInfo
 from imu_sim_ros.bags.messages.encode import NAV_SAT_FIX, TWIST_WITH_COVARIANCE
 from imu_sim_ros.bags.read import decoded_blocks, open_bag
-from imu_sim_ros.geodesy import tangent_plane
+from imu_sim_ros.core.geodesy import tangent_plane
+from imu_sim_ros.core.types import Array, Times
 from imu_sim_ros.reports.page import Item, Section
 from imu_sim_ros.reports.sensors import TRUTH, MeasuredQuantity, comparison, truth_of
 from imu_sim_ros.reports.streams import extremes
-from imu_sim_ros.types import Array, Times
 
 _DIRECTIONS: Final = ("east", "north", "up")
 

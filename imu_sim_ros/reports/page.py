@@ -19,9 +19,9 @@ from typing import Any, Final, NamedTuple
 
 import numpy as np
 
-from imu_sim_ros.conventions import AXIS_COLOURS, SERIES_COLOURS
-from imu_sim_ros.json_text import as_json as to_json
-from imu_sim_ros.names import printable
+from imu_sim_ros.core.conventions import AXIS_COLOURS, SERIES_COLOURS
+from imu_sim_ros.core.names import printable
+from imu_sim_ros.terminal.json_text import as_json as to_json
 
 _SCRIPTS: Final = (
     *("base.js", "plot.js", "path.js", "table.js"),

@@ -16,12 +16,12 @@ from imu_sim_ros.campaigns.reckoning import dead_reckoned_states
 from imu_sim_ros.campaigns.results import Row
 from imu_sim_ros.campaigns.simulated import SimulatedCell
 from imu_sim_ros.campaigns.summary import Group
-from imu_sim_ros.errors import ImuSimError
+from imu_sim_ros.core.errors import ImuSimError
+from imu_sim_ros.core.types import Array
 from imu_sim_ros.navigation.comparison import compare
 from imu_sim_ros.navigation.state import state_of_row
 from imu_sim_ros.reports.page import Item
 from imu_sim_ros.reports.streams import extremes
-from imu_sim_ros.types import Array
 
 _MAX_LOGS: Final = 100
 _MAX_PATHS: Final = 24

@@ -15,7 +15,6 @@ from typing import Any, Final, NamedTuple
 
 import numpy as np
 
-from imu_sim_ros import rotation
 from imu_sim_ros.bags.messages import schemas
 from imu_sim_ros.bags.messages.blocks import TopicInfo, as_list
 from imu_sim_ros.bags.messages.encode import IMU, NAV_SAT_FIX, ODOMETRY
@@ -24,17 +23,18 @@ from imu_sim_ros.bags.messages.layouts import TYPES, fields
 from imu_sim_ros.bags.read import decoded_blocks, open_bag, read_odometry
 from imu_sim_ros.bags.reader import errors_naming
 from imu_sim_ros.bags.sensor_tables import read_table
-from imu_sim_ros.conventions import AXES
-from imu_sim_ros.errors import InputError
-from imu_sim_ros.inputs.gate import stamp_ns
+from imu_sim_ros.core import rotation
+from imu_sim_ros.core.conventions import AXES
+from imu_sim_ros.core.errors import InputError
+from imu_sim_ros.core.gate import stamp_ns
+from imu_sim_ros.core.records import States
+from imu_sim_ros.core.types import Array, Times
 from imu_sim_ros.navigation.association import common_rows, poses_at
 from imu_sim_ros.navigation.evaluation import attitude_errors
-from imu_sim_ros.records import States
 from imu_sim_ros.reports.estimates import NOT_MEASURED, error_series, without_truth
 from imu_sim_ros.reports.page import Item, Section, plot
 from imu_sim_ros.reports.streams import extremes
 from imu_sim_ros.sensors import known_tables
-from imu_sim_ros.types import Array, Times
 
 TRUTH: Final = "ground_truth/"
 _MAX_COLUMNS: Final = 6

@@ -19,12 +19,12 @@ from imu_sim_ros.bags.messages.encode_cameras import COMPRESSED_IMAGE, IMAGE
 from imu_sim_ros.bags.read import open_bag, vector_blocks
 from imu_sim_ros.bags.reader import Bag, errors_naming
 from imu_sim_ros.calibration.noise.deviation import Deviation, DeviationAccumulator
-from imu_sim_ros.errors import ImuSimError
+from imu_sim_ros.core.errors import ImuSimError
+from imu_sim_ros.core.records import Readings
+from imu_sim_ros.core.types import Array, Bytes, Integers, Mask, Times
 from imu_sim_ros.recordings.findings.measures import ReadingMeasures
-from imu_sim_ros.records import Readings
 from imu_sim_ros.reports.page import Item, table
 from imu_sim_ros.sensors import sensors_of_imus
-from imu_sim_ros.types import Array, Bytes, Integers, Mask, Times
 
 _FIRST: Final = 64
 """Number of messages whose median interval is the usual interval."""

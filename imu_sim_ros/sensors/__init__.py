@@ -16,9 +16,9 @@ from functools import cache
 from importlib import import_module
 from typing import TYPE_CHECKING, Any, Final
 
-from imu_sim_ros import arguments
-from imu_sim_ros.errors import ConfigurationError, Problems
-from imu_sim_ros.names import shown, suggestion
+from imu_sim_ros.core import arguments
+from imu_sim_ros.core.errors import ConfigurationError, Problems
+from imu_sim_ros.core.names import shown, suggestion
 
 if TYPE_CHECKING:
     from collections.abc import Mapping
@@ -93,7 +93,7 @@ def register_sensor(sensor: Any) -> None:
     >>> ims.register_sensor("sonar")
     Traceback (most recent call last):
     ...
-    imu_sim_ros.errors.ArgumentTypeError: sensor = 'sonar': must be a Sensor
+    imu_sim_ros.core.errors.ArgumentTypeError: sensor = 'sonar': must be a Sensor
     """
     from imu_sim_ros.sensors.declaration import Sensor
 

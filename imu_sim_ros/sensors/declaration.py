@@ -18,15 +18,15 @@ from typing import TYPE_CHECKING, Any, NamedTuple, Protocol
 import numpy as np
 from numpy.typing import ArrayLike
 
+from imu_sim_ros.core.records import TimeSeries
+from imu_sim_ros.core.rotation import pose_matrix
+from imu_sim_ros.core.timebase import span
+from imu_sim_ros.core.types import Array, Mask, Times
 from imu_sim_ros.inputs.tables import Table
-from imu_sim_ros.records import TimeSeries
-from imu_sim_ros.rotation import pose_matrix
 from imu_sim_ros.sensors.environment import EnvironmentParameters
 from imu_sim_ros.sensors.faults import Fault
 from imu_sim_ros.sensors.samples import Rows, Samples
 from imu_sim_ros.sensors.world import Window, World
-from imu_sim_ros.timebase import span
-from imu_sim_ros.types import Array, Mask, Times
 
 if TYPE_CHECKING:
     from imu_sim_ros.bags.messages.blocks import RowTemplate

@@ -7,7 +7,7 @@ from collections.abc import Iterator
 from dataclasses import dataclass
 from itertools import pairwise
 
-from imu_sim_ros.conventions import BODY_FRAME, GRAVITY, IMU_FRAME, WORLD_FRAME
+from imu_sim_ros.core.conventions import BODY_FRAME, GRAVITY, IMU_FRAME, WORLD_FRAME
 from imu_sim_ros.parameters import kinds
 from imu_sim_ros.parameters.kinds import (
     Vector,

@@ -22,13 +22,13 @@ from typing import Final
 import numpy as np
 from numpy.random import Generator
 
-from imu_sim_ros.conventions import TRIADS
-from imu_sim_ros.errors import ConfigurationError
-from imu_sim_ros.names import suggestion
+from imu_sim_ros.core.conventions import TRIADS
+from imu_sim_ros.core.errors import ConfigurationError
+from imu_sim_ros.core.names import suggestion
+from imu_sim_ros.core.random_streams import generator
+from imu_sim_ros.core.types import Array, Integers, Mask
 from imu_sim_ros.parameters.kinds import Vector
-from imu_sim_ros.random_streams import generator
 from imu_sim_ros.sensors.parameters import LARGEST_LATENCY
-from imu_sim_ros.types import Array, Integers, Mask
 
 KINDS: Final = ("bias_jump", "saturation", "stuck", "dropout", "latency")
 _OF_A_TRIAD: Final = ("bias_jump", "saturation", "stuck")

@@ -9,12 +9,12 @@ from typing import Final, NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike
 
-from imu_sim_ros.conventions import ECCENTRICITY_SQUARED, FLATTENING, SEMI_MAJOR_AXIS
-from imu_sim_ros.geodesy import radii_of_curvature
-from imu_sim_ros.rotation import cross, rotate_inverse
+from imu_sim_ros.core.conventions import ECCENTRICITY_SQUARED, FLATTENING, SEMI_MAJOR_AXIS
+from imu_sim_ros.core.geodesy import radii_of_curvature
+from imu_sim_ros.core.rotation import cross, rotate_inverse
+from imu_sim_ros.core.types import Array
 from imu_sim_ros.sensors.environment import EnvironmentParameters
 from imu_sim_ros.trajectory.motion import Motion
-from imu_sim_ros.types import Array
 
 EARTH_RATE: Final = 7.292115e-5
 """[rad/s]"""

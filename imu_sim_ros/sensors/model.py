@@ -10,8 +10,9 @@ from typing import Any
 import numpy as np
 from numpy.random import Generator
 
-from imu_sim_ros import rotation
-from imu_sim_ros.random_streams import generator
+from imu_sim_ros.core import rotation
+from imu_sim_ros.core.random_streams import generator
+from imu_sim_ros.core.types import Array, Mask, Times
 from imu_sim_ros.sensors.declaration import Mounted
 from imu_sim_ros.sensors.errors.realised import unit_of_seed
 from imu_sim_ros.sensors.errors.terms import Surroundings
@@ -23,7 +24,6 @@ from imu_sim_ros.sensors.samples import Samples
 from imu_sim_ros.sensors.timing import Sampled, SampleTiming
 from imu_sim_ros.sensors.world import Window, World
 from imu_sim_ros.trajectory.motion import Motion
-from imu_sim_ros.types import Array, Mask, Times
 
 
 class FixedModel:

@@ -9,6 +9,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from imu_sim_ros.core.timebase import LOWEST_RATE
 from imu_sim_ros.parameters.kinds import (
     IDENTITY_MATRIX,
     Matrix,
@@ -18,7 +19,6 @@ from imu_sim_ros.parameters.kinds import (
     text,
     vector,
 )
-from imu_sim_ros.timebase import LOWEST_RATE
 
 LARGEST_RATE = 20000.0
 LARGEST_JITTER_SIGMA = 0.25

@@ -7,10 +7,10 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from imu_sim_ros import arguments
-from imu_sim_ros.errors import InputError
-from imu_sim_ros.timebase import span
-from imu_sim_ros.types import Array, Times
+from imu_sim_ros.core import arguments
+from imu_sim_ros.core.errors import InputError
+from imu_sim_ros.core.timebase import span
+from imu_sim_ros.core.types import Array, Times
 
 if TYPE_CHECKING:
     from imu_sim_ros.inputs.tables import Table

@@ -8,8 +8,8 @@ from typing import Any, NamedTuple, TypeAlias
 
 import numpy as np
 
-from imu_sim_ros.records import TimeSeries, concatenated
-from imu_sim_ros.types import Integers, Times, shapes
+from imu_sim_ros.core.records import TimeSeries, concatenated
+from imu_sim_ros.core.types import Integers, Times, shapes
 
 Rows: TypeAlias = "slice | Integers"
 """Selection of some of n samples."""

@@ -11,14 +11,14 @@ from typing import Any, Final, NamedTuple
 import numpy as np
 from numpy.random import Generator
 
-from imu_sim_ros import timebase
-from imu_sim_ros.components import limit, whole
-from imu_sim_ros.random_streams import generator
+from imu_sim_ros.core import timebase
+from imu_sim_ros.core.components import limit, whole
+from imu_sim_ros.core.random_streams import generator
+from imu_sim_ros.core.types import Array, Integers, Mask, Times
 from imu_sim_ros.sensors.faults import Fault, FaultSchedule
 from imu_sim_ros.sensors.parameters import LARGEST_JITTER_SIGMA, TimingParameters
 from imu_sim_ros.sensors.samples import Samples
 from imu_sim_ros.sensors.world import Window
-from imu_sim_ros.types import Array, Integers, Mask, Times
 
 LARGEST_JITTER: Final = 0.45
 """Jitter is cut off here, in intervals between two samples, so that stamps always increase."""

@@ -10,10 +10,10 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
-from imu_sim_ros.errors import ConfigurationError
+from imu_sim_ros.core.errors import ConfigurationError
+from imu_sim_ros.core.types import Array
 from imu_sim_ros.sensors.environment import EnvironmentParameters, TemperatureParameters
 from imu_sim_ros.trajectory.motion import Motion, Trajectory
-from imu_sim_ros.types import Array
 
 if TYPE_CHECKING:
     from concurrent.futures import Executor

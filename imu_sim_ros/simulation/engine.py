@@ -23,12 +23,12 @@ from dataclasses import replace
 from fractions import Fraction
 from typing import TYPE_CHECKING, Final
 
-from imu_sim_ros import timebase
-from imu_sim_ros.errors import ConfigurationError
-from imu_sim_ros.names import suggestion
+from imu_sim_ros.core import timebase
+from imu_sim_ros.core.errors import ConfigurationError
+from imu_sim_ros.core.names import suggestion
+from imu_sim_ros.inputs.poses import read_poses
 from imu_sim_ros.parameters.sections import flatten
 from imu_sim_ros.parameters.sections import parameters as described
-from imu_sim_ros.poses import read_poses
 from imu_sim_ros.sensors.faults import Fault
 from imu_sim_ros.sensors.samples import Samples
 from imu_sim_ros.sensors.world import Window, World

@@ -15,16 +15,11 @@ from typing import Any, Final, Generic, NamedTuple
 
 import numpy as np
 
-from imu_sim_ros import rotation, timebase
-from imu_sim_ros.components import Vector
-from imu_sim_ros.conventions import TRIADS
-from imu_sim_ros.errors import InputError
-from imu_sim_ros.recordings.clock import SHORT, estimate_clock
-from imu_sim_ros.recordings.findings.catalogue import unit_findings
-from imu_sim_ros.recordings.findings.finding import Finding
-from imu_sim_ros.recordings.findings.policy import ERROR_MODEL
-from imu_sim_ros.recordings.order import RESET_READINGS, RESTART_NS
-from imu_sim_ros.records import (
+from imu_sim_ros.core import rotation, timebase
+from imu_sim_ros.core.components import Vector
+from imu_sim_ros.core.conventions import TRIADS
+from imu_sim_ros.core.errors import InputError
+from imu_sim_ros.core.records import (
     Readings,
     SeriesT,
     States,
@@ -33,7 +28,13 @@ from imu_sim_ros.records import (
     concatenated,
     with_fields,
 )
-from imu_sim_ros.rotation import cross, normalise, rotate_inverse, transform
+from imu_sim_ros.core.rotation import cross, normalise, rotate_inverse, transform
+from imu_sim_ros.core.types import Array, Integers, Mask, Times
+from imu_sim_ros.recordings.clock import SHORT, estimate_clock
+from imu_sim_ros.recordings.findings.catalogue import unit_findings
+from imu_sim_ros.recordings.findings.finding import Finding
+from imu_sim_ros.recordings.findings.policy import ERROR_MODEL
+from imu_sim_ros.recordings.order import RESET_READINGS, RESTART_NS
 from imu_sim_ros.sensors.gravity import gravity_vector
 from imu_sim_ros.sensors.imu.ideal import size_effect
 from imu_sim_ros.simulation.error_parameters import (
@@ -42,7 +43,6 @@ from imu_sim_ros.simulation.error_parameters import (
     has_mount,
     sensor_rotation,
 )
-from imu_sim_ros.types import Array, Integers, Mask, Times
 
 _LOOKED_BACK: Final = 4
 """Intervals in which a burst of readings may make up for a long one."""

@@ -14,13 +14,14 @@ from typing import Any
 
 import numpy as np
 
-from imu_sim_ros import timebase
-from imu_sim_ros.conventions import TRIADS
-from imu_sim_ros.errors import ConfigurationError
+from imu_sim_ros.core import timebase
+from imu_sim_ros.core.conventions import TRIADS
+from imu_sim_ros.core.errors import ConfigurationError
+from imu_sim_ros.core.records import LiveReading, Readings
+from imu_sim_ros.core.rotation import rotate
+from imu_sim_ros.core.types import Array
 from imu_sim_ros.parameters.sections import flatten
 from imu_sim_ros.parameters.sections import parameters as described
-from imu_sim_ros.records import LiveReading, Readings
-from imu_sim_ros.rotation import rotate
 from imu_sim_ros.sensors.faults import Fault
 from imu_sim_ros.sensors.gravity import gravity_vector
 from imu_sim_ros.sensors.imu.declaration import NAME as IMU
@@ -36,7 +37,6 @@ from imu_sim_ros.simulation.error_parameters import ErrorModelParameters
 from imu_sim_ros.simulation.given_sensor import OTHERS, GivenOther, GivenSensor
 from imu_sim_ros.simulation.sensors import models, mounted
 from imu_sim_ros.trajectory.motion import Motion
-from imu_sim_ros.types import Array
 
 
 class GivenImu(GivenSensor[Readings, dict[str, Any]]):

@@ -10,8 +10,9 @@ from typing import Any, Final
 
 import numpy as np
 
-from imu_sim_ros.conventions import TWIST_FRAMES
-from imu_sim_ros.errors import Problems
+from imu_sim_ros.core.conventions import TWIST_FRAMES
+from imu_sim_ros.core.errors import Problems
+from imu_sim_ros.core.timebase import exact_rate
 from imu_sim_ros.parameters.files import build_layered
 from imu_sim_ros.parameters.kinds import (
     IDENTITY_MATRIX,
@@ -36,7 +37,6 @@ from imu_sim_ros.simulation.playback import (
     SimulatorParameters,
     switches,
 )
-from imu_sim_ros.timebase import exact_rate
 
 NODE: Final = "error_model"
 

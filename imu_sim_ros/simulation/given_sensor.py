@@ -11,9 +11,9 @@ from typing import Any, Final, Generic, TypeVar
 
 import numpy as np
 
-from imu_sim_ros import timebase
-from imu_sim_ros.errors import ConfigurationError
-from imu_sim_ros.records import SeriesT, with_fields
+from imu_sim_ros.core import timebase
+from imu_sim_ros.core.errors import ConfigurationError
+from imu_sim_ros.core.records import SeriesT, with_fields
 from imu_sim_ros.sensors import sensors_of_imus
 from imu_sim_ros.sensors.declaration import Sensor
 from imu_sim_ros.sensors.faults import Fault

@@ -10,9 +10,10 @@ from typing import TYPE_CHECKING, Any, Final
 
 import numpy as np
 
-from imu_sim_ros.conventions import TRIADS
-from imu_sim_ros.errors import ConfigurationError, Problems
-from imu_sim_ros.names import nearest
+from imu_sim_ros.core.conventions import TRIADS
+from imu_sim_ros.core.errors import ConfigurationError, Problems
+from imu_sim_ros.core.names import nearest
+from imu_sim_ros.core.timebase import exact_rate
 from imu_sim_ros.parameters import files
 from imu_sim_ros.parameters.files import build_layered
 from imu_sim_ros.parameters.kinds import Value, gravity_warnings, like, texts
@@ -30,7 +31,6 @@ from imu_sim_ros.sensors.environment import EnvironmentParameters
 from imu_sim_ros.sensors.imu.parameters import ImuParameters
 from imu_sim_ros.sensors.imu.presets import layer_imu, sensor_layer
 from imu_sim_ros.sensors.parameters import LARGEST_JITTER_SIGMA
-from imu_sim_ros.timebase import exact_rate
 from imu_sim_ros.trajectory.parameters import (
     TYPES,
     PosesParameters,

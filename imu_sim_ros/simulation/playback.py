@@ -8,10 +8,10 @@ from collections.abc import Collection, Iterable, Iterator, Mapping
 from dataclasses import dataclass
 from typing import Any, Final
 
-from imu_sim_ros import timebase
-from imu_sim_ros.conventions import TRIADS
-from imu_sim_ros.errors import Problems
-from imu_sim_ros.names import suggestion
+from imu_sim_ros.core import timebase
+from imu_sim_ros.core.conventions import TRIADS
+from imu_sim_ros.core.errors import Problems
+from imu_sim_ros.core.names import suggestion
 from imu_sim_ros.parameters.files import build_layered
 from imu_sim_ros.parameters.kinds import (
     Vector,

@@ -7,7 +7,7 @@ from collections.abc import Callable, Mapping
 
 import numpy as np
 
-from imu_sim_ros.errors import ConfigurationError
+from imu_sim_ros.core.errors import ConfigurationError
 from imu_sim_ros.parameters import files
 from imu_sim_ros.places.catalogue import KINDS, usual
 from imu_sim_ros.sensors.camera.rig_parameters import DEFAULT_SCENE, axes, load_rig, of_rig

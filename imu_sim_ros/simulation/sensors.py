@@ -11,7 +11,8 @@ from collections import Counter
 from collections.abc import Collection, Mapping
 from typing import NamedTuple
 
-from imu_sim_ros.errors import ConfigurationError
+from imu_sim_ros.core.errors import ConfigurationError
+from imu_sim_ros.core.types import Array
 from imu_sim_ros.inputs.tables import Table
 from imu_sim_ros.sensors import find_sensor, sensors_of_imus
 from imu_sim_ros.sensors.declaration import Model, Mounted
@@ -19,7 +20,6 @@ from imu_sim_ros.sensors.imu import declaration as imu
 from imu_sim_ros.sensors.pose import declaration as pose
 from imu_sim_ros.sensors.world import World
 from imu_sim_ros.simulation.parameters import SampledParameters, SimulationParameters, imus
-from imu_sim_ros.types import Array
 
 
 def mounted(parameters: SampledParameters) -> dict[str, Mounted]:

@@ -14,13 +14,14 @@ import numpy as np
 
 from imu_sim_ros.bags.messages.blocks import RowTemplate, as_row_template
 from imu_sim_ros.bags.messages.transforms import TF_MESSAGE, TransformsEncoder
-from imu_sim_ros.conventions import (
+from imu_sim_ros.core.conventions import (
     ERROR_TOPICS,
     IDEAL_IMU_TOPIC,
     IMU_TOPIC,
     TEMPERATURE_TOPIC,
     TF_STATIC_TOPIC,
 )
+from imu_sim_ros.core.types import Array, Times
 from imu_sim_ros.parameters.sections import flatten
 from imu_sim_ros.sensors.declaration import Mounted, Payloads, Topic
 from imu_sim_ros.sensors.deferred import Results
@@ -29,7 +30,6 @@ from imu_sim_ros.sensors.pose.declaration import NAME as POSE
 from imu_sim_ros.sensors.samples import Rows, Samples
 from imu_sim_ros.simulation.playback import ImuPublishParameters
 from imu_sim_ros.simulation.sensors import mounts
-from imu_sim_ros.types import Array, Times
 
 OF_THE_ERROR_MODEL: Final = (
     *(IMU_TOPIC, ORIENTATION_TOPIC, TEMPERATURE_TOPIC, IDEAL_IMU_TOPIC),

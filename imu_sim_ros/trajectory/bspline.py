@@ -13,9 +13,9 @@ from typing import Final
 
 import numpy as np
 
-from imu_sim_ros import rotation
+from imu_sim_ros.core import rotation
+from imu_sim_ros.core.types import Array, Integers
 from imu_sim_ros.trajectory.motion import Motion
-from imu_sim_ros.types import Array, Integers
 
 DEGREE: Final = 5
 ORDER: Final = DEGREE + 1

@@ -9,8 +9,9 @@ from typing import Any, Final, Protocol
 
 import numpy as np
 
-from imu_sim_ros.errors import ConfigurationError
-from imu_sim_ros.poses import read_poses
+from imu_sim_ros.core.errors import ConfigurationError
+from imu_sim_ros.core.types import Array
+from imu_sim_ros.inputs.poses import read_poses
 from imu_sim_ros.trajectory.calibration_motion import six_position, turntable
 from imu_sim_ros.trajectory.kinds import MOTIONS
 from imu_sim_ros.trajectory.motion import Motion, Trajectory
@@ -26,7 +27,6 @@ from imu_sim_ros.trajectory.parameters import (
     TurntableParameters,
 )
 from imu_sim_ros.trajectory.profile import Derivatives, Phase, RateProfile, smooth_step
-from imu_sim_ros.types import Array
 
 
 def build_trajectory(

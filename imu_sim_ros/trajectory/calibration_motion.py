@@ -8,12 +8,12 @@ from typing import Final, NamedTuple
 
 import numpy as np
 
-from imu_sim_ros import rotation
+from imu_sim_ros.core import rotation
+from imu_sim_ros.core.types import Array
 from imu_sim_ros.parameters.kinds import Vector
 from imu_sim_ros.trajectory.motion import Motion
 from imu_sim_ros.trajectory.parameters import SixPositionParameters, TurntableParameters
 from imu_sim_ros.trajectory.profile import Phase, RateProfile
-from imu_sim_ros.types import Array
 
 _UP: Final[tuple[Vector, ...]] = (
     (0.0, 0.0, 1.0),

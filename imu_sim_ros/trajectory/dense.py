@@ -9,9 +9,9 @@ from typing import Final
 
 import numpy as np
 
-from imu_sim_ros import rotation
+from imu_sim_ros.core import rotation
+from imu_sim_ros.core.types import Array
 from imu_sim_ros.trajectory.motion import Motion
-from imu_sim_ros.types import Array
 
 _STEP: Final = 1e-3
 """Largest step between two knots [s]."""

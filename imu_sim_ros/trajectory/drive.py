@@ -14,8 +14,9 @@ from typing import Final
 
 import numpy as np
 
-from imu_sim_ros import rotation
-from imu_sim_ros.errors import ConfigurationError
+from imu_sim_ros.core import rotation
+from imu_sim_ros.core.errors import ConfigurationError
+from imu_sim_ros.core.types import Array
 from imu_sim_ros.trajectory.bspline import DEGREE
 from imu_sim_ros.trajectory.ground import (
     GradeProfile,
@@ -31,7 +32,6 @@ from imu_sim_ros.trajectory.profile import Derivatives
 from imu_sim_ros.trajectory.route import MOST_POINTS, Route, read_route
 from imu_sim_ros.trajectory.schedule import Visits, driven, find_schedule
 from imu_sim_ros.trajectory.vibration import Vibrating, Vibration
-from imu_sim_ros.types import Array
 
 _PREFIX: Final = "trajectory."
 _SAME: Final = 1e-3

@@ -9,14 +9,13 @@ from typing import Any, Final
 
 import numpy as np
 
-from imu_sim_ros import rotation
-from imu_sim_ros.arguments import number, refuse
-from imu_sim_ros.errors import ConfigurationError, ImuSimError
-from imu_sim_ros.inputs import gate
-from imu_sim_ros.inputs.gate import Quantity
+from imu_sim_ros.core import gate, rotation
+from imu_sim_ros.core.arguments import number, refuse
+from imu_sim_ros.core.errors import ConfigurationError, ImuSimError
+from imu_sim_ros.core.gate import Quantity
+from imu_sim_ros.core.types import Array
 from imu_sim_ros.recordings.repair import beyond_any_body
 from imu_sim_ros.trajectory.motion import Motion, Trajectory
-from imu_sim_ros.types import Array
 
 STEP: Final = 2.0**-9
 """Step between the nine poses for the derivatives of a function [s]."""

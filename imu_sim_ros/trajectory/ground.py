@@ -8,11 +8,11 @@ from typing import Final, Protocol
 
 import numpy as np
 
-from imu_sim_ros.errors import InputError
+from imu_sim_ros.core.errors import InputError
+from imu_sim_ros.core.types import Array
 from imu_sim_ros.inputs.rows import number_of, row_blocks, shortened
 from imu_sim_ros.trajectory.bspline import DEGREE
 from imu_sim_ros.trajectory.path import Path, UniformSpline, joined_samples
-from imu_sim_ros.types import Array
 
 _MOST_CELLS: Final = 25_000_000
 _KEYS: Final = ("ncols", "nrows", "cellsize")

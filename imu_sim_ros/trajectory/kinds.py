@@ -10,7 +10,8 @@ from typing import Any, Final, NamedTuple
 
 import numpy as np
 
-from imu_sim_ros import rotation
+from imu_sim_ros.core import rotation
+from imu_sim_ros.core.types import Array
 from imu_sim_ros.trajectory.motion import Motion, Trajectory
 from imu_sim_ros.trajectory.parameters import (
     FreeFallParameters,
@@ -21,7 +22,6 @@ from imu_sim_ros.trajectory.parameters import (
     TrajectoryParameters,
     WaypointsParameters,
 )
-from imu_sim_ros.types import Array
 
 
 class _Endless:

@@ -7,7 +7,7 @@ from typing import Final, NamedTuple, Protocol
 
 import numpy as np
 
-from imu_sim_ros.types import Array, shapes
+from imu_sim_ros.core.types import Array, shapes
 
 
 class Motion(NamedTuple):

@@ -13,8 +13,8 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Final, TypeAlias
 
-from imu_sim_ros.errors import ConfigurationError
-from imu_sim_ros.names import suggestion
+from imu_sim_ros.core.errors import ConfigurationError
+from imu_sim_ros.core.names import suggestion
 from imu_sim_ros.parameters import files, kinds
 from imu_sim_ros.parameters.kinds import (
     ZERO_VECTOR,
@@ -31,7 +31,7 @@ from imu_sim_ros.parameters.sections import section
 from imu_sim_ros.places.catalogue import KINDS, size_problems
 
 if TYPE_CHECKING:
-    from imu_sim_ros.records import States
+    from imu_sim_ros.core.records import States
 
 ENTRY_POINTS = "imu_sim_ros.trajectories"
 """Group of entry points under which other packages offer trajectories of their own."""

@@ -14,9 +14,9 @@ from typing import Final, NamedTuple
 
 import numpy as np
 
-from imu_sim_ros.errors import ConfigurationError
+from imu_sim_ros.core.errors import ConfigurationError
+from imu_sim_ros.core.types import Array, Mask
 from imu_sim_ros.trajectory.bspline import BASIS, DEGREE, ORDER
-from imu_sim_ros.types import Array, Mask
 
 _SAMPLES: Final = 8
 """Per segment, to look at curvature and length."""

@@ -8,7 +8,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from imu_sim_ros.types import Array, Integers
+from imu_sim_ros.core.types import Array, Integers
 
 
 class Derivatives(NamedTuple):

@@ -8,18 +8,18 @@ from typing import Final, NamedTuple
 
 import numpy as np
 
-from imu_sim_ros import rotation, timebase
-from imu_sim_ros.errors import InputError
+from imu_sim_ros.core import rotation, timebase
+from imu_sim_ros.core.errors import InputError
+from imu_sim_ros.core.records import States
+from imu_sim_ros.core.types import Array
 from imu_sim_ros.recordings.findings.catalogue import disturbance_findings, held_findings
 from imu_sim_ros.recordings.findings.finding import Finding
 from imu_sim_ros.recordings.order import longest_step_ns
 from imu_sim_ros.recordings.repair import Disturbances, beyond_any_body, mended
-from imu_sim_ros.records import States
 from imu_sim_ros.trajectory.bspline import PoseSpline, UniformKnots
 from imu_sim_ros.trajectory.motion import Motion, Trajectory
 from imu_sim_ros.trajectory.parameters import PosesParameters
 from imu_sim_ros.trajectory.spline_fit import fit
-from imu_sim_ros.types import Array
 
 _LEAST_POSES: Final = 4
 _LEAST_SPACING: Final = 0.02  # s

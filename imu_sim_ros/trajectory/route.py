@@ -11,21 +11,12 @@ from typing import Final, NamedTuple
 
 import numpy as np
 
-from imu_sim_ros.conventions import ECCENTRICITY_SQUARED, SEMI_MAJOR_AXIS
-from imu_sim_ros.errors import InputError
-from imu_sim_ros.inputs.rows import (
-    COLUMNS,
-    LARGEST_TEXT,
-    NUMBERS,
-    STAMPS,
-    VALUES,
-    BadRows,
-    number_of,
-    row_blocks,
-    shortened,
-)
+from imu_sim_ros.core.bad_rows import COLUMNS, NUMBERS, STAMPS, VALUES, BadRows
+from imu_sim_ros.core.conventions import ECCENTRICITY_SQUARED, SEMI_MAJOR_AXIS
+from imu_sim_ros.core.errors import InputError
+from imu_sim_ros.core.types import Array
+from imu_sim_ros.inputs.rows import LARGEST_TEXT, number_of, row_blocks, shortened
 from imu_sim_ros.inputs.xml_text import Element, parsed
-from imu_sim_ros.types import Array
 
 _LATITUDES: Final = ("latitude", "lat", "latitude_deg")
 _LONGITUDES: Final = ("longitude", "lon", "lng", "long", "longitude_deg")

@@ -16,11 +16,11 @@ from typing import Final, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from imu_sim_ros.errors import ConfigurationError
+from imu_sim_ros.core.errors import ConfigurationError
+from imu_sim_ros.core.types import Array, Mask
 from imu_sim_ros.trajectory.bspline import DEGREE
 from imu_sim_ros.trajectory.parameters import DriveParameters
 from imu_sim_ros.trajectory.path import Path, UniformSpline
-from imu_sim_ros.types import Array, Mask
 
 _KERNEL: Final = 3.0
 """Half of the reach of a control point, in steps: how long a rest has to be for one to show."""

@@ -14,9 +14,9 @@ from typing import Final
 
 import numpy as np
 
-from imu_sim_ros import rotation
+from imu_sim_ros.core import rotation
+from imu_sim_ros.core.types import Array, Integers
 from imu_sim_ros.trajectory.bspline import BASIS, ORDER, PoseSpline, RotationSpline, UniformKnots
-from imu_sim_ros.types import Array, Integers
 
 _ITERATIONS: Final = 30
 _CONVERGED: Final = 1e-10  # rad

@@ -7,6 +7,7 @@ from collections.abc import Callable
 
 import numpy as np
 
+from imu_sim_ros.core.types import Array
 from imu_sim_ros.parameters import files
 from imu_sim_ros.parameters.kinds import Value
 from imu_sim_ros.places.catalogue import build, usual
@@ -15,7 +16,6 @@ from imu_sim_ros.places.tour import WaypointList
 from imu_sim_ros.places.tour import tour as planned
 from imu_sim_ros.trajectory.kinds import Waypoints
 from imu_sim_ros.trajectory.parameters import TourParameters, WaypointsParameters
-from imu_sim_ros.types import Array
 
 
 def tour(parameters: TourParameters) -> Waypoints:

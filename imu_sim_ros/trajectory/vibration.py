@@ -9,11 +9,11 @@ from typing import Final, NamedTuple
 import numpy as np
 from numpy.random import PCG64, Generator, SeedSequence
 
-from imu_sim_ros import rotation
+from imu_sim_ros.core import rotation
+from imu_sim_ros.core.types import Array
 from imu_sim_ros.trajectory.motion import Motion, Trajectory
 from imu_sim_ros.trajectory.parameters import VibrationParameters
 from imu_sim_ros.trajectory.profile import Derivatives
-from imu_sim_ros.types import Array
 
 _AXES: Final = 3
 _TURNS: Final = 1

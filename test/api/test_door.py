@@ -13,13 +13,13 @@ from rosbags.typesys import Stores, get_typestore
 import imu_sim_ros as ims
 from imu_sim_ros.commands import allan as allan_program
 from imu_sim_ros.commands import dead_reckon as dead_reckon_program
-from imu_sim_ros.errors import ConfigurationError, InputError, Remark
+from imu_sim_ros.core.errors import ConfigurationError, InputError, Remark
 
 STORE = get_typestore(Stores.ROS2_JAZZY)
 TYPE = STORE.types
 T0 = 1_700_000_000_000_000_000
 GRAVITY = 9.81
-pytestmark = pytest.mark.filterwarnings("ignore::imu_sim_ros.errors.Remark")
+pytestmark = pytest.mark.filterwarnings("ignore::imu_sim_ros.core.errors.Remark")
 
 
 def header(t_ns, frame):

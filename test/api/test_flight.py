@@ -9,8 +9,8 @@ from rosbags.highlevel import AnyReader
 
 import imu_sim_ros as ims
 from imu_sim_ros.commands.generate import main as generate
-from imu_sim_ros.conventions import ERROR_TOPICS, ERRORS
-from imu_sim_ros.text_tables import html_of
+from imu_sim_ros.core.conventions import ERROR_TOPICS, ERRORS
+from imu_sim_ros.terminal.text_tables import html_of
 
 IMU = {"preset": "mpu6000", "dropout_probability": 0.02, "duplicate_probability": 0.02}
 

@@ -112,7 +112,7 @@ def test_preintegration_is_dead_reckoning_without_gravity():
     truth, rows = flight.truth, np.arange(0, 2000, 100)
     first, second = rows[:-1], rows[1:]
     g, t = np.array([0.0, 0.0, -9.81]), 0.5
-    from imu_sim_ros.rotation import rotate
+    from imu_sim_ros.core.rotation import rotate
 
     alpha = rotate(truth.q_wb[first], found.alpha)
     predicted = truth.position[first] + truth.velocity[first] * t + 0.5 * g * t**2 + alpha

@@ -12,10 +12,10 @@ from recordings import EUROC, EUROC_IMU, missing
 
 import imu_sim_ros as ims
 from imu_sim_ros.calibration.twin.pose_noise import PoseNoise
-from imu_sim_ros.inputs.gate import stamp_text
+from imu_sim_ros.core.gate import stamp_text
+from imu_sim_ros.core.records import States
+from imu_sim_ros.core.rotation import conjugate, exp, log, multiply, normalise, to_matrix
 from imu_sim_ros.jobs.twin import check_settled, judged
-from imu_sim_ros.records import States
-from imu_sim_ros.rotation import conjugate, exp, log, multiply, normalise, to_matrix
 
 TURN = np.array([0.3, -0.2, 0.5])
 S_A = np.array([[1.01, 0.004, -0.006], [0.0, 0.985, 0.002], [0.0, 0.0, 1.01]])

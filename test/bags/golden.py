@@ -12,7 +12,7 @@ from imu_sim_ros.bags.create import open_writer
 from imu_sim_ros.bags.messages.encode import IMU, ODOMETRY, ImuEncoder, OdometryEncoder
 from imu_sim_ros.bags.text.writer import Dataset
 from imu_sim_ros.bags.writer import BagOptions, Block
-from imu_sim_ros.records import States
+from imu_sim_ros.core.records import States
 
 COUNT = 12
 K = np.arange(COUNT)

@@ -8,8 +8,8 @@ import pytest
 
 from imu_sim_ros.bags.read import imu_blocks, read_imu, read_odometry
 from imu_sim_ros.commands import allan, calibrate, convert_bag, dead_reckon, generate
-from imu_sim_ros.errors import InputError
-from imu_sim_ros.poses import read_poses
+from imu_sim_ros.core.errors import InputError
+from imu_sim_ros.inputs.poses import read_poses
 
 ROWS = 14_000
 """70 s at 200 Hz: allan wants a minute."""

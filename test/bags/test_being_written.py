@@ -11,7 +11,7 @@ from imu_sim_ros.bags.messages.encode import IMU, ImuEncoder
 from imu_sim_ros.bags.read import open_bag
 from imu_sim_ros.bags.writer import BagOptions
 from imu_sim_ros.commands import convert_bag, dead_reckon
-from imu_sim_ros.errors import InputError
+from imu_sim_ros.core.errors import InputError
 
 COUNT = 400
 T_NS = 10**9 + 5_000_000 * np.arange(COUNT)

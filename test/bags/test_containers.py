@@ -25,7 +25,7 @@ from imu_sim_ros.bags.messages.encode import (
 from imu_sim_ros.bags.messages.schemas import Qos
 from imu_sim_ros.bags.read import open_bag, read_imu
 from imu_sim_ros.bags.writer import BagOptions, Block
-from imu_sim_ros.errors import InputError
+from imu_sim_ros.core.errors import InputError
 from imu_sim_ros.formats.choice import Choice
 from imu_sim_ros.formats.door import read_readings
 

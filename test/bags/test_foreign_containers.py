@@ -23,7 +23,7 @@ from imu_sim_ros.bags.messages.schemas import schema
 from imu_sim_ros.bags.read import open_bag, read_imu
 from imu_sim_ros.bags.writer import BagOptions
 from imu_sim_ros.commands import convert_bag
-from imu_sim_ros.errors import InputError
+from imu_sim_ros.core.errors import InputError
 
 COUNT = 500
 T_NS = 10**9 + 2_500_000 * np.arange(COUNT)

@@ -14,7 +14,7 @@ from imu_sim_ros.bags.messages.encode import IMU, ODOMETRY, ImuEncoder, Odometry
 from imu_sim_ros.bags.read import read_imu, read_odometry
 from imu_sim_ros.bags.writer import BagOptions
 from imu_sim_ros.commands import convert_bag, dead_reckon, evaluate, report
-from imu_sim_ros.errors import InputError
+from imu_sim_ros.core.errors import InputError
 from imu_sim_ros.formats.door import read_states
 
 COUNT, BAD = 2000, 7
@@ -168,7 +168,7 @@ def test_a_sound_recording_is_said_nothing_of(place, capsys, tmp_path):
 
 
 def test_json_has_null_for_what_is_not_finite():
-    from imu_sim_ros.json_text import as_json
+    from imu_sim_ros.terminal.json_text import as_json
 
     value = {"a": [1.5, np.nan], "b": np.array([[np.inf, 2.0]]), "c": (float("-inf"), True, None)}
     assert json.loads(as_json(value)) == {

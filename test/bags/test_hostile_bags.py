@@ -16,7 +16,7 @@ from imu_sim_ros.bags.read import open_bag, read_imu
 from imu_sim_ros.bags.reader import decompress, gather
 from imu_sim_ros.bags.writer import BagOptions
 from imu_sim_ros.commands import convert_bag, dead_reckon, generate
-from imu_sim_ros.errors import InputError
+from imu_sim_ros.core.errors import InputError
 
 MAGICS = {"x.mcap": b"\x89MCAP0\r\n", "x.bag": b"#ROSBAG V2.0\n", "x.db3": b"SQLite format 3\0"}
 

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from imu_sim_ros.bags.reader import errors_naming
-from imu_sim_ros.errors import InputError, MissingDependencyError
+from imu_sim_ros.core.errors import InputError, MissingDependencyError
 
 
 def without_name():

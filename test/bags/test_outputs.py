@@ -14,11 +14,11 @@ from pathlib import Path
 
 import pytest
 
-from imu_sim_ros import signals
 from imu_sim_ros.bags import outputs as outputs_module
 from imu_sim_ros.bags.outputs import OutputFile, Outputs
-from imu_sim_ros.errors import InputError, MachineError, explain, system_error
-from imu_sim_ros.progress import Watcher, watched_by
+from imu_sim_ros.core.errors import InputError, MachineError, explain, system_error
+from imu_sim_ros.terminal import signals
+from imu_sim_ros.terminal.progress import Watcher, watched_by
 
 
 @pytest.fixture(autouse=True)

@@ -17,10 +17,10 @@ from imu_sim_ros.bags.read import (
     read_odometry,
     read_temperature,
 )
-from imu_sim_ros.errors import InputError
+from imu_sim_ros.core.errors import InputError
+from imu_sim_ros.core.rotation import rotate
 from imu_sim_ros.formats.choice import Choice
 from imu_sim_ros.formats.door import read_readings, read_states
-from imu_sim_ros.rotation import rotate
 
 
 def test_arrays_are_what_was_written(bags, form, content):

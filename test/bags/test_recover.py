@@ -16,7 +16,7 @@ from imu_sim_ros.bags.create import open_writer
 from imu_sim_ros.bags.messages.encode import IMU, ImuEncoder
 from imu_sim_ros.bags.read import imu_blocks, open_bag
 from imu_sim_ros.bags.writer import BagOptions
-from imu_sim_ros.errors import InputError
+from imu_sim_ros.core.errors import InputError
 
 CUTS = (0.3, 0.52, 0.77, 0.999)
 SINGLE = ("none.mcap", "lz4.mcap", "zstd.mcap", "none.bag", "lz4.bag", "bz2.bag")

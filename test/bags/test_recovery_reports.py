@@ -12,7 +12,7 @@ import pytest
 
 from imu_sim_ros.bags.read import open_bag
 from imu_sim_ros.commands import convert_bag, generate
-from imu_sim_ros.errors import InputError, MachineError
+from imu_sim_ros.core.errors import InputError, MachineError
 
 
 def made(path, *words):

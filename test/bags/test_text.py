@@ -8,10 +8,10 @@ import pytest
 
 from imu_sim_ros.bags.read import read_imu, read_odometry
 from imu_sim_ros.bags.text.writer import Dataset, TextFile, write_euroc_descriptions
-from imu_sim_ros.errors import InputError
+from imu_sim_ros.core.errors import InputError
+from imu_sim_ros.core.records import States
+from imu_sim_ros.core.rotation import normalise
 from imu_sim_ros.formats.door import read_states
-from imu_sim_ros.records import States
-from imu_sim_ros.rotation import normalise
 
 EPOCH = 1_403_715_273_262_142_976
 

@@ -14,7 +14,7 @@ from imu_sim_ros.bags.messages.encode import IMU, ImuEncoder
 from imu_sim_ros.bags.read import read_imu
 from imu_sim_ros.bags.threads import Pipeline, threads
 from imu_sim_ros.bags.writer import BagOptions
-from imu_sim_ros.progress import Watcher, watched_by
+from imu_sim_ros.terminal.progress import Watcher, watched_by
 
 COUNT = 12_000  # four chunks
 

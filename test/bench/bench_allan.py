@@ -24,11 +24,11 @@ from imu_sim_ros.calibration.noise.estimate import AxisNoise, estimate
 from imu_sim_ros.calibration.noise.gauss_markov import estimate_gauss_markov
 from imu_sim_ros.calibration.noise.spectrum import SpectrumAccumulator
 from imu_sim_ros.calibration.noise.truth import compare
-from imu_sim_ros.records import Readings
+from imu_sim_ros.core.records import Readings
 from imu_sim_ros.sensors.samples import Samples
 from imu_sim_ros.simulation.engine import Body
 from imu_sim_ros.simulation.parameters import load_simulation
-from imu_sim_ros.text_tables import print_table
+from imu_sim_ros.terminal.text_tables import print_table
 
 HOUR = 3600.0
 SENSORS: dict[str, dict[str, object]] = {

@@ -22,7 +22,7 @@ import numpy as np
 from imu_sim_ros.bags.messages.encode import IMU, ImuEncoder
 from imu_sim_ros.bags.messages.schemas import known_types
 from imu_sim_ros.bags.read import imu_blocks
-from imu_sim_ros.text_tables import print_table
+from imu_sim_ros.terminal.text_tables import print_table
 
 MESSAGES = int(os.environ.get("MESSAGES", "2880000"))
 SLOW = max(MESSAGES // 10, 1)

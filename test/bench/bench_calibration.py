@@ -25,7 +25,7 @@ from imu_sim_ros.navigation.dead_reckoning import dead_reckon
 from imu_sim_ros.navigation.state import NO_CORRECTION, Correction, NavigationState
 from imu_sim_ros.simulation.engine import Body
 from imu_sim_ros.simulation.parameters import SimulationParameters, load_simulation
-from imu_sim_ros.text_tables import print_table
+from imu_sim_ros.terminal.text_tables import print_table
 from imu_sim_ros.trajectory.parameters import trajectory_layer
 
 G = 9.81

@@ -41,7 +41,7 @@ from imu_sim_ros.navigation.evaluation import nees
 from imu_sim_ros.navigation.state import states_of
 from imu_sim_ros.simulation.engine import Body
 from imu_sim_ros.simulation.parameters import load_simulation
-from imu_sim_ros.text_tables import print_table
+from imu_sim_ros.terminal.text_tables import print_table
 
 RATE, SECONDS, IMU = 200.0, 20.0, "mpu6000"
 LOOP = 100

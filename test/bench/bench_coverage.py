@@ -28,7 +28,7 @@ from numpy.typing import NDArray
 from imu_sim_ros.calibration.noise.estimate import KEYS, Estimate, estimate, usable_band
 from imu_sim_ros.calibration.noise.spectrum import Spectrum, SpectrumAccumulator
 from imu_sim_ros.sensors.errors.processes import FlickerNoise
-from imu_sim_ros.text_tables import print_table
+from imu_sim_ros.terminal.text_tables import print_table
 
 Array = NDArray[np.float64]
 

@@ -21,7 +21,7 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import NamedTuple
 
-from imu_sim_ros.text_tables import print_table
+from imu_sim_ros.terminal.text_tables import print_table
 
 DURATIONS = {"1 min": "1min", "10 min": "10min", "1 h": "1h", "4 h": "4h"}
 RATES = (100, 200, 1000, 4000)

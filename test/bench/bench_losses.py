@@ -21,8 +21,8 @@ from numpy.typing import NDArray
 
 from imu_sim_ros.calibration.noise.analysis import analyse
 from imu_sim_ros.calibration.noise.estimate import KEYS, Estimate
-from imu_sim_ros.records import Readings
-from imu_sim_ros.text_tables import print_table
+from imu_sim_ros.core.records import Readings
+from imu_sim_ros.terminal.text_tables import print_table
 
 Array = NDArray[np.float64]
 

@@ -16,7 +16,7 @@ import numpy as np
 import imu_sim_ros as ims
 from imu_sim_ros.calibration.twin.comparison import BANDS, Windows
 from imu_sim_ros.jobs.twin_check import Check, check
-from imu_sim_ros.text_tables import print_table
+from imu_sim_ros.terminal.text_tables import print_table
 
 SEEDS = 20
 """Twins."""

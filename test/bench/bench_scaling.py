@@ -18,7 +18,7 @@ import time
 from collections.abc import Sequence
 from pathlib import Path
 
-from imu_sim_ros.text_tables import print_table
+from imu_sim_ros.terminal.text_tables import print_table
 
 RATE = 200
 HOURS = float(os.environ.get("HOURS", "24"))

@@ -287,7 +287,7 @@ def compare(names: list[str], base: str | None, seconds: float) -> None:
 
     :param seconds: after which no further round begins.
     """
-    from imu_sim_ros.text_tables import print_table
+    from imu_sim_ros.terminal.text_tables import print_table
 
     rounds: list[dict[str, list[float | None]]] = []
     begin = time.monotonic()

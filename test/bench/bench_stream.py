@@ -11,7 +11,7 @@ from pathlib import Path
 
 from imu_sim_ros.simulation.engine import BLOCK_SIZE, Body
 from imu_sim_ros.simulation.parameters import load_simulation
-from imu_sim_ros.text_tables import print_table
+from imu_sim_ros.terminal.text_tables import print_table
 
 sys.path.insert(0, str(Path(__file__).parents[1] / "simulation"))
 

@@ -12,12 +12,12 @@ from pathlib import Path
 
 import numpy as np
 
-from imu_sim_ros import rotation
+from imu_sim_ros.core import rotation
+from imu_sim_ros.core.records import States
+from imu_sim_ros.inputs.poses import read_poses, write_tum
 from imu_sim_ros.parameters import files
-from imu_sim_ros.poses import read_poses, write_tum
-from imu_sim_ros.records import States
 from imu_sim_ros.simulation.parameters import load_simulation
-from imu_sim_ros.text_tables import print_table
+from imu_sim_ros.terminal.text_tables import print_table
 from imu_sim_ros.trajectory.build import build_trajectory
 from imu_sim_ros.trajectory.motion import Trajectory
 from imu_sim_ros.trajectory.recorded import recorded_in

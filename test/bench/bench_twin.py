@@ -18,10 +18,10 @@ import numpy as np
 import imu_sim_ros as ims
 from imu_sim_ros.calibration.twin import model
 from imu_sim_ros.calibration.twin.fit import PRIOR
+from imu_sim_ros.core.records import States
+from imu_sim_ros.core.rotation import exp, from_matrix, log, multiply, normalise, rotate, to_matrix
 from imu_sim_ros.jobs.twin import NAMES
-from imu_sim_ros.records import States
-from imu_sim_ros.rotation import exp, from_matrix, log, multiply, normalise, rotate, to_matrix
-from imu_sim_ros.text_tables import print_table
+from imu_sim_ros.terminal.text_tables import print_table
 
 FLIGHT = Path(__file__).parents[3] / "shared" / "data" / "euroc_V1_02_medium_groundtruth.csv"
 MOTIONS = {

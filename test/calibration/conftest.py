@@ -8,7 +8,7 @@ from collections.abc import Iterator
 import numpy as np
 import pytest
 
-from imu_sim_ros.records import Readings
+from imu_sim_ros.core.records import Readings
 
 
 class Rest:

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from imu_sim_ros.calibration.noise.analysis import AllanResult, analyse
-from imu_sim_ros.errors import InputError
+from imu_sim_ros.core.errors import InputError
 from imu_sim_ros.recordings.clock import estimate_clock
 
 

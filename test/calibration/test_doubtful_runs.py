@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 import imu_sim_ros as ims
-from imu_sim_ros.errors import InputError
+from imu_sim_ros.core.errors import InputError
 
 QUIET = {
     "preset": "perfect",

@@ -12,7 +12,7 @@ from scipy.stats import binom, chi2
 
 import imu_sim_ros as ims
 from imu_sim_ros.calibration.deterministic.ellipsoid import calibrate_magnetometer, symmetric_root
-from imu_sim_ros.errors import ConfigurationError, InputError
+from imu_sim_ros.core.errors import ConfigurationError, InputError
 from imu_sim_ros.sensors.magnetometer.model import realised_magnetometer
 from imu_sim_ros.simulation.engine import Body
 from imu_sim_ros.simulation.parameters import load_simulation

@@ -6,11 +6,11 @@
 import numpy as np
 import pytest
 
-from imu_sim_ros import rotation
 from imu_sim_ros.calibration.deterministic.gravity_norm import fit_norm, upper_triangular
 from imu_sim_ros.calibration.deterministic.positions import calibrate_six_position
 from imu_sim_ros.calibration.deterministic.steady import Steady
-from imu_sim_ros.errors import InputError
+from imu_sim_ros.core import rotation
+from imu_sim_ros.core.errors import InputError
 
 G = 9.81
 S = np.array([[1.02, 0.004, -0.006], [0.003, 0.985, 0.002], [-0.005, 0.001, 1.01]])

@@ -6,8 +6,8 @@
 import pytest
 
 from imu_sim_ros.calibration.noise.analysis import analyse
+from imu_sim_ros.core.records import Readings
 from imu_sim_ros.parameters import files
-from imu_sim_ros.records import Readings
 from imu_sim_ros.simulation.engine import Body
 from imu_sim_ros.simulation.parameters import load_simulation
 

@@ -6,7 +6,7 @@
 import numpy as np
 
 from imu_sim_ros.calibration.record import Record
-from imu_sim_ros.records import Readings
+from imu_sim_ros.core.records import Readings
 
 
 def test_a_block_of_nothing_but_repetitions():

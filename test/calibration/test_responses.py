@@ -25,7 +25,7 @@ from imu_sim_ros.calibration.deterministic.turntable import (
     specific_force,
     true_rates,
 )
-from imu_sim_ros.errors import InputError
+from imu_sim_ros.core.errors import InputError
 from imu_sim_ros.parameters import files
 from imu_sim_ros.sensors.imu.parameters import ImuParameters
 from imu_sim_ros.simulation.engine import Body

@@ -8,7 +8,7 @@ import pytest
 from scipy.signal import lfilter
 
 from imu_sim_ros.calibration.noise.analysis import AllanResult, analyse
-from imu_sim_ros.records import Readings
+from imu_sim_ros.core.records import Readings
 
 RATE, COUNT, DENSITY, FLICKER = 25.0, 90_000, 3e-4, 1e-4
 

@@ -7,7 +7,6 @@ import numpy as np
 import pytest
 
 import imu_sim_ros as ims
-from imu_sim_ros import rotation
 from imu_sim_ros.calibration.twin import alignment as clock
 from imu_sim_ros.calibration.twin import model, spectrum
 from imu_sim_ros.calibration.twin.alignment import coarse_offset, mounting
@@ -39,9 +38,10 @@ from imu_sim_ros.calibration.twin.spectrum import (
     raised,
     white_floor,
 )
-from imu_sim_ros.errors import InputError
+from imu_sim_ros.core import rotation
+from imu_sim_ros.core.errors import InputError
+from imu_sim_ros.core.records import States, with_fields
 from imu_sim_ros.jobs.twin import _steps
-from imu_sim_ros.records import States, with_fields
 
 RATE = 100.0
 SECONDS = 40.0

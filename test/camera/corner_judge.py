@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 from small_camera import SMALL_CAMERA
 
-from imu_sim_ros import rotation
+from imu_sim_ros.core import rotation
 from imu_sim_ros.sensors.camera.view import CameraPoses, Eyes, in_camera
 
 WIDE_CAMERA = {

@@ -10,8 +10,8 @@ from rosbags.highlevel import AnyReader
 from small_camera import imager_of
 
 import imu_sim_ros as ims
-from imu_sim_ros import rotation
-from imu_sim_ros.errors import ConfigurationError
+from imu_sim_ros.core import rotation
+from imu_sim_ros.core.errors import ConfigurationError
 from imu_sim_ros.places.bodies import HEIGHT, RADIUS, STEP, Course, Crowd, MovingBody, faces
 from imu_sim_ros.places.geometry import Caster
 from imu_sim_ros.places.place import CLEARANCE, PlaceBuilder, Site

@@ -11,7 +11,7 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from imu_sim_ros.errors import InputError
+from imu_sim_ros.core.errors import InputError
 from imu_sim_ros.sensors.camera.images.files import decoded, examined, png
 
 IMAGE = np.random.default_rng(3).integers(0, 256, (17, 23), dtype=np.uint8)

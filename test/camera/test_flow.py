@@ -11,7 +11,7 @@ import pytest
 from rigs import make_rig
 from small_camera import SMALL_CAMERA, imager_of, without_textures
 
-from imu_sim_ros import rotation
+from imu_sim_ros.core import rotation
 from imu_sim_ros.sensors.camera.images.flow import kitti_flow
 from imu_sim_ros.sensors.camera.images.imager import Imager
 from imu_sim_ros.sensors.camera.view import CameraPoses, in_camera

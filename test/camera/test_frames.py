@@ -13,7 +13,7 @@ from rosbags.highlevel import AnyReader
 from imu_sim_ros.bags.messages.blocks import as_list
 from imu_sim_ros.camera import build_rig
 from imu_sim_ros.commands import generate
-from imu_sim_ros.errors import ConfigurationError
+from imu_sim_ros.core.errors import ConfigurationError
 from imu_sim_ros.sensors.deferred import Deferred, Each
 from imu_sim_ros.simulation.engine import Body
 from imu_sim_ros.simulation.parameters import load_simulation

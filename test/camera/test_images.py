@@ -14,8 +14,8 @@ import numpy as np
 import pytest
 from small_camera import SMALL_CAMERA
 
-from imu_sim_ros import rotation
-from imu_sim_ros.errors import ConfigurationError, MissingDependencyError
+from imu_sim_ros.core import rotation
+from imu_sim_ros.core.errors import ConfigurationError, MissingDependencyError
 from imu_sim_ros.places import gloss, light
 from imu_sim_ros.sensors.camera.images import loops
 from imu_sim_ros.sensors.camera.images.exposure import exposed
@@ -663,7 +663,7 @@ def test_what_is_missing_is_named(make_rig, monkeypatch):
 
 COMPILING = """
 from imu_sim_ros.bags.threads import threads
-from imu_sim_ros.progress import Watcher, watched_by
+from imu_sim_ros.terminal.progress import Watcher, watched_by
 from imu_sim_ros.sensors.camera.images import libraries, loops
 
 def more(x):

@@ -8,9 +8,9 @@ import pytest
 from corner_judge import WIDE_CAMERA, judged
 from small_camera import SMALL_CAMERA, imager_of
 
-from imu_sim_ros import rotation
 from imu_sim_ros.commands import generate
-from imu_sim_ros.errors import ConfigurationError
+from imu_sim_ros.core import rotation
+from imu_sim_ros.core.errors import ConfigurationError
 from imu_sim_ros.places.mesh import MeshCaster
 from imu_sim_ros.places.mesh_file import read_mesh
 from imu_sim_ros.sensors.camera.images.loops import BACKGROUND

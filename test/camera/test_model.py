@@ -7,7 +7,7 @@ import cv2
 import numpy as np
 import pytest
 
-from imu_sim_ros.errors import ConfigurationError
+from imu_sim_ros.core.errors import ConfigurationError
 from imu_sim_ros.parameters import files
 from imu_sim_ros.parameters.sections import build
 from imu_sim_ros.sensors.camera.model import CameraModel

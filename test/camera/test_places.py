@@ -10,9 +10,9 @@ import pytest
 from corner_judge import WIDE_CAMERA, judged
 from small_camera import SMALL_CAMERA, imager_of, without_textures
 
-from imu_sim_ros import rotation
 from imu_sim_ros.camera import build_rig
-from imu_sim_ros.errors import ConfigurationError
+from imu_sim_ros.core import rotation
+from imu_sim_ros.core.errors import ConfigurationError
 from imu_sim_ros.places.catalogue import KINDS, build, usual
 from imu_sim_ros.places.geometry import Caster, hidden, surfaces
 from imu_sim_ros.places.light import Lamp, Lighting

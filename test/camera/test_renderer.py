@@ -6,7 +6,7 @@
 import numpy as np
 import pytest
 
-from imu_sim_ros import rotation
+from imu_sim_ros.core import rotation
 from imu_sim_ros.sensors.camera.images.loops import IN_FRONT, LEVELS
 from imu_sim_ros.sensors.camera.images.planes import Planes
 from imu_sim_ros.sensors.camera.images.rays import PixelRays

@@ -8,7 +8,7 @@ import struct
 import numpy as np
 import pytest
 
-from imu_sim_ros.errors import ConfigurationError, InputError
+from imu_sim_ros.core.errors import ConfigurationError, InputError
 from imu_sim_ros.sensors.camera.rig_parameters import load_rig, of_rig, rig_problems, scene_layer
 from imu_sim_ros.sensors.camera.scene import read_points
 from imu_sim_ros.simulation.parameters import load_simulation

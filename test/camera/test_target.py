@@ -6,8 +6,8 @@
 import numpy as np
 import pytest
 
-from imu_sim_ros import rotation
 from imu_sim_ros.camera import build_rig, rig_of
+from imu_sim_ros.core import rotation
 from imu_sim_ros.parameters import files
 from imu_sim_ros.sensors.camera.frames import warnings
 from imu_sim_ros.sensors.camera.images.imager import Imager

@@ -6,7 +6,7 @@
 import numpy as np
 import pytest
 
-from imu_sim_ros import rotation
+from imu_sim_ros.core import rotation
 
 LAWNMOWER = {"cam0__camera__preset": "euroc_cam0", "cam0__camera__body_axes": "flu"}
 

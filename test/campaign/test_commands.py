@@ -113,7 +113,7 @@ import numpy as np
 from imu_sim_ros.bags.read import read_odometry
 from imu_sim_ros.bags.messages.encode import ODOMETRY, OdometryEncoder
 from imu_sim_ros.bags.create import open_writer
-from imu_sim_ros.rotation import rotate_inverse
+from imu_sim_ros.core.rotation import rotate_inverse
 truth = read_odometry(sys.argv[1], "/ground_truth/odom")
 position = truth.position + [0.2, 0, 0]
 velocity = rotate_inverse(truth.q_wb, truth.velocity) + [0, 0.6, 0]

@@ -20,7 +20,7 @@ from programs import PATIENCE, until
 
 from imu_sim_ros.campaigns import engine
 from imu_sim_ros.campaigns.results import read_log, read_results
-from imu_sim_ros.errors import InputError
+from imu_sim_ros.core.errors import InputError
 
 # Not part of the run on the oldest versions, which has no Dask.
 pytestmark = pytest.mark.ros

@@ -7,9 +7,9 @@ import numpy as np
 import pytest
 
 import imu_sim_ros as ims
-from imu_sim_ros import rotation
 from imu_sim_ros.campaigns.estimate_findings import estimate_findings
-from imu_sim_ros.records import States
+from imu_sim_ros.core import rotation
+from imu_sim_ros.core.records import States
 
 FLIGHT = ims.simulate(imu="perfect", trajectory="lecture", duration=10, rate=100, seed=1)
 TRUTH = States(FLIGHT.truth.t_ns, FLIGHT.truth.position, FLIGHT.truth.q_wb)

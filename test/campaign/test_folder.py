@@ -11,7 +11,7 @@ import pytest
 
 from imu_sim_ros.campaigns.results import read_results
 from imu_sim_ros.commands import report
-from imu_sim_ros.errors import InputError
+from imu_sim_ros.core.errors import InputError
 
 
 @pytest.mark.parametrize("option", [[], ["--force"], ["--resume"]])

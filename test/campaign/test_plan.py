@@ -19,7 +19,7 @@ from imu_sim_ros.campaigns.plan import (
     read_plan,
 )
 from imu_sim_ros.commands.campaign import main as command
-from imu_sim_ros.errors import ConfigurationError
+from imu_sim_ros.core.errors import ConfigurationError
 from imu_sim_ros.parameters import files
 
 BASE = {"parameters": {"rate": 100.0, "duration": 2.0}}

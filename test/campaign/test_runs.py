@@ -21,7 +21,6 @@ import numpy as np
 import pytest
 from programs import PATIENCE, until
 
-from imu_sim_ros import signals
 from imu_sim_ros.campaigns import campaign as driver
 from imu_sim_ros.campaigns import engine
 from imu_sim_ros.campaigns.plan import load_plan
@@ -31,11 +30,12 @@ from imu_sim_ros.campaigns.verdict import counts
 from imu_sim_ros.commands import dead_reckon, evaluate, generate
 from imu_sim_ros.commands.campaign import main as command
 from imu_sim_ros.commands.report import main as report_command
-from imu_sim_ros.errors import ConfigurationError, InputError
+from imu_sim_ros.core.errors import ConfigurationError, InputError
 from imu_sim_ros.jobs import campaign as job
 from imu_sim_ros.jobs.report import report
 from imu_sim_ros.navigation.evaluation import anees_band
 from imu_sim_ros.reports.campaign import campaign_sections
+from imu_sim_ros.terminal import signals
 
 GRID = {"imu": ["adis16448", "perfect"], "trajectory": ["lecture", "circle"]}
 

@@ -15,13 +15,13 @@ import imu_sim_ros as ims
 from imu_sim_ros.bags.create import open_writer
 from imu_sim_ros.bags.messages.encode import IMU, ImuEncoder
 from imu_sim_ros.commands import allan, generate
+from imu_sim_ros.core.records import Readings
 from imu_sim_ros.parameters import files
 from imu_sim_ros.parameters.sections import build
 from imu_sim_ros.parameters.yaml_text import parse_yaml
-from imu_sim_ros.progress import Watcher, watched_by
-from imu_sim_ros.records import Readings
 from imu_sim_ros.sensors.imu import presets
 from imu_sim_ros.simulation.parameters import SimulationParameters, load_simulation
+from imu_sim_ros.terminal.progress import Watcher, watched_by
 
 RATE, SECONDS = 100, 300
 

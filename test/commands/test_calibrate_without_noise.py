@@ -12,7 +12,7 @@ import yaml
 from imu_sim_ros.calibration.deterministic.steady import find_steady
 from imu_sim_ros.calibration.record import Record
 from imu_sim_ros.commands import allan, calibrate, generate
-from imu_sim_ros.records import Readings
+from imu_sim_ros.core.records import Readings
 
 FULL = {
     "preset": "perfect",

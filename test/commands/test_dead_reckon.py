@@ -8,12 +8,12 @@ import json
 import numpy as np
 import pytest
 
-from imu_sim_ros import rotation
 from imu_sim_ros.bags.create import open_writer
 from imu_sim_ros.bags.messages.encode import IMU, ODOMETRY, ImuEncoder, OdometryEncoder
 from imu_sim_ros.commands.dead_reckon import main
 from imu_sim_ros.commands.generate import main as generate
-from imu_sim_ros.poses import read_poses
+from imu_sim_ros.core import rotation
+from imu_sim_ros.inputs.poses import read_poses
 from imu_sim_ros.simulation.engine import Body
 from imu_sim_ros.simulation.parameters import load_simulation
 

@@ -10,7 +10,7 @@ import sys
 
 import pytest
 
-from imu_sim_ros.errors import MachineError
+from imu_sim_ros.core.errors import MachineError
 from imu_sim_ros.jobs import demo as job
 from imu_sim_ros.simulation.parameters import load_simulation
 

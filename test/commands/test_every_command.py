@@ -5,9 +5,13 @@
 
 import importlib
 import json
+import subprocess
+import sys
 
+import pytest
 import yaml
 
+from imu_sim_ros import __version__
 from imu_sim_ros.commands.start import PROGRAMS
 
 TUMBLE = "--trajectory excitation --imu adis16448 --rate 50 --duration 20s --seed 2 --quiet"
@@ -59,3 +63,12 @@ def test_each_runs_once(tmp_path, monkeypatch, capsys):
         "inspect.html",
     ):
         assert (tmp_path / name).stat().st_size > 0, name
+
+
+@pytest.mark.parametrize(
+    "module", ["imu_sim_ros", *(f"imu_sim_ros.commands.{p}" for p in PROGRAMS)]
+)
+def test_python_runs_each_program_as_a_module(module):
+    argv = [sys.executable, "-m", module, "--version"]
+    output = subprocess.run(argv, capture_output=True, text=True, check=True, timeout=120).stdout
+    assert output.split()[-1] == __version__

@@ -15,7 +15,7 @@ from pathlib import Path
 import pytest
 
 from imu_sim_ros.commands import control, start
-from imu_sim_ros.errors import Problems
+from imu_sim_ros.core.errors import Problems
 from imu_sim_ros.jobs.generate import described
 from imu_sim_ros.jobs.writing import Journal
 from imu_sim_ros.parameters import files

@@ -11,7 +11,6 @@ import sys
 import programs
 import pytest
 
-from imu_sim_ros import program
 from imu_sim_ros.commands import (
     allan,
     calibrate,
@@ -19,11 +18,12 @@ from imu_sim_ros.commands import (
     dead_reckon,
     evaluate,
     generate,
+    program,
     report,
 )
 from imu_sim_ros.commands.common import outputs
 from imu_sim_ros.commands.start import PROGRAMS
-from imu_sim_ros.errors import InputError
+from imu_sim_ros.core.errors import InputError
 
 GENERATE = [*programs.program("generate"), "--duration", "1s", "--json"]
 

@@ -19,9 +19,9 @@ from pathlib import Path
 
 import pytest
 
-from imu_sim_ros import program, signals
 from imu_sim_ros.bags import outputs
-from imu_sim_ros.commands import generate
+from imu_sim_ros.commands import generate, program
+from imu_sim_ros.terminal import signals
 
 COMMANDS = ("allan", "calibrate", "convert_bag", "dead_reckon", "evaluate", "generate")
 STATUS = {signal.SIGINT: 130, signal.SIGTERM: 143, signal.SIGHUP: 129}
@@ -73,7 +73,7 @@ def test_a_signal_while_the_libraries_are_loaded_ends_it(tmp_path, program, numb
 def test_a_signal_during_the_work_runs_what_cleans_up(number):
     program = textwrap.dedent("""
         import time
-        from imu_sim_ros import program
+        from imu_sim_ros.commands import program
 
         def work():
             try:
@@ -184,7 +184,8 @@ def test_what_is_printed_is_not_lost_to_a_signal_at_the_end(monkeypatch):
 def test_a_signal_when_the_work_is_over_changes_nothing():
     script = textwrap.dedent("""
         import os, signal, sys
-        from imu_sim_ros import program, signals
+        from imu_sim_ros.commands import program
+        from imu_sim_ros.terminal import signals
 
         def told(*_):
             os.kill(os.getpid(), signal.SIGHUP)
@@ -249,7 +250,7 @@ def test_a_second_signal_ends_what_does_not_come_to_an_end(monkeypatch, capsys):
 
 def test_nohup_is_respected():
     program = (
-        "import os, signal; from imu_sim_ros import program\n"
+        "import os, signal; from imu_sim_ros.commands import program\n"
         "raise SystemExit(program.run('work', lambda: os.kill(os.getpid(), signal.SIGHUP)))"
     )
     command = ["nohup", sys.executable, "-c", program]
@@ -323,7 +324,7 @@ def test_an_interruption_that_python_swallows_comes_again():
 
 def test_a_thread_that_waits_is_interrupted():
     program = (
-        "import threading\nfrom imu_sim_ros import program\n"
+        "import threading\nfrom imu_sim_ros.commands import program\n"
         "def work():\n    print('begun', flush=True)\n    threading.Event().wait(300)\n"
         "raise SystemExit(program.run('work', work))"
     )

@@ -10,7 +10,7 @@ import textwrap
 
 import pytest
 
-from imu_sim_ros import startup
+from imu_sim_ros.terminal import startup
 
 NOT_NEEDED = {
     "importlib.metadata",

@@ -13,10 +13,10 @@ import sys
 import numpy as np
 import pytest
 
-from imu_sim_ros import progress, text_tables
 from imu_sim_ros.campaigns.statistics import quantile
 from imu_sim_ros.commands import control
 from imu_sim_ros.jobs import campaign
+from imu_sim_ros.terminal import progress, text_tables
 
 HEADER = ["axis", "noise density [rad/s/sqrt(Hz)]", "random walk [rad/s^2/sqrt(Hz)]", "B [rad/s]"]
 ROWS = [[f"gyroscope {axis}", "0.0150012 +- 0.0000123", "5.123e-05", "< 1.5e-6"] for axis in "xyz"]

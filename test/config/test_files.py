@@ -11,7 +11,7 @@ from pathlib import Path
 import pytest
 import yaml
 
-from imu_sim_ros.errors import ConfigurationError
+from imu_sim_ros.core.errors import ConfigurationError
 from imu_sim_ros.navigation.parameters import load_integrator
 from imu_sim_ros.parameters import files
 from imu_sim_ros.parameters.sections import flatten

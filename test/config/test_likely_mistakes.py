@@ -9,7 +9,7 @@ import pytest
 
 import imu_sim_ros as ims
 from imu_sim_ros.commands.generate import main
-from imu_sim_ros.errors import ConfigurationError
+from imu_sim_ros.core.errors import ConfigurationError
 from imu_sim_ros.parameters import files
 from imu_sim_ros.simulation.parameters import load_simulation
 

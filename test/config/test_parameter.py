@@ -7,7 +7,7 @@ from dataclasses import dataclass, fields, is_dataclass
 
 import pytest
 
-from imu_sim_ros.errors import ConfigurationError
+from imu_sim_ros.core.errors import ConfigurationError
 from imu_sim_ros.navigation.parameters import IntegratorParameters
 from imu_sim_ros.parameters.kinds import (
     EMPTY_LIST,

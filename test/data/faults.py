@@ -5,8 +5,8 @@
 
 import numpy as np
 
-from imu_sim_ros.conventions import STANDARD_GRAVITY
-from imu_sim_ros.records import with_fields
+from imu_sim_ros.core.conventions import STANDARD_GRAVITY
+from imu_sim_ros.core.records import with_fields
 
 FRD = np.diag([1.0, -1.0, -1.0])
 CAMERA = np.array([[0.0, -1.0, 0.0], [0.0, 0.0, -1.0], [1.0, 0.0, 0.0]])

@@ -10,7 +10,7 @@ import struct
 
 import numpy as np
 
-from imu_sim_ros import rotation
+from imu_sim_ros.core import rotation
 
 MAGIC = b"ULog\x01\x12\x35\x01"
 C_TYPES = {

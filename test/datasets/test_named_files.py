@@ -9,8 +9,8 @@ import shutil
 import pytest
 
 from imu_sim_ros.commands import convert_bag, evaluate, generate
+from imu_sim_ros.core.errors import ImuSimError
 from imu_sim_ros.datasets.tracks import read_track_folder
-from imu_sim_ros.errors import ImuSimError
 from imu_sim_ros.inputs.rows import is_present, names_in
 
 OBSTACLES = {

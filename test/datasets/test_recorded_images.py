@@ -17,9 +17,9 @@ from rosbags.typesys import Stores, get_typestore
 
 from imu_sim_ros.bags.cameras import recorded_cameras
 from imu_sim_ros.commands import convert_bag, dead_reckon, generate
+from imu_sim_ros.core.errors import InputError
 from imu_sim_ros.datasets.recorded_bag import pixels
 from imu_sim_ros.datasets.transforms import to_root
-from imu_sim_ros.errors import InputError
 
 SETTINGS = {
     "camera.body_axes": "flu",

@@ -10,8 +10,8 @@ import numpy as np
 import pytest
 import yaml
 
-from imu_sim_ros import rotation
 from imu_sim_ros.commands import generate
+from imu_sim_ros.core import rotation
 from imu_sim_ros.datasets.tum_vi import dso_lens
 from imu_sim_ros.sensors.camera.rig_parameters import load_rig
 

@@ -11,8 +11,8 @@ import pytest
 import imu_sim_ros as ims
 from imu_sim_ros.bags.text import vio_data_simulation as form
 from imu_sim_ros.commands import allan, convert_bag, dead_reckon, evaluate, generate
-from imu_sim_ros.errors import InputError
-from imu_sim_ros.rotation import rotate
+from imu_sim_ros.core.errors import InputError
+from imu_sim_ros.core.rotation import rotate
 
 
 @pytest.fixture(scope="module")

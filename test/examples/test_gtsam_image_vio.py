@@ -12,8 +12,8 @@ import numpy as np
 import pytest
 
 from imu_sim_ros.commands import generate
+from imu_sim_ros.inputs.poses import read_poses
 from imu_sim_ros.parameters import files
-from imu_sim_ros.poses import read_poses
 from imu_sim_ros.sensors.camera.model import CameraModel
 from imu_sim_ros.sensors.camera.parameters import CameraParameters
 

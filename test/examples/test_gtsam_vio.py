@@ -12,10 +12,10 @@ import numpy as np
 import pytest
 
 from imu_sim_ros.commands import generate
-from imu_sim_ros.conventions import TRIADS
+from imu_sim_ros.core.conventions import TRIADS
+from imu_sim_ros.inputs.poses import read_poses
 from imu_sim_ros.parameters import files
 from imu_sim_ros.parameters.sections import build, flatten
-from imu_sim_ros.poses import read_poses
 from imu_sim_ros.sensors.imu.parameters import ImuParameters
 from imu_sim_ros.simulation.parameters import load_simulation
 

@@ -80,7 +80,7 @@ def _values(dice: random.Random, inputs: Path, place: Path) -> list[Any]:
 
 def messages(dice: random.Random) -> tuple[str, list[str], list[str]]:
     """Give hostile readings and truths to what stands behind the integrator's topics."""
-    from imu_sim_ros.errors import ImuSimError
+    from imu_sim_ros.core.errors import ImuSimError
     from imu_sim_ros.navigation.parameters import load_integrator
     from imu_sim_ros.nodes import messages as decode
     from imu_sim_ros.nodes.integrator.diagnostics import TruthComparison

@@ -32,7 +32,7 @@ import folders
 import live
 import processes
 
-from imu_sim_ros import startup
+from imu_sim_ros.terminal import startup
 
 HANG_S: Final = processes.HANG_S
 """[s of processor time] A case that takes longer hangs."""

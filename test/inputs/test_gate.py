@@ -6,8 +6,8 @@
 import numpy as np
 import pytest
 
-from imu_sim_ros.errors import InputError
-from imu_sim_ros.inputs import gate
+from imu_sim_ros.core import gate
+from imu_sim_ros.core.errors import InputError
 
 BAD_NUMBERS = (np.nan, np.inf, -np.inf, 1e160, -1e308)
 BAD_STAMPS = (2**63 - 1, -(2**63), 2**31 * 10**9, -(2**31) * 10**9 - 1)

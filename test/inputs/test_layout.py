@@ -7,8 +7,8 @@ import numpy as np
 import pytest
 
 from imu_sim_ros.bags.read import read_imu
-from imu_sim_ros.errors import InputError, Remark
-from imu_sim_ros.poses import read_poses
+from imu_sim_ros.core.errors import InputError, Remark
+from imu_sim_ros.inputs.poses import read_poses
 
 T0 = 1_700_000_000_000_000_000
 N = 40
@@ -48,7 +48,7 @@ def write(path, header, stamps, *columns, separator=",", end=""):
          "field.linear_acceleration.z", (T_NS[:, None] * 1.0, GYRO, ACCEL), T_NS),
     ],
 )  # fmt: skip
-@pytest.mark.filterwarnings("ignore::imu_sim_ros.errors.Remark")
+@pytest.mark.filterwarnings("ignore::imu_sim_ros.core.errors.Remark")
 def test_the_header_decides_columns_axes_and_units(tmp_path, header, columns, stamps):
     readings = read_imu(write(tmp_path / "imu.csv", header, stamps, *columns))
     # Stamps as %.12g are rounded to 1 ms at most; floats of 1.7e18 to 10 s.
@@ -81,7 +81,7 @@ def test_unknown_and_contradictory_headers_are_refused(tmp_path, header, words):
         read_imu(path)
 
 
-@pytest.mark.filterwarnings("ignore::imu_sim_ros.errors.Remark")
+@pytest.mark.filterwarnings("ignore::imu_sim_ros.core.errors.Remark")
 def test_a_table_of_one_triad_has_no_other(tmp_path):
     header = "time,seconds_elapsed,z,y,x"
     columns = (np.arange(N)[:, None] * 5e-3, GYRO[:, ::-1])
@@ -119,7 +119,7 @@ def xyzw(q):
     ],
     ids=["xyzw", "wxyz", "okvis2", "airsim", "orb_slam3", "vins", "spreadsheet", "ms", "tum"],
 )  # fmt: skip
-@pytest.mark.filterwarnings("ignore::imu_sim_ros.errors.Remark")
+@pytest.mark.filterwarnings("ignore::imu_sim_ros.core.errors.Remark")
 @pytest.mark.parametrize("mark", [b"", b"\xef\xbb\xbf"])
 def test_poses_as_estimators_write_them(tmp_path, form, header, stamps, orientation, mark):
     separator, end = form
@@ -206,6 +206,6 @@ def test_states_of_openvins_are_read_by_their_header(tmp_path):
 
 
 def test_rows_that_share_a_stamp_have_a_text_too():
-    from imu_sim_ros.timebase import span
+    from imu_sim_ros.core.timebase import span
 
     assert span(np.array([0, 0, 0, 5_000_000])) == "4 at 0 Hz, 0.005 s"

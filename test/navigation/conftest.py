@@ -9,10 +9,10 @@ from typing import NamedTuple
 import numpy as np
 import pytest
 
-from imu_sim_ros import rotation
+from imu_sim_ros.core import rotation
+from imu_sim_ros.core.records import States
+from imu_sim_ros.core.timebase import sample_times_ns
 from imu_sim_ros.navigation.state import NavigationState, state_of_row, states_of
-from imu_sim_ros.records import States
-from imu_sim_ros.timebase import sample_times_ns
 
 GRAVITY = np.array([0.0, 0.0, -9.81])
 AT_REST = NavigationState(np.zeros(3), np.zeros(3), np.array([1.0, 0.0, 0.0, 0.0]))

@@ -14,7 +14,7 @@ import numpy as np
 import pytest
 
 from examples.vio_residuals import States, imu_residual
-from imu_sim_ros import rotation
+from imu_sim_ros.core import rotation
 from imu_sim_ros.navigation.covariance import ATTITUDE, POSITION, VELOCITY, propagate
 from imu_sim_ros.navigation.dead_reckoning import dead_reckon
 from imu_sim_ros.navigation.evaluation import anees_band, nees

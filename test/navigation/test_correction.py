@@ -4,8 +4,8 @@
 import numpy as np
 import pytest
 
-from imu_sim_ros import rotation
-from imu_sim_ros.errors import InputError
+from imu_sim_ros.core import rotation
+from imu_sim_ros.core.errors import InputError
 from imu_sim_ros.navigation.initialisation import level
 from imu_sim_ros.navigation.parameters import load_integrator
 from imu_sim_ros.navigation.state import NO_CORRECTION, Correction, correction_of

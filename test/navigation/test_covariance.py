@@ -4,8 +4,8 @@
 import numpy as np
 import pytest
 
-from imu_sim_ros import rotation
-from imu_sim_ros.conventions import TRIADS
+from imu_sim_ros.core import rotation
+from imu_sim_ros.core.conventions import TRIADS
 from imu_sim_ros.navigation.covariance import (
     ACCEL_BIAS,
     ATTITUDE,

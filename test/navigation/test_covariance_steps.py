@@ -6,8 +6,8 @@
 import numpy as np
 import pytest
 
-from imu_sim_ros import components, rotation
-from imu_sim_ros.conventions import TRIADS
+from imu_sim_ros.core import components, rotation
+from imu_sim_ros.core.conventions import TRIADS
 from imu_sim_ros.navigation.covariance import Covariance, initial_covariance
 from imu_sim_ros.navigation.initialisation import after_rest
 from imu_sim_ros.sensors.imu.triads import TriadParameters, TriadsParameters

@@ -7,8 +7,8 @@ import numpy as np
 import pytest
 
 from examples.integrals import integrate
-from imu_sim_ros import rotation
-from imu_sim_ros.errors import ConfigurationError, InputError
+from imu_sim_ros.core import rotation
+from imu_sim_ros.core.errors import ConfigurationError, InputError
 from imu_sim_ros.navigation import dead_reckoning
 from imu_sim_ros.navigation.dead_reckoning import dead_reckon
 from imu_sim_ros.navigation.parameters import ATTITUDE_UPDATES, METHODS

@@ -4,8 +4,9 @@
 import numpy as np
 import pytest
 
-from imu_sim_ros import rotation
-from imu_sim_ros.errors import ConfigurationError, InputError
+from imu_sim_ros.core import rotation
+from imu_sim_ros.core.errors import ConfigurationError, InputError
+from imu_sim_ros.core.records import States
 from imu_sim_ros.navigation.association import (
     align,
     common_rows,
@@ -24,7 +25,6 @@ from imu_sim_ros.navigation.evaluation import (
     tilt_and_heading,
 )
 from imu_sim_ros.navigation.state import states_of
-from imu_sim_ros.records import States
 
 SECOND = 1_000_000_000
 

@@ -6,7 +6,8 @@
 import numpy as np
 import pytest
 
-from imu_sim_ros import rotation
+from imu_sim_ros.core import rotation
+from imu_sim_ros.core.records import States
 from imu_sim_ros.navigation.evaluation import (
     absolute_errors,
     anees_band,
@@ -14,7 +15,6 @@ from imu_sim_ros.navigation.evaluation import (
     nees,
     without_gauge,
 )
-from imu_sim_ros.records import States
 
 COUNT, RUNS = 20, 300
 

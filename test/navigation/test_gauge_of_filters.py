@@ -6,9 +6,9 @@
 import numpy as np
 import pytest
 
-from imu_sim_ros import rotation
+from imu_sim_ros.core import rotation
+from imu_sim_ros.core.records import States
 from imu_sim_ros.navigation.evaluation import anees_band, remainder, stated_nees
-from imu_sim_ros.records import States
 
 COUNT, FIRST, DT = 300, 10, 0.05
 RUNS = 100

@@ -9,15 +9,15 @@ import numpy as np
 import pytest
 
 import imu_sim_ros as ims
-from imu_sim_ros import rotation
 from imu_sim_ros.commands import dead_reckon, generate
-from imu_sim_ros.errors import InputError
+from imu_sim_ros.core import rotation
+from imu_sim_ros.core.errors import InputError
+from imu_sim_ros.core.records import LiveReading, Readings
 from imu_sim_ros.jobs.dead_reckon import ReadingsAndTruth, initial_condition
 from imu_sim_ros.navigation import initialisation
 from imu_sim_ros.navigation.evaluation import anees_band
 from imu_sim_ros.navigation.parameters import IntegratorParameters, load_integrator
 from imu_sim_ros.nodes.integrator.initialiser import initialiser
-from imu_sim_ros.records import LiveReading, Readings
 
 STEP_NS = 5_000_000
 G_SENSITIVITY = [1e-3, 0.0, 2e-3, 0.0, -1e-3, 5e-4, 3e-4, 0.0, 1e-3]

@@ -13,13 +13,13 @@ import numpy as np
 import pytest
 
 import imu_sim_ros as ims
-from imu_sim_ros import rotation
 from imu_sim_ros.commands.dead_reckon import main
 from imu_sim_ros.commands.generate import main as generate
-from imu_sim_ros.errors import InputError
+from imu_sim_ros.core import rotation
+from imu_sim_ros.core.errors import InputError
+from imu_sim_ros.core.records import LiveReading, LiveState
 from imu_sim_ros.navigation.parameters import load_integrator
 from imu_sim_ros.nodes.integrator.odometer import LiveIntegrator
-from imu_sim_ros.records import LiveReading, LiveState
 
 MOUNTING = [1, 0, 0, 0, 0, -1, 0, 1, 0]
 ARM = [0.1, -0.2, 0.3]

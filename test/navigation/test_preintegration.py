@@ -6,8 +6,8 @@ import dataclasses
 import numpy as np
 import pytest
 
-from imu_sim_ros import rotation
-from imu_sim_ros.errors import ConfigurationError, InputError
+from imu_sim_ros.core import rotation
+from imu_sim_ros.core.errors import ConfigurationError, InputError
 from imu_sim_ros.navigation.dead_reckoning import dead_reckon
 from imu_sim_ros.navigation.preintegration import (
     ACCEL_BIAS,

@@ -8,7 +8,7 @@ import dataclasses
 import numpy as np
 import pytest
 
-from imu_sim_ros import rotation
+from imu_sim_ros.core import rotation
 from imu_sim_ros.navigation import preintegration as deltas
 from imu_sim_ros.navigation.evaluation import anees_band, nees
 from imu_sim_ros.navigation.preintegration import StepReadings, preintegrate

@@ -13,7 +13,7 @@ import dataclasses
 import numpy as np
 import pytest
 
-from imu_sim_ros import rotation
+from imu_sim_ros.core import rotation
 from imu_sim_ros.navigation import initialisation
 from imu_sim_ros.navigation.covariance import ATTITUDE, POSITION, VELOCITY, propagate
 from imu_sim_ros.navigation.dead_reckoning import dead_reckon

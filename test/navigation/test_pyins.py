@@ -12,7 +12,7 @@ and far below what a wrong sign of Coriolis' acceleration or of the Earth's rate
 import numpy as np
 import pytest
 
-from imu_sim_ros import rotation
+from imu_sim_ros.core import rotation
 from imu_sim_ros.navigation.dead_reckoning import dead_reckon
 
 LATITUDE, LONGITUDE = 50.0, 10.0

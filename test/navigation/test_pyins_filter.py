@@ -12,7 +12,7 @@ import pytest
 from scipy.stats import chi2
 
 import imu_sim_ros as ims
-from imu_sim_ros import rotation
+from imu_sim_ros.core import rotation
 
 pytest.importorskip("pyins")
 ENU_FROM_NED = np.array([[0.0, 1, 0], [1, 0, 0], [0, 0, -1]])

@@ -11,7 +11,7 @@ from examples.vio_residuals import (
     perturbed,
     reprojection_residual,
 )
-from imu_sim_ros import rotation
+from imu_sim_ros.core import rotation
 from imu_sim_ros.navigation.preintegration import between, preintegrate
 
 GRAVITY = (0.0, 0.0, -9.81)

@@ -5,8 +5,8 @@
 import numpy as np
 import pytest
 
-from imu_sim_ros import rotation
-from imu_sim_ros.errors import ConfigurationError
+from imu_sim_ros.core import rotation
+from imu_sim_ros.core.errors import ConfigurationError
 from imu_sim_ros.navigation.state import Correction, NavigationState
 from imu_sim_ros.navigation.stepper import Stepper
 

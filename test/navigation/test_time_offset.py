@@ -7,10 +7,10 @@ import numpy as np
 import pytest
 
 import imu_sim_ros as ims
-from imu_sim_ros import rotation
-from imu_sim_ros.errors import InputError
+from imu_sim_ros.core import rotation
+from imu_sim_ros.core.errors import InputError
+from imu_sim_ros.core.records import States
 from imu_sim_ros.navigation.time_offset import OffsetInterval, time_offset
-from imu_sim_ros.records import States
 
 OFFSET = 0.0073
 RATE, EVERY = 100, 5

@@ -20,8 +20,8 @@ from imu_sim_ros.bags.messages.encode import (
     MagneticFieldEncoder,
     OdometryEncoder,
 )
+from imu_sim_ros.core.rotation import rotate_inverse
 from imu_sim_ros.nodes.error_model.node import ErrorModelNode
-from imu_sim_ros.rotation import rotate_inverse
 
 pytestmark = pytest.mark.ros
 SEED, RATE = 3, 500.0

@@ -12,7 +12,7 @@ import pytest
 import yaml
 
 from imu_sim_ros.bags.recorder_parameters import RecorderParameters
-from imu_sim_ros.conventions import (
+from imu_sim_ros.core.conventions import (
     ATTITUDE_ERROR_TOPIC,
     DEAD_RECKONED_TOPIC,
     IMU_TOPIC,

@@ -13,7 +13,7 @@ import pytest
 import yaml
 
 from imu_sim_ros.bags.recorder_parameters import RecorderParameters
-from imu_sim_ros.errors import ConfigurationError
+from imu_sim_ros.core.errors import ConfigurationError
 from imu_sim_ros.navigation.parameters import IntegratorParameters
 from imu_sim_ros.nodes import launching
 from imu_sim_ros.parameters import files

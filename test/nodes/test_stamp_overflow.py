@@ -12,9 +12,9 @@ from imu_sim_ros.bags.messages.encode import IMU, ODOMETRY, ImuEncoder, Odometry
 from imu_sim_ros.bags.read import read_imu, read_odometry
 from imu_sim_ros.bags.writer import BagOptions
 from imu_sim_ros.commands import convert_bag, dead_reckon
-from imu_sim_ros.errors import InputError
+from imu_sim_ros.core.errors import InputError
+from imu_sim_ros.core.gate import stamp_ns
 from imu_sim_ros.formats.door import read_states
-from imu_sim_ros.inputs.gate import stamp_ns
 from imu_sim_ros.nodes import messages as live
 from imu_sim_ros.nodes.recorder.recording import _stamp_ns
 

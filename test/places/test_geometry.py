@@ -6,7 +6,7 @@
 import numpy as np
 import pytest
 
-from imu_sim_ros import rotation
+from imu_sim_ros.core import rotation
 from imu_sim_ros.places.geometry import Caster, hidden, surfaces
 from imu_sim_ros.places.sight import hidden_places
 

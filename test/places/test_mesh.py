@@ -11,7 +11,7 @@ import sys
 import numpy as np
 import pytest
 
-from imu_sim_ros.errors import InputError, MissingDependencyError
+from imu_sim_ros.core.errors import InputError, MissingDependencyError
 from imu_sim_ros.places import mesh_file, mesh_textures
 from imu_sim_ros.places.mesh import (
     UPS,

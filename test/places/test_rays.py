@@ -6,7 +6,7 @@
 import numpy as np
 import pytest
 
-from imu_sim_ros.errors import MissingDependencyError
+from imu_sim_ros.core.errors import MissingDependencyError
 from imu_sim_ros.places import rays
 from imu_sim_ros.places.bodies import Course, MovingBody
 from imu_sim_ros.places.geometry import NO_SURFACES, surfaces

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 from stamps import T0_NS, batches, exact, jittered, kept, polled, repeated, rounded
 
-from imu_sim_ros.errors import InputError
+from imu_sim_ros.core.errors import InputError
 from imu_sim_ros.recordings.clock import Losses, estimate_clock, find_pattern
 
 RATES = (50, 60.3, 142.8, 200, 333.3, 400.1, 499.9, 501, 666.7, 833, 990, 999)

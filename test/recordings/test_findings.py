@@ -11,15 +11,15 @@ import pytest
 from faults import FAULTS, saturated
 
 import imu_sim_ros as ims
-from imu_sim_ros import rotation
 from imu_sim_ros.bags.create import open_writer
 from imu_sim_ros.bags.messages.encode import ODOMETRY, OdometryEncoder
 from imu_sim_ros.bags.writer import Block
 from imu_sim_ros.commands import inspect
-from imu_sim_ros.conventions import STANDARD_GRAVITY
+from imu_sim_ros.core import rotation
+from imu_sim_ros.core.conventions import STANDARD_GRAVITY
+from imu_sim_ros.core.records import with_fields
 from imu_sim_ros.recordings.findings.catalogue import KINDS, reading_findings, state_findings
 from imu_sim_ros.recordings.repair import mended
-from imu_sim_ros.records import with_fields
 
 ROOT = Path(__file__).parents[2]
 IMUS = sorted(path.stem for path in (ROOT / "config" / "imus").glob("*.yaml"))

@@ -7,9 +7,9 @@ import numpy as np
 import pytest
 
 import imu_sim_ros as ims
+from imu_sim_ros.core.records import LiveReading, LiveState
+from imu_sim_ros.core.rotation import rotate_inverse
 from imu_sim_ros.recordings.findings.live import TwistWatch, UnitWatch
-from imu_sim_ros.records import LiveReading, LiveState
-from imu_sim_ros.rotation import rotate_inverse
 
 MOVING = ("circle", "figure_eight", "lecture")
 FRAMES = ("body", "world")

@@ -13,11 +13,11 @@ import imu_sim_ros as ims
 from imu_sim_ros.bags.create import open_writer
 from imu_sim_ros.bags.messages.encode import IMU, ImuEncoder
 from imu_sim_ros.bags.writer import BagOptions, Block
-from imu_sim_ros.errors import InputError
+from imu_sim_ros.core.errors import InputError
+from imu_sim_ros.core.records import LiveReading
 from imu_sim_ros.recordings.findings.catalogue import KINDS, reading_findings
 from imu_sim_ros.recordings.findings.live import UnitWatch
 from imu_sim_ros.recordings.findings.policy import JOBS, ROLES
-from imu_sim_ros.records import LiveReading
 from imu_sim_ros.simulation.error_model import GivenImu
 from imu_sim_ros.simulation.error_parameters import load_error_model
 

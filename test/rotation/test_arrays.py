@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
-from imu_sim_ros import rotation
+from imu_sim_ros.core import rotation
 
 RNG = np.random.default_rng(20191018)
 VECTORS = RNG.normal(size=(500, 3))

@@ -8,7 +8,7 @@ from itertools import starmap
 import numpy as np
 import pytest
 
-from imu_sim_ros import components, rotation
+from imu_sim_ros.core import components, rotation
 
 RNG = np.random.default_rng(55)
 N = 400

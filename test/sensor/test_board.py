@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 from scipy import integrate
 
-from imu_sim_ros.errors import ConfigurationError
+from imu_sim_ros.core.errors import ConfigurationError
 from imu_sim_ros.parameters.sections import build
 from imu_sim_ros.sensors.environment import TemperatureParameters
 from imu_sim_ros.sensors.errors.terms import ShockBias, Surroundings

@@ -12,8 +12,8 @@ import yaml
 
 import imu_sim_ros as ims
 from imu_sim_ros.commands import dead_reckon, generate
-from imu_sim_ros.errors import ConfigurationError, Remark
-from imu_sim_ros.rotation import exp, to_matrix
+from imu_sim_ros.core.errors import ConfigurationError, Remark
+from imu_sim_ros.core.rotation import exp, to_matrix
 from imu_sim_ros.sensors.imu import presets
 from imu_sim_ros.simulation.parameters import load_simulation
 

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 from scipy import signal
 
-from imu_sim_ros.conventions import ERRORS, TRIADS
+from imu_sim_ros.core.conventions import ERRORS, TRIADS
 from imu_sim_ros.parameters.sections import build
 from imu_sim_ros.sensors.environment import TemperatureParameters
 from imu_sim_ros.sensors.errors.realised import unit_of_seed

@@ -8,7 +8,7 @@ import dataclasses
 import numpy as np
 import pytest
 
-from imu_sim_ros.conventions import TRIADS
+from imu_sim_ros.core.conventions import TRIADS
 from imu_sim_ros.parameters.sections import build, flatten
 from imu_sim_ros.sensors.errors.realised import realised_imu, unit_of_seed
 from imu_sim_ros.sensors.imu.parameters import ImuParameters

@@ -8,8 +8,8 @@ import pytest
 
 import imu_sim_ros as ims
 from imu_sim_ros.commands import generate
-from imu_sim_ros.errors import InputError, Remark
-from imu_sim_ros.rotation import from_euler, to_matrix
+from imu_sim_ros.core.errors import InputError, Remark
+from imu_sim_ros.core.rotation import from_euler, to_matrix
 
 
 def model(tmp_path, content, rate="<update_rate>200</update_rate>", imu=True):

@@ -14,9 +14,9 @@ import numpy as np
 import pytest
 from scipy.integrate import trapezoid
 
-from imu_sim_ros.conventions import TRIADS
+from imu_sim_ros.core.conventions import TRIADS
+from imu_sim_ros.core.random_streams import axis_generators, generator
 from imu_sim_ros.parameters.sections import build
-from imu_sim_ros.random_streams import axis_generators, generator
 from imu_sim_ros.sensors.errors.processes import (
     FLICKER_CHUNK,
     MARKOV_CHUNK,

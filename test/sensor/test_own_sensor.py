@@ -18,9 +18,10 @@ import numpy as np
 import pytest
 
 import imu_sim_ros as ims
-from imu_sim_ros import rotation, sensors
+from imu_sim_ros import sensors
 from imu_sim_ros.commands import generate
-from imu_sim_ros.errors import ConfigurationError
+from imu_sim_ros.core import rotation
+from imu_sim_ros.core.errors import ConfigurationError
 from imu_sim_ros.nodes import help as node_help
 from imu_sim_ros.parameters import files
 from imu_sim_ros.sensors.faults import Fault

@@ -8,7 +8,7 @@ import re
 
 import pytest
 
-from imu_sim_ros.errors import ConfigurationError
+from imu_sim_ros.core.errors import ConfigurationError
 from imu_sim_ros.parameters.kinds import IDENTITY_MATRIX
 from imu_sim_ros.parameters.sections import parameters
 from imu_sim_ros.simulation.parameters import SimulationParameters, load_simulation

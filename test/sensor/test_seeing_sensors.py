@@ -12,10 +12,12 @@ import pytest
 import yaml
 
 import imu_sim_ros as ims
-from imu_sim_ros import rotation, sensors
+from imu_sim_ros import sensors
 from imu_sim_ros.bags.messages.encode import VECTOR3_STAMPED
 from imu_sim_ros.commands import generate
-from imu_sim_ros.inputs.gate import POSITION
+from imu_sim_ros.core import rotation
+from imu_sim_ros.core.gate import POSITION
+from imu_sim_ros.core.types import Array
 from imu_sim_ros.inputs.tables import Table
 from imu_sim_ros.parameters import files
 from imu_sim_ros.places.geometry import Caster
@@ -26,7 +28,6 @@ from imu_sim_ros.sensors.parameters import SensorParameters
 from imu_sim_ros.simulation.engine import Body
 from imu_sim_ros.simulation.parameters import load_simulation
 from imu_sim_ros.simulation.sensors import mounted, mounts
-from imu_sim_ros.types import Array
 
 VECTOR = (VECTOR3_STAMPED, "Vector3StampedEncoder")
 SIDEWAYS = [0.0, -1.0, 0.0, 1.0, 0.0, 0.0, 0.0, 0.0, 1.0]

@@ -12,11 +12,11 @@ import numpy as np
 import pytest
 
 import imu_sim_ros as ims
-from imu_sim_ros.conventions import TRIADS
-from imu_sim_ros.errors import ConfigurationError
-from imu_sim_ros.random_streams import Streams, axis_generators
+from imu_sim_ros.core.conventions import TRIADS
+from imu_sim_ros.core.errors import ConfigurationError
+from imu_sim_ros.core.random_streams import Streams, axis_generators
+from imu_sim_ros.core.timebase import sample_times_ns
 from imu_sim_ros.sensors.imu.batch import BatchSamples
-from imu_sim_ros.timebase import sample_times_ns
 
 RATE, COUNT, STEPS = 200.0, 5, 300
 """Steps over two chunks of noise."""

@@ -10,11 +10,11 @@ import pytest
 from simulation_runs import EVERY_TERM
 
 import imu_sim_ros as ims
-from imu_sim_ros import rotation
-from imu_sim_ros.errors import ConfigurationError, InputError
+from imu_sim_ros.core import rotation
+from imu_sim_ros.core.errors import ConfigurationError, InputError
+from imu_sim_ros.core.records import LiveReading, Readings, concatenated, with_fields
 from imu_sim_ros.parameters import files
 from imu_sim_ros.parameters.sections import parameters
-from imu_sim_ros.records import LiveReading, Readings, concatenated, with_fields
 from imu_sim_ros.sensors.faults import Fault
 from imu_sim_ros.sensors.imu.triads import TriadParameters
 from imu_sim_ros.sensors.samples import Samples

@@ -10,8 +10,8 @@ import numpy as np
 import pytest
 
 import imu_sim_ros as ims
-from imu_sim_ros import rotation
-from imu_sim_ros.errors import ConfigurationError, InputError
+from imu_sim_ros.core import rotation
+from imu_sim_ros.core.errors import ConfigurationError, InputError
 
 IMU: dict[str, Any] = {
     "preset": "mpu9250",

@@ -13,7 +13,7 @@ import numpy as np
 import pytest
 from simulation_runs import EVERY_TERM, RANDOM_TERMS, perfect, simulation
 
-from imu_sim_ros.errors import ConfigurationError
+from imu_sim_ros.core.errors import ConfigurationError
 from imu_sim_ros.sensors.faults import Fault
 from imu_sim_ros.simulation.engine import Body
 from imu_sim_ros.simulation.parameters import load_simulation

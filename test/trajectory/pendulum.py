@@ -6,7 +6,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from imu_sim_ros import rotation
+from imu_sim_ros.core import rotation
 from imu_sim_ros.parameters.kinds import number
 from imu_sim_ros.trajectory.motion import Motion
 from imu_sim_ros.trajectory.parameters import TrajectoryParameters

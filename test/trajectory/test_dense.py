@@ -6,7 +6,7 @@
 import numpy as np
 import pytest
 
-from imu_sim_ros import rotation
+from imu_sim_ros.core import rotation
 from imu_sim_ros.parameters import files
 from imu_sim_ros.simulation.parameters import load_simulation
 from imu_sim_ros.trajectory.build import build_trajectory

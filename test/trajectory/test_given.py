@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 import imu_sim_ros as ims
-from imu_sim_ros import rotation
+from imu_sim_ros.core import rotation
 from imu_sim_ros.simulation.parameters import load_simulation
 from imu_sim_ros.trajectory import given as module
 from imu_sim_ros.trajectory.build import build_trajectory

@@ -5,7 +5,7 @@
 
 import pytest
 
-from imu_sim_ros.errors import ConfigurationError
+from imu_sim_ros.core.errors import ConfigurationError
 from imu_sim_ros.trajectory.parameters import trajectory_layer
 
 

@@ -10,7 +10,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from imu_sim_ros.errors import ConfigurationError
+from imu_sim_ros.core.errors import ConfigurationError
 from imu_sim_ros.simulation.parameters import load_simulation
 
 EXAMPLE = Path(__file__).with_name("pendulum.py")

@@ -8,8 +8,8 @@ import math
 import numpy as np
 import pytest
 
-from imu_sim_ros import rotation
-from imu_sim_ros.errors import ConfigurationError
+from imu_sim_ros.core import rotation
+from imu_sim_ros.core.errors import ConfigurationError
 from imu_sim_ros.simulation.parameters import load_simulation
 from imu_sim_ros.trajectory.build import build_trajectory
 from imu_sim_ros.trajectory.profile import Phase, RateProfile, smooth_step

@@ -8,7 +8,7 @@ import pymap3d
 import pytest
 
 import imu_sim_ros as ims
-from imu_sim_ros.errors import ConfigurationError, InputError
+from imu_sim_ros.core.errors import ConfigurationError, InputError
 from imu_sim_ros.simulation.parameters import load_simulation
 from imu_sim_ros.trajectory.build import build_trajectory
 from imu_sim_ros.trajectory.parameters import trajectory_layer

@@ -21,13 +21,13 @@ from numpy.typing import NDArray
 from imu_sim_ros.bags.logs import axes, log
 from imu_sim_ros.bags.logs.log import Contents, LogStream, LogTriad
 from imu_sim_ros.bags.messages.encode import FLUID_PRESSURE, IMU, MAGNETIC_FIELD, ODOMETRY
-from imu_sim_ros.conventions import TRIADS, TRUTH_TOPIC
-from imu_sim_ros.errors import InputError, MissingDependencyError
-from imu_sim_ros.geodesy import tangent_plane
+from imu_sim_ros.core.conventions import TRIADS, TRUTH_TOPIC
+from imu_sim_ros.core.errors import InputError, MissingDependencyError
+from imu_sim_ros.core.geodesy import tangent_plane
+from imu_sim_ros.core.rotation import from_euler
+from imu_sim_ros.core.types import Array, Mask, Times
 from imu_sim_ros.inputs.rows import open_regular
 from imu_sim_ros.recordings.findings.clipping import ClippingCounts
-from imu_sim_ros.rotation import from_euler
-from imu_sim_ros.types import Array, Mask, Times
 
 if TYPE_CHECKING:
     from pymavlink.DFReader import DFReader_binary, DFReader_text

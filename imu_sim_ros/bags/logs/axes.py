@@ -12,8 +12,8 @@ from typing import Final
 import numpy as np
 from numpy.typing import ArrayLike
 
-from imu_sim_ros.rotation import multiply
-from imu_sim_ros.types import Array
+from imu_sim_ros.core.rotation import multiply
+from imu_sim_ros.core.types import Array
 
 _HALF_TURN_ABOUT_X: Final = np.array([0.0, 1.0, 0.0, 0.0])
 """Quaternion of D."""

@@ -10,7 +10,7 @@ from typing import Final
 from imu_sim_ros.bags.logs import ardupilot, px4
 from imu_sim_ros.bags.logs.log import Contents, LogBag, LogFormat
 from imu_sim_ros.bags.reader import Recover
-from imu_sim_ros.errors import MachineError, Remark, warn
+from imu_sim_ros.core.errors import MachineError, Remark, warn
 
 LOGS: Final[tuple[LogFormat, ...]] = (px4, ardupilot)
 """All kinds; the first that recognises a path reads it."""

@@ -30,11 +30,18 @@ from imu_sim_ros.bags.messages.encode import (
     TwistWithCovarianceEncoder,
 )
 from imu_sim_ros.bags.reader import END_NS, Bag, Recover, Timed
-from imu_sim_ros.conventions import BODY_FRAME, IMU_FRAME, WORLD_FRAME
-from imu_sim_ros.errors import InputError, Remark, naming, warn
+from imu_sim_ros.core.conventions import BODY_FRAME, IMU_FRAME, WORLD_FRAME
+from imu_sim_ros.core.errors import InputError, Remark, naming, warn
+from imu_sim_ros.core.rotation import (
+    conjugate,
+    interpolate,
+    log,
+    multiply,
+    normalise,
+    rotate_inverse,
+)
+from imu_sim_ros.core.types import Array, Bytes, Mask, Times
 from imu_sim_ros.recordings.findings.clipping import ClippingCounts
-from imu_sim_ros.rotation import conjugate, interpolate, log, multiply, normalise, rotate_inverse
-from imu_sim_ros.types import Array, Bytes, Mask, Times
 
 _ROWS: Final = 1 << 14
 """Messages of all topics in a piece, which bounds the memory of encoding."""

@@ -27,12 +27,12 @@ from imu_sim_ros.bags.messages.encode import (
     ODOMETRY,
     TEMPERATURE,
 )
-from imu_sim_ros.conventions import AXES, TRIADS, TRUTH_TOPIC, WORLD_FRAME
-from imu_sim_ros.errors import InputError, MissingDependencyError
+from imu_sim_ros.core.conventions import AXES, TRIADS, TRUTH_TOPIC, WORLD_FRAME
+from imu_sim_ros.core.errors import InputError, MissingDependencyError
+from imu_sim_ros.core.rotation import to_matrix
+from imu_sim_ros.core.types import Array, Mask, Times
 from imu_sim_ros.inputs.rows import open_regular
 from imu_sim_ros.recordings.findings.clipping import ClippingCounts
-from imu_sim_ros.rotation import to_matrix
-from imu_sim_ros.types import Array, Mask, Times
 
 if TYPE_CHECKING:
     from pyulog import ULog

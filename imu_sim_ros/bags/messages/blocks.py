@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from imu_sim_ros.bags.messages.schemas import Qos, Schema, parse_qos
-from imu_sim_ros.types import Bytes, Times
+from imu_sim_ros.core.types import Bytes, Times
 
 
 class Column(NamedTuple):

@@ -19,11 +19,11 @@ from imu_sim_ros.bags.messages.layouts import (
     raw_texts,
     texts_of,
 )
-from imu_sim_ros.errors import InputError
-from imu_sim_ros.inputs import gate
-from imu_sim_ros.inputs.rows import BadRows, Skipped, Warned
-from imu_sim_ros.timebase import NANOSECONDS_PER_SECOND
-from imu_sim_ros.types import Array, Bytes, Integers, Mask, Times
+from imu_sim_ros.core import gate
+from imu_sim_ros.core.bad_rows import BadRows, Skipped, Warned
+from imu_sim_ros.core.errors import InputError
+from imu_sim_ros.core.timebase import NANOSECONDS_PER_SECOND
+from imu_sim_ros.core.types import Array, Bytes, Integers, Mask, Times
 
 FIRST: Final = "[0]"
 """Suffix of the name of a field of which the first number alone is read."""

@@ -11,7 +11,7 @@ import numpy as np
 from imu_sim_ros.bags.messages.blocks import MessageBlock, TopicInfo
 from imu_sim_ros.bags.messages.decode import group_by_texts
 from imu_sim_ros.bags.messages.encode import IMU
-from imu_sim_ros.errors import InputError
+from imu_sim_ros.core.errors import InputError
 
 _TRIADS = ("angular_velocity", "linear_acceleration")
 

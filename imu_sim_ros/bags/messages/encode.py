@@ -17,9 +17,9 @@ from numpy.typing import ArrayLike
 
 from imu_sim_ros.bags.messages.blocks import Column, RowTemplate, side_by_side
 from imu_sim_ros.bags.messages.layouts import Layout, layout
-from imu_sim_ros.errors import InputError
-from imu_sim_ros.timebase import NANOSECONDS_PER_SECOND
-from imu_sim_ros.types import Array, Bytes, Times
+from imu_sim_ros.core.errors import InputError
+from imu_sim_ros.core.timebase import NANOSECONDS_PER_SECOND
+from imu_sim_ros.core.types import Array, Bytes, Times
 
 IMU: Final = "sensor_msgs/msg/Imu"
 ODOMETRY: Final = "nav_msgs/msg/Odometry"

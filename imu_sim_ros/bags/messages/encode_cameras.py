@@ -12,9 +12,9 @@ from numpy.typing import ArrayLike, NDArray
 
 from imu_sim_ros.bags.messages.encode import seconds
 from imu_sim_ros.bags.messages.layouts import STAMP_OFFSET, LayoutBuilder
+from imu_sim_ros.core.timebase import NANOSECONDS_PER_SECOND
+from imu_sim_ros.core.types import Array
 from imu_sim_ros.recordings.cameras import CameraInfo
-from imu_sim_ros.timebase import NANOSECONDS_PER_SECOND
-from imu_sim_ros.types import Array
 
 IMAGE: Final = "sensor_msgs/msg/Image"
 COMPRESSED_IMAGE: Final = "sensor_msgs/msg/CompressedImage"

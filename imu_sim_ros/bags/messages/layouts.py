@@ -20,8 +20,8 @@ from typing import Final, NamedTuple
 import numpy as np
 
 from imu_sim_ros.bags.messages.schemas import definitions
-from imu_sim_ros.conventions import AXES
-from imu_sim_ros.types import Bytes
+from imu_sim_ros.core.conventions import AXES
+from imu_sim_ros.core.types import Bytes
 
 ENCODINGS: Final = ("cdr", "ros1")
 

@@ -14,7 +14,7 @@ import numpy as np
 
 from imu_sim_ros.bags.messages.definitions import ros1, ros2
 from imu_sim_ros.bags.messages.definitions.gps import ROS1_PACKAGE
-from imu_sim_ros.errors import InputError
+from imu_sim_ros.core.errors import InputError
 from imu_sim_ros.parameters.yaml_text import parse_yaml
 
 if TYPE_CHECKING:

@@ -12,8 +12,8 @@ from numpy.typing import ArrayLike, NDArray
 from imu_sim_ros.bags.messages.blocks import RowTemplate
 from imu_sim_ros.bags.messages.encode import ROS_ORDER, Encoder, seconds
 from imu_sim_ros.bags.messages.layouts import LayoutBuilder
-from imu_sim_ros.rotation import from_matrix
-from imu_sim_ros.types import Array, Bytes, Times
+from imu_sim_ros.core.rotation import from_matrix
+from imu_sim_ros.core.types import Array, Bytes, Times
 
 TF_MESSAGE: Final = "tf2_msgs/msg/TFMessage"
 JOINT_STATE: Final = "sensor_msgs/msg/JointState"

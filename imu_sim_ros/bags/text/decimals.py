@@ -14,7 +14,7 @@ from typing import Final
 import numpy as np
 from numpy.typing import NDArray
 
-from imu_sim_ros.types import Times
+from imu_sim_ros.core.types import Times
 
 Column = NDArray[np.generic]
 

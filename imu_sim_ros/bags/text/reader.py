@@ -12,23 +12,16 @@ import numpy as np
 
 from imu_sim_ros.bags.text import vio_data_simulation
 from imu_sim_ros.bags.text.writer import DATASET_SUFFIXES, POSES_OF_TABLES
-from imu_sim_ros.errors import InputError, Remark
-from imu_sim_ros.inputs import gate, header
+from imu_sim_ros.core import gate
+from imu_sim_ros.core.bad_rows import NUMBERS, STAMPS, BadRows, Skipped
+from imu_sim_ros.core.errors import InputError, Remark
+from imu_sim_ros.core.records import Readings, States
+from imu_sim_ros.core.rotation import normalise
+from imu_sim_ros.core.types import Array, Mask, Times
+from imu_sim_ros.inputs import header
 from imu_sim_ros.inputs.layout import TableForm, TableLayout, layout_of
-from imu_sim_ros.inputs.rows import (
-    NUMBERS,
-    STAMPS,
-    BadRows,
-    Row,
-    Skipped,
-    is_present,
-    names_in,
-    row_blocks,
-)
+from imu_sim_ros.inputs.rows import Row, is_present, names_in, row_blocks
 from imu_sim_ros.inputs.tables import Table, Tables
-from imu_sim_ros.records import Readings, States
-from imu_sim_ros.rotation import normalise
-from imu_sim_ros.types import Array, Mask, Times
 
 _WHAT: Final = "a table of numbers"
 _EARLIEST: Final = -(2**63) + 1

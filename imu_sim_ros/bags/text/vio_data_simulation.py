@@ -13,22 +13,13 @@ from typing import Final
 
 import numpy as np
 
-from imu_sim_ros.errors import InputError
-from imu_sim_ros.inputs import gate
-from imu_sim_ros.inputs.rows import (
-    COLUMNS,
-    NUMBERS,
-    STAMPS,
-    BadRows,
-    Row,
-    Skipped,
-    is_present,
-    number_of,
-    row_blocks,
-)
-from imu_sim_ros.records import Readings, States
-from imu_sim_ros.rotation import normalise, rotate
-from imu_sim_ros.types import Array, Integers
+from imu_sim_ros.core import gate
+from imu_sim_ros.core.bad_rows import COLUMNS, NUMBERS, STAMPS, BadRows, Skipped
+from imu_sim_ros.core.errors import InputError
+from imu_sim_ros.core.records import Readings, States
+from imu_sim_ros.core.rotation import normalise, rotate
+from imu_sim_ros.core.types import Array, Integers
+from imu_sim_ros.inputs.rows import Row, is_present, number_of, row_blocks
 
 READINGS: Final = "imu_pose_noise.txt"
 TRUTH: Final = "imu_pose.txt"

@@ -16,13 +16,13 @@ import numpy as np
 from imu_sim_ros.bags.outputs import OutputFile, make_folder
 from imu_sim_ros.bags.text import decimals
 from imu_sim_ros.bags.text.decimals import decimal
-from imu_sim_ros.errors import InputError
+from imu_sim_ros.core.errors import InputError
+from imu_sim_ros.core.names import suggestion
+from imu_sim_ros.core.records import States
+from imu_sim_ros.core.rotation import pose_matrix
+from imu_sim_ros.core.types import Array, Times
 from imu_sim_ros.inputs.tables import Table
-from imu_sim_ros.names import suggestion
-from imu_sim_ros.progress import watcher
-from imu_sim_ros.records import States
-from imu_sim_ros.rotation import pose_matrix
-from imu_sim_ros.types import Array, Times
+from imu_sim_ros.terminal.progress import watcher
 
 POSES_OF_TABLES: Final = "groundtruth.tum"
 """The true poses in a folder of kalibr's tables, as ``--format csv`` writes it."""

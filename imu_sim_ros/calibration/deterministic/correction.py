@@ -14,12 +14,12 @@ from imu_sim_ros.calibration.deterministic.gravity_norm import upper_triangular
 from imu_sim_ros.calibration.deterministic.positions import SixPosition
 from imu_sim_ros.calibration.deterministic.temperature import Temperature
 from imu_sim_ros.calibration.deterministic.turntable import Turntable
-from imu_sim_ros.conventions import TRIADS
+from imu_sim_ros.core.conventions import TRIADS
+from imu_sim_ros.core.types import Array
 from imu_sim_ros.parameters import files
 from imu_sim_ros.parameters.kinds import Value
 from imu_sim_ros.parameters.sections import flatten
 from imu_sim_ros.sensors.imu.parameters import ImuParameters
-from imu_sim_ros.types import Array
 
 
 class Calibrated(NamedTuple):

@@ -15,9 +15,9 @@ from typing import Final, NamedTuple
 
 import numpy as np
 
-from imu_sim_ros.errors import InputError
-from imu_sim_ros.inputs import gate
-from imu_sim_ros.types import Array
+from imu_sim_ros.core import gate
+from imu_sim_ros.core.errors import InputError
+from imu_sim_ros.core.types import Array
 
 PARAMETERS: Final = 9
 _ROWS: Final = np.array([0, 0, 0, 1, 1, 2])

@@ -20,8 +20,8 @@ from imu_sim_ros.calibration.deterministic.response import (
     rounding_of,
 )
 from imu_sim_ros.calibration.deterministic.steady import Steady
-from imu_sim_ros.errors import InputError
-from imu_sim_ros.types import Array
+from imu_sim_ros.core.errors import InputError
+from imu_sim_ros.core.types import Array
 
 PARAMETERS: Final = 9
 _ROWS: Final = np.array([0, 0, 0, 1, 1, 2])

@@ -25,8 +25,8 @@ from imu_sim_ros.calibration.deterministic.response import (
     rounding_of,
 )
 from imu_sim_ros.calibration.deterministic.steady import Steady
-from imu_sim_ros.errors import InputError
-from imu_sim_ros.types import Array, Integers, Mask
+from imu_sim_ros.core.errors import InputError
+from imu_sim_ros.core.types import Array, Integers, Mask
 
 AUTO: Final = "auto"
 EXACT: Final = "exact"

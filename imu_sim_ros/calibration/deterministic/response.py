@@ -13,7 +13,7 @@ from typing import Final, NamedTuple
 import numpy as np
 
 from imu_sim_ros.calibration.deterministic.steady import whitened
-from imu_sim_ros.types import Array, Integers
+from imu_sim_ros.core.types import Array, Integers
 
 _STEPS: Final = 8
 _LOG_WALKS: Final = (-6.0, 14.0)

@@ -8,10 +8,10 @@ from typing import Final, NamedTuple
 
 import numpy as np
 
-from imu_sim_ros.errors import InputError
-from imu_sim_ros.inputs import gate
+from imu_sim_ros.core import gate
+from imu_sim_ros.core.errors import InputError
+from imu_sim_ros.core.types import Array, Integers, Mask, Times
 from imu_sim_ros.recordings.clock import estimate_clock
-from imu_sim_ros.types import Array, Integers, Mask, Times
 
 
 class Whitened(NamedTuple):

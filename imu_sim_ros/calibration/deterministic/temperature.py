@@ -17,9 +17,9 @@ from imu_sim_ros.calibration.deterministic.response import (
     walk_whitener,
 )
 from imu_sim_ros.calibration.deterministic.steady import Steady
-from imu_sim_ros.conventions import TRIADS
-from imu_sim_ros.errors import InputError
-from imu_sim_ros.types import Array, Integers
+from imu_sim_ros.core.conventions import TRIADS
+from imu_sim_ros.core.errors import InputError
+from imu_sim_ros.core.types import Array, Integers
 
 HIGHEST_ORDER: Final = 4
 _SMALLEST_SPAN: Final = 5.0

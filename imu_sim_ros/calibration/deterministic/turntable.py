@@ -14,8 +14,8 @@ from imu_sim_ros.calibration.deterministic.positions import (
 )
 from imu_sim_ros.calibration.deterministic.response import determined, fit_axis
 from imu_sim_ros.calibration.deterministic.steady import Steady
-from imu_sim_ros.errors import InputError
-from imu_sim_ros.types import Array, Integers
+from imu_sim_ros.core.errors import InputError
+from imu_sim_ros.core.types import Array, Integers
 
 _TURNING: Final = 0.05
 """Smallest rate of the table [rad/s]."""

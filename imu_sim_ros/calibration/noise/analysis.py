@@ -33,10 +33,10 @@ from imu_sim_ros.calibration.noise.terms import (
     WHITE,
 )
 from imu_sim_ros.calibration.record import AXES, Record, Timing
-from imu_sim_ros.conventions import TRIADS
-from imu_sim_ros.errors import InputError
-from imu_sim_ros.records import Readings
-from imu_sim_ros.types import Array
+from imu_sim_ros.core.conventions import TRIADS
+from imu_sim_ros.core.errors import InputError
+from imu_sim_ros.core.records import Readings
+from imu_sim_ros.core.types import Array
 
 SHORTEST: Final = 60.0
 """Shortest analysable rest [s]."""

@@ -8,7 +8,7 @@ from typing import Final, NamedTuple
 
 import numpy as np
 
-from imu_sim_ros.types import Array, Integers
+from imu_sim_ros.core.types import Array, Integers
 
 _CHUNK: Final = 1 << 13
 """Number of terms handled at once: they fit the processor's cache, and BLAS stays in one thread."""

@@ -39,7 +39,7 @@ from imu_sim_ros.calibration.noise.terms import (
     gauss_markov_expectation,
     ramp_amplitude,
 )
-from imu_sim_ros.types import Array, Mask
+from imu_sim_ros.core.types import Array, Mask
 
 RAMP: Final = "rate_ramp"
 PRICES: Final = {WALK.key: 2.71, FLICKER.key: 4.6, RAMP: 10.0}

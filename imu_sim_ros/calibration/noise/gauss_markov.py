@@ -20,7 +20,7 @@ from imu_sim_ros.calibration.noise.likelihood import (
 )
 from imu_sim_ros.calibration.noise.spectrum import Spectrum
 from imu_sim_ros.calibration.noise.terms import TERMS, WHITE, gauss_markov_expectation
-from imu_sim_ros.types import Array
+from imu_sim_ros.core.types import Array
 
 SIGMA: Final = "gauss_markov_sigma"
 CORRELATION_TIME: Final = "correlation_time"

@@ -28,7 +28,7 @@ from typing import Final, NamedTuple
 
 import numpy as np
 
-from imu_sim_ros.types import Array, Integers, Mask
+from imu_sim_ros.core.types import Array, Integers, Mask
 
 CONFIDENCE_DROP: Final = 1.9207
 """Drop of the log-likelihood at the ends of a 95 % interval: half of chi-square(1, 0.95)."""

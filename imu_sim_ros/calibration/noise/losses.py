@@ -23,7 +23,7 @@ from typing import Final, NamedTuple
 import numpy as np
 
 from imu_sim_ros.calibration.noise.likelihood import Data, fit
-from imu_sim_ros.types import Array, Integers
+from imu_sim_ros.core.types import Array, Integers
 
 _WIDTH: Final = 0.1
 """Relative width of the bins in which squared coefficients are averaged."""

@@ -12,8 +12,8 @@ import numpy as np
 from imu_sim_ros.calibration.noise.analysis import AllanResult
 from imu_sim_ros.calibration.noise.gauss_markov import CORRELATION_TIME, SIGMA
 from imu_sim_ros.calibration.noise.terms import WHITE
-from imu_sim_ros.conventions import AXES, TRIADS
-from imu_sim_ros.errors import InputError
+from imu_sim_ros.core.conventions import AXES, TRIADS
+from imu_sim_ros.core.errors import InputError
 from imu_sim_ros.parameters import files
 from imu_sim_ros.parameters.kinds import Value
 

@@ -19,7 +19,7 @@ from typing import Final, NamedTuple, Protocol
 import numpy as np
 
 from imu_sim_ros.calibration.noise.likelihood import Data, fit_many
-from imu_sim_ros.types import Array, Integers
+from imu_sim_ros.core.types import Array, Integers
 
 _MAX_SIGNALS: Final = 8
 _MIN_POINTS: Final = 400

@@ -23,7 +23,7 @@ from imu_sim_ros.calibration.noise.slow_signals import (
     Signal,
     find_signals,
 )
-from imu_sim_ros.types import Array, Integers, Mask
+from imu_sim_ros.core.types import Array, Integers, Mask
 
 CLUSTER: Final = 16
 """Samples averaged for the low part of the spectrum, which covers the whole record at once."""

@@ -9,8 +9,8 @@ from typing import Final, NamedTuple
 import numpy as np
 
 from imu_sim_ros.calibration.noise.spectrum import CLUSTER, Spectrum
-from imu_sim_ros.conventions import STANDARD_GRAVITY
-from imu_sim_ros.types import Array
+from imu_sim_ros.core.conventions import STANDARD_GRAVITY
+from imu_sim_ros.core.types import Array
 
 _DEGREES: Final = 180.0 / np.pi
 _HOUR: Final = 3600.0

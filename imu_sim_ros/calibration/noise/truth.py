@@ -11,11 +11,11 @@ from imu_sim_ros.calibration.noise.analysis import AllanResult
 from imu_sim_ros.calibration.noise.estimate import Estimate
 from imu_sim_ros.calibration.noise.gauss_markov import CORRELATION_TIME, SIGMA
 from imu_sim_ros.calibration.noise.terms import QUANTISATION
-from imu_sim_ros.conventions import AXES, TRIADS
+from imu_sim_ros.core.conventions import AXES, TRIADS
+from imu_sim_ros.core.types import Array
 from imu_sim_ros.parameters import files
 from imu_sim_ros.sensors.imu.parameters import ImuParameters
 from imu_sim_ros.sensors.imu.triads import TriadParameters
-from imu_sim_ros.types import Array
 
 
 class ParameterComparison(NamedTuple):

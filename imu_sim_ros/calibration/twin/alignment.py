@@ -8,8 +8,8 @@ from typing import Final
 import numpy as np
 
 from imu_sim_ros.calibration.twin.model import BodyMotion, MotionAt
-from imu_sim_ros.conventions import AXES, TRIADS
-from imu_sim_ros.types import Array
+from imu_sim_ros.core.conventions import AXES, TRIADS
+from imu_sim_ros.core.types import Array
 
 _GRID: Final = 0.005
 """Step of the times that are correlated [s]."""

@@ -15,7 +15,7 @@ from imu_sim_ros.calibration.twin.fit import Fit, Recording, fit
 from imu_sim_ros.calibration.twin.intensity import Lines, find_lines
 from imu_sim_ros.calibration.twin.model import Errors, KnownMotion, predicted, true_times
 from imu_sim_ros.calibration.twin.spectrum import Bands, White
-from imu_sim_ros.types import Array, Mask
+from imu_sim_ros.core.types import Array, Mask
 
 _LOWEST_WHITE: Final = 1.0
 """Lowest frequency of the white floor: below it the truth's own errors hide it [Hz]."""

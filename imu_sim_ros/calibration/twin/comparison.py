@@ -12,7 +12,7 @@ from imu_sim_ros.calibration.twin import alignment as clock
 from imu_sim_ros.calibration.twin.fit import Fit, Recording, fit
 from imu_sim_ros.calibration.twin.model import CURVATURE, OFFSET, SKEW, KnownMotion
 from imu_sim_ros.calibration.twin.spectrum import cross_spectra
-from imu_sim_ros.types import Array
+from imu_sim_ros.core.types import Array
 
 BANDS: Final = ((0.2, 1.0), (1.0, 5.0), (5.0, 20.0), (20.0, 50.0), (50.0, 100.0))
 """Bands in which densities are compared [Hz]."""

@@ -35,7 +35,7 @@ from numpy.typing import NDArray
 
 from imu_sim_ros.calibration.twin import model
 from imu_sim_ros.calibration.twin.model import COUNT, Errors, KnownMotion, MotionAt
-from imu_sim_ros.types import Array, Integers
+from imu_sim_ros.core.types import Array, Integers
 
 Indices = NDArray[np.intp]
 

@@ -9,7 +9,7 @@ from typing import Final, NamedTuple
 
 import numpy as np
 
-from imu_sim_ros.types import Array, Mask
+from imu_sim_ros.core.types import Array, Mask
 
 _MAX_TERMS: Final = 24
 _PEAK: Final = 20.0

@@ -20,8 +20,8 @@ from typing import Final, NamedTuple
 
 import numpy as np
 
-from imu_sim_ros import rotation
-from imu_sim_ros.types import Array
+from imu_sim_ros.core import rotation
+from imu_sim_ros.core.types import Array
 
 COUNT: Final = 42
 OFFSET, SKEW = slice(0, 1), slice(1, 2)

@@ -11,8 +11,8 @@ from imu_sim_ros.calibration.twin.analysis import Analysis
 from imu_sim_ros.calibration.twin.fit import Fit
 from imu_sim_ros.calibration.twin.model import BIAS
 from imu_sim_ros.calibration.twin.spectrum import Bands
+from imu_sim_ros.core.types import Array
 from imu_sim_ros.parameters.kinds import SMALLEST, Value
-from imu_sim_ros.types import Array
 
 _DIGITS: Final = 9
 _BAND_DIGITS: Final = 4

@@ -15,9 +15,9 @@ from typing import Final, NamedTuple
 
 import numpy as np
 
-from imu_sim_ros import rotation
-from imu_sim_ros.records import States, with_fields
-from imu_sim_ros.types import Array
+from imu_sim_ros.core import rotation
+from imu_sim_ros.core.records import States, with_fields
+from imu_sim_ros.core.types import Array
 
 _POSES: Final = 9
 """In a difference of eighth order."""

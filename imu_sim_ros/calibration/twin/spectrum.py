@@ -15,7 +15,7 @@ from typing import Final, NamedTuple
 
 import numpy as np
 
-from imu_sim_ros.types import Array, Complex, Mask
+from imu_sim_ros.core.types import Array, Complex, Mask
 
 _TAPERS: Final = 5
 _EFFICIENCY: Final = 1.0 / (1.0 + 0.5 / _TAPERS)

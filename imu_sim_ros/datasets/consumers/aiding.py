@@ -9,13 +9,13 @@ from typing import Final
 
 import numpy as np
 
+from imu_sim_ros.core.types import Array
 from imu_sim_ros.datasets.consumers.values import ImuValues
 from imu_sim_ros.sensors.gnss.parameters import MODES, GnssParameters
 from imu_sim_ros.sensors.wheels.model import rim_speeds
 from imu_sim_ros.sensors.wheels.parameters import WheelsParameters
 from imu_sim_ros.sensors.wheels.uncertainty import StatedCovariance
 from imu_sim_ros.simulation.parameters import SimulationParameters
-from imu_sim_ros.types import Array
 
 SPEED: Final = 1.0
 """Speed at which the noise of wheels, which grows with it, is stated as one number [m/s]."""

@@ -8,13 +8,13 @@ from typing import Final
 
 import numpy as np
 
-from imu_sim_ros import rotation
+from imu_sim_ros.core import rotation
+from imu_sim_ros.core.types import Array
 from imu_sim_ros.datasets.consumers.rig import RigValues, four_coefficients, kind
 from imu_sim_ros.datasets.consumers.subject import Subject
 from imu_sim_ros.datasets.consumers.values import SMALLEST, ImuValues, remarks
-from imu_sim_ros.json_text import as_json
 from imu_sim_ros.sensors.camera.parameters import CameraParameters
-from imu_sim_ros.types import Array
+from imu_sim_ros.terminal.json_text import as_json
 
 _EXPRESSED: Final = (
     "gyroscope_bias",

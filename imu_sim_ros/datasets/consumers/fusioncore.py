@@ -11,11 +11,11 @@ from typing import Final
 
 import numpy as np
 
-from imu_sim_ros.conventions import TRIADS
+from imu_sim_ros.core.conventions import TRIADS
+from imu_sim_ros.core.geodesy import earth_fixed
 from imu_sim_ros.datasets.consumers.aiding import SPEED, Aiding
 from imu_sim_ros.datasets.consumers.subject import Subject
 from imu_sim_ros.datasets.consumers.values import comment, real
-from imu_sim_ros.geodesy import earth_fixed
 from imu_sim_ros.simulation.topics import resolved
 
 _GRAVITY: Final = 9.80665

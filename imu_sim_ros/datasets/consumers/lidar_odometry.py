@@ -9,18 +9,18 @@ from typing import Final
 
 import numpy as np
 
-from imu_sim_ros.conventions import IMU_TOPIC
+from imu_sim_ros.core.conventions import IMU_TOPIC
+from imu_sim_ros.core.rotation import from_matrix
+from imu_sim_ros.core.types import Array
 from imu_sim_ros.datasets.consumers.rig import yaml_list
 from imu_sim_ros.datasets.consumers.subject import Subject
 from imu_sim_ros.datasets.consumers.values import ImuValues, comment, real, remarks
-from imu_sim_ros.rotation import from_matrix
 from imu_sim_ros.sensors.lidar.declaration import CUSTOM_TOPIC, TOPIC
 from imu_sim_ros.sensors.lidar.parameters import LidarParameters
 from imu_sim_ros.sensors.lidar.pattern import build_pattern
 from imu_sim_ros.sensors.orientation.declaration import TOPIC as NINE_AXES
 from imu_sim_ros.simulation.parameters import SimulationParameters
 from imu_sim_ros.simulation.topics import resolved
-from imu_sim_ros.types import Array
 
 _FAST_LIO: Final = {"livox": (1, 3), "velodyne": (2, 0), "ouster": (3, 3)}
 """lidar_type and timestamp_unit (0: s, 3: ns) of the layouts that FAST-LIO2 reads."""

@@ -10,11 +10,11 @@ from typing import Final
 
 import numpy as np
 
+from imu_sim_ros.core.rotation import pose_matrix
 from imu_sim_ros.datasets.consumers.aiding import SPEED, Aiding
 from imu_sim_ros.datasets.consumers.rig import yaml_list
 from imu_sim_ros.datasets.consumers.subject import Subject
 from imu_sim_ros.datasets.consumers.values import comment, real, rows
-from imu_sim_ros.rotation import pose_matrix
 from imu_sim_ros.simulation.topics import resolved
 
 _PARTS: Final = ("system", "estimator", "imu", "init", "gps", "wheel")

@@ -11,6 +11,7 @@ from typing import Final
 import numpy as np
 
 from imu_sim_ros.bags.text.decimals import decimal
+from imu_sim_ros.core.types import Array
 from imu_sim_ros.datasets.consumers.rig import (
     REST_THRESHOLD,
     RigValues,
@@ -20,7 +21,6 @@ from imu_sim_ros.datasets.consumers.rig import (
 )
 from imu_sim_ros.datasets.consumers.subject import Subject
 from imu_sim_ros.datasets.consumers.values import ImuValues, comment, real, remarks, rows
-from imu_sim_ros.types import Array
 
 _EXPRESSED: Final = (
     "gyroscope_scale_misalignment",

@@ -10,13 +10,13 @@ from typing import Final, NamedTuple
 import numpy as np
 
 from imu_sim_ros.bags.text.decimals import decimal
+from imu_sim_ros.core.rotation import inverse_pose, pose_matrix
+from imu_sim_ros.core.types import Array
 from imu_sim_ros.datasets.consumers.values import ImuValues, real
 from imu_sim_ros.parameters.sections import parameters
-from imu_sim_ros.rotation import inverse_pose, pose_matrix
 from imu_sim_ros.sensors.camera.parameters import CameraParameters
 from imu_sim_ros.sensors.camera.scene_parameters import SceneParameters
 from imu_sim_ros.sensors.declaration import mount_of
-from imu_sim_ros.types import Array
 
 
 @dataclass(frozen=True)

@@ -11,12 +11,12 @@ from typing import Final
 import numpy as np
 
 from imu_sim_ros.bags.text.decimals import decimal
-from imu_sim_ros.conventions import TRIADS
+from imu_sim_ros.core.conventions import TRIADS
+from imu_sim_ros.core.types import Array
 from imu_sim_ros.parameters.sections import flatten
 from imu_sim_ros.sensors import sensors_of_imus
 from imu_sim_ros.sensors.errors.triad import variance_discrete
 from imu_sim_ros.sensors.imu.parameters import ImuParameters
-from imu_sim_ros.types import Array
 
 DENSITIES: Final = tuple(f"{t}_{key}" for t in TRIADS for key in ("noise_density", "random_walk"))
 """Names of the four numbers that every stack uses in some form."""

@@ -22,8 +22,9 @@ from rclpy.time import Time
 from sensor_msgs.msg import Imu
 from std_srvs.srv import Trigger
 
-from imu_sim_ros import conventions
-from imu_sim_ros.errors import InputError
+from imu_sim_ros.core import conventions
+from imu_sim_ros.core.errors import InputError
+from imu_sim_ros.core.records import LiveReading, Readings
 from imu_sim_ros.nodes import messages as decode
 from imu_sim_ros.nodes import run, sensor_description, signals
 from imu_sim_ros.nodes.diagnostics import PERIOD, drawn, fault_message
@@ -33,7 +34,6 @@ from imu_sim_ros.nodes.parameters import ConfiguredNode
 from imu_sim_ros.nodes.publishing import check_overrides, create
 from imu_sim_ros.nodes.subscriptions import MatchedInputs, RawSubscriptions, Taken
 from imu_sim_ros.recordings.findings.live import TwistWatch
-from imu_sim_ros.records import LiveReading, Readings
 from imu_sim_ros.sensors.imu.declaration import NAME as IMU
 from imu_sim_ros.simulation.error_input import Differentiator, IdealValues
 from imu_sim_ros.simulation.error_model import GivenImu

@@ -11,11 +11,11 @@ from typing import TypeVar
 from builtin_interfaces.msg import Time
 from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus
 
+from imu_sim_ros.core.records import LiveState
 from imu_sim_ros.navigation.evaluation import attitude_error
 from imu_sim_ros.nodes.diagnostics import PERIOD, diagnostics
 from imu_sim_ros.nodes.integrator.odometer import LiveIntegrator
 from imu_sim_ros.parameters.kinds import Vector
-from imu_sim_ros.records import LiveState
 
 _KEPT = 20000
 _Item = TypeVar("_Item")

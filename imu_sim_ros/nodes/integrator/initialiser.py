@@ -13,14 +13,14 @@ from typing import NamedTuple, Protocol
 
 import numpy as np
 
-from imu_sim_ros import rotation
-from imu_sim_ros.errors import InputError
+from imu_sim_ros.core import rotation
+from imu_sim_ros.core.errors import InputError
+from imu_sim_ros.core.records import LiveReading, LiveState
 from imu_sim_ros.navigation import initialisation
 from imu_sim_ros.navigation.initialisation import Initial
 from imu_sim_ros.navigation.parameters import IntegratorParameters
 from imu_sim_ros.navigation.state import NavigationState
 from imu_sim_ros.recordings.order import is_gap
-from imu_sim_ros.records import LiveReading, LiveState
 
 _KEPT = 20000
 """Number of readings and truths that may wait for each other: 2.5 s at 8 kHz."""

@@ -20,7 +20,7 @@ from sensor_msgs.msg import Imu
 from std_srvs.srv import Trigger
 
 from imu_sim_ros.bags.messages.encode import OdometryEncoder, Vector3StampedEncoder
-from imu_sim_ros.conventions import (
+from imu_sim_ros.core.conventions import (
     ATTITUDE_ERROR_TOPIC,
     DEAD_RECKONED_TOPIC,
     IMU_TOPIC,
@@ -29,7 +29,9 @@ from imu_sim_ros.conventions import (
     ROLL_PITCH_YAW_TOPIC,
     TRUTH_TOPIC,
 )
-from imu_sim_ros.errors import InputError
+from imu_sim_ros.core.errors import InputError
+from imu_sim_ros.core.records import LiveState
+from imu_sim_ros.core.rotation import to_euler
 from imu_sim_ros.navigation.mount import ALIGNED, mount_of
 from imu_sim_ros.navigation.parameters import (
     IntegratorImuParameters,
@@ -55,8 +57,6 @@ from imu_sim_ros.nodes.subscriptions import DEPTH, MatchedInputs, RawSubscriptio
 from imu_sim_ros.parameters.kinds import IDENTITY_MATRIX
 from imu_sim_ros.recordings.findings.live import UnitWatch
 from imu_sim_ros.recordings.findings.policy import INTEGRATOR
-from imu_sim_ros.records import LiveState
-from imu_sim_ros.rotation import to_euler
 
 _READ_PERIOD = 0.002
 """[s] How long readings wait for each other, and about the longest that one waits."""

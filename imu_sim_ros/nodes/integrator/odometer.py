@@ -15,8 +15,9 @@ from nav_msgs.msg import Path
 from rclpy.publisher import Publisher
 from std_msgs.msg import Header
 
-from imu_sim_ros import components, rotation
-from imu_sim_ros.inputs import gate
+from imu_sim_ros.core import components, gate, rotation
+from imu_sim_ros.core.records import LiveReading, LiveState
+from imu_sim_ros.core.types import Array
 from imu_sim_ros.navigation.covariance import Covariance
 from imu_sim_ros.navigation.mount import ALIGNED, mount_of
 from imu_sim_ros.navigation.parameters import IntegratorParameters
@@ -25,8 +26,6 @@ from imu_sim_ros.navigation.stepper import Stepper, StepperCounts
 from imu_sim_ros.nodes.integrator.initialiser import Start, initialiser
 from imu_sim_ros.parameters.kinds import IDENTITY_MATRIX
 from imu_sim_ros.recordings.order import RESTART_NS, longest_step_ns
-from imu_sim_ros.records import LiveReading, LiveState
-from imu_sim_ros.types import Array
 
 _SMOOTHING = 0.02
 _SMALL_ANGLE = 0.5

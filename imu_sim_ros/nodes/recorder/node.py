@@ -14,12 +14,11 @@ from rclpy.exceptions import NameValidationException
 from rclpy.qos import QoSProfile
 from rclpy.topic_endpoint_info import TopicEndpointInfo
 
-from imu_sim_ros import timebase
 from imu_sim_ros.bags.create import open_writer
 from imu_sim_ros.bags.recorder_parameters import RecorderParameters
 from imu_sim_ros.bags.writer import BagOptions, Writer
-from imu_sim_ros.errors import ConfigurationError, InputError, MissingDependencyError
-from imu_sim_ros.json_text import as_json
+from imu_sim_ros.core import timebase
+from imu_sim_ros.core.errors import ConfigurationError, InputError, MissingDependencyError
 from imu_sim_ros.nodes import run, signals
 from imu_sim_ros.nodes.messages import definition, message_class, stamp_offset, type_hash
 from imu_sim_ros.nodes.parameters import ConfiguredNode
@@ -38,7 +37,8 @@ from imu_sim_ros.nodes.subscriptions import (
     matching_qos,
     offered_qos,
 )
-from imu_sim_ros.text_tables import print_table
+from imu_sim_ros.terminal.json_text import as_json
+from imu_sim_ros.terminal.text_tables import print_table
 
 MEGABYTE = 1_000_000
 

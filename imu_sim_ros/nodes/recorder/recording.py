@@ -19,11 +19,11 @@ from rclpy.node import Node
 from imu_sim_ros.bags.messages.schemas import BrokenMessageError, Qos, recorded_type
 from imu_sim_ros.bags.outputs import active_path
 from imu_sim_ros.bags.writer import BagTopic, Block, Writer
-from imu_sim_ros.errors import InputError
+from imu_sim_ros.core.errors import InputError
+from imu_sim_ros.core.timebase import NANOSECONDS_PER_SECOND
 from imu_sim_ros.nodes.lifetime import Fail, SupervisedThread
 from imu_sim_ros.nodes.recorder.stamp_statistics import StampStatistics
 from imu_sim_ros.nodes.subscriptions import Taken
-from imu_sim_ros.timebase import NANOSECONDS_PER_SECOND
 
 _STAMPS = {0: struct.Struct(">iI"), 1: struct.Struct("<iI")}
 

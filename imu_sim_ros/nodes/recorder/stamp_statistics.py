@@ -5,7 +5,7 @@
 
 import numpy as np
 
-from imu_sim_ros.types import Integers
+from imu_sim_ros.core.types import Integers
 
 _WINDOW = 256
 """Intervals whose median is the usual one."""

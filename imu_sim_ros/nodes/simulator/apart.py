@@ -23,9 +23,8 @@ from typing import IO, Final, TypedDict
 import numpy as np
 from rclpy.duration import Duration
 
-from imu_sim_ros.conventions import LANDMARKS_TOPIC, MARKERS_TOPIC
-from imu_sim_ros.errors import ConfigurationError, MachineError
-from imu_sim_ros.json_text import as_json
+from imu_sim_ros.core.conventions import LANDMARKS_TOPIC, MARKERS_TOPIC
+from imu_sim_ros.core.errors import ConfigurationError, MachineError
 from imu_sim_ros.nodes import fast_dds
 from imu_sim_ros.nodes.lifetime import Fail, SupervisedThread
 from imu_sim_ros.nodes.parameters import ConfiguredNode
@@ -34,10 +33,11 @@ from imu_sim_ros.parameters.kinds import Value
 from imu_sim_ros.parameters.sections import flatten
 from imu_sim_ros.sensors.declaration import Mounted
 from imu_sim_ros.sensors.samples import Samples
-from imu_sim_ros.signals import blocked
 from imu_sim_ros.simulation.playback import SimulatorParameters
 from imu_sim_ros.simulation.sensors import mounted
 from imu_sim_ros.simulation.topics import Encode, Messages, delivered_rows, offered
+from imu_sim_ros.terminal.json_text import as_json
+from imu_sim_ros.terminal.signals import blocked
 
 TOKEN: Final = struct.Struct("<qq")
 """Number of a sample, and its true time [ns]."""
@@ -45,7 +45,7 @@ MARKERS: Final = "visualization_msgs/msg/MarkerArray"
 _OVERRIDES: Final = "qos_overrides"
 _PROGRAM: Final = """
 import sys
-from imu_sim_ros import startup
+from imu_sim_ros.terminal import startup
 sys.exit(startup.load("imu_sim_ros.nodes.simulator.apart_process").main())
 """
 _LONGEST_FRAME: Final = 10.0

@@ -27,16 +27,14 @@ from rclpy.signals import SignalHandlerOptions
 
 from imu_sim_ros.bags.messages.blocks import as_list
 from imu_sim_ros.bags.messages.encode_cameras import restamped
-from imu_sim_ros.conventions import MARKERS_TOPIC
-from imu_sim_ros.errors import explain
+from imu_sim_ros.core.conventions import MARKERS_TOPIC
+from imu_sim_ros.core.errors import explain
 from imu_sim_ros.formats.door import read_states
-from imu_sim_ros.json_text import as_json
 from imu_sim_ros.nodes import fast_dds
 from imu_sim_ros.nodes.publishing import Counter, create
 from imu_sim_ros.nodes.simulator.apart import MARKERS, TOKEN, ProcessStart
 from imu_sim_ros.nodes.simulator.markers import markers
 from imu_sim_ros.parameters.sections import build
-from imu_sim_ros.progress import Watcher, watch_thread
 from imu_sim_ros.sensors.samples import Samples
 from imu_sim_ros.sensors.timing import SampleTimes
 from imu_sim_ros.sensors.world import Window, World
@@ -44,6 +42,8 @@ from imu_sim_ros.simulation.cameras import scene_around
 from imu_sim_ros.simulation.playback import SimulatorParameters
 from imu_sim_ros.simulation.sensors import models, mounted, sensor_warnings
 from imu_sim_ros.simulation.topics import offered
+from imu_sim_ros.terminal.json_text import as_json
+from imu_sim_ros.terminal.progress import Watcher, watch_thread
 from imu_sim_ros.trajectory.build import build_trajectory
 
 ORIGIN_NS: Final = 10**12

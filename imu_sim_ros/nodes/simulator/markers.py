@@ -11,12 +11,12 @@ from geometry_msgs.msg import Point
 from std_msgs.msg import ColorRGBA
 from visualization_msgs.msg import Marker, MarkerArray
 
+from imu_sim_ros.core.types import Array
 from imu_sim_ros.places.geometry import Surfaces
 from imu_sim_ros.sensors.camera.declaration import cameras_in
 from imu_sim_ros.sensors.camera.model import CameraModel
 from imu_sim_ros.sensors.declaration import Mounted
 from imu_sim_ros.sensors.world import World
-from imu_sim_ros.types import Array
 
 _SIZE: Final = 0.03
 """Size of a landmark; lines are a third as wide [m]."""

@@ -26,10 +26,11 @@ from rclpy.qos import DurabilityPolicy, QoSProfile
 from rclpy.time import Time
 from std_srvs.srv import SetBool, Trigger
 
-from imu_sim_ros import conventions, timebase
 from imu_sim_ros.bags.messages.encode import CLOCK, ClockEncoder
 from imu_sim_ros.bags.messages.transforms import TF_MESSAGE
-from imu_sim_ros.errors import ConfigurationError, MissingDependencyError
+from imu_sim_ros.core import conventions, timebase
+from imu_sim_ros.core.errors import ConfigurationError, MissingDependencyError
+from imu_sim_ros.core.records import States
 from imu_sim_ros.nodes import run, sensor_description, signals
 from imu_sim_ros.nodes.diagnostics import PERIOD, drawn, fault_message
 from imu_sim_ros.nodes.messages import message_class
@@ -48,7 +49,6 @@ from imu_sim_ros.nodes.simulator.publish_queue import (
 )
 from imu_sim_ros.nodes.simulator.serial_line import PseudoTerminal, messages
 from imu_sim_ros.parameters.sections import flatten
-from imu_sim_ros.records import States
 from imu_sim_ros.sensors import sensors_of_imus
 from imu_sim_ros.sensors.declaration import Topic
 from imu_sim_ros.simulation import topics

@@ -10,11 +10,11 @@ from typing import NamedTuple, Protocol
 
 import numpy as np
 
-from imu_sim_ros import timebase
 from imu_sim_ros.bags.messages.blocks import as_list
+from imu_sim_ros.core import timebase
+from imu_sim_ros.core.types import Times
 from imu_sim_ros.simulation.engine import Body
 from imu_sim_ros.simulation.topics import Encode
-from imu_sim_ros.types import Times
 
 Send = Callable[[bytes], None]
 Group = tuple[int, Sequence[tuple[Send, bytes]]]

@@ -10,7 +10,7 @@ from contextlib import suppress
 from pathlib import Path
 from typing import Final
 
-from imu_sim_ros.errors import InputError
+from imu_sim_ros.core.errors import InputError
 from imu_sim_ros.sensors.declaration import Serial
 from imu_sim_ros.sensors.samples import Samples
 from imu_sim_ros.simulation.topics import Encode, Messages

@@ -11,14 +11,14 @@ from rclpy.node import Node
 from rclpy.publisher import Publisher
 from rclpy.qos import DurabilityPolicy, QoSProfile
 
-from imu_sim_ros import timebase
 from imu_sim_ros.bags.messages.transforms import TransformsEncoder
-from imu_sim_ros.conventions import TF_STATIC_TOPIC
+from imu_sim_ros.core import timebase
+from imu_sim_ros.core.conventions import TF_STATIC_TOPIC
+from imu_sim_ros.core.types import Array, Integers
 from imu_sim_ros.nodes.publishing import create
 from imu_sim_ros.nodes.simulator.publish_queue import TickStream
 from imu_sim_ros.simulation.parameters import SimulationParameters
 from imu_sim_ros.trajectory.motion import Trajectory
-from imu_sim_ros.types import Array, Integers
 
 QOS: Final = QoSProfile(depth=100)
 STATIC_QOS: Final = QoSProfile(depth=1, durability=DurabilityPolicy.TRANSIENT_LOCAL)

@@ -8,6 +8,7 @@ from typing import Any, Final
 
 import numpy as np
 
+from imu_sim_ros.core.records import Readings, States, TimeSeries
 from imu_sim_ros.recordings.cameras import CameraRecord, CloudRecord
 from imu_sim_ros.recordings.findings.cameras import CAMERAS, CLOUDS
 from imu_sim_ros.recordings.findings.clipping import CLIPPING, ClippingCounts
@@ -19,7 +20,6 @@ from imu_sim_ros.recordings.findings.roles import FRAMES, USES, TopicFrames, Tra
 from imu_sim_ros.recordings.findings.stamps import STAMPS
 from imu_sim_ros.recordings.findings.states import STATES, TWIST, StateMeasures, poses_held
 from imu_sim_ros.recordings.repair import Disturbances, mended
-from imu_sim_ros.records import Readings, States, TimeSeries
 
 GROUPS: Final[dict[str, tuple[FaultCheck[Any], ...]]] = {
     "Readings": READINGS,

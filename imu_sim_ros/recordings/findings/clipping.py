@@ -9,9 +9,9 @@ from typing import Final
 
 import numpy as np
 
-from imu_sim_ros.conventions import Triad
+from imu_sim_ros.core.conventions import Triad
+from imu_sim_ros.core.types import Integers, Times
 from imu_sim_ros.recordings.findings.finding import Evidence, check
-from imu_sim_ros.types import Integers, Times
 
 
 @dataclass(frozen=True)

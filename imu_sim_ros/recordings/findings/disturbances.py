@@ -8,10 +8,10 @@ from typing import Final, NamedTuple
 
 import numpy as np
 
+from imu_sim_ros.core.records import States
+from imu_sim_ros.core.types import Array
 from imu_sim_ros.recordings.findings.finding import Evidence, check
 from imu_sim_ros.recordings.repair import Disturbances
-from imu_sim_ros.records import States
-from imu_sim_ros.types import Array
 
 _SHOWN: Final = 5
 """Disturbances that are described."""

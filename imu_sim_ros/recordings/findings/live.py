@@ -8,12 +8,12 @@ from typing import Final
 
 import numpy as np
 
-from imu_sim_ros import rotation
-from imu_sim_ros.conventions import TWIST_FRAMES
+from imu_sim_ros.core import rotation
+from imu_sim_ros.core.conventions import TWIST_FRAMES
+from imu_sim_ros.core.records import LiveReading, LiveState, Readings, States
 from imu_sim_ros.recordings.findings.catalogue import twist_findings, unit_findings
 from imu_sim_ros.recordings.findings.finding import Finding
 from imu_sim_ros.recordings.findings.states import StateMeasures
-from imu_sim_ros.records import LiveReading, LiveState, Readings, States
 
 START_NS: Final = 2_000_000_000
 """Time from the first reading over which readings are judged [ns]."""

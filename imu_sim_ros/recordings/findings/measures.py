@@ -9,12 +9,12 @@ from typing import Final, NamedTuple
 
 import numpy as np
 
-from imu_sim_ros import rotation
-from imu_sim_ros.conventions import STANDARD_GRAVITY
-from imu_sim_ros.errors import InputError
+from imu_sim_ros.core import rotation
+from imu_sim_ros.core.conventions import STANDARD_GRAVITY
+from imu_sim_ros.core.errors import InputError
+from imu_sim_ros.core.records import Readings
+from imu_sim_ros.core.types import Array, Mask
 from imu_sim_ros.recordings.clock import Clock, estimate_clock
-from imu_sim_ros.records import Readings
-from imu_sim_ros.types import Array, Mask
 
 _FEWEST: Final = 32
 """Readings below which values are not judged."""

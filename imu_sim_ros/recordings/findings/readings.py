@@ -8,7 +8,8 @@ from typing import Final
 
 import numpy as np
 
-from imu_sim_ros.conventions import AXES, STANDARD_GRAVITY, TRIADS
+from imu_sim_ros.core.conventions import AXES, STANDARD_GRAVITY, TRIADS
+from imu_sim_ros.core.types import Array, Integers
 from imu_sim_ros.recordings.findings.finding import Evidence, check
 from imu_sim_ros.recordings.findings.measures import (
     COHERENT,
@@ -18,7 +19,6 @@ from imu_sim_ros.recordings.findings.measures import (
     G,
     ReadingMeasures,
 )
-from imu_sim_ros.types import Array, Integers
 
 _MG: Final = (800.0, 1250.0)
 """Gravity in mg."""

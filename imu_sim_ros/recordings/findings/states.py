@@ -9,11 +9,11 @@ from typing import Final
 
 import numpy as np
 
-from imu_sim_ros import rotation
+from imu_sim_ros.core import rotation
+from imu_sim_ros.core.records import States
+from imu_sim_ros.core.types import Array, Integers, Mask
 from imu_sim_ros.recordings.findings.finding import Evidence, check
 from imu_sim_ros.recordings.order import usual_step
-from imu_sim_ros.records import States
-from imu_sim_ros.types import Array, Integers, Mask
 
 _FEWEST: Final = 20
 """Poses from which on they are judged."""

@@ -8,7 +8,8 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Final
 
-from imu_sim_ros.inputs.gate import PRESSURE
+from imu_sim_ros.core.gate import PRESSURE
+from imu_sim_ros.core.types import Array
 from imu_sim_ros.inputs.tables import Encode, Table
 from imu_sim_ros.sensors.barometer.parameters import BarometerParameters, BarometerSwitches
 from imu_sim_ros.sensors.declaration import Sensor, SensorReadings, on_demand, topic
@@ -16,7 +17,6 @@ from imu_sim_ros.sensors.errors.realised import realised_triad
 from imu_sim_ros.sensors.imu.parameters import ImuParameters
 from imu_sim_ros.sensors.imu.triads import as_triad
 from imu_sim_ros.sensors.recorded import RecordedSamples, read_samples
-from imu_sim_ros.types import Array
 
 TYPE: Final = "sensor_msgs/msg/FluidPressure"
 _ENCODER: Final = "FluidPressureEncoder"

@@ -9,9 +9,10 @@ from typing import Final
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from imu_sim_ros.conventions import STANDARD_GRAVITY
-from imu_sim_ros.random_streams import generator
-from imu_sim_ros.rotation import rotate
+from imu_sim_ros.core.conventions import STANDARD_GRAVITY
+from imu_sim_ros.core.random_streams import generator
+from imu_sim_ros.core.rotation import rotate
+from imu_sim_ros.core.types import Array
 from imu_sim_ros.sensors.barometer.parameters import BarometerParameters
 from imu_sim_ros.sensors.declaration import Mounted
 from imu_sim_ros.sensors.environment import AtmosphereParameters
@@ -20,7 +21,6 @@ from imu_sim_ros.sensors.faults import FaultSchedule
 from imu_sim_ros.sensors.model import SensorWithImu
 from imu_sim_ros.sensors.timing import Sampled
 from imu_sim_ros.sensors.world import World
-from imu_sim_ros.types import Array
 
 EARTH_RADIUS: Final = 6356766.0
 """Radius of the Earth for the geopotential height [m]."""

@@ -10,8 +10,10 @@ from typing import Final
 
 import numpy as np
 
-from imu_sim_ros import rotation
-from imu_sim_ros.errors import ConfigurationError
+from imu_sim_ros.core import rotation
+from imu_sim_ros.core.errors import ConfigurationError
+from imu_sim_ros.core.random_streams import generator
+from imu_sim_ros.core.types import Array
 from imu_sim_ros.places.bodies import Crowd
 from imu_sim_ros.places.catalogue import around, stretched
 from imu_sim_ros.places.catalogue import build as build_place
@@ -20,7 +22,6 @@ from imu_sim_ros.places.paint import Painter
 from imu_sim_ros.places.place import Place, Site
 from imu_sim_ros.places.shadows import sunlight
 from imu_sim_ros.places.walks import Passage, moving
-from imu_sim_ros.random_streams import generator
 from imu_sim_ros.sensors.camera.mesh_scene import mesh_scene
 from imu_sim_ros.sensors.camera.scene import Scene, read_points
 from imu_sim_ros.sensors.camera.scene_parameters import (
@@ -41,7 +42,6 @@ from imu_sim_ros.sensors.camera.scene_parameters import (
 from imu_sim_ros.sensors.camera.tracker import Tracker
 from imu_sim_ros.sensors.camera.view import View, in_camera
 from imu_sim_ros.trajectory.motion import Trajectory
-from imu_sim_ros.types import Array
 
 _LOOKS: Final = 20_000
 """Positions along a path at which a scene is fitted to it."""

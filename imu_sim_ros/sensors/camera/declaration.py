@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any, Final
 
 import numpy as np
 
-from imu_sim_ros.conventions import (
+from imu_sim_ros.core.conventions import (
     CAMERA_INFO_TOPIC,
     COMPRESSED_TOPIC,
     DEPTH_TOPIC,

@@ -9,7 +9,8 @@ from typing import Any, Final, NamedTuple
 
 import numpy as np
 
-from imu_sim_ros.conventions import FEATURES_TOPIC
+from imu_sim_ros.core.conventions import FEATURES_TOPIC
+from imu_sim_ros.core.types import Array, Integers, Mask
 from imu_sim_ros.sensors.camera.parameters import CameraParameters
 from imu_sim_ros.sensors.camera.rig_parameters import RigParameters
 from imu_sim_ros.sensors.camera.scene_parameters import body_names
@@ -19,7 +20,6 @@ from imu_sim_ros.sensors.declaration import Mounted, Payloads, Sensor, Topic
 from imu_sim_ros.sensors.deferred import Deferred
 from imu_sim_ros.sensors.samples import Rows, Samples
 from imu_sim_ros.sensors.world import Window, World
-from imu_sim_ros.types import Array, Integers, Mask
 
 CHANNELS: Final = {
     "mono": ("id", "u", "v", "velocity_x", "velocity_y"),

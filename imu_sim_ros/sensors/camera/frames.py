@@ -12,9 +12,10 @@ from typing import TYPE_CHECKING, Any, Final
 
 import numpy as np
 
-from imu_sim_ros import rotation
+from imu_sim_ros.core import rotation
+from imu_sim_ros.core.rotation import pose_matrix
+from imu_sim_ros.core.types import Array, Mask
 from imu_sim_ros.parameters.kinds import IDENTITY_MATRIX
-from imu_sim_ros.rotation import pose_matrix
 from imu_sim_ros.sensors.camera.parameters import CameraParameters
 from imu_sim_ros.sensors.camera.scene_parameters import (
     AprilgridParameters,
@@ -30,7 +31,6 @@ from imu_sim_ros.sensors.model import FixedModel
 from imu_sim_ros.sensors.samples import Samples
 from imu_sim_ros.sensors.timing import SampleTimes
 from imu_sim_ros.sensors.world import Window, World
-from imu_sim_ros.types import Array, Mask
 
 if TYPE_CHECKING:
     from imu_sim_ros.sensors.camera.images.imager import Imager

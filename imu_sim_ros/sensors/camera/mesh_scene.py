@@ -8,7 +8,9 @@ from typing import Final
 
 import numpy as np
 
-from imu_sim_ros import rotation
+from imu_sim_ros.core import rotation
+from imu_sim_ros.core.random_streams import generator
+from imu_sim_ros.core.types import Array
 from imu_sim_ros.places.geometry import NO_SURFACES
 from imu_sim_ros.places.mesh import (
     MeshCaster,
@@ -18,10 +20,8 @@ from imu_sim_ros.places.mesh import (
     up_axis,
 )
 from imu_sim_ros.places.mesh_file import Mesh, areas, read_mesh
-from imu_sim_ros.random_streams import generator
 from imu_sim_ros.sensors.camera.scene import Scene
 from imu_sim_ros.sensors.camera.scene_parameters import MeshParameters
-from imu_sim_ros.types import Array
 
 _EYES: Final = 24
 """Number of positions on the path; at least one of them sees each landmark."""

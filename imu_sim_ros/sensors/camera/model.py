@@ -10,7 +10,8 @@ from typing import Final, NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike
 
-from imu_sim_ros import rotation
+from imu_sim_ros.core import rotation
+from imu_sim_ros.core.types import Array, Mask
 from imu_sim_ros.sensors.camera.parameters import (
     CameraModelParameters,
     CameraParameters,
@@ -18,7 +19,6 @@ from imu_sim_ros.sensors.camera.parameters import (
     fold,
     radial_coefficients,
 )
-from imu_sim_ros.types import Array, Mask
 
 _TABLE: Final = 2049
 _STEPS: Final = 6

@@ -10,6 +10,8 @@ from typing import Final
 
 import numpy as np
 
+from imu_sim_ros.core.timebase import LOWEST_RATE
+from imu_sim_ros.core.types import Array
 from imu_sim_ros.parameters.kinds import (
     IDENTITY_MATRIX,
     Matrix,
@@ -24,8 +26,6 @@ from imu_sim_ros.parameters.kinds import (
     vector,
 )
 from imu_sim_ros.sensors.parameters import LARGEST_LATENCY, LONGEST, rotation_problems
-from imu_sim_ros.timebase import LOWEST_RATE
-from imu_sim_ros.types import Array
 
 COUNTS: Final[dict[str, tuple[int, ...]]] = {"none": (0,), "radtan": (4, 5), "equidistant": (4,)}
 """Numbers of coefficients that each distortion model takes: k1 k2 p1 p2 (k3), k1 k2 k3 k4."""

@@ -13,8 +13,9 @@ from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from typing import Final
 
-from imu_sim_ros.errors import ConfigurationError, Problems
-from imu_sim_ros.names import unknown
+from imu_sim_ros.core.errors import ConfigurationError, Problems
+from imu_sim_ros.core.names import unknown
+from imu_sim_ros.core.timebase import exact_rate
 from imu_sim_ros.parameters import files
 from imu_sim_ros.parameters.kinds import choice, texts
 from imu_sim_ros.parameters.sections import listed_names, section, sections_by_name, variant
@@ -28,7 +29,6 @@ from imu_sim_ros.sensors.camera.scene_parameters import (
     known_scenes,
 )
 from imu_sim_ros.sensors.environment import EnvironmentParameters
-from imu_sim_ros.timebase import exact_rate
 
 DEFAULT_CAMERA: Final = "vio_data_simulation"
 DEFAULT_SCENE: Final = "auto"

@@ -8,7 +8,8 @@ from typing import Final, NamedTuple
 
 import numpy as np
 
-from imu_sim_ros.errors import InputError, system_error
+from imu_sim_ros.core.errors import InputError, system_error
+from imu_sim_ros.core.types import Array, Mask
 from imu_sim_ros.inputs.rows import open_regular
 from imu_sim_ros.places.bodies import Crowd
 from imu_sim_ros.places.geometry import NO_SURFACES, Surfaces, hidden
@@ -16,7 +17,6 @@ from imu_sim_ros.places.mesh import MeshCaster, box
 from imu_sim_ros.places.mesh_file import Mesh
 from imu_sim_ros.places.paint import Painter
 from imu_sim_ros.places.rays import RayTracer
-from imu_sim_ros.types import Array, Mask
 
 
 class Scene(NamedTuple):

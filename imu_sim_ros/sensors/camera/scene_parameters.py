@@ -6,8 +6,8 @@
 from collections.abc import Iterator
 from dataclasses import dataclass, fields, replace
 
-from imu_sim_ros.errors import ConfigurationError
-from imu_sim_ros.names import suggestion
+from imu_sim_ros.core.errors import ConfigurationError
+from imu_sim_ros.core.names import suggestion
 from imu_sim_ros.parameters.files import names
 from imu_sim_ros.parameters.kinds import (
     IDENTITY_MATRIX,

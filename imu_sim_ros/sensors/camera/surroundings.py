@@ -8,14 +8,14 @@ from typing import Final, NamedTuple
 
 import numpy as np
 
-from imu_sim_ros import rotation
+from imu_sim_ros.core import rotation
+from imu_sim_ros.core.types import Array, Mask
 from imu_sim_ros.places.mesh import size_remarks, spread
 from imu_sim_ros.places.rays import RayTracer
 from imu_sim_ros.sensors.camera.scene import Scene
 from imu_sim_ros.sensors.camera.scene_parameters import has_surfaces
 from imu_sim_ros.sensors.declaration import Mounted
 from imu_sim_ros.sensors.world import World
-from imu_sim_ros.types import Array, Mask
 
 _CLEARANCE: Final = 0.1
 """Distance from a surface below which a path comes close to it [m]."""

@@ -13,12 +13,12 @@ from typing import Final, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from imu_sim_ros.core.random_streams import generator
+from imu_sim_ros.core.types import Array, Mask, shapes
 from imu_sim_ros.places.bodies import MovingBody
-from imu_sim_ros.random_streams import generator
 from imu_sim_ros.sensors.camera.scene import Scene
 from imu_sim_ros.sensors.camera.view import CameraPoses, Frames, View, in_camera
 from imu_sim_ros.trajectory.motion import Trajectory
-from imu_sim_ros.types import Array, Mask, shapes
 
 Rows = NDArray[np.int64]
 

@@ -8,9 +8,9 @@ from typing import TYPE_CHECKING, Any, Final
 
 import numpy as np
 
-from imu_sim_ros import rotation
-from imu_sim_ros.conventions import BODIES_TOPIC, LANDMARKS_TOPIC
-from imu_sim_ros.records import States
+from imu_sim_ros.core import rotation
+from imu_sim_ros.core.conventions import BODIES_TOPIC, LANDMARKS_TOPIC
+from imu_sim_ros.core.records import States
 from imu_sim_ros.sensors.camera.rig_parameters import RigParameters
 from imu_sim_ros.sensors.declaration import Mounted, Payloads, Sensor, Topic
 from imu_sim_ros.sensors.deferred import Deferred

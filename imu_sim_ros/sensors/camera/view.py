@@ -8,14 +8,14 @@ from typing import Final, NamedTuple
 
 import numpy as np
 
-from imu_sim_ros import rotation, timebase
-from imu_sim_ros.random_streams import generator_at
+from imu_sim_ros.core import rotation, timebase
+from imu_sim_ros.core.random_streams import generator_at
+from imu_sim_ros.core.types import Array, Integers, Mask, Times
 from imu_sim_ros.sensors.camera.model import CameraModel
 from imu_sim_ros.sensors.camera.parameters import CameraParameters
 from imu_sim_ros.sensors.declaration import Mounted
 from imu_sim_ros.sensors.world import World
 from imu_sim_ros.trajectory.motion import Trajectory
-from imu_sim_ros.types import Array, Integers, Mask, Times
 
 LARGEST_JITTER: Final = 0.45
 """Largest error of the stamps, in frame intervals, so that stamps always increase."""

@@ -18,8 +18,8 @@ from typing import Final, NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike
 
-from imu_sim_ros.random_streams import Seed, Streams, Units, by_axis, generator
-from imu_sim_ros.types import Array, Mask, Times
+from imu_sim_ros.core.random_streams import Seed, Streams, Units, by_axis, generator
+from imu_sim_ros.core.types import Array, Mask, Times
 
 _AT_LEAST: Final = 1024
 """Values of a column generated at once for blocks that are shorter."""

@@ -13,15 +13,15 @@ from typing import TYPE_CHECKING, Any, NamedTuple, TypeVar
 
 import numpy as np
 
-from imu_sim_ros.conventions import TRIADS
+from imu_sim_ros.core.conventions import TRIADS
+from imu_sim_ros.core.random_streams import Seed, Streams, by_axis
+from imu_sim_ros.core.types import Array
 from imu_sim_ros.parameters.kinds import ZERO_VECTOR
 from imu_sim_ros.parameters.sections import parameters as declared
-from imu_sim_ros.random_streams import Seed, Streams, by_axis
 from imu_sim_ros.sensors import sensors_of_imus
 from imu_sim_ros.sensors.errors.terms import is_set, turn_on
 from imu_sim_ros.sensors.imu.parameters import ImuParameters
 from imu_sim_ros.sensors.imu.triads import NO_CROSS_AXIS, TriadParameters
-from imu_sim_ros.types import Array
 
 if TYPE_CHECKING:
     from _typeshed import DataclassInstance

@@ -12,12 +12,12 @@ from typing import Final, NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike
 
-from imu_sim_ros.random_streams import Seed, Streams, Units, generator
-from imu_sim_ros.rotation import transform
+from imu_sim_ros.core.random_streams import Seed, Streams, Units, generator
+from imu_sim_ros.core.rotation import transform
+from imu_sim_ros.core.types import Array
 from imu_sim_ros.sensors.errors.processes import FlickerNoise, GaussMarkovBank
 from imu_sim_ros.sensors.imu.parameters import ImuParameters
 from imu_sim_ros.sensors.imu.triads import TriadParameters
-from imu_sim_ros.types import Array
 
 _DAY: Final = 86400.0
 """[s]"""

@@ -15,10 +15,11 @@ from typing import Any, Final, NamedTuple, TypeAlias, TypeVar
 import numpy as np
 from numpy.typing import NDArray
 
-from imu_sim_ros import components
-from imu_sim_ros.components import limit, quantise, rint, split, together
+from imu_sim_ros.core import components
+from imu_sim_ros.core.components import limit, quantise, rint, split, together
+from imu_sim_ros.core.random_streams import Seed, Units
+from imu_sim_ros.core.types import Array, Mask
 from imu_sim_ros.parameters.kinds import Vector
-from imu_sim_ros.random_streams import Seed, Units
 from imu_sim_ros.sensors.errors.terms import (
     BIAS,
     DRIFT_OF_SCALE,
@@ -31,7 +32,6 @@ from imu_sim_ros.sensors.errors.terms import (
 from imu_sim_ros.sensors.faults import FaultSchedule
 from imu_sim_ros.sensors.imu.parameters import ImuParameters
 from imu_sim_ros.sensors.imu.triads import TriadParameters
-from imu_sim_ros.types import Array, Mask
 
 _Kind = TypeVar("_Kind", bound=TriadEffect)
 

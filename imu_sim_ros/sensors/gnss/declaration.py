@@ -9,7 +9,8 @@ from typing import Any, Final
 
 import numpy as np
 
-from imu_sim_ros.inputs.gate import OTHER
+from imu_sim_ros.core.gate import OTHER
+from imu_sim_ros.core.types import Array, Integers, Times
 from imu_sim_ros.inputs.tables import Table
 from imu_sim_ros.sensors.declaration import (
     Companions,
@@ -23,7 +24,6 @@ from imu_sim_ros.sensors.declaration import (
 from imu_sim_ros.sensors.gnss.parameters import GnssParameters
 from imu_sim_ros.sensors.gnss.satellites import calendar_ns
 from imu_sim_ros.sensors.samples import Rows, Samples
-from imu_sim_ros.types import Array, Integers, Times
 
 FIX: Final = ("sensor_msgs/msg/NavSatFix", "NavSatFixEncoder")
 TWIST: Final = ("geometry_msgs/msg/TwistWithCovarianceStamped", "TwistWithCovarianceEncoder")

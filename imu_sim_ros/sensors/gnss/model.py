@@ -9,8 +9,9 @@ from typing import Any, Final
 
 import numpy as np
 
-from imu_sim_ros import rotation
-from imu_sim_ros.random_streams import Streams
+from imu_sim_ros.core import rotation
+from imu_sim_ros.core.random_streams import Streams
+from imu_sim_ros.core.types import Array, Integers, Mask
 from imu_sim_ros.sensors.declaration import Mounted
 from imu_sim_ros.sensors.errors.processes import Events, GaussMarkovBank
 from imu_sim_ros.sensors.gnss.observations import Observer
@@ -20,7 +21,6 @@ from imu_sim_ros.sensors.gravity import CurvedEarth, geodetic
 from imu_sim_ros.sensors.model import SensorModel
 from imu_sim_ros.sensors.world import World
 from imu_sim_ros.trajectory.motion import Motion
-from imu_sim_ros.types import Array, Integers, Mask
 
 NO_FIX: Final = -1
 STATUS: Final = (0, 1, 2, 2)

@@ -18,8 +18,10 @@ from typing import Any, Final, NamedTuple
 
 import numpy as np
 
-from imu_sim_ros.geodesy import earth_fixed, east_north_up
-from imu_sim_ros.random_streams import generator, generator_at
+from imu_sim_ros.core.geodesy import earth_fixed, east_north_up
+from imu_sim_ros.core.random_streams import generator, generator_at
+from imu_sim_ros.core.timebase import NANOSECONDS_PER_SECOND
+from imu_sim_ros.core.types import Array, Integers, Mask
 from imu_sim_ros.sensors.environment import EnvironmentParameters
 from imu_sim_ros.sensors.gnss.parameters import RawParameters
 from imu_sim_ros.sensors.gnss.satellites import (
@@ -32,8 +34,6 @@ from imu_sim_ros.sensors.gnss.satellites import (
 )
 from imu_sim_ros.sensors.gnss.sky import SATELLITES, Broadcast
 from imu_sim_ros.sensors.gravity import geodetic
-from imu_sim_ros.timebase import NANOSECONDS_PER_SECOND
-from imu_sim_ros.types import Array, Integers, Mask
 
 L1: Final = 1575.42e6
 """Frequency of L1 [Hz]."""

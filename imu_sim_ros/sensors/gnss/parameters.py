@@ -8,10 +8,10 @@ from dataclasses import dataclass
 from itertools import pairwise
 from typing import Final
 
+from imu_sim_ros.core.timebase import LOWEST_RATE
 from imu_sim_ros.parameters.kinds import choice, flag, integer, number, numbers, text
 from imu_sim_ros.parameters.sections import section
 from imu_sim_ros.sensors.parameters import SensorParameters
-from imu_sim_ros.timebase import LOWEST_RATE
 
 MODES: Final = ("single", "dgps", "float", "fixed")
 """Modes of a receiver: alone, with corrections, with carrier phase."""

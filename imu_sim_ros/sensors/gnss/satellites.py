@@ -13,8 +13,8 @@ from typing import Final, NamedTuple
 
 import numpy as np
 
-from imu_sim_ros.timebase import NANOSECONDS_PER_SECOND
-from imu_sim_ros.types import Array, Integers
+from imu_sim_ros.core.timebase import NANOSECONDS_PER_SECOND
+from imu_sim_ros.core.types import Array, Integers
 
 LIGHT: Final = 299792458.0
 """Speed of light [m/s]."""

@@ -10,8 +10,9 @@ from typing import Final, NamedTuple
 
 import numpy as np
 
-from imu_sim_ros.errors import ConfigurationError, InputError
-from imu_sim_ros.geodesy import earth_fixed, east_north_up
+from imu_sim_ros.core.errors import ConfigurationError, InputError
+from imu_sim_ros.core.geodesy import earth_fixed, east_north_up
+from imu_sim_ros.core.types import Array, Integers, Mask
 from imu_sim_ros.sensors.environment import EnvironmentParameters
 from imu_sim_ros.sensors.gnss import rinex
 from imu_sim_ros.sensors.gnss.parameters import GnssParameters
@@ -26,7 +27,6 @@ from imu_sim_ros.sensors.gnss.satellites import (
     orbits,
 )
 from imu_sim_ros.sensors.gravity import geodetic
-from imu_sim_ros.types import Array, Integers, Mask
 
 SATELLITES: Final = 32
 """Largest number of a satellite of GPS."""

@@ -13,8 +13,9 @@ from typing import Final, NamedTuple
 
 import numpy as np
 
-from imu_sim_ros.conventions import ERRORS, TRIADS
-from imu_sim_ros.random_streams import Units
+from imu_sim_ros.core.conventions import ERRORS, TRIADS
+from imu_sim_ros.core.random_streams import Units
+from imu_sim_ros.core.types import Array, Integers, Mask
 from imu_sim_ros.sensors.barometer.model import NAME as BAROMETER
 from imu_sim_ros.sensors.barometer.model import Gusts, gusts, read_pressures
 from imu_sim_ros.sensors.environment import EnvironmentParameters
@@ -23,7 +24,6 @@ from imu_sim_ros.sensors.imu.parameters import ImuParameters
 from imu_sim_ros.sensors.imu.units import AHEAD, Spread, Triads, UnitsOfBatch, check_alike
 from imu_sim_ros.sensors.magnetometer.model import NAME as MAGNETOMETER
 from imu_sim_ros.sensors.magnetometer.model import Iron, current_at, iron, read_field
-from imu_sim_ros.types import Array, Integers, Mask
 
 RESTARTS: Final = ("same_seed", "same_unit", "next_seed")
 

@@ -21,15 +21,15 @@ from typing import Any, Final, NamedTuple
 
 import numpy as np
 
-from imu_sim_ros.conventions import TRIADS
-from imu_sim_ros.errors import ConfigurationError
-from imu_sim_ros.names import nearest, shown, suggestion
+from imu_sim_ros.core.conventions import TRIADS
+from imu_sim_ros.core.errors import ConfigurationError
+from imu_sim_ros.core.names import nearest, shown, suggestion
+from imu_sim_ros.core.rotation import inverse_pose, pose_matrix
+from imu_sim_ros.core.types import Array
 from imu_sim_ros.parameters.files import dotted
 from imu_sim_ros.parameters.sections import parameters
-from imu_sim_ros.rotation import inverse_pose, pose_matrix
 from imu_sim_ros.sensors.environment import EnvironmentParameters
 from imu_sim_ros.sensors.imu.parameters import ImuParameters
-from imu_sim_ros.types import Array
 
 _IMU: Final = "imu."
 _REQUIRED: Final = tuple(f"{t}_{key}" for t in TRIADS for key in ("noise_density", "random_walk"))

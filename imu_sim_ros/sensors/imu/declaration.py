@@ -6,7 +6,7 @@
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Any, Final
 
-from imu_sim_ros.conventions import (
+from imu_sim_ros.core.conventions import (
     DELTA_ANGLE_TOPIC,
     DELTA_VELOCITY_TOPIC,
     ERROR_TOPICS,
@@ -17,8 +17,9 @@ from imu_sim_ros.conventions import (
     TEMPERATURE_TOPIC,
     TRIADS,
 )
-from imu_sim_ros.errors import ConfigurationError
-from imu_sim_ros.records import Readings, column
+from imu_sim_ros.core.errors import ConfigurationError
+from imu_sim_ros.core.records import Readings, column
+from imu_sim_ros.core.types import Times
 from imu_sim_ros.sensors.declaration import (
     Mounted,
     Payloads,
@@ -30,7 +31,6 @@ from imu_sim_ros.sensors.declaration import (
 from imu_sim_ros.sensors.errors.triad import variance_discrete
 from imu_sim_ros.sensors.imu.parameters import ImuParameters
 from imu_sim_ros.sensors.samples import Rows, Samples
-from imu_sim_ros.types import Times
 
 if TYPE_CHECKING:
     from imu_sim_ros.bags.messages.blocks import RowTemplate

@@ -8,13 +8,13 @@ from typing import Final
 
 import numpy as np
 
-from imu_sim_ros.errors import ConfigurationError
-from imu_sim_ros.rotation import cross, rotate_inverse, transform
+from imu_sim_ros.core.errors import ConfigurationError
+from imu_sim_ros.core.rotation import cross, rotate_inverse, transform
+from imu_sim_ros.core.types import Array
 from imu_sim_ros.sensors.environment import EnvironmentParameters
 from imu_sim_ros.sensors.gravity import CurvedEarth, earth_rate_vector, gravity_vector
 from imu_sim_ros.sensors.imu.parameters import ImuParameters
 from imu_sim_ros.trajectory.motion import Motion, Trajectory
-from imu_sim_ros.types import Array
 
 _MAX_PERIODS: Final = 50.0
 """Most periods of the highest frequency in the interval; they take 187 nodes."""

@@ -11,10 +11,11 @@ from typing import TYPE_CHECKING, Any, Final, NamedTuple
 
 import numpy as np
 
-from imu_sim_ros import rotation, timebase
-from imu_sim_ros.components import Vector, split
-from imu_sim_ros.conventions import ERRORS, TRIADS
-from imu_sim_ros.records import LiveReading
+from imu_sim_ros.core import rotation, timebase
+from imu_sim_ros.core.components import Vector, split
+from imu_sim_ros.core.conventions import ERRORS, TRIADS
+from imu_sim_ros.core.records import LiveReading
+from imu_sim_ros.core.types import Array, Times
 from imu_sim_ros.sensors.declaration import Mounted
 from imu_sim_ros.sensors.deferred import Completed
 from imu_sim_ros.sensors.errors.realised import unit_of_seed
@@ -33,7 +34,6 @@ from imu_sim_ros.sensors.samples import Samples, joined
 from imu_sim_ros.sensors.timing import SampleTiming
 from imu_sim_ros.sensors.world import Window, World
 from imu_sim_ros.trajectory.motion import Motion
-from imu_sim_ros.types import Array, Times
 
 if TYPE_CHECKING:
     from imu_sim_ros.sensors.imu.vibration import BoardVibration

@@ -12,8 +12,9 @@ from typing import Any, Final
 
 import numpy as np
 
-from imu_sim_ros import timebase
-from imu_sim_ros.conventions import TRIADS
+from imu_sim_ros.core import timebase
+from imu_sim_ros.core.conventions import TRIADS
+from imu_sim_ros.core.types import Complex
 from imu_sim_ros.parameters.kinds import (
     IDENTITY_MATRIX,
     ZERO_MATRIX,
@@ -31,7 +32,6 @@ from imu_sim_ros.parameters.sections import common_sections, section
 from imu_sim_ros.sensors import sensors_of_imus
 from imu_sim_ros.sensors.imu.triads import TriadsParameters
 from imu_sim_ros.sensors.parameters import LONGEST, TimingParameters, rotation_problems
-from imu_sim_ros.types import Complex
 
 DEFAULT_IMU: Final = "lecture"
 AXES_READ = 6

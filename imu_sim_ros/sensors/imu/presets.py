@@ -7,7 +7,7 @@ from collections.abc import Iterable, Mapping
 from pathlib import Path
 from typing import Final
 
-from imu_sim_ros.errors import ConfigurationError, InputError, Problems, Remark, warn
+from imu_sim_ros.core.errors import ConfigurationError, InputError, Problems, Remark, warn
 from imu_sim_ros.parameters import files
 from imu_sim_ros.parameters.files import find, is_included
 from imu_sim_ros.sensors.imu import calibration_files, sdf

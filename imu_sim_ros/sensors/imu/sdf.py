@@ -15,15 +15,15 @@ from typing import Final, NamedTuple
 
 import numpy as np
 
-from imu_sim_ros.conventions import AXES, IMU_FRAME, TRIADS
-from imu_sim_ros.errors import InputError, Remark, warn
+from imu_sim_ros.core.conventions import AXES, IMU_FRAME, TRIADS
+from imu_sim_ros.core.errors import InputError, Remark, warn
+from imu_sim_ros.core.names import nearest
+from imu_sim_ros.core.rotation import from_euler, pose_matrix, to_matrix
+from imu_sim_ros.core.types import Array
 from imu_sim_ros.inputs.rows import number_of, read_text, shortened
 from imu_sim_ros.inputs.xml_text import Element, parsed
-from imu_sim_ros.names import nearest
 from imu_sim_ros.parameters.sections import bad_values, parameters
-from imu_sim_ros.rotation import from_euler, pose_matrix, to_matrix
 from imu_sim_ros.sensors.imu.parameters import ImuParameters
-from imu_sim_ros.types import Array
 
 _QUANTITIES: Final = {"gyroscope": "angular_velocity", "accelerometer": "linear_acceleration"}
 _OLD_QUANTITIES: Final = {"gyroscope": "rate", "accelerometer": "accel"}

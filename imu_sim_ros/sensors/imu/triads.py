@@ -16,7 +16,8 @@ from typing import Any, Final
 
 import numpy as np
 
-from imu_sim_ros.conventions import Triad
+from imu_sim_ros.core.conventions import Triad
+from imu_sim_ros.core.types import Array
 from imu_sim_ros.parameters.kinds import (
     IDENTITY_MATRIX,
     ZERO_MATRIX,
@@ -28,7 +29,6 @@ from imu_sim_ros.parameters.kinds import (
     vector,
 )
 from imu_sim_ros.parameters.sections import parameters, section
-from imu_sim_ros.types import Array
 
 NO_CROSS_AXIS = (0.0,) * 6
 _OF_A_TRIAD: Final = "of a triad"

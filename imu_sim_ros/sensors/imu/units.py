@@ -10,12 +10,13 @@ from typing import Any, Final, NamedTuple
 
 import numpy as np
 
-from imu_sim_ros.conventions import TRIADS
-from imu_sim_ros.errors import ConfigurationError
-from imu_sim_ros.names import suggestion
+from imu_sim_ros.core.conventions import TRIADS
+from imu_sim_ros.core.errors import ConfigurationError
+from imu_sim_ros.core.names import suggestion
+from imu_sim_ros.core.random_streams import Streams, Units
+from imu_sim_ros.core.types import Array, Integers
 from imu_sim_ros.parameters.kinds import Parameter
 from imu_sim_ros.parameters.sections import parameters as declared
-from imu_sim_ros.random_streams import Streams, Units
 from imu_sim_ros.sensors.environment import EnvironmentParameters
 from imu_sim_ros.sensors.errors.processes import FLICKER_CHUNK
 from imu_sim_ros.sensors.errors.realised import of_each, unit_of_seed
@@ -27,7 +28,6 @@ from imu_sim_ros.sensors.magnetometer.parameters import MagnetometerParameters
 from imu_sim_ros.sensors.parameters import OwnRateParameters
 from imu_sim_ros.sensors.timing import SampleTimes
 from imu_sim_ros.sensors.world import TemperatureProfile
-from imu_sim_ros.types import Array, Integers
 
 AHEAD: Final = FLICKER_CHUNK
 """Number of samples of a unit whose noise is drawn in one call."""

@@ -7,12 +7,12 @@ from typing import Final
 
 import numpy as np
 
-from imu_sim_ros.conventions import TRIADS, Vector
-from imu_sim_ros.random_streams import Units, axis_generators, generator
+from imu_sim_ros.core.conventions import TRIADS, Vector
+from imu_sim_ros.core.random_streams import Units, axis_generators, generator
+from imu_sim_ros.core.types import Array, Complex
 from imu_sim_ros.sensors.errors.processes import ChunkedProcess
 from imu_sim_ros.sensors.imu.parameters import BoardVibrationParameters
 from imu_sim_ros.trajectory.motion import Motion
-from imu_sim_ros.types import Array, Complex
 
 _AXES: Final = 6
 _FRAME: Final = 20.0

@@ -10,6 +10,7 @@ from typing import Final
 import numpy as np
 from numpy.typing import NDArray
 
+from imu_sim_ros.core.types import Array, Single
 from imu_sim_ros.sensors.declaration import (
     Companions,
     Mounted,
@@ -22,7 +23,6 @@ from imu_sim_ros.sensors.declaration import (
 from imu_sim_ros.sensors.lidar.layouts import LAYOUTS, Cloud, custom_points
 from imu_sim_ros.sensors.lidar.parameters import LidarParameters
 from imu_sim_ros.sensors.samples import Rows, Samples
-from imu_sim_ros.types import Array, Single
 
 TOPIC: Final = "points"
 CUSTOM_TOPIC: Final = "livox/lidar"

@@ -9,8 +9,8 @@ from typing import Final, NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from imu_sim_ros.errors import ConfigurationError
-from imu_sim_ros.types import Array, Single
+from imu_sim_ros.core.errors import ConfigurationError
+from imu_sim_ros.core.types import Array, Single
 
 Fields = tuple[tuple[str, str, int], ...]
 """Names, types and offsets [bytes]."""

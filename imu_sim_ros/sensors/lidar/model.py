@@ -25,10 +25,11 @@ import numpy as np
 from numpy.random import Generator
 from numpy.typing import NDArray
 
-from imu_sim_ros import rotation
-from imu_sim_ros.errors import ConfigurationError
+from imu_sim_ros.core import rotation
+from imu_sim_ros.core.errors import ConfigurationError
+from imu_sim_ros.core.random_streams import generator
+from imu_sim_ros.core.types import Array, Integers, Mask, Single
 from imu_sim_ros.places.rays import Traced
-from imu_sim_ros.random_streams import generator
 from imu_sim_ros.sensors.camera.scene_parameters import has_surfaces
 from imu_sim_ros.sensors.declaration import Model, Mounted
 from imu_sim_ros.sensors.lidar.parameters import LidarParameters
@@ -37,7 +38,6 @@ from imu_sim_ros.sensors.lidar.targets import Targets
 from imu_sim_ros.sensors.model import SensorModel
 from imu_sim_ros.sensors.world import World
 from imu_sim_ros.trajectory.dense import dense_poses
-from imu_sim_ros.types import Array, Integers, Mask, Single
 
 SURFACE, MIXED, FALSE, NOTHING, OUT_OF_RANGE, GLASS, LOST = range(7)
 """Outcomes of a ray. The first three give a point: of a surface, of several within the beam, of

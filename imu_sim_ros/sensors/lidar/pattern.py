@@ -11,11 +11,11 @@ from typing import Final
 import numpy as np
 from numpy.typing import NDArray
 
-from imu_sim_ros.errors import InputError, system_error
+from imu_sim_ros.core.errors import InputError, system_error
+from imu_sim_ros.core.types import Array
 from imu_sim_ros.inputs.rows import open_regular
 from imu_sim_ros.sensors.lidar.layouts import LAYOUTS
 from imu_sim_ros.sensors.lidar.parameters import MOST_RAYS, LidarParameters
-from imu_sim_ros.types import Array
 
 _LARGEST_FILE: Final = 200 << 20
 """[bytes]"""

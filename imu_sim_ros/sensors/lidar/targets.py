@@ -7,10 +7,10 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from imu_sim_ros.core.types import Array, Mask
 from imu_sim_ros.places.gloss import panes
 from imu_sim_ros.places.materials import reflectance
 from imu_sim_ros.places.rays import Traced
-from imu_sim_ros.types import Array, Mask
 
 if TYPE_CHECKING:
     from imu_sim_ros.sensors.camera.scene import Scene

@@ -9,14 +9,14 @@ from typing import Any, Final
 
 import numpy as np
 
-from imu_sim_ros.conventions import Vector
-from imu_sim_ros.inputs.gate import FIELD
+from imu_sim_ros.core.conventions import Vector
+from imu_sim_ros.core.gate import FIELD
+from imu_sim_ros.core.types import Array
 from imu_sim_ros.inputs.tables import Encode, Table
 from imu_sim_ros.sensors.declaration import Sensor, SensorReadings, on_demand, topic
 from imu_sim_ros.sensors.imu.parameters import ImuParameters
 from imu_sim_ros.sensors.magnetometer.parameters import MagnetometerParameters, MagnetometerSwitches
 from imu_sim_ros.sensors.recorded import RecordedSamples, read_samples
-from imu_sim_ros.types import Array
 
 TYPE: Final = "sensor_msgs/msg/MagneticField"
 BIAS_TYPE: Final = "geometry_msgs/msg/Vector3Stamped"

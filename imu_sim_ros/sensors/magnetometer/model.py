@@ -8,9 +8,10 @@ from typing import Final, NamedTuple
 
 import numpy as np
 
-from imu_sim_ros import rotation
-from imu_sim_ros.errors import ConfigurationError, MissingDependencyError
-from imu_sim_ros.rotation import rotate, rotate_inverse, transform
+from imu_sim_ros.core import rotation
+from imu_sim_ros.core.errors import ConfigurationError, MissingDependencyError
+from imu_sim_ros.core.rotation import rotate, rotate_inverse, transform
+from imu_sim_ros.core.types import Array
 from imu_sim_ros.sensors.declaration import Mounted
 from imu_sim_ros.sensors.environment import EnvironmentParameters
 from imu_sim_ros.sensors.errors.realised import with_constants, with_turn_on
@@ -20,7 +21,6 @@ from imu_sim_ros.sensors.magnetometer.parameters import MagnetometerParameters
 from imu_sim_ros.sensors.model import SensorWithImu
 from imu_sim_ros.sensors.timing import Sampled
 from imu_sim_ros.sensors.world import World
-from imu_sim_ros.types import Array
 
 MU0_OVER_4_PI: Final = 1e-7
 """Magnetic constant over 4 pi [T m/A]; measured in the SI of 2019, it agrees to nine digits."""

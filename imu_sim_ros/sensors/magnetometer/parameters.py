@@ -13,7 +13,8 @@ from typing import Final
 
 import numpy as np
 
-from imu_sim_ros import rotation
+from imu_sim_ros.core import rotation
+from imu_sim_ros.core.types import Array
 from imu_sim_ros.parameters.kinds import (
     IDENTITY_MATRIX,
     Matrix,
@@ -25,7 +26,6 @@ from imu_sim_ros.parameters.kinds import (
 )
 from imu_sim_ros.sensors.imu.triads import as_in_triads, invertible_problems
 from imu_sim_ros.sensors.parameters import OwnRateParameters
-from imu_sim_ros.types import Array
 
 _TEXTS: Final = {"triad": "magnetometer", "unit": "T", "change": "T/s", "quantity": "field"}
 

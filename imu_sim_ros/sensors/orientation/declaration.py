@@ -7,7 +7,8 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Final
 
-from imu_sim_ros.inputs import gate
+from imu_sim_ros.core import gate
+from imu_sim_ros.core.types import Array
 from imu_sim_ros.inputs.tables import Table
 from imu_sim_ros.sensors.declaration import (
     Mounted,
@@ -21,7 +22,6 @@ from imu_sim_ros.sensors.imu.declaration import readings
 from imu_sim_ros.sensors.imu.parameters import ImuParameters
 from imu_sim_ros.sensors.orientation.parameters import OrientationParameters, OrientationSwitches
 from imu_sim_ros.sensors.recorded import RecordedSamples, read_samples
-from imu_sim_ros.types import Array
 
 TYPE: Final = "sensor_msgs/msg/Imu"
 TOPIC: Final = "imu/data"

@@ -24,8 +24,8 @@ from typing import Final
 import numpy as np
 from numpy.typing import NDArray
 
-from imu_sim_ros import rotation
-from imu_sim_ros.types import Array
+from imu_sim_ros.core import rotation
+from imu_sim_ros.core.types import Array
 
 Indices = NDArray[np.int64]
 

@@ -8,8 +8,9 @@ from typing import Final
 
 import numpy as np
 
-from imu_sim_ros import rotation, timebase
-from imu_sim_ros.random_streams import Streams
+from imu_sim_ros.core import rotation, timebase
+from imu_sim_ros.core.random_streams import Streams
+from imu_sim_ros.core.types import Array
 from imu_sim_ros.sensors.declaration import Model, Mounted
 from imu_sim_ros.sensors.environment import EnvironmentParameters
 from imu_sim_ros.sensors.errors.processes import GaussMarkovBank
@@ -21,7 +22,6 @@ from imu_sim_ros.sensors.model import FixedModel
 from imu_sim_ros.sensors.orientation.filter import OrientationFilter
 from imu_sim_ros.sensors.samples import Samples
 from imu_sim_ros.sensors.world import Window, World
-from imu_sim_ros.types import Array
 
 EXACT: Final = 1e-12
 """Stated variance of an exact orientation [rad^2]: 0 would mean that it is unknown."""

@@ -8,14 +8,15 @@ from typing import TYPE_CHECKING, Final
 
 import numpy as np
 
-from imu_sim_ros.conventions import (
+from imu_sim_ros.core.conventions import (
     TF_TOPIC,
     TRUTH_FIX_TOPIC,
     TRUTH_POSE_TOPIC,
     TRUTH_TOPIC,
 )
-from imu_sim_ros.records import States, column
-from imu_sim_ros.rotation import rotate_inverse
+from imu_sim_ros.core.records import States, column
+from imu_sim_ros.core.rotation import rotate_inverse
+from imu_sim_ros.core.types import Times
 from imu_sim_ros.sensors.declaration import (
     Mounted,
     Payloads,
@@ -28,7 +29,6 @@ from imu_sim_ros.sensors.model import FixedModel
 from imu_sim_ros.sensors.samples import Samples
 from imu_sim_ros.sensors.timing import SampleTimes
 from imu_sim_ros.sensors.world import Window, World
-from imu_sim_ros.types import Times
 
 if TYPE_CHECKING:
     from imu_sim_ros.bags.messages.blocks import RowTemplate

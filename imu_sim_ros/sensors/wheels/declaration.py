@@ -8,7 +8,8 @@ from typing import TYPE_CHECKING, Final
 
 import numpy as np
 
-from imu_sim_ros.inputs.gate import OTHER
+from imu_sim_ros.core.gate import OTHER
+from imu_sim_ros.core.types import Array
 from imu_sim_ros.inputs.tables import Table
 from imu_sim_ros.sensors.declaration import (
     Mounted,
@@ -22,7 +23,6 @@ from imu_sim_ros.sensors.declaration import (
 from imu_sim_ros.sensors.samples import Rows, Samples
 from imu_sim_ros.sensors.wheels.parameters import WheelsParameters
 from imu_sim_ros.sensors.wheels.uncertainty import UNKNOWN
-from imu_sim_ros.types import Array
 
 if TYPE_CHECKING:
     from imu_sim_ros.bags.messages.blocks import RowTemplate

@@ -15,8 +15,9 @@ from typing import Final
 
 import numpy as np
 
-from imu_sim_ros import rotation
-from imu_sim_ros.random_streams import generator
+from imu_sim_ros.core import rotation
+from imu_sim_ros.core.random_streams import generator
+from imu_sim_ros.core.types import Array
 from imu_sim_ros.sensors.declaration import Mounted
 from imu_sim_ros.sensors.errors.processes import Events
 from imu_sim_ros.sensors.model import SensorModel
@@ -24,7 +25,6 @@ from imu_sim_ros.sensors.wheels.parameters import WheelsParameters
 from imu_sim_ros.sensors.wheels.uncertainty import StatedCovariance, rows_times
 from imu_sim_ros.sensors.world import TemperatureProfile, World
 from imu_sim_ros.trajectory.motion import Motion
-from imu_sim_ros.types import Array
 
 _LONGEST_LOOK: Final = 600.0
 """Longest part of a motion that warnings examine, in steps of 0.1 s [s]."""

@@ -8,9 +8,9 @@ from collections.abc import Iterator
 from dataclasses import dataclass
 from typing import Final
 
+from imu_sim_ros.core.timebase import LOWEST_RATE
 from imu_sim_ros.parameters.kinds import choice, integer, number, numbers, text, texts
 from imu_sim_ros.sensors.parameters import SensorParameters
-from imu_sim_ros.timebase import LOWEST_RATE
 
 _SIDES: Final = ("left", "right")
 _FOUR: Final = tuple(f"{end}_{side}_wheel_joint" for end in ("front", "rear") for side in _SIDES)

@@ -13,8 +13,8 @@ from typing import Final
 
 import numpy as np
 
+from imu_sim_ros.core.types import Array
 from imu_sim_ros.sensors.wheels.parameters import WheelsParameters
-from imu_sim_ros.types import Array
 
 _UPPER: Final = np.triu_indices(3)
 """The six different elements of a covariance: xx, xy, x yaw, yy, y yaw, yaw yaw."""

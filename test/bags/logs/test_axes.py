@@ -5,8 +5,8 @@
 
 import numpy as np
 
-from imu_sim_ros import rotation
 from imu_sim_ros.bags.logs import axes
+from imu_sim_ros.core import rotation
 
 
 def test_vectors_change_their_axes():

@@ -11,13 +11,13 @@ import pytest
 import ulog
 
 import imu_sim_ros as ims
-from imu_sim_ros import rotation
 from imu_sim_ros.bags.logs import catalogue, px4
 from imu_sim_ros.bags.read import open_bag
-from imu_sim_ros.errors import InputError, MachineError, MissingDependencyError, Remark
+from imu_sim_ros.core import rotation
+from imu_sim_ros.core.errors import InputError, MachineError, MissingDependencyError, Remark
 
 pytest.importorskip("pyulog")
-pytestmark = pytest.mark.filterwarnings("ignore::imu_sim_ros.errors.Remark")
+pytestmark = pytest.mark.filterwarnings("ignore::imu_sim_ros.core.errors.Remark")
 FLOAT32 = 2.0**-24
 """Relative rounding of the numbers in a log."""
 START = 100.0

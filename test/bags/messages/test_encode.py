@@ -11,7 +11,7 @@ from imu_sim_ros.bags.messages import encode, layouts
 from imu_sim_ros.bags.messages.decode import MessageDecoder
 from imu_sim_ros.bags.messages.layouts import STAMP_OFFSET
 from imu_sim_ros.bags.messages.transforms import TransformsEncoder
-from imu_sim_ros.errors import InputError
+from imu_sim_ros.core.errors import InputError
 
 STORES = {"cdr": get_typestore(Stores.ROS2_JAZZY), "ros1": get_typestore(Stores.ROS1_NOETIC)}
 N = 5

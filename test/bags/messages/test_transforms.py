@@ -8,7 +8,7 @@ import pytest
 from rosbags.typesys import Stores, get_typestore
 
 from imu_sim_ros.bags.messages.transforms import TransformsEncoder
-from imu_sim_ros.errors import InputError
+from imu_sim_ros.core.errors import InputError
 
 STORE = get_typestore(Stores.ROS2_JAZZY)
 TYPE = TransformsEncoder.type_name

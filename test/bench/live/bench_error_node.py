@@ -30,7 +30,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from imu_sim_ros.text_tables import print_table
+from imu_sim_ros.terminal.text_tables import print_table
 
 HERE = Path(__file__).resolve()
 _TICKS = os.sysconf("SC_CLK_TCK")

@@ -19,7 +19,7 @@ import time
 from functools import partial
 from pathlib import Path
 
-from imu_sim_ros.text_tables import print_table
+from imu_sim_ros.terminal.text_tables import print_table
 
 HERE = Path(__file__).resolve()
 _TICKS = os.sysconf("SC_CLK_TCK")

@@ -22,7 +22,7 @@ import threading
 import time
 from pathlib import Path
 
-from imu_sim_ros.text_tables import print_table
+from imu_sim_ros.terminal.text_tables import print_table
 
 HERE = Path(__file__).resolve()
 RATES = (1000, 2000)

@@ -20,7 +20,7 @@ import sys
 import time
 from pathlib import Path
 
-from imu_sim_ros.text_tables import print_table
+from imu_sim_ros.terminal.text_tables import print_table
 
 HERE = Path(__file__).resolve()
 LISTENER = HERE.with_name("bench_live.py")

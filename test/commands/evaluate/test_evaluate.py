@@ -9,14 +9,14 @@ import numpy as np
 import pytest
 
 import imu_sim_ros as ims
-from imu_sim_ros import rotation
 from imu_sim_ros.bags.create import open_writer
 from imu_sim_ros.bags.messages.encode import ODOMETRY, OdometryEncoder
 from imu_sim_ros.commands import generate
 from imu_sim_ros.commands.evaluate import main
-from imu_sim_ros.errors import Remark
-from imu_sim_ros.poses import read_poses, write_tum
-from imu_sim_ros.records import States
+from imu_sim_ros.core import rotation
+from imu_sim_ros.core.errors import Remark
+from imu_sim_ros.core.records import States
+from imu_sim_ros.inputs.poses import read_poses, write_tum
 
 SECOND = 1_000_000_000
 START = 1_500_000_000 * SECOND

@@ -12,9 +12,9 @@ import numpy as np
 import pytest
 
 import imu_sim_ros as ims
-from imu_sim_ros import rotation
 from imu_sim_ros.commands import convert_bag, generate
 from imu_sim_ros.commands.evaluate import main
+from imu_sim_ros.core import rotation
 from imu_sim_ros.navigation.evaluation import tilt_and_heading
 
 RATE, DURATION = 200.0, 10.0

@@ -16,9 +16,9 @@ from mcap.reader import make_reader
 from rosbags.highlevel import AnyReader
 from rosbags.typesys import Stores, get_typestore
 
-from imu_sim_ros import conventions
 from imu_sim_ros.camera import build_rig
 from imu_sim_ros.commands import generate
+from imu_sim_ros.core import conventions
 from imu_sim_ros.sensors.camera.features import FeatureStream
 from imu_sim_ros.simulation.parameters import load_simulation
 from imu_sim_ros.simulation.sensors import mounted

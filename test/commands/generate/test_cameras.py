@@ -9,12 +9,12 @@ import numpy as np
 import pytest
 
 import imu_sim_ros as ims
-from imu_sim_ros import rotation
 from imu_sim_ros.commands import generate
-from imu_sim_ros.errors import ConfigurationError
+from imu_sim_ros.core import rotation
+from imu_sim_ros.core.errors import ConfigurationError
+from imu_sim_ros.inputs.poses import read_poses
 from imu_sim_ros.jobs import generate as job
 from imu_sim_ros.parameters import files
-from imu_sim_ros.poses import read_poses
 from imu_sim_ros.sensors.camera.rig_parameters import load_rig
 from imu_sim_ros.simulation.parameters import load_simulation
 from imu_sim_ros.trajectory.parameters import TourParameters

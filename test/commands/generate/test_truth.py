@@ -13,7 +13,7 @@ import imu_sim_ros as ims
 from imu_sim_ros.bags.read import read_imu
 from imu_sim_ros.bags.recorder_parameters import RecorderParameters
 from imu_sim_ros.commands import calibrate, dead_reckon, generate
-from imu_sim_ros.errors import Problems
+from imu_sim_ros.core.errors import Problems
 from imu_sim_ros.jobs.generate import described
 from imu_sim_ros.jobs.writing import Journal
 from imu_sim_ros.parameters import files

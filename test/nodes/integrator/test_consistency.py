@@ -6,10 +6,10 @@
 import numpy as np
 import pytest
 
-from imu_sim_ros import rotation
+from imu_sim_ros.core import rotation
+from imu_sim_ros.core.records import LiveReading, LiveState
 from imu_sim_ros.navigation.parameters import load_integrator
 from imu_sim_ros.nodes.integrator.odometer import LiveIntegrator
-from imu_sim_ros.records import LiveReading, LiveState
 from imu_sim_ros.simulation.engine import Body
 from imu_sim_ros.simulation.parameters import load_simulation
 

@@ -6,13 +6,12 @@
 import numpy as np
 import pytest
 
-from imu_sim_ros import rotation
-from imu_sim_ros.inputs import gate
+from imu_sim_ros.core import gate, rotation
+from imu_sim_ros.core.records import LiveReading, LiveState
 from imu_sim_ros.navigation.dead_reckoning import dead_reckon
 from imu_sim_ros.navigation.parameters import load_integrator
 from imu_sim_ros.navigation.state import NavigationState
 from imu_sim_ros.nodes.integrator.odometer import LiveIntegrator
-from imu_sim_ros.records import LiveReading, LiveState
 
 STEP_NS = 5_000_000
 LEVEL = (0.0, 0.0, 9.81)

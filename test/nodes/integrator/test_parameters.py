@@ -6,7 +6,7 @@
 import pytest
 
 from imu_sim_ros.bags.recorder_parameters import RecorderParameters
-from imu_sim_ros.errors import ConfigurationError
+from imu_sim_ros.core.errors import ConfigurationError
 from imu_sim_ros.navigation.parameters import (
     IntegratorParameters,
     load_integrator,

@@ -10,9 +10,9 @@ import time
 import numpy as np
 import pytest
 
-from imu_sim_ros import rotation
 from imu_sim_ros.bags.messages.encode import ImuEncoder, OdometryEncoder
-from imu_sim_ros.errors import InputError
+from imu_sim_ros.core import rotation
+from imu_sim_ros.core.errors import InputError
 from imu_sim_ros.nodes import messages as decode
 
 pytestmark = pytest.mark.ros

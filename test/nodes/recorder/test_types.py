@@ -15,7 +15,7 @@ from imu_sim_ros.bags.create import open_writer
 from imu_sim_ros.bags.messages.encode import ImuEncoder
 from imu_sim_ros.bags.messages.schemas import recorded_type
 from imu_sim_ros.bags.recorder_parameters import RecorderParameters
-from imu_sim_ros.errors import ConfigurationError, InputError, MissingDependencyError
+from imu_sim_ros.core.errors import ConfigurationError, InputError, MissingDependencyError
 from imu_sim_ros.nodes import messages as message_types
 from imu_sim_ros.nodes.arguments import ros_arguments
 from imu_sim_ros.nodes.recorder.node import _left, plain_arguments

@@ -7,7 +7,7 @@ from typing import Any
 
 import pytest
 
-from imu_sim_ros import timebase
+from imu_sim_ros.core import timebase
 
 pytestmark = pytest.mark.ros
 

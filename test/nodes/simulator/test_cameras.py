@@ -164,7 +164,7 @@ def check_mounts(payloads: list[bytes]) -> None:
     """Check that the cameras' frames on /tf_static are where their parameters put them."""
     from rosbags.typesys import Stores, get_typestore
 
-    from imu_sim_ros import rotation
+    from imu_sim_ros.core import rotation
 
     store = get_typestore(Stores.ROS2_JAZZY)
     found = {

@@ -14,7 +14,7 @@ import numpy as np
 import pytest
 from programs import until
 
-from imu_sim_ros.errors import InputError
+from imu_sim_ros.core.errors import InputError
 from imu_sim_ros.nodes.simulator.serial_line import PseudoTerminal
 from imu_sim_ros.simulation.engine import Body
 from imu_sim_ros.simulation.parameters import load_simulation

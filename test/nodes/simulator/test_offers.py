@@ -9,7 +9,7 @@ from typing import Any
 import pytest
 from rosbags.highlevel import AnyReader
 
-from imu_sim_ros.conventions import IMU_TOPIC, TRUTH_TOPIC
+from imu_sim_ros.core.conventions import IMU_TOPIC, TRUTH_TOPIC
 
 pytestmark = pytest.mark.ros
 

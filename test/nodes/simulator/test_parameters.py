@@ -8,7 +8,7 @@ from typing import Any
 
 import pytest
 
-from imu_sim_ros.errors import ConfigurationError
+from imu_sim_ros.core.errors import ConfigurationError
 from imu_sim_ros.nodes import help
 from imu_sim_ros.nodes.arguments import ros_arguments
 from imu_sim_ros.nodes.launching import command_line

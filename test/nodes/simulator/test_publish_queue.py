@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from imu_sim_ros.conventions import IMU_TOPIC
+from imu_sim_ros.core.conventions import IMU_TOPIC
 from imu_sim_ros.nodes.simulator.publish_queue import BodyStream, PublishQueue
 from imu_sim_ros.simulation import topics
 from imu_sim_ros.simulation.engine import Body

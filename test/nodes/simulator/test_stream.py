@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from imu_sim_ros.rotation import rotate_inverse
+from imu_sim_ros.core.rotation import rotate_inverse
 from imu_sim_ros.sensors.gravity import geodetic
 from imu_sim_ros.simulation.engine import Body
 from imu_sim_ros.simulation.parameters import load_simulation

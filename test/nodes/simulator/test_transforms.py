@@ -12,7 +12,7 @@ import numpy as np
 import pytest
 from rosbags.typesys import Stores, get_typestore
 
-from imu_sim_ros import rotation
+from imu_sim_ros.core import rotation
 from imu_sim_ros.nodes.messages import definition, message_class, stamp_offset, type_hash
 
 pytestmark = [pytest.mark.ros, pytest.mark.usefixtures("tf2_msgs")]

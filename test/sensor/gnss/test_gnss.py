@@ -13,9 +13,9 @@ import numpy as np
 import pytest
 
 import imu_sim_ros as ims
-from imu_sim_ros import rotation
 from imu_sim_ros.commands import generate
-from imu_sim_ros.errors import ConfigurationError
+from imu_sim_ros.core import rotation
+from imu_sim_ros.core.errors import ConfigurationError
 from imu_sim_ros.parameters import files
 from imu_sim_ros.sensors.environment import EnvironmentParameters
 from imu_sim_ros.sensors.gravity import geodetic

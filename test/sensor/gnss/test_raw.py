@@ -13,8 +13,8 @@ import numpy as np
 import pytest
 
 import imu_sim_ros as ims
-from imu_sim_ros.errors import ConfigurationError, InputError
-from imu_sim_ros.geodesy import earth_fixed
+from imu_sim_ros.core.errors import ConfigurationError, InputError
+from imu_sim_ros.core.geodesy import earth_fixed
 from imu_sim_ros.sensors.gnss import rinex
 from imu_sim_ros.sensors.gnss.observations import Antenna, klobuchar, ranges, saastamoinen
 from imu_sim_ros.sensors.gnss.satellites import LIGHT, GpsTime, almanac, gps_time, orbits

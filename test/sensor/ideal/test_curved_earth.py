@@ -9,8 +9,8 @@ from typing import Any
 import numpy as np
 import pytest
 
-from imu_sim_ros.errors import ConfigurationError
-from imu_sim_ros.rotation import skew, to_matrix
+from imu_sim_ros.core.errors import ConfigurationError
+from imu_sim_ros.core.rotation import skew, to_matrix
 from imu_sim_ros.sensors.gravity import EARTH_RATE, CurvedEarth, normal_gravity
 from imu_sim_ros.sensors.samples import Samples
 from imu_sim_ros.simulation.engine import Body

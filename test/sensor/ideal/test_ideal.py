@@ -10,13 +10,13 @@ from fractions import Fraction
 import numpy as np
 import pytest
 
-from imu_sim_ros import rotation
+from imu_sim_ros.core import rotation
+from imu_sim_ros.core.timebase import exact_rate
 from imu_sim_ros.sensors.gravity import EARTH_RATE, SEMI_MAJOR_AXIS, normal_gravity
 from imu_sim_ros.sensors.imu.model import Imu
 from imu_sim_ros.sensors.world import Window, World
 from imu_sim_ros.simulation.parameters import SimulationParameters, load_simulation
 from imu_sim_ros.simulation.sensors import mounted
-from imu_sim_ros.timebase import exact_rate
 from imu_sim_ros.trajectory.build import build_trajectory
 from imu_sim_ros.trajectory.motion import Motion, Trajectory
 

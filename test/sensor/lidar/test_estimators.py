@@ -12,8 +12,8 @@ import pytest
 import yaml
 
 import imu_sim_ros as ims
-from imu_sim_ros import rotation
 from imu_sim_ros.commands import generate
+from imu_sim_ros.core import rotation
 
 pytest.importorskip("kiss_icp")
 pytest.importorskip("rko_lio")

@@ -15,12 +15,12 @@ from rosbags.highlevel import AnyReader
 from rosbags.typesys import Stores, get_typestore
 
 import imu_sim_ros as ims
-from imu_sim_ros import rotation
 from imu_sim_ros.bags.read import open_bag
 from imu_sim_ros.campaigns.plan import load_plan
 from imu_sim_ros.campaigns.run_files import write_dataset
 from imu_sim_ros.campaigns.simulated import SimulatedCell
 from imu_sim_ros.commands import generate
+from imu_sim_ros.core import rotation
 from imu_sim_ros.jobs.flight import Flight
 from imu_sim_ros.parameters import files
 from imu_sim_ros.sensors.lidar.layouts import LAYOUTS, custom_points

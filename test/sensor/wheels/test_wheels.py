@@ -15,7 +15,7 @@ from scipy.stats import chi2
 
 import imu_sim_ros as ims
 from imu_sim_ros.commands import generate
-from imu_sim_ros.errors import ConfigurationError
+from imu_sim_ros.core.errors import ConfigurationError
 from imu_sim_ros.parameters import files
 from imu_sim_ros.sensors.wheels.model import realised_wheels
 from imu_sim_ros.sensors.wheels.parameters import WheelsParameters

@@ -15,7 +15,7 @@ from scipy.spatial.transform import Rotation
 from scipy.stats import chi2
 from simulation_runs import read_all, same_bytes
 
-from imu_sim_ros.errors import ConfigurationError
+from imu_sim_ros.core.errors import ConfigurationError
 from imu_sim_ros.parameters import files
 from imu_sim_ros.sensors.barometer.model import Atmosphere
 from imu_sim_ros.sensors.environment import AtmosphereParameters

@@ -14,7 +14,7 @@ from scipy.spatial.transform import Rotation
 from scipy.stats import chi2
 from simulation_runs import arrays, read_all, same_bytes
 
-from imu_sim_ros.errors import ConfigurationError
+from imu_sim_ros.core.errors import ConfigurationError
 from imu_sim_ros.sensors.faults import Fault
 from imu_sim_ros.sensors.magnetometer.model import MagneticField, realised_magnetometer
 from imu_sim_ros.simulation.engine import Body

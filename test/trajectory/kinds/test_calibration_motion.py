@@ -6,8 +6,8 @@
 import numpy as np
 import pytest
 
-from imu_sim_ros import rotation
-from imu_sim_ros.errors import ConfigurationError
+from imu_sim_ros.core import rotation
+from imu_sim_ros.core.errors import ConfigurationError
 from imu_sim_ros.simulation.parameters import load_simulation
 
 UP = [[0, 0, 1], [0, 0, -1], [1, 0, 0], [-1, 0, 0], [0, 1, 0], [0, -1, 0]]

@@ -3,7 +3,7 @@
 
 import numpy as np
 
-from imu_sim_ros import rotation
+from imu_sim_ros.core import rotation
 
 G = np.array([0.0, 0.0, -9.81])
 

@@ -6,8 +6,8 @@
 import numpy as np
 import pytest
 
-from imu_sim_ros import rotation
-from imu_sim_ros.errors import ConfigurationError, InputError
+from imu_sim_ros.core import rotation
+from imu_sim_ros.core.errors import ConfigurationError, InputError
 from imu_sim_ros.simulation.parameters import load_simulation
 from imu_sim_ros.trajectory import path
 

@@ -4,8 +4,8 @@
 import numpy as np
 import pytest
 
-from imu_sim_ros import rotation
-from imu_sim_ros.errors import ConfigurationError
+from imu_sim_ros.core import rotation
+from imu_sim_ros.core.errors import ConfigurationError
 from imu_sim_ros.simulation.parameters import load_simulation
 
 RATE = 400.0  # Hz; lines are below 80 Hz, the fourth powers of their sums below 320 Hz

@@ -4,8 +4,8 @@
 import numpy as np
 import pytest
 
-from imu_sim_ros import rotation
-from imu_sim_ros.errors import ConfigurationError
+from imu_sim_ros.core import rotation
+from imu_sim_ros.core.errors import ConfigurationError
 from imu_sim_ros.simulation.parameters import load_simulation
 
 CORNERS = [0.0, 0.0, 0.0, 4.0, 0.0, 0.0, 4.0, 4.0, 0.5, 0.0, 4.0, 1.0]

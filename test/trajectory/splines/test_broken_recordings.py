@@ -12,11 +12,11 @@ import pytest
 from recordings import EUROC, TUM, missing
 
 import imu_sim_ros as ims
-from imu_sim_ros import rotation
 from imu_sim_ros.commands.generate import main
-from imu_sim_ros.poses import read_poses, write_tum
+from imu_sim_ros.core import rotation
+from imu_sim_ros.core.records import States
+from imu_sim_ros.inputs.poses import read_poses, write_tum
 from imu_sim_ros.recordings.repair import mended
-from imu_sim_ros.records import States
 from imu_sim_ros.trajectory.recorded import RecordedMotion
 
 RATE = 100.0

@@ -6,7 +6,7 @@ import pytest
 from numpy.polynomial import Polynomial
 from scipy.interpolate import BSpline
 
-from imu_sim_ros import rotation
+from imu_sim_ros.core import rotation
 from imu_sim_ros.trajectory.bspline import BASIS, CUMULATIVE, ORDER, PoseSpline, UniformKnots
 
 RNG = np.random.default_rng(2)

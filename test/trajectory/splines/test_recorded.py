@@ -9,10 +9,10 @@ import numpy as np
 import pytest
 from recordings import EUROC, KAIST, TUM, missing
 
-from imu_sim_ros import rotation
-from imu_sim_ros.errors import ConfigurationError, InputError
-from imu_sim_ros.poses import read_poses, write_tum
-from imu_sim_ros.records import States
+from imu_sim_ros.core import rotation
+from imu_sim_ros.core.errors import ConfigurationError, InputError
+from imu_sim_ros.core.records import States
+from imu_sim_ros.inputs.poses import read_poses, write_tum
 from imu_sim_ros.trajectory.build import build_trajectory
 from imu_sim_ros.trajectory.recorded import recorded_in
 

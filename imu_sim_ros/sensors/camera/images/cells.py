@@ -13,6 +13,7 @@ from typing import Final
 import numpy as np
 from numpy.typing import NDArray
 
+from imu_sim_ros.core.types import Integers, Single
 from imu_sim_ros.sensors.camera.images.loops import (
     LEVELS,
     LOOKS,
@@ -24,7 +25,6 @@ from imu_sim_ros.sensors.camera.images.loops import (
 from imu_sim_ros.sensors.camera.images.planes import Pairs, Planes
 from imu_sim_ros.sensors.camera.images.rays import Corners
 from imu_sim_ros.sensors.camera.images.texture import Atlas
-from imu_sim_ros.types import Integers, Single
 
 _ONE = np.float32(1.0)
 

@@ -18,11 +18,11 @@ from typing import Final
 
 import numpy as np
 
+from imu_sim_ros.core.types import Array, Bytes, Single
 from imu_sim_ros.sensors.camera.images.grey_values import grey_values
 from imu_sim_ros.sensors.camera.model import CameraModel
 from imu_sim_ros.sensors.camera.parameters import CameraParameters
 from imu_sim_ros.sensors.camera.view import View
-from imu_sim_ros.types import Array, Bytes, Single
 
 _INTERVAL: Final = 0.1
 """Interval of the meter's readings [s]."""

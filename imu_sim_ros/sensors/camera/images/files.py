@@ -12,9 +12,9 @@ from typing import Any, Final
 import numpy as np
 from numpy.typing import NDArray
 
-from imu_sim_ros.errors import InputError
+from imu_sim_ros.core.errors import InputError
+from imu_sim_ros.core.types import Bytes
 from imu_sim_ros.sensors.camera.images.libraries import opencv
-from imu_sim_ros.types import Bytes
 
 _DEEP: Final = 1
 """Compression level of 16-bit values, depths: their repetitions are found at all levels."""

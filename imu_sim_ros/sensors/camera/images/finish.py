@@ -8,10 +8,10 @@ from typing import Final, NamedTuple
 
 import numpy as np
 
+from imu_sim_ros.core.types import Integers, Mask, Single
 from imu_sim_ros.places.gloss import Polish, Sheen
 from imu_sim_ros.places.shadows import ShadowLine
 from imu_sim_ros.sensors.camera.images.planes import Pairs, Planes
-from imu_sim_ros.types import Integers, Mask, Single
 
 _TURNING: Final = np.float32(12.0)
 """Distances change by less than twice within this many pixels."""

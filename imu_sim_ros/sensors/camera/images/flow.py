@@ -15,10 +15,10 @@ from typing import Final, Protocol
 import numpy as np
 from numpy.typing import NDArray
 
-from imu_sim_ros import rotation
+from imu_sim_ros.core import rotation
+from imu_sim_ros.core.types import Array, Bytes, Integers, Mask, Single
 from imu_sim_ros.sensors.camera.model import CameraModel
 from imu_sim_ros.sensors.camera.view import CameraPoses, Eyes
-from imu_sim_ros.types import Array, Bytes, Integers, Mask, Single
 
 _ROUNDS: Final = 12
 """Most steps of the search for a row."""

@@ -13,8 +13,8 @@ from typing import Final, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from imu_sim_ros.core.types import Bytes
 from imu_sim_ros.places.light import GAMMA
-from imu_sim_ros.types import Bytes
 
 _STEPS: Final = 64
 """Steps of a linear grey value: integers, so that sums over rays have the same bits everywhere."""

@@ -11,6 +11,7 @@ from typing import Final
 import numpy as np
 from numpy.typing import NDArray
 
+from imu_sim_ros.core.types import Array, Bytes, Single
 from imu_sim_ros.sensors.camera.images.exposure import AutoExposure, exposed, meter_model
 from imu_sim_ros.sensors.camera.images.flow import flow
 from imu_sim_ros.sensors.camera.images.grey_values import grey_values
@@ -25,7 +26,6 @@ from imu_sim_ros.sensors.camera.scene import Scene
 from imu_sim_ros.sensors.camera.scene_parameters import MeshParameters, SceneParameters
 from imu_sim_ros.sensors.camera.view import CameraPoses, Eyes, View
 from imu_sim_ros.trajectory.motion import Trajectory
-from imu_sim_ros.types import Array, Bytes, Single
 
 _FULL: Final = 255.0
 _FAR: Final = np.float32(1e9)

@@ -8,8 +8,8 @@ from collections.abc import Callable
 from functools import cache
 from typing import Any, TypeVar
 
-from imu_sim_ros.errors import MissingDependencyError
-from imu_sim_ros.progress import watcher
+from imu_sim_ros.core.errors import MissingDependencyError
+from imu_sim_ros.terminal.progress import watcher
 
 _Function = TypeVar("_Function", bound=Callable[..., Any])
 

@@ -19,12 +19,12 @@ from typing import Any, Final, TypeAlias
 import numpy as np
 from numpy.typing import NDArray
 
+from imu_sim_ros.core.types import Bytes, Integers, Mask, Single
 from imu_sim_ros.places.gloss import Sheen, mirrored, reflectance
 from imu_sim_ros.sensors.camera.images.finish import Glossy, Shades
 from imu_sim_ros.sensors.camera.images.libraries import compiled, part
 from imu_sim_ros.sensors.camera.images.planes import Pairs, Planes
 from imu_sim_ros.sensors.camera.images.visible import Met, Triangles, Visible
-from imu_sim_ros.types import Bytes, Integers, Mask, Single
 
 Ray: TypeAlias = tuple[np.float32, np.float32, np.float32]
 

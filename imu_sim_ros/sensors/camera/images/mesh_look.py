@@ -8,11 +8,11 @@ from typing import Final
 
 import numpy as np
 
+from imu_sim_ros.core.types import Array, Bytes, Single
 from imu_sim_ros.places.mesh_file import Mesh, normals
 from imu_sim_ros.places.paint import grey
 from imu_sim_ros.sensors.camera.images.texture import Atlas, assembled
 from imu_sim_ros.sensors.camera.images.visible import Triangles
-from imu_sim_ros.types import Array, Bytes, Single
 
 _WHITE: Final = np.full((4, 4, 3), 255, np.uint8)
 _PART: Final = 100_000

@@ -9,8 +9,8 @@ from typing import Final
 import numpy as np
 from numpy.typing import NDArray
 
+from imu_sim_ros.core.types import Array, Bytes, Integers, Mask, Single
 from imu_sim_ros.places.mesh import MeshCaster
-from imu_sim_ros.progress import check_interrupted
 from imu_sim_ros.sensors.camera.images.loops import POINTS, paint_mesh, space
 from imu_sim_ros.sensors.camera.images.mesh_look import Look
 from imu_sim_ros.sensors.camera.images.rays import PixelRays
@@ -18,7 +18,7 @@ from imu_sim_ros.sensors.camera.images.renderer import rounded
 from imu_sim_ros.sensors.camera.images.visible import Met
 from imu_sim_ros.sensors.camera.model import CameraModel
 from imu_sim_ros.sensors.camera.view import Eyes
-from imu_sim_ros.types import Array, Bytes, Integers, Mask, Single
+from imu_sim_ros.terminal.progress import check_interrupted
 
 _CONTRAST: Final = 12
 """Grey values by which pixels differ at an edge at least."""

@@ -7,8 +7,8 @@ from typing import Final, NamedTuple
 
 import numpy as np
 
+from imu_sim_ros.core.types import Array, Integers, Mask, Single
 from imu_sim_ros.places.geometry import Surfaces
-from imu_sim_ros.types import Array, Integers, Mask, Single
 
 _ONE: Final = np.float32(1.0)
 _FIRST: Final = np.zeros(1, np.int64)

@@ -9,9 +9,9 @@ from typing import Final, NamedTuple
 
 import numpy as np
 
+from imu_sim_ros.core.types import Array, Integers, Single
 from imu_sim_ros.sensors.camera.images.loops import CELL
 from imu_sim_ros.sensors.camera.model import CameraModel
-from imu_sim_ros.types import Array, Integers, Single
 
 _BAND: Final = 190_000
 """Rays that are processed at once, about: half of those of 752x480 pixels."""

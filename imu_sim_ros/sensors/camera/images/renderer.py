@@ -9,11 +9,11 @@ from typing import Final, NamedTuple, Protocol
 
 import numpy as np
 
-from imu_sim_ros import rotation
+from imu_sim_ros.core import rotation
+from imu_sim_ros.core.types import Array, Bytes, Integers, Mask, Single
 from imu_sim_ros.places.bodies import Crowd
 from imu_sim_ros.places.geometry import Surfaces
 from imu_sim_ros.places.shadows import ShadowLine
-from imu_sim_ros.progress import check_interrupted
 from imu_sim_ros.sensors.camera.images.cells import CellGrid, patches
 from imu_sim_ros.sensors.camera.images.finish import Glossy, Shades
 from imu_sim_ros.sensors.camera.images.loops import IN_FRONT, measure, paint, space
@@ -23,7 +23,7 @@ from imu_sim_ros.sensors.camera.images.texture import Atlas
 from imu_sim_ros.sensors.camera.images.visible import Visible
 from imu_sim_ros.sensors.camera.model import CameraModel
 from imu_sim_ros.sensors.camera.view import CameraPoses, Eyes
-from imu_sim_ros.types import Array, Bytes, Integers, Mask, Single
+from imu_sim_ros.terminal.progress import check_interrupted
 
 _GRID: Final = 2.0**30
 """Poses are rounded to steps of 1e-9, so that the last bits of a sine decide nothing."""

@@ -12,7 +12,7 @@ from typing import Final
 
 import numpy as np
 
-from imu_sim_ros.types import Bytes
+from imu_sim_ros.core.types import Bytes
 
 CODES: Final = """
     d5d628584 d97f18b49 dd280910e e479e9c98 ebcbca822 f31dab3ac 056a5d085 10652e1d4

@@ -9,11 +9,12 @@ from typing import Final, NamedTuple
 
 import numpy as np
 
+from imu_sim_ros.core.random_streams import generator_at
+from imu_sim_ros.core.types import Array, Bytes, Single
 from imu_sim_ros.places.bodies import Crowd
 from imu_sim_ros.places.geometry import Surfaces
 from imu_sim_ros.places.gloss import Polish
 from imu_sim_ros.places.paint import Painter
-from imu_sim_ros.random_streams import generator_at
 from imu_sim_ros.sensors.camera.images.loops import LEVELS
 from imu_sim_ros.sensors.camera.images.tag36h11 import tag
 from imu_sim_ros.sensors.camera.scene_parameters import (
@@ -23,7 +24,6 @@ from imu_sim_ros.sensors.camera.scene_parameters import (
     TargetParameters,
     check_surfaces,
 )
-from imu_sim_ros.types import Array, Bytes, Single
 
 MOST_TEXELS: Final = 24_000_000
 MOST_TEXELS_OF_PLACES: Final = 36_000_000

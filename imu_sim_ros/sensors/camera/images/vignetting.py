@@ -5,9 +5,9 @@
 
 import numpy as np
 
+from imu_sim_ros.core.types import Array, Single
 from imu_sim_ros.sensors.camera.model import CameraModel
 from imu_sim_ros.sensors.camera.parameters import CameraParameters
-from imu_sim_ros.types import Array, Single
 
 
 def vignette(p: CameraParameters) -> Single:

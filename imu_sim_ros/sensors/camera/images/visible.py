@@ -8,11 +8,11 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from imu_sim_ros.core.types import Array, Integers, Mask, Single
 from imu_sim_ros.places.geometry import Floats
 from imu_sim_ros.places.mesh_file import Numbers
 from imu_sim_ros.sensors.camera.images.finish import Glossy, Shades
 from imu_sim_ros.sensors.camera.images.planes import Pairs, Planes
-from imu_sim_ros.types import Array, Integers, Mask, Single
 
 
 class Visible(NamedTuple):

@@ -10,8 +10,8 @@ from typing import Final
 
 import numpy as np
 
-from imu_sim_ros.errors import ConfigurationError
-from imu_sim_ros.types import Array, Integers
+from imu_sim_ros.core.errors import ConfigurationError
+from imu_sim_ros.core.types import Array, Integers
 
 NANOSECONDS_PER_SECOND: Final = 1_000_000_000
 _RATE_DENOMINATOR: Final = 1_000_000

@@ -5,8 +5,8 @@
 
 import numpy as np
 
-from imu_sim_ros.conventions import ECCENTRICITY_SQUARED, SEMI_MAJOR_AXIS
-from imu_sim_ros.types import Array
+from imu_sim_ros.core.conventions import ECCENTRICITY_SQUARED, SEMI_MAJOR_AXIS
+from imu_sim_ros.core.types import Array
 
 
 def radii_of_curvature(latitude: Array) -> tuple[Array, Array]:

@@ -15,9 +15,9 @@ from typing import Final, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from imu_sim_ros.errors import InputError
-from imu_sim_ros.inputs.rows import STAMPS, VALUES, BadRows
-from imu_sim_ros.types import Array, Integers, Mask, Times
+from imu_sim_ros.core.bad_rows import STAMPS, VALUES, BadRows
+from imu_sim_ros.core.errors import InputError
+from imu_sim_ros.core.types import Array, Integers, Mask, Times
 
 Scalars = tuple[float, ...]
 

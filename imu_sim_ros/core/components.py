@@ -8,8 +8,8 @@ block, whose components are arrays (n,): the columns of the block are split at i
 (:func:`vector`, :func:`quaternion`, :func:`matrix`) and stacked at its end (:func:`stack`). Only
 operations element by element, so that a reading has the same value in whatever block it is
 computed; floats and arrays differ at most in the last digit of a sine, where NumPy's is not that
-of the C library. Conventions and sources are those of :mod:`imu_sim_ros.rotation`, which has the
-same for whole arrays. Imports nothing of the package but its types.
+of the C library. Conventions and sources are those of :mod:`imu_sim_ros.core.rotation`, which has
+the same for whole arrays. Imports nothing of the package but its types.
 """
 
 import math
@@ -19,7 +19,7 @@ from typing import Any, TypeAlias, TypeVar, overload
 import numpy as np
 from numpy.typing import ArrayLike
 
-from imu_sim_ros.types import Array, Mask
+from imu_sim_ros.core.types import Array, Mask
 
 Component = TypeVar("Component", float, Array)
 Vector: TypeAlias = tuple[Component, Component, Component]

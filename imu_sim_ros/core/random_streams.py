@@ -20,8 +20,8 @@ from numpy.random import SFC64, Generator, SeedSequence
 from numpy.random.bit_generator import ISeedSequence
 from numpy.typing import NDArray
 
-from imu_sim_ros.conventions import AXES
-from imu_sim_ros.types import Array, Integers
+from imu_sim_ros.core.conventions import AXES
+from imu_sim_ros.core.types import Array, Integers
 
 Seed: TypeAlias = "int | Integers"
 """Of one unit; or (count,), those of the units of a batch."""

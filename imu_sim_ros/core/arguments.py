@@ -14,9 +14,9 @@ from typing import Any, Final, NoReturn, ParamSpec, TypeVar
 import numpy as np
 from numpy.typing import NDArray
 
-from imu_sim_ros.errors import ArgumentTypeError, ConfigurationError
-from imu_sim_ros.names import printable, shown, suggestion
-from imu_sim_ros.types import Array, Integers
+from imu_sim_ros.core.errors import ArgumentTypeError, ConfigurationError
+from imu_sim_ros.core.names import printable, shown, suggestion
+from imu_sim_ros.core.types import Array, Integers
 
 _P = ParamSpec("_P")
 _R = TypeVar("_R")

@@ -29,8 +29,8 @@ from collections.abc import Callable, Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import Annotated, Any, TypeVar, get_args, get_origin
 
-from imu_sim_ros import timebase
-from imu_sim_ros.errors import ImuSimError
+from imu_sim_ros.core import timebase
+from imu_sim_ros.core.errors import ImuSimError
 from imu_sim_ros.parameters.yaml_text import parse_yaml
 
 
@@ -48,7 +48,7 @@ _REST = inspect.Parameter.VAR_KEYWORD
 
 
 def arguments_of(job: Callable[..., object]) -> dict[str, dict[str, Any]]:
-    """Return the arguments of a job's program, as :func:`imu_sim_ros.program.add_options` has them.
+    """Return the arguments of a job's program, as ``add_options`` of the programs takes them.
 
     A value that is not given is None, so that the job's own default holds.
     """

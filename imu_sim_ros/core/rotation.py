@@ -6,7 +6,7 @@
 Quaternions are Hamilton, ``(w, x, y, z)`` on the last axis; ``q_wb`` maps body to world. Equation
 numbers are those of the lecture "IMU sensors" (He, Gao, Cui, 2019); "Sola" is J. Sola, "Quaternion
 kinematics for the error-state Kalman filter", arXiv:1711.02508. Formulas that a live reading passes
-through are those of :mod:`imu_sim_ros.components`; here they take and return whole arrays.
+through are those of :mod:`imu_sim_ros.core.components`; here they take and return whole arrays.
 
 Results lie in memory one component after the other (order F), so that every operand of the
 arithmetic is contiguous; arrays in any other order are taken as well. But for
@@ -20,9 +20,9 @@ from typing import Final
 import numpy as np
 from numpy.typing import ArrayLike
 
-from imu_sim_ros import components
-from imu_sim_ros.components import from_half_angles, quaternion, stack, vector
-from imu_sim_ros.types import Array
+from imu_sim_ros.core import components
+from imu_sim_ros.core.components import from_half_angles, quaternion, stack, vector
+from imu_sim_ros.core.types import Array
 
 IDENTITY: Final[Array] = np.array([1.0, 0.0, 0.0, 0.0])
 _SMALL_ANGLE: Final = 1e-4

@@ -16,12 +16,12 @@ from typing import TYPE_CHECKING, Any, ClassVar, Final, Literal, NamedTuple, Typ
 import numpy as np
 from numpy.typing import NDArray
 
-from imu_sim_ros.arguments import array, number, refuse, stamps, text, whole, words
-from imu_sim_ros.components import Quaternion, Vector
-from imu_sim_ros.errors import InputError, MissingDependencyError
-from imu_sim_ros.inputs import gate
-from imu_sim_ros.timebase import seconds_since, span
-from imu_sim_ros.types import Array, Integers, Mask, Times
+from imu_sim_ros.core import gate
+from imu_sim_ros.core.arguments import array, number, refuse, stamps, text, whole, words
+from imu_sim_ros.core.components import Quaternion, Vector
+from imu_sim_ros.core.errors import InputError, MissingDependencyError
+from imu_sim_ros.core.timebase import seconds_since, span
+from imu_sim_ros.core.types import Array, Integers, Mask, Times
 
 if TYPE_CHECKING:
     from typing_extensions import Self

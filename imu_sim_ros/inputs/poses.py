@@ -12,22 +12,15 @@ from typing import Any, Final, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from imu_sim_ros import rotation
-from imu_sim_ros.errors import InputError
-from imu_sim_ros.inputs import gate, header
+from imu_sim_ros.core import gate, rotation
+from imu_sim_ros.core.bad_rows import NUMBERS, STAMPS, BadRows
+from imu_sim_ros.core.errors import InputError
+from imu_sim_ros.core.records import States
+from imu_sim_ros.core.timebase import NANOSECONDS_PER_SECOND
+from imu_sim_ros.core.types import Array, Integers, Mask
+from imu_sim_ros.inputs import header
 from imu_sim_ros.inputs.layout import TableForm, TableLayout, layout_of
-from imu_sim_ros.inputs.rows import (
-    NUMBERS,
-    STAMPS,
-    BadRows,
-    Row,
-    number_of,
-    row_blocks,
-    shortened,
-)
-from imu_sim_ros.records import States
-from imu_sim_ros.timebase import NANOSECONDS_PER_SECOND
-from imu_sim_ros.types import Array, Integers, Mask
+from imu_sim_ros.inputs.rows import Row, number_of, row_blocks, shortened
 
 
 def _alternatives(counts: tuple[int, ...]) -> str:

@@ -14,15 +14,17 @@ from dataclasses import replace
 from pathlib import Path
 from typing import Any, Final, NoReturn, Protocol
 
-from imu_sim_ros import __version__, signals, timebase
-from imu_sim_ros.completion import complete
-from imu_sim_ros.errors import Remark, explain
-from imu_sim_ros.json_text import as_json
-from imu_sim_ros.names import unknown
-from imu_sim_ros.progress import Watcher, terminal_bar, watched_by
-from imu_sim_ros.signatures import reader
-from imu_sim_ros.startup import open_standard_streams
-from imu_sim_ros.text_tables import TextTable, print_lines
+from imu_sim_ros import __version__
+from imu_sim_ros.commands.completion import complete
+from imu_sim_ros.core import timebase
+from imu_sim_ros.core.errors import Remark, explain
+from imu_sim_ros.core.names import unknown
+from imu_sim_ros.terminal import signals
+from imu_sim_ros.terminal.json_text import as_json
+from imu_sim_ros.terminal.progress import Watcher, terminal_bar, watched_by
+from imu_sim_ros.terminal.signatures import reader
+from imu_sim_ros.terminal.startup import open_standard_streams
+from imu_sim_ros.terminal.text_tables import TextTable, print_lines
 
 _KINDS: Final[dict[str, Callable[[str], object]]] = {
     **dict.fromkeys(("FILE", "DIR", "PATH", "BAG"), Path),
