@@ -244,16 +244,14 @@ def test_rooms_say_what_they_are_and_export_what_exists(room):
         )
 
 
-def test_the_front_door_opens_what_the_type_checker_sees():
-    """The imports under TYPE_CHECKING and the table for run time are one list, written twice."""
-    (branch,) = (node for node in parsed(PACKAGE / "__init__.py").body if isinstance(node, ast.If))
-    seen = {
-        (f"{statement.module}.{alias.name}".removeprefix("imu_sim_ros."), alias.name)
-        for statement in branch.body
-        for alias in statement.names
-    }
-    table = {(f"{home}.{n}", n) for home, names in imu_sim_ros._HOMES.items() for n in names}
-    assert seen == table - {("camera.camera", "camera")} | {("camera", "camera")}
+def test_the_front_door_opens_every_name_of_its_stub():
+    stub = parsed(PACKAGE / "__init__.pyi")
+    names = [
+        alias.name for node in stub.body if isinstance(node, ast.ImportFrom) for alias in node.names
+    ]
+    assert imu_sim_ros.__all__ == sorted(names)
+    for name in names:
+        assert getattr(imu_sim_ros, name) is not None
 
 
 @over(modules())
