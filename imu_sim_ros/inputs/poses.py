@@ -7,17 +7,16 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from pathlib import Path
-from typing import Any, Final, NamedTuple
+from typing import Final
 
 import numpy as np
-from numpy.typing import NDArray
 
 from imu_sim_ros.core import gate, rotation
 from imu_sim_ros.core.bad_rows import NUMBERS, STAMPS, BadRows
 from imu_sim_ros.core.errors import InputError
-from imu_sim_ros.core.records import States
+from imu_sim_ros.core.records import States, concatenated, with_fields
 from imu_sim_ros.core.timebase import NANOSECONDS_PER_SECOND
-from imu_sim_ros.core.types import Array, Integers, Mask
+from imu_sim_ros.core.types import Array, Mask
 from imu_sim_ros.inputs import header
 from imu_sim_ros.inputs.layout import TableForm, TableLayout, layout_of
 from imu_sim_ros.inputs.rows import Row, number_of, row_blocks, shortened
@@ -34,6 +33,8 @@ _TRIANGLES: Final = 12
 _EUROC_PLAIN: Final = (_POSE_COLUMNS, 11, 17)  # pose; and velocity; and both biases
 _EUROC_COLUMNS: Final = (*_EUROC_PLAIN, *(count + _TRIANGLES for count in _EUROC_PLAIN))
 _TUM_COLUMNS: Final = (_POSE_COLUMNS, 14, _POSE_COLUMNS + _TRIANGLES)  # pose; OpenVINS: and more
+_UPPER: Final = np.array([[0, 1, 2], [1, 3, 4], [2, 4, 5]])
+"""Columns of an upper triangle as the elements of its symmetric matrix."""
 _POSE: Final = (header.POSITION, header.ORIENTATION)
 _FORMS: Final = {
     ",": TableForm(
@@ -82,29 +83,6 @@ def read_poses(
     return _Reading(path, skip_bad_rows, covariance).poses()
 
 
-class _PoseRows(NamedTuple):
-    """Poses of some rows, with the numbers of their lines."""
-
-    number: Integers
-    t_ns: Integers
-    position: Array
-    q_wb: Array
-    triangles: Array
-    """(n, 12) columns of covariance, NaN if a row has none; (n, 0) if not requested."""
-
-    def at(self, rows: Mask | NDArray[np.intp]) -> _PoseRows:
-        """Return some of the poses."""
-        columns: Iterator[Any] = (column[rows] for column in self)
-        return _PoseRows(*columns)
-
-    def before(self, following: _PoseRows) -> _PoseRows:
-        """Return these poses with others behind them."""
-        columns: Iterator[Any] = (
-            np.concatenate(pair) for pair in zip(self, following, strict=True)
-        )
-        return _PoseRows(*columns)
-
-
 class _Reading:
     """One file that is being read, and what is wrong with it so far."""
 
@@ -114,7 +92,7 @@ class _Reading:
         self._comments: list[bytes] = []
         self._bad = BadRows(path)
         self._dropped = 0
-        self._last: _PoseRows | None = None
+        self._last: States | None = None
 
     def poses(self) -> States:
         """Return all poses, or raise with a line for every problem."""
@@ -131,30 +109,14 @@ class _Reading:
         if count < 2:
             what = "one pose" if count else "no usable pose"
             raise InputError(f"{self._path}: contains {what}; a trajectory needs two or more")
-        t_ns = np.empty(count, dtype=np.int64)
-        position, q_wb = np.empty((count, 3)), np.empty((count, 4))
-        lines = np.empty(count, dtype=np.int64)
-        triangles = np.empty((count, _TRIANGLES if self._covariance else 0))
-        stop = count
-        while blocks:  # from the end, so that each block's memory is free once it is copied
-            block = blocks.pop()
-            start = stop - len(block.t_ns)
-            t_ns[start:stop], position[start:stop], q_wb[start:stop] = block[1:4]
-            lines[start:stop], triangles[start:stop] = block.number, block.triangles
-            stop = start
-        covariance = _covariance(triangles, q_wb) if self._covariance else None
-        return States(
-            t_ns,
-            position,
-            q_wb,
+        return with_fields(
+            concatenated(blocks),
             source=str(self._path),
-            covariance=covariance,
-            lines=lines,
             skipped=self._bad.rows,
             repeated=self._dropped,
         )
 
-    def _block(self, rows: list[Row]) -> Iterator[_PoseRows]:
+    def _block(self, rows: list[Row]) -> Iterator[States]:
         """Yield the good poses of some rows."""
         if not rows:
             return
@@ -169,7 +131,7 @@ class _Reading:
             if len(good.t_ns):
                 yield good
 
-    def _converted(self, layout: TableLayout, rows: list[Row]) -> Iterator[_PoseRows]:
+    def _converted(self, layout: TableLayout, rows: list[Row]) -> Iterator[States]:
         """Yield poses of rows that are numbers; note those that are not."""
         waiting = [rows] if rows else []
         while waiting:
@@ -186,31 +148,41 @@ class _Reading:
                 if good:
                     yield self._parsed(layout, good)
 
-    def _parsed(self, layout: TableLayout, rows: list[Row]) -> _PoseRows:
+    def _parsed(self, layout: TableLayout, rows: list[Row]) -> States:
         """Return the poses of rows, all converted at once.
 
         :raises ValueError, OverflowError: if one of them cannot be converted.
         """
         t_ns, values = layout.parse(rows, _POSE)
-        number = np.array([number for number, _ in rows], dtype=np.int64)
-        triangles = self._triangles(layout, rows)
-        return _PoseRows(
-            number, t_ns, values[header.POSITION], values[header.ORIENTATION], triangles
+        return States.unchecked(
+            t_ns=t_ns,
+            position=values[header.POSITION],
+            q_wb=values[header.ORIENTATION],
+            covariance=self._covariances(layout, rows),
+            lines=np.array([number for number, _ in rows], dtype=np.int64),
         )
 
-    def _triangles(self, layout: TableLayout, rows: list[Row]) -> Array:
-        """Return the columns of covariance, NaN if not all of these rows have them."""
+    def _covariances(self, layout: TableLayout, rows: list[Row]) -> Array | None:
+        """Return the covariances (n, 6, 6) of position and of rotation about the body's axes.
+
+        None if not all of these rows have them.
+
+        :raises ValueError: if one of their columns is not a number.
+        """
         if not self._covariance:
-            return np.empty((len(rows), 0))
+            return None
         cells = [layout.fields(text) for _, text in rows]
         columns = {len(row) for row in cells}
         if len(columns) > 1 or not columns <= _WITH_COVARIANCE:
-            return np.full((len(rows), _TRIANGLES), np.nan)
+            return None
         texts = [[cell.decode("latin-1") for cell in row[-_TRIANGLES:]] for row in cells]
-        values: Array = np.array(texts).astype(np.float64)
-        if not np.isfinite(values).all():
+        triangles: Array = np.array(texts).astype(np.float64)
+        if not np.isfinite(triangles).all():
             raise ValueError("covariance")
-        return values
+        covariance = np.zeros((len(rows), 6, 6))
+        covariance[:, :3, :3] = triangles[:, 6:][:, _UPPER]
+        covariance[:, 3:, 3:] = triangles[:, :6][:, _UPPER]
+        return covariance
 
     def _is_sound(self, layout: TableLayout, number: int, text: bytes) -> bool:
         """Return whether one row is all numbers; note what is wrong with it."""
@@ -227,20 +199,23 @@ class _Reading:
         self._bad.rows += not sound
         return sound
 
-    def _valid(self, poses: _PoseRows) -> _PoseRows:
+    def _valid(self, poses: States) -> States:
         """Return the poses that the gate passes, their quaternions made exact."""
         verdict = gate.poses(poses.t_ns, poses.position, poses.q_wb)
-        verdict.note(self._bad, poses.number)
-        valid = poses.at(verdict.good)
-        return valid._replace(q_wb=rotation.normalise(valid.q_wb))
+        verdict.note(self._bad, poses.lines)
+        valid = poses.rows(verdict.good)
+        q_wb, covariance = rotation.normalise(valid.q_wb), valid.covariance
+        if covariance is not None:
+            covariance = _about_world(covariance, q_wb)
+        return with_fields(valid, q_wb=q_wb, covariance=covariance)
 
-    def _in_order(self, poses: _PoseRows) -> _PoseRows:
+    def _in_order(self, poses: States) -> States:
         """Return the poses whose stamps are after the one before; those that occur twice once."""
         if not len(poses.t_ns):
             return poses
         begin = 0
         if self._last is not None:
-            poses = self._last.before(poses)
+            poses = concatenated([self._last, poses])
             begin = 1
         repeated = _repeated(poses)
         keep = np.concatenate([[True], np.diff(poses.t_ns) > 0])
@@ -248,18 +223,20 @@ class _Reading:
             keep = self._increasing(poses, repeated)
         self._dropped += int(np.count_nonzero(repeated & ~keep))
         rows = np.flatnonzero(keep)
-        self._last = poses.at(rows[-1:])
-        return poses.at(rows[rows >= begin])
+        self._last = poses.rows(rows[-1:])
+        return poses.rows(rows[rows >= begin])
 
-    def _increasing(self, poses: _PoseRows, repeated: Mask) -> Mask:
+    def _increasing(self, poses: States, repeated: Mask) -> Mask:
         """Return which stamps are after all before them; note those that are not, nor repeated."""
         latest = np.maximum.accumulate(poses.t_ns)
         keep = np.concatenate([[True], poses.t_ns[1:] > latest[:-1]])
+        lines = poses.lines
+        assert lines is not None
         for k in np.flatnonzero(~keep & ~repeated):
             # Compared with the last stamp that stands, not with another bad one.
             previous = int(np.flatnonzero(keep[:k])[-1])
             step = int(poses.t_ns[k] - poses.t_ns[previous])
-            line, previous_line = int(poses.number[k]), poses.number[previous]
+            line, previous_line = int(lines[k]), lines[previous]
             if step < 0:
                 reason = f"the stamp is {-step * 1e-9:.9g} s before that of line {previous_line}"
             else:
@@ -276,23 +253,18 @@ def _is_finite(field: str) -> bool:
         return False
 
 
-def _covariance(triangles: Array, q_wb: Array) -> Array | None:
-    """Return the covariances (n, 6, 6) with rotation about the world's axes; None without them.
+def _about_world(covariance: Array, q_wb: Array) -> Array:
+    """Return covariances (n, 6, 6) with the rotation about the world's, not the body's axes.
 
-    :param triangles: (n, 12) upper triangles: of rotation about the body's axes, of position.
     :param q_wb: (n, 4).
     """
-    if np.isnan(triangles).any():
-        return None
-    upper = np.array([[0, 1, 2], [1, 3, 4], [2, 4, 5]])
     r_wb = rotation.to_matrix(q_wb)
-    result = np.zeros((len(q_wb), 6, 6))
-    result[:, :3, :3] = triangles[:, 6:][:, upper]
-    result[:, 3:, 3:] = r_wb @ triangles[:, :6][:, upper] @ np.swapaxes(r_wb, 1, 2)
-    return result
+    turned = covariance.copy()
+    turned[:, 3:, 3:] = r_wb @ covariance[:, 3:, 3:] @ np.swapaxes(r_wb, 1, 2)
+    return turned
 
 
-def _repeated(poses: _PoseRows) -> Mask:
+def _repeated(poses: States) -> Mask:
     """Return which rows say once more what the row before them says."""
     same_pose = (np.diff(poses.position, axis=0) == 0).all(axis=-1) & (
         np.abs(np.sum(poses.q_wb[1:] * poses.q_wb[:-1], axis=-1)) > _SAME

@@ -8,7 +8,7 @@ from typing import Final, NamedTuple
 import numpy as np
 
 from imu_sim_ros.core import rotation
-from imu_sim_ros.core.records import States
+from imu_sim_ros.core.records import States, with_fields
 from imu_sim_ros.core.types import Array, Integers, Mask
 from imu_sim_ros.recordings.arrival import even_times
 from imu_sim_ros.recordings.findings.states import StateMeasures, poses_held
@@ -60,38 +60,31 @@ class Disturbances(NamedTuple):
         return bool(len(self.single) or self.jumps or self.scatter or len(self.held))
 
 
-class TimedPoses(NamedTuple):
-    """n poses at times that need not be whole nanoseconds, unlike those of States."""
-
-    t: Array
-    """(n,) times [s]."""
-    position: Array
-    """(n, 3) [m]."""
-    q_wb: Array
-    """(n, 4) unit quaternions without jumps of sign."""
-
-
 class Mended(NamedTuple):
     """Repaired poses, and their disturbances."""
 
-    poses: TimedPoses
-    """Poses without the outlying rows."""
+    t: Array
+    """(n,) times at which they were taken, after the first stamp of the record [s]."""
+    poses: States
+    """(n,) poses without the outlying rows, as stamped; quaternions without jumps of sign."""
     disturbances: Disturbances
 
 
-def mended(t: Array, position: Array, q_wb: Array) -> Mended:
+def mended(poses: States) -> Mended:
     """Return the poses as a body may have moved through them.
 
-    :param t: (n,) times [s], increasing from 0.
-    :param position: (n, 3) [m].
-    :param q_wb: (n, 4) unit quaternions, of any sign.
+    :param poses: (n,) recorded poses; stamps increase, quaternions have any sign.
     """
-    q_wb = rotation.continuous(q_wb)
+    return _mended(poses.t, with_fields(poses, q_wb=rotation.continuous(poses.q_wb)))
+
+
+def _mended(t: Array, poses: States) -> Mended:
+    """Return :func:`mended` of poses (n,) that were stamped at times (n,) [s]."""
     nothing = np.zeros(0, dtype=np.int64)
-    repeats = _held(t, position, q_wb)
+    repeats = _held(poses)
     if len(repeats):
         rows = np.setdiff1d(np.arange(len(t)), repeats)
-        rest = mended(t[rows], position[rows], q_wb[rows])
+        rest = _mended(t[rows], poses.rows(rows))
         jumps = [jump._replace(row=int(rows[jump.row])) for jump in rest.disturbances.jumps]
         single = rows[rest.disturbances.single]
         return rest._replace(
@@ -99,13 +92,13 @@ def mended(t: Array, position: Array, q_wb: Array) -> Mended:
         )
     if len(t) < _LEAST_POSES:
         none = Disturbances(nothing, np.zeros(0), np.zeros(0), [], 0.0, 0.0, nothing)
-        return Mended(TimedPoses(t, position, q_wb), none)
-    times, scatter, interval = even_times(t, position, q_wb)
-    return _repaired(times, position, q_wb, scatter, interval)
+        return Mended(t, poses, none)
+    times, scatter, interval = even_times(t, poses.position, poses.q_wb)
+    return _repaired(times, poses, scatter, interval)
 
 
-def _repaired(t: Array, position: Array, q_wb: Array, scatter: float, interval: float) -> Mended:
-    """Return poses (n) without outliers and jumps.
+def _repaired(t: Array, poses: States, scatter: float, interval: float) -> Mended:
+    """Return poses (n,) without outliers and jumps.
 
     :param t: (n,) times at which they were taken [s].
     :param scatter, interval: as in :class:`Disturbances`.
@@ -114,40 +107,38 @@ def _repaired(t: Array, position: Array, q_wb: Array, scatter: float, interval: 
     rows = np.arange(len(t))
     single: list[int] = []
     jumps: list[Jump] = []
-    p, q = position.copy(), q_wb.copy()
-    smallest = smallest_distance(t, position)
+    smallest = smallest_distance(t, poses.position)
     for _ in range(_ROUNDS):
-        deviations = residuals(t[rows], p[rows], q[rows], smallest)
+        times, rest = t[rows], poses.rows(rows)
+        deviations = residuals(times, rest.position, rest.q_wb, smallest)
         off = deviations.largest
         if np.max(off) <= _OFF:
             break
-        poses = TimedPoses(t[rows], p[rows], q[rows])
         for first, last in reversed(_clusters(np.flatnonzero(off > _OFF))):
-            dropped, jump = _explained(poses, deviations.usual, first, last)
+            dropped, jump = _explained(times, rest, deviations.usual, first, last)
             if jump is not None:  # all that follows is moved as a whole, so the last comes first
                 jumps.append(jump._replace(row=int(rows[jump.row])))
-                _join_all(p, q, rows, poses, deviations.usual, jump)
-                poses = poses._replace(position=p[rows], q_wb=q[rows])
+                poses = _join_all(poses, rows, times, deviations.usual, jump)
+                rest = poses.rows(rows)
                 continue
             if not len(dropped):
                 dropped = np.array([first + int(np.argmax(off[first : last + 1]))])
             single += rows[dropped].tolist()
         rows = np.setdiff1d(rows, single)
     outliers = np.array(sorted(single), dtype=np.int64)
-    distance, angle = _apart(t, p, q, rows, outliers)
+    distance, angle = _apart(t, poses, rows, outliers)
     disturbances = Disturbances(
         outliers, distance, angle, sorted(jumps, key=_row), scatter, interval, nothing
     )
-    return Mended(TimedPoses(t[rows], p[rows], q[rows]), disturbances)
+    return Mended(t[rows], poses.rows(rows), disturbances)
 
 
-def _held(t: Array, position: Array, q_wb: Array) -> Integers:
+def _held(poses: States) -> Integers:
     """Return the rows that repeat the pose before while the body moves.
 
     A body that stands is one long run, which stays.
     """
-    t_ns = np.rint(t * 1e9).astype(np.int64)
-    measures = StateMeasures(States.unchecked(t_ns=t_ns, position=position, q_wb=q_wb))
+    measures = StateMeasures(poses)
     if not any(poses_held.find(measures)):
         return np.zeros(0, dtype=np.int64)
     starts, lengths = measures.runs
@@ -168,15 +159,15 @@ def _clusters(rows: Integers) -> list[tuple[int, int]]:
 
 
 def _explained(
-    poses: TimedPoses, usual: Array, begin: int, end: int
+    t: Array, poses: States, usual: Array, begin: int, end: int
 ) -> tuple[Integers, Jump | None]:
     """Return rows to leave out, or a jump, that explain a disturbance; nothing if neither does.
 
     What is left must follow a polynomial of degree 5. A jump has as many unknowns as one pose left
     out, so the better of the two holds; then come more poses in a row.
     """
-    window = np.arange(max(begin - _WINDOW, 0), min(end + _WINDOW + 1, len(poses.t)))
-    values, columns = _scaled(poses, usual, window)
+    window = np.arange(max(begin - _WINDOW, 0), min(end + _WINDOW + 1, len(t)))
+    values, columns = _scaled(t, poses, usual, window)
 
     def best(length: int) -> tuple[float, int, float]:
         """Return what is left without so many poses from a row on (0: with a jump), and the jump.
@@ -185,7 +176,7 @@ def _explained(
         """
         explanation = (np.inf, begin, 0.0)
         # A jump may also be behind the last, if there is a pose.
-        for start in range(begin, min(end + 2 - length, len(poses.t))):
+        for start in range(begin, min(end + 2 - length, len(t))):
             out = (window >= start) & (window < start + length)
             step = [] if length else [window >= start]
             remainder, solution = _left(np.column_stack([columns, *step]), values, ~out)
@@ -201,21 +192,21 @@ def _explained(
         remainder, start, _ = best(length)
         if remainder <= min(_OFF, jumped):
             return np.arange(start, start + length), None
-    return nothing, _step(poses, usual, window, row) if is_jump else None
+    return nothing, _step(t, poses, usual, window, row) if is_jump else None
 
 
-def _step(poses: TimedPoses, usual: Array, window: Integers, row: int) -> Jump:
+def _step(t: Array, poses: States, usual: Array, window: Integers, row: int) -> Jump:
     """Return the jump ahead of a row that leaves least of a polynomial on both sides."""
-    values, columns = _scaled(poses, usual, window)
+    values, columns = _scaled(t, poses, usual, window)
     _, solution = _left(np.column_stack([columns, window >= row]), values, window >= 0)
     change = solution[-1] * np.repeat(np.median(usual[window], axis=0), 3)
     return Jump(row, change[:3], rotation.rotate(poses.q_wb[window[0]], change[3:]))
 
 
-def _scaled(poses: TimedPoses, usual: Array, window: Integers) -> tuple[Array, Array]:
+def _scaled(t: Array, poses: States, usual: Array, window: Integers) -> tuple[Array, Array]:
     """Return position and attitude (k, 6) in usual deviations, and a polynomial's columns."""
-    t = poses.t[window]
-    since = 2.0 * (t - t[0]) / (t[-1] - t[0]) - 1.0
+    times = t[window]
+    since = 2.0 * (times - times[0]) / (times[-1] - times[0]) - 1.0
     start = rotation.conjugate(poses.q_wb[window[0]])
     turns = rotation.log(rotation.multiply(start, poses.q_wb[window]))
     scale = np.repeat(np.median(usual[window], axis=0), 3)
@@ -232,34 +223,42 @@ def _left(columns: Array, values: Array, keep: Mask) -> tuple[float, Array]:
     return float(np.max(lengths)), solution
 
 
-def _join_all(
-    p: Array, q: Array, rows: Integers, poses: TimedPoses, usual: Array, jump: Jump
-) -> None:
-    """Join poses (in place) at their jumps; repeatedly, as large rotations are nonlinear."""
+def _join_all(poses: States, rows: Integers, t: Array, usual: Array, jump: Jump) -> States:
+    """Return all poses, joined at a jump; repeatedly, as large rotations are nonlinear.
+
+    :param rows: (m,) rows that are no outliers; the jump's row is one of these.
+    :param t: (m,) their times [s].
+    """
     window = np.arange(max(jump.row - _WINDOW, 0), min(jump.row + _WINDOW + 1, len(rows)))
     for _ in range(_JOINS):
-        _join(p, q, jump._replace(row=int(rows[jump.row])))
-        jump = _step(poses._replace(position=p[rows], q_wb=q[rows]), usual, window, jump.row)
+        poses = _joined(poses, jump._replace(row=int(rows[jump.row])))
+        jump = _step(t, poses.rows(rows), usual, window, jump.row)
+    return poses
 
 
-def _join(p: Array, q: Array, jump: Jump) -> None:
-    """Move all poses from the jump on, in place, so that the motion continues."""
+def _joined(poses: States, jump: Jump) -> States:
+    """Return the poses, moved from the jump on so that the motion continues."""
     rows = slice(jump.row, None)
+    position, q_wb = poses.position.copy(), poses.q_wb.copy()
     back = rotation.exp(-jump.turn)
-    joint = p[jump.row] - jump.shift
-    p[rows] = joint + rotation.rotate(back, p[rows] - jump.shift - joint)
-    q[rows] = rotation.continuous(rotation.multiply(back, q[rows]))
+    joint = position[jump.row] - jump.shift
+    position[rows] = joint + rotation.rotate(back, position[rows] - jump.shift - joint)
+    q_wb[rows] = rotation.continuous(rotation.multiply(back, q_wb[rows]))
+    return with_fields(poses, position=position, q_wb=q_wb)
 
 
-def _apart(t: Array, p: Array, q: Array, rows: Integers, outliers: Integers) -> tuple[Array, Array]:
+def _apart(t: Array, poses: States, rows: Integers, outliers: Integers) -> tuple[Array, Array]:
     """Return how far poses (k,) lie from the straight line between their neighbours that stay."""
     if not len(outliers):
         return np.zeros(0), np.zeros(0)
-    interpolated = np.column_stack([np.interp(t[outliers], t[rows], p[rows, k]) for k in range(3)])
-    turned = np.column_stack([np.interp(t[outliers], t[rows], q[rows, k]) for k in range(4)])
-    between = rotation.multiply(rotation.conjugate(rotation.normalise(turned)), q[outliers])
+    single, rest = poses.rows(outliers), poses.rows(rows)
+    position, q_wb = (
+        np.column_stack([np.interp(t[outliers], t[rows], axis) for axis in values.T])
+        for values in (rest.position, rest.q_wb)
+    )
+    between = rotation.multiply(rotation.conjugate(rotation.normalise(q_wb)), single.q_wb)
     return (
-        np.linalg.norm(p[outliers] - interpolated, axis=1),
+        np.linalg.norm(single.position - position, axis=1),
         np.linalg.norm(rotation.log(between), axis=1),
     )
 

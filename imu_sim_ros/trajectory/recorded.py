@@ -3,6 +3,7 @@
 
 """A recorded motion: a B-spline fitted to poses, and how well it fits them."""
 
+from dataclasses import replace
 from functools import cached_property
 from typing import Final, NamedTuple
 
@@ -99,17 +100,15 @@ class RecordedMotion:
         self.repairs: list[str] = []
         """Texts of the repairs."""
         if parameters.robust:
-            repaired = mended(t, poses.position, poses.q_wb)
+            repaired = mended(poses)
             self.repairs = [
                 f"{parameters.file}: {finding.evidence}; {_DONE[finding.kind]}"
                 for finding in _suspicions(repaired.disturbances, poses)
             ]
             if repaired.disturbances:
-                t = repaired.poses.t
+                t = repaired.t
                 t_ns = self.t0_ns + np.round(t * 1e9).astype(np.int64)
-                poses = States(
-                    t_ns, repaired.poses.position, repaired.poses.q_wb, repeated=poses.repeated
-                ).in_order()
+                poses = replace(repaired.poses, t_ns=t_ns).in_order()
         self._parameters, self._t, self._poses = parameters, t, poses
         self._knots = UniformKnots(float(t[-1]), spacing)
         cutoff, outliers = parameters.cutoff, parameters.outlier_distance
@@ -123,10 +122,10 @@ class RecordedMotion:
     @cached_property
     def warnings(self) -> list[str]:
         """Texts about suspicious poses."""
-        t, poses, report, file = self._t, self._poses, self.report, self._parameters.file
+        poses, report, file = self._poses, self.report, self._parameters.file
         texts = []
         if not self._parameters.robust:
-            repaired = mended(t, poses.position, poses.q_wb)
+            repaired = mended(poses)
             texts = [
                 f"{file}: {finding.evidence}; {finding.remedy}"
                 for finding in _suspicions(repaired.disturbances, poses)

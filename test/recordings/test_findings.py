@@ -226,17 +226,17 @@ def test_smooth_poses_are_mended_nowhere_however_far_and_fast():
         for shift in (0.0, 300.0, 5e6):
             for scale in (0.01, 1.0, 100.0):
                 position = states.position * scale + np.array([shift, -shift, 0.1 * shift])
-                result = mended(states.t, position, states.q_wb)
+                result = mended(with_fields(states, position=position))
                 assert not result.disturbances, (trajectory, shift, scale)
                 assert len(result.poses.position) == len(states)
 
 
 def test_held_poses_are_mended_to_one_of_each(poses):
     rows = np.arange(len(poses)) // 4 * 4
-    result = mended(poses.t, poses.position[rows], poses.q_wb[rows])
+    result = mended(with_fields(poses, position=poses.position[rows], q_wb=poses.q_wb[rows]))
     assert len(result.disturbances.held) == len(poses) * 3 // 4
     np.testing.assert_array_equal(result.poses.position, poses.position[::4])
-    np.testing.assert_array_equal(result.poses.t, poses.t[::4])
+    np.testing.assert_array_equal(result.t, poses.t[::4])
     assert not len(result.disturbances.single)
 
 

@@ -76,7 +76,7 @@ def state_findings(states: States) -> list[Finding]:
     findings = list(_findings(STATES, StateMeasures(states), states))
     if np.all(np.diff(states.t_ns) > 0):
         head = states.rows(slice(_JUDGED))
-        disturbances = mended(head.t, head.position, head.q_wb).disturbances
+        disturbances = mended(head).disturbances
         findings += disturbance_findings(head, disturbances)
     return by_severity(findings)
 
