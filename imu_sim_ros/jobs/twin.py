@@ -572,10 +572,10 @@ def _errors(fit: Fit, reported: Mask) -> dict[str, Calibrated]:
         "mounting": of(log(from_matrix(errors.r_ib)), sigma[model.MOUNTING]),
         "lever_arm": of(errors.lever_arm, sigma[model.LEVER_ARM]),
         "gyroscope_bias": of(errors.bias[:3], sigma[model.BIAS][:3]),
-        "gyroscope_scale_misalignment": of(errors.gyroscope, sigma[model.GYROSCOPE]),
-        "gyroscope_g_sensitivity": of(errors.g_sensitivity, sigma[model.G_SENSITIVITY]),
+        "gyroscope_scale_misalignment": of(errors.response[:3, :3], sigma[model.GYROSCOPE]),
+        "gyroscope_g_sensitivity": of(errors.response[:3, 3:], sigma[model.G_SENSITIVITY]),
         "accelerometer_bias": of(errors.bias[3:], sigma[model.BIAS][3:]),
-        "accelerometer_scale_misalignment": of(errors.accelerometer, upper),
+        "accelerometer_scale_misalignment": of(errors.response[3:, 3:], upper),
         "truth_curvature": of(errors.curvature, sigma[model.CURVATURE]),
         "truth_turn": of(errors.world, sigma[model.WORLD]),
     }

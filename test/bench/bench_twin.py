@@ -54,13 +54,14 @@ DURATION, RATE = 30.0, 100.0
 def sensor(seed: int) -> model.Errors:
     """Return the constant errors of one sensor, with scales as wide as the prior of a twin."""
     rng = np.random.default_rng(seed)
-    accelerometer = np.eye(3)
-    accelerometer[model.UPPER] += PRIOR[model.ACCELEROMETER] * rng.standard_normal(6)
+    response = np.eye(6)
+    response[3:, 3:][model.UPPER] += PRIOR[model.ACCELEROMETER] * rng.standard_normal(6)
+    mounting = to_matrix(exp(0.5 * rng.standard_normal(3)))
+    response[:3, :3] += (PRIOR[model.GYROSCOPE] * rng.standard_normal(9)).reshape(3, 3)
+    response[:3, 3:] = (PRIOR[model.G_SENSITIVITY] * rng.standard_normal(9)).reshape(3, 3)
     return model.Errors(
-        to_matrix(exp(0.5 * rng.standard_normal(3))),
-        np.eye(3) + (PRIOR[model.GYROSCOPE] * rng.standard_normal(9)).reshape(3, 3),
-        accelerometer,
-        (PRIOR[model.G_SENSITIVITY] * rng.standard_normal(9)).reshape(3, 3),
+        mounting,
+        response,
         0.1 * rng.standard_normal(3),
         np.concatenate([0.02 * rng.standard_normal(3), 0.1 * rng.standard_normal(3)]),
         0.005 * rng.standard_normal(),
@@ -103,11 +104,11 @@ def run(motion: str, kind: str, seed: int) -> tuple[np.ndarray, np.ndarray, int,
         "stamp_offset": true.offset,
         "clock_skew_ppm": 1e6 * true.skew,
         "gyroscope_bias": true.bias[:3],
-        "gyroscope_scale_misalignment": true.gyroscope.ravel(),
-        "gyroscope_g_sensitivity": true.g_sensitivity.ravel(),
+        "gyroscope_scale_misalignment": true.response[:3, :3].ravel(),
+        "gyroscope_g_sensitivity": true.response[:3, 3:].ravel(),
         "gyroscope_noise_density": NOISE[0],
         "accelerometer_bias": true.bias[3:],
-        "accelerometer_scale_misalignment": true.accelerometer.ravel(),
+        "accelerometer_scale_misalignment": true.response[3:, 3:].ravel(),
         "accelerometer_noise_density": NOISE[3],
         "vibration": {**BANDS, "line_frequency": [44.2], "line_amplitude": [0, 0.01, 0, 0.3, 0, 0]},
     }

@@ -72,13 +72,14 @@ def turning(t):
 
 def flaws(seed):
     rng = np.random.default_rng(seed)
-    upper = np.eye(3)
-    upper[np.triu_indices(3)] += 0.01 * rng.standard_normal(6)
+    response = np.eye(6)
+    response[3:, 3:][np.triu_indices(3)] += 0.01 * rng.standard_normal(6)
+    mounting = rotation.to_matrix(rotation.exp(0.5 * rng.standard_normal(3)))
+    response[:3, :3] += 0.01 * rng.standard_normal((3, 3))
+    response[:3, 3:] = 1e-4 * rng.standard_normal((3, 3))
     return Errors(
-        rotation.to_matrix(rotation.exp(0.5 * rng.standard_normal(3))),
-        np.eye(3) + 0.01 * rng.standard_normal((3, 3)),
-        upper,
-        1e-4 * rng.standard_normal((3, 3)),
+        mounting,
+        response,
         0.1 * rng.standard_normal(3),
         np.concatenate([0.02 * rng.standard_normal(3), 0.1 * rng.standard_normal(3)]),
         0.005 * rng.standard_normal(),
@@ -430,7 +431,7 @@ def test_noise_of_poses_is_taken_out_of_the_normal_equations():
     plain = fit(recording, KnownMotion(lambda t: seen(t, real), 8.0), start)
     draws = tuple(lambda t, d=d: seen(t, real, d) for d in drawn)
     found = fit(recording, KnownMotion(lambda t: seen(t, real), 8.0, draws), start)
-    gain = [np.trace(f.errors.gyroscope) / 3.0 for f in (plain, found)]
+    gain = [np.trace(f.errors.response[:3, :3]) / 3.0 for f in (plain, found)]
     sigma = np.sqrt(np.sum(found.sigma[model.GYROSCOPE][::4] ** 2)) / 3.0
     assert gain[0] < 1.0 - 4.0 * sigma, gain
     assert abs(gain[1] - 1.0) < 3.0 * sigma, (gain, sigma)

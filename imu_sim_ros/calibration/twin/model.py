@@ -7,7 +7,7 @@ With x the ideal reading in the IMU's axes, ``x_g = R omega`` and ``x_a = R f(l)
 
     f(l) = R_wb.T (a - g) + alpha x l + omega x (omega x l)
     gyroscope      = S_g x_g + G x_a + b_g
-    accelerometer  = S_a x_a + b_a
+    accelerometer  = S_a x_a + b_a        response = [[S_g, G], [0, S_a]]
     true time      = stamp + tau_0 + tau_1 (stamp - reference) + wander(stamp)
 
 Mounting and misalignment cannot be told apart by any motion: a turn of all of the accelerometer's
@@ -34,10 +34,19 @@ BIAS: Final = slice(32, 38)
 CURVATURE: Final = slice(38, 39)
 WORLD: Final = slice(39, 42)
 UPPER: Final = np.triu_indices(3)
+RESPONSE: Final = slice(GYROSCOPE.start, G_SENSITIVITY.stop)
+_ELEMENTS: Final = np.transpose(
+    [
+        *((i, j) for i in range(3) for j in range(3)),
+        *((i, j) for i in range(3, 6) for j in range(i, 6)),
+        *((i, j) for i in range(3) for j in range(3, 6)),
+    ]
+)
+"""Row and column (2, 24) of each of the parameters ``RESPONSE`` in the response."""
 
 # Signals of which the Jacobian consists.
 _SLOPE, _SLOPE_OVER_TIME = slice(0, 6), slice(6, 12)
-_RATE, _FORCE, _BENT = slice(12, 15), slice(15, 18), slice(18, 24)
+_IDEAL, _BENT = slice(12, 18), slice(18, 24)
 _BY_ARM, _BY_WORLD, _ONE = slice(24, 33), slice(33, 42), 42
 _STEP: Final = 5e-4
 """Step of the numerical derivatives in time [s]."""
@@ -75,16 +84,12 @@ class KnownMotion(NamedTuple):
 
 
 class Errors(NamedTuple):
-    """The constant errors of an IMU on a body: parameters of both triads, not readings."""
+    """The constant errors of an IMU on a body."""
 
     r_ib: Array
     """(3, 3) mounting."""
-    gyroscope: Array
-    """(3, 3) S_g."""
-    accelerometer: Array
-    """(3, 3) S_a, upper triangular."""
-    g_sensitivity: Array
-    """(3, 3) G [(rad/s)/(m/s^2)]."""
+    response: Array
+    """(6, 6) response of the readings to the ideal ones: S_g, G [(rad/s)/(m/s^2)] over 0, S_a."""
     lever_arm: Array
     """(3,) p_bi [m]."""
     bias: Array
@@ -97,19 +102,16 @@ class Errors(NamedTuple):
     """Curvature of the truth's attitude [s^2]; below 0: it is smoother than the motion."""
     world: Array
     """(3,) rotation vector from the world frame of the truth's attitudes to that of its positions
-    and
-    of gravity [rad]."""
+    and of gravity [rad]."""
 
     def moved(self, step: Array) -> "Errors":
         """Return the errors after a step (42,) of the parameters."""
-        accelerometer = self.accelerometer.copy()
-        accelerometer[UPPER] += step[ACCELEROMETER]
+        response = self.response.copy()
+        response[tuple(_ELEMENTS)] += step[RESPONSE]
         turn = rotation.to_matrix(rotation.exp(step[MOUNTING]))
         return Errors(
             turn @ self.r_ib,
-            self.gyroscope + step[GYROSCOPE].reshape(3, 3),
-            accelerometer,
-            self.g_sensitivity + step[G_SENSITIVITY].reshape(3, 3),
+            response,
             self.lever_arm + step[LEVER_ARM],
             self.bias + step[BIAS],
             self.offset + float(step[0]),
@@ -132,9 +134,7 @@ class Errors(NamedTuple):
         """Return the parameters' distance from a perfect IMU (42,); 0 for the mounting."""
         deviation = np.zeros(COUNT)
         deviation[0], deviation[1] = self.offset, self.skew
-        deviation[GYROSCOPE] = (self.gyroscope - np.eye(3)).ravel()
-        deviation[ACCELEROMETER] = (self.accelerometer - np.eye(3))[UPPER]
-        deviation[G_SENSITIVITY] = self.g_sensitivity.ravel()
+        deviation[RESPONSE] = (self.response - np.eye(6))[tuple(_ELEMENTS)]
         deviation[LEVER_ARM] = self.lever_arm
         deviation[BIAS] = self.bias
         deviation[CURVATURE], deviation[WORLD] = self.curvature, self.world
@@ -143,15 +143,14 @@ class Errors(NamedTuple):
 
 def perfect(r_ib: Array, offset: float = 0.0) -> Errors:
     """Return an IMU without errors at a mounting."""
-    none, eye = np.zeros(3), np.eye(3)
-    return Errors(r_ib, eye, eye, np.zeros((3, 3)), none, np.zeros(6), offset, 0.0, 0.0, none)
+    none = np.zeros(3)
+    return Errors(r_ib, np.eye(6), none, np.zeros(6), offset, 0.0, 0.0, none)
 
 
 def readings(errors: Errors, motion: BodyMotion) -> Array:
     """Return the readings (n, 6) of the IMU on a motion."""
-    rate, force = _ideal(errors, motion)
-    gyro = rate @ errors.gyroscope.T + force @ errors.g_sensitivity.T
-    return np.concatenate([gyro, force @ errors.accelerometer.T], axis=1) + errors.bias
+    ideal = np.concatenate(_ideal(errors, motion), axis=1)
+    return ideal @ errors.response.T + errors.bias
 
 
 def _ideal(errors: Errors, motion: BodyMotion) -> tuple[Array, Array]:
@@ -276,18 +275,13 @@ def _coefficients(errors: Errors) -> Array:
     coefficients[axes, axes + _SLOPE.start, OFFSET.start] = 1.0
     coefficients[axes, axes + _SLOPE_OVER_TIME.start, SKEW.start] = 1.0
     coefficients[axes, _ONE, axes + BIAS.start] = 1.0
-    for k in range(3):
-        for part, signal in ((GYROSCOPE, _RATE), (G_SENSITIVITY, _FORCE)):
-            begin = part.start + 3 * k
-            coefficients[k, signal, begin : begin + 3] = eye
-    for k, (i, j) in enumerate(zip(*UPPER, strict=True)):
-        coefficients[3 + i, _FORCE.start + j, ACCELEROMETER.start + k] = 1.0
+    for k, (row, column) in enumerate(_ELEMENTS.T):
+        coefficients[row, _IDEAL.start + column, RESPONSE.start + k] = 1.0
     # Derivatives of the readings by the ideal ones, which a small turn changes by a cross product.
-    by_rate = np.concatenate([errors.gyroscope, np.zeros((3, 3))])
-    by_force = np.concatenate([errors.g_sensitivity, errors.accelerometer])
-    for gains, signal in ((by_rate, _RATE), (by_force, _FORCE)):
-        coefficients[:, signal, MOUNTING] = np.einsum("ai,kij->akj", gains, -rotation.skew(eye))
-    coefficients[:, _BENT, CURVATURE.start] = np.concatenate([by_rate, by_force], axis=1)
-    by_matrix = np.einsum("ai,jk->aijk", by_force @ errors.r_ib, eye).reshape(6, 9, 3)
+    gains = errors.response.reshape(6, 2, 3)
+    by_turn = np.einsum("asi,kij->askj", gains, -rotation.skew(eye))
+    coefficients[:, _IDEAL, MOUNTING] = by_turn.reshape(6, 6, 3)
+    coefficients[:, _BENT, CURVATURE.start] = errors.response
+    by_matrix = np.einsum("ai,jk->aijk", gains[:, 1] @ errors.r_ib, eye).reshape(6, 9, 3)
     coefficients[:, _BY_ARM, LEVER_ARM] = coefficients[:, _BY_WORLD, WORLD] = by_matrix
     return coefficients

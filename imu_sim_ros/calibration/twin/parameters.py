@@ -37,12 +37,12 @@ def simulator_parameters(analysis: Analysis, rate: float, step: Array) -> dict[s
         "imu.clock_skew_ppm": round(1e6 * clock_skew(analysis.fit), 6),
         "imu.gyroscope_bias": _numbers(errors.bias[:3]),
         "imu.gyroscope_turn_on_bias_sigma": _numbers(bias_sigma[:3], 3),
-        "imu.gyroscope_scale_misalignment": _numbers(errors.gyroscope),
-        "imu.gyroscope_g_sensitivity": _numbers(errors.g_sensitivity),
+        "imu.gyroscope_scale_misalignment": _numbers(errors.response[:3, :3]),
+        "imu.gyroscope_g_sensitivity": _numbers(errors.response[:3, 3:]),
         "imu.gyroscope_noise_density": _numbers(analysis.white.density[:3]),
         "imu.accelerometer_bias": _numbers(errors.bias[3:]),
         "imu.accelerometer_turn_on_bias_sigma": _numbers(bias_sigma[3:], 3),
-        "imu.accelerometer_scale_misalignment": _numbers(errors.accelerometer),
+        "imu.accelerometer_scale_misalignment": _numbers(errors.response[3:, 3:]),
         "imu.accelerometer_noise_density": _numbers(analysis.white.density[3:]),
     }
     if step.any():
