@@ -108,7 +108,7 @@ class TriadNoise:
 
 @dataclass(frozen=True, repr=False)
 class Noise:
-    """Result of :func:`imu_sim_ros.allan`: the noise of both triads."""
+    """Result of :func:`imu_sim_ros.allan`: the noise of both triads, no readings."""
 
     gyroscope: TriadNoise
     accelerometer: TriadNoise

@@ -251,7 +251,10 @@ class PartNees(_MeanNees, total=False):
 
 
 class PoseNees(TypedDict):
-    """The NEES of poses and of their velocity, by part; None: a part has none."""
+    """The NEES of poses and of their velocity, by part; None: a part has none.
+
+    Its fields are statistics of errors, no states.
+    """
 
     poses: int
     gauge: str | None

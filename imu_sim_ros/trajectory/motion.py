@@ -11,7 +11,11 @@ from imu_sim_ros.core.types import Array, shapes
 
 
 class Motion(NamedTuple):
-    """The body's state at n times; time first."""
+    """The body's state at n times; time first.
+
+    It is the exact motion at any times, with accelerations and without stamps, so that it is no
+    :class:`imu_sim_ros.core.records.States`.
+    """
 
     position: Array
     """(n, 3) p_wb [m]."""

@@ -400,7 +400,10 @@ def test_the_highest_motion_above_noise():
 
 def test_noise_of_poses_is_taken_out_of_the_normal_equations():
     """Without that gains are too small by the noise's share of the motion."""
-    true = flaws(5)._replace(gyroscope=np.eye(3))
+    true = flaws(5)
+    response = true.response.copy()
+    response[:3, :3] = np.eye(3)
+    true = true._replace(response=response)
     recording = record(true, 5)
     size = np.array([0.3, 3.0])
 

@@ -31,6 +31,7 @@ RESTARTS: Final = ("same_seed", "same_unit", "next_seed")
 class BatchSamples(NamedTuple):
     """A sample of each unit at one time; all arrays have ``count`` rows, one for each unit.
 
+    Its rows are units, not times, so that it is no :class:`imu_sim_ros.core.records.Readings`.
     As of one IMU, a reading is the digital output of the sum ``ideal + response_error + bias +
     noise + low_pass``.
     """
