@@ -27,6 +27,7 @@ Not in it: temperature, range, bandwidth and losses, and what steps of the integ
 import math
 import struct
 from collections.abc import Sequence
+from functools import lru_cache
 from typing import Final
 
 import numpy as np
@@ -39,7 +40,7 @@ from imu_sim_ros.core.types import Array
 from imu_sim_ros.navigation.covariance_terms import SecondOrder, SlowErrors
 from imu_sim_ros.navigation.mount import ALIGNED, ImuMount
 from imu_sim_ros.parameters.kinds import ZERO_VECTOR
-from imu_sim_ros.sensors.imu.triads import TriadsParameters
+from imu_sim_ros.sensors.imu.triads import TriadParameters, TriadsParameters
 
 SIZE: Final = 15
 ATTITUDE, VELOCITY, POSITION = slice(0, 3), slice(3, 6), slice(6, 9)
@@ -49,30 +50,37 @@ _POSE = np.r_[POSITION, ATTITUDE]
 _POSE_ENTRIES: Final = np.ravel_multi_index(np.ix_(_POSE, _POSE), (SIZE, SIZE))
 
 
-def _row_format(*filled: tuple[int, int]) -> str:
-    """Return how a row of a (15, 15) matrix is packed, zero but for runs (column, length)."""
+def _row_format(size: int, *filled: tuple[int, int]) -> str:
+    """Return how a row of a matrix is packed, zero but for runs (column, length).
+
+    :param size: length of the row.
+    """
     codes, offset = [], 0
     for column, length in filled:
         codes.append(f"{8 * (column - offset)}x{length}d")
         offset = column + length
-    return "".join([*codes, f"{8 * (SIZE - offset)}x"])
+    return "".join([*codes, f"{8 * (size - offset)}x"])
 
 
-_ROWS: Final = struct.Struct(
-    "".join(
-        [
-            "=",
-            *(_row_format((axis, 1), (9, 3)) for axis in range(3)),
-            *(_row_format((0, 3), (3 + axis, 1), (12, 3)) for axis in range(3)),
-            *(_row_format((0, 3), (3 + axis, 1), (6 + axis, 1), (12, 3)) for axis in range(3)),
-        ]
-    )
-)
-"""The rows of attitude, velocity and position of a transition; those of the biases are constant."""
+@lru_cache(maxsize=16)
+def _transition_rows(size: int) -> struct.Struct:
+    """Return how attitude, velocity and position of a transition are packed, ``size`` wide.
+
+    The rows of the biases are constant.
+    """
+    axes = range(3)
+    attitude = [_row_format(size, (axis, 1), (9, 3)) for axis in axes]
+    velocity = [_row_format(size, (0, 3), (3 + axis, 1), (12, 3)) for axis in axes]
+    position = [_row_format(size, (0, 3), (3 + axis, 1), (6 + axis, 1), (12, 3)) for axis in axes]
+    return struct.Struct("".join(["=", *attitude, *velocity, *position]))
+
+
 _ANGULAR: Final = ([3, 4, 5], [3, 4, 5])
 """The angular half of a twist's diagonal."""
 _JACOBIAN: Final = struct.Struct(
-    "=" + 3 * _row_format((0, 6)) + "".join(_row_format((9 + axis, 1)) for axis in range(3))
+    "="
+    + 3 * _row_format(SIZE, (0, 6))
+    + "".join(_row_format(SIZE, (9 + axis, 1)) for axis in range(3))
 )
 """The (6, 15) derivative of the twist's error by the state's."""
 _SECOND_ORDER_INTERVAL: Final = 0.1
@@ -94,6 +102,45 @@ def initial_covariance(
     return np.diag(np.concatenate([np.broadcast_to(np.square(sigma), 3) for sigma in sigmas]))
 
 
+class _WhiteNoise:
+    """White noise, rounding and walks of the biases: additions of a step to the covariance."""
+
+    def __init__(self, noise: TriadsParameters) -> None:
+        self.triads = (noise.gyroscope, noise.accelerometer)
+        self._linear, self._squared = np.zeros(SIZE), np.zeros(SIZE)
+        """(15,) additions to the diagonal by the length of a step and by its square."""
+        walks = [triad.random_walk for triad in self.triads]
+        self._linear[GYRO_BIAS.start :] = np.square(np.concatenate(walks))
+        self._turned: list[tuple[TriadParameters, int]] = []
+        """Triads of unequal axes, and the row of the error that they add to."""
+        for triad, rows in zip(self.triads, (ATTITUDE, VELOCITY), strict=True):
+            sizes = (triad.noise_density, triad.resolution)
+            if all(size == axes[0] for axes in sizes for size in axes):
+                # That of equal axes turns with the body and stays as it is: R w I R^T = w I.
+                self._linear[rows] = np.square(triad.noise_density)
+                self._squared[rows] = np.square(triad.resolution) / 12.0
+            else:
+                self._turned.append((triad, rows.start))
+        self._h, self._on_diagonal = 0.0, np.zeros(SIZE)
+        self._variances = [np.zeros(3) for _ in self._turned]
+
+    def add_to(self, p: Array, diagonal: Array, h: float, by_bias: Array) -> None:
+        """Add the noise of a reading of length h [s] to a covariance.
+
+        :param p: (15, 15), changed in place.
+        :param diagonal: (15,) view of its diagonal.
+        :param by_bias: (9, 6) errors by those of the reading.
+        """
+        if h != self._h:
+            self._h = h
+            self._on_diagonal = self._linear * h + self._squared * (h * h)
+            self._variances = [triad.white_variance(1.0 / h) for triad, _ in self._turned]
+        diagonal += self._on_diagonal
+        for (_, row), variance in zip(self._turned, self._variances, strict=True):
+            turned = by_bias[:3, :3]
+            p[row : row + 3, row : row + 3] += (turned * variance).dot(turned.T)
+
+
 class Covariance:
     """The covariance of the error state, step by step."""
 
@@ -105,29 +152,45 @@ class Covariance:
         :param noise: the IMU's errors.
         :param cross: (15, m) its covariance with the slow errors; None: there is none.
         """
-        self.matrix = np.zeros((SIZE, SIZE)) if initial is None else np.array(initial)
-        """(15, 15), to first order."""
-        self._triads = triads = (noise.gyroscope, noise.accelerometer)
-        self._walk = np.square(np.concatenate([triad.random_walk for triad in triads]))
-        # White noise of equal axes turns with the body and stays what it is: R w I R^T = w I.
-        white = [white for triad in triads for white in (triad.noise_density, triad.resolution)]
-        self._equal_axes = all(size == sizes[0] for sizes in white for size in sizes)
-        self._gyro_white, self._accel_white = np.zeros(3), np.zeros(3)
-        """(3,) variance of a reading, of white noise and rounding."""
-        self._added_h, self._added = 0.0, np.zeros((SIZE, SIZE))
-        self._transition, self._half = np.eye(SIZE), np.empty((SIZE, SIZE))
-        self._by_bias, self._jacobian = np.zeros((SIZE, SIZE)), np.empty((6, SIZE))
-        self._white_rate, self._white = -1.0, np.zeros((6, 6))
         self.slow = SlowErrors(noise, SIZE)
+        width = SIZE + self.slow.count
+        self._joint = np.zeros((SIZE, width))
+        """[P C], the covariances of the error with itself and with the slow errors."""
+        self.matrix = self._joint[:, :SIZE]
+        """(15, 15) P, to first order."""
+        self._diagonal = np.einsum("ii->i", self.matrix)
+        self.slow.cross = self._joint[:, SIZE:]
+        if initial is not None:
+            self.matrix[:] = initial
         if cross is not None:
-            self.slow.cross = np.array(cross)
-        self._second_order = SecondOrder(3 + len(self.slow.of_rate))
+            self.slow.cross[:] = cross
+        self._transition = np.eye(SIZE, width)
+        """[F G H], of errors and slow errors; the rows of the biases are constant."""
+        self._rows = _transition_rows(width)
+        self._of_errors = self._transition[:, :SIZE]
+        self._by_bias = self._transition[:9, GYRO_BIAS.start : SIZE]
+        self._by_slow = self._transition[:9, SIZE:]
+        self._moved = np.empty((SIZE, width))
+        """F [P C]"""
+        self._moved_p, self._moved_c = self._moved[:, :SIZE], self._moved[:, SIZE:]
+        self._gained_c = self._moved_c[:9]
+        self._half = np.empty((SIZE, SIZE))
+        self._white = _WhiteNoise(noise)
+        self._jacobian = np.empty((6, SIZE))
+        self._twist_rate, self._twist_white = -1.0, np.zeros((6, 6))
+        rates = 3 + len(self.slow.of_rate)
+        self._second_order = SecondOrder(rates)
+        self._by_rates = np.empty((3, rates))
+        self._factors = (0.0, np.empty(0), np.empty(0))
+        """A length [s], and (r,) what of the slow errors of the rate acts over it and remains."""
+        self._passed = np.empty((6, width))
+        """The sum of the steps' transitions, its rows of attitude and velocity."""
         self._begin_interval(self._attitude_and_rates())
 
     @property
     def is_finite(self) -> bool:
         """True if the covariance is valid; no entry is larger than those of the diagonal allow."""
-        return math.isfinite(self.matrix.trace())
+        return math.isfinite(sum(self._diagonal.tolist()))
 
     def _begin_interval(self, start: Array) -> None:
         """Begin to collect the terms of the second order.
@@ -136,10 +199,7 @@ class Covariance:
         """
         self._start = start
         self._length = 0.0
-        self._passed = np.zeros((SIZE, SIZE))
-        """The sum of the steps' transitions."""
-        self._passed_slow = np.zeros((3, self.slow.count))
-        """(3, m) attitude errors from slow errors of unit size."""
+        self._passed.fill(0.0)
 
     def _attitude_and_rates(self) -> Array:
         """Return the (n, n) covariance of the attitude with all errors of the gyroscope."""
@@ -170,55 +230,46 @@ class Covariance:
         self, h: float, r_wb: Matrix[float], force_b: Vector[float], rate_b: Vector[float]
     ) -> None:
         """Propagate as :meth:`step` does, over components."""
-        transition, p = self._transition, self.matrix
-        _ROWS.pack_into(transition.data, 0, *_rows(h, r_wb, force_b))
-        # F P F^T in the array of P; half the call of the operator @
-        transition.dot(p, self._half).dot(transition.T, p)
-        if h != self._added_h:
-            self._gyro_white, self._accel_white = (t.white_variance(1.0 / h) for t in self._triads)
-            self._added_h, self._added = h, np.diag(self._diagonal(h))
-        p += self._added
-        if not self._equal_axes:
-            self._add_white(p, transition[ATTITUDE, GYRO_BIAS])
-        if self.slow:
-            self._by_bias[:9, 9:] = transition[:9, 9:]
-            half = self.slow.step(h, transition, self._by_bias, rate_b, force_b)
-            p += half
-            p += half.T
-            self._passed_slow += self.slow.gain[ATTITUDE]
+        transition, p, slow = self._transition, self.matrix, self.slow
+        self._rows.pack_into(transition.data, 0, *_rows(h, r_wb, force_b))
+        moved = self._of_errors.dot(self._joint, self._moved)
+        if slow:
+            # With G H the transition of the slow errors, whose covariance is I, P becomes
+            # F P F^T + F C (G H)^T + G H (F C)^T + G H (G H)^T: a half and its transpose.
+            half_gain = slow.act(self._by_bias, rate_b, force_b)
+            np.add(half_gain, half_gain, self._by_slow)
+            self._moved_p *= 0.5
+            self._gained_c += half_gain
+            half = moved.dot(transition.T, self._half)
+            np.add(half, half.T, p)
+            self._gained_c += half_gain
+            slow.decay_over(h, self._moved_c)
+        else:
+            np.dot(moved, transition.T, p)
+        self._white.add_to(p, self._diagonal, h, self._by_bias)
         self._length += h
-        self._passed += transition
+        self._passed += transition[:6]
         if self._length >= _SECOND_ORDER_INTERVAL:
             self._update_second_order()
 
-    def _diagonal(self, h: float) -> Array:
-        """Return the addition of a step to the diagonal: walks, and white noise of equal axes."""
-        variances = np.zeros(SIZE)
-        variances[GYRO_BIAS.start :] = self._walk * h
-        if self._equal_axes:
-            variances[ATTITUDE] = self._gyro_white * (h * h)
-            variances[VELOCITY] = self._accel_white * (h * h)
-        return variances
-
     def gyro_white(self, rate_hz: float) -> Array:
         """Return the variance (3,) of white noise and rounding of a gyroscope's reading."""
-        return self._triads[0].white_variance(rate_hz)
-
-    def _add_white(self, p: Array, turned: Array) -> None:
-        """Add (R h) diag(density^2 / h) (R h)^T: white noise of one sample of length h."""
-        p[ATTITUDE, ATTITUDE] += (turned * self._gyro_white) @ turned.T
-        p[VELOCITY, VELOCITY] += (turned * self._accel_white) @ turned.T
+        return self._white.triads[0].white_variance(rate_hz)
 
     def _update_second_order(self) -> None:
-        slow, rates = self.slow, self.slow.of_rate
-        turned, tilt = self._passed[ATTITUDE, GYRO_BIAS], self._passed[VELOCITY, ATTITUDE]
+        slow, length, by_rates = self.slow, self._length, self._by_rates
+        if length != self._factors[0]:
+            remaining = np.concatenate([np.ones(3), slow.decay(length).take(slow.of_rate)])
+            self._factors = (length, slow.over(length)[1].take(slow.of_rate), remaining)
+        _, acting, remaining = self._factors
+        by_rates[:, :3] = self._passed[ATTITUDE, GYRO_BIAS]
+        by_slow = self._passed[ATTITUDE, SIZE:].take(slow.of_rate, axis=1)
+        np.multiply(by_slow, acting, by_rates[:, 3:])
         # The velocity's entries of a tilt are 0 z -y, -z 0 x, y -x 0.
-        acceleration = tilt[[1, 2, 0], [2, 0, 1]] / self._length
-        by_slow = self._passed_slow * slow.over(self._length)[1]
-        by_rates = np.concatenate([turned, by_slow.take(rates, axis=1)], axis=1)
-        decay = np.concatenate([np.ones(3), slow.decay(self._length).take(rates)])
+        tilt = self._passed[VELOCITY, ATTITUDE]
+        x, y, z = tilt.item(1, 2) / length, tilt.item(2, 0) / length, tilt.item(0, 1) / length
         end = self._attitude_and_rates()
-        self._second_order.step(self._length, acceleration, self._start, end, by_rates, decay)
+        self._second_order.step(length, (x, y, z), self._start, end, by_rates, remaining)
         self._begin_interval(end)
 
     @property
@@ -237,9 +288,7 @@ class Covariance:
         covariance: Array = self.matrix.copy()
         covariance[:9, :9] += self._second_order.mean_square
         if self.slow:
-            half = self.slow.bias()
-            covariance += half
-            covariance += half.T
+            self.slow.add_bias(covariance)
         return covariance
 
     def pose(self) -> Array:
@@ -291,10 +340,10 @@ class Covariance:
             -1.0, -1.0, -1.0,
         )  # fmt: skip
         covariance: Array = jacobian.dot(mean_square).dot(jacobian.T)
-        if rate_hz != self._white_rate:
-            self._white_rate = rate_hz
-            self._white[_ANGULAR] = self.gyro_white(rate_hz)
-        covariance += self._white
+        if rate_hz != self._twist_rate:
+            self._twist_rate = rate_hz
+            self._twist_white[_ANGULAR] = self.gyro_white(rate_hz)
+        covariance += self._twist_white
         return covariance
 
 
@@ -349,7 +398,10 @@ def propagate(
     q_wi = states.q_wb if mount == ALIGNED else rotation.multiply(states.q_wb, mount.q_bi)
     turns = rotation.log(rotation.multiply(rotation.conjugate(q_wi[:-1]), q_wi[1:]))
     rates = turns / np.reshape(steps, (-1, 1))
+    turn_rates: list[Vector[float]] = list(zip(*rates.T.tolist(), strict=True))
     matrices = rotation.to_matrix(q_wi)
+    turned: list[Matrix[float]] = list(zip(*matrices.reshape(-1, 9).T.tolist(), strict=True))
+    forces: list[Vector[float]] = list(zip(*accel.T.tolist(), strict=True))
     rows = [row % len(states.t_ns) for row in row_numbers]
     covariances, count = np.empty((len(rows), SIZE, SIZE)), 0
     for k in range(rows[-1] + 1):
@@ -365,10 +417,5 @@ def propagate(
                 covariances[count] = mount.state_covariance(covariances[count], *conversion)
             count += 1
         if k < rows[-1]:
-            r_wi, force, rate = (
-                float_matrix(matrices[k]),
-                float_vector(accel[k]),
-                float_vector(rates[k]),
-            )
-            covariance.step(steps[k], r_wi, force, rate)
+            covariance.advance(steps[k], turned[k], forces[k], turn_rates[k])
     return covariances

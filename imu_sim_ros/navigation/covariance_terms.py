@@ -3,18 +3,21 @@
 
 """Terms of a state's covariance from slow errors, large tilts and the rest at the start."""
 
-from collections.abc import Sequence
 from typing import Final
 
 import numpy as np
 
 from imu_sim_ros.core import rotation
+from imu_sim_ros.core.components import Vector
 from imu_sim_ros.core.types import Array
 from imu_sim_ros.navigation.evaluation import attitude_sigma
+from imu_sim_ros.parameters.kinds import ZERO_VECTOR
 from imu_sim_ros.sensors.imu.triads import TriadsParameters
 
 _SHORTEST: Final = 0.1
 """Correlation time of the fastest process of the 1/f noise [s]; faster ones average out."""
+_CONSTANT: Final = 12
+"""Input of errors that scale with nothing, behind those of TriadsParameters.response_terms."""
 
 
 class SlowErrors:
@@ -27,63 +30,59 @@ class SlowErrors:
         :param size: n, how many numbers the error of the state has; its last six are the biases.
         """
         entries, scales = noise.processes(_SHORTEST), noise.response_terms()
-        axes = [axis for axis, _, _ in entries] + [axis for axis, _, _ in scales]
+        axes = [axis for axis, _, _ in (*entries, *scales)]
         self.count = len(axes)
         """m"""
         times = [tau for _, tau, _ in entries] + [np.inf] * len(scales)
         self._decay_rate = -1.0 / np.array(times)
         self.cross = np.zeros((size, self.count))
         """(n, m) C"""
-        self._in_state = np.zeros((size, self.count))
-        """(n, m) H at the biases' places in the state, zero elsewhere"""
-        self.effect = self._in_state[-6:]
-        """(6, m) H, gyroscope first; a scale's entry is that of the latest reading."""
-        sigmas = [sigma for _, _, sigma in entries]
-        self.effect[axes[: len(entries)], np.arange(len(entries))] = sigmas
-        columns = np.arange(len(entries), self.count, dtype=np.intp)
-        self._scale_entries = (
-            np.array([axis for axis, _, _ in scales], np.intp) * self.count + columns
-        )
-        self._scale_inputs = np.array([source for _, source, _ in scales], dtype=np.intp)
-        self._scale_sigmas = np.array([sigma for _, _, sigma in scales])
+        self._half_in_state = np.zeros((size, self.count))
+        """(n, m) H / 2 at the biases' places in the state, zero elsewhere"""
+        self._half_effect = self._half_in_state[-6:]
+        inputs = [_CONSTANT] * len(entries) + [source for _, source, _ in scales]
+        self._inputs = np.array(inputs, np.intp)
+        sigmas = [sigma for _, _, sigma in (*entries, *scales)]
+        self._half_sigmas = np.zeros((6, self.count))
+        """(6, m) H / 2 where all that the errors scale with is 1"""
+        self._half_sigmas[axes, range(self.count)] = 0.5 * np.array(sigmas)
+        self._has_scales = bool(scales)
         self.of_rate = np.flatnonzero(np.array(axes, dtype=np.intp) < 3)
         """Places in a of the gyroscope's errors."""
-        self.gain = self._in_state
-        """(n, m) G H of the latest step."""
+        self._half_gain = np.empty((size - 6, self.count))
+        self._total = np.empty((size, self.count))
         self._h, self._decay = 0.0, np.ones(self.count)
+        self._set_effect(ZERO_VECTOR, ZERO_VECTOR)
 
     def __bool__(self) -> bool:
         """Return whether there is any such error."""
         return self.count > 0
 
-    def step(
-        self,
-        h: float,
-        transition: Array,
-        by_bias: Array,
-        rate_b: Array | Sequence[float],
-        force_b: Array | Sequence[float],
-    ) -> Array:
-        """Propagate over an interval of length h [s]; return half of what it adds to P.
+    @property
+    def effect(self) -> Array:
+        """(6, m) H, gyroscope first; a scale's entry is that of the latest reading."""
+        return 2.0 * self._half_effect
 
-        :param transition: (n, n) F.
-        :param by_bias: (n, n) whose last six columns are G; the others do not matter.
-        :param rate_b: (3,) corrected rate in the interval, in the body [rad/s].
-        :param force_b: (3,) corrected specific force [m/s^2].
-        :returns: (n, n); with its transpose it is the whole.
+    def act(self, by_bias: Array, rate_b: Vector[float], force_b: Vector[float]) -> Array:
+        """Return half of how they act on the error in an interval, G H / 2 (n - 6, m).
+
+        All calls return the same array.
+
+        :param by_bias: (n - 6, 6) G.
+        :param rate_b: corrected rate in the interval, in the body [rad/s].
+        :param force_b: corrected specific force [m/s^2].
+        """
+        self.act_on(rate_b, force_b)
+        return np.dot(by_bias, self._half_effect, self._half_gain)
+
+    def decay_over(self, h: float, passed: Array) -> None:
+        """Set C at the end of an interval of length h [s].
+
+        :param passed: (n, m) F C + G H.
         """
         if h != self._h:
             self._h, self._decay = h, self.decay(h)
-        self.act_on(rate_b, force_b)
-        self.gain = gain = by_bias.dot(self._in_state)
-        half = 0.5 * gain
-        passed: Array = transition.dot(self.cross)
-        passed += half
-        covariance: Array = passed.dot(gain.T)
-        passed += half
-        passed *= self._decay
-        self.cross = passed
-        return covariance
+        np.multiply(passed, self._decay, self.cross)
 
     def over(self, time: float) -> tuple[Array, Array]:
         """Return :func:`of_mean` (m,) of a time [s]."""
@@ -93,18 +92,24 @@ class SlowErrors:
         """Return the remaining share of each after a time [s] (m,)."""
         return np.exp(self._decay_rate * time)
 
-    def act_on(self, rate_b: Array | Sequence[float], force_b: Array | Sequence[float]) -> None:
+    def act_on(self, rate_b: Vector[float], force_b: Vector[float]) -> None:
         """Let the scales act on a reading."""
-        if len(self._scale_entries):
-            inputs = np.array([*rate_b, *force_b] * 2)
-            inputs[6:] *= inputs[6:]
-            self.effect.reshape(-1)[self._scale_entries] = (
-                inputs.take(self._scale_inputs) * self._scale_sigmas
-            )
+        if self._has_scales:
+            self._set_effect(rate_b, force_b)
 
-    def bias(self) -> Array:
-        """Return (n, n); with its transpose it is what H a, added to the biases, adds to P."""
-        return (self.cross + 0.5 * self._in_state).dot(self._in_state.T)
+    def _set_effect(self, rate_b: Vector[float], force_b: Vector[float]) -> None:
+        (x, y, z), (a, b, c) = rate_b, force_b
+        inputs = (x, y, z, a, b, c, x * x, y * y, z * z, a * a, b * b, c * c, 1.0)
+        factors = np.array(inputs).take(self._inputs)
+        np.multiply(self._half_sigmas, factors, self._half_effect)
+
+    def add_bias(self, covariance: Array) -> None:
+        """Add what the biases H a add to a covariance (n, n) of the state."""
+        total = np.add(self.cross, self._half_in_state, self._total)
+        half = total.dot(self._half_effect.T)
+        half += half
+        covariance[:, -6:] += half
+        covariance[-6:] += half.T
 
 
 def mean_factors(u: Array) -> tuple[Array, Array]:
@@ -127,8 +132,36 @@ _CROSS: Final = 0.5 * rotation.skew(_EYE)
 """(3, 3, 3): row k of ``theta x theta' / 2`` is ``-theta^T _CROSS[k] theta'``."""
 
 
+def _turning() -> Array:
+    """Return (3, 36): forms of what the attitude's second order gains in an interval."""
+    forms = np.zeros((3, 6, 6))
+    forms[:, :3, 3:], forms[:, 3:, :3] = -0.5 * _CROSS, 0.5 * _CROSS
+    return forms.reshape(3, 36)
+
+
+def _shortening() -> Array:
+    """Return (108, 3): a force a times it is the forms (3, 36) of what shortens it at both ends.
+
+    Row k of ``(Z - tr(Z) I) a / 2`` is ``theta^T S theta``, S the block of the start and the end.
+    """
+    along = np.einsum("ki,jl->kijl", _EYE, _EYE)
+    forms = np.zeros((3, 6, 6, 3))
+    forms[:, :3, :3] = 0.25 * (along + along.swapaxes(1, 2))
+    forms[:, :3, :3] -= 0.5 * np.einsum("kl,ij->kijl", _EYE, _EYE)
+    forms[:, 3:, 3:] = forms[:, :3, :3]
+    return forms.reshape(108, 3)
+
+
+_TURNING: Final = _turning()
+_SHORTENING: Final = _shortening()
+
+
 class SecondOrder:
-    """Mean and covariance of the second-order errors of attitude, velocity and position."""
+    """Mean and covariance of the second-order errors of attitude, velocity and position.
+
+    In an interval they gain quadratic forms of eta (6,), the first-order errors of the attitude at
+    its start and at its end; a form is (6, 6), or its 36 entries row by row.
+    """
 
     def __init__(self, rates: int) -> None:
         """Start with no error.
@@ -142,14 +175,18 @@ class SecondOrder:
         """(9, 9) mean square of the errors of attitude, velocity and position."""
         self._mean, self._covariance = np.zeros(_SIZE), np.zeros((_SIZE, _SIZE))
         self._with_state = np.zeros((_SIZE, n, n))
-        self._forms = np.zeros((_SIZE, 6, 6))
-        self._forms[:3, :3, 3:] = -0.5 * _CROSS
-        self._forms[:3, 3:, :3] = 0.5 * _CROSS
+        """Covariances of the errors with the products of x."""
+        self._with_ends = np.empty((_SIZE, 6, 6))
+        """Covariances of the errors with the products of eta."""
+        self._keep, self._forms = np.eye(_SIZE), np.empty((_SIZE, 36))
+        self._forms[:3] = _TURNING
+        self._shares = np.ones(n)
+        """Share of x at the start that remains at the end."""
 
     def step(
         self,
         h: float,
-        acceleration: Array,
+        acceleration: Vector[float],
         previous: Array,
         updated: Array,
         by_rates: Array,
@@ -158,58 +195,68 @@ class SecondOrder:
         """Propagate over an interval.
 
         :param h: length of the interval [s].
-        :param acceleration: (3,) mean specific force, in the world [m/s^2].
+        :param acceleration: mean specific force, in the world [m/s^2].
         :param previous: (n, n) covariance of x at the start.
         :param updated: (n, n) at the end.
         :param by_rates: (3, r) how theta at the end depends on the errors of the rate at the start.
         :param decay: (r,) share of the initial errors of the rate that remains at the end.
         """
-        theta = slice(0, 3)
-        self.largest_sigma = max(self.largest_sigma, float(attitude_sigma(updated[theta, theta])))
-        forms = self._forms
-        forms[3:6, theta, theta] = forms[6:, 3:, 3:] = _shortening(acceleration)
-        at_end = _propagate(previous[:, theta], by_rates, decay)  # E[x theta^T], x at the end
-        k = np.concatenate([at_end, updated[:, theta]], axis=1)
-        g = np.empty((6, 6))
-        g[:3, :3], g[:3, 3:] = previous[theta, theta], at_end[theta].T
-        g[3:, :3], g[3:, 3:] = at_end[theta], updated[theta, theta]
-        weighed = forms @ g
-        mean_products = 2.0 * np.einsum("iab,jba->ij", weighed, weighed)
-        keep, gain = _transition(h, acceleration)
-        c = self._with_state
-        u = np.zeros((6, len(previous)))
-        u[:3, :3], u[3:, :3], u[3:, 3:] = _EYE, _EYE, by_rates
-        shared = np.einsum("iab,kab->ki", forms, u @ c @ u.T)
-        crossed = keep @ shared @ gain.T
-        y = keep @ self._covariance @ keep.T + crossed + crossed.T + gain @ mean_products @ gain.T
-        self._covariance = y
-        self._mean = keep @ self._mean + gain @ weighed.trace(axis1=1, axis2=2)
-        c = _propagate(_propagate(c, by_rates, decay).swapaxes(1, 2), by_rates, decay)
-        c = np.tensordot(keep, c, 1) + np.tensordot(gain, 2.0 * (k @ forms @ k.T), 1)
-        self._with_state = c
-        self.mean_square = y + np.outer(self._mean, self._mean)
+        self.largest_sigma = max(self.largest_sigma, float(attitude_sigma(updated[:3, :3])))
+        self._set_interval(h, acceleration)
+        self._shares[3:] = decay
+        keep, forms = self._keep, self._forms
+        products = np.empty((len(previous), 6))  # E[x eta^T], x at the end
+        at_end = np.multiply(previous[:, :3], self._shares[:, None], products[:, :3])
+        at_end[:3] += by_rates.dot(previous[3:, :3])
+        products[:, 3:] = updated[:, :3]
+        eta = np.empty((6, 6))
+        eta[:3, :3], eta[3:] = previous[:3, :3], products[:3]
+        eta[:3, 3:] = at_end[:3].T
+        weighed = forms.reshape(_SIZE, 6, 6) @ eta
+        transposed = weighed.swapaxes(1, 2).reshape(_SIZE, 36)
+        gained = weighed.reshape(_SIZE, 36).dot(transposed.T)
+        gained += gained  # the covariance of two forms of normal numbers is 2 tr(A C B C)
+        self._advance_products(by_rates)
+        crossed = keep.dot(self._with_ends.reshape(_SIZE, 36)).dot(forms.T)
+        self._covariance = keep.dot(self._covariance).dot(keep.T)
+        self._covariance += gained
+        self._covariance += crossed
+        self._covariance += crossed.T
+        self._mean = keep.dot(self._mean) + forms.dot(eta.reshape(36))
+        moved = keep.dot(self._with_state.reshape(_SIZE, -1)).reshape(self._with_state.shape)
+        by_forms = (products @ forms.reshape(_SIZE, 6, 6)).reshape(-1, 6)
+        products += products
+        moved += by_forms.dot(products.T).reshape(moved.shape)
+        self._with_state = moved
+        self.mean_square = self._covariance + self._mean[:, None] * self._mean
 
+    def _set_interval(self, h: float, acceleration: Vector[float]) -> None:
+        """Set L (9, 9), which keeps the errors, and the forms of an interval.
 
-def _shortening(a: Array) -> Array:
-    """Return (3, 3, 3): row k of ``(Z - tr(Z) I) a / 2`` is ``theta^T _[k] theta``."""
-    along = _EYE[:, :, None] * a
-    return 0.25 * (along + along.swapaxes(1, 2)) - 0.5 * a[:, None, None] * _EYE
+        Both are by the trapezoid of the interval's ends: ``theta2 x a h`` turns the velocity.
+        """
+        x, y, z = acceleration
+        x, y, z, half = x * h, y * h, z * h, 0.5 * h
+        keep, forms = self._keep, self._forms
+        keep[3:6, :3] = tilted = np.array(((0.0, z, -y), (-z, 0.0, x), (y, -x, 0.0)))
+        tilted *= half
+        keep[6:, :3] = tilted
+        keep[[6, 7, 8], [3, 4, 5]] = h
+        velocity = _SHORTENING.dot(acceleration).reshape(3, 36)
+        velocity *= half
+        velocity += keep[3:6, :3].dot(0.5 * _TURNING)
+        forms[3:6] = velocity
+        velocity *= half
+        forms[6:] = velocity
 
-
-def _transition(h: float, a: Array) -> tuple[Array, Array]:
-    """Return L and M (9, 9) of an interval, by the trapezoid of its ends.
-
-    The forms are: what theta2 gains, and what shortens the force at the start and at the end.
-    """
-    tilted = -h * rotation.skew(a)  # theta2 x a h
-    keep, gain = np.eye(_SIZE), np.zeros((_SIZE, _SIZE))
-    keep[3:6, :3], gain[:3, :3], gain[3:6, :3] = tilted, _EYE, 0.5 * tilted
-    gain[3:6, 3:6] = gain[3:6, 6:] = 0.5 * h * _EYE
-    keep[6:, :3], keep[6:, 3:6], gain[6:] = 0.5 * h * tilted, h * _EYE, 0.5 * h * gain[3:6]
-    return keep, gain
-
-
-def _propagate(rows: Array, by_rates: Array, decay: Array) -> Array:
-    """Return ``F rows`` for rows (..., n, k): theta gains from the rates, the rates decay."""
-    theta, rates = rows[..., :3, :], rows[..., 3:, :]
-    return np.concatenate([theta + by_rates @ rates, decay[:, None] * rates], axis=-2)
+    def _advance_products(self, by_rates: Array) -> None:
+        """Propagate x in its products, and set those of eta: theta gains from the rates."""
+        c, ends = self._with_state, self._with_ends
+        attitude = c[:, :3, :3]
+        ends[:, :3, :3] = attitude
+        c[:, :, :3] += c[:, :, 3:] @ by_rates.T
+        ends[:, :3, 3:] = attitude
+        ends[:, 3:, :3] = attitude.swapaxes(1, 2)
+        c[:, :3] += by_rates @ c[:, 3:]
+        ends[:, 3:, 3:] = attitude
+        c *= self._shares[:, None] * self._shares

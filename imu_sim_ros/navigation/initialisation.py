@@ -13,6 +13,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from imu_sim_ros.core import rotation
+from imu_sim_ros.core.components import float_vector
 from imu_sim_ros.core.errors import InputError
 from imu_sim_ros.core.types import Array, Times
 from imu_sim_ros.navigation.covariance import (
@@ -26,6 +27,7 @@ from imu_sim_ros.navigation.covariance import (
 from imu_sim_ros.navigation.mount import ALIGNED, ImuMount, mount_of
 from imu_sim_ros.navigation.parameters import IntegratorParameters
 from imu_sim_ros.navigation.state import Correction, NavigationState, correction_of
+from imu_sim_ros.parameters.kinds import ZERO_VECTOR
 from imu_sim_ros.recordings.order import longest_step_ns
 from imu_sim_ros.sensors.imu.triads import TriadsParameters
 
@@ -320,7 +322,7 @@ def after_rest(
     covariance = Covariance(noise)
     p, slow = covariance.matrix, covariance.slow
     r_wi = r_wb if mount == ALIGNED else r_wb @ rotation.to_matrix(mount.q_bi)
-    slow.act_on(np.zeros(3), -r_wi.T @ np.asarray(gravity))
+    slow.act_on(ZERO_VECTOR, float_vector(-r_wi.T @ np.asarray(gravity)))
     mean, end = slow.over(time)
     gyro, accel = slow.effect[:3], slow.effect[3:]
     # A walk w of density K is off its mean over the rest by K^2 T / 3; E[mean(w) w] = K^2 T / 2.
