@@ -17,7 +17,7 @@ from typing import Any, Final, NoReturn, Protocol
 from imu_sim_ros import __version__
 from imu_sim_ros.commands.completion import complete
 from imu_sim_ros.core import timebase
-from imu_sim_ros.core.errors import Remark, explain
+from imu_sim_ros.core.errors import InputWarning, Remark, explain
 from imu_sim_ros.core.names import unknown
 from imu_sim_ros.terminal import signals
 from imu_sim_ros.terminal.json_text import as_json
@@ -376,18 +376,20 @@ def _watcher(name: str, quiet: bool, complete: Callable[[Path], None]) -> Watche
 
 @contextmanager
 def _remarks(program: str) -> Iterator[None]:
-    """Print remarks of jobs as lines of a program."""
+    """Print remarks and warnings of jobs as lines of a program."""
     with warnings.catch_warnings():
-        warnings.simplefilter("always", Remark)
+        for category in (InputWarning, Remark):
+            warnings.simplefilter("always", category)
         usual, printed = warnings.showwarning, set[str]()
 
         def show(
             message: Warning | str, category: type[Warning], *rest: Any, **options: Any
         ) -> None:
-            if issubclass(category, Remark):
+            if issubclass(category, InputWarning | Remark):
+                kind = "warning: " if issubclass(category, InputWarning) else ""
                 # What a file says is remarked on each time when it is read.
                 if str(message) not in printed:
-                    print(f"{program}: {message}", file=sys.stderr)
+                    print(f"{program}: {kind}{message}", file=sys.stderr)
                 printed.add(str(message))
             else:
                 usual(message, category, *rest, **options)

@@ -104,7 +104,14 @@ class Remark(UserWarning):
     """
 
 
-def warn(line: str, category: type[Warning] = UserWarning) -> None:
+class InputWarning(UserWarning):
+    """Input that makes results wrong or worse than they could be.
+
+    A program prints it as a line of standard error that begins with ``warning:``.
+    """
+
+
+def warn(line: str, category: type[UserWarning] = InputWarning) -> None:
     """Warn at the line that called the package, however deep in it this is."""
     frame, level = sys._getframe(1), 2
     while frame.f_back and frame.f_globals["__name__"].partition(".")[0] in _PASSED_OVER:

@@ -68,6 +68,7 @@ from imu_sim_ros.navigation.state import (
     NavigationState,
     correction_of,
 )
+from imu_sim_ros.recordings.findings.catalogue import pose_findings
 from imu_sim_ros.recordings.findings.policy import DEAD_RECKON
 from imu_sim_ros.sensors.imu.triads import TriadsParameters
 from imu_sim_ros.terminal.text_tables import TextTable
@@ -335,6 +336,8 @@ def _begun(
     recording = _recording(readings, *topics, skip_bad_rows, selection)
     if not (isinstance(readings, Flight) and (np.diff(recording.readings.t_ns) > 0).all()):
         recording = recording._replace(readings=judged(recording.readings, DEAD_RECKON))
+    if recording.truth is not None and not isinstance(readings, Flight):
+        DEAD_RECKON.judge(pose_findings(recording.truth), warn)
     recording = recording.after(skip)
     world = _world(readings, selection[1] or topics[0], topics[1])
     layers = {**world.parameters, **overrides}

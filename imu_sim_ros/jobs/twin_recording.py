@@ -25,7 +25,7 @@ from imu_sim_ros.calibration.twin.pose_noise import (
 from imu_sim_ros.core import arguments, timebase
 from imu_sim_ros.core.arguments import BAG_OR_FILE
 from imu_sim_ros.core.conventions import TRIADS
-from imu_sim_ros.core.errors import InputError, Problems
+from imu_sim_ros.core.errors import InputError, Problems, warn
 from imu_sim_ros.core.records import Readings, States, with_fields
 from imu_sim_ros.core.rotation import to_matrix
 from imu_sim_ros.core.types import Array, Mask
@@ -33,6 +33,7 @@ from imu_sim_ros.jobs.flight import Flight, readings_of
 from imu_sim_ros.jobs.readings import HasPoses, checked_poses, judged
 from imu_sim_ros.jobs.selection import NOTHING, Selection
 from imu_sim_ros.recordings.clock import estimate_clock
+from imu_sim_ros.recordings.findings.catalogue import pose_findings
 from imu_sim_ros.recordings.findings.policy import TWIN
 from imu_sim_ros.trajectory.build import build_trajectory
 from imu_sim_ros.trajectory.motion import Motion, Trajectory
@@ -183,6 +184,7 @@ def recorded(
     with problems.gathered():
         poses, name = _poses(truth, truth_topic, skip_bad_rows)
     problems.tell()
+    TWIN.judge(pose_findings(poses), warn)
     splines = _Splines(poses, name)
     noise, highest = splines.noise(cutoff)
     visible = float(np.clip(_ROOM * highest, min(_LOWEST, cutoff), cutoff))

@@ -20,6 +20,8 @@ _LATEST: Final = 5.0
 """Largest scatter of poses taken at an even rate, in intervals."""
 _MOSTLY_EVEN: Final = 0.9
 """Share of steps as long as the interval that stamps of arrival do not have."""
+_ROUNDED: Final = 1.2
+"""Range of the delays of held poses, in steps of the log, within which they are due to it."""
 _BETTER: Final = 0.5
 _REACH: Final = 0.01
 """Largest relative error of the first guess of the interval."""
@@ -28,7 +30,9 @@ _FIRST: Final = 2000
 _PHASES: Final = 40
 
 
-def even_times(t: Array, position: Array, q_wb: Array) -> tuple[Array, float, float]:
+def even_times(
+    t: Array, position: Array, q_wb: Array, log_step: float = 0.0
+) -> tuple[Array, float, float]:
     """Return times at which the poses may have been taken, the stamps' scatter, and the interval.
 
     Poses are taken at an even rate, some are lost. Stamps of arrival scatter about the grid, and
@@ -39,16 +43,21 @@ def even_times(t: Array, position: Array, q_wb: Array) -> tuple[Array, float, fl
     :param t: (n,) stamps [s], increasing from 0.
     :param position: (n, 3) positions [m].
     :param q_wb: (n, 4) attitudes without jumps of sign.
+    :param log_step: step of the log in which they stood several times, whose first stamps are late
+        by up to this step [s]; 0: they stood once.
     """
     interval = float(np.median(t[_SHORT:] - t[:-_SHORT])) / _SHORT
-    if np.mean(np.abs(np.diff(t) - interval) < _LATE * interval) > _MOSTLY_EVEN:
+    off = np.abs(np.diff(t) - interval) >= _LATE * interval
+    if not off.any() or (not log_step and off.mean() < 1.0 - _MOSTLY_EVEN):
         return t, 0.0, 0.0
     index = _grid_index(t / _even_interval(t, interval))
     interval = float(np.polyfit(index, t, 1)[0])
     even = index * interval
-    even = even + _running_median(t - even, _WINDOW)
+    even = even + _running_delay(t - even, _WINDOW)
     even = even - even[0]
     scatter = float(np.std(t - even))
+    if log_step and np.ptp(t - even) < _ROUNDED * log_step and np.all(np.diff(even) > 0.0):
+        return even, scatter, interval
     likely = _LATE * interval < scatter < _LATEST * interval
     if not likely or np.any(np.diff(even) <= 0.0):
         return t, 0.0, 0.0
@@ -100,8 +109,14 @@ def _grid_index(intervals: Array) -> Integers:
     return np.asarray(rows + np.maximum.accumulate(lost) - lost[0], dtype=np.int64)
 
 
-def _running_median(values: Array, reach: int) -> Array:
-    """Return the median (n,) of each value and of ``reach`` ones on either side."""
-    from scipy.ndimage import median_filter
+def _running_delay(values: Array, reach: int) -> Array:
+    """Return the median (n,) of each value and of ``reach`` ones on either side, averaged likewise.
 
-    return median_filter(values, 2 * reach + 1, mode="nearest")
+    The median leaves out late stamps. Of rounded delays, such as those of held poses, which are 0
+    or a step of the log, it alternates between two; the mean makes a slow drift of that.
+    """
+    from scipy.ndimage import median_filter, uniform_filter1d
+
+    width = 2 * reach + 1
+    median = median_filter(values, width, mode="nearest")
+    return np.asarray(uniform_filter1d(median, width, mode="nearest"))

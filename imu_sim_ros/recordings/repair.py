@@ -75,25 +75,30 @@ def mended(poses: States) -> Mended:
 
     :param poses: (n,) recorded poses; stamps increase, quaternions have any sign.
     """
-    return _mended(poses.t, with_fields(poses, q_wb=rotation.continuous(poses.q_wb)))
+    poses = with_fields(poses, q_wb=rotation.continuous(poses.q_wb))
+    t, repeats = poses.t, _held(poses)
+    if not len(repeats):
+        return _mended(t, poses)
+    rows = np.setdiff1d(np.arange(len(t)), repeats)
+    rest = _mended(t[rows], poses.rows(rows), float(np.median(np.diff(t))))
+    jumps = [jump._replace(row=int(rows[jump.row])) for jump in rest.disturbances.jumps]
+    single = rows[rest.disturbances.single]
+    return rest._replace(
+        disturbances=rest.disturbances._replace(single=single, jumps=jumps, held=repeats)
+    )
 
 
-def _mended(t: Array, poses: States) -> Mended:
-    """Return :func:`mended` of poses (n,) that were stamped at times (n,) [s]."""
+def _mended(t: Array, poses: States, log_step: float = 0.0) -> Mended:
+    """Return poses (n,) that do not stand, mended.
+
+    :param t: (n,) times at which they were stamped [s].
+    :param log_step: as in :func:`even_times`.
+    """
     nothing = np.zeros(0, dtype=np.int64)
-    repeats = _held(poses)
-    if len(repeats):
-        rows = np.setdiff1d(np.arange(len(t)), repeats)
-        rest = _mended(t[rows], poses.rows(rows))
-        jumps = [jump._replace(row=int(rows[jump.row])) for jump in rest.disturbances.jumps]
-        single = rows[rest.disturbances.single]
-        return rest._replace(
-            disturbances=rest.disturbances._replace(single=single, jumps=jumps, held=repeats)
-        )
     if len(t) < _LEAST_POSES:
         none = Disturbances(nothing, np.zeros(0), np.zeros(0), [], 0.0, 0.0, nothing)
         return Mended(t, poses, none)
-    times, scatter, interval = even_times(t, poses.position, poses.q_wb)
+    times, scatter, interval = even_times(t, poses.position, poses.q_wb, log_step)
     return _repaired(times, poses, scatter, interval)
 
 

@@ -13,10 +13,10 @@ from imu_sim_ros.core import rotation, timebase
 from imu_sim_ros.core.errors import InputError
 from imu_sim_ros.core.records import States
 from imu_sim_ros.core.types import Array
-from imu_sim_ros.recordings.findings.catalogue import disturbance_findings, held_findings
-from imu_sim_ros.recordings.findings.finding import Finding
+from imu_sim_ros.recordings.findings.catalogue import disturbance_findings, pose_findings
+from imu_sim_ros.recordings.findings.policy import RECORDED_MOTION
 from imu_sim_ros.recordings.order import longest_step_ns
-from imu_sim_ros.recordings.repair import Disturbances, beyond_any_body, mended
+from imu_sim_ros.recordings.repair import beyond_any_body, mended
 from imu_sim_ros.trajectory.bspline import PoseSpline, UniformKnots
 from imu_sim_ros.trajectory.motion import Motion, Trajectory
 from imu_sim_ros.trajectory.parameters import PosesParameters
@@ -69,19 +69,13 @@ class FitReport(NamedTuple):
         ]
 
 
-_DONE: Final = {
+_REPAIRS: Final = {
     "poses_outlying": "left out",
     "poses_jump": "all later poses were moved to continue the motion",
     "poses_held": "the first of each was kept",
     "poses_arrival": "even times were used",
 }
 """Repairs of the poses, by the kind of finding."""
-
-
-def _suspicions(disturbances: Disturbances, poses: States) -> list[Finding]:
-    """Return the findings about poses that ``robust`` repairs."""
-    repeated = held_findings(poses) if len(disturbances.held) else []
-    return [*disturbance_findings(poses, disturbances), *repeated]
 
 
 class RecordedMotion:
@@ -99,11 +93,14 @@ class RecordedMotion:
         t = timebase.seconds_since(poses.t_ns, self.t0_ns)
         self.repairs: list[str] = []
         """Texts of the repairs."""
+        self._recorded = poses
         if parameters.robust:
             repaired = mended(poses)
+            findings = [*disturbance_findings(poses, repaired.disturbances), *pose_findings(poses)]
             self.repairs = [
-                f"{parameters.file}: {finding.evidence}; {_DONE[finding.kind]}"
-                for finding in _suspicions(repaired.disturbances, poses)
+                f"{parameters.file}: {finding.evidence}; {_REPAIRS[finding.kind]}"
+                for finding in findings
+                if finding.kind in _REPAIRS
             ]
             if repaired.disturbances:
                 t = repaired.t
@@ -122,14 +119,17 @@ class RecordedMotion:
     @cached_property
     def warnings(self) -> list[str]:
         """Texts about suspicious poses."""
-        poses, report, file = self._poses, self.report, self._parameters.file
-        texts = []
-        if not self._parameters.robust:
-            repaired = mended(poses)
-            texts = [
-                f"{file}: {finding.evidence}; {finding.remedy}"
-                for finding in _suspicions(repaired.disturbances, poses)
-            ]
+        poses, report, file = self._recorded, self.report, self._parameters.file
+        findings = pose_findings(poses)
+        if self._parameters.robust:
+            findings = [finding for finding in findings if finding.kind not in _REPAIRS]
+        else:
+            findings = [*disturbance_findings(poses, mended(poses).disturbances), *findings]
+        texts = [
+            f"{file}: {finding.evidence}; {finding.remedy}"
+            for finding in findings
+            if RECORDED_MOTION.action(finding.kind)
+        ]
         texts += beyond_any_body(
             file,
             report.peak_acceleration,

@@ -17,7 +17,7 @@ from imu_sim_ros.bags.writer import Block
 from imu_sim_ros.commands import inspect
 from imu_sim_ros.core import rotation
 from imu_sim_ros.core.conventions import STANDARD_GRAVITY
-from imu_sim_ros.core.records import with_fields
+from imu_sim_ros.core.records import States, with_fields
 from imu_sim_ros.recordings.findings.catalogue import KINDS, reading_findings, state_findings
 from imu_sim_ros.recordings.repair import mended
 
@@ -238,6 +238,27 @@ def test_held_poses_are_mended_to_one_of_each(poses):
     np.testing.assert_array_equal(result.poses.position, poses.position[::4])
     np.testing.assert_array_equal(result.t, poses.t[::4])
     assert not len(result.disturbances.single)
+
+
+@pytest.mark.parametrize(
+    ("log", "physics", "digits"), [(200, 50, 9), (1000, 30, 9), (120, 100, 9), (200, 50, 4)]
+)
+def test_poses_held_at_any_rates_are_mended_to_even_times(log, physics, digits):
+    """A pose stands in the log from the first step after it on; rounding makes it a step late."""
+    seconds = np.arange(0.0, 20.0, 1.0 / log)
+    taken = np.floor(seconds * physics) / physics
+    position = np.stack([2.0 * np.sin(0.5 * taken), 1.5 * np.sin(0.8 * taken), 0.1 * taken], 1)
+    yaw = 0.9 * np.sin(0.6 * taken)
+    q_wb = rotation.from_euler(np.stack([0.0 * yaw, 0.0 * yaw, yaw], 1))
+    rounded = rotation.normalise(np.round(q_wb, digits))
+    t_ns = np.round(seconds * 1e9).astype(np.int64)
+    result = mended(States(t_ns, np.round(position, digits), rounded))
+    assert not len(result.disturbances.single)
+    assert not result.disturbances.jumps
+    steps = np.diff(result.t)
+    assert abs(len(steps) / np.ptp(result.t) / physics - 1.0) < 1e-3
+    # A step of the log late would be 0.2 to 1 of it; the delays drift slowly.
+    assert np.ptp(steps) < 0.02 / log
 
 
 def test_add_errors_tells_of_a_twist_in_the_worlds_axes(tmp_path, poses):

@@ -4,6 +4,7 @@
 """Every job refuses, corrects or tells the findings of a recording as it declares."""
 
 import warnings
+from contextlib import suppress
 
 import numpy as np
 import pytest
@@ -11,10 +12,13 @@ from faults import FAULTS, STAMPS
 
 import imu_sim_ros as ims
 from imu_sim_ros.bags.create import open_writer
-from imu_sim_ros.bags.messages.encode import IMU, ImuEncoder
+from imu_sim_ros.bags.messages.encode import IMU, ODOMETRY, ImuEncoder, OdometryEncoder
 from imu_sim_ros.bags.writer import BagOptions, Block
-from imu_sim_ros.core.errors import InputError
-from imu_sim_ros.core.records import LiveReading
+from imu_sim_ros.commands import dead_reckon as dead_reckon_command
+from imu_sim_ros.core import rotation
+from imu_sim_ros.core.errors import InputError, InputWarning
+from imu_sim_ros.core.records import LiveReading, with_fields
+from imu_sim_ros.inputs.poses import write_tum
 from imu_sim_ros.recordings.findings.catalogue import KINDS, reading_findings
 from imu_sim_ros.recordings.findings.live import UnitWatch
 from imu_sim_ros.recordings.findings.policy import JOBS, ROLES
@@ -161,3 +165,62 @@ def test_inspect_tells_of_two_frames_on_a_topic_and_judges_each(flights, tmp_pat
     assert inspection.findings[1].source.endswith(", right")
     with pytest.raises(InputError, match=r"--frame chooses one \[frames_mixed\]"):
         ims.dead_reckon(tmp_path / name)
+
+
+@pytest.fixture(scope="module")
+def circle():
+    return ims.simulate(imu="bmi088", trajectory="circle", rate=100, duration=30, seed=3)
+
+
+def changed_poses(truth, kind):
+    """Return poses with a fault of a kind."""
+    if kind == "poses_held":
+        rows = np.arange(len(truth)) // 4 * 4
+        position, q_wb = truth.position[rows], truth.q_wb[rows]
+    else:
+        turn = {"z_down": [0.0, 1.0, 0.0, 0.0], "axes_camera": [0.5, -0.5, 0.5, -0.5]}[kind]
+        position, q_wb = truth.position, rotation.multiply(truth.q_wb, np.array(turn))
+    return with_fields(truth, position=position, q_wb=q_wb, velocity=None, angular_velocity=None)
+
+
+@pytest.mark.parametrize("kind", ["z_down", "axes_camera", "poses_held"])
+def test_every_job_that_takes_poses_tells_what_they_are(circle, tmp_path, kind):
+    poses = changed_poses(circle.truth, kind)
+    write_tum(tmp_path / "poses.tum", poses)
+    write_tum(tmp_path / "truth.tum", circle.truth)
+    remedy = KINDS[kind].remedy
+
+    def twin():
+        with suppress(InputError):  # a circle may tell too little of a sensor
+            ims.twin(circle, tmp_path / "poses.tum")
+
+    jobs = {
+        "evaluate": lambda: ims.evaluate(tmp_path / "poses.tum", tmp_path / "truth.tum"),
+        "generate, simulator": lambda: ims.simulate(
+            trajectory=tmp_path / "poses.tum", rate=50, duration=1
+        ),
+        "twin": twin,
+    }
+    for name, job in jobs.items():
+        assert JOBS[name].action(kind) == "tells"
+        assert any(remedy in line for line in told_by(job)), name
+
+
+def test_dead_reckoning_tells_the_axes_of_its_truth_on_the_command_line(circle, tmp_path, capsys):
+    poses, readings = changed_poses(circle.truth, "axes_camera"), circle.readings
+    with open_writer(tmp_path / "camera.mcap", BagOptions()) as writer:
+        topics = writer.add_topic("/imu/data_raw", IMU), writer.add_topic("/odom", ODOMETRY)
+        truth = OdometryEncoder("odom", "base_link", writer.encoding).encode(
+            poses.t_ns, poses.position, poses.q_wb, 0.0 * poses.position, 0.0 * poses.position
+        )
+        encoder = ImuEncoder("imu_link", writer.encoding)
+        rows = encoder.pattern(readings.t_ns, readings.gyro, readings.accel)
+        blocks = [Block(topics[0], readings.t_ns, rows), Block(topics[1], poses.t_ns, truth)]
+        writer.write_blocks(blocks)
+    assert dead_reckon_command.main([str(tmp_path / "camera.mcap"), "--json"]) == 0
+    lines = capsys.readouterr().err.splitlines()
+    warned = [line for line in lines if line.startswith("dead_reckon: warning: ")]
+    kinds = {line.rpartition(" [")[2] for line in warned}
+    assert kinds == {"twist_unfilled]", "axes_camera]"}
+    with pytest.warns(InputWarning, match="axes_camera"):
+        ims.dead_reckon(tmp_path / "camera.mcap")

@@ -18,7 +18,7 @@ from imu_sim_ros.recordings.findings.measures import ReadingMeasures
 from imu_sim_ros.recordings.findings.readings import READINGS, UNIT_CHECKS
 from imu_sim_ros.recordings.findings.roles import FRAMES, USES, TopicFrames, TrajectoryUse
 from imu_sim_ros.recordings.findings.stamps import STAMPS
-from imu_sim_ros.recordings.findings.states import STATES, TWIST, StateMeasures, poses_held
+from imu_sim_ros.recordings.findings.states import STATES, TWIST, StateMeasures, poses_disordered
 from imu_sim_ros.recordings.repair import Disturbances, mended
 
 GROUPS: Final[dict[str, tuple[FaultCheck[Any], ...]]] = {
@@ -32,7 +32,7 @@ GROUPS: Final[dict[str, tuple[FaultCheck[Any], ...]]] = {
 }
 """All checks, by the part of a recording that they look at."""
 _JUDGED: Final = 200_000
-"""Poses whose motion is examined for jumps."""
+"""Poses whose motion is examined."""
 KINDS: Final = {check.kind: check for checks in GROUPS.values() for check in checks}
 """All checks by the kind of their findings."""
 
@@ -62,8 +62,16 @@ def twist_findings(states: States, measures: StateMeasures | None = None) -> lis
 
 
 def pose_findings(states: States) -> list[Finding]:
-    """Return the findings about poses and their twist, without jumps, which estimates may have."""
-    return by_severity(_findings(STATES, StateMeasures(states), states)) if len(states) else []
+    """Return the findings about poses and their twist, without jumps, which estimates may have.
+
+    The order of all poses is looked at, everything else in the first 200,000.
+    """
+    if not len(states):
+        return []
+    head = states.rows(slice(_JUDGED))
+    findings = list(_findings((poses_disordered,), StateMeasures(states), states))
+    checks = [check for check in STATES if check is not poses_disordered]
+    return by_severity([*findings, *_findings(checks, StateMeasures(head), head)])
 
 
 def state_findings(states: States) -> list[Finding]:
@@ -71,10 +79,8 @@ def state_findings(states: States) -> list[Finding]:
 
     Jumps are looked for in the first 200,000 poses.
     """
-    if not len(states):
-        return []
-    findings = list(_findings(STATES, StateMeasures(states), states))
-    if np.all(np.diff(states.t_ns) > 0):
+    findings = pose_findings(states)
+    if len(states) and np.all(np.diff(states.t_ns) > 0):
         head = states.rows(slice(_JUDGED))
         disturbances = mended(head).disturbances
         findings += disturbance_findings(head, disturbances)
@@ -84,11 +90,6 @@ def state_findings(states: States) -> list[Finding]:
 def disturbance_findings(states: States, disturbances: Disturbances) -> list[Finding]:
     """Return the findings about poses that no body moves through."""
     return list(_findings(DISTURBANCES, DisturbedPoses(states, disturbances), states))
-
-
-def held_findings(states: States) -> list[Finding]:
-    """Return the findings about poses that stand several times in a row."""
-    return list(_findings((poses_held,), StateMeasures(states), states))
 
 
 def camera_findings(camera: CameraRecord) -> list[Finding]:

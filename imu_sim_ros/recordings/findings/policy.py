@@ -23,11 +23,12 @@ UNEVEN_CLOCK: Final = (
 """Kinds of stamps whose true times the clock tells."""
 TWIST: Final = ("twist_world", "twist_body", "twist_unfilled")
 """Kinds of a twist that contradicts the poses beside it."""
-POSES: Final = (
-    *("quaternion_order", "poses_held", "poses_sparse", "z_down", "axes_camera"),
-    *("poses_jump", "poses_outlying", "poses_arrival"),
-)
+AXES: Final = ("quaternion_order", "z_down", "axes_camera")
+"""Kinds of poses in other axes."""
+POSES: Final = (*AXES, "poses_held", "poses_sparse")
 """Kinds of poses that are not those of a body, or not all of them."""
+DISTURBED_POSES: Final = ("poses_jump", "poses_outlying", "poses_arrival")
+"""Kinds of poses that no body moves through."""
 ROLES: Final = ("truth_as_estimate", "estimate_as_truth")
 """Kinds of trajectories in the wrong place."""
 
@@ -68,12 +69,14 @@ class FindingPolicy:
 DEAD_RECKON: Final = FindingPolicy(
     refuses=(*ABSENT, *BROKEN_CLOCK),
     corrects=UNEVEN_CLOCK,
-    tells=(*UNITS, "triad_zeros", "gravity_absent", "axes_down"),
+    tells=(*UNITS, "triad_zeros", "gravity_absent", "axes_down", *POSES, *TWIST),
 )
 PREINTEGRATE: Final = FindingPolicy(
     refuses=(*ABSENT, *BROKEN_CLOCK), corrects=UNEVEN_CLOCK, tells=(*UNITS, "triad_zeros")
 )
-TWIN: Final = FindingPolicy(refuses=(*ABSENT, *BROKEN_CLOCK, *UNITS), corrects=UNEVEN_CLOCK)
+TWIN: Final = FindingPolicy(
+    refuses=(*ABSENT, *BROKEN_CLOCK, *UNITS), corrects=UNEVEN_CLOCK, tells=POSES
+)
 ALLAN: Final = FindingPolicy(
     refuses=(*ABSENT, "stamps_unit"),
     corrects=("clock_reset", *UNEVEN_CLOCK),
@@ -85,8 +88,9 @@ INTEGRATOR: Final = FindingPolicy(tells=UNITS)
 ERROR_MODEL: Final = FindingPolicy(tells=(*UNITS, *TWIST))
 EVALUATE: Final = FindingPolicy(
     refuses=("poses_disordered", *ROLES),
-    tells=("quaternion_order", "poses_held", "poses_sparse", "z_down", "axes_camera"),
+    tells=POSES,
 )
+RECORDED_MOTION: Final = FindingPolicy(tells=(*POSES, *DISTURBED_POSES))
 JOBS: Final = {
     "add_errors, error_model": ERROR_MODEL,
     "allan": ALLAN,
@@ -94,6 +98,7 @@ JOBS: Final = {
     "convert_bag": CONVERT,
     "dead_reckon": DEAD_RECKON,
     "evaluate": EVALUATE,
+    "generate, simulator": RECORDED_MOTION,
     "integrator": INTEGRATOR,
     "preintegrate": PREINTEGRATE,
     "twin": TWIN,

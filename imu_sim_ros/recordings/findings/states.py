@@ -19,8 +19,8 @@ _FEWEST: Final = 20
 """Poses from which on they are judged."""
 _HELD: Final = 0.1
 """Share of poses that stand more than once in a row, from which on poses are held."""
-_DIGITS: Final = 20.0
-"""Usual step of a motion over the smallest one, below which rounding makes poses equal."""
+_DIGITS: Final = 3.0
+"""Usual step after equal poses over the smallest one, below which rounding makes them equal."""
 _LONG: Final = 3.0
 """Step between poses, over the usual one, across which no velocity is computed."""
 _SPEED: Final = 0.05
@@ -101,7 +101,7 @@ def _rms(vectors: Array) -> float:
 @check(
     "warning",
     "velocities between such poses are far too large, then zero",
-    "--robust keeps the first of each run; or log at the rate of the simulation",
+    "--robust (trajectory.robust) keeps the first of each; or log at the rate of the simulation",
 )
 def poses_held(measures: StateMeasures) -> Iterator[Evidence]:
     """Find poses that stand several times in a row while the body moves."""
@@ -110,10 +110,11 @@ def poses_held(measures: StateMeasures) -> Iterator[Evidence]:
         return
     # A body that stands makes one long run.
     repeated = lengths > 1
+    if repeated.mean() <= _HELD:
+        return
     steps = np.abs(np.diff(measures.states.position[starts], axis=0))
-    steps = steps[steps > 0.0]
-    rounded = len(steps) and np.median(steps) < _DIGITS * steps.min()
-    if repeated.mean() > _HELD and not rounded:
+    usual = np.median(steps[repeated[:-1]].max(axis=1))
+    if not steps.any() or usual >= _DIGITS * steps[steps > 0.0].min():
         length = float(np.mean(lengths[lengths <= 10.0 * np.median(lengths)]))
         rate = 1.0 / measures.interval
         text = f"each pose stands {length:.3g} times on average: {rate / length:.4g} Hz"
