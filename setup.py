@@ -40,6 +40,7 @@ OPTIONAL = {
     "logs": ["pymavlink>=2.4.40", "pyulog>=1.1.0"],
     "magnetic": ["pygeomag"],
     "mesh": ["trimesh>=4.0", "embreex>=4.4"],
+    "mocap": ["bvhio>=1.5.4", "ezc3d>=1.5.19"],
     "view": ["rerun-sdk>=0.23"],
 }
 DEVELOPMENT = {

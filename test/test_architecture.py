@@ -56,6 +56,8 @@ ONLY_IN = {
     "geometry_msgs": {"nodes"},
     "rosbags": {"bags"},
     "mcap": {"bags"},
+    "bvhio": {"bags"},
+    "ezc3d": {"bags"},
     "pymavlink": {"bags"},
     "pyulog": {"bags"},
     "matplotlib": {"plots"},

@@ -343,10 +343,12 @@ class ContradictionError(ValueError):
 
 
 def listed(topics: Iterable[TopicInfo]) -> str:
-    """Return topics in words."""
-    return (
-        ", ".join(f"{topic.name} ({topic.type or 'no schema'})" for topic in topics) or "no topics"
-    )
+    """Return topics in words; the type stands once if it is that of all."""
+    topics = [*topics]
+    texts = [f"{topic.name} ({topic.type or 'no schema'})" for topic in topics]
+    if len({topic.type for topic in topics}) == 1:
+        texts[:-1] = [topic.name for topic in topics[:-1]]
+    return ", ".join(texts) or "no topics"
 
 
 def gather(data: Bytes, starts: Times, sizes: Times) -> Payloads:

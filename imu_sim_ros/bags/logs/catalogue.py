@@ -7,17 +7,15 @@ from functools import lru_cache
 from pathlib import Path
 from typing import Final
 
-from imu_sim_ros.bags.logs import ardupilot, px4
+from imu_sim_ros.bags.logs import ardupilot, bvh, c3d, px4
 from imu_sim_ros.bags.logs.log import Contents, LogBag, LogFormat
 from imu_sim_ros.bags.reader import Recover
 from imu_sim_ros.core.errors import MachineError, Remark, warn
 
-LOGS: Final[tuple[LogFormat, ...]] = (px4, ardupilot)
+LOGS: Final[tuple[LogFormat, ...]] = (px4, ardupilot, bvh, c3d)
 """All kinds; the first that recognises a path reads it."""
 _LARGE: Final = 256 << 20
 """Size from which on the memory is told [bytes]."""
-_MEMORY: Final = 3
-"""Memory that reading takes, in sizes of the file, if all of it are readings."""
 
 
 def open_log(path: Path, magic: bytes, recover: Recover) -> LogBag | None:
@@ -40,7 +38,7 @@ def _contents(number: int, path: Path, changed_ns: int, size: int) -> Contents:
     :param changed_ns: time of its last change [ns].
     :param size: size [bytes].
     """
-    need = f"up to {size * _MEMORY / 1e6:.0f} MB of memory"
+    need = f"up to {size * LOGS[number].MEMORY / 1e6:.0f} MB of memory"
     if size > _LARGE:
         warn(f"{path}: {size / 1e6:.0f} MB, read as a whole, which takes {need}", Remark)
     try:

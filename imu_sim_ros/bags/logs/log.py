@@ -67,6 +67,8 @@ class LogStream:
     """Returns the messages (m, size) of some rows, in the encoding of ROS 2."""
     aliases: tuple[str, ...] = ()
     """Names that the log's own tools have for the topic."""
+    remarks: tuple[str, ...] = ()
+    """Lines about its values, which are told when its messages are read."""
 
 
 @dataclass(frozen=True)
@@ -83,10 +85,16 @@ class Contents:
     """Lines about parts that could not be read."""
     remarks: tuple[str, ...] = ()
     """Lines about values that were left out or derived."""
+    derived: Callable[[str], LogStream | None] = lambda name: None
+    """Returns a topic that is computed when a user names it; None: the name is none of these."""
 
 
 class LogFormat(Protocol):
     """A module that reads one kind of log."""
+
+    @property
+    def MEMORY(self) -> int:  # noqa: N802 - a constant of the module
+        """Memory that reading takes, in sizes of the file, if all of it are readings."""
 
     def holds(self, path: Path, magic: bytes) -> bool:
         """Return True if a path is of this kind.
@@ -115,14 +123,19 @@ class LogBag(Bag):
         self._contents = contents
         self._streams: dict[TopicInfo, LogStream] = {}
         for stream in contents.streams:
-            schema = schemas.schema(stream.type, self.encoding)
-            info = TopicInfo(stream.name, stream.type, len(stream.t_ns), schema, ())
-            self._streams[info] = stream
-        self.topics = list(self._streams)
+            self._add(stream)
         self.clippings = contents.clippings
         self.damage += contents.damage
         for line in (*contents.remarks, *(() if recover else contents.damage)):
             warn(f"{path}: {line}", Remark)
+
+    def _add(self, stream: LogStream) -> TopicInfo:
+        """Present a topic and return its description."""
+        schema = schemas.schema(stream.type, self.encoding)
+        info = TopicInfo(stream.name, stream.type, len(stream.t_ns), schema, ())
+        self._streams[info] = stream
+        self.topics = list(self._streams)
+        return info
 
     def find(self, name: str) -> TopicInfo | None:
         """Return the topic of a name, as it is listed or as the log's own tools name it."""
@@ -130,7 +143,8 @@ class LogBag(Bag):
         for info, stream in self._streams.items():
             if plain == info.name.strip("/") or plain in stream.aliases:
                 return info
-        return None
+        derived = self._contents.derived(plain)
+        return None if derived is None else self._add(derived)
 
     def default(self, type_name: str) -> str | None:
         """Return the topic that the kind of log prefers, and tell which it is."""
@@ -152,6 +166,8 @@ class LogBag(Bag):
         ]
         if not chosen:
             return
+        for line in (line for _, stream, _ in chosen for line in stream.remarks):
+            warn(f"{self.path}: {line}", Remark)
         times = np.sort(np.concatenate([record_ns for _, _, record_ns in chosen]))
         ends = [*np.unique(times[_ROWS::_ROWS]).tolist(), END_NS]
         starts = [0] * len(chosen)
