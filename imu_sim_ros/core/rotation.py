@@ -150,6 +150,17 @@ def continuous(q: ArrayLike) -> Array:
     return q * signs[:, None]
 
 
+def upright(axis: str) -> Array:
+    """Return R (3, 3), which maps coordinates with an axis up to those with z up.
+
+    The axes change places in a circle: of coordinates with y up, x, y, z become z, x, y.
+
+    :param axis: x, y or z, after ``-`` if it points down.
+    """
+    matrix = np.roll(np.eye(3), 2 - "xyz".index(axis[-1]), axis=0)
+    return matrix * np.array([[1.0], [-1.0], [-1.0]]) if axis.startswith("-") else matrix
+
+
 def exp(rotation_vector: ArrayLike) -> Array:
     """Return the quaternions (..., 4) of rotation vectors (..., 3) [rad] (Sola eq. 101)."""
     return stack(components.exp(vector(rotation_vector)))

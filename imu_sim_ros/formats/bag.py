@@ -27,8 +27,9 @@ from imu_sim_ros.bags.read import (
     odometry_blocks,
     open_bag,
 )
-from imu_sim_ros.bags.reader import missing
+from imu_sim_ros.bags.reader import listed
 from imu_sim_ros.core.errors import InputError
+from imu_sim_ros.core.names import suggestion
 from imu_sim_ros.core.records import Readings, States, concatenated
 from imu_sim_ros.core.rotation import normalise
 from imu_sim_ros.core.timebase import NANOSECONDS_PER_SECOND
@@ -120,8 +121,11 @@ def pose_topic(bag: Bag, topic: str | None) -> tuple[str, str, tuple[str, str] |
     frames = tuple(pair.split(".", 1)) if "." in pair else None
     info = bag.find(topic) or bag.find(plain)  # a name in a log may have a colon
     if info is None or info.type not in POSE_TYPES:
-        hint = missing(topic, fitting, fitting) if fitting else "it has none"
-        raise InputError(f"{bag.path}: has no topic {topic} of poses; {hint}")
+        others = listed(fitting) if fitting else "none"
+        hint = suggestion(plain, (info.name for info in fitting), "")
+        raise InputError(
+            f"{bag.path}: has no topic {topic} of poses; it has {others}{hint and f'; {hint}'}"
+        )
     if info.type == TF_MESSAGE and (frames is None or not all(frames)):
         raise InputError(
             f"{bag.path}: {info.name} has transforms between several frames; name two: "

@@ -10,6 +10,8 @@ from typing import Any, Final, Protocol
 import numpy as np
 
 from imu_sim_ros.core.errors import ConfigurationError
+from imu_sim_ros.core.records import States, with_fields
+from imu_sim_ros.core.rotation import from_matrix, multiply, upright
 from imu_sim_ros.core.types import Array
 from imu_sim_ros.inputs.poses import read_poses
 from imu_sim_ros.trajectory.calibration_motion import six_position, turntable
@@ -77,8 +79,7 @@ def motion_of_section(parameters: TrajectoryParameters, pose_reader: PoseReader)
     if isinstance(p, PosesParameters):
         from imu_sim_ros.trajectory.recorded import RecordedMotion  # SciPy
 
-        topic = (p.topic,) if p.topic else ()
-        return RecordedMotion(pose_reader(Path(p.file), *topic), p)
+        return RecordedMotion(poses_of_section(p, pose_reader), p)
     if isinstance(p, TurntableParameters):
         return turntable(p)
     if isinstance(p, SixPositionParameters):
@@ -103,6 +104,27 @@ def motion_of_section(parameters: TrajectoryParameters, pose_reader: PoseReader)
             f"trajectory.type = {p.type!r}: {type(p).__name__} lacks duration or sample(t)"
         )
     return _OwnMotion(p)
+
+
+def poses_of_section(parameters: PosesParameters, pose_reader: PoseReader) -> States:
+    """Return the recorded poses of a section, in metres and with z up.
+
+    :param pose_reader: reads a file of poses.
+    :raises InputError: for a file of poses that cannot be used.
+    """
+    p = parameters
+    poses = pose_reader(Path(p.file), *((p.topic,) if p.topic else ()))
+    if p.scale == 1.0 and p.up == "z":
+        return poses
+    matrix = upright(p.up)
+    return with_fields(
+        poses,
+        position=p.scale * poses.position @ matrix.T,
+        q_wb=multiply(from_matrix(matrix), poses.q_wb),
+        velocity=None,
+        covariance=None,
+        twist_covariance=None,
+    )
 
 
 class _OwnMotion:

@@ -598,8 +598,19 @@ class PosesParameters(TrajectoryParameters):
     """Recorded poses, followed by a B-spline."""
 
     type: str = text("poses", TYPE_TEXT)
-    file: str = text("", "poses in TUM or EuRoC format, or a bag")
-    topic: str = text("", "Odometry or PoseStamped topic of a bag; empty: the only one")
+    file: str = text("", "recorded poses: a bag, a log, a motion capture, or text")
+    topic: str = text("", "topic of a bag, or segment of a motion capture; empty: the only one")
+    scale: float = number(
+        1.0,
+        "factor of the positions, for a file in another unit than its reader takes",
+        minimum=0.0,
+        above_minimum=True,
+    )
+    up: str = choice(
+        "z",
+        ("x", "y", "z", "-x", "-y", "-z"),
+        "axis of the poses that points up; others than z change places until z is up",
+    )
     knot_spacing: float = number(
         0.0,
         "time between the spline's knots; 0: the longest of 0.02 s, the poses' usual interval and "

@@ -86,7 +86,7 @@ class _World(NamedTuple):
     """Axes and unit of a file."""
 
     axis: str
-    """Axis up, as :func:`segments.upright` takes it."""
+    """Axis up, as :func:`~imu_sim_ros.core.rotation.upright` takes it."""
     unit: float
     """Length of the unit [m]."""
 
@@ -173,7 +173,7 @@ def _labels(file: _File, group: str, count: int) -> list[str]:
 
 def _rate(file: _File, group: str) -> float:
     values = _parameter(file, group, "RATE")
-    return float(values[0]) if values else 0.0
+    return float(values[0] or 0.0) if values else 0.0
 
 
 def _markers(file: _File) -> _Markers:
@@ -226,7 +226,7 @@ def _rotations(file: _File, world: _World, remarks: list[str]) -> Iterator[Segme
     if not count or not frames:
         return
     ratio = _parameter(file, "ROTATION", "RATIO")
-    rate = _rate(file, "ROTATION") or _rate(file, "POINT") * float(ratio[0] if ratio else 1.0)
+    rate = _rate(file, "ROTATION") or _rate(file, "POINT") * float((ratio and ratio[0]) or 1.0)
     t_ns = segments.frame_times(frames, rate)
     for k, label in enumerate(_labels(file, "ROTATION", count)):
         poses = np.moveaxis(matrices[:, :, k], 2, 0)

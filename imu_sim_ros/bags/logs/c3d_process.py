@@ -7,13 +7,14 @@ ezc3d ends its process on some malformed files (``std::terminate``), so it has o
 ``python -m imu_sim_ros.bags.logs.c3d_process FILE FOLDER``. It prints why a file is not read.
 """
 
-import json
 import resource
 import sys
 from pathlib import Path
 from typing import Final
 
 import numpy as np
+
+from imu_sim_ros.terminal.json_text import as_json
 
 ARRAYS: Final = ("points", "rotations")
 """Names of the arrays, NAME.npy each: (4, m, n) and (4, 4, m, n)."""
@@ -48,7 +49,7 @@ def main(path: str, folder: str) -> int:
     except Exception as error:  # whatever the library raises for malformed bytes
         print(" ".join(str(error).split()) or type(error).__name__)
         return 2
-    Path(folder, PARAMETERS).write_text(json.dumps(parameters), encoding="utf-8")
+    Path(folder, PARAMETERS).write_text(as_json(parameters), encoding="utf-8")
     return 0
 
 

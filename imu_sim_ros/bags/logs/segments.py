@@ -4,8 +4,9 @@
 """Segments of a moving person as topics of poses: names, and axes with z up.
 
 A file whose y or x axis is up has its axes exchanged in a circle, those of the world and those of
-the segments alike: with U of :func:`upright`, ``p_w = U p_file`` and ``R_wb = U R_file U^T``. A
-segment that is parallel to the world in the file is parallel to it here, too.
+the segments alike: with U of :func:`~imu_sim_ros.core.rotation.upright`, ``p_w = U p_file`` and
+``R_wb = U R_file U^T``. A segment that is parallel to the world in the file is parallel to it here,
+too.
 """
 
 import re
@@ -18,7 +19,7 @@ from imu_sim_ros.bags.logs.log import LogStream
 from imu_sim_ros.bags.messages.encode import POSE_STAMPED, PoseStampedEncoder
 from imu_sim_ros.core.conventions import AXES, WORLD_FRAME
 from imu_sim_ros.core.errors import InputError
-from imu_sim_ros.core.rotation import normalise
+from imu_sim_ros.core.rotation import normalise, upright
 from imu_sim_ros.core.timebase import LOWEST_RATE, sample_times_ns
 from imu_sim_ros.core.types import Array, Bytes, Times
 
@@ -48,16 +49,6 @@ class Segment(NamedTuple):
     """Lines about its axes and missing poses."""
 
 
-def upright(axis: str) -> Array:
-    """Return U (3, 3), which maps coordinates with this axis up to those with z up.
-
-    :param axis: x, y or z, after ``-`` if it points down.
-    """
-    shift = 2 - AXES.index(axis[-1])
-    matrix = np.roll(np.eye(3), shift, axis=0)
-    return matrix * np.array([[1.0], [-1.0], [-1.0]]) if axis.startswith("-") else matrix
-
-
 def axes_sentence(axis: str) -> str:
     """Return which axes of a file with this axis up are x, y and z here."""
     texts = []
@@ -72,7 +63,8 @@ def in_world(position: Array, q_file: Array, axis: str, unit: float) -> tuple[Ar
 
     :param position: (n, 3) in units of the file.
     :param q_file: (n, 4) attitudes of the segment's axes in the file.
-    :param axis: axis of the file that points up, as for :func:`upright`.
+    :param axis: axis of the file that points up, as for
+        :func:`imu_sim_ros.core.rotation.upright`.
     :param unit: length of the unit [m].
     """
     matrix = upright(axis)

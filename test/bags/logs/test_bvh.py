@@ -153,6 +153,18 @@ def test_unknown_unit_says_its_assumption(tmp_path):
     assert "trajectory.scale" in line
 
 
+def test_scale_and_axis_correct_poses(tmp_path):
+    """A file in inches with x up, read as centimetres with y up, moves as it should."""
+    path = tmp_path / "arm.bvh"
+    rows = np.zeros((61, 11))
+    rows[:, :3] = np.outer(np.linspace(0.0, 1.0, 61), [10.0, 20.0, 30.0])
+    path.write_text(mocap.bvh(ARM, rows))
+    motion = {"type": "poses", "file": path, "topic": "Base", "scale": 2.54, "up": "y"}
+    end = ims.simulate(trajectory=motion, rate=10).trajectory.sample(np.array([0.6])).position[0]
+    # Read: x, y, z are the file's z, x, y. Their y up: x, y, z are their z, x, y.
+    np.testing.assert_allclose(end, 0.0254 * np.array([20.0, 30.0, 10.0]), atol=1e-6)
+
+
 def test_segments_are_the_topics_of_all_programs(walking):
     with open_bag(walking) as bag:
         assert [topic.name for topic in bag.topics][:3] == ["/Hips", "/Spine", "/Head"]
