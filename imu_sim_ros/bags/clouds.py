@@ -75,6 +75,8 @@ def read_clouds(path: Path, name: str) -> Iterator[tuple[int, NDArray[np.void]]]
 def cloud_records(bag: Bag, source: str) -> Iterator[CloudRecord]:
     """Yield a record for each topic of clouds but those of the truth, of its first clouds.
 
+    Clouds without positions, as those of radars, have none.
+
     :param source: name of the file.
     """
     for topic in bag.topics:
@@ -84,6 +86,8 @@ def cloud_records(bag: Bag, source: str) -> Iterator[CloudRecord]:
         fields: tuple[str, ...] = ()
         organised = False
         for _, cloud in islice(decoded_messages(bag, [topic.name]), _FIRST):
+            if not _has_positions(cloud):
+                break
             fields = tuple(str(field.name) for field in cloud.fields)
             organised = int(cloud.height) > 1
             with errors_naming(bag.path, f" ({topic.name})"):
@@ -92,7 +96,14 @@ def cloud_records(bag: Bag, source: str) -> Iterator[CloudRecord]:
                 if name in (rows.dtype.names or ()):
                     times.setdefault(name, []).append(rows[name])
         columns = {name: tuple(values) for name, values in times.items()}
-        yield CloudRecord(f"{source}, {topic.name}", fields, organised, columns)
+        if fields:
+            yield CloudRecord(f"{source}, {topic.name}", fields, organised, columns)
+
+
+def _has_positions(cloud: Any) -> bool:
+    """Return True for a message with x, y and z as floating-point numbers."""
+    types = {field.name: int(field.datatype) for field in cloud.fields}
+    return all(types.get(axis) in (7, 8) for axis in "xyz")
 
 
 def _points(cloud: Any, name: str) -> NDArray[np.void]:
@@ -100,7 +111,7 @@ def _points(cloud: Any, name: str) -> NDArray[np.void]:
     kinds = {number: kind for kind, number in POINT_TYPES.items()}
     order = ">" if cloud.is_bigendian else "<"
     fields = {field.name: field for field in cloud.fields if int(field.datatype) in kinds}
-    if any(axis not in fields or int(fields[axis].datatype) not in (7, 8) for axis in "xyz"):
+    if not _has_positions(cloud):
         raise InputError(f"{name}: a cloud without x, y and z as floating-point numbers")
     formats = [order + kinds[int(field.datatype)] for field in fields.values()]
     counts = [max(int(field.count), 1) for field in fields.values()]

@@ -5,7 +5,9 @@
 
 from __future__ import annotations
 
+import textwrap
 from collections.abc import Iterator, Sequence
+from contextlib import suppress
 from dataclasses import dataclass, replace
 from os import PathLike
 from pathlib import Path
@@ -15,7 +17,8 @@ import numpy as np
 
 from imu_sim_ros.bags.cameras import camera_records
 from imu_sim_ros.bags.clouds import cloud_records
-from imu_sim_ros.bags.messages.encode import IMU, ODOMETRY
+from imu_sim_ros.bags.messages.encode import IMU, PATH
+from imu_sim_ros.bags.messages.transforms import TF_MESSAGE
 from imu_sim_ros.bags.read import MixedFramesError, open_bag
 from imu_sim_ros.bags.text.reader import has_states, is_text
 from imu_sim_ros.calibration.noise.truth import load_truth, true_noise
@@ -29,6 +32,7 @@ from imu_sim_ros.core.records import Readings, States, concatenated, with_fields
 from imu_sim_ros.core.types import Array
 from imu_sim_ros.datasets.recorded import folder_cameras, image_size
 from imu_sim_ros.formats import door
+from imu_sim_ros.formats.bag import POSE_TYPES
 from imu_sim_ros.formats.choice import Choice
 from imu_sim_ros.formats.handling import Handling
 from imu_sim_ros.jobs.flight import Flight
@@ -45,6 +49,7 @@ from imu_sim_ros.jobs.selection import (
 from imu_sim_ros.jobs.writing import SkipBadRows, saved
 from imu_sim_ros.parameters import files
 from imu_sim_ros.recordings.cameras import CameraRecord, CloudRecord
+from imu_sim_ros.recordings.clock import estimate_clock
 from imu_sim_ros.recordings.findings.catalogue import (
     KINDS,
     by_severity,
@@ -59,10 +64,23 @@ from imu_sim_ros.recordings.findings.clipping import ClippingCounts
 from imu_sim_ros.recordings.findings.finding import SEVERITIES, Finding
 from imu_sim_ros.recordings.findings.measures import ReadingMeasures
 from imu_sim_ros.recordings.findings.roles import TopicFrames
-from imu_sim_ros.terminal.text_tables import TextTable, html_of
+from imu_sim_ros.recordings.findings.states import StateMeasures
+from imu_sim_ros.recordings.time_offsets import (
+    TurnAngles,
+    time_offset_of_turns,
+    turn_angles_of_poses,
+    turn_angles_of_readings,
+)
+from imu_sim_ros.terminal.text_tables import TextTable, html_of, plus_minus
 
 _NEAREST: Final = 3
 """Number of presets that are named next to a sensor."""
+_COLUMNS: Final = 80
+"""Width of the text."""
+_INDENT: Final = 10
+"""Largest indentation of the lines that continue a text."""
+_COMPARED: Final = 20
+"""Number of recordings whose time offset to the first IMU is looked for."""
 
 
 @dataclass(frozen=True)
@@ -90,7 +108,7 @@ class SensorContents:
     readings: int
     """Number of readings."""
     duration_s: float
-    """Time from the first to the last stamp [s]."""
+    """Time over all readings, without steps of the clock [s]."""
     rate_hz: float | None
     """Samples per second [Hz]; None: the stamps have no rate."""
     rate_sigma_hz: float | None
@@ -128,9 +146,25 @@ class PoseContents:
     duration_s: float
     """Time from the first to the last pose [s]."""
     rate_hz: float | None
-    """Median rate [Hz]; None: fewer than two poses."""
+    """Poses per second [Hz]; None: the stamps have no rate."""
     length_m: float
     """Length of the path [m]."""
+
+
+@dataclass(frozen=True)
+class SensorOffset:
+    """Time offset between two recordings of one body, told by its rotation."""
+
+    source: str
+    """Name of the IMU or trajectory whose stamps are off."""
+    reference: str
+    """Name of the IMU whose stamps are the reference."""
+    offset_s: float
+    """Time to add to the stamps of the source [s]."""
+    low_s: float
+    """Lower end of the 95 % interval [s]."""
+    high_s: float
+    """Upper end of the 95 % interval [s]."""
 
 
 @dataclass(frozen=True)
@@ -143,6 +177,8 @@ class Inspection:
     """IMUs."""
     trajectories: tuple[PoseContents, ...]
     """Trajectories, true ones and estimates."""
+    offsets: tuple[SensorOffset, ...]
+    """Time offsets to the first IMU, where the motion tells them."""
     findings: tuple[Finding, ...]
     """Faults, worst first."""
 
@@ -152,8 +188,14 @@ class Inspection:
         return f"<Inspection: {contents}; {kinds or 'no findings'}>"
 
     def _repr_html_(self) -> str:
-        """Return the text of the result as HTML, for notebooks."""
-        return html_of(self.lines())
+        """Return findings and contents as HTML, for notebooks."""
+        tables = [("Findings", *_findings_table(self.findings)), *self.tables()]
+        shown = [
+            TextTable(header, [[_cell(cell) for cell in row] for row in rows], title)
+            for title, header, rows in tables
+            if rows
+        ]
+        return html_of([*([] if self.findings else ["no findings"]), *shown])
 
     def select(self, kinds: Sequence[str]) -> list[Finding]:
         """Return the findings of some kinds.
@@ -179,31 +221,48 @@ class Inspection:
             "topics": [vars(topic) for topic in self.topics],
             "sensors": [vars(sensor) for sensor in self.sensors],
             "trajectories": [vars(poses) for poses in self.trajectories],
+            "offsets": [vars(offset) for offset in self.offsets],
             "findings": [finding.to_dict() for finding in self.findings],
         }
 
-    def lines(self) -> Iterator[str | TextTable]:
-        """Yield what ``inspect`` prints."""
+    def lines(self) -> Iterator[str]:
+        """Yield what ``inspect`` prints: findings, worst first, and below them the contents."""
         for sensor in self.sensors:
             yield from input_lines([f"{sensor.source}: {note}" for note in sensor.notes])
         for finding in self.findings:
-            yield f"{finding.severity}: {finding.kind}: {finding.sentence()}"
-            yield f"    {finding.effect}"
+            yield from _wrapped(f"{finding.severity}: ", finding.statement())
+            yield from _wrapped("  effect  ", finding.effect)
+            yield from _wrapped("  to do   ", finding.remedy)
         if not self.findings:
             yield "no findings"
-        for header, rows, title in self.tables():
-            if rows:
-                shown = [["" if cell is None else _cell(cell) for cell in row] for row in rows]
-                yield TextTable(header, shown, title)
+        for file in dict.fromkeys(topic.source for topic in self.topics):
+            topics = [topic for topic in self.topics if topic.source == file]
+            yield from ("", f"topics: {file}")
+            yield from _aligned([[t.topic, t.type, f"{t.messages:,}"] for t in topics])
+        for sensor in self.sensors:
+            yield from ("", f"IMU: {sensor.source}")
+            yield from _aligned(_sensor_rows(sensor))
+        for poses in self.trajectories:
+            yield from ("", f"poses: {poses.source}")
+            yield from _aligned(_pose_rows(poses))
+        if self.offsets:
+            yield from ("", "time offsets, with their 95 % intervals")
+            for offset in self.offsets:
+                half = 0.5 * (offset.high_s - offset.low_s)
+                size = f"{plus_minus(1e3 * offset.offset_s, 1e3 * half)} ms"
+                text = f"to add to the stamps of {offset.source}, for those of {offset.reference}"
+                yield from _wrapped(f"  {size}  ", text)
 
-    def tables(self) -> Iterator[tuple[list[str], list[list[Any]], str]]:
-        """Yield header, rows and title of the tables of contents."""
+    def tables(self) -> Iterator[tuple[str, list[str], list[list[Any]]]]:
+        """Yield title, header and rows of the tables of contents."""
+        axes = [f"{triad} {axis}" for triad in TRIADS for axis in AXES]
         yield (
+            "Topics",
             ["file", "topic", "type", "messages"],
             [[topic.source, topic.topic, topic.type, topic.messages] for topic in self.topics],
-            "Topics",
         )
         yield (
+            "Readings",
             ["IMU", "readings", "time [s]", "rate [Hz]", "stamps", "lost", "rest [s]"],
             [
                 [
@@ -212,10 +271,10 @@ class Inspection:
                 ]
                 for sensor in self.sensors
             ],
-            "Readings",
         )
         yield (
-            ["noise floor", *(f"{triad} {axis}" for triad in TRIADS for axis in AXES), "presets"],
+            "White noise [rad/s/sqrt(Hz), m/s^2/sqrt(Hz)], and the presets nearest to it",
+            ["noise floor", *axes, "presets"],
             [
                 [
                     sensor.source,
@@ -226,9 +285,9 @@ class Inspection:
                 for sensor in self.sensors
                 if sensor.gyroscope_noise_density or sensor.accelerometer_noise_density
             ],
-            "White noise [rad/s/sqrt(Hz), m/s^2/sqrt(Hz)], and the presets nearest to it",
         )
         yield (
+            "Poses",
             ["trajectory", "frame", "body", "poses", "time [s]", "rate [Hz]", "path [m]"],
             [
                 [
@@ -237,7 +296,14 @@ class Inspection:
                 ]
                 for poses in self.trajectories
             ],
-            "Poses",
+        )
+        yield (
+            "Time to add to the stamps [ms], with its 95 % interval",
+            ["source", "reference", "offset", "low", "high"],
+            [
+                [o.source, o.reference, 1e3 * o.offset_s, 1e3 * o.low_s, 1e3 * o.high_s]
+                for o in self.offsets
+            ],
         )
 
     def save(self, path: str | Path, *, force: bool = False) -> Path:
@@ -248,20 +314,11 @@ class Inspection:
         :raises InputError: for a path that cannot be used or exists.
         """
         from imu_sim_ros import __version__
+        from imu_sim_ros.reports.findings import finding_section
         from imu_sim_ros.reports.page import Section, html, table
 
-        header = ["severity", "kind", "source", "place", "evidence", "effect", "remedy"]
-        rows = [
-            [
-                *(finding.severity, finding.kind, finding.source, finding.place()),
-                *(finding.evidence, finding.effect, finding.remedy),
-            ]
-            for finding in self.findings
-        ]
-        nothing = {"kind": "text", "text": "No findings."}
-        items = [table("findings", header, rows, search=False) if rows else nothing]
-        sections = [Section("Findings", items)]
-        for columns, cells, title in self.tables():
+        sections = [finding_section(self.findings)]
+        for title, columns, cells in self.tables():
             if cells:
                 content = table(title.partition(" ")[0].lower(), columns, cells, search=False)
                 sections.append(Section(title, [content], title.partition(" [")[0]))
@@ -271,12 +328,79 @@ class Inspection:
         return Path(path)
 
 
+def _findings_table(findings: Sequence[Finding]) -> tuple[list[str], list[list[str]]]:
+    """Return header and rows of the findings."""
+    rows = [[f.severity, f.statement(), f.effect, f.remedy] for f in findings]
+    return ["severity", "finding", "effect", "to do"], rows
+
+
 def _cell(value: object) -> str:
+    if value is None:
+        return ""
     if isinstance(value, float):
         return f"{value:.6g}"
     return f"{value:,}" if isinstance(value, int) else str(value)
 
 
+def _wrapped(label: str, text: str) -> list[str]:
+    """Return a text in lines of 80 columns, next to its label."""
+    indent = " " * min(len(label), _INDENT)
+    return textwrap.wrap(
+        text,
+        _COLUMNS,
+        initial_indent=label,
+        subsequent_indent=indent,
+        break_long_words=False,
+        break_on_hyphens=False,
+    )
+
+
+def _aligned(rows: Sequence[Sequence[str]]) -> Iterator[str]:
+    """Yield rows of text in columns, indented: numbers of a last column to the right."""
+    widths = [max(map(len, column)) for column in zip(*rows, strict=True)]
+    for row in rows:
+        cells = [f"{cell:<{width}}" for cell, width in zip(row, widths, strict=True)]
+        if len(row) > 2:
+            cells[-1] = f"{row[-1]:>{widths[-1]}}"
+        yield "  " + "  ".join(cells).rstrip()
+
+
+def _sensor_rows(sensor: SensorContents) -> list[list[str]]:
+    """Return what is known of an IMU, in words."""
+    rows = [["readings", f"{sensor.readings:,} in {sensor.duration_s:.6g} s"]]
+    if sensor.frame_id:
+        rows.insert(0, ["frame", sensor.frame_id])
+    if sensor.rate_hz is not None:
+        clock = f"{sensor.rate_hz:.6g} Hz; stamps: {sensor.clock}; lost: {sensor.lost:,}"
+        rows.append(["rate", clock])
+    if sensor.rest_s or sensor.moving_s:
+        rows.append(["rest, motion", f"{sensor.rest_s:.4g} s, {sensor.moving_s:.4g} s"])
+    for triad, unit, density in (
+        (TRIADS[0], "rad/s/sqrt(Hz)", sensor.gyroscope_noise_density),
+        (TRIADS[1], "m/s^2/sqrt(Hz)", sensor.accelerometer_noise_density),
+    ):
+        if density is not None:
+            values = ", ".join(f"{axis:.3g}" for axis in density)
+            rows.append([f"{triad} noise", f"{values} {unit}"])
+    if sensor.nearest_presets:
+        rows.append(["nearest presets", ", ".join(sensor.nearest_presets)])
+    return rows
+
+
+def _pose_rows(poses: PoseContents) -> list[list[str]]:
+    """Return what is known of a trajectory, in words."""
+    rows = [["poses", f"{poses.poses:,} in {poses.duration_s:.6g} s"]]
+    if poses.frame_id or poses.child_frame_id:
+        frames = [poses.frame_id or "unknown", poses.child_frame_id or "unknown"]
+        rows.insert(0, ["frames", f"{frames[0]}, body {frames[1]}"])
+    if poses.rate_hz is not None:
+        rows.append(["rate", f"{poses.rate_hz:.6g} Hz"])
+    rows.append(["path", f"{poses.length_m:.6g} m"])
+    return rows
+
+
+_POSE_TYPES: Final = tuple(name for name in POSE_TYPES if name != TF_MESSAGE)
+"""Types of topics with the poses of one body."""
 Record = Readings | States | ClippingCounts | CameraRecord | CloudRecord | TopicFrames
 """Readings, poses, counts of clipping, a camera's description, clouds, or frames on a topic."""
 Source = str | PathLike[str] | Readings | States | Flight
@@ -346,6 +470,7 @@ def inspect(
     sensors: list[SensorContents] = []
     trajectories: list[PoseContents] = []
     findings: list[Finding] = []
+    turns: list[tuple[str, TurnAngles]] = []
     for record in records:
         if isinstance(record, CameraRecord):
             findings += camera_findings(record)
@@ -359,12 +484,31 @@ def inspect(
             measures = ReadingMeasures(record)
             sensors.append(_sensor(measures))
             findings += reading_findings(record, measures)
+            angles = turn_angles_of_readings(measures)
+            if angles is not None:
+                turns.insert(len(sensors) - 1, (record.source, angles))
         else:
             trajectories.append(_poses(record))
             findings += state_findings(record)
+            angles = turn_angles_of_poses(StateMeasures(record))
+            if angles is not None:
+                turns.append((record.source, angles))
     return Inspection(
-        tuple(topics), tuple(sensors), tuple(trajectories), tuple(by_severity(findings))
+        tuple(topics),
+        tuple(sensors),
+        tuple(trajectories),
+        tuple(_offsets(turns) if sensors else ()),
+        tuple(by_severity(findings)),
     )
+
+
+def _offsets(turns: Sequence[tuple[str, TurnAngles]]) -> Iterator[SensorOffset]:
+    """Yield the time offsets of recordings to the first of them, where the motion tells them."""
+    for source, angles in turns[1 : _COMPARED + 1]:
+        reference, angles_of_reference = turns[0]
+        offset = time_offset_of_turns(angles_of_reference, angles)
+        if offset is not None:
+            yield SensorOffset(source, reference, *offset)
 
 
 def _read(
@@ -388,13 +532,14 @@ def _read(
         clippings = [replace(counts, source=f"{name}, {counts.source}") for counts in bag.clippings]
     topics += [TopicContents(name, info.name, info.type, info.count) for info in infos]
     imus = door.imu_choices(path, choice)
-    tracks = [info.name for info in infos if info.type == ODOMETRY and info.count]
+    tracks = [info.name for info in infos if info.type in _POSE_TYPES and info.count]
+    paths = [info.name for info in infos if info.type == PATH]
     if topic is not None:
         named_topic = None if topic_info is None else topic_info.name
         imus = [imu for imu in imus if imu.topic is not None and imu.topic == named_topic]
         tracks = [track for track in tracks if track == named_topic]
         if not imus and not tracks:
-            raise InputError(f"{path}: {topic}: no such topic of {IMU} or {ODOMETRY}")
+            raise InputError(f"{path}: {topic}: no such topic of {IMU} or of poses")
     problems, empty = Problems(), 0
     for imu in imus:
         with problems.gathered():
@@ -409,7 +554,14 @@ def _read(
             raise InputError(f"{path}: contains no readings of the frame {choice.frame}")
     for track in tracks:
         with problems.gathered():
-            yield with_fields(read_odometry(path, track), source=f"{name}, {track}")
+            handling = Handling(tell_skipped(path) if skip else None)
+            try:
+                states = door.format_of(path).states(path, track, False, handling)
+            except InputError:
+                if topic is None and track in paths:  # a path of fewer than two poses
+                    continue
+                raise
+            yield with_fields(states, source=f"{name}, {track}")
     if topic is None:
         yield from clippings
         yield from cameras
@@ -455,20 +607,19 @@ def _read_text(path: Path, choice: Choice, skip: bool) -> Iterator[Record]:
 
 def _sensor(measures: ReadingMeasures) -> SensorContents:
     readings, clock = measures.readings, measures.clock
-    seconds = measures.window * measures.interval if measures.values is not None else 0.0
     noise = measures.noise_density
     shown = [_densities(noise, triad) for triad in range(2)]
     return SensorContents(
         source=readings.source,
         frame_id=readings.frame_id,
         readings=len(readings),
-        duration_s=float(readings.t[-1]) if len(readings) else 0.0,
+        duration_s=0.0 if clock is None else clock.duration,
         rate_hz=None if clock is None else clock.rate,
         rate_sigma_hz=None if clock is None else clock.rate_sigma,
         clock="" if clock is None else clock.kind,
         lost=0 if clock is None else clock.lost,
-        rest_s=float(np.count_nonzero(measures.rest)) * seconds,
-        moving_s=float(np.count_nonzero(~measures.rest)) * seconds,
+        rest_s=measures.rest_time,
+        moving_s=measures.duration - measures.rest_time if len(measures.rest) else 0.0,
         gyroscope_noise_density=shown[0],
         accelerometer_noise_density=shown[1],
         nearest_presets=_nearest(noise, 0.0 if clock is None else clock.rate),
@@ -496,14 +647,15 @@ def _nearest(noise: tuple[Array, Array] | None, rate: float) -> tuple[str, ...]:
 
 
 def _poses(states: States) -> PoseContents:
-    steps = np.diff(states.t_ns)
-    median = float(np.median(steps)) if len(steps) else 0.0
+    clock = None
+    with suppress(InputError):  # fewer than two different stamps
+        clock = estimate_clock(states.t_ns)
     return PoseContents(
         source=states.source,
         frame_id=states.frame_id,
         child_frame_id=states.child_frame_id,
         poses=len(states),
-        duration_s=float(states.t[-1]) if len(states) else 0.0,
-        rate_hz=1e9 / median if median > 0.0 else None,
+        duration_s=0.0 if clock is None else clock.duration,
+        rate_hz=None if clock is None else clock.rate,
         length_m=float(np.linalg.norm(np.diff(states.position, axis=0), axis=1).sum()),
     )

@@ -317,7 +317,26 @@ def _bag(sources: Sources, path: Path, files: Sequence[Path]) -> list[Section]:
         flights.insert(0, TruthWithEstimates("motion", truth, estimates))
     skipped = tell_skipped(path) if sources.skip_bad_rows else None
     readings = reading_sections(path, sources.choice, sources.notes, skipped)
-    return estimate_sections(path, flights) + readings + sensors
+    answers = estimate_sections(path, flights)
+    return [*answers, _findings(sources, path, files), *readings, *sensors]
+
+
+def _findings(sources: Sources, path: Path, files: Sequence[Path]) -> Section:
+    """Return the findings of a recording and of the estimates beside it, worst first."""
+    from imu_sim_ros.jobs.inspect import inspect
+    from imu_sim_ros.reports.findings import finding_section
+
+    choice = sources.choice
+    inspection = inspect(
+        [path, *files],
+        frame=choice.frame,
+        gyro_topic=choice.gyro_topic,
+        accel_topic=choice.accel_topic,
+        gyro_unit=choice.gyro_unit,
+        accel_unit=choice.accel_unit,
+        skip_bad_rows=sources.skip_bad_rows,
+    )
+    return finding_section(inspection.findings, f"{path.name}: findings")
 
 
 def _separate_truths(topics: Sequence[str]) -> dict[str, str]:

@@ -4,13 +4,11 @@
 """The offset between the clocks of an estimate and its truth, from their motion, with its interval.
 
 Relative poses over half a second depend neither on the frames nor on slow drift. The offset is the
-one at which ``J = ln sum |dp|^2 + ln sum |dtheta|^2`` of their differences is smallest. Its
-variance is that of an estimating equation: the variance of J's slope, a sum of correlated parts
-that are added in blocks of time (batch means; Conway, Management Science 10, 1963), over the square
-of J's curvature (the "sandwich"; Huber 1967).
+one at which ``J = ln sum |dp|^2 + ln sum |dtheta|^2`` of their differences is smallest; its
+interval is that of an estimating equation, J's slope.
 """
 
-from typing import Final, NamedTuple
+from typing import Final
 
 import numpy as np
 
@@ -19,6 +17,7 @@ from imu_sim_ros.core.errors import InputError
 from imu_sim_ros.core.records import States
 from imu_sim_ros.core.types import Array
 from imu_sim_ros.navigation.association import Rows, common_rows, poses_at
+from imu_sim_ros.recordings.time_offsets import OffsetInterval, half_interval
 
 LARGEST: Final = 1.0
 """Largest offset of the search, in both directions [s]."""
@@ -33,18 +32,8 @@ _SHARPNESS: Final = 1.1
 _ROUNDING: Final = 1e-12
 _CORRELATED: Final = 4.0 * _INTERVAL
 """Shortest block: relative poses without common time are nearly independent [s]."""
-_BLOCKS: Final = (4, 30)
-"""Fewest and most blocks."""
 _DOUBTFUL: Final = 0.01
 """Largest half of a 95 % interval: a body at 1 m/s moves by a centimetre in it [s]."""
-
-
-class OffsetInterval(NamedTuple):
-    """An offset to add to the stamps of an estimate [s], with its 95 % interval."""
-
-    value: float
-    low: float
-    high: float
 
 
 def time_offset(
@@ -102,8 +91,6 @@ class _Pairs:
 
     def half_interval(self, offset: float, scaled: bool) -> float:
         """Return half of the 95 % interval [s] of an offset at which J is smallest."""
-        from scipy.special import stdtrit  # scipy.stats has t.ppf and takes 0.5 s to import
-
         step = _STEPS[1]
         residuals = self._residuals(offset, scaled)
         earlier, later = (self._residuals(offset + s, scaled) for s in (-step, step))
@@ -112,12 +99,7 @@ class _Pairs:
         curvature = float(weight @ np.sum(slopes**2, axis=(1, 2)))
         parts = np.einsum("c,cnk,cnk->n", weight, residuals, slopes)
         seconds = (self._first_ns - self._first_ns[0]) * 1e-9
-        fewest, largest = _BLOCKS
-        count = int(np.clip(seconds[-1] / _CORRELATED, fewest, largest))
-        block = np.minimum((seconds / max(seconds[-1], 1e-9) * count).astype(np.int64), count - 1)
-        sums = np.bincount(block, weights=parts, minlength=count)
-        deviation = float(np.sqrt(count * np.var(sums, ddof=1)))
-        return float(stdtrit(count - 1, 0.975)) * deviation / max(curvature, 1e-300)
+        return half_interval(seconds, parts, curvature, _CORRELATED)
 
     def _sums(self, residuals: Array) -> Array:
         """Return (2,) the sums of squares of position and turn, with what interpolation leaves."""

@@ -19,7 +19,13 @@ import numpy as np
 
 from imu_sim_ros.core.errors import InputError
 from imu_sim_ros.core.types import Array, Integers, Mask, Times
-from imu_sim_ros.recordings.order import RESET_READINGS, StampOrder, longest_loss, order_stamps
+from imu_sim_ros.recordings.order import (
+    CLOCK_CHANGE_NS,
+    RESET_READINGS,
+    StampOrder,
+    longest_loss,
+    order_stamps,
+)
 
 CLEAR: Final = 0.25
 """Intervals: steps that are as close to whole numbers of them are counted one by one."""
@@ -610,6 +616,12 @@ class Clock:
         return int(self.missing.sum())
 
     @property
+    def duration(self) -> float:
+        """Time over all readings, pauses included, steps of the clock left out [s]."""
+        steps = np.diff(self.stamps_ns)
+        return float(steps[(steps > 0) & (steps <= CLOCK_CHANGE_NS)].sum()) * 1e-9
+
+    @property
     def kind(self) -> str:
         """exact, rounded, batches, bunches or jitter."""
         return self.traits[0].kind
@@ -757,7 +769,7 @@ def _events(t_ns: Times, clock: Clock, order: StampOrder, duplicates: Integers) 
         would = "row numbers" if unit == "index" else f"in {unit}: {clock.rate / factor:.6g} Hz"
         add("unit", clock.rows[:1], f"{text}; they are {would}", len(clock.rows))
     strays = ", ".join(f"{t} ns" for t in t_ns[order.strays[:3]].tolist())
-    add("stray", order.strays, f"{len(order.strays)} stamps far from their neighbours: {strays}")
+    add("stray", order.strays, f"{_stamps(len(order.strays))} far from the neighbours: {strays}")
     back = t_ns[order.resets] - t_ns[np.maximum(order.resets - 1, 0)]
     add("reset", order.resets, "the clock went back by " + _seconds(-back))
     forward = t_ns[order.changes] - t_ns[np.maximum(order.changes - 1, 0)]
@@ -773,6 +785,11 @@ def _events(t_ns: Times, clock: Clock, order: StampOrder, duplicates: Integers) 
     text = f"{clock.lost} samples are lost in {len(lossy)} places"
     add("loss", clock.rows[lossy], text, clock.lost)
     return traits
+
+
+def _stamps(count: int) -> str:
+    """Return a number of stamps in words."""
+    return "1 stamp" if count == 1 else f"{count} stamps"
 
 
 def _seconds(steps_ns: Times) -> str:

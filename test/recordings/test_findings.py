@@ -144,7 +144,9 @@ def test_a_program_can_fail_on_kinds(tmp_path, capsys):
         for t_ns, row in zip(readings.t_ns.tolist(), rows.tolist(), strict=True):
             file.write(f"{t_ns}," + ",".join(map(repr, row)) + "\n")
     assert inspect.main([str(path)]) == 0
-    assert "accelerometer_g: g.csv: at rest the accelerometer reads" in capsys.readouterr().out
+    printed = capsys.readouterr().out
+    assert printed.startswith("error: g.csv: at rest the accelerometer reads")
+    assert max(map(len, printed.splitlines())) <= 80
     assert inspect.main([str(path), "--fail-on", "gyroscope_degrees,samples_lost"]) == 0
     for wanted in ("error", "warning", "accelerometer_g"):
         assert inspect.main([str(path), "--fail-on", wanted]) == 3
@@ -154,6 +156,7 @@ def test_a_program_can_fail_on_kinds(tmp_path, capsys):
     page = tmp_path / "page.html"
     assert inspect.main([str(path), "-o", str(page), "--quiet"]) == 0
     assert "accelerometer_g" in page.read_text()
+    assert "accelerometer_g" in ims.report(path, page, force=True).output.read_text()
 
 
 def test_every_kind_is_in_the_manual():
@@ -229,6 +232,30 @@ def test_smooth_poses_are_mended_nowhere_however_far_and_fast():
                 result = mended(with_fields(states, position=position))
                 assert not result.disturbances, (trajectory, shift, scale)
                 assert len(result.poses.position) == len(states)
+
+
+def test_poses_that_are_held_at_late_stamps_are_one_finding(poses):
+    """A physics of 50 Hz, logged at 200 Hz with a phase that drifts: no jumps, no outliers."""
+    rows = (np.arange(len(poses)) * 0.25 * 1.003).astype(int).clip(max=len(poses) // 4 - 1) * 4
+    held = with_fields(poses, position=poses.position[rows], q_wb=poses.q_wb[rows], velocity=None)
+    assert pose_kinds(held) == ["poses_held"]
+    jumped = held.position + np.where(np.arange(len(held)) > 1000, 1.0, 0.0)[:, None]
+    assert pose_kinds(with_fields(held, position=jumped)) == ["poses_held", "poses_jump"]
+
+
+def test_steps_that_the_noise_crosses_are_no_finding():
+    """Steps of three deviations of the noise, of which an axis may show two values by chance."""
+    readings = ims.simulate(imu="icm42688p", trajectory="circle", rate=100, duration=12, seed=5)
+    assert len(np.unique(readings.readings.gyro[:, 0])) == 2
+    assert kinds(readings.readings) == []
+
+
+def test_the_noise_floor_is_that_of_the_sensor():
+    """The lower quartile of 60 windows of 200 readings deviates by 1.4 % of itself, three axes."""
+    flight = ims.simulate(imu="lecture", trajectory="static", duration=60, rate=200, seed=1)
+    (sensor,) = ims.inspect(flight.readings).sensors
+    assert np.mean(sensor.gyroscope_noise_density) == pytest.approx(0.015, rel=0.03)
+    assert np.mean(sensor.accelerometer_noise_density) == pytest.approx(0.019, rel=0.03)
 
 
 def test_held_poses_are_mended_to_one_of_each(poses):

@@ -56,10 +56,17 @@ class Finding:
         name = f"row {self.row}" if self.line is None else f"line {self.line}"
         return name if self.t is None else f"{name} ({self.t:.3f} s)"
 
+    def statement(self) -> str:
+        """Return source, place, evidence and kind as a line."""
+        return f"{self._subject()}: {self.evidence} [{self.kind}]"
+
     def sentence(self) -> str:
         """Return source, place, evidence, remedy and kind as a line."""
+        return f"{self._subject()}: {self.evidence}; {self.remedy} [{self.kind}]"
+
+    def _subject(self) -> str:
         place = f", from {self.place()} on" if self.row else ""
-        return f"{self.source}{place}: {self.evidence}; {self.remedy} [{self.kind}]"
+        return f"{self.source}{place}"
 
     def to_dict(self) -> dict[str, Any]:
         """Return the fields by name."""

@@ -5,6 +5,7 @@
 
 import math
 from functools import cached_property
+from statistics import NormalDist
 from typing import Final, NamedTuple
 
 import numpy as np
@@ -152,6 +153,11 @@ class ReadingMeasures:
         parts = self._windows(values)
         deviation = np.sqrt(np.mean(parts.var(axis=2, ddof=1), axis=1))
         return parts.mean(axis=2).std(axis=1, ddof=1), deviation / math.sqrt(parts.shape[2])
+
+    @property
+    def rest_time(self) -> float:
+        """Time at rest [s], of the longest piece without a pause."""
+        return float(self.rest.mean()) * self.duration if len(self.rest) else 0.0
 
     @cached_property
     def rest_means(self) -> tuple[Array, Array] | None:
@@ -304,8 +310,13 @@ class ReadingMeasures:
         noise = np.mean(change[1:] * change[:-1] < 0.0, axis=0) > _ALTERNATION
         if not len(parts):
             return np.zeros(3)
-        # The lowest quarter of the windows: those with the least motion.
+        # The lower quartile of the windows: those with the least motion. In white noise it is z
+        # deviations below the mean (Blom 1958); a window's variance deviates by sqrt(2 s / n) of
+        # itself, s = 2.627 the sum of the squared correlations of fourth differences.
+        count, size = len(parts), parts.shape[1] * parts.shape[2]
+        z = NormalDist().inv_cdf((0.25 * (count - 1) + 0.625) / (count + 0.25))
         variance = np.quantile(np.square(parts).mean(axis=(1, 2)), 0.25, axis=0) / 70.0
+        variance /= 1.0 + z * math.sqrt(2.0 * 2.627 / size)
         return np.where(noise, np.sqrt(variance * self.interval), 0.0)
 
     def noisy(self, column: Array) -> bool:

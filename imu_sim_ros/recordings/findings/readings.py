@@ -37,6 +37,8 @@ _SATURATED: Final = 1e-4
 """Share of the readings of an axis at the same extreme value."""
 _PILE: Final = 4
 """Readings at the end of a range over those at the value next to it: in noise there are fewer."""
+_COARSE: Final = 4.0
+"""Step of an axis, in standard deviations of the noise of the others, from which on it hides it."""
 _CODES: Final = 8
 """Different values from which on an axis is resolved."""
 _ENOUGH: Final = 1000
@@ -297,9 +299,7 @@ def axis_saturated(measures: ReadingMeasures) -> Iterator[Evidence]:
             if len(codes) <= _CODES or not measures.noisy(column):
                 continue
             # Steps that noise does not cross pile readings up wherever a motion stays.
-            change = np.diff(column, 4)
-            noise = float(np.sqrt(np.mean(np.square(change)) / 70.0))
-            if noise < 0.5 * float(np.diff(codes).min()):
+            if _white(column) < 0.5 * float(np.diff(codes).min()):
                 continue
             for end, neighbour in ((0, 1), (-1, -2)):
                 often = counts[end] > max(10, _SATURATED * len(column))
@@ -329,11 +329,23 @@ def steps_coarse(measures: ReadingMeasures) -> Iterator[Evidence]:
     for triad, values in _triads(measures):
         if len(values) < _ENOUGH:
             continue
-        for axis, column in enumerate(values.T):
-            codes, _ = _codes(column)
-            if len(codes) == 2 and measures.noisy(column):
-                step = float(codes[1] - codes[0])
+        codes = [_codes(column)[0] for column in values.T]
+        # Axes of one triad have the same noise: those that resolve it tell its size.
+        noise = [
+            _white(column)
+            for column, levels in zip(values.T, codes, strict=True)
+            if len(levels) > 2
+        ]
+        limit = _COARSE * float(np.median(noise)) if noise else 0.0
+        for axis, (column, levels) in enumerate(zip(values.T, codes, strict=True)):
+            if len(levels) == 2 and measures.noisy(column) and levels[1] - levels[0] > limit:
+                step = float(levels[1] - levels[0])
                 yield Evidence(f"{triad} {AXES[axis]} has two values, {step:.3g} apart")
+
+
+def _white(column: Array) -> float:
+    """Return the standard deviation of white noise in an axis (n,), by fourth differences."""
+    return float(np.sqrt(np.mean(np.square(np.diff(column, 4))) / 70.0))
 
 
 READINGS: Final = (
