@@ -8,7 +8,7 @@ from pathlib import Path
 from typing import Final
 
 from imu_sim_ros.bags.compressed_files import compression_of, unpack
-from imu_sim_ros.bags.logs.catalogue import open_log
+from imu_sim_ros.bags.logs.catalogue import MAGIC_BYTES, open_log
 from imu_sim_ros.bags.mcap_reader import McapBag
 from imu_sim_ros.bags.outputs import active_path, is_being_written, unfinished
 from imu_sim_ros.bags.reader import Bag, Recover, errors_naming
@@ -18,7 +18,6 @@ from imu_sim_ros.bags.text.writer import DATASET_SUFFIXES
 from imu_sim_ros.core.errors import InputError
 from imu_sim_ros.inputs.rows import open_regular
 
-_MAGIC_BYTES: Final = 16
 _ADVICE: Final = "convert_bag --recover recovers the complete messages"
 
 
@@ -73,7 +72,7 @@ def _open(path: Path, recover: Recover) -> Bag:
 def _open_file(path: Path, recover: Recover = False) -> Bag:
     """Open a bag that is one file, compressed or not."""
     with open_regular(path) as file:
-        magic = file.read(_MAGIC_BYTES)
+        magic = file.read(MAGIC_BYTES)
     compression = compression_of(magic)
     if compression is None:
         return _open_plain(path, magic, recover)
@@ -82,7 +81,7 @@ def _open_file(path: Path, recover: Recover = False) -> Bag:
         if unpacked.torn and not recover:
             raise InputError(f"{path}: its {compression} data are damaged or end early; {_ADVICE}")
         with open_regular(unpacked.path) as file:
-            magic = file.read(_MAGIC_BYTES)
+            magic = file.read(MAGIC_BYTES)
         try:
             bag = _open_plain(unpacked.path, magic, recover)
         except InputError as error:

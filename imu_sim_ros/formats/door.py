@@ -10,22 +10,20 @@ A format is a module with ``holds``, ``reading_blocks`` and ``states``, and its 
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
-from typing import Final, NamedTuple, Protocol
+from typing import Final, Protocol
 
 import numpy as np
 
 from imu_sim_ros.bags.reader import Recover
 from imu_sim_ros.core.bad_rows import Skipped, Warned, tell_skipped
 from imu_sim_ros.core.conventions import TRIADS
-from imu_sim_ros.core.errors import InputError, Remark, naming, warn
+from imu_sim_ros.core.errors import InputError, Remark, warn
 from imu_sim_ros.core.records import Readings, States, concatenated, with_fields
-from imu_sim_ros.core.timebase import seconds_since
-from imu_sim_ros.core.types import Integers, Mask, Times
 from imu_sim_ros.formats import bag, text
 from imu_sim_ros.formats.choice import ACCEL_UNITS, AS_RECORDED, GYRO_UNITS, Choice
 from imu_sim_ros.formats.handling import Handling
 from imu_sim_ros.inputs.header import UNITS
-from imu_sim_ros.recordings.clock import estimate_clock
+from imu_sim_ros.recordings.pairing import pair
 
 
 class FileFormat(Protocol):
@@ -167,70 +165,22 @@ def _merged(path: Path, choice: Choice, handling: Handling) -> Readings:
         topic = choice.gyro_topic if gyroscope.gyro is None else choice.accel_topic
         triad = "gyroscope" if gyroscope.gyro is None else "accelerometer"
         raise InputError(f"{path}: {topic} contains no readings of the {triad}")
-    measured, clocked = _timed(path, gyroscope.t_ns), _timed(path, accelerometer.t_ns)
-    known, t_ns = clocked.t_ns, measured.t_ns
-    if np.any(np.diff(known) <= 0):
-        raise InputError(f"{path}: {choice.accel_topic}: the stamps do not increase: not merged")
-    after = np.clip(np.searchsorted(known, t_ns), 0, len(known) - 1)
-    within = (t_ns >= known[0]) & (t_ns <= known[-1])
-    if not within.any():
-        raise InputError(
-            f"{path}: {choice.gyro_topic} and {choice.accel_topic} have no time in common"
-        )
-    lost = clocked.lost[after] & (known[after] != t_ns)
-    rows = measured.rows[within & ~lost]
-    start = int(known[0])
-    at, knots = seconds_since(t_ns[within & ~lost], start), seconds_since(known, start)
-    values = accelerometer.accel[clocked.rows]
-    accel = np.column_stack([np.interp(at, knots, axis) for axis in values.T])
-    notes = [*choice.notes()]
-    if clocked.interval_ns:
-        # Midway between two samples the response is cos(pi f T), the worst case of interpolation.
-        notes.append(
-            "the accelerometer is interpolated to the times of the gyroscope: at "
-            f"{0.25e9 / clocked.interval_ns:.3g} Hz up to {1.0 - np.cos(np.pi / 4.0):.0%} of a "
-            "motion is lost, and white noise is up to a factor of 1/sqrt(2) smaller"
-        )
-    for mask, place in ((~within, "outside the time"), (within & lost, "in gaps")):
-        if mask.any():
-            notes.append(
-                f"{np.count_nonzero(mask)} readings of the gyroscope {place} of the accelerometer "
-                "are left out"
-            )
+    try:
+        paired = pair(gyroscope.t_ns, accelerometer.t_ns, accelerometer.accel, TRIADS)
+    except InputError as error:
+        source = f"{path}: {choice.gyro_topic} and {choice.accel_topic}"
+        raise InputError([f"{source}: {line}" for line in error.problems]) from None
+    notes = (*choice.notes(), *paired.notes)
     for note in notes:
         warn(f"{path}: {note}", Remark)
     merged = Readings.unchecked(
-        t_ns=gyroscope.t_ns[rows],
-        gyro=gyroscope.gyro[rows],
-        accel=accel,
+        t_ns=gyroscope.t_ns[paired.rows],
+        gyro=gyroscope.gyro[paired.rows],
+        accel=paired.values,
         frame_id=gyroscope.frame_id,
         source=str(path),
     )
-    return _in_si(merged, choice, tuple(notes))
-
-
-class _Timed(NamedTuple):
-    """Times of the m readings of a triad that are used."""
-
-    rows: Integers
-    """(m,) rows of the readings."""
-    t_ns: Times
-    """(m,) times by the clock behind the stamps [ns]."""
-    lost: Mask
-    """(m,) True if readings are missing before this one."""
-    interval_ns: float
-    """Time between two samples [ns]; 0: a single reading."""
-
-
-def _timed(path: Path, t_ns: Times) -> _Timed:
-    """Return the times of readings by the clock behind their stamps (n,) [ns]."""
-    if len(t_ns) < 2:
-        return _Timed(np.arange(len(t_ns)), t_ns, np.zeros(len(t_ns), np.bool_), 0.0)
-    with naming(path):
-        clock = estimate_clock(t_ns)
-    lost = clock.missing > 0
-    lost[[piece.start for piece in clock.pieces]] = True
-    return _Timed(clock.rows, clock.times_ns(), lost, clock.interval_ns)
+    return _in_si(merged, choice, notes)
 
 
 def read_states(

@@ -268,7 +268,8 @@ def _quantity(tokens: Sequence[str]) -> str | None:
     if "bias" in tokens or first_token == "b":
         kinds = meanings | {_LETTERS[word] for word in tokens if word in _LETTERS}
         return GYRO_BIAS if GYRO in kinds else ACCEL_BIAS if ACCEL in kinds else None
-    if "rate" in tokens and ("rotation" in tokens or "angular" in tokens):
+    turns = {"rotation", "angular", "ang"} & set(tokens)
+    if turns and {"rate", "vel", "velocity"} & set(tokens):
         return GYRO
     if GYRO in meanings:  # angular velocity
         return GYRO

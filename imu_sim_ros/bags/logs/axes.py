@@ -36,6 +36,11 @@ def q_enu_flu(q_ned_frd: ArrayLike) -> Array:
     return multiply(multiply(_HALF_TURN_ABOUT_XY, q_ned_frd), _HALF_TURN_ABOUT_X)
 
 
+def q_enu_of_ned(q_nb: ArrayLike) -> Array:
+    """Return attitudes (n, 4) in ENU from those of the same body in NED."""
+    return multiply(_HALF_TURN_ABOUT_XY, q_nb)
+
+
 def q_flu_flu(q_frd_frd: ArrayLike) -> Array:
     """Return attitudes (n, 4) of an FLU body in a forward-left-up world.
 

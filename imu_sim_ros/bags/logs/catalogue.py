@@ -7,13 +7,39 @@ from functools import lru_cache
 from pathlib import Path
 from typing import Final
 
-from imu_sim_ros.bags.logs import ardupilot, bvh, c3d, px4
+from imu_sim_ros.bags.logs import (
+    ardupilot,
+    bvh,
+    c3d,
+    kitti,
+    nclt,
+    phyphox,
+    px4,
+    sensor_logger,
+    vectornav,
+    xsens,
+)
+from imu_sim_ros.bags.logs.archive import Archive
 from imu_sim_ros.bags.logs.log import Contents, LogBag, LogFormat
 from imu_sim_ros.bags.reader import Recover
 from imu_sim_ros.core.errors import MachineError, Remark, warn
+from imu_sim_ros.inputs.rows import open_regular
 
-LOGS: Final[tuple[LogFormat, ...]] = (px4, ardupilot, bvh, c3d)
+LOGS: Final[tuple[LogFormat, ...]] = (
+    px4,
+    ardupilot,
+    bvh,
+    c3d,
+    sensor_logger,
+    phyphox,
+    kitti,
+    nclt,
+    xsens,
+    vectornav,
+)
 """All kinds; the first that recognises a path reads it."""
+MAGIC_BYTES: Final = 16
+"""First bytes of a file by which its kind is recognised."""
 _LARGE: Final = 256 << 20
 """Size from which on the memory is told [bytes]."""
 
@@ -23,11 +49,33 @@ def open_log(path: Path, magic: bytes, recover: Recover) -> LogBag | None:
 
     :param magic: first bytes of a file; empty for a folder.
     """
-    for number, entry in enumerate(LOGS):
-        if entry.holds(path, magic):
-            state = path.stat()
-            return LogBag(path, _contents(number, path, state.st_mtime_ns, state.st_size), recover)
-    return None
+    number = _kind(path, magic)
+    if number is None:
+        return None
+    changed_ns, size = _state(path)
+    return LogBag(path, _contents(number, path, changed_ns, size), recover)
+
+
+def is_log(path: Path) -> bool:
+    """Return True for a file that a kind of log recognises."""
+    with open_regular(path) as file:
+        magic = file.read(MAGIC_BYTES)
+    return _kind(path, magic) is not None
+
+
+def _kind(path: Path, magic: bytes) -> int | None:
+    """Return the place in :data:`LOGS` of the kind of a path; None: it is of no known kind."""
+    return next((number for number, entry in enumerate(LOGS) if entry.holds(path, magic)), None)
+
+
+def _state(path: Path) -> tuple[int, int]:
+    """Return the time of the last change [ns] and the size [bytes] of a file, or of a folder's."""
+    if not path.is_dir():
+        state = path.stat()
+        return state.st_mtime_ns, state.st_size
+    with Archive(path) as files:
+        states = [(path / name).stat() for name in files.names]
+    return max(state.st_mtime_ns for state in states), sum(state.st_size for state in states)
 
 
 @lru_cache(maxsize=2)

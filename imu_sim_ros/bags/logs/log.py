@@ -30,7 +30,7 @@ from imu_sim_ros.bags.messages.encode import (
     TwistWithCovarianceEncoder,
 )
 from imu_sim_ros.bags.reader import END_NS, Bag, Recover, Timed
-from imu_sim_ros.core.conventions import BODY_FRAME, IMU_FRAME, WORLD_FRAME
+from imu_sim_ros.core.conventions import BODY_FRAME, IMU_FRAME, TRIADS, WORLD_FRAME
 from imu_sim_ros.core.errors import InputError, Remark, naming, warn
 from imu_sim_ros.core.rotation import (
     conjugate,
@@ -42,6 +42,7 @@ from imu_sim_ros.core.rotation import (
 )
 from imu_sim_ros.core.types import Array, Bytes, Mask, Times
 from imu_sim_ros.recordings.findings.clipping import ClippingCounts
+from imu_sim_ros.recordings.pairing import pair as pair_triads
 
 _ROWS: Final = 1 << 14
 """Messages of all topics in a piece, which bounds the memory of encoding."""
@@ -204,6 +205,7 @@ def imu(
     gyro: Array | None,
     accel: Array | None,
     *,
+    q_wi: Array | None = None,
     frame_id: str = IMU_FRAME,
     aliases: Sequence[str] = (),
 ) -> LogStream:
@@ -211,11 +213,14 @@ def imu(
 
     :param gyro: (n, 3) angular rates [rad/s].
     :param accel: (n, 3) specific forces [m/s^2].
+    :param q_wi: (n, 4) orientations of the sensor in ENU; None: it reports none.
     """
     encoder = _ImuOfTriads(frame_id, gyro is not None, accel is not None)
     zeros = np.zeros((len(t_ns), 3))
-    triads = (zeros if triad is None else triad for triad in (gyro, accel))
-    return stream(name, encoder, t_ns, *triads, aliases=aliases)
+    columns = [zeros if triad is None else triad for triad in (gyro, accel)]
+    if q_wi is not None:
+        columns.append(normalise(q_wi))
+    return stream(name, encoder, t_ns, *columns, aliases=aliases)
 
 
 class _ImuOfTriads(ImuEncoder):
@@ -376,39 +381,69 @@ class LogTriad:
     """(n, 3) readings in FLU [rad/s] or [m/s^2]."""
 
 
-def pair(gyro: LogTriad | None, accel: LogTriad | None, remarks: list[str]) -> Iterator[LogStream]:
+@dataclass(frozen=True)
+class LogOrientations:
+    """n orientations that a device reports."""
+
+    t_ns: Times
+    """(n,) stamps."""
+    q_wi: Array
+    """(n, 4) orientations of the sensor in ENU."""
+
+
+def pair(
+    gyro: LogTriad | None,
+    accel: LogTriad | None,
+    remarks: list[str],
+    orientations: LogOrientations | None = None,
+) -> Iterator[LogStream]:
     """Yield the readings of two triads of one IMU: each at its own times, with the other one.
 
     Equal times are one topic, which bears both names. Of others, the second triad is interpolated
     to the times of the first.
 
-    :param remarks: receives a line for each interpolation.
+    :param remarks: receives lines about the interpolation.
+    :param orientations: reported orientations, interpolated to the times of the readings.
     """
     if gyro is None or accel is None:
-        yield from (_alone(triad, triad is gyro) for triad in (gyro, accel) if triad is not None)
+        for triad in (gyro, accel):
+            if triad is not None:
+                yield _alone(triad, triad is gyro, orientations)
         return
     if np.array_equal(gyro.t_ns, accel.t_ns):
         names = (*gyro.aliases, *accel.aliases, accel.topic.strip("/"))
-        yield imu(gyro.topic, gyro.t_ns, gyro.values, accel.values, aliases=names)
+        q_wi = _orientations_at(orientations, gyro.t_ns)
+        yield imu(gyro.topic, gyro.t_ns, gyro.values, accel.values, q_wi=q_wi, aliases=names)
         return
     for triad, companion in ((gyro, accel), (accel, gyro)):
-        t_ns = triad.t_ns
-        rows = (t_ns >= companion.t_ns.min()) & (t_ns <= companion.t_ns.max())
-        if not rows.any():
-            yield _alone(triad, triad is gyro)
+        names = TRIADS if triad is gyro else TRIADS[::-1]
+        try:
+            paired = pair_triads(triad.t_ns, companion.t_ns, companion.values, names)
+        except InputError as error:
+            remarks.append(f"{triad.topic}: {error}; it has no {names[1]}")
+            yield _alone(triad, triad is gyro, orientations)
             continue
-        name = "accelerometer" if triad is gyro else "gyroscope"
-        remarks.append(f"{triad.topic}: the {name} is interpolated to its times")
-        t_ns, values = t_ns[rows], triad.values[rows]
-        companions = interpolated(companion.t_ns, t_ns, companion.values)
-        columns = (values, companions) if triad is gyro else (companions, values)
-        yield imu(triad.topic, t_ns, *columns, aliases=triad.aliases)
+        remarks += [f"{triad.topic}: {note}" for note in paired.notes]
+        t_ns, values = triad.t_ns[paired.rows], triad.values[paired.rows]
+        columns = (values, paired.values) if triad is gyro else (paired.values, values)
+        q_wi = _orientations_at(orientations, t_ns)
+        yield imu(triad.topic, t_ns, *columns, q_wi=q_wi, aliases=triad.aliases)
 
 
-def _alone(triad: LogTriad, is_gyro: bool) -> LogStream:
+def _orientations_at(orientations: LogOrientations | None, t_ns: Times) -> Array | None:
+    """Return orientations (n, 4) at the times of readings; None: the device reports none."""
+    if orientations is None:
+        return None
+    return attitudes_at(orientations.t_ns, t_ns, orientations.q_wi)
+
+
+def _alone(
+    triad: LogTriad, is_gyro: bool, orientations: LogOrientations | None = None
+) -> LogStream:
     """Return the readings of a triad without the other one."""
     columns = (triad.values, None) if is_gyro else (None, triad.values)
-    return imu(triad.topic, triad.t_ns, *columns, aliases=triad.aliases)
+    q_wi = _orientations_at(orientations, triad.t_ns)
+    return imu(triad.topic, triad.t_ns, *columns, q_wi=q_wi, aliases=triad.aliases)
 
 
 @contextmanager

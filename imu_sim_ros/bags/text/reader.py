@@ -10,6 +10,7 @@ from typing import Final
 
 import numpy as np
 
+from imu_sim_ros.bags.logs.catalogue import is_log
 from imu_sim_ros.bags.text import vio_data_simulation
 from imu_sim_ros.bags.text.writer import DATASET_SUFFIXES, POSES_OF_TABLES
 from imu_sim_ros.core import gate
@@ -44,7 +45,7 @@ def is_text(path: Path) -> bool:
     if path.is_dir():
         tables = _tables(path, "imu") or _table(path, _STATE_FOLDER) is not None
         return bool(tables) or vio_data_simulation.is_source(path)
-    return path.suffix.lower() in DATASET_SUFFIXES and path.is_file()
+    return path.suffix.lower() in DATASET_SUFFIXES and path.is_file() and not is_log(path)
 
 
 def imu_blocks(

@@ -1,0 +1,88 @@
+# Copyright 2026 imu_sim_ros maintainers
+# SPDX-License-Identifier: Apache-2.0
+
+"""Two triads with stamps of their own as readings of both, at the times of one of them."""
+
+from typing import NamedTuple
+
+import numpy as np
+
+from imu_sim_ros.core.errors import InputError
+from imu_sim_ros.core.timebase import seconds_since
+from imu_sim_ros.core.types import Array, Integers, Mask, Times
+from imu_sim_ros.recordings.clock import estimate_clock
+
+
+class Paired(NamedTuple):
+    """m readings of both triads."""
+
+    rows: Integers
+    """(m,) readings of the triad that gives the times."""
+    values: Array
+    """(m, 3) interpolated readings of the other one."""
+    notes: tuple[str, ...]
+    """Lines about the loss of bandwidth, and about readings that are left out."""
+
+
+def pair(t_ns: Times, other_ns: Times, values: Array, names: tuple[str, str]) -> Paired:
+    """Return the readings of a triad that lie between two of another one, which is interpolated.
+
+    Times before and after the readings of the other one, and in its gaps, are left out.
+
+    :param t_ns: (n,) stamps of the triad that gives the times.
+    :param other_ns: (m,) stamps of the other one, which increase.
+    :param values: (m, 3) its readings.
+    :param names: names of both, for the notes.
+    :raises InputError: if the stamps do not increase, or have no time in common.
+    """
+    name, other = names
+    measured, clocked = _timed(t_ns), _timed(other_ns)
+    known, times = clocked.t_ns, measured.t_ns
+    if np.any(np.diff(known) <= 0):
+        raise InputError("the stamps do not increase: not merged")
+    after = np.clip(np.searchsorted(known, times), 0, len(known) - 1)
+    within = (times >= known[0]) & (times <= known[-1])
+    if not within.any():
+        raise InputError("no time in common")
+    lost = clocked.lost[after] & (known[after] != times)
+    start = int(known[0])
+    at, knots = seconds_since(times[within & ~lost], start), seconds_since(known, start)
+    columns = [np.interp(at, knots, axis) for axis in values[clocked.rows].T]
+    notes = []
+    if clocked.interval_ns:
+        # Midway between two samples the response is cos(pi f T), the worst case of interpolation.
+        notes.append(
+            f"the {other} is interpolated to the times of the {name}: at "
+            f"{0.25e9 / clocked.interval_ns:.3g} Hz up to {1.0 - np.cos(np.pi / 4.0):.0%} of a "
+            "motion is lost, and white noise is up to a factor of 1/sqrt(2) smaller"
+        )
+    for mask, place in ((~within, "outside the time"), (within & lost, "in gaps")):
+        if mask.any():
+            notes.append(
+                f"{np.count_nonzero(mask)} readings of the {name} {place} of the {other} "
+                "are left out"
+            )
+    return Paired(measured.rows[within & ~lost], np.column_stack(columns), tuple(notes))
+
+
+class _Timed(NamedTuple):
+    """Times of the m readings of a triad that are used."""
+
+    rows: Integers
+    """(m,) rows of the readings."""
+    t_ns: Times
+    """(m,) times by the clock behind the stamps [ns]."""
+    lost: Mask
+    """(m,) True if readings are missing before this one."""
+    interval_ns: float
+    """Time between two samples [ns]; 0: a single reading."""
+
+
+def _timed(t_ns: Times) -> _Timed:
+    """Return the times of readings by the clock behind their stamps (n,) [ns]."""
+    if len(t_ns) < 2:
+        return _Timed(np.arange(len(t_ns)), t_ns, np.zeros(len(t_ns), np.bool_), 0.0)
+    clock = estimate_clock(t_ns)
+    lost = clock.missing > 0
+    lost[[piece.start for piece in clock.pieces]] = True
+    return _Timed(clock.rows, clock.times_ns(), lost, clock.interval_ns)
