@@ -6,10 +6,12 @@
 import re
 import sqlite3
 import struct
+import sys
 from abc import ABC, abstractmethod
 from collections.abc import Collection, Iterable, Iterator, Mapping, Sequence
 from contextlib import AbstractContextManager, ExitStack, contextmanager
 from pathlib import Path
+from traceback import walk_tb
 from types import ModuleType
 from typing import (
     Any,
@@ -56,6 +58,9 @@ _ARGUMENTS: Final = re.compile(
     r"takes .* positional"
 )
 """Messages of Python about a call with unexpected arguments."""
+_PACKAGE: Final = __name__.partition(".")[0]
+_DEFECTS: Final = (AssertionError, AttributeError, NameError, TypeError)
+"""Errors that bytes do not cause in the code of this package, which checks them."""
 _BAG_LIBRARIES: Final = ("mcap", "rosbags", "lz4", "zstandard")
 END_NS: Final = 2**63 - 1
 """After all messages."""
@@ -88,12 +93,38 @@ def _is_of_interface(error: Exception) -> bool:
     return isinstance(error, TypeError) and _ARGUMENTS.search(str(error)) is not None
 
 
+def _is_of_package(error: Exception) -> bool:
+    """Return True for a defect of this package: raised in its code, or by a wrong call to it."""
+    if not isinstance(error, _DEFECTS):
+        return False
+    if not _is_of_interface(error):
+        frames = [frame for frame, _ in walk_tb(error.__traceback__)]
+        return bool(frames) and _is_own_module(frames[-1].f_globals.get("__name__"))
+    if isinstance(error, AttributeError):
+        owner = error.obj
+        return _is_own_module(owner.__name__ if isinstance(owner, ModuleType) else owner.__module__)
+    name = str(error).partition("(")[0].partition(".")[0]
+    callees = (
+        getattr(module, name, None)
+        for module_name, module in list(sys.modules.items())
+        if _is_own_module(module_name)
+    )
+    return any(_is_own_module(getattr(callee, "__module__", None)) for callee in callees)
+
+
+def _is_own_module(name: object) -> bool:
+    return isinstance(name, str) and name.partition(".")[0] == _PACKAGE
+
+
 @contextmanager
 def errors_naming(path: Path, hint: str = "") -> Iterator[None]:
     """Turn the errors of damaged bytes into one line; wraps the reader of a file.
 
     :param hint: advice to append.
+    A defect of this package is passed on as it is.
+
     :raises InputError: for any of :data:`DAMAGE`, and for what mcap, rosbags and sqlite raise.
+    :raises MissingDependencyError: if a library has another interface.
     """
     try:
         yield
@@ -104,6 +135,8 @@ def errors_naming(path: Path, hint: str = "") -> Iterator[None]:
     except Exception as error:
         library = type(error).__module__.partition(".")[0]
         if not isinstance(error, (*DAMAGE, sqlite3.Error)) and library not in _BAG_LIBRARIES:
+            raise
+        if _is_of_package(error):
             raise
         if _is_of_interface(error):
             raise MissingDependencyError(

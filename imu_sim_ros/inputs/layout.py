@@ -40,6 +40,8 @@ _SAMPLE: Final = 200
 """Number of the first rows whose stamps decide their unit."""
 _LEAST_ROWS: Final = 10
 """Smallest number of stamps that determines their unit."""
+_LONGEST_NUMBER: Final = 8
+"""Most digits of the number of a row; Unix times have more."""
 _EPOCH: Final = (8e8, 4.2e9)
 """Unix times of the years 1995 to 2103 [s]."""
 _SHORTEST_STEP: Final = 10_000
@@ -273,7 +275,17 @@ def _names_in_comments(comments: Sequence[bytes], rows: Sequence[Row]) -> list[s
             names = expanded(names, len(_cells(rows[0][1])))
         if is_known(names) and (not rows or len(names) == len(_cells(rows[0][1]))):
             return names
+        if is_known(names) and len(names) + 1 == len(_cells(rows[0][1])) and _are_numbered(rows):
+            return ["index", *names]  # UZH-FPV numbers its rows without a name for that
     return None
+
+
+def _are_numbered(rows: Sequence[Row]) -> bool:
+    """Return True for rows whose first cells are consecutive numbers, and no times."""
+    cells = [_cells(text)[0].strip() for _, text in rows[:_SAMPLE]]
+    if not all(cell.isdigit() and len(cell) <= _LONGEST_NUMBER for cell in cells):
+        return False
+    return bool(np.all(np.diff([int(cell) for cell in cells]) == 1))
 
 
 def _header_layout(

@@ -1,7 +1,7 @@
 # Copyright 2026 imu_sim_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Two triads with stamps of their own as readings of both, at the times of one of them."""
+"""Readings of two triads with different stamps, at the times of one of them."""
 
 from typing import NamedTuple
 
@@ -19,50 +19,50 @@ class Paired(NamedTuple):
     rows: Integers
     """(m,) readings of the triad that gives the times."""
     values: Array
-    """(m, 3) interpolated readings of the other one."""
+    """(m, 3) interpolated readings of the companion."""
     notes: tuple[str, ...]
     """Lines about the loss of bandwidth, and about readings that are left out."""
 
 
-def pair(t_ns: Times, other_ns: Times, values: Array, names: tuple[str, str]) -> Paired:
-    """Return the readings of a triad that lie between two of another one, which is interpolated.
+def pair(t_ns: Times, companion_ns: Times, values: Array, names: tuple[str, str]) -> Paired:
+    """Return the readings of a triad that lie between two of a companion, which is interpolated.
 
-    Times before and after the readings of the other one, and in its gaps, are left out.
+    Times before and after the readings of the companion, and in its gaps, are left out.
 
     :param t_ns: (n,) stamps of the triad that gives the times.
-    :param other_ns: (m,) stamps of the other one, which increase.
-    :param values: (m, 3) its readings.
-    :param names: names of both, for the notes.
+    :param companion_ns: (m,) stamps of the companion, which increase.
+    :param values: (m, 3) readings of the companion.
+    :param names: names of triad and companion, for the notes.
     :raises InputError: if the stamps do not increase, or have no time in common.
     """
-    name, other = names
-    measured, clocked = _timed(t_ns), _timed(other_ns)
-    known, times = clocked.t_ns, measured.t_ns
-    if np.any(np.diff(known) <= 0):
+    triad, companion = _timed(t_ns), _timed(companion_ns)
+    knots_ns, times_ns = companion.t_ns, triad.t_ns
+    if np.any(np.diff(knots_ns) <= 0):
         raise InputError("the stamps do not increase: not merged")
-    after = np.clip(np.searchsorted(known, times), 0, len(known) - 1)
-    within = (times >= known[0]) & (times <= known[-1])
+    following = np.clip(np.searchsorted(knots_ns, times_ns), 0, len(knots_ns) - 1)
+    within = (times_ns >= knots_ns[0]) & (times_ns <= knots_ns[-1])
     if not within.any():
         raise InputError("no time in common")
-    lost = clocked.lost[after] & (known[after] != times)
-    start = int(known[0])
-    at, knots = seconds_since(times[within & ~lost], start), seconds_since(known, start)
-    columns = [np.interp(at, knots, axis) for axis in values[clocked.rows].T]
+    lost = companion.lost[following] & (knots_ns[following] != times_ns)
+    start_ns = int(knots_ns[0])
+    seconds = seconds_since(times_ns[within & ~lost], start_ns)
+    knots = seconds_since(knots_ns, start_ns)
+    columns = [np.interp(seconds, knots, axis) for axis in values[companion.rows].T]
     notes = []
-    if clocked.interval_ns:
+    if companion.interval_ns:
         # Midway between two samples the response is cos(pi f T), the worst case of interpolation.
         notes.append(
-            f"the {other} is interpolated to the times of the {name}: at "
-            f"{0.25e9 / clocked.interval_ns:.3g} Hz up to {1.0 - np.cos(np.pi / 4.0):.0%} of a "
+            f"the {names[1]} is interpolated to the times of the {names[0]}: at "
+            f"{0.25e9 / companion.interval_ns:.3g} Hz up to {1.0 - np.cos(np.pi / 4.0):.0%} of a "
             "motion is lost, and white noise is up to a factor of 1/sqrt(2) smaller"
         )
     for mask, place in ((~within, "outside the time"), (within & lost, "in gaps")):
         if mask.any():
             notes.append(
-                f"{np.count_nonzero(mask)} readings of the {name} {place} of the {other} "
+                f"{np.count_nonzero(mask)} readings of the {names[0]} {place} of the {names[1]} "
                 "are left out"
             )
-    return Paired(measured.rows[within & ~lost], np.column_stack(columns), tuple(notes))
+    return Paired(triad.rows[within & ~lost], np.column_stack(columns), tuple(notes))
 
 
 class _Timed(NamedTuple):

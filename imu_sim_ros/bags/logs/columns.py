@@ -20,6 +20,7 @@ HEAD_BYTES: Final = 1 << 14
 """Length of the start of a file by which its kind is recognised [bytes]."""
 _LAST_STAMP: Final = 2**31 * 10**9
 """End of the stamps that a message of ROS holds [ns]."""
+_DATE: Final = re.compile(rb"(\d{4})[-/](\d\d)[-/](\d\d)[T ](\d\d:\d\d:\d\d(?:\.\d{1,9})?)")
 _BYTE_ORDER_MARK: Final = b"\xef\xbb\xbf"
 _LONGEST_LINE: Final = 1 << 16
 _TEXT_SUFFIXES: Final = (".csv", ".txt", ".log", ".asc", ".dat", "")
@@ -69,13 +70,13 @@ class TextTable:
         :param damage: receives a line with the number of rows that are left out.
         :param optional: columns whose values may be missing, NaN: in the table, or in a row.
         """
-        known = [name for name in optional if name in self.names]
-        places = [self.names.index(name) for name in (*names, *known)]
+        available = [name for name in optional if name in self.names]
+        places = [self.names.index(name) for name in (*names, *available)]
         cells, bad = self._cells([self.names.index(stamp)], places, len(names), digits)
         t_ns = nanoseconds(cells["stamp"][:, 0], digits) if len(cells) else np.empty(0, np.int64)
         values = np.full((len(cells), len(names) + len(optional)), np.nan)
         values[:, : len(names)] = cells["values"][:, : len(names)]
-        for k, name in enumerate(known, start=len(names)):
+        for k, name in enumerate(available, start=len(names)):
             values[:, len(names) + list(optional).index(name)] = cells["values"][:, k]
         good = valid_stamps(t_ns) & np.isfinite(values[:, : len(names)]).all(axis=1)
         bad += int(np.count_nonzero(~good))
@@ -212,6 +213,18 @@ def table_of(source: str, lines: Sequence[bytes]) -> TextTable:
     names = head.split() if separator == " " else head.split(separator)
     names = [name.strip().strip('"').strip() for name in names]
     return TextTable(source, names[: len(names) - (names[-1:] == [""])], rows, separator)
+
+
+def utc_ns(text: bytes) -> int | None:
+    """Return the time of a text that has a date such as 2011-09-26 13:02:25.96 [ns]; else None."""
+    date = _DATE.search(text)
+    if date is None:
+        return None
+    plain = b"-".join(date.groups()[:3]) + b"T" + date[4]
+    try:
+        return int(np.datetime64(plain.decode(), "ns").astype(np.int64))
+    except ValueError:
+        return None
 
 
 def valid_stamps(t_ns: Times) -> Mask:

@@ -65,14 +65,14 @@ def contents(path: Path) -> Contents:
         if not times:
             raise InputError(f"{path}: has no timestamps.txt")
         prefix = times[0][: -len("timestamps.txt")]
-        lines = files.read(times[0]).decode("ascii", "replace").splitlines()
-        stamps = [_stamp(line) for line in lines if line.strip()]
+        lines = files.read(times[0]).splitlines()
+        stamps = [columns.utc_ns(line) for line in lines if line.strip()]
         rows = []
         names = set(files.names)
         for k, stamp in enumerate(stamps):
             name = f"{prefix}data/{k:010d}.txt"
             numbers = _numbers(files.read(name)) if name in names else None
-            if stamp is not None and numbers is not None:
+            if stamp is not None and stamp >= 0 and numbers is not None:
                 rows.append((stamp, numbers))
     if len(rows) < len(stamps):
         damage.append(
@@ -103,16 +103,6 @@ def _streams(t_ns: Times, table: dict[str, Array]) -> Iterator[LogStream]:
     place = (latitude, longitude, height)
     yield log.fix("/oxts/fix", t_ns, place, has_fix, (deviation, deviation))
     yield log.velocity("/oxts/velocity", t_ns, velocity, table["vel_accuracy"])
-
-
-def _stamp(line: str) -> int | None:
-    """Return the time of a line such as 2011-09-26 13:02:25.964389445; None: it is none."""
-    try:
-        time = np.datetime64(line.strip().replace(" ", "T"), "ns")
-    except ValueError:
-        return None
-    t_ns = int(time.astype(np.int64))
-    return t_ns if columns.valid_stamps(np.array([t_ns]))[0] else None
 
 
 def _numbers(content: bytes) -> list[float] | None:

@@ -235,8 +235,8 @@ def _specific_force(sets: Sequence[_Set], clock: _Clock, remarks: list[str]) -> 
     topic = "/accelerometer"
     gravity = next((entry for entry in sets if _GRAVITY_NAME.search(entry.name)), None)
     motions = [entry for entry in sets if entry is not gravity]
-    named = [entry for entry in motions if not _LINEAR.search(entry.name)]
-    total = next((entry for entry in named if _median_length(entry) > _HALF_G), None)
+    totals = [entry for entry in motions if not _LINEAR.search(entry.name)]
+    total = next((entry for entry in totals if _median_length(entry) > _HALF_G), None)
     if total is not None:
         return _triad(topic, total, clock)
     if not motions:

@@ -6,7 +6,8 @@
 Messages, their fields and units are those of the manuals UM001 (VN-100) and UM004 (VN-200),
 "Asynchronous Data Output Type" and "Communication Protocol Control": a checksum of 8 bits
 (exclusive or) or 16 bits (CRC-CCITT) follows the asterisk, a status ``S0000`` and a counter
-``T1162704`` may precede it. Bodies are forward-right-down, worlds north-east-down, angles yaw, pitch, roll [deg].
+``T1162704`` may precede it. Bodies are forward-right-down, worlds north-east-down, angles are
+yaw, pitch and roll [deg].
 
 Messages have no times of their own. The time is that which a logger puts in front of each line
 (seconds, milliseconds, ... or ISO 8601), else the counter if it increases as microseconds do
@@ -27,6 +28,7 @@ from imu_sim_ros.bags.messages.encode import IMU, ODOMETRY
 from imu_sim_ros.core.geodesy import tangent_plane
 from imu_sim_ros.core.rotation import from_euler
 from imu_sim_ros.core.types import Array, Bytes, Mask, Times
+from imu_sim_ros.inputs.layout import nanosecond
 from imu_sim_ros.inputs.rows import number_of, open_regular
 from imu_sim_ros.sensors.gnss.satellites import GPS_EPOCH, WEEK, leap_seconds
 
@@ -63,14 +65,13 @@ _MESSAGES: Final[Mapping[str, tuple[str, ...]]] = {
 _GPS_HEADS: Final = {"INS": 3, "GPS": 4}
 """Numbers in front of the others: time of week [s], week, status or fix, satellites."""
 _LINE: Final = re.compile(
-    rb"(?P<before>[^\r\n$]*)\$VN(?P<name>[A-Z]{3}),(?P<cells>[^*\r\n$]*)\*"
+    rb"(?P<prefix>[^\r\n$]*)\$VN(?P<name>[A-Z]{3}),(?P<cells>[^*\r\n$]*)\*"
     rb"(?P<sum>[0-9A-Fa-f]{4}|[0-9A-Fa-f]{2}|XX)"
 )
 _START: Final = re.compile(rb"\$VN[A-Z]{3},")
 _REGISTER: Final = re.compile(rb"\$VN[RW]RG,0?7,([0-9]+)")
 _COUNTER: Final = re.compile(rb",T([0-9]+)$")
 _SUFFIX: Final = re.compile(rb"(,[ST][0-9A-Fa-f]+)+$")
-_ISO: Final = re.compile(rb"(\d{4})[-/](\d\d)[-/](\d\d)[T ](\d\d:\d\d:\d\d(?:\.\d{1,9})?)")
 _NUMBER: Final = re.compile(rb"\d+(?:\.\d+)?(?:[eE][+-]?\d+)?")
 _FACTORY_RATE: Final = 40.0
 """[Hz]"""
@@ -78,8 +79,9 @@ _GAUSS: Final = 1e-4
 """[T]"""
 _KILOPASCAL: Final = 1e3
 """[Pa]"""
-_UNITS_OF_CLOCKS: Final = ((1e17, 1.0), (1e14, 1e3), (1e11, 1e6), (0.0, 1e9))
-"""Least size of host times, and their unit [ns]: UTC in ns, us, ms; seconds."""
+_DIGITS_OF_CLOCKS: Final = ((1e17, 0), (1e14, 3), (1e11, 6), (0.0, 9))
+"""Least size of host times, and the decimal digits between their unit and a nanosecond: UTC in ns,
+us, ms; seconds."""
 _PREFERRED: Final = {
     IMU: tuple(f"/VN{name}" for name in ("IMU", "QMR", "YMR", "MAR", "ISL", "DTV")),
     ODOMETRY: ("/VNINS/odom", "/VNISL/odom"),
@@ -93,11 +95,11 @@ class _Line(NamedTuple):
     number: int
     """Number among the messages of its name, those of wrong checksum included."""
     host_ns: int | None
-    """Time in front of it [ns]."""
+    """Time in front of the message [ns]."""
     counter: int | None
-    """Counter at its end."""
+    """Counter at the end."""
     numbers: list[float]
-    """Its fields."""
+    """Fields of the message."""
 
 
 def holds(path: Path, magic: bytes) -> bool:
@@ -145,7 +147,7 @@ def _messages(content: bytes, damage: list[str]) -> tuple[dict[str, list[_Line]]
         if numbers is None:
             bad += 1
             continue
-        host_ns = _host_time(match["before"])
+        host_ns = _host_time(match["prefix"])
         ticks = int(counter[1]) if counter else None
         messages.setdefault(name, []).append(_Line(number, host_ns, ticks, numbers))
     if bad > 0:
@@ -199,26 +201,21 @@ def _numbers(cells: bytes, name: str) -> list[float] | None:
     return numbers if len(numbers) == count and np.isfinite(numbers).all() else None
 
 
-def _host_time(before: bytes) -> int | None:
+def _host_time(prefix: bytes) -> int | None:
     """Return the time that a logger put in front of a message [ns]; None: there is none."""
-    if not before.strip():
+    if not prefix.strip():
         return None
-    date = _ISO.search(before)
-    if date is not None:
-        text = b"-".join(date.groups()[:3]) + b"T" + date[4]
-        try:
-            return int(np.datetime64(text.decode(), "ns").astype(np.int64))
-        except ValueError:
-            return None
-    number = _NUMBER.search(before)
+    date_ns = columns.utc_ns(prefix)
+    if date_ns is not None:
+        return date_ns
+    number = _NUMBER.search(prefix)
     if number is None:
         return None
-    value = float(number[0])
-    unit = next(unit for least, unit in _UNITS_OF_CLOCKS if value >= least)
-    if unit == 1.0:
-        return int(number[0].partition(b".")[0])
-    t_ns = round(value * unit) if np.isfinite(value) else -1
-    return t_ns if 0 <= t_ns < 2**62 else None
+    digits = next(digits for size, digits in _DIGITS_OF_CLOCKS if float(number[0]) >= size)
+    try:
+        return nanosecond(number[0].decode(), digits, whole=False)
+    except (ValueError, OverflowError):
+        return None
 
 
 def _times(

@@ -38,12 +38,20 @@ _VALUES: Final = "values"
 """Columns of a table of another sensor, whose own header is that of this package."""
 _STATE_FOLDER: Final = "state_groundtruth_estimate0"
 _POSE_FOLDER: Final = "mocap0"
+_POSE_FILES: Final = (
+    POSES_OF_TABLES,
+    *("groundtruth.txt", "gt_imu.csv", "registered_poses.csv", "ground_truth/registered_poses.csv"),
+)
+"""Tables of poses next to those of readings: of this package, UZH-FPV, TUM VI, Newer College."""
+_TEXT_TABLES: Final = ("imu.txt", "imu_data.txt")
+"""Tables of readings that do not end in .csv: of UZH-FPV, TUM VI."""
 
 
 def is_text(path: Path) -> bool:
     """Return whether a path is a text file, or a folder of EuRoC, kalibr or vio_data_simulation."""
     if path.is_dir():
         tables = _tables(path, "imu") or _table(path, _STATE_FOLDER) is not None
+        tables = tables or any((path / name).is_file() for name in _POSE_FILES[1:])
         return bool(tables) or vio_data_simulation.is_source(path)
     return path.suffix.lower() in DATASET_SUFFIXES and path.is_file() and not is_log(path)
 
@@ -162,12 +170,12 @@ def has_states(path: Path) -> bool:
 def pose_file(path: Path) -> Path | None:
     """Return a folder's file of poses; None if it has none.
 
-    Those that a motion capture system saw (TUM VI), or the true ones next to kalibr's tables.
+    Those that a motion capture system saw (TUM VI), or the true ones next to tables of readings.
     """
     if not path.is_dir():
         return None
-    table, pose_table = _table(path, _POSE_FOLDER), path / POSES_OF_TABLES
-    return pose_table if table is None and is_present(pose_table) else table
+    files = (path / name for name in _POSE_FILES)
+    return _table(path, _POSE_FOLDER) or next(filter(is_present, files), None)
 
 
 def imu_names(path: Path) -> list[str]:
@@ -214,7 +222,11 @@ def _tables(folder: Path, kind: str) -> dict[str, Path]:
     tables_by_name: dict[str, Path] = {}
     for parent in parents(folder):
         files = [(name, parent / name / "data.csv") for name in sensor_folders(parent, kind)]
-        plain = (parent / name for name in names_in(parent) if name.endswith(".csv"))
+        plain = (
+            parent / name
+            for name in names_in(parent)
+            if name.endswith(".csv") or name in _TEXT_TABLES
+        )
         files += [(file.stem, file) for file in plain if file.name.startswith(kind)]
         for name, file in files:
             if name not in tables_by_name and is_present(file):
