@@ -35,7 +35,7 @@ class Columns(NamedTuple):
     """(n, m) numbers."""
 
 
-class TextTable:
+class ColumnTable:
     """A text table with a header: names of its columns, and its rows."""
 
     def __init__(self, source: str, names: Sequence[str], rows: Sequence[bytes], separator: str):
@@ -197,7 +197,7 @@ def lines_of(source: str, content: bytes) -> list[bytes]:
     return [line.rstrip(b"\r") for line in lines if line.strip()]
 
 
-def table_of(source: str, lines: Sequence[bytes]) -> TextTable:
+def table_of(source: str, lines: Sequence[bytes]) -> ColumnTable:
     """Return a table of lines, of which the first has the names of the columns.
 
     The separator is that of the header. Quotes are removed; numbers may have a decimal comma if the
@@ -212,7 +212,7 @@ def table_of(source: str, lines: Sequence[bytes]) -> TextTable:
         rows = [row.replace(b",", b".") for row in rows]
     names = head.split() if separator == " " else head.split(separator)
     names = [name.strip().strip('"').strip() for name in names]
-    return TextTable(source, names[: len(names) - (names[-1:] == [""])], rows, separator)
+    return ColumnTable(source, names[: len(names) - (names[-1:] == [""])], rows, separator)
 
 
 def utc_ns(text: bytes) -> int | None:

@@ -19,7 +19,7 @@ import numpy as np
 
 from imu_sim_ros.bags.logs import archive, axes, columns, log
 from imu_sim_ros.bags.logs.archive import Archive
-from imu_sim_ros.bags.logs.columns import Columns, TextTable
+from imu_sim_ros.bags.logs.columns import Columns, ColumnTable
 from imu_sim_ros.bags.logs.log import Contents, LogStream
 from imu_sim_ros.bags.messages.encode import ODOMETRY, POSE_STAMPED
 from imu_sim_ros.core.conventions import TRUTH_POSE_TOPIC
@@ -105,7 +105,7 @@ def _kind(name: str, content: bytes) -> _Kind | None:
 def _rows(lines: Sequence[bytes], name: str, kind: _Kind, damage: list[str]) -> Columns:
     """Return the rows of a table."""
     names = [f"column {k}" for k in range(kind.width)]
-    table = TextTable(name, names, lines, ",")
+    table = ColumnTable(name, names, lines, ",")
     needed = len(names) if kind is not _GNSS else _NEEDED_OF_GNSS
     return table.columns(names[0], _MICROSECONDS, names[1:needed], damage, names[needed:])
 

@@ -25,7 +25,7 @@ import numpy as np
 
 from imu_sim_ros.bags.logs import archive, columns, log
 from imu_sim_ros.bags.logs.archive import Archive
-from imu_sim_ros.bags.logs.columns import TextTable
+from imu_sim_ros.bags.logs.columns import ColumnTable
 from imu_sim_ros.bags.logs.log import Contents, LogStream, LogTriad
 from imu_sim_ros.bags.messages.encode import FLUID_PRESSURE, IMU, MAGNETIC_FIELD
 from imu_sim_ros.core.types import Array, Times
@@ -109,7 +109,7 @@ def contents(path: Path) -> Contents:
     damage: list[str] = []
     remarks: list[str] = []
     sets: list[_Set] = []
-    locations: list[TextTable] = []
+    locations: list[ColumnTable] = []
     with Archive(path, depth=2) as files:
         clock = _clock(files, remarks)
         names = [name for name in files.names_of(".csv") if "/meta/" not in f"/{name}".lower()]
@@ -145,16 +145,16 @@ def _plain(name: str) -> str:
     return unicodedata.normalize("NFKD", name).encode("ascii", "ignore").decode()
 
 
-def _time_column(table: TextTable) -> str | None:
+def _time_column(table: ColumnTable) -> str | None:
     """Return the name of the column of times; None: there is none."""
     return next((name for name in table.names if _unit(name) == _SECOND), None)
 
 
-def _columns_of(table: TextTable, unit: str) -> list[str]:
+def _columns_of(table: ColumnTable, unit: str) -> list[str]:
     return [name for name in table.names if _unit(name) == unit]
 
 
-def _sets(table: TextTable, damage: list[str]) -> Iterator[_Set]:
+def _sets(table: ColumnTable, damage: list[str]) -> Iterator[_Set]:
     """Yield the quantities of a table: columns x, y, z of one unit and name, or a pressure."""
     time = str(_time_column(table))
     for unit in (_FORCE, _RATE, _FIELD, _PRESSURE):
@@ -256,7 +256,7 @@ def _median_length(entry: _Set) -> float:
     return float(np.median(np.linalg.norm(entry.values, axis=1)))
 
 
-def _location(table: TextTable, clock: _Clock, damage: list[str]) -> Iterator[LogStream]:
+def _location(table: ColumnTable, clock: _Clock, damage: list[str]) -> Iterator[LogStream]:
     """Yield the positions of the phone."""
     by_name = {columns.unit_in(name)[0].lower(): name for name in table.names}
     needed = [by_name.get(name) for name in ("latitude", "longitude")]

@@ -20,7 +20,7 @@ import numpy as np
 
 from imu_sim_ros.bags.logs import archive, columns, log
 from imu_sim_ros.bags.logs.archive import Archive
-from imu_sim_ros.bags.logs.columns import TextTable
+from imu_sim_ros.bags.logs.columns import ColumnTable
 from imu_sim_ros.bags.logs.log import Contents, LogOrientations, LogStream, LogTriad
 from imu_sim_ros.bags.messages.encode import FLUID_PRESSURE, IMU, MAGNETIC_FIELD
 from imu_sim_ros.core.conventions import STANDARD_GRAVITY
@@ -87,7 +87,7 @@ def contents(path: Path) -> Contents:
     remarks: list[str] = []
     with Archive(path, depth=1) as files:
         platform = _platform(files, remarks)
-        tables: dict[str, TextTable] = {}
+        tables: dict[str, ColumnTable] = {}
         for name, file in _tables_in(files).items():
             lines = columns.lines_of(f"{path}: {file}", files.read(file))
             if lines and _is_head(lines[0]):
@@ -147,7 +147,7 @@ class _Recording:
 
     def __init__(
         self,
-        tables: Mapping[str, TextTable],
+        tables: Mapping[str, ColumnTable],
         platform: _Platform,
         damage: list[str],
         remarks: list[str],

@@ -26,11 +26,11 @@ from imu_sim_ros.bags.logs import axes, columns, log
 from imu_sim_ros.bags.logs.log import Contents, LogStream
 from imu_sim_ros.bags.messages.encode import IMU, ODOMETRY
 from imu_sim_ros.core.geodesy import tangent_plane
+from imu_sim_ros.core.gps_time import GPS_EPOCH, WEEK, leap_seconds
 from imu_sim_ros.core.rotation import from_euler
 from imu_sim_ros.core.types import Array, Bytes, Mask, Times
 from imu_sim_ros.inputs.layout import nanosecond
 from imu_sim_ros.inputs.rows import number_of, open_regular
-from imu_sim_ros.sensors.gnss.satellites import GPS_EPOCH, WEEK, leap_seconds
 
 MEMORY: Final = 9
 """Memory that reading takes, in sizes of the file."""

@@ -22,7 +22,7 @@ from typing import Final
 import numpy as np
 
 from imu_sim_ros.bags.logs import axes, columns, log
-from imu_sim_ros.bags.logs.columns import TextTable
+from imu_sim_ros.bags.logs.columns import ColumnTable
 from imu_sim_ros.bags.logs.log import Contents, LogStream
 from imu_sim_ros.core.errors import InputError
 from imu_sim_ros.core.geodesy import tangent_plane
@@ -108,7 +108,7 @@ class _Export:
     """Table of an export while it becomes streams."""
 
     def __init__(
-        self, table: TextTable, head: bytes, damage: list[str], remarks: list[str]
+        self, table: ColumnTable, head: bytes, damage: list[str], remarks: list[str]
     ) -> None:
         self._units = {_canonical(name): columns.unit_in(name)[1] for name in table.names}
         table.names = [_canonical(name) for name in table.names]
@@ -180,7 +180,7 @@ class _Export:
         """Return True for columns that are not empty in all of the first rows."""
         if not self._table.has(*names):
             return False
-        sample = TextTable("", self._table.names, self._table.rows[:100], self._table.separator)
+        sample = ColumnTable("", self._table.names, self._table.rows[:100], self._table.separator)
         return bool(len(sample.numbers(names, [])))
 
     def _rows(self, names: Sequence[str], optional: Sequence[str]) -> columns.Columns:

@@ -10,6 +10,7 @@ from typing import Any, Final
 import numpy as np
 
 from imu_sim_ros.core.gate import OTHER
+from imu_sim_ros.core.gps_time import calendar_ns
 from imu_sim_ros.core.types import Array, Integers, Times
 from imu_sim_ros.inputs.tables import Table
 from imu_sim_ros.sensors.declaration import (
@@ -22,7 +23,6 @@ from imu_sim_ros.sensors.declaration import (
     topic,
 )
 from imu_sim_ros.sensors.gnss.parameters import GnssParameters
-from imu_sim_ros.sensors.gnss.satellites import calendar_ns
 from imu_sim_ros.sensors.samples import Rows, Samples
 
 FIX: Final = ("sensor_msgs/msg/NavSatFix", "NavSatFixEncoder")

@@ -10,7 +10,7 @@ from collections.abc import Iterator, Sequence
 from datetime import datetime, timezone
 from typing import TYPE_CHECKING, Final
 
-from imu_sim_ros.sensors.gnss.satellites import calendar_ns
+from imu_sim_ros.core.gps_time import calendar_ns
 from imu_sim_ros.sensors.samples import Rows, Samples
 
 if TYPE_CHECKING:

@@ -19,6 +19,7 @@ from typing import Any, Final, NamedTuple
 import numpy as np
 
 from imu_sim_ros.core.geodesy import earth_fixed, east_north_up
+from imu_sim_ros.core.gps_time import WEEK, GpsTime
 from imu_sim_ros.core.random_streams import generator, generator_at
 from imu_sim_ros.core.timebase import NANOSECONDS_PER_SECOND
 from imu_sim_ros.core.types import Array, Integers, Mask
@@ -27,9 +28,7 @@ from imu_sim_ros.sensors.gnss.parameters import RawParameters
 from imu_sim_ros.sensors.gnss.satellites import (
     EARTH_RATE,
     LIGHT,
-    WEEK,
     Ephemerides,
-    GpsTime,
     orbits,
 )
 from imu_sim_ros.sensors.gnss.sky import SATELLITES, Broadcast

@@ -12,9 +12,10 @@ from typing import Any, Final, NamedTuple, TextIO
 import numpy as np
 
 from imu_sim_ros.core.errors import InputError
+from imu_sim_ros.core.gps_time import GPS_EPOCH, WEEK
 from imu_sim_ros.core.types import Array, Times
 from imu_sim_ros.inputs.rows import read_text
-from imu_sim_ros.sensors.gnss.satellites import GPS_EPOCH, WEEK, Ephemerides
+from imu_sim_ros.sensors.gnss.satellites import Ephemerides
 
 _VERSION: Final = "     3.04"
 _PROGRAM: Final = "imu_sim_ros"

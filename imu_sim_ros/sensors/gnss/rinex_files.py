@@ -9,11 +9,11 @@ from pathlib import Path
 import numpy as np
 
 from imu_sim_ros.core.geodesy import earth_fixed
+from imu_sim_ros.core.gps_time import gps_time
 from imu_sim_ros.core.types import Integers
 from imu_sim_ros.sensors.environment import EnvironmentParameters
 from imu_sim_ros.sensors.gnss import rinex
 from imu_sim_ros.sensors.gnss.parameters import GnssParameters
-from imu_sim_ros.sensors.gnss.satellites import gps_time
 from imu_sim_ros.sensors.gnss.sky import Broadcast
 from imu_sim_ros.sensors.samples import Samples
 

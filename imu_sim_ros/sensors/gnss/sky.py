@@ -12,18 +12,15 @@ import numpy as np
 
 from imu_sim_ros.core.errors import ConfigurationError, InputError
 from imu_sim_ros.core.geodesy import earth_fixed, east_north_up
+from imu_sim_ros.core.gps_time import GPS_EPOCH, WEEK, GpsTime, gps_time
 from imu_sim_ros.core.types import Array, Integers, Mask
 from imu_sim_ros.sensors.environment import EnvironmentParameters
 from imu_sim_ros.sensors.gnss import rinex
 from imu_sim_ros.sensors.gnss.parameters import GnssParameters
 from imu_sim_ros.sensors.gnss.satellites import (
-    GPS_EPOCH,
     VALIDITY,
-    WEEK,
     Ephemerides,
-    GpsTime,
     almanac,
-    gps_time,
     orbits,
 )
 from imu_sim_ros.sensors.gravity import geodetic

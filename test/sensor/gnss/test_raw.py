@@ -15,9 +15,10 @@ import pytest
 import imu_sim_ros as ims
 from imu_sim_ros.core.errors import ConfigurationError, InputError
 from imu_sim_ros.core.geodesy import earth_fixed
+from imu_sim_ros.core.gps_time import GpsTime, gps_time
 from imu_sim_ros.sensors.gnss import rinex
 from imu_sim_ros.sensors.gnss.observations import Antenna, klobuchar, ranges, saastamoinen
-from imu_sim_ros.sensors.gnss.satellites import LIGHT, GpsTime, almanac, gps_time, orbits
+from imu_sim_ros.sensors.gnss.satellites import LIGHT, almanac, orbits
 from imu_sim_ros.simulation.engine import Body
 from imu_sim_ros.simulation.parameters import load_simulation
 
