@@ -17,6 +17,7 @@ from imu_sim_ros.core.errors import ImuSimError
 from imu_sim_ros.core.records import States
 from imu_sim_ros.core.types import Integers, Mask, Times
 from imu_sim_ros.navigation.coverage import TruthTime
+from imu_sim_ros.recordings.order import longest_step_ns
 from imu_sim_ros.terminal.json_text import as_json
 
 _ROUNDING_NS = 1_000_000
@@ -29,7 +30,7 @@ def covered_spans(t_ns: Times, max_gap: float) -> Integers:
     :param t_ns: (n,) stamps [ns], increasing, n > 0.
     :param max_gap: longer intervals are gaps [s].
     """
-    breaks = np.flatnonzero(np.diff(t_ns) * 1e-9 > max_gap)
+    breaks = np.flatnonzero(np.diff(t_ns) > longest_step_ns(max_gap))
     starts, ends = np.append(0, breaks + 1), np.append(breaks, len(t_ns) - 1)
     return np.column_stack([t_ns[starts], t_ns[ends]])
 

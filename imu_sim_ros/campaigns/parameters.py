@@ -9,9 +9,10 @@ from dataclasses import dataclass
 from imu_sim_ros.core.conventions import TRIADS
 from imu_sim_ros.core.errors import ConfigurationError, Problems
 from imu_sim_ros.core.names import shown, suggestion
-from imu_sim_ros.navigation.coverage import ALLOWANCE, LEAST, MAX_GAP
+from imu_sim_ros.navigation.coverage import ALLOWANCE, LEAST
 from imu_sim_ros.navigation.parameters import ATTITUDE_UPDATES, METHODS
 from imu_sim_ros.parameters.kinds import choice, flag, integer, number, text
+from imu_sim_ros.recordings.order import POSES_GAP
 from imu_sim_ros.sensors.faults import Fault
 
 ALIGNMENTS = ("none", "yaw", "se3", "sim3")
@@ -66,7 +67,7 @@ class TrajectoryEstimator:
         maximum=1.0,
     )
     max_gap: float = number(
-        MAX_GAP,
+        POSES_GAP,
         "poses further apart have a gap between them, which is not covered",
         unit="s",
         minimum=0.0,

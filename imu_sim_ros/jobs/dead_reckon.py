@@ -70,6 +70,7 @@ from imu_sim_ros.navigation.state import (
 )
 from imu_sim_ros.recordings.findings.catalogue import pose_findings
 from imu_sim_ros.recordings.findings.policy import DEAD_RECKON
+from imu_sim_ros.recordings.order import READINGS_GAP, gap_length
 from imu_sim_ros.sensors.imu.triads import TriadsParameters
 from imu_sim_ros.terminal.text_tables import TextTable
 
@@ -467,7 +468,9 @@ def initial_condition(
     if settings.initial_state == "truth":
         if truth is None:
             raise _no_truth(readings.source)
-        late = readings.t_ns < _first_common(readings.t_ns, truth.t_ns, settings.max_gap)
+        late = readings.t_ns < _first_common(
+            readings.t_ns, truth.t_ns, _max_gap(settings, readings)
+        )
         if late.any():
             recording = recording.rows(~late)
         first_ns = recording.readings.t_ns[0]
@@ -490,6 +493,10 @@ def initial_condition(
     )
     after_rest = recording.rows(slice(rest.stop - 1, None))
     return InitialCondition(after_rest, *initial[:2], initial.rate, initial.covariance)
+
+
+def _max_gap(settings: IntegratorParameters, readings: Readings) -> float:
+    return gap_length(settings.max_gap, READINGS_GAP, readings.t_ns)
 
 
 def _true_rate(truth: States, t_ns: int) -> Array | None:
@@ -545,7 +552,7 @@ def integrated(start: InitialCondition, settings: IntegratorParameters) -> Track
         settings.attitude_update,
         settings.gravity,
         start.correction,
-        settings.max_gap,
+        _max_gap(settings, readings),
         settings.earth_rate,
         mount_of(settings.imu),
         start.rate,

@@ -342,7 +342,7 @@ def evaluate(
     align: Annotated[str, ALIGNMENTS] = "none",
     rpe: Annotated[Sequence[str | tuple[float, str]], "DELTA", delta] = (),
     time_offset: Annotated[bool, "--time-offset"] = False,
-    max_gap: Annotated[float, "TIME"] = 0.5,
+    max_gap: Annotated[float, "TIME"] = 0.0,
     tracks: Annotated[str | Path | None, "DIR"] = None,
     imu: Annotated[str | Path | None, "NAME|FILE"] = None,
     skip_bad_rows: SkipBadRows = False,
@@ -367,7 +367,7 @@ def evaluate(
     :param time_offset: find the time offset of the estimate from the motion (up to 1 s) and remove
         it before comparing
     :param max_gap: do not interpolate the truth across longer gaps, nor count them as covered by
-        the estimate [s]
+        the estimate [s]; 0: 2.5 times the usual interval of each, from 0.5 to 2 s
     :param tracks: folder of generate --format tracks: report the reprojection error, in pixels, of
         its landmarks as seen from the estimate; poses further apart than 20 ms are not interpolated
     :param imu: for an orientation: the sensor, whose imu.mounting applies; by default aligned with
@@ -386,7 +386,7 @@ def evaluate(
     >>> ims.evaluate(board.orientation, board.truth)
     <AttitudeEvaluation of 2000 attitudes, coverage 100 %: tilt 0.02025 rad rms, heading ...>
     """
-    number("max_gap", max_gap, "a number of seconds above 0", 0.0, above=True)
+    number("max_gap", max_gap, "a number of seconds, 0 or above", 0.0)
     one_of("align", align, ALIGNMENTS)
     switch("time_offset", time_offset)
     folder = None if tracks is None else checked_path("tracks", tracks, "the path of a folder")

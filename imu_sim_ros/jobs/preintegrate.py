@@ -21,6 +21,7 @@ from imu_sim_ros.navigation.preintegration import METHODS, Preintegration, betwe
 from imu_sim_ros.navigation.preintegration import preintegrate as over_intervals
 from imu_sim_ros.navigation.stepper import check_readings
 from imu_sim_ros.recordings.findings.policy import PREINTEGRATE
+from imu_sim_ros.recordings.order import READINGS_GAP, gap_length
 
 
 @suggest_keywords
@@ -32,7 +33,7 @@ def preintegrate(
     gyro_bias: ArrayLike = 0.0,
     accel_bias: ArrayLike = 0.0,
     method: str = "midpoint",
-    max_gap: float = 0.1,
+    max_gap: float = 0.0,
     topic: str | None = None,
     frame: str | None = None,
     gyro_topic: str | None = None,
@@ -53,7 +54,8 @@ def preintegrate(
     :param gyro_bias: (B, 3), (3,) or one number [rad/s], subtracted from the readings.
     :param accel_bias: likewise [m/s^2].
     :param method: euler or midpoint.
-    :param max_gap: longest time between two readings that is integrated over [s].
+    :param max_gap: longest time between two readings that is integrated over [s]; 0: 2.5 times the
+        usual interval, from 0.1 to 2 s.
     :param topic: topic of the readings in a file, if it has several.
     :param frame: frame of the readings, if a topic has those of several IMUs.
     :param gyro_topic: topic of the gyroscope, if the accelerometer has another one.
@@ -71,7 +73,7 @@ def preintegrate(
     ((19, 3), (19, 15, 15))
     """
     arguments.one_of("method", method, METHODS)
-    number("max_gap", max_gap, "a number of seconds above 0", 0.0, above=True)
+    number("max_gap", max_gap, "a number of seconds, 0 or above", 0.0)
     noise = readings.parameters.imu if isinstance(readings, Flight) else None
     selection = frame, gyro_topic, accel_topic, gyro_unit, accel_unit
     imu = readings_of("readings", readings, topic, selection=selection)
@@ -83,6 +85,7 @@ def preintegrate(
         step = round(every * 1e9)
         edges_ns = np.arange(imu.t_ns[0], imu.t_ns[-1] + 1, step)
     edges = stamps("edges_ns", edges_ns)
+    max_gap = gap_length(max_gap, READINGS_GAP, imu.t_ns)
     gyro, accel = imu.triads()
     pieces = between(imu.t_ns, gyro, accel, edges)
     begin, end = np.searchsorted(imu.t_ns, [edges[0], edges[-1]])

@@ -13,7 +13,7 @@ from imu_sim_ros.core.errors import ConfigurationError, InputError
 from imu_sim_ros.core.names import suggestion
 from imu_sim_ros.core.records import States, with_fields
 from imu_sim_ros.core.types import Array, Times
-from imu_sim_ros.recordings.order import longest_step_ns
+from imu_sim_ros.recordings.order import POSES_GAP, gap_length, longest_step_ns
 
 
 def interpolate_vectors(t_ns: Times, values: Array, at_ns: Times) -> Array:
@@ -62,18 +62,20 @@ def _intervals(t_ns: Times, at_ns: Times) -> tuple[NDArray[np.intp], Array]:
     return index, part
 
 
-def common_rows(estimate_ns: Times, truth_ns: Times, max_gap: float = 0.5) -> NDArray[np.intp]:
+def common_rows(estimate_ns: Times, truth_ns: Times, max_gap: float = 0.0) -> NDArray[np.intp]:
     """Return the rows of the estimate at which the truth is known.
 
     :param estimate_ns: (n,) stamps of the estimate [ns], increasing.
     :param truth_ns: (m,) stamps of the truth [ns], increasing.
-    :param max_gap: the truth is not interpolated over more than this [s].
+    :param max_gap: the truth is not interpolated over more than this [s]; 0: 2.5 times its usual
+        interval, from 0.5 to 2 s.
     :raises InputError: if fewer than two rows remain.
     """
     if len(truth_ns) < 2:
         raise InputError(f"{len(truth_ns)} poses of the truth: at least two are needed")
     in_truth = (estimate_ns >= truth_ns[0]) & (estimate_ns <= truth_ns[-1])
     index, part = _intervals(truth_ns, estimate_ns)
+    max_gap = gap_length(max_gap, POSES_GAP, truth_ns)
     long = np.diff(truth_ns)[index] > longest_step_ns(max_gap)
     on_stamp = (part == 0.0) | (part == 1.0)
     rows = np.flatnonzero(in_truth & (~long | on_stamp))

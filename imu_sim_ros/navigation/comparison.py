@@ -19,7 +19,7 @@ from imu_sim_ros.navigation.association import (
     common_rows,
     poses_at,
 )
-from imu_sim_ros.navigation.coverage import ALLOWANCE, MAX_GAP, Coverage, coverage
+from imu_sim_ros.navigation.coverage import ALLOWANCE, Coverage, coverage
 from imu_sim_ros.navigation.evaluation import (
     DELTA_UNITS,
     PoseNees,
@@ -131,7 +131,7 @@ def compare(
     estimate: States,
     truth: States,
     align_by: str = "none",
-    max_gap: float = MAX_GAP,
+    max_gap: float = 0.0,
     allowance: float = ALLOWANCE,
 ) -> Comparison:
     """Compare an estimate with the truth, interpolated to the times of the estimate.
@@ -139,7 +139,8 @@ def compare(
     :param estimate: states whose stamps increase.
     :param truth: states whose stamps increase.
     :param align_by: alignment of the estimate with the truth: none, yaw, se3 or sim3.
-    :param max_gap: the truth is not interpolated across longer gaps [s].
+    :param max_gap: the truth is not interpolated across longer gaps [s]; 0: as in
+        :func:`coverage`.
     :param allowance: time before the first pose that does not count against the coverage [s].
     :raises InputError: if both do not overlap in time, or cannot be aligned.
     """

@@ -12,12 +12,10 @@ from typing import Any, Final, NamedTuple
 import numpy as np
 
 from imu_sim_ros.core.types import Array, Integers, Mask, Times
-from imu_sim_ros.recordings.order import longest_step_ns
+from imu_sim_ros.recordings.order import POSES_GAP, gap_length, longest_step_ns
 
 LEAST: Final = 0.9
 """Coverage below which errors do not speak for the whole motion."""
-MAX_GAP: Final = 0.5
-"""Longest time between poses without a gap, which is not covered [s]."""
 ALLOWANCE: Final = 5.0
 """Time before the first pose in which an estimate may initialise [s]."""
 LARGEST_ALLOWANCE: Final = 0.25
@@ -112,10 +110,11 @@ class TruthTime:
         """Set the clock to zero at the first stamp.
 
         :param truth_ns: (n,) stamps [ns], increasing, n > 1.
-        :param max_gap: longer intervals are gaps [s]; if all are, the truth is slow and none is.
+        :param max_gap: longer intervals are gaps [s], as in :func:`coverage`; if all are, the
+            truth is slow and none is.
         """
         steps = np.diff(truth_ns)
-        covered = steps <= longest_step_ns(max_gap)
+        covered = steps <= longest_step_ns(gap_length(max_gap, POSES_GAP, truth_ns))
         self._covered: Mask = covered if covered.any() else np.ones(len(steps), np.bool_)
         self._stamps = truth_ns
         self._at_stamps = np.concatenate([[0], np.cumsum(np.where(self._covered, steps, 0))])
@@ -138,7 +137,7 @@ class TruthTime:
 def coverage(
     estimate_ns: Times,
     truth_ns: Times,
-    max_gap: float = MAX_GAP,
+    max_gap: float = 0.0,
     allowance: float = ALLOWANCE,
     *,
     failed: Mask | None = None,
@@ -151,14 +150,16 @@ def coverage(
 
     :param estimate_ns: (n,) stamps of the estimate [ns], increasing.
     :param truth_ns: (m,) stamps of the truth [ns], increasing, m > 1.
-    :param max_gap: longer intervals are gaps, of the estimate and of the truth [s].
+    :param max_gap: longer intervals are gaps, of the estimate and of the truth [s]; 0: those of
+        more than 2.5 usual intervals of each, from 0.5 to 2 s.
     :param allowance: for the start [s].
     :param failed: (n,) poses with which the estimate has failed, however long it goes on.
     """
     clock = TruthTime(truth_ns, max_gap)
     at_ns = clock.at(estimate_ns)
     steps = np.diff(estimate_ns)
-    continues: Mask = steps <= longest_step_ns(max_gap)
+    longest_ns = longest_step_ns(gap_length(max_gap, POSES_GAP, estimate_ns))
+    continues: Mask = steps <= longest_ns
     usual = float(np.median(steps)) if len(steps) else 0.0
     estimated = int(np.sum(np.diff(at_ns)[continues]))
     first_ns = int(at_ns[0]) if len(at_ns) else clock.whole_ns
@@ -169,7 +170,7 @@ def coverage(
     # A pose before or after the truth stands for none of its time.
     lies_in = (estimate_ns >= truth_ns[0]) & (estimate_ns <= truth_ns[-1])
     failure = int(at_ns[np.argmax(breaks)]) if lies_in.any() else 0
-    sparse = usual if len(steps) >= _FEWEST_STEPS and usual > longest_step_ns(max_gap) else 0.0
+    sparse = usual if len(steps) >= _FEWEST_STEPS and usual > longest_ns else 0.0
     return Coverage(
         share=estimated / (clock.whole_ns - allowed),
         estimated_s=1e-9 * estimated,

@@ -28,7 +28,7 @@ from imu_sim_ros.navigation.mount import ALIGNED, ImuMount, mount_of
 from imu_sim_ros.navigation.parameters import IntegratorParameters
 from imu_sim_ros.navigation.state import Correction, NavigationState, correction_of
 from imu_sim_ros.parameters.kinds import ZERO_VECTOR
-from imu_sim_ros.recordings.order import longest_step_ns
+from imu_sim_ros.recordings.order import READINGS_GAP, gap_length, longest_step_ns
 from imu_sim_ros.sensors.imu.triads import TriadsParameters
 
 _GRAVITY_TOLERANCE: Final = 0.05
@@ -217,7 +217,8 @@ def rest_rows(parameters: IntegratorParameters, t_ns: Times) -> slice:
     :raises InputError: if no stretch is long enough.
     """
     step = np.diff(t_ns)
-    gaps = np.flatnonzero((step <= 0) | (step > longest_step_ns(parameters.max_gap))) + 1
+    max_gap = gap_length(parameters.max_gap, READINGS_GAP, t_ns)
+    gaps = np.flatnonzero((step <= 0) | (step > longest_step_ns(max_gap))) + 1
     longest, length = 0, round(parameters.level_time * 1e9)
     for begin, end in itertools.pairwise([0, *gaps.tolist(), len(t_ns)]):
         piece = t_ns[begin:end]

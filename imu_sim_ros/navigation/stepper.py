@@ -139,7 +139,8 @@ class Stepper:
         self.counts = StepperCounts()
         self.correction = correction
         """The known errors of the readings; a new one applies from the next reading on."""
-        self._longest_step_ns = longest_step_ns(max_gap)
+        self.longest_step_ns = longest_step_ns(max_gap)
+        """Longest step that is no gap [ns]."""
         self._world = increments.world_vectors(gravity, earth_rate)
         self._method, self._attitude = method, attitude
         self.reset(initial)
@@ -174,7 +175,7 @@ class Stepper:
         stepped = False
         if self.t_ns is not None:
             step_ns = t_ns - self.t_ns
-            stepped = 0 < step_ns <= self._longest_step_ns
+            stepped = 0 < step_ns <= self.longest_step_ns
             if stepped:
                 self._advance(step_ns * 1e-9, *reading)
             else:

@@ -37,7 +37,7 @@ _DOUBTFUL: Final = 0.01
 
 
 def time_offset(
-    estimate: States, truth: States, max_gap: float = 0.5, scaled: bool = False
+    estimate: States, truth: States, max_gap: float = 0.0, scaled: bool = False
 ) -> OffsetInterval:
     """Return the offset to add to the stamps of the estimate, at most :data:`LARGEST`.
 

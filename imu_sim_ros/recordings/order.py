@@ -4,6 +4,7 @@
 """StampOrder of stamps: stretches of one time, late readings, stray stamps and resets."""
 
 import math
+from collections import deque
 from typing import Final, NamedTuple
 
 import numpy as np
@@ -28,22 +29,79 @@ LONGEST_LOSS: Final = 10.0
 
 _LONGEST_GAP: Final = 1e10
 """Length of a gap [s] above which every step between two stamps is allowed."""
-
-
-def is_gap(step_ns: float, max_gap: float) -> bool:
-    """Return True if a step between stamps cannot be integrated over: back, none, or too long.
-
-    A step of exactly ``max_gap`` is no gap.
-
-    :param step_ns: from one stamp to the next [ns].
-    :param max_gap: longest step [s].
-    """
-    return not 0.0 < step_ns <= longest_step_ns(max_gap)
+READINGS_GAP: Final = 0.1
+"""Longest step between readings that is no gap at any rate [s]."""
+POSES_GAP: Final = 0.5
+"""Longest step between poses that is no gap at any rate [s]."""
+_USUAL_STEPS: Final = 2.5
+"""Length of a gap in usual steps: one lost reading is none."""
+_SLOWEST_GAP: Final = 2.0
+"""Longest step that is no gap unless it is allowed, however slow the rate is [s]."""
+_FEWEST_STEPS: Final = 3
+"""Number of steps from which on the usual one can be told."""
+_RECENT_STEPS: Final = 99
+"""Number of the latest steps whose median is the usual one of a live stream."""
 
 
 def longest_step_ns(max_gap: float) -> float:
     """Return the longest step that is no gap [ns], in whole nanoseconds if it is finite."""
     return round(max_gap * 1e9) if max_gap < _LONGEST_GAP else math.inf
+
+
+def gap_length(max_gap: float, shortest: float, t_ns: Times) -> float:
+    """Return the longest step between stamps that is no gap [s].
+
+    If it is not stated, it is 2.5 times the usual step, at least ``shortest`` and at most 2 s.
+
+    :param max_gap: as stated [s]; 0: it suits the rate.
+    :param shortest: longest step that is no gap at any rate [s].
+    :param t_ns: (n,) stamps [ns].
+    """
+    if max_gap:
+        return max_gap
+    return _usual_gap(usual_step(t_ns) if len(t_ns) > _FEWEST_STEPS else 0.0, shortest)
+
+
+def _usual_gap(step_ns: float, shortest: float) -> float:
+    """Return the longest step that is no gap [s] by the usual step [ns]."""
+    return max(shortest, min(_USUAL_STEPS * step_ns * 1e-9, _SLOWEST_GAP))
+
+
+class LiveGap:
+    """The longest step that is no gap in a stream, by the stamps so far; see :func:`gap_length`."""
+
+    def __init__(self, max_gap: float, shortest: float) -> None:
+        """Take no stamps yet.
+
+        :param max_gap, shortest: as in :func:`gap_length`.
+        """
+        self._shortest = shortest
+        self._shortest_ns = longest_step_ns(shortest)
+        self.longest_step_ns = longest_step_ns(max_gap or shortest)
+        """Longest step that is no gap [ns]."""
+        self.is_known = True
+        """False while the first steps are too few to tell whether they are gaps."""
+        self._steps: deque[int] | None = None if max_gap else deque(maxlen=_RECENT_STEPS)
+        self._t_ns: int | None = None
+
+    def add(self, t_ns: int) -> None:
+        """Take the next stamp."""
+        steps = self._steps
+        if steps is None:
+            return
+        step = 0 if self._t_ns is None else t_ns - self._t_ns
+        self._t_ns = t_ns
+        if step <= 0:
+            return
+        steps.append(step)
+        if step > self._shortest_ns or not self.is_known:
+            gap = _usual_gap(sorted(steps)[len(steps) // 2], self._shortest)
+            self.longest_step_ns = longest_step_ns(gap)
+            self.is_known = len(steps) >= _FEWEST_STEPS
+
+    def is_gap(self, step_ns: int) -> bool:
+        """Return True if a step cannot be integrated over: back, none, or too long [ns]."""
+        return not 0 < step_ns <= self.longest_step_ns
 
 
 def longest_loss(interval_ns: float) -> float:

@@ -20,8 +20,8 @@ from imu_sim_ros.core.errors import InputError
 from imu_sim_ros.core.records import States, with_fields
 from imu_sim_ros.core.types import Array, Mask, Times
 from imu_sim_ros.navigation.comparison import Comparison, compare
-from imu_sim_ros.navigation.coverage import MAX_GAP
 from imu_sim_ros.navigation.evaluation import anees_band, gauge_at, invertible, nees, statistics
+from imu_sim_ros.recordings.order import POSES_GAP
 from imu_sim_ros.reports.page import Item, Section, plot, table
 from imu_sim_ros.reports.streams import extremes
 
@@ -175,7 +175,7 @@ def _common_rows(compared: Sequence[ComparedEstimate]) -> list[Mask] | None:
 
     None: all estimates cover the same time.
     """
-    spans = [covered_spans(comparison.t_ns, MAX_GAP) for comparison in _comparisons(compared)]
+    spans = [covered_spans(comparison.t_ns, POSES_GAP) for comparison in _comparisons(compared)]
     if len(spans) < 2:
         return None
     common = reduce(common_spans, spans)

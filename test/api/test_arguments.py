@@ -96,7 +96,7 @@ def test_a_bias_that_is_none_is_refused(flight, bias):
         ims.preintegrate(flight, every=0.5, gyro_bias=bias)
 
 
-@pytest.mark.parametrize("gap", [NAN, -1, 0, None, "1"])
+@pytest.mark.parametrize("gap", [NAN, -1, None, "1"])
 def test_a_gap_that_is_none_is_refused(flight, gap):
     with pytest.raises(ims.ConfigurationError, match="max_gap = "):
         ims.evaluate(flight.truth, flight.truth, max_gap=gap)

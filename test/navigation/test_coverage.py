@@ -85,6 +85,19 @@ def test_an_estimate_of_another_time_covers_nothing_and_fails_at_once(hours):
     assert (found.share, found.estimated_s, found.time_to_failure_s) == (0.0, 0.0, 0.0)
 
 
+@pytest.mark.parametrize(("rate", "share"), [(0.4, 0.0), (0.5, 1.0), (1.0, 1.0), (10.0, 1.0)])
+def test_the_default_gap_suits_the_rate(rate, share):
+    """Poses are apart by up to 2 s without a gap; a lost one at 1 Hz is none, two at 2 Hz are."""
+    slow = np.arange(0, 20 * 10**9 + 1, round(1e9 / rate))
+    assert coverage(slow, TRUTH).share == share
+    assert coverage(TRUTH, slow).share == pytest.approx(1.0, abs=0.06)
+    assert coverage(slow, TRUTH, max_gap=0.05).share == 0.0
+    at_2_hz = np.delete(np.arange(0, 20 * 10**9 + 1, 500_000_000), [10, 11])
+    assert coverage(at_2_hz, TRUTH).share == pytest.approx(1.0 - 1.5 / 20.0)
+    at_1_hz = np.delete(np.arange(0, 20 * 10**9 + 1, 10**9), 10)
+    assert coverage(at_1_hz, TRUTH).share == 1.0
+
+
 def test_sparse_poses_have_the_option_that_counts_the_time_between_them():
     truth = np.arange(0, 60 * 10**9, 10**7)
     found = coverage(truth[::250], truth)

@@ -18,6 +18,7 @@ from imu_sim_ros.navigation import initialisation
 from imu_sim_ros.navigation.evaluation import anees_band
 from imu_sim_ros.navigation.parameters import IntegratorParameters, load_integrator
 from imu_sim_ros.nodes.integrator.initialiser import initialiser
+from imu_sim_ros.recordings.order import READINGS_GAP, LiveGap
 
 STEP_NS = 5_000_000
 G_SENSITIVITY = [1e-3, 0.0, 2e-3, 0.0, -1e-3, 5e-4, 3e-4, 0.0, 1e-3]
@@ -54,9 +55,11 @@ def record(count=300, gap=None):
 
 def of_the_node(chosen, readings):
     """Return the start that the node's initialiser finds, reading by reading."""
-    start = initialiser(chosen, pytest.fail)
+    gap = LiveGap(chosen.max_gap, READINGS_GAP)
+    start = initialiser(chosen, gap, pytest.fail)
     columns = (readings.t_ns.tolist(), readings.gyro.tolist(), readings.accel.tolist())
     for t_ns, gyro, accel in zip(*columns, strict=True):
+        gap.add(t_ns)
         found = start.add_reading(LiveReading(t_ns, tuple(gyro), tuple(accel)))
         if found is not None:
             return found.readings[0].t_ns, found.initial

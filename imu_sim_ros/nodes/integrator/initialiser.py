@@ -20,7 +20,7 @@ from imu_sim_ros.navigation import initialisation
 from imu_sim_ros.navigation.initialisation import Initial
 from imu_sim_ros.navigation.parameters import IntegratorParameters
 from imu_sim_ros.navigation.state import NavigationState
-from imu_sim_ros.recordings.order import is_gap
+from imu_sim_ros.recordings.order import LiveGap
 
 _KEPT = 20000
 """Number of readings and truths that may wait for each other: 2.5 s at 8 kHz."""
@@ -47,15 +47,18 @@ class Initialiser(Protocol):
         """Take a true state."""
 
 
-def initialiser(parameters: IntegratorParameters, complain: Callable[[str], None]) -> Initialiser:
+def initialiser(
+    parameters: IntegratorParameters, gap: LiveGap, complain: Callable[[str], None]
+) -> Initialiser:
     """Return the start that the parameters choose.
 
+    :param gap: longest step of the readings that is no gap.
     :param complain: is called with the reason while a start is not possible.
     """
     if parameters.initial_state == "truth":
         return _FromTruth(parameters)
     if parameters.initial_state == "level":
-        return _FromRest(parameters, complain)
+        return _FromRest(parameters, gap, complain)
     return _FromParameters(parameters)
 
 
@@ -116,13 +119,15 @@ class _FromTruth:
 class _FromRest:
     """Averages the readings of ``level_time`` and starts at the last of them."""
 
-    def __init__(self, parameters: IntegratorParameters, complain: Callable[[str], None]) -> None:
-        self._parameters, self._complain = parameters, complain
+    def __init__(
+        self, parameters: IntegratorParameters, gap: LiveGap, complain: Callable[[str], None]
+    ) -> None:
+        self._parameters, self._gap, self._complain = parameters, gap, complain
         self._readings: list[LiveReading] = []
 
     def add_reading(self, reading: LiveReading) -> Start | None:
         parameters, readings = self._parameters, self._readings
-        if readings and is_gap(reading.t_ns - readings[-1].t_ns, parameters.max_gap):
+        if readings and self._gap.is_gap(reading.t_ns - readings[-1].t_ns):
             readings.clear()
         readings.append(reading)
         if not initialisation.is_long_enough(parameters, readings[0].t_ns, reading.t_ns):

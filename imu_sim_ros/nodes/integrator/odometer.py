@@ -25,7 +25,7 @@ from imu_sim_ros.navigation.state import NavigationState, correction_of
 from imu_sim_ros.navigation.stepper import Stepper, StepperCounts
 from imu_sim_ros.nodes.integrator.initialiser import Start, initialiser
 from imu_sim_ros.parameters.kinds import IDENTITY_MATRIX
-from imu_sim_ros.recordings.order import RESTART_NS, longest_step_ns
+from imu_sim_ros.recordings.order import READINGS_GAP, RESTART_NS, LiveGap
 
 _SMOOTHING = 0.02
 _SMALL_ANGLE = 0.5
@@ -65,7 +65,10 @@ class LiveIntegrator:
 
     def begin(self) -> None:
         """Start again with the next readings."""
-        self._initialiser = initialiser(self.parameters, self._complain)
+        self._gap = LiveGap(self.parameters.max_gap, READINGS_GAP)
+        self._waiting: list[LiveReading] = []
+        """First readings, until it is known which of their steps are gaps."""
+        self._initialiser = initialiser(self.parameters, self._gap, self._complain)
         self._stepper: Stepper | None = None
         self._covariance: Covariance | None = None
         self._mount = ALIGNED
@@ -88,7 +91,7 @@ class LiveIntegrator:
         """Take new biases; they apply from the next reading on."""
         self.parameters = parameters
         if self._stepper is None:
-            self._initialiser = initialiser(parameters, self._complain)
+            self._initialiser = initialiser(parameters, self._gap, self._complain)
         else:
             self._stepper.correction = correction_of(parameters)
 
@@ -101,14 +104,26 @@ class LiveIntegrator:
     def add_reading(self, reading: LiveReading) -> list[LiveState]:
         """Take a reading; return one row, none while waiting, or many after it."""
         self.totals.readings += 1
+        self._gap.add(reading.t_ns)
+        if not self._gap.is_known:
+            self._waiting.append(reading)
+            return []
+        if not self._waiting:
+            return self._integrate(reading)
+        readings, self._waiting = [*self._waiting, reading], []
+        return [row for reading in readings for row in self._integrate(reading)]
+
+    def _integrate(self, reading: LiveReading) -> list[LiveState]:
+        """Take a reading, with the gaps of the stream known."""
         stepper = self._stepper
         if stepper is not None and stepper.t_ns is not None:
             step_ns = reading.t_ns - stepper.t_ns
             if step_ns < -RESTART_NS or (
-                step_ns > longest_step_ns(self.parameters.max_gap) and self._is_new_source()
+                step_ns > self._gap.longest_step_ns and self._is_new_source()
             ):
                 self._complain("the source restarted; integration restarts too")
                 self.begin()
+                self._gap.add(reading.t_ns)
                 stepper = None
         if stepper is None:
             return self._begin_at(self._initialiser.add_reading(reading))
@@ -130,8 +145,7 @@ class LiveIntegrator:
             parameters.attitude_update,
             parameters.gravity,
             start.initial.correction,
-            parameters.max_gap,
-            parameters.earth_rate,
+            earth_rate=parameters.earth_rate,
         )
         stepper.counts = self.totals.steps
         if parameters.covariance:
@@ -154,6 +168,7 @@ class LiveIntegrator:
     def _step(self, stepper: Stepper, reading: LiveReading) -> LiveState | None:
         previous_ns = stepper.t_ns
         force, rate = stepper.specific_force, stepper.angular_velocity
+        stepper.longest_step_ns = self._gap.longest_step_ns
         if stepper.add(reading.t_ns, reading.gyro, reading.accel):
             assert previous_ns is not None
             h = (reading.t_ns - previous_ns) * 1e-9

@@ -6,8 +6,9 @@
 import numpy as np
 import pytest
 
+import imu_sim_ros as ims
 from imu_sim_ros.core import gate, rotation
-from imu_sim_ros.core.records import LiveReading, LiveState
+from imu_sim_ros.core.records import LiveReading, LiveState, Readings
 from imu_sim_ros.navigation.dead_reckoning import dead_reckon
 from imu_sim_ros.navigation.parameters import load_integrator
 from imu_sim_ros.navigation.state import NavigationState
@@ -70,6 +71,40 @@ def test_every_method_gives_what_dead_reckoning_of_the_record_gives(method, atti
     np.testing.assert_allclose([row.q_wb for row in rows], states.q_wb, atol=1e-12)
     velocity_b = rotation.rotate_inverse(states.q_wb, states.velocity)
     np.testing.assert_allclose([row.velocity_b for row in rows], velocity_b, atol=1e-12)
+
+
+@pytest.mark.parametrize("rate", [1.0, 5.0, 10.0])
+@pytest.mark.parametrize("state", ["parameters", "level"])
+def test_slow_readings_are_integrated_as_offline(rate, state):
+    """The default gap suits the rate: none of these steps is one, but a pause of 3 s is."""
+    rows = np.r_[np.arange(40), np.arange(40, 60) + round(3.0 * rate)]
+    stream = [LiveReading(10**9 + round(k * 1e9 / rate), STILL, LEVEL) for k in rows.tolist()]
+    values = {"initial_state": state, "initial_velocity": [1.0, 0.0, 0.0], "level_time": 2.0}
+    harness = Harness(**values)
+    states = harness.feed(stream[:40])
+    counts = harness.odometer.totals
+    assert (counts.steps.gaps, harness.complaints) == (0, [])
+    columns = zip(*(reading[:3] for reading in stream[:40]), strict=True)
+    record = Readings(*map(np.array, columns))
+    offline = ims.dead_reckon(
+        record, initial=state, **{k: v for k, v in values.items() if "state" not in k}
+    )
+    assert [row.t_ns for row in states] == offline.t_ns.tolist()
+    np.testing.assert_allclose([row.position for row in states], offline.position, atol=1e-12)
+    harness.feed(stream[40:])
+    assert counts.steps.gaps == 1
+    strict = Harness(**values | {"initial_state": "parameters", "max_gap": 0.05})
+    strict.feed(stream)
+    assert strict.odometer.totals.steps.gaps == len(stream) - 1
+
+
+def test_a_reading_of_long_ago_is_not_integrated_from():
+    """A stale first reading of a fast stream: the steps behind it tell that there is a gap."""
+    harness = Harness(initial_velocity=[1.0, 0.0, 0.0])
+    rows = harness.feed(readings(1) + readings(10, first=1000))
+    assert len(rows) == 11
+    assert harness.odometer.totals.steps.gaps == 1
+    assert rows[-1].position[0] == pytest.approx(9 * 0.005, abs=1e-12)
 
 
 def test_a_gap_is_reported_and_integration_goes_on_behind_it():

@@ -88,7 +88,7 @@ def test_what_a_file_says_of_the_simulated_imu_does_not_disturb():
     ("values", "line"),
     [
         ({"method": "verlet"}, "method = 'verlet': must be one of euler, midpoint, rk4"),
-        ({"max_gap": 0.0}, "max_gap = 0.0: must be a finite number above 0 [s]"),
+        ({"max_gap": -0.1}, "max_gap = -0.1: must be a finite number at least 0 [s]"),
         ({"gravity": -9.81}, "gravity = -9.81: must be a magnitude of at least 0, downwards, or a"),
         ({"gravity": [0, 0, -981.0]}, "must be at most 30 m/s^2 in magnitude"),
         ({"gyroscope_scale_misalignment": [0.0] * 9}, "must be invertible"),
