@@ -10,10 +10,9 @@ import tempfile
 import zlib
 from contextlib import ExitStack
 from pathlib import Path
-from typing import IO, Any, Final, NamedTuple
+from typing import IO, Any, BinaryIO, Final, NamedTuple
 
 from imu_sim_ros.core.errors import InputError, MachineError
-from imu_sim_ros.inputs.rows import open_regular
 
 _MAGIC: Final = {
     "zstd": b"\x28\xb5\x2f\xfd",
@@ -48,8 +47,8 @@ def stem(path: Path) -> Path:
     return path.with_suffix("") if path.suffix in SUFFIXES else path
 
 
-def unpack(path: Path, compression: str, stack: ExitStack) -> Unpacked:
-    """Unpack a file.
+def unpack(path: Path, source: BinaryIO, compression: str, stack: ExitStack) -> Unpacked:
+    """Unpack an open file.
 
     :param stack: removes the temporary file.
     :raises InputError: for a file that expands to more than any bag does.
@@ -59,7 +58,7 @@ def unpack(path: Path, compression: str, stack: ExitStack) -> Unpacked:
     folder = tempfile.gettempdir()
     try:
         target = Path(stack.enter_context(tempfile.TemporaryDirectory())) / stem(path).name
-        with open_regular(path) as source, target.open("wb") as file:
+        with target.open("wb") as file:
             unpacked = _copy(_reader(source, compression), file, limit)
     except OSError as error:
         raise MachineError(

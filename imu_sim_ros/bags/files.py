@@ -3,21 +3,25 @@
 
 """Bags and logs by what their files hold: the reader of each container, and compressed files."""
 
+import os
 from contextlib import ExitStack
 from pathlib import Path
-from typing import Final
+from typing import BinaryIO, Final
 
 from imu_sim_ros.bags.compressed_files import compression_of, unpack
 from imu_sim_ros.bags.logs.catalogue import MAGIC_BYTES, open_log
 from imu_sim_ros.bags.mcap_reader import McapBag
-from imu_sim_ros.bags.outputs import active_path, is_being_written, unfinished
+from imu_sim_ros.bags.outputs import active_path, is_being_written, is_locked, unfinished
 from imu_sim_ros.bags.reader import Bag, Recover, errors_naming
 from imu_sim_ros.bags.ros1_reader import Rosbag1Bag
 from imu_sim_ros.bags.rosbag2_reader import Rosbag2Folder, SqliteBag
+from imu_sim_ros.bags.sharing import shared_bags
 from imu_sim_ros.bags.text.writer import DATASET_SUFFIXES
 from imu_sim_ros.core.errors import InputError
 from imu_sim_ros.inputs.rows import open_regular
 
+_ROS1: Final = b"#ROSBAG V"
+_MCAP: Final = b"\x89MCAP"
 _ADVICE: Final = "convert_bag --recover recovers the complete messages"
 
 
@@ -32,20 +36,36 @@ def open_bag(path: str | Path, recover: Recover = False) -> Bag:
         if NAME does not exist; ``"keep_damaged"`` also keeps chunks whose checksum is wrong.
     :raises InputError: for a path that is missing, no bag, or a bag that is not whole.
     """
-    path = Path(path)
+    bags = None if recover else shared_bags()
+    if bags is None:
+        return _open_ready(Path(path), recover)
+    return bags.get(Path(path), _open_ready)
+
+
+def _open_ready(path: Path, recover: Recover = False) -> Bag:
+    """Open a bag, unless a program is writing it."""
     if recover and not path.exists():
         path = unfinished(path) or path
     if not path.exists():
         active = next(filter(is_being_written, (active_path(path), unfinished(path) or path)), None)
         if active is not None:
             raise _unready(path)
-    elif is_being_written(path):
-        if not recover:
-            raise _unready(path)
-        bag = _open(path, recover)
+    with errors_naming(path, "" if recover else f"; {_ADVICE}"):
+        if path.is_dir():
+            is_written = is_being_written(path)
+            if is_written and not recover:
+                raise _unready(path)
+            log = open_log(path, b"", recover)
+            bag: Bag = log or Rosbag2Folder(path, _open_file, recover)
+        else:
+            with _regular(path) as file:
+                is_written = is_locked(file.fileno())
+                if is_written and not recover:
+                    raise _unready(path)
+                bag = _open_content(path, file, recover)
+    if is_written:
         bag.found.append("it is being written: these are the messages so far")
-        return bag
-    return _open(path, recover)
+    return bag
 
 
 def _unready(path: Path) -> InputError:
@@ -55,38 +75,43 @@ def _unready(path: Path) -> InputError:
     )
 
 
-def _open(path: Path, recover: Recover) -> Bag:
-    """Open a file or folder that nobody writes, or as much as there is of it in recovery."""
-    with errors_naming(path, "" if recover else f"; {_ADVICE}"):
-        if path.is_dir():
-            return open_log(path, b"", recover) or Rosbag2Folder(path, _open_file, recover)
-        try:
-            open_regular(path).close()
-        except InputError as error:
-            rest = unfinished(path)
-            hint = f"; {rest} is an unfinished one, {_ADVICE}" if rest else ""
-            raise InputError(f"{error}{hint}") from None
-        return _open_file(path, recover)
+def _regular(path: Path) -> BinaryIO:
+    """Open a file, and name the unfinished one if there is none."""
+    try:
+        return open_regular(path)
+    except InputError as error:
+        rest = unfinished(path)
+        hint = f"; {rest} is an unfinished one, {_ADVICE}" if rest else ""
+        raise InputError(f"{error}{hint}") from None
 
 
 def _open_file(path: Path, recover: Recover = False) -> Bag:
     """Open a bag that is one file, compressed or not."""
     with open_regular(path) as file:
-        magic = file.read(MAGIC_BYTES)
+        return _open_content(path, file, recover)
+
+
+def _open_content(path: Path, file: BinaryIO, recover: Recover) -> Bag:
+    """Return the bag in an open file, compressed or not; other bags than chunked ones open it anew.
+
+    :param file: may be closed when the bag is open.
+    """
+    magic = file.read(MAGIC_BYTES)
     compression = compression_of(magic)
     if compression is None:
-        return _open_plain(path, magic, recover)
+        return _open_plain(path, file, magic, recover)
+    file.seek(0)
     with ExitStack() as stack:
-        unpacked = unpack(path, compression, stack)
+        unpacked = unpack(path, file, compression, stack)
         if unpacked.torn and not recover:
             raise InputError(f"{path}: its {compression} data are damaged or end early; {_ADVICE}")
-        with open_regular(unpacked.path) as file:
-            magic = file.read(MAGIC_BYTES)
-        try:
-            bag = _open_plain(unpacked.path, magic, recover)
-        except InputError as error:
-            lines = [line.replace(str(unpacked.path), str(path)) for line in error.problems]
-            raise InputError(lines) from None
+        with open_regular(unpacked.path) as content:
+            magic = content.read(MAGIC_BYTES)
+            try:
+                bag = _open_plain(unpacked.path, content, magic, recover)
+            except InputError as error:
+                lines = [line.replace(str(unpacked.path), str(path)) for line in error.problems]
+                raise InputError(lines) from None
         bag.path = path
         if unpacked.torn:
             bag.found.append(f"its {compression} data are damaged or end early")
@@ -94,15 +119,14 @@ def _open_file(path: Path, recover: Recover = False) -> Bag:
     return bag
 
 
-def _open_plain(path: Path, magic: bytes, recover: Recover) -> Bag:
-    """Open a bag that is one file, not compressed.
+def _open_plain(path: Path, file: BinaryIO, magic: bytes, recover: Recover) -> Bag:
+    """Return the bag in an open file that is not compressed.
 
     :param magic: first bytes of the file.
     """
-    if magic.startswith(b"#ROSBAG V"):
-        return Rosbag1Bag(path, recover)
-    if magic.startswith(b"\x89MCAP"):
-        return McapBag(path, recover)
+    if magic.startswith((_ROS1, _MCAP)):
+        kind = Rosbag1Bag if magic.startswith(_ROS1) else McapBag
+        return kind(path, os.fdopen(os.dup(file.fileno()), "rb"), recover)
     if magic.startswith(b"SQLite format 3\0"):
         return SqliteBag(path, recover)
     log = open_log(path, magic, recover)

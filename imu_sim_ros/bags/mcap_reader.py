@@ -100,7 +100,7 @@ class McapBag(ChunkedBag[_Chunk]):
         self._schemas: dict[int, SchemaRecord] = {}
         self._summary_channels: frozenset[int] = frozenset()
         """Channels that the summary names, in recovery: they tell messages from other bytes."""
-        if self._file.read(len(MAGIC)) != MAGIC:
+        if self._read_at(0, len(MAGIC)) != MAGIC:
             raise InputError(f"{self.path}: not an MCAP file")
         counts = None
         try:
@@ -247,8 +247,7 @@ class McapBag(ChunkedBag[_Chunk]):
         for field in _FIELDS.get(opcode, ""):
             size = {"s": 4, "S": 8}.get(field, 0)
             if size:
-                self._file.seek(position)
-                position += int.from_bytes(self._file.read(size), "little")
+                position += int.from_bytes(self._read_at(position, size), "little")
             position += size or int(field)
             if position > end:
                 return False
@@ -372,8 +371,7 @@ class McapBag(ChunkedBag[_Chunk]):
         return position == end
 
     def _head(self, position: int) -> bytes:
-        self._file.seek(position)
-        return self._file.read(_LONGEST_HEAD)
+        return self._read_at(position, _LONGEST_HEAD)
 
     def _is_compressed(self, position: int) -> bool:
         return self._bytes(position + _HEADER_BYTES + 28, 4) != bytes(4)
@@ -561,8 +559,7 @@ class McapBag(ChunkedBag[_Chunk]):
         """
         if offset + length > self._end:
             raise ValueError("it reaches past the end of the file")
-        self._file.seek(offset)
-        return self._file.read(length)
+        return self._read_at(offset, length)
 
     def _indexed(self, chunk: _Chunk) -> dict[int, Integers]:
         """Return by channel where the index says that messages begin; empty without an index."""

@@ -69,13 +69,20 @@ def is_being_written(path: Path) -> bool:
     except OSError:
         return False
     try:
+        return is_locked(descriptor)
+    finally:
+        os.close(descriptor)
+
+
+def is_locked(descriptor: int) -> bool:
+    """Return whether a program of this package is writing an open file or folder."""
+    try:
         fcntl.flock(descriptor, fcntl.LOCK_SH | fcntl.LOCK_NB)
+        fcntl.flock(descriptor, fcntl.LOCK_UN)
     except BlockingIOError:
         return True
     except OSError:  # a file system without locks
         return False
-    finally:
-        os.close(descriptor)
     return False
 
 

@@ -3,6 +3,7 @@
 
 """Common parts of all bag readers: topics, chunks, blocks of messages, and their order in time."""
 
+import os
 import re
 import sqlite3
 import struct
@@ -34,7 +35,6 @@ from imu_sim_ros.core.conventions import IDEAL_IMU_TOPIC
 from imu_sim_ros.core.errors import ImuSimError, InputError, MissingDependencyError, system_error
 from imu_sim_ros.core.names import suggestion
 from imu_sim_ros.core.types import Bytes, Times
-from imu_sim_ros.inputs.rows import open_regular
 from imu_sim_ros.recordings.findings.clipping import ClippingCounts
 
 DAMAGE: Final = (
@@ -170,10 +170,26 @@ class Bag(AbstractContextManager["Bag"], ABC):
         """Messages of those parts, as far as something counts them."""
         self._stack = ExitStack()
         """Closes the files."""
+        self._users = 0
+
+    def __enter__(self) -> "Bag":
+        """Keep the files open for one more user."""
+        self.hold()
+        return self
 
     def __exit__(self, *_: object) -> None:
-        """Close the files."""
-        self._stack.close()
+        """Close the files after the last user."""
+        self.release()
+
+    def hold(self) -> None:
+        """Keep the files open until :meth:`release`."""
+        self._users += 1
+
+    def release(self) -> None:
+        """Close the files if nobody else uses them."""
+        self._users -= 1
+        if self._users <= 0:
+            self._stack.close()
 
     def close_with(self, stack: ExitStack) -> None:
         """Close a stack, of temporary files for instance, with the bag."""
@@ -297,22 +313,22 @@ _Chunk = TypeVar("_Chunk", bound=ChunkInFile)
 class ChunkedBag(Bag, Generic[_Chunk]):
     """A bag that is one file of chunks: MCAP, ROS 1."""
 
-    def __init__(self, path: Path, recover: Recover) -> None:
-        """Open the file, and close it again if it cannot be used.
+    def __init__(self, path: Path, file: BinaryIO, recover: Recover) -> None:
+        """Read the index of an open file.
 
+        :param file: is closed with the bag, or at once if it cannot be used.
         :raises InputError: for a file that is damaged, unless it is to be recovered.
         """
         super().__init__(path)
         self._recover = bool(recover)
         self._keeps_damaged = recover == "keep_damaged"
-        self._file: BinaryIO = self._stack.enter_context(open_regular(path))
-        self._end = self._file.seek(0, 2)
+        self._file = self._stack.enter_context(file)
+        self._end = os.fstat(file.fileno()).st_size
         self._chunks: list[_Chunk] = []
         self._latest_range: LostRange | None = None
         self._topic_of: dict[int, TopicInfo] = {}
         """Topics by number of the channel or connection that messages name."""
         try:
-            self._file.seek(0)
             self._open()
         except BaseException:
             self._stack.close()
@@ -325,6 +341,15 @@ class ChunkedBag(Bag, Generic[_Chunk]):
     @abstractmethod
     def _blocks(self, chunk: _Chunk, topics_by_id: Mapping[int, TopicInfo]) -> list[MessageBlock]:
         """Return the messages of a chunk, in blocks of one topic each."""
+
+    def _read_at(self, position: int, size: int) -> bytes:
+        """Return a part of the file, or less at its end; several threads may read at a time.
+
+        :raises ValueError: for a position before the file.
+        """
+        if position < 0:
+            raise ValueError("a position before the begin of the file")
+        return os.pread(self._file.fileno(), max(min(size, self._end - position), 0), position)
 
     def _leave_out(self, start: int, end: int, why: str, messages: int = 0) -> None:
         """Note a range of lost bytes; neighbours are one.
@@ -351,8 +376,7 @@ class ChunkedBag(Bag, Generic[_Chunk]):
     def _offsets_of(self, pattern: re.Pattern[bytes], position: int) -> Iterator[int]:
         """Yield the offsets of the file from ``position`` on that match a lookahead."""
         for start in range(position, self._end, _SEARCHED_BYTES):
-            self._file.seek(start)
-            data = self._file.read(_SEARCHED_BYTES + _LONGEST_MATCH)
+            data = self._read_at(start, _SEARCHED_BYTES + _LONGEST_MATCH)
             for match in pattern.finditer(data):
                 if match.start() < _SEARCHED_BYTES:
                     yield start + match.start()

@@ -104,7 +104,7 @@ class Rosbag1Bag(ChunkedBag[_Chunk]):
 
     def _open(self) -> None:
         self._connections: dict[int, tuple[str, str, Schema, bool]] = {}
-        if self._file.read(len(MAGIC)) != MAGIC:
+        if self._read_at(0, len(MAGIC)) != MAGIC:
             raise InputError(f"{self.path}: not a ROS 1 bag of format 2.0")
         try:
             self._name_topics(self._scan() if self._recover else self._read_index())
@@ -154,8 +154,7 @@ class Rosbag1Bag(ChunkedBag[_Chunk]):
             while position < self._end:
                 record = self._record_at(position)
                 if record is None:
-                    self._file.seek(position)
-                    if self._file.read(len(MAGIC)) == MAGIC:
+                    if self._read_at(position, len(MAGIC)) == MAGIC:
                         self._leave_out(position, self._end, "another bag begins there")
                         break
                     following = self._next_record(position + 1)
@@ -317,18 +316,17 @@ class Rosbag1Bag(ChunkedBag[_Chunk]):
 
         :raises ValueError: if there is no record header.
         """
-        self._file.seek(position)
-        (length,) = struct.unpack("<I", self._file.read(4))
+        (length,) = struct.unpack("<I", self._read_at(position, 4))
         if length > _LONGEST_HEADER:
             raise ValueError("not a record")
-        fields = _fields(self._file.read(length), length)
-        (size,) = struct.unpack("<I", self._file.read(4))
+        head = self._read_at(position + 4, length + 4)
+        fields = _fields(head[:length], length)
+        (size,) = struct.unpack("<I", head[length:])
         start = position + 8 + length
         return _Record(fields, start, size, start + size <= self._end)
 
     def _data(self, record: _Record) -> bytes:
-        self._file.seek(record.start)
-        return self._file.read(max(min(record.size, self._end - record.start), 0))
+        return self._read_at(record.start, record.size)
 
     def _note_connection(self, record: _Record, data: bytes) -> None:
         details = _fields(data, len(data))
@@ -379,8 +377,7 @@ class Rosbag1Bag(ChunkedBag[_Chunk]):
         """Return the content of a chunk, or of messages outside chunks."""
         if not chunk.loose:
             return self._chunk(chunk.position)[0]
-        self._file.seek(chunk.position)
-        return self._file.read(chunk.loose)
+        return self._read_at(chunk.position, chunk.loose)
 
     def _blocks(
         self, chunk: _Chunk, topics_by_connection: Mapping[int, TopicInfo]

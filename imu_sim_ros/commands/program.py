@@ -15,6 +15,7 @@ from pathlib import Path
 from typing import Any, Final, NoReturn, Protocol
 
 from imu_sim_ros import __version__
+from imu_sim_ros.bags.sharing import bags_opened_once
 from imu_sim_ros.commands.completion import complete
 from imu_sim_ros.core import timebase
 from imu_sim_ros.core.errors import InputWarning, Remark, explain
@@ -407,7 +408,7 @@ def run(
     :param written: the outputs that are complete so far.
     """
     try:
-        with signals.raised(), _remarks(program):
+        with signals.raised(), _remarks(program), bags_opened_once():
             command()
             sys.stdout.flush()
     except BrokenPipeError:  # `| head` closed standard output
