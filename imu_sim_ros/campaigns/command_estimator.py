@@ -26,7 +26,6 @@ from imu_sim_ros.campaigns.comparison import (
     check,
     coverage_metrics,
     estimate_metrics,
-    read_estimate,
 )
 from imu_sim_ros.campaigns.estimate_findings import estimate_findings
 from imu_sim_ros.campaigns.metrics import Metrics
@@ -36,7 +35,7 @@ from imu_sim_ros.campaigns.run_files import write_config, write_dataset
 from imu_sim_ros.campaigns.simulated import SimulatedCell
 from imu_sim_ros.core.errors import ImuSimError, InputError
 from imu_sim_ros.core.names import shown
-from imu_sim_ros.formats.door import read_states
+from imu_sim_ros.formats.door import read_states, read_trajectory
 from imu_sim_ros.inputs.rows import open_regular
 from imu_sim_ros.parameters import files
 from imu_sim_ros.sensors.samples import Samples
@@ -433,7 +432,7 @@ def _compare(
     if path is None:
         raise InputError("no estimate was written")
     try:
-        estimate = read_estimate(path, estimator.estimate_topic or None)
+        estimate = read_trajectory(path, estimator.estimate_topic or None, covariance=True)
         outcome.track = estimate
         outcome.metrics.update(coverage_metrics(estimate.t_ns, block.true_t_ns, estimator))
         outcome.findings += estimate_findings(estimate, cell.truth(block), alignment)

@@ -5,17 +5,15 @@
 
 import contextlib
 from dataclasses import dataclass, field
-from pathlib import Path
 
 import numpy as np
 
 from imu_sim_ros.campaigns.metrics import ESTIMATED, Metrics, Relative, pose_metrics
 from imu_sim_ros.campaigns.parameters import TrajectoryEstimator
 from imu_sim_ros.core.errors import ImuSimError, InputError
-from imu_sim_ros.core.records import States, with_fields
+from imu_sim_ros.core.records import States
 from imu_sim_ros.core.rotation import rotate_inverse
 from imu_sim_ros.core.types import Mask, Times
-from imu_sim_ros.formats.door import read_states
 from imu_sim_ros.navigation.association import (
     align,
 )
@@ -40,21 +38,6 @@ class RunOutcome:
     """The estimate."""
     findings: list[str] = field(default_factory=list)
     """A line for each mistake that the estimate shows next to the truth."""
-
-
-def read_estimate(path: Path, topic: str | None) -> States:
-    """Read a file of poses (TUM, EuRoC), or a topic of a bag.
-
-    :param topic: None: the only topic of Odometry, else of PoseStamped.
-    :raises InputError: for what cannot be read or is not a trajectory.
-    """
-    states = read_states(path, topic, covariance=True, least=2)
-    unknown = {  # all zeros (REP-145)
-        name: None
-        for name in ("covariance", "twist_covariance")
-        if not np.any(getattr(states, name))
-    }
-    return with_fields(states, **unknown)
 
 
 def coverage_metrics(

@@ -13,9 +13,9 @@ from typing import Final
 from imu_sim_ros.bags.messages.encode import NAV_SAT_FIX
 from imu_sim_ros.bags.messages.transforms import JOINT_STATE
 from imu_sim_ros.bags.read import open_bag
-from imu_sim_ros.bags.text.reader import is_text
 from imu_sim_ros.commands import program
 from imu_sim_ros.commands.common import FORCE, outputs
+from imu_sim_ros.formats.door import has_topics
 from imu_sim_ros.jobs.twin import twin
 from imu_sim_ros.terminal.signatures import arguments_of, call
 
@@ -75,7 +75,7 @@ def run(arguments: argparse.Namespace) -> None:
 
 def _aiding(recording: Path) -> list[str]:
     """Return the topics of a recording that receivers and wheels have, without their truth."""
-    if is_text(recording):
+    if not has_topics(recording):
         return []
     with open_bag(recording) as bag:
         topics = [

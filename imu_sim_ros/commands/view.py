@@ -19,7 +19,6 @@ from imu_sim_ros.bags.clouds import cloud_frame, measured_clouds, read_cloud, re
 from imu_sim_ros.bags.messages.encode import ODOMETRY, VECTOR3_STAMPED
 from imu_sim_ros.bags.messages.encode_cameras import COMPRESSED_IMAGE, IMAGE
 from imu_sim_ros.bags.read import open_bag, vector_blocks
-from imu_sim_ros.bags.text.reader import is_text
 from imu_sim_ros.commands import program
 from imu_sim_ros.commands.common import FORCE, outputs
 from imu_sim_ros.core.conventions import LANDMARKS_TOPIC, TF_STATIC_TOPIC, TRIADS
@@ -27,7 +26,7 @@ from imu_sim_ros.core.errors import InputError, Problems
 from imu_sim_ros.core.records import States, concatenated
 from imu_sim_ros.datasets.world import fixed_in, frame_of, pose_between
 from imu_sim_ros.formats.choice import ACCEL_UNITS, GYRO_UNITS, Choice
-from imu_sim_ros.formats.door import imu_choices, read_trajectory, reading_blocks
+from imu_sim_ros.formats.door import has_topics, imu_choices, read_trajectory, reading_blocks
 from imu_sim_ros.jobs.recorded import camera_names, read_images
 from imu_sim_ros.jobs.selection import checked_choice, input_lines
 from imu_sim_ros.jobs.tracks import has_truth, truth_topic
@@ -96,8 +95,9 @@ def _paths(arguments: argparse.Namespace) -> tuple[str | None, dict[str, States]
     """Return the topic of the truth, and truth and estimates by name, as far as there are some."""
     flight, paths, problems = arguments.flight, dict[str, States](), Problems()
     with problems.gathered():
-        truth = truth_topic(flight, arguments.truth_topic) if has_truth(flight) else None
-        if truth is not None:
+        is_known = has_truth(flight)
+        truth = truth_topic(flight, arguments.truth_topic) if is_known else None
+        if truth is not None or (is_known and not has_topics(flight)):
             paths[_TRUTH] = read_trajectory(flight, truth)
     for estimate in arguments.estimates:
         name = estimate.stem if estimate.stem not in paths else str(estimate.with_suffix(""))
@@ -136,15 +136,15 @@ def _fill(
         notes += [note for note in readings.notes if note not in notes]
     if arguments.frame is not None and not counts["readings"]:
         raise InputError(f"{flight}: contains no readings of the frame {arguments.frame}")
-    if not is_text(flight):
+    if has_topics(flight):
         counts["biases"] = _biases(shown, flight)
     if not arguments.no_images:
-        of_folder = is_text(flight)
+        of_folder = not has_topics(flight)
         cameras = camera_names(flight) if of_folder else _topics(flight, IMAGE, COMPRESSED_IMAGE)
         for name in cameras:
             shown.images(name.strip("/"), read_images(flight, name))
             counts["images"] += 1
-    if not is_text(flight):
+    if has_topics(flight):
         body = frame_of(flight, ODOMETRY, truth, 1) if truth else ""
         counts["scans"] = _clouds(shown, flight, body)
     points = _landmarks(flight, arguments.landmarks)
@@ -201,7 +201,7 @@ def _clouds(shown: FlightView, flight: Path, body: str) -> int:
 def _landmarks(flight: Path, path: Path | None) -> Any:
     """Return the positions (n, 3) of landmarks.csv (id, x, y, z), or of a bag's first cloud."""
     if path is None:
-        return np.empty((0, 3)) if is_text(flight) else read_cloud(flight, LANDMARKS_TOPIC)
+        return np.empty((0, 3)) if not has_topics(flight) else read_cloud(flight, LANDMARKS_TOPIC)
     try:
         rows = np.loadtxt(path, delimiter=",", ndmin=2, skiprows=1)
     except (OSError, ValueError) as error:

@@ -151,14 +151,16 @@ def readings(t_ns: Times, gyro: Array, accel: Array) -> Verdict:
     return Verdict(t_ns, [(RATE, gyro), (FORCE, accel)])
 
 
-def poses(t_ns: Times, position: Array, q_wb: Array) -> Verdict:
+def poses(t_ns: Times, position: Array, q_wb: Array, velocity: Array | None = None) -> Verdict:
     """Return the check of poses.
 
     :param t_ns: (n,) stamps [ns].
     :param position: (n, 3) positions [m].
     :param q_wb: (n, 4) unit quaternions, within ``UNIT_TOLERANCE``.
+    :param velocity: (n, 3) velocities [m/s].
     """
-    return Verdict(t_ns, [(POSITION, position), (ORIENTATION, q_wb)])
+    columns = [(POSITION, position), (ORIENTATION, q_wb)]
+    return Verdict(t_ns, columns if velocity is None else [*columns, (VELOCITY, velocity)])
 
 
 def at_unit_length(q: Array) -> Array:

@@ -49,7 +49,7 @@ def world_of_simulation(simulated: SampledParameters) -> KnownWorld:
 
 
 def read_world(
-    path: Path, imu_topic: str | None, truth_topic: str | None, with_truth: bool
+    path: Path, imu_topic: str | None, truth_topic: str | None, with_truth: bool, is_bag: bool
 ) -> KnownWorld:
     """Return the world of a file.
 
@@ -60,11 +60,15 @@ def read_world(
     :param truth_topic: topic of the truth; None: the only one.
     :param with_truth: True if there is a truth, whose frame is the body; else the body is the frame
             to which all frames are fixed.
+    :param is_bag: True for a bag, which may have transforms.
     :raises InputError: for several IMUs of different mounts without a topic that names one.
     """
     simulated = simulation_of(path, imu_topic)
     world = KnownWorld({}) if simulated is None else world_of_simulation(simulated)
-    mount = _recorded_mount(path, imu_topic, truth_topic, with_truth)
+    if is_bag:
+        mount = _bag_mount(path, imu_topic, truth_topic, with_truth)
+    else:
+        mount = _dataset_mount(path, imu_topic, with_truth)
     if mount.pose is not None:
         world.parameters.update(_mount_parameters(mount.pose[:3, :3], mount.pose[:3, 3]))
     elif simulated is None and mount.unknown:
@@ -91,19 +95,14 @@ class _RecordedMount(NamedTuple):
     """Missing information, as text; empty if the frames are the same, or have no names."""
 
 
-def _recorded_mount(
-    path: Path, imu_topic: str | None, truth_topic: str | None, with_truth: bool
-) -> _RecordedMount:
-    """Return the mount of the IMU of a bag (``/tf_static``) or a EuRoC folder (``sensor.yaml``).
+def _dataset_mount(path: Path, imu_name: str | None, with_truth: bool) -> _RecordedMount:
+    """Return the mount of the IMU of a EuRoC folder (``sensor.yaml``); other files have none.
 
-    :param with_truth: True if there is a truth, whose frame is the body; else the body is the frame
-            to which all frames are fixed.
+    :param with_truth: True if there is a truth, whose frame is the body.
     """
-    if not is_text(path):
-        return _bag_mount(path, imu_topic, truth_topic, with_truth)
-    if not path.is_dir():
+    if not (path.is_dir() and is_text(path)):
         return _RecordedMount()
-    of_imu = _folder_mount(imu_file(path, imu_topic).parent)
+    of_imu = _folder_mount(imu_file(path, imu_name).parent)
     of_truth = _folder_mount(state_file(path).parent) if with_truth else None
     if of_imu is None:
         return _RecordedMount()
@@ -118,6 +117,11 @@ def _folder_mount(folder: Path) -> Array | None:
 def _bag_mount(
     path: Path, imu_topic: str | None, truth_topic: str | None, with_truth: bool
 ) -> _RecordedMount:
+    """Return the mount of the IMU of a bag (``/tf_static``).
+
+    :param with_truth: True if there is a truth, whose frame is the body; else the body is the frame
+            to which all frames are fixed.
+    """
     frame = frame_of(path, IMU, imu_topic, 0)
     body = frame_of(path, ODOMETRY, truth_topic, 1) if with_truth else ""
     if frame == body or (with_truth and not (frame and body)):

@@ -75,6 +75,11 @@ def odometry_topics(path: Path) -> list[str]:
         return [info.name for info in bag.topics if info.type == ODOMETRY]
 
 
+def has_truth(path: Path) -> bool:
+    """Return True if there is an Odometry topic."""
+    return bool(odometry_topics(path))
+
+
 def stated_units(path: Path, topic: str | None) -> dict[str, str]:
     """Return nothing: a message has SI units by its type, and drivers that differ say nothing."""
     return {}

@@ -19,7 +19,7 @@ from imu_sim_ros.core.bad_rows import Skipped, Warned, tell_skipped
 from imu_sim_ros.core.conventions import TRIADS
 from imu_sim_ros.core.errors import InputError, Remark, warn
 from imu_sim_ros.core.records import Readings, States, concatenated, with_fields
-from imu_sim_ros.formats import bag, text
+from imu_sim_ros.formats import bag, text, vio_data_simulation
 from imu_sim_ros.formats.choice import ACCEL_UNITS, AS_RECORDED, GYRO_UNITS, Choice
 from imu_sim_ros.formats.handling import Handling
 from imu_sim_ros.inputs.header import UNITS
@@ -43,6 +43,9 @@ class FileFormat(Protocol):
     def odometry_topics(self, path: Path) -> list[str]:
         """Return the topics that may be the truth of the readings: those of Odometry."""
 
+    def has_truth(self, path: Path) -> bool:
+        """Return True if there are states next to the readings, which may be the truth."""
+
     def stated_units(self, path: Path, topic: str | None) -> dict[str, str]:
         """Return the units that the file itself states, by triad; it converts those."""
 
@@ -50,7 +53,7 @@ class FileFormat(Protocol):
         """Return poses, with all else that the source knows of the motion."""
 
 
-FORMATS: Final[tuple[FileFormat, ...]] = (text, bag)
+FORMATS: Final[tuple[FileFormat, ...]] = (vio_data_simulation, text, bag)
 """All formats; the first that recognises a path reads it."""
 _STRICT: Final = Handling()
 
@@ -58,6 +61,11 @@ _STRICT: Final = Handling()
 def format_of(path: Path) -> FileFormat:
     """Return the format of a path."""
     return next(entry for entry in FORMATS if entry.holds(path))
+
+
+def has_topics(path: str | Path) -> bool:
+    """Return True for a bag, which may have other sensors and transforms, too; also for no file."""
+    return format_of(Path(path)) is bag
 
 
 def imu_choices(path: Path, choice: Choice) -> list[Choice]:
@@ -191,6 +199,7 @@ def read_states(
     warned: Warned | None = None,
     recover: Recover = False,
     least: int = 0,
+    ordered: bool = True,
 ) -> States:
     """Return the states of a file: a topic of any type with poses, text, a folder.
 
@@ -198,10 +207,12 @@ def read_states(
         only one of Odometry, else of PoseStamped, PoseWithCovarianceStamped, TransformStamped,
         Path.
     :param skip_bad_rows: leave out bad rows and messages, and count them in the record.
-    :param covariance: read covariances, too, which need five times the memory of all else.
+    :param covariance: read covariances, too, which need five times the memory of all else; zeros
+        are unknown, so None.
     :param warned: receives what is wrong with messages, which are passed on as they are.
     :param recover: read a damaged bag as far as possible.
     :param least: smallest number of poses.
+    :param ordered: refuse stamps that do not increase.
     :raises InputError: for what cannot be read, stamps that do not increase, too few poses.
     """
     path = Path(path)
@@ -212,7 +223,15 @@ def read_states(
         name = str(path) if topic is None else f"{path}, {topic}"
         raise InputError(f"{name}: {len(states)} poses; a trajectory needs two or more")
     states = with_fields(states, skipped=sum(counts))
-    return states if warned is not None else states.in_order()
+    if warned is not None:
+        return states
+    unknown = {  # all zeros (REP-145)
+        name: None
+        for name in ("covariance", "twist_covariance")
+        if not np.any(getattr(states, name))
+    }
+    states = with_fields(states, **unknown)
+    return states.in_order() if ordered else states
 
 
 def read_trajectory(
@@ -223,7 +242,7 @@ def read_trajectory(
 ) -> States:
     """Return the states of a trajectory of two poses or more, and tell how many rows are bad.
 
-    Arguments as for :func:`read_states`. A covariance of zeros is unknown, so None.
+    Arguments as for :func:`read_states`.
     """
     states = read_states(path, topic, skip_bad_rows, covariance, least=2)
     if states.skipped:

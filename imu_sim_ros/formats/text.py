@@ -6,7 +6,7 @@
 from collections.abc import Iterator, Sequence
 from pathlib import Path
 
-from imu_sim_ros.bags.text import reader, vio_data_simulation
+from imu_sim_ros.bags.text import reader
 from imu_sim_ros.core.errors import InputError
 from imu_sim_ros.core.records import Readings, States, concatenated
 from imu_sim_ros.formats.handling import Handling
@@ -33,14 +33,17 @@ def reading_blocks(
 
 def imu_topics(path: Path) -> Sequence[str | None]:
     """Return the names of the IMUs of a folder, imu0 and so on; a file's readings have no name."""
-    if path.is_dir() and not vio_data_simulation.is_source(path):
-        return reader.imu_names(path)
-    return [None]
+    return reader.imu_names(path) if path.is_dir() else [None]
 
 
 def odometry_topics(path: Path) -> list[str]:
     """Return nothing: text has no topics."""
     return []
+
+
+def has_truth(path: Path) -> bool:
+    """Return True for a folder that has EuRoC's states."""
+    return reader.has_states(path)
 
 
 def stated_units(path: Path, topic: str | None) -> dict[str, str]:
@@ -51,8 +54,6 @@ def stated_units(path: Path, topic: str | None) -> dict[str, str]:
 def states(path: Path, topic: str | None, covariance: bool, handling: Handling) -> States:
     """Return the poses of a text file, or the states of a folder; arguments as for the door."""
     skipped = handling.skipped
-    if vio_data_simulation.is_source(path):
-        return vio_data_simulation.read_states(path, skipped)
     if path.is_dir() and reader.has_states(path):
         return concatenated([block for block, _ in reader.state_blocks(path, topic, skipped)])
     file = reader.pose_file(path) or reader.state_file(path)

@@ -36,6 +36,8 @@ _TUM_COLUMNS: Final = (_POSE_COLUMNS, 14, _POSE_COLUMNS + _TRIANGLES)  # pose; O
 _UPPER: Final = np.array([[0, 1, 2], [1, 3, 4], [2, 4, 5]])
 """Columns of an upper triangle as the elements of its symmetric matrix."""
 _POSE: Final = (header.POSITION, header.ORIENTATION)
+_COLUMNS: Final = (*_POSE, header.VELOCITY)
+"""Columns that are read; a velocity only if the header names it."""
 _FORMS: Final = {
     ",": TableForm(
         {header.POSITION: (1, 2, 3), header.ORIENTATION: (4, 5, 6, 7)},
@@ -65,6 +67,7 @@ def read_poses(
 ) -> States:
     """Return the poses of a text file; commas mean EuRoC's form, spaces TUM's.
 
+    A header decides the columns, with a velocity in the world if it names one. Without a header,
     TUM: seconds, position, quaternion x y z w, then perhaps the 6 or 12 columns of covariances that
     OpenVINS writes. EuRoC: nanoseconds, position, quaternion w x y z, then perhaps velocity and
     biases. Either may end in the 12 columns of covariance that OpenVINS writes (``ov_eval``): the
@@ -153,11 +156,12 @@ class _Reading:
 
         :raises ValueError, OverflowError: if one of them cannot be converted.
         """
-        t_ns, values = layout.parse(rows, _POSE)
+        t_ns, values = layout.parse(rows, _COLUMNS)
         return States.unchecked(
             t_ns=t_ns,
             position=values[header.POSITION],
             q_wb=values[header.ORIENTATION],
+            velocity=values.get(header.VELOCITY),
             covariance=self._covariances(layout, rows),
             lines=np.array([number for number, _ in rows], dtype=np.int64),
         )
@@ -187,7 +191,7 @@ class _Reading:
     def _is_sound(self, layout: TableLayout, number: int, text: bytes) -> bool:
         """Return whether one row is all numbers; note what is wrong with it."""
         previous_count = self._bad.count
-        layout.note(self._bad, number, text, _POSE)
+        layout.note(self._bad, number, text, _COLUMNS)
         cells = layout.fields(text)
         if self._covariance and len(cells) in _WITH_COVARIANCE:
             for cell in cells[-_TRIANGLES:]:
@@ -201,7 +205,7 @@ class _Reading:
 
     def _valid(self, poses: States) -> States:
         """Return the poses that the gate passes, their quaternions made exact."""
-        verdict = gate.poses(poses.t_ns, poses.position, poses.q_wb)
+        verdict = gate.poses(poses.t_ns, poses.position, poses.q_wb, poses.velocity)
         verdict.note(self._bad, poses.lines)
         valid = poses.rows(verdict.good)
         q_wb, covariance = rotation.normalise(valid.q_wb), valid.covariance

@@ -19,7 +19,6 @@ from imu_sim_ros.bags.create import open_writer
 from imu_sim_ros.bags.messages.encode import ODOMETRY
 from imu_sim_ros.bags.outputs import Outputs, Target
 from imu_sim_ros.bags.read import open_bag
-from imu_sim_ros.bags.text import reader as text_reader
 from imu_sim_ros.bags.text.writer import Dataset
 from imu_sim_ros.bags.writer import BagOptions, topics_summary
 from imu_sim_ros.core import arguments
@@ -28,7 +27,7 @@ from imu_sim_ros.core.errors import InputError, Problems
 from imu_sim_ros.core.names import unknown
 from imu_sim_ros.core.records import Readings, with_fields
 from imu_sim_ros.formats.choice import Choice
-from imu_sim_ros.formats.door import reading_blocks
+from imu_sim_ros.formats.door import has_topics, reading_blocks
 from imu_sim_ros.formats.handling import Handling
 from imu_sim_ros.jobs import convert
 from imu_sim_ros.jobs.add_errors import ROWS_AT_ONCE, layers_of, rate_of, with_rate
@@ -203,7 +202,7 @@ def add_errors_to_file(
         layers = layers_of(imu, seed, params_file, input, parameters, rate)
         if twist_frame is not None:
             layers["input.twist_frame"] = arguments.one_of("twist_frame", twist_frame, TWIST_FRAMES)
-    if problems and not text_reader.is_text(source_path):
+    if problems and has_topics(source_path):
         with problems.gathered(), open_bag(source_path):
             pass
     problems.tell()
@@ -219,7 +218,7 @@ def add_errors_to_file(
     added = USUAL if dataset else list(dict.fromkeys(names)) or USUAL
     target = written.add(path, kept=True)
     with written.staged(), tempfile.TemporaryDirectory(dir=target.path.parent) as temporary:
-        folder, is_text = Path(temporary), text_reader.is_text(source_path)
+        folder, is_text = Path(temporary), not has_topics(source_path)
         recording, notes = _Ideal(source_path, choice, journal), list[str]()
         if is_text:
             with_rate(layers, recording.rate)  # refused before work begins

@@ -272,6 +272,8 @@ class _Run:
         """Return times and temperatures of the sensor [degC]."""
         topic = arguments.topic("temperature_topic", topic, of_a_file=self.path is not None)
         if values is None and self.path is not None:
+            if not door.has_topics(self.path):
+                raise InputError(f"{self.path}: has no temperatures; a bag that has them is needed")
             measured = bags.read_temperature(self.path, topic, self._skipped(f"{self.path}"))
             check_unit(measured.temperature)
             return measured.t_ns, measured.temperature
@@ -346,14 +348,15 @@ class _Run:
         if self.path is None:
             return None
         try:
-            skipped = self._skipped(f"the truth of {self.path}")
-            odometry = bags.read_odometry(self.path, topic, skipped)
+            truth = door.read_states(self.path, topic, self._skip)
         except InputError:
             if topic is not None:
                 raise
             return None
-        rates = odometry.angular_velocity
-        return None if rates is None else (odometry.t_ns, rates)
+        if truth.skipped:
+            self._warnings.append(f"the truth of {self.path}: {truth.skipped} bad rows skipped")
+        rates = truth.angular_velocity
+        return None if rates is None else (truth.t_ns, rates)
 
     def _skipped(self, name: str) -> Skipped | None:
         """Return what counts the rows of a file that are left out; None: they are errors."""

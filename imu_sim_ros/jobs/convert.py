@@ -38,7 +38,7 @@ from imu_sim_ros.core.errors import ConfigurationError, InputError
 from imu_sim_ros.core.records import Readings, States, concatenated, with_fields
 from imu_sim_ros.formats.bag import pose_topic
 from imu_sim_ros.formats.choice import AS_RECORDED, Choice
-from imu_sim_ros.formats.door import read_states, reading_blocks
+from imu_sim_ros.formats.door import has_topics, read_states, reading_blocks
 from imu_sim_ros.formats.handling import Handling
 from imu_sim_ros.inputs.tables import Table
 from imu_sim_ros.jobs.selection import (
@@ -249,7 +249,7 @@ def write(
     :param shown: whether progress is.
     :raises InputError: for a source that cannot be read, and an output that cannot be written.
     """
-    is_text, dataset = text_reader.is_text(source), form.dataset
+    is_text, dataset = not has_topics(source), form.dataset
     if images and not is_text and source.exists():
         raise InputError(
             f"images {images}: applies to folders only; select a bag's images with topics"
@@ -569,7 +569,7 @@ def _poses(
     source: Path, journal: Journal, topic: str | None = None, recover: Recover = False
 ) -> States:
     """Return the poses of a bag, a text file or a folder."""
-    file = text_reader.pose_file(source) if text_reader.is_text(source) else None
+    file = None if has_topics(source) else text_reader.pose_file(source)
     skipped, warned = journal.skipped, journal.passed_on
     poses = read_states(file or source, topic, skipped is not None, warned=warned, recover=recover)
     if skipped is not None and poses.skipped:

@@ -26,8 +26,7 @@ from imu_sim_ros.core.timebase import span
 from imu_sim_ros.core.types import Array, Mask, Times
 from imu_sim_ros.datasets import world as worlds
 from imu_sim_ros.datasets.world import KnownWorld, world_of_simulation
-from imu_sim_ros.formats import bag, text
-from imu_sim_ros.formats.door import format_of
+from imu_sim_ros.formats.door import has_topics, read_states
 from imu_sim_ros.jobs import tracks
 from imu_sim_ros.jobs.flight import Flight, readings_of
 from imu_sim_ros.jobs.readings import judged
@@ -412,14 +411,13 @@ def read_recording(
 
     :raises InputError: for what cannot be read.
     """
-    from imu_sim_ros.bags.read import read_odometry  # most readings are at hand
-
     readings = readings_of("readings", path, imu_topic, "imu_topic", skip_bad_rows, selection)
     truth = None
     if truth_topic is not None or tracks.has_truth(path):
         topic = tracks.assumed_truth(path, truth_topic)
-        skipped = tell_skipped(f"the truth of {path}") if skip_bad_rows else None
-        truth = with_fields(read_odometry(path, topic, skipped), source=name_of(path))
+        truth = with_fields(read_states(path, topic, skip_bad_rows), source=name_of(path))
+        if truth.skipped:
+            tell_skipped(f"the truth of {path}")(truth.skipped)
     return ReadingsAndTruth(readings, truth)
 
 
@@ -433,11 +431,9 @@ def _world(readings: object, imu_topic: str | None, truth_topic: str | None) -> 
 
 def read_world(path: Path, imu_topic: str | None, truth_topic: str | None) -> KnownWorld:
     """Return the world of a file; the topics are those of :func:`read_recording`."""
-    if format_of(path) not in (bag, text):  # others say nothing of frames
-        return KnownWorld({})
     with_truth = truth_topic is not None or tracks.has_truth(path)
     topic = tracks.truth_topic(path, truth_topic) if with_truth else None
-    return worlds.read_world(path, imu_topic, topic, with_truth)
+    return worlds.read_world(path, imu_topic, topic, with_truth, has_topics(path))
 
 
 def _settings(**parameters: object) -> IntegratorParameters:

@@ -16,10 +16,11 @@ from typing import IO, Final
 
 import numpy as np
 
-from imu_sim_ros.bags.read import open_bag, read_imu, read_odometry
+from imu_sim_ros.bags.read import open_bag
 from imu_sim_ros.core.conventions import DEAD_RECKONED_TOPIC, IMU_TOPIC, TRUTH_TOPIC
 from imu_sim_ros.core.errors import MachineError
-from imu_sim_ros.formats.door import read_states
+from imu_sim_ros.formats.choice import Choice
+from imu_sim_ros.formats.door import read_readings, read_states
 from imu_sim_ros.jobs.dead_reckon import Track, track_of
 from imu_sim_ros.navigation.dead_reckoning import dead_reckon
 from imu_sim_ros.navigation.evaluation import state_at
@@ -140,7 +141,8 @@ def message_table(bag: Path, counts: dict[str, dict[str, int]]) -> TextTable:
     for topic in TOPICS:
         published = counts["published"].get(topic, 0)
         received = counts["received"].get(topic, counts["taken"].get(topic, 0))
-        t_ns = (read_imu if topic == IMU_TOPIC else read_odometry)(bag, f"/{topic}").t_ns
+        is_imu = topic == IMU_TOPIC
+        t_ns = (read_readings(bag, Choice(topic)) if is_imu else read_states(bag, topic)).t_ns
         rate = (len(t_ns) - 1) * 1e9 / (t_ns[-1] - t_ns[0])
         rows.append(
             [
@@ -159,8 +161,8 @@ def message_table(bag: Path, counts: dict[str, dict[str, int]]) -> TextTable:
 
 def tracks(parameters: SimulationParameters, bag: Path) -> dict[str, Track]:
     """Return what Euler and midpoint make of the recorded readings, with and without noise."""
-    truth = read_odometry(bag, f"/{TRUTH_TOPIC}")
-    noisy = read_imu(bag, f"/{IMU_TOPIC}")
+    truth = read_states(bag, TRUTH_TOPIC)
+    noisy = read_readings(bag, Choice(IMU_TOPIC))
     ideal = Body(parameters, read_states).next(len(noisy.t_ns))[IMU]
     readings = {
         "with noise": noisy.triads(),

@@ -14,7 +14,6 @@ from typing import TYPE_CHECKING, Annotated, Any, Final, NamedTuple, Protocol, T
 
 import numpy as np
 
-from imu_sim_ros.bags.text.reader import is_text
 from imu_sim_ros.core.arguments import (
     BAG_OR_FILE,
     array,
@@ -31,7 +30,7 @@ from imu_sim_ros.core.conventions import TRUTH_TOPIC
 from imu_sim_ros.core.errors import InputError, Problems, warn
 from imu_sim_ros.core.records import States, with_fields
 from imu_sim_ros.core.types import Array, Integers, Mask, Times
-from imu_sim_ros.formats.door import read_trajectory
+from imu_sim_ros.formats.door import has_topics, read_trajectory
 from imu_sim_ros.inputs.poses import write_tum
 from imu_sim_ros.inputs.tables import Table
 from imu_sim_ros.jobs.attitude import (
@@ -448,7 +447,7 @@ def _check_exchanged(estimate: object, truth: object, estimate_topic: str | None
     if not isinstance(estimate, str | Path):
         return
     topic = estimate_topic
-    if topic is None and os.path.exists(estimate) and not is_text(Path(estimate)):
+    if topic is None and os.path.exists(estimate) and has_topics(Path(estimate)):
         topics = odometry_topics(Path(estimate))
         topic = topics[0] if len(topics) == 1 else None
     if topic is not None and topic.strip("/").endswith(TRUTH_TOPIC):
@@ -468,7 +467,7 @@ def _check_two(
     if not (os.path.exists(estimate) and os.path.exists(truth)):
         return
     path = Path(estimate)
-    if is_text(path) or not path.samefile(truth):
+    if not has_topics(path) or not path.samefile(truth):
         return
     only = next(iter(odometry_topics(path)), None)  # with several, an estimate has to be named
     both = {

@@ -20,7 +20,6 @@ from imu_sim_ros.bags.clouds import cloud_records
 from imu_sim_ros.bags.messages.encode import IMU, PATH
 from imu_sim_ros.bags.messages.transforms import TF_MESSAGE
 from imu_sim_ros.bags.read import MixedFramesError, open_bag
-from imu_sim_ros.bags.text.reader import has_states, is_text
 from imu_sim_ros.calibration.noise.truth import load_truth, true_noise
 from imu_sim_ros.core import arguments
 from imu_sim_ros.core.arguments import BAG_OR_FILE, name_of, suggest_keywords
@@ -36,7 +35,6 @@ from imu_sim_ros.formats.bag import POSE_TYPES
 from imu_sim_ros.formats.choice import Choice
 from imu_sim_ros.formats.handling import Handling
 from imu_sim_ros.jobs.flight import Flight
-from imu_sim_ros.jobs.readings import read_odometry
 from imu_sim_ros.jobs.selection import (
     AccelTopic,
     AccelUnit,
@@ -46,6 +44,7 @@ from imu_sim_ros.jobs.selection import (
     checked_choice,
     input_lines,
 )
+from imu_sim_ros.jobs.tracks import has_truth
 from imu_sim_ros.jobs.writing import SkipBadRows, saved
 from imu_sim_ros.parameters import files
 from imu_sim_ros.recordings.cameras import CameraRecord, CloudRecord
@@ -521,7 +520,7 @@ def _read(
     name = name_of(path)
     if not path.exists():
         raise InputError(f"{path}: no such file or folder")
-    if is_text(path):
+    if not door.has_topics(path):
         yield from _read_text(path, replace(choice, topic=topic), skip)
         return
     with open_bag(path) as bag:
@@ -600,8 +599,8 @@ def _read_text(path: Path, choice: Choice, skip: bool) -> Iterator[Record]:
         except InputError:
             raise error from None
         return
-    if path.is_dir() and has_states(path):
-        states = read_odometry(path)
+    if path.is_dir() and has_truth(path):
+        states = door.read_states(path, ordered=False)
         yield with_fields(states, source=f"{name_of(path)}, states")
 
 

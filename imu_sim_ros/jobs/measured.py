@@ -15,12 +15,11 @@ import numpy as np
 from imu_sim_ros.bags import sensor_tables
 from imu_sim_ros.bags.read import open_bag
 from imu_sim_ros.bags.sensor_tables import TableRows, read_table
-from imu_sim_ros.bags.text.reader import is_text
 from imu_sim_ros.core import rotation
 from imu_sim_ros.core.bad_rows import tell_skipped
 from imu_sim_ros.core.errors import InputError, Problems
 from imu_sim_ros.core.types import Array, Times
-from imu_sim_ros.formats.door import read_trajectory
+from imu_sim_ros.formats.door import has_topics, read_trajectory
 from imu_sim_ros.inputs.tables import Table
 from imu_sim_ros.jobs.attitude import (
     AttitudeEvaluation,
@@ -157,7 +156,7 @@ def _ideal(table: Table, path: Path, topic: str, skip_bad_rows: bool) -> TableRo
 
     :raises InputError: if it has none.
     """
-    if is_text(path):
+    if not has_topics(path):
         raise InputError(f"{path}: has no {topic}; a bag that has it is needed")
     return read_table(path, table, topic, tell_skipped(path) if skip_bad_rows else None)
 

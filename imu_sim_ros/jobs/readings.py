@@ -152,26 +152,20 @@ def read_states(path: str | Path, topic: str | None = None) -> States:
 
 @suggest_keywords
 def read_odometry(path: str | Path, topic: str | None = None) -> States:
-    """Return the odometry of a bag, with velocities in the world frame.
+    """Return :func:`read_states` of a file.
 
-    :param path: the file or folder.
-    :param topic: topic of type nav_msgs/Odometry, for instance ``ground_truth/odom``; needed if a
-        bag has several.
-    :returns: the :class:`States`, with velocities in the world.
+    :param path: as there.
+    :param topic: as there.
+    :returns: the :class:`States`.
     :raises ConfigurationError: for an invalid argument.
-    :raises InputError: for a file that cannot be read, or has no odometry.
+    :raises InputError: for a file that cannot be read, or has no poses.
 
     >>> import imu_sim_ros as ims
     >>> _ = ims.simulate(trajectory="circle", duration=2, rate=100).save(folder / "odometry.bag")
     >>> ims.read_odometry(folder / "odometry.bag", "ground_truth/odom")
     <States odometry.bag: 200 at 100 Hz, 1.99 s>
     """
-    from imu_sim_ros.bags.read import read_odometry as read
-
-    path = arguments.path("path", path, BAG_OR_FILE)
-    topic = arguments.topic("topic", topic)
-    odometry = read(path, topic if topic is None else "/" + topic.lstrip("/"))
-    return with_fields(odometry, source=name_of(path))
+    return read_states(path, topic)
 
 
 def checked_poses(name: str, poses: HasPoses) -> States:

@@ -72,10 +72,10 @@ def camera_names(path: Path) -> list[str]:
 
 def _cameras(path: Path) -> dict[str, RecordedFrames] | None:
     """Return the images of a folder by camera; None for a bag."""
-    from imu_sim_ros.bags.text.reader import is_text
     from imu_sim_ros.datasets.recorded import folder_cameras
+    from imu_sim_ros.formats.door import has_topics
 
-    if not (path.is_dir() and is_text(path)):
+    if not path.is_dir() or has_topics(path):
         return None
     return {
         camera.name: camera.images for camera in folder_cameras(path) if camera.images is not None

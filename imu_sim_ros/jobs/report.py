@@ -14,14 +14,13 @@ from typing import TYPE_CHECKING, Annotated, Any, Final
 
 from imu_sim_ros import __version__
 from imu_sim_ros.bags.outputs import named
-from imu_sim_ros.bags.text.reader import is_text
 from imu_sim_ros.core import arguments
 from imu_sim_ros.core.arguments import suggest_keywords
 from imu_sim_ros.core.bad_rows import tell_skipped
 from imu_sim_ros.core.errors import InputError, Problems
 from imu_sim_ros.core.records import States, with_fields
 from imu_sim_ros.formats.choice import AS_RECORDED, Choice
-from imu_sim_ros.formats.door import read_trajectory
+from imu_sim_ros.formats.door import has_topics, read_trajectory
 from imu_sim_ros.jobs.selection import (
     AccelTopic,
     AccelUnit,
@@ -293,7 +292,7 @@ def _bag(sources: Sources, path: Path, files: Sequence[Path]) -> list[Section]:
     problems = Problems()
     with problems.gathered():
         truth_name = truth_topic(path, sources.truth_topic)
-        if is_text(path):
+        if not has_topics(path):
             truth = read(path, None, "truth") if has_truth(path) else None
         else:
             topics = odometry_topics(path)

@@ -8,11 +8,10 @@ from pathlib import Path
 import numpy as np
 
 from imu_sim_ros.bags.messages.encode import ODOMETRY
-from imu_sim_ros.bags.text.reader import has_states, is_text
 from imu_sim_ros.core.conventions import TRUTH_TOPIC
 from imu_sim_ros.core.errors import Remark, warn
 from imu_sim_ros.core.records import States
-from imu_sim_ros.formats.door import format_of
+from imu_sim_ros.formats.door import format_of, has_topics
 from imu_sim_ros.inputs.poses import write_tum
 
 
@@ -23,7 +22,7 @@ def odometry_topics(path: Path) -> list[str]:
 
 def truth_topic(path: Path, topic: str | None) -> str | None:
     """Return the topic of the truth: the given one, or the one that is named so, if any is."""
-    if topic is not None or is_text(path):
+    if topic is not None or not has_topics(path):
         return topic
     candidates = [name for name in odometry_topics(path) if name.strip("/").endswith(TRUTH_TOPIC)]
     return candidates[0] if len(candidates) == 1 else None
@@ -35,7 +34,7 @@ def assumed_truth(path: Path, topic: str | None) -> str | None:
     That may be an estimate, such as ``wheel/odom``; a remark names it.
     """
     truth_name = truth_topic(path, topic)
-    if truth_name is not None or is_text(path):
+    if truth_name is not None or not has_topics(path):
         return truth_name
     names = odometry_topics(path)
     if len(names) != 1:
@@ -46,10 +45,8 @@ def assumed_truth(path: Path, topic: str | None) -> str | None:
 
 
 def has_truth(path: Path) -> bool:
-    """Return whether a bag has Odometry, or a folder EuRoC's states."""
-    if not is_text(path):
-        return bool(odometry_topics(path))
-    return has_states(path)
+    """Return True if a file has states next to its readings, which may be the truth."""
+    return format_of(path).has_truth(path)
 
 
 def write_states(path: Path, states: States) -> None:

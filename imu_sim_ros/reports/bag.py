@@ -9,14 +9,13 @@ from typing import Final
 
 from imu_sim_ros.bags.messages.blocks import TopicInfo
 from imu_sim_ros.bags.read import open_bag
-from imu_sim_ros.bags.text.reader import is_text
 from imu_sim_ros.core.bad_rows import Skipped
 from imu_sim_ros.core.conventions import AXES
 from imu_sim_ros.core.errors import InputError
 from imu_sim_ros.core.records import Readings
 from imu_sim_ros.core.types import Array
 from imu_sim_ros.formats.choice import Choice
-from imu_sim_ros.formats.door import imu_choices, reading_blocks
+from imu_sim_ros.formats.door import has_topics, imu_choices, reading_blocks
 from imu_sim_ros.formats.handling import Handling
 from imu_sim_ros.reports.page import Item, Section, plot, table
 from imu_sim_ros.reports.streams import StreamPlots, analyse, bias_series, topic_items
@@ -65,7 +64,7 @@ def reading_sections(
 
 
 def _topics(path: Path) -> list[TopicInfo]:
-    if is_text(path):
+    if not has_topics(path):
         return []
     with open_bag(path) as bag:
         return bag.topics

@@ -9,7 +9,6 @@ from typing import Any, Final
 
 import numpy as np
 
-from imu_sim_ros.campaigns.comparison import read_estimate
 from imu_sim_ros.campaigns.parameters import CommandEstimator, DeadReckonEstimator
 from imu_sim_ros.campaigns.plan import Plan
 from imu_sim_ros.campaigns.reckoning import dead_reckoned_states
@@ -18,6 +17,7 @@ from imu_sim_ros.campaigns.simulated import SimulatedCell
 from imu_sim_ros.campaigns.summary import Group
 from imu_sim_ros.core.errors import ImuSimError
 from imu_sim_ros.core.types import Array
+from imu_sim_ros.formats.door import read_trajectory
 from imu_sim_ros.navigation.comparison import compare
 from imu_sim_ros.navigation.state import state_of_row
 from imu_sim_ros.reports.page import Item
@@ -141,7 +141,7 @@ def _tracks(
             return None
         estimate = dead_reckoned_states(cell, estimator, block, readings, state_of_row(truth, 0))
     elif isinstance(estimator, CommandEstimator) and files:
-        estimate = read_estimate(files[0], estimator.estimate_topic or None)
+        estimate = read_trajectory(files[0], estimator.estimate_topic or None)
     else:
         return None
     errors = compare(estimate, truth, str(cell.plan.alignment(name)))

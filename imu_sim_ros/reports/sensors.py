@@ -20,7 +20,7 @@ from imu_sim_ros.bags.messages.blocks import TopicInfo, as_list
 from imu_sim_ros.bags.messages.encode import IMU, NAV_SAT_FIX, ODOMETRY
 from imu_sim_ros.bags.messages.encode_cameras import POINT_CLOUD2
 from imu_sim_ros.bags.messages.layouts import TYPES, fields
-from imu_sim_ros.bags.read import decoded_blocks, open_bag, read_odometry
+from imu_sim_ros.bags.read import decoded_blocks, open_bag
 from imu_sim_ros.bags.reader import errors_naming
 from imu_sim_ros.bags.sensor_tables import read_table
 from imu_sim_ros.core import rotation
@@ -29,6 +29,7 @@ from imu_sim_ros.core.errors import InputError
 from imu_sim_ros.core.gate import stamp_ns
 from imu_sim_ros.core.records import States
 from imu_sim_ros.core.types import Array, Times
+from imu_sim_ros.formats.door import read_states
 from imu_sim_ros.navigation.association import common_rows, poses_at
 from imu_sim_ros.navigation.evaluation import attitude_errors
 from imu_sim_ros.reports.estimates import NOT_MEASURED, error_series, without_truth
@@ -242,7 +243,7 @@ def _orientation(path: Path, info: TopicInfo, topics: Sequence[TopicInfo]) -> li
     readings = read_table(path, table, info.name)
     if not len(readings.t_ns) or not truths:
         return []
-    truth = read_odometry(path, truths[0])
+    truth = read_states(path, truths[0])
     origin = np.zeros((len(readings.t_ns), 3))
     rows = common_rows(readings.t_ns, truth.t_ns)
     measured = States(readings.t_ns, origin, readings.values).rows(rows)
