@@ -290,10 +290,9 @@ from pathlib import Path
 
 import numpy as np
 
-from imu_sim_ros.bags.reader import Recover
-from imu_sim_ros.core.bad_rows import Skipped, Warned
 from imu_sim_ros.core.errors import InputError
 from imu_sim_ros.core.records import Readings, States
+from imu_sim_ros.formats.handling import Handling
 
 
 def holds(path: Path) -> bool:
@@ -302,7 +301,7 @@ def holds(path: Path) -> bool:
 
 
 def reading_blocks(
-    path: Path, topic: str | None, frame: str | None, skipped: Skipped | None
+    path: Path, topic: str | None, frame: str | None, handling: Handling
 ) -> Iterator[Readings]:
     """Yield the readings."""
     rows = np.loadtxt(path, skiprows=1)
@@ -315,19 +314,22 @@ def odometry_topics(path: Path) -> list[str]:
     return []
 
 
+def imu_topics(path: Path) -> list[str | None]:
+    """Return the only IMU, which has no name."""
+    return [None]
+
+
+def truth_file(path: Path) -> Path | None:
+    """Return nothing: logs have no poses."""
+    return None
+
+
 def stated_units(path: Path, topic: str | None) -> dict[str, str]:
     """Return nothing: logs are in SI units."""
     return {}
 
 
-def states(
-    path: Path,
-    topic: str | None,
-    covariance: bool,
-    skipped: Skipped | None,
-    warned: Warned | None,
-    recover: Recover,
-) -> States:
+def states(path: Path, topic: str | None, covariance: bool, handling: Handling) -> States:
     """Refuse to read poses."""
     raise InputError(f"{path}: contains no poses")
 '''
@@ -342,7 +344,7 @@ def test_a_format_that_is_read(copy: Copy) -> None:
             "from imu_sim_ros.formats import bag, text",
             "from imu_sim_ros.formats import bag, log, text",
         ),
-        ("= (text, bag)", "= (log, text, bag)"),
+        ("= (vio_data", "= (log, vio_data"),
     )
     copy.guard(2)
     found = copy.run(

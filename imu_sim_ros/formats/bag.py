@@ -75,9 +75,9 @@ def odometry_topics(path: Path) -> list[str]:
         return [info.name for info in bag.topics if info.type == ODOMETRY]
 
 
-def has_truth(path: Path) -> bool:
-    """Return True if there is an Odometry topic."""
-    return bool(odometry_topics(path))
+def truth_file(path: Path) -> Path | None:
+    """Return the bag if it has an Odometry topic."""
+    return path if odometry_topics(path) else None
 
 
 def stated_units(path: Path, topic: str | None) -> dict[str, str]:

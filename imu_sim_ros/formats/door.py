@@ -43,8 +43,8 @@ class FileFormat(Protocol):
     def odometry_topics(self, path: Path) -> list[str]:
         """Return the topics that may be the truth of the readings: those of Odometry."""
 
-    def has_truth(self, path: Path) -> bool:
-        """Return True if there are states next to the readings, which may be the truth."""
+    def truth_file(self, path: Path) -> Path | None:
+        """Return the file of the states next to the readings of a path; None: there are none."""
 
     def stated_units(self, path: Path, topic: str | None) -> dict[str, str]:
         """Return the units that the file itself states, by triad; it converts those."""
@@ -66,6 +66,11 @@ def format_of(path: Path) -> FileFormat:
 def has_topics(path: str | Path) -> bool:
     """Return True for a bag, which may have other sensors and transforms, too; also for no file."""
     return format_of(Path(path)) is bag
+
+
+def truth_file(path: Path) -> Path | None:
+    """Return the file of the states next to the readings of a path; None: there are none."""
+    return format_of(path).truth_file(path)
 
 
 def imu_choices(path: Path, choice: Choice) -> list[Choice]:

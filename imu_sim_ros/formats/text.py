@@ -41,9 +41,9 @@ def odometry_topics(path: Path) -> list[str]:
     return []
 
 
-def has_truth(path: Path) -> bool:
-    """Return True for a folder that has EuRoC's states."""
-    return reader.has_states(path)
+def truth_file(path: Path) -> Path | None:
+    """Return the folder if it has EuRoC's states."""
+    return path if reader.has_states(path) else None
 
 
 def stated_units(path: Path, topic: str | None) -> dict[str, str]:

@@ -40,9 +40,9 @@ def odometry_topics(path: Path) -> list[str]:
     return []
 
 
-def has_truth(path: Path) -> bool:
-    """Return True if there are true readings and poses."""
-    return files.has_states(path)
+def truth_file(path: Path) -> Path | None:
+    """Return the file of true readings and poses, also of the readings with noise beside it."""
+    return files.truth_file(path) if files.has_states(path) else None
 
 
 def stated_units(path: Path, topic: str | None) -> dict[str, str]:

@@ -348,7 +348,8 @@ class _Run:
         if self.path is None:
             return None
         try:
-            truth = door.read_states(self.path, topic, self._skip)
+            truth_path = door.truth_file(self.path) or self.path
+            truth = door.read_states(truth_path, topic, self._skip)
         except InputError:
             if topic is not None:
                 raise

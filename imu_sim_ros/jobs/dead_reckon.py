@@ -26,7 +26,7 @@ from imu_sim_ros.core.timebase import span
 from imu_sim_ros.core.types import Array, Mask, Times
 from imu_sim_ros.datasets import world as worlds
 from imu_sim_ros.datasets.world import KnownWorld, world_of_simulation
-from imu_sim_ros.formats.door import has_topics, read_states
+from imu_sim_ros.formats.door import has_topics, read_states, truth_file
 from imu_sim_ros.jobs import tracks
 from imu_sim_ros.jobs.flight import Flight, readings_of
 from imu_sim_ros.jobs.readings import judged
@@ -415,7 +415,8 @@ def read_recording(
     truth = None
     if truth_topic is not None or tracks.has_truth(path):
         topic = tracks.assumed_truth(path, truth_topic)
-        truth = with_fields(read_states(path, topic, skip_bad_rows), source=name_of(path))
+        states = read_states(truth_file(path) or path, topic, skip_bad_rows)
+        truth = with_fields(states, source=name_of(path))
         if truth.skipped:
             tell_skipped(f"the truth of {path}")(truth.skipped)
     return ReadingsAndTruth(readings, truth)

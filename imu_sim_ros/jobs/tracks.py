@@ -11,7 +11,7 @@ from imu_sim_ros.bags.messages.encode import ODOMETRY
 from imu_sim_ros.core.conventions import TRUTH_TOPIC
 from imu_sim_ros.core.errors import Remark, warn
 from imu_sim_ros.core.records import States
-from imu_sim_ros.formats.door import format_of, has_topics
+from imu_sim_ros.formats.door import format_of, has_topics, truth_file
 from imu_sim_ros.inputs.poses import write_tum
 
 
@@ -46,7 +46,7 @@ def assumed_truth(path: Path, topic: str | None) -> str | None:
 
 def has_truth(path: Path) -> bool:
     """Return True if a file has states next to its readings, which may be the truth."""
-    return format_of(path).has_truth(path)
+    return truth_file(path) is not None
 
 
 def write_states(path: Path, states: States) -> None:
