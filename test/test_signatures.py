@@ -11,6 +11,7 @@ import pytest
 
 from imu_sim_ros.commands import program
 from imu_sim_ros.core.errors import ConfigurationError
+from imu_sim_ros.core.spelling import stated
 from imu_sim_ros.jobs.evaluate import delta
 from imu_sim_ros.terminal.signatures import Heading, Text, arguments_of, assignment, call
 
@@ -43,7 +44,8 @@ def job(
     :param hidden: not an argument
     """
     if gap <= 0.0 or strength == 0.0:
-        raise ConfigurationError([f"gap = {gap:g}: too short", f"strength = {strength}: none"])
+        named = (stated("gap", f"{gap:g}"), stated("strength", str(strength)))
+        raise ConfigurationError([f"{named[0]}: too short", f"{named[1]}: none"])
     return dict(locals())
 
 
@@ -145,7 +147,8 @@ def writer(
     """
     last = parameters.get("parameters", {})
     if (used := last.get("rate", rate)) == 0.0:
-        raise ConfigurationError([f"rate = {used}: too low", "topics: none of them"])
+        problems = [f"{stated('rate', str(used))}: too low", f"{stated('topics')}: none of them"]
+        raise ConfigurationError(problems)
     return dict(locals())
 
 

@@ -8,6 +8,7 @@
 
 from collections.abc import Iterator
 
+from imu_sim_ros.core.spelling import spelled, spelled_for
 from imu_sim_ros.recordings.findings.catalogue import GROUPS, KINDS
 from imu_sim_ros.recordings.findings.policy import JOBS
 
@@ -22,7 +23,8 @@ note is good to know.
 
 def reference() -> str:
     """Return the whole page."""
-    return "\n".join(_lines())
+    with spelled_for("program"):
+        return "\n".join(_lines())
 
 
 def _lines() -> Iterator[str]:
@@ -32,7 +34,7 @@ def _lines() -> Iterator[str]:
         yield "| kind | severity | fault | effect | remedy |"
         yield "|---|---|---|---|---|"
         for check in checks:
-            cells = (check.meaning, check.effect, check.remedy)
+            cells = (check.meaning, check.effect, spelled(check.remedy))
             yield f"| `{check.kind}` | {check.severity} | {' | '.join(cells)} |"
         yield ""
     yield "## Jobs\n"

@@ -31,6 +31,7 @@ from imu_sim_ros.bags.reader import (
     gather,
 )
 from imu_sim_ros.core.errors import InputError
+from imu_sim_ros.core.spelling import argument
 from imu_sim_ros.core.types import Bytes, Integers
 
 if TYPE_CHECKING:
@@ -304,7 +305,7 @@ class McapBag(ChunkedBag[_Chunk]):
                 )
                 return end
             if self._recover and _are_records(content):
-                problem += "; --keep-damaged keeps its messages"
+                problem += f"; {argument('keep_damaged', True)} keeps its messages"
         except DAMAGE as error:
             problem = str(error)
         else:

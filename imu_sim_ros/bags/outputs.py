@@ -16,6 +16,7 @@ from pathlib import Path
 from typing import Final
 
 from imu_sim_ros.core.errors import ImuSimError, InputError, MachineError, system_error
+from imu_sim_ros.core.spelling import argument
 from imu_sim_ros.terminal.progress import watcher
 
 ACTIVE_SUFFIX = ".active"
@@ -464,7 +465,7 @@ class Outputs:
                     elif not path.is_symlink() and not path.is_file() and not path.is_dir():
                         yield f"{output}: exists and is neither a file nor a folder"
                     elif not self.force:
-                        yield f"{path}: already exists; --force replaces it"
+                        yield f"{path}: already exists; {argument('force', True)} replaces it"
                     elif path.is_dir() and not path.is_symlink():
                         yield from _irreplaceable(path)
         except OSError as error:
@@ -516,7 +517,7 @@ class Outputs:
             if not self.force:
                 raise InputError(
                     f"{staging}: an unfinished output is in the way; recover or delete it, or "
-                    "--force"
+                    f"{argument('force', True)}"
                 )
             # Still locked: another program that finds it, too, does not take it for its own.
             if folder:

@@ -15,6 +15,7 @@ from imu_sim_ros.bags.messages.blocks import Payloads, RowTemplate
 from imu_sim_ros.bags.messages.schemas import Qos, Schema, qos_profiles, schema
 from imu_sim_ros.core.errors import InputError
 from imu_sim_ros.core.names import suggestion
+from imu_sim_ros.core.spelling import stated
 from imu_sim_ros.core.types import Integers, Times
 
 STORAGES: Final = ("mcap", "sqlite3", "ros1")
@@ -223,7 +224,8 @@ def check_split(split_duration: float, period: float, duration: float) -> None:
     shortest = max(period, duration / MAX_PARTS)
     if 0.0 < split_duration < shortest:
         raise InputError(
-            f"--split-duration {split_duration:g}s: must be at least {shortest:g} s, which gives "
+            f"{stated('split_duration', f'{split_duration:g}s')}: must be at least {shortest:g} s, "
+            "which gives "
             f"every message a part of its own, or {MAX_PARTS} parts"
         )
 

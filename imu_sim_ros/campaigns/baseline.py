@@ -11,6 +11,7 @@ from imu_sim_ros.campaigns.plan import Plan, load_plan
 from imu_sim_ros.campaigns.results import PLAN, SCENARIO, Row
 from imu_sim_ros.core.errors import ImuSimError
 from imu_sim_ros.core.names import shown
+from imu_sim_ros.core.spelling import argument, stated
 
 _MAX_DIFFERENCES: Final = 5
 """Largest number of differing values of a scenario in a message."""
@@ -108,6 +109,6 @@ def _scenario(plan: Plan, key: Key) -> dict[str, object]:
 def plan_mismatch(path: Path, difference: str) -> str:
     """Return the problem of a baseline of another plan."""
     return (
-        f"--baseline {path}: is of another plan: {difference}; --baseline-anyway compares with it "
-        "all the same"
+        f"{stated('baseline', str(path))}: is of another plan: {difference}; "
+        f"{argument('baseline_anyway', True)} compares with it all the same"
     )

@@ -36,6 +36,7 @@ from imu_sim_ros.campaigns.parameters import CommandEstimator
 from imu_sim_ros.campaigns.plan import Plan, missing
 from imu_sim_ros.campaigns.results import SCENARIO, Row
 from imu_sim_ros.core.errors import ImuSimError, InputError, MachineError, MissingDependencyError
+from imu_sim_ros.core.spelling import argument, stated
 from imu_sim_ros.terminal.signals import SIGNALS, blocked
 
 if TYPE_CHECKING:
@@ -170,7 +171,7 @@ def dask(client: "Client", worker_timeout: float = 60.0) -> Engine:
                 last_worker_s = time.monotonic()
             elif time.monotonic() - last_worker_s > worker_timeout:
                 since = f"the cluster has had no worker for {worker_timeout:g} s"
-                raise MachineError(f"{since}; continue with --resume")
+                raise MachineError(f"{since}; continue with {argument('resume', True)}")
 
         executor = client.get_executor(pure=False, retries=plan.options.retries)
         try:
@@ -180,7 +181,8 @@ def dask(client: "Client", worker_timeout: float = 60.0) -> Engine:
             yield from _run(plan, todo, folder, pool)
         except (OSError, CancelledError):  # of the connection: a worker's errors are in its rows
             raise MachineError(
-                "the connection to the scheduler was lost; continue with --resume"
+                "the connection to the scheduler was lost; continue with "
+                f"{argument('resume', True)}"
             ) from None
 
     return start
@@ -405,7 +407,7 @@ def client(scheduler: str | None, workers: int, worker_timeout: float = 60.0) ->
     try:
         dask_client = Client(scheduler, timeout=_CONNECT_S)
     except (OSError, ValueError) as error:
-        problem = f"--scheduler {scheduler}: {error}"
+        problem = f"{stated('scheduler', scheduler)}: {error}"
     if problem is not None:
         # A client that has failed ends when it is collected; if another one is beginning, it waits
         # for a lock that its own thread holds.
@@ -416,7 +418,8 @@ def client(scheduler: str | None, workers: int, worker_timeout: float = 60.0) ->
             dask_client.wait_for_workers(1, timeout=worker_timeout)
         except TimeoutError:
             raise InputError(
-                f"--scheduler {scheduler}: no worker has joined within {worker_timeout:g} s"
+                f"{stated('scheduler', scheduler)}: no worker has joined within {worker_timeout:g} "
+                "s"
             ) from None
         yield dask_client
 

@@ -23,6 +23,7 @@ from typing import Any, Final, TextIO
 
 from imu_sim_ros.campaigns.metrics import COVERED
 from imu_sim_ros.core.errors import InputError, system_error
+from imu_sim_ros.core.spelling import argument
 from imu_sim_ros.inputs.rows import is_present, open_regular
 from imu_sim_ros.terminal.json_text import as_json
 
@@ -186,15 +187,16 @@ def _results_there(folder: Path, begun: bool, resume: bool) -> str:
 
     :param begun: True if the log has runs, from which one may resume.
     """
+    resuming, forcing = argument("resume", True), argument("force", True)
     existing = [name for name in _RESULTS if name != LOG and os.path.lexists(folder / name)]
     interrupted = existing == [_RUNS]  # within the first runs of programs
     if resume and interrupted:
         return ""
     if begun or interrupted:
-        return "results; continue with --resume, start over with --force, or name another one"
+        return f"results; continue with {resuming}, start over with {forcing}, or name another one"
     if existing:
         return (
-            f"{existing[0]} without the {LOG} it was generated from; start over with --force, "
+            f"{existing[0]} without the {LOG} it was generated from; start over with {forcing}, "
             "or name another one"
         )
     return ""

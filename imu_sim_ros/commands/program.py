@@ -20,6 +20,7 @@ from imu_sim_ros.commands.completion import complete
 from imu_sim_ros.core import timebase
 from imu_sim_ros.core.errors import InputWarning, Remark, explain
 from imu_sim_ros.core.names import unknown
+from imu_sim_ros.core.spelling import spelled_for
 from imu_sim_ros.terminal import signals
 from imu_sim_ros.terminal.json_text import as_json
 from imu_sim_ros.terminal.progress import Watcher, terminal_bar, watched_by
@@ -408,7 +409,8 @@ def run(
     :param written: the outputs that are complete so far.
     """
     try:
-        with signals.raised(), _remarks(program), bags_opened_once():
+        opened_once, spelling = bags_opened_once(), spelled_for("program")
+        with signals.raised(), _remarks(program), opened_once, spelling:
             command()
             sys.stdout.flush()
     except BrokenPipeError:  # `| head` closed standard output

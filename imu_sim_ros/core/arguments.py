@@ -16,6 +16,7 @@ from numpy.typing import NDArray
 
 from imu_sim_ros.core.errors import ArgumentTypeError, ConfigurationError
 from imu_sim_ros.core.names import printable, shown, suggestion
+from imu_sim_ros.core.spelling import stated
 from imu_sim_ros.core.types import Array, Integers
 
 _P = ParamSpec("_P")
@@ -33,7 +34,7 @@ def refuse(name: str, value: object, allowed: str, wrong_type: bool = False) -> 
     :raises ConfigurationError: always; an ArgumentTypeError for a wrong type.
     """
     kind = ArgumentTypeError if wrong_type else ConfigurationError
-    raise kind(f"{name} = {shown(value)}: must be {allowed}")
+    raise kind(f"{stated(name, shown(value))}: must be {allowed}")
 
 
 def suggest_keywords(function: Callable[_P, _R]) -> Callable[_P, _R]:
@@ -91,7 +92,7 @@ def one_of(name: str, value: object, choices: Collection[str]) -> str:
     if not isinstance(value, str):
         refuse(name, value, f"one of {', '.join(choices)}", wrong_type=True)
     if value not in choices:
-        raise ConfigurationError(f"{name} = {shown(value)}: {suggestion(value, choices)}")
+        raise ConfigurationError(f"{stated(name, shown(value))}: {suggestion(value, choices)}")
     return value
 
 
@@ -235,7 +236,7 @@ def _plain(name: str, value: Any, allowed: str) -> NDArray[Any]:
     masked = np.count_nonzero(getattr(value, "mask", 0)) if np.ma.isMaskedArray(value) else 0
     if masked:
         raise ConfigurationError(
-            f"{name}: {masked} of {np.size(value)} values are masked: leave these rows out"
+            f"{stated(name)}: {masked} of {np.size(value)} values are masked: leave these rows out"
         )
     try:
         if hasattr(value, "__dlpack__") and not hasattr(value, "__array__"):
@@ -244,7 +245,9 @@ def _plain(name: str, value: Any, allowed: str) -> NDArray[Any]:
     except (ValueError, TypeError):
         refuse(name, value, allowed, wrong_type=True)
     except (RuntimeError, BufferError) as error:  # on a device, or with a gradient
-        raise ArgumentTypeError(f"{name}: cannot be taken as a NumPy array: {error}") from None
+        raise ArgumentTypeError(
+            f"{stated(name)}: cannot be taken as a NumPy array: {error}"
+        ) from None
 
 
 def stamps(name: str, value: object) -> Integers:

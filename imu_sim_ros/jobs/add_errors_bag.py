@@ -28,6 +28,7 @@ from imu_sim_ros.core.conventions import (
 from imu_sim_ros.core.errors import InputError
 from imu_sim_ros.core.records import Readings, concatenated, with_fields
 from imu_sim_ros.core.rotation import rotate_inverse
+from imu_sim_ros.core.spelling import argument
 from imu_sim_ros.core.types import Array, Times
 from imu_sim_ros.jobs.add_errors import rate_of
 from imu_sim_ros.recordings.findings.catalogue import twist_findings
@@ -76,7 +77,9 @@ def rate_in(bag: Bag, source: TopicInfo) -> float:
     """
     t_ns = stamps(bag, source)
     if not (np.diff(t_ns) > 0).any():
-        raise InputError(f"{bag.path}: {source.name}: fewer than two readings; --rate is needed")
+        raise InputError(
+            f"{bag.path}: {source.name}: fewer than two readings; {argument('rate')} is needed"
+        )
     return rate_of(t_ns)
 
 
@@ -130,8 +133,9 @@ def names_in(
         renames[source.name] = resolved(IDEAL_IMU_TOPIC)
     copied_names = [renames.get(topic.name, topic.name) for topic in copied]
     problems = [
-        f"{bag.path}: has a topic {name}; --topic {key}=NEW gives the new one another name, "
-        f"--without {name} leaves the old one out"
+        f"{bag.path}: has a topic {name}; {argument('rename', key + '=NEW')} gives the new one "
+        "another "
+        f"name, {argument('without', name)} leaves the old one out"
         for key, name in output_names.items()
         if name in copied_names
     ]

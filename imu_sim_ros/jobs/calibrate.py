@@ -42,6 +42,7 @@ from imu_sim_ros.core.bad_rows import Skipped
 from imu_sim_ros.core.conventions import GRAVITY, STANDARD_GRAVITY
 from imu_sim_ros.core.errors import InputError, Problems, naming
 from imu_sim_ros.core.records import Readings, with_fields
+from imu_sim_ros.core.spelling import stated
 from imu_sim_ros.core.types import Array, Times
 from imu_sim_ros.formats import door
 from imu_sim_ros.jobs.flight import Flight, readings_of
@@ -279,7 +280,9 @@ class _Run:
             return measured.t_ns, measured.temperature
         if values is None:
             if not isinstance(self._given, Flight):
-                raise InputError("temperature: give that of the sensor at each reading [degC]")
+                raise InputError(
+                    f"{stated('temperature')}: give that of the sensor at each reading [degC]"
+                )
             values = self._given.temperature
         at_readings = arguments.array("temperature", values, (len(t_ns),))
         gate.Verdict(t_ns, [(gate.TEMPERATURE, at_readings)]).complain("temperature")
@@ -311,7 +314,8 @@ class _Run:
                 return true_rates(steady, *truth)
             if rotating:
                 raise InputError(
-                    "rates: the rates the table was set to are not known; give them in rad/s"
+                    f"{stated('rates')}: the rates the table was set to are not known; give them "
+                    "in rad/s"
                 )
         rotations = known_rates(steady, np.empty(0) if set_to is None else set_to, temperatures)
         if len(rotations.missing):

@@ -30,6 +30,7 @@ from imu_sim_ros.core import arguments
 from imu_sim_ros.core.arguments import suggest_keywords
 from imu_sim_ros.core.errors import InputError, system_error
 from imu_sim_ros.core.names import shown, suggestion
+from imu_sim_ros.core.spelling import argument, stated
 from imu_sim_ros.jobs.report import write_campaign_page
 from imu_sim_ros.navigation.evaluation import anees_band
 from imu_sim_ros.terminal.progress import progress, watcher
@@ -182,17 +183,20 @@ def campaign(
         arguments.text("metric", metric, "the name of a metric", empty=True)
         and metric not in metric_names
     ):
-        problems.append(f"metric = {shown(metric)}: {suggestion(metric, metric_names)}")
+        problems.append(f"{stated('metric', shown(metric))}: {suggestion(metric, metric_names)}")
     if dask and scheduler:
-        problems.append("--dask and --scheduler: choose one")
+        problems.append(f"{argument('dask')} and {argument('scheduler')}: choose one")
     if resume and force:
-        problems.append("--resume and --force: choose one")
+        problems.append(f"{argument('resume')} and {argument('force')}: choose one")
     if limits.non_inferiority is not None and baseline_path is None:
-        problems.append(f"--non-inferiority {limits.non_inferiority}: needs --baseline")
+        needs_baseline = f"needs {argument('baseline')}"
+        problems.append(
+            f"{stated('non_inferiority', str(limits.non_inferiority))}: {needs_baseline}"
+        )
     if baseline_anyway and baseline_path is None:
-        problems.append("--baseline-anyway: needs --baseline")
+        problems.append(f"{stated('baseline_anyway')}: needs {argument('baseline')}")
     if baseline_path is not None and _lies_in(baseline_path, folder):
-        problems.append(f"--baseline {baseline_path}: is written by this campaign")
+        problems.append(f"{stated('baseline', str(baseline_path))}: is written by this campaign")
     if problems:
         raise InputError(problems)
     check_plan(loaded, path)
@@ -278,7 +282,9 @@ def _explaining_interruption(folder: Path) -> Iterator[None]:
     try:
         yield
     except KeyboardInterrupt as stop:
-        stop.args = (f"{folder} has the runs made so far; continue with --resume",)
+        stop.args = (
+            f"{folder} has the runs made so far; continue with {argument('resume', True)}",
+        )
         raise
 
 
@@ -334,20 +340,23 @@ class Power:
         tolerance: Tolerance,
         margin: Tolerance | None = None,
     ) -> None:
-        shares = {"--power": difference, "--scatter": scatter, "tolerance": tolerance}
+        power_argument = argument("power", str(difference))
+        shares = {"power": difference, "scatter": scatter, "tolerance": tolerance}
         if margin is not None:
-            shares["--non-inferiority"] = margin
+            shares["non_inferiority"] = margin
         problems = [
-            f"{name} {share}: must be a share such as 10 %"
+            f"{argument(name, str(share))}: must be a share such as 10 %"
             for name, share in shares.items()
             if not share.relative
         ]
         if not problems and margin is not None and difference.value >= margin.value:
-            problems.append(f"--power {difference}: must be below --non-inferiority, {margin}")
+            problems.append(
+                f"{power_argument}: must be below {argument('non_inferiority')}, {margin}"
+            )
         if not problems and margin is None and difference.value <= tolerance.value:
-            problems.append(f"--power {difference}: must be above the tolerance, {tolerance}")
+            problems.append(f"{power_argument}: must be above the tolerance, {tolerance}")
         if scatter.value <= 0.0:
-            problems.append(f"--scatter {scatter}: must be above 0")
+            problems.append(f"{argument('scatter', str(scatter))}: must be above 0")
         if problems:
             raise InputError(problems)
         self.difference, self.scatter, self.tolerance, self.margin = (

@@ -36,6 +36,7 @@ from imu_sim_ros.core.bad_rows import Skipped
 from imu_sim_ros.core.conventions import IMU_TOPIC
 from imu_sim_ros.core.errors import ConfigurationError, InputError
 from imu_sim_ros.core.records import Readings, States, concatenated, with_fields
+from imu_sim_ros.core.spelling import argument, stated
 from imu_sim_ros.formats.bag import pose_topic
 from imu_sim_ros.formats.choice import AS_RECORDED, Choice
 from imu_sim_ros.formats.door import has_topics, read_states, reading_blocks
@@ -204,7 +205,10 @@ def convert(
         arguments.one_of("images", images, IMAGES)
     arguments.switch("recover", recover)
     if arguments.switch("keep_damaged", keep_damaged) and not recover:
-        raise ConfigurationError("keep_damaged: applies to a recovery; give --recover, too")
+        raise ConfigurationError(
+            f"{stated('keep_damaged')}: applies to a recovery; give {argument('recover', True)}, "
+            "too"
+        )
     journal = Journal(path, arguments.switch("skip_bad_rows", skip_bad_rows))
     recovery: Recover = "keep_damaged" if keep_damaged else recover
     selection = frame, gyro_topic, accel_topic, gyro_unit, accel_unit
@@ -481,8 +485,8 @@ def _unmerged(bag: Bag, topics: Sequence[TopicInfo], output: _Output) -> list[To
     merged_name = output.renamed.get(streams.READINGS, streams.READINGS)
     if merged_name in (output.renamed.get(topic.name, topic.name) for topic in other_topics):
         raise InputError(
-            f"{bag.path}: has a topic {merged_name}; --topic {IMU_TOPIC}=NEW gives the merged "
-            "readings another name"
+            f"{bag.path}: has a topic {merged_name}; "
+            f"{argument('rename', IMU_TOPIC + '=NEW')} gives the merged readings another name"
         )
     return other_topics
 

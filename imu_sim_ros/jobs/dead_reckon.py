@@ -22,6 +22,7 @@ from imu_sim_ros.core.bad_rows import tell_skipped
 from imu_sim_ros.core.errors import InputError, Problems, Remark, warn
 from imu_sim_ros.core.records import Readings, States, with_fields
 from imu_sim_ros.core.rotation import to_euler
+from imu_sim_ros.core.spelling import argument, stated
 from imu_sim_ros.core.timebase import span
 from imu_sim_ros.core.types import Array, Mask, Times
 from imu_sim_ros.datasets import world as worlds
@@ -510,7 +511,7 @@ def _no_truth(source: str) -> InputError:
     """
     return InputError(
         f"{source}: no truth to start from or to compare with; a body that rests at first can "
-        "start level (in Python initial='level', --initial-state level), any other at given "
+        f"start level ({argument('initial', 'level')}), any other at given "
         "parameters"
     )
 
@@ -530,10 +531,10 @@ def _first_common(t_ns: Times, truth_ns: Times, tolerance: float) -> int:
             f"{begin_ns / 1e9:.3f} to {end_ns / 1e9:.3f} s"
         )
     if late > tolerance:
-        shown = f"{math.ceil(late * 1e3) / 1e3:g}"
+        skip = argument("skip", math.ceil(late * 1e3) / 1e3, "s")
         raise InputError(
-            f"the truth starts {late:.6g} s after the readings: leave these out (in Python skip="
-            f"{shown}, --skip {shown}s), or start level"
+            f"the truth starts {late:.6g} s after the readings: leave these out ({skip}), or "
+            "start level"
         )
     return begin_ns
 
@@ -590,7 +591,7 @@ def track_of(
 def _covariance(source: object, track: Track, start: InitialCondition, mount: ImuMount) -> Array:
     """Return the covariance (n, 6, 6) of the poses from an exact start, or from a rest."""
     if not isinstance(source, Flight):
-        raise InputError("covariance: the sensor's errors are known of a flight alone")
+        raise InputError(f"{stated('covariance')}: the sensor's errors are known of a flight alone")
     imu = source.parameters.imu
     initial: Array | Covariance = initial_covariance(
         gyroscope_bias=imu.gyroscope.turn_on_bias_sigma,

@@ -19,6 +19,7 @@ from imu_sim_ros.core import arguments
 from imu_sim_ros.core.conventions import IMU_TOPIC, TRUTH_TOPIC
 from imu_sim_ros.core.errors import ConfigurationError, Problems
 from imu_sim_ros.core.records import States
+from imu_sim_ros.core.spelling import stated
 from imu_sim_ros.datasets import truth_files
 from imu_sim_ros.datasets.forms import (
     FORMATS,
@@ -289,7 +290,8 @@ def generate(
         body = Body(built, trajectory=moving, sensors=sensor_names, threads=pool)
         if body.total is None:
             raise ConfigurationError(
-                "duration = 0: this trajectory has no end; give a duration, for instance 20s"
+                f"{stated('duration', '0')}: this trajectory has no end; give a duration, for "
+                "instance 20s"
             )
         for line in body.warnings():
             journal.warn(line)
@@ -407,7 +409,7 @@ def described(
     if isinstance(imu, str | Path) and overridden:
         further = f" and {len(overridden) - 3} more" if len(overridden) > 3 else ""
         journal.note(
-            f"--imu {imu} is the base of the parameter file; "
+            f"{stated('imu', str(imu))} is the base of the parameter file; "
             f"the values of the file take precedence: {', '.join(overridden[:3])}{further}"
         )
     return values, motion

@@ -28,6 +28,7 @@ from imu_sim_ros.core.conventions import AXES, TRIADS
 from imu_sim_ros.core.errors import ConfigurationError, InputError, Problems
 from imu_sim_ros.core.names import suggestion
 from imu_sim_ros.core.records import Readings, States, concatenated, with_fields
+from imu_sim_ros.core.spelling import argument
 from imu_sim_ros.core.types import Array
 from imu_sim_ros.datasets.recorded import folder_cameras, image_size
 from imu_sim_ros.formats import door
@@ -205,7 +206,9 @@ class Inspection:
         allowed = [*SEVERITIES, *KINDS]
         for kind in arguments.words("kinds", kinds):
             if kind not in allowed:
-                raise ConfigurationError(f"--fail-on {kind!r}: {suggestion(kind, allowed)}")
+                raise ConfigurationError(
+                    f"{argument('fail_on', kind)}: {suggestion(kind, allowed)}"
+                )
         ranks = [SEVERITIES.index(kind) for kind in SEVERITIES if kind in kinds]
         worst = max(ranks, default=-1)
         return [

@@ -19,6 +19,7 @@ from imu_sim_ros.core.arguments import suggest_keywords
 from imu_sim_ros.core.bad_rows import tell_skipped
 from imu_sim_ros.core.errors import InputError, Problems
 from imu_sim_ros.core.records import States, with_fields
+from imu_sim_ros.core.spelling import stated
 from imu_sim_ros.formats.choice import AS_RECORDED, Choice
 from imu_sim_ros.formats.door import has_topics, read_trajectory
 from imu_sim_ros.jobs.selection import (
@@ -306,7 +307,9 @@ def _bag(sources: Sources, path: Path, files: Sequence[Path]) -> list[Section]:
                 elif topic not in truths.values():
                     estimates.append(read(path, topic, topic))
             if sources.truth_topic and truth is None:
-                raise InputError(f"{path}: --truth-topic {sources.truth_topic}: no such Odometry")
+                raise InputError(
+                    f"{path}: {stated('truth_topic', sources.truth_topic)}: no such Odometry"
+                )
             sensors = gnss_sections(path) + sensor_sections(path) + cloud_sections(path)
     for file in files:
         with problems.gathered():

@@ -19,6 +19,7 @@ from imu_sim_ros.core.arguments import number, refuse
 from imu_sim_ros.core.errors import ConfigurationError, Problems, warn
 from imu_sim_ros.core.names import nearest
 from imu_sim_ros.core.records import States
+from imu_sim_ros.core.spelling import argument, stated
 from imu_sim_ros.core.types import Array
 from imu_sim_ros.jobs.flight import Flight
 from imu_sim_ros.jobs.readings import checked_poses, checked_sensors, poses_of_rows
@@ -106,7 +107,8 @@ def simulate(
     limit = memory * len(first_block[IMU].t_ns) // _bytes(first_block)
     if samples > limit:
         raise ConfigurationError(
-            f"duration: its {samples} samples, with those of all sensors, do not fit into memory, "
+            f"{stated('duration')}: its {samples} samples, with those of all sensors, do not fit "
+            "into memory, "
             f"which has room for {limit}; blocks() yields them piece by piece"
         )
     motion = body.parameters.trajectory.type
@@ -202,7 +204,8 @@ def _body(
     body = Body(built, trajectory=moving, sensors={*sensor_names, *built.each_sensor, POSE})
     if body.total is None:
         raise ConfigurationError(
-            "duration: this trajectory has no end; give a duration, duration=60"
+            f"{stated('duration')}: this trajectory has no end; give one, "
+            f"{argument('duration', 60, 's')}"
         )
     for line in body.warnings():
         warn(line)
@@ -237,8 +240,9 @@ def argument_layers(
         scalars["duration"] = _seconds(duration)
     values.update({name: value for name, value in scalars.items() if value is not None})
     problems += [
-        f"{name} = {scalars[name]:g} and --set {name} = {overrides[name]}: two values; give one of "
-        "them"
+        f"{stated(name, f'{scalars[name]:g}')} and parameter {name} = {overrides[name]}: two "
+        "values; "
+        "give one of them"
         for name in scalars
         if name in overrides
         and isinstance(scalars[name], int | float)
@@ -253,7 +257,7 @@ def _seconds(duration: float | str | None) -> float | None:
         try:
             return timebase.parse_duration(duration)
         except ValueError as error:
-            raise ConfigurationError(f"duration: {error}") from None
+            raise ConfigurationError(f"{stated('duration')}: {error}") from None
     if duration is None:
         return None
     return number("duration", duration, "seconds, or words such as '2h'", 0.0)

@@ -38,6 +38,7 @@ from imu_sim_ros.core.conventions import GRAVITY
 from imu_sim_ros.core.errors import InputError, Problems, system_error
 from imu_sim_ros.core.records import Readings
 from imu_sim_ros.core.rotation import from_matrix, log
+from imu_sim_ros.core.spelling import stated
 from imu_sim_ros.core.types import Array, Mask
 from imu_sim_ros.jobs.calibrate import Calibrated
 from imu_sim_ros.jobs.flight import Flight
@@ -496,7 +497,8 @@ def _split(whole: Recording, seconds: float, name: str) -> tuple[Recording, Reco
     begin, end = float(whole.stamps[0]), float(whole.stamps[-1])
     if end - begin - seconds < _LEAST_FIT:
         raise InputError(
-            f"fit = {seconds:g}: must leave {_LEAST_FIT:g} s of the {end - begin:.4g} s of {name} "
+            f"{stated('fit', f'{seconds:g}')}: must leave {_LEAST_FIT:g} s of the "
+            f"{end - begin:.4g} s of {name} "
             "to compare the twin with"
         )
     return whole.part(begin, begin + seconds), whole.part(begin + seconds, np.inf)

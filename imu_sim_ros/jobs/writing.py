@@ -23,6 +23,7 @@ from imu_sim_ros.bags.writer import (
 from imu_sim_ros.core import arguments
 from imu_sim_ros.core.bad_rows import BadRows, Skipped, Warned
 from imu_sim_ros.core.errors import InputError
+from imu_sim_ros.core.spelling import argument
 from imu_sim_ros.terminal.progress import watcher
 from imu_sim_ros.terminal.signatures import Heading, Text, assignment
 
@@ -231,8 +232,8 @@ class Journal:
     def _pass_on(self, bad: BadRows) -> None:
         self.warn(
             f"{bad.source}: {bad.rows} of {bad.rows + bad.good} messages are not finite or not "
-            f"possible, the first is {bad.first}; they are passed on, --skip-bad-rows leaves "
-            "them out"
+            f"possible, the first is {bad.first}; they are passed on, "
+            f"{argument('skip_bad_rows', True)} leaves them out"
         )
 
     def warn(self, line: str) -> None:

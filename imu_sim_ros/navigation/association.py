@@ -12,6 +12,7 @@ from imu_sim_ros.core import rotation
 from imu_sim_ros.core.errors import ConfigurationError, InputError
 from imu_sim_ros.core.names import suggestion
 from imu_sim_ros.core.records import States, with_fields
+from imu_sim_ros.core.spelling import argument
 from imu_sim_ros.core.types import Array, Times
 from imu_sim_ros.recordings.order import POSES_GAP, gap_length, longest_step_ns
 
@@ -83,7 +84,8 @@ def common_rows(estimate_ns: Times, truth_ns: Times, max_gap: float = 0.0) -> ND
         step = float(np.median(np.diff(truth_ns))) * 1e-9
         raise InputError(
             f"the truth has a pose each {step:.4g} s, and is not interpolated over more than "
-            f"max_gap = {max_gap:g} s; --max-gap {1.5 * step:.2g}s allows it"
+            f"max_gap = {max_gap:g} s; {argument('max_gap', float(f'{1.5 * step:.2g}'), 's')} "
+            "allows it"
         )
     if len(rows) < 2:
         raise InputError(

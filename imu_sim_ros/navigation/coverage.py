@@ -11,6 +11,7 @@ from typing import Any, Final, NamedTuple
 
 import numpy as np
 
+from imu_sim_ros.core.spelling import argument
 from imu_sim_ros.core.types import Array, Integers, Mask, Times
 from imu_sim_ros.recordings.order import POSES_GAP, gap_length, longest_step_ns
 
@@ -78,7 +79,8 @@ def coverage_line(coverage_values: Mapping[str, Any]) -> str:
     if sparse:
         return (
             f"{text}; the estimate has a pose each {sparse:.4g} s, and the time between poses "
-            f"counts if it is at most max_gap: --max-gap {1.5 * sparse:.2g}s counts it"
+            "counts if it is at most max_gap: "
+            f"{argument('max_gap', float(f'{1.5 * sparse:.2g}'), 's')} counts it"
         )
     return (
         f"{text}; begins after {coverage_values['initialisation_s']:.6g} s and breaks off after "

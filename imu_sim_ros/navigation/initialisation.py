@@ -15,6 +15,7 @@ from numpy.typing import ArrayLike
 from imu_sim_ros.core import rotation
 from imu_sim_ros.core.components import float_vector
 from imu_sim_ros.core.errors import InputError
+from imu_sim_ros.core.spelling import stated
 from imu_sim_ros.core.types import Array, Times
 from imu_sim_ros.navigation.covariance import (
     ACCEL_BIAS,
@@ -229,7 +230,8 @@ def rest_rows(parameters: IntegratorParameters, t_ns: Times) -> slice:
             return slice(begin, begin + rest + 1)
         longest = max(longest, int(piece[-1] - piece[0]))
     raise InputError(
-        f"level_time = {parameters.level_time:g}: the readings without a gap last only "
+        f"{stated('level_time', f'{parameters.level_time:g}')}: the readings without a gap last "
+        "only "
         f"{longest * 1e-9:.6g} s"
     )
 

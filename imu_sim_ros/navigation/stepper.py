@@ -14,6 +14,7 @@ from imu_sim_ros.core.components import float_quaternion, float_vector, normalis
 from imu_sim_ros.core.conventions import GRAVITY
 from imu_sim_ros.core.errors import ConfigurationError, InputError
 from imu_sim_ros.core.names import suggestion
+from imu_sim_ros.core.spelling import stated
 from imu_sim_ros.core.types import Array, Integers
 from imu_sim_ros.navigation import angles, increments
 from imu_sim_ros.navigation.increments import Ends, Increment
@@ -93,7 +94,7 @@ def check_method(method: str, attitude: str) -> None:
     :raises ConfigurationError: with what is allowed.
     """
     problems = [
-        f"{name} = {value!r}: {suggestion(value, choices)}"
+        f"{stated(name, repr(value))}: {suggestion(value, choices)}"
         for name, value, choices in (
             ("method", method, METHODS),
             ("attitude_update", attitude, ATTITUDE_UPDATES),
@@ -104,7 +105,9 @@ def check_method(method: str, attitude: str) -> None:
         raise ConfigurationError(problems)
     if attitude == "euler_angles" and method not in angles.METHODS:
         methods = ", ".join(angles.METHODS)
-        raise ConfigurationError(f"method = {method!r}: euler_angles goes with {methods}")
+        raise ConfigurationError(
+            f"{stated('method', repr(method))}: euler_angles goes with {methods}"
+        )
 
 
 class Stepper:

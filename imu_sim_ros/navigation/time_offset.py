@@ -15,6 +15,7 @@ import numpy as np
 from imu_sim_ros.core import rotation
 from imu_sim_ros.core.errors import InputError
 from imu_sim_ros.core.records import States
+from imu_sim_ros.core.spelling import stated
 from imu_sim_ros.core.types import Array
 from imu_sim_ros.navigation.association import Rows, common_rows, poses_at
 from imu_sim_ros.recordings.time_offsets import OffsetInterval, half_interval
@@ -51,12 +52,13 @@ def time_offset(
     best = float(coarse[np.argmin(costs)])
     if np.median(costs) - costs.min() < 2.0 * np.log(_SHARPNESS):
         raise InputError(
-            "--time-offset: the motion does not reveal a time offset, because it looks "
+            f"{stated('time_offset')}: the motion does not reveal a time offset, because it looks "
             "the same at any; changes of speed or direction reveal it"
         )
     if abs(best) > LARGEST - 1.5 * _STEPS[0]:
         raise InputError(
-            f"--time-offset: no time offset within {LARGEST:g} s brings estimate and truth together"
+            f"{stated('time_offset')}: no time offset within {LARGEST:g} s brings estimate and "
+            "truth together"
         )
     for step in _STEPS[1:]:
         offsets = best + step * np.arange(-10, 11)
@@ -70,7 +72,8 @@ def time_offset(
     half = pairs.half_interval(best, scaled)
     if half > _DOUBTFUL:
         raise InputError(
-            f"--time-offset: the motion does not determine the time offset: {1e3 * best:.1f} ms is "
+            f"{stated('time_offset')}: the motion does not determine the time offset: "
+            f"{1e3 * best:.1f} ms is "
             f"known to {1e3 * half:.2g} ms (95 %); changes of speed or direction reveal it"
         )
     return OffsetInterval(best, best - half, best + half)
@@ -150,7 +153,8 @@ def _pairs(estimate: States, truth: States, max_gap: float) -> _Pairs:
     )
     if len(start) < _LEAST_PAIRS:
         raise InputError(
-            f"--time-offset: estimate and truth have too little time in common; the truth has to "
+            f"{stated('time_offset')}: estimate and truth have too little time in common; the "
+            "truth has to "
             f"reach {LARGEST:g} s beyond {_LEAST_PAIRS} poses of the estimate on either side"
         )
     start = start[:: -(-len(start) // _PAIRS)]

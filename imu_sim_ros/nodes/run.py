@@ -12,6 +12,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any, Final
 
 from imu_sim_ros.core.errors import ConfigurationError, explain
+from imu_sim_ros.core.spelling import spelled_for
 from imu_sim_ros.nodes import fast_dds, help, signals
 from imu_sim_ros.nodes.arguments import ros_arguments
 
@@ -43,7 +44,7 @@ def main(
     watch = signals.watch()
     try:
         watch.begin()
-        with tempfile.TemporaryDirectory() as folder:
+        with spelled_for("node"), tempfile.TemporaryDirectory() as folder:
             fast_dds.set_profile(Path(folder))
             for path in fast_dds.remove_torn_segments():
                 print(
@@ -54,7 +55,8 @@ def main(
             section = help.PROGRAMS[name].section()
             _start(ros_arguments(arguments, section, Path(folder)))
             node = create()
-        _spin(node, watch)
+        with spelled_for("node"):
+            _spin(node, watch)
         error = node.lifetime.failure
         if error is not None:
             report(name, error, debug)

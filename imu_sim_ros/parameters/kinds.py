@@ -16,6 +16,7 @@ from imu_sim_ros.core import gate
 from imu_sim_ros.core.conventions import GRAVITY
 from imu_sim_ros.core.errors import ConfigurationError
 from imu_sim_ros.core.names import shown, suggestion
+from imu_sim_ros.core.spelling import stated
 from imu_sim_ros.parameters.yaml_text import parse_yaml
 
 if TYPE_CHECKING:
@@ -142,7 +143,7 @@ class Parameter:
             allowed = f"must be {self.allowed()}"
             if self.choices:
                 allowed = suggestion(value, self.choices)
-        raise ConfigurationError(f"{name} = {shown(value)}: {allowed}")
+        raise ConfigurationError(f"{stated(name, shown(value))}: {allowed}")
 
     def _entry(self, value: object) -> float | bool | str:
         """Return a single value, or an entry of a list."""

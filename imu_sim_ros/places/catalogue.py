@@ -11,6 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from imu_sim_ros.core.errors import ConfigurationError
+from imu_sim_ros.core.spelling import argument
 from imu_sim_ros.core.types import Array
 from imu_sim_ros.places.corridor import corridor
 from imu_sim_ros.places.machine_hall import machine_hall
@@ -95,7 +96,8 @@ def around(name: str, path: Array, foot: float) -> tuple[Array, Array]:
     if too_large:
         raise ConfigurationError(
             f"scene.type = {name!r}: around the path it would be {', '.join(too_large)}: "
-            "--trajectory tour walks through it; else another scene, a shorter trajectory.length, "
+            f"{argument('trajectory', 'tour')} walks through it; else another scene, a shorter "
+            "trajectory.length, "
             "or a shorter scene.horizon"
         )
     return low, high

@@ -19,6 +19,7 @@ from imu_sim_ros.campaigns.verdict import judge, varying_names
 from imu_sim_ros.core.conventions import SERIES_COLOURS
 from imu_sim_ros.core.errors import InputError, Problems
 from imu_sim_ros.core.names import unknown
+from imu_sim_ros.core.spelling import stated
 from imu_sim_ros.inputs.rows import is_present
 from imu_sim_ros.navigation.evaluation import LARGEST_SIGMA, anees_band
 from imu_sim_ros.parameters.sections import flatten
@@ -87,7 +88,7 @@ def campaign_sections(
     present = [name for name in plan.metrics if any(row.get(name) is not None for row in rows)]
     if metric and metric not in (*present, SUCCESS):
         none = None if present else "no run is done"
-        raise InputError(unknown("--metric", metric, [*present, SUCCESS], none))
+        raise InputError(unknown(stated("metric"), metric, [*present, SUCCESS], none))
     groups = group_runs(rows, plan.grid_names)
     chosen = metric or ("ate_rmse_m" if "ate_rmse_m" in present else [*present, SUCCESS][0])
     latest_rows = earlier[-1][1] if earlier else None

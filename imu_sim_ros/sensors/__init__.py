@@ -19,6 +19,7 @@ from typing import TYPE_CHECKING, Any, Final
 from imu_sim_ros.core import arguments
 from imu_sim_ros.core.errors import ConfigurationError, Problems
 from imu_sim_ros.core.names import shown, suggestion
+from imu_sim_ros.core.spelling import argument
 
 if TYPE_CHECKING:
     from collections.abc import Mapping
@@ -121,7 +122,7 @@ def find_sensor(name: str) -> "Sensor":
         names = [*named_sensors(), *_REGISTERED, *sorted(offered)]
         hint = suggestion(name, names, f"must be one of {', '.join(names) or 'none'}")
         if any(name in (companion.name, companion.quantity) for companion in sensors_of_imus()):
-            hint = "each IMU has it: publish.* and --topics choose it"
+            hint = f"each IMU has it: publish.* and {argument('topics')} choose it"
         raise ConfigurationError(f"sensors: {name!r}: {hint}")
     _REGISTERED[name] = _loaded(name, offered[name])
     return _REGISTERED[name]

@@ -31,6 +31,7 @@ from typing import Annotated, Any, TypeVar, get_args, get_origin
 
 from imu_sim_ros.core import timebase
 from imu_sim_ros.core.errors import ImuSimError
+from imu_sim_ros.core.spelling import spelled_for
 from imu_sim_ros.parameters.yaml_text import parse_yaml
 
 
@@ -99,18 +100,9 @@ def call(
             for name in values[parameter.name]
         ),
     }
-    try:
+    typed = (arguments_by_name.keys() & options.keys()) - overridden
+    with spelled_for("program", options, typed):
         return job(**{**defaults, **arguments_by_name, **overrides})
-    except ImuSimError as error:
-        lines = []
-        for line in error.problems:
-            name, sign, rest = re.split("( = |: |$)", line, maxsplit=1)
-            is_argument = (
-                sign and name in arguments_by_name and name in options and name not in overridden
-            )
-            between = ": " if sign == ": " else " "
-            lines.append(f"{options[name]}{between}{rest}" if is_argument else line)
-        raise type(error)(lines) from None
 
 
 def assignment(text: str) -> tuple[str, object]:

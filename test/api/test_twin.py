@@ -337,7 +337,7 @@ def test_bad_input_is_reported_in_a_line_each(flight):
     with pytest.raises(ims.InputError, match="must leave 8 s of the"):
         ims.twin(readings, flight.truth, fit=25.0)
     degrees = ims.Readings(readings.t_ns, 57.3 * readings.gyro, readings.accel, "degrees")
-    with pytest.raises(ims.InputError, match=r"degrees: .*--gyro-unit deg/s converts it"):
+    with pytest.raises(ims.InputError, match=r"degrees: .*gyro_unit='deg/s' converts it"):
         ims.twin(degrees, flight.truth)
     reverse = ims.Readings(readings.t_ns, readings.gyro[::-1], readings.accel, "reverse")
     with pytest.raises(ims.InputError, match="the truth explains .* % of what the gyroscope reads"):

@@ -160,7 +160,7 @@ def test_parts_of_a_split_output_are_refused_as_well(tmp_path):
     outputs.add("y.bag")
     with pytest.raises(InputError) as refused, outputs.staged():
         pytest.fail("the work began")
-    assert refused.value.problems == ("x_3.bag: already exists; --force replaces it",)
+    assert refused.value.problems == ("x_3.bag: already exists; force=True replaces it",)
 
 
 @pytest.mark.parametrize("discard", [False, True])

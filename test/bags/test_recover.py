@@ -89,7 +89,7 @@ def test_a_checksum_leaves_a_chunk_out_and_the_range_is_named(bags, tmp_path, co
     path.write_bytes(data)
     with open_bag(path, recover=True) as bag:
         (line,) = bag.damage
-        assert line.endswith("chunk: the checksum is wrong; --keep-damaged keeps its messages")
+        assert line.endswith("chunk: the checksum is wrong; keep_damaged=True keeps its messages")
     t_ns, _ = _recovered(path)
     assert len(content.t_ns) - 1350 < len(t_ns) < len(content.t_ns)
     assert content.t_ns[2250] not in t_ns

@@ -56,7 +56,7 @@ def test_white_noise_holds_beside_a_gauss_markov_bias(sigma):
     drive = np.random.default_rng(3).standard_normal((COUNT, 6)) * sigma * np.sqrt(1.0 - phi**2)
     result = analysed(4, lfilter([1.0], [1.0, -phi], drive, axis=0))
     assert sum(result.estimate(axis, "noise_density").covers(DENSITY) for axis in range(6)) >= 4
-    assert told(result, "--model gauss_markov") == 1
+    assert told(result, "model='gauss_markov'") == 1
     assert told(result, "low-pass") == told(result, "sinusoid") == 0
 
 

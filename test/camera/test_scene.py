@@ -63,7 +63,7 @@ def test_the_default_scene_is_an_office_or_a_room_where_none_fits(make_rig):
     assert np.array_equal(fallen.surfaces.origin, room.surfaces.origin)
     for value in ({"scene__light": "dim"}, {"scene__bodies__people": 1}):
         with pytest.raises(
-            ConfigurationError, match=r"'office': around the path it would be.*--trajectory tour"
+            ConfigurationError, match=r"'office': around the path it would be.*trajectory='tour'"
         ):
             make_rig("lecture", **own, **value)
     with pytest.raises(ConfigurationError, match=r"along x must be 8 to 26 m for office"):

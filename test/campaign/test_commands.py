@@ -667,9 +667,9 @@ def run_aided(tmp_path, plan_file):
         ({"worker_timeout": 0.0}, "worker_timeout = 0.0: must be above 0 s"),
         ({"metric": "ate_rms_m"}, "metric = 'ate_rms_m': did you mean ate_rmse_m?"),
         ({"report": 1}, "report = 1: must be True or False"),
-        ({"dask": True, "scheduler": "tcp://a:1"}, "--dask and --scheduler: choose one"),
-        ({"resume": True, "force": True}, "--resume and --force: choose one"),
-        ({"non_inferiority": "5%"}, "--non-inferiority 5 %: needs --baseline"),
+        ({"dask": True, "scheduler": "tcp://a:1"}, "dask=... and scheduler=...: choose one"),
+        ({"resume": True, "force": True}, "resume=... and force=...: choose one"),
+        ({"non_inferiority": "5%"}, "non_inferiority = 5 %: needs baseline=..."),
     ],
 )
 def test_python_takes_and_checks_what_the_program_takes(plan_file, tmp_path, arguments, message):

@@ -103,6 +103,6 @@ def test_sparse_poses_have_the_option_that_counts_the_time_between_them():
     found = coverage(truth[::250], truth)
     assert (found.share, found.sparse_s) == (0.0, 2.5)
     assert "a pose each 2.5 s" in coverage_line(found.to_dict())
-    assert "--max-gap 3.8s counts it" in coverage_line(found.to_dict())
+    assert "max_gap=3.8 counts it" in coverage_line(found.to_dict())
     counted = coverage(truth[::250], truth, max_gap=3.8)
     assert (round(counted.share, 2), counted.sparse_s) == (0.96, 0.0)

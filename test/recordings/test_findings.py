@@ -307,7 +307,7 @@ def test_add_errors_tells_of_a_twist_in_the_worlds_axes(tmp_path, poses):
     assert silence == ()
     world = write("world.mcap", poses.velocity)
     wrong, (line,) = add(world)
-    assert "--twist-frame world" in line
+    assert "twist_frame='world'" in line
     right, silence = add(world, twist_frame="world")
     assert silence == ()
     assert np.abs(wrong.accel - body.accel).max() > 0.1
@@ -319,5 +319,5 @@ def test_add_errors_tells_of_a_twist_in_the_worlds_axes(tmp_path, poses):
 def test_dead_reckoning_warns_of_units_and_says_what_converts_them(recordings):
     readings = recordings[1]
     start = ims.NavigationState(np.zeros(3), np.zeros(3), np.array([1.0, 0.0, 0.0, 0.0]))
-    with pytest.warns(UserWarning, match="--accel-unit g"):
+    with pytest.warns(UserWarning, match="accel_unit='g'"):
         ims.dead_reckon(FAULTS["accelerometer_g"](readings), initial=start)

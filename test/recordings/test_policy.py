@@ -163,7 +163,7 @@ def test_inspect_tells_of_two_frames_on_a_topic_and_judges_each(flights, tmp_pat
     assert [finding.kind for finding in inspection.findings] == ["frames_mixed", "accelerometer_g"]
     assert "left (3,000), right (3,000)" in inspection.findings[0].evidence
     assert inspection.findings[1].source.endswith(", right")
-    with pytest.raises(InputError, match=r"--frame chooses one \[frames_mixed\]"):
+    with pytest.raises(InputError, match=r"frame=\.\.\. chooses one \[frames_mixed\]"):
         ims.dead_reckon(tmp_path / name)
 
 

@@ -77,7 +77,7 @@ def test_a_model_without_a_rate_takes_that_of_the_run(tmp_path, capsys, rate):
         assert run.parameters.rate == hertz
     output = ["-o", str(tmp_path / "x.csv"), "--imu", str(path), "--duration", "1s", "--quiet"]
     assert generate.main(output) == 2
-    assert "give the rate (--rate)" in capsys.readouterr().err
+    assert "depends on the rate: give --rate" in capsys.readouterr().err
     assert generate.main([*output, "--rate", "200"]) == 0
     t_ns = np.arange(1000) * 5_000_000
     zero, still = np.zeros((1000, 3)), np.tile([0.0, 0.0, 9.81], (1000, 1))

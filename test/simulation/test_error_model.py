@@ -464,7 +464,7 @@ def test_the_check_at_the_start() -> None:
     assert "the readings come 1000 times a second" in resting([0.0, 0.0, 9.81], 1000.0)[0]
     assert resting([0.0, 0.0, 0.0], **{"input.check": False}) == []
     assert "instead of 9.81" in resting([0.0, 0.0, 1.0 * 8.0])[0]
-    assert "it is in g; --accel-unit g converts it" in resting([0.0, 0.0, 1.0])[0]
+    assert "it is in g; accel_unit='g' converts it" in resting([0.0, 0.0, 1.0])[0]
 
 
 def moving(

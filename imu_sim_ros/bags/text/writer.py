@@ -20,6 +20,7 @@ from imu_sim_ros.core.errors import InputError
 from imu_sim_ros.core.names import suggestion
 from imu_sim_ros.core.records import States
 from imu_sim_ros.core.rotation import pose_matrix
+from imu_sim_ros.core.spelling import argument
 from imu_sim_ros.core.types import Array, Times
 from imu_sim_ros.inputs.tables import Table
 from imu_sim_ros.terminal.progress import watcher
@@ -130,7 +131,7 @@ class Dataset:
             if imus > 1:
                 raise InputError(
                     f"{path}: one table has room for one IMU, not {imus}; name a folder, "
-                    "with --format csv"
+                    f"with {argument('format', 'csv')}"
                 )
             self.imus = [TextFile(path, KALIBR_HEADER)]
         else:

@@ -36,6 +36,7 @@ from imu_sim_ros.calibration.record import AXES, Record, Timing
 from imu_sim_ros.core.conventions import TRIADS
 from imu_sim_ros.core.errors import InputError
 from imu_sim_ros.core.records import Readings
+from imu_sim_ros.core.spelling import argument
 from imu_sim_ros.core.types import Array
 
 SHORTEST: Final = 60.0
@@ -253,7 +254,7 @@ def _problems(
     """
     problems = [
         f"{AXES[k]}: always {record.lowest.value[k] + 0.0:g}: a missing or dead axis, or no noise "
-        "at all; all six axes must be measured (--skip-checks leaves it out)"
+        f"at all; all six axes must be measured ({argument('skip_checks', True)} leaves it out)"
         for k in dead
     ]
     rest = record.rest
@@ -416,7 +417,7 @@ def _process_warnings(noise: Sequence[AxisNoise | None]) -> Iterator[str]:
         yield (
             f"{', '.join(instead)}: N, B and K do not describe the record; white noise with a "
             f"Gauss-Markov process fits better, by a log-likelihood of {gains}: use "
-            "--model gauss_markov"
+            f"{argument('model', 'gauss_markov')}"
         )
     if additional:
         gains = _range([process.beside for process in additional.values()])
@@ -424,7 +425,7 @@ def _process_warnings(noise: Sequence[AxisNoise | None]) -> Iterator[str]:
         yield (
             f"{', '.join(additional)}: N, B and K alone do not describe the record; with a "
             f"Gauss-Markov process of {times} s beside them it fits better, by a log-likelihood of "
-            f"{gains}, which --model gauss_markov finds with white noise alone"
+            f"{gains}, which {argument('model', 'gauss_markov')} finds with white noise alone"
         )
 
 

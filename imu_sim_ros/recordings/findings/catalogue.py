@@ -9,6 +9,7 @@ from typing import Any, Final
 import numpy as np
 
 from imu_sim_ros.core.records import Readings, States, TimeSeries
+from imu_sim_ros.core.spelling import spelled
 from imu_sim_ros.recordings.cameras import CameraRecord, CloudRecord
 from imu_sim_ros.recordings.findings.cameras import CAMERAS, CLOUDS
 from imu_sim_ros.recordings.findings.clipping import CLIPPING, ClippingCounts
@@ -144,7 +145,7 @@ def _findings(
                 name,
                 evidence.text,
                 check.effect,
-                check.remedy,
+                spelled(check.remedy),
                 row,
                 evidence.number,
                 t,

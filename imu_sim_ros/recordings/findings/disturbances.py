@@ -20,7 +20,7 @@ _LATE: Final = 2.0
 """Intervals of the stamps over which the motion of a held pose is no disturbance."""
 _PEAK: Final = 3.0
 """Largest angular rate of a motion over its root mean square."""
-_OPTION: Final = "--robust (trajectory.robust)"
+_OPTION: Final = "{robust true} (trajectory.robust)"
 
 
 class DisturbedPoses(NamedTuple):

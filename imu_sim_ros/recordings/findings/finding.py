@@ -86,7 +86,7 @@ class FaultCheck(Generic[RecordT]):
     effect: str
     """Consequence for results."""
     remedy: str
-    """Option, parameter or repair that helps."""
+    """Option, parameter or repair that helps; ``{name value}`` is an argument of the job."""
     find: Callable[[RecordT], Iterator[Evidence]]
     """Function that looks for it in a record."""
 

@@ -48,7 +48,7 @@ _ENOUGH: Final = 1000
 @check(
     "error",
     "nothing can be integrated or analysed for it",
-    "name the topic of the gyroscope (--gyro-topic), or take another one",
+    "name the topic of the gyroscope ({gyro_topic}), or take another one",
 )
 def gyroscope_absent(measures: ReadingMeasures) -> Iterator[Evidence]:
     """Find readings without a gyroscope."""
@@ -58,7 +58,7 @@ def gyroscope_absent(measures: ReadingMeasures) -> Iterator[Evidence]:
 @check(
     "error",
     "nothing can be integrated or analysed for it",
-    "name the topic of the accelerometer (--accel-topic), or take another one",
+    "name the topic of the accelerometer ({accel_topic}), or take another one",
 )
 def accelerometer_absent(measures: ReadingMeasures) -> Iterator[Evidence]:
     """Find readings without an accelerometer."""
@@ -74,7 +74,7 @@ def _absent(measures: ReadingMeasures, triad: int) -> Iterator[Evidence]:
 @check(
     "error",
     "motion of this triad is missing in all results",
-    "name the topic of the triad (--gyro-topic, --accel-topic), or take another one",
+    "name the topic of the triad ({gyro_topic}, {accel_topic}), or take another one",
 )
 def triad_zeros(measures: ReadingMeasures) -> Iterator[Evidence]:
     """Find a gyroscope or an accelerometer whose readings are all zeros."""
@@ -117,7 +117,7 @@ def _level(measures: ReadingMeasures) -> tuple[float, str, bool]:
 @check(
     "error",
     "motion and noise are 9.8 times too small",
-    "--accel-unit g converts it; or multiply by 9.80665",
+    "{accel_unit g} converts it; or multiply by 9.80665",
 )
 def accelerometer_g(measures: ReadingMeasures) -> Iterator[Evidence]:
     """Find an accelerometer in g, at rest or in motion."""
@@ -129,7 +129,7 @@ def accelerometer_g(measures: ReadingMeasures) -> Iterator[Evidence]:
 @check(
     "error",
     "motion and noise are 102 times too large",
-    "--accel-unit mg converts it; or multiply by 0.00980665",
+    "{accel_unit mg} converts it; or multiply by 0.00980665",
 )
 def accelerometer_mg(measures: ReadingMeasures) -> Iterator[Evidence]:
     """Find an accelerometer in mg, at rest or in motion."""
@@ -153,7 +153,8 @@ def accelerometer_counts(measures: ReadingMeasures) -> Iterator[Evidence]:
 @check(
     "error",
     "a consumer that takes gravity away finds a fall of 9.8 m/s^2",
-    "--set input.gravity=missing adds it (add_errors, error_model); else record the specific force",
+    "parameter input.gravity=missing adds it (add_errors, error_model); else record the specific "
+    "force",
 )
 def gravity_absent(measures: ReadingMeasures) -> Iterator[Evidence]:
     """Find an accelerometer whose readings do not have gravity."""
@@ -201,7 +202,7 @@ def _upwards(measures: ReadingMeasures) -> Array | None:
 @check(
     "warning",
     "a consumer that expects forward-left-up sees a body upside down",
-    "--set input.axes=frd (add_errors, error_model) or the mounting, if the axes are "
+    "parameter input.axes=frd (add_errors, error_model) or the mounting, if the axes are "
     "forward-right-down; change the sign of the accelerometer, if it measures gravity downwards",
 )
 def axes_down(measures: ReadingMeasures) -> Iterator[Evidence]:
@@ -230,7 +231,7 @@ def _vector(values: Array) -> str:
 @check(
     "error",
     "attitude turns 57 times too fast",
-    "--gyro-unit deg/s converts it; or multiply by pi / 180",
+    "{gyro_unit deg/s} converts it; or multiply by pi / 180",
 )
 def gyroscope_degrees(measures: ReadingMeasures) -> Iterator[Evidence]:
     """Find a gyroscope in deg/s, at rest (by its noise) or in motion (by what gravity does)."""

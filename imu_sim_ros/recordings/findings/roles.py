@@ -32,7 +32,7 @@ class TrajectoryUse(NamedTuple):
 @check(
     "error",
     "readings of several IMUs look like those of one that jumps",
-    "--frame chooses one",
+    "{frame} chooses one",
 )
 def frames_mixed(topic: TopicFrames) -> Iterator[Evidence]:
     """Find readings of several frames on one topic."""

@@ -101,7 +101,8 @@ def _rms(vectors: Array) -> float:
 @check(
     "warning",
     "velocities between such poses are far too large, then zero",
-    "--robust (trajectory.robust) keeps the first of each; or log at the rate of the simulation",
+    "{robust true} (trajectory.robust) keeps the first of each; or log at the rate of the "
+    "simulation",
 )
 def poses_held(measures: StateMeasures) -> Iterator[Evidence]:
     """Find poses that stand several times in a row while the body moves."""
@@ -137,7 +138,7 @@ def poses_disordered(measures: StateMeasures) -> Iterator[Evidence]:
 @check(
     "warning",
     "motion that is faster than half the rate of the poses is not in them",
-    "record poses more often; --max-gap lets evaluate interpolate over longer steps",
+    "record poses more often; {max_gap} lets evaluate interpolate over longer steps",
 )
 def poses_sparse(measures: StateMeasures) -> Iterator[Evidence]:
     """Find poses that are too far apart for the motion of an IMU."""
@@ -225,7 +226,7 @@ def _disagreement(measures: StateMeasures, velocity: Array) -> float:
 @check(
     "error",
     "accelerations that are computed from it are wrong",
-    "--twist-frame world (add_errors), or parameter input.twist_frame (error_model)",
+    "{twist_frame world} (add_errors), or parameter input.twist_frame (error_model)",
 )
 def twist_world(measures: StateMeasures) -> Iterator[Evidence]:
     """Find a twist in the axes of the world instead of the body."""
@@ -244,7 +245,7 @@ def twist_world(measures: StateMeasures) -> Iterator[Evidence]:
 @check(
     "error",
     "accelerations that are computed from it are wrong",
-    "--twist-frame body (add_errors), or parameter input.twist_frame (error_model); rotate the "
+    "{twist_frame body} (add_errors), or parameter input.twist_frame (error_model); rotate the "
     "velocities of a table into the world",
 )
 def twist_body(measures: StateMeasures) -> Iterator[Evidence]:

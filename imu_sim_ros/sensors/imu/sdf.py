@@ -19,6 +19,7 @@ from imu_sim_ros.core.conventions import AXES, IMU_FRAME, TRIADS
 from imu_sim_ros.core.errors import InputError, Remark, warn
 from imu_sim_ros.core.names import nearest
 from imu_sim_ros.core.rotation import from_euler, pose_matrix, to_matrix
+from imu_sim_ros.core.spelling import argument
 from imu_sim_ros.core.types import Array
 from imu_sim_ros.inputs.rows import number_of, read_text, shortened
 from imu_sim_ros.inputs.xml_text import Element, parsed
@@ -326,7 +327,7 @@ def _of_noise(
     if any(deviations) and not rate:
         raise InputError(
             f"{where}: has no <update_rate>: <stddev> is that of one sample, so its density "
-            "depends on the rate: give the rate (--rate)"
+            f"depends on the rate: give {argument('rate')}"
         )
     driving, times = values("dynamic_bias_stddev"), values("dynamic_bias_correlation_time")
     steady = zip(values("bias_mean"), values("bias_stddev"), strict=True)
@@ -382,7 +383,7 @@ def _classic_density(part: _Part, rate: float) -> float:
     if deviation and not rate:
         raise InputError(
             f"{part.where}: has no <updateRateHZ>: <gaussianNoise> is that of one sample, so its "
-            "density depends on the rate: give the rate (--rate)"
+            f"density depends on the rate: give {argument('rate')}"
         )
     return deviation / math.sqrt(rate) if deviation else 0.0
 

@@ -166,7 +166,7 @@ def test_without_the_option_everything_is_warned_of(follow, harm, recording):
     t, p, q = recording.poses()
     trajectory = follow(*harm(t, p, q, np.random.default_rng(3)))
     assert not trajectory.repairs
-    assert "--robust (trajectory.robust)" in "".join(trajectory.warnings)
+    assert "robust=True (trajectory.robust)" in "".join(trajectory.warnings)
 
 
 @real
@@ -227,7 +227,7 @@ def test_the_largest_jumps_are_named(follow):
     (line,) = follow(t, p, q).warnings
     assert "the motion jumps at line 602 (6.000 s) by 0.05 m" in line
     assert "line 1402 (14.000 s) by 0.13 m" in line
-    assert "and 2 smaller ones; --robust" in line
+    assert "and 2 smaller ones; robust=True" in line
     assert len(follow(t, p, q, robust=True).repairs) == 1
 
 

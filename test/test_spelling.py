@@ -1,0 +1,57 @@
+# Copyright 2026 imu_sim_ros maintainers
+# SPDX-License-Identifier: Apache-2.0
+
+"""Lines name an argument as the user of Python, of a program or of a node writes it."""
+
+from argparse import Namespace
+from typing import Annotated
+
+import pytest
+
+import imu_sim_ros as ims
+from imu_sim_ros.core.arguments import number
+from imu_sim_ros.core.spelling import argument, spelled, spelled_for, stated
+from imu_sim_ros.terminal.signatures import call
+
+
+@pytest.mark.parametrize(
+    ("door", "gap", "switch", "unit", "topic"),
+    [
+        ("python", "max_gap=0.5", "robust=True", "accel_unit='g'", "truth_topic=..."),
+        ("program", "--max-gap 0.5s", "--robust", "--accel-unit g", "--truth-topic"),
+        ("node", "max_gap:=0.5", "robust:=true", "accel_unit:=g", "truth_topic"),
+    ],
+)
+def test_recommended_arguments(door, gap, switch, unit, topic):
+    with spelled_for(door):
+        assert argument("max_gap", 0.5, "s") == gap
+        assert argument("robust", True) == switch
+        assert spelled("{accel_unit g} or {truth_topic}") == f"{unit} or {topic}"
+    assert stated("max_gap", "0.5") == "max_gap = 0.5"  # Python's again
+
+
+def _job(max_gap: Annotated[float, "TIME"] = 0.5) -> float:
+    """Check a gap.
+
+    :param max_gap: longest gap [s]
+    """
+    return number("max_gap", max_gap, "above 0", 0.0, above=True)
+
+
+def test_a_program_is_told_about_what_was_typed_alone():
+    with pytest.raises(ims.ConfigurationError) as typed:
+        call(_job, Namespace(max_gap=-1.0))
+    assert typed.value.problems == ("--max-gap -1.0: must be above 0",)
+    with pytest.raises(ims.ConfigurationError) as of_a_file:
+        call(_job, Namespace(max_gap=None), defaults={"max_gap": -1.0})
+    assert of_a_file.value.problems == ("max_gap = -1.0: must be above 0",)
+    with pytest.raises(ims.ConfigurationError) as python:
+        _job(-1.0)
+    assert python.value.problems == ("max_gap = -1.0: must be above 0",)
+
+
+def test_python_users_are_told_about_keywords():
+    truth = ims.simulate(duration=20, rate=1.0, seed=1).truth
+    late = ims.States(truth.t_ns + 300_000_000, truth.position, truth.q_wb)
+    with pytest.raises(ims.InputError, match=r"max_gap=1\.5 allows it"):
+        ims.evaluate(late, truth, max_gap=0.3)
