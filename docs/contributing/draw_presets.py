@@ -5,53 +5,49 @@
 
 import sys
 
-import matplotlib
-
-matplotlib.use("Agg")
-import matplotlib.pyplot as plt
+import matplotlib as mpl
 import numpy as np
 
+from imu_sim_ros.plots import style
+from imu_sim_ros.plots.readings import allan_deviation
 from imu_sim_ros.sensors import catalogue
 from imu_sim_ros.simulation.parameters import load_simulation
 
 PANELS = {
     "consumer": ("consumer",),
     "industrial": ("industrial",),
-    "tactical, navigation, and the lecture's": ("tactical", "navigation", "classroom"),
+    "tactical, navigation, lecture": ("tactical", "navigation", "classroom"),
 }
-UNITS = {"gyroscope": "rad/s", "accelerometer": "m/s²"}
+UNITS = {"gyroscope": "rad/s", "accelerometer": "m/s$^2$"}
 TIMES = np.logspace(-2, 5, 200)
 
 
-def deviation(triad):
-    """Return the Allan deviation of white noise, 1/f noise and random walk, x axis."""
-    white = triad.noise_density[0] / np.sqrt(TIMES)
-    walk = triad.random_walk[0] * np.sqrt(TIMES / 3.0)
-    return np.sqrt(white**2 + (0.664 * triad.bias_instability[0]) ** 2 + walk**2)
-
-
 def main() -> None:
-    """Write the picture."""
+    """Write the picture: a column for each grade, a row for each triad."""
     presets = catalogue.descriptions("imus").items()
-    figure, axes = plt.subplots(
-        2, len(PANELS), figsize=(13, 7.5), sharex=True, sharey="row", layout="constrained"
-    )
+    figure, panels = style.panels(2, len(PANELS), 13.0, 8.5, sharex=True, sharey="row")
     for column, (title, grades) in enumerate(PANELS.items()):
-        chosen = [name for name, text in presets if text.partition(",")[0].lower() in grades]
-        colours = plt.get_cmap("tab20")(np.linspace(0, 1, 20))[: len(chosen)]
-        for row, (name, unit) in enumerate(UNITS.items()):
-            panel = axes[row, column]
-            for preset, colour in zip(chosen, colours, strict=True):
-                triad = load_simulation({"imu.preset": preset}).imu.triad(name)
-                panel.loglog(TIMES, deviation(triad), color=colour, label=preset)
-            panel.grid(alpha=0.4)
+        names = [name for name, text in presets if text.partition(",")[0].lower() in grades]
+        for row, (triad, unit) in enumerate(UNITS.items()):
+            panel = panels[row * len(PANELS) + column]
+            for k, name in enumerate(names):
+                parameters = load_simulation({"imu.preset": name}).imu.triad(triad)
+                panel.loglog(
+                    TIMES,
+                    allan_deviation(parameters, TIMES),
+                    "-" if k < 10 else "--",
+                    color=mpl.colormaps["tab10"](k % 10),
+                    label=name,
+                )
             if column == 0:
-                panel.set_ylabel(f"{name} [{unit}]")
-        axes[0, column].set_title(title)
-        axes[0, column].legend(fontsize=8, ncols=2)
-        axes[1, column].set_xlabel("averaging time [s]")
-    figure.suptitle("Allan deviation of the presets: white noise, 1/f and random walk, x axis")
-    figure.savefig(sys.argv[1], dpi=110)
+                panel.set_ylabel(f"{triad}, Allan deviation [{unit}]")
+        style.title(panels[column], title)
+        panel.set_xlabel("cluster time [s]")
+        panel.legend(
+            loc="upper center", bbox_to_anchor=(0.5, -0.13), ncols=4, fontsize=8, frameon=False
+        )
+    style.heading(figure, "Allan deviation of the presets, x axis")
+    style.save(figure, sys.argv[1])
 
 
 if __name__ == "__main__":

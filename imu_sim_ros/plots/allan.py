@@ -8,6 +8,8 @@ from typing import Final
 
 import numpy as np
 from matplotlib.axes import Axes
+from matplotlib.lines import Line2D
+from matplotlib.patches import Patch
 
 from imu_sim_ros.calibration.noise.analysis import AllanResult
 from imu_sim_ros.calibration.noise.estimate import RAMP
@@ -26,6 +28,12 @@ from imu_sim_ros.terminal.text_tables import plus_minus
 
 _SHORT_UNITS: Final = {"gyroscope": "rad/s", "accelerometer": "m/s$^2$"}
 _LINES: Final = {"Q": ":", "N": "--", "B": "-.", "K": "--", "R": ":", "sigma": "-."}
+_DRAWN: Final = (
+    Patch(color=style.MUTED_COLOUR, alpha=0.3, label="95 %"),
+    Line2D([], [], color=TRUTH_COLOUR, lw=1.0, label="model (mean axis)"),
+    Line2D([], [], color=style.MUTED_COLOUR, ls="--", lw=1.0, label="its terms"),
+)
+"""Entries of the legend above the panels."""
 
 
 def draw(result: AllanResult, path: str | Path, source: str = "") -> None:
@@ -42,10 +50,7 @@ def figure(result: AllanResult, source: str = "") -> Figure:
     for triad, axes in enumerate(panels):
         _draw_triad(result, triad, axes)
     prefix = f"{source}: o" if source else "O"
-    picture.suptitle(
-        f"{prefix}verlapping Allan deviation, {result.record} "
-        "(band: 95 %; black: fitted model, grey: its terms)"
-    )
+    style.heading(picture, f"{prefix}verlapping Allan deviation, {result.record}")
     return picture
 
 
@@ -71,8 +76,9 @@ def _draw_triad(result: AllanResult, triad: int, axes: Axes) -> None:
     style.small_ticks(axes)
     axes.set_xlabel("cluster time [s]")
     axes.set_ylabel(f"Allan deviation [{_SHORT_UNITS[TRIADS[triad]]}]")
-    axes.set_title(TRIADS[triad])
+    style.title(axes, TRIADS[triad])
     if axes.get_legend_handles_labels()[0]:
+        axes.add_artist(style.legend_above(axes, 3, handles=_DRAWN))
         axes.legend(
             loc="upper center",
             bbox_to_anchor=(0.5, -0.1),  # below the panel: inside it would hide a curve
@@ -91,7 +97,7 @@ def _units(result: AllanResult, triad: int) -> str:
         estimates = [result.estimate(3 * triad + k, key) for k in range(3)]
         if key == "random_walk" or any(estimate.value is not None for estimate in estimates):
             units.append(f"{q.symbol} [{q.unit}]")
-    return ", ".join(units)
+    return f"{', '.join(units)}; ± half the 95 % interval"
 
 
 def _label(result: AllanResult, column: int) -> str:

@@ -7,6 +7,7 @@ from collections.abc import Sequence
 
 import numpy as np
 from matplotlib.axes import Axes
+from matplotlib.patches import Patch
 from numpy.typing import NDArray
 
 from imu_sim_ros.calibration.deterministic.ellipsoid import Ellipsoid
@@ -26,6 +27,7 @@ from imu_sim_ros.plots.style import Figure
 from imu_sim_ros.terminal.text_tables import plus_minus
 
 _AXES = "xyz"
+_BAR_COLOUR = "#E4E4E4"
 
 
 def six_position(result: SixPosition, gravity: float, source: str = "") -> Figure:
@@ -40,13 +42,14 @@ def six_position(result: SixPosition, gravity: float, source: str = "") -> Figur
         ("after: reading - fitted model", result.residuals),
         result.positions.accel_sigma,
         (result.faces, FACES),
-        ("axis that points up", "error [mm/s$^2$]"),
+        ("axis that points up", "error [mm/s$^2$]", "2 standard errors of a piece"),
     )
     bias = _values("b", result.bias, result.bias_sigma)
     style.legend_above(figure.axes[0], 3, f"accelerometer, bias in m/s$^2$: {bias}")
-    figure.suptitle(
+    style.heading(
+        figure,
         f"{_named(source)}accelerometer in {result.positions.stretches} rests, "
-        f"{len(result.faces)} pieces (grey: 2 standard errors of a piece)"
+        f"{len(result.faces)} pieces",
     )
     return figure
 
@@ -68,13 +71,13 @@ def turntable(result: Turntable, source: str = "") -> Figure:
         ("after: reading - fitted model", result.residuals),
         result.stretches.gyro_sigma,
         (groups, labels),
-        ("axis and rate of the table [rad/s]", "error [mrad/s]"),
+        ("axis and rate of the table [rad/s]", "error [mrad/s]", "2 standard errors of a stretch"),
     )
     bias = _values("b", result.bias, result.bias_sigma)
     style.legend_above(figure.axes[0], 3, f"gyroscope, bias in rad/s: {bias}")
-    figure.suptitle(
-        f"{_named(source)}gyroscope in {result.stretches.stretches} stretches on a rate table "
-        "(grey: 2 standard errors of a stretch)"
+    style.heading(
+        figure,
+        f"{_named(source)}gyroscope in {result.stretches.stretches} stretches on a rate table",
     )
     return figure
 
@@ -93,14 +96,14 @@ def _residuals(
     calibrated: tuple[str, Array],
     sigma: Array,
     poses: tuple[NDArray[np.intp], Sequence[str]],
-    names: tuple[str, str],
+    names: tuple[str, str, str],
 ) -> Figure:
     """Draw errors (n, 3) in two panels, a column for each pose and in it each axis by itself.
 
     :param uncalibrated: title and errors; ``calibrated`` likewise.
     :param sigma: (n, 3) standard errors.
     :param poses: (n,) pose of each piece, and the names of the poses.
-    :param names: of the axes; the errors are shown in thousandths.
+    :param names: labels of the axes, whose errors are shown in thousandths, and of the grey bars.
     """
     groups, labels = poses
     figure, panels = style.panels(2, 1, 11.0, 7.6, sharex=True)
@@ -115,15 +118,16 @@ def _residuals(
                 spread = np.linspace(-0.1, 0.1, len(rows)) if len(rows) > 1 else np.zeros(1)
                 if title == calibrated[0]:
                     reach = 2e3 * float(np.sqrt(np.mean(sigma[rows, k] ** 2)))
-                    axes.bar(middle, 2 * reach, 0.25, -reach, color="#E4E4E4", zorder=0.5)
+                    axes.bar(middle, 2 * reach, 0.25, -reach, color=_BAR_COLOUR, zorder=0.5)
                 axes.plot(middle + spread, 1e3 * values[rows, k], ".", ms=4.5, color=colour)
             axes.plot([], [], "o", ms=4, color=colour, label=name)
         axes.axhline(0.0, color=style.MUTED_COLOUR, lw=0.8)
         axes.set_ylabel(names[1])
-        axes.set_title(title)
+        style.title(axes, title)
         axes.grid(False, axis="x")
         for group in range(1, len(labels)):
             axes.axvline(group - 0.5, color="#DDDDDD", lw=0.6)
+    style.legend_above(panels[1], 1, handles=[Patch(color=_BAR_COLOUR, label=names[2])])
     crowded = len(labels) > 12
     panels[1].set_xticks(range(len(labels)), labels, rotation=60 if crowded else 0)
     panels[1].set_xlim(-0.5, len(labels) - 0.5)
@@ -141,9 +145,12 @@ def ellipsoid(result: Ellipsoid, readings: Array, source: str) -> Figure:
     thin = slice(None, None, max(len(readings) // 4000, 1))
     figure, (strength_axes, direction_axes) = style.panels(1, 2, 9.0, 4.5)
     number = np.arange(len(readings))
-    for values, label in ((readings, "as read"), (corrected, "corrected")):
+    for values, colour, label in (
+        (readings, SERIES_COLOURS[1], "readings"),
+        (corrected, SERIES_COLOURS[0], "corrected readings"),
+    ):
         strength = np.linalg.norm(values, axis=1) * 1e6
-        strength_axes.plot(number[thin], strength[thin], ".", markersize=2, label=label)
+        strength_axes.plot(number[thin], strength[thin], ".", ms=2, color=colour, label=label)
     strength_axes.set_ylim(bottom=0.0)
     strength_axes.set_xlabel("number of the reading")
     strength_axes.set_ylabel("strength of the field [µT]")
@@ -156,8 +163,10 @@ def ellipsoid(result: Ellipsoid, readings: Array, source: str) -> Figure:
     direction_axes.set_xlabel("azimuth of the field in the sensor [deg]")
     direction_axes.set_xticks(np.arange(-180, 181, 90))
     direction_axes.set_ylabel("z of the field's direction")
-    figure.colorbar(shown, ax=direction_axes, label="residual [µT]")
-    figure.suptitle(f"{source}, {len(readings)} readings")
+    bar = figure.colorbar(shown, ax=direction_axes)
+    bar.set_label("residual of the strength [µT]", fontsize=direction_axes.xaxis.label.get_size())
+    bar.ax.tick_params(labelsize=direction_axes.xaxis.label.get_size())
+    style.heading(figure, f"{source}, {len(readings)} readings")
     return figure
 
 
@@ -171,15 +180,16 @@ def temperature(result: Temperature, source: str = "") -> Figure:
     for row, ((name, triad), unit) in enumerate(zip(result.triads.items(), units, strict=True)):
         _draw_bias(panels[2 * row], triad, result.reference)
         panels[2 * row].set_ylabel(f"bias [{unit}]")
-        panels[2 * row].set_title(f"{name}: bias")
+        style.title(panels[2 * row], f"{name}: bias")
         _draw_scale(panels[2 * row + 1], triad, result.reference)
-        panels[2 * row + 1].set_ylabel("change of scale [ppm]")
-        panels[2 * row + 1].set_title(f"{name}: scale against that at {result.reference:g} °C")
+        panels[2 * row + 1].set_ylabel(f"scale - scale at {result.reference:g} °C [ppm]")
+        style.title(panels[2 * row + 1], f"{name}: scale")
     for axes in panels:
         axes.set_xlabel("temperature [°C]")
-    figure.suptitle(
+    style.heading(
+        figure,
         f"{_named(source)}readings against temperature (points), fitted polynomials and their "
-        "95 % bands"
+        "95 % bands",
     )
     return figure
 
@@ -256,7 +266,7 @@ def draw(real: Series, simulated: Series, rate: float, name: str) -> Figure:
         _spectrum(panels[axis], real[1], simulated[1], rate, axis, label)
         _series(panels[6 + axis], real, simulated, rate, axis, label)
     style.legend_above(panels[2], 2)
-    figure.suptitle(f"Digital twin of {name}: residuals after its constant errors")
+    style.heading(figure, f"Digital twin of {name}: residuals of the fitted constant errors")
     return figure
 
 
@@ -269,7 +279,7 @@ def _spectrum(
     ):
         frequency, density = comparison.spectrum_of(values, rate)
         axes.loglog(frequency[1:], density[1:, axis], color=colour, label=who, lw=1.0)
-    axes.set_title(label)
+    style.title(axes, label)
     axes.set_xlabel("frequency [Hz]")
     axes.set_ylabel(f"{_UNITS[axis // 3]}/sqrt(Hz)")
 
@@ -286,6 +296,6 @@ def _series(
         rows = values[middle : middle + count, axis]
         t = np.arange(len(rows)) / rate + panel * 1.1 * _SECONDS
         axes.plot(t, rows, color=colour, lw=0.8)
-    axes.set_title(f"{label}: real, then twin")
+    style.title(axes, f"{label}: real, then twin")
     axes.set_xlabel("time [s]")
     axes.set_ylabel(_UNITS[axis // 3])

@@ -52,7 +52,7 @@ def trajectories(
         _errors(axes[3], attitude_errors, looks, "attitude error [deg]", 180.0 / np.pi)
     finals = {name: f"{name}: {error[-1]:.3g} m" for name, (_, error) in position_errors.items()}
     _legend(figure, axes, finals)
-    figure.suptitle(title)
+    style.heading(figure, title)
     return figure
 
 
@@ -90,7 +90,7 @@ def evaluation(
         axis.set_ylabel(label)
         style.legend_above(axis, ncols=3)
     style.legend_above(axes[0], ncols=2)
-    figure.suptitle(title)
+    style.heading(figure, title)
     return figure
 
 
@@ -143,7 +143,7 @@ def _view(
         axis.set_aspect("equal", adjustable="datalim")
     axis.set_xlabel(f"{'xyz'[across]} [m]")
     axis.set_ylabel(f"{'xyz'[up]} [m]")
-    axis.set_title("top view (x-y)" if up == 1 else "side view (x-z)")
+    style.title(axis, "top view (x-y)" if up == 1 else "side view (x-z)")
 
 
 def _keep_in_view(axis: Axes, truth: Array, equal: bool) -> None:
@@ -201,7 +201,7 @@ def _looks(names: Sequence[str]) -> dict[str, dict[str, Any]]:
     groups: dict[str, list[str]] = {}
     for name in names:
         groups.setdefault(name.partition(",")[0], []).append(name)
-    widths = {1: (1.5,), 2: (3.0, 1.2)}.get(len(groups), (3.2, 2.0, 0.9))
+    widths = {1: (1.5,), 2: (2.2, 1.1)}.get(len(groups), (2.4, 1.6, 0.8))
     return {
         name: {
             "color": SERIES_COLOURS[g % len(SERIES_COLOURS)],

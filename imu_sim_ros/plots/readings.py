@@ -3,17 +3,13 @@
 
 """Readings over time, and the Allan deviations of several sensors from their parameters."""
 
-from collections.abc import Mapping
-from pathlib import Path
-
 import numpy as np
 
 from imu_sim_ros.calibration.noise.terms import TERMS, gauss_markov_deviation
-from imu_sim_ros.core.conventions import AXES, AXIS_COLOURS, SERIES_COLOURS, TRIADS
+from imu_sim_ros.core.conventions import AXES, AXIS_COLOURS
 from imu_sim_ros.core.types import Array, Integers
 from imu_sim_ros.plots import style
 from imu_sim_ros.plots.style import Figure
-from imu_sim_ros.sensors.imu.parameters import ImuParameters
 from imu_sim_ros.sensors.imu.triads import TriadParameters
 
 _MAX_POINTS = 4000
@@ -39,11 +35,8 @@ def readings(t_ns: Integers, gyro: Array, accel: Array, name: str) -> Figure:
         axes.set_ylabel(label)
     style.legend_above(panels[0], 3)
     panels[1].set_xlabel("time [s]")
-    picture.suptitle(name)
+    style.heading(picture, name)
     return picture
-
-
-_UNITS = {"gyroscope": "rad/s", "accelerometer": "m/s$^2$"}
 
 
 def allan_deviation(triad: TriadParameters, tau: Array) -> Array:
@@ -61,30 +54,3 @@ def allan_deviation(triad: TriadParameters, tau: Array) -> Array:
     if time > 0.0:
         variance += (triad.gauss_markov[0] * gauss_markov_deviation(tau, time)) ** 2
     return np.sqrt(variance)
-
-
-def draw(sensors: Mapping[str, ImuParameters], path: str | Path) -> None:
-    """Write the picture: a panel for each triad, a line for each sensor by name."""
-    tau = np.geomspace(0.01, 1e5, 300)
-    figure, panels = style.panels(1, 2, 14.0, 7.0)
-    for triad, axes in zip(TRIADS, panels, strict=True):
-        for k, (name, imu) in enumerate(sensors.items()):
-            line = allan_deviation(imu.triad(triad), tau)
-            if line.any():
-                dashes = ("-", "--", "-.", ":")[k // len(SERIES_COLOURS) % 4]
-                axes.loglog(
-                    tau,
-                    line,
-                    dashes,
-                    color=SERIES_COLOURS[k % len(SERIES_COLOURS)],
-                    label=name,
-                    lw=1.2,
-                )
-        axes.set_xlabel("cluster time [s]")
-        axes.set_ylabel(f"Allan deviation [{_UNITS[triad]}]")
-        axes.set_title(triad)
-    panels[1].legend(loc="center left", bbox_to_anchor=(1.0, 0.5), fontsize=8)
-    figure.suptitle(
-        "The sensors that come with the package: white noise, 1/f and random walk, x axis"
-    )
-    style.save(figure, path)

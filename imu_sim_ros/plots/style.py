@@ -4,14 +4,17 @@
 """The common look of all pictures: colours, figures without a display, saving."""
 
 import io
+from collections.abc import Sequence
 from pathlib import Path
 from typing import Any, Final
 
 import matplotlib
 import matplotlib.figure
 import numpy as np
+from matplotlib.artist import Artist
 from matplotlib.axes import Axes
 from matplotlib.backends.backend_agg import FigureCanvasAgg
+from matplotlib.legend import Legend
 from matplotlib.lines import Line2D
 from matplotlib.markers import TICKDOWN, TICKLEFT, MarkerStyle
 from matplotlib.ticker import NullLocator
@@ -22,9 +25,10 @@ _THIN: Final = 0.4
 _BELOW: Final = 0.4
 """Order of drawing: below matplotlib's own grid, at 0.5."""
 
+_TITLE_SIZE: Final = 10.0
+_HEADING_SIZE: Final = 11.0
 _SETTINGS: Final[Any] = {
     "font.size": 9.0,
-    "axes.titlesize": 10.0,
     "axes.labelsize": 9.0,
     "legend.fontsize": 9.0,
     "lines.linewidth": 1.3,
@@ -131,12 +135,25 @@ def tidy(axes: Axes) -> None:
         axes.spines[side].set_visible(False)
 
 
-def legend_above(axes: Axes, ncols: int, title: str | None = None) -> None:
-    """Put the legend above a panel, at the right; the panel's title, if any, moves to the left."""
-    heading = axes.get_title()
-    axes.set_title("")
-    axes.set_title(heading, loc="left")
-    axes.legend(
+def title(axes: Axes, text: str) -> None:
+    """Write a panel's title at the left; the right is for the legend above it."""
+    axes.set_title(text, loc="left", fontsize=_TITLE_SIZE)
+
+
+def heading(picture: Figure, text: str) -> None:
+    """Write the heading of a picture."""
+    picture.suptitle(text, fontsize=_HEADING_SIZE)
+
+
+def legend_above(
+    axes: Axes, ncols: int, title: str | None = None, handles: Sequence[Artist] | None = None
+) -> Legend:
+    """Put a legend above a panel, at the right.
+
+    :param handles: entries; None: everything with a label in the panel.
+    """
+    return axes.legend(
+        handles=axes.get_legend_handles_labels()[0] if handles is None else handles,
         title=title,
         loc="lower right",
         bbox_to_anchor=(1.0, 1.0),

@@ -1,7 +1,7 @@
 # Copyright 2026 imu_sim_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""The picture of all sensors' Allan deviations."""
+"""The Allan deviation that a sensor's parameters say."""
 
 import numpy as np
 import pytest
@@ -16,9 +16,3 @@ def test_deviation_is_that_of_the_parameters() -> None:
     short, long = sensors.allan_deviation(imu.gyroscope, np.array([0.01, 1e6]))
     assert short == pytest.approx(imu.gyroscope.noise_density[0] / 0.1, rel=1e-3)
     assert long == pytest.approx(0.664 * imu.gyroscope.bias_instability[0], rel=0.01)
-
-
-def test_picture(tmp_path) -> None:
-    imus = {name: load_simulation({"imu.preset": name}).imu for name in ("lecture", "tactical")}
-    sensors.draw(imus, tmp_path / "all.png")
-    assert (tmp_path / "all.png").read_bytes()[:4] == b"\x89PNG"
