@@ -22,6 +22,7 @@ from imu_sim_ros.core import arguments
 from imu_sim_ros.core.arguments import BAG_OR_FILE, name_of, suggest_keywords
 from imu_sim_ros.core.bad_rows import tell_skipped
 from imu_sim_ros.core.conventions import AXES, TRIADS
+from imu_sim_ros.core.digits import interval_texts, upper_bound
 from imu_sim_ros.core.errors import InputError, Problems
 from imu_sim_ros.core.records import Readings, concatenated
 from imu_sim_ros.core.types import Array, Mask
@@ -39,7 +40,7 @@ from imu_sim_ros.jobs.writing import SkipBadRows, saved
 from imu_sim_ros.recordings.findings.catalogue import reading_findings
 from imu_sim_ros.recordings.findings.policy import ALLAN
 from imu_sim_ros.terminal.progress import progress
-from imu_sim_ros.terminal.text_tables import TextTable, html_of, interval_text
+from imu_sim_ros.terminal.text_tables import TextTable, html_of
 
 if TYPE_CHECKING:
     from imu_sim_ros.plots.style import Figure
@@ -83,7 +84,10 @@ def _or_none(values: Array, finite: Mask) -> list[float | None]:
 def _in_words(value: float, low: float, high: float) -> str:
     if np.isinf(high):
         return "not analysed"
-    return f"< {high:.3g}" if np.isnan(value) else f"{value:.3g} [{low:.3g}, {high:.3g}]"
+    if np.isnan(value):
+        return upper_bound(high)
+    middle, bottom, top = interval_texts(value, low, high)
+    return f"{middle} [{bottom}, {top}]"
 
 
 @dataclass(frozen=True, repr=False)
@@ -457,8 +461,8 @@ def _value_and_interval(estimate: Estimate, factor: float = 1.0) -> list[str]:
     if np.isinf(estimate.high):
         return ["not analysed", ""]
     if estimate.value is None:
-        return [f"< {estimate.high * factor:.3g}", ""]
-    value, low, high = interval_text(
+        return [upper_bound(estimate.high * factor), ""]
+    value, low, high = interval_texts(
         estimate.value * factor, estimate.low * factor, estimate.high * factor
     )
     return [value, f"{low} .. {high}"]

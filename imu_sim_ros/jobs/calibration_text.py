@@ -12,6 +12,7 @@ import numpy as np
 
 from imu_sim_ros.calibration.deterministic import correction
 from imu_sim_ros.core.conventions import AXES, TRIADS
+from imu_sim_ros.core.digits import deviation_texts, interval_texts, plus_minus, upper_bound
 from imu_sim_ros.core.types import Array
 from imu_sim_ros.parameters.sections import parameters
 from imu_sim_ros.sensors import sensors_of_imus
@@ -59,21 +60,19 @@ def calibration_lines(
 
 def _group(triad: str, values: correction.Parameters, true: Mapping[str, Array]) -> TextTable:
     """Return the parameters of one sensor, or of both; off: by how many standard errors."""
-    header = ["", "value", "sigma", "unit", *(["truth", "off"] if true else [])]
-    rows = []
+    header = ["", "value", "sigma", *(["truth", "off"] if true else [])]
+    rows, units = [], []
     for name, calibrated in values.items():
+        short = name.removeprefix(f"{triad}_")
+        units.append(f"{short} [{_unit(name)}]")
         for k, label in enumerate(_labels(len(calibrated.value))):
-            short = name.removeprefix(f"{triad}_")
-            row = [
-                f"{short} {label}",
-                f"{calibrated.value[k]:.6g}",
-                f"{calibrated.sigma[k]:.2g}" if calibrated.sigma[k] > 0.0 else "",
-                _unit(name),
-            ]
-            if true:
-                row += _deviation(calibrated.value[k], calibrated.sigma[k], true[name][k])
-            rows.append(row)
-    return TextTable(header, rows, f"{triad.capitalize()}; sigma: standard error")
+            value, deviation = float(calibrated.value[k]), float(calibrated.sigma[k])
+            truth = [float(true[name][k])] if true else []
+            sigma_text, *texts = deviation_texts(deviation, value, *truth)
+            row = [f"{short} {label}", texts[0], sigma_text, *texts[1:]]
+            rows.append(row + [_distance(value, deviation, entry) for entry in truth])
+    title = f"{triad.capitalize()}: {', '.join(units)}; sigma: standard error"
+    return TextTable(header, rows, f"{title}, off: in standard errors" if true else title)
 
 
 def _unit(name: str) -> str:
@@ -81,7 +80,7 @@ def _unit(name: str) -> str:
     if name in _UNITS:
         return _UNITS[name]
     declared = parameters(ImuParameters).get(name)
-    return declared.unit if declared is not None else "1"
+    return (declared.unit if declared is not None else "") or "1"
 
 
 def _shown(fact: object) -> str:
@@ -99,13 +98,11 @@ def _labels(count: int) -> list[str]:
     return [f"{axis}{k + 1 if orders > 1 else ''}" for k in range(orders) for axis in "xyz"]
 
 
-def _deviation(value: float, sigma: float, truth: float) -> list[str]:
-    """Return the truth and the distance to it in standard errors; a sigma of 0 is exact."""
+def _distance(value: float, sigma: float, truth: float) -> str:
+    """Return the distance to the truth in standard errors; a sigma of 0 is exact."""
     if sigma > 0.0:
-        shown = f"{abs(value - truth) / sigma:.1f}"
-    else:
-        shown = "0.0" if np.isclose(value, truth, rtol=_DIGITS, atol=_DIGITS) else ""
-    return [f"{truth:.6g}", shown]
+        return f"{abs(value - truth) / sigma:.1f}"
+    return "0.0" if np.isclose(value, truth, rtol=_DIGITS, atol=_DIGITS) else ""
 
 
 _SIX: Final = [f"{triad}{axis}" for triad in "ga" for axis in AXES]
@@ -127,28 +124,32 @@ def twin_lines(
         ):
             if sigma != 0.0:
                 mark = "no" if f"{name} {label}" in undetermined else ""
-                numbers = ["not given", ""] if np.isnan(value) else [f"{value:.6g}", f"{sigma:.2g}"]
-                rows.append([f"{name} {label}".strip(), *numbers, _unit(name) or "1", mark])
+                sigma_text, text = deviation_texts(float(sigma), float(value))
+                numbers = ["not given", ""] if np.isnan(value) else [text, sigma_text]
+                rows.append([f"{name} {label}".strip(), *numbers, mark])
+    estimated = (name for name, calibrated in errors.items() if calibrated.sigma.any())
+    units = [f"{name} [{_unit(name)}]" for name in estimated]
     yield TextTable(
-        ["", "value", "sigma", "unit", "determined"],
+        ["", "value", "sigma", "determined"],
         rows,
-        "Constant errors; sigma: standard error; mounting: rotation vector of R_ib",
+        f"Constant errors: {', '.join(units)}; sigma: standard error; mounting: rotation vector of "
+        "R_ib",
     )
     noise = source.noise
     if noise.there:
         angle, distance = 1e3 * noise.deviation
         yield (
-            f"the poses scatter by {distance:.3g} mm and {angle:.3g} mrad; their motion stands out "
-            f"of that up to {source.cutoff:.3g} Hz, the cut-off"
+            f"noise of the poses: {distance:.3g} mm and {angle:.3g} mrad; the motion exceeds it up "
+            f"to {source.cutoff:.3g} Hz, the cut-off"
         )
     if clock_wander > 0.0:
         yield (
-            f"the truth's clock wanders by {1e3 * clock_wander:.2f} ms RMS around offset "
-            "and skew; that is taken out and not simulated"
+            f"the truth's clock wanders by {1e3 * clock_wander:.2f} ms RMS around offset and skew; "
+            "this is removed and not simulated"
         )
     yield _white_floor(analysis)
     if len(analysis.lines.frequency):
-        yield _spectral_lines(analysis.lines)
+        yield from _spectral_lines(analysis.lines)
     yield from _intensity(analysis)
     if check is not None:
         yield from _check_lines(check)
@@ -158,22 +159,32 @@ def _white_floor(analysis: Analysis) -> TextTable:
     white = analysis.white
     rows = []
     for k, (triad, axis) in enumerate((t, a) for t in TRIADS for a in AXES):
-        hidden = white.low[k] == 0.0
-        value = f"< {white.high[k]:.3g}" if hidden else f"{white.density[k]:.4g}"
-        interval = "" if hidden else f"{white.low[k]:.4g} .. {white.high[k]:.4g}"
-        rows.append([f"{triad} {axis}", value, interval])
+        if white.low[k] == 0.0:
+            rows.append([f"{triad} {axis}", upper_bound(float(white.high[k])), ""])
+            continue
+        ends = (white.density[k], white.low[k], white.high[k])
+        value, low, high = interval_texts(*map(float, ends))
+        rows.append([f"{triad} {axis}", value, f"{low} .. {high}"])
     title = f"White floor; {len(analysis.vibration.low)} bands of vibration above it"
     return TextTable(["[unit/sqrt(Hz)]", "value", "95 % interval"], rows, title)
 
 
-def _spectral_lines(lines: Lines) -> TextTable:
-    sizes = zip(lines.amplitude, lines.amplitude_sigma, strict=True)
-    rows = [
-        [f"{f:.4f}", f"{s:.2g}", *(f"{a:.3g} +- {e:.1g}" for a, e in zip(*size, strict=True))]
-        for f, s, size in zip(lines.frequency, lines.frequency_sigma, sizes, strict=True)
-    ]
-    title = "Lines: amplitudes [rad/s, m/s^2]"
-    return TextTable(["line [Hz]", "sigma", *_SIX], rows, title)
+def _spectral_lines(lines: Lines) -> Iterator[TextTable]:
+    """Yield the amplitudes of the lines, a table for each triad."""
+    for triad, (name, unit) in enumerate(zip(TRIADS, ("rad/s", "m/s^2"), strict=True)):
+        columns = slice(3 * triad, 3 * triad + 3)
+        rows = [
+            [
+                plus_minus(float(frequency), float(sigma)),
+                *map(plus_minus, amplitudes[columns].tolist(), deviations[columns].tolist()),
+            ]
+            for frequency, sigma, amplitudes, deviations in zip(
+                *(lines.frequency, lines.frequency_sigma, lines.amplitude, lines.amplitude_sigma),
+                strict=True,
+            )
+        ]
+        title = f"Lines of the {name}: amplitudes [{unit}]; \N{PLUS-MINUS SIGN} standard error"
+        yield TextTable(["frequency [Hz]", *AXES], rows, title)
 
 
 def _intensity(analysis: Analysis) -> Iterator[TextTable]:
@@ -185,10 +196,10 @@ def _intensity(analysis: Analysis) -> Iterator[TextTable]:
                 values = zip(exponents.value[k, triad], exponents.sigma[k, triad], strict=True)
                 rows.append(
                     [f"{edges[k]:g}-{edges[k + 1]:g} Hz {name}"]
-                    + [f"{v:.2f} +- {s:.2f}" if v else "" for v, s in values]
+                    + [plus_minus(float(v), float(s)) if v else "" for v, s in values]
                 )
     if rows:
-        title = "Intensity follows the motion: exponents"
+        title = "Exponents of the vibration's intensity; \N{PLUS-MINUS SIGN} standard error"
         yield TextTable(["", "rate", "acceleration", "speed"], rows, title)
 
 
@@ -200,18 +211,18 @@ def _check_lines(check: Check) -> Iterator[str | TextTable]:
         + ["" if np.isnan(v) else f"{round(v, 1) + 0.0:+.1f}" for v in values]
         for (low, high), values in zip(BANDS, check.decibels, strict=True)
     ]
-    title = f"Twin over real sensor on the {check.seconds:.1f} s it has not seen [dB]"
+    title = f"Density of the twin over that of the sensor, {check.seconds:.1f} s held out [dB]"
     yield TextTable(["density", *_SIX], rows, title)
     drift = zip((1, 2, 5), check.real_drift, check.simulated_drift, strict=True)
     for seconds, real, simulated in drift:
         yield (
-            f"dead-reckoned for {seconds} s: median error {simulated:.3g} m, the real sensor's "
-            f"{real:.3g} m ({100.0 * (simulated / real - 1.0):+.0f} %)"
+            f"median error after {seconds} s of dead reckoning: twin {simulated:.3g} m, real "
+            f"sensor {real:.3g} m ({100.0 * (simulated / real - 1.0):+.0f} %)"
         )
     louder = ", ".join(f"{20.0 * np.log10(r):+.1f}" for r in check.truth_noise)
-    yield (f"noise of the truth itself on this part over that of the fitted one: {louder} dB")
+    yield f"noise of the true poses, held-out part over fitted part: {louder} dB"
     twin, real = 100.0 * check.told_apart, 100.0 * check.real_told_apart
     yield (
-        f"a classifier tells windows of twin and real sensor apart in {twin:.0f} %, of the real "
-        f"sensor on both parts in {real:.0f} % (50 %: it cannot)"
+        f"a classifier separates windows of twin and real sensor with an accuracy of {twin:.0f} %, "
+        f"windows of the sensor in both parts with {real:.0f} % (chance: 50 %)"
     )

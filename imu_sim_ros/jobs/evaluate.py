@@ -27,6 +27,7 @@ from imu_sim_ros.core.arguments import (
 from imu_sim_ros.core.arguments import path as checked_path
 from imu_sim_ros.core.arguments import topic as checked_topic
 from imu_sim_ros.core.conventions import TRUTH_TOPIC
+from imu_sim_ros.core.digits import interval_texts
 from imu_sim_ros.core.errors import InputError, Problems, warn
 from imu_sim_ros.core.records import States, with_fields
 from imu_sim_ros.core.types import Array, Integers, Mask, Times
@@ -568,9 +569,10 @@ def _lines(result: Mapping[str, Any]) -> Iterator[str | TextTable]:
         yield f"scale of the estimate: {result['alignment']['scale']:.6g}"
     if result["time_offset"] is not None:
         offset = result["time_offset"]
+        ends = (offset["value_s"], offset["low_s"], offset["high_s"])
+        value, low, high = interval_texts(*(1e3 * end for end in ends))
         yield (
-            f"time offset: {1e3 * offset['value_s']:.2f} ms ({1e3 * offset['low_s']:.2f} to "
-            f"{1e3 * offset['high_s']:.2f}, 95 %) added to the estimate's stamps; "
+            f"time offset: {value} ms ({low} to {high}, 95 %) added to the estimate's stamps; "
             f"ATE {offset['ate_rmse_m_before']:.4g} m without, "
             f"{result['ate_m']['rmse']:.4g} m with it"
         )

@@ -21,10 +21,10 @@ from imu_sim_ros.calibration.noise.terms import (
     ramp_deviation,
 )
 from imu_sim_ros.core.conventions import AXIS_COLOURS, TRIADS, TRUTH_COLOUR
+from imu_sim_ros.core.digits import plus_minus, upper_bound
 from imu_sim_ros.core.types import Array
 from imu_sim_ros.plots import style
 from imu_sim_ros.plots.style import Figure
-from imu_sim_ros.terminal.text_tables import plus_minus
 
 _SHORT_UNITS: Final = {"gyroscope": "rad/s", "accelerometer": "m/s$^2$"}
 _LINES: Final = {"Q": ":", "N": "--", "B": "-.", "K": "--", "R": ":", "sigma": "-."}
@@ -110,7 +110,7 @@ def _label(result: AllanResult, column: int) -> str:
                 f"{symbol} = {plus_minus(estimate.value, 0.5 * (estimate.high - estimate.low))}"
             )
         elif key == "random_walk":
-            terms.append(f"{symbol} < {estimate.high:.2g}")
+            terms.append(f"{symbol} {upper_bound(estimate.high)}")
     return f"{'xyz'[column % 3]}: " + ", ".join(terms)
 
 

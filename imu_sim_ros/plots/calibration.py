@@ -21,10 +21,10 @@ from imu_sim_ros.calibration.deterministic.temperature import (
 from imu_sim_ros.calibration.deterministic.turntable import Turntable
 from imu_sim_ros.calibration.twin import comparison
 from imu_sim_ros.core.conventions import AXES, AXIS_COLOURS, SERIES_COLOURS, TRIADS, TRUTH_COLOUR
+from imu_sim_ros.core.digits import plus_minus
 from imu_sim_ros.core.types import Array
 from imu_sim_ros.plots import style
 from imu_sim_ros.plots.style import Figure
-from imu_sim_ros.terminal.text_tables import plus_minus
 
 _AXES = "xyz"
 _BAR_COLOUR = "#E4E4E4"
@@ -164,8 +164,10 @@ def ellipsoid(result: Ellipsoid, readings: Array, source: str) -> Figure:
     direction_axes.set_xticks(np.arange(-180, 181, 90))
     direction_axes.set_ylabel("z of the field's direction")
     bar = figure.colorbar(shown, ax=direction_axes)
-    bar.set_label("residual of the strength [µT]", fontsize=direction_axes.xaxis.label.get_size())
-    bar.ax.tick_params(labelsize=direction_axes.xaxis.label.get_size())
+    bar.set_label(
+        "residual of the strength [µT]", fontsize=direction_axes.xaxis.label.get_fontsize()
+    )
+    bar.ax.tick_params(labelsize=direction_axes.xaxis.label.get_fontsize())
     style.heading(figure, f"{source}, {len(readings)} readings")
     return figure
 

@@ -4,11 +4,13 @@
 """Results as text: lines and tables that fit the terminal."""
 
 import html
-import math
 import shutil
 import sys
+import textwrap
 from collections.abc import Iterable, Sequence
-from typing import NamedTuple
+from typing import Final, NamedTuple
+
+_TITLE_WIDTH: Final = 80
 
 
 class TextTable(NamedTuple):
@@ -17,49 +19,6 @@ class TextTable(NamedTuple):
     header: Sequence[str]
     rows: Sequence[Sequence[str]]
     title: str = ""
-
-
-def interval_text(value: float, low: float, high: float) -> tuple[str, str, str]:
-    """Return a value and the ends of its interval with two digits of half the interval's width.
-
-    All have the same last place, which is finer if an end that differs would look like the value.
-    """
-    largest = max(abs(value), abs(low), abs(high))
-    half = 0.5 * (high - low)
-    if not (math.isfinite(largest) and half > 0.0):
-        return f"{value:.4g}", f"{low:.4g}", f"{high:.4g}"
-    exponent = math.floor(math.log10(largest))
-    places = 1 - math.floor(math.log10(half))
-    plain, numbers = -4 <= exponent < 6, (value, low, high)
-    for place in range(places, places + 10):
-        if plain:
-            texts = [f"{number:.{max(place, 0)}f}" for number in numbers]
-        else:
-            scale, digits = 10.0**exponent, max(place + exponent, 0)
-            texts = [f"{number / scale:.{digits}f}e{exponent:+03d}" for number in numbers]
-        texts = [
-            "0" if number == 0.0 else part for number, part in zip(numbers, texts, strict=True)
-        ]
-        middle, bottom, top = texts
-        if (low == value or bottom != middle) and (high == value or top != middle):
-            break
-    return middle, bottom, top
-
-
-def plus_minus(value: float, half: float) -> str:
-    """Return a value with half the width of its interval, which has two digits.
-
-    The form is ``1.234 +- 0.056``, or ``(1.234 +- 0.056)e-05``.
-    """
-    if not (half > 0.0 and math.isfinite(max(abs(value), half))):
-        return f"{value:.4g}"
-    exponent = math.floor(math.log10(max(abs(value), half)))
-    if -3 <= exponent < 4:
-        exponent = 0
-    places = max(1 - math.floor(math.log10(half)) + exponent, 0)
-    scale = 10.0**exponent
-    text = f"{value / scale:.{places}f} \N{PLUS-MINUS SIGN} {half / scale:.{places}f}"
-    return text if exponent == 0 else f"({text})e{exponent:+03d}"
 
 
 def html_of(lines: Iterable[str | TextTable]) -> str:
@@ -92,12 +51,15 @@ def print_lines(lines: Iterable[str | TextTable]) -> None:
 def print_table(header: Sequence[str], rows: Sequence[Sequence[str]], title: str = "") -> None:
     """Print an aligned table: the first column to the left, the others to the right.
 
+    A title longer than 80 letters, or than the terminal is wide, goes on in the next line.
     On a terminal too narrow for it the columns move together; if that is not enough, each row
     becomes a block with a line for each column: no number is ever cut.
     """
     widths = [max(map(len, column)) for column in zip(header, *rows, strict=True)]
     needed = sum(widths) + 3 * len(widths)
-    if sys.stdout.isatty() and needed > (terminal := shutil.get_terminal_size().columns):
+    terminal = shutil.get_terminal_size().columns if sys.stdout.isatty() else _TITLE_WIDTH
+    title = textwrap.fill(title, min(terminal, _TITLE_WIDTH))
+    if sys.stdout.isatty() and needed > terminal:
         close = sum(widths) + 2 * (len(widths) - 1) <= terminal
         print("\n".join((_close if close else stacked)(header, rows, title)))
         return
@@ -117,7 +79,7 @@ def print_table(header: Sequence[str], rows: Sequence[Sequence[str]], title: str
     with console.capture() as captured:
         console.print(table)
     lines = [line.rstrip() for line in captured.get().splitlines()]
-    # A title may be longer than its table is wide; the table's own would be wrapped.
+    # A title may be longer than its table is wide; rich would fit it to the table.
     print("\n".join([title, *lines] if title else lines))
 
 

@@ -15,6 +15,7 @@ from imu_sim_ros.calibration.deterministic.positions import SixPosition
 from imu_sim_ros.calibration.deterministic.temperature import Temperature
 from imu_sim_ros.calibration.deterministic.turntable import Turntable
 from imu_sim_ros.core.conventions import TRIADS
+from imu_sim_ros.core.digits import plus_minus
 from imu_sim_ros.core.types import Array
 from imu_sim_ros.parameters import files
 from imu_sim_ros.parameters.kinds import Value
@@ -30,7 +31,8 @@ class Calibrated(NamedTuple):
 
     def __repr__(self) -> str:
         pairs = zip(self.value, self.sigma, strict=True)
-        return "<" + ", ".join(f"{value:.4g} +- {sigma:.2g}" for value, sigma in pairs) + ">"
+        texts = ", ".join(plus_minus(value, sigma) for value, sigma in pairs)
+        return f"<Calibrated {texts}; standard errors>"
 
 
 Parameters = dict[str, Calibrated]
