@@ -8,6 +8,7 @@ from typing import Final
 
 from imu_sim_ros.campaigns.pairs import CommonTime
 from imu_sim_ros.campaigns.statistics import ConfidenceInterval
+from imu_sim_ros.core.digits import interval_texts
 
 SIGNIFICANT: Final = 0.05
 BETTER, WORSE, EQUAL, UNDECIDED = "better", "worse", "equal", "undecided"
@@ -124,7 +125,8 @@ def _size(kind: str, effect: ConfidenceInterval) -> tuple[str, str | None]:
     if value < 1.0:
         ends = [None if end is None else 1.0 / end for end in reversed(ends)]
     label = "larger" if value >= 1.0 else "smaller"
-    return f"{_number(factor)} times {label}", _between(*(_end_text(end) for end in ends))
+    text, *end_texts = _texts(factor, *ends)
+    return f"{text} times {label}", _between(*end_texts)
 
 
 def _change(effect: ConfidenceInterval, increase: str, decrease: str) -> tuple[str, str | None]:
@@ -135,21 +137,23 @@ def _change(effect: ConfidenceInterval, increase: str, decrease: str) -> tuple[s
     if value < 0.0:
         low, high = (None if end is None else -end for end in (high, low))
     unit = " %" if label.startswith("%") else ""
-    ends = [_end_text(low, unit), _end_text(high, unit)]
+    text, bottom, top = _texts(abs(value), low, high)
     if low is not None and low < 0.0:
-        ends[0] = f"{-low:.3g} {opposite}"
-        ends[1] = None if high is None else f"{high:.3g} {label}"
-    digits = 3 if unit else 4
-    return f"{abs(value):.{digits}g} {label}", _between(*ends)
+        bottom = f"{str(bottom).removeprefix('-')} {opposite}"
+        top = None if top is None else f"{top} {label}"
+    else:
+        bottom, top = (None if end is None else f"{end}{unit}" for end in (bottom, top))
+    return f"{text} {label}", _between(bottom, top)
 
 
-def _end_text(end: float | None, unit: str = "") -> str | None:
-    return None if end is None else f"{_number(end)}{unit}"
-
-
-def _number(value: float) -> str:
-    """Return a number with three digits: ``12,600``, ``1.26e+06``."""
-    return f"{float(f'{value:.3g}'):,.0f}" if 1e3 <= abs(value) < 1e6 else f"{value:.3g}"
+def _texts(
+    value: float, low: float | None, high: float | None
+) -> tuple[str, str | None, str | None]:
+    """Return a value and its interval with digits of their width; three where an end is open."""
+    if low is not None and high is not None:
+        return interval_texts(value, low, high)
+    bottom, top = (None if end is None else f"{end:.3g}" for end in (low, high))
+    return f"{value:.3g}", bottom, top
 
 
 def _between(low: str | None, high: str | None) -> str | None:

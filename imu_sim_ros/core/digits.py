@@ -16,6 +16,8 @@ _EXACT: Final = Context(prec=800)
 """More digits than any float has."""
 _PLAIN: Final = range(-4, 6)
 """Exponents of numbers without a power of ten: 0.00012 to 123456."""
+_ROUNDING: Final = 1e-9
+"""Width of an interval, relative, that arithmetic alone can cause: the numbers are exact."""
 _FINER: Final = 10
 """Largest number of places beyond two digits of the uncertainty."""
 
@@ -27,7 +29,8 @@ def interval_texts(value: float, low: float, high: float) -> tuple[str, str, str
     """
     half = 0.5 * (high - low)
     numbers = (value, low, high)
-    if not (half > 0.0 and math.isfinite(max(map(abs, numbers)))):
+    largest = max(map(abs, numbers))
+    if not (half > _ROUNDING * largest and math.isfinite(largest)):
         return f"{value:.4g}", f"{low:.4g}", f"{high:.4g}"
     place = _place(half)
     texts = _texts(numbers, place)

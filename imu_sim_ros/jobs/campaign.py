@@ -28,6 +28,7 @@ from imu_sim_ros.campaigns.summary import Group, group_runs, slopes
 from imu_sim_ros.campaigns.verdict import EstimateFinding, Judgement, counts, headline, judge
 from imu_sim_ros.core import arguments
 from imu_sim_ros.core.arguments import suggest_keywords
+from imu_sim_ros.core.digits import interval_texts
 from imu_sim_ros.core.errors import InputError, system_error
 from imu_sim_ros.core.names import shown, suggestion
 from imu_sim_ros.core.spelling import argument, stated
@@ -489,8 +490,7 @@ def _slope_tables(
         [
             group.parameter,
             group.estimator,
-            _number(slope.value),
-            f"{slope.low:.3g} - {slope.high:.3g}",
+            *_median_and_interval(slope),
         ]
         for group in slopes(rows, grid, metric)
         if (slope := group.sensitivity.slope)
@@ -509,8 +509,7 @@ def _row(group: Group, metric: str) -> list[str]:
         group.estimator,
         f"{group.done} of {len(group.rows)}",
         _coverage(group),
-        _number(median.value),
-        _interval(median),
+        *_median_and_interval(median),
         _number(p95.value),
         _consistency(group),
     ]
@@ -520,13 +519,14 @@ _LEAST_SEEDS: Final = 6
 """Values from which the median has an exact 95 % interval: 1 - 2 / 2^6 is above 0.95."""
 
 
-def _interval(median: ConfidenceInterval) -> str:
-    """Return the interval of a median, or the reason why it has none."""
+def _median_and_interval(median: ConfidenceInterval) -> list[str]:
+    """Return a median and its interval, or the reason why it has none."""
     if median.value is None:
-        return "no run has it"
+        return ["-", "no run has it"]
     if median.low is None or median.high is None:
-        return f"needs {_LEAST_SEEDS} seeds"
-    return f"{median.low:.4g} - {median.high:.4g}"
+        return [_number(median.value), f"needs {_LEAST_SEEDS} seeds"]
+    value, low, high = interval_texts(median.value, median.low, median.high)
+    return [value, f"{low} - {high}"]
 
 
 def _coverage(group: Group) -> str:

@@ -329,6 +329,9 @@ def _cells(plan: Plan, groups: Sequence[Group], metrics: Sequence[str], chosen: 
     main = [f"{chosen} {part}" for part in ("median", "low", "high", "p95")]
     main += [name for name in ("coverage median",) if name in header]
     cells["printed"] = len(rows)
+    cells["intervals"] = [
+        [f"{name} {part}" for part in ("median", "low", "high")] for name in shown
+    ]
     cells["shown"] = ["no.", *varying, "done", "runs", *main]
     return Section("Cells", [*items, cells])
 

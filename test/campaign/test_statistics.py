@@ -405,10 +405,9 @@ def test_the_best_is_named_with_effect_seeds_and_p():
     assert (judgement.factor, contest.best, contest.ranking) == ("imu", "good", ["good", "bad"])
     assert contest.lead.won == 30
     assert 1 / contest.lead.effect.value == pytest.approx(250.0, rel=0.1)
-    words = (
-        r"^good beats bad; ate_rmse_m 2\d\d times smaller \(95 %: 2\d\d to 2\d\d\) than with bad"
-    )
-    words += r", better on 30 of 30 seeds, p = [\d.e-]+$"
+    interval = r"2\d\d\.\d to 2\d\d\.\d"
+    words = rf"^good beats bad; ate_rmse_m 2\d\d\.\d times smaller \(95 %: {interval}\) than with"
+    words += r" bad, better on 30 of 30 seeds, p = [\d.e-]+$"
     assert re.search(words, contest.line("ate_rmse_m", "2 %"))
     json.dumps(judgement.to_dict(), allow_nan=False)
 
@@ -529,7 +528,9 @@ def test_the_headline_tells_equal_from_undecided():
         "No imu is the best in any of 2 comparisons",
         "equal within 2 % in 1; undecided in 1",
     )
-    assert found[2].line("ate", "2 %").startswith("cell=y: a and b are equal within 2 %; a: ate 2 ")
+    assert (
+        found[2].line("ate", "2 %").startswith("cell=y: a and b are equal within 2 %; a: ate 2.00 ")
+    )
 
 
 def test_holm_by_hand():
@@ -554,11 +555,11 @@ def test_sensitivity_finds_the_exponent():
 @pytest.mark.parametrize(
     ("kind", "effect", "words"),
     [
-        (RATIO, (0.88, 0.85, 0.92), "12 % smaller (95 %: 8 % to 15 %)"),
-        (RATIO, (0.997, 0.99, 1.004), "0.3 % smaller (95 %: 0.4 % larger to 1 % smaller)"),
-        (RATIO, (0.25, 0.2, 0.5), "4 times smaller (95 %: 2 to 5)"),
+        (RATIO, (0.88, 0.85, 0.92), "12.0 % smaller (95 %: 8.0 % to 15.0 %)"),
+        (RATIO, (0.997, 0.99, 1.004), "0.30 % smaller (95 %: 0.40 % larger to 1.00 % smaller)"),
+        (RATIO, (0.25, 0.2, 0.5), "4.0 times smaller (95 %: 2.0 to 5.0)"),
         (RATIO, (3.0, 2.0, None), "3 times larger (95 %: at least 2)"),
-        (DIFFERENCE, (-0.2, -0.5, 0.1), "0.2 smaller (95 %: 0.1 larger to 0.5 smaller)"),
+        (DIFFERENCE, (-0.2, -0.5, 0.1), "0.20 smaller (95 %: 0.10 larger to 0.50 smaller)"),
         (SHARE, (-0.5, -0.6, -0.3), "50 % fewer runs done (95 %: 30 % to 60 %)"),
         (
             RATIO,

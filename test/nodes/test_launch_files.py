@@ -14,11 +14,13 @@ import yaml
 from imu_sim_ros.bags.recorder_parameters import RecorderParameters
 from imu_sim_ros.core.conventions import (
     ATTITUDE_ERROR_TOPIC,
+    AXIS_COLOURS,
     DEAD_RECKONED_TOPIC,
     IMU_TOPIC,
     PATH_TOPIC,
     POSITION_ERROR_TOPIC,
     ROLL_PITCH_YAW_TOPIC,
+    SERIES_COLOURS,
     TRUTH_TOPIC,
 )
 from imu_sim_ros.navigation.parameters import IntegratorParameters, load_integrator
@@ -173,6 +175,27 @@ def test_foxglove_plots_fields_that_exist_and_lays_out_every_panel():
         return [*leaves(place["first"]), *leaves(place["second"])]
 
     assert sorted(leaves(layout["layout"])) == sorted(layout["configById"])
+
+
+def test_layouts_have_the_colours_of_pages_and_pictures():
+    """Axes red, green and blue; an estimate beside the truth lighter; its path as in pages."""
+    foxglove = json.loads((REPOSITORY / "config/foxglove_layout.json").read_text())["configById"]
+    root = ElementTree.parse(REPOSITORY / "config/plotjuggler_layout.xml").getroot()
+    colours = {curve.get("name"): curve.get("color") for curve in root.iter("curve")}
+    for panel in foxglove.values():
+        colours |= {path["value"]: path["color"] for path in panel.get("paths", [])}
+    assert len(colours) > 30
+    for name, colour in colours.items():
+        axis = AXIS_COLOURS[name[-1]].lower()
+        channels = [int(axis[k : k + 2], 16) for k in (1, 3, 5)]
+        lighter = "#" + "".join(f"{round(0.5 * (255 + channel)):02x}" for channel in channels)
+        assert colour == (lighter if name.startswith("/dead_reckoned/odom") else axis), name
+    path = foxglove["3D!scene"]["topics"]["/dead_reckoned/path"]["gradient"]
+    assert path == [f"{SERIES_COLOURS[0].lower()}ff"] * 2
+    tree = yaml.safe_load((REPOSITORY / "config/dead_reckoning.rviz").read_text())
+    displays = {one["Name"]: one for one in tree["Visualization Manager"]["Displays"]}
+    channels = [int(text) for text in displays["Dead-reckoned path"]["Color"].split(";")]
+    assert bytes(channels).hex() == SERIES_COLOURS[0][1:].lower()
 
 
 def test_plotjuggler_names_its_plugins_as_they_name_themselves():

@@ -9,6 +9,7 @@ import re
 import subprocess
 import sys
 
+import numpy as np
 import pytest
 
 from imu_sim_ros.campaigns.effects import BETTER, WORSE
@@ -16,6 +17,7 @@ from imu_sim_ros.campaigns.plan import load_plan
 from imu_sim_ros.campaigns.results import read_results
 from imu_sim_ros.campaigns.verdict import judge
 from imu_sim_ros.commands.report import main
+from imu_sim_ros.core.digits import interval_texts
 
 from .conftest import HOSTILE
 
@@ -119,6 +121,19 @@ def test_the_legend_shows_a_band_as_a_band_and_a_line_as_a_line(opened):
           (mark) => mark.tagName)])""",
     )
     assert marks == [["3 sigma, as stated", ["rect"]], ["error", ["line"]]]
+
+
+def test_a_page_rounds_intervals_as_the_terminal_does(opened):
+    """Two digits of the half width; 400 intervals over 24 decades, with ties and carries."""
+    rng = np.random.default_rng(3)
+    values = rng.normal(size=380) * 10.0 ** rng.uniform(-12.0, 12.0, 380)
+    widths = np.abs(values)[:, None] * 10.0 ** rng.uniform(-5.0, 1.0, (380, 2))
+    intervals = np.column_stack([values, values - widths[:, 0], values + widths[:, 1]]).tolist()
+    intervals += [[12.5, 2.5, 22.5], [0.125, 0.0, 0.25], [6.3e-5, 0.0, 9.99e-5], [1.0, 0.9996, 1.1]]
+    intervals += [[2198.0, 1800.0, 2600.0], [9.96, 8.0, 9.996], [-2.5, -12.5, 7.5]]
+    script = "return arguments[0].map((ends) => intervalInWords(...ends))"
+    texts = opened("campaign.html").execute_script(script, intervals)
+    assert texts == [list(interval_texts(*ends)) for ends in intervals]
 
 
 def test_an_estimate_leads_to_its_errors(opened):

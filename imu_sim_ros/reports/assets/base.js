@@ -41,6 +41,33 @@ function inWords(value, digits = 4) {
   return String(Number(value.toPrecision(digits)));
 }
 
+// The power of ten of a number.
+function powerOf(value) { return Number(Math.abs(value).toExponential().split("e")[1]); }
+
+function fixed(value, place, power) {
+  if (value === 0) return "0";
+  const mantissa = power ? value / Number(`1e${power}`) : value, digits = place + power;
+  const unit = Number(`1e${-digits}`);
+  const text = digits < 0 ? (Math.sign(value) * Math.round(Math.abs(mantissa) / unit) * unit).toFixed(0) : mantissa.toFixed(digits);
+  return power ? `${text}e${power < 0 ? "-" : "+"}${String(Math.abs(power)).padStart(2, "0")}` : text;
+}
+
+// A value and the ends of its interval with two digits of half its width, as interval_texts of
+// core/digits.py writes them.
+function intervalInWords(value, low, high) {
+  const numbers = [value, low, high], half = 0.5 * (high - low);
+  if (numbers.some((number) => typeof number !== "number") || !(half > 1e-9 * Math.max(...numbers.map(Math.abs))) || !isFinite(half)) return numbers.map((number) => inWords(number));
+  const first = 1 - Number(half.toExponential(1).split("e")[1]);
+  let words = [];
+  for (let place = first; place < first + 10; place++) {
+    const largest = Math.max(...numbers.map(Math.abs)), rounded = Number(fixed(largest, place, 0));
+    const power = powerOf(rounded || largest), shown = power < -4 || power > 5 ? power : 0;
+    words = numbers.map((number) => fixed(number, place, shown));
+    if ((low === value || words[1] !== words[0]) && (high === value || words[2] !== words[0])) break;
+  }
+  return words;
+}
+
 // Ticks in as few digits as say them exactly: neighbours that hardly differ are told apart.
 function ticksInWords(ticks, digits) {
   for (; digits < 12; digits++) {

@@ -7,7 +7,7 @@ const builders = {
   heading: (item) => element("h3", { class: "part" }, item.text),
   code: (item) => element("pre", { tabindex: "0", class: item.text.split("\n").length > 20 ? "long" : null }, item.text),
   table: (item) => {
-    const table = new Table(item.columns, { name: item.name, search: item.search, shown: item.shown, printed: item.printed, links: item.links, digits: item.digits });
+    const table = new Table(item.columns, { name: item.name, search: item.search, shown: item.shown, printed: item.printed, links: item.links, digits: item.digits, intervals: item.intervals });
     return item.name ? element("div", {}, element("h3", {}, item.name), table.host) : table.host;
   },
   plot: (item) => new Plot(item).figure,

@@ -338,8 +338,9 @@ class Plot {
     for (const one of this.shown()) {
       const k = one.mode === "rows" && !one.bare ? one.at.indexOf(row) : -1;
       if (k < 0) continue;
-      const between = `${inWords(one.low[k]) || "open"} to ${inWords(one.high[k]) || "open"}`;
-      lines.push(one.x ? `${one.name ? `${one.name}: ` : ""}${inWords(one.x[k])}${one.pointed ? "" : ` (${between})`}` : `${one.name}: ${between}`);
+      const [middle, low, high] = one.pointed ? [inWords(one.x[k])] : intervalInWords(one.x ? one.x[k] : one.low[k], one.low[k], one.high[k]);
+      const between = `${low || "open"} to ${high || "open"}`;
+      lines.push(one.x ? `${one.name ? `${one.name}: ` : ""}${middle}${one.pointed ? "" : ` (${between})`}` : `${one.name}: ${between}`);
     }
     return lines.length ? [this.spec.categories[row], ...lines] : [];
   }
@@ -358,8 +359,9 @@ class Plot {
       }
       if (best === null || gap > 40) continue;
       head = head || `${this.spec.x.label}: ${inWords(one.x[best])}`;
-      const interval = one.low && one.low[best] !== null && one.high[best] !== null ? ` (${inWords(one.low[best])} to ${inWords(one.high[best])})` : "";
-      lines.push(`${one.labels ? `${one.labels[best]}, ` : ""}${one.name || this.spec.y.label}: ${inWords(one.y[best])}${interval}`);
+      const bounded = one.low && one.low[best] !== null && one.high[best] !== null;
+      const [middle, low, high] = bounded ? intervalInWords(one.y[best], one.low[best], one.high[best]) : [inWords(one.y[best])];
+      lines.push(`${one.labels ? `${one.labels[best]}, ` : ""}${one.name || this.spec.y.label}: ${middle}${bounded ? ` (${low} to ${high})` : ""}`);
     }
     return head ? [head, ...lines] : lines;
   }

@@ -245,7 +245,10 @@ class Campaign {
       const tall = series.every((one) => one.y.every((value) => value > 0));
       const [least, most] = extent(series.flatMap((one) => one.y)) || [1, 1], wide = most > 5 * least;
       const slopes = this.data.slopes.filter((one) => one.metric === metric && one.parameter === parameter)
-        .map((one) => `${one.estimator}: ${inWords(one.slope, 3)} (${inWords(one.low, 3)} to ${inWords(one.high, 3)})`);
+        .map((one) => {
+          const [slope, low, high] = intervalInWords(one.slope, one.low, one.high);
+          return `${one.estimator}: ${slope} (${low} to ${high})`;
+        });
       const told = slopes.length ? ` Slope of the logarithms, 95 %: ${slopes.join("; ")}.` : "";
       const missing = lines.size > MOST_LINES ? ` The first ${MOST_LINES} of ${lines.size} lines.` : "";
       return { title: `${label} over ${parameter}`, x: { label: parameter, log }, y: { label, log: tall && wide }, legend: true, series, caption: `Median with its 95 % interval.${told}${missing}` };

@@ -65,7 +65,7 @@ function named(name, columns, problems) {
 }
 
 class Table {
-  // columns: [{name, values}]; options: {name, search, onfilter, bad, shown, detail, printed, links, digits}
+  // columns: [{name, values}]; options: {name, search, onfilter, bad, shown, detail, printed, links, digits, intervals}
   constructor(columns, options = {}) {
     this.columns = columns.map((one) => ({ ...one, values: unpacked(one), hidden: Boolean(options.shown) && !options.shown.includes(one.name) }));
     this.columns.forEach((one) => { one.number = one.values.some((v) => typeof v === "number") && one.values.every((v) => v === null || typeof v === "number"); });
@@ -173,10 +173,19 @@ class Table {
     this.host.dataset.rows = this.rows.length;
   }
 
+  // A median and the ends of its interval have digits of their own.
+  words(column, row) {
+    const triple = (this.options.intervals || []).find((names) => names.includes(column.name));
+    if (!triple) return inWords(column.values[row], this.options.digits || 5);
+    const numbers = triple.map((name) => this.column(name)[row]);
+    if (numbers.some((number) => typeof number !== "number")) return inWords(column.values[row], this.options.digits || 5);
+    return intervalInWords(...numbers)[triple.indexOf(column.name)];
+  }
+
   line(row) {
     const { bad, detail } = this.options, shown = this.columns.filter((one) => !one.hidden);
     const cells = shown.map((column) => {
-      const words = inWords(column.values[row], this.options.digits || 5);
+      const words = this.words(column, row);
       const target = this.options.links && sectionIds.get(this.options.links[column.values[row]]);
       return element("td", { class: column.number ? "number" : words.length > 60 ? "long" : null }, target ? element("a", { href: `#${target}` }, words) : words);
     });
