@@ -293,6 +293,8 @@ def manifest():
 def test_versions_are_equal_everywhere():
     version = manifest().findtext("version")
     assert imu_sim_ros.__version__ == version
+    readme = (ROOT / "README.md").read_text(encoding="utf-8")
+    assert f"version = {{{version}}}," in readme
     changelog = (ROOT / "CHANGELOG.rst").read_text(encoding="utf-8")
     assert re.search(r"^(\d+\.\d+\.\d+) \(", changelog, re.MULTILINE).group(1) == version
 

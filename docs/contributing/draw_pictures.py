@@ -182,14 +182,14 @@ def photograph(driver: Any, name: str, folder: Path) -> None:
 def main() -> None:
     """Draw what the arguments name."""
     scripts = {picture: script for script, pictures in EXAMPLES.items() for picture in pictures}
-    known = [*COMMANDS, *scripts, *SCREENS, *EUROC]
+    drawable = [*COMMANDS, *scripts, *SCREENS, *EUROC]
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("name", nargs="*", metavar="NAME")
     parser.add_argument("--euroc", type=Path, help="folder mav0 of V1_02_medium")
     arguments = parser.parse_args()
-    if unknown := set(arguments.name) - set(known):
-        parser.error(f"{', '.join(sorted(unknown))}: must be one of {', '.join(known)}")
-    names = arguments.name or [name for name in known if arguments.euroc or name not in EUROC]
+    if unknown := set(arguments.name) - set(drawable):
+        parser.error(f"{', '.join(sorted(unknown))}: must be one of {', '.join(drawable)}")
+    names = arguments.name or [name for name in drawable if arguments.euroc or name not in EUROC]
     with tempfile.TemporaryDirectory() as temporary:
         folder = Path(temporary)
         for name in names:

@@ -1,7 +1,7 @@
 # Copyright 2026 imu_sim_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""``inspect``: say what recordings contain, and what is wrong with them, worst first."""
+"""``inspect``: list what recordings contain and what is wrong with them, worst first."""
 
 import argparse
 import sys
@@ -25,7 +25,7 @@ FINDINGS_STATUS: Final = 3
 _ARGUMENTS: Final = {
     **arguments_of(inspect),
     "--fail-on KIND,...": "exit with status 3 if there is a finding of these kinds; error, warning "
-    "and note stand for all findings that are as bad or worse",
+    "and note stand for all findings of at least that severity",
     "-o --output FILE": "write an HTML page",
     **FORCE,
     **program.JSON_AND_QUIET,

@@ -38,7 +38,7 @@ _KINDS: Final[dict[str, Callable[[str], object]]] = {
 
 JSON_AND_QUIET: Final = {
     "--json": "print the result as a JSON object",
-    "--quiet": "print nothing but errors",
+    "--quiet": "print errors only",
 }
 
 

@@ -49,7 +49,7 @@ _ARGUMENTS: Final = {
         "help": "estimated path: TUM or EuRoC text, or a bag",
     },
     "--truth-topic TOPIC": "topic of the truth, if the bag has several",
-    "--frame FRAME": "frame of the readings, if a topic has those of several IMUs",
+    "--frame FRAME": "frame of the readings, if a topic carries several IMUs",
     "--gyro-topic TOPIC": "topic of the gyroscope, if the accelerometer has another one",
     "--accel-topic TOPIC": "topic of the accelerometer, interpolated to the times of the gyroscope",
     "--gyro-unit": {"choices": tuple(GYRO_UNITS), "help": "unit of the gyroscope in the input"},

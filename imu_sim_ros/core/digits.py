@@ -102,4 +102,5 @@ def _fixed(number: float, place: int, exponent: int) -> str:
     """Return the digits of a number without its power of ten, as JavaScript's toFixed rounds."""
     mantissa = Decimal(number / float(f"1e{exponent}"))
     unit = Decimal(1).scaleb(-(place + exponent))
-    return f"{mantissa.quantize(unit, ROUND_HALF_UP, _EXACT):f}"
+    rounded = mantissa.quantize(unit, ROUND_HALF_UP, _EXACT)
+    return f"{rounded if rounded else abs(rounded):f}"  # no -0.00

@@ -169,7 +169,7 @@ def add_errors_to_file(
     :param twist_frame: axes of the velocities of odometry (default: body)
     :param topics: topics to add; by default ``imu/data_raw`` and the true biases
     :param without: topics of the input to leave out
-    :param frame: frame of the ideal readings, if a topic has those of several IMUs
+    :param frame: frame of the ideal readings, if a topic carries several IMUs
     :param gyro_topic: topic of the ideal gyroscope, if the accelerometer has another one
     :param accel_topic: topic of the accelerometer, interpolated to the gyroscope's times
     :param gyro_unit: unit of the gyroscope in the input: rad/s, deg/s; the output has rad/s

@@ -277,7 +277,7 @@ def allan(
     :param model: standard: Q, N, B, K and R as far as the data resolve them; gauss_markov: white
         noise and a first-order Gauss-Markov process
     :param force: continue when a check of the data fails
-    :param frame: frame of the readings, if a topic has those of several IMUs
+    :param frame: frame of the readings, if a topic carries several IMUs
     :param gyro_topic: topic of the gyroscope, if the accelerometer has another one
     :param accel_topic: topic of the accelerometer, interpolated to the gyroscope's times
     :param gyro_unit: unit of the gyroscope in the file: rad/s, deg/s

@@ -414,7 +414,7 @@ def calibrate_six_position(
     :param fixture: exact: each axis points exactly up and down; norm: ten or more rests in any
         positions, fits the norm of gravity with an upper triangular S; auto: chooses by a test of
         the residuals
-    :param frame: frame of the readings, if a topic has those of several IMUs
+    :param frame: frame of the readings, if a topic carries several IMUs
     :param gyro_topic: topic of the gyroscope, if the accelerometer has another one
     :param accel_topic: topic of the accelerometer, interpolated to the gyroscope's times
     :param gyro_unit: unit of the gyroscope in the file: rad/s, deg/s
@@ -487,7 +487,7 @@ def calibrate_turntable(
     :param gravity: magnitude of local gravity [m/s^2]
     :param accelerometer: correction.yaml of a six-position run, for a tilted table: take the
         specific force from the accelerometer
-    :param frame: frame of the readings, if a topic has those of several IMUs
+    :param frame: frame of the readings, if a topic carries several IMUs
     :param gyro_topic: topic of the gyroscope, if the accelerometer has another one
     :param accel_topic: topic of the accelerometer, interpolated to the gyroscope's times
     :param gyro_unit: unit of the gyroscope in the file: rad/s, deg/s
@@ -569,7 +569,7 @@ def calibrate_temperature(
     :param truth_topic: Odometry topic to take the rates from if none are given
     :param reference: reference temperature T0 of the polynomials [degC]
     :param gravity: magnitude of local gravity [m/s^2]
-    :param frame: frame of the readings, if a topic has those of several IMUs
+    :param frame: frame of the readings, if a topic carries several IMUs
     :param gyro_topic: topic of the gyroscope, if the accelerometer has another one
     :param accel_topic: topic of the accelerometer, interpolated to the gyroscope's times
     :param gyro_unit: unit of the gyroscope in the file: rad/s, deg/s

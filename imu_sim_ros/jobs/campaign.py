@@ -9,7 +9,7 @@ import contextlib
 import errno
 import os
 import time
-from collections.abc import Iterator, Sequence
+from collections.abc import Collection, Iterator, Sequence
 from dataclasses import dataclass
 from os import PathLike
 from pathlib import Path
@@ -25,7 +25,14 @@ from imu_sim_ros.campaigns.plan import Plan, check_plan, find_plan, load_plan
 from imu_sim_ros.campaigns.results import TABLE, Row, Store, read_results
 from imu_sim_ros.campaigns.statistics import ConfidenceInterval, power, quantile, seeds_needed
 from imu_sim_ros.campaigns.summary import Group, group_runs, slopes
-from imu_sim_ros.campaigns.verdict import EstimateFinding, Judgement, counts, headline, judge
+from imu_sim_ros.campaigns.verdict import (
+    EstimateFinding,
+    Judgement,
+    counts,
+    headline,
+    judge,
+    varying_names,
+)
 from imu_sim_ros.core import arguments
 from imu_sim_ros.core.arguments import suggest_keywords
 from imu_sim_ros.core.digits import interval_texts
@@ -418,10 +425,17 @@ _SHOWN: Final = 40
 
 def _lines(result: Campaign) -> Iterator[str | TextTable]:
     metric, groups = result.judgement.metric, group_runs(result.runs, result.plan.grid_names)
-    rows = [_row(group, metric) for group in groups[:_SHOWN]]
+    varying = varying_names(groups)
+    rows = [_row(group, metric, varying) for group in groups[:_SHOWN]]
     header = ["cell", "estimator", "done", "coverage", "median", "95 % interval", "p95"]
     header.append("NEES (band)")
-    yield TextTable(header, rows, f"{metric}, median with 95 % interval")
+    constants = [
+        name if key == "estimator" else f"{key}={name}"
+        for key, name in (groups[0].labels if groups else {}).items()
+        if key not in varying
+    ]
+    title = f"{metric}, median with 95 % interval; {', '.join(constants)}"
+    yield _without_constants(header, rows, title.removesuffix("; "), {"cell", "estimator"})
     if len(groups) > _SHOWN:
         yield (f"{len(groups) - _SHOWN} more in {result.folder / 'summary.csv'}")
     yield from _difference_lines(result.judgement)
@@ -454,8 +468,8 @@ def _difference_lines(judgement: Judgement) -> Iterator[str | TextTable]:
         yield contest.line(judgement.metric, judgement.tolerance)
     rows = [
         [
-            *(contest.where_text, effect.a, effect.b, effect.size(), effect.at_once()),
-            *(_number(effect.p), effect.verdict),
+            *(contest.where_text, effect.a, effect.b, effect.size().replace("95 %: ", "")),
+            *(effect.at_once(), _number(effect.p), effect.verdict),
         ]
         for contest in judgement.contests
         for effect in contest.effects
@@ -463,9 +477,12 @@ def _difference_lines(judgement: Judgement) -> Iterator[str | TextTable]:
     ]
     if rows:
         title = f"Significant differences ({len(rows)}; same seeds, Wilcoxon, Holm)"
-        yield TextTable(
-            ["of", "A", "B", "A than B", "95 %, all at once", "p", "A is"], rows[:_SHOWN], title
-        )
+        constant = {"of"} if len({row[0] for row in rows}) == 1 and rows[0][0] == "all" else set()
+        if len({row[-1] for row in rows}) == 1:
+            title += f"; A is {rows[0][-1]}"
+            constant.add("A is")
+        header = ["of", "A", "B", "A than B (95 %)", "all at once", "p", "A is"]
+        yield _without_constants(header, rows[:_SHOWN], title, constant)
     yield from sorted({e.note for c in judgement.contests for e in c.effects if e.note})
 
 
@@ -501,11 +518,26 @@ def _slope_tables(
         yield TextTable(header, slopes_of, title)
 
 
-def _row(group: Group, metric: str) -> list[str]:
+def _without_constants(
+    header: Sequence[str], rows: Sequence[Sequence[str]], title: str, columns: Collection[str]
+) -> TextTable:
+    """Return a table without those of the columns that are the same in all rows.
+
+    :param columns: names of the columns that may be left out; the title says what they have.
+    """
+    shown = [
+        k
+        for k, name in enumerate(header)
+        if name not in columns or len({row[k] for row in rows}) != 1
+    ]
+    return TextTable([header[k] for k in shown], [[row[k] for k in shown] for row in rows], title)
+
+
+def _row(group: Group, metric: str, varying: Sequence[str]) -> list[str]:
     values = group.values(metric)  # none of success, whose interval is in summary.csv
     median, p95 = quantile(values, 0.5), quantile(values, 0.95)
     return [
-        group.cell,
+        ", ".join(f"{name}={group.labels[name]}" for name in varying if name != "estimator"),
         group.estimator,
         f"{group.done} of {len(group.rows)}",
         _coverage(group),

@@ -179,7 +179,7 @@ def convert(
     :param recover: recover all complete messages of an interrupted or damaged bag
     :param keep_damaged: with --recover: keep the messages of chunks whose checksum is wrong and
         whose records are in sequence; any of them may have wrong values
-    :param frame: frame of the readings to convert, if a topic has those of several IMUs
+    :param frame: frame of the readings to convert, if a topic carries several IMUs
     :param gyro_topic: topic of the gyroscope; the output has the merged readings, imu/data_raw
     :param accel_topic: topic of the accelerometer, interpolated to the gyroscope's times
     :param gyro_unit: unit of the gyroscope in the input: rad/s, deg/s; the output has rad/s

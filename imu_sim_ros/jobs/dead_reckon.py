@@ -238,7 +238,7 @@ def dead_reckon(
     :param calibration: parameter file with known biases, scales and misalignments, as written by
         calibrate
     :param skip: skip the readings in this time after the first one [s]
-    :param frame: frame of the readings, if a topic has those of several IMUs
+    :param frame: frame of the readings, if a topic carries several IMUs
     :param gyro_topic: topic of the gyroscope, if the accelerometer has another one
     :param accel_topic: topic of the accelerometer, interpolated to the gyroscope's times
     :param gyro_unit: unit of the gyroscope in the file: rad/s, deg/s
@@ -623,8 +623,8 @@ def lines(summaries: Sequence[Mapping[str, Any]]) -> Iterator[str | TextTable]:
     if partial is not None:
         yield partial
     columns = {
-        "position [m]": "final_position_error_m",
-        "of path [%]": "final_position_error_percent",
+        "pos. [m]": "final_position_error_m",
+        "% of path": "final_position_error_percent",
         "rms [m]": "rms_position_error_m",
         "v [m/s]": "final_velocity_error_m_s",
         "att. [rad]": "final_attitude_error_rad",
@@ -634,5 +634,5 @@ def lines(summaries: Sequence[Mapping[str, Any]]) -> Iterator[str | TextTable]:
         + ["-" if summary[key] is None else f"{summary[key]:.4g}" for key in columns.values()]
         for summary in summaries
     ]
-    title = "Final errors against the truth; rms: of the position over the run"
+    title = "Final errors against the truth; rms: position over the run"
     yield TextTable(["method", "attitude", *columns], rows, title)

@@ -624,9 +624,9 @@ def _nees_table(result: PoseNees) -> TextTable:
         ]
         for name, part in parts.items()
     ]
-    title = f"NEES, 3 expected; 95 % of the time between {low:.3g} and {high:.3g}"
+    title = f"NEES, 3 expected, 95 % in {low:.3g} to {high:.3g}"
     if result["gauge"] == "first pose":
-        title += "; yaw and position fixed at the first pose"
+        title += "; yaw and position fixed at first pose"
     elif result["gauge"] is not None:
         times = (f"{p['fixed_s']:.4g} s ({n})" for n, p in parts.items() if p.get("fixed_s"))
         title += f"; yaw and position fixed after {', '.join(times)}; poses from there on"

@@ -426,10 +426,10 @@ def inspect(
     Findings come worst first, each with the numbers that show it, its effect on results, and what
     to do about it. What is measured and how is on the page :doc:`/how_to/inspect`.
 
-    :param inputs: bag of any form, EuRoC folder, CSV file of readings or file of poses; in Python
+    :param inputs: bag of any format, EuRoC folder, CSV file of readings or file of poses; in Python
         also a flight, readings or states
-    :param topic: only this topic of Imu or Odometry
-    :param frame: frame of the readings, if a topic has those of several IMUs
+    :param topic: only this topic, of type Imu or Odometry
+    :param frame: frame of the readings, if a topic carries several IMUs
     :param gyro_topic: topic of the gyroscope, if the accelerometer has another one
     :param accel_topic: topic of the accelerometer, interpolated to the gyroscope's times
     :param gyro_unit: unit of the gyroscope in the file: rad/s, deg/s

@@ -57,7 +57,7 @@ def preintegrate(
     :param max_gap: longest time between two readings that is integrated over [s]; 0: 2.5 times the
         usual interval, from 0.1 to 2 s.
     :param topic: topic of the readings in a file, if it has several.
-    :param frame: frame of the readings, if a topic has those of several IMUs.
+    :param frame: frame of the readings, if a topic carries several IMUs.
     :param gyro_topic: topic of the gyroscope, if the accelerometer has another one.
     :param accel_topic: topic of the accelerometer, interpolated to the gyroscope's times.
     :param gyro_unit: unit of the gyroscope in the file: rad/s, deg/s.

@@ -68,7 +68,7 @@ def judged(readings: Readings, policy: FindingPolicy) -> Readings:
 def read_imu(
     path: str | Path, topic: str | None = None, *, skip_bad_rows: bool = False
 ) -> Readings:
-    """Return the IMU readings of a bag of any form, a EuRoC folder or a CSV file.
+    """Return the IMU readings of a bag of any format, a EuRoC folder or a CSV file.
 
     :param path: the file or folder.
     :param topic: topic of type sensor_msgs/Imu; needed if a bag has several.
@@ -98,11 +98,11 @@ def read_readings(
     accel_unit: str | None = None,
     skip_bad_rows: bool = False,
 ) -> Readings:
-    """Return the readings of an IMU from a bag of any form, a table with any header, or a folder.
+    """Return the readings of an IMU from a bag of any format, a table with any header, or a folder.
 
     :param path: the file or folder.
     :param topic: topic of type sensor_msgs/Imu; needed if a bag has several.
-    :param frame: frame of the readings, if a topic has those of several IMUs.
+    :param frame: frame of the readings, if a topic carries several IMUs.
     :param gyro_topic: topic of the gyroscope, if the accelerometer has another one.
     :param accel_topic: topic of the accelerometer, interpolated to the gyroscope's times.
     :param gyro_unit: unit of the gyroscope in the file: rad/s, deg/s.

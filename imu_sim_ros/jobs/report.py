@@ -131,7 +131,7 @@ def report(
         oldest first, to show a trend
     :param baseline_anyway: compare with baselines of another plan, which are refused otherwise
     :param truth_topic: topic of the truth, if a bag has several
-    :param frame: frame of the readings, if a topic has those of several IMUs
+    :param frame: frame of the readings, if a topic carries several IMUs
     :param gyro_topic: topic of the gyroscope, if the accelerometer has another one
     :param accel_topic: topic of the accelerometer, interpolated to the gyroscope's times
     :param gyro_unit: unit of the gyroscope in the file: rad/s, deg/s

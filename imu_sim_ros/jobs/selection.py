@@ -17,7 +17,7 @@ READINGS: Final = Heading("readings")
 Frame = Annotated[
     str | None,
     "--frame FRAME",
-    Text("frame of the readings, if a topic has those of several IMUs"),
+    Text("frame of the readings, if a topic carries several IMUs"),
     READINGS,
 ]
 GyroTopic = Annotated[

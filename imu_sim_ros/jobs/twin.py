@@ -373,7 +373,7 @@ def twin(
     :param gravity: magnitude of local gravity [m/s^2]
     :param cutoff: count motion at higher frequencies as vibration [Hz]
     :param max_offset: largest offset between the two clocks to search for [s]
-    :param frame: frame of the readings, if a topic has those of several IMUs
+    :param frame: frame of the readings, if a topic carries several IMUs
     :param gyro_topic: topic of the gyroscope, if the accelerometer has another one
     :param accel_topic: topic of the accelerometer, interpolated to the gyroscope's times
     :param gyro_unit: unit of the gyroscope in the file: rad/s, deg/s

@@ -55,7 +55,7 @@ def renaming(text: str) -> tuple[str, str]:
 
 
 OUTPUT: Final = Heading("output")
-PARAMETERS: Final = Heading("parameters (later ones win)")
+PARAMETERS: Final = Heading("parameters (later ones override)")
 _COMPRESSION: Final = "; ".join(
     f"{storage}: {', '.join(names)}" for storage, names in COMPRESSIONS.items()
 )

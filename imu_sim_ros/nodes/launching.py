@@ -35,7 +35,7 @@ NAMESPACE: Final = Argument("namespace", "namespace of the nodes and their topic
 OF_EVERY_NODE: Final = (
     Argument(
         "params_file",
-        "parameter files, separated by spaces, later ones win; launch arguments override them",
+        "parameter files, separated by spaces; later ones override, launch arguments override all",
     ),
     Argument("use_sim_time", "true: time comes from an external /clock"),
 )

@@ -56,7 +56,7 @@ def test_what_is_printed_and_drawn_is_quiet(tmp_path, capsys):
     assert calibrate.main([*options, "-o", str(tmp_path / "out")]) == 0
     printed = capsys.readouterr()
     assert "e-" not in printed.out
-    table = printed.out.partition("Accelerometer;")[2].splitlines()
+    table = printed.out.partition("Accelerometer:")[2].splitlines()
     rows = [line.split() for line in table if line.startswith(("  scale", "  bias"))]
     assert len(rows) == 12
     assert {row[-1] for row in rows} == {"0.0"}

@@ -138,7 +138,7 @@ def test_all_is_a_list_of_every_way(bag, capsys):
 def test_table_names_units_and_methods(bag, capsys):
     _, out, _ = run(capsys, bag, "--all")
     assert "Final errors against the truth" in out
-    assert "position [m]" in out
+    assert "pos. [m]" in out
     assert out.count("midpoint") == 3
     assert run(capsys, bag, "--quiet")[1] == ""
 

@@ -13,8 +13,9 @@ import sys
 import numpy as np
 import pytest
 
+import imu_sim_ros as ims
 from imu_sim_ros.campaigns.statistics import quantile
-from imu_sim_ros.commands import control
+from imu_sim_ros.commands import allan, calibrate, control, dead_reckon, evaluate
 from imu_sim_ros.jobs import campaign
 from imu_sim_ros.terminal import progress, text_tables
 
@@ -154,3 +155,34 @@ def test_a_watched_status_is_redrawn_in_place_and_faults_stay_above_it(monkeypat
     view.show(["running", "imu/data_raw 199.5 Hz"])
     lines = screen(terminal.getvalue())
     assert lines == ["fault: dropout", "running", "imu/data_raw 199.5 Hz"[: columns - 1]]
+
+
+PROGRAMS = (
+    (dead_reckon, ["flight.mcap", "--all"]),
+    (evaluate, ["flight.tum", "flight.mcap", "--align", "yaw"]),
+    (allan, ["rest.mcap", "--truth", "lecture", "--no-files"]),
+    (calibrate, ["six_position", "positions.mcap", "--truth", "mpu6000", "--no-files"]),
+)
+
+
+def test_tables_of_the_programs_fit_80_columns(tmp_path, monkeypatch, capsys):
+    """Their columns move together at most: no row becomes a block of lines."""
+    monkeypatch.chdir(tmp_path)
+    flight = ims.simulate(imu="mpu6000", trajectory="figure_eight", duration=6.0, seed=1)
+    flight.save("flight.mcap")
+    assert dead_reckon.main(["flight.mcap", "-o", "flight.tum", "--quiet"]) == 0
+    ims.simulate(imu="lecture", trajectory="static", duration=120.0).save("rest.mcap")
+    positions = ims.simulate(imu="mpu6000", trajectory="six_position", rate=50.0)
+    positions.save("positions.mcap")
+    monkeypatch.setenv("COLUMNS", "80")
+    monkeypatch.setattr(sys.stdout, "isatty", lambda: True, raising=False)
+    blocks = []
+    monkeypatch.setattr(text_tables, "stacked", lambda *table: blocks.append(table) or [])
+    for program, arguments in PROGRAMS:
+        assert program.main(arguments) == 0
+        printed = capsys.readouterr().out
+        assert not blocks, program.__name__
+        rules = [
+            line for line in printed.splitlines() if "\N{BOX DRAWINGS LIGHT HORIZONTAL}" in line
+        ]
+        assert 0 < max(map(len, rules)) <= 80

@@ -49,7 +49,8 @@ function fixed(value, place, power) {
   const mantissa = power ? value / Number(`1e${power}`) : value, digits = place + power;
   const unit = Number(`1e${-digits}`);
   const text = digits < 0 ? (Math.sign(value) * Math.round(Math.abs(mantissa) / unit) * unit).toFixed(0) : mantissa.toFixed(digits);
-  return power ? `${text}e${power < 0 ? "-" : "+"}${String(Math.abs(power)).padStart(2, "0")}` : text;
+  const plain = Number(text) === 0 ? text.replace("-", "") : text;
+  return power ? `${plain}e${power < 0 ? "-" : "+"}${String(Math.abs(power)).padStart(2, "0")}` : plain;
 }
 
 // A value and the ends of its interval with two digits of half its width, as interval_texts of
