@@ -5,10 +5,11 @@
 
 import numpy as np
 import pytest
+from matplotlib.legend import Legend
 from matplotlib.text import Text
 
 import imu_sim_ros as ims
-from imu_sim_ros.plots import style
+from imu_sim_ros.plots import calibration, style
 
 
 @pytest.mark.parametrize(
@@ -89,3 +90,47 @@ def test_an_evaluation_hides_no_curve_and_its_truth_is_thin(tmp_path, ending):
     truth = next(line for line in picture.axes[0].get_lines() if line.get_label() == "truth")
     assert truth.get_linewidth() < 1.0
     assert picture.axes[2].get_ylabel() == "position, estimate - truth [m]"
+
+
+def pictures():
+    """Yield the picture of each analysis by name, from short records."""
+    rest = ims.simulate(imu="lecture", trajectory="static", duration=120.0, seed=1)
+    yield "allan", ims.allan(rest).plot()
+    for name, trajectory, options in (
+        ("six_position", "six_position", {}),
+        ("turntable", "turntable", {"rates": [0.5, 1.0, 2.0]}),
+        ("temperature", "temperature_soak", {"rates": [1.0], "reference": 25.0}),
+        ("magnetometer", "tumble", {}),
+    ):
+        magnetic = {"sensors": ["magnetic_field"], "duration": 20.0}
+        record = ims.simulate(
+            imu="mpu9250",
+            trajectory=trajectory,
+            rate=50.0,
+            seed=1,
+            **(magnetic if name == "magnetometer" else {}),
+        )
+        yield name, getattr(ims, f"calibrate_{name}")(record, **options).plot()
+    rng = np.random.default_rng(1)
+    t = np.arange(2000) / 200.0
+    series = [(t, rng.normal(size=(2000, 6))) for _ in range(2)]
+    yield "twin", calibration.draw(*series, 200.0, "flight.bag")
+
+
+def test_no_legend_lies_over_a_curve_or_a_title():
+    for name, picture in pictures():
+        picture.canvas.draw()
+        renderer = picture.canvas.get_renderer()
+        titles = [text for axes in picture.axes for text in axes.get_children()]
+        titles = [text for text in titles if isinstance(text, Text) and text.get_text()]
+        boxes = [text.get_window_extent(renderer) for text in (*titles, picture._suptitle)]
+        panels = [axes.patch.get_window_extent(renderer).padded(-1.0) for axes in picture.axes]
+        legends = [
+            child.get_window_extent(renderer)
+            for axes in picture.axes
+            for child in axes.get_children()
+            if isinstance(child, Legend)
+        ]
+        assert legends, name
+        for legend in legends:
+            assert not any(legend.overlaps(box) for box in (*boxes, *panels)), name
