@@ -25,6 +25,7 @@ from imu_sim_ros.core import arguments
 from imu_sim_ros.core.arguments import BAG_OR_FILE, name_of, suggest_keywords
 from imu_sim_ros.core.bad_rows import tell_skipped
 from imu_sim_ros.core.conventions import AXES, TRIADS
+from imu_sim_ros.core.digits import plus_minus
 from imu_sim_ros.core.errors import ConfigurationError, InputError, Problems
 from imu_sim_ros.core.names import suggestion
 from imu_sim_ros.core.records import Readings, States, concatenated, with_fields
@@ -71,7 +72,7 @@ from imu_sim_ros.recordings.time_offsets import (
     turn_angles_of_poses,
     turn_angles_of_readings,
 )
-from imu_sim_ros.terminal.text_tables import TextTable, html_of, plus_minus
+from imu_sim_ros.terminal.text_tables import TextTable, html_of
 
 _NEAREST: Final = 3
 """Number of presets that are named next to a sensor."""
