@@ -362,6 +362,65 @@ def test_a_format_that_is_read(copy: Copy) -> None:
     assert found == [500, 0.1, 500]
 
 
+MANY = '''# Copyright 2026 imu_sim_ros maintainers
+# SPDX-License-Identifier: Apache-2.0
+
+"""Logs of a buoy: a line with microseconds, three rates, three forces and a temperature each."""
+
+from pathlib import Path
+from typing import Final
+
+import numpy as np
+
+from imu_sim_ros.bags.logs import axes, log
+from imu_sim_ros.bags.logs.log import Contents
+
+MEMORY: Final = 4
+"""Memory that reading takes, in sizes of the file."""
+
+
+def holds(path: Path, magic: bytes) -> bool:
+    """Return True for a file that begins with the name of the buoy."""
+    return magic.startswith(b"BUOY1")
+
+
+def contents(path: Path) -> Contents:
+    """Return the readings and the temperature; the buoy is forward-right-down."""
+    rows = np.loadtxt(path, skiprows=1)
+    t_ns = np.round(rows[:, 0] * 1e3).astype(np.int64)
+    gyro, accel = axes.flu(rows[:, 1:4]), axes.flu(rows[:, 4:7])
+    streams = [log.imu("/imu", t_ns, gyro, accel), log.temperature("/water", t_ns, rows[:, 7])]
+    return Contents(streams)
+'''
+
+
+def test_a_log_of_many_sensors(copy: Copy) -> None:
+    """A module and its name in the list; every job takes it, and a bag keeps all sensors."""
+    copy.write("imu_sim_ros/bags/logs/buoy.py", MANY)
+    copy.change(
+        "imu_sim_ros/bags/logs/catalogue.py",
+        ("import (\n    ardupilot,", "import (\n    ardupilot,\n    buoy,"),
+        (" = (\n    px4,", " = (\n    buoy,\n    px4,"),
+    )
+    copy.guard(2)
+    results = copy.run(
+        """
+        import json
+        import imu_sim_ros as ims
+        rows = "".join(f"{k * 10000} 0.1 0.2 0 0 0 -9.81 4.5\\n" for k in range(500))
+        for name in ("a.buoy", "a.txt"):
+            with open(name, "w") as file:
+                file.write("BUOY1\\n" + rows)
+            readings = ims.read_readings(name)
+            track = ims.dead_reckon(name, initial="parameters")
+            written = ims.convert(name, name + ".mcap").messages
+        last = [*readings.gyro[-1].tolist(), *readings.accel[-1].tolist()]
+        print(json.dumps([len(track.t_ns), last, written]))
+        """
+    )
+    assert results == [500, [0.1, -0.2, 0.0, 0.0, 0.0, 9.81], {"/imu": 500, "/water": 500}]
+
+
 def test_a_preset(copy: Copy) -> None:
     """One file: ``--imu``, Python and the list of sensors have it."""
     copy.write(

@@ -26,7 +26,7 @@ from imu_sim_ros.core.rotation import from_euler
 from imu_sim_ros.core.types import Array, Times
 from imu_sim_ros.inputs.rows import number_of
 
-MEMORY: Final = 2
+MEMORY: Final = 6
 """Memory that reading takes, in sizes of the file."""
 _TIMES: Final = "/oxts/timestamps.txt"
 _FIELDS: Final = (

@@ -15,6 +15,7 @@ from imu_sim_ros.bags.read import open_bag
 from imu_sim_ros.commands import inspect
 from imu_sim_ros.core import rotation
 from imu_sim_ros.core.errors import InputError, MissingDependencyError, Remark
+from imu_sim_ros.inputs.poses import write_tum
 
 pytest.importorskip("pymavlink")
 pytestmark = pytest.mark.filterwarnings("ignore::imu_sim_ros.core.errors.Remark")
@@ -147,6 +148,44 @@ def test_a_bag_keeps_all_sensors(path, flight, tmp_path):
     linear = last["/GPS_0/velocity"].twist.twist.linear
     assert (linear.x, linear.y, linear.z) == pytest.approx((2.0, 0.0, -0.5), abs=1e-12)
     assert last["/IMU_1/temperature"].temperature == 33.5
+
+
+def written(path, flight):
+    """Write the IMU and the filter of a flight."""
+    readings, t = flight.readings, stamps(flight.truth.t_ns)
+    return dataflash.write(path, {
+        "IMU": {**stamps(readings.t_ns), **triads(readings)},
+        "XKF1": {**t, **motion(flight.truth)}, "XKQ": {**t, **quaternion(flight.truth)},
+    })  # fmt: skip
+
+
+def test_allan_and_calibration_are_those_of_the_readings(tmp_path):
+    still = ims.simulate(imu="bmi088", trajectory="static", duration=60, rate=50, seed=3)
+    noise, expected = (ims.allan(x) for x in (written(tmp_path / "still.bin", still), still))
+    for triad in ("gyroscope", "accelerometer"):
+        densities = [getattr(result, triad).noise_density.high for result in (noise, expected)]
+        # Rounding to float32 is 1e-6 m/s^2, a thousandth of the noise of a reading.
+        np.testing.assert_allclose(*densities, rtol=1e-3)
+    turned = ims.simulate(imu="lecture", trajectory="six_position", rate=20, seed=1)
+    biases = [
+        ims.calibrate_six_position(x).parameters["accelerometer_bias"].value
+        for x in (written(tmp_path / "six.bin", turned), turned)
+    ]
+    np.testing.assert_allclose(*biases, atol=1e-5)
+
+
+def test_a_twin_and_a_comparison_are_those_of_the_flight(tmp_path):
+    """The flight's own states are the truth; an estimate is compared with the filter's."""
+    flight = ims.simulate(imu="bmi088", trajectory="figure_eight", duration=12, rate=100, seed=1)
+    log = written(tmp_path / "flight.bin", flight)
+    biases = [
+        ims.twin(recording, truth).errors["gyroscope_bias"].value
+        for recording, truth in ((log, log), (flight, flight.truth))
+    ]
+    np.testing.assert_allclose(*biases, atol=1e-5)
+    write_tum(tmp_path / "estimate.tum", flight.truth)
+    # Rounding of positions of at most 32 m to float32.
+    assert ims.evaluate(tmp_path / "estimate.tum", log, align="none").rms_position < 32 * FLOAT32
 
 
 def test_clipping_is_a_finding(path, capsys):

@@ -3,12 +3,15 @@
 
 """KITTI, NCLT, Xsens, VectorNav, UZH-FPV and Newer College: axes, units, stamps, damage."""
 
+import tracemalloc
+
 import device_logs
 import numpy as np
 import pytest
 from device_logs import EPOCH, HEIGHT, LATITUDE, LONGITUDE
 
 import imu_sim_ros as ims
+from imu_sim_ros.bags.logs import kitti, nclt, phyphox, sensor_logger, vectornav, xsens
 from imu_sim_ros.bags.read import open_bag
 from imu_sim_ros.core import rotation
 from imu_sim_ros.core.errors import InputError, Remark
@@ -267,6 +270,24 @@ def test_each_recording_goes_through_the_programs(tmp_path, flight):
             # Twelve digits of positions of metres.
             result = ims.evaluate(tmp_path / "estimate.tum", path, align="none")
             assert result.rms_position < 1e-9
+
+
+def test_memory_is_within_what_is_stated(tmp_path, flight):
+    """The peak of what Python and NumPy allocate, besides a constant part."""
+    logs = [(kitti, device_logs.kitti(tmp_path / "drive", flight)),
+            (nclt, device_logs.nclt(tmp_path / "nclt", flight)),
+            (xsens, device_logs.xsens(tmp_path / "mt.txt", flight)),
+            (vectornav, device_logs.vectornav(tmp_path / "vn.txt", flight)),
+            (sensor_logger, device_logs.sensor_logger(tmp_path / "phone", flight)),
+            (phyphox, device_logs.phyphox(tmp_path / "phyphox", flight)[0])]  # fmt: skip
+    for module, path in logs:
+        files = path.rglob("*") if path.is_dir() else [path]
+        size = sum(file.stat().st_size for file in files if file.is_file())
+        tracemalloc.start()
+        module.contents(path)
+        peak = tracemalloc.get_traced_memory()[1]
+        tracemalloc.stop()
+        assert peak < module.MEMORY * size + 200_000, (path, peak / size)
 
 
 def problems_of(read, path):
