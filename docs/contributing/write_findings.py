@@ -39,7 +39,7 @@ def _lines() -> Iterator[str]:
         yield ""
     yield "## Jobs\n"
     yield (
-        "`inspect` tells all of them. The other jobs refuse them (exit status 2), correct and tell "
+        "`inspect` and `report` tell all of them. The other jobs refuse them (exit status 2), correct and tell "
         "them, or only tell them;\nan empty cell means that the finding does not matter to the "
         "result.\n"
     )

@@ -1,7 +1,7 @@
 # Copyright 2026 imu_sim_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Mistakes that an estimated trajectory shows next to the truth, in a line each.
+"""Mistakes that an estimated trajectory shows, alone and next to the truth, in a line each.
 
 A small error does not exclude them: an attitude in other axes leaves the position as it is, and a
 frozen estimate of a short motion has an error of its size.
@@ -17,6 +17,9 @@ from imu_sim_ros.core.errors import InputError
 from imu_sim_ros.core.records import States
 from imu_sim_ros.core.types import Array, Mask, Times
 from imu_sim_ros.navigation.association import align, common_rows, poses_at
+from imu_sim_ros.recordings.findings.catalogue import pose_findings
+from imu_sim_ros.recordings.findings.finding import Finding
+from imu_sim_ros.recordings.findings.policy import CAMPAIGN
 
 _ROUNDING_NS: Final = 1_000_000
 """Stamps of text are rounded: a pose outside the truth by no more is at its end."""
@@ -26,8 +29,6 @@ _MOVES: Final = (0.1, 0.1)
 """Motion of the truth [m], [rad] during which a standing estimate is a mistake."""
 _FROZEN_S: Final = 1.0
 """Shortest standstill of an estimate that is a mistake [s]; estimates rest between updates."""
-_REPEATED: Final = 0.3
-"""Share of poses that repeat the previous one above which this is reported."""
 _CONSTANT_RAD: Final = 0.17
 """Constant attitude error above which different axes are reported [rad]; 10 deg."""
 _BETTER_BY_RAD: Final = 0.01
@@ -46,6 +47,9 @@ def estimate_findings(poses: States, truth: States, alignment: str) -> list[str]
     :param alignment: alignment of the estimate with the truth.
     """
     lines = list(_without_truth(poses.t_ns, truth.t_ns))
+    alone = [finding for finding in pose_findings(poses) if CAMPAIGN.action(finding.kind)]
+    lines += [_line(finding) for finding in alone if finding.kind == "poses_held"]
+    axes = [_line(finding) for finding in alone if finding.kind != "poses_held"]
     try:
         rows = common_rows(poses.t_ns, truth.t_ns)
         estimate = poses.rows(rows)
@@ -58,12 +62,17 @@ def estimate_findings(poses: States, truth: States, alignment: str) -> list[str]
         error = aligned.apply(estimate).position - reference.position
         if float(np.sqrt(np.mean(np.square(error)))) <= _CORRECT * extent:
             q_wb = rotation.multiply(rotation.from_matrix(aligned.r), estimate.q_wb)
-            lines += _attitude(q_wb, reference.q_wb)
+            axes = list(_attitude(q_wb, reference.q_wb)) or axes
         if alignment != "sim3":
             lines += _scale(estimate.position, reference.position, extent)
     except InputError:  # the comparison says why
-        return lines
-    return lines
+        pass
+    return lines + axes
+
+
+def _line(finding: Finding) -> str:
+    """Return a finding as one of the lines of a run, which are joined by semicolons."""
+    return f"{finding.evidence} [{finding.kind}]".replace("; ", ", ")
 
 
 def _without_truth(t_ns: Times, truth_ns: Times) -> Iterator[str]:
@@ -74,7 +83,7 @@ def _without_truth(t_ns: Times, truth_ns: Times) -> Iterator[str]:
 
 
 def _repetitions(estimate: States, truth: States) -> Iterator[str]:
-    """Yield the standstills of an estimate while the truth moves: long ones, and repeated poses."""
+    """Yield the standstills of an estimate while the truth moves."""
     steps = {
         "position": (_steps(estimate.position), _steps(truth.position)),
         "attitude": (_turns(estimate.q_wb), _turns(truth.q_wb)),
@@ -96,16 +105,6 @@ def _repetitions(estimate: States, truth: States) -> Iterator[str]:
         yield (
             f"frozen: the {'pose' if both else name} stays the same for {seconds:.3g} s from "
             f"{start_s:.3g} s on, while the truth moves"
-        )
-    if frozen:
-        return
-    standing = (steps["position"][0] <= _STILL[0]) & (steps["attitude"][0] <= _STILL[1])
-    moving = (steps["position"][1] > _STILL[0]) | (steps["attitude"][1] > _STILL[1])
-    repeats = standing & moving
-    if repeats.mean() >= _REPEATED:
-        yield (
-            f"{100.0 * repeats.mean():.0f} % of the poses repeat the one before, while the truth "
-            "moves"
         )
 
 

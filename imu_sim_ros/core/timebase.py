@@ -110,11 +110,19 @@ def parse_duration(words: str) -> float:
     return float(match[1]) * _SECONDS[match[2]]
 
 
+_EQUAL_NS: Final = 2
+"""Differences of steps up to which they are equal, but for rounding to nanoseconds."""
+
+
 def span(t_ns: Integers) -> str:
-    """Return how many rows there are, at which rate and for how long."""
+    """Return how many rows there are and for how long, with the rate if their steps are equal.
+
+    The rate of other stamps is that of the clock behind them, which ``inspect`` tells.
+    """
     n = len(t_ns)
     if n < 2:
         return f"{n} row{'s' if n != 1 else ''}"
-    seconds, step = float(t_ns[-1] - t_ns[0]) * 1e-9, float(np.median(np.diff(t_ns)))
-    rate = 1e9 / step if step > 0.0 else 0.0
-    return f"{n} at {rate:.4g} Hz, {seconds:.6g} s"
+    seconds, steps = float(t_ns[-1] - t_ns[0]) * 1e-9, np.diff(t_ns)
+    if steps.min() > 0 and np.ptp(steps) <= _EQUAL_NS:
+        return f"{n} at {(n - 1) / seconds:.4g} Hz, {seconds:.6g} s"
+    return f"{n} in {seconds:.6g} s"

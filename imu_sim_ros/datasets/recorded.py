@@ -5,6 +5,7 @@
 
 import re
 from collections.abc import Iterator, Sequence
+from contextlib import suppress
 from pathlib import Path
 from typing import Any, Final, NamedTuple
 
@@ -22,7 +23,6 @@ from imu_sim_ros.core.bad_rows import (
 )
 from imu_sim_ros.core.errors import InputError, naming, system_error
 from imu_sim_ros.core.rotation import inverse_pose
-from imu_sim_ros.core.timebase import NANOSECONDS_PER_SECOND
 from imu_sim_ros.core.types import Array, Integers
 from imu_sim_ros.inputs.rows import (
     is_present,
@@ -34,6 +34,7 @@ from imu_sim_ros.inputs.rows import (
 )
 from imu_sim_ros.parameters.yaml_text import parse_yaml
 from imu_sim_ros.recordings.cameras import COEFFICIENTS, CameraInfo, CameraRecord
+from imu_sim_ros.recordings.clock import estimate_clock
 from imu_sim_ros.recordings.findings.cameras import distortion_problem
 from imu_sim_ros.sensors.camera.images.files import JPEG, PNG, Size, decoded, examined, png
 from imu_sim_ros.sensors.parameters import rotation_problems
@@ -77,9 +78,9 @@ def sensor_yaml(camera: Description, stamps: Sequence[int], comment: str) -> str
     text = f"# Camera\nsensor_type: camera\ncomment: {comment}\n\n"
     if camera.pose is not None:
         text += f"# T_BS maps points of the camera into the body.\n{pose_text(camera.pose)}\n"
-    if len(stamps) > 1:
-        period = float(np.median(np.diff(sorted(stamps))))
-        text += f"rate_hz: {round(NANOSECONDS_PER_SECOND / period, 3):g}\n"
+    with suppress(InputError):  # fewer than two different stamps
+        clock = estimate_clock(np.array(sorted(stamps), dtype=np.int64))
+        text += f"rate_hz: {round(clock.rate, 3):g}\n"
     if camera.info is None:
         return text
     info, d = camera.info, camera.info.d

@@ -68,6 +68,7 @@ from imu_sim_ros.jobs.writing import (
     counts,
     outputs,
 )
+from imu_sim_ros.recordings.clock import estimate_clock
 from imu_sim_ros.recordings.findings.catalogue import unit_findings
 from imu_sim_ros.recordings.findings.policy import CONVERT
 from imu_sim_ros.sensors import known_tables
@@ -662,11 +663,10 @@ def _describe(output: _Output, states: bool, tables: Collection[str]) -> None:
     """Write sensor.yaml files; values that the input does not have are left out."""
 
     def rate(name: str, table: Table | None = None) -> float:
-        t_ns = np.empty(0, np.int64)
-        with contextlib.suppress(InputError):  # no usable row
-            t_ns = next(sensor_tables.stamps(output.target.path, name, table), t_ns)
-        period = float(np.median(np.diff(t_ns))) if len(t_ns) > 1 else 0.0
-        return round(1e9 / period, 3) if period else 0.0
+        with contextlib.suppress(InputError, StopIteration):  # no usable row, or one
+            t_ns = next(sensor_tables.stamps(output.target.path, name, table))
+            return round(estimate_clock(t_ns).rate, 3)
+        return 0.0
 
     folder, comment = output.target.path, output.comment
     pose = np.eye(3), np.zeros(3)

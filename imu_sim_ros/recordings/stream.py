@@ -92,7 +92,7 @@ class ClockStream:
         """Take the next readings; yield those whose order is known.
 
         :param t_ns: (n,) stamps in the order of arrival [ns].
-        :param values: (n, k) readings.
+        :param values: (n, k) readings; k = 0: unknown, then stamps alone tell repeated messages.
         :param last: True at the end of a recording.
         :raises InputError: if there are no two different stamps, or they are in another unit.
         """
@@ -120,7 +120,7 @@ class ClockStream:
             self._usual_ns = usual_step(t_ns)
         order = order_stamps(t_ns, self._usual_ns or None)
         equal = None
-        if np.any(t_ns[1:] == t_ns[:-1]):
+        if values.shape[1] and np.any(t_ns[1:] == t_ns[:-1]):
             equal = np.append(False, np.all(values[1:] == values[:-1], axis=1))
         pieces, duplicates = without_duplicates(t_ns, order.pieces, equal)
         self.strays += self._number(order.strays, end)

@@ -4,6 +4,7 @@
 """Clouds of a bag as sections of a page: scans from above, how many points, and how far."""
 
 import base64
+from contextlib import suppress
 from pathlib import Path
 from typing import Any, Final, NamedTuple
 
@@ -13,11 +14,12 @@ from numpy.typing import NDArray
 from imu_sim_ros.bags.clouds import measured_clouds, read_clouds
 from imu_sim_ros.bags.messages.blocks import TopicInfo
 from imu_sim_ros.bags.read import open_bag
-from imu_sim_ros.core.errors import ImuSimError
+from imu_sim_ros.core.errors import ImuSimError, InputError
 from imu_sim_ros.core.types import Array, Bytes
+from imu_sim_ros.recordings.clock import estimate_clock
 from imu_sim_ros.reports.page import Item, Section, plot
 from imu_sim_ros.reports.sensors import truth_of
-from imu_sim_ros.reports.streams import GAP, extremes
+from imu_sim_ros.reports.streams import extremes
 
 _PICTURES: Final = 3
 _PIXELS: Final = 360
@@ -70,12 +72,10 @@ def _items(path: Path, info: TopicInfo, topics: list[TopicInfo]) -> list[Item]:
         return [{"kind": "text", "text": f"{info.name}: no scans"}]
     t_s = (np.array(stamps) - stamps[0]) * 1e-9
     number: Array = np.array(counts, dtype=np.float64)
-    steps = np.diff(t_s)
-    usual = float(np.median(steps)) if len(steps) else 0.0
-    missing = np.rint(steps / usual - 1.0)[steps > GAP * usual].sum() if usual > 0.0 else 0.0
     text = f"{info.name}: {len(t_s):,} scans"
-    if usual > 0.0:
-        text += f", {1.0 / usual:.6g} Hz, {int(missing):,} missing between others"
+    with suppress(InputError):  # fewer than two different stamps
+        clock = estimate_clock(np.array(stamps, dtype=np.int64))
+        text += f", {clock.rate:.6g} Hz, {clock.lost:,} missing between others"
     text += (
         f"; {number.mean():,.0f} points in a scan on average, {number.min():,.0f} to "
         f"{number.max():,.0f}"

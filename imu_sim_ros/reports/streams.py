@@ -5,7 +5,7 @@
 
 import base64
 import itertools
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from pathlib import Path
 from typing import Any, Final, NamedTuple
 
@@ -19,15 +19,15 @@ from imu_sim_ros.bags.messages.encode_cameras import COMPRESSED_IMAGE, IMAGE
 from imu_sim_ros.bags.read import open_bag, vector_blocks
 from imu_sim_ros.bags.reader import Bag, errors_naming
 from imu_sim_ros.calibration.noise.deviation import Deviation, DeviationAccumulator
-from imu_sim_ros.core.errors import ImuSimError
+from imu_sim_ros.core.errors import ImuSimError, InputError
 from imu_sim_ros.core.records import Readings
-from imu_sim_ros.core.types import Array, Bytes, Integers, Mask, Times
+from imu_sim_ros.core.types import Array, Bytes, Mask, Times
 from imu_sim_ros.recordings.findings.measures import ReadingMeasures
+from imu_sim_ros.recordings.live_clock import LiveClock
+from imu_sim_ros.recordings.stream import ClockStream, Stretch
 from imu_sim_ros.reports.page import Item, table
 from imu_sim_ros.sensors import sensors_of_imus
 
-_FIRST: Final = 64
-"""Number of messages whose median interval is the usual interval."""
 _IMAGES: Final = 6
 """Number of images of each camera."""
 _WIDTH: Final = 180
@@ -42,11 +42,10 @@ class _TopicStatistics:
 
     def __init__(self, topic: TopicInfo) -> None:
         self.topic = topic
-        self.count, self.size, self.gaps, self.longest = 0, 0, 0, 0.0
-        self.interval: float | None = None
+        self.count, self.size = 0, 0
+        self.clock = LiveClock()
         self.ends: tuple[int, int] | None = None
         self.images: list[tuple[int, bytes]] = []
-        self._waiting: list[Integers] = []
         has_images = topic.type in _IMAGE_TYPES and topic.count
         numbers = np.linspace(0, topic.count - 1, _IMAGES) if has_images else np.empty(0)
         self._drawn = sorted(set(numbers.round().astype(int).tolist()))
@@ -61,29 +60,18 @@ class _TopicStatistics:
             k = number - self.count
             self.images.append((int(block.t_ns[k]), as_list(payloads[k : k + 1])[0]))
         self.count += count
-        start_ns, end_ns = self.ends or (int(block.t_ns[0]), int(block.t_ns[0]))
+        start_ns = self.ends[0] if self.ends else int(block.t_ns[0])
         self.ends = (start_ns, int(block.t_ns[-1]))
-        self._waiting.append(np.diff(block.t_ns, prepend=end_ns)[0 if self.count > count else 1 :])
-        if self.count > _FIRST:
-            self.close()
-
-    def close(self) -> None:
-        """Count the gaps so far."""
-        steps = np.concatenate([np.empty(0, np.int64), *self._waiting]) * 1e-9
-        self._waiting = []
-        if self.interval is None and (steps > 0.0).any():
-            self.interval = float(np.median(steps[steps > 0.0]))
-        if self.interval is not None and len(steps):
-            self.gaps += int(np.count_nonzero(steps > GAP * self.interval))
-            self.longest = max(self.longest, float(steps.max()))
+        self.clock.add(block.t_ns)
 
     def row(self) -> list[Any]:
         duration = (self.ends[1] - self.ends[0]) * 1e-9 if self.ends else 0.0
-        rate = None if self.interval is None else 1.0 / self.interval
+        clock = self.clock
+        rate = clock.rate or None
         mean = None if duration <= 0.0 else (self.count - 1) / duration
         mean_size = self.size / self.count if self.count else None
         message = [self.topic.name, self.topic.type.replace("/msg/", "/"), self.count, rate, mean]
-        gaps = [None, None] if self.interval is None else [self.gaps, self.longest]
+        gaps = [None, None] if rate is None else [clock.gaps, clock.longest]
         return [*message, *gaps, mean_size, self.size * 1e-6]
 
 
@@ -96,15 +84,15 @@ def topic_items(path: Path, topics: Sequence[TopicInfo]) -> list[Item]:
             for block in group:
                 counters[block.topic.name].add(block)
         for counter in counters.values():
-            counter.close()
+            counter.clock.finish()
         cameras = [counter for counter in counters.values() if counter.images][:_MAX_CAMERAS]
         strips = [_strip(bag, camera) for camera in cameras]
     header = ["topic", "type", "messages", "rate [Hz]", "mean [Hz]"]
     header += ["gaps", "longest [s]", "bytes", "MB"]
     rows = [counter.row() for counter in counters.values()]
     text = (
-        f"The rate is that of the usual interval between record times, the mean that over all; a "
-        f"gap is longer than {GAP:g} intervals. Bytes are those of a message, before compression."
+        "The rate is that of the clock behind the record times, the mean that over all; in a gap "
+        "messages are missing. Bytes are those of a message, before compression."
     )
     items = [table("topics", header, rows, search=False), {"kind": "text", "text": text}]
     items[-1]["faint"] = True
@@ -182,8 +170,6 @@ PARTS: Final = 500
 """Columns of a picture: a plot of half the page's width has about as many pixels."""
 _SEGMENT: Final = 4096
 _PER_DECADE: Final = 60
-GAP: Final = 1.5
-"""Longest interval that is no gap, in usual intervals."""
 _MAX_GAPS: Final = 1000
 _JUDGED: Final = 32768
 """Readings of a piece in which rest is told from motion."""
@@ -193,7 +179,7 @@ motion."""
 
 
 class Gap(NamedTuple):
-    """Two neighbouring stamps that are too far apart or out of order."""
+    """Two neighbouring readings between which some are missing, or the clock was reset."""
 
     at_s: float
     """Time since the first stamp [s]."""
@@ -208,7 +194,7 @@ class StreamPlots(NamedTuple):
     first_ns: int
     duration_s: float
     interval_s: float
-    """The median of the intervals of the first block."""
+    """Time between two samples, by the clock behind the stamps."""
     gaps: list[Gap]
     gap_count: int
     t_s: Array
@@ -252,22 +238,26 @@ def analyse(blocks: Iterable[Readings], count: int) -> StreamPlots | None:
 
     :param count: of the readings, about; it sets how many make a part.
     """
+    clock = ClockStream()
     analysis: _Analysis | None = None
-    waiting: list[Readings] = []
-    for block in blocks:
-        if analysis is None:
-            waiting.append(block)
-            stamps = np.concatenate([pending.t_ns for pending in waiting])
-            steps = np.diff(stamps)
-            if not (steps > 0).any():
-                continue
-            interval = float(np.median(steps[steps > 0])) * 1e-9
-            analysis = _Analysis(int(stamps[0]), interval, max(1, -(-count // PARTS)))
-            for pending in waiting:
-                analysis.add(pending)
-        else:
-            analysis.add(block)
+    try:
+        for stretch in _stretches(blocks, clock):
+            if analysis is None:
+                assert clock.pattern is not None
+                interval = clock.pattern.interval_ns * 1e-9
+                analysis = _Analysis(int(stretch.t_ns[0]), interval, max(1, -(-count // PARTS)))
+            analysis.add(stretch)
+    except InputError:  # the stamps have no rate, or are no nanoseconds, which a finding tells
+        return None
     return None if analysis is None else analysis.result()
+
+
+def _stretches(blocks: Iterable[Readings], clock: ClockStream) -> Iterator[Stretch]:
+    """Yield the readings (n, 6) of blocks in the order of their stamps, without strays."""
+    for block in blocks:
+        if len(block):
+            yield from clock.add(block.t_ns, np.column_stack(block.triads()))
+    yield from clock.add(np.empty(0, np.int64), np.empty((0, 6)), last=True)
 
 
 class _Analysis:
@@ -284,15 +274,14 @@ class _Analysis:
         self._deviation = DeviationAccumulator(1.0 / interval, 6)
         self._rest_share = _RestShare()
 
-    def add(self, block: Readings) -> None:
-        if not len(block.t_ns):
-            return
-        values = np.column_stack(block.triads())
-        self._rest_share.add(block.t_ns, values)
-        previous_ns = self._end_ns if self._samples else int(block.t_ns[0])
-        steps: Array = np.diff(block.t_ns, prepend=previous_ns) * 1e-9
-        t_s = (block.t_ns - self._start_ns) * 1e-9
-        torn = (steps > GAP * self._interval) | (steps <= 0.0)
+    def add(self, stretch: Stretch) -> None:
+        values = stretch.values
+        self._rest_share.add(stretch.t_ns, values)
+        previous_ns = self._end_ns if self._samples else int(stretch.t_ns[0])
+        steps: Array = np.diff(stretch.t_ns, prepend=previous_ns) * 1e-9
+        t_s = (stretch.t_ns - self._start_ns) * 1e-9
+        torn = stretch.missing > 0
+        torn[0] |= stretch.begins
         if not self._samples:
             torn[0] = False
             steps[0] = self._interval
@@ -301,7 +290,7 @@ class _Analysis:
             self._gaps.append(Gap(float(t_s[k]), float(steps[k])))
         self._pieces(values, torn)
         self._samples += len(values)
-        self._end_ns = int(block.t_ns[-1])
+        self._end_ns = int(stretch.t_ns[-1])
         self._parts(np.asarray(t_s, dtype=np.float64), np.column_stack([values, steps]))
 
     def _pieces(self, values: Array, torn: Mask) -> None:

@@ -794,7 +794,7 @@ class StartCheck:
         steps = np.diff(t_ns[rows])
         # A mean has the density of the readings; a reading that is a sample, that of the samples,
         # unless several of them are the same one.
-        readings_rate = 1e9 / float(np.median(steps))
+        readings_rate = estimate_clock(t_ns[rows]).rate
         readings_rate = (
             min(readings_rate, rate) if imu.sampling == "instantaneous" else readings_rate
         )
@@ -893,9 +893,12 @@ def _in_a_row(t_ns: Times, readings: Sequence[Array]) -> Integers:
     changes = [(np.diff(values, axis=0) != 0.0).any(axis=1) for values in readings]
     onsets = np.concatenate([[True], np.any(changes, axis=0)])
     rows = np.arange(len(t_ns)) if onsets.mean() > 1.0 - _HELD else np.flatnonzero(onsets)
-    steps = np.diff(t_ns[rows])
-    typical = float(np.median(steps)) if len(steps) else 0.0
-    return max(np.split(rows, np.flatnonzero(steps > 1.5 * typical) + 1), key=len)
+    try:
+        clock = estimate_clock(t_ns[rows])
+    except InputError:  # fewer than two different stamps
+        return rows[:0]
+    edges = np.union1d(np.flatnonzero(clock.missing), [piece.start for piece in clock.pieces])
+    return rows[max(np.split(clock.rows, edges), key=len)]
 
 
 def _white_noise(steps: Times, values: Array) -> Array:

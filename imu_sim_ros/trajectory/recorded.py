@@ -15,7 +15,7 @@ from imu_sim_ros.core.records import States
 from imu_sim_ros.core.types import Array
 from imu_sim_ros.recordings.findings.catalogue import disturbance_findings, pose_findings
 from imu_sim_ros.recordings.findings.policy import RECORDED_MOTION
-from imu_sim_ros.recordings.order import longest_step_ns
+from imu_sim_ros.recordings.order import longest_step_ns, usual_step
 from imu_sim_ros.recordings.repair import beyond_any_body, mended
 from imu_sim_ros.trajectory.bspline import PoseSpline, UniformKnots
 from imu_sim_ros.trajectory.motion import Motion, Trajectory
@@ -186,7 +186,7 @@ def _check(poses: States, parameters: PosesParameters) -> None:
 def _knot_spacing(poses: States, parameters: PosesParameters) -> float:
     """Return the time between knots [s]: the given one, or one suited to data and cut-off."""
     steps = timebase.seconds_since(np.diff(poses.t_ns), 0)
-    usual = float(np.median(steps))
+    usual = usual_step(poses.t_ns) * 1e-9
     spacing = parameters.knot_spacing or max(_LEAST_SPACING, usual, _KNOTS / parameters.cutoff)
     if np.max(steps) > _MAX_BRIDGED * spacing:
         raise InputError(

@@ -208,4 +208,4 @@ def test_states_of_openvins_are_read_by_their_header(tmp_path):
 def test_rows_that_share_a_stamp_have_a_text_too():
     from imu_sim_ros.core.timebase import span
 
-    assert span(np.array([0, 0, 0, 5_000_000])) == "4 at 0 Hz, 0.005 s"
+    assert span(np.array([0, 0, 0, 5_000_000])) == "4 in 0.005 s"

@@ -24,6 +24,7 @@ from imu_sim_ros.campaigns.plan import load_plan
 from imu_sim_ros.campaigns.results import read_results
 from imu_sim_ros.campaigns.verdict import headline, judge
 from imu_sim_ros.commands.report import main
+from imu_sim_ros.core.records import Readings
 from imu_sim_ros.reports import streams
 from imu_sim_ros.reports.page import Section, as_json, column, html, table
 from imu_sim_ros.sensors.camera.images.files import decoded
@@ -126,10 +127,10 @@ def test_a_page_of_several_inputs_has_the_sections_of_each(results, bag, tmp_pat
     page = output.read_text(encoding="utf-8")
     titles = [section["title"] for section in content(page)["sections"]]
     assert titles.count("results: Results") == 2
-    assert titles[-5:] == [
+    assert titles[-6:] == [
         *("walk.mcap: estimates", "walk.mcap: motion"),
         *("walk.mcap: errors of /filter/odom", "walk.mcap: errors of other.tum"),
-        "walk.mcap: readings",
+        *("walk.mcap: findings", "walk.mcap: readings"),
     ]
     assert len(items(page, "campaign")) == 2
     (path,) = items(page, "path")
@@ -246,6 +247,18 @@ def test_only_an_imu_at_rest_has_an_allan_deviation(tmp_path, trajectory, at_res
     assert ("Angular rate: Allan deviation" in titles) == at_rest
     told = any("has no Allan deviation" in item["text"] for item in items(page, "text"))
     assert told != at_rest
+
+
+@pytest.mark.parametrize("rate", [400.1, 833.0])
+def test_whole_milliseconds_are_no_gaps(rate):
+    """Steps of 1 and 2 ms, or of 2 and 3: the clock has no losses, nor has the page."""
+    t_ns = np.rint(np.arange(20_000) * 1e9 / rate).astype(np.int64) // 10**6 * 10**6
+    noise = np.random.default_rng(1).standard_normal((len(t_ns), 6))
+    block = Readings(t_ns, noise[:, :3], noise[:, 3:])
+    plots = streams.analyse([block], len(t_ns))
+    assert plots is not None
+    assert plots.gap_count == 0
+    assert 1.0 / plots.interval_s == pytest.approx(rate, rel=1e-4)
 
 
 def test_the_spectrum_is_welchs_and_white_noise_lies_at_its_density(bag):

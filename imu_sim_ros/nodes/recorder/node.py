@@ -15,6 +15,7 @@ from rclpy.qos import QoSProfile
 from rclpy.topic_endpoint_info import TopicEndpointInfo
 
 from imu_sim_ros.bags.create import open_writer
+from imu_sim_ros.bags.messages.encode import IMU
 from imu_sim_ros.bags.recorder_parameters import RecorderParameters
 from imu_sim_ros.bags.writer import BagOptions, Writer
 from imu_sim_ros.core import timebase
@@ -28,7 +29,6 @@ from imu_sim_ros.nodes.recorder.recording import (
     RecordedTopic,
     Timestamps,
 )
-from imu_sim_ros.nodes.recorder.stamp_statistics import StampStatistics
 from imu_sim_ros.nodes.subscriptions import (
     MessageCounter,
     RawSubscriptions,
@@ -37,6 +37,9 @@ from imu_sim_ros.nodes.subscriptions import (
     matching_qos,
     offered_qos,
 )
+from imu_sim_ros.recordings.findings.live import UnitWatch
+from imu_sim_ros.recordings.findings.policy import RECORDER
+from imu_sim_ros.recordings.live_clock import LiveClock
 from imu_sim_ros.terminal.json_text import as_json
 from imu_sim_ros.terminal.text_tables import print_table
 
@@ -169,7 +172,6 @@ class Recorder(ConfiguredNode[RecorderParameters]):
             return
         offset = stamp_offset(message)
         if current is None:
-            statistics = StampStatistics(round(self.parameters.max_gap * 1e9))
             topic = RecordedTopic(
                 name,
                 types[0],
@@ -177,7 +179,8 @@ class Recorder(ConfiguredNode[RecorderParameters]):
                 definition(types[0]),
                 type_hash(types[0]),
                 offset is not None,
-                statistics,
+                LiveClock(round(self.parameters.max_gap * 1e9)),
+                units=UnitWatch(name) if types[0] == IMU else None,
             )
             self.recording.add_topic(topic)
             self.get_logger().info(f"recording {name} [{types[0]}]")
@@ -264,7 +267,7 @@ class Recorder(ConfiguredNode[RecorderParameters]):
         elapsed = time.monotonic() - (self.reader.first_at or time.monotonic())
         rate = (recording.messages - self._shown) / _STATUS_PERIOD
         self._shown = recording.messages
-        gaps = sum(topic.statistics.gaps for topic in topics)
+        gaps = sum(topic.clock.gaps for topic in topics)
         line = (
             f"{elapsed:7.1f} s  {len(topics)} topics  {recording.messages} messages  "
             f"{rate:.0f}/s  {recording.size / MEGABYTE:.1f} MB  {gaps} gaps"
@@ -289,6 +292,8 @@ class Recorder(ConfiguredNode[RecorderParameters]):
             print_table(header, rows, where)
         else:
             print(f"{where}: no message was recorded", flush=True)
+        for topic in recording.topics.values():
+            RECORDER.judge(topic.findings, lambda line: print(f"recorder: {line}", file=sys.stderr))
         if recording.dropped:
             print(
                 f"recorder: {recording.dropped} messages dropped: the disk did not keep up and "
@@ -332,11 +337,11 @@ def _left(files: Sequence[Path]) -> str:
 
 
 def _row(topic: RecordedTopic) -> tuple[str, ...]:
-    statistics = topic.statistics
+    clock = topic.clock
     if not topic.stamped:  # times of reception tell nothing about the source
-        return topic.name, str(statistics.messages), f"{statistics.rate:.2f}", "-", "-", "-", "-"
-    counts = (statistics.gaps, statistics.missing, statistics.duplicates, statistics.out_of_order)
-    return topic.name, str(statistics.messages), f"{statistics.rate:.2f}", *map(str, counts)
+        return topic.name, str(clock.messages), f"{clock.rate:.2f}", "-", "-", "-", "-"
+    counts = (clock.gaps, clock.missing, clock.duplicates, clock.out_of_order)
+    return topic.name, str(clock.messages), f"{clock.rate:.2f}", *map(str, counts)
 
 
 def plain_arguments(arguments: Sequence[str]) -> list[str]:

@@ -8,6 +8,7 @@ import struct
 import threading
 import time
 from collections.abc import Callable, Iterable
+from contextlib import suppress
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import NamedTuple
@@ -22,8 +23,12 @@ from imu_sim_ros.bags.writer import BagTopic, Block, Writer
 from imu_sim_ros.core.errors import InputError
 from imu_sim_ros.core.timebase import NANOSECONDS_PER_SECOND
 from imu_sim_ros.nodes.lifetime import Fail, SupervisedThread
-from imu_sim_ros.nodes.recorder.stamp_statistics import StampStatistics
+from imu_sim_ros.nodes.messages import imu_reading
 from imu_sim_ros.nodes.subscriptions import Taken
+from imu_sim_ros.recordings.findings.catalogue import stamp_findings
+from imu_sim_ros.recordings.findings.finding import Finding
+from imu_sim_ros.recordings.findings.live import UnitWatch
+from imu_sim_ros.recordings.live_clock import LiveClock
 
 _STAMPS = {0: struct.Struct(">iI"), 1: struct.Struct("<iI")}
 
@@ -153,6 +158,10 @@ def _is_awaited(topics: Iterable[_Topic], time_s: float) -> Iterable[bool]:
         yield moves and not topic.complete
 
 
+_CONTENTS = 12
+"""Place in the bytes of a message behind encapsulation and stamp."""
+_COMPARED = 4096
+"""Bytes of a message up to which its contents are compared without the stamp."""
 FLUSH_PERIOD = 0.5
 """[s] Period of flushing: older data survive the process. Half of the second that is promised."""
 
@@ -168,20 +177,49 @@ class RecordedTopic:
     digest: str
     stamped: bool
     """True if every message so far had a stamp that was set."""
-    statistics: StampStatistics
+    clock: LiveClock
+    """Clock behind its stamps."""
     convert: Callable[[bytes], bytes] = bytes
     unseen: list[int] = field(default_factory=list)
-    """Stamps that are not in the statistics yet."""
+    """Stamps that the clock has not taken yet."""
+    changes: list[bool] = field(default_factory=list)
+    """True for each of them whose message has other contents than the one before."""
+    units: UnitWatch | None = None
+    """Judgement of the units, of a topic of readings."""
+    findings: list[Finding] = field(default_factory=list)
+    """Findings about its readings so far."""
+    _latest: bytes = b""
+
+    def take(self, t_ns: int, payload: bytes) -> None:
+        """Take the stamp [ns] and the bytes of a message that is written."""
+        # The stamp of the header stands first; of large messages it is compared, too.
+        contents = payload[_CONTENTS:] if len(payload) <= _COMPARED else payload
+        self.changes.append(contents != self._latest)
+        self._latest = contents
+        self.unseen.append(t_ns)
+        if self.units is not None and not self.units.done:
+            with suppress(InputError):  # the bag keeps what no program can read
+                self.findings += self.units.add(imu_reading(payload))
 
     @property
     def messages(self) -> int:
         """Messages written."""
-        return self.statistics.messages + len(self.unseen)
+        return self.clock.messages + len(self.unseen)
 
     def look(self) -> None:
-        """Add the accumulated stamps to the statistics."""
-        self.statistics.add(np.array(self.unseen, dtype=np.int64))
+        """Pass the accumulated stamps on to the clock."""
+        self.clock.add(
+            np.array(self.unseen, dtype=np.int64), np.array(self.changes, dtype=np.bool_)
+        )
         self.unseen.clear()
+        self.changes.clear()
+
+    def finish(self) -> None:
+        """Look at the last stamps, and at the clock behind them all."""
+        self.look()
+        self.clock.finish()
+        if self.units is not None and self.stamped and self.clock.clock is not None:
+            self.findings += stamp_findings(self.clock.clock, self.name)
 
 
 class BagRecording:
@@ -274,7 +312,7 @@ class BagRecording:
             raise
         finally:
             for topic in self.topics.values():
-                topic.look()
+                topic.finish()
 
     def _write_all(self) -> None:
         due = time.monotonic() + FLUSH_PERIOD
@@ -321,7 +359,7 @@ class BagRecording:
             times.append(t_ns)
             payloads.append(converted)
             topic.stamped &= stamp_ns is not None
-            topic.unseen.append(t_ns if stamp_ns is None else stamp_ns)
+            topic.take(t_ns if stamp_ns is None else stamp_ns, payload)
         self._bag.write_blocks(
             [Block(topic, np.array(times), many) for topic, (times, many) in received.items()]
         )

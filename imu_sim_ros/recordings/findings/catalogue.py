@@ -11,6 +11,7 @@ import numpy as np
 from imu_sim_ros.core.records import Readings, States, TimeSeries
 from imu_sim_ros.core.spelling import spelled
 from imu_sim_ros.recordings.cameras import CameraRecord, CloudRecord
+from imu_sim_ros.recordings.clock import Clock
 from imu_sim_ros.recordings.findings.cameras import CAMERAS, CLOUDS
 from imu_sim_ros.recordings.findings.clipping import CLIPPING, ClippingCounts
 from imu_sim_ros.recordings.findings.disturbances import DISTURBANCES, DisturbedPoses
@@ -50,6 +51,11 @@ def reading_findings(readings: Readings, measures: ReadingMeasures | None = None
     if measures.clock is not None:
         findings += _findings(STAMPS, measures.clock, readings)
     return by_severity(findings)
+
+
+def stamp_findings(clock: Clock, source: str) -> list[Finding]:
+    """Return the findings about the clock behind stamps, worst first."""
+    return by_severity(_findings(STAMPS, clock, source))
 
 
 def unit_findings(readings: Readings) -> list[Finding]:

@@ -90,17 +90,23 @@ EVALUATE: Final = FindingPolicy(
     refuses=("poses_disordered", *ROLES),
     tells=POSES,
 )
+RECORDER: Final = FindingPolicy(
+    tells=(*UNITS, *BROKEN_CLOCK, *UNEVEN_CLOCK, "stamps_jitter"),
+)
+CAMPAIGN: Final = FindingPolicy(tells=("quaternion_order", "poses_held", "z_down", "axes_camera"))
 RECORDED_MOTION: Final = FindingPolicy(tells=(*POSES, *DISTURBED_POSES))
 JOBS: Final = {
     "add_errors, error_model": ERROR_MODEL,
     "allan": ALLAN,
     "calibrate": CALIBRATE,
+    "campaign": CAMPAIGN,
     "convert_bag": CONVERT,
     "dead_reckon": DEAD_RECKON,
     "evaluate": EVALUATE,
     "generate, simulator": RECORDED_MOTION,
     "integrator": INTEGRATOR,
     "preintegrate": PREINTEGRATE,
+    "recorder": RECORDER,
     "twin": TWIN,
 }
-"""Declarations by the names of programs, nodes and functions; `inspect` tells all findings."""
+"""Declarations by the names of programs, nodes and functions; `inspect` and `report` tell all."""

@@ -20,7 +20,7 @@ from imu_sim_ros.nodes import messages as message_types
 from imu_sim_ros.nodes.arguments import ros_arguments
 from imu_sim_ros.nodes.recorder.node import _left, plain_arguments
 from imu_sim_ros.nodes.recorder.recording import BagRecording, Message, RecordedTopic
-from imu_sim_ros.nodes.recorder.stamp_statistics import StampStatistics
+from imu_sim_ros.recordings.live_clock import LiveClock
 
 pytestmark = pytest.mark.ros
 
@@ -101,7 +101,7 @@ def test_a_type_without_any_definition_fits_mcap_but_not_ros1():
 
 def topic(name: str, type_name: str = "sensor_msgs/msg/Imu") -> RecordedTopic:
     text = message_types.definition(type_name) if type_name != WHEEL else ""
-    return RecordedTopic(name, type_name, (), text, "", True, StampStatistics())
+    return RecordedTopic(name, type_name, (), text, "", True, LiveClock())
 
 
 def test_messages_beyond_the_buffer_are_dropped_and_counted(tmp_path):
