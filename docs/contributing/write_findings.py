@@ -39,9 +39,9 @@ def _lines() -> Iterator[str]:
         yield ""
     yield "## Jobs\n"
     yield (
-        "`inspect` and `report` tell all of them. The other jobs refuse them (exit status 2), correct "
-        "and tell them, or only tell them;\nan empty cell means that the finding does not matter to "
-        "the result.\n"
+        "`inspect` and `report` tell all of them. The other jobs refuse them (exit status 2), "
+        "correct and tell them, or only tell them;\nan empty cell means that the finding does not "
+        "matter to the result.\n"
     )
     yield f"| kind | {' | '.join(f'`{name}`' for name in JOBS)} |"
     yield "|---|" + "---|" * len(JOBS)
