@@ -3,6 +3,7 @@
 
 """Messages on a name that does not exist: the nearest one that does, or all of them."""
 
+import re
 from collections.abc import Iterable
 from typing import Final
 
@@ -22,6 +23,12 @@ def printable(text: str) -> str:
     A byte of such a name, which Python has as a surrogate, is shown by its number.
     """
     return text.encode("utf-8", "backslashreplace").decode("utf-8")
+
+
+def ros_name(name: str) -> str:
+    """Return a name of a segment as ROS accepts it: letters, digits and underscores."""
+    plain = re.sub(r"[^A-Za-z0-9_]+", "_", name).strip("_") or "segment"
+    return plain if plain[0].isalpha() else f"segment_{plain}"
 
 
 def suggestion(name: object, candidates: Iterable[str], otherwise: str | None = None) -> str:

@@ -80,6 +80,14 @@ def truth_file(path: Path) -> Path | None:
     return path if odometry_topics(path) else None
 
 
+def pose_topics(path: Path) -> list[str]:
+    """Return the names of the topics of poses, one of each body; not those of transforms."""
+    with open_bag(path) as bag:
+        return [
+            info.name for info in bag.topics if info.type in POSE_TYPES and info.type != TF_MESSAGE
+        ]
+
+
 def stated_units(path: Path, topic: str | None) -> dict[str, str]:
     """Return nothing: a message has SI units by its type, and drivers that differ say nothing."""
     return {}

@@ -46,6 +46,9 @@ class FileFormat(Protocol):
     def truth_file(self, path: Path) -> Path | None:
         """Return the file of the states next to the readings of a path; None: there are none."""
 
+    def pose_topics(self, path: Path) -> list[str]:
+        """Return the topics of poses, one of each body."""
+
     def stated_units(self, path: Path, topic: str | None) -> dict[str, str]:
         """Return the units that the file itself states, by triad; it converts those."""
 

@@ -46,6 +46,11 @@ def truth_file(path: Path) -> Path | None:
     return path if reader.has_states(path) else None
 
 
+def pose_topics(path: Path) -> list[str]:
+    """Return nothing: text has no topics."""
+    return []
+
+
 def stated_units(path: Path, topic: str | None) -> dict[str, str]:
     """Return the units of the triads that the header of a table states, by triad."""
     return reader.stated_units(path, topic)

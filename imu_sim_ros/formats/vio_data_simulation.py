@@ -40,6 +40,11 @@ def odometry_topics(path: Path) -> list[str]:
     return []
 
 
+def pose_topics(path: Path) -> list[str]:
+    """Return nothing: the folder has no topics."""
+    return []
+
+
 def truth_file(path: Path) -> Path | None:
     """Return the file of true readings and poses, also of the readings with noise beside it."""
     return files.truth_file(path) if files.has_states(path) else None

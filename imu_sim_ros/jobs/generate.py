@@ -27,6 +27,7 @@ from imu_sim_ros.datasets.forms import (
     chosen_topics,
     open_output,
 )
+from imu_sim_ros.jobs.segments import Segments, segment_layer
 from imu_sim_ros.jobs.simulate import GivenMotion, Moving, argument_layers
 from imu_sim_ros.jobs.writing import (
     OUTPUT,
@@ -63,6 +64,7 @@ from imu_sim_ros.simulation.parameters import (
     named,
     values_of,
 )
+from imu_sim_ros.simulation.parameters import segments as segments_of_imus
 from imu_sim_ros.simulation.playback import (
     load_simulator,
     of_the_node,
@@ -143,6 +145,16 @@ def generate(
         ),
         _SIMULATION,
     ] = None,
+    segments: Annotated[
+        Segments,
+        "--segment NAME",
+        str,
+        Text(
+            "segment of the trajectory's file that carries the IMU; repeatable, or all: an IMU on "
+            "each"
+        ),
+        _SIMULATION,
+    ] = (),
     robust: Annotated[bool, "--robust", _SIMULATION] = False,
     rate: Annotated[float | None, "HZ", Text("sampling rate"), _SIMULATION] = None,
     duration: Annotated[
@@ -188,6 +200,8 @@ def generate(
     :param output: ``NAME.bag`` is a ROS 1 bag, ``NAME.mcap`` one MCAP file, ``NAME.csv`` and
         ``NAME.tum`` are tables, anything else a rosbag2 folder. Parent folders are created.
     :param params_file: one or several ROS 2 parameter files; all other arguments go before them.
+    :param segments: names of segments in the trajectory's file: a single one moves the body;
+        several or ``all`` carry an IMU each, in a namespace of its own, as for :func:`simulate`.
     :param robust: repair recorded poses: drop outliers, close jumps, smooth arrival stamps
         (trajectory.robust)
     :param cameras: names in config/cameras or parameter files: cam0, cam1, ... in this order.
@@ -238,6 +252,7 @@ def generate(
         duration=duration,
         rate=rate,
         seed=seed,
+        segments=segments,
         robust=robust,
         cameras=cameras,
         scene=scene,
@@ -286,8 +301,10 @@ def generate(
     with written.staged(), threads(renderers) if long else nullcontext() as pool:
         for truth, text in truths.items():
             truth.write_text(text, encoding="utf-8")
-        moving = build_trajectory(built.trajectory, pose_reader, motion.trajectory)
-        body = Body(built, trajectory=moving, sensors=sensor_names, threads=pool)
+        moving = None
+        if not segments_of_imus(built):
+            moving = build_trajectory(built.trajectory, pose_reader, motion.trajectory)
+        body = Body(built, pose_reader, trajectory=moving, sensors=sensor_names, threads=pool)
         if body.total is None:
             raise ConfigurationError(
                 f"{stated('duration', '0')}: this trajectory has no end; give a duration, for "
@@ -355,6 +372,7 @@ def described(
     duration: float | str | None = None,
     rate: float | None = None,
     seed: int | None = None,
+    segments: object = (),
     robust: bool = False,
     cameras: object = (),
     scene: str | Path | None = None,
@@ -387,6 +405,10 @@ def described(
         with problems.gathered(hanging="scene."):
             file = arguments.path("scene", scene, "a name or the path of a file")
             in_scene = scene_layer(str(file))
+    if segments:
+        motion_file = layers.get("trajectory.file", in_files.get("trajectory.file"))
+        with problems.gathered():
+            layers = _on_segments(segments, motion_file) | layers
     values = {**in_files, **in_scene, **layers}
     for kind in ("camera", *named_sensors()):
         option = "cameras" if kind == "camera" else kind
@@ -413,6 +435,18 @@ def described(
             f"the values of the file take precedence: {', '.join(overridden[:3])}{further}"
         )
     return values, motion
+
+
+def _on_segments(segments: object, file: object) -> dict[str, object]:
+    """Return the parameters of a body that is one segment, or of IMUs on several.
+
+    :param file: file of the trajectory.
+    """
+    layer, imu_names = segment_layer(segments, file)
+    names = [*imu_names.values()]
+    if len(names) > 1 or len(layer) > 2:  # an IMU with parameters of its own
+        return layer
+    return {"trajectory.topic": names[0]}
 
 
 def _size(output: Path) -> int:

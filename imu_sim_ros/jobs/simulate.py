@@ -6,23 +6,24 @@
 from __future__ import annotations
 
 import os
-from collections.abc import Callable, Collection, Iterator, Mapping
+from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
 from os import PathLike
 from pathlib import Path
-from typing import Any, Final, NamedTuple, TypeAlias
+from typing import Any, Final, NamedTuple, TypeAlias, overload
 
 import numpy as np
 from numpy.typing import NDArray
 
 from imu_sim_ros.core import arguments, timebase
 from imu_sim_ros.core.arguments import number, refuse
-from imu_sim_ros.core.errors import ConfigurationError, Problems, warn
+from imu_sim_ros.core.errors import ConfigurationError, InputError, Problems, warn
 from imu_sim_ros.core.names import nearest
 from imu_sim_ros.core.records import States
 from imu_sim_ros.core.spelling import argument, stated
 from imu_sim_ros.core.types import Array
-from imu_sim_ros.jobs.flight import Flight
+from imu_sim_ros.jobs.flight import Flight, Source
 from imu_sim_ros.jobs.readings import checked_poses, checked_sensors, poses_of_rows
+from imu_sim_ros.jobs.segments import Segments, segment_layer
 from imu_sim_ros.parameters import files
 from imu_sim_ros.parameters.kinds import EMPTY_LIST
 from imu_sim_ros.parameters.sections import OF_EVERY_NODE, bad_values
@@ -33,8 +34,9 @@ from imu_sim_ros.sensors.imu.declaration import NAME as IMU
 from imu_sim_ros.sensors.pose.declaration import NAME as POSE
 from imu_sim_ros.sensors.samples import Samples
 from imu_sim_ros.simulation.engine import BLOCK_SIZE, Body
-from imu_sim_ros.simulation.parameters import load_simulation
+from imu_sim_ros.simulation.parameters import imus, load_simulation
 from imu_sim_ros.simulation.playback import SimulatorParameters, of_the_node
+from imu_sim_ros.simulation.sensors import imus_in
 from imu_sim_ros.trajectory.build import build_trajectory
 from imu_sim_ros.trajectory.given import given_trajectory
 from imu_sim_ros.trajectory.motion import Trajectory
@@ -48,8 +50,10 @@ Moving: TypeAlias = (
 """Types that are accepted as a trajectory."""
 
 
+@overload
 def simulate(
     *,
+    segments: None = None,
     imu: str | Path | Mapping[str, Any] | None = None,
     trajectory: Moving = None,
     duration: float | str | None = None,
@@ -58,7 +62,36 @@ def simulate(
     params_file: str | Path | None = None,
     sensors: Collection[str] | None = None,
     **parameters: Any,
-) -> Flight:
+) -> Flight: ...
+
+
+@overload
+def simulate(
+    *,
+    segments: Segments,
+    imu: str | Path | Mapping[str, Any] | None = None,
+    trajectory: Moving = None,
+    duration: float | str | None = None,
+    rate: float | None = None,
+    seed: int | None = None,
+    params_file: str | Path | None = None,
+    sensors: Collection[str] | None = None,
+    **parameters: Any,
+) -> dict[str, Flight]: ...
+
+
+def simulate(
+    *,
+    segments: Segments | None = None,
+    imu: str | Path | Mapping[str, Any] | None = None,
+    trajectory: Moving = None,
+    duration: float | str | None = None,
+    rate: float | None = None,
+    seed: int | None = None,
+    params_file: str | Path | None = None,
+    sensors: Collection[str] | None = None,
+    **parameters: Any,
+) -> Flight | dict[str, Flight]:
     """Simulate an IMU on a moving body, with the same samples as ``generate`` and the node.
 
     :param imu: a name in config/imus, a parameter file or kalibr's imu.yaml, or parameters by name,
@@ -77,9 +110,13 @@ def simulate(
     :param sensors: sensors in addition to the IMU: ``magnetic_field``, ``orientation``,
         ``pressure``, or the name of a sensor of the body; by default those that the parameter file
         publishes (``publish.magnetic_field``, ...) or names.
+    :param segments: names of segments in the trajectory's file, such as those of a moving person,
+        or ``all``: each carries an IMU of its own, with a seed of its own. By name, the parameters
+        of each IMU: ``{"LeftForeArm": {"lever_arm": [0, 0, -0.2]}}``.
     :param parameters: any other parameter by its ROS name; sections are mappings:
         ``gravity=[0, 0, -9.8]``.
-    :returns: a :class:`Flight`: readings, their truth and the parameters. What may be unintended,
+    :returns: a :class:`Flight`: readings, their truth and the parameters. With ``segments`` one for
+        each segment, by name. What may be unintended,
         such as a motion beyond the sensor's range, causes warnings, as those of ``generate``.
     :raises ConfigurationError: with a line for each problem.
     :raises InputError: for a file that cannot be read.
@@ -99,12 +136,14 @@ def simulate(
     >>> warm.truth.position[0].round(3)
     array([3., 0., 0.])
     """
-    body = _body(imu, trajectory, duration, rate, seed, params_file, sensors, parameters)
+    body, imu_names = _body(
+        imu, trajectory, duration, rate, seed, params_file, sensors, segments, parameters
+    )
     windows = body.windows()
     first_block = next(windows)
     samples = body.total or 0
     memory = os.sysconf("SC_PAGE_SIZE") * os.sysconf("SC_PHYS_PAGES")
-    limit = memory * len(first_block[IMU].t_ns) // _bytes(first_block)
+    limit = memory * len(first_block[imus_in(body.sensors)[0]].t_ns) // _bytes(first_block)
     if samples > limit:
         raise ConfigurationError(
             f"{stated('duration')}: its {samples} samples, with those of all sensors, do not fit "
@@ -116,8 +155,31 @@ def simulate(
         motion = trajectory.get("type", motion)
     elif isinstance(trajectory, str | Path):
         motion = Path(trajectory).stem
-    name = f"{sensor_name(imu, body.parameters.imu.preset)} on {motion}"
-    return Flight(body, [first_block, *windows], name)
+    blocks = [first_block, *windows]
+    if segments is None:
+        name = f"{sensor_name(imu, body.parameters.imu.preset)} on {motion}"
+        return Flight(body, blocks, name)
+    return {
+        segment: _flight_of(body, imu_name, blocks, f"{segment} of {motion}")
+        for imu_name, segment in imu_names.items()
+    }
+
+
+def _flight_of(
+    body: Body, imu_name: str, blocks: Sequence[Mapping[str, Samples]], motion: str
+) -> Flight:
+    """Return the flight of one IMU of several.
+
+    :param blocks: samples of all sensors of the body by name, block by block.
+    """
+    space = f"{imu_name}/"
+    parameters = imus(body.parameters)[imu_name]
+    samples = [
+        {name.removeprefix(space): block[name] for name in block if name.startswith(space)}
+        for block in blocks
+    ]
+    source = Source(parameters, body.segments[imu_name], body.t0_ns)
+    return Flight(source, samples, f"{Path(parameters.imu.preset).stem} on {motion}")
 
 
 def blocks(
@@ -143,7 +205,7 @@ def blocks(
     >>> [len(block.t_ns) for block in ims.blocks(duration="1min", rate=200, block_size=5000)]
     [5000, 5000, 2000]
     """
-    body = _body(imu, trajectory, duration, rate, seed, params_file, sensors, parameters)
+    body, _ = _body(imu, trajectory, duration, rate, seed, params_file, sensors, None, parameters)
     size = arguments.block_size("block_size", block_size)
     return (_block(samples) for samples in body.windows(size))
 
@@ -173,9 +235,10 @@ def _body(
     seed: int | None,
     params_file: str | Path | None,
     sensors: Collection[str] | None,
+    segments: object,
     parameters: Mapping[str, Any],
-) -> Body:
-    """Return the body of the arguments of :func:`simulate`.
+) -> tuple[Body, dict[str, str]]:
+    """Return the body of the arguments of :func:`simulate`, and its segments by IMU.
 
     What is allowed but may be unintended causes warnings.
     """
@@ -193,15 +256,24 @@ def _body(
         sensor_names = checked_sensors(sensors, {**file_values, **values})
         quantities = [sensor.quantity for sensor in sensors_of_imus()]
         values["sensors"] = sorted(name for name in sensor_names if name not in quantities)
-    built = load_simulation({**file_values, **values}, problems=problems)
+    segment_values, imu_names = dict[str, object](), dict[str, str]()
+    if segments is not None:
+        file = values.get("trajectory.file", file_values.get("trajectory.file"))
+        with problems.gathered():
+            segment_values, imu_names = segment_layer(segments, file)
+    built = load_simulation({**file_values, **segment_values, **values}, problems=problems)
     for listing, supported in (("imus", "one IMU"), ("cameras", "no cameras: see camera.images")):
-        if getattr(built, listing):
+        if getattr(built, listing) and not (listing == "imus" and imu_names):
             names = list(getattr(built, listing))
             raise ConfigurationError(
                 f"{listing} = {names}: simulate() and blocks() have {supported}"
             )
-    moving = build_trajectory(built.trajectory, motion.pose_reader, motion.trajectory)
-    body = Body(built, trajectory=moving, sensors={*sensor_names, *built.each_sensor, POSE})
+    moving = None
+    if not imu_names:
+        moving = build_trajectory(built.trajectory, motion.pose_reader, motion.trajectory)
+    of_imus = {f"{name}/{sensor}" for name in imu_names for sensor in (*sensor_names, POSE)}
+    body_sensors = {*built.each_sensor, POSE} | (of_imus or sensor_names)
+    body = Body(built, motion.pose_reader, trajectory=moving, sensors=body_sensors)
     if body.total is None:
         raise ConfigurationError(
             f"{stated('duration')}: this trajectory has no end; give one, "
@@ -209,7 +281,7 @@ def _body(
         )
     for line in body.warnings():
         warn(line)
-    return body
+    return body, imu_names
 
 
 def argument_layers(
@@ -308,7 +380,13 @@ def _motion(trajectory: object) -> GivenMotion:
     if isinstance(trajectory, States):
         parameters = {"trajectory.type": "poses", "trajectory.file": "poses given as arrays"}
         poses = checked_poses("trajectory", trajectory)
-        return GivenMotion(parameters, lambda *_: poses)
+
+        def given_poses(_: object, topic: str | None = None, *__: object) -> States:
+            if topic is not None:
+                raise InputError(f"trajectory: poses given as arrays have no segment {topic}")
+            return poses
+
+        return GivenMotion(parameters, given_poses)
     if isinstance(trajectory, Mapping):
         flat = files.dotted(trajectory, "trajectory")
         return GivenMotion({f"trajectory.{name}": value for name, value in flat.items()})
@@ -364,7 +442,9 @@ def keyword_parameters(
     return files.dotted(keywords, "parameters"), files.dotted(overrides, "parameters")
 
 
-_ARGUMENTS: Final = ("imu", "trajectory", "duration", "rate", "seed", "params_file", "sensors")
+_ARGUMENTS: Final = (
+    *("imu", "trajectory", "segments", "duration", "rate", "seed", "params_file", "sensors"),
+)
 """Arguments that are no parameters by the same name, or are offered first."""
 
 

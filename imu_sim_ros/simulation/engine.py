@@ -32,9 +32,9 @@ from imu_sim_ros.parameters.sections import parameters as described
 from imu_sim_ros.sensors.faults import Fault
 from imu_sim_ros.sensors.samples import Samples
 from imu_sim_ros.sensors.world import Window, World
-from imu_sim_ros.simulation.parameters import SimulationParameters, imus
+from imu_sim_ros.simulation.parameters import SimulationParameters, imus, segments
 from imu_sim_ros.simulation.sensors import imus_in, models, mounted, sensor_warnings
-from imu_sim_ros.trajectory.build import build_trajectory
+from imu_sim_ros.trajectory.build import build_segments, build_trajectory
 from imu_sim_ros.trajectory.motion import Trajectory
 from imu_sim_ros.trajectory.parameters import GIVEN, DriveParameters, PoseReader, PosesParameters
 
@@ -66,7 +66,8 @@ class Body:
         :param pose_reader: reads the file of a trajectory of recorded poses.
         :param t0_ns: time of the first sample [ns]; None: ``start_time``, or if that is -1 the
             stamp of recorded poses at the start of the motion, or else 1 s.
-        :param trajectory: the one of these parameters, if it already exists.
+        :param trajectory: the one of these parameters, if it already exists; not used if IMUs are
+            on segments, whose motions are read together.
         :param sensors: names of :func:`~imu_sim_ros.simulation.sensors.mounted` that are read in
             addition to all IMUs; no sample of another sensor depends on them.
         :param threads: make what takes long, such as images; None: whoever asks for it does.
@@ -74,6 +75,15 @@ class Body:
         :raises InputError: for a file of poses that cannot be used.
         """
         self.parameters, self._wanted, self._threads = parameters, frozenset(sensors), threads
+        self.segments: dict[str, Trajectory] = {}
+        """Motions of the segments that carry IMUs, by the name of the IMU."""
+        topics = segments(parameters)
+        if topics and isinstance(parameters.trajectory, PosesParameters):
+            body_topic = parameters.trajectory.topic or next(iter(topics.values()))
+            names = dict.fromkeys([body_topic, *topics.values()])
+            motions = build_segments(parameters.trajectory, pose_reader, names)
+            self.segments = {name: motions[topic] for name, topic in topics.items()}
+            trajectory = motions[body_topic]
         if trajectory is None:
             trajectory = build_trajectory(parameters.trajectory, pose_reader)
         self.trajectory = trajectory
@@ -120,15 +130,15 @@ class Body:
         p = self.parameters
         duration = p.duration or self.trajectory.duration
         lines = [line for imu_parameters in imus(p).values() for line in imu_parameters.warnings()]
-        if self._recorded is not None:
-            lines += self._recorded.warnings
+        for label, recorded in self._recordings():
+            lines += [f"{label}{line}" for line in recorded.warnings]
         if isinstance(p.trajectory, DriveParameters):
             from imu_sim_ros.trajectory.drive import elsewhere_on_earth  # most motions are none
 
             lines += elsewhere_on_earth(self.trajectory, p.latitude_deg, p.longitude_deg)
         for name, sensor in self.sensors.items():
             if name in self._models and not (elsewhere and sensor.sensor.apart):
-                lines += sensor_warnings(sensor, self.world, duration)
+                lines += sensor_warnings(sensor, self._worlds[name], duration)
         if p.trajectory.type == GIVEN:
             lines += suspicions(self.trajectory, duration, self.rate)
         return list(dict.fromkeys(lines))
@@ -138,13 +148,28 @@ class Body:
 
         :param elsewhere: as in :meth:`warnings`.
         """
-        recorded, lines = self._recorded, list[str]()
-        if recorded is not None:
-            lines += recorded.repairs + recorded.report.lines()
+        lines = list[str]()
+        for label, recorded in self._recordings():
+            span, fit, peaks = recorded.report.lines()
+            texts = [*recorded.repairs, fit] if lines else [*recorded.repairs, span, fit]
+            lines += [f"{label}{line}" for line in (texts if label else [*texts, peaks])]
         for sensor in self.sensors.values():
             lines += sensor.sensor.notes(sensor)
         note = self.note_of_scene(elsewhere)
         return [*lines, note] if note else lines
+
+    def _recordings(self) -> "Iterator[tuple[str, RecordedMotion]]":
+        """Yield the recorded motions, each with the beginning of lines about it."""
+        if not self.segments:
+            if self._recorded is not None:
+                yield "", self._recorded
+            return
+        from imu_sim_ros.trajectory.recorded import recorded_in  # only this needs splines
+
+        for name, topic in segments(self.parameters).items():
+            recorded = recorded_in(self.segments[name])
+            if recorded is not None:
+                yield f"{topic}: ", recorded
 
     def note_of_scene(self, elsewhere: bool = False) -> str:
         """Return how large a place around the path is; nothing if no sensor that is read sees it.
@@ -160,7 +185,16 @@ class Body:
         self._now = Fraction(0)
         p = self.parameters
         self.world = World(self.trajectory, p, self.t0_ns, self._made_scene, self._threads)
+        worlds = {
+            name: World(motion, p, self.t0_ns, self._made_scene, self._threads)
+            for name, motion in self.segments.items()
+        }
         self.sensors = mounted(p)
+        self._worlds = {
+            name: worlds.get(sensor.space.rstrip("/"), self.world)
+            for name, sensor in self.sensors.items()
+        }
+        """Worlds of the sensors: those on a segment move with it."""
         self._models = models(self.sensors, self._wanted, self.t0_ns)
         shown = self._wanted.union(imus_in(self.sensors))
         self._shown = [name for name in self._models if name in shown]
@@ -265,7 +299,9 @@ class Body:
         stop = end if self._end is None else min(end, self._end)
         window = Window(self._now, max(stop, self._now))
         self._now = window.end
-        samples = {name: model.read(window, self.world) for name, model in self._models.items()}
+        samples = {
+            name: model.read(window, self._worlds[name]) for name, model in self._models.items()
+        }
         return {name: samples[name] for name in self._shown}
 
     def next(self, count: int) -> dict[str, Samples]:

@@ -16,7 +16,7 @@ from imu_sim_ros.core.names import nearest
 from imu_sim_ros.core.timebase import exact_rate
 from imu_sim_ros.parameters import files
 from imu_sim_ros.parameters.files import build_layered
-from imu_sim_ros.parameters.kinds import Value, gravity_warnings, like, texts
+from imu_sim_ros.parameters.kinds import Value, gravity_warnings, like, text, texts
 from imu_sim_ros.parameters.sections import (
     flatten,
     listed_names,
@@ -183,6 +183,11 @@ class OneImuParameters:
     rate: float = like(_OF_A_SINGLE_IMU["rate"])
     seed: int = like(_OF_A_SINGLE_IMU["seed"])
     imu_frame: str = like(_OF_A_SINGLE_IMU["imu_frame"])
+    segment: str = text(
+        "",
+        "segment of the trajectory's file that carries the IMU, with lever_arm and mounting on it; "
+        "empty: the body of the trajectory",
+    )
     imu: ImuParameters = section(ImuParameters)
 
 
@@ -227,6 +232,12 @@ class SimulationParameters(SampledParameters):
         yield from super().problems(prefix)
         for name, simulation in imus(self).items() if self.imus else ():
             yield from simulation.problems(f"{name}.")
+        for name, segment in segments(self).items():
+            if not isinstance(self.trajectory, PosesParameters):
+                yield (
+                    f"{name}.segment = {segment}: needs recorded poses with segments; "
+                    f"{prefix}trajectory.type is {self.trajectory.type}"
+                )
         if self.cameras:
             from imu_sim_ros.sensors.camera.rig_parameters import rig_problems
 
@@ -278,7 +289,8 @@ def _of_camera(camera: str, name: str) -> str | None:
 def imus(parameters: SampledParameters) -> dict[str, Any]:
     """Return the parameters of each IMU with the world around it, by its name.
 
-    That of a single one is empty, and its parameters are all there are.
+    That of a single one is empty, and its parameters are all there are. The body frame of one on a
+    segment is the segment.
     """
     if not isinstance(parameters, SimulationParameters) or not parameters.imus:
         return {"": parameters}
@@ -287,8 +299,17 @@ def imus(parameters: SampledParameters) -> dict[str, Any]:
     result = {}
     for name, imu in parameters.each_imu.items():
         overrides = {field.name: getattr(imu, field.name) for field in fields(imu)}
+        segment = overrides.pop("segment")
+        if segment:
+            overrides["body_frame"] = segment
         result[name] = SimulationParameters(**{**shared, **overrides})
     return result
+
+
+def segments(parameters: SampledParameters) -> dict[str, str]:
+    """Return the segments that carry IMUs, by the name of the IMU; none of those on the body."""
+    each = getattr(parameters, "each_imu", {})
+    return {name: imu.segment for name, imu in each.items() if imu.segment}
 
 
 def values_of(parameters: SimulationParameters) -> dict[str, Value]:

@@ -19,16 +19,23 @@ from imu_sim_ros.sensors.declaration import Model, Mounted
 from imu_sim_ros.sensors.imu import declaration as imu
 from imu_sim_ros.sensors.pose import declaration as pose
 from imu_sim_ros.sensors.world import World
-from imu_sim_ros.simulation.parameters import SampledParameters, SimulationParameters, imus
+from imu_sim_ros.simulation.parameters import (
+    SampledParameters,
+    SimulationParameters,
+    imus,
+    segments,
+)
 
 
 def mounted(parameters: SampledParameters) -> dict[str, Mounted]:
     """Return all sensors of a body by name; a sensor that another one needs comes before it.
 
     What they measure is their name, behind that of the IMU if there are several: ``imu``,
-    ``magnetic_field``, ``pose``, ``gnss``, ``left/imu``, ``left/pressure``.
+    ``magnetic_field``, ``pose``, ``gnss``, ``left/imu``, ``left/pressure``. An IMU on a segment has
+    the pose of the segment with it: ``left/pose``.
     """
     sensors: dict[str, Mounted] = {}
+    on_segments = segments(parameters)
     for name, imu_parameters in imus(parameters).items():
         space = f"{name}/" if name else ""
         for sensor in (imu.SENSOR, *sensors_of_imus()):
@@ -41,6 +48,10 @@ def mounted(parameters: SampledParameters) -> dict[str, Mounted]:
                 space,
             )
             sensors[space + sensor.quantity] = of_imu
+        if name in on_segments:
+            sensors[space + pose.NAME] = Mounted(
+                pose.NAME, pose.SENSOR, imu_parameters, imu_parameters, on_segments[name], space
+            )
     frame = parameters.body_frame
     sensors[pose.NAME] = Mounted(pose.NAME, pose.SENSOR, parameters, parameters, frame)
     extra_sensors, cameras = dict[str, Mounted](), dict[str, Mounted]()
@@ -114,15 +125,19 @@ def sensor_warnings(mounted: Mounted, world: World, duration: float) -> list[str
     return lines
 
 
-def mounts(sensors: Mapping[str, Mounted]) -> dict[str, Array]:
-    """Return the poses T_bf (4, 4) of frames on the body; one maps coordinates in f to the body.
+def mounts(sensors: Mapping[str, Mounted]) -> dict[tuple[str, str], Array]:
+    """Return the poses T_bf (4, 4) of frames on bodies; one maps coordinates in f to its body b.
 
     What coincides with the body's own frame needs none.
+
+    :returns: by the names of body and frame.
     """
-    poses: dict[str, Array] = {}
+    poses: dict[tuple[str, str], Array] = {}
     for mounted_sensor in sensors.values():
-        poses.setdefault(mounted_sensor.frame, mounted_sensor.sensor.mount(mounted_sensor.own))
-    poses.pop(sensors[pose.NAME].frame)
+        body_frame, frame = mounted_sensor.environment.body_frame, mounted_sensor.frame
+        if frame != body_frame:
+            pose_of_sensor = mounted_sensor.sensor.mount(mounted_sensor.own)
+            poses.setdefault((body_frame, frame), pose_of_sensor)
     return poses
 
 

@@ -114,12 +114,12 @@ def offered(sensors: Mapping[str, Mounted]) -> dict[str, Offered]:
 
 
 def _mounts(sensors: Mapping[str, Mounted], encoding: str) -> Payloads:
-    """Return the encoder of the transforms from the body to its sensors.
+    """Return the encoder of the transforms from bodies to their sensors.
 
     They are one message, with the first sample's time.
     """
-    poses_by_frame, body_frame = mounts(sensors), sensors[POSE].frame
-    frames = TransformsEncoder([(body_frame, frame) for frame in poses_by_frame], encoding)
+    poses_by_frame = mounts(sensors)
+    frames = TransformsEncoder([*poses_by_frame], encoding)
     poses = np.reshape([*poses_by_frame.values()], (-1, 4, 4))
     written = not poses_by_frame
 

@@ -4,12 +4,15 @@
 """Trajectory of parameters: a motion cut, repeated, slowed, with rests and vibration."""
 
 import math
+from collections.abc import Collection
+from dataclasses import replace
+from functools import reduce
 from pathlib import Path
 from typing import Any, Final, Protocol
 
 import numpy as np
 
-from imu_sim_ros.core.errors import ConfigurationError
+from imu_sim_ros.core.errors import ConfigurationError, InputError, naming
 from imu_sim_ros.core.records import States, with_fields
 from imu_sim_ros.core.rotation import from_matrix, multiply, upright
 from imu_sim_ros.core.types import Array
@@ -66,6 +69,32 @@ def build_trajectory(
 
         trajectory = Vibrating(trajectory, Vibration(v))
     return trajectory
+
+
+def build_segments(
+    parameters: PosesParameters, pose_reader: PoseReader, topics: Collection[str]
+) -> dict[str, Trajectory]:
+    """Return the trajectories of segments of one file, which start and end together.
+
+    :param parameters: the section ``trajectory`` of a simulation.
+    :param pose_reader: reads a file of poses.
+    :param topics: names of the segments; empty: the only one.
+    :raises ConfigurationError: for parameters that do not describe a motion.
+    :raises InputError: for a file of poses that cannot be used, and segments without common times.
+    """
+    states = {
+        name: pose_reader(Path(parameters.file), *((name,) if name else ())) for name in topics
+    }
+    times = reduce(np.intersect1d, (poses.t_ns for poses in states.values()))
+    if len(times) < 2:
+        raise InputError(f"{parameters.file}: {', '.join(topics)} have no times in common")
+    trajectories = {}
+    for name, poses in states.items():
+        common = poses.rows((poses.t_ns >= times[0]) & (poses.t_ns <= times[-1]))
+        section = replace(parameters, topic=name)
+        with naming(name or parameters.file):
+            trajectories[name] = build_trajectory(section, lambda *_, poses=common: poses)
+    return trajectories
 
 
 def motion_of_section(parameters: TrajectoryParameters, pose_reader: PoseReader) -> Trajectory:

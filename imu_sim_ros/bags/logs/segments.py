@@ -9,7 +9,6 @@ the segments alike: with U of :func:`~imu_sim_ros.core.rotation.upright`, ``p_w 
 too.
 """
 
-import re
 from collections.abc import Callable, Mapping, Sequence
 from typing import Final, NamedTuple
 
@@ -19,6 +18,7 @@ from imu_sim_ros.bags.logs.log import LogStream
 from imu_sim_ros.bags.messages.encode import POSE_STAMPED, PoseStampedEncoder
 from imu_sim_ros.core.conventions import AXES, WORLD_FRAME
 from imu_sim_ros.core.errors import InputError
+from imu_sim_ros.core.names import ros_name
 from imu_sim_ros.core.rotation import normalise, upright
 from imu_sim_ros.core.timebase import LOWEST_RATE, sample_times_ns
 from imu_sim_ros.core.types import Array, Bytes, Times
@@ -83,12 +83,6 @@ def frame_times(count: int, rate: float) -> Times:
     return sample_times_ns(0, count, rate)
 
 
-def topic_name(name: str) -> str:
-    """Return the name of a segment as ROS accepts it: letters, digits and underscores."""
-    plain = re.sub(r"[^A-Za-z0-9_]+", "_", name).strip("_") or "segment"
-    return plain if plain[0].isalpha() else f"segment_{plain}"
-
-
 def streams(segments: Sequence[Segment]) -> list[LogStream]:
     """Return a topic of PoseStamped for each segment; equal names get numbers.
 
@@ -96,7 +90,7 @@ def streams(segments: Sequence[Segment]) -> list[LogStream]:
     """
     topics: dict[str, LogStream] = {}
     for segment in segments:
-        plain = f"/{topic_name(segment.name)}"
+        plain = f"/{ros_name(segment.name)}"
         name = next(
             candidate
             for candidate in (plain, *(f"{plain}_{k}" for k in range(2, len(segments) + 2)))

@@ -230,7 +230,7 @@ class Simulator(ConfiguredNode[SimulatorParameters]):
         t_ns = int(self.get_clock().now().nanoseconds)
         try:
             # Kept: later subscribers get it from the publisher.
-            self._mounts = transforms.publish_mounts(self, parameters.body_frame, sensors, t_ns)
+            self._mounts = transforms.publish_mounts(self, sensors, t_ns)
         except MissingDependencyError as error:
             if "publish.tf_static" in self.given:
                 raise

@@ -25,17 +25,18 @@ STATIC_QOS: Final = QoSProfile(depth=1, durability=DurabilityPolicy.TRANSIENT_LO
 
 
 def publish_mounts(
-    node: Node, body_frame: str, mounts: Mapping[str, Array], t_ns: int
+    node: Node, mounts: Mapping[tuple[str, str], Array], t_ns: int
 ) -> Publisher | None:
     """Publish the fixed transforms once, latched, and return the publisher.
 
-    :param mounts: poses T_bf (4, 4), which map coordinates in a frame to the body.
+    :param mounts: poses T_bf (4, 4), which map coordinates in a frame to its body, by the names of
+        body and frame.
     :param t_ns: the stamp [ns]; tf takes a static transform at all times.
     :returns: None if there is nothing to publish.
     """
     if not mounts:
         return None
-    encoder = TransformsEncoder([(body_frame, frame) for frame in mounts])
+    encoder = TransformsEncoder([*mounts])
     rows = encoder.encode_fixed(np.array([t_ns]), np.stack([*mounts.values()]))
     publisher = create(node, encoder.type_name, TF_STATIC_TOPIC, STATIC_QOS)
     publisher.publish(rows[0].tobytes())

@@ -159,7 +159,7 @@ def test_scale_and_axis_correct_poses(tmp_path):
     rows = np.zeros((61, 11))
     rows[:, :3] = np.outer(np.linspace(0.0, 1.0, 61), [10.0, 20.0, 30.0])
     path.write_text(mocap.bvh(ARM, rows))
-    motion = {"type": "poses", "file": path, "topic": "Base", "scale": 2.54, "up": "y"}
+    motion = {"type": "poses", "file": str(path), "topic": "Base", "scale": 2.54, "up": "y"}
     end = ims.simulate(trajectory=motion, rate=10).trajectory.sample(np.array([0.6])).position[0]
     # Read: x, y, z are the file's z, x, y. Their y up: x, y, z are their z, x, y.
     np.testing.assert_allclose(end, 0.0254 * np.array([20.0, 30.0, 10.0]), atol=1e-6)
