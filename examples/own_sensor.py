@@ -14,8 +14,7 @@ import numpy as np
 
 from imu_sim_ros import register_sensor, simulate
 from imu_sim_ros.bags.messages.encode import VECTOR3_STAMPED
-from imu_sim_ros.core import rotation
-from imu_sim_ros.core.gate import POSITION
+from imu_sim_ros.core import gate, rotation
 from imu_sim_ros.core.types import Array
 from imu_sim_ros.inputs.tables import Table
 from imu_sim_ros.parameters.kinds import number
@@ -70,7 +69,7 @@ SENSOR = Sensor(
         topic("sonar/beam", *VECTOR, lambda read, rows, _: [read.range[rows, None] * DOWN]),
         topic("ground_truth/sonar", *VECTOR, lambda r, n, _: [r.ideal[n, None] * DOWN], truth=True),
     ),
-    table=Table("sonar", "Sonar", POSITION, HEADERS, VECTOR3_STAMPED, "sonar/beam"),
+    table=Table("sonar", "Sonar", gate.POSITION, HEADERS, VECTOR3_STAMPED, "sonar/beam"),
     values=lambda read: read.range[:, None],
     readings=SonarReadings,
     text="sonar altimeter: the distance to level ground along -z",

@@ -330,11 +330,9 @@ def load_simulation(
 
 
 def layered(values: Mapping[str, object], problems: Problems) -> dict[str, object]:
-    """Return what was given above the files that it names: presets, trajectory and scene.
+    """Return values above the files that they name: presets, trajectory and scene.
 
-    Scene and motion suit each other and what sees; what is given stays as it is. An IMU of several
-    takes ``rate`` and ``imu.*`` from those of all, if it has none of its own; its seed is the
-    common one plus its place in ``imus``, so that no two have the same noise.
+    Scene and motion suit each other and the sensors that see; stated values stay as they are.
 
     :param problems: receives a line for each file that cannot be read.
     """
@@ -344,59 +342,92 @@ def layered(values: Mapping[str, object], problems: Problems) -> dict[str, objec
         from imu_sim_ros.simulation.scene_fit import fitted  # most runs have none
 
         values = fitted(values, lambda layer: load_simulation(layer).trajectory)
+    common, imu_layers = _split_by_imu(values)
+    files_below = layer_rig(common, problems) if has_views else common
+    layers = {
+        **_sensor_presets(files_below, problems),
+        **_with_motion(layer_imu(files_below, NODE, problems), files_below, problems),
+    }
+    if has_views:
+        layers.update(axes(values, layers.get("trajectory.type") == PosesParameters.type))
+    for k, (name, imu_layer) in enumerate(imu_layers.items()):
+        layers.update(_imu_values(name, k, imu_layer, common, problems))
+    return layers
 
-    # What is one IMU's own, and what is common.
-    imu_names = listed_names("imus", values)
-    imu_layers: dict[str, dict[str, object]] = {name: {} for name in imu_names}
+
+def _split_by_imu(
+    values: Mapping[str, object],
+) -> tuple[dict[str, object], dict[str, dict[str, object]]]:
+    """Return the values of all IMUs, and those of each of several by its name."""
+    imu_layers: dict[str, dict[str, object]] = {name: {} for name in listed_names("imus", values)}
     common: dict[str, object] = {}
     for key, value in values.items():
-        name, dot, rest = key.partition(".")
+        name, dot, parameter = key.partition(".")
         if dot and name in imu_layers:
-            imu_layers[name][rest] = value
+            imu_layers[name][parameter] = value
         else:
             common[key] = value
-    imu_defaults = {key: common[key] for key in common if key == "rate" or key.startswith("imu.")}
+    return common, imu_layers
 
-    # Files below what is common: cameras and scene, other sensors, the IMU, the trajectory.
-    if has_views:
-        common = layer_rig(common, problems)
-    sensor_presets: dict[str, object] = {}
-    for name in listed_names("sensors", common):
-        kind = kind_of(name, common)
-        preset = common.get(f"{name}.preset")
+
+def _sensor_presets(values: Mapping[str, object], problems: Problems) -> dict[str, object]:
+    """Return the values of the presets of all sensors with a mount of their own."""
+    presets: dict[str, object] = {}
+    for name in listed_names("sensors", values):
+        kind = kind_of(name, values)
+        preset = values.get(f"{name}.preset")
         if preset and preset != "none":
             with problems.gathered():
                 path = files.find(find_sensor(kind).presets or kind, str(preset))
                 for key, value in files.load(path).items():
-                    short = key.removeprefix(f"{kind}.")
-                    sensor_presets[key if short == key else f"{name}.{short}"] = value
-    result = layer_imu(common, NODE, problems)
-    if "trajectory.type" in common:  # else the motion of the IMU's preset counts
-        preset_motion = [
-            key for key in result if key.startswith("trajectory.") and key not in common
-        ]
-        result = {key: value for key, value in result.items() if key not in preset_motion}
-    motion = str(result.setdefault("trajectory.type", DEFAULT_TRAJECTORY))
-    if names_a_file(motion):
-        del result["trajectory.type"]
-        with problems.gathered(hanging="trajectory."):
-            result = {**trajectory_layer(motion), **result}
-    result = {**sensor_presets, **result}
-    if has_views:
-        result.update(axes(values, result.get("trajectory.type") == PosesParameters.type))
+                    parameter = key.removeprefix(f"{kind}.")
+                    presets[key if parameter == key else f"{name}.{parameter}"] = value
+    return presets
 
-    # Files below what is one IMU's own.
+
+def _with_motion(
+    layers: dict[str, object], stated: Mapping[str, object], problems: Problems
+) -> dict[str, object]:
+    """Return values with those of the trajectory's file below them.
+
+    :param layers: values above the preset of the IMU, whose motion counts if none is stated.
+    :param stated: values without the preset.
+    """
+    if "trajectory.type" in stated:
+        layers = {
+            key: value
+            for key, value in layers.items()
+            if key in stated or not key.startswith("trajectory.")
+        }
+    motion = str(layers.setdefault("trajectory.type", DEFAULT_TRAJECTORY))
+    if names_a_file(motion):
+        del layers["trajectory.type"]
+        with problems.gathered(hanging="trajectory."):
+            layers = {**trajectory_layer(motion), **layers}
+    return layers
+
+
+def _imu_values(
+    name: str,
+    place: int,
+    imu_layer: Mapping[str, object],
+    common: Mapping[str, object],
+    problems: Problems,
+) -> dict[str, object]:
+    """Return the values of one of several IMUs, by dotted name, above its preset.
+
+    It takes ``rate`` and ``imu.*`` from those of all, if it has none of its own. Its seed is the
+    common one plus its place in ``imus``, so that no two IMUs have the same noise.
+    """
+    defaults = {key: common[key] for key in common if key == "rate" or key.startswith("imu.")}
+    defaults["imu_frame"] = f"{name}_imu_link"
     seed = common.get("seed", 0)
-    for k, name in enumerate(imu_names):
-        defaults: dict[str, object] = {"imu_frame": f"{name}_imu_link"}
-        if isinstance(seed, int):
-            defaults["seed"] = seed + k
-        for key, value in layer_imu(
-            {**imu_defaults, **defaults, **imu_layers[name]}, NODE, problems
-        ).items():
-            if not key.startswith("trajectory."):
-                result[f"{name}.{key}"] = value
-    return result
+    if isinstance(seed, int):
+        defaults["seed"] = seed + place
+    layers = layer_imu({**defaults, **imu_layer}, NODE, problems)
+    return {
+        f"{name}.{key}": value for key, value in layers.items() if not key.startswith("trajectory.")
+    }
 
 
 def named(kind: str, presets: Sequence[object]) -> dict[str, object]:

@@ -6,6 +6,7 @@
 What every kind has: repetition, rests, vibration, lead-in, stands in the first of them.
 """
 
+import itertools
 import os
 from collections.abc import Callable, Iterator
 from contextlib import suppress
@@ -483,61 +484,67 @@ class DriveParameters(TrajectoryParameters):
     )
 
     def problems(self, prefix: str) -> Iterator[str]:
-        """Yield which lists do not match."""
-        for name in ("origin", "slope"):
-            entries = getattr(self, name)
-            if len(entries) != 2 and (entries or name == "slope"):
-                yield f"{prefix}{name} = {list(entries)}: must be two numbers"
-        if self.origin[2:] == () and self.origin and abs(self.origin[0]) > 90.0:
+        """Yield a line for each value that does not fit another one."""
+        if len(self.slope) != 2:
+            yield f"{prefix}slope = {list(self.slope)}: must be two numbers"
+        if self.origin and len(self.origin) != 2:
+            yield f"{prefix}origin = {list(self.origin)}: must be two numbers"
+        elif self.origin and abs(self.origin[0]) > 90.0:
             yield f"{prefix}origin: latitude {self.origin[0]:g}: must be within 90 deg"
-        if self.use_times and not self.file:
+        yield from self._file_problems(prefix) if self.file else self._waypoint_problems(prefix)
+        yield from self._ground_problems(prefix)
+        if self.times or self.use_times:
+            rules = {"stops": self.stops, "laps": self.laps, "speeds": self.speeds}
+            for name, rule in rules.items():
+                if rule:
+                    yield f"{prefix}{name}: must be left out if times are given"
+            if self.deviation:
+                yield f"{prefix}deviation = {self.deviation:g}: must be 0 if times are given"
+
+    def _file_problems(self, prefix: str) -> Iterator[str]:
+        """Yield a line for each value that is for waypoints, not for a file."""
+        if self.times:
+            yield f"{prefix}times: are for {prefix}positions; a file has its own, use_times"
+        if self.elevations:
+            yield f"{prefix}elevations: are for {prefix}positions; a file: use_elevations"
+
+    def _waypoint_problems(self, prefix: str) -> Iterator[str]:
+        """Yield a line for each value that does not fit the waypoints."""
+        if self.use_times:
             yield f"{prefix}use_times = true: needs {prefix}file; {prefix}times are for positions"
-        if self.file:
-            if self.times:
-                yield f"{prefix}times: are for {prefix}positions; a file has its own, use_times"
-            if self.elevations:
-                yield f"{prefix}elevations: are for {prefix}positions; a file: use_elevations"
-        else:
-            count = len(self.positions) // 2
-            if count < 2:
-                yield f"{prefix}positions = {list(self.positions)}: must be at least two waypoints"
-            if self.times and len(self.times) != count:
+        if self.use_elevations:
+            yield f"{prefix}use_elevations = true: needs {prefix}file"
+        count = len(self.positions) // 2
+        if count < 2:
+            yield f"{prefix}positions = {list(self.positions)}: must be at least two waypoints"
+        for name, entries in (("times", self.times), ("elevations", self.elevations)):
+            if entries and len(entries) != count:
                 yield (
-                    f"{prefix}times: {len(self.times)} entries; must be empty or one for each of "
+                    f"{prefix}{name}: {len(entries)} entries; must be empty or one for each of "
                     f"the {count} waypoints"
                 )
-            if self.elevations and len(self.elevations) != count:
+        if self.times and self.times[0] != 0.0:
+            yield f"{prefix}times: waypoint 1 at {self.times[0]:g} s: must be at 0"
+        for k, (earlier, time) in enumerate(itertools.pairwise(self.times), 1):
+            if time <= earlier:
                 yield (
-                    f"{prefix}elevations: {len(self.elevations)} entries; must be empty or one for "
-                    f"each of the {count} waypoints"
+                    f"{prefix}times: waypoint {k + 1} at {time:g} s: must be after waypoint {k} at "
+                    f"{earlier:g} s"
                 )
-            if self.times and self.times[0] != 0.0:
-                yield f"{prefix}times: waypoint 1 at {self.times[0]:g} s: must be at 0"
-            for k in range(1, len(self.times)):
-                if self.times[k] <= self.times[k - 1]:
-                    yield (
-                        f"{prefix}times: waypoint {k + 1} at {self.times[k]:g} s: must be after "
-                        f"waypoint {k} at {self.times[k - 1]:g} s"
-                    )
+
+    def _ground_problems(self, prefix: str) -> Iterator[str]:
+        """Yield a line for each value that does not fit the ground: plane, heights or route."""
         name = "elevations" if self.elevations else "use_elevations"
-        of_route = bool(self.elevations) or self.use_elevations
-        if self.use_elevations and not self.file:
-            yield f"{prefix}use_elevations = true: needs {prefix}file"
-        if of_route and self.height_map:
+        has_elevations = bool(self.elevations) or self.use_elevations
+        if has_elevations and self.height_map:
             yield f"{prefix}{name}: must be left out with {prefix}height_map, which has its own"
-        if of_route and any(self.slope):
+        if has_elevations and any(self.slope):
             yield f"{prefix}{name}: must be left out with {prefix}slope, which has its own"
         if 0.0 in self.speeds:
             yield f"{prefix}speeds: 0 m/s: must be above 0, or below to back up"
-        if any(speed < 0.0 for speed in self.speeds) and (of_route or self.height_map):
+        if any(speed < 0.0 for speed in self.speeds) and (has_elevations or self.height_map):
             ground = "height_map" if self.height_map else name
             yield f"{prefix}speeds: must be above 0 with {prefix}{ground}; it backs up on a plane"
-        timed = self.times or self.use_times
-        for name, entries in (("stops", self.stops), ("laps", self.laps), ("speeds", self.speeds)):
-            if timed and entries:
-                yield f"{prefix}{name}: must be left out if times are given"
-        if timed and self.deviation:
-            yield f"{prefix}deviation = {self.deviation:g}: must be 0 if times are given"
 
 
 @dataclass(frozen=True)

@@ -64,9 +64,9 @@ def test_the_frame_of_the_world_is_not_that_of_the_body():
         (["--topics", ""], "must be at least one name"),
         (["--topics", " , "], "must be at least one name"),
         (["--topics", "all,imu/data_raw"], "all stands for every topic, alone"),
-        (["--set", "duration=2"], "duration = 1 and --set duration = 2: two values; give one"),
-        (["--rate", "100", "--set", "rate=200"], "rate = 100 and --set rate = 200: two values"),
-        (["--seed", "1", "--set", "seed=2"], "seed = 1 and --set seed = 2: two values"),
+        (["--set", "duration=2"], "duration = 1 and parameter duration = 2: two values; give one"),
+        (["--rate", "100", "--set", "rate=200"], "rate = 100 and parameter rate = 200: two values"),
+        (["--seed", "1", "--set", "seed=2"], "seed = 1 and parameter seed = 2: two values"),
     ],
 )
 def test_arguments_that_contradict_each_other_are_refused(tmp_path, capsys, arguments, line):
