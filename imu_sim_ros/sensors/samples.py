@@ -4,7 +4,7 @@
 """The samples of a sensor: one form for all sensors."""
 
 from collections.abc import Mapping, Sequence
-from typing import Any, NamedTuple, TypeAlias
+from typing import Any, Final, NamedTuple, TypeAlias
 
 import numpy as np
 
@@ -13,6 +13,16 @@ from imu_sim_ros.core.types import Integers, Times, shapes
 
 Rows: TypeAlias = "slice | Integers"
 """Selection of some of n samples."""
+
+
+_FEW_ROWS: Final = tuple(np.arange(count) for count in range(17))
+for _rows_of_few in _FEW_ROWS:
+    _rows_of_few.flags.writeable = False
+
+
+def all_rows(count: int) -> Integers:
+    """Return the rows 0 .. count - 1 of samples; always the same array for a few of them."""
+    return _FEW_ROWS[count] if count < len(_FEW_ROWS) else np.arange(count)
 
 
 class Samples(NamedTuple):

@@ -17,7 +17,7 @@ from imu_sim_ros.core.random_streams import generator
 from imu_sim_ros.core.types import Array, Integers, Mask, Times
 from imu_sim_ros.sensors.faults import Fault, FaultSchedule
 from imu_sim_ros.sensors.parameters import LARGEST_JITTER_SIGMA, TimingParameters
-from imu_sim_ros.sensors.samples import Samples
+from imu_sim_ros.sensors.samples import Samples, all_rows
 from imu_sim_ros.sensors.world import Window
 
 LARGEST_JITTER: Final = 0.45
@@ -191,7 +191,7 @@ class SampleTiming:
         """Return when the next n messages leave the driver (n,) [ns]; none overtakes another."""
         after_ns = self._span_ns + self._latency_ns
         if not (self._latency_jitter_ns or self.faults.windows):
-            steady: Times = true_t_ns + after_ns
+            steady: Times = true_t_ns + after_ns if after_ns else true_t_ns
             if len(steady) and steady[0] >= self._last_release_ns:
                 self._last_release_ns = int(steady[-1])
                 return steady
@@ -211,7 +211,7 @@ class SampleTiming:
         """Return the rows of the next n messages that are not lost, in order (m,)."""
         loses = self._dropout or self._burst or self._duplicate or self.faults.windows
         if not loses and self._burst_end <= first:
-            return np.arange(count)
+            return all_rows(count)
         lost = np.zeros(count, dtype=np.bool_)
         if self._dropout:
             lost |= self._stream("transport.dropout").random(count) < self._dropout

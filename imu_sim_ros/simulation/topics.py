@@ -27,7 +27,7 @@ from imu_sim_ros.sensors.declaration import Mounted, Payloads, Topic
 from imu_sim_ros.sensors.deferred import Results
 from imu_sim_ros.sensors.orientation.declaration import TOPIC as ORIENTATION_TOPIC
 from imu_sim_ros.sensors.pose.declaration import NAME as POSE
-from imu_sim_ros.sensors.samples import Rows, Samples
+from imu_sim_ros.sensors.samples import Rows, Samples, all_rows
 from imu_sim_ros.simulation.playback import ImuPublishParameters
 from imu_sim_ros.simulation.sensors import mounts
 
@@ -153,7 +153,9 @@ def resolved(name: str) -> str:
 def delivered_rows(samples: Samples) -> Rows:
     """Return the rows of samples that are delivered; all of them need no copy."""
     rows, count = samples.delivered, len(samples.t_ns)
-    if len(rows) == count and (count == 1 or not np.count_nonzero(rows != np.arange(count))):
+    if rows is all_rows(count):
+        return slice(None)
+    if len(rows) == count and not np.count_nonzero(rows != np.arange(count)):
         return slice(None)
     return rows
 

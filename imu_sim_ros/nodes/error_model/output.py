@@ -72,10 +72,11 @@ class ErrorModelOutputs:
                 for payload in payloads:
                     counter.send(payload)
                 continue
-            delays = (samples_of_sensor.release_t_ns - samples_of_sensor.true_t_ns)[
-                samples_of_sensor.delivered
-            ]
-            self._delayed.send(counter.send, payloads, delays.tolist())
+            release_t_ns, true_t_ns = samples_of_sensor.release_t_ns, samples_of_sensor.true_t_ns
+            delays: Sequence[int] = ()
+            if release_t_ns is not true_t_ns:
+                delays = (release_t_ns - true_t_ns)[samples_of_sensor.delivered].tolist()
+            self._delayed.send(counter.send, payloads, delays)
 
     def close(self) -> None:
         """Publish what is still waiting, and end the thread."""
@@ -97,7 +98,7 @@ class Delayed:
     ) -> None:
         """Send messages.
 
-        :param delays: of each, from now on [ns].
+        :param delays: of each, from now on [ns]; empty: none has any.
         """
         if self._thread is None and not any(delays):
             for payload in payloads:
@@ -108,7 +109,7 @@ class Delayed:
             self._thread.start()
         now_ns = time.monotonic_ns()
         with self._new:
-            for payload, delay in zip(payloads, delays, strict=True):
+            for payload, delay in zip(payloads, delays or [0] * len(payloads), strict=True):
                 self._waiting.append((now_ns + delay, send, payload))
             self._new.notify()
 
