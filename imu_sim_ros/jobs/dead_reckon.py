@@ -335,15 +335,16 @@ def _begun(
                 tracks.has_truth(checked_path("readings", readings, BAG_OR_FILE))
         problems.tell()
     recording = _recording(readings, *topics, skip_bad_rows, selection)
-    if not (isinstance(readings, Flight) and (np.diff(recording.readings.t_ns) > 0).all()):
-        recording = recording._replace(readings=judged(recording.readings, DEAD_RECKON))
-    if recording.truth is not None and not isinstance(readings, Flight):
-        DEAD_RECKON.judge(pose_findings(recording.truth), warn)
-    recording = recording.after(skip)
     world = _world(readings, selection[1] or topics[0], topics[1])
     layers = {**world.parameters, **overrides}
     usual = all(isinstance(value, str) for value in layers.values())
     settings = (_usual_settings if usual else _settings)(**layers)
+    if not (isinstance(readings, Flight) and (np.diff(recording.readings.t_ns) > 0).all()):
+        gravity = float(np.linalg.norm(settings.gravity))
+        recording = recording._replace(readings=judged(recording.readings, DEAD_RECKON, gravity))
+    if recording.truth is not None and not isinstance(readings, Flight):
+        DEAD_RECKON.judge(pose_findings(recording.truth), warn)
+    recording = recording.after(skip)
     prefix = f"{readings}: " if isinstance(readings, str | PathLike) else ""
     for note in (*world.notes, *settings.warnings()):
         warn(f"{prefix}{note}", Remark)

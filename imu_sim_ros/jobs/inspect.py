@@ -122,6 +122,8 @@ class SensorContents:
     """Time at rest, in the longest piece without a pause [s]."""
     moving_s: float
     """Time in motion, in the longest piece without a pause [s]."""
+    rest_force: float | None
+    """Median length of the specific force at rest [m/s^2]; None: nothing is at rest."""
     gyroscope_noise_density: tuple[float, ...] | None
     """White noise of each axis [rad/s/sqrt(Hz)]; None: motion hides it."""
     accelerometer_noise_density: tuple[float, ...] | None
@@ -266,11 +268,14 @@ class Inspection:
         )
         yield (
             "Readings",
-            ["IMU", "readings", "time [s]", "rate [Hz]", "stamps", "lost", "rest [s]"],
+            [
+                *("IMU", "readings", "time [s]", "rate [Hz]", "stamps", "lost", "rest [s]"),
+                "force at rest [m/s^2]",
+            ],
             [
                 [
                     *(sensor.source, sensor.readings, sensor.duration_s, sensor.rate_hz),
-                    *(sensor.clock, sensor.lost, sensor.rest_s),
+                    *(sensor.clock, sensor.lost, sensor.rest_s, sensor.rest_force),
                 ]
                 for sensor in self.sensors
             ],
@@ -378,6 +383,8 @@ def _sensor_rows(sensor: SensorContents) -> list[list[str]]:
         rows.append(["rate", clock])
     if sensor.rest_s or sensor.moving_s:
         rows.append(["rest, motion", f"{sensor.rest_s:.4g} s, {sensor.moving_s:.4g} s"])
+    if sensor.rest_force is not None:
+        rows.append(["specific force at rest", f"{sensor.rest_force:.4g} m/s^2"])
     for triad, unit, density in (
         (TRIADS[0], "rad/s/sqrt(Hz)", sensor.gyroscope_noise_density),
         (TRIADS[1], "m/s^2/sqrt(Hz)", sensor.accelerometer_noise_density),
@@ -623,6 +630,7 @@ def _sensor(measures: ReadingMeasures) -> SensorContents:
         lost=0 if clock is None else clock.lost,
         rest_s=measures.rest_time,
         moving_s=measures.duration - measures.rest_time if len(measures.rest) else 0.0,
+        rest_force=measures.rest_force,
         gyroscope_noise_density=shown[0],
         accelerometer_noise_density=shown[1],
         nearest_presets=_nearest(noise, 0.0 if clock is None else clock.rate),

@@ -15,6 +15,7 @@ import numpy as np
 from imu_sim_ros.core import arguments, gate
 from imu_sim_ros.core.arguments import BAG_OR_FILE, array, name_of, refuse, suggest_keywords, words
 from imu_sim_ros.core.bad_rows import tell_skipped
+from imu_sim_ros.core.conventions import STANDARD_GRAVITY
 from imu_sim_ros.core.errors import ConfigurationError, InputError, warn
 from imu_sim_ros.core.names import suggestion
 from imu_sim_ros.core.records import Readings, States, TimeSeries, with_fields
@@ -46,14 +47,17 @@ class HasPoses(Protocol):
         """(n, 4) unit quaternions (w, x, y, z)."""
 
 
-def judged(readings: Readings, policy: FindingPolicy) -> Readings:
+def judged(
+    readings: Readings, policy: FindingPolicy, gravity: float = STANDARD_GRAVITY
+) -> Readings:
     """Return readings as a job takes them; what is wrong is refused, corrected or told.
 
     Corrected readings have the order and the times of the clock behind their stamps.
 
+    :param gravity: size of gravity at the place of the recording [m/s^2].
     :raises InputError: with a line for each finding that the job refuses.
     """
-    measures = ReadingMeasures(readings)
+    measures = ReadingMeasures(readings, gravity=gravity)
     findings = reading_findings(readings, measures)
     policy.judge(findings, warn)
     clock = measures.clock

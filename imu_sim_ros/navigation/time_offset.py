@@ -99,10 +99,10 @@ class _Pairs:
         earlier, later = (self._residuals(offset + s, scaled) for s in (-step, step))
         slopes = (later - earlier) / (2.0 * step)
         weight = 2.0 / self._sums(residuals)
-        curvature = float(weight @ np.sum(slopes**2, axis=(1, 2)))
         parts = np.einsum("c,cnk,cnk->n", weight, residuals, slopes)
+        information = np.einsum("c,cnk,cnk->n", weight, slopes, slopes)
         seconds = (self._first_ns - self._first_ns[0]) * 1e-9
-        return half_interval(seconds, parts, curvature, _CORRELATED)
+        return half_interval(seconds, parts, information, _CORRELATED)
 
     def _sums(self, residuals: Array) -> Array:
         """Return (2,) the sums of squares of position and turn, with what interpolation leaves."""

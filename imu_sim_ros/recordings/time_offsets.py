@@ -224,19 +224,21 @@ class _Pair:
         effect = slopes - axes @ (axes.T @ slopes)
         parts = np.sum(residuals * effect, axis=1)
         t = self._ends[0] - self._ends[0, 0]
-        return half_interval(t, parts, float(np.sum(effect**2)), _CORRELATED)
+        return half_interval(t, parts, np.sum(effect**2, axis=1), _CORRELATED)
 
 
-def half_interval(t: Array, parts: Array, curvature: float, correlated: float) -> float:
+def half_interval(t: Array, parts: Array, slopes: Array, correlated: float) -> float:
     """Return half of the 95 % interval of the zero of a sum of n parts.
 
     The variance of an estimating equation: that of the sum, whose correlated parts are added in
     blocks of time (batch means; Conway, Management Science 10, 1963), over the square of its slope
-    (the "sandwich"; Huber 1967).
+    (the "sandwich"; Huber 1967). A few turns of a body often have most of the slope: the sum of
+    each block is corrected for its leverage, and Student's degrees of freedom are those that the
+    leverages leave (Bell and McCaffrey, Survey Methodology 28, 2002).
 
     :param t: (n,) times of the parts, from 0 [s].
     :param parts: (n,) parts of the sum.
-    :param curvature: derivative of the sum.
+    :param slopes: (n,) their derivatives, at least 0.
     :param correlated: shortest block [s].
     """
     from scipy.special import stdtrit  # scipy.stats has t.ppf and takes 0.5 s to import
@@ -244,9 +246,14 @@ def half_interval(t: Array, parts: Array, curvature: float, correlated: float) -
     fewest, largest = _BLOCKS
     count = int(np.clip(t[-1] / correlated, fewest, largest))
     block = np.minimum((t / max(float(t[-1]), 1e-9) * count).astype(np.int64), count - 1)
-    sums = np.bincount(block, weights=parts, minlength=count)
-    deviation = float(np.sqrt(count * np.var(sums, ddof=1)))
-    return float(stdtrit(count - 1, 0.975)) * deviation / max(curvature, 1e-300)
+    slope = max(float(np.sum(slopes)), 1e-300)
+    leverage = np.bincount(block, weights=slopes, minlength=count) / slope
+    factor = 1.0 / np.maximum(1.0 - leverage, 1e-9)
+    variance = np.sum(factor * np.bincount(block, weights=parts, minlength=count) ** 2)
+    # The sums have a covariance of diag(h) - h h', h the leverages, times a constant.
+    share = factor * leverage**2
+    freedom = 1.0 / (np.sum(leverage**2) + np.sum(share) ** 2 - np.sum(share**2))
+    return float(stdtrit(freedom, 0.975) * np.sqrt(variance)) / slope
 
 
 def _centred(rates: Array) -> Array:

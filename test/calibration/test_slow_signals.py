@@ -49,6 +49,14 @@ def test_a_warm_up_is_no_walk_and_no_ramp(minutes):
     assert told(result, "a warm-up of") == 6 or minutes == 60
 
 
+def test_a_warm_up_as_long_as_the_record_is_no_walk():
+    """2 B over an hour: a ramp, nearly. Of 18 axes, 5 % is less than one; four are so in 1 %."""
+    decay = 2.0 * FLICKER * np.exp(-np.arange(COUNT)[:, None] / RATE / 3600.0)
+    results = [analysed(seed, decay) for seed in (11, 13, 15)]
+    assert sum(false_values(result, "random_walk") for result in results) <= 3
+    assert sum(false_values(result, "rate_ramp") for result in results) <= 3
+
+
 @pytest.mark.parametrize("sigma", [5e-4, 2e-3])
 def test_white_noise_holds_beside_a_gauss_markov_bias(sigma):
     """N was outside its interval in a third; of six of 95 %, fewer than four hold once in 500."""

@@ -4,6 +4,7 @@
 """Findings about readings and poses: each fault is found, and nothing in clean recordings."""
 
 import json
+import warnings
 from pathlib import Path
 
 import numpy as np
@@ -72,6 +73,30 @@ def test_acceleration_without_gravity_is_found_at_rest_and_in_motion():
 def test_gravity_of_another_size_at_rest_is_found():
     moon = ims.simulate(imu="bmi088", trajectory="static", duration=5, gravity=6.5, seed=2)
     assert kinds(moon.readings) == ["gravity_size"]
+    with pytest.warns(UserWarning, match=r"6\.\d+ m/s\^2 instead of 9.81; .*\[gravity_size\]"):
+        ims.dead_reckon(moon.readings, initial="parameters")
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")
+        ims.dead_reckon(moon.readings, initial="parameters", gravity=6.5)
+
+
+def test_a_scale_of_gravity_is_told_from_a_bias_by_several_attitudes():
+    """5 % in the scale is more than any sensor has, the same share as a bias is usual."""
+    imu = {"preset": "mpu6000", "accelerometer_bias": [0.8, 0.0, 0.0]}
+    positions = {"type": "six_position", "dwell": 5.0}
+    flight = ims.simulate(imu=imu, trajectory=positions, rate=25, seed=2)
+    assert kinds(flight.readings) == []
+    for scale in (0.93, 1.07):
+        (finding,) = reading_findings(with_fields(flight.readings, accel=scale * flight.accel))
+        assert finding.kind == "gravity_size"
+        assert "in all attitudes" in finding.evidence
+
+
+def test_the_specific_force_at_rest_is_stated():
+    flight = ims.simulate(imu="perfect", trajectory="static", duration=3, gravity=9.3)
+    inspection = ims.inspect(flight.readings)
+    assert inspection.sensors[0].rest_force == pytest.approx(9.3)
+    assert any("9.3" in line for line in map(str, inspection.lines()))
 
 
 def test_a_saturated_axis_is_found(recordings):

@@ -40,6 +40,9 @@ _DOUBTFUL_SHIFT: Final = 8.0
 """Log-likelihood from which a shift is possible."""
 _DOUBTFUL_TRANSIENT: Final = 3.0
 """Log-likelihood from which a transient is possible."""
+_SLOW_TRANSIENT: Final = 1.0
+"""Log-likelihood from which a transient is possible that explains the record as well as a ramp:
+it has a parameter more than the walk that would explain it (Akaike's criterion)."""
 _EQUIVALENT: Final = 2.0
 """Largest loss of log-likelihood of a transient that can replace a ramp: half of
 chi-square(1, 0.95)."""
@@ -454,8 +457,7 @@ class _Search:
         """Return the doubtful signals, with or without a transient in place of a ramp.
 
         A transient that explains the record as well as a ramp does is possible. If it also explains
-        it as
-        well as the doubtful signals do, it replaces them.
+        it as well as the doubtful signals do, it replaces them.
 
         :param sure: signals that are certain.
         :param maybe: signals that may exist.
@@ -466,7 +468,7 @@ class _Search:
         if with_decay.objective > with_ramp.objective + _EQUIVALENT:
             return maybe
         without = self._fit(y, sure, best, ramp=False)
-        if without.objective - with_decay.objective < _DOUBTFUL_TRANSIENT:
+        if without.objective - with_decay.objective < _SLOW_TRANSIENT:
             return maybe
         price = _RAMP + sum(c.kind.doubt(c.parameter) for c in maybe)
         if with_decay.objective + _DOUBTFUL_TRANSIENT <= best.objective + price:

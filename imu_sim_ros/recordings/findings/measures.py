@@ -52,6 +52,9 @@ _NOISIEST: Final = 2e-3
 """White noise that gyroscopes stay below, 0.11 deg/s/sqrt(Hz) [rad/s/sqrt(Hz)]."""
 _SI: Final = (0.3, 3.0)
 """Mean specific force over gravity, within which it is in m/s^2."""
+_SPREAD: Final = 0.2
+"""Smallest standard deviation of the directions of gravity, along any axis, from which on rests
+tell its size apart from a bias: over all directions it is 0.58."""
 _TURNING: Final = 0.2
 """Mean angular rate above which a steady stretch is a turn, not rest [rad/s]."""
 ROUNDING: Final = 1e-12
@@ -84,12 +87,20 @@ class RateUnit(NamedTuple):
 class ReadingMeasures:
     """Readings of one IMU with the clock behind them and the means of their windows."""
 
-    def __init__(self, readings: Readings, clock: Clock | None = None) -> None:
+    def __init__(
+        self,
+        readings: Readings,
+        clock: Clock | None = None,
+        gravity: float = STANDARD_GRAVITY,
+    ) -> None:
         """Take the readings.
 
         :param clock: their clock; None: it is estimated.
+        :param gravity: size of gravity at the place of the recording [m/s^2].
         """
         self.readings = readings
+        self.local_gravity = gravity
+        """Size of gravity at the place of the recording [m/s^2]."""
         self.no_clock = ""
         """Reason for which the stamps have no rate; empty: they have one."""
         if clock is None:
@@ -179,6 +190,31 @@ class ReadingMeasures:
         if turning * self.rate_unit.scale > _TURNING:
             return None
         return float(np.median(np.linalg.norm(self.rest_means[1], axis=1)))
+
+    @cached_property
+    def rest_sphere(self) -> tuple[float, float] | None:
+        """Radius of the sphere on which the specific forces at rest lie, and size of its centre.
+
+        The radius is gravity times a scale, the centre a bias, both in the unit of the readings.
+        None: too few directions are at rest.
+        """
+        if self.rest_means is None:
+            return None
+        gyro, force = self.rest_means
+        turn = np.linalg.norm(gyro - np.median(gyro, axis=0), axis=1)  # without the bias
+        force = force[turn * self.rate_unit.scale < _TURNING]
+        size = float(np.linalg.norm(force, axis=1).mean()) if len(force) > 3 else 0.0
+        if not size:
+            return None
+        directions = force / size
+        spread = np.linalg.svd(directions - directions.mean(axis=0), compute_uv=False)
+        if spread[-1] < _SPREAD * math.sqrt(len(force)):
+            return None
+        # |f|^2 = 2 f.b + (r^2 - |b|^2), linear in b and the rest.
+        columns = np.column_stack([2.0 * directions, np.ones(len(force))])
+        *centre, rest = np.linalg.lstsq(columns, np.sum(directions**2, axis=1), rcond=None)[0]
+        offset = float(np.linalg.norm(centre))
+        return size * math.sqrt(max(rest + offset**2, 0.0)), size * offset
 
     @cached_property
     def swapped(self) -> Gravity | None:

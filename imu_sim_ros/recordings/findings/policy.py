@@ -69,7 +69,7 @@ class FindingPolicy:
 DEAD_RECKON: Final = FindingPolicy(
     refuses=(*ABSENT, *BROKEN_CLOCK),
     corrects=UNEVEN_CLOCK,
-    tells=(*UNITS, "triad_zeros", "gravity_absent", "axes_down", *POSES, *TWIST),
+    tells=(*UNITS, "triad_zeros", "gravity_absent", "gravity_size", "axes_down", *POSES, *TWIST),
 )
 PREINTEGRATE: Final = FindingPolicy(
     refuses=(*ABSENT, *BROKEN_CLOCK), corrects=UNEVEN_CLOCK, tells=(*UNITS, "triad_zeros")

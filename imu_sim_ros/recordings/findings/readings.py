@@ -31,6 +31,9 @@ _ABSENT: Final = 0.5
 _SIZE: Final = 0.25
 """Share by which gravity at rest may be off: three standard deviations of the zero offset of the
 cheapest sensors (bno055, bmi055: 80 mg)."""
+_SCALE: Final = 0.05
+"""Share by which the size of gravity may be off in several attitudes, which tell it apart from a
+bias: 3.7 standard deviations of the largest scale error (phone: 1.3 %)."""
 _UPWARDS: Final = 0.9
 """Share of gravity on an axis from which on it is upwards or downwards throughout."""
 _SATURATED: Final = 1e-4
@@ -179,12 +182,18 @@ def gravity_absent(measures: ReadingMeasures) -> Iterator[Evidence]:
     "set gravity to that of the place, check the unit, and calibrate the sensor",
 )
 def gravity_size(measures: ReadingMeasures) -> Iterator[Evidence]:
-    """Find an accelerometer at rest whose readings are not 9.8 m/s^2 long."""
-    size = measures.rest_force
-    if size is None or not _ABSENT * STANDARD_GRAVITY <= size <= _COUNTS:
+    """Find an accelerometer at rest whose readings do not have the size of gravity."""
+    gravity, sphere = measures.local_gravity, measures.rest_sphere
+    size, share = (measures.rest_force, _SIZE) if sphere is None else (sphere[0], _SCALE)
+    if size is None or not _ABSENT * gravity <= size <= _COUNTS:
         return
-    if abs(size / STANDARD_GRAVITY - 1.0) > _SIZE:
-        yield Evidence(f"at rest the accelerometer reads {size:.4g} m/s^2 instead of 9.81")
+    if abs(size - gravity) > share * gravity:
+        reading = f"the accelerometer reads {size:.4g} m/s^2 instead of {gravity:.3g}"
+        if sphere is None:
+            yield Evidence(f"at rest {reading}")
+        else:
+            bias = f"around a bias of {sphere[1]:.2g}"
+            yield Evidence(f"in all attitudes at rest {reading}, {bias}")
 
 
 def _upwards(measures: ReadingMeasures) -> Array | None:
