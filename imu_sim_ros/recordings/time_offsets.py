@@ -42,7 +42,7 @@ _DISTINCT: Final = 1.5
 """Ratio of what another offset leaves to what the best one does, above which it is told apart."""
 _WIDEST: Final = 0.02
 """Largest half of a 95 % interval that is a result: a fiftieth of the search [s]."""
-_CORRELATED: Final = 2.0
+_CORRELATED: Final = 2.0 * _LONGEST_WINDOW
 """Shortest block of time whose sum is nearly independent of that of its neighbours [s]."""
 _BLOCKS: Final = (4, 30)
 """Fewest and most blocks."""
