@@ -24,20 +24,20 @@ else:
     bag = stranger.save(folder / "stranger.mcap", imu_only=True)
 
 # 1. What the record reveals, with 95 % intervals.
-found = ims.allan(bag)
-print(found)
+noise = ims.allan(bag)
+print(noise)
 
 # 2. The twin has these densities; those consistent with zero are left out.
 imu = {"preset": "perfect"}
 for name in ("gyroscope", "accelerometer"):
-    triad = getattr(found, name)
+    triad = getattr(noise, name)
     for key in ("noise_density", "random_walk"):
         imu[f"{name}_{key}"] = np.nan_to_num(getattr(triad, key).value)
-twin = ims.simulate(imu=imu, trajectory="static", duration="20min", rate=found.rate, seed=12)
+twin = ims.simulate(imu=imu, trajectory="static", duration="20min", rate=noise.rate, seed=12)
 
 # 3. Its record shows the same.
 again = ims.allan(twin)
 for name in ("gyroscope", "accelerometer"):
-    ratio = getattr(again, name).noise_density.value / getattr(found, name).noise_density.value
+    ratio = getattr(again, name).noise_density.value / getattr(noise, name).noise_density.value
     print(f"{name} noise density, twin to original:", ratio.round(3))
 again.plot().savefig(folder / "digital_twin.png", dpi=120)

@@ -14,10 +14,10 @@ class Path {
     this.figure = element("figure", { "data-plot": spec.title },
       element("div", { class: "head" }, element("h3", {}, spec.title),
         tool("+", "larger", () => { this.turn.size *= 1.4; }), tool("\u2212", "smaller", () => { this.turn.size /= 1.4; }),
-        tool("top", "from above", look(-Math.PI / 2, Math.PI / 2)), tool("side", "from the side", look(-Math.PI / 2, 0)), tool("\u21ba", "as at first", look(-0.9, 0.6))),
+        tool("top", "from above", look(-Math.PI / 2, Math.PI / 2)), tool("side", "from the side", look(-Math.PI / 2, 0)), tool("\u21ba", "initial view", look(-0.9, 0.6))),
       this.holder,
       this.legend = element("div", { class: "legend" }),
-      element("figcaption", { class: "caption" }, "Drag to turn; a click on a name hides its path. A circle is a start, a square an end; metres."));
+      element("figcaption", { class: "caption" }, "Drag to rotate; click on a name to hide its path. Circle: start; square: end. Metres."));
     this.pointer();
     this.drawLegend();
     new ResizeObserver(() => { if (Math.abs(this.holder.clientWidth - this.width) > 1) this.draw(); }).observe(this.holder);

@@ -40,13 +40,13 @@ class Campaign {
     const told = this.table.columns.filter((one) => one.values[row] !== null).map((one) => element("div", {}, element("span", { class: "faint" }, one.name), ` ${inWords(one.values[row], 6)}`));
     parts.push(element("div", { class: "fields" }, ...told));
     if (more.folder) parts.push(element("p", {}, "Kept in ", element("code", {}, more.folder)));
-    if (more.log) parts.push(element("h3", {}, "End of what it printed (output and errors)"), element("pre", { tabindex: "0" }, more.log));
+    if (more.log) parts.push(element("h3", {}, "End of its output and errors"), element("pre", { tabindex: "0" }, more.log));
     if (more.path) parts.push(new Path({ title: "Path", series: more.path }).figure);
     const one = { ...this.data.plan, grid: Object.fromEntries(Object.entries(cells[cell] || {}).map(([name, value]) => [name, [value]])), seeds: [this.values("seed")[row]], keep: "all" };
     if (one.estimators && !Array.isArray(one.estimators)) one.estimators = { [estimator]: one.estimators[estimator] };
     else one.estimators = [estimator];
     if (!Object.keys(one.grid).length) delete one.grid;
-    parts.push(element("h3", {}, "To repeat it, in the folder of the plan"),
+    parts.push(element("h3", {}, "To repeat this run, in the folder of the plan"),
       element("pre", { tabindex: "0", class: "repeat" }, `cat > run.yaml <<'END'\n${JSON.stringify(one)}\nEND\nimu_sim campaign run.yaml -o run --workers 1`));
     return element("div", {}, ...parts);
   }
