@@ -30,7 +30,13 @@ GUIDES = [
 ]
 GUIDES += [ROOT / "docs/tutorials/exercises.md", ROOT / "docs/explanation/splines.md"]
 GUIDES += [ROOT / f"docs/how_to/{name}.md" for name in ("madgwick", "error_model", "migration")]
-NEEDS = {"vio_stack": "gtsam", "madgwick": "ahrs", "own_place": "embreex"}
+GUIDES += [ROOT / "docs/how_to/motion_capture.md"]
+NEEDS = {
+    "motion_capture": "bvhio",
+    "vio_stack": "gtsam",
+    "madgwick": "ahrs",
+    "own_place": "embreex",
+}
 """Pages with a library that only the tests install."""
 PICTURES = {
     "first_flight": "drift.png",

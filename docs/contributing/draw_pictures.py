@@ -61,6 +61,7 @@ EXAMPLES = {
     "digital_twin": ("digital_twin",),
     "front_page": ("front_page_light", "front_page_dark"),
     "gnss_filter": ("gnss_filter",),
+    "joint_angles": ("joint_angles",),
     "lecture": ("lecture_path", "lecture_allan"),
     "mujoco_imu": ("mujoco_imu",),
     "places": tuple(

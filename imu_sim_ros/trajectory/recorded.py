@@ -29,6 +29,15 @@ _MAX_BRIDGED: Final = 500  # knots in a gap: its shape keeps 3 digits; from 2000
 _PEAK_SAMPLES: Final = 4  # per segment
 
 
+def _highest_frequency(cutoff: float, knot_spacing: float) -> float:
+    """Return the highest frequency that a spline follows [Hz].
+
+    :param cutoff: frequency above which it is smooth [Hz].
+    :param knot_spacing: time between its knots [s].
+    """
+    return min(cutoff, 0.5 / knot_spacing)
+
+
 class FitReport(NamedTuple):
     """Quality of a spline's fit to its poses; distances [m], angles [rad], times [s]."""
 
@@ -53,6 +62,11 @@ class FitReport(NamedTuple):
     knot_spacing: float
     cutoff: float
 
+    @property
+    def highest_frequency(self) -> float:
+        """Highest frequency that the spline follows [Hz]."""
+        return _highest_frequency(self.cutoff, self.knot_spacing)
+
     def lines(self) -> list[str]:
         """Return the report as text."""
         mm, deg = 1e3, 180.0 / np.pi
@@ -60,7 +74,8 @@ class FitReport(NamedTuple):
         return [
             f"{self.poses} poses over {self.duration:.2f} s{dropped}; "
             f"largest gap {self.largest_gap:.3f} s at {self.largest_gap_at:.2f} s",
-            f"spline: knots every {self.knot_spacing:.3f} s, smooth above {self.cutoff:g} Hz; "
+            f"spline: knots every {self.knot_spacing:.3f} s; motion above "
+            f"{self.highest_frequency:.3g} Hz is not in the readings; "
             f"position {self.rms_position * mm:.3f} mm RMS, {self.max_position * mm:.2f} mm at "
             f"most (at {self.max_position_at:.2f} s); angle {self.rms_angle * deg:.4f} deg RMS, "
             f"{self.max_angle * deg:.3f} deg at most",
@@ -147,7 +162,7 @@ class RecordedMotion:
     @property
     def highest_frequency(self) -> float:
         """Highest frequency that the spline follows [Hz]."""
-        return min(self._parameters.cutoff, 0.5 / self._knots.spacing)
+        return _highest_frequency(self._parameters.cutoff, self._knots.spacing)
 
     def sample(self, t: Array) -> Motion:
         """Return the motion at times t (n,) [s]."""

@@ -165,6 +165,18 @@ def test_scale_and_axis_correct_poses(tmp_path):
     np.testing.assert_allclose(end, 0.0254 * np.array([20.0, 30.0, 10.0]), atol=1e-6)
 
 
+@pytest.mark.parametrize(("interval", "frequency"), [("0.0166667", "12"), ("0.1", "5")])
+def test_note_states_the_frequency_above_which_motion_is_missing(tmp_path, interval, frequency):
+    """That of the cut-off, but not above half of the rate of the poses."""
+    path = tmp_path / "arm.bvh"
+    path.write_text(mocap.bvh(ARM, np.zeros((61, 11)), interval))
+    motion = {"type": "poses", "file": str(path), "topic": "Base"}
+    result = ims.generate(tmp_path / "arm.mcap", trajectory=motion, rate=50)
+    assert any(
+        f"motion above {frequency} Hz is not in the readings" in line for line in result.notes
+    )
+
+
 def test_segments_are_the_topics_of_all_programs(walking):
     with open_bag(walking) as bag:
         assert [topic.name for topic in bag.topics][:3] == ["/Hips", "/Spine", "/Head"]
