@@ -6,6 +6,7 @@
 import importlib
 import json
 
+import device_logs
 import numpy as np
 import pytest
 import ulog
@@ -71,6 +72,10 @@ def px4(folder, flight):
     return ulog.write(folder / "flight.ulg", ulog.flight_topics(flight))
 
 
+def vectornav(folder, flight):
+    return device_logs.vectornav(folder / "vn.txt", flight, time="counter")
+
+
 def sqlite3(folder, flight):
     source = flight.save(folder / "source.mcap")
     return ims.convert(source, folder / "sqlite3", storage="sqlite3").output
@@ -89,6 +94,7 @@ READINGS = {
     "EuRoC's table": lambda folder, flight: flight.save(folder / "flight.csv"),
     "kalibr's folder": lambda folder, flight: flight.save(folder / "kalibr", format="csv"),
     "table with units": units,
+    "VectorNav": vectornav,
 }
 STATES = {"TUM": tum, "table of states": states_table}
 

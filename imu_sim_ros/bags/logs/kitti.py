@@ -7,8 +7,9 @@ A drive, its ``oxts`` or a zip of either: ``timestamps.txt`` has a UTC with nano
 ``data/0000000000.txt`` the 30 numbers of ``dataformat.txt`` (Geiger et al., "Vision meets Robotics:
 The KITTI Dataset", IJRR 2013, and the development kit of the raw data). Axes of the body are
 forward, left, up and yaw is 0 to the east, so that the angles are those of this package. Positions
-are those in the tangent plane of the first one. The kit's Mercator projection, on a sphere, changes
-distances by about 0.2 %, so that they contradict the velocities.
+are those in the tangent plane of the first one, and the truth, as in KITTI's benchmarks. The kit's
+Mercator projection, on a sphere, changes distances by about 0.2 %, so that they contradict the
+velocities.
 """
 
 from collections.abc import Iterator
@@ -20,6 +21,7 @@ import numpy as np
 from imu_sim_ros.bags.logs import archive, columns, log
 from imu_sim_ros.bags.logs.archive import Archive
 from imu_sim_ros.bags.logs.log import Contents, LogStream
+from imu_sim_ros.core.conventions import TRUTH_TOPIC
 from imu_sim_ros.core.errors import InputError
 from imu_sim_ros.core.geodesy import tangent_plane
 from imu_sim_ros.core.rotation import from_euler
@@ -97,7 +99,8 @@ def _streams(t_ns: Times, table: dict[str, Array]) -> Iterator[LogStream]:
     geodetic, velocity = vector("lat", "lon", "alt"), vector("ve", "vn", "vu")
     yield log.imu("/oxts/imu", t_ns, gyro, accel, q_wi=q_wb)
     position = tangent_plane(geodetic, geodetic[0])
-    yield log.odometry("/oxts/odom", t_ns, position, q_wb, velocity, gyro)
+    topic = f"/{TRUTH_TOPIC}"
+    yield log.odometry(topic, t_ns, position, q_wb, velocity, gyro, aliases=("oxts/odom",))
     deviation, has_fix = table["pos_accuracy"], table["numsats"] > 0
     latitude, longitude, height = geodetic.T
     place = (latitude, longitude, height)

@@ -40,7 +40,7 @@ from imu_sim_ros.core.rotation import (
     normalise,
     rotate_inverse,
 )
-from imu_sim_ros.core.types import Array, Bytes, Mask, Times
+from imu_sim_ros.core.types import Array, Bytes, Integers, Mask, Times
 from imu_sim_ros.recordings.findings.clipping import ClippingCounts
 from imu_sim_ros.recordings.pairing import pair as pair_triads
 
@@ -330,13 +330,22 @@ def velocity(name: str, t_ns: Times, velocity_enu: Array, deviation: Array) -> L
 
 def body_rates(t_ns: Times, q_wb: Array) -> Array:
     """Return the angular rates (n, 3) of attitudes (n, 4) [rad/s], by central differences."""
-    if len(t_ns) < 2:
-        return np.zeros((len(t_ns), 3))
-    start = np.maximum(np.arange(len(t_ns)) - 1, 0)
-    end = np.minimum(np.arange(len(t_ns)) + 1, len(t_ns) - 1)
-    turn = multiply(conjugate(q_wb[start]), q_wb[end])
+    start, end, seconds = _neighbours(t_ns)
+    return log(multiply(conjugate(q_wb[start]), q_wb[end])) / seconds
+
+
+def velocities(t_ns: Times, position: Array) -> Array:
+    """Return the velocities (n, 3) of positions (n, 3) [m/s], by central differences."""
+    start, end, seconds = _neighbours(t_ns)
+    return (position[end] - position[start]) / seconds
+
+
+def _neighbours(t_ns: Times) -> tuple[Integers, Integers, Array]:
+    """Return the rows before and behind each row, and the times (n, 1) between them [s]."""
+    rows = np.arange(len(t_ns))
+    start, end = np.maximum(rows - 1, 0), np.minimum(rows + 1, len(t_ns) - 1)
     seconds = (t_ns[end] - t_ns[start]) * 1e-9
-    return log(turn) / np.where(seconds > 0.0, seconds, np.inf)[:, None]
+    return start, end, np.where(seconds > 0.0, seconds, np.inf)[:, None]
 
 
 def interpolated(t_ns: Times, at_ns: Times, values: Array) -> Array:

@@ -21,8 +21,8 @@ from imu_sim_ros.bags.logs import archive, axes, columns, log
 from imu_sim_ros.bags.logs.archive import Archive
 from imu_sim_ros.bags.logs.columns import Columns, ColumnTable
 from imu_sim_ros.bags.logs.log import Contents, LogStream
-from imu_sim_ros.bags.messages.encode import ODOMETRY, POSE_STAMPED
-from imu_sim_ros.core.conventions import TRUTH_POSE_TOPIC
+from imu_sim_ros.bags.messages.encode import ODOMETRY
+from imu_sim_ros.core.conventions import TRUTH_TOPIC
 from imu_sim_ros.core.rotation import from_euler
 
 MEMORY: Final = 7
@@ -34,6 +34,7 @@ _UTIME: Final = re.compile(rb"\d{16}")
 """A time in microseconds of the years 2001 to 2286."""
 _NEEDED_OF_GNSS: Final = 5
 """Columns of gps.csv that must be numbers: time, mode, satellites, latitude, longitude."""
+_TRUTH: Final = "groundtruth"
 _FIX: Final = 2
 """Least mode of a position of gpsd."""
 
@@ -78,9 +79,10 @@ def contents(path: Path) -> Contents:
             streams += _streams(archive.stem(name), kind, rows) if len(rows.t_ns) else ()
     if not streams:
         raise log.refuse_empty(path, "a folder of NCLT", sorted(tables))
-    topics = [stream.name for stream in streams if stream.type == POSE_STAMPED]
-    preferred = sorted(topics, key=lambda topic: "ground" not in topic)
-    return Contents(streams, {POSE_STAMPED: preferred, ODOMETRY: ()}, (), tuple(damage))
+    remarks = ("velocities and rates of poses are differences of them",)
+    has_poses = any(stream.type == ODOMETRY for stream in streams)
+    preferred = {ODOMETRY: (f"/{TRUTH_TOPIC}",)}
+    return Contents(streams, preferred, (), tuple(damage), remarks * has_poses)
 
 
 def _names(files: Archive) -> list[str]:
@@ -126,8 +128,9 @@ def _streams(name: str, kind: _Kind, rows: Columns) -> Iterator[LogStream]:
         zeros = np.zeros(len(t_ns))
         yield log.fix(f"/{name}", t_ns, place, mode >= _FIX, (zeros, zeros))
     else:
-        is_truth = name.startswith("groundtruth")
-        topic = f"/{TRUTH_POSE_TOPIC}" if is_truth else f"/{name}"
-        position, angles = np.split(values, 2, axis=1)
-        q_wb = axes.q_enu_flu(from_euler(angles))
-        yield log.poses(topic, t_ns, axes.enu(position), q_wb, aliases=(name,))
+        is_truth = name.startswith(_TRUTH)
+        topic = f"/{TRUTH_TOPIC}" if is_truth else f"/{name}"
+        position_ned, angles = np.split(values, 2, axis=1)
+        position, q_wb = axes.enu(position_ned), axes.q_enu_flu(from_euler(angles))
+        velocity = log.velocities(t_ns, position)
+        yield log.odometry(topic, t_ns, position, q_wb, velocity, aliases=(name,))
