@@ -416,8 +416,9 @@ def evaluate(
         _refuse_all(unfit, "omitted: attitudes alone have no positions")
         true = _track("truth", truth, truth_topic, skip)
         return evaluate_attitude(estimate, true, max_gap)
-    _check_exchanged(estimate, truth, estimate_topic)
-    _check_two(estimate, truth, estimate_topic, truth_topic)
+    with problems.gathered():
+        _check_exchanged(estimate, truth, estimate_topic)
+        _check_two(estimate, truth, estimate_topic, truth_topic)
     with problems.gathered():
         track = _track("estimate", estimate, estimate_topic, skip)
     with problems.gathered():

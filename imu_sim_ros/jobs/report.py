@@ -314,11 +314,12 @@ def _bag(sources: Sources, path: Path, files: Sequence[Path]) -> list[Section]:
     for file in files:
         with problems.gathered():
             estimates.append(read(file, None, file.name))
+    skipped = tell_skipped(path) if sources.skip_bad_rows else None
+    with problems.gathered():
+        readings = reading_sections(path, sources.choice, sources.notes, skipped)
     problems.tell()
     if truth is not None or estimates:
         flights.insert(0, TruthWithEstimates("motion", truth, estimates))
-    skipped = tell_skipped(path) if sources.skip_bad_rows else None
-    readings = reading_sections(path, sources.choice, sources.notes, skipped)
     answers = estimate_sections(path, flights)
     return [*answers, _findings(sources, path, files), *readings, *sensors]
 

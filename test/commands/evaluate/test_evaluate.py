@@ -465,3 +465,14 @@ def test_nees_with_yaw_and_position_free(tmp_path, capsys):
     found = result(capsys, bag, write_bag(tmp_path / "truth", poses), "--align", "yaw")["nees"]
     means = [found["position"]["mean"], found["attitude"]["mean"]]
     assert means == pytest.approx([3.0, 3.0], abs=4 * np.sqrt(6 / 400))
+
+
+def test_two_foreign_files_have_a_line_each(tmp_path, capsys):
+    for name in ("first.md", "second.md"):
+        (tmp_path / name).write_text("# no trajectory\n", encoding="utf-8")
+    status, _, errors = run(capsys, tmp_path / "first.md", tmp_path / "second.md")
+    assert status == 2
+    assert [line.partition(": ")[2].partition(": not a bag")[0] for line in errors] == [
+        str(tmp_path / "first.md"),
+        str(tmp_path / "second.md"),
+    ]
