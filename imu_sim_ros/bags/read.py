@@ -144,11 +144,7 @@ def _of_frame(
     :raises InputError: for the messages of another frame.
     """
     if not selected:
-        name = str(path) if topic is None else f"{path}, {topic}"
-        topic_frames = TopicFrames(name, imu_frames(path, topic))
-        error = MixedFramesError([f.sentence() for f in frame_findings(topic_frames)])
-        error.topic = topic_frames
-        raise error
+        raise mixed_frames(path, topic)
     index = fields.frame_ids.index(frame) if frame in fields.frame_ids else -1
     return fields.at(fields.frames == index)
 
@@ -158,6 +154,15 @@ class MixedFramesError(InputError):
 
     topic: TopicFrames = TopicFrames("", {})
     """Frames, and the number of messages of each."""
+
+
+def mixed_frames(path: str | Path, topic: str | None = None) -> MixedFramesError:
+    """Return the error of readings of several frames on one topic of a bag."""
+    name = str(path) if topic is None else f"{path}, {topic}"
+    topic_frames = TopicFrames(name, imu_frames(path, topic))
+    error = MixedFramesError([finding.sentence() for finding in frame_findings(topic_frames)])
+    error.topic = topic_frames
+    return error
 
 
 def imu_frames(path: str | Path, topic: str | None = None) -> dict[str, int]:

@@ -8,7 +8,7 @@ and the unit of the stamps follows from their size and their steps.
 """
 
 import warnings
-from collections.abc import Collection, Mapping, Sequence
+from collections.abc import Collection, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from decimal import Decimal, InvalidOperation
 from pathlib import Path
@@ -22,6 +22,10 @@ from imu_sim_ros.core.errors import InputError, Remark, warn
 from imu_sim_ros.core.timebase import NANOSECONDS_PER_SECOND
 from imu_sim_ros.core.types import Array, Bytes, Integers, Mask, Times
 from imu_sim_ros.inputs.header import (
+    ACCEL,
+    AXES_OF,
+    GYRO,
+    ORIENTATION,
     TIME_NAMES,
     expanded,
     header_of,
@@ -99,14 +103,26 @@ class TableLayout:
 
     @property
     def notes(self) -> tuple[str, ...]:
-        """Line about the stated units that are converted to SI units."""
+        """Lines about columns in another order, and about units that are converted to SI units."""
         units = [
             f"the {name} in {unit}"
             for name, unit in self.units.items()
             if self.factors[name] != 1.0
         ]
         line = f"{' and '.join(units)}, as the header says: converted to SI units"
-        return (line,) if units else ()
+        return (*self._order_notes(), *((line,) if units else ()))
+
+    def _order_notes(self) -> Iterator[str]:
+        """Yield a line for what the header puts in another order than tables without one have."""
+        columns = self.columns
+        if GYRO in columns and ACCEL in columns and columns[ACCEL][0] < columns[GYRO][0]:
+            yield "the accelerometer before the gyroscope, as the header says"
+        for name, axes in AXES_OF.items():
+            order = np.argsort(columns.get(name, ()))
+            is_usual = name == ORIENTATION and self.separator == " "  # TUM's
+            if np.any(np.diff(order) < 0) and not is_usual:
+                names = ", ".join(axes[k] for k in order)
+                yield f"the {name} as {names}, as the header says"
 
     def fields(self, text: bytes) -> list[bytes]:
         """Return the cells of a row."""

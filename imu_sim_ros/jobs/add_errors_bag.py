@@ -12,7 +12,7 @@ from imu_sim_ros.bags import convert
 from imu_sim_ros.bags.messages.blocks import MessageBlock, TopicInfo
 from imu_sim_ros.bags.messages.decode import Decoded, decode_block, inside_order
 from imu_sim_ros.bags.messages.encode import IMU, ODOMETRY
-from imu_sim_ros.bags.read import odometry_blocks
+from imu_sim_ros.bags.read import mixed_frames, odometry_blocks
 from imu_sim_ros.bags.reader import Bag, errors_naming
 from imu_sim_ros.bags.threads import prefetch
 from imu_sim_ros.bags.writer import Block, Writer
@@ -32,6 +32,7 @@ from imu_sim_ros.core.spelling import argument
 from imu_sim_ros.core.types import Array, Times
 from imu_sim_ros.jobs.add_errors import rate_of
 from imu_sim_ros.recordings.findings.catalogue import twist_findings
+from imu_sim_ros.recordings.order import RESET_READINGS, order_stamps
 from imu_sim_ros.simulation.error_input import Differentiator
 from imu_sim_ros.simulation.error_model import GivenImu
 from imu_sim_ros.simulation.error_parameters import ErrorModelParameters
@@ -44,6 +45,8 @@ _ORIENTED: Final = (*_READING, "orientation", "orientation_covariance")
 _STATE: Final = ("orientation", "linear", "angular")
 _FIRST: Final = 2000
 """Stamps from which a rate is taken."""
+_FEWEST_ORDERED: Final = 32
+"""Messages of a block from which on stray stamps are told from a pause."""
 _COMPARED: Final = 20_000
 """Messages of odometry whose twist is compared with their poses."""
 
@@ -172,6 +175,8 @@ class BagErrors:
         self._fields = of_imu if self._odometry is None else _STATE
         self._bad = BadRows(f"{bag.path}: {source.name}", "message")
         self._seen = 0
+        self._frame: str | None = None
+        """Frame of the readings; None before the first."""
 
     def write(
         self,
@@ -232,6 +237,10 @@ class BagErrors:
         if block.topic is not self._source or not len(block.t_ns):
             return []
         decoded = _decoded(self._bag, block, self._fields)
+        if self._odometry is None:
+            self._frame = decoded.frame_ids[0] if self._frame is None else self._frame
+            if decoded.frame_ids != (self._frame,):
+                raise mixed_frames(self._bag.path, self._source.name)
         blocks = []
         # What was recorded late is so by as much next to it; nothing is before 1970.
         late_ns = int(np.median(block.t_ns - decoded.t_ns))
@@ -264,6 +273,9 @@ class BagErrors:
             verdict.note(self._bad, np.arange(start, self._seen), stamps=True)
             decoded = decoded.at(verdict.good)
             numbers = decoded.numbers
+        if self._odometry is None:
+            decoded = self._without_strays(decoded, is_first=start == 0)
+            numbers = decoded.numbers
         if not len(decoded.t_ns):
             return
         t_ns = decoded.t_ns
@@ -279,6 +291,29 @@ class BagErrors:
             accel=np.asfortranarray(numbers["linear_acceleration"]),
             q_wb=_orientation(numbers) if self._fields is _ORIENTED else None,
         )
+
+    def _without_strays(self, decoded: Decoded, is_first: bool) -> Decoded:
+        """Return messages without those whose stamps are far from their neighbours; tell of them.
+
+        At the edges of a block such stamps may belong to another stretch of time, but for the start
+        of the recording.
+        """
+        t_ns = decoded.t_ns
+        if len(t_ns) < _FEWEST_ORDERED:
+            return decoded
+        strays = order_stamps(t_ns).strays
+        begin = 0 if is_first else RESET_READINGS
+        strays = strays[(strays >= begin) & (strays < len(t_ns) - RESET_READINGS)]
+        if not len(strays):
+            return decoded
+        self._remark(
+            f"{self._bag.path}: {self._source.name}: {len(strays)} stamps are far from their "
+            f"neighbours, the first is {int(t_ns[strays[0]])} ns: those readings get no errors "
+            "[stamps_stray]"
+        )
+        keeps = np.ones(len(t_ns), np.bool_)
+        keeps[strays] = False
+        return decoded.at(keeps)
 
 
 def _orientation(numbers: Mapping[str, Array]) -> Array | None:

@@ -7,7 +7,7 @@ from typing import Final
 
 import numpy as np
 
-from imu_sim_ros.core.types import Array, Integers
+from imu_sim_ros.core.types import Array, Integers, Mask
 from imu_sim_ros.recordings.residuals import residuals
 
 _WINDOW: Final = 200
@@ -103,10 +103,25 @@ def _grid_index(intervals: Array) -> Integers:
     over = intervals - np.unwrap(np.arctan2(mean[1], mean[0])) / (2.0 * np.pi)
     counts = np.histogram(over % 1.0, bins=_PHASES, range=(0.0, 1.0))[0]
     neighbourhood = counts + np.roll(counts, 1) + np.roll(counts, -1)
-    phase = (float(np.argmin(neighbourhood)) + 0.5) / _PHASES
+    phase = _centre(neighbourhood == neighbourhood.min())
     rows = np.arange(len(intervals))
     lost = median_filter(np.floor(over - phase).astype(np.int64) - rows, 5, mode="nearest")
     return np.asarray(rows + np.maximum.accumulate(lost) - lost[0], dtype=np.int64)
+
+
+def _centre(rare: Mask) -> float:
+    """Return the centre of the longest run of phases (k,) that are True, as a part of a turn.
+
+    The phases of stamps that are rounded to a part of the interval leave a wide run empty.
+    """
+    count = len(rare)
+    if rare.all():
+        return 0.5
+    start = int(np.argmin(rare))
+    edges = np.flatnonzero(np.diff(np.roll(rare, -start).astype(np.int8), append=0)) + 1
+    runs = edges.reshape(-1, 2)
+    begin, end = runs[np.argmax(runs[:, 1] - runs[:, 0])]
+    return float((start + 0.5 * (begin + end)) % count / count)
 
 
 def _running_delay(values: Array, reach: int) -> Array:

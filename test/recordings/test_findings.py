@@ -298,7 +298,8 @@ def test_held_poses_are_mended_to_one_of_each(poses):
 def test_poses_held_at_any_rates_are_mended_to_even_times(log, physics, digits):
     """A pose stands in the log from the first step after it on; rounding makes it a step late."""
     seconds = np.arange(0.0, 20.0, 1.0 / log)
-    taken = np.floor(seconds * physics) / physics
+    # As C++ programs do it: rounding makes half of the poses a step of the log late.
+    taken = seconds // (1.0 / physics) * (1.0 / physics)
     position = np.stack([2.0 * np.sin(0.5 * taken), 1.5 * np.sin(0.8 * taken), 0.1 * taken], 1)
     yaw = 0.9 * np.sin(0.6 * taken)
     q_wb = rotation.from_euler(np.stack([0.0 * yaw, 0.0 * yaw, yaw], 1))
@@ -309,8 +310,8 @@ def test_poses_held_at_any_rates_are_mended_to_even_times(log, physics, digits):
     assert not result.disturbances.jumps
     steps = np.diff(result.t)
     assert abs(len(steps) / np.ptp(result.t) / physics - 1.0) < 1e-3
-    # A step of the log late would be 0.2 to 1 of it; the delays drift slowly.
-    assert np.ptp(steps) < 0.02 / log
+    # Scatter of 0.02 intervals is not looked at; a pose that is a step late would be 0.25.
+    assert np.ptp(steps) < 0.04 / physics
 
 
 def test_add_errors_tells_of_a_twist_in_the_worlds_axes(tmp_path, poses):

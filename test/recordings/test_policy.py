@@ -166,6 +166,37 @@ def test_inspect_tells_of_two_frames_on_a_topic_and_judges_each(flights, tmp_pat
     with pytest.raises(InputError, match=r"frame=\.\.\. chooses one \[frames_mixed\]"):
         ims.dead_reckon(tmp_path / name)
 
+    with pytest.raises(InputError, match=r"--frame chooses one \[frames_mixed\]"):
+        ims.add_errors_to_file(tmp_path / name, tmp_path / "noisy.mcap", imu="perfect")
+    added = ims.add_errors_to_file(
+        tmp_path / name, tmp_path / "l.mcap", imu="perfect", frame="left"
+    )
+    assert added.messages["/imu/data_raw"] == 3000
+
+
+@pytest.mark.parametrize(("name", "rows"), [("stray.csv", [0]), ("stray.mcap", [0, 500])])
+def test_add_errors_leaves_out_stray_stamps_and_names_them(flights, tmp_path, name, rows):
+    """A first stamp of 0 is no pause of 53 years, and one in the middle no other clock."""
+    readings = flights["motion"].readings.rows(slice(1000))
+    t_ns = readings.t_ns + 1_700_000_000_000_000_000
+    t_ns[rows] = 5_000_000_000 * np.arange(len(rows))
+    path = tmp_path / name
+    if name.endswith(".csv"):
+        rows = zip(
+            t_ns.tolist(), *readings.gyro.T.tolist(), *readings.accel.T.tolist(), strict=True
+        )
+        path.write_text("\n".join(",".join(map(str, row)) for row in rows), encoding="utf-8")
+    else:
+        with open_writer(path) as writer:
+            topic = writer.add_topic("/imu", IMU)
+            encoder = ImuEncoder("imu_link", writer.encoding)
+            messages = encoder.pattern(t_ns, readings.gyro, readings.accel)
+            writer.write_blocks([Block(topic, readings.t_ns, messages)])
+    added = ims.add_errors_to_file(path, tmp_path / "noisy.mcap", imu="perfect")
+    assert added.messages["/imu/data_raw"] == 1000 - len(rows)
+    (line,) = added.warnings
+    assert f"{len(rows)} stamps are far from their neighbours, the first is 0 ns" in line
+
 
 @pytest.fixture(scope="module")
 def circle():
