@@ -182,10 +182,10 @@ def test_add_errors_leaves_out_stray_stamps_and_names_them(flights, tmp_path, na
     t_ns[rows] = 5_000_000_000 * np.arange(len(rows))
     path = tmp_path / name
     if name.endswith(".csv"):
-        rows = zip(
+        columns = zip(
             t_ns.tolist(), *readings.gyro.T.tolist(), *readings.accel.T.tolist(), strict=True
         )
-        path.write_text("\n".join(",".join(map(str, row)) for row in rows), encoding="utf-8")
+        path.write_text("\n".join(",".join(map(str, row)) for row in columns), encoding="utf-8")
     else:
         with open_writer(path) as writer:
             topic = writer.add_topic("/imu", IMU)
