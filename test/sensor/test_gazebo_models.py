@@ -85,6 +85,12 @@ def test_a_model_without_a_rate_takes_that_of_the_run(tmp_path, capsys, rate):
     assert added.gyro.std() == pytest.approx(0.01, rel=5.0 / np.sqrt(6000.0))
 
 
+def test_a_negative_rate_is_refused(tmp_path):
+    path = model(tmp_path, axes(' type="gaussian"'), "<update_rate>-1</update_rate>")
+    with pytest.raises(InputError, match="a rate of -1 Hz: must be at least 0"):
+        ims.from_sdf(path)
+
+
 PLUGIN = """<always_on>true</always_on><topic>/jk/imu</topic>
 <plugin filename="libgazebo_ros_imu_sensor.so" name="imu_plugin"><topicName>/jk/imu</topicName>
 <bodyName>imu_base_link</bodyName><updateRateHZ>{rate}</updateRateHZ>

@@ -243,6 +243,9 @@ def _of_sensor(part: _Part, rate: float) -> dict[str, object]:
         if child.tag == "plugin" and _is_classic(child)
     ]
     stated = [part.number("update_rate"), *map(_classic_rate, plugins)]
+    for hertz in stated:
+        if hertz < 0.0:
+            raise InputError(f"{where}: a rate of {hertz:g} Hz: must be at least 0")
     slowest = min((hertz for hertz in stated if hertz), default=0.0)
     values: dict[str, object] = {}
     for triad in TRIADS:
