@@ -1,7 +1,7 @@
 # Copyright 2026 imu_sim_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""What time, heat, blows and size do to a board: each set alone and recovered."""
+"""Effects of time, heat, blows and size on a board: each set alone and recovered."""
 
 import math
 from typing import Any
@@ -54,8 +54,8 @@ def at_rest(count: int, **values: Any) -> Samples:
 
 def test_samples_do_not_depend_on_the_block() -> None:
     whole = simulation(**EVERYTHING).next(2000)["imu"]
-    other = simulation(**EVERYTHING)
-    parts = [other.next(n)["imu"] for n in (1, 7, 92, 0, 900, 1000)]
+    repeated = simulation(**EVERYTHING)
+    parts = [repeated.next(n)["imu"] for n in (1, 7, 92, 0, 900, 1000)]
     for name in ("gyro", "accel", "gyro_bias", "accel_scale", "temperature"):
         joined = np.concatenate([getattr(part, name) for part in parts])
         assert np.array_equal(joined, getattr(whole, name)), name
@@ -87,8 +87,8 @@ def test_an_oversampled_sensor_has_the_same_board(internal: float) -> None:
     ).next(400)["imu"]
     slow = simulation(rate=50.0, **values).next(400)["imu"]
     # Jumps fall on the next reading inside the sensor, not on the next sample.
-    same = np.isclose(fast.gyro_bias, slow.gyro_bias, rtol=0.0, atol=2e-3).all(axis=1)
-    assert np.mean(same) > 0.9
+    nearly_equal = np.isclose(fast.gyro_bias, slow.gyro_bias, rtol=0.0, atol=2e-3).all(axis=1)
+    assert np.mean(nearly_equal) > 0.9
 
 
 def test_hysteresis_is_a_loop_of_the_stated_width() -> None:
@@ -149,9 +149,9 @@ def test_a_sensor_that_stands_still_in_temperature_keeps_its_branch() -> None:
 
 def test_ageing_drifts_with_the_logarithm_of_the_days() -> None:
     values = {"imu.gyroscope_ageing_bias": 0.01, "imu.accelerometer_ageing_scale": -0.002}
-    new, old = (at_rest(10, **values, **{"imu.age_days": age}) for age in (0.0, 999.0))
-    assert np.allclose(old.gyro_bias[0] - new.gyro_bias[0], 3 * 0.01, atol=1e-15)
-    assert np.allclose(old.accel_scale[0] - new.accel_scale[0], 3 * -0.002, atol=1e-15)
+    new_board, aged_board = (at_rest(10, **values, **{"imu.age_days": age}) for age in (0.0, 999.0))
+    assert np.allclose(aged_board.gyro_bias[0] - new_board.gyro_bias[0], 3 * 0.01, atol=1e-15)
+    assert np.allclose(aged_board.accel_scale[0] - new_board.accel_scale[0], 3 * -0.002, atol=1e-15)
     day = at_rest(86401, rate=1.0, **values)
     assert np.allclose(day.gyro_bias[-1] - day.gyro_bias[0], 0.01 * math.log10(2.0), atol=1e-12)
 
@@ -192,14 +192,14 @@ def test_a_shock_leaves_a_bias_that_decays(tau: float) -> None:
         },
     )
     force = np.tile([0.0, 0.0, 9.81], (n, 1))
-    for first, length in ((300, 5), (800, 1), (999, 4)):
-        force[first : first + length, 0] = 100.0
+    for start, length in ((300, 5), (800, 1), (999, 4)):
+        force[start : start + length, 0] = 100.0
     term = ShockBias("gyroscope", imu, 3, 1.0 / dt, imu.gyroscope)
     blocks = [(0, 301), (301, 1001), (1001, n)]
-    every = [
-        term.next(Surroundings(np.zeros(end - first), force[first:end])) for first, end in blocks
+    blows = [
+        term.next(Surroundings(np.zeros(end - start), force[start:end])) for start, end in blocks
     ]
-    bias = np.concatenate(every).T
+    bias = np.concatenate(blows).T
     assert not bias[2].any()
     k = np.arange(n)
     decay = [
@@ -226,8 +226,8 @@ def test_sizes_of_shock_biases() -> None:
 def test_a_hard_landing_shows_in_the_readings() -> None:
     values = {"imu.shock_threshold": 9.9, "imu.gyroscope_shock_bias_sigma": 0.01}
     block = simulation(**values).next(2000)["imu"]
-    above = np.linalg.norm(block.ideal_accel, axis=1) > 9.9
-    begins = np.flatnonzero(above[1:] & ~above[:-1]) + 1
+    struck = np.linalg.norm(block.ideal_accel, axis=1) > 9.9
+    begins = np.flatnonzero(struck[1:] & ~struck[:-1]) + 1
     jumps = np.flatnonzero(np.diff(block.gyro_bias[:, 0])) + 1
     assert len(begins) > 0
     assert set(jumps) <= {*begins.tolist(), 0}
@@ -248,11 +248,11 @@ def test_size_effect_with_mounting_and_lever_arm() -> None:
     arm, r_z = np.array([0.1, 0.2, 0.3]), np.array([0.02, -0.01, 0.03])
     mounted = {"imu.mounting": turn.ravel().tolist()}
     elements = [0.0] * 6 + r_z.tolist()
-    one = simulation(
+    board = simulation(
         **mounted, **{"imu.lever_arm": arm.tolist(), "imu.accelerometer_positions": elements}
     ).next(500)["imu"]
     two = simulation(**mounted, **{"imu.lever_arm": (arm + turn @ r_z).tolist()}).next(500)["imu"]
-    assert np.allclose(one.accel[:, 2], two.accel[:, 2], rtol=0.0, atol=1e-13)
+    assert np.allclose(board.accel[:, 2], two.accel[:, 2], rtol=0.0, atol=1e-13)
 
 
 def test_noise_is_correlated_between_axes_as_stated() -> None:
@@ -309,9 +309,9 @@ def test_noise_does_not_become_negative() -> None:
 def test_g_squared_sensitivity() -> None:
     h = 1e-5 * np.arange(1.0, 10.0).reshape(3, 3)
     block = simulation(**{"imu.gyroscope_g_squared_sensitivity": h.ravel().tolist()})
-    made = block.next(500)["imu"]
-    expected = made.ideal_gyro + np.square(made.ideal_accel) @ h.T
-    assert np.allclose(made.gyro, expected, rtol=0.0, atol=1e-15)
+    samples = block.next(500)["imu"]
+    expected = samples.ideal_gyro + np.square(samples.ideal_accel) @ h.T
+    assert np.allclose(samples.gyro, expected, rtol=0.0, atol=1e-15)
 
 
 def test_vibration_is_rectified_by_g_squared_sensitivity() -> None:
@@ -349,11 +349,11 @@ def test_warm_up_is_two_exponentials() -> None:
 
 
 def test_a_board_warms_up_in_a_changing_room() -> None:
-    given = {"profile": [0.0, 20.0, 100.0, 40.0], "time_constant": 30.0}
+    temperature = {"profile": [0.0, 20.0, 100.0, 40.0], "time_constant": 30.0}
     t = np.linspace(0.0, 500.0, 101)
-    without = TemperatureProfile(build(TemperatureParameters, given)).at(t)
+    without = TemperatureProfile(build(TemperatureParameters, temperature)).at(t)
     heated = TemperatureProfile(
-        build(TemperatureParameters, {**given, "power": 1.0, "warm_up_time": [0.0, 50.0]})
+        build(TemperatureParameters, {**temperature, "power": 1.0, "warm_up_time": [0.0, 50.0]})
     ).at(t)
     rise = 60.0 - 30.0 * np.expm1(-t / 50.0)
     assert np.allclose(heated - without, rise, rtol=0.0, atol=1e-11)

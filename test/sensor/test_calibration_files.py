@@ -308,9 +308,9 @@ def test_namespaces_of_ros_2_are_parts_of_names_or_names_around_them(tmp_path):
     both = {"left": {"simulator": node}, "right": {"simulator": node}}
     with pytest.raises(ConfigurationError, match="left/simulator, right/simulator: leave one"):
         presets.load(write(tmp_path, both))
-    beside = {"/**": node, "rate": 3.0}
+    layers = {"/**": node, "rate": 3.0}
     with pytest.raises(ConfigurationError, match="rate must hold ros__parameters and nothing else"):
-        presets.load(write(tmp_path, beside))
+        presets.load(write(tmp_path, layers))
 
 
 def test_a_program_says_once_what_it_does_not_use(tmp_path, capsys):
@@ -335,7 +335,7 @@ def test_the_sensor_yaml_of_an_own_euroc_folder_is_its_sensor(tmp_path):
 
 
 def test_dead_reckoning_takes_the_noise_of_a_kalibr_file(tmp_path, capsys):
-    """Its readings have a rate of their own: update_rate has no effect on them."""
+    """Readings have a rate of their own: update_rate has no effect on them."""
     assert generate.main(["-o", str(tmp_path / "run"), "--duration", "2s", "--quiet"]) == 0
     path = write(tmp_path, {**NOISE, **RATE})
     for option in ("--params-file", "--set"):

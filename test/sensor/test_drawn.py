@@ -39,7 +39,7 @@ def drawn(kind: str, seed: int) -> np.ndarray:
 
 @pytest.mark.parametrize("kind", SIGMAS)
 def test_size_and_sign_differ_from_unit_to_unit(kind: str) -> None:
-    """Of n numbers the variance is known to sqrt(2 / n), the mean to 1 / sqrt(n); five of both."""
+    """The variance of n numbers is known to sqrt(2 / n), the mean to 1 / sqrt(n); five of both."""
     values = np.array([drawn(kind, seed) for seed in range(SEEDS)]) / SIGMAS[kind]
     assert values.var() == pytest.approx(1.0, abs=5.0 * np.sqrt(2.0 / values.size))
     assert abs(values.mean()) < 5.0 / np.sqrt(values.size)
@@ -50,10 +50,10 @@ def test_size_and_sign_differ_from_unit_to_unit(kind: str) -> None:
 
 def test_one_constant_more_changes_no_other() -> None:
     sigmas = {f"accelerometer_{k}_sigma": v for k, v in SIGMAS.items() if k != "g_sensitivity"}
-    every = unit_of_seed(build(ImuParameters, sigmas).accelerometer, "accelerometer", 3)
+    all_drawn = unit_of_seed(build(ImuParameters, sigmas).accelerometer, "accelerometer", 3)
     alone = {k: v for k, v in sigmas.items() if "quadratic" in k}
-    one = unit_of_seed(build(ImuParameters, alone).accelerometer, "accelerometer", 3)
-    assert every.quadratic == one.quadratic
+    alone_drawn = unit_of_seed(build(ImuParameters, alone).accelerometer, "accelerometer", 3)
+    assert all_drawn.quadratic == alone_drawn.quadratic
 
 
 def test_the_realised_sensor_has_the_same_readings() -> None:
@@ -70,10 +70,10 @@ def test_the_realised_sensor_has_the_same_readings() -> None:
     )
     fixed = dataclasses.replace(parameters, imu=realised_imu(parameters.imu, parameters.seed))
     assert not any(any(flatten(fixed)[name]) for name in values if name.endswith("_sigma"))
-    one, two = (Body(p).next(500)["imu"] for p in (parameters, fixed))
-    assert one.gyro == pytest.approx(two.gyro, abs=1e-12)
-    assert one.accel == pytest.approx(two.accel, abs=1e-11)
-    assert np.abs(one.gyro - one.ideal_gyro).max() > 1e-3
+    drawn, two = (Body(p).next(500)["imu"] for p in (parameters, fixed))
+    assert drawn.gyro == pytest.approx(two.gyro, abs=1e-12)
+    assert drawn.accel == pytest.approx(two.accel, abs=1e-11)
+    assert np.abs(drawn.gyro - drawn.ideal_gyro).max() > 1e-3
 
 
 @pytest.mark.parametrize(("limit", "step", "largest"), [(3.0, 0.02, 3.0), (3.0, 0.7, 2.8)])

@@ -1,7 +1,7 @@
 # Copyright 2026 imu_sim_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""What holds for every sensor but the IMU: those in the list, and the one of the example."""
+"""Properties of every sensor but the IMU: those in the list, and the one of the example."""
 
 import dataclasses
 import importlib.util
@@ -50,30 +50,32 @@ def prefix(sensor: Sensor) -> str:
     return f"imu.{sensor.name}_" if sensor.with_imu else f"{sensor.name}."
 
 
-def given(sensor: Sensor, **own: object) -> dict[str, Any]:
+def given(sensor: Sensor, **overrides: object) -> dict[str, Any]:
     """Return parameters in which the sensor is there, and noisy."""
-    known = parameters(sensor.section)
+    declared = parameters(sensor.section)
     noisy = {
-        name: 1e-3 for name in known if name.startswith("noise") and known[name].kind != "choice"
+        name: 1e-3
+        for name in declared
+        if name.startswith("noise") and declared[name].kind != "choice"
     }
-    named = {} if sensor.with_imu else {"sensors": [sensor.name]}
-    values = {f"{prefix(sensor)}{name}": value for name, value in {**noisy, **own}.items()}
-    return {**BOARD, **named, **values}
+    sensor_names = {} if sensor.with_imu else {"sensors": [sensor.name]}
+    values = {f"{prefix(sensor)}{name}": value for name, value in {**noisy, **overrides}.items()}
+    return {**BOARD, **sensor_names, **values}
 
 
-def simulation(sensor: Sensor, given: dict[str, Any]) -> Body:
-    return Body(load_simulation(given), sensors={sensor.quantity})
+def simulation(sensor: Sensor, settings: dict[str, Any]) -> Body:
+    return Body(load_simulation(settings), sensors={sensor.quantity})
 
 
 def arrays(sensor: Sensor, blocks: Any) -> dict[str, Any]:
     """Return all that was read, and its truth, joined."""
     names = [*(field.name for field in fields(sensor.readings)), "release_t_ns"]  # type: ignore[arg-type]
-    read = [block[sensor.quantity] for block in blocks]
-    return {name: np.concatenate([getattr(one, name) for one in read]) for name in names}
+    windows = [block[sensor.quantity] for block in blocks]
+    return {name: np.concatenate([getattr(samples, name) for samples in windows]) for name in names}
 
 
-def whole(sensor: Sensor, given: dict[str, Any]) -> dict[str, Any]:
-    return arrays(sensor, [simulation(sensor, given).next(10**6)])
+def whole(sensor: Sensor, settings: dict[str, Any]) -> dict[str, Any]:
+    return arrays(sensor, [simulation(sensor, settings).next(10**6)])
 
 
 def same(a: dict[str, Any], b: dict[str, Any]) -> bool:
@@ -81,15 +83,18 @@ def same(a: dict[str, Any], b: dict[str, Any]) -> bool:
 
 
 def test_blocks_may_have_any_size(sensor: Sensor) -> None:
-    one = whole(sensor, given(sensor))
-    assert same(one, arrays(sensor, simulation(sensor, given(sensor)).windows(37)))
-    assert same(one, arrays(sensor, simulation(sensor, given(sensor)).windows(1)))
+    samples = whole(sensor, given(sensor))
+    assert same(samples, arrays(sensor, simulation(sensor, given(sensor)).windows(37)))
+    assert same(samples, arrays(sensor, simulation(sensor, given(sensor)).windows(1)))
 
 
 def test_seeds_differ_and_repeat(sensor: Sensor) -> None:
-    one, other = whole(sensor, given(sensor)), whole(sensor, {**given(sensor), "seed": 4})
-    assert not same(one, other)
-    assert same(one, whole(sensor, given(sensor)))
+    samples, other_samples = (
+        whole(sensor, given(sensor)),
+        whole(sensor, {**given(sensor), "seed": 4}),
+    )
+    assert not same(samples, other_samples)
+    assert same(samples, whole(sensor, given(sensor)))
 
 
 def test_no_sample_of_the_imu_depends_on_it(sensor: Sensor) -> None:
@@ -107,15 +112,15 @@ def test_truth_is_complete_and_python_returns_it(sensor: Sensor) -> None:
         values = given(sensor, **lossy)
     run = simulation(sensor, values)
     block = run.next(10**6)
-    read = block[sensor.quantity]
-    assert 0 < len(read.delivered) < len(read.true_t_ns)
+    samples = block[sensor.quantity]
+    assert 0 < len(samples.delivered) < len(samples.true_t_ns)
     for field in fields(sensor.readings):  # type: ignore[arg-type]
-        array = getattr(read, field.name)
-        assert len(array) == len(read.true_t_ns), field.name
+        array = getattr(samples, field.name)
+        assert len(array) == len(samples.true_t_ns), field.name
         assert np.issubdtype(array.dtype, np.number), field.name
     flight = Flight(run, [block], "all")
-    found = getattr(flight, sensor.quantity)
-    assert len(found) == len(read.delivered)
+    recorded = getattr(flight, sensor.quantity)
+    assert len(recorded) == len(samples.delivered)
     assert sensor.quantity in dir(flight)
 
 
@@ -128,9 +133,9 @@ def test_messages_there_and_back(sensor: Sensor, tmp_path: Path, name: str) -> N
         assert path.stat().st_size > 0
         return
     back = sensor_tables.read_table(path, sensor.table, f"/{sensor.table.topic}")
-    read = getattr(flight, sensor.quantity)
-    assert np.array_equal(back.t_ns, read.t_ns)
-    assert np.array_equal(back.values, sensor.values(read))
+    samples = getattr(flight, sensor.quantity)
+    assert np.array_equal(back.t_ns, samples.t_ns)
+    assert np.array_equal(back.values, sensor.values(samples))
 
 
 @pytest.mark.parametrize("form", ["euroc", "csv"])
@@ -144,9 +149,9 @@ def test_text_there_and_back(sensor: Sensor, tmp_path: Path, form: str) -> None:
     folder = flight.save(tmp_path / "text", format=form, topics=topics)
     assert sensor.table.name in known_tables()
     back = sensor_tables.read_table(folder, sensor.table)
-    read = getattr(flight, sensor.quantity)
-    assert np.array_equal(back.t_ns, read.t_ns)
-    assert np.array_equal(back.values, sensor.values(read))
+    samples = getattr(flight, sensor.quantity)
+    assert np.array_equal(back.t_ns, samples.t_ns)
+    assert np.array_equal(back.values, sensor.values(samples))
 
 
 def test_faults(sensor: Sensor) -> None:
@@ -158,26 +163,26 @@ def test_faults(sensor: Sensor) -> None:
     run = simulation(sensor, given(sensor))
     run.inject(Fault("dropout", 1.0, 1.0, sensor.name))
     block = run.next(10**6)
-    read = block[sensor.quantity]
-    lost = np.setdiff1d(np.arange(len(read.t_ns)), read.delivered)
-    since = (read.true_t_ns[lost] - run.t0_ns) * 1e-9
-    assert len(lost) == np.count_nonzero(read.true_t_ns < run.t0_ns + 10**9) > 0
+    samples = block[sensor.quantity]
+    lost = np.setdiff1d(np.arange(len(samples.t_ns)), samples.delivered)
+    since = (samples.true_t_ns[lost] - run.t0_ns) * 1e-9
+    assert len(lost) == np.count_nonzero(samples.true_t_ns < run.t0_ns + 10**9) > 0
     assert since.max() < 1.0
     assert same(plain, arrays(sensor, [block]))
     assert len(block["imu"].delivered) == len(block["imu"].t_ns)
 
 
 def test_live_parameters_change_from_the_next_block_on(sensor: Sensor) -> None:
-    live = [name for name, known in parameters(sensor.section).items() if known.live]
+    live = [name for name, declaration in parameters(sensor.section).items() if declaration.live]
     name = next((name for name in live if name.startswith("noise")), None)
     if name is None:  # no noise of it is live
         return
     plain = whole(sensor, given(sensor))
     run = simulation(sensor, given(sensor))
-    before = run.next(300)
+    earlier = run.next(300)
     run.update(load_simulation(given(sensor), {f"{prefix(sensor)}{name}": 0.0}))
-    both = arrays(sensor, [before, run.next(10**6)])
-    count = len(before[sensor.quantity].t_ns)
+    both = arrays(sensor, [earlier, run.next(10**6)])
+    count = len(earlier[sensor.quantity].t_ns)
     differs = [n for n in plain if not np.array_equal(plain[n], both[n])]
     assert differs
     assert all(np.array_equal(plain[n][:count], both[n][:count]) for n in plain)
@@ -185,19 +190,21 @@ def test_live_parameters_change_from_the_next_block_on(sensor: Sensor) -> None:
 
 def test_declared_once_for_all(sensor: Sensor) -> None:
     """Topics and tables have names of their own, and headers as many columns as numbers."""
-    others = [one for one in sensors_of_imus() if one.name != sensor.name]
-    assert not {t.name for t in sensor.topics} & {t.name for one in others for t in one.topics}
+    neighbours = [candidate for candidate in sensors_of_imus() if candidate.name != sensor.name]
+    assert not {t.name for t in sensor.topics} & {
+        t.name for candidate in neighbours for t in candidate.topics
+    }
     if sensor.table is not None:
         assert sensor.topics[0].name == sensor.table.topic
         assert {h.count(",") for h in sensor.table.headers.values()} == {sensor.table.columns}
         assert set(sensor.table.headers) == {"euroc", "csv"}
     flags = {flag for topic in sensor.topics for flag in topic.flags} - {"biases"}
     switches = fields(sensor.switches) if sensor.switches else ()
-    assert flags == {one.name for one in switches}
+    assert flags == {candidate.name for candidate in switches}
 
 
 def test_it_is_in_the_manual(sensor: Sensor) -> None:
-    """Its parameters are in the reference, its topics on a page."""
+    """The reference has a sensor's parameters, a page its topics."""
     pages = [page.read_text(encoding="utf-8") for page in (ROOT / "docs").rglob("*.md")]
     assert all(any(topic.name in page for page in pages) for topic in sensor.topics)
     if sensor.name in SENSORS:
@@ -210,11 +217,11 @@ def nested(values: dict[str, Any]) -> dict[str, Any]:
     """Return parameters as the arguments of ``simulate``; ``sensors`` is an argument of its own."""
     result: dict[str, Any] = {}
     for name, value in values.items():
-        *above, last = name.split(".")
+        *sections, parameter_name = name.split(".")
         place = result
-        for part in above:
+        for part in sections:
             place = place.setdefault(part, {})
-        place[last] = value
+        place[parameter_name] = value
     result.pop("sensors", None)
     return result
 

@@ -56,12 +56,12 @@ def test_random_dropouts_leave_other_losses_as_they_were() -> None:
     faulty.inject(Fault("dropout", 100.0, 0.3), delay=1.0)
     few, all_rows = faulty.next(20_400)["imu"].delivered, plain.next(20_400)["imu"].delivered
     assert np.isin(few, all_rows).all()
-    kept = len(few[(few >= 200) & (few < 20_200)]) / len(
+    share = len(few[(few >= 200) & (few < 20_200)]) / len(
         all_rows[(all_rows >= 200) & (all_rows < 20_200)]
     )
-    assert kept == pytest.approx(0.7, abs=5.0 * np.sqrt(0.21 / 18_000))
-    outside = (all_rows < 200) | (all_rows >= 20_200)
-    assert np.isin(all_rows[outside], few).all()
+    assert share == pytest.approx(0.7, abs=5.0 * np.sqrt(0.21 / 18_000))
+    healthy = (all_rows < 200) | (all_rows >= 20_200)
+    assert np.isin(all_rows[healthy], few).all()
 
 
 @pytest.mark.parametrize("size", [1, 7, 300])

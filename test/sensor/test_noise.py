@@ -43,8 +43,8 @@ SEED = 7
 
 
 def gyroscope(**values: object) -> TriadParameters:
-    own = {f"gyroscope_{name}": value for name, value in values.items()}
-    return build(ImuParameters, own).gyroscope
+    parameters = {f"gyroscope_{name}": value for name, value in values.items()}
+    return build(ImuParameters, parameters).gyroscope
 
 
 def draw(
@@ -56,7 +56,7 @@ def draw(
 ) -> np.ndarray:
     """Return (3, count) samples of an error, made in blocks."""
     term = kind(triad, ImuParameters(), SEED, rate, parameters)
-    lengths = [min(50_000, count - first) for first in range(0, count, 50_000)]
+    lengths = [min(50_000, count - start) for start in range(0, count, 50_000)]
     return np.concatenate([term.next(Surroundings(np.zeros(n))) for n in lengths]).T
 
 
@@ -102,8 +102,8 @@ def test_random_walk(rate: float, triad: str) -> None:
     # Over m steps the variance is m times as large: none is lost at a block's edge. N / m
     # independent increments.
     m = 1000
-    far = np.diff(walk[:, ::m], axis=1)
-    ratio = np.mean(far**2, axis=1) * rate / (m * density**2)
+    increments = np.diff(walk[:, ::m], axis=1)
+    ratio = np.mean(increments**2, axis=1) * rate / (m * density**2)
     assert np.abs(ratio - 1.0).max() < 5.0 * np.sqrt(2.0 * m / N)
     # Allan variance K^2 tau / 3.
     seconds = 2.0
@@ -138,8 +138,8 @@ def test_gauss_markov(rate: float, form: str) -> None:
     steps = (values[:, 1:] - phi * values[:, :-1]) / (sigma * np.sqrt(1.0 - phi**2))
     assert steps.var() == pytest.approx(1.0, abs=5.0 * np.sqrt(2.0 / (3 * N)))
     assert np.abs(np.mean(steps[:, 1:] * steps[:, :-1])) < 5.0 / np.sqrt(3 * N)
-    for every in (32, MARKOV_CHUNK):
-        edges = steps[:, every - 1 :: every]
+    for interval in (32, MARKOV_CHUNK):
+        edges = steps[:, interval - 1 :: interval]
         assert edges.var() == pytest.approx(1.0, abs=5.0 * np.sqrt(2.0 / edges.size))
 
 
@@ -155,7 +155,7 @@ def test_gauss_markov_of_rotors_is_the_driving_density() -> None:
 
 @pytest.mark.parametrize("seconds", [1e-3, 1.0, 1e4])
 def test_gauss_markov_starts_in_its_stationary_distribution(seconds: float) -> None:
-    """Of 900 runs: first sample, and sample 100, have variance 1."""
+    """First sample, and sample 100, of 900 runs have variance 1."""
     starts = []
     for seed in range(300):
         starts.append(GaussMarkovBank(seed, "test", seconds, 0.01).next_block(101).T)
@@ -179,7 +179,7 @@ def test_gauss_markov_agrees_with_the_plain_recurrence() -> None:
 
 @pytest.mark.parametrize("rate", [10.0, 50.0, 100.0, 200.0, 1000.0, 8000.0])
 def test_flicker_density_is_what_the_documentation_says(rate: float) -> None:
-    """Of B^2 / (2 pi f): 3.2 % from 1e-4 Hz to Nyquist, 6 % from 3.5e-5 Hz."""
+    """Deviation from B^2 / (2 pi f): 3.2 % from 1e-4 Hz to Nyquist, 6 % from 3.5e-5 Hz."""
     design = FlickerFilter.design(1.0 / rate)
     for lowest, limit in ((1e-4, 0.032), (3.5e-5, 0.06)):
         angle = 2.0 * np.pi * np.geomspace(lowest, rate / 2.0, 2000) / rate
@@ -204,7 +204,7 @@ def test_flicker_allan_deviation_is_what_the_documentation_says() -> None:
 
 
 def test_flicker_is_stationary_from_the_start() -> None:
-    """Of 900 runs: first sample and sample 300 have the variance that the filter implies."""
+    """First sample and sample 300 of 900 runs have the variance that the filter implies."""
     design = FlickerFilter.design(0.01)
     covariance = 1.0 / (1.0 - np.outer(design.poles, design.poles))
     variance = design.gains @ covariance @ design.gains
@@ -295,8 +295,8 @@ def test_every_source_has_a_stream_of_its_own() -> None:
         "transport.burst_length",
         *(f"fault.{k}" for k in range(100)),
     ]
-    first = {name: generator(0, name).integers(2**63) for name in names}
-    assert len(set(first.values())) == len(names)
+    draws = {name: generator(0, name).integers(2**63) for name in names}
+    assert len(set(draws.values())) == len(names)
 
 
 @pytest.mark.parametrize("seed", [0, 7, 2**32 - 1, 2**32 + 5, 2**63 - 1])

@@ -79,8 +79,8 @@ def installed(tmp_path: Path, monkeypatch: Any) -> Callable[..., Path]:
         folder = tmp_path / "installed"
         folder.mkdir()
         monkeypatch.syspath_prepend(folder)
-        found: Path = own_package().install(folder, *entry_point)
-        return found
+        installed_path: Path = own_package().install(folder, *entry_point)
+        return installed_path
 
     return install
 
@@ -98,12 +98,12 @@ def test_the_example_is_short_and_runs() -> None:
 
 def test_python_reads_it_at_its_own_rate_with_its_truth(installed: Any) -> None:
     installed()
-    found = flight()
-    sonar = found.sonar
+    flight_samples = flight()
+    sonar = flight_samples.sonar
     assert len(sonar) == 50
-    t = (sonar.true_t_ns - found.t0_ns) * 1e-9
+    t = (sonar.true_t_ns - flight_samples.t0_ns) * 1e-9
     np.testing.assert_allclose(t, 0.013 + np.arange(50) / 12.5, rtol=0, atol=1e-9)
-    motion = found.trajectory.sample(t)
+    motion = flight_samples.trajectory.sample(t)
     place = motion.position + rotation.rotate(motion.q_wb, np.array([[0.2, 0.0, -0.1]]))
     beam = sonar.ideal[:, None] * rotation.rotate(motion.q_wb, np.array([[0.0, 0.0, -1.0]]))
     np.testing.assert_allclose((place + beam)[:, 2], -10.0, rtol=0, atol=1e-9)
@@ -111,7 +111,7 @@ def test_python_reads_it_at_its_own_rate_with_its_truth(installed: Any) -> None:
     noise = sonar.range - sonar.ideal - sonar.bias
     # 50 samples of sigma 0.05: the deviation is known to 1 / sqrt(100) = 10 %; five of these.
     assert noise.std() == pytest.approx(0.05, rel=0.5)
-    assert "sonar" in dir(found)
+    assert "sonar" in dir(flight_samples)
 
 
 def test_samples_do_not_depend_on_blocks_and_leave_others_as_they_are(installed: Any) -> None:
@@ -125,13 +125,13 @@ def test_samples_do_not_depend_on_blocks_and_leave_others_as_they_are(installed:
     without = {k: v for k, v in GIVEN.items() if not k.startswith(("sonar", "sensors"))}
     alone = Body(load_simulation(without)).next(10**6)["imu"]
     assert np.array_equal(alone.gyro, whole["imu"].gyro)
-    other = Body(replace(parameters, seed=8), sensors={"sonar"}).next(10**6)
-    assert not np.array_equal(other["sonar"].range, whole["sonar"].range)
+    other_seed = Body(replace(parameters, seed=8), sensors={"sonar"}).next(10**6)
+    assert not np.array_equal(other_seed["sonar"].range, whole["sonar"].range)
 
 
 @pytest.mark.parametrize("name", ["flight.mcap", "flight.bag", "folder"])
 def test_bags_hold_it(installed: Any, tmp_path: Path, name: str) -> None:
-    """What rosbags reads is what Python returns, and generate and save write the same."""
+    """Rosbags reads the samples that Python returns, and generate and save write the same."""
     from rosbags.highlevel import AnyReader
 
     installed()
@@ -141,15 +141,15 @@ def test_bags_hold_it(installed: Any, tmp_path: Path, name: str) -> None:
     sonar = flight().sonar
     for path in (tmp_path / name, saved):
         with AnyReader([path]) as reader:
-            found: dict[str, Any] = {}
+            messages: dict[str, Any] = {}
             for connection, t_ns, content in reader.messages():
                 message = reader.deserialize(content, connection.msgtype)
-                found.setdefault(connection.topic, []).append((t_ns, message))
-        beams = found["/sonar/beam"]
+                messages.setdefault(connection.topic, []).append((t_ns, message))
+        beams = messages["/sonar/beam"]
         assert [t_ns for t_ns, _ in beams] == sonar.t_ns.tolist()
         assert [-m.vector.z for _, m in beams] == sonar.range.tolist()
         assert {m.header.frame_id for _, m in beams} == {"sonar_link"}
-        assert [-m.vector.z for _, m in found["/ground_truth/sonar"]] == sonar.ideal.tolist()
+        assert [-m.vector.z for _, m in messages["/ground_truth/sonar"]] == sonar.ideal.tolist()
 
 
 @pytest.mark.parametrize(("form", "file"), [("csv", "sonar0.csv"), ("euroc", "sonar0/data.csv")])
@@ -179,10 +179,10 @@ def test_help_and_lists_name_it(installed: Any, capsys: Any) -> None:
     for option in ("--help", "--list-sensors"):
         with pytest.raises(SystemExit):
             generate.main([option])
-        words = " ".join(capsys.readouterr().out.split())
-        assert "sonar" in words
-        assert "the distance to level ground" in words
-    assert "sonar.noise (0.02 [m])" in words
+        output = " ".join(capsys.readouterr().out.split())
+        assert "sonar" in output
+        assert "the distance to level ground" in output
+    assert "sonar.noise (0.02 [m])" in output
     assert "--sonar.noise VALUE" in node_help.parser("simulator").format_help()
 
 
@@ -199,10 +199,10 @@ def test_faults_and_live_changes(installed: Any) -> None:
     parameters = load_simulation(GIVEN)
     plain = Body(parameters, sensors={"sonar"}).next(10**6)["sonar"]
     run = Body(parameters, sensors={"sonar"})
-    first = run.next(400)["sonar"]
+    block = run.next(400)["sonar"]
     run.inject(Fault("bias_jump", 1.0, 2.0, "sonar"))
     jumped = run.next(400)["sonar"]
-    count = len(first.range)
+    count = len(block.range)
     rows = slice(count, count + len(jumped.range))
     added = jumped.range - plain.range[rows]
     np.testing.assert_allclose(added[jumped.bias != plain.bias[0]], 2.0, rtol=0, atol=1e-12)
@@ -226,10 +226,10 @@ def test_several_imus_have_it_once(installed: Any, tmp_path: Path) -> None:
     assert not any("sonar" in name for name in of_imus)
     body = Body(load_simulator(several), sensors=("sonar",))
     assert list(body.inject(Fault("dropout", 1.0, 1.0, "sonar"))) == ["left"]
-    read = body.next(10**6)
-    assert 0 < len(read["sonar"].delivered) < len(read["sonar"].t_ns)
+    samples = body.next(10**6)
+    assert 0 < len(samples["sonar"].delivered) < len(samples["sonar"].t_ns)
     assert all(
-        len(read[f"{n}/imu"].delivered) == len(read[f"{n}/imu"].t_ns) for n in several["imus"]
+        len(samples[f"{n}/imu"].delivered) == len(samples[f"{n}/imu"].t_ns) for n in several["imus"]
     )
     path = tmp_path / "both"
     options = [*OPTIONS, "--set", "imus=[left,right]", "--format", "csv"]
@@ -264,7 +264,7 @@ def test_entry_points_that_lead_nowhere(installed: Any, entry_point: str, line: 
 
 
 @pytest.mark.parametrize(
-    ("given", "line"),
+    ("settings", "line"),
     [
         ({"sensors": ["sonra"]}, r"sensors: 'sonra': did you mean sonar\?"),
         ({"sensors": ["magnetometer"]}, "each IMU has it"),
@@ -274,10 +274,10 @@ def test_entry_points_that_lead_nowhere(installed: Any, entry_point: str, line: 
         ({**GIVEN, "sonar.jitter": 1.0}, "sonar.jitter = 1: must be at most a quarter"),
     ],
 )
-def test_mistakes_are_told(installed: Any, given: dict[str, Any], line: str) -> None:
+def test_mistakes_are_told(installed: Any, settings: dict[str, Any], line: str) -> None:
     installed()
     with pytest.raises(ConfigurationError, match=line):
-        load_simulation(given)
+        load_simulation(settings)
 
 
 @pytest.mark.parametrize(

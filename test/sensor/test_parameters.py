@@ -1,7 +1,7 @@
 # Copyright 2026 imu_sim_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""What the parameters of a sensor refuse, all together, and what they warn of."""
+"""Problems and warnings of the parameters of a sensor, all together."""
 
 import math
 import re
@@ -15,9 +15,9 @@ from imu_sim_ros.simulation.parameters import SimulationParameters, load_simulat
 
 
 def problems(**values: object) -> tuple[str, ...]:
-    named = {name.replace("__", "."): value for name, value in values.items()}
+    parameters = {name.replace("__", "."): value for name, value in values.items()}
     with pytest.raises(ConfigurationError) as error:
-        load_simulation({"trajectory.type": "static", **named})
+        load_simulation({"trajectory.type": "static", **parameters})
     return error.value.problems
 
 
@@ -142,7 +142,7 @@ def test_zero_is_off_and_the_default() -> None:
 
 
 def test_live_parameters_keep_their_state() -> None:
-    """What a running filter, a drawn number or the run's grid depends on is not live."""
+    """Parameters of a running filter, a drawn number or the run's grid are not live."""
     live = {name for name, p in parameters(SimulationParameters, {}).items() if p.live}
     for name in ("correlation_time", "bandwidth", "turn_on_bias_sigma", "turn_on_scale_sigma"):
         assert f"imu.gyroscope_{name}" not in live

@@ -89,7 +89,7 @@ def test_every_preset_runs(preset: str, rate: float) -> None:
 
 
 def noise_entries(preset: str) -> dict[str, tuple[str, str]]:
-    """By parameter: what a noise density's source says, and the expression."""
+    """Return the source's statement of each noise density, and the expression, by parameter."""
     entries = ENTRY.findall(files.find("imus", preset).read_text(encoding="utf-8"))
     return {
         name: (words, expression)
@@ -104,11 +104,11 @@ def test_every_noise_density_names_its_convention(preset: str) -> None:
 
     So is that of readings whose RMS is given: it is ``RMS / sqrt(rate)``.
     """
-    for words, expression in noise_entries(preset).values():
-        one_sided = words.startswith("D ")
-        assert one_sided == ("sqrt(2)" in expression), words
+    for statement, expression in noise_entries(preset).values():
+        one_sided = statement.startswith("D ")
+        assert one_sided == ("sqrt(2)" in expression), statement
         two_sided = "random walk|noise_density|root PSD|RMS noise .* in readings at .* Hz"
-        assert one_sided or re.search(two_sided, words), words
+        assert one_sided or re.search(two_sided, statement), statement
 
 
 @pytest.mark.parametrize("preset", [n for n in PRESETS if n not in ("perfect", "lecture")])
@@ -116,12 +116,12 @@ def test_every_tolerance_becomes_a_deviation_by_the_rule_its_file_states(preset:
     """A tolerance, or a limit, is three standard deviations; or the source's values are one."""
     text = files.find("imus", preset).read_text(encoding="utf-8")
     three = "taken as three standard deviations, x / 3" in text
-    one = "The source's values are one standard deviation each." in text
-    for _, words, expression, name, _ in ENTRY.findall(text):
+    constant = "The source's values are one standard deviation each." in text
+    for _, statement, expression, name, _ in ENTRY.findall(text):
         if name.endswith("_sigma"):
-            assert three != one
-            limit = re.search(r"\bat most\b|^\S+ to \S+ LSB", words) is not None
-            spread = three and not words.startswith("RMS")
+            assert three != constant
+            limit = re.search(r"\bat most\b|^\S+ to \S+ LSB", statement) is not None
+            spread = three and not statement.startswith("RMS")
             assert (spread or limit) == (re.search(r"/ 3\b|/ 135\b", expression) is not None), name
 
 
@@ -149,7 +149,7 @@ IN_BANDWIDTH = [
 def test_noise_in_a_bandwidth_is_the_data_sheets(
     preset: str, triad: str, density: float, rms: float, bandwidth: float
 ) -> None:
-    """What is left of the simulated noise below the bandwidth has the RMS D sqrt(bandwidth).
+    """The simulated noise below the bandwidth has the RMS D sqrt(bandwidth).
 
     300 s at 1 kHz on three axes: 2 * 300 * 47 * 3 coefficients, a standard error of 0.24 % at
     most.
@@ -164,16 +164,16 @@ def test_noise_in_a_bandwidth_is_the_data_sheets(
     readings = block.gyro if triad == "gyroscope" else block.accel
     spectrum = np.fft.rfft(readings - readings.mean(axis=0), axis=0)
     spectrum[np.fft.rfftfreq(len(readings), 1.0 / rate) > bandwidth] = 0.0
-    found = float(np.fft.irfft(spectrum, len(readings), axis=0).std())
-    assert found == pytest.approx(density * math.sqrt(bandwidth), rel=0.01)
-    assert found == pytest.approx(rms, rel=0.05)
+    deviation = float(np.fft.irfft(spectrum, len(readings), axis=0).std())
+    assert deviation == pytest.approx(density * math.sqrt(bandwidth), rel=0.01)
+    assert deviation == pytest.approx(rms, rel=0.05)
 
 
 def test_a_low_pass_acts_if_half_the_rate_is_above_it() -> None:
     """The readings are those without it, else; only what a user chose is warned of."""
 
-    def readings(rate: float, **more: object) -> np.ndarray:
-        layer = {"imu.preset": "mti3", "trajectory.type": "static", "rate": rate, **more}
+    def readings(rate: float, **overrides: object) -> np.ndarray:
+        layer = {"imu.preset": "mti3", "trajectory.type": "static", "rate": rate, **overrides}
         return Body(load_simulation(layer)).next(50)["imu"].gyro
 
     for rate in (200.0, 510.0):
@@ -198,12 +198,12 @@ def test_a_module_has_the_rms_of_its_low_pass_without_further_parameters(preset:
 
     The bilinear transform at 4 kHz keeps it to 1 %; 1e5 samples of some 600 Hz: 0.4 % on x.
     """
-    found = white(preset, 4000.0, 25.0)
+    densities = white(preset, 4000.0, 25.0)
     for triad, unit, (density, bandwidth) in zip(
         TRIADS, (UNITS["deg"], 1e-6 * UNITS["g"]), MODULES[preset], strict=True
     ):
         expected = unit * density * math.sqrt(1.1107 * bandwidth)
-        assert found[triad][0] == pytest.approx(expected, rel=0.03)
+        assert densities[triad][0] == pytest.approx(expected, rel=0.03)
 
 
 @pytest.mark.parametrize("preset", [n for n in PRESETS if n not in ("perfect", "lecture")])
@@ -283,8 +283,8 @@ def test_readings_at_twice_the_bandwidth_have_the_rms_of_the_sheet(
     preset: str, triad: str, rms: float, bandwidth: float
 ) -> None:
     """5,600 readings or more: an RMS is known to 1 %; sheets round theirs by up to 4 %."""
-    found = white(preset, 2.0 * bandwidth)[triad]
-    np.testing.assert_allclose(found, rms, rtol=0.06)
+    densities = white(preset, 2.0 * bandwidth)[triad]
+    np.testing.assert_allclose(densities, rms, rtol=0.06)
 
 
 def test_a_chip_behind_its_low_pass_has_the_rms_of_its_noise_bandwidth() -> None:
@@ -295,7 +295,7 @@ def test_a_chip_behind_its_low_pass_has_the_rms_of_its_noise_bandwidth() -> None
         "imu.gyroscope_bandwidth": 90.0,
         "imu.accelerometer_bandwidth": 90.0,
     }
-    found = white("mpu6000", 200.0, **chip)
+    densities = white("mpu6000", 200.0, **chip)
     # The bilinear transform at 1 kHz narrows the pass band by some per cent.
-    np.testing.assert_allclose(found["gyroscope"], 0.05 * UNITS["deg"], rtol=0.05)
-    np.testing.assert_allclose(found["accelerometer"], 4e-3 * UNITS["g"], rtol=0.05)
+    np.testing.assert_allclose(densities["gyroscope"], 0.05 * UNITS["deg"], rtol=0.05)
+    np.testing.assert_allclose(densities["accelerometer"], 4e-3 * UNITS["g"], rtol=0.05)

@@ -94,10 +94,10 @@ def changed(name):
     if parameter.kind == "number" and parameter.maximum < 1.0:
         value = 0.5 * parameter.maximum
     needed = {}
-    for key, more in NEEDED.items():
+    for key, needed_values in NEEDED.items():
         if key in name:
             triad = name.split("_")[0]
-            needed |= {k if "." in k else f"imu.{triad}_{k}": v for k, v in more.items()}
+            needed |= {k if "." in k else f"imu.{triad}_{k}": v for k, v in needed_values.items()}
     return {**BASE, **needed}, {**BASE, **needed, f"imu.{name}": value}
 
 
@@ -109,8 +109,8 @@ def truth_of(values):
 
 @pytest.mark.parametrize("name", FIELDS)
 def test_a_change_of_a_field_is_in_the_truth(name):
-    before, after = changed(name)
-    assert truth_of(before) != truth_of(after)
+    original, changed_value = changed(name)
+    assert truth_of(original) != truth_of(changed_value)
 
 
 @pytest.mark.parametrize("name", [name for name in FIELDS if name.startswith(REALISED)])
@@ -122,17 +122,19 @@ def test_the_realised_unit_reads_the_same_whatever_the_field(name):
     loaded = load_simulation(changed(name)[1])
     sensors = ("magnetic_field", "pressure")
     unit = dataclasses.replace(loaded, imu=realised_imu(loaded.imu, loaded.seed))
-    one, two = (Body(p, sensors=sensors).next(100) for p in (loaded, unit))
+    drawn_samples, two = (Body(p, sensors=sensors).next(100) for p in (loaded, unit))
     for attribute in ("gyro", "accel"):
-        mine, theirs = (getattr(read["imu"], attribute) for read in (one, two))
+        mine, theirs = (getattr(samples["imu"], attribute) for samples in (drawn_samples, two))
         np.testing.assert_allclose(theirs, mine, rtol=1e-9, atol=1e-11)
     np.testing.assert_allclose(
         two["magnetic_field"].field,
-        one["magnetic_field"].field,
+        drawn_samples["magnetic_field"].field,
         rtol=0.0,
-        atol=1e-9 * np.abs(one["magnetic_field"].field).max(),
+        atol=1e-9 * np.abs(drawn_samples["magnetic_field"].field).max(),
     )
-    np.testing.assert_allclose(two["pressure"].pressure, one["pressure"].pressure, rtol=1e-12)
+    np.testing.assert_allclose(
+        two["pressure"].pressure, drawn_samples["pressure"].pressure, rtol=1e-12
+    )
 
 
 def test_nothing_is_left_to_draw():
@@ -145,8 +147,10 @@ def test_nothing_is_left_to_draw():
         for name in FIELDS
         if name.endswith("_sigma") and (name[:-6] in FIELDS or "turn_on" in name)
     }
-    unit = realised_imu((own := load_simulation({**BASE, **drawn})).imu, own.seed)
+    unit = realised_imu(
+        (drawn_parameters := load_simulation({**BASE, **drawn})).imu, drawn_parameters.seed
+    )
     values = {name: value for name, value in flatten(unit).items() if f"imu.{name}" in drawn}
-    left = [name for name, value in values.items() if np.any(value)]
-    assert left == ["orientation_turn_on_sigma"]
+    remaining = [name for name, value in values.items() if np.any(value)]
+    assert remaining == ["orientation_turn_on_sigma"]
     assert len(values) > 15

@@ -16,8 +16,8 @@ BASE = {"imu.preset": "perfect", "trajectory.type": "static", "rate": RATE}
 
 
 def simulation(**values):
-    named = {name.replace("__", "."): value for name, value in values.items()}
-    return Body(load_simulation({**BASE, **named}))
+    parameters = {name.replace("__", "."): value for name, value in values.items()}
+    return Body(load_simulation({**BASE, **parameters}))
 
 
 def read(count=2000, **values):
@@ -93,9 +93,9 @@ def test_readings_are_as_large_and_as_late_as_the_filter_makes_them(frequency):
     block = shaken(frequency, [10.0, 0.0, 0.0], **OVERSAMPLED)
     t = block.true_t_ns[200:] * 1e-9
     wave = np.exp(2j * np.pi * frequency * t)
-    found = 2j * np.mean(block.accel[200:, 0] / wave)  # of 10 sin(w t) it is 10
+    response = 2j * np.mean(block.accel[200:, 0] / wave)  # of 10 sin(w t) it is 10
     s = 1j * np.tan(np.pi * frequency / 3200.0) / np.tan(np.pi * 60.0 / 3200.0)
-    assert found == pytest.approx(10.0 / (s * s + np.sqrt(2.0) * s + 1.0), rel=1e-3)
+    assert response == pytest.approx(10.0 / (s * s + np.sqrt(2.0) * s + 1.0), rel=1e-3)
 
 
 def test_vibration_is_rectified_ahead_of_the_filter():
@@ -109,8 +109,8 @@ def test_noise_of_an_oversampled_sensor_has_the_stated_variance():
 
     The filter leaves neighbours correlated: some 10,000 independent values, 1.5 %; three of these.
     """
-    given = {"imu__accelerometer_noise_density": 2e-3, **OVERSAMPLED}
-    run = simulation(**given)
+    settings = {"imu__accelerometer_noise_density": 2e-3, **OVERSAMPLED}
+    run = simulation(**settings)
     block = run.next(20_000)["imu"]
     stated = variance_discrete(run.parameters.imu, "accelerometer", RATE)
     np.testing.assert_allclose((block.accel - [0, 0, 9.81]).var(axis=0), stated, rtol=0.045)
@@ -149,8 +149,8 @@ COUNTED = {
 def test_increments_are_whole_steps_whose_sum_is_the_rounded_sum():
     noise = {"imu__gyroscope_noise_density": 1e-4, "imu__accelerometer_noise_density": 2e-3}
     counted, exact = (
-        read(5000, trajectory__type="lecture", **given)
-        for given in ({**COUNTED, **noise}, {"imu__sampling": "averaged", **noise})
+        read(5000, trajectory__type="lecture", **settings)
+        for settings in ({**COUNTED, **noise}, {"imu__sampling": "averaged", **noise})
     )
     for rounded, smooth, step in (
         (counted.gyro, exact.gyro, 1e-4),
@@ -158,32 +158,32 @@ def test_increments_are_whole_steps_whose_sum_is_the_rounded_sum():
     ):
         counts = rounded / RATE / step
         np.testing.assert_allclose(counts, np.rint(counts), atol=1e-9)
-        left = np.cumsum(rounded - smooth, axis=0) / RATE
-        assert np.abs(left).max() <= 0.5 * step * (1 + 1e-9)
-        assert np.abs(left).max() > 0.45 * step
+        drift = np.cumsum(rounded - smooth, axis=0) / RATE
+        assert np.abs(drift).max() <= 0.5 * step * (1 + 1e-9)
+        assert np.abs(drift).max() > 0.45 * step
         # What is left is uniform in one step: Q = step / sqrt(12), IEEE Std 952-1997, C.1.5.
-        np.testing.assert_allclose(left.std(axis=0), step / np.sqrt(12), rtol=0.05)
+        np.testing.assert_allclose(drift.std(axis=0), step / np.sqrt(12), rtol=0.05)
 
 
 def test_variance_of_counted_readings_is_stated():
     """Two roundings per increment: step^2 / 6, where the noise is spread over steps."""
-    given = {**COUNTED, "imu__accelerometer_noise_density": 2e-2}
-    run = simulation(**given)
+    settings = {**COUNTED, "imu__accelerometer_noise_density": 2e-2}
+    run = simulation(**settings)
     accel = run.next(40_000)["imu"].accel
     stated = variance_discrete(run.parameters.imu, "accelerometer", RATE)
     np.testing.assert_allclose(accel.var(axis=0), stated, rtol=4 * np.sqrt(2 / 40_000))
 
 
 @pytest.mark.parametrize(
-    "given",
+    "settings",
     [
         {**OVERSAMPLED, "imu__internal_rate": 500.0},
         {**OVERSAMPLED, "imu__internal_rate": 200.0},
     ],
 )
-def test_internal_rate_must_be_a_multiple(given):
+def test_internal_rate_must_be_a_multiple(settings):
     with pytest.raises(ConfigurationError, match="internal_rate = .* integer multiple of the rate"):
-        simulation(**given)
+        simulation(**settings)
 
 
 def test_contradictions_are_reported():

@@ -1,7 +1,7 @@
 # Copyright 2026 imu_sim_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""What a sensor needs that sees or ranges: the scene of the world, its mount, several of a kind."""
+"""Needs of a sensor that sees or ranges: the scene of the world, its mount, several of a kind."""
 
 from dataclasses import dataclass
 from pathlib import Path
@@ -77,33 +77,33 @@ def beam(monkeypatch: Any) -> None:
     )
 
 
-def read(given: dict[str, Any], **own: Any) -> tuple[Body, dict[str, Any]]:
-    parameters = load_simulation(given, own)
+def read(settings: dict[str, Any], **overrides: Any) -> tuple[Body, dict[str, Any]]:
+    parameters = load_simulation(settings, overrides)
     body = Body(parameters, sensors={"beam", "side"})
     return body, body.next(10**6)
 
 
 def test_beams_end_on_the_walls_of_a_room() -> None:
     """Both sensors end their beams on the room's planes; x of the second one is y of the body."""
-    body, found = read(
+    body, samples = read(
         GIVEN, **{"scene.type": "room", "scene.size": [60.0, 50.0, 40.0], "scene.boxes": 0}
     )
     for name, axis in (("beam", 0), ("side", 1)):
-        one = found[name]
+        one = samples[name]
         motion = body.trajectory.sample((one.true_t_ns - body.t0_ns) * 1e-9)
         arm = np.array([[0.1, 0.2, 0.3]]) if name == "side" else np.zeros((1, 3))
         start = motion.position + rotation.rotate(motion.q_wb, arm)
         end = start + one.ideal[:, None] * rotation.to_matrix(motion.q_wb)[:, :, axis]
         off = np.abs(np.abs(end) - [30.0, 25.0, 20.0]).min(axis=1)
         assert off.max() < 1e-9
-    assert np.std(found["beam"].distance - found["beam"].ideal) == pytest.approx(0.01, rel=0.3)
+    assert np.std(samples["beam"].distance - samples["beam"].ideal) == pytest.approx(0.01, rel=0.3)
 
 
 def test_sensors_of_a_kind_have_noise_faults_frames_and_topics_of_their_own(
     tmp_path: Path,
 ) -> None:
-    body, found = read(GIVEN)
-    noise = [found[name].distance - found[name].ideal for name in ("beam", "side")]
+    body, samples = read(GIVEN)
+    noise = [samples[name].distance - samples[name].ideal for name in ("beam", "side")]
     # 200 pairs of independent numbers: a correlation is below 5 / sqrt(200) = 0.35.
     assert abs(np.corrcoef(noise)[0, 1]) < 0.35
     sensors = mounted(body.parameters)
@@ -120,7 +120,7 @@ def test_sensors_of_a_kind_have_noise_faults_frames_and_topics_of_their_own(
     options = [f"--set={k}={v}" for k, v in GIVEN.items() if k != "trajectory.type"]
     assert generate.main(["-o", str(path), "--trajectory", "figure_eight", *options]) == 0
     with _reader(path) as bag:
-        topics = {one.topic: one.msgcount for one in bag.connections}
+        topics = {connection.topic: connection.msgcount for connection in bag.connections}
     assert topics["/distance"] == topics["/side/distance"] == 200
     assert (tmp_path / "a_truth_side.yaml").exists()
 
@@ -133,12 +133,12 @@ def _reader(path: Path) -> Any:
 
 def test_cameras_and_other_sensors_share_the_scene(tmp_path: Path) -> None:
     """A place leaves the paths of both free; without cameras it is made as well."""
-    given = {**GIVEN, "scene.type": "office", "side.lever_arm": [0.0, 0.0, 1.5]}
-    _, alone = read(given)
+    settings = {**GIVEN, "scene.type": "office", "side.lever_arm": [0.0, 0.0, 1.5]}
+    _, alone = read(settings)
     assert np.isfinite(alone["side"].ideal).all()
     assert alone["side"].ideal.min() > 0.0
     path = tmp_path / "b.mcap"
-    options = [f"--set={k}={v}" for k, v in given.items() if k != "trajectory.type"]
+    options = [f"--set={k}={v}" for k, v in settings.items() if k != "trajectory.type"]
     camera = ["--camera", "euroc_cam0", "--topics", "distance,cam0/camera_info"]
     assert generate.main(["-o", str(path), "--trajectory", "figure_eight", *options, *camera]) == 0
 
@@ -157,8 +157,8 @@ def test_folders_and_truths_describe_each_sensor_of_a_kind(tmp_path: Path) -> No
     ]
     folder = tmp_path / "euroc"
     assert generate.main(["-o", str(folder), "--format", "euroc", "--quiet", *options]) == 0
-    first, second = (yaml.safe_load((folder / f"gps{k}/sensor.yaml").read_text()) for k in (0, 1))
-    assert first["T_BS"]["data"] == np.eye(4).ravel().tolist()
+    antenna, second = (yaml.safe_load((folder / f"gps{k}/sensor.yaml").read_text()) for k in (0, 1))
+    assert antenna["T_BS"]["data"] == np.eye(4).ravel().tolist()
     t_bs = np.reshape(second["T_BS"]["data"], (4, 4))
     assert t_bs[:3, :3].ravel().tolist() == SIDEWAYS
     assert t_bs[:3, 3].tolist() == [0.5, 0.0, 0.0]
@@ -178,11 +178,11 @@ SEEING: dict[str, Any] = {
 """A camera, a LiDAR and a sensor of another package on one body."""
 
 
-def warnings_of(scene: dict[str, Any], **more: Any) -> dict[str, list[str]]:
+def warnings_of(scene: dict[str, Any], **overrides: Any) -> dict[str, list[str]]:
     """Return the lines on the scene by sensor."""
-    given = {"trajectory.type": "figure_eight", "duration": 10.0, **SEEING, **more}
+    settings = {"trajectory.type": "figure_eight", "duration": 10.0, **SEEING, **overrides}
     parameters = load_simulation(
-        {**given, **{f"scene.{name}": value for name, value in scene.items()}}
+        {**settings, **{f"scene.{name}": value for name, value in scene.items()}}
     )
     lines: dict[str, list[str]] = {name: [] for name in ("beam", "lidar", "cam0", "scene")}
     for line in Body(parameters, sensors={"beam", "lidar", "cam0"}).warnings():
@@ -251,5 +251,5 @@ def test_empty_clouds_are_told_with_their_share_of_the_time() -> None:
     empty = ~np.isfinite(scans.range).any(axis=1)
     assert 0.2 < empty.mean() < 0.8
     # 100 of 200 scans: the share is that of every second one.
-    told = float(line.removeprefix("lidar: nothing in sight for ").split("%")[0]) / 100.0
-    assert told == pytest.approx(empty.mean(), abs=0.02)
+    share = float(line.removeprefix("lidar: nothing in sight for ").split("%")[0]) / 100.0
+    assert share == pytest.approx(empty.mean(), abs=0.02)

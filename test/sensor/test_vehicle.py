@@ -24,9 +24,9 @@ BAND = {
 
 def residual(block_size=8192, duration=200.0, trajectory="static", **values):
     """Return reading minus ideal reading (n, 6) of an IMU with nothing but vibration."""
-    own = {"imu.preset": "perfect", "rate": RATE, "duration": duration, "seed": 3}
-    parameters = load_simulation(trajectory_layer(trajectory), {**own, **values})
-    blocks = [read["imu"] for read in Body(parameters).windows(block_size)]
+    settings = {"imu.preset": "perfect", "rate": RATE, "duration": duration, "seed": 3}
+    parameters = load_simulation(trajectory_layer(trajectory), {**settings, **values})
+    blocks = [samples["imu"] for samples in Body(parameters).windows(block_size)]
     return np.concatenate(
         [np.concatenate([b.gyro - b.ideal_gyro, b.accel - b.ideal_accel], axis=1) for b in blocks]
     )
@@ -53,20 +53,20 @@ def noise():
 
 
 def test_bands_have_their_densities_and_nothing_lies_outside(noise):
-    found, freedom = cross_density(noise, 11.0, 29.0)
+    density, freedom = cross_density(noise, 11.0, 29.0)
     expected = np.square([0.01, 0.02, 0.03, 0.1, 0.2, 0.3])
     # A mean of freedom squares has the relative standard deviation sqrt(2 / freedom).
-    assert np.all(np.abs(np.diag(found).real / expected - 1.0) < 4.0 * np.sqrt(2.0 / freedom))
-    found, freedom = cross_density(noise, 41.0, 59.0)
-    assert found[5, 5].real == pytest.approx(0.05**2, rel=4.0 * np.sqrt(2.0 / freedom))
+    assert np.all(np.abs(np.diag(density).real / expected - 1.0) < 4.0 * np.sqrt(2.0 / freedom))
+    density, freedom = cross_density(noise, 41.0, 59.0)
+    assert density[5, 5].real == pytest.approx(0.05**2, rel=4.0 * np.sqrt(2.0 / freedom))
     for low, high in ((1.0, 8.0), (32.0, 38.0), (62.0, 99.0)):
         assert np.all(np.diag(cross_density(noise, low, high)[0]).real < 1e-5 * expected)
 
 
 def test_axes_are_coherent_as_given(noise):
-    found, freedom = cross_density(noise, 11.0, 29.0)
-    size = np.sqrt(np.diag(found).real)
-    coherence = found / np.outer(size, size)
+    density, freedom = cross_density(noise, 11.0, 29.0)
+    size = np.sqrt(np.diag(density).real)
+    coherence = density / np.outer(size, size)
     # The real or imaginary part of an estimated coherence deviates by at most sqrt(1 / freedom).
     limit = 4.0 / np.sqrt(freedom)
     assert abs(coherence[0, 3] - (0.6 + 0.5j)) < limit
@@ -165,7 +165,7 @@ def test_bands_above_half_the_rate_are_left_out():
 
 
 @pytest.mark.parametrize(
-    ("values", "words"),
+    ("values", "problem"),
     [
         ({"band_low": [1.0]}, "imu.vibration.band_high: 0 entries; must be 1, one for each band"),
         ({"line_frequency": [5.0]}, "imu.vibration.line_amplitude: 0 entries; must be 6, six"),
@@ -193,8 +193,8 @@ def test_bands_above_half_the_rate_are_left_out():
         ({"motion_time": 0.0}, "imu.vibration.motion_time = 0.0: must be"),
     ],
 )
-def test_contradictions_are_reported(values, words):
-    given = {f"imu.vibration.{name}": value for name, value in values.items()}
+def test_contradictions_are_reported(values, problem):
+    settings = {f"imu.vibration.{name}": value for name, value in values.items()}
     with pytest.raises(ConfigurationError) as caught:
-        load_simulation({"imu.preset": "perfect", **given})
-    assert any(words in line for line in caught.value.problems), caught.value.problems
+        load_simulation({"imu.preset": "perfect", **settings})
+    assert any(problem in line for line in caught.value.problems), caught.value.problems

@@ -41,11 +41,11 @@ def test_a_flat_world_is_the_tangent_plane_of_wgs84(latitude: float) -> None:
     origin = {"latitude_deg": latitude, "longitude_deg": 179.5, "height": 250.0}
     places = np.random.default_rng(1).uniform(-1e5, 1e5, (500, 3))
     places[:, 2] = places[:, 2] / 1e5 * 1e4 + 1e4
-    found = geodetic(EnvironmentParameters(**origin), places)
-    wanted = pymap3d.enu2ecef(*places.T, *origin.values())
-    off = np.array(pymap3d.geodetic2ecef(*found)) - np.array(wanted)
+    coordinates = geodetic(EnvironmentParameters(**origin), places)
+    expected = pymap3d.enu2ecef(*places.T, *origin.values())
+    off = np.array(pymap3d.geodetic2ecef(*coordinates)) - np.array(expected)
     assert np.linalg.norm(off, axis=0).max() < 1e-3
-    assert (np.abs(found[1]) <= 180.0).all()
+    assert (np.abs(coordinates[1]) <= 180.0).all()
 
 
 def test_a_curved_world_is_that_of_the_truth(tmp_path: Path) -> None:
@@ -53,40 +53,40 @@ def test_a_curved_world_is_that_of_the_truth(tmp_path: Path) -> None:
     pytest.importorskip("rosbags")
     from rosbags.highlevel import AnyReader
 
-    words = [
+    argv = [
         *("--imu", "perfect", "--duration", "5s", "--rate", "50", "--quiet", "--trajectory"),
         *("figure_eight", "--topics", "ground_truth/fix,gps/fix,gps/velocity", "--gnss", "zed_f9p"),
         *("--set", "curved_earth=true", "--set", "gravity_model=wgs84"),
         *("--set", "latitude_deg=48", "--set", "gnss.rate=50", "--set", "gnss.frame=base_link"),
         *(w for k, v in PERFECT.items() for w in ("--set", f"gnss.{k}={v}")),
     ]
-    assert generate.main(["-o", str(tmp_path / "a.mcap"), *words]) == 0
-    found: dict[str, list[Any]] = {}
+    assert generate.main(["-o", str(tmp_path / "a.mcap"), *argv]) == 0
+    messages: dict[str, list[Any]] = {}
     with AnyReader([tmp_path / "a.mcap"]) as reader:
         for connection, _, content in reader.messages():
             message = reader.deserialize(content, connection.msgtype)
-            found.setdefault(connection.topic, []).append(message)
-    truth, fixes = found["/ground_truth/fix"], found["/gps/fix"]
-    assert len(truth) == len(fixes) == len(found["/gps/velocity"]) == 250
-    for one, other in zip(truth, fixes, strict=True):
-        assert one.latitude == other.latitude
-        assert one.longitude == other.longitude
-        assert one.altitude == other.altitude
+            messages.setdefault(connection.topic, []).append(message)
+    truth, fixes = messages["/ground_truth/fix"], messages["/gps/fix"]
+    assert len(truth) == len(fixes) == len(messages["/gps/velocity"]) == 250
+    for true_fix, fix in zip(truth, fixes, strict=True):
+        assert true_fix.latitude == fix.latitude
+        assert true_fix.longitude == fix.longitude
+        assert true_fix.altitude == fix.altitude
     assert (fixes[0].status.status, fixes[0].position_covariance_type) == (2, 2)
     assert fixes[0].header.frame_id == "base_link"
 
 
 def test_the_antenna_has_its_place_and_its_velocity() -> None:
     """Against the derivative of its place: 1e-6 m/s is the rounding of 0.1 s differences."""
-    given = {**STILL, "trajectory": "figure_eight"}
+    settings = {**STILL, "trajectory": "figure_eight"}
     arm = {**PERFECT, "lever_arm": [0.5, -0.3, 0.2], "rate": 20.0}
-    flight = ims.simulate(**given, duration=10, gnss=arm)
+    flight = ims.simulate(**settings, duration=10, gnss=arm)
     gnss = flight.gnss
     h = 1e-4
     t = (gnss.true_t_ns - flight.t0_ns)[1:-1] * 1e-9
 
-    def place(at: Any) -> Any:
-        motion = flight.trajectory.sample(at)
+    def place(t: Any) -> Any:
+        motion = flight.trajectory.sample(t)
         return motion.position + rotation.rotate(motion.q_wb, np.array([[0.5, -0.3, 0.2]]))
 
     np.testing.assert_allclose(gnss.position[1:-1], place(t), rtol=0, atol=1e-12)
@@ -95,7 +95,7 @@ def test_the_antenna_has_its_place_and_its_velocity() -> None:
 
 
 def test_errors_have_the_stated_size_and_time() -> None:
-    """Of 4 h with 20 s: 720 independent values, the deviation is known to 2.6 %; five of these.
+    """4 h with 20 s have 720 independent values, the deviation is known to 2.6 %; five of these.
 
     Between fixes 20 s apart the correlation is (1 - white share) / e, known to 1 / sqrt(720).
     """
@@ -158,21 +158,21 @@ def test_without_a_fix_nothing_of_the_motion_is_told(tmp_path: Path) -> None:
     t = (gnss.true_t_ns - flight.t0_ns) * 1e-9
     lost = (t < 0.5) | ((t >= 2.0) & (t < 5.0))
     assert np.array_equal(gnss.status == -1, lost)
-    known = np.flatnonzero(t < 2.0)[-1]
+    last_fix = np.flatnonzero(t < 2.0)[-1]
     for stated, true in (("geodetic", "ideal_geodetic"), ("position", "ideal_position")):
         shown = getattr(gnss, stated)
         assert np.isnan(shown[t < 0.5]).all()
-        assert (shown[lost & (t > 1.0)] == shown[known]).all()
+        assert (shown[lost & (t > 1.0)] == shown[last_fix]).all()
         assert len(np.unique(getattr(gnss, true)[lost, 0])) == lost.sum()
     for name in ("velocity", "variance", "velocity_variance"):
         assert np.array_equal(np.isnan(getattr(gnss, name)).all(axis=1), lost), name
     path = flight.save(tmp_path / "a.mcap", topics=["gps/fix", "gps/velocity", "gps/extended_fix"])
-    found: dict[str, list[Any]] = {}
+    by_topic: dict[str, list[Any]] = {}
     with AnyReader([path]) as reader:
         for connection, _, content in reader.messages():
             message = reader.deserialize(content, connection.msgtype)
-            found.setdefault(connection.topic, []).append(message)
-    fixes, extended = found["/gps/fix"], found["/gps/extended_fix"]
+            by_topic.setdefault(connection.topic, []).append(message)
+    fixes, extended = by_topic["/gps/fix"], by_topic["/gps/extended_fix"]
     assert [m.status.status == -1 for m in fixes] == lost.tolist()
     for many in (fixes, extended):
         places = [[m.latitude, m.longitude, m.altitude] for m in many]
@@ -181,7 +181,7 @@ def test_without_a_fix_nothing_of_the_motion_is_told(tmp_path: Path) -> None:
     for name in ("speed", "track", "climb", "err", "err_horz", "err_speed", "err_climb"):
         assert [np.isnan(getattr(m, name)) for m in extended] == lost.tolist(), name
     assert extended[0].time == 1767225600.0 + flight.t0_ns * 1e-9
-    velocities = found["/gps/velocity"]
+    velocities = by_topic["/gps/velocity"]
     stamps = [m.header.stamp.sec * 10**9 + m.header.stamp.nanosec for m in velocities]
     assert stamps == gnss.t_ns[~lost].tolist()
     assert {m.header.frame_id for m in velocities} == {"world"}
@@ -196,8 +196,8 @@ def test_without_a_fix_nothing_of_the_motion_is_told(tmp_path: Path) -> None:
 
 
 def test_fixes_of_a_place_that_nobody_gave_are_told() -> None:
-    def lines(**given: Any) -> list[str]:
-        values = {"trajectory.type": "static", "duration": 1.0, "sensors": ["gnss"], **given}
+    def lines(**settings: Any) -> list[str]:
+        values = {"trajectory.type": "static", "duration": 1.0, "sensors": ["gnss"], **settings}
         body = Body(load_simulation(values), sensors=values["sensors"])
         return [w for w in body.warnings() if "latitude" in w]
 
@@ -233,7 +233,7 @@ def test_the_walk_grows_with_the_root_of_time() -> None:
 
 
 def test_noisy_errors_do_not_depend_on_blocks() -> None:
-    given = {
+    settings = {
         "sensors": ["gnss"],
         "imu.preset": "perfect",
         "trajectory.type": "figure_eight",
@@ -244,8 +244,8 @@ def test_noisy_errors_do_not_depend_on_blocks() -> None:
         "gnss.outage_rate": 0.1,
         "gnss.outage_duration": 2.0,
     }
-    whole = Body(load_simulation(given), sensors={"gnss"}).next(10**6)
-    parts = list(Body(load_simulation(given), sensors={"gnss"}).windows(53))
+    whole = Body(load_simulation(settings), sensors={"gnss"}).next(10**6)
+    parts = list(Body(load_simulation(settings), sensors={"gnss"}).windows(53))
     for name in ("error", "geodetic", "velocity", "mode"):
         joined = np.concatenate([getattr(part["gnss"], name) for part in parts])
         np.testing.assert_array_equal(joined, getattr(whole["gnss"], name), name)
@@ -281,18 +281,20 @@ def test_houses_hide_satellites() -> None:
         "trajectory": {"type": "harmonic", "x": {"polynomial": [0.0, 1.0]}},
     }  # fmt: skip
     box = [20.0, -5.0, -5.0, 40.0, 5.0, 5.0]
-    own: dict[str, Any] = {"rate": 1.0, "silent": False, "mask_boxes": [*box, 25.0]}
-    gnss = ims.simulate(**drive, gnss=own).gnss
-    inside = (gnss.ideal_position[:, 0] >= 20.0) & (gnss.ideal_position[:, 0] <= 40.0)
-    assert np.count_nonzero(inside) == 21
-    assert gnss.satellites[inside].max() < gnss.satellites[~inside].min()
-    assert gnss.pdop[inside].min() > gnss.pdop[~inside].max()
-    assert gnss.variance[inside].min(axis=0)[0] > gnss.variance[~inside].max(axis=0)[0]
-    covered = ims.simulate(**drive, gnss={**own, "mask_boxes": [*box, 25.0, *box, 85.0]}).gnss
-    assert set(covered.mode[inside]) == {-1}
-    assert set(covered.satellites[inside]) == {0}
-    assert set(covered.hdop[inside]) == {99.99}
-    assert np.array_equal(covered.error[~inside], gnss.error[~inside])
+    receiver: dict[str, Any] = {"rate": 1.0, "silent": False, "mask_boxes": [*box, 25.0]}
+    gnss = ims.simulate(**drive, gnss=receiver).gnss
+    between_houses = (gnss.ideal_position[:, 0] >= 20.0) & (gnss.ideal_position[:, 0] <= 40.0)
+    assert np.count_nonzero(between_houses) == 21
+    assert gnss.satellites[between_houses].max() < gnss.satellites[~between_houses].min()
+    assert gnss.pdop[between_houses].min() > gnss.pdop[~between_houses].max()
+    assert (
+        gnss.variance[between_houses].min(axis=0)[0] > gnss.variance[~between_houses].max(axis=0)[0]
+    )
+    covered = ims.simulate(**drive, gnss={**receiver, "mask_boxes": [*box, 25.0, *box, 85.0]}).gnss
+    assert set(covered.mode[between_houses]) == {-1}
+    assert set(covered.satellites[between_houses]) == {0}
+    assert set(covered.hdop[between_houses]) == {99.99}
+    assert np.array_equal(covered.error[~between_houses], gnss.error[~between_houses])
 
 
 def test_extended_fixes_hold_the_same(tmp_path: Path) -> None:
@@ -304,7 +306,7 @@ def test_extended_fixes_hold_the_same(tmp_path: Path) -> None:
         **{**STILL, "trajectory": "figure_eight"}, duration=3, latitude_deg=48.0,
         gnss={"mode": "float", "outages": [1.0, 0.5], "silent": False},
     )  # fmt: skip
-    read = flight.gnss
+    gnss = flight.gnss
     for name, package in (("a.mcap", "gps_msgs"), ("a.bag", "gps_common")):
         path = flight.save(tmp_path / name, topics=["imu/data_raw", "gps/fix", "gps/extended_fix"])
         with AnyReader([path]) as reader:
@@ -316,25 +318,25 @@ def test_extended_fixes_hold_the_same(tmp_path: Path) -> None:
             ]
         assert [m.status.status for m in messages] == [20] * 10 + [-1] * 5 + [20] * 15
         for name in ("latitude", "longitude", "altitude"):
-            column = read.geodetic[:, ("latitude", "longitude", "altitude").index(name)]
+            column = gnss.geodetic[:, ("latitude", "longitude", "altitude").index(name)]
             assert np.array_equal([getattr(m, name) for m in messages], column)
         for name in ("hdop", "vdop", "pdop"):
-            assert np.array_equal([getattr(m, name) for m in messages], getattr(read, name))
-        assert np.array_equal([m.status.satellites_used for m in messages], read.satellites)
+            assert np.array_equal([getattr(m, name) for m in messages], getattr(gnss, name))
+        assert np.array_equal([m.status.satellites_used for m in messages], gnss.satellites)
         assert [len(m.status.satellite_used_prn) for m in messages] == [0] * 30
         assert [m.position_covariance_type for m in messages] == [2] * 10 + [0] * 5 + [2] * 15
-        one = messages[0]
-        assert np.array_equal(one.position_covariance[::4], read.variance[0])
-        assert one.gdop == pytest.approx(np.linalg.norm(read.dilution[0]))
-        east, north, up = read.velocity[0]
-        assert one.speed == pytest.approx(np.hypot(east, north))
-        assert np.radians(one.track) == pytest.approx(np.arctan2(east, north) % (2 * np.pi))
-        assert one.climb == up
+        message = messages[0]
+        assert np.array_equal(message.position_covariance[::4], gnss.variance[0])
+        assert message.gdop == pytest.approx(np.linalg.norm(gnss.dilution[0]))
+        east, north, up = gnss.velocity[0]
+        assert message.speed == pytest.approx(np.hypot(east, north))
+        assert np.radians(message.track) == pytest.approx(np.arctan2(east, north) % (2 * np.pi))
+        assert message.climb == up
         # 95 % of a Gaussian error is within 1.960 standard deviations.
-        speed, climb = 1.960 * np.sqrt(read.velocity_variance[0, [0, 2]])
-        assert (one.err_speed, one.err_climb) == pytest.approx((speed, climb), rel=1e-6)
-        assert (one.header.frame_id, one.status.header.frame_id) == ("gps_link", "gps_link")
-        assert one.status.header.stamp.sec == one.header.stamp.sec == 1
+        speed, climb = 1.960 * np.sqrt(gnss.velocity_variance[0, [0, 2]])
+        assert (message.err_speed, message.err_climb) == pytest.approx((speed, climb), rel=1e-6)
+        assert (message.header.frame_id, message.status.header.frame_id) == ("gps_link", "gps_link")
+        assert message.status.header.stamp.sec == message.header.stamp.sec == 1
 
 
 def test_nmea_is_read_by_pynmeagps(tmp_path: Path) -> None:
@@ -348,21 +350,21 @@ def test_nmea_is_read_by_pynmeagps(tmp_path: Path) -> None:
     with path.open("rb") as file:
         messages = [parsed for _, parsed in pynmeagps.NMEAReader(file, quitonerror=2)]
     assert [m.msgID for m in messages] == ["GGA", "GSA", "RMC", "VTG"] * 40
-    read = flight.gnss
-    for k, (latitude, longitude, height) in enumerate(read.geodetic):
+    gnss = flight.gnss
+    for k, (latitude, longitude, height) in enumerate(gnss.geodetic):
         gga, gsa, rmc, vtg = messages[4 * k : 4 * k + 4]
         assert gga.lat == pytest.approx(latitude, abs=2e-9)
         assert gga.lon == pytest.approx(longitude, abs=2e-9)
         assert gga.alt == pytest.approx(height, abs=1e-4)
-        assert (gga.quality, gga.numSV, rmc.status) == (4, read.satellites[k], "A")
+        assert (gga.quality, gga.numSV, rmc.status) == (4, gnss.satellites[k], "A")
         numbers = [getattr(gsa, f"svid_{n:02d}") for n in range(1, 13)]
-        used = [prn for prn in range(1, 33) if read.used[k] >> (prn - 1) & 1]
+        used = [prn for prn in range(1, 33) if gnss.used[k] >> (prn - 1) & 1]
         assert [n for n in numbers if n] == used
         assert gsa.navMode == 3
         shown = [gga.HDOP, gsa.PDOP, gsa.HDOP, gsa.VDOP]
-        dops = [read.hdop[k], read.pdop[k], read.hdop[k], read.vdop[k]]
+        dops = [gnss.hdop[k], gnss.pdop[k], gnss.hdop[k], gnss.vdop[k]]
         np.testing.assert_allclose(shown, dops, rtol=0, atol=0.005001)
-        east, north, _ = read.velocity[k]
+        east, north, _ = gnss.velocity[k]
         assert vtg.sogk == pytest.approx(3.6 * np.hypot(east, north), abs=1e-3)
     assert str(messages[2].date) == "2023-11-14"
 
@@ -372,8 +374,8 @@ def test_presets_have_sources_and_run(name: str, tmp_path: Path) -> None:
     assert "# [1] " in files.find("gnss", name).read_text(encoding="utf-8")
     gnss = ims.simulate(**STILL, duration=10, gnss={"preset": name}).gnss
     assert len(gnss) == 10 * round(len(gnss) / 10) > 0
-    words = ["-o", str(tmp_path / "a"), "--format", "csv", "--duration", "2s", "--gnss", name]
-    assert generate.main([*words, "--quiet"]) == 0
+    argv = ["-o", str(tmp_path / "a"), "--format", "csv", "--duration", "2s", "--gnss", name]
+    assert generate.main([*argv, "--quiet"]) == 0
     header, *rows = (tmp_path / "a/gps0.csv").read_text().splitlines()
     assert header.startswith("timestamp,latitude,longitude,altitude")
     assert len(rows) == len(gnss) // 5
@@ -387,15 +389,15 @@ def test_half_of_the_fixes_lie_within_the_circle_of_the_data_sheet(name: str, er
     Of 8640 independent fixes of a day the median of a Rayleigh distribution is known to 0.72 /
     sqrt(n), 0.8 %; five of these, and 5 % for a sky that is not the nominal one.
     """
-    own = {"preset": name, "rate": 0.1, "correlation_time": 2.0}
-    read = ims.simulate(
-        **{**STILL, "rate": 1.0}, duration=86400, seed=1, latitude_deg=48.0, gnss=own
+    receiver = {"preset": name, "rate": 0.1, "correlation_time": 2.0}
+    gnss = ims.simulate(
+        **{**STILL, "rate": 1.0}, duration=86400, seed=1, latitude_deg=48.0, gnss=receiver
     ).gnss
-    assert np.median(np.hypot(*read.error.T[:2])) == pytest.approx(error, rel=0.09)
+    assert np.median(np.hypot(*gnss.error.T[:2])) == pytest.approx(error, rel=0.09)
 
 
 @pytest.mark.parametrize(
-    ("own", "line"),
+    ("receiver", "line"),
     [
         ({"preset": "f9"}, "unknown gnss 'f9'"),
         ({"horizontal_sigma": [1.0, 1.0, 1.0]}, "gnss.horizontal_sigma"),
@@ -408,6 +410,6 @@ def test_half_of_the_fixes_lie_within_the_circle_of_the_data_sheet(name: str, er
         ({"multipath_rate": 1.0}, "must both be 0 or both be above 0"),
     ],
 )
-def test_mistakes_are_told(own: dict[str, Any], line: str) -> None:
+def test_mistakes_are_told(receiver: dict[str, Any], line: str) -> None:
     with pytest.raises(ConfigurationError, match=line):
-        read(**own)
+        read(**receiver)

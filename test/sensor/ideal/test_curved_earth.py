@@ -196,11 +196,11 @@ def test_pyins_navigates_150_km_with_the_readings() -> None:
 def test_at_the_origin_it_is_the_flat_world() -> None:
     flat = {key: value for key, value in PLACE.items() if key not in ("curved_earth",)}
     values = {"imu.preset": "perfect", "earth_rotation": True, "trajectory.type": "static"}
-    one, two = (
+    mounted_reading, two = (
         Body(load_simulation({**values, **place})).next(10)["imu"] for place in (PLACE, flat)
     )
-    assert np.allclose(one.gyro, two.gyro, rtol=0.0, atol=1e-18)
-    assert np.allclose(one.accel, two.accel, rtol=0.0, atol=1e-14)
+    assert np.allclose(mounted_reading.gyro, two.gyro, rtol=0.0, atol=1e-18)
+    assert np.allclose(mounted_reading.accel, two.accel, rtol=0.0, atol=1e-14)
 
 
 @pytest.mark.parametrize(

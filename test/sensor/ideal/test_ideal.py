@@ -49,9 +49,9 @@ def read(
     trajectory: Trajectory, count: int = 400, **values: object
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """Return times, rates and forces of a perfect IMU."""
-    own = parameters(**values)
-    window = Window(Fraction(0), Fraction(count) / exact_rate(own.rate))
-    block = Imu(mounted(own)["imu"], 0).read(window, World(trajectory, own, 0))
+    settings = parameters(**values)
+    window = Window(Fraction(0), Fraction(count) / exact_rate(settings.rate))
+    block = Imu(mounted(settings)["imu"], 0).read(window, World(trajectory, settings, 0))
     assert np.array_equal(block.gyro, block.ideal_gyro)
     assert np.array_equal(block.accel, block.ideal_accel)
     return block.true_t_ns * 1e-9, block.gyro, block.accel

@@ -103,19 +103,19 @@ def test_as_many_nodes_as_a_motion_needs() -> None:
 @pytest.mark.parametrize(("count", "order"), [(4, 6.0), (5, 8.0)])
 def test_the_error_falls_with_the_order_of_the_rule(count: int, order: float) -> None:
     errors = [case("coning", rate, BOARD).error(lobatto(count)) for rate in (60.0, 120.0)]
-    found = np.log2(errors[0] / errors[1])
+    orders = np.log2(errors[0] / errors[1])
     # Which phases of the motion an interval begins at differs with the rate.
-    assert (np.abs(found - order) < 0.7).all(), errors
+    assert (np.abs(orders - order) < 0.7).all(), errors
 
 
 @pytest.mark.parametrize("name", ["lecture", "circle", "figure_eight", "excitation"])
 @pytest.mark.parametrize("board", [{}, BOARD], ids=["", "board"])
 def test_slow_motions_are_averaged_to_rounding(name: str, board: dict[str, object]) -> None:
-    """Of some rad/s and of 10 to 20 m/s^2; the rounding of w t is in both."""
-    given = case(name, 200.0, board)
-    rule = quadrature(given.trajectory.highest_frequency, 0.005)
+    """Rates are some rad/s and forces 10 to 20 m/s^2; the rounding of w t is in both."""
+    motion_case = case(name, 200.0, board)
+    rule = quadrature(motion_case.trajectory.highest_frequency, 0.005)
     assert len(rule[0]) == 4
-    rate, force = given.error(rule)
+    rate, force = motion_case.error(rule)
     assert rate < 1e-13
     assert force < 5e-13
 
@@ -125,21 +125,21 @@ def test_slow_motions_are_averaged_to_rounding(name: str, board: dict[str, objec
     [("coning", 200.0), ("sculling", 100.0), ("spline", 100.0), ("spline", 200.0)],
 )
 def test_no_mean_is_worse_than_that_of_three_gauss_nodes(build: str, rate: float) -> None:
-    """Which cost as much, as the ends are there in any case."""
-    given = spline(rate) if build == "spline" else case(build, rate, BOARD)
-    rule = quadrature(given.trajectory.highest_frequency, 1.0 / rate)
+    """Three Gauss nodes cost as much, as the ends of the interval are sampled in any case."""
+    motion_case = spline(rate) if build == "spline" else case(build, rate, BOARD)
+    rule = quadrature(motion_case.trajectory.highest_frequency, 1.0 / rate)
     assert len(rule[0]) == 5
-    before = largest(given.finely(gauss(3)) - given.exact())
-    assert (given.error(rule) < 0.5 * before).all()
+    gauss_error = largest(motion_case.finely(gauss(3)) - motion_case.exact())
+    assert (motion_case.error(rule) < 0.5 * gauss_error).all()
 
 
 def test_averaged_readings_are_these_means() -> None:
-    """Of the intervals before the samples; the first sample is the value at the start."""
+    """Readings are means over the intervals before them, the first is the value at the start."""
     values = {"trajectory.type": "lecture", "imu.preset": "perfect", "rate": 200.0}
     block = Body(load_simulation({**values, "imu.sampling": "averaged"})).next(400)["imu"]
     at_once = Body(load_simulation(values)).next(400)["imu"]
-    given = case("lecture", 200.0)._replace(t=np.arange(400) * 0.005)
-    expected = given.exact()
+    motion_case = case("lecture", 200.0)._replace(t=np.arange(400) * 0.005)
+    expected = motion_case.exact()
     np.testing.assert_allclose(block.gyro[1:], expected[:, :3], atol=1e-13)
     np.testing.assert_allclose(block.accel[1:], expected[:, 3:], atol=5e-13)
     np.testing.assert_allclose(block.gyro[0], at_once.gyro[0], rtol=1e-15)

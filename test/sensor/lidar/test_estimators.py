@@ -99,35 +99,35 @@ def test_both_follow_slow_turns_and_an_imu_helps_in_fast_ones():
 def plane_icp(flight):
     """Return the error of small_gicp's ICP from points to planes, against the last scans."""
     gicp = pytest.importorskip("small_gicp")
-    pose, before, places, kept, target = np.eye(4), np.eye(4), [], [], None
+    pose, previous, places, keyframes, target = np.eye(4), np.eye(4), [], [], None
     for k in range(len(flight.lidar)):
         cloud = flight.lidar.cloud(k)
-        near = cloud.range < 60.0
+        within_range = cloud.range < 60.0
         # The sensor turns slowly: over a scan it moves as over the last one.
-        step = np.linalg.inv(before) @ pose
-        xyz = cloud.xyz[near] + (cloud.time[near, None] / 0.1 - 0.5) * step[:3, 3]
+        step = np.linalg.inv(previous) @ pose
+        xyz = cloud.xyz[within_range] + (cloud.time[within_range, None] / 0.1 - 0.5) * step[:3, 3]
         source, _ = gicp.preprocess_points(xyz, downsampling_resolution=0.25, num_threads=1)
         if target is not None:
             guess = pose @ step
-            found = gicp.align(
+            registration = gicp.align(
                 *(target[0], source, target[1], guess),
                 registration_type="PLANE_ICP",
                 max_correspondence_distance=1.0,
                 num_threads=1,
             )
-            before, pose = pose, found.T_target_source
+            previous, pose = pose, registration.T_target_source
         places.append(pose[:3, 3].copy())
         points = np.asarray(source.points())[:, :3] @ pose[:3, :3].T + pose[:3, 3]
-        if not kept or np.linalg.norm(places[-1] - kept[-1][0]) > 0.3:
-            kept = [*kept, (places[-1], points)][-15:]
-            every = np.concatenate([points for _, points in kept])
-            target = gicp.preprocess_points(every, downsampling_resolution=0.25, num_threads=1)
+        if not keyframes or np.linalg.norm(places[-1] - keyframes[-1][0]) > 0.3:
+            keyframes = [*keyframes, (places[-1], points)][-15:]
+            all_points = np.concatenate([points for _, points in keyframes])
+            target = gicp.preprocess_points(all_points, downsampling_resolution=0.25, num_threads=1)
     t = (flight.lidar.true_t_ns - flight.t0_ns) * 1e-9 + 0.05
     return error(np.array(places), flight.trajectory.sample(t).position)
 
 
 def test_a_corridor_is_in_the_clouds_for_who_uses_its_few_walls_across():
-    """From points to planes 3 cm over 7 m; KISS-ICP, from points to points, stays where it is.
+    """Registration from points to planes errs by 3 cm over 7 m; KISS-ICP, points to points, stays.
 
     9 of 10 points are on walls along the way, and are as near to their neighbours wherever the
     sensor is.
@@ -151,13 +151,13 @@ def test_their_programs_run_on_a_bag_with_the_files_for_them(tmp_path, monkeypat
     monkeypatch.chdir(tmp_path)
     monkeypatch.setenv("OMP_NUM_THREADS", "1")
     mount = ["lever_arm=[0.2, -0.1, 0.3]", "mounting=[0, -1, 0, 1, 0, 0, 0, 0, 1]"]
-    words = [
+    argv = [
         *("-o", "flight", "--trajectory", "tour", "--scene", "office", "--duration", "4s"),
         *("--imu", "adis16448", "--lidar", "vlp16", "--with-configs", "--quiet", "--seed", "1"),
         *("--set", "lidar.firing_period=221.184e-6"),
-        *(word for one in mount for word in ("--set", f"lidar.{one}")),
+        *(word for assignment in mount for word in ("--set", f"lidar.{assignment}")),
     ]
-    assert generate.main(words) == 0
+    assert generate.main(argv) == 0
     bin_folder = Path(sys.executable).parent
     configs = tmp_path / "flight_configs"
     for program, *options in (
@@ -172,7 +172,9 @@ def test_their_programs_run_on_a_bag_with_the_files_for_them(tmp_path, monkeypat
     def of_body(stamps):
         """Return the positions of the body, whose attitude a tour does not change."""
         axes = truth.position.T
-        return np.stack([np.interp(stamps, truth.t_ns * 1e-9, each) for each in axes], axis=1)
+        return np.stack(
+            [np.interp(stamps, truth.t_ns * 1e-9, coordinate) for coordinate in axes], axis=1
+        )
 
     (estimate,) = (tmp_path / "rko").rglob("*_tum.txt")
     stamps, places = tum(estimate)
@@ -189,58 +191,58 @@ def test_their_programs_run_on_a_bag_with_the_files_for_them(tmp_path, monkeypat
 
 
 def test_lio_sam_gets_the_rings_that_it_sorts_points_by(tmp_path):
-    """Its ``livox`` reads x, y, z, intensity, ring and time, too, and counts the points of lines.
+    """LIO-SAM's ``livox`` reads x, y, z, intensity, ring, time, and counts the points of lines.
 
     src/imageProjection.cpp of 0be1fbe: points beyond Horizon_SCAN in their line are left out.
     """
     for layout in ("livox", "velodyne"):
-        words = ["-o", str(tmp_path / f"{layout}.mcap"), "--duration", "0.1s", "--imu", "adis16448"]
-        words += ["--lidar", "mid360", "--set", f"lidar.layout={layout}", "--scene", "ground"]
-        assert generate.main([*words, "--with-configs", "--quiet"]) == 0
+        argv = ["-o", str(tmp_path / f"{layout}.mcap"), "--duration", "0.1s", "--imu", "adis16448"]
+        argv += ["--lidar", "mid360", "--set", f"lidar.layout={layout}", "--scene", "ground"]
+        assert generate.main([*argv, "--with-configs", "--quiet"]) == 0
     assert not (tmp_path / "livox.mcap_configs" / "lio_sam.yaml").exists()
     assert (tmp_path / "livox.mcap_configs" / "fast_lio.yaml").exists()
     text = (tmp_path / "velodyne.mcap_configs" / "lio_sam.yaml").read_text()
-    found = yaml.safe_load(text)["lio_sam"]
-    assert (found["sensor"], found["N_SCAN"], found["Horizon_SCAN"]) == ("livox", 4, 5000)
-    assert found["pointCloudTopic"] == "/points"
+    settings = yaml.safe_load(text)["lio_sam"]
+    assert (settings["sensor"], settings["N_SCAN"], settings["Horizon_SCAN"]) == ("livox", 4, 5000)
+    assert settings["pointCloudTopic"] == "/points"
 
 
 def test_the_files_have_the_mount_and_the_noise(tmp_path):
     """R_il and p_il in closed form: IMU and LiDAR are both moved and turned on the body."""
     path = tmp_path / "a.mcap"
-    words = [
+    argv = [
         *("-o", str(path), "--duration", "0.2s", "--imu", "adis16448", "--with-configs", "--quiet"),
         *("--lidar", "os1_64", "--set", "lidar.lever_arm=[1.0, 2.0, 3.0]"),
         *("--set", "lidar.mounting=[0, -1, 0, 1, 0, 0, 0, 0, 1]"),
         *("--set", "imu.lever_arm=[0.5, 0.0, 0.0]", "--rate", "200"),
         *("--set", "imu.mounting=[1, 0, 0, 0, 0, -1, 0, 1, 0]"),
     ]
-    assert generate.main(words) == 0
-    found = {
+    assert generate.main(argv) == 0
+    settings = {
         name: yaml.safe_load((tmp_path / "a.mcap_configs" / f"{name}.yaml").read_text())
         for name in ("fast_lio", "lio_sam", "rko_lio", "kiss_icp")
     }
     r_bi = np.array([[1.0, 0, 0], [0, 0, -1], [0, 1, 0]])
     r_bl = np.array([[0.0, -1, 0], [1, 0, 0], [0, 0, 1]])
     r_il, p_il = r_bi.T @ r_bl, r_bi.T @ np.array([0.5, 2.0, 3.0])
-    mapping = found["fast_lio"]["mapping"]
+    mapping = settings["fast_lio"]["mapping"]
     assert np.allclose(np.reshape(mapping["extrinsic_R"], (3, 3)), r_il)
     assert np.allclose(mapping["extrinsic_T"], p_il)
-    assert found["fast_lio"]["preprocess"] == {
+    assert settings["fast_lio"]["preprocess"] == {
         "lidar_type": 3, "scan_line": 64, "scan_rate": 10, "timestamp_unit": 3, "blind": 0.8,
     }  # fmt: skip
-    sam = found["lio_sam"]["lio_sam"]
+    sam = settings["lio_sam"]["lio_sam"]
     assert np.allclose(np.reshape(sam["extrinsicRot"], (3, 3)), r_il.T)
     assert np.allclose(sam["extrinsicTrans"], -r_il.T @ p_il)
     assert (sam["sensor"], sam["N_SCAN"], sam["Horizon_SCAN"]) == ("ouster", 64, 1024)
     density = ims.simulate(imu="adis16448", duration=0.1).parameters.imu.accelerometer.noise_density
     assert mapping["acc_cov"] == pytest.approx(density[0] ** 2 * 200.0)
     assert sam["imuAccNoise"] == pytest.approx(density[0])
-    of_lidar = found["rko_lio"]["extrinsic_lidar2base_quat_xyzw_xyz"]
+    of_lidar = settings["rko_lio"]["extrinsic_lidar2base_quat_xyzw_xyz"]
     half = np.sqrt(0.5)
     assert np.allclose(of_lidar, [0, 0, half, half, 1, 2, 3])
-    of_imu = found["rko_lio"]["extrinsic_imu2base_quat_xyzw_xyz"]
+    of_imu = settings["rko_lio"]["extrinsic_imu2base_quat_xyzw_xyz"]
     assert np.allclose(of_imu, [half, 0, 0, half, 0.5, 0, 0])
-    assert found["kiss_icp"]["data"]["min_range"] == 0.8
+    assert settings["kiss_icp"]["data"]["min_range"] == 0.8
     # 40 m at 10 % are 126 m at 100 %.
-    assert found["kiss_icp"]["data"]["max_range"] == pytest.approx(40.0 / np.sqrt(0.1), rel=1e-6)
+    assert settings["kiss_icp"]["data"]["max_range"] == pytest.approx(40.0 / np.sqrt(0.1), rel=1e-6)

@@ -56,13 +56,13 @@ def flown(scene, duration=0.5, trajectory="figure_eight", **lidar):
     )
 
 
-def poses(flight, own):
+def poses(flight, lidar):
     """Return times, positions and attitudes at each ray's time, from the trajectory itself."""
     scans = flight.lidar
     t = (scans.true_t_ns - flight.t0_ns)[:, None] * 1e-9 + scans.time
     motion = flight.trajectory.sample(t.reshape(-1))
-    place = motion.position + rotation.rotate(motion.q_wb, np.array(own.lever_arm)[None])
-    q_bs = rotation.from_matrix(np.reshape(own.mounting, (3, 3)))
+    place = motion.position + rotation.rotate(motion.q_wb, np.array(lidar.lever_arm)[None])
+    q_bs = rotation.from_matrix(np.reshape(lidar.mounting, (3, 3)))
     return t, place, rotation.multiply(motion.q_wb, q_bs[None])
 
 
@@ -91,21 +91,21 @@ def test_points_are_on_the_walls_of_a_box():
     assert (np.abs(points) < np.array([6.0, 4.5, 3.0]) + TENTH_OF_A_MM).all()
     # With one pose for a scan they are not: that is the distortion.
     scans = flight.lidar
-    first = flight.trajectory.sample((scans.true_t_ns - flight.t0_ns) * 1e-9)
-    rigid = first.position[:, None] + rotation.rotate(first.q_wb[:, None], scans.points)
+    start_poses = flight.trajectory.sample((scans.true_t_ns - flight.t0_ns) * 1e-9)
+    rigid = start_poses.position[:, None] + rotation.rotate(start_poses.q_wb[:, None], scans.points)
     assert np.abs(np.abs(rigid) - np.array([6.0, 4.5, 3.0])).min(axis=2).max() > 0.1
 
 
 def test_the_truth_is_without_distortion():
-    """What each ray met, from the sensor's pose at the start of its scan."""
+    """The truth of a ray is its hit point from the sensor's pose at the start of the scan."""
     flight = flown("office", **MOUNT)
-    scans, own = flight.lidar, flight.parameters.lidar
-    _, place, q_ws = poses(flight, own)
+    scans, lidar = flight.lidar, flight.parameters.lidar
+    _, place, q_ws = poses(flight, lidar)
     shape = scans.true_point.shape
     met = place + rotation.rotate(q_ws, scans.points.reshape(-1, 3))
     starts = (a.reshape(*shape[:2], -1)[:, :1] for a in (place, q_ws))
-    first, q_first = starts
-    expected = rotation.rotate_inverse(q_first, met.reshape(shape) - first)
+    start_position, q_first = starts
+    expected = rotation.rotate_inverse(q_first, met.reshape(shape) - start_position)
     assert np.nanmax(np.abs(expected - scans.true_point)) < TENTH_OF_A_MM
     assert np.abs(scans.range_error).max() == 0.0
 
@@ -125,21 +125,21 @@ def test_points_of_people_are_on_them_at_their_own_times():
     scans, crowd = flight.lidar, body.world.scene.crowd
     t, place, q_ws = poses(flight, flight.parameters.lidar)
     points = place + rotation.rotate(q_ws, scans.points.reshape(-1, 3))
-    seen = np.unique(scans.body[scans.body > 0])
-    assert len(seen) >= 2
-    for number in seen:
+    bodies_hit = np.unique(scans.body[scans.body > 0])
+    assert len(bodies_hit) >= 2
+    for number in bodies_hit:
         mine = np.flatnonzero(scans.body.reshape(-1) == number)
         moving_body = crowd.each[number - 1]
-        inside = moving_body.inside(t.reshape(-1)[mine], points[mine])
+        within_body = moving_body.inside(t.reshape(-1)[mine], points[mine])
         where = crowd.surfaces[number - 1]
         face = scans.surface.reshape(-1)[mine]
-        offset = ((inside - where.origin[face]) * where.normal[face]).sum(axis=1)
+        offset = ((within_body - where.origin[face]) * where.normal[face]).sum(axis=1)
         assert np.abs(offset).max() < TENTH_OF_A_MM
 
 
 def static(scene, duration=1, **lidar):
-    own = {"range_noise": 0.0, **lidar}
-    return flown(scene, duration, {"type": "static"}, **own).lidar
+    settings = {"range_noise": 0.0, **lidar}
+    return flown(scene, duration, {"type": "static"}, **settings).lidar
 
 
 BOX = {"type": "room", "size": [20.0, 20.0, 6.0], "boxes": 0}
@@ -158,14 +158,14 @@ def test_noise_of_ranges_and_steps():
 
 def test_noise_grows_towards_the_limit_of_detection():
     """s^2 + (s_limit (d / R)^2)^2 with R of each surface, normalised: a standard normal."""
-    own = {"range_noise": 0.01, "range_noise_at_limit": 0.1, "detection_range": 30.0}
-    scans = static(BOX, reflectivity=0.4, detection_reflectivity=0.2, **own)
-    kept = np.isfinite(scans.range)
-    limit = 30.0 * np.sqrt(0.4 * np.cos(scans.incidence[kept].astype(float)) / 0.2)
-    sigma = np.hypot(0.01, 0.1 * (scans.true_range[kept] / limit) ** 2)
-    normal = scans.range_error[kept] / sigma
+    settings = {"range_noise": 0.01, "range_noise_at_limit": 0.1, "detection_range": 30.0}
+    scans = static(BOX, reflectivity=0.4, detection_reflectivity=0.2, **settings)
+    returned = np.isfinite(scans.range)
+    limit = 30.0 * np.sqrt(0.4 * np.cos(scans.incidence[returned].astype(float)) / 0.2)
+    sigma = np.hypot(0.01, 0.1 * (scans.true_range[returned] / limit) ** 2)
+    normal = scans.range_error[returned] / sigma
     # Rays near the limit are kept if their noise is negative: they are left out.
-    inner = scans.true_range[kept] < 0.7 * limit
+    inner = scans.true_range[returned] < 0.7 * limit
     count = int(inner.sum())
     assert count > 100_000
     assert abs(normal[inner].std() - 1.0) < 5.0 / np.sqrt(2.0 * count)
@@ -193,8 +193,8 @@ def test_dark_and_grazing_surfaces_are_lost():
 def test_directions_differ_by_jitter_and_by_ring():
     """The true directions at rest, as components upwards and sideways of the nominal ones."""
     errors = np.linspace(-0.4, 0.4, 32).tolist()
-    own = {"angular_noise_deg": 0.2, "ring_elevation_error_deg": errors}
-    scans = static(BOX, **own)
+    settings = {"angular_noise_deg": 0.2, "ring_elevation_error_deg": errors}
+    scans = static(BOX, **settings)
     true = scans.true_point / scans.true_range[..., None]
     x, y, z = np.moveaxis(scans.direction.astype(float), -1, 0)
     flat = np.hypot(x, y)
@@ -212,8 +212,8 @@ def test_constant_errors_are_drawn_for_each_ring_and_kept_in_the_truth():
     flight = flown(BOX, 1, {"type": "static"}, ring_bias_sigma=0.05)
     scans = flight.lidar
     drawn = [scans.range_error[scans.ring == ring].astype(float) for ring in range(32)]
-    assert max(np.ptp(each) for each in drawn) < 2e-6  # single precision of 10 m
-    means = np.array([each.mean() for each in drawn])
+    assert max(np.ptp(errors) for errors in drawn) < 2e-6  # single precision of 10 m
+    means = np.array([errors.mean() for errors in drawn])
     # 32 normals: the standard deviation is within a factor of 1.6 with 99.9 %.
     assert 0.05 / 1.6 < means.std() < 0.05 * 1.6
     again = flown(BOX, 1, {"type": "static"}, ring_bias=means.tolist())
@@ -229,16 +229,16 @@ def test_beams_on_an_edge(pulse):
     """Between both surfaces within a pulse's length; else on one of them."""
     scene = {"type": "planes", "corners": [float(x) for plane in EDGE for x in plane]}
     scans = static(scene, 1, beam_divergence_deg=1.0, pulse_length=pulse)
-    ahead, side, above = np.moveaxis(scans.direction, -1, 0)
-    mixed = (scans.outcome == MIXED) & (ahead > 0.9) & (np.abs(side) < 0.05) & (above > 0.05)
-    far, near = 3.2 / ahead, 2.9 / ahead
+    ahead, side, up = np.moveaxis(scans.direction, -1, 0)
+    mixed = (scans.outcome == MIXED) & (ahead > 0.9) & (np.abs(side) < 0.05) & (up > 0.05)
+    far_distance, near_distance = 3.2 / ahead, 2.9 / ahead
     # A beam of 1 deg is 5 cm wide there, and its footprint on one plane is less than 3 cm deep.
-    between = mixed & (scans.range > near + 0.03) & (scans.range < far - 0.03)
+    between = mixed & (scans.range > near_distance + 0.03) & (scans.range < far_distance - 0.03)
     assert mixed.sum() > 20
     assert (between.sum() > 20) == (pulse == 0.5)
     assert not between.any() or pulse == 0.5
-    assert np.nanmax(scans.range[mixed] - far[mixed]) < 0.03
-    assert np.nanmin(scans.range[mixed] - near[mixed]) > -0.03
+    assert np.nanmax(scans.range[mixed] - far_distance[mixed]) < 0.03
+    assert np.nanmin(scans.range[mixed] - near_distance[mixed]) > -0.03
 
 
 def share(rows):
@@ -247,8 +247,8 @@ def share(rows):
 
 def test_shares_of_lost_and_false_returns():
     """Binomial: within five standard deviations; drops are exponential, cut at the surface."""
-    own = {"dropout_share": 0.1, "false_return_share": 0.2, "false_return_range": 2.0}
-    scans = static(BOX, **own)
+    settings = {"dropout_share": 0.1, "false_return_share": 0.2, "false_return_range": 2.0}
+    scans = static(BOX, **settings)
     lost, spread = share(scans.outcome == LOST)
     assert abs(lost - 0.1) < spread
     false, spread = share(scans.outcome == FALSE)
@@ -258,7 +258,7 @@ def test_shares_of_lost_and_false_returns():
 
 
 def test_glass_of_a_place_lets_rays_through():
-    """In an office by day all rays on its windows are gone, and none elsewhere."""
+    """An office by day: all rays on its windows are gone, and none elsewhere."""
     plain = flown("office", 0.2, {"type": "static"}).lidar
     glass = flown("office", 0.2, {"type": "static"}, glass_transmission=1.0).lidar
     gone = glass.outcome == GLASS
@@ -284,8 +284,8 @@ def test_deskewing_with_its_times_leaves_the_noise():
     room = {"type": "room", "size": [12.0, 9.0, 6.0], "boxes": 0}
     sigma = 0.01
     flight = flown(room, 1, "tumble", range_noise=sigma)
-    scans, own = flight.lidar, flight.parameters.lidar
-    _, place, q_ws = poses(flight, own)
+    scans, lidar = flight.lidar, flight.parameters.lidar
+    _, place, q_ws = poses(flight, lidar)
     deskewed = (place + rotation.rotate(q_ws, scans.points.reshape(-1, 3))).reshape(
         scans.points.shape
     )
@@ -309,7 +309,7 @@ def test_a_fault_moves_all_ranges():
     values = {"sensors": ["lidar"], "lidar.preset": "perfect", "scene.type": "ground"}
     run = Body(load_simulation({**values, "duration": 1.0}), sensors={"lidar"})
     run.inject(ims_fault("bias_jump", 0.5))
-    moved = np.concatenate([read["lidar"].range_error for read in run.windows()])
+    moved = np.concatenate([samples["lidar"].range_error for samples in run.windows()])
     assert np.nanmax(np.abs(moved[:4] - 0.5)) < 1e-4
     assert np.nanmax(np.abs(moved[-3:])) == 0.0
 
@@ -339,9 +339,9 @@ def test_presets_make_the_rays_that_their_sheets_state(preset):
 def test_a_rosette_does_not_repeat_and_stays_in_its_field():
     values = load_simulation({"sensors": ["lidar"], "lidar.preset": "avia"}).lidar
     pattern = build_pattern(values)
-    every = np.concatenate([pattern.directions(0.1 * k) for k in range(10)])
-    azimuth = np.degrees(np.arctan2(every[:, 1], every[:, 0]))
-    elevation = np.degrees(np.arcsin(every[:, 2]))
+    directions = np.concatenate([pattern.directions(0.1 * k) for k in range(10)])
+    azimuth = np.degrees(np.arctan2(directions[:, 1], directions[:, 0]))
+    elevation = np.degrees(np.arcsin(directions[:, 2]))
     assert 34.5 < azimuth.max() <= 35.21  # 70.4 deg
     assert 38.0 < elevation.max() <= 38.61  # 77.2 deg
     cells = [
@@ -379,8 +379,8 @@ def test_a_table_of_ones_own(tmp_path):
 def test_bad_tables_get_a_line(tmp_path, capsys, text, says):
     table = tmp_path / "rays.csv"
     table.write_text(text)
-    words = ["--set", "lidar.pattern=table", "--set", f"lidar.table={table}", "--lidar", "perfect"]
-    status = generate.main(["-o", str(tmp_path / "a.mcap"), "--duration", "1s", *words])
+    argv = ["--set", "lidar.pattern=table", "--set", f"lidar.table={table}", "--lidar", "perfect"]
+    status = generate.main(["-o", str(tmp_path / "a.mcap"), "--duration", "1s", *argv])
     assert status == 2
     (line,) = capsys.readouterr().err.strip().splitlines()
     assert says in line
@@ -389,17 +389,17 @@ def test_bad_tables_get_a_line(tmp_path, capsys, text, says):
 
 def test_huge_tables_are_refused_at_once(tmp_path):
     table = tmp_path / "rays.csv"
-    own = LidarParameters(pattern="table", table=str(table))
+    lidar = LidarParameters(pattern="table", table=str(table))
     table.write_text("# rays\n" + "0,1,2\n" * 2_000_002)
     with pytest.raises(ims.InputError, match="2,000,002 lines of rays; at most 2,000,000"):
-        build_pattern(own)
+        build_pattern(lidar)
     os.truncate(table, (200 << 20) + 1)
     with pytest.raises(ims.InputError, match="larger than 200 MiB"):
-        build_pattern(own)
+        build_pattern(lidar)
 
 
 @pytest.mark.parametrize(
-    ("given", "says"),
+    ("settings", "says"),
     [
         ({"preset": "vlp17"}, "unknown lidar 'vlp17'; did you mean vlp16"),
         ({"layout": "velodine"}, "lidar.layout = 'velodine': must be one of velodyne"),
@@ -428,9 +428,9 @@ def test_huge_tables_are_refused_at_once(tmp_path):
         ),
     ],
 )
-def test_bad_parameters_get_a_line(given, says):
+def test_bad_parameters_get_a_line(settings, says):
     with pytest.raises((ims.ConfigurationError, ims.InputError), match=re.escape(says)) as refused:
-        flown("ground", 0.2, **given)
+        flown("ground", 0.2, **settings)
     assert "\n" not in str(refused.value)
 
 
@@ -444,14 +444,14 @@ def test_bags_have_the_fields_of_drivers(tmp_path, layout, name):
     path = flight.save(tmp_path / name, topics=["points", "livox/lidar", "ground_truth/points"])
     scans = flight.lidar
     store = get_typestore(Stores.ROS1_NOETIC if name == "a.bag" else Stores.ROS2_JAZZY)
-    found = []
+    fields = []
     with AnyReader([path], default_typestore=store) as reader:
         chosen = [c for c in reader.connections if c.topic == "/points"]
         for connection, _, content in reader.messages(chosen):
-            found.append(reader.deserialize(content, connection.msgtype))
-    assert len(found) == len(scans) == 3
+            fields.append(reader.deserialize(content, connection.msgtype))
+    assert len(fields) == len(scans) == 3
     kinds = {"u1": 2, "u2": 4, "u4": 6, "f4": 7, "f8": 8}
-    for k, message in enumerate(found):
+    for k, message in enumerate(fields):
         expected = [(n, at, kinds[kind[1:]]) for n, kind, at in LAYOUTS[layout].fields]
         assert [(f.name, f.offset, f.datatype) for f in message.fields] == expected
         assert message.is_dense
@@ -475,23 +475,23 @@ def test_read_points_returns_what_was_simulated(tmp_path):
     flight = flown("office", 0.3, range_noise=0.01)
     path = flight.save(tmp_path / "a.mcap")
     scans = flight.lidar
-    read = list(ims.read_points(path))
+    clouds = list(ims.read_points(path))
     truth = list(ims.read_points(path, "ground_truth/points"))
-    assert [t_ns for t_ns, _ in read] == scans.t_ns.tolist()
-    for k, ((_, points), (_, true)) in enumerate(zip(read, truth, strict=True)):
+    assert [t_ns for t_ns, _ in clouds] == scans.t_ns.tolist()
+    for k, ((_, points), (_, true)) in enumerate(zip(clouds, truth, strict=True)):
         assert np.array_equal(points["time"], scans.cloud(k).time.astype(np.float32))
-        kept = np.isfinite(scans.range[k])
-        assert np.array_equal(true["range"], scans.true_range[k][kept])
-        assert np.array_equal(true["outcome"], np.full(kept.sum(), SURFACE))
-        assert np.array_equal(true["z"], scans.true_point[k][kept][:, 2])
+        returned = np.isfinite(scans.range[k])
+        assert np.array_equal(true["range"], scans.true_range[k][returned])
+        assert np.array_equal(true["outcome"], np.full(returned.sum(), SURFACE))
+        assert np.array_equal(true["z"], scans.true_point[k][returned][:, 2])
     with pytest.raises(ims.InputError, match="no clouds on nothing; has /points"):
         ims.read_points(path, "nothing")
 
 
 def test_two_lidars_have_their_own_names_mounts_and_noise(tmp_path):
-    words = ["--lidar", "vlp16", "--lidar", "mid360", "--set", "lidar1.lever_arm=[0,0,1]"]
+    argv = ["--lidar", "vlp16", "--lidar", "mid360", "--set", "lidar1.lever_arm=[0,0,1]"]
     path = tmp_path / "two.mcap"
-    status = generate.main(["-o", str(path), "--duration", "0.3s", "--quiet", *words])
+    status = generate.main(["-o", str(path), "--duration", "0.3s", "--quiet", *argv])
     assert status == 0
     counts = {
         topic: sum(1 for _ in ims.read_points(path, topic))
@@ -505,17 +505,17 @@ def test_two_lidars_have_their_own_names_mounts_and_noise(tmp_path):
 
 def test_frames_of_several_lidars_agree(tmp_path):
     """Clouds, /tf_static, truth and configurations had lidar, lidar1_link and lidar again."""
-    words = ["--lidar", "vlp16", "--lidar", "vlp16", "--set", "lidar1.lever_arm=[0,0,1]"]
-    words += ["--scene", "ground", "--duration", "0.2s", "--quiet", "--with-configs"]
-    words += ["--set", "lidar.firing_period=0.01", "--set", "lidar1.firing_period=0.01"]
+    argv = ["--lidar", "vlp16", "--lidar", "vlp16", "--set", "lidar1.lever_arm=[0,0,1]"]
+    argv += ["--scene", "ground", "--duration", "0.2s", "--quiet", "--with-configs"]
+    argv += ["--set", "lidar.firing_period=0.01", "--set", "lidar1.firing_period=0.01"]
     path = tmp_path / "two.mcap"
-    assert generate.main(["-o", str(path), *words]) == 0
+    assert generate.main(["-o", str(path), *argv]) == 0
     frames: dict[str, set[str]] = {}
     with AnyReader([path]) as reader:
         for connection, _, payload in reader.messages():
             message = reader.deserialize(payload, connection.msgtype)
             if connection.topic == "/tf_static":
-                mounts = {one.child_frame_id for one in message.transforms}
+                mounts = {transform.child_frame_id for transform in message.transforms}
             else:
                 frames.setdefault(connection.topic, set()).add(message.header.frame_id)
     assert {"lidar", "lidar1"} <= mounts
@@ -528,10 +528,10 @@ def test_frames_of_several_lidars_agree(tmp_path):
 
 @pytest.mark.parametrize("name", ["a.mcap", "a.bag", "a"])
 def test_the_record_time_of_a_cloud_is_its_end(tmp_path, name):
-    """It was its start: a player sent a cloud 0.1 s before its last point was measured."""
-    words = ["--lidar", "vlp16", "--scene", "ground", "--duration", "0.3s", "--quiet"]
-    words += ["--set", "lidar.firing_period=0.01", "--set", "lidar.stamp_offset=0.02"]
-    assert generate.main(["-o", str(tmp_path / name), *words]) == 0
+    """A player must not send a cloud before its last point was measured."""
+    argv = ["--lidar", "vlp16", "--scene", "ground", "--duration", "0.3s", "--quiet"]
+    argv += ["--set", "lidar.firing_period=0.01", "--set", "lidar.stamp_offset=0.02"]
+    assert generate.main(["-o", str(tmp_path / name), *argv]) == 0
     recorded: dict[str, list[int]] = {}
     with AnyReader([tmp_path / name]) as reader:
         for connection, t_ns, payload in reader.messages():
@@ -547,11 +547,11 @@ def test_the_record_time_of_a_cloud_is_its_end(tmp_path, name):
 def test_a_folder_with_a_file_for_each_scan(tmp_path):
     """KITTI's floats, PLY as trimesh reads it, PCD by its header; stamps, and --force."""
     trimesh = pytest.importorskip("trimesh")
-    own = {"range_noise": 0.02, "preset": "vlp16"}
+    settings = {"range_noise": 0.02, "preset": "vlp16"}
     scans = ims.simulate(
-        duration=0.3, seed=2, sensors=["lidar"], lidar=own, scene={"type": "ground"}
+        duration=0.3, seed=2, sensors=["lidar"], lidar=settings, scene={"type": "ground"}
     ).lidar
-    words = [
+    argv = [
         "--duration",
         "0.3s",
         "--seed",
@@ -562,11 +562,11 @@ def test_a_folder_with_a_file_for_each_scan(tmp_path):
         "--scene",
         "ground",
     ]
-    words += ["--set", "lidar.range_noise=0.02", "-o", str(tmp_path / "a.mcap"), "--force"]
+    argv += ["--set", "lidar.range_noise=0.02", "-o", str(tmp_path / "a.mcap"), "--force"]
     folder = tmp_path / "a_scans"
     clouds = [scans.cloud(k) for k in range(3)]
     for form, suffix in (("kitti", "bin"), ("ply", "ply"), ("pcd", "pcd")):
-        assert generate.main([*words, "--set", f"lidar.files={form}"]) == 0
+        assert generate.main([*argv, "--set", f"lidar.files={form}"]) == 0
         names = sorted(path.name for path in folder.iterdir())
         assert names == [*(f"{k:06d}.{suffix}" for k in range(3)), "times.txt"]
         stamps = (folder / "times.txt").read_text().split()
@@ -592,11 +592,11 @@ def test_a_folder_with_a_file_for_each_scan(tmp_path):
 
 
 def test_a_text_dataset_has_scans_as_files_alone(tmp_path, capsys):
-    words = ["--duration", "0.2s", "--quiet", "--lidar", "vlp16", "--scene", "ground"]
-    words += ["--format", "euroc", "-o", str(tmp_path / "a")]
-    assert generate.main(words) == 2
+    argv = ["--duration", "0.2s", "--quiet", "--lidar", "vlp16", "--scene", "ground"]
+    argv += ["--format", "euroc", "-o", str(tmp_path / "a")]
+    assert generate.main(argv) == 2
     assert "topic points: does not exist in euroc" in capsys.readouterr().err
-    assert generate.main([*words, "--set", "lidar.files=ply"]) == 0
+    assert generate.main([*argv, "--set", "lidar.files=ply"]) == 0
     assert len(list((tmp_path / "a_scans").glob("*.ply"))) == 2
 
 
@@ -605,17 +605,17 @@ def test_rings_beyond_a_byte_are_refused_where_they_would_wrap(tmp_path, layout)
     """A number of 256 would be written as 0."""
     table = tmp_path / "rays.csv"
     table.write_text("0,0,0,255\n0,0,1,256\n")
-    own = {"pattern": "table", "table": str(table)}
+    settings = {"pattern": "table", "table": str(table)}
     with pytest.raises(ims.InputError, match=f"line 2: ring 256: .* 0 to 255 for {layout}"):
-        flown("ground", 0.2, layout=layout, **own)
-    cloud = static(BOX, 0.3, layout="velodyne", **own).cloud(0)
+        flown("ground", 0.2, layout=layout, **settings)
+    cloud = static(BOX, 0.3, layout="velodyne", **settings).cloud(0)
     assert LAYOUTS["velodyne"].rows(cloud)["ring"].tolist() == [255, 256]
     with pytest.raises(ims.ConfigurationError, match="counts lines in a byte"):
         custom_points(cloud)
 
 
 def test_a_tour_goes_through_the_place_that_a_lidar_sees(tmp_path):
-    """In Python and in a bag: the corridor's own tour, in a corridor of its usual size."""
+    """Python and a bag have the corridor's own tour, in a corridor of its usual size."""
     expected = tour(TourParameters(place="corridor", place_seed=3)).sample(np.arange(4) * 0.05)
     scene = {"type": "corridor", "seed": 3}
     flight = ims.simulate(
@@ -624,10 +624,10 @@ def test_a_tour_goes_through_the_place_that_a_lidar_sees(tmp_path):
     )  # fmt: skip
     assert np.allclose(flight.truth.position, expected.position, atol=1e-12)
     assert flight.parameters.rig.scene.size == (36.0, 2.4, 2.7)
-    words = ["--trajectory", "tour", "--scene", "corridor", "--set", "scene.seed=3", "--quiet"]
-    words += ["--duration", "0.2s", "--rate", "20", "--set", "sensors=[lidar]"]
-    words += ["--set", "lidar.firing_period=0.01"]
-    assert generate.main(["-o", str(tmp_path / "a.mcap"), *words]) == 0
+    argv = ["--trajectory", "tour", "--scene", "corridor", "--set", "scene.seed=3", "--quiet"]
+    argv += ["--duration", "0.2s", "--rate", "20", "--set", "sensors=[lidar]"]
+    argv += ["--set", "lidar.firing_period=0.01"]
+    assert generate.main(["-o", str(tmp_path / "a.mcap"), *argv]) == 0
     truth = ims.read_odometry(tmp_path / "a.mcap")
     assert np.allclose(truth.position, expected.position, atol=1e-12)
 
@@ -646,16 +646,16 @@ def test_a_car_stands_on_the_street_below_its_lidar(height):
 
 def test_a_bag_says_where_a_lidar_is(tmp_path):
     """Without being asked for: LIO and viewers need the mount."""
-    words = ["--lidar", "perfect", "--scene", "ground", "--duration", "0.2s", "--quiet"]
-    words += ["--set", "lidar.lever_arm=[0.1, -0.2, 0.3]", "--set", "lidar.firing_period=0.01"]
-    assert generate.main(["-o", str(tmp_path / "a.mcap"), *words]) == 0
+    argv = ["--lidar", "perfect", "--scene", "ground", "--duration", "0.2s", "--quiet"]
+    argv += ["--set", "lidar.lever_arm=[0.1, -0.2, 0.3]", "--set", "lidar.firing_period=0.01"]
+    assert generate.main(["-o", str(tmp_path / "a.mcap"), *argv]) == 0
     with AnyReader([tmp_path / "a.mcap"]) as reader:
-        (found,) = (c for c in reader.connections if c.topic == "/tf_static")
-        ((_, _, payload),) = reader.messages([found])
-        transforms = reader.deserialize(payload, found.msgtype).transforms
-    (one,) = (t for t in transforms if t.child_frame_id == "lidar")
-    arm = one.transform.translation
-    assert (one.header.frame_id, arm.x, arm.y, arm.z) == ("base_link", 0.1, -0.2, 0.3)
+        (static_connection,) = (c for c in reader.connections if c.topic == "/tf_static")
+        ((_, _, payload),) = reader.messages([static_connection])
+        transforms = reader.deserialize(payload, static_connection.msgtype).transforms
+    (mount,) = (t for t in transforms if t.child_frame_id == "lidar")
+    arm = mount.transform.translation
+    assert (mount.header.frame_id, arm.x, arm.y, arm.z) == ("base_link", 0.1, -0.2, 0.3)
 
 
 def test_a_run_of_a_campaign_has_what_programs_read(tmp_path):
@@ -668,8 +668,8 @@ def test_a_run_of_a_campaign_has_what_programs_read(tmp_path):
     plan = load_plan(path)
     cell = SimulatedCell(plan, next(iter(plan.cells())))
     with open_bag(write_dataset(cell, "mcap", 0, tmp_path)) as bag:
-        found = {one.name: one.count for one in bag.topics}
-    assert found == {"/imu/data_raw": 10, "/ground_truth/odom": 10, "/points": 2, "/tf_static": 1}
+        counts = {topic.name: topic.count for topic in bag.topics}
+    assert counts == {"/imu/data_raw": 10, "/ground_truth/odom": 10, "/points": 2, "/tf_static": 1}
 
 
 READINGS_OF_A_RUN = """
@@ -723,10 +723,10 @@ def test_points_are_on_a_mesh(tmp_path):
 
 def test_the_rays_of_lidars_are_their_own():
     """A firing of channels one after the other, in the order and at the times that are given."""
-    own = LidarParameters(
+    lidar = LidarParameters(
         elevations_deg=(-10.0, 10.0, 0.0), firing_period=0.01, channel_interval=0.001, rate=5.0
     )
-    pattern = build_pattern(own)
+    pattern = build_pattern(lidar)
     assert np.array_equal(pattern.ring[:6], [0, 2, 1, 0, 2, 1])
     assert np.allclose(pattern.time[:4], [0.0, 0.001, 0.002, 0.01])
     x, y, z = pattern.directions(0.0).T
@@ -740,17 +740,17 @@ def test_the_rays_of_lidars_are_their_own():
 def test_who_knows_of_lidars():
     """One word in the list of sensors, files for others' stacks, a maker's message, an example."""
     package = Path(ims.__file__).parent
-    found = {
+    mentions = {
         path.relative_to(package).as_posix()
         for path in package.rglob("*.py")
         if "lidar" in path.read_text(encoding="utf-8").lower()
     }
-    others = {name for name in found if not name.startswith("sensors/lidar/")}
+    others = {name for name in mentions if not name.startswith("sensors/lidar/")}
     assert {name for name in others if not name.startswith("datasets/consumers/")} == {
         "bags/messages/definitions/livox.py",
         "bags/messages/encode_cameras.py",
         "jobs/recorded.py",
         "sensors/__init__.py",
     }
-    words = (package / "sensors/__init__.py").read_text(encoding="utf-8")
-    assert words.lower().count("lidar") == 1
+    source = (package / "sensors/__init__.py").read_text(encoding="utf-8")
+    assert source.lower().count("lidar") == 1

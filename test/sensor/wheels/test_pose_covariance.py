@@ -26,9 +26,11 @@ NOTHING: dict[str, Any] = {"encoder_noise": 0.0, "slip_noise": 0.0, "ticks": 0}
 TRACK = 0.5
 
 
-def on_a_line(**own: Any) -> tuple[np.ndarray, np.ndarray]:
+def on_a_line(**overrides: Any) -> tuple[np.ndarray, np.ndarray]:
     """Return how far a vehicle is, and the covariance of its pose."""
-    wheels = ims.simulate(**LINE, wheels={**NOTHING, "radius": 0.1, "track": TRACK, **own}).wheels
+    wheels = ims.simulate(
+        **LINE, wheels={**NOTHING, "radius": 0.1, "track": TRACK, **overrides}
+    ).wheels
     return wheels.ideal_twist[:, 0].cumsum() * 0.02 - 0.04, wheels.pose_covariance
 
 
@@ -78,11 +80,11 @@ def test_steering_noise_on_a_circle_turns_the_remaining_way() -> None:
     degrees; at 100 Hz the middle of the chord is on the arc to 2e-5 m.
     """
     speed, rate, base, sigma, dt = 2.5, 0.5, 2.0, 1e-4, 0.02
-    given = {**LINE, "trajectory": "circle", "duration": 4}
+    settings = {**LINE, "trajectory": "circle", "duration": 4}
     wheels = {**NOTHING, "model": "ackermann", "wheelbase": base, "steering_noise": sigma}
-    read = ims.simulate(**given, wheels={**wheels, "rate": 50}).wheels
+    odometry = ims.simulate(**settings, wheels={**wheels, "rate": 50}).wheels
     slope = speed * (1.0 + (rate * base / speed) ** 2) / base
-    count = len(read.t_ns) - 1
+    count = len(odometry.t_ns) - 1
     # On a circle of 5 m: places of the ends and middles of intervals in the frame of odometry.
     angle = rate * dt * np.arange(count + 1)
     path = speed / rate * np.stack([np.sin(angle), 1.0 - np.cos(angle)], axis=1)
@@ -90,9 +92,9 @@ def test_steering_noise_on_a_circle_turns_the_remaining_way() -> None:
     moves = np.column_stack([-rest[:, 1], rest[:, 0], np.ones(count)]) * sigma * slope * dt
     expected = moves.T @ moves
     scale = np.sqrt(np.outer(np.diag(expected), np.diag(expected)))
-    np.testing.assert_allclose((read.pose_covariance[-1] - expected) / scale, 0.0, atol=5e-3)
+    np.testing.assert_allclose((odometry.pose_covariance[-1] - expected) / scale, 0.0, atol=5e-3)
     # The twist: forward speed is known, the yaw rate is uncertain by the slope.
-    twist = read.covariance[-1][2, 2]
+    twist = odometry.covariance[-1][2, 2]
     assert twist == pytest.approx((sigma * slope) ** 2, rel=1e-3)
 
 
@@ -122,16 +124,16 @@ def test_the_stated_covariance_of_every_preset_is_that_of_its_errors(name: str) 
     run = Body(load_simulation(values), sensors={"wheels"})
     errors, stated = [], []
     for seed in range(60):
-        read = run.with_seed(seed).next(10**6)["wheels"]
-        q = read.true_pose[:, 3:]
+        odometry = run.with_seed(seed).next(10**6)["wheels"]
+        q = odometry.true_pose[:, 3:]
         yaw = np.unwrap(2.0 * np.arctan2(q[:, 3], q[:, 0]))
-        errors.append(read.pose - np.column_stack([read.true_pose[:, :2], yaw]))
-        stated.append(read.pose_covariance)
+        errors.append(odometry.pose - np.column_stack([odometry.true_pose[:, :2], yaw]))
+        stated.append(odometry.pose_covariance)
     error, covariance = np.stack(errors, axis=1), np.stack(stated, axis=1)
-    known = (covariance[:, :, 0, 0] < 1e6).all(axis=1)
+    heading_known = (covariance[:, :, 0, 0] < 1e6).all(axis=1)
     moved = np.sqrt(covariance[:, :, 2, 2].mean(axis=1)) > 0.03
     low, high = chi2.ppf([1e-4, 1.0 - 1e-4], 180)
-    for k in np.flatnonzero(known & moved)[:: len(error) // 10]:
+    for k in np.flatnonzero(heading_known & moved)[:: len(error) // 10]:
         nees = np.einsum(
             "si,si->", error[k], np.linalg.solve(covariance[k], error[k][..., None])[..., 0]
         )
@@ -142,7 +144,7 @@ def test_the_stated_covariance_of_every_preset_is_that_of_its_errors(name: str) 
     lost = covariance[covariance[:, :, 2, 2] > 0.3**2]
     assert (lost[:, 0, 0] == 1e6).all()
     assert (lost[:, 1, 1] == 1e6).all()
-    assert known.all() == (name in ("husky_a200", "rosbot_xl"))
+    assert heading_known.all() == (name in ("husky_a200", "rosbot_xl"))
 
 
 def test_vehicles_have_the_moments_of_a_standard_normal() -> None:

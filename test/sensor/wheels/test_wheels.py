@@ -37,20 +37,25 @@ CIRCLE: dict[str, Any] = {
 RADIUS, TRACK, BASE = 0.1, 0.5, 0.4
 SPREAD: dict[str, Any] = {"radius_sigma_percent": 1.0, "base_sigma_percent": 2.0}
 V, W = 2.5, 0.5
-"""Of the trajectory circle: 5 m, 0.5 rad/s."""
+"""Speed and yaw rate of the trajectory circle: 5 m, 0.5 rad/s."""
 
 
 def read(**wheels: Any) -> Any:
     """Return readings on a circle; names with an underscore in front are not the wheels'."""
     run = {"duration": wheels.pop("_duration", 20), "seed": wheels.pop("_seed", 5)}
-    own = {"radius": RADIUS, "track": TRACK, "wheelbase": BASE, **wheels}
-    return ims.simulate(**{**CIRCLE, **run}, wheels=own).wheels
+    parameters = {"radius": RADIUS, "track": TRACK, "wheelbase": BASE, **wheels}
+    return ims.simulate(**{**CIRCLE, **run}, wheels=parameters).wheels
 
 
-def draw_seeds(count: int, **own: Any) -> list[Any]:
+def draw_seeds(count: int, **overrides: Any) -> list[Any]:
     """Return the blocks of many seeds on a circle of 4 s."""
-    given = {"sensors": ["wheels"], "imu.preset": "perfect", "trajectory.type": "circle"}
-    values = {**given, "rate": 50.0, "duration": 4.0, **{f"wheels.{k}": v for k, v in own.items()}}
+    settings = {"sensors": ["wheels"], "imu.preset": "perfect", "trajectory.type": "circle"}
+    values = {
+        **settings,
+        "rate": 50.0,
+        "duration": 4.0,
+        **{f"wheels.{k}": v for k, v in overrides.items()},
+    }
     run = Body(load_simulation(values), sensors={"wheels"})
     blocks = (run.with_seed(seed).next(10**6) for seed in range(count))
     return [block["wheels"] for block in blocks]
@@ -90,10 +95,10 @@ def test_mecanum_wheels_go_sideways() -> None:
 
 
 def test_means_are_those_of_the_motion() -> None:
-    """Of a harmonic speed, against its integral: h^4 a w^5 / 720 = 4e-8 with h = 0.02 s."""
+    """Harmonic speed against its integral: h^4 a w^5 / 720 = 4e-8 with h = 0.02 s."""
     motion = {"type": "harmonic", "x": {"amplitude": [1.0], "angular_frequency": [3.0]}}
-    given = {**CIRCLE, "trajectory": motion, "duration": 4}
-    wheels = ims.simulate(**given, wheels=PERFECT).wheels
+    settings = {**CIRCLE, "trajectory": motion, "duration": 4}
+    wheels = ims.simulate(**settings, wheels=PERFECT).wheels
     t = 0.02 * np.arange(len(wheels))
     np.testing.assert_allclose(wheels.twist[1:, 0], np.diff(np.sin(3.0 * t)) / 0.02, atol=1e-7)
     np.testing.assert_allclose(wheels.pose[:, 0], np.sin(3.0 * t), rtol=0, atol=1e-7)
@@ -122,9 +127,9 @@ def test_true_radii_and_base_come_back_by_regression() -> None:
     spin = {"type": "harmonic", "yaw": {"polynomial": [0.0, 1.0]}}
     slopes, doubt = [], []
     for motion in (line, spin):
-        own = {**PERFECT, **SPREAD, "encoder_noise": noise}
-        given = {**CIRCLE, "trajectory": motion, "duration": 20, "seed": 5}
-        wheels = ims.simulate(**given, wheels=own).wheels
+        parameters = {**PERFECT, **SPREAD, "encoder_noise": noise}
+        settings = {**CIRCLE, "trajectory": motion, "duration": 20, "seed": 5}
+        wheels = ims.simulate(**settings, wheels=parameters).wheels
         t = 0.02 * np.arange(len(wheels))
         slopes.append((t @ wheels.angle) / (t @ t))
         doubt.append(5 * noise * np.sqrt(3 / len(t)) / t[-1] / np.abs(slopes[-1]).min())
@@ -142,9 +147,9 @@ def test_given_radii_and_base_are_taken() -> None:
     rims = np.array([V - W * 0.26, V + W * 0.26])
     expected = rims / [0.101, 0.099]
     np.testing.assert_allclose(wheels.speed, [expected] * len(wheels), atol=1e-9)
-    left, right = RADIUS * expected
-    np.testing.assert_allclose(wheels.twist[:, 0], (left + right) / 2, atol=1e-9)
-    np.testing.assert_allclose(wheels.twist[:, 2], (right - left) / TRACK, atol=1e-9)
+    left_speed, right_speed = RADIUS * expected
+    np.testing.assert_allclose(wheels.twist[:, 0], (left_speed + right_speed) / 2, atol=1e-9)
+    np.testing.assert_allclose(wheels.twist[:, 2], (right_speed - left_speed) / TRACK, atol=1e-9)
 
 
 def test_slip_in_turns_and_on_patches() -> None:
@@ -173,19 +178,19 @@ def test_the_stated_covariance_is_that_of_the_errors(model: str) -> None:
         100, model=model, radius_sigma_percent=1.0, base_sigma_percent=2.0, ticks=2000,
         steering_offset_sigma=0.003, slip_noise=0.005,
     )  # fmt: skip
-    kept = [0, 1, 2] if model == "omnidirectional" else [0, 2]
-    error = np.array([(b.twist - b.ideal_twist)[100, kept] for b in blocks])
-    covariance = np.array([b.covariance[100][np.ix_(kept, kept)] for b in blocks])
+    components = [0, 1, 2] if model == "omnidirectional" else [0, 2]
+    error = np.array([(b.twist - b.ideal_twist)[100, components] for b in blocks])
+    covariance = np.array([b.covariance[100][np.ix_(components, components)] for b in blocks])
     nees = np.einsum("ki,kij,kj->k", error, np.linalg.inv(covariance), error)
-    low, high = chi2.ppf([1e-4, 1.0 - 1e-4], 100 * len(kept))
+    low, high = chi2.ppf([1e-4, 1.0 - 1e-4], 100 * len(components))
     assert low < nees.sum() < high
 
 
 @pytest.mark.parametrize("model", ["differential", "ackermann", "omnidirectional"])
 def test_the_covariance_of_wheels_at_rest_can_be_inverted(model: str) -> None:
-    """Of the smallest part, yaw rates of a car at rest, v tan(angle) / L: 1e-5 rad/s at least."""
-    given = {**CIRCLE, "trajectory": "static", "duration": 5}
-    wheels = ims.simulate(**given, wheels={"model": model}).wheels
+    """The smallest part, yaw rates of a car at rest v tan(angle) / L, is 1e-5 rad/s at least."""
+    settings = {**CIRCLE, "trajectory": "static", "duration": 5}
+    wheels = ims.simulate(**settings, wheels={"model": model}).wheels
     assert np.linalg.eigvalsh(wheels.covariance).min() > 1e-10
 
 
@@ -199,7 +204,7 @@ def test_a_smaller_spread_than_stated_shows() -> None:
 
 
 def test_noisy_wheels_do_not_depend_on_blocks() -> None:
-    given = {
+    settings = {
         "sensors": ["wheels"],
         "imu.preset": "perfect",
         "trajectory.type": "figure_eight",
@@ -211,8 +216,8 @@ def test_noisy_wheels_do_not_depend_on_blocks() -> None:
         "wheels.radius_temperature_coefficient": 1e-4,
         "temperature.power": 1.0,
     }
-    whole = Body(load_simulation(given), sensors={"wheels"}).next(10**6)
-    parts = list(Body(load_simulation(given), sensors={"wheels"}).windows(1))
+    whole = Body(load_simulation(settings), sensors={"wheels"}).next(10**6)
+    parts = list(Body(load_simulation(settings), sensors={"wheels"}).windows(1))
     for name in (
         "pose",
         "twist",
@@ -235,12 +240,12 @@ def test_rosbags_reads_what_was_simulated(tmp_path: Path, name: str) -> None:
     flight = ims.simulate(**CIRCLE, duration=2, seed=3, wheels={"preset": "f1tenth"})
     wheels = flight.wheels
     path = flight.save(tmp_path / name)
-    found: dict[str, list[Any]] = {}
+    messages: dict[str, list[Any]] = {}
     with AnyReader([path]) as reader:
         for connection, _, content in reader.messages():
             message = reader.deserialize(content, connection.msgtype)
-            found.setdefault(connection.topic, []).append(message)
-    odometry, joints = found["/wheel/odom"], found["/joint_states"]
+            messages.setdefault(connection.topic, []).append(message)
+    odometry, joints = messages["/wheel/odom"], messages["/joint_states"]
     assert len(odometry) == len(joints) == len(wheels) == 100
     assert (odometry[0].header.frame_id, odometry[0].child_frame_id) == ("odom", "base_link")
     for k in (0, 1, 57, 99):
@@ -258,17 +263,21 @@ def test_rosbags_reads_what_was_simulated(tmp_path: Path, name: str) -> None:
         assert np.array_equal(joints[k].velocity, wheels.speed[k])
         assert len(joints[k].effort) == 0
     assert joints[0].name[2] == "front_steering_joint"
-    truth = found["/ground_truth/wheel_odom"][57]
+    truth = messages["/ground_truth/wheel_odom"][57]
     assert truth.pose.pose.position.x == wheels.true_pose[57, 0]
     assert truth.twist.twist.angular.z == wheels.true_twist[57, 5]
-    assert len(found["/ground_truth/joint_states"]) == len(found["/ground_truth/wheel_slip"]) == 100
+    assert (
+        len(messages["/ground_truth/joint_states"])
+        == len(messages["/ground_truth/wheel_slip"])
+        == 100
+    )
 
 
 @pytest.mark.parametrize("name", files.names("wheels"))
 def test_presets_have_sources_and_run(name: str, tmp_path: Path) -> None:
     assert "# [1] " in files.find("wheels", name).read_text(encoding="utf-8")
-    words = ["-o", str(tmp_path / "a"), "--format", "csv", "--duration", "2s", "--wheels", name]
-    assert generate.main([*words, "--trajectory", "circle", "--quiet"]) == 0
+    argv = ["-o", str(tmp_path / "a"), "--format", "csv", "--duration", "2s", "--wheels", name]
+    assert generate.main([*argv, "--trajectory", "circle", "--quiet"]) == 0
     header, *rows = (tmp_path / "a/wheels0.csv").read_text().splitlines()
     assert header.startswith("timestamp,x,y,yaw,speed_x")
     wheels = ims.simulate(**CIRCLE, duration=2, wheels={"preset": name}).wheels
@@ -281,18 +290,18 @@ def test_presets_have_sources_and_run(name: str, tmp_path: Path) -> None:
 
 
 def test_the_truth_file_simulates_the_same_wheels(tmp_path: Path) -> None:
-    words = ["--duration", "2s", "--trajectory", "circle", "--imu", "perfect", "--quiet"]
-    words += ["--format", "csv", "--seed", "8"]
-    own = ["--wheels", "turtlebot3_burger"]
-    assert generate.main(["-o", str(tmp_path / "a"), *own, *words]) == 0
+    argv = ["--duration", "2s", "--trajectory", "circle", "--imu", "perfect", "--quiet"]
+    argv += ["--format", "csv", "--seed", "8"]
+    wheel_options = ["--wheels", "turtlebot3_burger"]
+    assert generate.main(["-o", str(tmp_path / "a"), *wheel_options, *argv]) == 0
     truth = ["--params-file", str(tmp_path / "a_truth_wheels.yaml")]
-    assert generate.main(["-o", str(tmp_path / "b"), *truth, *words]) == 0
-    one, other = ((tmp_path / f"{n}/wheels0.csv").read_text() for n in "ab")
-    assert one == other
+    assert generate.main(["-o", str(tmp_path / "b"), *truth, *argv]) == 0
+    table, other_table = ((tmp_path / f"{n}/wheels0.csv").read_text() for n in "ab")
+    assert table == other_table
 
 
-def warnings(**given: Any) -> list[str]:
-    values = {"sensors": ["wheels"], "imu.preset": "perfect", "duration": 10.0, **given}
+def warnings(**settings: Any) -> list[str]:
+    values = {"sensors": ["wheels"], "imu.preset": "perfect", "duration": 10.0, **settings}
     body = Body(load_simulation(values), sensors=values["sensors"])
     return [w for w in body.warnings() if w.startswith("wheels")]
 
@@ -314,7 +323,7 @@ def test_motion_that_wheels_cannot_do_is_told_in_a_line() -> None:
 
 
 @pytest.mark.parametrize(
-    ("own", "line"),
+    ("parameters", "line"),
     [
         ({"preset": "huskey"}, "unknown wheels 'huskey'"),
         ({"true_radii": [0.1, 0.1, 0.1]}, "true_radii"),
@@ -324,14 +333,14 @@ def test_motion_that_wheels_cannot_do_is_told_in_a_line() -> None:
         ({"patch_boxes": [0, 0, 0, 1, 1, 1, -0.1]}, "slip -0.1: must be between 0 and 100"),
     ],
 )
-def test_mistakes_are_told(own: dict[str, Any], line: str) -> None:
+def test_mistakes_are_told(parameters: dict[str, Any], line: str) -> None:
     with pytest.raises(ConfigurationError, match=line):
-        read(**own)
+        read(**parameters)
 
 
 def test_warm_wheels_are_larger() -> None:
     """On 30 degC instead of 20, with 1e-3 per kelvin: one percent fewer turns, and less way."""
-    given = {
+    settings = {
         **CIRCLE,
         "duration": 4,
         "temperature": {"profile": [0.0, 20.0, 2.0, 20.0, 2.02, 30.0]},
@@ -342,7 +351,7 @@ def test_warm_wheels_are_larger() -> None:
             "true_radii": [0.1, 0.2],
         },
     }
-    wheels = ims.simulate(**given).wheels
+    wheels = ims.simulate(**settings).wheels
     cold = wheels.true_t_ns - wheels.true_t_ns[0] <= 2_000_000_000
     assert (cold.sum(), len(cold)) == (101, 200)
     np.testing.assert_allclose(wheels.temperature, np.where(cold, 20.0, 30.0), atol=1e-6)
@@ -355,12 +364,12 @@ def test_warm_wheels_are_larger() -> None:
 
 def test_wheels_follow_the_temperature_slowly() -> None:
     """After a step and one time constant, 1 - 1/e of it are left behind."""
-    given = {
+    settings = {
         **CIRCLE,
         "duration": 10,
         "temperature": {"profile": [0.0, 20.0, 1.0, 30.0], "interpolation": "steps", "power": 5.0},
     }
-    wheels = ims.simulate(**given, wheels={"temperature_time_constant": 4.0}).wheels
+    wheels = ims.simulate(**settings, wheels={"temperature_time_constant": 4.0}).wheels
     t = (wheels.true_t_ns - wheels.true_t_ns[0]) * 1e-9
     expected = np.where(t < 1.0, 20.0, 30.0 - 10.0 * np.exp(-(t - 1.0) / 4.0))
     np.testing.assert_allclose(wheels.temperature, expected, atol=1e-6)
@@ -369,22 +378,22 @@ def test_wheels_follow_the_temperature_slowly() -> None:
 def test_only_the_wheel_in_the_box_slips() -> None:
     """Along x at 1 m/s with wheels 0.25 m to both sides; ice where y > 0, from 1 to 2 m."""
     motion = {"type": "harmonic", "x": {"polynomial": [0.0, 1.0]}}
-    own = {**PERFECT, "radius": RADIUS, "track": TRACK}
+    parameters = {**PERFECT, "radius": RADIUS, "track": TRACK}
     box = [1.0, 0.0, -1.0, 2.0, 9.0, 1.0, 0.2]
-    given = {**CIRCLE, "trajectory": motion, "duration": 3}
-    wheels = ims.simulate(**given, wheels={**own, "patch_boxes": box}).wheels
+    settings = {**CIRCLE, "trajectory": motion, "duration": 3}
+    wheels = ims.simulate(**settings, wheels={**parameters, "patch_boxes": box}).wheels
     x = 0.02 * np.arange(len(wheels))
     on_ice = (x > 0.999) & (x < 2.001)
     assert on_ice.sum() == 51
-    left = np.where(on_ice, 0.2, 0.0)
-    np.testing.assert_array_equal(wheels.slip_ratio, np.column_stack([left, 0.0 * left]))
-    np.testing.assert_allclose(wheels.speed[:, 0], (1.0 + left) / RADIUS, atol=1e-9)
-    np.testing.assert_allclose(wheels.slip[:, 0], left / 2.0, atol=1e-9)
-    np.testing.assert_allclose(wheels.slip[:, 2], -left / TRACK, atol=1e-9)
+    slip = np.where(on_ice, 0.2, 0.0)
+    np.testing.assert_array_equal(wheels.slip_ratio, np.column_stack([slip, 0.0 * slip]))
+    np.testing.assert_allclose(wheels.speed[:, 0], (1.0 + slip) / RADIUS, atol=1e-9)
+    np.testing.assert_allclose(wheels.slip[:, 0], slip / 2.0, atol=1e-9)
+    np.testing.assert_allclose(wheels.slip[:, 2], -slip / TRACK, atol=1e-9)
     # Two boxes that overlap are as slippery as the worse of both, and all four wheels take part.
-    own = {**own, "model": "omnidirectional", "wheelbase": BASE}
+    parameters = {**parameters, "model": "omnidirectional", "wheelbase": BASE}
     wide = [-9.0, -9.0, -1.0, 9.0, 9.0, 1.0, 0.1]
-    wheels = ims.simulate(**given, wheels={**own, "patch_boxes": [*box, *wide]}).wheels
-    at = x[:, None] + BASE / 2 * np.array([1.0, 1.0, -1.0, -1.0])
-    inside = (at > 0.999) & (at < 2.001) & np.array([True, False, True, False])
-    np.testing.assert_array_equal(wheels.slip_ratio, np.where(inside, 0.2, 0.1))
+    wheels = ims.simulate(**settings, wheels={**parameters, "patch_boxes": [*box, *wide]}).wheels
+    wheel_x = x[:, None] + BASE / 2 * np.array([1.0, 1.0, -1.0, -1.0])
+    crossing = (wheel_x > 0.999) & (wheel_x < 2.001) & np.array([True, False, True, False])
+    np.testing.assert_array_equal(wheels.slip_ratio, np.where(crossing, 0.2, 0.1))

@@ -41,10 +41,10 @@ RANDOM = {
 }
 
 
-def simulation(*named: dict[str, Any]) -> Body:
+def simulation(*layers: dict[str, Any]) -> Body:
     values = dict(BASE)
-    for one in named:
-        values.update(one)
+    for layer in layers:
+        values.update(layer)
     return Body(load_simulation(values), sensors=("pressure",))
 
 
@@ -67,18 +67,18 @@ pressure = partial(read_all, quantity="pressure")
     ],
 )
 def test_the_pressure_is_that_of_the_standard_s_table(height: float, expected: float) -> None:
-    found = Atmosphere(AtmosphereParameters()).pressure(np.array([height]))[0]
-    assert found == pytest.approx(expected, rel=5e-5)
+    pressure_there = Atmosphere(AtmosphereParameters()).pressure(np.array([height]))[0]
+    assert pressure_there == pytest.approx(expected, rel=5e-5)
 
 
 def test_beyond_the_standard_s_layers_the_pressure_falls_exponentially() -> None:
-    """At 84,852 m (geopotential) and 186.946 K it is 0.37338 Pa (table I)."""
+    """The pressure at 84,852 m (geopotential) and 186.946 K is 0.37338 Pa (table I)."""
     geopotential = np.array([84852.0, 100e3, 1000e3])
     height = 6356766.0 * geopotential / (6356766.0 - geopotential)
-    found = Atmosphere(AtmosphereParameters()).pressure(height)
+    pressure_there = Atmosphere(AtmosphereParameters()).pressure(height)
     scale = 8.31432 / 0.0289644 * 186.946 / 9.80665
     expected = 0.37338 * np.exp((84852.0 - geopotential) / scale)
-    assert np.allclose(found, expected, rtol=2e-5, atol=0.0)
+    assert np.allclose(pressure_there, expected, rtol=2e-5, atol=0.0)
 
 
 def test_the_pressure_is_the_solution_of_its_differential_equation() -> None:
@@ -116,19 +116,19 @@ def test_the_reading_is_the_formula_at_the_imu_s_place() -> None:
         "imu.barometer_time_offset": 0.003,
     }
     run = simulation(values)
-    read = pressure(run, 333, 1000)
+    samples = pressure(run, 333, 1000)
     assert np.array_equal(
-        read.true_t_ns, 10**9 + 3_000_000 + np.rint(np.arange(350) * 1e9 / 70).astype(int)
+        samples.true_t_ns, 10**9 + 3_000_000 + np.rint(np.arange(350) * 1e9 / 70).astype(int)
     )
-    motion = run.trajectory.sample((read.true_t_ns - 10**9) * 1e-9)
+    motion = run.trajectory.sample((samples.true_t_ns - 10**9) * 1e-9)
     arm = Rotation.from_quat(motion.q_wb[:, [1, 2, 3, 0]]).apply(values["imu.lever_arm"])
     height = 120.0 + motion.position[:, 2] + arm[:, 2]
     geopotential = 6356766.0 * height / (6356766.0 + height)
     exponent = 9.80665 * 0.0289644 / (8.31432 * 0.0065)
     expected = 101325.0 * (1.0 - 0.0065 * geopotential / 288.15) ** exponent
-    assert np.allclose(read.ideal_pressure, expected, rtol=1e-12)
-    assert np.allclose(read.pressure - read.ideal_pressure, 25.0 + 15.0 + 1.0, atol=1e-9)
-    assert np.allclose(read.bias, 41.0, atol=1e-9)
+    assert np.allclose(samples.ideal_pressure, expected, rtol=1e-12)
+    assert np.allclose(samples.pressure - samples.ideal_pressure, 25.0 + 15.0 + 1.0, atol=1e-9)
+    assert np.allclose(samples.bias, 41.0, atol=1e-9)
 
 
 @pytest.mark.parametrize("size", [1, 7, 64, 1000])
@@ -141,13 +141,13 @@ def test_samples_do_not_depend_on_the_block_size(size: int) -> None:
 def test_noise_and_gusts_have_the_stated_size() -> None:
     values = {"trajectory.type": "static", "imu.barometer_rate": 100.0}
     noise = {**values, "imu.barometer_noise_density": 0.2}
-    read = pressure(simulation(noise), 8192, 40000)
-    ratio = np.sum((read.pressure - read.ideal_pressure) ** 2) / (0.04 * 100.0)
+    samples = pressure(simulation(noise), 8192, 40000)
+    ratio = np.sum((samples.pressure - samples.ideal_pressure) ** 2) / (0.04 * 100.0)
     assert chi2.ppf(1e-4, 20000) < ratio < chi2.ppf(1.0 - 1e-4, 20000)
     gusty = {**values, "imu.barometer_gust_rate": 5.0, "imu.barometer_gust_sigma": 12.0}
-    read = pressure(simulation(gusty), 8192, 100000)  # 500 s
-    gust = read.pressure - read.ideal_pressure
-    assert np.allclose(gust, read.bias, atol=1e-9)
+    samples = pressure(simulation(gusty), 8192, 100000)  # 500 s
+    gust = samples.pressure - samples.ideal_pressure
+    assert np.allclose(gust, samples.bias, atol=1e-9)
     steps = np.flatnonzero(np.abs(np.diff(gust)) > 1e-9)
     # A sample has a step with 1 - exp(-5 / 100): binomial, 4 standard deviations.
     mean = 50000 * -math.expm1(-0.05)
@@ -163,32 +163,32 @@ def test_steps_and_limits_of_the_output() -> None:
     assert value % 0.5 == 0.0
     limits = {"imu.barometer_minimum": 30000.0, "imu.barometer_maximum": 110000.0}
     for height, expected in ((9900.0, 30000.0), (-900.0, 110000.0)):
-        read = pressure(simulation({**values, **limits, "height": height}), 1, 1)
-        assert read.pressure[0] == expected
+        samples = pressure(simulation({**values, **limits, "height": height}), 1, 1)
+        assert samples.pressure[0] == expected
 
 
 def test_faults_of_the_barometer_are_its_own() -> None:
     run = simulation({"imu.barometer_rate": 50.0})
-    same = Body(load_simulation(BASE))
+    repeated = Body(load_simulation(BASE))
     run.inject(Fault("bias_jump", 1.0, 30.0, "barometer"), 1.0)
     run.inject(Fault("stuck", 1.0, 0.0, "barometer"), 3.0)
     block = run.next(1000)
-    assert np.array_equal(block["imu"].accel, same.next(1000)["imu"].accel)
-    read = block["pressure"]
-    assert read is not None
-    off = (read.pressure - read.ideal_pressure)[:150]
+    assert np.array_equal(block["imu"].accel, repeated.next(1000)["imu"].accel)
+    samples = block["pressure"]
+    assert samples is not None
+    off = (samples.pressure - samples.ideal_pressure)[:150]
     assert np.allclose(off, np.repeat([0.0, 30.0, 0.0], 50), atol=1e-9)
-    assert np.ptp(read.pressure[150:200]) == 0.0 < np.ptp(read.pressure[200:])
+    assert np.ptp(samples.pressure[150:200]) == 0.0 < np.ptp(samples.pressure[200:])
 
 
 @pytest.mark.parametrize("preset", files.names("barometers"))
 def test_presets_are_layered_below_what_is_given(preset: str) -> None:
-    given = {"imu.barometer_preset": preset, "imu.barometer_bias": 3.0}
-    found = load_simulation(BASE, given).imu.barometer
-    own = files.load(files.find("barometers", preset))
-    assert found.bias == 3.0
-    assert found.noise_density == own["imu.barometer_noise_density"]
-    flown = pressure(simulation(given), 1000, 1000)
+    settings = {"imu.barometer_preset": preset, "imu.barometer_bias": 3.0}
+    barometer = load_simulation(BASE, settings).imu.barometer
+    preset_values = files.load(files.find("barometers", preset))
+    assert barometer.bias == 3.0
+    assert barometer.noise_density == preset_values["imu.barometer_noise_density"]
+    flown = pressure(simulation(settings), 1000, 1000)
     assert abs(np.mean(flown.pressure - flown.ideal_pressure)) < 6.0 * 100.0
 
 
@@ -198,18 +198,18 @@ def test_a_board_s_file_may_name_its_barometer(tmp_path: Any) -> None:
         "/**: {ros__parameters: {imu: {preset: mpu9250, barometer_preset: bmp280, "
         "barometer_maximum: 120000.0}}}\n"
     )
-    found = load_simulation({"imu.preset": str(board)})
-    assert found.imu.barometer.maximum == 120000.0
-    assert found.imu.barometer.minimum == 30000.0
-    assert found.imu.gyroscope.noise_density == pytest.approx([0.00012341] * 3)
-    other = load_simulation({"imu.preset": str(board), "imu.barometer_preset": "bmp388"})
-    assert other.imu.barometer.turn_on_bias_sigma == 50.0
-    given = tmp_path / "barometer.yaml"
-    given.write_text("/**: {ros__parameters: {imu: {barometer_noise_density: 0.5}}}\n")
-    for name, density in ((str(given), 0.5), ("", 0.0)):
-        own = load_simulation({"imu.preset": str(board), "imu.barometer_preset": name})
-        assert own.imu.barometer.noise_density == density
-        assert own.imu.barometer.turn_on_bias_sigma == 0.0
+    board_parameters = load_simulation({"imu.preset": str(board)})
+    assert board_parameters.imu.barometer.maximum == 120000.0
+    assert board_parameters.imu.barometer.minimum == 30000.0
+    assert board_parameters.imu.gyroscope.noise_density == pytest.approx([0.00012341] * 3)
+    with_bmp388 = load_simulation({"imu.preset": str(board), "imu.barometer_preset": "bmp388"})
+    assert with_bmp388.imu.barometer.turn_on_bias_sigma == 50.0
+    preset_path = tmp_path / "barometer.yaml"
+    preset_path.write_text("/**: {ros__parameters: {imu: {barometer_noise_density: 0.5}}}\n")
+    for name, density in ((str(preset_path), 0.5), ("", 0.0)):
+        with_preset = load_simulation({"imu.preset": str(board), "imu.barometer_preset": name})
+        assert with_preset.imu.barometer.noise_density == density
+        assert with_preset.imu.barometer.turn_on_bias_sigma == 0.0
 
 
 @pytest.mark.parametrize(

@@ -54,10 +54,10 @@ RANDOM = {
 OWN_GRID = {"imu.magnetometer_rate": 70.0, "imu.magnetometer_time_offset": 0.003}
 
 
-def simulation(*named: dict[str, Any], sensors: tuple[str, ...] = ("magnetic_field",)) -> Body:
+def simulation(*layers: dict[str, Any], sensors: tuple[str, ...] = ("magnetic_field",)) -> Body:
     values = dict(BASE)
-    for one in named:
-        values.update(one)
+    for layer in layers:
+        values.update(layer)
     return Body(load_simulation(values), sensors=sensors)
 
 
@@ -82,29 +82,29 @@ def true_field(run: Body, t: np.ndarray) -> np.ndarray:
 
 def test_the_ideal_field_and_the_reading_are_the_formulas() -> None:
     run = simulation(DISTURBED, IRON, OWN_GRID)
-    read = magnetic(run, 333, 1200)
+    samples = magnetic(run, 333, 1200)
     k = np.arange(420)
-    assert np.array_equal(read.true_t_ns, 10**9 + 3_000_000 + np.rint(k * 1e9 / 70).astype(int))
-    t = (read.true_t_ns - 10**9) * 1e-9
+    assert np.array_equal(samples.true_t_ns, 10**9 + 3_000_000 + np.rint(k * 1e9 / 70).astype(int))
+    t = (samples.true_t_ns - 10**9) * 1e-9
     ideal = true_field(run, t)
-    assert np.allclose(read.ideal_field, ideal, rtol=0.0, atol=1e-9 * 5e-5)
+    assert np.allclose(samples.ideal_field, ideal, rtol=0.0, atol=1e-9 * 5e-5)
     current = np.interp(t, [1.0, 2.0, 4.0], [0.0, 10.0, 5.0])
     at_sensor = ideal @ np.reshape(IRON["imu.magnetometer_soft_iron"], (3, 3)).T
     at_sensor += IRON["imu.magnetometer_hard_iron"]
     at_sensor += current[:, None] * IRON["imu.magnetometer_current_coupling"]
     axes = Rotation.from_rotvec(IRON["imu.magnetometer_misalignment"])
-    assert np.allclose(read.field, axes.inv().apply(at_sensor), rtol=0.0, atol=1e-9 * 5e-5)
+    assert np.allclose(samples.field, axes.inv().apply(at_sensor), rtol=0.0, atol=1e-9 * 5e-5)
     linear = axes.inv().apply(ideal @ np.reshape(IRON["imu.magnetometer_soft_iron"], (3, 3)).T)
-    assert np.allclose(read.field, linear + read.bias, rtol=0.0, atol=1e-9 * 5e-5)
+    assert np.allclose(samples.field, linear + samples.bias, rtol=0.0, atol=1e-9 * 5e-5)
 
 
 def test_without_errors_the_reading_is_the_field() -> None:
-    read = magnetic(simulation(), 1000, 1000)
-    assert np.array_equal(read.field, read.ideal_field)
-    assert not read.bias.any()
-    assert np.array_equal(read.t_ns, read.true_t_ns)
-    assert np.array_equal(read.delivered, np.arange(500))
-    assert np.allclose(np.linalg.norm(read.field, axis=1), math.hypot(2e-5, 4.5e-5), rtol=1e-12)
+    samples = magnetic(simulation(), 1000, 1000)
+    assert np.array_equal(samples.field, samples.ideal_field)
+    assert not samples.bias.any()
+    assert np.array_equal(samples.t_ns, samples.true_t_ns)
+    assert np.array_equal(samples.delivered, np.arange(500))
+    assert np.allclose(np.linalg.norm(samples.field, axis=1), math.hypot(2e-5, 4.5e-5), rtol=1e-12)
 
 
 def test_a_dipole_is_twice_as_strong_on_its_axis_and_constant_inside() -> None:
@@ -112,11 +112,11 @@ def test_a_dipole_is_twice_as_strong_on_its_axis_and_constant_inside() -> None:
     field = MagneticField(load_simulation(BASE, values))
     r = 0.05
     places = np.array([[1, 0, 2.0], [3, 0, 0], [1, 0, r * (1 + 1e-12)], [1, 0, 0], [1, 0.01, 0.02]])
-    found = field.field(np.zeros(5), places)
-    inside = 1e-7 * 2.0 * 4.0 / r**3
-    expected = [1e-7 * 2.0 * 4.0 / 8.0, -1e-7 * 4.0 / 8.0, inside, inside, inside]
-    assert np.allclose(found[:, 2], expected, rtol=1e-9)
-    assert not found[:, :2].any()
+    field_there = field.field(np.zeros(5), places)
+    dipole_field = 1e-7 * 2.0 * 4.0 / r**3
+    expected = [1e-7 * 2.0 * 4.0 / 8.0, -1e-7 * 4.0 / 8.0, dipole_field, dipole_field, dipole_field]
+    assert np.allclose(field_there[:, 2], expected, rtol=1e-9)
+    assert not field_there[:, :2].any()
 
 
 @pytest.mark.parametrize(
@@ -148,33 +148,35 @@ def test_the_world_magnetic_model_is_that_of_its_report(
 @pytest.mark.parametrize("size", [1, 7, 64, 1000])
 def test_samples_do_not_depend_on_the_block_size(size: int) -> None:
     count = 300 if size == 1 else 2000
-    named = (DISTURBED, IRON, RANDOM, OWN_GRID)
-    whole, pieces = (magnetic(simulation(*named), s, count) for s in (count, size))
+    layers = (DISTURBED, IRON, RANDOM, OWN_GRID)
+    whole, pieces = (magnetic(simulation(*layers), s, count) for s in (count, size))
     assert same_bytes(whole, pieces)
     assert len(whole.delivered) < len(whole.t_ns)
 
 
 def test_no_sample_of_the_imu_depends_on_the_magnetometer() -> None:
     noisy = {"imu.preset": "mpu9250", **RANDOM}
-    on, off = (simulation(noisy, sensors=s).next(500) for s in (("magnetic_field",), ()))
+    with_magnetometer, off = (
+        simulation(noisy, sensors=s).next(500) for s in (("magnetic_field",), ())
+    )
     assert "magnetic_field" not in off
-    one, other = on["imu"], off["imu"]
-    for mine, theirs in zip(arrays(one), arrays(other), strict=True):
+    imu, imu_alone = with_magnetometer["imu"], off["imu"]
+    for mine, theirs in zip(arrays(imu), arrays(imu_alone), strict=True):
         assert np.array_equal(mine, theirs)
 
 
 def test_a_faster_magnetometer_ends_with_the_run() -> None:
     values = {"imu.magnetometer_rate": 999.0, "duration": 1.003, "trajectory.type": "static"}
     run = simulation(values)
-    read = magnetic(run, 64, 640)
-    assert len(read.t_ns) == math.ceil(1.003 * 999.0)
+    samples = magnetic(run, 64, 640)
+    assert len(samples.t_ns) == math.ceil(1.003 * 999.0)
     assert run.taken(run.rate) == 201
 
 
 def test_noise_has_the_stated_density_and_the_units_differ_as_stated() -> None:
     values = {"imu.magnetometer_noise_density": 2e-8, "trajectory.type": "static"}
-    read = magnetic(simulation(values), 8192, 40000)
-    noise = read.field - read.ideal_field
+    samples = magnetic(simulation(values), 8192, 40000)
+    noise = samples.field - samples.ideal_field
     count = noise.size
     ratio = np.sum(noise**2) / (4e-16 * 100.0)
     assert chi2.ppf(1e-4, count) < ratio < chi2.ppf(1.0 - 1e-4, count)
@@ -191,15 +193,15 @@ def test_the_realised_unit_reads_the_same() -> None:
     run = simulation(IRON, drawn)
     unit = realised_magnetometer(run.parameters.imu.magnetometer, run.parameters.seed)
     assert not any(any(getattr(unit, f"{name}_sigma")) for name in ("hard_iron", "turn_on_scale"))
-    read = magnetic(run, 50, 50)  # the current begins later
+    samples = magnetic(run, 50, 50)  # the current begins later
     m, b = unit.response_and_bias()
-    assert np.allclose(read.field, read.ideal_field @ m.T + b, rtol=0.0, atol=1e-9 * 5e-5)
+    assert np.allclose(samples.field, samples.ideal_field @ m.T + b, rtol=0.0, atol=1e-9 * 5e-5)
     again = dataclasses.replace(
         run.parameters.imu, sensors={**run.parameters.imu.sensors, "magnetometer": unit}
     )
-    same = Body(dataclasses.replace(run.parameters, imu=again), sensors=("magnetic_field",))
+    repeated = Body(dataclasses.replace(run.parameters, imu=again), sensors=("magnetic_field",))
     assert np.allclose(
-        magnetic(same, 1000, 1000).field,
+        magnetic(repeated, 1000, 1000).field,
         magnetic(simulation(IRON, drawn), 1000, 1000).field,
         rtol=0.0,
         atol=1e-9 * 5e-5,
@@ -215,34 +217,34 @@ def test_temperature_range_and_steps_act_as_in_other_sensors() -> None:
         "imu.magnetometer_range": [1e-4, 1e-4, 3e-5],
         "imu.magnetometer_resolution": 1.5e-7,
     }
-    read = magnetic(simulation(values), 2, 2)
+    samples = magnetic(simulation(values), 2, 2)
     expected = np.rint(np.array([1e-7, 2e-5 * 1.01, -3e-5]) / 1.5e-7) * 1.5e-7
-    assert np.allclose(read.field[0], expected, rtol=1e-12)
+    assert np.allclose(samples.field[0], expected, rtol=1e-12)
 
 
 def test_faults_of_the_magnetometer_are_its_own() -> None:
-    run, other = simulation(), simulation(sensors=())
+    run, without_magnetometer = simulation(), simulation(sensors=())
     run.next(3)
-    other.next(3)
+    without_magnetometer.next(3)
     begin = 0.985  # a second after the start
     jump = (1e-6, 2e-6, 3e-6)
     run.inject(Fault("bias_jump", 0.5, jump, "magnetometer"), begin)
     run.inject(Fault("dropout", 0.25, 1.0, "magnetometer"), begin + 1.0)
     run.inject(Fault("latency", 0.25, 0.1, "magnetometer"), begin + 2.0)
     run.inject(Fault("stuck", 0.25, 0.0, "magnetometer"), begin + 3.0)
-    block, same = run.next(1000), other.next(1000)
-    assert np.array_equal(block["imu"].gyro, same["imu"].gyro)
-    assert np.array_equal(block["imu"].delivered, same["imu"].delivered)
-    read = block["magnetic_field"]
-    assert read is not None
-    t = (read.true_t_ns - run.t0_ns) * 1e-9
+    block, imu_alone = run.next(1000), without_magnetometer.next(1000)
+    assert np.array_equal(block["imu"].gyro, imu_alone["imu"].gyro)
+    assert np.array_equal(block["imu"].delivered, imu_alone["imu"].delivered)
+    samples = block["magnetic_field"]
+    assert samples is not None
+    t = (samples.true_t_ns - run.t0_ns) * 1e-9
     off = np.where(((t >= 1.0 - 1e-9) & (t < 1.5 - 1e-9))[:, None], jump, 0.0)
     stuck = (t >= 4.0 - 1e-9) & (t < 4.25 - 1e-9)
-    assert np.allclose((read.field - read.ideal_field)[~stuck], off[~stuck], atol=1e-18)
-    assert np.all(read.field[stuck] == read.field[np.flatnonzero(stuck)[0] - 1])
-    lost = np.setdiff1d(np.arange(len(t)), read.delivered)
+    assert np.allclose((samples.field - samples.ideal_field)[~stuck], off[~stuck], atol=1e-18)
+    assert np.all(samples.field[stuck] == samples.field[np.flatnonzero(stuck)[0] - 1])
+    lost = np.setdiff1d(np.arange(len(t)), samples.delivered)
     assert np.array_equal(lost, np.flatnonzero((t >= 2.0 - 1e-9) & (t < 2.25 - 1e-9)))
-    late = read.release_t_ns - read.true_t_ns > 0
+    late = samples.release_t_ns - samples.true_t_ns > 0
     # What was to follow within the latency waits: no message overtakes another.
     assert np.array_equal(late, (t >= 3.0 - 1e-9) & (t < 3.35 - 1.5e-2))
 
@@ -258,18 +260,18 @@ def test_live_parameters_change_between_blocks() -> None:
     run.update(
         load_simulation(BASE, {"trajectory.type": "static"}, {"imu.magnetometer_bias": 1e-6})
     )
-    read = run.next(100)["magnetic_field"]
-    assert read is not None
-    assert np.allclose(read.field - read.ideal_field, 1e-6, rtol=1e-9)
+    samples = run.next(100)["magnetic_field"]
+    assert samples is not None
+    assert np.allclose(samples.field - samples.ideal_field, 1e-6, rtol=1e-9)
 
 
 def test_several_boards_have_a_magnetometer_each() -> None:
     shared = {**BASE, "duration": 1.0, "imu.magnetometer_noise_density": 1e-8}
-    own = {"right.seed": 1, "right.imu.magnetometer_rate": 50.0}
-    parameters = load_simulator({**shared, "imus": ["left", "right"], **own})
+    right_imu = {"right.seed": 1, "right.imu.magnetometer_rate": 50.0}
+    parameters = load_simulator({**shared, "imus": ["left", "right"], **right_imu})
     names = ["left/magnetic_field", "right/magnetic_field"]
     windows = list(Body(parameters, sensors=names).windows(33))
-    assert [sum(len(read[name].t_ns) for read in windows) for name in names] == [100, 50]
+    assert [sum(len(window[name].t_ns) for window in windows) for name in names] == [100, 50]
 
 
 @pytest.mark.parametrize(

@@ -50,10 +50,10 @@ FILTER = {
 }
 
 
-def simulation(*named: dict[str, Any], sensors: tuple[str, ...] = ("orientation",)) -> Body:
+def simulation(*layers: dict[str, Any], sensors: tuple[str, ...] = ("orientation",)) -> Body:
     values = dict(BASE)
-    for one in named:
-        values.update(one)
+    for layer in layers:
+        values.update(layer)
     return Body(load_simulation(values), sensors=sensors)
 
 
@@ -64,11 +64,13 @@ def test_windows_need_not_begin_and_end_with_samples_of_the_imu() -> None:
     names = {"orientation": "q_wi", "magnetic_field": "field", "pressure": "pressure"}
 
     def read(edges: np.ndarray) -> dict[str, np.ndarray]:
-        made = models(mounted(p), tuple(names), 0)
+        models_by_name = models(mounted(p), tuple(names), 0)
         times = [Fraction(edge) for edge in edges]
         windows = [Window(*pair) for pair in itertools.pairwise(times)]
-        found = [{n: made[n].read(w, world) for n in made} for w in windows]
-        return {n: np.concatenate([one[n].values[v] for one in found]) for n, v in names.items()}
+        samples = [{n: models_by_name[n].read(w, world) for n in models_by_name} for w in windows]
+        return {
+            n: np.concatenate([sample[n].values[v] for sample in samples]) for n, v in names.items()
+        }
 
     inner = np.random.default_rng(5).uniform(0.0, 30.0, 700)
     whole, parts = read(np.array([0.0, 30.0])), read(np.sort([0.0, *inner, 30.0]))
@@ -83,39 +85,39 @@ def as_rotation(q: np.ndarray) -> Rotation:
     return Rotation.from_quat(q[..., [1, 2, 3, 0]])
 
 
-def errors(read: Samples) -> np.ndarray:
+def errors(samples: Samples) -> np.ndarray:
     """Return rotation vectors about the world's axes (n, 3) [rad]."""
-    truth = as_rotation(read.ideal_q_wi)
-    error: np.ndarray = (as_rotation(read.q_wi) * truth.inv()).as_rotvec()
+    truth = as_rotation(samples.ideal_q_wi)
+    error: np.ndarray = (as_rotation(samples.q_wi) * truth.inv()).as_rotvec()
     return error
 
 
 def test_without_errors_it_is_the_attitude_of_the_imu() -> None:
     run = simulation(MOUNTED)
-    read = stated(run, 100, 300)
+    samples = stated(run, 100, 300)
     motion = run.trajectory.sample(np.arange(300) / 100.0)
     truth = as_rotation(motion.q_wb) * MOUNTING
-    assert np.abs((as_rotation(read.q_wi) * truth.inv()).magnitude()).max() < 1e-9
-    assert np.allclose(read.q_wi, read.ideal_q_wi, rtol=0.0, atol=1e-15)
-    assert np.all(read.variance == EXACT)
+    assert np.abs((as_rotation(samples.q_wi) * truth.inv()).magnitude()).max() < 1e-9
+    assert np.allclose(samples.q_wi, samples.ideal_q_wi, rtol=0.0, atol=1e-15)
+    assert np.all(samples.variance == EXACT)
 
 
 @pytest.mark.parametrize("preset", files.names("imus"))
 def test_every_preset_states_how_exact_its_orientation_is(preset: str) -> None:
     """A covariance of zeros would be unknown: no sensor's orientation comes without one."""
-    read = stated(simulation({"imu.preset": preset}), 100, 200)
-    assert np.all(read.variance >= EXACT)
-    found = errors(read)
-    assert np.abs(found).max() < 6.0 * np.sqrt(read.variance.max())
+    samples = stated(simulation({"imu.preset": preset}), 100, 200)
+    assert np.all(samples.variance >= EXACT)
+    rotation_errors = errors(samples)
+    assert np.abs(rotation_errors).max() < 6.0 * np.sqrt(samples.variance.max())
 
 
 def test_the_error_has_the_stated_covariance() -> None:
     """NEES over seeds, at times far apart: chi-squared with three degrees of freedom each."""
     seeds, nees, squares = 150, [], []
     for seed in range(seeds):
-        read = stated(simulation(MOUNTED, MODEL, {"seed": seed}), 8192, 301)
+        samples = stated(simulation(MOUNTED, MODEL, {"seed": seed}), 8192, 301)
         rows = [0, 300]
-        error, variance = errors(read)[rows], read.variance[rows]
+        error, variance = errors(samples)[rows], samples.variance[rows]
         nees.append(np.sum(error**2 / variance, axis=1))
         squares.append(error**2 / variance)
     for k in range(2):
@@ -128,21 +130,21 @@ def test_the_error_has_the_stated_covariance() -> None:
 
 def test_the_variance_is_the_sum_of_the_parts() -> None:
     run = simulation(MODEL)
-    read = stated(run, 64, 200)
+    samples = stated(run, 64, 200)
     a = np.linalg.norm(run.trajectory.sample(np.arange(200) / 100.0).acceleration, axis=1)
     parts = [
         np.square(MODEL[f"imu.orientation_{n}"]) for n in ("turn_on_sigma", "drift_sigma", "noise")
     ]
     dynamic = np.outer(a**2, np.square(MODEL["imu.orientation_acceleration_sensitivity"]))
-    assert np.allclose(read.variance, sum(parts) + dynamic, rtol=1e-12)
+    assert np.allclose(samples.variance, sum(parts) + dynamic, rtol=1e-12)
 
 
-@pytest.mark.parametrize("named", [MODEL, FILTER], ids=["model", "filter"])
+@pytest.mark.parametrize("layer", [MODEL, FILTER], ids=["model", "filter"])
 @pytest.mark.parametrize("size", [1, 7, 64, 1000])
-def test_samples_do_not_depend_on_the_block_size(named: dict[str, Any], size: int) -> None:
+def test_samples_do_not_depend_on_the_block_size(layer: dict[str, Any], size: int) -> None:
     count = 300 if size == 1 else 1500
-    more = {"imu.orientation_rate": 25.0, "imu.dropout_probability": 0.1}
-    whole, pieces = (stated(simulation(named, more), s, count) for s in (count, size))
+    settings = {"imu.orientation_rate": 25.0, "imu.dropout_probability": 0.1}
+    whole, pieces = (stated(simulation(layer, settings), s, count) for s in (count, size))
     assert same_bytes(whole, pieces)
     assert len(whole.t_ns) == count // 4
     assert len(whole.delivered) < len(whole.t_ns)
@@ -172,8 +174,8 @@ def test_at_rest_without_noise_the_filter_finds_true_north(turn: list[float]) ->
         "imu.gyroscope_bias": [0.01, -0.02, 0.03],
         "imu.accelerometer_scale_misalignment": [1.01, 0.02, 0, 0, 0.98, 0, 0.01, 0, 1.0],
     }
-    read = stated(simulation(values), 500, 3000)
-    assert np.abs(errors(read)).max() < 1e-9
+    samples = stated(simulation(values), 500, 3000)
+    assert np.abs(errors(samples)).max() < 1e-9
 
 
 def calibrated(readings: np.ndarray, triad: Any) -> np.ndarray:
@@ -218,8 +220,8 @@ def test_the_tilt_is_that_of_mahony_s_filter_for_small_errors() -> None:
             block["orientation"].ideal_q_wi,
         )
     ]
-    ours, other, true = ups
-    apart = np.sqrt(np.mean(np.sum((ours - other) ** 2, axis=1)))
+    ours, upright, true = ups
+    apart = np.sqrt(np.mean(np.sum((ours - upright) ** 2, axis=1)))
     off = np.sqrt(np.mean(np.sum((ours - true) ** 2, axis=1)))
     assert apart < 0.1 * off
 
