@@ -46,8 +46,8 @@ SIZE: Final = 15
 ATTITUDE, VELOCITY, POSITION = slice(0, 3), slice(3, 6), slice(6, 9)
 GYRO_BIAS, ACCEL_BIAS = slice(9, 12), slice(12, 15)
 
-_POSE = np.r_[POSITION, ATTITUDE]
-_POSE_ENTRIES: Final = np.ravel_multi_index(np.ix_(_POSE, _POSE), (SIZE, SIZE))
+_POSE: Final = np.eye(SIZE)[np.r_[POSITION, ATTITUDE]]
+"""(6, 15) derivative of the pose's error by the state's."""
 
 
 def _row_format(size: int, *filled: tuple[int, int]) -> str:
@@ -77,12 +77,12 @@ def _transition_rows(size: int) -> struct.Struct:
 
 _ANGULAR: Final = ([3, 4, 5], [3, 4, 5])
 """The angular half of a twist's diagonal."""
-_JACOBIAN: Final = struct.Struct(
+_TWIST_ROWS: Final = struct.Struct(
     "="
     + 3 * _row_format(SIZE, (0, 6))
     + "".join(_row_format(SIZE, (9 + axis, 1)) for axis in range(3))
 )
-"""The (6, 15) derivative of the twist's error by the state's."""
+"""How the (6, 15) derivative of the twist's error by the state's is packed."""
 _SECOND_ORDER_INTERVAL: Final = 0.1
 """Interval of updates of the second-order terms, which grow slowly [s]."""
 
@@ -170,16 +170,20 @@ class Covariance:
         self._of_errors = self._transition[:, :SIZE]
         self._by_bias = self._transition[:9, GYRO_BIAS.start : SIZE]
         self._by_slow = self._transition[:9, SIZE:]
+        self._by_start, self._passing = self._transition.T, self._transition[:6]
         self._moved = np.empty((SIZE, width))
         """F [P C]"""
         self._moved_p, self._moved_c = self._moved[:, :SIZE], self._moved[:, SIZE:]
         self._gained_c = self._moved_c[:9]
         self._half = np.empty((SIZE, SIZE))
         self._white = _WhiteNoise(noise)
-        self._jacobian = np.empty((6, SIZE))
+        self._jacobian = np.concatenate([_POSE, np.empty((6, SIZE))])
+        """(12, 15) derivative of the errors of pose and twist by the state's."""
         self._twist_rate, self._twist_white = -1.0, np.zeros((6, 6))
         rates = 3 + len(self.slow.of_rate)
         self._second_order = SecondOrder(rates)
+        self._second = np.zeros((SIZE, SIZE))
+        """(15, 15) mean square of the second order, zero for the biases."""
         self._by_rates = np.empty((3, rates))
         self._factors = (0.0, np.empty(0), np.empty(0))
         """A length [s], and (r,) what of the slow errors of the rate acts over it and remains."""
@@ -240,15 +244,15 @@ class Covariance:
             np.add(half_gain, half_gain, self._by_slow)
             self._moved_p *= 0.5
             self._gained_c += half_gain
-            half = moved.dot(transition.T, self._half)
+            half = moved.dot(self._by_start, self._half)
             np.add(half, half.T, p)
             self._gained_c += half_gain
             slow.decay_over(h, self._moved_c)
         else:
-            np.dot(moved, transition.T, p)
+            np.dot(moved, self._by_start, p)
         self._white.add_to(p, self._diagonal, h, self._by_bias)
         self._length += h
-        self._passed += transition[:6]
+        self._passed += self._passing
         if self._length >= _SECOND_ORDER_INTERVAL:
             self._update_second_order()
 
@@ -270,6 +274,7 @@ class Covariance:
         x, y, z = tilt.item(1, 2) / length, tilt.item(2, 0) / length, tilt.item(0, 1) / length
         end = self._attitude_and_rates()
         self._second_order.step(length, (x, y, z), self._start, end, by_rates, remaining)
+        self._second[:9, :9] = self._second_order.mean_square
         self._begin_interval(end)
 
     @property
@@ -285,8 +290,7 @@ class Covariance:
 
         The biases are here all that the latest reading is off by, white noise apart.
         """
-        covariance: Array = self.matrix.copy()
-        covariance[:9, :9] += self._second_order.mean_square
+        covariance: Array = self.matrix + self._second
         if self.slow:
             self.slow.add_bias(covariance)
         return covariance
@@ -297,7 +301,8 @@ class Covariance:
         The order is that of geometry_msgs/PoseWithCovariance: x, y, z, and the rotations about the
         fixed axes X, Y, Z; all in the frame of the header, the world.
         """
-        return self.mean_square().take(_POSE_ENTRIES)
+        pose: Array = _POSE.dot(self.mean_square()).dot(_POSE.T)
+        return pose
 
     def twist(self, r_wb: ArrayLike, velocity: ArrayLike, rate_hz: float) -> Array:
         """Return the (6, 6) covariance of a message's twist: linear, then angular, in the body.
@@ -306,8 +311,7 @@ class Covariance:
         :param velocity: (3,) of the body in the world [m/s].
         :param rate_hz: readings per second; it decides the white noise of one of them.
         """
-        attitude, moving = float_matrix(r_wb), float_vector(velocity)
-        return self._twist(self.mean_square(), attitude, moving, rate_hz)
+        return self.message(float_matrix(r_wb), float_vector(velocity), rate_hz)[1]
 
     def message(
         self, r_wb: Matrix[float], velocity: Vector[float], rate_hz: float
@@ -316,35 +320,25 @@ class Covariance:
 
         :param r_wb, velocity: components of what :meth:`twist` takes.
         """
-        mean_square = self.mean_square()
-        pose: Array = mean_square.take(_POSE_ENTRIES)
-        return pose, self._twist(mean_square, r_wb, velocity, rate_hz)
-
-    def _twist(
-        self,
-        mean_square: Array,
-        r_wb: Matrix[float],
-        velocity: Vector[float],
-        rate_hz: float,
-    ) -> Array:
         # v_b = R^T v: turning the attitude turns the velocity the other way: each row of
         # R^T [v]x is a column of R times v.
         a, b, c, d, e, g, i, j, k = r_wb
         x, y, z = velocity
         jacobian = self._jacobian
-        _JACOBIAN.pack_into(
-            jacobian.data, 0,
+        _TWIST_ROWS.pack_into(
+            jacobian.data, _POSE.nbytes,
             d * z - i * y, i * x - a * z, a * y - d * x, a, d, i,
             e * z - j * y, j * x - b * z, b * y - e * x, b, e, j,
             g * z - k * y, k * x - c * z, c * y - g * x, c, g, k,
             -1.0, -1.0, -1.0,
         )  # fmt: skip
-        covariance: Array = jacobian.dot(mean_square).dot(jacobian.T)
+        covariance: Array = jacobian.dot(self.mean_square()).dot(jacobian.T)
         if rate_hz != self._twist_rate:
             self._twist_rate = rate_hz
             self._twist_white[_ANGULAR] = self.gyro_white(rate_hz)
-        covariance += self._twist_white
-        return covariance
+        twist = covariance[6:, 6:]
+        twist += self._twist_white
+        return covariance[:6, :6], twist
 
 
 def _rows(h: float, r_wb: Matrix[float], force_b: Vector[float]) -> tuple[float, ...]:
