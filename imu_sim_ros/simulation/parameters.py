@@ -46,7 +46,7 @@ NODE: Final = "simulator"
 
 IMUS: Final = (
     "names of several IMUs on the body, each the namespace of its topics and the prefix of its "
-    "own parameters (left.rate, left.imu.lever_arm, ...); none: one IMU"
+    "own parameters (left.rate, left.imu.lever_arm, left.segment, ...); none: one IMU"
 )
 SENSORS: Final = (
     "names of sensors, each the prefix of its own parameters (NAME.rate, ...); none: only the IMUs "

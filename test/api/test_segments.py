@@ -132,6 +132,17 @@ def test_generate_writes_what_simulate_returns(walking, tmp_path, capsys):
     capsys.readouterr()
 
 
+def test_truth_of_a_segment_is_the_motion_capture(walking, tmp_path):
+    """Programs that compare poses take the file and the name of the segment."""
+    bag = tmp_path / "arm.mcap"
+    ims.generate(bag, trajectory=walking, segments="LeftForeArm", rate=50, duration=2)
+    result = ims.evaluate(walking, bag, estimate_topic="LeftForeArm")
+    # The truth is interpolated between 50 Hz: a dt^2 / 8 at 5.4 m/s^2.
+    assert result.rms_position < 5.4 * 0.02**2 / 8.0
+    poses = ims.convert(walking, tmp_path / "all.mcap").output
+    assert ims.read_states(poses, "/LeftForeArm").frame_id == "world"
+
+
 def test_transforms_hang_on_the_segments(walking, tmp_path):
     bag = tmp_path / "tf.mcap"
     ims.generate(

@@ -3,7 +3,7 @@
 
 """BVH files of motion capture: the skeleton is read by bvhio, the frames as rows of numbers.
 
-bvhio makes an object of each joint and frame, which takes 14 times as long and 10 times the memory.
+bvhio makes an object of each joint and frame; the page motion_capture.md says what they would cost.
 A joint's pose in that of its parent (Meredith and Maddock, "Motion Capture File Formats Explained",
 University of Sheffield, 2001): the offset, or its position channels in place of it, and the
 rotations of its channels, each about the axes that the one before has turned: ``R = R_1 R_2 R_3``.
