@@ -112,7 +112,8 @@ def messages(dice: random.Random) -> tuple[str, list[str], list[str]]:
             for row in rows:
                 errors += comparison.add_estimate(row)
             for row in [*rows, *errors]:
-                values = [np.ravel(part) for part in row if part is not None]
+                parts = [np.ravel(part) for part in row if part is not None]
+                values = [part for part in parts if part.dtype.kind != "U"]  # not the frames
                 if not np.isfinite(np.concatenate(values)).all():
                     return "integrator", words, ["not finite", str(row)]
     except Exception:

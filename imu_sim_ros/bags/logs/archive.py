@@ -6,6 +6,7 @@
 import os
 import zipfile
 import zlib
+from collections.abc import Sequence
 from contextlib import AbstractContextManager, ExitStack
 from pathlib import Path, PurePosixPath
 from typing import Final
@@ -64,6 +65,18 @@ class Archive(AbstractContextManager["Archive"]):
             for name in self.names
             if f"/{name}".lower().endswith(endings) and "__MACOSX" not in name
         )
+
+    def refuse_several(self, names: Sequence[str]) -> None:
+        """Refuse several recordings in one archive.
+
+        :param names: files that lie in one folder if they are of one recording.
+        :raises InputError: with the folders.
+        """
+        folders = sorted({str(PurePosixPath(name).parent) for name in names})
+        if len(folders) > 1:
+            raise InputError(
+                f"{self.path}: has several recordings: {', '.join(folders[:6])}; name one of them"
+            )
 
     def read(self, name: str, size: int = -1) -> bytes:
         """Return the content of a file, or its first bytes.

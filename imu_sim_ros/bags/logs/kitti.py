@@ -66,6 +66,7 @@ def contents(path: Path) -> Contents:
         times = (files.names_of(_TIMES) or files.names_of("/timestamps.txt"))[:1]
         if not times:
             raise InputError(f"{path}: has no timestamps.txt")
+        files.refuse_several(files.names_of(_TIMES))
         prefix = times[0][: -len("timestamps.txt")]
         lines = files.read(times[0]).splitlines()
         stamps = [columns.utc_ns(line) for line in lines if line.strip()]

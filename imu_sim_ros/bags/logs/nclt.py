@@ -69,6 +69,7 @@ def contents(path: Path) -> Contents:
     tables: dict[str, bytes] = {}
     if path.is_dir():
         with Archive(path, depth=2) as files:
+            files.refuse_several([name for name in _names(files) if _is_imu(name)])
             tables = {name: files.read(name) for name in _names(files)}
     else:
         tables = {path.name: b"\n".join(columns.read_lines(path))}
@@ -91,6 +92,10 @@ def _names(files: Archive) -> list[str]:
     return [
         name for name in names if any(kind.name.fullmatch(name.split("/")[-1]) for kind in _KINDS)
     ]
+
+
+def _is_imu(name: str) -> bool:
+    return name.split("/")[-1] == "ms25.csv"
 
 
 def _kind(name: str, content: bytes) -> _Kind | None:

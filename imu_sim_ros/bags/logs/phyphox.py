@@ -113,6 +113,7 @@ def contents(path: Path) -> Contents:
     with Archive(path, depth=2) as files:
         clock = _clock(files, remarks)
         names = [name for name in files.names_of(".csv") if "/meta/" not in f"/{name}".lower()]
+        files.refuse_several(names)
         for name in names:
             lines = columns.lines_of(f"{path}: {name}", files.read(name))
             table = columns.table_of(name, lines)

@@ -46,7 +46,10 @@ _NORTH_IS_X: Final = np.array([np.sqrt(0.5), 0.0, 0.0, np.sqrt(0.5)])
 _UPRIGHT: Final = 0.8
 """Least cosine between up and the mean specific force of a correct orientation."""
 _PREFERRED: Final = {
-    IMU: ("/Gyroscope", "/TotalAcceleration", "/Accelerometer"),
+    IMU: (
+        *("/Gyroscope", "/TotalAcceleration", "/Accelerometer"),
+        *("/GyroscopeUncalibrated", "/AccelerometerUncalibrated", "/WristMotion", "/Headphone"),
+    ),
     MAGNETIC_FIELD: ("/Magnetometer",),
     FLUID_PRESSURE: ("/Barometer",),
 }
@@ -78,7 +81,7 @@ def holds(path: Path, magic: bytes) -> bool:
     if not archive.is_archive(path, magic):
         return False
     with Archive(path, depth=1) as files:
-        return any(_is_table(files, name) for name in _tables_in(files).values())
+        return any(_is_table(files, name) for name in _tables_in(files))
 
 
 def contents(path: Path) -> Contents:
@@ -86,12 +89,13 @@ def contents(path: Path) -> Contents:
     damage: list[str] = []
     remarks: list[str] = []
     with Archive(path, depth=1) as files:
+        names = [name for name in _tables_in(files) if _is_table(files, name)]
+        files.refuse_several(names)
         platform = _platform(files, remarks)
         tables: dict[str, ColumnTable] = {}
-        for name, file in _tables_in(files).items():
-            lines = columns.lines_of(f"{path}: {file}", files.read(file))
-            if lines and _is_head(lines[0]):
-                tables[name] = columns.table_of(file, lines)
+        for name in names:
+            lines = columns.lines_of(f"{path}: {name}", files.read(name))
+            tables[archive.stem(name)] = columns.table_of(name, lines)
     recording = _Recording(tables, platform, damage, remarks)
     streams = list(recording.streams())
     if not streams:
@@ -99,10 +103,9 @@ def contents(path: Path) -> Contents:
     return Contents(streams, _PREFERRED, (), tuple(damage), tuple(remarks))
 
 
-def _tables_in(files: Archive) -> dict[str, str]:
-    """Return the files of the tables by the names of the sensors."""
-    names = [name for name in files.names_of(".csv") if name.count("/") <= 1]
-    return {archive.stem(name): name for name in names}
+def _tables_in(files: Archive) -> list[str]:
+    """Return the files that may be tables."""
+    return [name for name in files.names_of(".csv") if name.count("/") <= 1]
 
 
 def _is_table(files: Archive, name: str) -> bool:
@@ -127,13 +130,11 @@ def _platform(files: Archive, remarks: list[str]) -> _Platform:
                 for key, value in zip(*cells, strict=False)
             }
     system = entries.get("platform", "")
-    if not system:
-        names = {name.lower() for name in _tables_in(files)}
-        if "totalacceleration" not in names:  # which Android alone has
-            remarks.append(
-                "there is no Metadata.csv that names the system: the signs are taken as Android's; "
-                "Apple's accelerations have the opposite ones"
-            )
+    if not system and not files.names_of("/totalacceleration.csv"):  # which Android alone has
+        remarks.append(
+            "there is no Metadata.csv that names the system: the signs are taken as Android's; "
+            "Apple's accelerations have the opposite ones"
+        )
     is_apple = system == "ios"
     if not is_apple:
         return _Platform(1.0, 1.0, False)

@@ -85,6 +85,24 @@ def test_a_zip_is_read_as_its_folder(tmp_path, flight):
         assert_readings(ims.read_readings(device_logs.zipped(folder, prefix)), flight, t_ns)
 
 
+def test_several_recordings_are_refused(tmp_path, flight):
+    """Two in one folder are never mixed."""
+    for k, write in enumerate((device_logs.sensor_logger, device_logs.phyphox)):
+        for name in ("monday", "tuesday"):
+            write(tmp_path / str(k) / name, flight)
+        for path in (tmp_path / str(k), device_logs.zipped(tmp_path / str(k))):
+            with pytest.raises(InputError, match="several recordings: monday, tuesday"):
+                ims.read_readings(path)
+
+
+def test_uncalibrated_readings_alone_are_read(tmp_path, flight):
+    folder = device_logs.sensor_logger(tmp_path / "run", flight)
+    for name in ("Gyroscope", "Accelerometer", "TotalAcceleration", "Gravity"):
+        (folder / f"{name}.csv").unlink()
+    readings = ims.read_readings(folder)
+    np.testing.assert_allclose(readings.gyro, flight.readings.gyro + 0.01, atol=1e-9)
+
+
 def test_stamps_of_each_sensor_are_its_own(tmp_path, flight):
     """The accelerometer is interpolated as two topics are, and the loss is told."""
     folder = device_logs.sensor_logger(tmp_path / "run", flight, skew_ns=4_000_000)

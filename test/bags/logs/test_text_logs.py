@@ -74,6 +74,15 @@ def test_kitti_is_read_from_the_drive_its_oxts_and_a_zip(tmp_path, flight):
     np.testing.assert_allclose(moved, of_flight.position - of_flight.position[0], atol=1e-4)
 
 
+def test_several_drives_are_refused(tmp_path, flight):
+    for name in ("0001", "0002"):
+        device_logs.kitti(tmp_path / "day" / name, flight)
+        device_logs.nclt(tmp_path / "sessions" / name, flight)
+    for path in (device_logs.zipped(tmp_path / "day"), tmp_path / "sessions"):
+        with pytest.raises(InputError, match="several recordings: 0001"):
+            ims.read_readings(path)
+
+
 def test_kitti_without_a_file_keeps_the_others(tmp_path, flight):
     drive = device_logs.kitti(tmp_path / "drive", flight)
     (drive / "oxts/data/0000000007.txt").unlink()
