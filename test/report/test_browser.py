@@ -114,6 +114,22 @@ def test_axes_have_three_ticks_and_no_label_lies_over_them(opened, name, width):
             assert all(label[1] <= tick[0] + 1 and tick[1] <= frame[0] for tick in up), title
 
 
+@pytest.mark.parametrize("width", WIDTHS)
+def test_a_path_and_the_ends_of_its_axes_lie_in_the_picture(opened, width):
+    page = opened("bag.html", width)
+    for view in ("initial view", "from above", "from the side"):
+        run(page, "figure('Path').querySelector(`button[title='${arguments[0]}']`).click()", view)
+        outside = run(
+            page,
+            """const frame = figure("Path").querySelector("svg").getBoundingClientRect();
+            return [...figure("Path").querySelectorAll("svg text, path.track")].filter((mark) => {
+              const box = mark.getBoundingClientRect();
+              return box.left < frame.left - 1 || box.right > frame.right + 1
+                || box.top < frame.top - 1 || box.bottom > frame.bottom + 1; }).length""",
+        )
+        assert outside == 0, view
+
+
 def test_the_legend_shows_a_band_as_a_band_and_a_line_as_a_line(opened):
     marks = run(
         opened("bag.html"),

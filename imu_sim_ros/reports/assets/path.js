@@ -2,11 +2,14 @@
 // SPDX-License-Identifier: Apache-2.0
 // Paths in three dimensions: turned by dragging, drawn without perspective, scaled alike on all axes.
 
+// Azimuth and elevation: the initial view, from above, from the side.
+const VIEWS = [[-0.9, 0.6], [-Math.PI / 2, Math.PI / 2], [-Math.PI / 2, 0]];
+
 class Path {
   // spec: {title, series: [{name, x, y, z, colour}]}
   constructor(spec) {
     this.spec = spec;
-    this.turn = { azimuth: -0.9, elevation: 0.6, size: 1 };
+    this.turn = { azimuth: VIEWS[0][0], elevation: VIEWS[0][1], size: 1 };
     this.hidden = new Set();
     this.holder = element("div");
     const tool = (sign, words, action) => element("button", { type: "button", title: words, "aria-label": words, onclick: () => { action(); this.draw(); } }, sign);
@@ -14,7 +17,7 @@ class Path {
     this.figure = element("figure", { "data-plot": spec.title },
       element("div", { class: "head" }, element("h3", {}, spec.title),
         tool("+", "larger", () => { this.turn.size *= 1.4; }), tool("\u2212", "smaller", () => { this.turn.size /= 1.4; }),
-        tool("top", "from above", look(-Math.PI / 2, Math.PI / 2)), tool("side", "from the side", look(-Math.PI / 2, 0)), tool("\u21ba", "initial view", look(-0.9, 0.6))),
+        tool("top", "from above", look(...VIEWS[1])), tool("side", "from the side", look(...VIEWS[2])), tool("\u21ba", "initial view", look(...VIEWS[0]))),
       this.holder,
       this.legend = element("div", { class: "legend" }),
       element("figcaption", { class: "caption" }, "Drag to rotate; click on a name to hide its path. Circle: start; square: end. Metres."));
@@ -46,16 +49,24 @@ class Path {
       return range || [0, 1];
     });
     this.middle = this.ends.map(([low, high]) => (low + high) / 2);
-    this.reach = Math.hypot(...this.ends.map(([low, high]) => high - low)) / 2 || 1;
+    // Half the extents of the box around the paths in the views that have a button.
+    const corners = this.ends[0].flatMap((x) => this.ends[1].flatMap((y) => this.ends[2].map((z) => [x, y, z])));
+    const seen = VIEWS.flatMap((view) => corners.map((corner) => this.projected(corner, ...view).map(Math.abs)));
+    this.half = [0, 1].map((k) => Math.max(...seen.map((place) => place[k])) || 1e-9);
+  }
+
+  // Across and up [m] from the middle, from a direction.
+  projected([x, y, z], azimuth, elevation) {
+    const [a, b, c] = [x - this.middle[0], y - this.middle[1], z - this.middle[2]];
+    const across = -Math.sin(azimuth) * a + Math.cos(azimuth) * b;
+    const depth = Math.cos(azimuth) * a + Math.sin(azimuth) * b;
+    return [across, Math.cos(elevation) * c - Math.sin(elevation) * depth];
   }
 
   at(x, y, z) {
     const { azimuth, elevation, size } = this.turn;
-    const [a, b, c] = [x - this.middle[0], y - this.middle[1], z - this.middle[2]];
-    const across = -Math.sin(azimuth) * a + Math.cos(azimuth) * b;
-    const depth = Math.cos(azimuth) * a + Math.sin(azimuth) * b;
-    const up = Math.cos(elevation) * c - Math.sin(elevation) * depth;
-    const scale = (Math.min(this.width, this.height * 1.4) / 2 - 26) * size / this.reach;
+    const [across, up] = this.projected([x, y, z], azimuth, elevation);
+    const scale = size * Math.min((this.width / 2 - 40) / this.half[0], (this.height / 2 - 24) / this.half[1]);
     return [this.width / 2 + across * scale, this.height / 2 - up * scale];
   }
 

@@ -33,8 +33,8 @@ class Verdict {
   requirements() {
     const { requirements, campaign, problems } = this.item;
     if (!requirements.count && !problems.length) return [];
-    const missed = requirements.missed.map((one) => element("li", {}, `${one.requirement}: `, element("b", {}, one.comment),
-      one.place ? ` with ${one.place} ` : " ", runsLink(campaign, one.query, "its runs")));
+    const missed = requirements.missed.map((one) => element("li", {}, `${one.requirement}${one.place ? ` with ${one.place}` : ""}: `,
+      element("b", {}, one.comment), " ", runsLink(campaign, one.query, "its runs")));
     const lines = [...missed, ...problems.map((line) => element("li", {}, line))];
     if (!lines.length) return [element("p", { class: "passed" }, `\u2713 ${requirements.count === 1 ? "the requirement is" : `all ${requirements.count} requirements are`} met`)];
     const words = missed.length ? `\u2717 ${requirements.texts} of ${requirements.count} requirements not met` : "\u2717 the gate fails";
