@@ -24,7 +24,7 @@ from imu_sim_ros.core.bad_rows import tell_skipped
 from imu_sim_ros.core.conventions import AXES, TRIADS
 from imu_sim_ros.core.digits import interval_texts, upper_bound
 from imu_sim_ros.core.errors import InputError, Problems
-from imu_sim_ros.core.records import Readings, concatenated
+from imu_sim_ros.core.records import Readings
 from imu_sim_ros.core.types import Array, Mask
 from imu_sim_ros.jobs.flight import Flight, readings_of
 from imu_sim_ros.jobs.selection import (
@@ -38,7 +38,10 @@ from imu_sim_ros.jobs.selection import (
 )
 from imu_sim_ros.jobs.writing import SkipBadRows, saved
 from imu_sim_ros.recordings.findings.catalogue import reading_findings
+from imu_sim_ros.recordings.findings.finding import Finding
+from imu_sim_ros.recordings.findings.measures import ReadingMeasures
 from imu_sim_ros.recordings.findings.policy import ALLAN
+from imu_sim_ros.recordings.findings.survey import ReadingSurvey
 from imu_sim_ros.terminal.progress import progress
 from imu_sim_ros.terminal.text_tables import TextTable, html_of
 
@@ -345,10 +348,6 @@ def allan(
     )
 
 
-_JUDGED: Final = 4096
-"""Readings at the start of a record that show its units."""
-
-
 def _judged(
     blocks: Iterable[Readings], problems: list[str], notes: list[str]
 ) -> Iterator[Readings]:
@@ -357,16 +356,13 @@ def _judged(
     :param problems: receives a line for each problem.
     :param notes: receives the notes of the readings.
     """
-    stream, start = iter(blocks), list[Readings]()
-    for block in stream:
-        start.append(block)
-        if sum(map(len, start)) >= _JUDGED:
-            break
-    if start:
-        _judge(concatenated(start), problems)
-        notes += start[0].notes
-    yield from start
-    yield from stream
+    survey = ReadingSurvey(_relevant_findings)
+    for block in blocks:
+        if not survey.readings:
+            notes += block.notes
+        ALLAN.judge(survey.add(block), problems.append)
+        yield block
+    ALLAN.judge(survey.finish(), problems.append)
 
 
 def _judge(readings: Readings, problems: list[str]) -> None:
@@ -374,8 +370,13 @@ def _judge(readings: Readings, problems: list[str]) -> None:
 
     :param problems: receives a line for each problem that is told.
     """
-    findings = [f for f in reading_findings(readings) if f.kind not in ALLAN.corrects]
-    ALLAN.judge(findings, problems.append)
+    ALLAN.judge(_relevant_findings(readings, ReadingMeasures(readings)), problems.append)
+
+
+def _relevant_findings(readings: Readings, measures: ReadingMeasures) -> list[Finding]:
+    """Return the findings about readings, without those that the analysis tells itself."""
+    findings = reading_findings(readings, measures)
+    return [finding for finding in findings if finding.kind not in ALLAN.corrects]
 
 
 def _count(path: Path, topic: str | None) -> int:

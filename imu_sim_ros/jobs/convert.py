@@ -35,7 +35,7 @@ from imu_sim_ros.core.arguments import suggest_keywords
 from imu_sim_ros.core.bad_rows import Skipped
 from imu_sim_ros.core.conventions import IMU_TOPIC
 from imu_sim_ros.core.errors import ConfigurationError, InputError
-from imu_sim_ros.core.records import Readings, States, concatenated, with_fields
+from imu_sim_ros.core.records import Readings, States, with_fields
 from imu_sim_ros.core.spelling import argument, stated
 from imu_sim_ros.formats.bag import pose_topic
 from imu_sim_ros.formats.choice import AS_RECORDED, Choice
@@ -70,7 +70,9 @@ from imu_sim_ros.jobs.writing import (
 )
 from imu_sim_ros.recordings.clock import estimate_clock
 from imu_sim_ros.recordings.findings.catalogue import unit_findings
+from imu_sim_ros.recordings.findings.finding import Finding
 from imu_sim_ros.recordings.findings.policy import CONVERT
+from imu_sim_ros.recordings.findings.survey import ReadingSurvey
 from imu_sim_ros.sensors import known_tables
 from imu_sim_ros.simulation.topics import resolved
 from imu_sim_ros.terminal.progress import Advance, progress
@@ -79,8 +81,8 @@ if TYPE_CHECKING:
     from imu_sim_ros.datasets.recorded_bag import RecordedImages
     from imu_sim_ros.datasets.recorded_folder import FolderImages
 
-_JUDGED: Final = 4096
-"""Readings at the start of a recording that show its units."""
+_JUDGED: Final = 262_144
+"""Readings at the start of a recording in which its units are looked for while it is at rest."""
 IMAGES: Final = ("raw", "compressed", "both", "none")
 _SHOWN_DAMAGE: Final = 10
 Counts = tuple[dict[str, int], int]
@@ -224,15 +226,15 @@ def convert(
 
 def _tell_units(source: Path, choice: Choice, journal: Journal) -> None:
     """Tell of readings in other units; what cannot be read is told when it is converted."""
-    start: list[Readings] = []
+    survey = ReadingSurvey(unit_findings)
+    findings: list[Finding] = []
     with contextlib.suppress(InputError):
         for block in reading_blocks(source, choice):
-            start.append(block)
-            if sum(map(len, start)) >= _JUDGED:
+            findings += survey.add(with_fields(block, source=str(source)))
+            if survey.moved or findings or survey.readings >= _JUDGED:
                 break
-    if start:
-        readings = with_fields(concatenated(start), source=str(source))
-        CONVERT.judge(unit_findings(readings), journal.remark)
+        findings += survey.finish()
+    CONVERT.judge(findings, journal.remark)
 
 
 def write(

@@ -5,6 +5,7 @@
 
 import numpy as np
 
+from imu_sim_ros.core import rotation
 from imu_sim_ros.core.conventions import STANDARD_GRAVITY
 from imu_sim_ros.core.records import with_fields
 
@@ -64,3 +65,23 @@ STAMPS = {
     "stamps_rounded": lambda r: with_fields(r, t_ns=r.t_ns // MS * MS),
 }
 """Readings whose stamps have a fault, by the kind of its finding."""
+
+
+def held(states):
+    rows = np.arange(len(states)) // 4 * 4
+    return with_fields(states, position=states.position[rows], q_wb=states.q_wb[rows])
+
+
+POSES = {
+    "poses_held": held,
+    "poses_sparse": lambda s: s.rows(slice(None, None, 60)),
+    "poses_disordered": lambda s: s.rows(np.r_[0:500, 501, 500, 502 : len(s)]),
+    "quaternion_order": lambda s: with_fields(s, q_wb=s.q_wb[:, [1, 2, 3, 0]]),
+    "z_down": lambda s: with_fields(
+        s, q_wb=rotation.multiply(s.q_wb, np.array([0.0, 1.0, 0.0, 0.0]))
+    ),
+    "axes_camera": lambda s: with_fields(
+        s, q_wb=rotation.multiply(s.q_wb, np.array([0.5, -0.5, 0.5, -0.5]))
+    ),
+}
+"""Poses with a fault, by the kind of its finding."""

@@ -8,7 +8,7 @@ from contextlib import suppress
 
 import numpy as np
 import pytest
-from faults import FAULTS, STAMPS
+from faults import FAULTS, POSES, STAMPS
 
 import imu_sim_ros as ims
 from imu_sim_ros.bags.create import open_writer
@@ -19,9 +19,10 @@ from imu_sim_ros.core import rotation
 from imu_sim_ros.core.errors import InputError, InputWarning
 from imu_sim_ros.core.records import LiveReading, with_fields
 from imu_sim_ros.inputs.poses import write_tum
-from imu_sim_ros.recordings.findings.catalogue import KINDS, reading_findings
+from imu_sim_ros.recordings.findings.catalogue import KINDS, reading_findings, unit_findings
 from imu_sim_ros.recordings.findings.live import UnitWatch
 from imu_sim_ros.recordings.findings.policy import JOBS, ROLES
+from imu_sim_ros.recordings.findings.survey import ReadingSurvey
 from imu_sim_ros.simulation.error_model import GivenImu
 from imu_sim_ros.simulation.error_parameters import load_error_model
 
@@ -34,6 +35,7 @@ def flights():
     return {
         # Half of it, up to a reset of the clock, is the shortest record that allan takes.
         "rest": ims.simulate(imu="bmi088", trajectory="static", rate=rate, duration=125, seed=seed),
+        "faces": ims.simulate(imu="bmi088", trajectory="six_position", rate=100, seed=seed),
         "motion": ims.simulate(
             imu="bmi088", trajectory="figure_eight", rate=rate, duration=12, seed=seed
         ),
@@ -94,7 +96,13 @@ def convert_bag(readings, flight, folder):
     return told_by(lambda: ims.convert(path, folder / "out.mcap", force=True))
 
 
+def calibrate(readings, flight, folder):
+    return told_by(lambda: ims.calibrate_six_position(readings))
+
+
 PROGRAMS = {
+    # On six faces no axis is upwards throughout.
+    "calibrate": (calibrate, "faces", [kind for kind in FAULTS if not kind.startswith("axes")]),
     "allan": (allan, "rest", ALL),
     "dead_reckon": (dead_reckon, "motion", ALL),
     "preintegrate": (preintegrate, "motion", ALL),
@@ -121,12 +129,57 @@ def test_each_job_does_as_it_declares(flights, tmp_path, job):
             lines = run(readings, flight, tmp_path)
         except InputError as error:
             lines = error.problems
-            if action != "refuses":
+            # Without a level axis there is no calibration; the finding says why.
+            says_why = job == "calibrate" and action == "tells" and tag in lines[0]
+            if action != "refuses" and not says_why:
                 wrong.append((kind, action, "refused", lines))
                 continue
         if any(tag in line for line in lines) != bool(action):
             wrong.append((kind, action, lines))
     assert not wrong, wrong
+
+
+@pytest.mark.parametrize("role", ["estimate", "truth"])
+def test_evaluate_does_as_it_declares(circle, tmp_path, role):
+    """Few poses are no fault of an estimate, which is compared at its stamps."""
+    poses = with_fields(circle.truth, velocity=None, angular_velocity=None)
+    write_tum(tmp_path / "right.tum", poses)
+    for kind, fault in POSES.items():
+        write_tum(tmp_path / "wrong.tum", fault(poses))
+        names = ("wrong", "right") if role == "estimate" else ("right", "wrong")
+        files = [tmp_path / f"{name}.tum" for name in names]
+        action, problems = JOBS["evaluate"].action(kind), []
+        try:
+            lines = told_by(lambda files=files: ims.evaluate(*files, max_gap=1.0))
+        except InputError as error:
+            lines, problems = [], error.problems
+        assert bool(problems) == (action == "refuses"), (kind, problems)
+        told = action == "tells" and (kind, role) != ("poses_sparse", "estimate")
+        assert any(f"[{kind}]" in line for line in lines) == told, (kind, lines)
+
+
+def test_units_that_later_motion_shows_are_judged_the_same_by_all(tmp_path):
+    """A gyroscope without noise in deg/s, at rest for 80 s, that is 8,000 readings."""
+    still, moving = (
+        ims.simulate(imu="perfect", trajectory=name, rate=100, duration=duration)
+        for name, duration in (("static", 80), ("tumble", 20))
+    )
+    t_ns = np.concatenate([still.readings.t_ns, moving.readings.t_ns + 80 * 10**9])
+    gyro = np.degrees(np.concatenate([still.readings.gyro, moving.readings.gyro]))
+    accel = np.concatenate([still.readings.accel, moving.readings.accel])
+    readings = ims.Readings(t_ns, gyro, accel)
+    kind = "gyroscope_degrees"
+    assert [finding.kind for finding in ims.inspect(readings).findings] == [kind]
+    runs = [convert_bag(readings, still, tmp_path), dead_reckon(readings, still, tmp_path)]
+    with pytest.raises(InputError, match=rf"\[{kind}\]"):
+        ims.twin(readings, moving.truth)
+    for lines in runs:
+        assert sum(f"[{kind}]" in line for line in lines) == 1, lines
+    survey = ReadingSurvey(unit_findings)  # that of allan, which reads block by block
+    blocks = [readings.rows(slice(begin, begin + 777)) for begin in range(0, len(t_ns), 777)]
+    assert [finding.kind for block in blocks for finding in survey.add(block)] == [kind]
+    right = ims.Readings(t_ns, np.radians(gyro), accel)
+    assert ims.inspect(right).findings == ()
 
 
 def test_trajectories_in_the_wrong_place_are_refused(flights):

@@ -58,9 +58,12 @@ def stamp_findings(clock: Clock, source: str) -> list[Finding]:
     return by_severity(_findings(STAMPS, clock, source))
 
 
-def unit_findings(readings: Readings) -> list[Finding]:
-    """Return the findings about the units of readings, and about swapped triads."""
-    return list(_findings(UNIT_CHECKS, ReadingMeasures(readings), readings))
+def unit_findings(readings: Readings, measures: ReadingMeasures | None = None) -> list[Finding]:
+    """Return the findings about the units of readings, and about swapped triads.
+
+    :param measures: what was measured of these readings; None: it is measured.
+    """
+    return list(_findings(UNIT_CHECKS, measures or ReadingMeasures(readings), readings))
 
 
 def twist_findings(states: States, measures: StateMeasures | None = None) -> list[Finding]:

@@ -13,10 +13,11 @@ from imu_sim_ros.core.conventions import TWIST_FRAMES
 from imu_sim_ros.core.records import LiveReading, LiveState, Readings, States
 from imu_sim_ros.recordings.findings.catalogue import twist_findings, unit_findings
 from imu_sim_ros.recordings.findings.finding import Finding
+from imu_sim_ros.recordings.findings.measures import ReadingMeasures
 from imu_sim_ros.recordings.findings.states import StateMeasures
 
 START_NS: Final = 2_000_000_000
-"""Time from the first reading over which readings are judged [ns]."""
+"""Time over which readings are judged together, first from the first one on [ns]."""
 FEWEST: Final = 32
 """Readings from which on they are judged."""
 _COMPARED_NS: Final = 500_000_000
@@ -30,7 +31,11 @@ _COMPARISONS: Final = 20
 
 
 class UnitWatch:
-    """Judges the units of the first two seconds of readings; later ones are not looked at."""
+    """Judges the units of readings of two seconds, until the body moves or a unit is wrong.
+
+    The first two seconds are judged; at rest again after 2, 4, 8, ... s, so that the work does not
+    grow with the time at rest.
+    """
 
     def __init__(self, source: str) -> None:
         """Begin with the next reading.
@@ -39,26 +44,35 @@ class UnitWatch:
         """
         self._source = source
         self._readings: list[LiveReading] = []
+        self._begin_ns: int | None = None
+        self._pause_ns = START_NS
         self.done = False
-        """True if the readings have been judged."""
+        """True if no more readings are needed."""
 
     def add(self, reading: LiveReading) -> list[Finding]:
-        """Take a reading; return the findings when two seconds are over, before that none."""
+        """Take a reading; return the findings each time two seconds are over, else none."""
+        if self._begin_ns is None or reading.t_ns < self._begin_ns - self._pause_ns:
+            self._begin_ns = reading.t_ns  # also after a reset of the clock
+        if reading.t_ns < self._begin_ns:
+            return []
         readings = self._readings
         readings.append(reading)
         if reading.t_ns - readings[0].t_ns < START_NS or len(readings) < FEWEST:
             return []
-        self.done = True
         self._readings = []
+        self._begin_ns = reading.t_ns + self._pause_ns
+        self._pause_ns *= 2
         times, rates, forces, _ = zip(*readings, strict=True)
-        return unit_findings(
-            Readings.unchecked(
-                t_ns=np.array(times, np.int64),
-                gyro=np.array(rates),
-                accel=np.array(forces),
-                source=self._source,
-            )
+        window = Readings.unchecked(
+            t_ns=np.array(times, np.int64),
+            gyro=np.array(rates),
+            accel=np.array(forces),
+            source=self._source,
         )
+        measures = ReadingMeasures(window)
+        findings = unit_findings(window, measures)
+        self.done = bool(findings) or measures.moves
+        return findings
 
 
 class TwistWatch:

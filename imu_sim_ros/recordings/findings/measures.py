@@ -14,7 +14,7 @@ from imu_sim_ros.core import rotation
 from imu_sim_ros.core.conventions import STANDARD_GRAVITY
 from imu_sim_ros.core.errors import InputError
 from imu_sim_ros.core.records import Readings
-from imu_sim_ros.core.types import Array, Mask
+from imu_sim_ros.core.types import Array, Integers, Mask
 from imu_sim_ros.recordings.clock import Clock, estimate_clock
 
 _FEWEST: Final = 32
@@ -166,6 +166,11 @@ class ReadingMeasures:
         return parts.mean(axis=2).std(axis=1, ddof=1), deviation / math.sqrt(parts.shape[2])
 
     @property
+    def moves(self) -> bool:
+        """True if the longest piece has windows that are not at rest."""
+        return bool(len(self.rest)) and not self.rest.all()
+
+    @property
     def rest_time(self) -> float:
         """Time at rest [s], of the longest piece without a pause."""
         return float(self.rest.mean()) * self.duration if len(self.rest) else 0.0
@@ -266,7 +271,7 @@ class ReadingMeasures:
 
     def _degrees_by_gravity(self) -> str:
         """Return the evidence of deg/s that the direction of gravity gives; empty: none."""
-        if self.rest.any() or self.duration < SHORTEST or not self.mean_force:
+        if not self.moves or self.duration < SHORTEST or not self.mean_force:
             return ""
         radians, degrees = (self.gravity(2.0, scale) for scale in (1.0, _DEGREES))
         if degrees.coherence < 0.9 or radians.coherence > 0.6:
@@ -298,6 +303,8 @@ class ReadingMeasures:
         accel = accel[: count * size].reshape(count, size, 3).mean(axis=1)
         length = min(max(round(duration / dt), 2), count)
         starts = np.unique(np.linspace(0, count - length, _PIECES).round().astype(np.int64))
+        if self.moves and self.rest.any():
+            starts = self._starts_in_motion(size, count - length)
         rows = starts[:, None] + np.arange(length)
         turns = rotation.exp(np.clip(gyro[rows] * dt, -1e3, 1e3))
         forces = accel[rows]
@@ -310,6 +317,16 @@ class ReadingMeasures:
         usual = np.linalg.norm(forces, axis=-1).mean(axis=1)
         ratio = np.divide(lengths, usual, out=np.zeros_like(lengths), where=usual > 0.0)
         return Gravity(float(np.median(lengths)), float(np.median(ratio)))
+
+    def _starts_in_motion(self, size: int, latest: int) -> Integers:
+        """Return the first steps of pieces that begin where a window is in motion.
+
+        :param size: readings of a step.
+        :param latest: last step at which a piece fits into the record.
+        """
+        moving = np.flatnonzero(~self.rest) * self.window // size
+        chosen = np.linspace(0, len(moving) - 1, min(_PIECES, len(moving))).round()
+        return np.unique(np.minimum(moving[chosen.astype(np.int64)], latest))
 
     @cached_property
     def slow_gravity(self) -> Gravity:

@@ -82,7 +82,7 @@ ALLAN: Final = FindingPolicy(
     corrects=("clock_reset", *UNEVEN_CLOCK),
     tells=(*UNITS, "gravity_size"),
 )
-CALIBRATE: Final = FindingPolicy(refuses=ABSENT, tells=UNITS)
+CALIBRATE: Final = FindingPolicy(refuses=ABSENT, tells=(*UNITS, "triad_zeros", "axis_stuck"))
 CONVERT: Final = FindingPolicy(tells=UNITS)
 INTEGRATOR: Final = FindingPolicy(tells=UNITS)
 ERROR_MODEL: Final = FindingPolicy(tells=(*UNITS, *TWIST))
