@@ -241,7 +241,9 @@ def test_bad_input_is_one_clear_line(bag, tmp_path, capsys):
     moving = tmp_path / "moving.mcap"
     generate.main(["--imu", "lecture", "--trajectory", "lecture", "--duration", "100s", "--rate",
                    "100", "--quiet", "--imu-only", "-o", str(moving)])  # fmt: skip
-    assert "not at rest" in refused(capsys, str(moving), "--no-files")
+    reason = refused(capsys, str(moving), "--no-files")
+    assert "not at rest" in reason
+    assert "[motion_at_rest]" in reason
     short = tmp_path / "short.mcap"
     generate.main(["--imu", "lecture", "--trajectory", "static", "--duration", "10s", "--rate",
                    "100", "--quiet", "--imu-only", "-o", str(short)])  # fmt: skip

@@ -38,6 +38,8 @@ from imu_sim_ros.core.errors import InputError
 from imu_sim_ros.core.records import Readings
 from imu_sim_ros.core.spelling import argument
 from imu_sim_ros.core.types import Array
+from imu_sim_ros.recordings.findings.catalogue import rest_findings
+from imu_sim_ros.recordings.findings.roles import RestRecord
 
 SHORTEST: Final = 60.0
 """Shortest analysable rest [s]."""
@@ -268,21 +270,22 @@ def _problems(
                 walks.add(axis)
     motions = [m for m in rest.moving if m.axis not in walks or rest.sudden(m)]
     moving = sum(m.end - m.begin for m in {m.begin: m for m in motions}.values())
+    motion_texts: list[str] = []
     if moving > _MOVING_SHARE * rest.seconds:
         worst = max(motions, key=lambda m: m.size / (1.0 if m.axis < 3 else 10.0))
-        problems.append(
-            f"not at rest: the {AXES[worst.axis]} moves by {worst.size:.3g} "
-            f"{UNITS[worst.axis // 3]} between {worst.begin:.0f} and {worst.end:.0f} s; "
-            "record the IMU at rest"
+        motion_texts.append(
+            f"the {AXES[worst.axis]} moves by {worst.size:.3g} "
+            f"{UNITS[worst.axis // 3]} between {worst.begin:.0f} and {worst.end:.0f} s"
         )
     disturbed = sum(m.end - m.begin for m in rest.disturbed)
     if disturbed > _DISTURBED_SHARE * rest.seconds:
         first_disturbance = rest.disturbed[0]
-        problems.append(
-            f"not at rest: {len(rest.disturbed)} disturbances of {disturbed:.0f} s in all, "
+        motion_texts.append(
+            f"{len(rest.disturbed)} disturbances of {disturbed:.0f} s in all, "
             f"the first {first_disturbance.begin:.0f} s after the start on the "
-            f"{AXES[first_disturbance.axis]}; record the IMU at rest"
+            f"{AXES[first_disturbance.axis]}"
         )
+    problems += [finding.sentence() for finding in rest_findings(RestRecord(tuple(motion_texts)))]
     if longest < SHORTEST:
         problems.append(
             f"{longest:.1f} s at rest without a gap: at least {SHORTEST:.0f} s are needed, "

@@ -18,7 +18,14 @@ from imu_sim_ros.recordings.findings.disturbances import DISTURBANCES, Disturbed
 from imu_sim_ros.recordings.findings.finding import SEVERITIES, FaultCheck, Finding, RecordT
 from imu_sim_ros.recordings.findings.measures import ReadingMeasures
 from imu_sim_ros.recordings.findings.readings import READINGS, UNIT_CHECKS
-from imu_sim_ros.recordings.findings.roles import FRAMES, USES, TopicFrames, TrajectoryUse
+from imu_sim_ros.recordings.findings.roles import (
+    FRAMES,
+    REST,
+    USES,
+    RestRecord,
+    TopicFrames,
+    TrajectoryUse,
+)
 from imu_sim_ros.recordings.findings.stamps import STAMPS
 from imu_sim_ros.recordings.findings.states import STATES, TWIST, StateMeasures, poses_disordered
 from imu_sim_ros.recordings.repair import Disturbances, mended
@@ -30,7 +37,7 @@ GROUPS: Final[dict[str, tuple[FaultCheck[Any], ...]]] = {
     "Cameras": CAMERAS,
     "Clouds": CLOUDS,
     "Counts of devices": CLIPPING,
-    "Topics and arguments": (*FRAMES, *USES),
+    "Topics and arguments": (*FRAMES, *USES, *REST),
 }
 """All checks, by the part of a recording that they look at."""
 _JUDGED: Final = 200_000
@@ -125,6 +132,11 @@ def frame_findings(topic: TopicFrames) -> list[Finding]:
 def use_findings(use: TrajectoryUse) -> list[Finding]:
     """Return the finding about a trajectory in the wrong place."""
     return list(_findings(USES, use, use.source))
+
+
+def rest_findings(record: RestRecord) -> list[Finding]:
+    """Return the findings about motion in a record that has to be one at rest."""
+    return list(_findings(REST, record, ""))
 
 
 def by_severity(findings: Iterable[Finding]) -> list[Finding]:

@@ -33,7 +33,7 @@ class Finding:
     severity: Severity
     """error: results are wrong; warning: they are worse than they could be; note."""
     source: str
-    """Name of the file, topic or sensor."""
+    """Name of the file, topic or sensor; empty: the line before names it."""
     evidence: str
     """The numbers that show it."""
     effect: str
@@ -58,15 +58,15 @@ class Finding:
 
     def statement(self) -> str:
         """Return source, place, evidence and kind as a line."""
-        return f"{self._subject()}: {self.evidence} [{self.kind}]"
+        return f"{self._subject()}{self.evidence} [{self.kind}]"
 
     def sentence(self) -> str:
         """Return source, place, evidence, remedy and kind as a line."""
-        return f"{self._subject()}: {self.evidence}; {self.remedy} [{self.kind}]"
+        return f"{self._subject()}{self.evidence}; {self.remedy} [{self.kind}]"
 
     def _subject(self) -> str:
         place = f", from {self.place()} on" if self.row else ""
-        return f"{self.source}{place}"
+        return f"{self.source}{place}: " if self.source else ""
 
     def to_dict(self) -> dict[str, Any]:
         """Return the fields by name."""

@@ -78,7 +78,7 @@ TWIN: Final = FindingPolicy(
     refuses=(*ABSENT, *BROKEN_CLOCK, *UNITS), corrects=UNEVEN_CLOCK, tells=POSES
 )
 ALLAN: Final = FindingPolicy(
-    refuses=(*ABSENT, "stamps_unit"),
+    refuses=(*ABSENT, "stamps_unit", "motion_at_rest"),
     corrects=("clock_reset", *UNEVEN_CLOCK),
     tells=(*UNITS, "gravity_size"),
 )

@@ -1,7 +1,7 @@
 # Copyright 2026 imu_sim_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Findings about topics and arguments: several frames on a topic, exchanged trajectories."""
+"""Findings about topics and arguments: several frames, exchanged trajectories, motion at rest."""
 
 from collections.abc import Iterator, Mapping
 from typing import Final, Literal, NamedTuple
@@ -27,6 +27,13 @@ class TrajectoryUse(NamedTuple):
     """Truth of a simulation or estimate of it; empty: unknown."""
     place: Literal["truth", "estimate"]
     """Argument that it was given as."""
+
+
+class RestRecord(NamedTuple):
+    """A record of an IMU that is analysed as one at rest."""
+
+    motions: tuple[str, ...]
+    """Motions in it, each with its size and time."""
 
 
 @check(
@@ -58,6 +65,15 @@ def estimate_as_truth(use: TrajectoryUse) -> Iterator[Evidence]:
         yield Evidence("is an estimate")
 
 
+@check("error", "noise and drift cannot be told from motion", "record the IMU at rest")
+def motion_at_rest(record: RestRecord) -> Iterator[Evidence]:
+    """Find motion in a record that has to be one at rest."""
+    for motion in record.motions:
+        yield Evidence(f"not at rest: {motion}")
+
+
+REST: Final = (motion_at_rest,)
+"""Checks of a record that has to be one at rest."""
 FRAMES: Final = (frames_mixed,)
 """Checks of the frames on a topic."""
 USES: Final = (truth_as_estimate, estimate_as_truth)
