@@ -225,6 +225,92 @@ def test_every_kind_of_import_counts_in_a_circle(text):
     assert circle_in(both).keys() == {"imu_sim_ros.a", "imu_sim_ros.b"}
 
 
+FEW = 5
+"""So many modules of the package take less than 2 ms to load."""
+SAVED = HEAVY | ONLY_IN.keys() | {"pandas", "PIL", "rerun", "sqlite3"}
+"""Libraries that are worth an import in a function."""
+
+
+def at_start(body):
+    """Yield the import statements that run when a module is imported."""
+    for node in body:
+        if isinstance(node, ast.Import | ast.ImportFrom):
+            yield node
+        elif isinstance(node, ast.If) and "TYPE_CHECKING" in ast.unparse(node.test):
+            yield from at_start(node.orelse)
+        elif not isinstance(node, ast.FunctionDef | ast.AsyncFunctionDef):
+            for field in ("body", "orelse", "handlers", "finalbody"):
+                yield from at_start(getattr(node, field, []))
+
+
+def packages(name):
+    """Return a module's name and those of the packages that it is in."""
+    parts = name.split(".")
+    return {".".join(parts[:k]) for k in range(1, len(parts) + 1)}
+
+
+def loads(names, direct):
+    """Return every module of this package, and every library, that loading some modules loads.
+
+    :param direct: names that each module of this package imports at its top.
+    """
+    loaded, waiting = set(), list(names)
+    while waiting:
+        name = waiting.pop()
+        own = name.partition(".")[0] == PACKAGE.name
+        for part in (packages(name) if own else {name.partition(".")[0]}) - loaded:
+            loaded.add(part)
+            waiting += direct.get(part, ())
+    return loaded
+
+
+def needless_imports(trees):
+    """Return module and line of imports in functions that save no time at the start.
+
+    What they load, and their module does not load by itself, is neither a heavy library nor more
+    than a few modules of the package.
+
+    :param trees: every module by name.
+    """
+
+    def names_of(statement):
+        names = list(imports(ast.Module([statement], [])))
+        return {name for name in names if name in trees or "." not in name or name in names[:1]}
+
+    direct = {
+        name: set().union(*map(names_of, at_start(tree.body)), ()) for name, tree in trees.items()
+    }
+    needless = []
+    for name, tree in trees.items():
+        loaded = loads([name], direct)
+        functions = [n for n in ast.walk(tree) if isinstance(n, ast.FunctionDef)]
+        for statement in {node for function in functions for node in ast.walk(function)}:
+            if not isinstance(statement, ast.Import | ast.ImportFrom):
+                continue
+            own = names_of(statement) & trees.keys()
+            saved = loads(own, direct) - loaded
+            if own and not saved & SAVED and len(saved & trees.keys()) < FEW:
+                needless.append(f"{name}:{statement.lineno}")
+    return needless
+
+
+def test_an_import_in_a_function_saves_time_at_the_start():
+    """All others stand at the top; commands/start.py imports nothing before signals are handled."""
+    trees = {name: parsed(path) for name, path in own_files().items()}
+    found = [
+        at for at in needless_imports(trees) if not at.startswith("imu_sim_ros.commands.start:")
+    ]
+    assert not found, "these belong at the top"
+
+
+def test_an_import_that_saves_nothing_is_found():
+    heavy = {"imu_sim_ros.a": "def f():\n    import imu_sim_ros.b", "imu_sim_ros.b": "import cv2"}
+    known = {**heavy, "imu_sim_ros.a": f"import cv2\n{heavy['imu_sim_ros.a']}"}
+    small = {**heavy, "imu_sim_ros.b": ""}
+    for modules, lines in ((heavy, []), (known, ["imu_sim_ros.a:3"]), (small, ["imu_sim_ros.a:2"])):
+        assert needless_imports({n: ast.parse(code) for n, code in modules.items()}) == lines
+
+
 @over(sorted((ROOT / "test").rglob("*.py")))
 def test_tests_share_modules_that_only_they_have(path):
     """Python has a package named test, and every folder of tests may have a conftest."""

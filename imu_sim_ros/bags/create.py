@@ -5,6 +5,7 @@
 
 from pathlib import Path
 
+from imu_sim_ros.bags.mcap_writer import McapWriter
 from imu_sim_ros.bags.outputs import refuse_existing
 from imu_sim_ros.bags.split import PartsWriter, Rosbag2Writer
 from imu_sim_ros.bags.writer import AS_NAMED, BagOptions, Writer, check_writer
@@ -33,7 +34,6 @@ def open_writer(path: str | Path, options: BagOptions = AS_NAMED) -> Writer:
             from imu_sim_ros.bags.sqlite_writer import SqliteWriter
 
             return SqliteWriter(file)
-        from imu_sim_ros.bags.mcap_writer import McapWriter
 
         return McapWriter(file, compressed, renamed=single)
 

@@ -10,6 +10,7 @@ from collections.abc import Sequence
 from typing import Final
 
 from imu_sim_ros.bags.threads import cores
+from imu_sim_ros.campaigns.junit import write_junit
 from imu_sim_ros.campaigns.metrics import parse_tolerance
 from imu_sim_ros.campaigns.plan import check_plan, find_plan, load_plan
 from imu_sim_ros.commands import program
@@ -77,8 +78,6 @@ def run(arguments: argparse.Namespace) -> list[str]:
     command = f"imu_sim campaign {shlex.quote(arguments.plan)} -o {shlex.quote(str(folder))}"
     outcome = call(campaign, arguments, {"workers": cores()}, {"command": command})
     if arguments.junit is not None:
-        from imu_sim_ros.campaigns.junit import write_junit
-
         write_junit(arguments.junit, plan.options.name, outcome.judgement)
     program.show(arguments, outcome)
     if outcome.runs and not outcome.done:

@@ -9,6 +9,7 @@ from contextlib import suppress
 from typing import Any, Final
 
 from imu_sim_ros.parameters import files
+from imu_sim_ros.parameters.sections import flatten
 
 _ASKED: Final = "_ARGCOMPLETE"
 """Set by the shell's side of argcomplete: which word of the line names the program, from 1."""
@@ -65,7 +66,6 @@ def _names_and_files(
 def _parameters(parser: argparse.ArgumentParser) -> list[str]:
     """Return the names of the parameters that ``--set`` takes."""
     from imu_sim_ros.navigation.parameters import IntegratorParameters
-    from imu_sim_ros.parameters.sections import flatten
     from imu_sim_ros.simulation.parameters import SimulationParameters
 
     of_integrator = parser.prog == "dead_reckon"

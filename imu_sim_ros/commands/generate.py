@@ -17,6 +17,7 @@ from imu_sim_ros.sensors import catalogue, named_sensors, switches
 from imu_sim_ros.simulation.parameters import load_simulation
 from imu_sim_ros.terminal.signatures import arguments_of, call
 from imu_sim_ros.trajectory.parameters import TourParameters
+from imu_sim_ros.trajectory.tour import waypoints_file
 
 EXAMPLES: Final = """
   generate -o a.bag --imu-only --trajectory static --duration 4h --topic imu/data_raw=/imu
@@ -74,8 +75,6 @@ class _Tour(argparse.Action):
         self, parser: argparse.ArgumentParser, _namespace: object, value: Any, *_rest: object
     ) -> None:
         """Print them."""
-        from imu_sim_ros.trajectory.tour import waypoints_file  # with SciPy
-
         place, _, seed = str(value).partition(":")
         tour_parameters: dict[str, object] = {"trajectory.type": "tour", "trajectory.place": place}
         tour_parameters["trajectory.place_seed"] = int(seed) if seed.isdigit() else seed or 0

@@ -45,6 +45,7 @@ from imu_sim_ros.core.records import Readings, with_fields
 from imu_sim_ros.core.spelling import stated
 from imu_sim_ros.core.types import Array, Times
 from imu_sim_ros.formats import door
+from imu_sim_ros.jobs.calibration_text import calibration_lines
 from imu_sim_ros.jobs.flight import Flight, readings_of
 from imu_sim_ros.jobs.selection import (
     NOTHING,
@@ -173,8 +174,6 @@ class Calibration:
 
         :param true: the true values, from :meth:`true_values`.
         """
-        from imu_sim_ros.jobs.calibration_text import calibration_lines
-
         yield from input_lines(self.notes)
         yield from calibration_lines(self.parameters, self.facts, true or {})
 

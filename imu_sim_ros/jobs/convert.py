@@ -17,6 +17,7 @@ import numpy as np
 
 from imu_sim_ros.bags import convert as streams
 from imu_sim_ros.bags import sensor_tables
+from imu_sim_ros.bags.cameras import recorded_cameras
 from imu_sim_ros.bags.create import open_writer
 from imu_sim_ros.bags.messages.blocks import TopicInfo
 from imu_sim_ros.bags.messages.edit import ImuEdit
@@ -564,7 +565,6 @@ def _images(bag: Bag, topics: Sequence[TopicInfo], output: _Output) -> RecordedI
     kinds = {topic.type for topic in topics}
     if not kinds & {IMAGE, COMPRESSED_IMAGE} or not output.target.path.is_dir():
         return None
-    from imu_sim_ros.bags.cameras import recorded_cameras
     from imu_sim_ros.datasets.recorded_bag import RecordedImages  # which needs OpenCV
 
     return RecordedImages(

@@ -60,6 +60,7 @@ from imu_sim_ros.navigation.time_offset import time_offset as time_offset_of
 from imu_sim_ros.recordings.findings.catalogue import pose_findings, use_findings
 from imu_sim_ros.recordings.findings.policy import EVALUATE
 from imu_sim_ros.recordings.findings.roles import TrajectoryUse
+from imu_sim_ros.sensors.camera.model import reprojection_errors
 from imu_sim_ros.terminal.text_tables import TextTable, html_of
 
 if TYPE_CHECKING:
@@ -649,8 +650,6 @@ def _reprojection(
     :param estimate: aligned with the world of the landmarks.
     :raises InputError: if no feature has a pose of the estimate.
     """
-    from imu_sim_ros.sensors.camera.model import reprojection_errors
-
     result = []
     for k, (camera_name, camera) in enumerate(tracks.cameras.items()):
         rows = np.flatnonzero((tracks.camera == k) & ~tracks.wrong)

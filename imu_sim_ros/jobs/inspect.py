@@ -15,6 +15,7 @@ from typing import Annotated, Any, Final
 
 import numpy as np
 
+from imu_sim_ros import __version__
 from imu_sim_ros.bags.cameras import camera_records
 from imu_sim_ros.bags.clouds import cloud_records
 from imu_sim_ros.bags.messages.encode import IMU, PATH
@@ -72,6 +73,8 @@ from imu_sim_ros.recordings.time_offsets import (
     turn_angles_of_poses,
     turn_angles_of_readings,
 )
+from imu_sim_ros.reports.findings import finding_section
+from imu_sim_ros.reports.page import Section, html, table
 from imu_sim_ros.terminal.text_tables import TextTable, html_of
 
 _NEAREST: Final = 3
@@ -321,10 +324,6 @@ class Inspection:
         :returns: the path.
         :raises InputError: for a path that cannot be used or exists.
         """
-        from imu_sim_ros import __version__
-        from imu_sim_ros.reports.findings import finding_section
-        from imu_sim_ros.reports.page import Section, html, table
-
         sections = [finding_section(self.findings)]
         for title, columns, cells in self.tables():
             if cells:

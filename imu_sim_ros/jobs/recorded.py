@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 
 from imu_sim_ros.core import arguments
 from imu_sim_ros.core.arguments import BAG_OR_FILE, suggest_keywords
-from imu_sim_ros.core.errors import InputError
+from imu_sim_ros.core.errors import InputError, naming
 from imu_sim_ros.core.gate import stamp_ns
 
 if TYPE_CHECKING:
@@ -83,7 +83,6 @@ def _cameras(path: Path) -> dict[str, RecordedFrames] | None:
 
 
 def _of_camera(frames: RecordedFrames) -> Iterator[tuple[int, NDArray[Any]]]:
-    from imu_sim_ros.core.errors import naming
     from imu_sim_ros.datasets.recorded import read_image
     from imu_sim_ros.sensors.camera.images.files import decoded
 

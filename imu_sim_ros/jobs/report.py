@@ -33,6 +33,7 @@ from imu_sim_ros.jobs.selection import (
 )
 from imu_sim_ros.jobs.tracks import has_truth, odometry_topics, truth_topic
 from imu_sim_ros.jobs.writing import SkipBadRows, saved
+from imu_sim_ros.reports.findings import finding_section
 from imu_sim_ros.reports.page import Section, html
 
 if TYPE_CHECKING:
@@ -327,7 +328,6 @@ def _bag(sources: Sources, path: Path, files: Sequence[Path]) -> list[Section]:
 def _findings(sources: Sources, path: Path, files: Sequence[Path]) -> Section:
     """Return the findings of a recording and of the estimates beside it, worst first."""
     from imu_sim_ros.jobs.inspect import inspect
-    from imu_sim_ros.reports.findings import finding_section
 
     choice = sources.choice
     inspection = inspect(

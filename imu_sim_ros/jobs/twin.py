@@ -41,6 +41,7 @@ from imu_sim_ros.core.rotation import from_matrix, log
 from imu_sim_ros.core.spelling import stated
 from imu_sim_ros.core.types import Array, Mask
 from imu_sim_ros.jobs.calibrate import Calibrated
+from imu_sim_ros.jobs.calibration_text import twin_lines
 from imu_sim_ros.jobs.flight import Flight
 from imu_sim_ros.jobs.readings import HasPoses
 from imu_sim_ros.jobs.selection import (
@@ -225,8 +226,6 @@ class Twin:
 
     def lines(self) -> Iterator[str | TextTable]:
         """Yield the text of the twin, as ``twin`` prints it."""
-        from imu_sim_ros.jobs.calibration_text import twin_lines
-
         yield from input_lines(self.source.notes)
         yield from twin_lines(
             self.errors,

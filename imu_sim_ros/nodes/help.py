@@ -11,6 +11,7 @@ from imu_sim_ros import __version__
 from imu_sim_ros.commands import completion, program
 from imu_sim_ros.parameters.kinds import Parameter
 from imu_sim_ros.parameters.sections import parameters
+from imu_sim_ros.sensors import all_sensors
 
 
 class NodeHelp(NamedTuple):
@@ -218,8 +219,6 @@ def _parameters(name: str) -> dict[str, Parameter]:
     """Return the parameters of a node, with those of all sensors for the simulator."""
     declarations = dict(parameters(PROGRAMS[name].section()))
     if name == "simulator":
-        from imu_sim_ros.sensors import all_sensors
-
         for sensor in all_sensors()[0]:
             of_sensor = parameters(sensor.section)
             declarations |= {

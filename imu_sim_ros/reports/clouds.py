@@ -20,6 +20,7 @@ from imu_sim_ros.recordings.clock import estimate_clock
 from imu_sim_ros.reports.page import Item, Section, plot
 from imu_sim_ros.reports.sensors import truth_of
 from imu_sim_ros.reports.streams import extremes
+from imu_sim_ros.sensors.camera.images.files import png
 
 _PICTURES: Final = 3
 _PIXELS: Final = 360
@@ -156,8 +157,6 @@ def _ranges(name: str, histogram: Array, edges: Array) -> Item:
 
 def _pictures(name: str, scans: list[tuple[int, Array, NDArray[Any]]], first_ns: int) -> list[Item]:
     """Return scans seen from above, as bright as their intensity."""
-    from imu_sim_ros.sensors.camera.images.files import png
-
     flat = [np.abs(positions[:, :2]).max(axis=1) for _, positions, _ in scans]
     reaches = np.concatenate(flat)
     if not len(reaches):

@@ -27,6 +27,7 @@ from imu_sim_ros.recordings.live_clock import LiveClock
 from imu_sim_ros.recordings.stream import ClockStream, Stretch
 from imu_sim_ros.reports.page import Item, table
 from imu_sim_ros.sensors import sensors_of_imus
+from imu_sim_ros.sensors.camera.images.files import decoded, png
 
 _IMAGES: Final = 6
 """Number of images of each camera."""
@@ -101,8 +102,6 @@ def topic_items(path: Path, topics: Sequence[TopicInfo]) -> list[Item]:
 
 def _strip(bag: Bag, camera: _TopicStatistics) -> Item:
     """Return small images of a camera over time, or the reason why they cannot be decoded."""
-    from imu_sim_ros.sensors.camera.images.files import png
-
     topic, (first_ns, _) = camera.topic, camera.images[0]
     types = schemas.typestore([(topic.type, topic.schema)], bag.encoding)
     decode = types.deserialize_cdr if bag.encoding == "cdr" else types.deserialize_ros1
@@ -121,7 +120,6 @@ def _strip(bag: Bag, camera: _TopicStatistics) -> Item:
 def _small(topic: TopicInfo, message: Any) -> Bytes:
     """Return the image of a message, 8 bits deep, its pixels averaged to a small width."""
     from imu_sim_ros.datasets.recorded_bag import pixels
-    from imu_sim_ros.sensors.camera.images.files import decoded
 
     raw = topic.type == IMAGE
     image = pixels(topic.name, message) if raw else decoded(bytes(message.data))

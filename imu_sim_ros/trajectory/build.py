@@ -32,6 +32,8 @@ from imu_sim_ros.trajectory.parameters import (
     TurntableParameters,
 )
 from imu_sim_ros.trajectory.profile import Derivatives, Phase, RateProfile, smooth_step
+from imu_sim_ros.trajectory.tour import tour
+from imu_sim_ros.trajectory.vibration import Vibrating, Vibration
 
 
 def build_trajectory(
@@ -65,8 +67,6 @@ def build_trajectory(
         trajectory = LeadIn(trajectory, p.lead_in)
     v = p.vibration
     if any(v.acceleration + v.noise_rms + v.angular_rate + v.angular_noise_rms):
-        from imu_sim_ros.trajectory.vibration import Vibrating, Vibration
-
         trajectory = Vibrating(trajectory, Vibration(v))
     return trajectory
 
@@ -114,8 +114,6 @@ def motion_of_section(parameters: TrajectoryParameters, pose_reader: PoseReader)
     if isinstance(p, SixPositionParameters):
         return six_position(p)
     if isinstance(p, TourParameters):
-        from imu_sim_ros.trajectory.tour import tour  # SciPy
-
         return tour(p)
     if isinstance(p, DriveParameters):
         from imu_sim_ros.trajectory.drive import drive  # SciPy

@@ -37,6 +37,7 @@ from imu_sim_ros.nodes.messages import message_class
 from imu_sim_ros.nodes.parameters import ConfiguredNode
 from imu_sim_ros.nodes.publishing import Counter, check_overrides, create
 from imu_sim_ros.nodes.simulator import transforms
+from imu_sim_ros.nodes.simulator.apart import SensorsApart
 from imu_sim_ros.nodes.simulator.diagnostics import Histogram, StreamReport
 from imu_sim_ros.nodes.simulator.engine import Engine
 from imu_sim_ros.nodes.simulator.pacing import Pacer, RosClockPacer, Settling, Stall
@@ -202,7 +203,6 @@ class Simulator(ConfiguredNode[SimulatorParameters]):
         """Return the sensors with processes of their own; None, if there are none."""
         if not any(sensor.sensor.apart for sensor in mounted(parameters).values()):
             return None
-        from imu_sim_ros.nodes.simulator.apart import SensorsApart  # most runs have none
 
         apart = SensorsApart(self, parameters, self.lifetime.fail)
         self._counters += apart.counters

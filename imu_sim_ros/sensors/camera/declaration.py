@@ -16,7 +16,10 @@ from imu_sim_ros.core.conventions import (
     IMAGE_TOPIC,
     MASK_TOPIC,
 )
+from imu_sim_ros.recordings.cameras import CameraInfo
 from imu_sim_ros.sensors.camera.features import FEATURES
+from imu_sim_ros.sensors.camera.images.files import png
+from imu_sim_ros.sensors.camera.images.libraries import numba, opencv
 from imu_sim_ros.sensors.camera.model import CameraModel
 from imu_sim_ros.sensors.camera.parameters import CameraParameters
 from imu_sim_ros.sensors.camera.rig_parameters import RigParameters
@@ -55,8 +58,6 @@ def _of_pixels(
     """
 
     def make(mounted: Mounted, encoding: str) -> Payloads:
-        from imu_sim_ros.sensors.camera.images.libraries import numba, opencv
-
         opencv()
         numba()
         check_surfaces(mounted.environment.rig.scene)
@@ -95,7 +96,6 @@ def _raw(mounted: Mounted, encoding: str) -> Encode:
 
 def _compressed(mounted: Mounted, encoding: str) -> Encode:
     from imu_sim_ros.bags.messages.encode_cameras import CompressedImageEncoder
-    from imu_sim_ros.sensors.camera.images.files import png
 
     messages = CompressedImageEncoder(mounted.frame, mounted.own.encoding, encoding)
     return lambda t_ns, image: messages.encode(t_ns, png(image))
@@ -130,8 +130,6 @@ def info_of_camera(camera: CameraParameters) -> "CameraInfo":
     D is xi and the distortion for a unified sphere, xi and alpha for a double one; ROS has no
     names for the two, so they have ours.
     """
-    from imu_sim_ros.recordings.cameras import CameraInfo
-
     model = CameraModel(camera)
     k = np.array([[model.fx, 0.0, model.cx], [0.0, model.fy, model.cy], [0.0, 0.0, 1.0]])
     p = np.column_stack([k, np.zeros(3)])

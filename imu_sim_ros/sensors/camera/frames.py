@@ -16,6 +16,7 @@ from imu_sim_ros.core import rotation
 from imu_sim_ros.core.rotation import pose_matrix
 from imu_sim_ros.core.types import Array, Mask
 from imu_sim_ros.parameters.kinds import IDENTITY_MATRIX
+from imu_sim_ros.sensors.camera.images.libraries import opencv
 from imu_sim_ros.sensors.camera.parameters import CameraParameters
 from imu_sim_ros.sensors.camera.scene_parameters import (
     AprilgridParameters,
@@ -110,7 +111,6 @@ class Camera(FixedModel):
         :raises MissingDependencyError: if OpenCV or numba is not installed.
         """
         from imu_sim_ros.sensors.camera.images.imager import Imager, textures  # needs numba
-        from imu_sim_ros.sensors.camera.images.libraries import opencv
 
         world, colour = self.world, self.view.parameters.encoding == "rgb8"
         if world.threads is not None:

@@ -28,6 +28,7 @@ from imu_sim_ros.sensors.errors.triad import (
     reading_of,
 )
 from imu_sim_ros.sensors.faults import Fault
+from imu_sim_ros.sensors.imu import vibration
 from imu_sim_ros.sensors.imu.ideal import IdealImu, Quadrature, quadrature
 from imu_sim_ros.sensors.imu.parameters import ImuParameters
 from imu_sim_ros.sensors.samples import Samples, joined
@@ -93,8 +94,6 @@ class Imu:
         self._timing = SampleTiming("", rate, imu, seed, t0_ns)
         self._vibration: BoardVibration | None = None
         if imu.vibration.there:
-            from imu_sim_ros.sensors.imu import vibration  # most sensors have no vehicle
-
             self._vibration = vibration.BoardVibration(seed, imu.vibration, rate)
         self._ahead = _Ahead(0, 0, np.empty(0), (), ())
         self.configure(imu)
