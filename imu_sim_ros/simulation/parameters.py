@@ -27,7 +27,6 @@ from imu_sim_ros.parameters.sections import (
     variant,
 )
 from imu_sim_ros.sensors import CAMERAS, find_sensor, is_known, kind_of
-from imu_sim_ros.sensors.camera.parameters import CameraParameters
 from imu_sim_ros.sensors.environment import EnvironmentParameters
 from imu_sim_ros.sensors.imu.parameters import ImuParameters
 from imu_sim_ros.sensors.imu.presets import layer_imu, sensor_layer
@@ -278,6 +277,8 @@ def _of_camera(camera: str, name: str) -> str | None:
 
     :param camera: whose it is; empty: that of all cameras.
     """
+    from imu_sim_ros.sensors.camera.parameters import CameraParameters  # most runs have none
+
     suggestion = nearest(name, parameters(CameraParameters))
     if suggestion is None:
         return None
