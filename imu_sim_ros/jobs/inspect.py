@@ -6,7 +6,7 @@
 from __future__ import annotations
 
 import textwrap
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from contextlib import suppress
 from dataclasses import dataclass, replace
 from os import PathLike
@@ -25,7 +25,7 @@ from imu_sim_ros.calibration.noise.truth import load_truth, true_noise
 from imu_sim_ros.core import arguments
 from imu_sim_ros.core.arguments import BAG_OR_FILE, name_of, suggest_keywords
 from imu_sim_ros.core.bad_rows import tell_skipped
-from imu_sim_ros.core.conventions import AXES, TRIADS
+from imu_sim_ros.core.conventions import AXES, TRIADS, TRUTH_TOPIC
 from imu_sim_ros.core.digits import plus_minus
 from imu_sim_ros.core.errors import ConfigurationError, InputError, Problems
 from imu_sim_ros.core.names import suggestion
@@ -480,6 +480,7 @@ def inspect(
     trajectories: list[PoseContents] = []
     findings: list[Finding] = []
     turns: list[tuple[str, TurnAngles]] = []
+    bodies: dict[str, str] = {}
     for record in records:
         if isinstance(record, CameraRecord):
             findings += camera_findings(record)
@@ -499,6 +500,8 @@ def inspect(
         else:
             trajectories.append(_poses(record))
             findings += state_findings(record)
+            if record.source.endswith(f"/{TRUTH_TOPIC}") and record.child_frame_id:
+                bodies[record.source.removesuffix(TRUTH_TOPIC)] = record.child_frame_id
             angles = turn_angles_of_poses(StateMeasures(record))
             if angles is not None:
                 turns.append((record.source, angles))
@@ -506,18 +509,32 @@ def inspect(
         tuple(topics),
         tuple(sensors),
         tuple(trajectories),
-        tuple(_offsets(turns) if sensors else ()),
+        tuple(_offsets(turns, bodies) if sensors else ()),
         tuple(by_severity(findings)),
     )
 
 
-def _offsets(turns: Sequence[tuple[str, TurnAngles]]) -> Iterator[SensorOffset]:
-    """Yield the time offsets of recordings to the first of them, where the motion tells them."""
+def _offsets(
+    turns: Sequence[tuple[str, TurnAngles]], bodies: Mapping[str, str]
+) -> Iterator[SensorOffset]:
+    """Yield the time offsets of recordings to the first of them, where the motion tells them.
+
+    :param bodies: frames of bodies by the namespace of their truth; recordings of two bodies, such
+        as segments of a person, are not compared.
+    """
     for source, angles in turns[1 : _COMPARED + 1]:
         reference, angles_of_reference = turns[0]
+        if _body_of(source, bodies) != _body_of(reference, bodies):
+            continue
         offset = time_offset_of_turns(angles_of_reference, angles)
         if offset is not None:
             yield SensorOffset(source, reference, *offset)
+
+
+def _body_of(source: str, bodies: Mapping[str, str]) -> str:
+    """Return the frame of the body in the namespace of a topic; empty: unknown."""
+    namespaces = [namespace for namespace in bodies if source.startswith(namespace)]
+    return bodies[max(namespaces, key=len)] if namespaces else ""
 
 
 def _read(

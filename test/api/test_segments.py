@@ -143,6 +143,18 @@ def test_truth_of_a_segment_is_the_motion_capture(walking, tmp_path):
     assert ims.read_states(poses, "/LeftForeArm").frame_id == "world"
 
 
+def test_inspect_compares_no_clocks_of_different_segments(tmp_path):
+    """Segments of a walk move alike at some offset; the clocks of their IMUs need not differ."""
+    walking, bag = tmp_path / "walk.bvh", tmp_path / "two.mcap"
+    walk.write(walking, 12.0)
+    segments = ["LeftForeArm", "LeftLeg"]
+    ims.generate(bag, trajectory=walking, segments=segments, imu="perfect", rate=50)
+    inspection = ims.inspect(bag)
+    assert len(inspection.sensors) == 2
+    (offset,) = inspection.offsets
+    assert "LeftForeArm" in offset.source
+
+
 def test_transforms_hang_on_the_segments(walking, tmp_path):
     bag = tmp_path / "tf.mcap"
     ims.generate(

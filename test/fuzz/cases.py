@@ -15,11 +15,14 @@ from typing import Final
 
 sys.path.insert(0, str(Path(__file__).parent))
 sys.path.insert(0, str(Path(__file__).parents[1] / "data"))
+sys.path.insert(0, str(Path(__file__).parents[2] / "examples"))
 import dataflash
 import documents
 import folders
+import mocap
 import processes
 import ulog
+import walk
 
 import imu_sim_ros as ims
 
@@ -35,7 +38,7 @@ BAGS: Final = {
     "sqlite": ["--storage", "sqlite3"],
     "euroc": ["--format", "euroc"],
 }
-LOGS: Final = ("log.ulg", "log.bin", "log.log")
+LOGS: Final = ("log.ulg", "log.bin", "log.log", "walk.bvh", "body.c3d")
 POSES: Final = [f"{k / 10:.1f} {k} 0 0 0 0 0 1" for k in range(50)]
 WORDS: Final = [
     "--x=--", "9" * 400, "A" * 5000, "", " ", "-", "--", "\n", "é", "\udce9", "nan", "inf", "-1",
@@ -82,7 +85,7 @@ def _bag(dice: random.Random, sound: Path, place: Path) -> tuple[str, list[str]]
 
 
 def write_logs(folder: Path) -> None:
-    """Write the sound logs of autopilots."""
+    """Write the sound logs of autopilots, and the sound motion captures."""
     flight = ims.simulate(imu="bmi088", trajectory="lecture", duration=2, rate=100, seed=1)
     readings = flight.readings
     ulog.write(folder / LOGS[0], ulog.flight_topics(flight))
@@ -91,6 +94,9 @@ def write_logs(folder: Path) -> None:
     tables = {"IMU": {"TimeUS": readings.t_ns // 1000, **columns}}
     dataflash.write(folder / LOGS[1], tables)
     dataflash.write_text(folder / LOGS[2], tables)
+    walk.write(folder / LOGS[3], 1.0)
+    position = mocap.markers(readings.t)
+    mocap.c3d(folder / LOGS[4], 100.0, {f"A{k}": position[:, k] for k in range(4)})
 
 
 def _log(dice: random.Random, sound: Path, place: Path) -> tuple[str, list[str]]:
