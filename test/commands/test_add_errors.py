@@ -32,8 +32,8 @@ def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """Return a folder with ideal readings in every form."""
     place = tmp_path_factory.mktemp("ideal")
     for name, (_, *options) in FORMS.items():
-        words = ["-o", str(place / name), "--imu", "perfect", *options, *COMMON]
-        assert generate.main(words) == 0
+        argv = ["-o", str(place / name), "--imu", "perfect", *options, *COMMON]
+        assert generate.main(argv) == 0
     return place
 
 
@@ -44,28 +44,31 @@ def flight() -> ims.Flight:
 
 def messages(path: Path) -> dict[str, list[tuple[int, bytes]]]:
     """Return all messages of a bag by topic, with their record times."""
-    found: dict[str, list[tuple[int, bytes]]] = {}
+    by_topic: dict[str, list[tuple[int, bytes]]] = {}
     with open_bag(path) as bag:
         for group in bag.groups():
             for block in group:
                 rows = zip(block.t_ns.tolist(), as_list(block.payloads), strict=True)
-                found.setdefault(block.topic.name, []).extend(rows)
-    return found
+                by_topic.setdefault(block.topic.name, []).extend(rows)
+    return by_topic
 
 
 @pytest.mark.parametrize(("source", "target"), [("ideal.mcap", "n.bag"), ("ideal.csv", "n.csv")])
 def test_python_writes_what_the_program_writes(
     source: str, target: str, folder: Path, tmp_path: Path, capsys
 ) -> None:
-    words = [str(folder / source), "-o", str(tmp_path / target), *SENSOR, "--rate", "120"]
+    argv = [str(folder / source), "-o", str(tmp_path / target), *SENSOR, "--rate", "120"]
     bag = target == "n.bag"
-    more = ["--topics", "imu/data_raw,imu/temperature", "--without", "ground_truth/odom"]
+    topic_options = ["--topics", "imu/data_raw,imu/temperature", "--without", "ground_truth/odom"]
     renamed = ["--topic", "imu/data_raw=/imu0", "--compression", "lz4"]
     assert (
-        add_errors.main([*words, *(more if bag else []), *(renamed if bag else []), "--json"]) == 0
+        add_errors.main(
+            [*argv, *(topic_options if bag else []), *(renamed if bag else []), "--json"]
+        )
+        == 0
     )
-    said = capsys.readouterr()
-    result = json.loads(said.out)
+    captured = capsys.readouterr()
+    result = json.loads(captured.out)
     options = {
         "topics": ["imu/data_raw", "imu/temperature"],
         "without": "ground_truth/odom",
@@ -73,7 +76,7 @@ def test_python_writes_what_the_program_writes(
         "compression": "lz4",
     }
     place = tmp_path / f"python_{target}"
-    made = ims.add_errors_to_file(
+    errors_added = ims.add_errors_to_file(
         folder / source,
         place,
         imu="bmi088",
@@ -82,24 +85,26 @@ def test_python_writes_what_the_program_writes(
         **(options if bag else {}),
     )
     assert place.read_bytes() == (tmp_path / target).read_bytes()
-    told = {**made.to_dict(), "output": result["output"], "wall_s": result["wall_s"]}
-    assert json.loads(json.dumps(told)) == result
-    assert made.counts.samples == 300
-    assert [f"add_errors: warning: {line}" for line in made.warnings] == said.err.splitlines()
-    assert made.warnings == ("rate = 120: the readings come 100 times a second",)
+    expected = {**errors_added.to_dict(), "output": result["output"], "wall_s": result["wall_s"]}
+    assert json.loads(json.dumps(expected)) == result
+    assert errors_added.counts.samples == 300
+    assert [
+        f"add_errors: warning: {line}" for line in errors_added.warnings
+    ] == captured.err.splitlines()
+    assert errors_added.warnings == ("rate = 120: the readings come 100 times a second",)
 
 
 def test_noise_that_would_be_added_twice_is_told(folder: Path, tmp_path: Path, capsys) -> None:
     noisy = str(tmp_path / "noisy.mcap")
     assert generate.main(["-o", noisy, "--imu", "mpu6000", *COMMON]) == 0
     capsys.readouterr()
-    for source, told in ((noisy, ["gyroscope", "accelerometer"]), (folder / "ideal.mcap", [])):
-        words = [str(source), "-o", str(tmp_path / "n.mcap"), "--imu", "mpu6000", "--force"]
-        assert add_errors.main([*words, "--json"]) == 0
-        said = capsys.readouterr()
-        assert json.loads(said.out)["samples"] == 300
-        assert [line.split(" has white noise")[0] for line in said.err.splitlines()] == [
-            f"add_errors: warning: input: the {triad}" for triad in told
+    for source, triads in ((noisy, ["gyroscope", "accelerometer"]), (folder / "ideal.mcap", [])):
+        argv = [str(source), "-o", str(tmp_path / "n.mcap"), "--imu", "mpu6000", "--force"]
+        assert add_errors.main([*argv, "--json"]) == 0
+        captured = capsys.readouterr()
+        assert json.loads(captured.out)["samples"] == 300
+        assert [line.split(" has white noise")[0] for line in captured.err.splitlines()] == [
+            f"add_errors: warning: input: the {triad}" for triad in triads
         ]
 
 
@@ -110,17 +115,17 @@ def test_the_first_irregular_stamps_are_reported_and_all_counted(tmp_path: Path,
     with open_writer(tmp_path / "twice.mcap") as writer:
         topic = writer.add_topic("/imu", IMU)
         writer.write(topic, np.arange(400), ImuEncoder("x").encode(t_ns, 0.0 * level, level))
-    words = [str(tmp_path / "twice.mcap"), "-o", str(tmp_path / "n.mcap"), "--imu", "perfect"]
-    assert add_errors.main([*words, "--rate", "100", "--set", "input.check=false", "--json"]) == 0
-    said = capsys.readouterr()
-    result = json.loads(said.out)
+    argv = [str(tmp_path / "twice.mcap"), "-o", str(tmp_path / "n.mcap"), "--imu", "perfect"]
+    assert add_errors.main([*argv, "--rate", "100", "--set", "input.check=false", "--json"]) == 0
+    captured = capsys.readouterr()
+    result = json.loads(captured.out)
     assert (result["readings"], result["samples"]) == (400, 201)  # the last begins anew
     assert (result["repeated"], result["restarts"]) == (199, 1)
     twice = "add_errors: warning: a reading with the stamp of the previous one; left out"
     expected = [twice, twice, f"{twice}; further ones are only counted"]
-    assert said.err.splitlines()[:3] == expected
-    assert len(said.err.splitlines()) == 4
-    assert "stamps jump back by 1.985 s" in said.err.splitlines()[3]
+    assert captured.err.splitlines()[:3] == expected
+    assert len(captured.err.splitlines()) == 4
+    assert "stamps jump back by 1.985 s" in captured.err.splitlines()[3]
 
 
 @pytest.mark.parametrize("source", FORMS)
@@ -129,13 +134,13 @@ def test_every_form_into_every_form(
     source: str, target: str, folder: Path, tmp_path: Path, flight: ims.Flight
 ) -> None:
     options = {"n_db3": ["--storage", "sqlite3"], "n_euroc": ["--format", "euroc"]}
-    words = [str(folder / source), "-o", str(tmp_path / target), *SENSOR, "--quiet"]
-    assert add_errors.main([*words, *options.get(target, [])]) == 0
+    argv = [str(folder / source), "-o", str(tmp_path / target), *SENSOR, "--quiet"]
+    assert add_errors.main([*argv, *options.get(target, [])]) == 0
     topic = None if target in ("n.csv", "n_euroc") else "imu/data_raw"
-    read = ims.read_imu(tmp_path / target, topic)
-    assert np.array_equal(read.t_ns, flight.t_ns)
-    assert np.array_equal(read.gyro, flight.gyro)
-    assert np.array_equal(read.accel, flight.accel)
+    readings = ims.read_imu(tmp_path / target, topic)
+    assert np.array_equal(readings.t_ns, flight.t_ns)
+    assert np.array_equal(readings.gyro, flight.gyro)
+    assert np.array_equal(readings.accel, flight.accel)
     assert [path.name for path in tmp_path.iterdir()] == [target]
 
 
@@ -147,11 +152,11 @@ def test_the_rest_of_a_bag_stays_byte_for_byte(folder: Path, tmp_path: Path, cap
     before, after = messages(source), messages(target)
     assert after["/ground_truth/odom"] == before["/ground_truth/odom"]
     assert after["/ground_truth/imu"] == before["/imu/data_raw"]  # renamed: the name is taken
-    same = tmp_path / "same.mcap"
+    repeated = tmp_path / "same.mcap"
     topics = "imu/data_raw,ground_truth/gyroscope_bias,ground_truth/accelerometer_bias"
-    words = ["-o", str(same), *SENSOR, "--topics", topics, *COMMON[:-1]]
-    assert generate.main(["--quiet", *words]) == 0
-    for name, expected in messages(same).items():  # what generate writes
+    argv = ["-o", str(repeated), *SENSOR, "--topics", topics, *COMMON[:-1]]
+    assert generate.main(["--quiet", *argv]) == 0
+    for name, expected in messages(repeated).items():  # what generate writes
         assert after[name] == expected, name
 
 
@@ -161,8 +166,8 @@ def test_readings_recorded_late_are_so_by_as_much(tmp_path: Path) -> None:
     with open_writer(tmp_path / "late.mcap") as writer:
         topic = writer.add_topic("/imu", IMU)
         writer.write(topic, t_ns + 10**18, ImuEncoder("x").encode(t_ns, 0.0 * level, level))
-    words = [str(tmp_path / "late.mcap"), "-o", str(tmp_path / "n.mcap"), "--imu", "perfect"]
-    assert add_errors.main([*words, "--quiet"]) == 0
+    argv = [str(tmp_path / "late.mcap"), "-o", str(tmp_path / "n.mcap"), "--imu", "perfect"]
+    assert add_errors.main([*argv, "--quiet"]) == 0
     found = messages(tmp_path / "n.mcap")
     assert [t for t, _ in found["/imu/data_raw"]] == (t_ns + 10**18).tolist()
     assert found["/imu"][7][0] == t_ns[7] + 10**18
@@ -170,9 +175,9 @@ def test_readings_recorded_late_are_so_by_as_much(tmp_path: Path) -> None:
 
 def test_topics_are_chosen_renamed_and_left_out(folder: Path, tmp_path: Path, capsys) -> None:
     source, target = str(folder / "ideal.bag"), tmp_path / "n.mcap"
-    words = [source, "-o", str(target), *SENSOR, "--quiet", "--topic", "imu/data_raw=/imu0"]
+    argv = [source, "-o", str(target), *SENSOR, "--quiet", "--topic", "imu/data_raw=/imu0"]
     chosen = ["--topics", "imu/data_raw,imu/temperature,ground_truth/imu"]
-    assert add_errors.main([*words, *chosen, "--without", "ground_truth/odom"]) == 0
+    assert add_errors.main([*argv, *chosen, "--without", "ground_truth/odom"]) == 0
     assert set(messages(target)) == {
         *("/imu0", "/imu/temperature", "/ground_truth/imu", "/imu/data_raw")
     }
@@ -187,15 +192,15 @@ def test_topics_are_chosen_renamed_and_left_out(folder: Path, tmp_path: Path, ca
 
 def test_odometry_becomes_readings(folder: Path, tmp_path: Path) -> None:
     target = tmp_path / "n.mcap"
-    words = [str(folder / "ideal.mcap"), "-o", str(target), "--imu", "perfect", "--quiet"]
+    argv = [str(folder / "ideal.mcap"), "-o", str(target), "--imu", "perfect", "--quiet"]
     options = ["--input-topic", "ground_truth/odom", "--without", "imu/data_raw"]
     topics = ["--topics", "imu/data_raw,imu/data"]
-    assert add_errors.main([*words, *options, *topics]) == 0
-    read = ims.read_imu(target, "imu/data_raw")
+    assert add_errors.main([*argv, *options, *topics]) == 0
+    readings = ims.read_imu(target, "imu/data_raw")
     true = ims.read_imu(folder / "ideal.mcap")
-    assert np.array_equal(read.t_ns, true.t_ns[1:-1])
+    assert np.array_equal(readings.t_ns, true.t_ns[1:-1])
     # h^2 / 6 of the third derivative of the velocity, some 40 m/s^4
-    assert np.abs(read.accel - true.accel[1:-1]).max() < 1e-4 / 6.0 * 40.0
+    assert np.abs(readings.accel - true.accel[1:-1]).max() < 1e-4 / 6.0 * 40.0
     assert len(messages(target)["/imu/data"]) == 298
 
 
@@ -206,11 +211,11 @@ def test_a_model_of_gazebo_and_conventions(folder: Path, tmp_path: Path, capsys)
         "<x><noise type='gaussian'><stddev>0.1</stddev></noise></x>"
         "</angular_velocity></imu></sensor></sdf>"
     )
-    words = [str(folder / "ideal.csv"), "-o", str(tmp_path / "n.csv"), "--imu", str(model)]
-    assert add_errors.main([*words, "--set", "input.axes=frd"]) == 0
-    read, true = ims.read_imu(tmp_path / "n.csv"), ims.read_imu(folder / "ideal.csv")
-    assert np.array_equal(read.gyro[:, 1:], -true.gyro[:, 1:])
-    spread = (read.gyro - true.gyro)[:, 0].std()
+    argv = [str(folder / "ideal.csv"), "-o", str(tmp_path / "n.csv"), "--imu", str(model)]
+    assert add_errors.main([*argv, "--set", "input.axes=frd"]) == 0
+    readings, true = ims.read_imu(tmp_path / "n.csv"), ims.read_imu(folder / "ideal.csv")
+    assert np.array_equal(readings.gyro[:, 1:], -true.gyro[:, 1:])
+    spread = (readings.gyro - true.gyro)[:, 0].std()
     assert abs(spread / 0.1 - 1.0) < 4.0 / np.sqrt(2 * 300)
 
 
@@ -222,11 +227,11 @@ def test_bad_readings(folder: Path, tmp_path: Path, capsys) -> None:
     with open_writer(source) as writer:
         topic = writer.add_topic("/imu", IMU)
         writer.write(topic, t_ns, ImuEncoder("x").encode(t_ns, np.zeros((50, 3)), accel))
-    words = [str(source), "-o", str(tmp_path / "n.mcap"), "--imu", "perfect", "--quiet"]
-    assert add_errors.main(words) == 2
+    argv = [str(source), "-o", str(tmp_path / "n.mcap"), "--imu", "perfect", "--quiet"]
+    assert add_errors.main(argv) == 2
     assert "bad.mcap: /imu: message 7: stamp 0.07" in capsys.readouterr().err
     assert not (tmp_path / "n.mcap").exists()
-    assert add_errors.main([*words, "--skip-bad-rows"]) == 0
+    assert add_errors.main([*argv, "--skip-bad-rows"]) == 0
     assert "1 bad rows skipped" in capsys.readouterr().err
     found = messages(tmp_path / "n.mcap")
     assert (len(found["/imu"]), len(found["/imu/data_raw"])) == (50, 49)
@@ -247,11 +252,11 @@ def test_bad_readings(folder: Path, tmp_path: Path, capsys) -> None:
     ],
 )
 def test_bad_arguments_are_a_line(words, line: str, folder: Path, tmp_path: Path, capsys) -> None:
-    named = [str(folder / "ideal.mcap") if word == "IN" else word for word in words]
-    assert add_errors.main([*named, "-o", str(tmp_path / "n.mcap")]) == 2
-    said = capsys.readouterr().err
-    assert line in said
-    assert "Traceback" not in said
+    argv = [str(folder / "ideal.mcap") if word == "IN" else word for word in words]
+    assert add_errors.main([*argv, "-o", str(tmp_path / "n.mcap")]) == 2
+    captured = capsys.readouterr().err
+    assert line in captured
+    assert "Traceback" not in captured
     assert list(tmp_path.iterdir()) == []
 
 

@@ -54,16 +54,16 @@ def written(bag, tmp_path_factory) -> tuple[Path, str]:
 
 
 def test_progress_is_that_of_the_messages_for_whoever_shows_it(bag):
-    seen = []
+    stages = []
 
     @contextmanager
     def bar(text, total):
-        seen.append((text, total))
-        yield lambda count: seen.append(count)
+        stages.append((text, total))
+        yield lambda count: stages.append(count)
 
     with watched_by(Watcher(bar)):
         ims.allan(bag)
-    heading, *counts = seen
+    heading, *counts = stages
     assert heading == ("read", sum(counts))
     assert len(counts) > 1
 
@@ -98,8 +98,8 @@ def test_json_has_the_promised_form(bag, noise, capsys):
 @pytest.mark.parametrize("name", ["rest.bag", "rest", "euroc"])
 def test_other_formats_give_the_same(noise, tmp_path, capsys, name):
     extra = ["--format", "euroc"] if name == "euroc" else []
-    other = make(tmp_path / name, "--seed", "5", *extra)
-    second = analysed(capsys, str(other), "--no-files")
+    second_bag = make(tmp_path / name, "--seed", "5", *extra)
+    second = analysed(capsys, str(second_bag), "--no-files")
     for triad in ("gyroscope", "accelerometer"):
         assert noise[triad]["noise_density"]["value"] == pytest.approx(
             second[triad]["noise_density"]["value"], rel=1e-6
@@ -149,8 +149,8 @@ def test_imu_utils_has_the_text_of_the_real_tool_and_says_what_is_a_bound(writte
     for triad in ("gyroscope", "accelerometer"):
         walk = [value is None for value in noise[triad]["random_walk"]["value"]]
         assert any(walk)
-        said = ["upper bound" in line for line in lines_of(lines, "_w", 4)]
-        assert said == [any(walk), *walk]
+        has_bound = ["upper bound" in line for line in lines_of(lines, "_w", 4)]
+        assert has_bound == [any(walk), *walk]
 
 
 def lines_of(lines, key, count):
@@ -189,8 +189,8 @@ def test_gauss_markov_model(bag, capsys):
 
 
 def test_two_bags_of_one_sensor(bag, tmp_path, capsys):
-    other = make(tmp_path / "second.mcap", "--seed", "6")
-    assert analysed(capsys, str(bag), str(other), "--no-files")["duration_s"] == 2 * SECONDS
+    second_bag = make(tmp_path / "second.mcap", "--seed", "6")
+    assert analysed(capsys, str(bag), str(second_bag), "--no-files")["duration_s"] == 2 * SECONDS
 
 
 def test_resolution_of_the_readings_counts_as_noise(tmp_path, capsys):
@@ -220,9 +220,9 @@ def test_quantisation_of_increments_is_recovered(tmp_path, capsys):
         "accelerometer_noise_density": 1e-2,
         "accelerometer_increment_resolution": 1e-3,
     }
-    words = "\n".join(f"      {name}: {value}" for name, value in sensor.items())
+    yaml_text = "\n".join(f"      {name}: {value}" for name, value in sensor.items())
     truth = tmp_path / "counter.yaml"
-    truth.write_text(f"/**:\n  ros__parameters:\n    imu:\n      sampling: averaged\n{words}\n")
+    truth.write_text(f"/**:\n  ros__parameters:\n    imu:\n      sampling: averaged\n{yaml_text}\n")
     path = tmp_path / "counter.mcap"
     generate.main(["--imu", str(truth), "--trajectory", "static", "--duration", "15min", "--rate",
                    "100", "--quiet", "--imu-only", "-o", str(path)])  # fmt: skip
@@ -232,9 +232,9 @@ def test_quantisation_of_increments_is_recovered(tmp_path, capsys):
     assert [c["truth"] for c in q] == pytest.approx([step] * 3 + [10.0 * step] * 3)
     assert sum(c["covered"] for c in q) >= 4
     for triad, size in (("gyroscope", 1.0), ("accelerometer", 10.0)):
-        found = result[triad]
-        assert np.mean(found["quantisation"]["value"]) == pytest.approx(size * step, rel=0.06)
-        assert np.mean(found["noise_density"]["value"]) == pytest.approx(size * 1e-3, rel=0.01)
+        estimates = result[triad]
+        assert np.mean(estimates["quantisation"]["value"]) == pytest.approx(size * step, rel=0.06)
+        assert np.mean(estimates["noise_density"]["value"]) == pytest.approx(size * 1e-3, rel=0.01)
 
 
 def test_bad_input_is_one_clear_line(bag, tmp_path, capsys):
@@ -270,8 +270,8 @@ def test_an_axis_that_is_not_analysed_is_null_and_makes_no_configuration(tmp_pat
     result = analysed(capsys, *arguments)
     assert list(result["not_analysed"]) == [f"gyroscope {axis}" for axis in "xyz"]
     assert all("always 0" in reason for reason in result["not_analysed"].values())
-    for found in result["gyroscope"].values():
-        assert found == {"value": [None] * 3, "low": [None] * 3, "high": [None] * 3}
+    for estimate in result["gyroscope"].values():
+        assert estimate == {"value": [None] * 3, "low": [None] * 3, "high": [None] * 3}
     assert all(high > 0.0 for high in result["accelerometer"]["noise_density"]["high"])
     assert sorted(file.name for file in folder.iterdir()) == ["allan.csv", "allan.png"]
     (folder / "imu.yaml").write_text("of an earlier record")

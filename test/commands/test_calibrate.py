@@ -49,8 +49,8 @@ def folder(tmp_path_factory) -> Path:
 
 
 def calibrated(capsys, folder: Path, *arguments: str) -> dict:
-    words = [*arguments, "--json", "--no-files", "--truth", str(folder / "flaws.yaml")]
-    assert calibrate.main(words) == 0
+    argv = [*arguments, "--json", "--no-files", "--truth", str(folder / "flaws.yaml")]
+    assert calibrate.main(argv) == 0
     return json.loads(capsys.readouterr().out)
 
 
@@ -172,14 +172,14 @@ def test_a_tumbling_magnetometer_gives_its_iron_back(tmp_path, capsys):
     }
     settings = [word for name, value in options.items() for word in ("--set", f"{name}={value}")]
     topics = "imu/mag,ground_truth/mag"
-    made = generate.main(["-o", str(bag), "--quiet", "--topics", topics, *settings])
-    assert made == 0
+    status = generate.main(["-o", str(bag), "--quiet", "--topics", topics, *settings])
+    assert status == 0
     strength = math.hypot(2e-5, 4.5e-5)
     options = [str(bag), "--field", repr(strength), "--truth", str(truth)]
     assert calibrate.main(["magnetometer", *options, "-o", str(tmp_path / "run"), "--json"]) == 0
     result = json.loads(capsys.readouterr().out)
-    for found in result["parameters"].values():
-        off = np.subtract(found["value"], found["truth"]) / found["sigma"]
+    for parameter in result["parameters"].values():
+        off = np.subtract(parameter["value"], parameter["truth"]) / parameter["sigma"]
         assert np.abs(off).max() < 4.0
     assert sorted(path.name for path in (tmp_path / "run").iterdir()) == [
         "correction.yaml",
@@ -188,11 +188,11 @@ def test_a_tumbling_magnetometer_gives_its_iron_back(tmp_path, capsys):
     ]
     fitted = files.load(tmp_path / "run/imu.yaml")
     assert set(fitted) == {"imu.magnetometer_hard_iron", "imu.magnetometer_soft_iron"}
-    own = files.load(tmp_path / "run/correction.yaml", "magnetometer")
-    matrix = np.reshape(own["matrix"], (3, 3))
+    correction = files.load(tmp_path / "run/correction.yaml", "magnetometer")
+    matrix = np.reshape(correction["matrix"], (3, 3))
     assert np.allclose(matrix @ np.reshape(fitted["imu.magnetometer_soft_iron"], (3, 3)), np.eye(3))
     _, readings = read_measured(bag, SENSOR.table)
-    corrected = np.linalg.norm((readings - own["bias"]) @ matrix.T, axis=1)
+    corrected = np.linalg.norm((readings - correction["bias"]) @ matrix.T, axis=1)
     assert np.std(corrected) < 4e-7 < 5e-6 < np.std(np.linalg.norm(readings, axis=1))
     assert calibrate.main(["magnetometer", *options, "--no-files"]) == 0
     assert "hard_iron x" in capsys.readouterr().out

@@ -44,8 +44,8 @@ def run(folder, capsys, trajectory, imu):
 @pytest.mark.parametrize("imu", [{"preset": "perfect"}, FULL], ids=["perfect", "errors"])
 @pytest.mark.parametrize("trajectory", ["six_position", "turntable"])
 def test_without_noise_the_result_is_exact(tmp_path, capsys, trajectory, imu):
-    found = run(tmp_path, capsys, trajectory, imu)
-    for name, parameter in found.items():
+    calibration = run(tmp_path, capsys, trajectory, imu)
+    for name, parameter in calibration.items():
         assert parameter["sigma"] == [0.0] * len(parameter["value"]), name
         # The mean of thousands of float64 of size 10 has fifteen digits at best.
         np.testing.assert_allclose(parameter["value"], parameter["truth"], rtol=0, atol=1e-14)
@@ -85,9 +85,9 @@ def test_rounding_is_no_noise_to_allan(tmp_path, capsys):
     assert errors.count("no noise at all") == 6
     out = str(tmp_path / "out")
     assert allan.main([bag, "--skip-checks", "--json", "--truth", "perfect", "-o", out]) == 0
-    found = json.loads(capsys.readouterr().out)
+    calibration = json.loads(capsys.readouterr().out)
     for triad in ("gyroscope", "accelerometer"):
-        assert found[triad]["noise_density"]["value"] == [None] * 3
+        assert calibration[triad]["noise_density"]["value"] == [None] * 3
 
 
 @pytest.mark.parametrize("size", [0.0, 9.81, 1e3])

@@ -48,15 +48,17 @@ def _convert(capsys, *arguments) -> dict:
     return json.loads(capsys.readouterr().out)
 
 
-def _same(path: Path, other: Path) -> None:
+def _same(path: Path, expected_path: Path) -> None:
     columns = operator.attrgetter("t_ns", "gyro", "accel")
-    for a, b in zip(columns(read_imu(path)), columns(read_imu(other)), strict=True):
+    for a, b in zip(columns(read_imu(path)), columns(read_imu(expected_path)), strict=True):
         np.testing.assert_array_equal(a, b)
     columns = operator.attrgetter(
         *("t_ns", "position", "q_wb", "velocity", "angular_velocity"),
         *("covariance", "twist_covariance"),
     )
-    for a, b in zip(columns(read_odometry(path)), columns(read_odometry(other)), strict=True):
+    for a, b in zip(
+        columns(read_odometry(path)), columns(read_odometry(expected_path)), strict=True
+    ):
         np.testing.assert_array_equal(a, b)
 
 
@@ -111,20 +113,22 @@ def nine_axes(tmp_path_factory) -> Path:
 
 @pytest.mark.parametrize("form", ["euroc", "csv"])
 def test_sensors_beside_the_imu_there_and_back_again(nine_axes, form, tmp_path, capsys):
-    there = _convert(capsys, nine_axes, "-o", tmp_path / form, "--format", form)
+    conversion = _convert(capsys, nine_axes, "-o", tmp_path / form, "--format", form)
     again = _convert(capsys, tmp_path / form, "-o", tmp_path / "again", "--format", form)
-    assert again["messages"] == there["messages"]
+    assert again["messages"] == conversion["messages"]
     back = _convert(capsys, tmp_path / form, "-o", tmp_path / "back.bag")
-    assert {name: back["messages"][name] for name in there["messages"]} == there["messages"]
+    assert {name: back["messages"][name] for name in conversion["messages"]} == conversion[
+        "messages"
+    ]
     fields = {
         "/imu/mag": ("magnetic_field",),
         "/imu/pressure": ("fluid_pressure",),
         "/imu/data": ("orientation", "angular_velocity", "linear_acceleration"),
     }
-    read = []
+    readings = []
     for path in (nine_axes, tmp_path / "back.bag"):
         with AnyReader([path]) as reader:
-            read.append(
+            readings.append(
                 [
                     (c.topic, m.header.stamp, m.header.frame_id, [getattr(m, f) for f in fields[t]])
                     for c, _, raw in reader.messages()
@@ -133,8 +137,8 @@ def test_sensors_beside_the_imu_there_and_back_again(nine_axes, form, tmp_path, 
                 ]
             )
     for topic in fields:
-        original, converted = ([m for m in messages if m[0] == topic] for messages in read)
-        assert len(original) == there["messages"][topic] > 80
+        original, converted = ([m for m in messages if m[0] == topic] for messages in readings)
+        assert len(original) == conversion["messages"][topic] > 80
         assert str(original) == str(converted)
 
 
@@ -154,10 +158,10 @@ def test_several_imus_have_their_own_beside_them(tmp_path, capsys):
 def test_bad_rows_beside_the_imu(nine_axes, tmp_path, capsys):
     folder = tmp_path / "e"
     _convert(capsys, nine_axes, "-o", folder, "--format", "euroc")
-    for table, old in (("pressure0", ","), ("mag0", ","), ("orientation0", "1")):
+    for table, original in (("pressure0", ","), ("mag0", ","), ("orientation0", "1")):
         file = folder / table / "data.csv"
         lines = file.read_text().splitlines()
-        lines[7] = lines[7].replace(old, "x" if old == "," else "2", 1)
+        lines[7] = lines[7].replace(original, "x" if original == "," else "2", 1)
         file.write_text("\n".join(lines))
     assert convert_bag.main([str(folder), "-o", str(tmp_path / "z.bag")]) == 2
     error = capsys.readouterr().err
@@ -296,8 +300,8 @@ def test_two_imus_and_none_named(tmp_path, capsys):
     error = capsys.readouterr().err
     assert "/imu/data_raw" in error
     assert "/second/imu" in error
-    named = ["--format", "euroc", "--topics", "/imu/data_raw,/ground_truth/odom"]
-    assert convert_bag.main([str(source), "-o", str(tmp_path / "e"), *named, "--quiet"]) == 0
+    options = ["--format", "euroc", "--topics", "/imu/data_raw,/ground_truth/odom"]
+    assert convert_bag.main([str(source), "-o", str(tmp_path / "e"), *options, "--quiet"]) == 0
 
 
 def test_a_real_flight(tmp_path, capsys):
@@ -308,21 +312,21 @@ def test_a_real_flight(tmp_path, capsys):
 
 
 def test_topics_without_a_place_in_a_dataset_are_named_whatever_was_loaded(tmp_path, capsys):
-    """In processes of their own, one of which has used the sensors before."""
+    """Two processes convert alike, one of which has used the sensors before."""
     bag = tmp_path / "a.bag"
     assert generate.main(["-o", str(bag), "--duration", "2s", "--gnss", "ublox_m8", "--quiet"]) == 0
-    named = []
+    topic_options = []
     for before in ("", "from imu_sim_ros.sensors import all_sensors; all_sensors(); "):
         program = f"{before}from imu_sim_ros.commands.convert_bag import main; main()"
-        output = tmp_path / f"out{len(named)}"
-        words = [str(bag), "-o", str(output), "--format", "csv", "--json"]
+        output = tmp_path / f"out{len(topic_options)}"
+        argv = [str(bag), "-o", str(output), "--format", "csv", "--json"]
         done = subprocess.run(
-            [sys.executable, "-c", program, *words], capture_output=True, text=True, check=True
+            [sys.executable, "-c", program, *argv], capture_output=True, text=True, check=True
         )
-        named.append(json.loads(done.stdout)["not_converted"])
-    assert "/gps/fix" in named[0]
-    assert "/imu/data_raw" not in named[0]
-    assert named[0] == named[1]
+        topic_options.append(json.loads(done.stdout)["not_converted"])
+    assert "/gps/fix" in topic_options[0]
+    assert "/imu/data_raw" not in topic_options[0]
+    assert topic_options[0] == topic_options[1]
     capsys.readouterr()
     assert convert_bag.main([str(bag), "-o", str(tmp_path / "text"), "--format", "csv"]) == 0
     assert "has no place for" in capsys.readouterr().out
@@ -334,36 +338,36 @@ EUROC = ["--format", "euroc"]
 def test_the_truth_of_a_dataset_is_ground_truth_or_named(tmp_path, capsys):
     """A drive was refused for its two odometries; that of wheels alone became the truth unsaid."""
     drive, wheels = tmp_path / "drive.mcap", tmp_path / "wheels.mcap"
-    words = ["--duration", "2s", "--wheels", "husky_a200", "--trajectory", "yard", "--quiet"]
-    for bag, more in ((drive, ",ground_truth/odom"), (wheels, "")):
-        topics = ["--topics", f"imu/data_raw,wheel/odom{more}"]
-        assert generate.main(["-o", str(bag), *words, *topics]) == 0
-    found = _convert(capsys, drive, "-o", tmp_path / "drive", *EUROC)
-    assert found["messages"] == {"/imu/data_raw": 400, "/ground_truth/odom": 400}
-    assert found["not_converted"] == ["/wheel/odom"]
+    argv = ["--duration", "2s", "--wheels", "husky_a200", "--trajectory", "yard", "--quiet"]
+    for bag, options in ((drive, ",ground_truth/odom"), (wheels, "")):
+        topics = ["--topics", f"imu/data_raw,wheel/odom{options}"]
+        assert generate.main(["-o", str(bag), *argv, *topics]) == 0
+    converted = _convert(capsys, drive, "-o", tmp_path / "drive", *EUROC)
+    assert converted["messages"] == {"/imu/data_raw": 400, "/ground_truth/odom": 400}
+    assert converted["not_converted"] == ["/wheel/odom"]
     whole = ["-o", tmp_path / "wheels", *EUROC]
-    for more, said in (([], 1), (["--topics", "imu/data_raw,wheel/odom", "--force"], 0)):
-        assert convert_bag.main([str(one) for one in (wheels, *whole, *more)]) == 0
+    for options, count in (([], 1), (["--topics", "imu/data_raw,wheel/odom", "--force"], 0)):
+        assert convert_bag.main([str(path) for path in (wheels, *whole, *options)]) == 0
         lines = capsys.readouterr().err
-        assert lines.count("/wheel/odom becomes the truth of the dataset") == said
+        assert lines.count("/wheel/odom becomes the truth of the dataset") == count
     tum = _convert(capsys, wheels, "-o", tmp_path / "wheels.tum")
     assert list(tum["messages"]) == ["/wheel/odom"]  # it said /ground_truth/odom
     assert tum["not_converted"] == ["/imu/data_raw"]
 
 
 def test_the_true_poses_of_a_folder_of_tables_are_kept(tmp_path, capsys):
-    """They were dropped on the way back into a bag, without a word."""
-    words = ["--trajectory", "figure_eight", "--duration", "2s", "--quiet", "--force"]
+    """A bag made of the folder has them again."""
+    argv = ["--trajectory", "figure_eight", "--duration", "2s", "--quiet", "--force"]
     tables, bag = tmp_path / "tables", tmp_path / "back.mcap"
-    assert generate.main(["-o", str(tables), "--format", "csv", *words]) == 0
+    assert generate.main(["-o", str(tables), "--format", "csv", *argv]) == 0
     capsys.readouterr()
     assert convert_bag.main([str(tables), "-o", str(bag), "--json"]) == 0
     result = json.loads(capsys.readouterr().out)
     assert result["messages"] == {"/imu/data_raw": 400, "/ground_truth/pose": 400}
     assert result["not_converted"] == []
-    read = read_states(bag, "ground_truth/pose")
+    states = read_states(bag, "ground_truth/pose")
     np.testing.assert_allclose(
-        read.position, read_states(tables / "groundtruth.tum").position, atol=1e-9
+        states.position, read_states(tables / "groundtruth.tum").position, atol=1e-9
     )
     assert convert_bag.main([str(tables), "-o", str(tmp_path / "t.tum"), "--quiet"]) == 0
     assert len(read_states(tmp_path / "t.tum").t_ns) == 400
@@ -374,9 +378,9 @@ def test_the_true_poses_of_a_folder_of_tables_are_kept(tmp_path, capsys):
 def test_images_without_a_place_are_named(tmp_path, capsys):
     bag, small = tmp_path / "flow.mcap", ["camera.width=64", "camera.height=48"]
     values = [*small, "camera.intrinsics=[40,40,32,24]", "camera.flow=raw", "camera.depth=true"]
-    words = [word for value in values for word in ("--set", value)]
-    words += ["--camera", "euroc_cam0", "--duration", "0.2s", "--quiet"]
-    assert generate.main(["-o", str(bag), *words]) == 0
+    argv = [word for value in values for word in ("--set", value)]
+    argv += ["--camera", "euroc_cam0", "--duration", "0.2s", "--quiet"]
+    assert generate.main(["-o", str(bag), *argv]) == 0
     capsys.readouterr()
     assert convert_bag.main([str(bag), "-o", str(tmp_path / "euroc"), "--json", *EUROC]) == 0
     result = json.loads(capsys.readouterr().out)

@@ -79,16 +79,16 @@ def result(capsys, *arguments):
 
 
 def test_json_of_one_method(bag, capsys):
-    found = result(capsys, bag)
-    assert set(found) >= KEYS
-    assert (found["method"], found["attitude_update"]) == ("midpoint", "so3")
-    assert found["samples"] == 1001
-    assert found["duration_s"] == pytest.approx(5.0)
+    track = result(capsys, bag)
+    assert set(track) >= KEYS
+    assert (track["method"], track["attitude_update"]) == ("midpoint", "so3")
+    assert track["samples"] == 1001
+    assert track["duration_s"] == pytest.approx(5.0)
     # The ellipse of the lecture, a quarter of it in 5 s, with its waves of 1 m.
-    assert 25.0 < found["distance_m"] < 35.0
-    assert found["final_position_error_m"] < 1e-3
-    assert found["final_position_error_percent"] == pytest.approx(
-        100.0 * found["final_position_error_m"] / found["distance_m"]
+    assert 25.0 < track["distance_m"] < 35.0
+    assert track["final_position_error_m"] < 1e-3
+    assert track["final_position_error_percent"] == pytest.approx(
+        100.0 * track["final_position_error_m"] / track["distance_m"]
     )
 
 
@@ -102,18 +102,20 @@ def test_json_of_one_method(bag, capsys):
 def test_a_truth_of_a_part_of_the_readings_is_told(tmp_path, capsys, truth, compared, until):
     """Errors used to be those of the part, under the duration of the whole."""
     bag = write(tmp_path / "part", block_of(), truth)
-    found = result(capsys, bag)
+    track = result(capsys, bag)
     share = compared / 5.0
-    assert found["truth_coverage"] == pytest.approx(share)
-    assert (found["compared_s"], found["truth_until_s"]) == pytest.approx((compared, until))
+    assert track["truth_coverage"] == pytest.approx(share)
+    assert (track["compared_s"], track["truth_until_s"]) == pytest.approx((compared, until))
     for arguments in ((), ("--all",)):
         _, out, _ = run(capsys, bag, *arguments)
-        words = f"the truth covers {100 * share:.4g} % of the readings' time, {compared:g} of 5 s"
-        assert f"{words}, and ends after {until:g} s" in out
+        coverage_text = (
+            f"the truth covers {100 * share:.4g} % of the readings' time, {compared:g} of 5 s"
+        )
+        assert f"{coverage_text}, and ends after {until:g} s" in out
 
 
 def test_odometry_that_passes_for_the_truth_is_named(tmp_path, capsys):
-    """Of readings with wheel/odom alone, errors were "against the truth" without a word."""
+    """Readings with wheel/odom alone have no truth."""
     bag = write(tmp_path / "robot", block_of(), topics=("wheel/odom",))
     status, out, errors = run(capsys, bag)
     assert (status, len(errors)) == (0, 1)
@@ -122,16 +124,16 @@ def test_odometry_that_passes_for_the_truth_is_named(tmp_path, capsys):
 
 
 def test_a_whole_truth_needs_no_words(bag, capsys):
-    found = result(capsys, bag)
-    assert (found["truth_coverage"], found["compared_s"]) == pytest.approx((1.0, 5.0))
+    track = result(capsys, bag)
+    assert (track["truth_coverage"], track["compared_s"]) == pytest.approx((1.0, 5.0))
     assert "the truth covers" not in run(capsys, bag)[1]
 
 
 def test_all_is_a_list_of_every_way(bag, capsys):
-    found = result(capsys, bag, "--all")
-    assert len(found) == 9
-    assert all(set(entry) >= KEYS for entry in found)
-    errors = {(e["method"], e["attitude_update"]): e["final_position_error_m"] for e in found}
+    tracks = result(capsys, bag, "--all")
+    assert len(tracks) == 9
+    assert all(set(entry) >= KEYS for entry in tracks)
+    errors = {(e["method"], e["attitude_update"]): e["final_position_error_m"] for e in tracks}
     assert errors["euler", "so3"] > 100.0 * errors["midpoint", "so3"]
 
 
@@ -166,11 +168,11 @@ def test_known_biases_are_corrected(tmp_path, capsys):
 
 
 def test_levelling_from_rest(tmp_path, capsys):
-    """At rest, turned: roll, pitch and the gyroscope's bias are found, the body stays."""
+    """A turned body at rest: roll, pitch and the gyroscope's bias are estimated, the body stays."""
     block = block_of("static", 10.0, imu__gyroscope_bias=[0.01, -0.02, 0.03])
     bag = write(tmp_path / "rest", block, topics=())
-    found = result(capsys, bag, "--initial-state", "level", "-o", tmp_path / "level.txt")
-    assert found["final_position_error_m"] is None
+    track = result(capsys, bag, "--initial-state", "level", "-o", tmp_path / "level.txt")
+    assert track["final_position_error_m"] is None
     poses = read_poses(tmp_path / "level.txt")
     assert np.abs(poses.position).max() < 1e-9
 
@@ -181,9 +183,9 @@ def test_a_turning_earth(tmp_path, capsys):
     latitude = np.radians(50.0)
     rate = 7.292115e-5 * np.array([0.0, np.cos(latitude), np.sin(latitude)])
     without = result(capsys, bag)["final_position_error_m"]
-    found = result(capsys, bag, "--set", f"earth_rate={rate.tolist()}")["final_position_error_m"]
-    assert found < 2e-3
-    assert without > 100 * found
+    error_m = result(capsys, bag, "--set", f"earth_rate={rate.tolist()}")["final_position_error_m"]
+    assert error_m < 2e-3
+    assert without > 100 * error_m
 
 
 def test_trajectory_files_and_picture(bag, capsys, tmp_path):
@@ -226,9 +228,9 @@ def test_no_truth(tmp_path, capsys):
     (line,) = complain(capsys, bag)
     assert "no truth to start from" in line
     assert "--initial-state level" in line
-    found = result(capsys, bag, "--initial-state", "parameters")
-    assert found["final_position_error_m"] is None
-    assert found["distance_m"] > 0.0
+    track = result(capsys, bag, "--initial-state", "parameters")
+    assert track["final_position_error_m"] is None
+    assert track["distance_m"] > 0.0
 
 
 def write_imu_csv(path, block):
@@ -244,8 +246,8 @@ def test_readings_of_a_folder_without_truth(tmp_path, capsys):
     write_imu_csv(tmp_path / "imu0.csv", block_of())
     (line,) = complain(capsys, tmp_path)
     assert "no truth to start from" in line
-    found = result(capsys, tmp_path, "--initial-state", "parameters")
-    assert found["samples"] == 1001
+    track = result(capsys, tmp_path, "--initial-state", "parameters")
+    assert track["samples"] == 1001
 
 
 def test_truth_that_starts_much_later(tmp_path, capsys):
@@ -338,9 +340,9 @@ def test_a_rotating_earth_is_integrated_as_the_realised_truth_tells(tmp_path, ca
         out = capsys.readouterr()
         return json.loads(out.out)["final_position_error_m"], out.err
 
-    found, said = error()
-    assert ("curved Earth" in said) == curved
+    error_m, lines = error()
+    assert ("curved Earth" in lines) == curved
     (tmp_path / "turning_truth.yaml").unlink()
-    blind, said = error()
-    assert "curved Earth" not in said
-    assert found < 0.1 * blind
+    blind, lines = error()
+    assert "curved Earth" not in lines
+    assert error_m < 0.1 * blind

@@ -74,15 +74,15 @@ def test_each_runs_once(tmp_path, monkeypatch, capsys):
     (tmp_path / "plan.yaml").write_text(yaml.safe_dump(PLAN))
     assert {line.split()[0] for line in RUNS} == set(PROGRAMS) - {"control", "view"}
     for line in RUNS:
-        program, *words = line.split()
+        program, *argv = line.split()
         openings.of_existing_files(tmp_path)
-        status = importlib.import_module(f"imu_sim_ros.commands.{program}").main(words)
-        said = capsys.readouterr()
+        status = importlib.import_module(f"imu_sim_ros.commands.{program}").main(argv)
+        captured = capsys.readouterr()
         often = {path for path, count in openings.counts.items() if count > 1}
         assert {Path(path).name for path in often} <= SEVERAL_TIMES, (line, openings.counts)
-        assert status == 0, (line, said.err)
-        if "--json" in words:
-            assert json.loads(said.out), line
+        assert status == 0, (line, captured.err)
+        if "--json" in argv:
+            assert json.loads(captured.out), line
     openings.folder = None
     for name in ("track.png", "errors.png", "twin/twin.png"):
         assert (tmp_path / name).read_bytes().startswith(b"\x89PNG")

@@ -46,21 +46,21 @@ def subcommands(name):
 
 def accept(line):
     """Parse an example as the program that it names would."""
-    words = shlex.split(line, comments=True)
-    if words[0] == "make":
+    argv = shlex.split(line, comments=True)
+    if argv[0] == "make":
         makefile = (ROOT / "Makefile").read_text()
-        assert re.search(rf"^{words[1]}:", makefile, re.M)
+        assert re.search(rf"^{argv[1]}:", makefile, re.M)
         return
-    if words[:2] == ["python", "-m"]:
-        words = [words[2].rpartition(".")[2], *words[3:]]
-    if words[0] == "imu_sim":
-        words = words[1:]
-    given = parser(words[0]).parse_args(words[1:])
+    if argv[:2] == ["python", "-m"]:
+        argv = [argv[2].rpartition(".")[2], *argv[3:]]
+    if argv[0] == "imu_sim":
+        argv = argv[1:]
+    arguments = parser(argv[0]).parse_args(argv[1:])
     for argument, folder in (("imu", "imus"), ("trajectory", "trajectories"), ("truth", "imus")):
-        value = str(getattr(given, argument, None) or "perfect")
+        value = str(getattr(arguments, argument, None) or "perfect")
         assert "." in value or value in {*files.names(folder), "perfect"}
-    if words[0] == "campaign" and "." not in given.plan:
-        assert given.plan in files.names("campaigns")
+    if argv[0] == "campaign" and "." not in arguments.plan:
+        assert arguments.plan in files.names("campaigns")
 
 
 @pytest.mark.parametrize("name", WITH_PARSER)
@@ -84,11 +84,13 @@ def test_the_help_of_every_subcommand_ends_with_its_examples(name):
 @pytest.mark.parametrize("name", WITH_PARSER)
 def test_help_is_wrapped_to_the_terminal(name, monkeypatch):
     monkeypatch.setenv("COLUMNS", "80")
-    for made in (parser(name), *subcommands(name).values()):
-        above, _, tail = made.format_help().partition("examples:")
+    for program_parser in (parser(name), *subcommands(name).values()):
+        description, _, tail = program_parser.format_help().partition("examples:")
         assert max(map(len, tail.splitlines()), default=0) <= 100
         # A choice such as {none,yaw,se3,sim3} cannot be broken.
-        lines = (line.strip().replace(" {", "{") for line in above.splitlines() if len(line) > 80)
+        lines = (
+            line.strip().replace(" {", "{") for line in description.splitlines() if len(line) > 80
+        )
         long = [line for line in lines if " " in line]
         assert long == []
 
@@ -167,22 +169,22 @@ def test_every_command_of_the_manual_is_accepted():
     lines = list(written_commands())
     assert len(lines) > 30
     for line in lines:
-        program, *words = shlex.split(line.partition(": ")[2], comments=True)
+        program, *argv = shlex.split(line.partition(": ")[2], comments=True)
         try:
-            parser(program).parse_args(words)
+            parser(program).parse_args(argv)
         except SystemExit:
             pytest.fail(line)
 
 
-def body_of(given):
+def body_of(arguments):
     """Return the body that a command line of generate describes."""
-    names = [*named_sensors(), *(one.name for one in switches().values())]
-    sensors = {name: found for name in names if (found := getattr(given, name))}
-    more = {**sensors, "parameters": dict(given.parameters or ())}
+    names = [*named_sensors(), *(sensor.name for sensor in switches().values())]
+    sensors = {name: chosen for name in names if (chosen := getattr(arguments, name))}
+    overrides = {**sensors, "parameters": dict(arguments.parameters or ())}
     usual = ("imu", "trajectory", "duration", "rate", "seed", "robust", "cameras", "scene")
-    known = {name: found for name in usual if (found := getattr(given, name))}
-    found, _ = described(Journal(), Problems(), given.params_file, more, **known)
-    return load_simulator(found)
+    settings = {name: chosen for name in usual if (chosen := getattr(arguments, name))}
+    chosen, _ = described(Journal(), Problems(), arguments.params_file, overrides, **settings)
+    return load_simulator(chosen)
 
 
 def test_every_dataset_of_the_manual_has_an_end_and_a_truth_of_its_own():
@@ -190,16 +192,18 @@ def test_every_dataset_of_the_manual_has_an_end_and_a_truth_of_its_own():
     written = set()
     for line in written_commands():
         page, command = line.split(": ", 1)
-        program, *words = shlex.split(command, comments=True)
-        if page == "programs.md" or program != "generate" or words[-2:] == ["-o", "refused"]:
+        program, *argv = shlex.split(command, comments=True)
+        if page == "programs.md" or program != "generate" or argv[-2:] == ["-o", "refused"]:
             continue
-        given = parser(program).parse_args(words)
-        truth = (page, given.output.with_name(given.output.name.split(".")[0]))
+        arguments = parser(program).parse_args(argv)
+        truth = (page, arguments.output.with_name(arguments.output.name.split(".")[0]))
         assert truth not in written, line
         written.add(truth)
-        named = given.trajectory in (None, *files.names("trajectories"))
-        if given.duration is None and named and not given.params_file:  # those are the page's own
-            assert Body(body_of(given)).total is not None, line
+        is_preset = arguments.trajectory in (None, *files.names("trajectories"))
+        if (
+            arguments.duration is None and is_preset and not arguments.params_file
+        ):  # those are the page's own
+            assert Body(body_of(arguments)).total is not None, line
     assert len(written) > 30
 
 

@@ -192,8 +192,8 @@ def test_every_input_that_cannot_be_read_is_a_line(tmp_path, monkeypatch, capsys
     (tmp_path / "empty.txt").touch()
     (tmp_path / "no.bag").write_text("words")
     assert generate.main(["-o", "flight.mcap", "--rate", "50", "--duration", "1s", "--quiet"]) == 0
-    program, *given = words.split()
-    assert importlib.import_module(f"imu_sim_ros.commands.{program}").main(given) == 2
+    program, *argv = words.split()
+    assert importlib.import_module(f"imu_sim_ros.commands.{program}").main(argv) == 2
     lines = capsys.readouterr().err.splitlines()
     assert len(lines) == len(said), lines
     for part in said:
@@ -249,10 +249,10 @@ def test_a_folder_named_like_a_word_of_the_command_is_no_input(tmp_path, monkeyp
 
 def test_options_stand_between_several_inputs(tmp_path):
     parsed = report.parser().parse_every(["a", "-o", "x.html", "b", "--quiet", "c"])
-    assert [str(one) for one in parsed.inputs] == ["a", "b", "c"]
+    assert [str(path) for path in parsed.inputs] == ["a", "b", "c"]
     assert parsed.words == {"accel_unit", "gyro_unit"}
     parsed = allan.parser().parse_every(["a", "--json", "b"])
-    assert [str(one) for one in parsed.source] == ["a", "b"]
+    assert [str(path) for path in parsed.source] == ["a", "b"]
 
 
 def test_bad_rows_are_skipped_on_request_and_counted(tmp_path, monkeypatch, capsys):
@@ -375,10 +375,10 @@ def flight(tmp_path, monkeypatch):
 def _refused(capsys, program, arguments):
     capsys.readouterr()
     status = _COMMANDS[program].main(arguments)
-    said = capsys.readouterr().err
-    assert status == 2, (program, arguments, said)
-    assert len(said.splitlines()) == 1, (program, arguments, said)
-    assert "unexpected" not in said
+    error_text = capsys.readouterr().err
+    assert status == 2, (program, arguments, error_text)
+    assert len(error_text.splitlines()) == 1, (program, arguments, error_text)
+    assert "unexpected" not in error_text
 
 
 def test_every_command_that_reads_or_writes_is_asked():
@@ -388,24 +388,24 @@ def test_every_command_that_reads_or_writes_is_asked():
 
 @pytest.mark.parametrize("path", _WITHOUT_NAME)
 def test_paths_without_a_name_are_refused_in_a_line(flight, capsys, path):
-    there = sorted(flight.parent.parent.rglob("*"))
+    files_present = sorted(flight.parent.parent.rglob("*"))
     for name, arguments in _READING:
         _refused(capsys, name, [path if word == "PATH" else word for word in arguments])
     for name, arguments in _WRITING:
         _refused(capsys, name, [*arguments, "-o", path])
-    assert sorted(flight.parent.parent.rglob("*")) == there
+    assert sorted(flight.parent.parent.rglob("*")) == files_present
 
 
 def test_the_working_folder_is_a_bag_like_any_other(flight, monkeypatch, capsys):
-    """Its side files, too, bear its name: the Earth's rotation is taken from the truth there."""
+    """Side files bear the name of the folder, too: the truth has the Earth's rotation."""
     simulated = ["--duration", "2s", "--rate", "100", "--set", "earth_rotation=true", "--quiet"]
     assert generate.main(["-o", "bag", *simulated]) == 0
     capsys.readouterr()
     assert dead_reckon.main(["bag", "--json"]) == 0
-    outside = capsys.readouterr().out
+    printed = capsys.readouterr().out
     monkeypatch.chdir(flight / "bag")
     assert dead_reckon.main([".", "--json"]) == 0
-    assert capsys.readouterr().out == outside
+    assert capsys.readouterr().out == printed
     assert report.main([".", "--quiet"]) == 0
     assert (flight / "bag.html").is_file()
 

@@ -1,7 +1,7 @@
 # Copyright 2026 imu_sim_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""What libraries write to standard error themselves never reaches a user."""
+"""Lines that libraries write to standard error never reach a user."""
 
 import re
 import shutil
@@ -23,10 +23,10 @@ CAMERA = [
 START = "import sys; from imu_sim_ros.commands.start import {0}; sys.exit({0}())"
 
 
-def ran(program, *arguments, more=""):
+def ran(program, *arguments, code=""):
     """Run a program in a process of its own; return its status and its lines of errors."""
     done = subprocess.run(
-        [sys.executable, "-c", more + START.format(program), *map(str, arguments)],
+        [sys.executable, "-c", code + START.format(program), *map(str, arguments)],
         capture_output=True,
         text=True,
     )
@@ -90,8 +90,8 @@ def test_images_that_libraries_complain_about(tmp_path, images, output):
     *parts, end = re.split(r"^status (\d)\n", done.stderr, flags=re.MULTILINE)
     assert (done.returncode, end) == (0, "")
     assert dict(zip(statuses, map(int, parts[1::2]), strict=True)) == statuses
-    for (how, status), said in zip(statuses.items(), parts[::2], strict=True):
-        lines = said.splitlines()
+    for (how, status), printed in zip(statuses.items(), parts[::2], strict=True):
+        lines = printed.splitlines()
         assert len(lines) == (1 if status else 0), (how, lines)
         assert all(line.startswith("convert_bag: ") for line in lines), (how, lines)
 
@@ -108,7 +108,7 @@ sys.meta_path.insert(0, Loud())
 
 
 def test_warnings_of_python(tmp_path, monkeypatch):
-    """They name lines of source; developers ask for them by PYTHONWARNINGS, as the tests do."""
+    """Warnings name lines of source; developers ask for them by PYTHONWARNINGS, as the tests do."""
     monkeypatch.delenv("PYTHONWARNINGS")
     bag = tmp_path / "flight.mcap"
     assert generate.main(["-o", str(bag), "--duration", "1s", "--quiet"]) == 0

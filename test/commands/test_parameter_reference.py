@@ -34,10 +34,10 @@ def test_the_page_is_current(name):
 
 def test_every_parameter_has_a_row_with_its_unit():
     rows = {line.split("`")[1]: line for line in reference().splitlines() if line[:3] == "| `"}
-    known = {**parameters(IntegratorParameters), **parameters(RecorderParameters)}
+    declared = {**parameters(IntegratorParameters), **parameters(RecorderParameters)}
     for kind in TYPES:
-        known.update(parameters(SimulatorParameters, {"trajectory.type": kind}))
-    known.update(
+        declared.update(parameters(SimulatorParameters, {"trajectory.type": kind}))
+    declared.update(
         {
             name: parameter
             for name, parameter in parameters(ErrorNodeParameters).items()
@@ -45,15 +45,17 @@ def test_every_parameter_has_a_row_with_its_unit():
         }
     )
     rig = parameters(RigParameters)
-    known.update({name: rig[name] for name in ("cameras", "features.layout")})
+    declared.update({name: rig[name] for name in ("cameras", "features.layout")})
     sections = {"camera": [CameraParameters], "scene": list(SCENES.values())}
     for prefix, classes in sections.items():
-        for one in classes:
-            known.update({f"{prefix}.{name}": p for name, p in parameters(one).items()})
+        for section_class in classes:
+            declared.update(
+                {f"{prefix}.{name}": p for name, p in parameters(section_class).items()}
+            )
     for name, sensor in named_sensors().items():
-        own = parameters(sensor.section)
-        known.update({f"{name}.{key}": p for key, p in own.items()})
-    assert set(rows) == set(known)
+        sensor_parameters = parameters(sensor.section)
+        declared.update({f"{name}.{key}": p for key, p in sensor_parameters.items()})
+    assert set(rows) == set(declared)
     # Names that several sections share have rows of their own; the last one is looked at.
     assert "| m/s^2 |" in rows["gravity"]
-    assert all(parameter.text for parameter in known.values())
+    assert all(parameter.text for parameter in declared.values())

@@ -105,10 +105,10 @@ def test_a_step_that_must_not_be_broken_off_keeps_the_signal(number):
         pytest.fail("the signal is lost")
 
     done: list[int] = []
-    before = [signal.getsignal(each) for each in signals.SIGNALS]
+    handlers = [signal.getsignal(signal_number) for signal_number in signals.SIGNALS]
     assert program.run("work", work) == STATUS[number]
     assert done == [number]
-    assert [signal.getsignal(each) for each in signals.SIGNALS] == before
+    assert [signal.getsignal(signal_number) for signal_number in signals.SIGNALS] == handlers
 
 
 def test_a_signal_after_the_output_has_its_name_does_not_deny_it(tmp_path, monkeypatch, capsys):
@@ -170,15 +170,18 @@ def test_a_signal_while_a_file_is_closed_leaves_none_without_its_end(
 
 def test_what_is_printed_is_not_lost_to_a_signal_at_the_end(monkeypatch):
     """Standard output is flushed while signals still interrupt, not end the process at once."""
-    seen = []
+    received = []
     monkeypatch.setattr(sys, "stdout", io.StringIO())
     monkeypatch.setattr(
-        sys.stdout, "flush", lambda: seen.append(signal.getsignal(signal.SIGTERM)), raising=False
+        sys.stdout,
+        "flush",
+        lambda: received.append(signal.getsignal(signal.SIGTERM)),
+        raising=False,
     )
-    before = signal.getsignal(signal.SIGTERM)
+    handlers = signal.getsignal(signal.SIGTERM)
     assert program.run("work", lambda: print("result")) == 0
-    assert seen
-    assert before not in seen
+    assert received
+    assert handlers not in received
 
 
 def test_a_signal_when_the_work_is_over_changes_nothing():
@@ -339,7 +342,7 @@ def test_a_thread_that_waits_is_interrupted():
 
 
 def test_a_signal_while_an_extension_is_initialised_is_an_interruption(capsys):
-    """Of pybind11 it comes as an ImportError, caused by it: status 1, and "unexpected"."""
+    """Pybind11 makes an ImportError of it, which must not become status 1 and "unexpected"."""
 
     def command() -> None:
         try:

@@ -28,7 +28,7 @@ NOT_NEEDED = {
     "imu_sim_ros.datasets.consumers.kalibr",
     "imu_sim_ros.trajectory.bspline",
 }
-"""By one that writes the readings of one IMU into a bag."""
+"""Modules that a program loads that writes the readings of one IMU into a bag."""
 
 
 def test_a_short_run_loads_what_it_needs(tmp_path):
@@ -41,9 +41,9 @@ def test_a_short_run_loads_what_it_needs(tmp_path):
         """
     )
     environment = {name: v for name, v in os.environ.items() if name != "OPENBLAS_NUM_THREADS"}
-    words = ["--duration", "1s", "-o", str(tmp_path / "x.mcap"), "--quiet"]
+    argv = ["--duration", "1s", "-o", str(tmp_path / "x.mcap"), "--quiet"]
     done = subprocess.run(
-        [sys.executable, "-c", code, *words],
+        [sys.executable, "-c", code, *argv],
         env=environment,
         capture_output=True,
         text=True,

@@ -45,11 +45,11 @@ def test_columns_move_together_before_the_table_is_stacked(monkeypatch, capsys):
     monkeypatch.setenv("COLUMNS", "80")
     monkeypatch.setattr(sys.stdout, "isatty", lambda: True, raising=False)
     text_tables.print_table(header, rows, "Errors")
-    title, names, _, first, second = capsys.readouterr().out.splitlines()
+    title, names, _, first_row, second = capsys.readouterr().out.splitlines()
     assert title == "Errors"
     assert names.split() == header
-    assert (first.split()[-6:], second.split()[-6:]) == (rows[0][1:], rows[1][1:])
-    assert len(first) == len(second) == len(names) == 76
+    assert (first_row.split()[-6:], second.split()[-6:]) == (rows[0][1:], rows[1][1:])
+    assert len(first_row) == len(second) == len(names) == 76
 
 
 @pytest.mark.parametrize("columns", [80, 40])
@@ -63,17 +63,17 @@ def test_a_narrow_bar_cuts_its_text_and_never_its_numbers(monkeypatch, columns):
         with progress.terminal_bar(name, 1000, done=500) as advance:
             advance(20)
     shown = b""
-    with os.fdopen(master, "rb", buffering=0) as seen, contextlib.suppress(OSError):
-        while part := seen.read(4096):  # a terminal whose other side is closed ends with an error
+    with os.fdopen(master, "rb", buffering=0) as stream, contextlib.suppress(OSError):
+        while part := stream.read(4096):  # a terminal whose other side is closed ends with an error
             shown += part
     lines = re.split(r"[\r\n]+", re.sub(r"\x1b\[[0-9;?]*[A-Za-z]", "", shown.decode()))
-    last = [line for line in lines if line.strip()][-1]
-    assert len(last) <= columns
-    assert re.fullmatch(r"a campaign.* 52% +-:--:-- *", last), last
+    last_line = [line for line in lines if line.strip()][-1]
+    assert len(last_line) <= columns
+    assert re.fullmatch(r"a campaign.* 52% +-:--:-- *", last_line), last_line
 
 
-def seconds_left(words):
-    hours, minutes, seconds = map(int, words.split(":"))
+def seconds_left(text):
+    hours, minutes, seconds = map(int, text.split(":"))
     return 3600 * hours + 60 * minutes + seconds
 
 
@@ -89,14 +89,14 @@ def test_the_time_left_is_neither_misled_by_bursts_nor_by_the_start(start, worke
         for worker in range(workers):
             elapsed = start + 2.0 * burst + 0.01 * worker / workers
             done = 50 * (workers * (burst - 1) + worker + 1)
-            speed, left = pace.after(done, total - done, elapsed)
-            assert bool(speed) == (left != "-:--:--")
+            speed, seconds = pace.after(done, total - done, elapsed)
+            assert bool(speed) == (seconds != "-:--:--")
             if speed:
                 shown += 1
                 window = min(0.5 * elapsed, elapsed - 1.1 * (start + 2.0))
                 true = 2.0 * (total - done) / (50.0 * workers)
                 assert (
-                    abs(seconds_left(left) - true) <= 1.0 + true * 2.2 / (window - 2.2)
+                    abs(seconds_left(seconds) - true) <= 1.0 + true * 2.2 / (window - 2.2)
                     or window < 4.5
                 )
     assert shown > 0.6 * workers * 100
@@ -166,7 +166,7 @@ PROGRAMS = (
 
 
 def test_tables_of_the_programs_fit_80_columns(tmp_path, monkeypatch, capsys):
-    """Their columns move together at most: no row becomes a block of lines."""
+    """Columns move together at most: no row becomes a block of lines."""
     monkeypatch.chdir(tmp_path)
     flight = ims.simulate(imu="mpu6000", trajectory="figure_eight", duration=6.0, seed=1)
     flight.save("flight.mcap")

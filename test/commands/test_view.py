@@ -25,8 +25,8 @@ TOPICS = "imu/data_raw,ground_truth/odom,ground_truth/gyroscope_bias"
 
 def rows(path):
     """Return what rerun's own program finds in a file: entities and its time lines."""
-    words = ["-m", "rerun", "rrd", "stats", str(path)]
-    done = subprocess.run([sys.executable, *words], capture_output=True, text=True, check=True)
+    argv = ["-m", "rerun", "rrd", "stats", str(path)]
+    done = subprocess.run([sys.executable, *argv], capture_output=True, text=True, check=True)
     entities = re.findall(r"^(/\S+): (\d+)$", done.stdout, re.M)
     return dict(entities), re.search(r"num_rows = (.*)", done.stdout)[1], done.stdout
 
@@ -35,8 +35,8 @@ def rows(path):
 def flight(tmp_path_factory):
     pytest.importorskip("rerun")
     folder = tmp_path_factory.mktemp("view")
-    words = ["--trajectory", "figure_eight", "--duration", "2s", "--quiet"]
-    assert generate.main(["-o", str(folder / "flight.mcap"), "--topics", TOPICS, *words]) == 0
+    argv = ["--trajectory", "figure_eight", "--duration", "2s", "--quiet"]
+    assert generate.main(["-o", str(folder / "flight.mcap"), "--topics", TOPICS, *argv]) == 0
     track = ["-o", str(folder / "track.csv"), "--quiet"]
     assert dead_reckon.main([str(folder / "flight.mcap"), *track]) == 0
     return folder
@@ -59,9 +59,9 @@ def test_truth_estimate_readings_and_biases_are_in_the_file(flight, capsys):
 
 def test_the_images_of_a_folder_are_those_of_the_same_flight_as_a_bag(flight, capsys):
     pytest.importorskip("cv2")
-    words = ["--camera", "euroc_cam0", "--camera", "euroc_cam1", *SMALL]
-    assert generate.main(["-o", str(flight / "euroc"), "--format", "euroc", *words]) == 0
-    assert generate.main(["-o", str(flight / "same.mcap"), *words]) == 0
+    argv = ["--camera", "euroc_cam0", "--camera", "euroc_cam1", *SMALL]
+    assert generate.main(["-o", str(flight / "euroc"), "--format", "euroc", *argv]) == 0
+    assert generate.main(["-o", str(flight / "same.mcap"), *argv]) == 0
     capsys.readouterr()
     saved = flight / "euroc.rrd"
     assert view.main([str(flight / "euroc"), "--save", str(saved), "--json"]) == 0
@@ -79,8 +79,8 @@ def test_the_images_of_a_folder_are_those_of_the_same_flight_as_a_bag(flight, ca
 def test_images_and_landmarks_are_in_the_file(flight, capsys):
     pytest.importorskip("cv2")
     bag = flight / "seen.mcap"
-    words = ["--camera", "euroc_cam0", *SMALL]
-    assert generate.main(["-o", str(bag), *words]) == 0
+    argv = ["--camera", "euroc_cam0", *SMALL]
+    assert generate.main(["-o", str(bag), *argv]) == 0
     assert view.main([str(bag), "--save", str(flight / "seen.rrd"), "--json"]) == 0
     result = json.loads(capsys.readouterr().out)
     assert result["images"] == 1
@@ -90,9 +90,9 @@ def test_images_and_landmarks_are_in_the_file(flight, capsys):
 
 
 def test_an_existing_file_is_kept_and_a_missing_library_is_named(flight, capsys, monkeypatch):
-    taken = flight / "taken.rrd"
-    taken.write_text("mine")
-    assert view.main([str(flight / "flight.mcap"), "--save", str(taken)]) == 2
+    occupied = flight / "taken.rrd"
+    occupied.write_text("mine")
+    assert view.main([str(flight / "flight.mcap"), "--save", str(occupied)]) == 2
     assert "already exists" in capsys.readouterr().err
     monkeypatch.setitem(sys.modules, "rerun", None)
     assert view.main([str(flight / "flight.mcap"), "--save", "x.rrd"]) == 2
@@ -109,17 +109,17 @@ def test_what_cannot_be_shown_is_said_before_a_viewer_starts(flight, capsys, mon
         "elsewhere\n"
     )
     for gone in (["gone.mcap"], ["gone.csv", "x.tum"], ["gone.mcap", "gone.csv"]):
-        words = gone if gone[0] == "gone.mcap" else [bag, *gone]
-        assert view.main(words) == 2
+        argv = gone if gone[0] == "gone.mcap" else [bag, *gone]
+        assert view.main(argv) == 2
         lines = [f"view: {name}: No such file or directory" for name in gone]
         assert capsys.readouterr().err.splitlines() == lines
 
 
 def test_estimates_of_the_same_name_are_two_paths(flight, capsys):
-    other = flight / "other"
-    other.mkdir()
-    shutil.copy(flight / "track.csv", other)
-    tracks = [str(flight / "track.csv"), str(other / "track.csv")]
+    second_folder = flight / "other"
+    second_folder.mkdir()
+    shutil.copy(flight / "track.csv", second_folder)
+    tracks = [str(flight / "track.csv"), str(second_folder / "track.csv")]
     saved = flight / "two.rrd"
     assert view.main([str(flight / "flight.mcap"), *tracks, "--save", str(saved), "--json"]) == 0
     assert json.loads(capsys.readouterr().out)["paths"] == 3
@@ -129,18 +129,18 @@ def test_estimates_of_the_same_name_are_two_paths(flight, capsys):
 
 def test_scans_of_a_lidar_are_in_the_file(flight, capsys):
     bag = flight / "ranged.mcap"
-    words = ["--lidar", "vlp16", "--scene", "ground", "--duration", "0.3s", "--quiet"]
-    words += ["--set", "lidar.lever_arm=[0.1, -0.2, 0.3]"]
-    words += ["--set", "lidar.mounting=[0, -1, 0, 1, 0, 0, 0, 0, 1]"]
-    assert generate.main(["-o", str(bag), *words]) == 0
+    argv = ["--lidar", "vlp16", "--scene", "ground", "--duration", "0.3s", "--quiet"]
+    argv += ["--set", "lidar.lever_arm=[0.1, -0.2, 0.3]"]
+    argv += ["--set", "lidar.mounting=[0, -1, 0, 1, 0, 0, 0, 0, 1]"]
+    assert generate.main(["-o", str(bag), *argv]) == 0
     assert view.main([str(bag), "--save", str(flight / "ranged.rrd"), "--json"]) == 0
     assert json.loads(capsys.readouterr().out)["scans"] == 1
     entities, _, _ = rows(flight / "ranged.rrd")
     assert {"/world/truth/body/lidar", "/world/truth/body/lidar/points"} <= set(entities)
     assert not any("ground_truth" in name for name in entities)
-    words = ["-m", "rerun", "rrd", "print", "-vvv", "--entity", "/world/truth/body/lidar"]
+    argv = ["-m", "rerun", "rrd", "print", "-vvv", "--entity", "/world/truth/body/lidar"]
     done = subprocess.run(
-        [sys.executable, *words, str(flight / "ranged.rrd")],
+        [sys.executable, *argv, str(flight / "ranged.rrd")],
         capture_output=True, text=True, check=True,
     )  # fmt: skip
     assert "[[0.1, -0.2, 0.3]]" in done.stdout
@@ -150,9 +150,9 @@ def test_scans_of_a_lidar_are_in_the_file(flight, capsys):
 
 def test_scans_that_have_no_place_are_in_their_own_frame(flight, capsys):
     bag = flight / "placeless.mcap"
-    words = ["--lidar", "perfect", "--scene", "ground", "--duration", "0.2s", "--quiet"]
-    words += ["--topics", "imu/data_raw,ground_truth/odom,points"]
-    assert generate.main(["-o", str(bag), *words]) == 0
+    argv = ["--lidar", "perfect", "--scene", "ground", "--duration", "0.2s", "--quiet"]
+    argv += ["--topics", "imu/data_raw,ground_truth/odom,points"]
+    assert generate.main(["-o", str(bag), *argv]) == 0
     assert view.main([str(bag), "--save", str(flight / "placeless.rrd"), "--quiet"]) == 0
     assert "/points: in its own frame, because the bag does not say where lidar is" in (
         capsys.readouterr().err

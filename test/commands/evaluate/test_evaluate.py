@@ -55,15 +55,15 @@ def saved(tmp_path, poses, name="estimate.txt"):
 def test_known_shift(tmp_path, truth, capsys):
     poses = track()
     estimate = saved(tmp_path, replace(poses, position=poses.position + np.array([3.0, 0.0, 4.0])))
-    found = result(capsys, estimate, truth)
-    assert found["ate_m"]["rmse"] == pytest.approx(5.0)
-    assert found["final_position_error_m"] == pytest.approx(5.0)
-    assert found["final_drift_percent"] == pytest.approx(500.0 / found["distance_m"])
-    assert found["attitude_error_rad"]["max"] < 1e-9
-    assert [entry["unit"] for entry in found["rpe"]] == ["s"] + ["m"] * 5
-    assert max(entry["translation_m"]["max"] for entry in found["rpe"]) < 1e-9
-    assert found["nees"] is None
-    assert found["no_nees"].startswith("the estimate has no covariance")
+    evaluation = result(capsys, estimate, truth)
+    assert evaluation["ate_m"]["rmse"] == pytest.approx(5.0)
+    assert evaluation["final_position_error_m"] == pytest.approx(5.0)
+    assert evaluation["final_drift_percent"] == pytest.approx(500.0 / evaluation["distance_m"])
+    assert evaluation["attitude_error_rad"]["max"] < 1e-9
+    assert [entry["unit"] for entry in evaluation["rpe"]] == ["s"] + ["m"] * 5
+    assert max(entry["translation_m"]["max"] for entry in evaluation["rpe"]) < 1e-9
+    assert evaluation["nees"] is None
+    assert evaluation["no_nees"].startswith("the estimate has no covariance")
     for kind in ("yaw", "se3", "sim3"):
         aligned = result(capsys, estimate, truth, "--align", kind)
         assert aligned["ate_m"]["max"] < 1e-9
@@ -75,22 +75,22 @@ def test_other_stamps_are_interpolated(tmp_path, truth, capsys):
     poses = track(403, -SECOND // 20 - SECOND // 40)
     t = (poses.t_ns - START) * 1e-9
     position = np.stack([5 * np.cos(0.3 * t), 4 * np.sin(0.3 * t), np.sin(t)], axis=1)
-    found = result(capsys, saved(tmp_path, replace(poses, position=position)), truth)
-    assert found["poses"] == 400
-    assert found["poses_without_truth"] == 3
+    evaluation = result(capsys, saved(tmp_path, replace(poses, position=position)), truth)
+    assert evaluation["poses"] == 400
+    assert evaluation["poses_without_truth"] == 3
     # A chord of 50 ms lies a h^2 / 8 off the arc, with at most 1.1 m/s^2.
-    assert found["ate_m"]["max"] < 1.1 * 0.05**2 / 8
+    assert evaluation["ate_m"]["max"] < 1.1 * 0.05**2 / 8
 
 
 def test_what_is_not_estimated_is_told(tmp_path, truth, capsys):
     """The first 1.95 s of 20 s; then two poses, which an alignment brings to the truth."""
     poses = track()
     start = saved(tmp_path, poses.rows(slice(None, 40)))
-    found = result(capsys, start, truth)
-    assert found["coverage"] == pytest.approx(1.95 / 20.0)
-    assert (found["estimated_s"], found["truth_s"]) == pytest.approx((1.95, 20.0))
-    assert found["time_to_failure_s"] == pytest.approx(1.95)
-    assert found["initialisation_s"] == 0.0
+    evaluation = result(capsys, start, truth)
+    assert evaluation["coverage"] == pytest.approx(1.95 / 20.0)
+    assert (evaluation["estimated_s"], evaluation["truth_s"]) == pytest.approx((1.95, 20.0))
+    assert evaluation["time_to_failure_s"] == pytest.approx(1.95)
+    assert evaluation["initialisation_s"] == 0.0
     line = (
         "coverage: 9.75 %, 1.95 of 20 s of the truth; begins after 0 s and breaks off after "
         "1.95 s: the errors below say nothing about the rest"
@@ -114,8 +114,8 @@ def test_rpe_over_what_is_asked_for(tmp_path, truth, capsys):
     poses = track()
     t = (poses.t_ns - START) * 1e-9
     drifting = replace(poses, position=poses.position + 0.1 * t[:, None] * [0.0, 0.0, 1.0])
-    found = result(capsys, saved(tmp_path, drifting), truth, "--rpe", "2s", "--rpe", "5frames")
-    seconds, frames = found["rpe"]
+    evaluation = result(capsys, saved(tmp_path, drifting), truth, "--rpe", "2s", "--rpe", "5frames")
+    seconds, frames = evaluation["rpe"]
     assert seconds["translation_m"]["rmse"] == pytest.approx(0.2)
     assert frames["translation_m"]["rmse"] == pytest.approx(0.025)
     assert (seconds["pairs"], frames["pairs"]) == (361, 396)
@@ -151,8 +151,8 @@ def write_bag(path, poses, velocity_b=None, covariances=(None, None)):
 def test_a_topic_is_not_compared_with_itself(tmp_path, capsys):
     """A bag without a truth gave errors of 0, and a NEES of 0."""
     bag = write_bag(tmp_path / "run", track())
-    words = (bag, bag, "--estimate-topic", "dead_reckoned/odom")
-    for arguments in (words[:2], words, (*words, "--truth-topic", "/dead_reckoned/odom")):
+    argv = (bag, bag, "--estimate-topic", "dead_reckoned/odom")
+    for arguments in (argv[:2], argv, (*argv, "--truth-topic", "/dead_reckoned/odom")):
         status, out, errors = run(capsys, *arguments)
         assert (status, out, len(errors)) == (2, "", 1)
         assert "estimate and truth are both /dead_reckoned/odom" in errors[0]
@@ -177,12 +177,12 @@ def test_nees_of_a_bag_with_covariances(tmp_path, capsys, factor):
     velocity_b = sigma[:3] * rng.normal(size=(n, 3))
     bag = write_bag(tmp_path / "estimate", estimate, velocity_b, (matrices, twist))
     truth = write_bag(tmp_path / "truth", poses)
-    found = result(capsys, bag, truth)["nees"]
-    assert found["poses"] == n - 1
+    nees = result(capsys, bag, truth)["nees"]
+    assert nees["poses"] == n - 1
     # The variance of a NEES of 3 degrees of freedom is 6: 4 sigma of the mean of 400.
     for name in ("position", "attitude", "velocity"):
         expected = 3.0 / factor**2
-        assert found[name]["mean"] == pytest.approx(expected, abs=4 * np.sqrt(6 / 400) / factor**2)
+        assert nees[name]["mean"] == pytest.approx(expected, abs=4 * np.sqrt(6 / 400) / factor**2)
     aligned = result(capsys, bag, truth, "--align", "se3")
     assert aligned["nees"] is None
     assert aligned["no_nees"].startswith("alignment se3 removes a part")
@@ -241,19 +241,19 @@ def test_a_planted_time_offset_is_recovered(tmp_path, truth, capsys, align):
     estimate = saved(tmp_path, poses)
     plain = result(capsys, estimate, truth, "--align", align)
     assert plain["time_offset"] is None
-    found = result(capsys, estimate, truth, "--align", align, "--time-offset")
+    evaluation = result(capsys, estimate, truth, "--align", align, "--time-offset")
     sigma = sigma_of_offset(t)
     assert sigma < 2e-3
-    assert found["time_offset"]["value_s"] == pytest.approx(-LATE, abs=4 * sigma)
+    assert evaluation["time_offset"]["value_s"] == pytest.approx(-LATE, abs=4 * sigma)
     # At up to 1.8 m/s, 50 ms are 90 mm, less what an alignment takes. Then noise is left.
-    assert found["time_offset"]["ate_rmse_m_before"] == pytest.approx(plain["ate_m"]["rmse"])
+    assert evaluation["time_offset"]["ate_rmse_m_before"] == pytest.approx(plain["ate_m"]["rmse"])
     assert plain["ate_m"]["rmse"] > 2 * np.sqrt(3) * SIGMA_POSITION
-    left = np.hypot(np.sqrt(3) * SIGMA_POSITION, 1.8 * 4 * sigma)
-    assert found["ate_m"]["rmse"] < left
+    noise = np.hypot(np.sqrt(3) * SIGMA_POSITION, 1.8 * 4 * sigma)
+    assert evaluation["ate_m"]["rmse"] < noise
     out = run(capsys, estimate, truth, "--align", align, "--time-offset")[1]
-    assert f"time offset: {1e3 * found['time_offset']['value_s']:.2f} ms (" in out
-    assert found["time_offset"]["low_s"] < found["time_offset"]["value_s"]
-    assert found["time_offset"]["high_s"] > found["time_offset"]["value_s"]
+    assert f"time offset: {1e3 * evaluation['time_offset']['value_s']:.2f} ms (" in out
+    assert evaluation["time_offset"]["low_s"] < evaluation["time_offset"]["value_s"]
+    assert evaluation["time_offset"]["high_s"] > evaluation["time_offset"]["value_s"]
 
 
 def test_a_motion_that_shows_no_time_offset(tmp_path, capsys):
@@ -300,11 +300,11 @@ def test_nees_of_text_with_covariances(tmp_path, truth, capsys, form):
             for s, v in zip(poses.t_ns.tolist(), values.tolist(), strict=True)
         ]
     path.write_text("\n".join(rows) + "\n")
-    found = result(capsys, path, truth)["nees"]
-    assert found["poses"] == n
-    assert found["velocity"] is None
+    nees = result(capsys, path, truth)["nees"]
+    assert nees["poses"] == n
+    assert nees["velocity"] is None
     for name in ("position", "attitude"):
-        assert found[name]["mean"] == pytest.approx(3.0, abs=4 * np.sqrt(6 / n))
+        assert nees[name]["mean"] == pytest.approx(3.0, abs=4 * np.sqrt(6 / n))
     rows[7] = rows[7].rpartition("," if form == "csv" else " ")[0] + (
         ",nan" if form == "csv" else " nan"
     )
@@ -324,9 +324,9 @@ def test_estimate_and_truth_in_one_bag(tmp_path, capsys):
             handle = writer.add_topic(topic, ODOMETRY)
             payloads = encoder.encode(poses.t_ns, poses.position + shift, poses.q_wb, zero, zero)
             writer.write(handle, poses.t_ns, payloads)
-    found = result(capsys, bag, bag, "--estimate-topic", "dead_reckoned/odom")
-    assert found["ate_m"]["rmse"] == pytest.approx(np.sqrt(3.0))
-    assert found["velocity_error_m_s"]["max"] == 0.0
+    evaluation = result(capsys, bag, bag, "--estimate-topic", "dead_reckoned/odom")
+    assert evaluation["ate_m"]["rmse"] == pytest.approx(np.sqrt(3.0))
+    assert evaluation["velocity_error_m_s"]["max"] == 0.0
 
 
 def complain(capsys, *arguments):
@@ -359,9 +359,9 @@ def test_bad_rows_are_told_by_command_and_python(tmp_path, truth, capsys):
     status, _, errors = run(capsys, estimate, truth, "--skip-bad-rows")
     assert (status, errors) == (0, [f"evaluate: {estimate}: 1 bad rows skipped"])
     with pytest.warns(Remark, match="1 bad rows skipped"):
-        found = ims.evaluate(estimate, truth, skip_bad_rows=True, rpe=["2s", (5, "m")])
-    assert [entry["unit"] for entry in found.to_dict()["rpe"]] == ["s", "m"]
-    assert len(found.t_ns) == 400
+        evaluation = ims.evaluate(estimate, truth, skip_bad_rows=True, rpe=["2s", (5, "m")])
+    assert [entry["unit"] for entry in evaluation.to_dict()["rpe"]] == ["s", "m"]
+    assert len(evaluation.t_ns) == 400
     with pytest.raises(ims.ConfigurationError, match="rpe = '5 parsec': must be pairs"):
         ims.evaluate(truth, truth, rpe=["5 parsec"])
 
@@ -384,22 +384,22 @@ def test_bad_delta(truth, delta, capsys):
 def tracks(tmp_path_factory):
     """Two cameras with pixel noise of 0.7 px, and the truth at 200 Hz."""
     folder = tmp_path_factory.mktemp("tracks") / "flight"
-    words = (
+    argv = (
         f"-o {folder} --format tracks --trajectory figure_eight --duration 5s --seed 3 --quiet "
         "--camera euroc_cam0 --camera tum_vi_cam0 --scene cloud --set camera.body_axes=flu "
         "--set camera.pixel_noise=0.7 --set camera.outlier_probability=0.05 "
         "--set cam1.camera.row_time=2e-5 --set camera.time_offset=0.01"
     )
-    assert generate.main(words.split()) == 0
+    assert generate.main(argv.split()) == 0
     return folder
 
 
 def test_the_true_path_leaves_the_pixel_noise(tracks, capsys):
     """2 n values of known deviation: theirs is within 3 / sqrt(4 n) of it, n above 5000: 2.1 %."""
     path = tracks / "groundtruth.tum"
-    found = result(capsys, path, path, "--tracks", tracks)["reprojection"]
-    assert [entry["camera"] for entry in found] == ["cam0", "cam1"]
-    for entry in found:
+    reprojection = result(capsys, path, path, "--tracks", tracks)["reprojection"]
+    assert [entry["camera"] for entry in reprojection] == ["cam0", "cam1"]
+    for entry in reprojection:
         assert entry["features"] > 5000
         assert entry["rms_px"] == pytest.approx(0.7, rel=0.021)
         assert entry["rms_px"] == pytest.approx(entry["rms_px_of_truth"], rel=1e-12)
@@ -425,12 +425,12 @@ def test_frames_without_a_pose_near_them_are_left_out(tracks, capsys, tmp_path):
     entry = result(capsys, sparse, tracks / "groundtruth.tum", "--tracks", tracks)["reprojection"]
     assert entry[0]["rms_px"] == pytest.approx(0.7, rel=0.1)  # 10 frames
     # Rows of a rolling shutter are between poses half a second apart.
-    assert [one["camera"] for one in entry] == ["cam0", "cam1"]
+    assert [camera["camera"] for camera in entry] == ["cam0", "cam1"]
     assert entry[1]["features"] < 50
     assert entry[0]["features"] < 0.2 * entry[0]["of"]
     _, out, _ = run(capsys, sparse, tracks / "groundtruth.tum", "--tracks", tracks)
-    for one in entry:
-        few = f"{one['features']:,} features of {one['of']:,}, the others without poses"
+    for camera in entry:
+        few = f"{camera['features']:,} features of {camera['of']:,}, the others without poses"
         assert few in out
 
 
@@ -462,8 +462,8 @@ def test_nees_with_yaw_and_position_free(tmp_path, capsys):
     bag = write_bag(
         tmp_path / "a", replace(poses, position=moved, q_wb=q_wb), None, (stated, stated)
     )
-    found = result(capsys, bag, write_bag(tmp_path / "truth", poses), "--align", "yaw")["nees"]
-    means = [found["position"]["mean"], found["attitude"]["mean"]]
+    nees = result(capsys, bag, write_bag(tmp_path / "truth", poses), "--align", "yaw")["nees"]
+    means = [nees["position"]["mean"], nees["attitude"]["mean"]]
     assert means == pytest.approx([3.0, 3.0], abs=4 * np.sqrt(6 / 400))
 
 

@@ -19,7 +19,7 @@ from imu_sim_ros.navigation.evaluation import tilt_and_heading
 
 RATE, DURATION = 200.0, 10.0
 FOUR_SIGMA = 4.0 / math.sqrt(2.0 * RATE * DURATION)
-"""Of a root mean square over that many numbers, relative: one sigma is ``1 / sqrt(2 n)``."""
+"""Relative error of a root mean square over n numbers: one sigma is ``1 / sqrt(2 n)``."""
 TILT, HEADING = 0.01, 0.03
 FIELD, AIR = 1e-8, 0.1
 TOPICS = (
@@ -39,8 +39,8 @@ PARAMETERS = {
 QUARTER = "[0.0, -1.0, 0.0, 1.0, 0.0, 0.0, 0.0, 0.0, 1.0]"
 
 
-def make(path: Path, topics: str, **more: Any) -> None:
-    chosen = {**PARAMETERS, **more}
+def make(path: Path, topics: str, **overrides: Any) -> None:
+    chosen = {**PARAMETERS, **overrides}
     values = [word for name, value in chosen.items() for word in ("--set", f"{name}={value}")]
     arguments = ["-o", str(path), "--trajectory", "figure_eight", "--duration", f"{DURATION}s"]
     assert generate.main([*arguments, "--topics", topics, "--quiet", *values]) == 0
@@ -55,29 +55,29 @@ def recording(tmp_path_factory: Any) -> Path:
 
 def result(capsys: Any, *arguments: object) -> dict[str, Any]:
     assert main([*map(str, arguments), "--json"]) == 0
-    found: dict[str, Any] = json.loads(capsys.readouterr().out)
-    return found
+    evaluation: dict[str, Any] = json.loads(capsys.readouterr().out)
+    return evaluation
 
 
 def test_an_orientation_is_as_wrong_as_it_says(recording: Path, capsys: Any) -> None:
     """White errors of known sigmas: n independent samples, each with a NEES of three."""
-    found = result(capsys, recording, recording, "--estimate-topic", "imu/data")
-    n = found["samples"]
-    assert (found["kind"], n, found["samples_without_truth"]) == ("orientation", 2000, 0)
-    tilt, heading = found["tilt_error_rad"], found["heading_error_rad"]
+    evaluation = result(capsys, recording, recording, "--estimate-topic", "imu/data")
+    n = evaluation["samples"]
+    assert (evaluation["kind"], n, evaluation["samples_without_truth"]) == ("orientation", 2000, 0)
+    tilt, heading = evaluation["tilt_error_rad"], evaluation["heading_error_rad"]
     assert tilt["rmse"] == pytest.approx(math.sqrt(2.0) * TILT, rel=FOUR_SIGMA)
     assert heading["rmse"] == pytest.approx(HEADING, rel=FOUR_SIGMA)
-    assert abs(found["mean_heading_error_rad"]) < 4.0 * HEADING / math.sqrt(n)
-    assert found["nees"]["mean"] == pytest.approx(3.0, abs=4.0 * math.sqrt(6.0 / n))
-    assert found["nees"]["inside_band"] == pytest.approx(0.95, abs=4.0 * 0.218 / math.sqrt(n))
+    assert abs(evaluation["mean_heading_error_rad"]) < 4.0 * HEADING / math.sqrt(n)
+    assert evaluation["nees"]["mean"] == pytest.approx(3.0, abs=4.0 * math.sqrt(6.0 / n))
+    assert evaluation["nees"]["inside_band"] == pytest.approx(0.95, abs=4.0 * 0.218 / math.sqrt(n))
 
 
 @pytest.mark.parametrize("topic", ["imu/data", "imu/mag", "imu/pressure"])
 def test_python_finds_the_same(recording: Path, capsys: Any, topic: str) -> None:
-    found = result(capsys, recording, recording, "--estimate-topic", topic)
-    same = ims.evaluate(recording, recording, estimate_topic=topic).to_dict()
-    assert json.loads(json.dumps(same)) == {
-        key: value for key, value in found.items() if key not in ("estimate", "truth")
+    evaluation = result(capsys, recording, recording, "--estimate-topic", topic)
+    in_python = ims.evaluate(recording, recording, estimate_topic=topic).to_dict()
+    assert json.loads(json.dumps(in_python)) == {
+        key: value for key, value in evaluation.items() if key not in ("estimate", "truth")
     }
 
 
@@ -102,15 +102,15 @@ def test_python_refuses_what_has_no_meaning(
 def test_readings_against_their_truth(
     recording: Path, capsys: Any, topic: str, axes: int, sigma: float
 ) -> None:
-    found = result(capsys, recording, recording, "--estimate-topic", topic)
+    evaluation = result(capsys, recording, recording, "--estimate-topic", topic)
     noise = sigma * math.sqrt(RATE)
-    left = found["error_without_bias"]
-    assert left["std"] == pytest.approx([noise] * axes, rel=FOUR_SIGMA)
-    assert np.max(np.abs(left["mean"])) < 4.0 * noise / math.sqrt(found["samples"])
-    n = found["samples"]
-    assert found["nees"]["mean"] == pytest.approx(axes, abs=4.0 * math.sqrt(2.0 * axes / n))
+    without_bias = evaluation["error_without_bias"]
+    assert without_bias["std"] == pytest.approx([noise] * axes, rel=FOUR_SIGMA)
+    assert np.max(np.abs(without_bias["mean"])) < 4.0 * noise / math.sqrt(evaluation["samples"])
+    n = evaluation["samples"]
+    assert evaluation["nees"]["mean"] == pytest.approx(axes, abs=4.0 * math.sqrt(2.0 * axes / n))
     if axes == 3:
-        assert found["error"]["mean"] == pytest.approx([2e-5, 0.0, -1e-5], abs=1e-8)
+        assert evaluation["error"]["mean"] == pytest.approx([2e-5, 0.0, -1e-5], abs=1e-8)
     assert main([str(recording), str(recording), "--estimate-topic", topic]) == 0
     assert "and minus the true bias" in capsys.readouterr().out
 
@@ -121,16 +121,16 @@ def test_a_mounted_sensor_and_a_folder(tmp_path: Path, capsys: Any) -> None:
     topics = "imu/data_raw,imu/data,imu/mag,ground_truth/odom"
     make(bag, topics, **{"imu.orientation_noise": 0.0, "imu.mounting": QUARTER})
     truth = tmp_path / "turned_truth.yaml"
-    found = result(capsys, bag, bag, "--estimate-topic", "imu/data", "--imu", truth)
-    assert found["attitude_error_rad"]["max"] < 1e-7
-    found = result(capsys, bag, bag, "--estimate-topic", "imu/data")
-    assert found["attitude_error_rad"]["min"] == pytest.approx(math.pi / 2.0)
+    evaluation = result(capsys, bag, bag, "--estimate-topic", "imu/data", "--imu", truth)
+    assert evaluation["attitude_error_rad"]["max"] < 1e-7
+    evaluation = result(capsys, bag, bag, "--estimate-topic", "imu/data")
+    assert evaluation["attitude_error_rad"]["min"] == pytest.approx(math.pi / 2.0)
     assert convert_bag.main([str(bag), "-o", str(tmp_path / "e"), "--format", "euroc"]) == 0
     folder = tmp_path / "e"
     capsys.readouterr()
-    found = result(capsys, folder, bag, "--estimate-topic", "orientation0", "--imu", truth)
-    assert found["attitude_error_rad"]["max"] < 1e-7
-    assert found["no_nees"] == "the messages state no covariance"
+    evaluation = result(capsys, folder, bag, "--estimate-topic", "orientation0", "--imu", truth)
+    assert evaluation["attitude_error_rad"]["max"] < 1e-7
+    assert evaluation["no_nees"] == "the messages state no covariance"
     # The readings of a sensor whose truth was not recorded.
     assert main([str(bag), str(bag), "--estimate-topic", "imu/mag"]) == 2
     assert "has no topic /ground_truth/mag of sensor_msgs/msg/MagneticField" in (
@@ -139,7 +139,7 @@ def test_a_mounted_sensor_and_a_folder(tmp_path: Path, capsys: Any) -> None:
 
 
 @pytest.mark.parametrize(
-    ("options", "words"),
+    ("options", "problem"),
     [
         (
             ("imu/data", "--align", "yaw"),
@@ -155,11 +155,11 @@ def test_a_mounted_sensor_and_a_folder(tmp_path: Path, capsys: Any) -> None:
     ],
 )
 def test_what_does_not_fit_is_one_line(
-    recording: Path, capsys: Any, options: tuple[str, ...], words: str
+    recording: Path, capsys: Any, options: tuple[str, ...], problem: str
 ) -> None:
     assert main([str(recording), str(recording), "--estimate-topic", *options]) == 2
     error = capsys.readouterr().err
-    assert words in error
+    assert problem in error
     assert len(error.splitlines()) == 1
 
 
@@ -176,6 +176,6 @@ def test_tilt_and_heading_are_those_of_two_turns() -> None:
     estimate = rotation.normalise(random.standard_normal((n, 4)))
     truth = rotation.multiply(rotation.conjugate(rotation.multiply(swing, turn)), estimate)
     for sign in (1.0, -1.0):
-        found = tilt_and_heading(sign * estimate, truth)
-        np.testing.assert_allclose(found[0], tilt, atol=1e-7)
-        np.testing.assert_allclose(found[1], heading, atol=1e-7)
+        errors = tilt_and_heading(sign * estimate, truth)
+        np.testing.assert_allclose(errors[0], tilt, atol=1e-7)
+        np.testing.assert_allclose(errors[1], heading, atol=1e-7)

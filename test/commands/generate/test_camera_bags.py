@@ -51,10 +51,10 @@ def folder(tmp_path_factory):
     """Write the same flight into every container."""
     place = tmp_path_factory.mktemp("bags")
     for form in FORMS:
-        more = ["--storage", "sqlite3"] if form == "sqlite" else []
+        options = ["--storage", "sqlite3"] if form == "sqlite" else []
         jobs = "1" if form == "ros1.bag" else "3"
-        words = ["-o", str(place / form), *RIG, *more, "--jobs", jobs]
-        assert generate.main(words) == 0
+        argv = ["-o", str(place / form), *RIG, *options, "--jobs", jobs]
+        assert generate.main(argv) == 0
     return place
 
 
@@ -62,13 +62,13 @@ def folder(tmp_path_factory):
 def rig():
     """Build the same cameras in Python."""
     values = {k: json.loads(v) if v[0] in "[0123456789t" else v for k, v in SETTINGS.items()}
-    own = {"cam0.camera.preset": "euroc_cam0", "cam1.camera.preset": "euroc_cam1"}
+    presets = {"cam0.camera.preset": "euroc_cam0", "cam1.camera.preset": "euroc_cam1"}
     return build_rig(
         {
             **trajectory_layer("target"),
             "scene.type": "aprilgrid",
             **values,
-            **own,
+            **presets,
             "cameras": ["cam0", "cam1"],
             "duration": 1.2,
             "seed": 5,
@@ -84,12 +84,12 @@ def pictures(rig):
 @functools.cache
 def contents(path):
     """Return record times and messages by topic, as rosbags reads them."""
-    found = {}
+    messages = {}
     with AnyReader([path]) as reader:
         for connection, t_ns, raw in reader.messages():
             message = reader.deserialize(raw, connection.msgtype)
-            found.setdefault(connection.topic, []).append((t_ns, message))
-    return found
+            messages.setdefault(connection.topic, []).append((t_ns, message))
+    return messages
 
 
 def stamp(message):
@@ -98,11 +98,11 @@ def stamp(message):
 
 @pytest.mark.parametrize("form", FORMS)
 def test_images_in_a_bag_are_those_of_the_camera(folder, pictures, form):
-    found = contents(folder / form)
+    messages = contents(folder / form)
     for name in ("cam0", "cam1"):
         expected = pictures[name]
-        raw, png = found[f"/{name}/image_raw"], found[f"/{name}/image_raw/compressed"]
-        infos = found[f"/{name}/camera_info"]
+        raw, png = messages[f"/{name}/image_raw"], messages[f"/{name}/image_raw/compressed"]
+        infos = messages[f"/{name}/camera_info"]
         assert len(raw) == len(png) == len(infos) == len(expected) < 24
         for (t_ns, image), (record, message), (_, small), (_, info) in zip(
             expected, raw, png, infos, strict=True
@@ -118,11 +118,13 @@ def test_images_in_a_bag_are_those_of_the_camera(folder, pictures, form):
 
 @pytest.mark.parametrize("form", ["ros1.bag", "folder"])
 def test_depth_is_in_the_bag_where_it_is_asked_for(folder, rig, form):
-    found = contents(folder / form)
-    assert "/cam0/depth/image_raw" not in found
+    messages = contents(folder / form)
+    assert "/cam0/depth/image_raw" not in messages
     expected = list(rig.depths("cam1"))
-    assert len(found["/cam1/depth/image_raw"]) == len(expected)
-    for (t_ns, depth), (_, message) in zip(expected, found["/cam1/depth/image_raw"], strict=True):
+    assert len(messages["/cam1/depth/image_raw"]) == len(expected)
+    for (t_ns, depth), (_, message) in zip(
+        expected, messages["/cam1/depth/image_raw"], strict=True
+    ):
         assert (stamp(message), message.encoding, message.step) == (t_ns, "32FC1", 4 * 94)
         assert np.array_equal(message.data.view("<f4").reshape(depth.shape), depth)
     assert 0.3 < expected[0][1].max() < 10.0
@@ -140,11 +142,11 @@ def test_camera_info_projects_as_the_camera_does(folder, rig):
 @pytest.mark.parametrize("form", FORMS)
 def test_features_are_the_tracks_as_vins_fusion_reads_them(folder, rig, form):
     """Message by message against a slow plain loop over the tracks."""
-    found = [message for _, message in contents(folder / form)["/feature_tracker/feature"]]
+    messages = [message for _, message in contents(folder / form)["/feature_tracker/feature"]]
     expected = list(plain_features(rig))
-    assert [stamp(message) for message in found] == [t_ns for t_ns, _ in expected]
-    assert len(found) > 10
-    for message, (_, rows) in zip(found, expected, strict=True):
+    assert [stamp(message) for message in messages] == [t_ns for t_ns, _ in expected]
+    assert len(messages) > 10
+    for message, (_, rows) in zip(messages, expected, strict=True):
         assert message.header.frame_id == "world"
         values = np.column_stack([channel.values for channel in message.channels])
         points = np.array([(p.x, p.y, p.z) for p in message.points])
@@ -159,9 +161,9 @@ def plain_features(rig):
     for name, t in zip(("cam0", "cam1"), tracks, strict=True):
         ray = rig.views[name].model.unproject(t.uv).direction
         places.append(ray[:, :2] / ray[:, 2:])
-    before = [{}, {}]
-    first = True
-    total, lives, last = len(rig.scene.landmarks), {}, set()
+    previous = [{}, {}]
+    is_first = True
+    total, lives, last_frame = len(rig.scene.landmarks), {}, set()
     for k in range(24):
         if not tracks[0].frames.delivered[k]:
             continue
@@ -169,25 +171,25 @@ def plain_features(rig):
         for camera, (t, place) in enumerate(zip(tracks, places, strict=True)):
             if not t.frames.delivered[k]:
                 continue
-            now = {int(t.id[i]): (i, t.frames.t_ns[k]) for i in np.flatnonzero(t.frame == k)}
-            for key in sorted(now):
-                i, t_ns = now[key]
-                if key not in before[camera] or (camera and key not in sent):
+            current = {int(t.id[i]): (i, t.frames.t_ns[k]) for i in np.flatnonzero(t.frame == k)}
+            for key in sorted(current):
+                i, t_ns = current[key]
+                if key not in previous[camera] or (camera and key not in sent):
                     continue
-                j, old = before[camera][key]
-                speed = (place[i] - place[j]) / ((t_ns - old) * 1e-9)
+                j, previous_row = previous[camera][key]
+                speed = (place[i] - place[j]) / ((t_ns - previous_row) * 1e-9)
                 truth = rig.scene.landmarks[t.landmark[i]]
                 landmark = int(t.landmark[i])
-                if key not in last | sent:
+                if key not in last_frame | sent:
                     lives[landmark] = lives.get(landmark, -1) + 1
                 track = landmark + total * lives[landmark]
                 rows.append([*place[i], 1.0, track, camera, *t.uv[i], *speed, *truth])
                 sent.add(key)
-            before[camera] = now
-        last = sent
-        if not first:
+            previous[camera] = current
+        last_frame = sent
+        if not is_first:
             yield int(tracks[0].frames.t_ns[k]), np.array(rows)
-        first = False
+        is_first = False
 
 
 def stream_of(rig, layout):
@@ -221,7 +223,7 @@ def test_an_id_is_that_of_one_uninterrupted_track(layout, cameras):
         assert len(places[0]) == len(places[1])  # one track of a landmark at a time
         for track in places[0]:
             frames.setdefault(track, []).append(number)
-    assert all(seen == list(range(seen[0], seen[-1] + 1)) for seen in frames.values())
+    assert all(numbers == list(range(numbers[0], numbers[-1] + 1)) for numbers in frames.values())
     assert any(track >= total for track in frames)  # some came back
     assert (shared > 500) == (cameras == 2)
 
@@ -237,9 +239,9 @@ def test_mono_has_five_channels_and_an_id_for_each_camera(rig):
         assert message.values.shape[1] == 3 + 5
         ids |= {(int(v) // 2, int(v) % 2) for v in message.values[:, 3]}
     tracks = {camera: next(rig.tracks(f"cam{camera}")) for camera in (0, 1)}
-    seen = {(int(i), camera) for camera, track in tracks.items() for i in track.landmark}
+    observations = {(int(i), camera) for camera, track in tracks.items() for i in track.landmark}
     total = len(rig.scene.landmarks)
-    assert {(i % total, camera) for i, camera in ids} <= seen
+    assert {(i % total, camera) for i, camera in ids} <= observations
     assert {camera for _, camera in ids} == {0, 1}
 
 
@@ -253,9 +255,9 @@ def test_landmarks_stand_in_the_bag_once(folder, rig, form):
 
 def test_readings_are_the_same_with_and_without_cameras(folder, tmp_path):
     alone = [word for word in RIG if word not in ("--camera", "euroc_cam0", "euroc_cam1")]
-    words = [w for w in alone if not w.startswith(("cam", "features.", "--scene", "aprilgrid"))]
-    words = [w for w in words if w != "--set"]
-    assert generate.main(["-o", str(tmp_path / "a.mcap"), *words]) == 0
+    argv = [w for w in alone if not w.startswith(("cam", "features.", "--scene", "aprilgrid"))]
+    argv = [w for w in argv if w != "--set"]
+    assert generate.main(["-o", str(tmp_path / "a.mcap"), *argv]) == 0
     bare, with_cameras = contents(tmp_path / "a.mcap"), contents(folder / "one.mcap")
     for topic in ("/imu/data_raw", "/ground_truth/odom"):
         assert [repr(m) for m in bare[topic]] == [repr(m) for m in with_cameras[topic]]
@@ -275,8 +277,10 @@ def test_the_mcap_library_reads_all_in_order(folder):
 def test_real_ros_1_takes_the_bag_without_a_complaint(folder):
     environment = {"PATH": "/usr/bin:/bin", "HOME": os.environ.get("HOME", "/")}
 
-    def run(*words):
-        return subprocess.run(words, env=environment, capture_output=True, text=True, check=False)
+    def run(*arguments):
+        return subprocess.run(
+            arguments, env=environment, capture_output=True, text=True, check=False
+        )
 
     code = "import rosbag, sensor_msgs.msg, nav_msgs.msg"
     python = "/usr/bin/python3"
@@ -299,7 +303,7 @@ def test_real_ros_1_takes_the_bag_without_a_complaint(folder):
 
 
 def test_topics_are_chosen_and_renamed(tmp_path, capsys):
-    words = [
+    argv = [
         "-o",
         str(tmp_path / "a.mcap"),
         *RIG,
@@ -307,30 +311,34 @@ def test_topics_are_chosen_and_renamed(tmp_path, capsys):
         "--topics",
         "imu/data_raw,cam1/image_raw",
     ]
-    assert generate.main([*words, "--topic", "cam1/image_raw=/right/image"]) == 0
+    assert generate.main([*argv, "--topic", "cam1/image_raw=/right/image"]) == 0
     counts = json.loads(capsys.readouterr().out)["messages"]
     assert set(counts) == {"/imu/data_raw", "/right/image"}
-    assert generate.main([*words, "--force", "--topics", "cam2/image_raw"]) == 2
+    assert generate.main([*argv, "--force", "--topics", "cam2/image_raw"]) == 2
     assert "unknown topic 'cam2/image_raw'; did you mean cam" in capsys.readouterr().err
 
 
 def test_a_scene_without_surfaces_gives_tracks_alone(tmp_path, capsys):
-    words = ["-o", str(tmp_path / "a.mcap"), *RIG, "--scene", "cloud"]
-    assert generate.main(words) == 2
+    argv = ["-o", str(tmp_path / "a.mcap"), *RIG, "--scene", "cloud"]
+    assert generate.main(argv) == 2
     assert "nothing to make images" in capsys.readouterr().err
     assert not list(tmp_path.iterdir())
     none = ["--set", "camera.images=none", "--set", "cam1.camera.depth=false"]
-    assert generate.main([*words, *none]) == 0
-    found = contents(tmp_path / "a.mcap")
-    assert "/cam0/image_raw" not in found
-    assert {"/cam0/camera_info", "/feature_tracker/feature"} < set(found)
+    assert generate.main([*argv, *none]) == 0
+    messages = contents(tmp_path / "a.mcap")
+    assert "/cam0/image_raw" not in messages
+    assert {"/cam0/camera_info", "/feature_tracker/feature"} < set(messages)
 
 
 def test_the_topics_of_a_rig_follow_its_parameters():
-    own = {"right.camera.images": "none", "features.layout": "none", "left.camera.frame": "eye"}
+    settings = {
+        "right.camera.images": "none",
+        "features.layout": "none",
+        "left.camera.frame": "eye",
+    }
     lens = {"right.camera.lever_arm": [0.0, 0.1, 0.0]}
-    sensors = mounted(load_simulation({"cameras": ["left", "right"], **own, **lens}))
-    assert [n for n, one in offered(sensors).items() if one.mounted.sensor.apart] == [
+    sensors = mounted(load_simulation({"cameras": ["left", "right"], **settings, **lens}))
+    assert [n for n, topic in offered(sensors).items() if topic.mounted.sensor.apart] == [
         *("left/image_raw", "left/camera_info", "right/camera_info"),
         conventions.LANDMARKS_TOPIC,
     ]

@@ -70,8 +70,8 @@ def test_tracks_are_tables_with_the_truth_beside_them(tmp_path, capsys):
 def test_the_truth_of_the_tracks_is_that_of_the_poses(tmp_path):
     """Everything from the files alone: poses, landmarks, cameras."""
     folder = tmp_path / "tracks"
-    words = [*STEREO, "--set", "camera.pixel_noise=0"]
-    assert generate.main(["-o", str(folder), "--format", "tracks", *words]) == 0
+    argv = [*STEREO, "--set", "camera.pixel_noise=0"]
+    assert generate.main(["-o", str(folder), "--format", "tracks", *argv]) == 0
     rig = load_rig(files.load(folder / "cameras.yaml"))
     truth = read_poses(folder / "groundtruth.tum")
     landmarks = np.loadtxt(folder / "landmarks.csv", delimiter=",", skiprows=1)
@@ -93,8 +93,8 @@ def test_the_truth_of_the_tracks_is_that_of_the_poses(tmp_path):
 def test_tracks_do_not_depend_on_how_they_are_written(tmp_path, monkeypatch):
     for name, size in (("a", 16384), ("b", 33)):
         monkeypatch.setattr(job, "BLOCK_SIZE", size)
-        words = ["-o", str(tmp_path / name), "--format", "tracks", *STEREO]
-        assert generate.main(words) == 0
+        argv = ["-o", str(tmp_path / name), "--format", "tracks", *STEREO]
+        assert generate.main(argv) == 0
     files_a = sorted(file.name for file in (tmp_path / "a").iterdir())
     assert files_a == sorted(file.name for file in (tmp_path / "b").iterdir())
     for name in files_a:
@@ -102,50 +102,59 @@ def test_tracks_do_not_depend_on_how_they_are_written(tmp_path, monkeypatch):
 
 
 def test_a_place_says_how_large_it_is_around_the_path(tmp_path, capsys):
-    """In a note, in simulation.yaml and in Python's result; for cameras and for a LiDAR alone."""
-    made = ["-o", str(tmp_path / "a.mcap"), "--trajectory", "figure_eight", "--duration", "0.2s"]
-    words = ["--camera", "euroc_cam0", "--set", "camera.images=none", "--scene", "office"]
-    assert generate.main([*made, *words, "--with-configs"]) == 0
+    """A note, simulation.yaml and Python's result have it, for cameras and for a LiDAR alone."""
+    argv_of_both = [
+        "-o",
+        str(tmp_path / "a.mcap"),
+        "--trajectory",
+        "figure_eight",
+        "--duration",
+        "0.2s",
+    ]
+    camera_options = ["--camera", "euroc_cam0", "--set", "camera.images=none", "--scene", "office"]
+    assert generate.main([*argv_of_both, *camera_options, "--with-configs"]) == 0
     notes = (line.partition(" note: ")[2] for line in capsys.readouterr().err.splitlines())
-    said = [line for line in notes if line.startswith("scene.type")]
-    assert len(said) == 1
-    assert said[0].startswith("scene.type office: 14.8 x 9.8 x 2.7 m around the path, 1.14 x 1.04")
+    scene_notes = [line for line in notes if line.startswith("scene.type")]
+    assert len(scene_notes) == 1
+    assert scene_notes[0].startswith(
+        "scene.type office: 14.8 x 9.8 x 2.7 m around the path, 1.14 x 1.04"
+    )
     text = (tmp_path / "a.mcap_configs" / "simulation.yaml").read_text(encoding="utf-8")
-    assert f"# {said[0]}\n" in text
-    given = {"trajectory": "figure_eight", "duration": 0.2, "scene": "warehouse"}
-    found = ims.generate(tmp_path / "b.mcap", **given, sensors=["lidar"])
-    assert found.notes == (
+    assert f"# {scene_notes[0]}\n" in text
+    settings = {"trajectory": "figure_eight", "duration": 0.2, "scene": "warehouse"}
+    generated = ims.generate(tmp_path / "b.mcap", **settings, sensors=["lidar"])
+    assert generated.notes == (
         "scene.type warehouse: 20.0 x 15.0 x 5.0 m around the path, 0.77 x 1.00 x 0.77 of the "
         "usual 26.0 x 15.0 x 6.5 m",
     )
     with pytest.raises(ConfigurationError, match="corridor': around the path it would be 6.2 m"):
-        ims.generate(tmp_path / "c.mcap", **{**given, "scene": "corridor"}, sensors=["lidar"])
+        ims.generate(tmp_path / "c.mcap", **{**settings, "scene": "corridor"}, sensors=["lidar"])
 
 
 def test_a_tour_goes_through_what_cameras_see(tmp_path):
     """Without a scene they see the place that the tour goes through, with its seed and size."""
     tour = ["--trajectory", "tour", "--duration", "0.2s", "--camera", "euroc_cam0", "--quiet"]
-    own = ["--set", "trajectory.place=warehouse", "--set", "trajectory.place_seed=2"]
-    told = ["--scene", "warehouse", "--set", "scene.seed=2"]
-    for name, words in (("a", own), ("b", told)):
-        made = ["-o", str(tmp_path / name), "--format", "tracks"]
-        assert generate.main([*made, *tour, *words]) == 0
+    tour_options = ["--set", "trajectory.place=warehouse", "--set", "trajectory.place_seed=2"]
+    scene_options = ["--scene", "warehouse", "--set", "scene.seed=2"]
+    for name, options in (("a", tour_options), ("b", scene_options)):
+        argv = ["-o", str(tmp_path / name), "--format", "tracks"]
+        assert generate.main([*argv, *tour, *options]) == 0
     tracks = [(tmp_path / name / "tracks.csv").read_bytes() for name in "ab"]
     assert tracks[0] == tracks[1]
 
 
 def test_cameras_leave_the_samples_as_they_are(tmp_path):
-    words = ["--duration", "2s", "--seed", "5", "--quiet"]
+    argv = ["--duration", "2s", "--seed", "5", "--quiet"]
     assert generate.main(["-o", str(tmp_path / "a"), "--format", "tracks", *HOUSE]) == 0
-    assert generate.main(["-o", str(tmp_path / "b"), "--format", "csv", *words]) == 0
+    assert generate.main(["-o", str(tmp_path / "b"), "--format", "csv", *argv]) == 0
     for name in ("imu0.csv", "groundtruth.tum"):
         assert (tmp_path / "a" / name).read_bytes() == (tmp_path / "b" / name).read_bytes()
 
 
 def test_the_files_of_vio_data_simulation(tmp_path):
     folder = tmp_path / "sim"
-    words = [*HOUSE, "--set", "camera.pixel_noise=0.5"]
-    assert generate.main(["-o", str(folder), "--format", "vio_data_simulation", *words]) == 0
+    argv = [*HOUSE, "--set", "camera.pixel_noise=0.5"]
+    assert generate.main(["-o", str(folder), "--format", "vio_data_simulation", *argv]) == 0
     imu = np.loadtxt(folder / "imu_pose.txt")
     noisy = np.loadtxt(folder / "imu_pose_noise.txt")
     cam = np.loadtxt(folder / "cam_pose.txt")
@@ -161,10 +170,10 @@ def test_the_files_of_vio_data_simulation(tmp_path):
     assert len(list((folder / "keyframe").iterdir())) == 120
     errors = []
     for k in range(60):
-        seen = np.loadtxt(folder / f"keyframe/all_points_{k}.txt")
-        local = rotation.rotate_inverse(cam[k, 1:5], seen[:, :3] - cam[k, 5:8])
-        errors.append((seen[:, 4:] - local[:, :2] / local[:, 2:]) * 460.0)
-        pixels = seen[:, 4:] * 460.0 + 255.0
+        keyframe_points = np.loadtxt(folder / f"keyframe/all_points_{k}.txt")
+        local = rotation.rotate_inverse(cam[k, 1:5], keyframe_points[:, :3] - cam[k, 5:8])
+        errors.append((keyframe_points[:, 4:] - local[:, :2] / local[:, 2:]) * 460.0)
+        pixels = keyframe_points[:, 4:] * 460.0 + 255.0
         assert ((pixels > -3.0) & (pixels < 642.0)).all()  # the image's bounds, and noise
     error = np.concatenate(errors).ravel()
     assert abs(error.std() / 0.5 - 1.0) < 5.0 / np.sqrt(2.0 * len(error))
@@ -216,7 +225,7 @@ def test_bad_input_is_one_line_and_leaves_nothing(tmp_path, capsys, words, messa
 
 
 def test_problems_of_imu_and_cameras_are_told_together(tmp_path, capsys):
-    words = [
+    argv = [
         "--duration",
         "1s",
         "--camera",
@@ -226,7 +235,7 @@ def test_problems_of_imu_and_cameras_are_told_together(tmp_path, capsys):
         "--set",
         "rate=-5",
     ]
-    assert generate.main(["-o", str(tmp_path / "x"), "--format", "tracks", *words]) == 2
+    assert generate.main(["-o", str(tmp_path / "x"), "--format", "tracks", *argv]) == 2
     assert len(capsys.readouterr().err.splitlines()) == 2
 
 
@@ -236,16 +245,16 @@ def test_cameras_of_the_command_line_are_above_those_of_a_file(tmp_path, capsys)
         "/**:\n  ros__parameters:\n    cameras: [cam0, cam1]\n"
         "    cam0: {camera: {preset: euroc_cam0}}\n    cam1: {camera: {preset: euroc_cam1}}\n"
     )
-    words = ["--format", "tracks", "--params-file", str(path), "--duration", "1s", "--quiet"]
-    found = []
-    for name, more in (("file", []), ("both", ["--camera", "tum_vi_cam0"])):
-        assert generate.main(["-o", str(tmp_path / name), *words, *more]) == 0
-        found.append(set(np.load(tmp_path / name / "tracks.npz")["camera"]))
-    assert found == [{0, 1}, {0}]
+    argv = ["--format", "tracks", "--params-file", str(path), "--duration", "1s", "--quiet"]
+    tables = []
+    for name, options in (("file", []), ("both", ["--camera", "tum_vi_cam0"])):
+        assert generate.main(["-o", str(tmp_path / name), *argv, *options]) == 0
+        tables.append(set(np.load(tmp_path / name / "tracks.npz")["camera"]))
+    assert tables == [{0, 1}, {0}]
 
 
 def test_a_tour_is_listed_as_a_parameter_file(capsys, tmp_path):
-    """What is printed flies the same way as the tour."""
+    """The printed file flies the same way as the tour."""
     with pytest.raises(SystemExit) as ended:
         generate.main(["--list-tour", "corridor:2"])
     assert ended.value.code == 0

@@ -109,10 +109,10 @@ def test_topics_and_their_names(tmp_path, capsys):
 
 
 def test_configurations_beside_kalibr_bagcreaters_folder_have_its_topics(tmp_path):
-    """It names topics after the files; imu.yaml named /imu/data_raw, which its bag has not."""
+    """Topics bear the names of the files; the bag has no /imu/data_raw."""
     output = tmp_path / "x"
-    words = [*ARGUMENTS, "--format", "csv", "--with-configs", "--quiet"]
-    assert main(["-o", str(output), *words]) == 0
+    argv = [*ARGUMENTS, "--format", "csv", "--with-configs", "--quiet"]
+    assert main(["-o", str(output), *argv]) == 0
     assert (output / "imu0.csv").exists()
     kalibr = yaml.safe_load((tmp_path / "x_configs" / "imu.yaml").read_text())
     assert kalibr["rostopic"] == "/imu0"
@@ -265,19 +265,21 @@ def test_increments_of_an_averaged_sensor_are_in_the_bag(tmp_path: Path) -> None
     chosen = ["--set", "imu.sampling=averaged", "--set", "imu.gyroscope_increment_resolution=1e-5"]
     arguments = ["-o", str(bag), "--duration", "2s", "--topics", topics, "--quiet", *chosen]
     assert main(arguments) == 0
-    found: dict[str, list[np.ndarray]] = {}
+    arrays_by_topic: dict[str, list[np.ndarray]] = {}
     with AnyReader([bag], default_typestore=get_typestore(Stores.ROS2_JAZZY)) as reader:
         for connection, _, raw in reader.messages():
             message = reader.deserialize(raw, connection.msgtype)
             vector = getattr(message, "vector", None) or message.angular_velocity
-            found.setdefault(connection.topic, []).append([vector.x, vector.y, vector.z])
-    assert {len(rows) for rows in found.values()} == {400}
-    angles = np.array(found["/imu/delta_angle"])
-    np.testing.assert_allclose(angles, np.array(found["/imu/data_raw"]) / 200.0, rtol=1e-12)
+            arrays_by_topic.setdefault(connection.topic, []).append([vector.x, vector.y, vector.z])
+    assert {len(rows) for rows in arrays_by_topic.values()} == {400}
+    angles = np.array(arrays_by_topic["/imu/delta_angle"])
+    np.testing.assert_allclose(
+        angles, np.array(arrays_by_topic["/imu/data_raw"]) / 200.0, rtol=1e-12
+    )
     np.testing.assert_allclose(angles / 1e-5, np.rint(angles / 1e-5), atol=1e-6)
     block = Body(load_simulation({"imu.sampling": "averaged"})).next(400)["imu"]
     np.testing.assert_allclose(
-        found["/ground_truth/delta_velocity"], block.ideal_accel / 200.0, rtol=1e-12
+        arrays_by_topic["/ground_truth/delta_velocity"], block.ideal_accel / 200.0, rtol=1e-12
     )
 
 

@@ -85,9 +85,9 @@ def test_a_euroc_folder_holds_images_under_their_stamps(tmp_path, capsys):
 
 def test_colours_and_depth_are_in_the_folder_too(tmp_path):
     folder = tmp_path / "mav0"
-    more = ["--set", "camera.depth=true", "--set", "camera.encoding=rgb8", "--scene", "room"]
-    more += ["--set", "scene.size=[200, 200, 200]", "--duration", "0.2s"]
-    assert generate.main(["-o", str(folder), "--format", "euroc", *RIG, *more]) == 0
+    options = ["--set", "camera.depth=true", "--set", "camera.encoding=rgb8", "--scene", "room"]
+    options += ["--set", "scene.size=[200, 200, 200]", "--duration", "0.2s"]
+    assert generate.main(["-o", str(folder), "--format", "euroc", *RIG, *options]) == 0
     names = sorted(path.name for path in (folder / "cam0" / "data").iterdir())
     assert names == sorted(path.name for path in (folder / "cam0" / "depth").iterdir())
     image = cv2.imread(str(folder / "cam0" / "data" / names[0]), cv2.IMREAD_UNCHANGED)
@@ -131,8 +131,8 @@ def test_python_gives_the_frames_of_the_command(tmp_path):
 def test_the_number_of_threads_and_the_block_change_nothing(tmp_path, monkeypatch):
     for name, jobs, size in (("a", "1", 16384), ("b", "3", 17)):
         monkeypatch.setattr(job, "BLOCK_SIZE", size)
-        words = ["-o", str(tmp_path / name), "--format", "euroc", "--jobs", jobs, *RIG]
-        assert generate.main(words) == 0
+        argv = ["-o", str(tmp_path / name), "--format", "euroc", "--jobs", jobs, *RIG]
+        assert generate.main(argv) == 0
     assert hashes(tmp_path / "a") == hashes(tmp_path / "b")
 
 
@@ -180,8 +180,8 @@ def test_names_have_one_width_and_sort_by_time(tmp_path, form, start):
     """Also where stamps have from 8 to 10 digits, or go from 10 to 11 of them."""
     folder = tmp_path / "seq"
     small = [*RIG[: RIG.index("camera.dropout_probability=0.3") - 1], "--scene", "aprilgrid"]
-    more = ["--set", f"start_time={start}", "--set", "camera.depth=true"]
-    assert generate.main(["-o", str(folder), "--format", form, *small, *more]) == 0
+    options = ["--set", f"start_time={start}", "--set", "camera.depth=true"]
+    assert generate.main(["-o", str(folder), "--format", form, *small, *options]) == 0
     root = {"euroc": folder, "csv": folder, "tum_vi": folder / "mav0"}[form]
     for camera in ("cam0", "cam1"):
         place = root / camera if form == "csv" else root / camera / "data"

@@ -31,8 +31,8 @@ STEREO = [
 @pytest.mark.parametrize(("form", "place"), [("euroc", "."), ("tum_vi", "mav0")])
 def test_an_interrupted_stereo_dataset_has_as_many_images_of_both_cameras(tmp_path, form, place):
     """The names in data.csv are the images that are there, of both cameras the same."""
-    words = ["-o", str(tmp_path / "x"), "--format", form, *STEREO, *SMALL, "--duration", "1h"]
-    with subprocess.Popen([*COMMAND, *words], stderr=subprocess.PIPE, text=True) as process:
+    argv = ["-o", str(tmp_path / "x"), "--format", form, *STEREO, *SMALL, "--duration", "1h"]
+    with subprocess.Popen([*COMMAND, *argv], stderr=subprocess.PIPE, text=True) as process:
         deadline = time.monotonic() + 120
         while len(list(tmp_path.rglob("cam1/data/*.png"))) < 25:
             assert time.monotonic() < deadline
@@ -43,17 +43,21 @@ def test_an_interrupted_stereo_dataset_has_as_many_images_of_both_cameras(tmp_pa
     assert process.returncode == 130
     assert sorted(os.listdir(tmp_path)) == ["x.partial", "x.partial_truth.yaml"]
     folder = tmp_path / "x.partial" / place
-    found = {name: sorted(os.listdir(folder / name / "data")) for name in ("cam0", "cam1")}
-    assert found["cam0"] == found["cam1"]
-    assert len(found["cam0"]) >= 20
-    for name, images in found.items():
+    images_by_camera = {
+        name: sorted(os.listdir(folder / name / "data")) for name in ("cam0", "cam1")
+    }
+    assert images_by_camera["cam0"] == images_by_camera["cam1"]
+    assert len(images_by_camera["cam0"]) >= 20
+    for name, images in images_by_camera.items():
         rows = (folder / name / "data.csv").read_text(encoding="utf-8").splitlines()[1:]
         assert [row.split(",")[1] for row in rows] == images
-        last = int(images[-1].removesuffix(".png"))
-        assert f"{len(images):,} images of {name} up to stamp {last * 1e-9:.9f} s" in error
+        last_stamp = int(images[-1].removesuffix(".png"))
+        assert f"{len(images):,} images of {name} up to stamp {last_stamp * 1e-9:.9f} s" in error
         sizes = [(folder / name / "data" / image).read_bytes()[-8:] for image in images]
         assert set(sizes) == {b"IEND\xaeB`\x82"}
-    assert np.unique(np.diff([int(n.removesuffix(".png")) for n in found["cam0"]])) == [50_000_000]
+    assert np.unique(np.diff([int(n.removesuffix(".png")) for n in images_by_camera["cam0"]])) == [
+        50_000_000
+    ]
 
 
 @pytest.mark.parametrize("camera", [0, 1])
@@ -61,20 +65,22 @@ def test_no_image_stays_behind_one_that_was_cancelled(tmp_path, monkeypatch, cam
     """A thread may begin an image while the ones before it are being cancelled."""
     make = ImageFolders._make
 
-    def cancel_one(self, frame, seen, path):
+    def cancel_one(self, frame, ids, path):
         if (frame.camera, frame.number) == (camera, 12):
             return
-        make(self, frame, seen, path)
+        make(self, frame, ids, path)
         if (frame.camera, frame.number) == (1, 20):
             os.kill(os.getpid(), signal.SIGINT)
 
     monkeypatch.setattr(ImageFolders, "_make", cancel_one)
-    words = ["-o", str(tmp_path / "x"), "--format", "euroc", *STEREO, *SMALL, "--duration", "60s"]
-    assert generate.main([*words, "--quiet"]) == 130
+    argv = ["-o", str(tmp_path / "x"), "--format", "euroc", *STEREO, *SMALL, "--duration", "60s"]
+    assert generate.main([*argv, "--quiet"]) == 130
     folder = tmp_path / "x.partial"
-    found = {name: sorted(os.listdir(folder / name / "data")) for name in ("cam0", "cam1")}
-    assert found["cam0"] == found["cam1"]
-    assert len(found["cam0"]) == 12
+    images_by_camera = {
+        name: sorted(os.listdir(folder / name / "data")) for name in ("cam0", "cam1")
+    }
+    assert images_by_camera["cam0"] == images_by_camera["cam1"]
+    assert len(images_by_camera["cam0"]) == 12
 
 
 @pytest.mark.parametrize("table", [columns.CsvTable, columns.NpzTable])
@@ -89,13 +95,13 @@ def test_tables_of_tracks_end_with_the_same_rows(tmp_path, capsys, monkeypatch, 
         write(self, *values)
 
     monkeypatch.setattr(table, "write", write_and_signal)
-    words = ["-o", str(tmp_path / "x"), "--format", "tracks", *STEREO, "--duration", "60s"]
-    assert generate.main([*words, "--quiet"]) == 130
+    argv = ["-o", str(tmp_path / "x"), "--format", "tracks", *STEREO, "--duration", "60s"]
+    assert generate.main([*argv, "--quiet"]) == 130
     [folder] = tmp_path.glob("x.partial")
     [path] = folder.glob("tracks*.csv")
     rows = path.read_text(encoding="utf-8").splitlines()[1:]
-    [said] = re.findall(r"([\d,]+) tracks", capsys.readouterr().err)
+    [track_count] = re.findall(r"([\d,]+) tracks", capsys.readouterr().err)
     arrays = np.load(folder / "tracks.npz")
-    assert len(rows) == int(said.replace(",", "")) > 1000
+    assert len(rows) == int(track_count.replace(",", "")) > 1000
     assert {name: len(arrays[name]) for name in arrays} == dict.fromkeys(arrays, len(rows))
     assert [int(row.split(",")[0]) for row in rows] == arrays["t_ns"].tolist()

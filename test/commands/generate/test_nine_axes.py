@@ -1,7 +1,7 @@
 # Copyright 2026 imu_sim_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""What a nine-axis board reads in addition to its IMU, in every form that generate writes."""
+"""Readings of a nine-axis board besides its IMU, in every form that generate writes."""
 
 from pathlib import Path
 from typing import Any
@@ -38,13 +38,13 @@ BIASES = "ground_truth/magnetometer_bias,ground_truth/barometer_bias"
 TOPICS = f"{READINGS},ground_truth/mag,ground_truth/pressure,{BIASES}"
 
 
-def arguments(**more: Any) -> list[str]:
-    chosen = {**PARAMETERS, **more}
+def arguments(**overrides: Any) -> list[str]:
+    chosen = {**PARAMETERS, **overrides}
     return [word for name, value in chosen.items() for word in ("--set", f"{name}={value}")]
 
 
-def run(path: Path, *options: str, **more: Any) -> int:
-    return generate.main(["-o", str(path), "--quiet", *options, *arguments(**more)])
+def run(path: Path, *options: str, **overrides: Any) -> int:
+    return generate.main(["-o", str(path), "--quiet", *options, *arguments(**overrides)])
 
 
 @pytest.fixture(scope="module")
@@ -64,49 +64,53 @@ def test_bags_hold_the_samples_of_the_simulation(
     tmp_path: Path, block: dict[str, Any], name: str, options: tuple[str, ...]
 ) -> None:
     assert run(tmp_path / name, "--topics", TOPICS, *options) == 0
-    read: dict[str, list[Any]] = {}
+    messages: dict[str, list[Any]] = {}
     store = get_typestore(Stores.ROS2_JAZZY)
     with AnyReader([tmp_path / name], default_typestore=store) as reader:
         for connection, time_ns, raw in reader.messages():
             message = reader.deserialize(raw, connection.msgtype)
             assert stamp(message) == time_ns
-            read.setdefault(connection.topic, []).append(message)
+            messages.setdefault(connection.topic, []).append(message)
     field = block["magnetic_field"]
     assert field is not None
     assert len(field.delivered) < len(field.t_ns) == 140
-    found = read["/imu/mag"]
+    fields = messages["/imu/mag"]
     rows = field.delivered
-    assert [stamp(m) for m in found] == field.t_ns[rows].tolist()
-    values = [[getattr(m.magnetic_field, axis) for axis in "xyz"] for m in found]
+    assert [stamp(m) for m in fields] == field.t_ns[rows].tolist()
+    values = [[getattr(m.magnetic_field, axis) for axis in "xyz"] for m in fields]
     assert np.array_equal(values, field.field[rows])
     variance = 1e-16 * 70.0 + block_resolution() ** 2 / 12.0
-    assert np.allclose(found[0].magnetic_field_covariance, np.diag(variance).ravel())
-    assert found[0].header.frame_id == "imu_link"
-    ideal = [[getattr(m.magnetic_field, a) for a in "xyz"] for m in read["/ground_truth/mag"]]
+    assert np.allclose(fields[0].magnetic_field_covariance, np.diag(variance).ravel())
+    assert fields[0].header.frame_id == "imu_link"
+    ideal = [[getattr(m.magnetic_field, a) for a in "xyz"] for m in messages["/ground_truth/mag"]]
     assert np.array_equal(ideal, field.ideal_field)
     stated = block["orientation"]
     assert stated is not None
-    found, rows = read["/imu/data"], stated.delivered
-    assert [stamp(m) for m in found] == stated.t_ns[rows].tolist()
-    q = [[getattr(m.orientation, part) for part in "wxyz"] for m in found]
+    fields, rows = messages["/imu/data"], stated.delivered
+    assert [stamp(m) for m in fields] == stated.t_ns[rows].tolist()
+    q = [[getattr(m.orientation, part) for part in "wxyz"] for m in fields]
     assert np.array_equal(q, stated.q_wi[rows])
-    gyro = [[getattr(m.angular_velocity, axis) for axis in "xyz"] for m in found]
+    gyro = [[getattr(m.angular_velocity, axis) for axis in "xyz"] for m in fields]
     assert np.array_equal(gyro, stated.gyro[rows])
-    assert np.allclose(found[0].orientation_covariance, np.diag([1e-4, 1e-4, 9e-4]).ravel())
-    (raw, *_) = read["/imu/data_raw"]
+    assert np.allclose(fields[0].orientation_covariance, np.diag([1e-4, 1e-4, 9e-4]).ravel())
+    (raw, *_) = messages["/imu/data_raw"]
     assert raw.orientation_covariance[0] == -1.0
     air = block["pressure"]
     assert air is not None
-    found, rows = read["/imu/pressure"], air.delivered
-    assert [stamp(m) for m in found] == air.t_ns[rows].tolist()
-    assert [m.fluid_pressure for m in found] == air.pressure[rows].tolist()
-    assert found[0].variance == pytest.approx(0.12728**2 * 25.0 + 0.33**2 / 12.0)
-    still = read["/ground_truth/pressure"]
+    fields, rows = messages["/imu/pressure"], air.delivered
+    assert [stamp(m) for m in fields] == air.t_ns[rows].tolist()
+    assert [m.fluid_pressure for m in fields] == air.pressure[rows].tolist()
+    assert fields[0].variance == pytest.approx(0.12728**2 * 25.0 + 0.33**2 / 12.0)
+    still = messages["/ground_truth/pressure"]
     assert [m.fluid_pressure for m in still] == air.ideal_pressure.tolist()
-    bias = [[getattr(m.vector, a) for a in "xyz"] for m in read["/ground_truth/magnetometer_bias"]]
+    bias = [
+        [getattr(m.vector, a) for a in "xyz"] for m in messages["/ground_truth/magnetometer_bias"]
+    ]
     assert np.array_equal(bias, field.bias)
-    assert [stamp(m) for m in read["/ground_truth/magnetometer_bias"]] == field.true_t_ns.tolist()
-    bias = [m.fluid_pressure for m in read["/ground_truth/barometer_bias"]]
+    assert [
+        stamp(m) for m in messages["/ground_truth/magnetometer_bias"]
+    ] == field.true_t_ns.tolist()
+    bias = [m.fluid_pressure for m in messages["/ground_truth/barometer_bias"]]
     assert np.array_equal(bias, air.bias)
 
 
@@ -117,26 +121,26 @@ def test_recorded_truth_explains_the_readings(tmp_path: Path) -> None:
     4200 and 1200 numbers, 9 % and 17 % are four times that. A factor of sqrt(2) is 41 % of it.
     """
     slow = {"bias_instability": 2e-7, "random_walk": 1e-7, "turn_on_bias_sigma": 1e-5}
-    more: dict[str, Any] = {f"imu.magnetometer_{name}": value for name, value in slow.items()}
-    more |= {"imu.magnetometer_hard_iron_sigma": 2e-5, "imu.barometer_preset": "''"}
-    more |= {"imu.magnetometer_resolution": 0.0, "imu.barometer_noise_density": 0.1}
-    more |= {"imu.barometer_gust_rate": 0.5, "imu.barometer_gust_sigma": 8.0}
-    more |= {"imu.barometer_turn_on_bias_sigma": 50.0, "imu.barometer_random_walk": 0.2}
-    more |= {
+    settings: dict[str, Any] = {f"imu.magnetometer_{name}": value for name, value in slow.items()}
+    settings |= {"imu.magnetometer_hard_iron_sigma": 2e-5, "imu.barometer_preset": "''"}
+    settings |= {"imu.magnetometer_resolution": 0.0, "imu.barometer_noise_density": 0.1}
+    settings |= {"imu.barometer_gust_rate": 0.5, "imu.barometer_gust_sigma": 8.0}
+    settings |= {"imu.barometer_turn_on_bias_sigma": 50.0, "imu.barometer_random_walk": 0.2}
+    settings |= {
         "imu.barometer_rate": 60.0,
         "imu.dropout_probability": 0.0,
         "duration": 20.0,
         "rate": 100.0,
     }
-    assert run(tmp_path / "x.mcap", "--topics", TOPICS, **more) == 0
-    read: dict[str, list[Any]] = {}
+    assert run(tmp_path / "x.mcap", "--topics", TOPICS, **settings) == 0
+    messages: dict[str, list[Any]] = {}
     with AnyReader([tmp_path / "x.mcap"]) as reader:
         for connection, _, raw in reader.messages():
             message = reader.deserialize(raw, connection.msgtype)
-            read.setdefault(connection.topic, []).append(message)
+            messages.setdefault(connection.topic, []).append(message)
 
     def of(topic: str, name: str) -> Any:
-        values = [getattr(message, name) for message in read[topic]]
+        values = [getattr(message, name) for message in messages[topic]]
         if name == "fluid_pressure":
             return np.array(values)
         return np.array([[v.x, v.y, v.z] for v in values])
@@ -180,14 +184,14 @@ def test_folders_have_a_table_of_each(tmp_path: Path, block: dict[str, Any]) -> 
 
 
 def test_boards_of_their_own_have_a_table_each(tmp_path: Path) -> None:
-    more = {"imus": "[left, right]", "right.imu.magnetometer_rate": 35.0}
+    settings = {"imus": "[left, right]", "right.imu.magnetometer_rate": 35.0}
     options = ("--format", "euroc", "--topics", "imu/data_raw,imu/mag")
-    assert run(tmp_path / "two", *options, **more) == 0
-    left, right = (
+    assert run(tmp_path / "two", *options, **settings) == 0
+    left_imu, right_imu = (
         np.loadtxt(tmp_path / f"two/mag{k}/data.csv", delimiter=",", skiprows=1) for k in (0, 1)
     )
-    assert 0.8 * 140 < len(left) < 140
-    assert 0.8 * 70 < len(right) < 70
+    assert 0.8 * 140 < len(left_imu) < 140
+    assert 0.8 * 70 < len(right_imu) < 70
 
 
 def test_the_front_door_has_the_same(tmp_path: Path, block: dict[str, Any]) -> None:
@@ -242,7 +246,7 @@ def test_a_file_of_the_node_chooses_the_sensors(tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize(
-    ("name", "options", "words"),
+    ("name", "options", "problem"),
     [
         ("x.csv", (), "has room for readings of an IMU only; name a folder"),
         ("x.tum", (), "topic imu/mag: does not exist in tum"),
@@ -254,8 +258,8 @@ def test_a_file_of_the_node_chooses_the_sensors(tmp_path: Path) -> None:
     ],
 )
 def test_what_does_not_fit_is_one_line(
-    tmp_path: Path, capsys: Any, name: str, options: tuple[str, ...], words: str
+    tmp_path: Path, capsys: Any, name: str, options: tuple[str, ...], problem: str
 ) -> None:
     assert run(tmp_path / name, "--topics", "imu/data_raw,imu/mag", *options) == 2
-    assert words in capsys.readouterr().err
+    assert problem in capsys.readouterr().err
     assert not list(tmp_path.iterdir())

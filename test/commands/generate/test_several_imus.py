@@ -56,19 +56,22 @@ def bag(place):
 
 def raw(path):
     """Return the messages of each topic, with their record times, as another reader sees them."""
-    found = {}
+    messages = {}
     with AnyReader([path]) as reader:
         for connection, t_ns, data in reader.messages():
-            found.setdefault(connection.topic.lstrip("/"), []).append((t_ns, bytes(data)))
-    return found
+            messages.setdefault(connection.topic.lstrip("/"), []).append((t_ns, bytes(data)))
+    return messages
 
 
 def test_a_bag_holds_what_the_node_publishes(bag):
     """The node's queue of all streams, played without a node, sends the same bytes."""
     sent = {name: [] for name in ALL}
     parameters = load_simulator(GIVEN)
-    known = topics.offered(mounted(parameters))
-    outputs = [(known[name].name, known[name].encoder(), sent[name].append) for name in ALL]
+    topics_offered = topics.offered(mounted(parameters))
+    outputs = [
+        (topics_offered[name].name, topics_offered[name].encoder(), sent[name].append)
+        for name in ALL
+    ]
     body = Body(parameters, sensors=("pose",))
     queue = PublishQueue([BodyStream(body, outputs)], GIVEN["duration"])
     queue.restart(10**9)
@@ -78,22 +81,24 @@ def test_a_bag_holds_what_the_node_publishes(bag):
                 send(payload)
     written = raw(bag)
     assert set(written) == set(ALL)
-    assert {name: [data for _, data in found] for name, found in written.items()} == sent
+    assert {name: [data for _, data in by_topic] for name, by_topic in written.items()} == sent
 
 
 @pytest.mark.parametrize(("name", "place_in_imus"), [("left", 0), ("right", 1)])
 def test_an_imu_of_several_reads_what_it_reads_alone(bag, place, name, place_in_imus):
-    own = {k.removeprefix(f"{name}."): v for k, v in GIVEN.items() if k.startswith(f"{name}.")}
-    taken = [k for k in GIVEN if "." not in k or k.startswith(("trajectory.", "imu."))]
-    common = {key: GIVEN[key] for key in taken if key != "imus"}
-    values = {**common, **own, "seed": GIVEN["seed"] + place_in_imus}
+    imu_settings = {
+        k.removeprefix(f"{name}."): v for k, v in GIVEN.items() if k.startswith(f"{name}.")
+    }
+    common_names = [k for k in GIVEN if "." not in k or k.startswith(("trajectory.", "imu."))]
+    common = {key: GIVEN[key] for key in common_names if key != "imus"}
+    values = {**common, **imu_settings, "seed": GIVEN["seed"] + place_in_imus}
     alone = place / f"{name}_alone.mcap"
     options = [f"--set={key}={json.dumps(value)}" for key, value in values.items()]
     assert generate.main([*options, "-o", str(alone), "--quiet"]) == 0
-    one, other = read_imu(bag, f"/{name}/imu/data_raw"), read_imu(alone)
+    among_several, alone_readings = read_imu(bag, f"/{name}/imu/data_raw"), read_imu(alone)
     for field in ("t_ns", "gyro", "accel"):
-        np.testing.assert_array_equal(getattr(one, field), getattr(other, field))
-    assert one.frame_id == f"{name}_imu_link"
+        np.testing.assert_array_equal(getattr(among_several, field), getattr(alone_readings, field))
+    assert among_several.frame_id == f"{name}_imu_link"
     truth = place / f"two_truth_{name}.yaml"
     assert filecmp.cmp(truth, place / f"{name}_alone_truth.yaml", shallow=False) or (
         load_simulation(files.load(truth)).imu
@@ -130,9 +135,9 @@ def test_configurations_of_each(bag, place):
 def test_euroc_folders_have_each_imu_with_its_biases(place):
     folder = place / "mav0"
     assert generate.main([*OPTIONS, "--format", "euroc", "-o", str(folder), "--quiet"]) == 0
-    read = Body(load_simulator(GIVEN)).next(10**6)
+    samples = Body(load_simulator(GIVEN)).next(10**6)
     for k, name in enumerate(["left", "right"]):
-        block = read[f"{name}/imu"]
+        block = samples[f"{name}/imu"]
         readings = read_imu(folder, f"imu{k}")
         np.testing.assert_array_equal(readings.gyro, block.gyro[block.delivered])
         table = folder / f"state_groundtruth_estimate{k}" / "data.csv"
@@ -148,9 +153,9 @@ def test_a_euroc_folder_of_several_is_converted_as_a_whole(place):
     assert generate.main([*OPTIONS, "--format", "euroc", "-o", str(folder), "--quiet"]) == 0
     assert convert_bag.main([str(folder), "-o", str(path), "--quiet"]) == 0
     for name in ("imu0", "imu1"):
-        one, other = read_imu(folder, name), read_imu(path, f"/{name}/imu/data_raw")
-        np.testing.assert_array_equal(one.t_ns, other.t_ns)
-        np.testing.assert_array_equal(one.accel, other.accel)
+        of_folder, of_bag = read_imu(folder, name), read_imu(path, f"/{name}/imu/data_raw")
+        np.testing.assert_array_equal(of_folder.t_ns, of_bag.t_ns)
+        np.testing.assert_array_equal(of_folder.accel, of_bag.accel)
 
 
 def test_tables_of_each_and_poses_of_the_body(place, bag):
@@ -211,7 +216,7 @@ def test_what_does_not_fit_is_one_line(tmp_path, monkeypatch, capsys, options, w
     ],
 )
 def test_a_name_is_that_of_one_sensor(tmp_path, capsys, given, line):
-    options = [word for one in given for word in ("--set", one)]
+    options = [word for assignment in given for word in ("--set", assignment)]
     assert generate.main(["-o", str(tmp_path / "x.mcap"), "--duration", "1s", *options]) == 2
     (found,) = capsys.readouterr().err.splitlines()
     assert found.startswith(f"generate: {line}")
@@ -226,7 +231,7 @@ def test_a_topic_of_one_imu_and_new_names(place):
 
 
 def test_memory_does_not_grow_with_the_duration():
-    """Of 250 windows no more is held than of 50; each has 64 samples of the fastest."""
+    """250 windows take no more memory than 50; each has 64 samples of the fastest."""
     body = Body(load_simulator({**GIVEN, "duration": 400 * 64 / 333.3}))
     windows = body.windows(64)
     tracemalloc.start()

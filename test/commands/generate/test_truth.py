@@ -38,9 +38,9 @@ def test_the_truth_of_a_run_has_what_its_seed_drew(tmp_path):
     again = str(tmp_path / "again.mcap")
     options = ["--imu", str(truth), "--trajectory", "lecture", "--seed", "8", *SHORT]
     assert generate.main([*options, "-o", again]) == 0
-    one, other = read_imu(bag), read_imu(again)
-    np.testing.assert_allclose(one.gyro, other.gyro, rtol=0, atol=1e-12)
-    np.testing.assert_allclose(one.accel, other.accel, rtol=0, atol=1e-12)
+    readings, repeated = read_imu(bag), read_imu(again)
+    np.testing.assert_allclose(readings.gyro, repeated.gyro, rtol=0, atol=1e-12)
+    np.testing.assert_allclose(readings.accel, repeated.accel, rtol=0, atol=1e-12)
 
 
 @pytest.mark.parametrize(
@@ -54,8 +54,8 @@ def test_the_truth_of_a_run_has_what_its_seed_drew(tmp_path):
 )
 def test_names_of_the_truth(tmp_path, output, name):
     assert generate.main(["-o", str(tmp_path / output), *SHORT]) == 0
-    found = [path.name for path in tmp_path.glob("*_truth.yaml")]
-    assert found == ([name] if name else [])
+    truth_files = [path.name for path in tmp_path.glob("*_truth.yaml")]
+    assert truth_files == ([name] if name else [])
 
 
 def test_an_existing_truth_is_refused_before_any_work(tmp_path, capsys):
@@ -72,8 +72,8 @@ def test_a_correct_calibration_is_not_thousands_of_errors_off(tmp_path, capsys):
     assert generate.main(options) == 0
     options = ["six_position", bag, "--no-files", "--json", "--truth"]
     assert calibrate.main([*options, str(tmp_path / "six_truth.yaml")]) == 0
-    found = json.loads(capsys.readouterr().out)["parameters"]["accelerometer_bias"]
-    value, truth, sigma = (np.array(found[key]) for key in ("value", "truth", "sigma"))
+    bias = json.loads(capsys.readouterr().out)["parameters"]["accelerometer_bias"]
+    value, truth, sigma = (np.array(bias[key]) for key in ("value", "truth", "sigma"))
     # Normal errors are below 5 sigma in all three axes but once in half a million times.
     assert (np.abs(value - truth) < 5.0 * sigma).all()
     assert np.abs(truth).min() > 100.0 * sigma.max()  # the turn-on bias is what would be off
@@ -112,11 +112,11 @@ def test_a_dump_of_a_running_simulator_serves_generate(tmp_path, capsys):
     sets = [f"--set={name}={json.dumps(value)}" for name, value in values.items()
             if name.startswith(("imu.", "trajectory.")) and value not in ([], "")]  # fmt: skip
     assert generate.main([*sets, "--quiet", *arguments, str(plain)]) == 0
-    one, other = read_imu(dumped), read_imu(plain)
-    np.testing.assert_array_equal(one.gyro, other.gyro)
-    np.testing.assert_array_equal(one.accel, other.accel)
+    readings, repeated = read_imu(dumped), read_imu(plain)
+    np.testing.assert_array_equal(readings.gyro, repeated.gyro)
+    np.testing.assert_array_equal(readings.accel, repeated.accel)
     flight = ims.simulate(params_file=DUMP, duration=0.5)
-    np.testing.assert_array_equal(flight.gyro, one.gyro)
+    np.testing.assert_array_equal(flight.gyro, readings.gyro)
 
 
 def everything():
@@ -129,13 +129,13 @@ def everything():
 
 @pytest.mark.parametrize("path", everything(), ids=lambda path: f"{path.parent.name}/{path.stem}")
 def test_every_shipped_file_is_understood_by_node_and_command(path):
-    """As ``--params-file`` of either; what holds for cameras comes with a camera."""
-    more = {"cameras": ["cam0"]} if path.parent.name in ("cameras", "scenes") else {}
-    given = {**files.load(path, "simulator"), **more}
-    load_simulator(given)
-    layers, _ = described(Journal(), Problems(), path, {"parameters": more})
+    """Both take it by ``--params-file``; a file for cameras comes with a camera."""
+    cameras = {"cameras": ["cam0"]} if path.parent.name in ("cameras", "scenes") else {}
+    settings = {**files.load(path, "simulator"), **cameras}
+    load_simulator(settings)
+    layers, _ = described(Journal(), Problems(), path, {"parameters": cameras})
     body = load_simulator(layers)
-    assert (body.rig is not None) == bool(more)
+    assert (body.rig is not None) == bool(cameras)
 
 
 def test_what_concerns_the_node_alone_is_said(tmp_path, capsys):
@@ -166,10 +166,10 @@ def test_outputs_of_one_name_share_the_truth_of_one_unit(tmp_path, capsys):
     place = str(tmp_path / "x")
     assert generate.main(["--imu", "mpu6000", "-o", f"{place}.mcap", *SHORT]) == 0
     truth = tmp_path / "x_truth.yaml"
-    before = truth.read_bytes(), truth.stat().st_mtime_ns
+    original = truth.read_bytes(), truth.stat().st_mtime_ns
     for name in ("x.bag", "x", "x.csv"):
         assert generate.main(["--imu", "mpu6000", "-o", str(tmp_path / name), *SHORT]) == 0
-        assert (truth.read_bytes(), truth.stat().st_mtime_ns) == before
+        assert (truth.read_bytes(), truth.stat().st_mtime_ns) == original
     assert capsys.readouterr().err == ""
 
 
@@ -178,21 +178,21 @@ def test_outputs_of_one_name_share_the_truth_of_one_unit(tmp_path, capsys):
 def test_a_truth_that_another_output_relies_on_is_never_replaced(tmp_path, capsys, force, second):
     place = str(tmp_path / "x")
     assert generate.main(["--imu", "mpu6000", "-o", f"{place}.mcap", *SHORT]) == 0
-    before = (tmp_path / "x_truth.yaml").read_bytes()
+    original = (tmp_path / "x_truth.yaml").read_bytes()
     options = ["--imu", "mpu6000", "--seed", "7", *SHORT, *force]
     assert generate.main([*options, "-o", str(tmp_path / second)]) == 2
     (line,) = capsys.readouterr().err.splitlines()
     assert "x_truth.yaml: is the truth of" in line
     assert "x.mcap" in line
-    assert (tmp_path / "x_truth.yaml").read_bytes() == before
+    assert (tmp_path / "x_truth.yaml").read_bytes() == original
     assert {path.name for path in tmp_path.iterdir()} == {"x.mcap", "x_truth.yaml"}
 
 
 def test_a_truth_is_replaced_with_its_own_output(tmp_path):
     place = str(tmp_path / "x.mcap")
     assert generate.main(["--imu", "mpu6000", "-o", place, *SHORT]) == 0
-    before = (tmp_path / "x_truth.yaml").read_bytes()
+    original = (tmp_path / "x_truth.yaml").read_bytes()
     again = ["--imu", "mpu6000", "--seed", "7", "-o", place, *SHORT]
     assert generate.main(again) == 2
     assert generate.main([*again, "--force"]) == 0
-    assert (tmp_path / "x_truth.yaml").read_bytes() != before
+    assert (tmp_path / "x_truth.yaml").read_bytes() != original

@@ -29,13 +29,13 @@ def test_the_twin_of_a_bag_is_written_printed_and_flown_again(bag, tmp_path, cap
     assert main([str(bag), *truth, "-o", str(folder), "--fit", "11s"]) == 0
     out, err = capsys.readouterr()
     assert "not fitted" not in err  # it has neither receiver nor wheels
-    for words in (
+    for option in (
         "lever_arm x",
         "White floor",
         "after 5 s of dead reckoning",
         "a classifier separates",
     ):
-        assert words in out
+        assert option in out
     assert (folder / "twin.png").read_bytes().startswith(b"\x89PNG")
     again = tmp_path / "again.mcap"
     parameters = ["--params-file", str(folder / "twin.yaml"), "--trajectory", "figure_eight"]
@@ -48,22 +48,24 @@ def test_the_twin_of_a_bag_is_written_printed_and_flown_again(bag, tmp_path, cap
 def test_json_is_one_object_with_every_number(bag, capsys):
     truth = ["--truth", str(bag), "--truth-topic", "/ground_truth/odom"]
     assert main([str(bag), *truth, "--no-files", "--json"]) == 0
-    found = json.loads(capsys.readouterr().out)
-    arm = found["errors"]["lever_arm"]
+    twin = json.loads(capsys.readouterr().out)
+    arm = twin["errors"]["lever_arm"]
     z = (np.array(arm["value"]) - ARM) / arm["sigma"]
     assert np.abs(z).max() < 4.0
-    assert found["check"] is None
-    assert found["rate_hz"] == 50.0
+    assert twin["check"] is None
+    assert twin["rate_hz"] == 50.0
 
 
 def test_what_aids_the_imu_is_named_and_not_fitted(tmp_path, capsys):
     sensors = {"sensors": ["gnss", "wheels"], "gnss": {"preset": "zed_f9p"}}
     flight = ims.simulate(imu="adis16448", trajectory="drive", duration=30, rate=50, **sensors)
     bag = flight.save(tmp_path / "drive.mcap")
-    given = [str(bag), "--truth", str(bag), "--truth-topic", "/ground_truth/odom", "--no-files"]
-    assert main(given) == 0
-    said = capsys.readouterr().err
-    assert "twin: /gps/fix, /wheel/odom, /joint_states: not fitted; the twin is that of" in said
+    argv = [str(bag), "--truth", str(bag), "--truth-topic", "/ground_truth/odom", "--no-files"]
+    assert main(argv) == 0
+    error_text = capsys.readouterr().err
+    assert (
+        "twin: /gps/fix, /wheel/odom, /joint_states: not fitted; the twin is that of" in error_text
+    )
 
 
 @pytest.mark.parametrize(
