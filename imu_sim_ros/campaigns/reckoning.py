@@ -26,7 +26,7 @@ from imu_sim_ros.navigation.covariance import (
 )
 from imu_sim_ros.navigation.coverage import beyond
 from imu_sim_ros.navigation.dead_reckoning import dead_reckon
-from imu_sim_ros.navigation.evaluation import LARGEST_SIGMA, attitude_errors, nees, state_at
+from imu_sim_ros.navigation.evaluation import LARGEST_SIGMA, absolute_errors, nees, state_at
 from imu_sim_ros.navigation.mount import mount_of
 from imu_sim_ros.navigation.state import NavigationState, state_of_row
 from imu_sim_ros.sensors.gravity import earth_rate_vector, gravity_vector
@@ -113,13 +113,12 @@ class DeadReckoning:
         if self._covariances is None:
             self._covariances = self._final_covariances(truth, block)
         covariances, sigma = self._covariances
-        errors = {
-            "position": states.position[-1] - truth.position[-1],
-            "velocity": states.velocities()[-1] - truth.velocities()[-1],
-            "attitude": attitude_errors(states.q_wb[-1:], truth.q_wb[-1:])[0],
-        }
+        final, true = states.rows(slice(-1, None)), truth.rows(slice(-1, None))
+        position, attitude = absolute_errors(final, true)
+        velocity = final.velocities() - true.velocities()
+        errors = {"position": position, "velocity": velocity, "attitude": attitude}
         metrics: Metrics = {
-            f"nees_{name}": None if matrix is None else float(nees(errors[name][None], matrix)[0])
+            f"nees_{name}": None if matrix is None else float(nees(errors[name], matrix)[0])
             for name, matrix in covariances.items()
         }
         return {**metrics, "attitude_sigma_rad": sigma}
