@@ -19,7 +19,12 @@ from imu_sim_ros.commands import inspect
 from imu_sim_ros.core import rotation
 from imu_sim_ros.core.conventions import STANDARD_GRAVITY
 from imu_sim_ros.core.records import States, with_fields
-from imu_sim_ros.recordings.findings.catalogue import KINDS, reading_findings, state_findings
+from imu_sim_ros.recordings.findings.catalogue import (
+    KINDS,
+    reading_findings,
+    state_findings,
+    unit_findings,
+)
 from imu_sim_ros.recordings.repair import mended
 
 ROOT = Path(__file__).parents[2]
@@ -125,8 +130,13 @@ def test_traits_of_the_clock_are_findings_with_their_row(recordings):
 
 
 def clean(imu, trajectory, rate, duration):
+    """Return the findings of a recording, of each two seconds as live, and of its poses."""
     flight = ims.simulate(imu=imu, trajectory=trajectory, rate=rate, duration=duration, seed=4)
-    return [(imu, trajectory, rate, f.kind, f.evidence) for f in reading_findings(flight.readings)]
+    readings, size = flight.readings, int(2.0 * rate) + 1
+    findings = [*reading_findings(readings), *state_findings(flight.truth)]
+    for begin in range(0, len(readings) - size, size):
+        findings += unit_findings(readings.rows(slice(begin, begin + size)))
+    return [(imu, trajectory, rate, f.kind, f.evidence) for f in findings]
 
 
 def length(trajectory):
