@@ -260,7 +260,9 @@ class ChunkWriter(Writer):
         ]
         for spans in zip(*cuts, strict=True):
             pieces = zip(tables, spans, strict=True)
-            yield merged([(table, slice(*span)) for table, span in pieces if span[1] > span[0]])
+            parts = [(table, slice(*span)) for table, span in pieces if span[1] > span[0]]
+            if parts:  # of equal stamps, one piece has all
+                yield merged(parts)
 
     def _one_by_one(
         self, blocks: Sequence[tuple[BagTopic, Times, list[bytes] | RowTemplate]]

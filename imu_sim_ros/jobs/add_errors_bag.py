@@ -23,6 +23,7 @@ from imu_sim_ros.core.conventions import (
     GYROSCOPE_BIAS_TOPIC,
     IDEAL_IMU_TOPIC,
     IMU_TOPIC,
+    TRIADS,
     TWIST_FRAMES,
 )
 from imu_sim_ros.core.errors import InputError
@@ -41,6 +42,7 @@ from imu_sim_ros.simulation.topics import offered, resolved
 
 USUAL: Final = (IMU_TOPIC, GYROSCOPE_BIAS_TOPIC, ACCELEROMETER_BIAS_TOPIC)
 _READING: Final = ("angular_velocity", "linear_acceleration")
+_COVARIANCES: Final = ("angular_velocity_covariance", "linear_acceleration_covariance")
 _ORIENTED: Final = (*_READING, "orientation", "orientation_covariance")
 _STATE: Final = ("orientation", "linear", "angular")
 _FIRST: Final = 2000
@@ -238,6 +240,8 @@ class BagErrors:
             return []
         decoded = _decoded(self._bag, block, self._fields)
         if self._odometry is None:
+            if self._frame is None:
+                self._check_triads(block)
             self._frame = decoded.frame_ids[0] if self._frame is None else self._frame
             if decoded.frame_ids != (self._frame,):
                 raise mixed_frames(self._bag.path, self._source.name)
@@ -252,6 +256,25 @@ class BagErrors:
                         recorded = np.maximum(messages.record_t_ns + late_ns, 0)
                         blocks.append(Block(topic, recorded, messages.made()))
         return blocks
+
+    def _check_triads(self, block: MessageBlock) -> None:
+        """Refuse a topic whose first messages mark a triad as absent.
+
+        :raises InputError: with what helps.
+        """
+        columns = _decoded(self._bag, block, _COVARIANCES).numbers
+        absent = [
+            triad
+            for triad, name in zip(TRIADS, _COVARIANCES, strict=True)
+            if np.all(columns[name][:, 0] == -1.0)
+        ]
+        if absent:
+            raise InputError(
+                f"{self._bag.path}: {self._source.name}: contains no readings of the {triad} (a "
+                "covariance of -1); --gyro-topic and --accel-topic merge two topics "
+                f"[{triad}_absent]"
+                for triad in absent
+            )
 
     def _passed(self, decoded: Decoded) -> Iterator[Readings]:
         """Yield the readings of messages that the gate lets pass."""

@@ -6,6 +6,7 @@
 import numpy as np
 import pytest
 
+import imu_sim_ros as ims
 from imu_sim_ros.bags.read import read_imu, read_odometry
 from imu_sim_ros.bags.text.writer import Dataset, TextFile, write_euroc_descriptions
 from imu_sim_ros.core.errors import InputError
@@ -152,3 +153,11 @@ def test_a_signal_between_writing_and_counting_leaves_what_is_counted(tmp_path):
     file.file.finish()
     assert (file.rows, file.last_ns) == (5000, 4999)
     assert len(path.read_text().splitlines()) == 1 + 5000
+
+
+def test_equal_stamps_of_more_than_a_chunk_are_converted(tmp_path):
+    rows = ["timestamp,gx,gy,gz,ax,ay,az", *["0,0.1,0,0,0,0,9.81"] * 6000]
+    (tmp_path / "zero.csv").write_text("\n".join(rows), encoding="utf-8")
+    converted = ims.convert(tmp_path / "zero.csv", tmp_path / "zero.mcap")
+    assert converted.messages["/imu/data_raw"] == 6000
+    assert not ims.read_imu(tmp_path / "zero.mcap").t_ns.any()

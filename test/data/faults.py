@@ -55,6 +55,7 @@ def shifted(readings, rows, by_ns):
 
 
 STAMPS = {
+    "stamps_equal": lambda r: with_fields(r, t_ns=0 * r.t_ns),
     "stamps_unit": lambda r: with_fields(r, t_ns=(r.t_ns - r.t_ns[0]) // 1000),
     "clock_reset": lambda r: shifted(r, slice(len(r) // 2, None), -(10**9) * 60),
     "clock_change": lambda r: shifted(r, slice(len(r) // 2, None), 10**18),

@@ -251,6 +251,19 @@ def test_add_errors_leaves_out_stray_stamps_and_names_them(flights, tmp_path, na
     assert f"{len(rows)} stamps are far from their neighbours, the first is 0 ns" in line
 
 
+def test_add_errors_refuses_a_topic_of_one_triad(flights, tmp_path):
+    """Zeros that a covariance of -1 marks as absent were taken as accelerations."""
+    readings = flights["motion"].readings.rows(slice(100))
+    with open_writer(tmp_path / "gyro.mcap") as writer:
+        topic = writer.add_topic("/camera/gyro/sample", IMU)
+        absent = np.diag([-1.0, 0.0, 0.0])
+        encoder = ImuEncoder("gyro", writer.encoding, accel_covariance=absent)
+        rows = encoder.pattern(readings.t_ns, readings.gyro, 0.0 * readings.accel)
+        writer.write_blocks([Block(topic, readings.t_ns, rows)])
+    with pytest.raises(InputError, match=r"merge two topics \[accelerometer_absent\]"):
+        ims.add_errors_to_file(tmp_path / "gyro.mcap", tmp_path / "noisy.mcap", imu="perfect")
+
+
 @pytest.fixture(scope="module")
 def circle():
     return ims.simulate(imu="bmi088", trajectory="circle", rate=100, duration=30, seed=3)

@@ -76,6 +76,18 @@ def _absent(measures: ReadingMeasures, triad: int) -> Iterator[Evidence]:
 
 @check(
     "error",
+    "there is no rate, so nothing can be integrated or analysed",
+    "record stamps; the program that wrote the file left them out",
+)
+def stamps_equal(measures: ReadingMeasures) -> Iterator[Evidence]:
+    """Find readings that all have the same stamp."""
+    t_ns = measures.readings.t_ns
+    if len(t_ns) > 1 and t_ns[0] == t_ns[-1] and np.all(t_ns == t_ns[0]):
+        yield Evidence(f"all {len(t_ns):,} stamps are {t_ns[0]} ns")
+
+
+@check(
+    "error",
     "motion of this triad is missing in all results",
     "name the topic of the triad ({gyro_topic}, {accel_topic}), or take another one",
 )
@@ -361,6 +373,7 @@ def _white(column: Array) -> float:
 READINGS: Final = (
     gyroscope_absent,
     accelerometer_absent,
+    stamps_equal,
     triad_zeros,
     triads_swapped,
     accelerometer_g,
