@@ -14,7 +14,7 @@ from imu_sim_ros.recordings.findings.readings import UNITS
 Action = Literal["refuses", "corrects", "tells", ""]
 ABSENT: Final = ("gyroscope_absent", "accelerometer_absent")
 """Kinds of readings without one of the triads."""
-BROKEN_CLOCK: Final = ("stamps_equal", "stamps_unit", "clock_reset", "clock_change")
+BROKEN_CLOCK: Final = ("stamps_unit", "clock_reset", "clock_change")
 """Kinds of stamps that are not nanoseconds of one clock."""
 UNEVEN_CLOCK: Final = (
     *("stamps_stray", "stamps_bunched", "stamps_shared", "stamps_late"),
@@ -67,15 +67,17 @@ class FindingPolicy:
 
 
 DEAD_RECKON: Final = FindingPolicy(
-    refuses=(*ABSENT, *BROKEN_CLOCK),
+    refuses=(*ABSENT, "stamps_equal", *BROKEN_CLOCK),
     corrects=UNEVEN_CLOCK,
     tells=(*UNITS, "triad_zeros", "gravity_absent", "gravity_size", "axes_down", *POSES, *TWIST),
 )
 PREINTEGRATE: Final = FindingPolicy(
-    refuses=(*ABSENT, *BROKEN_CLOCK), corrects=UNEVEN_CLOCK, tells=(*UNITS, "triad_zeros")
+    refuses=(*ABSENT, "stamps_equal", *BROKEN_CLOCK),
+    corrects=UNEVEN_CLOCK,
+    tells=(*UNITS, "triad_zeros"),
 )
 TWIN: Final = FindingPolicy(
-    refuses=(*ABSENT, *BROKEN_CLOCK, *UNITS), corrects=UNEVEN_CLOCK, tells=POSES
+    refuses=(*ABSENT, "stamps_equal", *BROKEN_CLOCK, *UNITS), corrects=UNEVEN_CLOCK, tells=POSES
 )
 ALLAN: Final = FindingPolicy(
     refuses=(*ABSENT, "stamps_equal", "stamps_unit", "motion_at_rest"),
