@@ -8,6 +8,7 @@ import re
 import signal
 import subprocess
 import sys
+import threading
 import time
 
 import numpy as np
@@ -81,6 +82,53 @@ def test_no_image_stays_behind_one_that_was_cancelled(tmp_path, monkeypatch, cam
     }
     assert images_by_camera["cam0"] == images_by_camera["cam1"]
     assert len(images_by_camera["cam0"]) == 12
+
+
+def test_images_under_way_are_not_waited_for(tmp_path, monkeypatch, capsys):
+    """A large image takes minutes: it is given up, and those before it are whole."""
+    make, released, expired = ImageFolders._make, threading.Event(), []
+    complete = threading.Semaphore(0)
+
+    def hold(self, frame, seen, path):
+        if frame.number < 3:
+            make(self, frame, seen, path)
+            complete.release()
+            return
+        if frame.number == 3:
+            assert all(complete.acquire(timeout=60) for _ in range(3))
+            os.kill(os.getpid(), signal.SIGTERM)
+        if not released.wait(120):
+            expired.append(frame.number)
+
+    monkeypatch.setattr(ImageFolders, "_make", hold)
+    camera = ["--trajectory", "figure_eight", "--camera", "euroc_cam0", "--scene", "room", *SMALL]
+    arguments = ["-o", str(tmp_path / "x"), "--format", "euroc", *camera, "--duration", "60s"]
+    try:
+        assert generate.main([*arguments, "--quiet"]) == 143
+    finally:
+        released.set()
+    assert not expired
+    assert "3 images of cam0 up to stamp 1.100000000 s" in capsys.readouterr().err
+    images = sorted((tmp_path / "x.partial/cam0/data").glob("*.png"))
+    assert [image.read_bytes()[-8:] for image in images] == [b"IEND\xaeB`\x82"] * 3
+
+
+def test_compiling_is_not_waited_for(tmp_path):
+    """It takes up to 15 s of processor time and cannot be interrupted: nothing of it is kept."""
+    folder = tmp_path / "compiled"
+    arguments = ["-o", str(tmp_path / "x"), "--format", "euroc", *STEREO, "--duration", "1h"]
+    command = [sys.executable, "-m", "imu_sim_ros", "generate", *arguments]
+    environment = {**os.environ, "NUMBA_CACHE_DIR": str(folder)}
+    with subprocess.Popen(command, stderr=subprocess.PIPE, text=True, env=environment) as process:
+        assert process.stderr is not None
+        lines = iter(process.stderr.readline, "")
+        assert any("images is compiled first" in line for line in lines)
+        process.send_signal(signal.SIGINT)
+        error = process.communicate(timeout=300)[1]
+    assert process.returncode == 130
+    assert error.startswith(f"generate: interrupted; {tmp_path / 'x'}.partial: ")
+    assert "0 images of cam0" in error
+    assert not list(folder.rglob("*.nbc"))
 
 
 @pytest.mark.parametrize("table", [columns.CsvTable, columns.NpzTable])
