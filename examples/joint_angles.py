@@ -46,18 +46,24 @@ for sensor in SENSORS:
     largest = (np.abs(errors[sensor][t < end]).max() for end in (10.0, 60.0))
     print(f"{sensor:12s} {next(largest):9.2f} {next(largest):9.2f}")
 
-figure, (left, right) = plt.subplots(1, 2, figsize=(10, 3.6), layout="constrained")
+figure, (angle_axes, error_axes) = plt.subplots(1, 2, figsize=(10, 3.6), layout="constrained")
 window = t < 12.0
 for sensor, colour in zip(SENSORS, COLOURS, strict=True):
     if sensor in ("perfect", "bno055"):
-        left.plot(t[window], -curves[sensor][window], colour, linewidth=1.2, label=sensor)
-    right.semilogy(t, np.abs(errors[sensor]) + 1e-4, colour, linewidth=0.8, label=sensor)
-left.set(xlabel="time [s]", ylabel="bending of the left elbow [deg]", title="Integrated gyroscopes")
-right.set(xlabel="time [s]", ylabel="error [deg]", title="Error against the formula of the walk")
-right.axhline(0.1, color="#888888", linewidth=0.8, linestyle="--")
-for axes in (left, right):
+        angle_axes.plot(t[window], -curves[sensor][window], colour, linewidth=1.2, label=sensor)
+    error_axes.semilogy(t, np.abs(errors[sensor]) + 1e-4, colour, linewidth=0.8, label=sensor)
+angle_axes.set(
+    xlabel="time [s]", ylabel="bending of the left elbow [deg]", title="Integrated gyroscopes"
+)
+error_axes.set(
+    xlabel="time [s]", ylabel="error [deg]", title="Error against the formula of the walk"
+)
+error_axes.axhline(0.1, color="#888888", linewidth=0.8, linestyle="--")
+for axes in (angle_axes, error_axes):
     axes.grid(color="#EEEEEE")
     axes.spines[["top", "right"]].set_visible(False)
-left.legend(frameon=False, ncols=2)
-right.legend(frameon=False, ncols=4, loc="center", bbox_to_anchor=(0.56, 0.45), handlelength=1.0)
+angle_axes.legend(frameon=False, ncols=2)
+error_axes.legend(
+    frameon=False, ncols=4, loc="center", bbox_to_anchor=(0.56, 0.45), handlelength=1.0
+)
 figure.savefig(sys.argv[1] if len(sys.argv) > 1 else "joint_angles.png", dpi=130)

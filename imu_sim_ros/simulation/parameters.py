@@ -308,8 +308,8 @@ def imus(parameters: SampledParameters) -> dict[str, Any]:
 
 def segments(parameters: SampledParameters) -> dict[str, str]:
     """Return the segments that carry IMUs, by the name of the IMU; none of those on the body."""
-    each = getattr(parameters, "each_imu", {})
-    return {name: imu.segment for name, imu in each.items() if imu.segment}
+    sections: Mapping[str, OneImuParameters] = getattr(parameters, "each_imu", {})
+    return {name: imu.segment for name, imu in sections.items() if imu.segment}
 
 
 def values_of(parameters: SimulationParameters) -> dict[str, Value]:

@@ -3,7 +3,6 @@
 
 """Motion captures with a closed form: a skeleton as BVH, and a tumbling body as C3D by ezc3d."""
 
-import ezc3d
 import numpy as np
 
 from imu_sim_ros.core import rotation
@@ -44,6 +43,8 @@ def c3d(path, rate, points=None, rotations=None, units="mm", up="+Z", **paramete
     :param rotations: poses (n, 4, 4) by label.
     :param parameters: further ones of POINT.
     """
+    import ezc3d  # tests of BVH do not need it
+
     file = ezc3d.c3d()
     if not points:  # ezc3d writes no rotations without a marker
         points = {"origin": np.zeros((len(next(iter(rotations.values()))), 3))}
