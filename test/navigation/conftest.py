@@ -32,13 +32,13 @@ class Record(NamedTuple):
 def lecture(t):
     """Return the ellipse of the lecture's simulation with its sinusoidal height, roll and pitch."""
     k = np.pi / 10
-    one = np.ones_like(t)
+    entry = np.ones_like(t)
     s, c, s10, c10 = np.sin(k * t), np.cos(k * t), np.sin(10 * k * t), np.cos(10 * k * t)
     position = np.stack([15 * c + 5, 20 * s + 5, s10 + 5], -1)
     velocity = np.stack([-15 * k * s, 20 * k * c, 10 * k * c10], -1)
     acceleration = np.stack([-15 * k**2 * c, -20 * k**2 * s, -100 * k**2 * s10], -1)
     angles = np.stack([0.1 * np.cos(t), 0.2 * np.sin(t), k * t], -1)
-    rates = np.stack([-0.1 * np.sin(t), 0.2 * np.cos(t), k * one], -1)
+    rates = np.stack([-0.1 * np.sin(t), 0.2 * np.cos(t), k * entry], -1)
     body_rates = (rotation.euler_rates_to_body_rates(angles) @ rates[..., None])[..., 0]
     return position, velocity, acceleration, rotation.from_euler(angles), body_rates
 

@@ -48,9 +48,11 @@ def simulate(noise, trajectory="lecture", rate=200.0, duration=10.0, first_seed=
     for seed in range(first_seed, first_seed + RUNS):
         simulation = Body(dataclasses.replace(parameters, seed=seed))
         block = simulation.next(round(rate * duration) + 1)["imu"]
-        first = blocks[0] if blocks else block
+        beginning = blocks[0] if blocks else block
         # The motion is the same in all runs: one copy of it is enough.
-        shared = {name: getattr(first, name) for name in ("motion", "ideal_gyro", "ideal_accel")}
+        shared = {
+            name: getattr(beginning, name) for name in ("motion", "ideal_gyro", "ideal_accel")
+        }
         blocks.append(block._replace(values={**block.values, **shared}))
     return parameters, blocks
 
@@ -156,9 +158,9 @@ def test_errors_grow_as_the_closed_forms_say(noise, velocity_law, position_law):
         values = np.stack(
             [getattr(s, name)[rows] - getattr(truth_of(blocks[0]), name)[rows] for s in states]
         )
-        found = np.mean(values**2, axis=(0, 2))
+        errors = np.mean(values**2, axis=(0, 2))
         # Steps of 10 ms instead of continuous time: 3 h / 2 t at most, 1 % at 2 s.
-        np.testing.assert_allclose(found / law(t), 1.0, atol=SAMPLING + 0.01)
+        np.testing.assert_allclose(errors / law(t), 1.0, atol=SAMPLING + 0.01)
 
 
 def test_band():

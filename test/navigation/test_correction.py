@@ -21,8 +21,8 @@ def test_correction_solves_the_model_of_the_sensor():
     correction = Correction(
         tuple(b_g), tuple(b_a), tuple(s_g.ravel()), tuple(s_a.ravel()), tuple(g.ravel())
     )
-    found = correction.apply(omega @ s_g.T + f @ g.T + b_g, f @ s_a.T + b_a)
-    np.testing.assert_allclose(found, (omega, f), atol=1e-13)
+    errors = correction.apply(omega @ s_g.T + f @ g.T + b_g, f @ s_a.T + b_a)
+    np.testing.assert_allclose(errors, (omega, f), atol=1e-13)
 
 
 def test_nothing_to_correct_changes_nothing():
@@ -47,13 +47,13 @@ def test_levelling_finds_roll_pitch_and_bias(gravity):
     q_wb = rotation.from_euler([0.3, -0.4, 1.2])
     force = rotation.rotate_inverse(q_wb, [0.0, 0.0, -gravity])
     noise = 0.02 * rng.normal(size=(4000, 3))
-    found = level(
+    errors = level(
         noise + np.array([0.01, 0.02, -0.03]), noise + force, (0.0, 0.0, gravity), yaw=1.2
     )
-    turn = rotation.log(rotation.multiply(rotation.conjugate(q_wb), found.q_wb))
+    turn = rotation.log(rotation.multiply(rotation.conjugate(q_wb), errors.q_wb))
     # sigma of the mean is 0.02 / sqrt(4000) = 3.2e-4: 4 sigma, over g for the tilt.
     assert np.abs(turn).max() < 1.3e-3 / 9.81
-    np.testing.assert_allclose(found.gyroscope_bias, [0.01, 0.02, -0.03], atol=1.3e-3)
+    np.testing.assert_allclose(errors.gyroscope_bias, [0.01, 0.02, -0.03], atol=1.3e-3)
 
 
 def test_no_rest_no_level():

@@ -53,19 +53,19 @@ T, RATE = 10.0, 200.0
 
 def test_growth_of_accelerometer_noise():
     noise = of_sizes(accelerometer_noise_density=0.01 * AXES)
-    found = at_rest(noise, T, RATE)
+    covariance = at_rest(noise, T, RATE)
     expected = np.square(0.01 * AXES) * T
-    np.testing.assert_allclose(diagonal(found, VELOCITY), expected, rtol=1e-9)
-    np.testing.assert_allclose(diagonal(found, POSITION), expected * T**2 / 3, rtol=2e-3)
+    np.testing.assert_allclose(diagonal(covariance, VELOCITY), expected, rtol=1e-9)
+    np.testing.assert_allclose(diagonal(covariance, POSITION), expected * T**2 / 3, rtol=2e-3)
 
 
 def test_growth_of_accelerometer_walk():
     noise = of_sizes(accelerometer_random_walk=1e-3 * AXES)
-    found = at_rest(noise, T, RATE)
+    covariance = at_rest(noise, T, RATE)
     expected = np.square(1e-3 * AXES) * T
-    np.testing.assert_allclose(diagonal(found, ACCEL_BIAS), expected, rtol=1e-9)
-    np.testing.assert_allclose(diagonal(found, VELOCITY), expected * T**2 / 3, rtol=2e-3)
-    np.testing.assert_allclose(diagonal(found, POSITION), expected * T**4 / 20, rtol=3e-3)
+    np.testing.assert_allclose(diagonal(covariance, ACCEL_BIAS), expected, rtol=1e-9)
+    np.testing.assert_allclose(diagonal(covariance, VELOCITY), expected * T**2 / 3, rtol=2e-3)
+    np.testing.assert_allclose(diagonal(covariance, POSITION), expected * T**4 / 20, rtol=3e-3)
 
 
 def test_growth_of_gyroscope_noise_and_walk():
@@ -85,14 +85,14 @@ def test_growth_of_gyroscope_noise_and_walk():
 
 def test_growth_of_uncertain_biases():
     initial = initial_covariance(accelerometer_bias=0.02 * AXES, gyroscope_bias=1e-3)
-    found = at_rest(SILENT, T, RATE, initial)
+    covariance = at_rest(SILENT, T, RATE, initial)
     bias = np.square(0.02 * AXES)
     tilted = np.array([1e-6, 1e-6, 0.0]) * 9.81**2 * T**2
     np.testing.assert_allclose(
-        diagonal(found, VELOCITY), bias * T**2 + tilted * T**2 / 4, rtol=2e-3
+        diagonal(covariance, VELOCITY), bias * T**2 + tilted * T**2 / 4, rtol=2e-3
     )
     np.testing.assert_allclose(
-        diagonal(found, POSITION), bias * T**4 / 4 + tilted * T**4 / 36, rtol=2e-3
+        diagonal(covariance, POSITION), bias * T**4 / 4 + tilted * T**4 / 36, rtol=2e-3
     )
 
 
@@ -134,22 +134,22 @@ def test_covariance_is_that_of_perturbed_starts(record):
     transition = np.stack(columns, axis=1)
     sigmas = (0.01, 0.1, 0.2, 0.003, 0.05)
     start = initial_covariance(*sigmas)
-    found = propagate(base, motion.accel, SILENT, start)[0]
+    covariance = propagate(base, motion.accel, SILENT, start)[0]
     expected = transition @ start @ transition.T
     scale = np.sqrt(np.diag(expected))
-    assert np.abs((found - expected) / np.outer(scale, scale)).max() < 5e-3
+    assert np.abs((covariance - expected) / np.outer(scale, scale)).max() < 5e-3
 
 
 def test_growth_of_a_gauss_markov_bias():
     """Integrated from its stationary state: Var v = 2 s^2 tau^2 (T / tau - 1 + exp(-T / tau))."""
     sigma, tau = 0.02 * AXES, 3.0
-    given = {"accelerometer_correlation_time": tau * np.ones(3)}
-    by_sigma = of_sizes(accelerometer_gauss_markov_sigma=sigma, **given)
-    by_density = of_sizes(accelerometer_gauss_markov_density=sigma * np.sqrt(2.0 / tau), **given)
+    settings = {"accelerometer_correlation_time": tau * np.ones(3)}
+    by_sigma = of_sizes(accelerometer_gauss_markov_sigma=sigma, **settings)
+    by_density = of_sizes(accelerometer_gauss_markov_density=sigma * np.sqrt(2.0 / tau), **settings)
     expected = 2 * sigma**2 * tau**2 * (T / tau - 1 + np.exp(-T / tau))
     for noise in (by_sigma, by_density):
-        found = at_rest(noise, T, RATE)
-        np.testing.assert_allclose(diagonal(found, VELOCITY), expected, rtol=2e-3)
+        covariance = at_rest(noise, T, RATE)
+        np.testing.assert_allclose(diagonal(covariance, VELOCITY), expected, rtol=2e-3)
 
 
 def test_growth_of_bias_instability():
@@ -159,20 +159,20 @@ def test_growth_of_bias_instability():
     """
     b = 1e-3
     noise = of_sizes(accelerometer_bias_instability=b * AXES)
-    found = diagonal(at_rest(noise, T, RATE), VELOCITY)
+    covariance = diagonal(at_rest(noise, T, RATE), VELOCITY)
     tau = 10.0 ** np.arange(-1, 5)
-    one = 2 * tau**2 * (T / tau - 1 + np.exp(-T / tau))
-    expected = b**2 * np.log(10) / np.pi * one.sum()
-    np.testing.assert_allclose(found, expected * AXES**2, rtol=2e-3)
+    entry = 2 * tau**2 * (T / tau - 1 + np.exp(-T / tau))
+    expected = b**2 * np.log(10) / np.pi * entry.sum()
+    np.testing.assert_allclose(covariance, expected * AXES**2, rtol=2e-3)
 
 
 def test_growth_of_an_unknown_scale():
-    """At rest gravity is off by s g, up only; turning, the attitude is off by s times the angle."""
+    """Gravity at rest is off by s g, up only; turning, the attitude is off by s times the angle."""
     noise = of_sizes(
         accelerometer_turn_on_scale_sigma=1e-3 * AXES, gyroscope_turn_on_scale_sigma=1e-2 * AXES
     )
-    found = diagonal(at_rest(noise, T, RATE), VELOCITY)
-    np.testing.assert_allclose(found, [0.0, 0.0, (3e-3 * 9.81 * T) ** 2], rtol=1e-9)
+    covariance = diagonal(at_rest(noise, T, RATE), VELOCITY)
+    np.testing.assert_allclose(covariance, [0.0, 0.0, (3e-3 * 9.81 * T) ** 2], rtol=1e-9)
     result = Covariance(noise)
     for _ in range(100):
         result.step(0.01, np.eye(3), np.zeros(3), np.array([0.5, -0.4, 0.1]))
@@ -183,22 +183,22 @@ def test_growth_of_an_unknown_scale():
 
 
 def test_growth_of_unknown_cross_axis_terms():
-    """At rest gravity leaks into x and y by m g, by q g^2 into z, and by G g into the gyroscope."""
+    """Gravity at rest leaks into x and y by m g, by q g^2 into z, and by G g into the gyroscope."""
     noise = of_sizes(
         accelerometer_misalignment_sigma=1e-3 * AXES, accelerometer_quadratic_sigma=1e-5 * AXES
     )
-    found = diagonal(at_rest(noise, T, RATE), VELOCITY)
+    covariance = diagonal(at_rest(noise, T, RATE), VELOCITY)
     expected = [1e-3 * 9.81 * T, 2e-3 * 9.81 * T, 3e-5 * 9.81**2 * T]
-    np.testing.assert_allclose(found, np.square(expected), rtol=1e-9)
+    np.testing.assert_allclose(covariance, np.square(expected), rtol=1e-9)
     noise = of_sizes(gyroscope_g_sensitivity_sigma=1e-5 * AXES)
-    found = diagonal(at_rest(noise, T, RATE), ATTITUDE)
-    np.testing.assert_allclose(found, np.square(1e-5 * AXES * 9.81 * T), rtol=1e-9)
+    covariance = diagonal(at_rest(noise, T, RATE), ATTITUDE)
+    np.testing.assert_allclose(covariance, np.square(1e-5 * AXES * 9.81 * T), rtol=1e-9)
 
 
 def test_rounding_is_noise_of_a_twelfth_of_a_step():
     noise = of_sizes(accelerometer_resolution=0.1 * AXES)
-    found = diagonal(at_rest(noise, T, RATE), VELOCITY)
-    np.testing.assert_allclose(found, np.square(0.1 * AXES) / 12 / RATE * T, rtol=1e-9)
+    covariance = diagonal(at_rest(noise, T, RATE), VELOCITY)
+    np.testing.assert_allclose(covariance, np.square(0.1 * AXES) / 12 / RATE * T, rtol=1e-9)
 
 
 @pytest.mark.parametrize("angles", [(0.0, 0.0, 1.0), (0.2, 0.0, -2.0), (0.2, 0.6, 1.0)])
@@ -214,12 +214,12 @@ def test_the_turn_of_a_levelled_attitude_is_that_of_many_levelled_bodies(angles)
     roll, pitch = np.arctan2(y, z), np.arctan2(-x, np.hypot(y, z))
     levelled = rotation.from_euler(np.stack([roll, pitch, np.full(count, angles[2])], axis=1))
     turn = rotation.log(rotation.multiply(q_wb, rotation.conjugate(levelled)))
-    found = turn.T @ turn / count
+    covariance = turn.T @ turn / count
     r_wb = rotation.to_matrix(q_wb)
     result = after_rest(SILENT, 2.0, sigma, r_wb, (0.0, 0.0, -9.81), 200.0)
     predicted = result.matrix[ATTITUDE, ATTITUDE]
     size = np.sqrt(np.outer(np.diag(predicted), np.diag(predicted)))
-    np.testing.assert_allclose(found / size, predicted / size, atol=0.1 if angles[1] else 0.06)
+    np.testing.assert_allclose(covariance / size, predicted / size, atol=0.1 if angles[1] else 0.06)
 
 
 def test_a_levelled_body_does_not_feel_the_bias_it_was_levelled_with():
@@ -234,13 +234,15 @@ def test_a_levelled_body_does_not_feel_the_bias_it_was_levelled_with():
     np.testing.assert_allclose(np.diag(tilt), [angle**2, angle**2, angle**4 / 4.0])
     for _ in range(400):
         result.step(0.01, np.eye(3), np.array([0.0, 0.0, 9.81]))
-    found = diagonal(result.matrix, VELOCITY)
-    np.testing.assert_allclose(found, [0.0, 0.0, (b * time) ** 2], atol=1e-12)
+    covariance = diagonal(result.matrix, VELOCITY)
+    np.testing.assert_allclose(covariance, [0.0, 0.0, (b * time) ** 2], atol=1e-12)
     turned = after_rest(SILENT, 2.0, b, np.eye(3), gravity, 200.0)
     for _ in range(400):
         turned.step(0.01, np.diag([-1.0, -1.0, 1.0]), np.array([0.0, 0.0, 9.81]))
-    found = diagonal(turned.matrix, VELOCITY)
-    np.testing.assert_allclose(found, np.square([2 * b * time, 2 * b * time, b * time]), rtol=1e-9)
+    covariance = diagonal(turned.matrix, VELOCITY)
+    np.testing.assert_allclose(
+        covariance, np.square([2 * b * time, 2 * b * time, b * time]), rtol=1e-9
+    )
 
 
 def test_an_averaged_gyroscope_is_as_uncertain_as_what_changed_since():
@@ -255,7 +257,7 @@ def test_an_averaged_gyroscope_is_as_uncertain_as_what_changed_since():
         gyroscope_gauss_markov_sigma=np.full(3, sigma),
         gyroscope_correlation_time=np.full(3, tau),
     )
-    found = after_rest(noise, time, 0.0, np.eye(3), (0.0, 0.0, -9.81), rate).mean_square()
+    covariance = after_rest(noise, time, 0.0, np.eye(3), (0.0, 0.0, -9.81), rate).mean_square()
     rng, h, steps, runs = np.random.default_rng(4), 1 / rate, round(time * rate), 20_000
     white = n / np.sqrt(h) * rng.normal(size=(runs, steps))
     walk = np.cumsum(k * np.sqrt(h) * rng.normal(size=(runs, steps)), axis=1)
@@ -265,8 +267,8 @@ def test_an_averaged_gyroscope_is_as_uncertain_as_what_changed_since():
     for j in range(1, steps):
         driven = sigma * np.sqrt(1 - phi * phi) * rng.normal(size=runs)
         process[:, j] = phi * process[:, j - 1] + driven
-    left = walk[:, -1] + process[:, -1] - (white + walk + process).mean(axis=1)
-    assert found[GYRO_BIAS, GYRO_BIAS][0, 0] == pytest.approx(left.var(), rel=0.04)
+    remaining = walk[:, -1] + process[:, -1] - (white + walk + process).mean(axis=1)
+    assert covariance[GYRO_BIAS, GYRO_BIAS][0, 0] == pytest.approx(remaining.var(), rel=0.04)
 
 
 def second_order_of_a_bias(sigma, duration):
@@ -284,11 +286,11 @@ def test_second_order_of_an_uncertain_gyroscope_bias():
     for _ in range(2000):
         result.step(0.005, np.eye(3), np.array([0.0, 0.0, 9.81]))
     velocity, position = second_order_of_a_bias(2e-3, 10.0)
-    found = np.diag(result.mean_square())
+    covariance = np.diag(result.mean_square())
     # To first order a vertical force does not act along itself at all.
     assert result.matrix[5, 5] == 0.0
-    assert found[5] == pytest.approx(velocity, rel=0.03)
-    assert found[8] == pytest.approx(position, rel=0.03)
+    assert covariance[5] == pytest.approx(velocity, rel=0.03)
+    assert covariance[8] == pytest.approx(position, rel=0.03)
 
 
 def test_second_order_of_gyroscope_noise():
@@ -308,11 +310,11 @@ def test_second_order_of_gyroscope_noise():
 
 def test_pose_and_twist_blocks():
     matrix = np.diag(np.arange(1.0, 16.0))
-    found = Covariance(of_sizes(gyroscope_noise_density=0.1 * AXES), matrix)
-    np.testing.assert_array_equal(np.diag(found.pose()), [7, 8, 9, 1, 2, 3])
+    covariance = Covariance(of_sizes(gyroscope_noise_density=0.1 * AXES), matrix)
+    np.testing.assert_array_equal(np.diag(covariance.pose()), [7, 8, 9, 1, 2, 3])
     r_wb = rotation.to_matrix(rotation.from_euler([0.1, 0.2, 1.5]))
     velocity = np.array([1.0, 2.0, 3.0])
-    twist = found.twist(r_wb, velocity, 200.0)
+    twist = covariance.twist(r_wb, velocity, 200.0)
     # By samples: v_b of a state moved by the error.
     rng = np.random.default_rng(2)
     small = 1e-4
@@ -333,9 +335,9 @@ def test_propagate_gives_the_rows_that_are_asked_for(record, at):
         *[TriadParameters(noise_density=np.full(3, 1e-3), random_walk=np.full(3, 1e-3))] * 2
     )
     states = dead_reckon(motion.t_ns, motion.gyro, motion.accel, motion.initial)
-    found = propagate(states, motion.accel, noise, row_numbers=at)
+    covariance = propagate(states, motion.accel, noise, row_numbers=at)
     whole = propagate(states, motion.accel, noise, row_numbers=range(401))
-    np.testing.assert_array_equal(found, whole[list(at)])
+    np.testing.assert_array_equal(covariance, whole[list(at)])
 
 
 def areas(sigma, turn_rate, duration, runs=4000):

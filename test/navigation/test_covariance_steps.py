@@ -24,14 +24,14 @@ def of_sizes(**sizes: np.ndarray) -> TriadsParameters:
 @pytest.mark.parametrize("axes", [(1.0, 1.0, 1.0), (1.0, 2.0, 0.5)], ids=["equal", "different"])
 def test_the_fast_step_is_the_plain_one(axes: tuple[float, float, float]) -> None:
     """The step as matrices, written as in the module's text, gives the same numbers."""
-    each = np.array(axes)
+    term_axes = np.array(axes)
     noise = of_sizes(
-        gyroscope_noise_density=0.01 * each,
-        gyroscope_random_walk=1e-4 * each,
-        accelerometer_noise_density=0.02 * each,
-        accelerometer_random_walk=1e-3 * each,
-        gyroscope_resolution=1e-3 * each,
-        accelerometer_resolution=1e-2 * each,
+        gyroscope_noise_density=0.01 * term_axes,
+        gyroscope_random_walk=1e-4 * term_axes,
+        accelerometer_noise_density=0.02 * term_axes,
+        accelerometer_random_walk=1e-3 * term_axes,
+        gyroscope_resolution=1e-3 * term_axes,
+        accelerometer_resolution=1e-2 * term_axes,
     )
     generator = np.random.default_rng(5)
     start = initial_covariance(1e-3, 0.1, 0.2, 1e-3, 1e-2)
@@ -87,15 +87,15 @@ def test_slow_errors_are_those_of_a_larger_state() -> None:
         accelerometer_quadratic_sigma=1e-4 * AXES,
     )
     generator = np.random.default_rng(6)
-    found = after_rest(noise, 10.0, 1e-2, np.eye(3), (0.0, 0.0, -9.81), 200.0)
-    slow = found.slow
+    covariance = after_rest(noise, 10.0, 1e-2, np.eye(3), (0.0, 0.0, -9.81), 200.0)
+    slow = covariance.slow
     count, biases = slow.cross.shape[1], slice(9, 15)
-    whole = np.block([[found.matrix, slow.cross], [slow.cross.T, np.eye(count)]])
+    whole = np.block([[covariance.matrix, slow.cross], [slow.cross.T, np.eye(count)]])
     for _ in range(50):
         h = generator.uniform(0.001, 0.02)
         r_wb = rotation.to_matrix(rotation.exp(generator.standard_normal(3)))
         force, rate = generator.standard_normal((2, 3)) + np.array([[0.0, 0.0, 9.81], [0, 0, 0]])
-        found.step(h, r_wb, force, rate)
+        covariance.step(h, r_wb, force, rate)
         tilt = -rotation.skew(r_wb @ force * h)
         f = np.eye(15 + count)
         f[0:3, 9:12] = f[3:6, 12:15] = -r_wb * h
@@ -109,9 +109,11 @@ def test_slow_errors_are_those_of_a_larger_state() -> None:
         whole[range(15, 21), range(15, 21)] += 1.0 - phi**2
     sigma = np.sqrt(np.diag(whole))
     scaled = whole / np.outer(sigma, sigma)
-    both = np.hstack([found.matrix, slow.cross]) / np.outer(sigma[:15], sigma)
+    both = np.hstack([covariance.matrix, slow.cross]) / np.outer(sigma[:15], sigma)
     np.testing.assert_allclose(both, scaled[:15], rtol=0, atol=1e-12)
     total = np.hstack([np.eye(6), slow.effect])
     rows = np.r_[9:15, 15 : 15 + count]
     expected = total @ whole[np.ix_(rows, rows)] @ total.T
-    np.testing.assert_allclose(found.mean_square()[biases, biases], expected, rtol=1e-9, atol=1e-15)
+    np.testing.assert_allclose(
+        covariance.mean_square()[biases, biases], expected, rtol=1e-9, atol=1e-15
+    )

@@ -1,7 +1,7 @@
 # Copyright 2026 imu_sim_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""How much of the truth's time an estimate covers, against sums by hand."""
+"""Coverage of the truth's time by an estimate, against sums by hand."""
 
 import numpy as np
 import pytest
@@ -40,12 +40,12 @@ def at(*parts):
 )
 def test_estimates_of_20_seconds(estimate, expected):
     share, estimated, *rest = expected
-    found = coverage(estimate, TRUTH)
-    assert found == pytest.approx(Coverage(share, estimated, 20.0, *rest))
+    covered = coverage(estimate, TRUTH)
+    assert covered == pytest.approx(Coverage(share, estimated, 20.0, *rest))
 
 
 def test_the_allowance_is_a_quarter_of_a_short_motion():
-    """Of 2 s, 1 s is estimated: 0.5 s are allowed."""
+    """An estimate of 1 of 2 s: 0.5 s are allowed."""
     truth = np.arange(201) * SECOND // 100
     assert coverage(at((1.0, 2.0)), truth).share == pytest.approx(1.0 / 1.5)
     assert coverage(at((1.0, 2.0)), truth, allowance=0.0).share == pytest.approx(0.5)
@@ -55,8 +55,8 @@ def test_a_gap_of_the_truth_is_not_of_its_time():
     """Motion capture that loses the body for 4 s says nothing about the estimate there."""
     truth = np.concatenate([TRUTH[:801], TRUTH[1200:]])
     for estimate in (at((0.0, 20.0)), at((0.0, 8.0), (12.0, 20.0))):
-        found = coverage(estimate, truth)
-        assert (found.truth_s, found.estimated_s) == pytest.approx((16.0, 16.0))
+        covered = coverage(estimate, truth)
+        assert (covered.truth_s, covered.estimated_s) == pytest.approx((16.0, 16.0))
     assert coverage(at((0.0, 16.0)), truth).estimated_s == pytest.approx(12.0)
 
 
@@ -74,15 +74,15 @@ def test_slow_poses_are_gaps_unless_longer_ones_are_allowed():
 def test_the_first_pose_that_has_failed_ends_it():
     estimate = at((0.0, 20.0))
     failed = (estimate >= 7 * SECOND) & (estimate < 8 * SECOND)
-    found = coverage(estimate, TRUTH, failed=failed)
-    assert (found.share, found.time_to_failure_s) == pytest.approx((1.0, 7.0))
+    covered = coverage(estimate, TRUTH, failed=failed)
+    assert (covered.share, covered.time_to_failure_s) == pytest.approx((1.0, 7.0))
     assert coverage(estimate[:60], TRUTH, failed=failed[:60]).time_to_failure_s == 2.95
 
 
 @pytest.mark.parametrize("hours", [-1, 1])
 def test_an_estimate_of_another_time_covers_nothing_and_fails_at_once(hours):
-    found = coverage(TRUTH + hours * 3_600_000_000_000, TRUTH)
-    assert (found.share, found.estimated_s, found.time_to_failure_s) == (0.0, 0.0, 0.0)
+    covered = coverage(TRUTH + hours * 3_600_000_000_000, TRUTH)
+    assert (covered.share, covered.estimated_s, covered.time_to_failure_s) == (0.0, 0.0, 0.0)
 
 
 @pytest.mark.parametrize(("rate", "share"), [(0.4, 0.0), (0.5, 1.0), (1.0, 1.0), (10.0, 1.0)])
@@ -100,9 +100,9 @@ def test_the_default_gap_suits_the_rate(rate, share):
 
 def test_sparse_poses_have_the_option_that_counts_the_time_between_them():
     truth = np.arange(0, 60 * 10**9, 10**7)
-    found = coverage(truth[::250], truth)
-    assert (found.share, found.sparse_s) == (0.0, 2.5)
-    assert "a pose each 2.5 s" in coverage_line(found.to_dict())
-    assert "max_gap=3.8 counts it" in coverage_line(found.to_dict())
+    covered = coverage(truth[::250], truth)
+    assert (covered.share, covered.sparse_s) == (0.0, 2.5)
+    assert "a pose each 2.5 s" in coverage_line(covered.to_dict())
+    assert "max_gap=3.8 counts it" in coverage_line(covered.to_dict())
     counted = coverage(truth[::250], truth, max_gap=3.8)
     assert (round(counted.share, 2), counted.sparse_s) == (0.96, 0.0)

@@ -53,11 +53,11 @@ def test_alignment_finds_what_was_done(truth, kind):
     turn = rotation.from_euler(angles)
     scale = 0.4 if kind == "sim3" else 1.0
     moved = rotation.rotate(turn, truth.position) / scale - [5.0, 1.0, -2.0]
-    found = align(moved, truth.position, kind)
-    assert found.scale == pytest.approx(scale, rel=1e-12)
-    np.testing.assert_allclose(found.r, rotation.to_matrix(turn).T, atol=1e-12)
+    alignment = align(moved, truth.position, kind)
+    assert alignment.scale == pytest.approx(scale, rel=1e-12)
+    np.testing.assert_allclose(alignment.r, rotation.to_matrix(turn).T, atol=1e-12)
     moved_poses = States(truth.t_ns, moved, rotation.multiply(turn, truth.q_wb))
-    back = found.apply(moved_poses)
+    back = alignment.apply(moved_poses)
     np.testing.assert_allclose(back.position, truth.position, atol=1e-11)
     np.testing.assert_allclose(absolute_errors(back, truth)[1], 0.0, atol=1e-7)
 
@@ -66,13 +66,13 @@ def test_alignment_is_the_best_of_its_kind(truth, estimate):
     """Each freedom more lies closer, and no small turn, shift or scale lies closer still."""
     sums = []
     for kind in ("none", "yaw", "se3", "sim3"):
-        found = align(estimate.position, truth.position, kind)
-        aligned = found.apply(estimate).position
+        alignment = align(estimate.position, truth.position, kind)
+        aligned = alignment.apply(estimate).position
         sums.append(np.sum((aligned - truth.position) ** 2))
     assert sums == sorted(sums, reverse=True)
     turned = rotation.rotate(rotation.exp([0.0, 0.0, 1e-4]), aligned)
-    for other in (aligned + np.array([1e-4, 0, 0]), aligned * (1 + 1e-4), turned):
-        assert np.sum((other - truth.position) ** 2) > sums[-1]
+    for neighbour in (aligned + np.array([1e-4, 0, 0]), aligned * (1 + 1e-4), turned):
+        assert np.sum((neighbour - truth.position) ** 2) > sums[-1]
 
 
 def test_alignment_needs_more_than_a_line():
@@ -87,8 +87,8 @@ def test_alignment_needs_more_than_a_line():
 def test_mirrored_points_are_not_matched_by_a_reflection():
     rng = np.random.default_rng(7)
     points = rng.normal(size=(20, 3))
-    found = align(points, points * [1.0, 1.0, -1.0], "se3")
-    assert np.linalg.det(found.r) == pytest.approx(1.0)
+    alignment = align(points, points * [1.0, 1.0, -1.0], "se3")
+    assert np.linalg.det(alignment.r) == pytest.approx(1.0)
 
 
 def test_interpolation_is_exact_on_a_screw():
@@ -100,9 +100,9 @@ def test_interpolation_is_exact_on_a_screw():
         t = t_ns[:, None] * 1e-9
         return States(t_ns, t * [1.0, 2.0, 3.0], rotation.exp(t * [0.3, -0.8, 1.2]))
 
-    found, exact = poses_at(poses(t_ns), at_ns), poses(at_ns)
-    np.testing.assert_allclose(found.position, exact.position, atol=1e-14)
-    np.testing.assert_allclose(found.q_wb, exact.q_wb, atol=1e-14)
+    interpolated, exact = poses_at(poses(t_ns), at_ns), poses(at_ns)
+    np.testing.assert_allclose(interpolated.position, exact.position, atol=1e-14)
+    np.testing.assert_allclose(interpolated.q_wb, exact.q_wb, atol=1e-14)
     np.testing.assert_allclose(
         interpolate_vectors(t_ns, poses(t_ns).position, at_ns), exact.position, atol=1e-14
     )
@@ -124,19 +124,19 @@ def test_no_overlap():
 
 @pytest.mark.parametrize(("delta", "unit", "expected"), [(0.5, "s", 10), (7, "frames", 7)])
 def test_pairs_of_constant_length(truth, delta, unit, expected):
-    first, second, left_out = pairs(truth, delta, unit)
+    starts, second, left_out = pairs(truth, delta, unit)
     assert left_out == 0
-    assert set(second - first) == {expected}
-    assert len(first) == len(truth.t_ns) - expected
-    first, second, _ = pairs(truth, delta, unit, overlapping=False)
-    np.testing.assert_array_equal(first[1:], second[:-1])
+    assert set(second - starts) == {expected}
+    assert len(starts) == len(truth.t_ns) - expected
+    starts, second, _ = pairs(truth, delta, unit, overlapping=False)
+    np.testing.assert_array_equal(starts[1:], second[:-1])
 
 
 def test_pairs_over_distances(truth):
-    first, second, _ = pairs(truth, 5.0, "m")
+    starts, second, _ = pairs(truth, 5.0, "m")
     along = distances(truth.position)
-    assert np.all(along[second] - along[first] >= 5.0)
-    assert np.all(along[second - 1] - along[first] < 5.0)
+    assert np.all(along[second] - along[starts] >= 5.0)
+    assert np.all(along[second - 1] - along[starts] < 5.0)
 
 
 def test_pairs_longer_than_the_trajectory(truth):
@@ -153,8 +153,10 @@ def test_errors_have_the_sign_that_they_say(truth):
     moved = truth.position + np.array([1.0, 2.0, 3.0])
     turned = rotation.multiply(rotation.exp([0.0, 0.0, 0.1]), truth.q_wb)
     velocity = np.zeros((301, 3))
-    known = States(truth.t_ns, truth.position, truth.q_wb, velocity)
-    errors = compare(States(truth.t_ns, moved, turned, velocity + np.array([0.0, 0.5, 0.0])), known)
+    with_velocity = States(truth.t_ns, truth.position, truth.q_wb, velocity)
+    errors = compare(
+        States(truth.t_ns, moved, turned, velocity + np.array([0.0, 0.5, 0.0])), with_velocity
+    )
     np.testing.assert_allclose(errors.position, np.tile([1.0, 2.0, 3.0], (301, 1)))
     np.testing.assert_allclose(errors.attitude, np.tile([0.0, 0.0, 0.1], (301, 1)), atol=1e-12)
     np.testing.assert_allclose(errors.velocity, np.tile([0.0, 0.5, 0.0], (301, 1)))
@@ -190,9 +192,9 @@ def as_evo(poses):
 @pytest.mark.parametrize(("kind", "scale"), [("none", False), ("se3", False), ("sim3", True)])
 def test_ate_equals_evo(truth, estimate, kind, scale):
     metrics = pytest.importorskip("evo.core.metrics")
-    reference, other = as_evo(truth), as_evo(estimate)
+    reference, neighbour = as_evo(truth), as_evo(estimate)
     if kind != "none":
-        other.align(reference, correct_scale=scale)
+        neighbour.align(reference, correct_scale=scale)
     aligned = align(estimate.position, truth.position, kind).apply(estimate)
     position, attitude = absolute_errors(aligned, truth)
     for relation, lengths in (
@@ -200,7 +202,7 @@ def test_ate_equals_evo(truth, estimate, kind, scale):
         (metrics.PoseRelation.rotation_angle_rad, np.linalg.norm(attitude, axis=1)),
     ):
         ape = metrics.APE(relation)
-        ape.process_data((reference, other))
+        ape.process_data((reference, neighbour))
         theirs = ape.get_all_statistics()
         ours = statistics(lengths)._asdict()
         for name, value in ours.items():
@@ -227,8 +229,8 @@ def test_rpe_over_the_pairs_of_evo_in_metres(truth, estimate):
     rpe = metrics.RPE(metrics.PoseRelation.translation_part, 5.0, metrics.Unit.meters)
     rpe.process_data((as_evo(truth), as_evo(estimate)))
     second = np.array(rpe.delta_ids)
-    first = np.concatenate([[0], second[:-1]])
-    errors = relative_errors(estimate, truth, PosePairs(first, second, 0))
+    starts = np.concatenate([[0], second[:-1]])
+    errors = relative_errors(estimate, truth, PosePairs(starts, second, 0))
     np.testing.assert_allclose(errors.translation, rpe.error, atol=1e-9)
 
 

@@ -111,17 +111,17 @@ def test_the_covariance_is_that_of_gtsams_joint_marginals():
 
     stated = np.stack([in_world(k) @ marginals.marginalCovariance(k) @ in_world(k).T
                        for k in range(COUNT)])  # fmt: skip
-    found = without_gauge(stated, truth.position)
+    covariance = without_gauge(stated, truth.position)
     keys = gtsam.KeyVector([0, COUNT - 1])
     joint = marginals.jointMarginalCovariance(keys)
-    last = COUNT - 1
-    cross = in_world(0) @ joint.at(0, last) @ in_world(last).T
+    last_pose = COUNT - 1
+    cross = in_world(0) @ joint.at(0, last_pose) @ in_world(last_pose).T
     n = np.zeros((6, 4))
     n[:3, :3], n[5, 3] = np.eye(3), 1.0
-    x, y, _ = truth.position[last] - truth.position[0]
+    x, y, _ = truth.position[last_pose] - truth.position[0]
     n[0, 3], n[1, 3] = -y, x
     fixed = n @ np.eye(6)[[0, 1, 2, 5]]
-    expected = stated[last] + fixed @ stated[0] @ fixed.T - fixed @ cross - (fixed @ cross).T
+    expected = stated[last_pose] + fixed @ stated[0] @ fixed.T - fixed @ cross - (fixed @ cross).T
     sigma = np.sqrt(np.diag(expected))
-    assert np.abs((found[last] - expected) / np.outer(sigma, sigma)).max() < 1e-6
-    assert np.diag(stated[last])[5] > 5.0 * np.diag(expected)[5]
+    assert np.abs((covariance[last_pose] - expected) / np.outer(sigma, sigma)).max() < 1e-6
+    assert np.diag(stated[last_pose])[5] > 5.0 * np.diag(expected)[5]

@@ -64,8 +64,8 @@ class Filter:
                 h = np.hstack([np.zeros((3, 3)), r.T @ rotation.skew(velocity[k]), r.T])
                 gain = p @ h.T @ np.linalg.inv(h @ p @ h.T + measured**2 * np.eye(3))
                 e = e - (e @ h.T + measured * rng.standard_normal((RUNS, 3))) @ gain.T
-                kept = np.eye(9) - gain @ h
-                p = kept @ p @ kept.T + measured**2 * gain @ gain.T
+                reduction = np.eye(9) - gain @ h
+                p = reduction @ p @ reduction.T + measured**2 * gain @ gain.T
             errors[k], covariances[k] = e[:, :6], p[:6, :6]
         self.truth = truth.rows(slice(FIRST, None))
         self._errors, self._covariances = errors[FIRST:], covariances[FIRST:]
@@ -102,28 +102,28 @@ def test_a_filter_that_converges_is_consistent(converging, cross):
     values = {"position": [], "attitude": []}
     for k in range(RUNS):
         estimate, stated = converging.run(k, cross)
-        for name, found in values.items():
+        for name, nees in values.items():
             part = remainder(name, stated, estimate, converging.truth, "yaw")
             assert part.usable[list(WHEN)].all()
             errors, covariances = part.errors[list(WHEN)], part.covariances[list(WHEN)]
-            found.append(np.einsum("ki,kij,kj->k", errors, np.linalg.inv(covariances), errors))
+            nees.append(np.einsum("ki,kij,kj->k", errors, np.linalg.inv(covariances), errors))
     low, high = anees_band(3, RUNS, 0.999)
     assert (low, high) == pytest.approx((2.26, 3.87), abs=0.01)
-    for name, found in values.items():
-        means = np.mean(found, axis=0)
+    for name, nees in values.items():
+        means = np.mean(nees, axis=0)
         assert ((low < means) & (means < high)).all(), (name, means)
 
 
 def test_each_part_has_the_pose_at_which_it_holds(converging):
     """The yaw is known as well at the first pose as later; the position is not for a second."""
     estimate, stated = converging.run(0, cross=False)
-    found, why = stated_nees(stated, estimate, converging.truth, "yaw")
+    nees, why = stated_nees(stated, estimate, converging.truth, "yaw")
     assert why is None
-    assert found["gauge"] == "a later pose"
-    assert found["attitude"]["fixed_s"] == 0.0
-    assert 0.5 < found["position"]["fixed_s"] < 2.0
-    assert found["attitude"]["poses"] == found["attitude"]["of"] - 1 == COUNT - FIRST - 1
-    assert 0.95 * found["position"]["of"] <= found["position"]["poses"] < COUNT - FIRST
+    assert nees["gauge"] == "a later pose"
+    assert nees["attitude"]["fixed_s"] == 0.0
+    assert 0.5 < nees["position"]["fixed_s"] < 2.0
+    assert nees["attitude"]["poses"] == nees["attitude"]["of"] - 1 == COUNT - FIRST - 1
+    assert 0.95 * nees["position"]["of"] <= nees["position"]["poses"] < COUNT - FIRST
 
 
 def test_a_covariance_that_is_too_small_shows(converging):
@@ -145,13 +145,13 @@ def test_what_is_wrong_is_blamed(converging):
     # Ever surer of its yaw, which nothing measures: the position has lever arms of it.
     surer = stated.copy()
     surer[:, 5, 5] *= np.linspace(1.0, 0.5, len(surer))
-    found, why = stated_nees(surer, estimate, truth, "yaw")
-    assert found is None or found["attitude"] is None
+    nees, why = stated_nees(surer, estimate, truth, "yaw")
+    assert nees is None or nees["attitude"] is None
     assert "attitude: later poses state no larger covariances than earlier ones" in why
     # Constant covariances do not grow either; without an alignment they are as good as others.
     constant = np.tile(stated[-1], (len(stated), 1, 1))
-    found, why = stated_nees(constant, estimate, truth, "yaw")
-    assert found is None
+    nees, why = stated_nees(constant, estimate, truth, "yaw")
+    assert nees is None
     assert why.startswith("position: later poses state no larger covariances than earlier ones")
     assert stated_nees(constant, truth, truth, "none")[0]["position"]["mean"] == 0.0
     for nothing in (0.0 * stated, np.nan * stated):
@@ -162,10 +162,10 @@ def test_what_is_wrong_is_blamed(converging):
     # A position without a covariance does not cost the attitude its own.
     blind = stated.copy()
     blind[:, :3] = blind[:, :, :3] = 0.0
-    found, why = stated_nees(blind, estimate, truth, "yaw")
+    nees, why = stated_nees(blind, estimate, truth, "yaw")
     assert why == "position: the estimate's covariances are singular"
-    assert found["position"] is None
-    assert found["attitude"]["poses"] == len(stated) - 1
+    assert nees["position"] is None
+    assert nees["attitude"]["poses"] == len(stated) - 1
     # A yaw that nobody knows is no uncertain attitude: it is fixed.
     unknown = stated.copy()
     unknown[:, 5, 5] += 9.0

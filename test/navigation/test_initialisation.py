@@ -60,9 +60,9 @@ def of_the_node(chosen, readings):
     columns = (readings.t_ns.tolist(), readings.gyro.tolist(), readings.accel.tolist())
     for t_ns, gyro, accel in zip(*columns, strict=True):
         gap.add(t_ns)
-        found = start.add_reading(LiveReading(t_ns, tuple(gyro), tuple(accel)))
-        if found is not None:
-            return found.readings[0].t_ns, found.initial
+        start_state = start.add_reading(LiveReading(t_ns, tuple(gyro), tuple(accel)))
+        if start_state is not None:
+            return start_state.readings[0].t_ns, start_state.initial
     return None
 
 
@@ -73,8 +73,8 @@ def test_node_and_command_start_alike(state, gap):
     begun = initial_condition(chosen, ReadingsAndTruth(readings, None))
     start_ns, of_node = of_the_node(chosen, readings)
     assert begun.recording.readings.t_ns[0] == start_ns
-    for mine, other in zip(begun.state, of_node.state, strict=True):
-        np.testing.assert_array_equal(mine, other)
+    for mine, node_value in zip(begun.state, of_node.state, strict=True):
+        np.testing.assert_array_equal(mine, node_value)
     assert begun.correction == of_node.correction
 
 
@@ -95,8 +95,8 @@ def test_the_turning_of_the_earth_is_no_bias():
     readings = record()
     initial = initialisation.from_rest(chosen, readings.gyro, readings.accel)
     rate, _ = initial.correction.apply(readings.gyro, readings.accel)
-    found = rotation.rotate(initial.state.q_wb, rate.mean(axis=0))
-    np.testing.assert_allclose(found, earth_rate, atol=1e-15)
+    start_state = rotation.rotate(initial.state.q_wb, rate.mean(axis=0))
+    np.testing.assert_allclose(start_state, earth_rate, atol=1e-15)
 
 
 def test_readings_that_are_not_finite_are_passed_over():
@@ -184,7 +184,7 @@ def levelled_nees(preset, runs):
 
 
 def test_the_covariance_of_a_level_start_holds():
-    """Of an exact start it was, with a third of the NEES; the band is that of 99.9 %."""
+    """An exact start would have a third of the NEES; the band is that of 99.9 %."""
     low, high = anees_band(3, 20, 0.999)
     assert low < levelled_nees("icm42688p", 20) < high
 

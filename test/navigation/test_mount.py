@@ -43,21 +43,21 @@ def generated(path, *arguments):
 
 @pytest.mark.parametrize("world", [{}, {"earth_rotation": True, "latitude_deg": 48.0}])
 def test_a_flight_from_its_truth(world):
-    found = ims.dead_reckon(flight(**world))
-    assert found.to_dict()["final_position_error_m"] < OF_STEPS
-    assert found.to_dict()["rms_velocity_error_m_s"] < OF_STEPS
+    track = ims.dead_reckon(flight(**world))
+    assert track.to_dict()["final_position_error_m"] < OF_STEPS
+    assert track.to_dict()["rms_velocity_error_m_s"] < OF_STEPS
 
 
 def test_a_flight_that_starts_level_at_rest():
     """A body at rest that is level by its own axes, whatever those of the IMU."""
-    found = ims.dead_reckon(flight("static", 4.0), initial="level")
-    np.testing.assert_allclose(found.position[-1], 0.0, atol=1e-9)
-    np.testing.assert_allclose(np.abs(found.q_wb[-1]), [1, 0, 0, 0], atol=1e-9)
+    track = ims.dead_reckon(flight("static", 4.0), initial="level")
+    np.testing.assert_allclose(track.position[-1], 0.0, atol=1e-9)
+    np.testing.assert_allclose(np.abs(track.q_wb[-1]), [1, 0, 0, 0], atol=1e-9)
 
 
 @pytest.mark.parametrize("name", ["own.mcap", "moved.mcap", "folder"])
 def test_a_file_says_where_its_imu_is(tmp_path, capsys, name):
-    """By the realised truth next to it, by /tf_static, by sensor.yaml."""
+    """The realised truth next to it, /tf_static and sensor.yaml have the mount."""
     of_form = {
         "own.mcap": [],
         "moved.mcap": ["--topics", "imu/data_raw,ground_truth/odom,tf_static"],
@@ -79,8 +79,8 @@ def test_an_unknown_place_is_said_and_can_be_given(tmp_path, capsys):
     out = capsys.readouterr()
     assert "nothing says where imu_link is in base_link" in out.err
     assert json.loads(out.out)["final_position_error_m"] > 100.0
-    given = [f"--set=imu.{name}={json.dumps(value)}" for name, value in PLACE.items()]
-    assert main([str(path), "--json", *given]) == 0
+    place_options = [f"--set=imu.{name}={json.dumps(value)}" for name, value in PLACE.items()]
+    assert main([str(path), "--json", *place_options]) == 0
     assert json.loads(capsys.readouterr().out)["final_position_error_m"] < OF_STEPS
 
 
@@ -115,24 +115,24 @@ def test_a_campaign(tmp_path):
 
 def test_the_node_gives_what_the_record_gives():
     """And says in which frames: those of the odometry that it started from."""
-    made = flight(imu="adis16448")
-    track = ims.dead_reckon(made, covariance=True)
+    built = flight(imu="adis16448")
+    track = ims.dead_reckon(built, covariance=True)
     imu = {f"imu.{name}": value for name, value in PLACE.items()}
     values = {"initial_state": "truth", "imu.preset": "adis16448", **imu}
     parameters = load_integrator(values)
     odometer = LiveIntegrator(parameters, lambda _: None, lambda: False)
-    truth = made.truth
-    first = (
+    truth = built.truth
+    earlier = (
         truth.position[0],
         truth.q_wb[0],
         rotation.rotate_inverse(truth.q_wb[0], truth.velocity[0]),
         truth.angular_velocity[0],
     )
     rows = odometer.add_truth(
-        LiveState(int(truth.t_ns[0]), *map(tuple, first), frames=("map", "vehicle"))
+        LiveState(int(truth.t_ns[0]), *map(tuple, earlier), frames=("map", "vehicle"))
     )
     for t_ns, gyro, accel in zip(
-        made.t_ns.tolist(), made.gyro.tolist(), made.accel.tolist(), strict=True
+        built.t_ns.tolist(), built.gyro.tolist(), built.accel.tolist(), strict=True
     ):
         rows += odometer.add_reading(LiveReading(t_ns, tuple(gyro), tuple(accel)))
     assert odometer.frames == ("map", "vehicle")

@@ -81,9 +81,9 @@ def test_readings_are_interpolated_at_the_edges(record):
     whole = preintegrate(between(*arguments, [start, end]))
     parts = preintegrate(between(*arguments, [start, middle, end]))
     gamma = rotation.multiply(parts.gamma[0], parts.gamma[1])
-    first = rotation.to_matrix(parts.gamma[0])
-    beta = parts.beta[0] + first @ parts.beta[1]
-    alpha = parts.alpha[0] + parts.beta[0] * parts.duration[1] + first @ parts.alpha[1]
+    first_rotation = rotation.to_matrix(parts.gamma[0])
+    beta = parts.beta[0] + first_rotation @ parts.beta[1]
+    alpha = parts.alpha[0] + parts.beta[0] * parts.duration[1] + first_rotation @ parts.alpha[1]
     # One step of 5 ms is split into two: the difference is that of their midpoint rules.
     np.testing.assert_allclose(gamma, whole.gamma[0], atol=1e-8)
     np.testing.assert_allclose(beta, whole.beta[0], atol=1e-6)
@@ -157,9 +157,9 @@ def test_f_and_g_are_the_derivatives_of_a_step(method):
     numeric = np.stack([difference(k, 1e-4) for k in range(27)], axis=1)
     for name, analytic, expected in (("F", f[0], numeric[:, :15]), ("G", g[0], numeric[:, 15:])):
         for row in range(0, 15, 3):
-            block, wanted = analytic[row : row + 3], expected[row : row + 3]
-            error = np.abs(block - wanted).max()
-            assert error <= 1e-6 * np.abs(wanted).max() + 1e-11, (name, row)
+            block, expected_rows = analytic[row : row + 3], expected[row : row + 3]
+            error = np.abs(block - expected_rows).max()
+            assert error <= 1e-6 * np.abs(expected_rows).max() + 1e-11, (name, row)
 
 
 def test_the_correction_for_a_bias_is_of_first_order(readings):

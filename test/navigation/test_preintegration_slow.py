@@ -87,14 +87,14 @@ def considered(gyro, accel, noise):
 
 @pytest.mark.parametrize("noise", [GAUSS_MARKOV, SCALES, FLICKER], ids=["gm", "scales", "1/f"])
 def test_pieces_of_eight_steps_are_as_good_as_fine_ones(noise):
-    """As correlations. 0.5 %: pieces of 40 ms against 0.5 ms, in an interval of 1 s."""
+    """Correlations agree to 0.5 %: pieces of 40 ms against 0.5 ms, in an interval of 1 s."""
     gyro, accel = lively(1.0)
-    found = preintegrate(StepReadings(np.full((1, 200), H), gyro[None], accel[None]), noise)
+    covariance = preintegrate(StepReadings(np.full((1, 200), H), gyro[None], accel[None]), noise)
     expected = considered(*lively(1.0, FINE), noise)
     sigma = np.sqrt(np.maximum(np.diag(expected), 1e-300))
     assert sigma[:9].min() > 0.0
     np.testing.assert_allclose(
-        found.covariance[0] / np.outer(sigma, sigma),
+        covariance.covariance[0] / np.outer(sigma, sigma),
         expected / np.outer(sigma, sigma),
         atol=0.005,
     )
@@ -105,12 +105,14 @@ def test_the_bias_block_is_the_change_over_the_interval():
     for duration in (0.05, 1.0, 60.0):
         gyro, accel = lively(duration)
         h = np.full((1, len(gyro) - 1), H)
-        found = preintegrate(StepReadings(h, gyro[None], accel[None]), GAUSS_MARKOV).covariance[0]
+        covariance = preintegrate(
+            StepReadings(h, gyro[None], accel[None]), GAUSS_MARKOV
+        ).covariance[0]
         triads = (GAUSS_MARKOV.accelerometer, GAUSS_MARKOV.gyroscope)
         sigma = np.concatenate([triad.gauss_markov_sigma for triad in triads])
         tau = np.concatenate([triad.correlation_time for triad in triads])
         expected = -2.0 * sigma**2 * np.expm1(-duration / tau)
-        np.testing.assert_allclose(found[9:, 9:], np.diag(expected), rtol=1e-9, atol=1e-18)
+        np.testing.assert_allclose(covariance[9:, 9:], np.diag(expected), rtol=1e-9, atol=1e-18)
 
 
 def test_intervals_of_different_lengths_have_their_own():
@@ -132,9 +134,11 @@ def test_intervals_of_different_lengths_have_their_own():
     noise = TriadsParameters(gyroscope, accelerometer)
     both = preintegrate(StepReadings(h, gyros, accels), noise).covariance
     for k, count in enumerate((200, 77)):
-        one = StepReadings(h[k : k + 1, :count], gyros[k : k + 1, : count + 1], accels[k : k + 1])
-        one = one._replace(accel=one.accel[:, : count + 1])
-        alone = preintegrate(one, noise).covariance[0]
+        single = StepReadings(
+            h[k : k + 1, :count], gyros[k : k + 1, : count + 1], accels[k : k + 1]
+        )
+        single = single._replace(accel=single.accel[:, : count + 1])
+        alone = preintegrate(single, noise).covariance[0]
         sigma = np.sqrt(np.diag(alone))
         np.testing.assert_allclose(
             both[k] / np.outer(sigma, sigma), alone / np.outer(sigma, sigma), atol=1e-9
@@ -152,8 +156,8 @@ def test_rounding_is_white_noise_of_a_twelfth_of_a_step_squared():
     white = TriadsParameters(
         TriadParameters(noise_density=density), TriadParameters(noise_density=10.0 * density)
     )
-    found, expected = (preintegrate(readings, noise).covariance for noise in (rounded, white))
-    np.testing.assert_allclose(found, expected, rtol=1e-12, atol=1e-25)
+    covariance, expected = (preintegrate(readings, noise).covariance for noise in (rounded, white))
+    np.testing.assert_allclose(covariance, expected, rtol=1e-12, atol=1e-25)
 
 
 def mean_nees(preset, runs):
@@ -170,11 +174,11 @@ def mean_nees(preset, runs):
         blocks.append((block.gyro, block.accel, block.gyro_bias, block.accel_bias))
     gyro, accel, gyro_bias, accel_bias = (np.stack(x)[:, rows] for x in zip(*blocks, strict=True))
     h, noise = np.full((runs, 200), H), parameters.imu
-    found = preintegrate(StepReadings(h, gyro, accel), None, gyro_bias[:, 0], accel_bias[:, 0])
+    covariance = preintegrate(StepReadings(h, gyro, accel), None, gyro_bias[:, 0], accel_bias[:, 0])
     ideal = StepReadings(h[:1], block.ideal_gyro[None, rows], block.ideal_accel[None, rows])
     exact = preintegrate(ideal, noise)
-    theta = rotation.log(rotation.multiply(rotation.conjugate(found.gamma), exact.gamma))
-    errors = [exact.alpha - found.alpha, theta, exact.beta - found.beta]
+    theta = rotation.log(rotation.multiply(rotation.conjugate(covariance.gamma), exact.gamma))
+    errors = [exact.alpha - covariance.alpha, theta, exact.beta - covariance.beta]
     return float(nees(np.concatenate(errors, axis=1), exact.covariance[0, :9, :9]).mean())
 
 

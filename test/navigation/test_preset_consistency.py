@@ -36,12 +36,12 @@ PRESETS = [name for name in files.names("imus") if name != "perfect"]
 TRAJECTORIES = ("lecture", "figure_eight")
 
 
-def mean_nees(given, trajectory, runs, duration):
+def mean_nees(settings, trajectory, runs, duration):
     """Return the mean NEES of attitude, velocity and position at the end of the runs."""
     shape = {"trajectory.type": trajectory, "trajectory.rest_before": REST, "rate": RATE}
     count, rest = round((REST + duration) * RATE) + 1, round(REST * RATE)
-    parameters = load_simulation(given, {**shape, "duration": count / RATE})
-    integrator = load_integrator({**given, "level_time": REST})
+    parameters = load_simulation(settings, {**shape, "duration": count / RATE})
+    integrator = load_integrator({**settings, "level_time": REST})
     errors = []
     for seed in range(runs):
         block = Body(dataclasses.replace(parameters, seed=FIRST_SEED + seed)).next(count)["imu"]
@@ -50,14 +50,16 @@ def mean_nees(given, trajectory, runs, duration):
             *(x[rest:] for x in (block.t_ns, motion.position, motion.velocity, motion.q_wb))
         )
         gyro, accel = block.gyro, block.accel
-        known = {
+        true_errors = {
             "position": truth.position[0],
             "yaw": float(rotation.to_euler(truth.q_wb[0])[2]),
         }
-        start = initialisation.from_rest(integrator, gyro[: rest + 1], accel[: rest + 1], **known)
+        start = initialisation.from_rest(
+            integrator, gyro[: rest + 1], accel[: rest + 1], **true_errors
+        )
         if not seed:  # what is expected of all runs: along the truth, from the true attitude on
             ideal = block.ideal_gyro[: rest + 1], block.ideal_accel[: rest + 1]
-            covariance = initialisation.from_rest(integrator, *ideal, **known).covariance
+            covariance = initialisation.from_rest(integrator, *ideal, **true_errors).covariance
             predicted = propagate(truth, block.ideal_accel[rest:], integrator.imu, covariance)[0]
         states = dead_reckon(
             truth.t_ns, gyro[rest:], accel[rest:], start.state, correction=start.correction
@@ -76,10 +78,14 @@ def mean_nees(given, trajectory, runs, duration):
     }
 
 
-def check(found, runs, checks):
+def check(mean_nees_values, runs, checks):
     """All of so many checks lie in their bands with a probability of 95 % (Bonferroni)."""
     low, high = anees_band(3, runs, 1.0 - 0.05 / checks)
-    assert all(low <= mean <= high for mean in found.values()), (found, low, high)
+    assert all(low <= mean <= high for mean in mean_nees_values.values()), (
+        mean_nees_values,
+        low,
+        high,
+    )
 
 
 FEW = {
@@ -120,6 +126,8 @@ def test_errors_of_sixty_runs_are_as_large_as_predicted(name):
 @pytest.mark.parametrize("preset", PRESETS)
 def test_every_preset_is_consistent(preset, trajectory):
     """200 runs of 60 s; means of 3 +- 0.17 are expected."""
-    found = mean_nees({"imu.preset": preset}, trajectory, 200, 60.0)
-    print(f"NEES {preset:12s} {trajectory:12s}", {k: round(v, 2) for k, v in found.items()})
-    check(found, 200, 3 * len(PRESETS) * len(TRAJECTORIES))
+    mean_nees_values = mean_nees({"imu.preset": preset}, trajectory, 200, 60.0)
+    print(
+        f"NEES {preset:12s} {trajectory:12s}", {k: round(v, 2) for k, v in mean_nees_values.items()}
+    )
+    check(mean_nees_values, 200, 3 * len(PRESETS) * len(TRAJECTORIES))

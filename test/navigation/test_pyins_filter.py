@@ -101,8 +101,8 @@ def filtered(seed, duration, outage=(), stated=1.0, wheels=True, folder=None):
     )
     sd = result.trajectory_sd
     rows = np.round(sd.index.to_numpy() * DRIVE["rate"]).astype(int)
-    found = result.trajectory.loc[sd.index, LLA_COLS].to_numpy()
-    error = transform.compute_lla_difference(found, lla[rows])
+    coordinates = result.trajectory.loc[sd.index, LLA_COLS].to_numpy()
+    error = transform.compute_lla_difference(coordinates, lla[rows])
     return sd.index.to_numpy(), error / sd[["north", "east", "down"]].to_numpy()
 
 
@@ -116,14 +116,14 @@ def velocities_of_bag(flight, path):
     with AnyReader([path]) as reader:
         for connection, _, content in reader.messages():
             message = reader.deserialize(content, connection.msgtype)
-            for one in getattr(message, "transforms", ()):
-                q, stamp = one.transform.rotation, one.header.stamp
-                known = parents.setdefault(one.child_frame_id, {})
+            for transform in getattr(message, "transforms", ()):
+                q, stamp = transform.transform.rotation, transform.header.stamp
+                children = parents.setdefault(transform.child_frame_id, {})
                 turn = rotation.to_matrix(np.array([q.w, q.x, q.y, q.z]))
-                known[stamp.sec, stamp.nanosec] = one.header.frame_id, turn
+                children[stamp.sec, stamp.nanosec] = transform.header.frame_id, turn
             if connection.topic == "/gps/velocity":
                 velocities.append((message.header, message.twist.twist.linear))
-    found = []
+    messages = []
     for header, v in velocities:
         vector, frame = np.array([v.x, v.y, v.z]), header.frame_id
         while parents[frame]:
@@ -131,8 +131,8 @@ def velocities_of_bag(flight, path):
             at = (header.stamp.sec, header.stamp.nanosec)
             frame, turn = steps[at] if at in steps else next(iter(steps.values()))
             vector = turn @ vector
-        found.append(vector)
-    return np.array(found)
+        messages.append(vector)
+    return np.array(messages)
 
 
 def aids(flight, velocity, draw, stated, wheels):
@@ -156,10 +156,10 @@ def aids(flight, velocity, draw, stated, wheels):
         ),
     ]
     if wheels:
-        read = flight.wheels
-        speed = WHEEL * draw.standard_normal((len(read.twist[::50]), 3))
-        speed[:, 0] += read.twist[::50, 0]
-        times = (read.t_ns[::50] - flight.t_ns[0]) * 1e-9
+        odometry = flight.wheels
+        speed = WHEEL * draw.standard_normal((len(odometry.twist[::50]), 3))
+        speed[:, 0] += odometry.twist[::50, 0]
+        times = (odometry.t_ns[::50] - flight.t_ns[0]) * 1e-9
         aiding.append(
             measurements.BodyVelocity(
                 DataFrame(speed, columns=["VX", "VY", "VZ"], index=Index(times, name="time")), WHEEL
@@ -177,11 +177,11 @@ def truth_places(flight):
 
 def mean_squares(seeds, seconds, **options):
     """Return the mean squares (k, 3) of normalised errors at some times, over the seeds."""
-    found = []
+    squares = []
     for seed in range(seeds):
         t, normalised = filtered(seed, max(seconds) + 2.0, **options)
-        found.append(normalised[np.searchsorted(t, np.asarray(seconds) - 1e-6)] ** 2)
-    return np.mean(found, axis=0)
+        squares.append(normalised[np.searchsorted(t, np.asarray(seconds) - 1e-6)] ** 2)
+    return np.mean(squares, axis=0)
 
 
 def band(seeds):
@@ -190,18 +190,18 @@ def band(seeds):
 
 def test_few_drives_are_consistent_over_all_axes(tmp_path):
     """Six seeds and three axes are 18 numbers at each time; velocities are those of a bag."""
-    found = mean_squares(6, [7.0, 14.0], folder=tmp_path).mean(axis=1)
+    squares = mean_squares(6, [7.0, 14.0], folder=tmp_path).mean(axis=1)
     low, high = band(18)
-    assert (found > low).all()
-    assert (found < high).all()
+    assert (squares > low).all()
+    assert (squares < high).all()
 
 
 @pytest.mark.slow
 def test_pyins_is_consistent_with_fixes_velocities_and_odometry():
     low, high = band(SEEDS)
-    found = mean_squares(SEEDS, [15.0, 30.0])
-    assert (found > low).all()
-    assert (found < high).all()
+    squares = mean_squares(SEEDS, [15.0, 30.0])
+    assert (squares > low).all()
+    assert (squares < high).all()
 
 
 @pytest.mark.slow
@@ -209,14 +209,14 @@ def test_without_fixes_errors_grow_as_pyins_says():
     """Fifteen seconds without any aiding; over the seeds in the band at their end."""
     seeds = 15
     low, high = band(seeds)
-    found = mean_squares(seeds, [24.0], outage=[10.0, 15.0], wheels=False)
-    assert (found > low).all()
-    assert (found < high).all()
+    squares = mean_squares(seeds, [24.0], outage=[10.0, 15.0], wheels=False)
+    assert (squares > low).all()
+    assert (squares < high).all()
 
 
 @pytest.mark.slow
 def test_a_covariance_four_times_too_small_shows():
     """All three axes of ten seeds together: 30 numbers, whose mean square is up to 4."""
     seeds = 10
-    found = mean_squares(seeds, [30.0], stated=0.25, wheels=False)
-    assert found.mean() > chi2.ppf(0.9995, 3 * seeds) / (3 * seeds)
+    squares = mean_squares(seeds, [30.0], stated=0.25, wheels=False)
+    assert squares.mean() > chi2.ppf(0.9995, 3 * seeds) / (3 * seeds)

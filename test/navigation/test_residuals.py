@@ -53,17 +53,17 @@ def assert_same_blocks(analytic, numeric, rows, columns):
 
 @pytest.mark.parametrize("side", ["by_first", "by_second"])
 def test_imu_jacobians_are_the_derivatives(pair, side):
-    pre, first, second = pair
+    pre, earlier, second = pair
     step = 1e-5
     numeric = np.zeros((5, 15, 15))
     for column in range(15):
         ends = []
         for size in (step, -step):
-            i = perturbed(first, column, size) if side == "by_first" else first
+            i = perturbed(earlier, column, size) if side == "by_first" else earlier
             j = perturbed(second, column, size) if side == "by_second" else second
             ends.append(imu_residual(pre, i, j, GRAVITY).residual)
         numeric[:, :, column] = (ends[0] - ends[1]) / (2 * step)
-    analytic = getattr(imu_residual(pre, first, second, GRAVITY), side)
+    analytic = getattr(imu_residual(pre, earlier, second, GRAVITY), side)
     assert_same_blocks(analytic, numeric, 3, 3)
 
 
@@ -75,10 +75,12 @@ def test_true_states_have_no_residual(record):
     zero = np.zeros((3, 3))
     truth = motion.truth
     states = States(truth.position[rows], truth.q_wb[rows], truth.velocity[rows], zero, zero)
-    first, second = (States(*(v[part] for v in states)) for part in (slice(0, 2), slice(1, 3)))
-    assert np.abs(imu_residual(pre, first, second, GRAVITY).residual).max() < 5e-6
+    first_state, second = (
+        States(*(v[part] for v in states)) for part in (slice(0, 2), slice(1, 3))
+    )
+    assert np.abs(imu_residual(pre, first_state, second, GRAVITY).residual).max() < 5e-6
     flipped = second._replace(q_wb=-second.q_wb)
-    assert np.abs(imu_residual(pre, first, flipped, GRAVITY).residual).max() < 5e-6
+    assert np.abs(imu_residual(pre, first_state, flipped, GRAVITY).residual).max() < 5e-6
 
 
 @pytest.fixture(scope="module")
@@ -97,13 +99,13 @@ def sightings():
         np.tile([0.05, 0.04, 0.03], (n, 1)), np.tile(rotation.from_matrix(r_bc), (n, 1))
     )
     depth = rng.uniform(2.0, 8.0, n)
-    seen = rng.uniform(-0.4, 0.4, (2, n, 2))
-    return poses(0.1), poses(0.1), camera, 1.0 / depth, seen[0], seen[1]
+    sightings_px = rng.uniform(-0.4, 0.4, (2, n, 2))
+    return poses(0.1), poses(0.1), camera, 1.0 / depth, sightings_px[0], sightings_px[1]
 
 
 def test_reprojection_jacobians_are_the_derivatives(sightings):
     step = 1e-6
-    found = reprojection_residual(*sightings)
+    residuals = reprojection_residual(*sightings)
     for place, name in enumerate(("by_first", "by_second", "by_camera")):
         numeric = np.zeros((7, 2, 6))
         for column in range(6):
@@ -118,25 +120,27 @@ def test_reprojection_jacobians_are_the_derivatives(sightings):
                 )
                 ends.append(reprojection_residual(*arguments).residual)
             numeric[:, :, column] = (ends[0] - ends[1]) / (2 * step)
-        assert_same_blocks(getattr(found, name), numeric, 2, 3)
+        assert_same_blocks(getattr(residuals, name), numeric, 2, 3)
     ends = []
     for size in (step, -step):
         arguments = list(sightings)
         arguments[3] = sightings[3] + size
         ends.append(reprojection_residual(*arguments).residual)
     numeric = (ends[0] - ends[1]) / (2 * step)
-    np.testing.assert_allclose(found.by_inverse_depth, numeric, rtol=1e-6, atol=1e-8)
+    np.testing.assert_allclose(residuals.by_inverse_depth, numeric, rtol=1e-6, atol=1e-8)
 
 
 def test_a_landmark_seen_from_two_poses_has_no_residual(sightings):
-    first, second, camera, inverse_depth, seen_first, _ = sightings
+    first_state, second, camera, inverse_depth, seen_first, _ = sightings
     ray = np.concatenate([seen_first, np.ones((7, 1))], axis=1)
-    to_world = rotation.to_matrix(first.q) @ rotation.to_matrix(camera.q)
-    in_body = rotation.rotate(first.q, camera.position) + first.position
+    to_world = rotation.to_matrix(first_state.q) @ rotation.to_matrix(camera.q)
+    in_body = rotation.rotate(first_state.q, camera.position) + first_state.position
     landmark = (to_world @ (ray / inverse_depth[:, None])[..., None])[..., 0] + in_body
     in_second = rotation.rotate_inverse(second.q, landmark - second.position)
     x, y, z = rotation.rotate_inverse(camera.q, in_second - camera.position).T
     seen_second = np.stack([x / z, y / z], axis=1)
-    found = reprojection_residual(first, second, camera, inverse_depth, seen_first, seen_second)
-    assert np.abs(found.residual).max() < 1e-13
-    np.testing.assert_allclose(found.depth, z)
+    residuals = reprojection_residual(
+        first_state, second, camera, inverse_depth, seen_first, seen_second
+    )
+    assert np.abs(residuals.residual).max() < 1e-13
+    np.testing.assert_allclose(residuals.depth, z)

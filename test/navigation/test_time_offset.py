@@ -52,15 +52,15 @@ def intervals(truth, runs, white, drift) -> list[OffsetInterval]:
     return [time_offset(noisy(truth, seed, white, drift), truth) for seed in range(runs)]
 
 
-def held(found: list[OffsetInterval]) -> int:
-    return sum(offset.low <= OFFSET <= offset.high for offset in found)
+def held(estimated: list[OffsetInterval]) -> int:
+    return sum(offset.low <= OFFSET <= offset.high for offset in estimated)
 
 
 def test_the_interval_holds_the_offset(truth):
-    """Of 15 intervals of 95 %, fewer than 12 hold once in 180 times."""
-    found = intervals(truth, 15, 0.002, 0.03)
-    assert held(found) >= 12
-    assert np.median([offset.high - offset.low for offset in found]) < 6e-3
+    """Fewer than 12 of 15 intervals of 95 % hold once in 180 times."""
+    estimated = intervals(truth, 15, 0.002, 0.03)
+    assert held(estimated) >= 12
+    assert np.median([offset.high - offset.low for offset in estimated]) < 6e-3
 
 
 def test_the_interval_holds_where_few_turns_tell_the_offset():
@@ -88,12 +88,12 @@ def test_the_interval_holds_where_few_turns_tell_the_offset():
 @pytest.mark.slow
 @pytest.mark.parametrize(("white", "drift"), [(0.005, 0.0), (0.002, 0.03), (0.01, 0.06)])
 def test_the_interval_holds_over_sixty_seeds(truth, white, drift):
-    """Of 60 intervals of 95 %, fewer than 51 hold once in 700 times."""
+    """Fewer than 51 of 60 intervals of 95 % hold once in 700 times."""
     assert held(intervals(truth, 60, white, drift)) >= 51
 
 
 def test_motion_that_does_not_determine_the_offset_is_refused():
-    """At a nearly constant speed on a straight line only noise tells one offset from another."""
+    """Nearly constant speed on a straight line: only noise tells one offset from another."""
     t = np.arange(0.0, 60.0, 1.0 / RATE)
     straight = np.stack([1.2 * t + 0.02 * np.sin(0.5 * t), 0.0 * t, 0.0 * t], axis=1)
     q = np.tile([1.0, 0.0, 0.0, 0.0], (len(t), 1))

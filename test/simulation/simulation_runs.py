@@ -82,7 +82,7 @@ def first_windows(run: Body, size: int, count: int) -> Iterator[dict[str, Sample
 
 
 def joined(run: Body, size: int, count: int = SAMPLES) -> list[np.ndarray]:
-    blocks = [arrays(read["imu"]) for read in first_windows(run, size, count)]
+    blocks = [arrays(window["imu"]) for window in first_windows(run, size, count)]
     return [np.concatenate(parts) for parts in zip(*blocks, strict=True)]
 
 
@@ -108,6 +108,6 @@ def read_all(run: Body, size: int, count: int, quantity: str) -> Samples:
 
 
 def same_bytes(a: Samples, b: Samples) -> bool:
-    """Whether two hold the same samples."""
-    columns = ([*one[:4], *(one.values[name] for name in a.values)] for one in (a, b))
+    """Return whether two blocks hold the same samples."""
+    columns = ([*samples[:4], *(samples.values[name] for name in a.values)] for samples in (a, b))
     return all(x.tobytes() == y.tobytes() for x, y in zip(*columns, strict=True))

@@ -80,39 +80,41 @@ def assert_same(samples: list[BatchSamples], unit: int, single: Any, begin: int 
 def test_streams_of_many_seeds_are_the_generators_of_each() -> None:
     seeds = np.array([0, 1, 2**31, 2**40 + 3, 2**63 - 1])
     streams = Streams(seeds, "a.source", "another")
-    first, some = streams.next(7), streams.next(5, np.array([1, 3]), [0, 4])
+    first_numbers, some = streams.next(7), streams.next(5, np.array([1, 3]), [0, 4])
     for unit, seed in enumerate(seeds.tolist()):
         plain = [*axis_generators(seed, "a.source"), *axis_generators(seed, "another")]
         for axis, generator in enumerate(plain):
-            np.testing.assert_array_equal(first[:, unit, axis], generator.standard_normal(7))
+            np.testing.assert_array_equal(
+                first_numbers[:, unit, axis], generator.standard_normal(7)
+            )
             if unit in (1, 3) and axis in (0, 4):
-                own = some[:, (unit - 1) // 2, axis // 4]
-                np.testing.assert_array_equal(own, generator.standard_normal(5))
+                unit_numbers = some[:, (unit - 1) // 2, axis // 4]
+                np.testing.assert_array_equal(unit_numbers, generator.standard_normal(5))
 
 
 @pytest.mark.parametrize("name", CASES)
 def test_each_environment_is_the_sensor_of_its_seed(name: str) -> None:
-    given = {"rate": RATE, **CASES[name]}
-    samples = steps(ims.ErrorModel(count=COUNT, seed=3, **given))
+    arguments = {"rate": RATE, **CASES[name]}
+    samples = steps(ims.ErrorModel(count=COUNT, seed=3, **arguments))
     for unit in range(COUNT):
-        assert_same(samples, unit, ims.ErrorModel(seed=3 + unit, **given))
+        assert_same(samples, unit, ims.ErrorModel(seed=3 + unit, **arguments))
 
 
 def test_each_environment_has_its_preset() -> None:
     presets = ["bmi088", "mpu6000", "perfect"]
     changed = {"accelerometer_bandwidth": 0.0, "gyroscope_bandwidth": 0.0}
-    each = [{"preset": name, **changed} for name in presets]
-    each[2] |= {"gyroscope_scale_error_percent": 1.0, "gyroscope_misalignment_percent": [0.1] * 6}
-    model = ims.ErrorModel(imu=each, rate=RATE, seed=3, count=COUNT)
+    boards = [{"preset": name, **changed} for name in presets]
+    boards[2] |= {"gyroscope_scale_error_percent": 1.0, "gyroscope_misalignment_percent": [0.1] * 6}
+    model = ims.ErrorModel(imu=boards, rate=RATE, seed=3, count=COUNT)
     samples = steps(model)
     for unit in range(COUNT):
-        assert_same(samples, unit, ims.ErrorModel(imu=each[unit % 3], rate=RATE, seed=3 + unit))
+        assert_same(samples, unit, ims.ErrorModel(imu=boards[unit % 3], rate=RATE, seed=3 + unit))
     model.reset(np.arange(COUNT) == 2)  # of the preset that has nothing to draw
     model.reset(np.arange(COUNT) == 3)
     again = steps(model, GYRO[:9], ACCEL[:9])
     for unit in (2, 3):
         seed = 3 + unit + COUNT
-        assert_same(again, unit, ims.ErrorModel(imu=each[unit % 3], rate=RATE, seed=seed))
+        assert_same(again, unit, ims.ErrorModel(imu=boards[unit % 3], rate=RATE, seed=seed))
 
 
 SPREAD = {
@@ -126,10 +128,10 @@ def test_a_spread_unit_can_be_made_alone() -> None:
     model = ims.ErrorModel(imu="bmi088", rate=RATE, seed=3, count=COUNT, spread=SPREAD)
     samples = steps(model)
     for unit in range(COUNT):
-        given = model.unit(unit)
-        assert given["seed"] == 3 + unit
-        assert set(given["imu"]) == {"preset", *SPREAD}
-        assert_same(samples, unit, ims.ErrorModel(rate=RATE, **given))
+        single = model.unit(unit)
+        assert single["seed"] == 3 + unit
+        assert set(single["imu"]) == {"preset", *SPREAD}
+        assert_same(samples, unit, ims.ErrorModel(rate=RATE, **single))
 
 
 UNITS: dict[str, dict[str, Any]] = {
@@ -164,13 +166,13 @@ def test_a_unit_of_files_has_all_its_arguments(tmp_path: Path) -> None:
     imu = f"<imu><angular_velocity>{rates}</angular_velocity></imu>"
     sensor = f"<sensor name='imu' type='imu'><update_rate>100</update_rate>{imu}</sensor>"
     sdf.write_text(f"<sdf><model name='m'><link name='l'>{sensor}</link></model></sdf>")
-    own = tmp_path / "own.yaml"
+    preset_path = tmp_path / "own.yaml"
     head = "/**:\n  ros__parameters:\n    imu:\n      preset: bmi088\n"
-    own.write_text(head + "      gyroscope_bias: [0.0, 0.2, 0.0]\n")
+    preset_path.write_text(head + "      gyroscope_bias: [0.0, 0.2, 0.0]\n")
     parameters = tmp_path / "params.yaml"
     parameters.write_text(head + "      accelerometer_bias: 0.3\n")
-    for given in ({"imu": sdf}, {"imu": own}, {"params_file": parameters}):
-        model = ims.ErrorModel(rate=RATE, seed=3, count=2, **given)
+    for arguments in ({"imu": sdf}, {"imu": preset_path}, {"params_file": parameters}):
+        model = ims.ErrorModel(rate=RATE, seed=3, count=2, **arguments)
         samples = model.read(0, GYRO[0, :2], ACCEL[0, :2])
         for unit in range(2):
             single = ims.ErrorModel(rate=RATE, **model.unit(unit))
@@ -208,9 +210,9 @@ def test_the_first_readings_are_checked_as_those_of_one_sensor(
         if ends:
             batch.reset()
 
-    with pytest.warns(UserWarning, match=line) as told:
+    with pytest.warns(UserWarning, match=line) as warned:
         read_all()
-    assert len(told) == 1
+    assert len(warned) == 1
 
 
 def test_one_environment_that_differs_is_named(recwarn: pytest.WarningsRecorder) -> None:
@@ -229,15 +231,15 @@ def test_what_looks_like_a_mistake_is_told_as_of_one_sensor() -> None:
 
 
 def test_spreads_have_their_distributions() -> None:
-    """Of 3,000 numbers each: mean within 5 sigma / sqrt(n), deviation within 5 / sqrt(2 n)."""
+    """3,000 numbers each: mean within 5 sigma / sqrt(n), deviation within 5 / sqrt(2 n)."""
     model = ims.ErrorModel(imu="perfect", rate=RATE, seed=0, count=1000, spread=SPREAD)
-    own = {name: model._batch.units.triad(name, slice(None)) for name in TRIADS}
+    drawn = {name: model._batch.units.triad(name, slice(None)) for name in TRIADS}
     n = 3000
-    bias = own["accelerometer"].bias
+    bias = drawn["accelerometer"].bias
     assert abs(bias.mean()) < 5.0 * 0.2 / np.sqrt(n)
     assert bias.std() / 0.2 == pytest.approx(1.0, abs=5.0 / np.sqrt(2 * n))
     low = np.array([1e-4, 2e-4, 3e-4])
-    share = (own["gyroscope"].noise_density - low) / (4e-4 - low)
+    share = (drawn["gyroscope"].noise_density - low) / (4e-4 - low)
     assert 0.0 <= share.min() < 0.01
     assert 0.99 < share.max() <= 1.0
     assert share.mean() == pytest.approx(0.5, abs=5.0 / np.sqrt(12 * n))
@@ -247,9 +249,9 @@ def test_spreads_have_their_distributions() -> None:
 
 @pytest.mark.parametrize("name", ["bmi088", "every term"])
 def test_environments_begin_again_as_they_are_asked_to(name: str) -> None:
-    """At step 50 some begin as the next unit, at 130 others with the same seed."""
-    given = {"rate": RATE, **CASES[name]}
-    model = ims.ErrorModel(count=COUNT, seed=3, **given)
+    """Some begin at step 50 as the next unit, at 130 others with the same seed."""
+    arguments = {"rate": RATE, **CASES[name]}
+    model = ims.ErrorModel(count=COUNT, seed=3, **arguments)
     samples = steps(model, GYRO[:50], ACCEL[:50])
     model.reset(np.array([True, False, False, True, False]))
     samples += steps(model, GYRO[50:130], ACCEL[50:130])
@@ -257,23 +259,23 @@ def test_environments_begin_again_as_they_are_asked_to(name: str) -> None:
     samples += steps(model, GYRO[130:], ACCEL[130:])
     assert model.seeds.tolist() == [3 + COUNT, 4, 5, 6 + COUNT, 7]
     for unit, begin, seed in ((0, 50, 3 + COUNT), (3, 50, 6 + COUNT), (1, 130, 4), (2, 0, 5)):
-        assert_same(samples[begin:], unit, ims.ErrorModel(seed=seed, **given), begin)
+        assert_same(samples[begin:], unit, ims.ErrorModel(seed=seed, **arguments), begin)
 
 
 def test_the_same_unit_keeps_its_calibration_and_gets_new_noise() -> None:
     model = ims.ErrorModel(imu=TERMS, rate=RATE, seed=3, count=COUNT)
     still = np.zeros((COUNT, 3))
-    first = model.read(0, still, still)
+    first_numbers = model.read(0, still, still)
     triad = model._batch._triads["gyroscope"]
-    before = triad._parameters.quadratic.copy()
+    quadratic = triad._parameters.quadratic.copy()
     model.reset(restart="same_unit")
     second = model.read(0, still, still)
-    np.testing.assert_array_equal(triad._parameters.quadratic, before)
-    assert not (first.gyro_bias == second.gyro_bias).any()  # turn-on and noise
+    np.testing.assert_array_equal(triad._parameters.quadratic, quadratic)
+    assert not (first_numbers.gyro_bias == second.gyro_bias).any()  # turn-on and noise
     with pytest.raises(ConfigurationError, match="did not begin again as the same unit"):
         model.unit(0)
     model.reset(restart="next_seed")
-    assert not (triad._parameters.quadratic == before).any()
+    assert not (triad._parameters.quadratic == quadratic).any()
 
 
 def test_statistics_over_environments() -> None:
@@ -291,11 +293,11 @@ def test_statistics_over_environments() -> None:
     still = np.zeros((count, 3))
     samples = [model.read(k * 10_000_000, still, still) for k in range(201)]
     tolerance = 5.0 * np.sqrt(2.0 / n)
-    last = samples[-1]
-    assert last.gyro_noise.var() / (0.01**2 * rate) == pytest.approx(1.0, abs=tolerance)
-    assert last.gyro_bias.var() / (0.02**2 * 2.0) == pytest.approx(1.0, abs=tolerance)
-    assert last.accel_bias.var() / 0.3**2 == pytest.approx(1.0, abs=tolerance)
-    np.testing.assert_array_equal(last.gyro, last.gyro_bias + last.gyro_noise)
+    final = samples[-1]
+    assert final.gyro_noise.var() / (0.01**2 * rate) == pytest.approx(1.0, abs=tolerance)
+    assert final.gyro_bias.var() / (0.02**2 * 2.0) == pytest.approx(1.0, abs=tolerance)
+    assert final.accel_bias.var() / 0.3**2 == pytest.approx(1.0, abs=tolerance)
+    np.testing.assert_array_equal(final.gyro, final.gyro_bias + final.gyro_noise)
     # Neither units nor steps are correlated.
     noise = np.array([sample.gyro_noise[:, 0] for sample in samples])
     lags = (noise[1:] * noise[:-1]).mean(), (noise[:, 1:] * noise[:, :-1]).mean()
@@ -305,28 +307,28 @@ def test_statistics_over_environments() -> None:
 def test_what_was_returned_stays_as_it_is() -> None:
     model = ims.ErrorModel(imu="bmi088", rate=RATE, seed=3, count=COUNT)
     samples = steps(model, GYRO[:1], ACCEL[:1])
-    kept = {name: getattr(samples[0], name).copy() for name in ERRORS}
+    copies = {name: getattr(samples[0], name).copy() for name in ERRORS}
     steps(model)
-    for name, value in kept.items():
+    for name, value in copies.items():
         np.testing.assert_array_equal(getattr(samples[0], name), value)
 
 
 def test_a_bad_reading_is_held_and_the_others_go_on() -> None:
     good = ims.ErrorModel(imu="bmi088", rate=RATE, seed=3, count=COUNT)
     model = ims.ErrorModel(imu="bmi088", rate=RATE, seed=3, count=COUNT)
-    first = steps(good, GYRO[:1], ACCEL[:1])
+    first_numbers = steps(good, GYRO[:1], ACCEL[:1])
     steps(model, GYRO[:1], ACCEL[:1])
-    assert not first[0].held.any()
+    assert not first_numbers[0].held.any()
     gyro, accel = GYRO[1].copy(), ACCEL[1].copy()
     gyro[2, 1], accel[4, 0] = np.nan, 1e9
     with pytest.warns(UserWarning, match="environment 2, 4: a reading that is not finite"):
-        found = model.read(5_000_000, gyro, accel)
-    assert found.held.tolist() == [False, False, True, False, True]
+        measured = model.read(5_000_000, gyro, accel)
+    assert measured.held.tolist() == [False, False, True, False, True]
     for unit in (2, 4):
         gyro[unit], accel[unit] = GYRO[0, unit], ACCEL[0, unit]
     expected = good.read(5_000_000, gyro, accel)
-    np.testing.assert_array_equal(found.gyro, expected.gyro)
-    np.testing.assert_array_equal(found.accel, expected.accel)
+    np.testing.assert_array_equal(measured.gyro, expected.gyro)
+    np.testing.assert_array_equal(measured.accel, expected.accel)
 
 
 @pytest.mark.parametrize(
@@ -412,12 +414,12 @@ def assert_same_board(samples: list[tuple[Any, Any]], unit: int, single: Any, be
     """Compare a unit's magnetometer and barometer with the ones that begin at a step."""
     rows = slice(begin, begin + len(samples))
     imu, count = single.parameters.imu, len(samples)
-    t_ns = [sample_times_ns(0, count, own.rate) for own in (imu.magnetometer, imu.barometer)]
-    read = single.read_magnetic_field(t_ns[0], FIELD[rows, unit])
+    t_ns = [sample_times_ns(0, count, sensor.rate) for sensor in (imu.magnetometer, imu.barometer)]
+    field_values = single.read_magnetic_field(t_ns[0], FIELD[rows, unit])
     air = single.read_pressure(t_ns[1], PRESSURE[rows, unit])
     for name in ("field", "bias"):
         mine = np.array([getattr(sample, name)[unit] for sample, _ in samples])
-        np.testing.assert_array_equal(mine, getattr(read, name), err_msg=f"{unit} {name}")
+        np.testing.assert_array_equal(mine, getattr(field_values, name), err_msg=f"{unit} {name}")
     for name in ("pressure", "bias"):
         mine = np.array([getattr(sample, name)[unit] for _, sample in samples])
         np.testing.assert_array_equal(mine, getattr(air, name), err_msg=f"{unit} {name}")
@@ -425,60 +427,60 @@ def assert_same_board(samples: list[tuple[Any, Any]], unit: int, single: Any, be
 
 @pytest.mark.parametrize("imu", [BOARD, {"preset": "mpu9250", "barometer_preset": "bmp388"}])
 def test_magnetometers_and_barometers_are_those_of_their_seeds(imu: dict[str, Any]) -> None:
-    """At step 50 some begin as the next unit, at 130 another one with the same seed."""
-    given = {"rate": RATE, "imu": imu, "temperature": WARMING, "input": {"axes": "frd"}}
-    model = ims.ErrorModel(count=COUNT, seed=3, **given)
+    """Some begin at step 50 as the next unit, at 130 another one with the same seed."""
+    arguments = {"rate": RATE, "imu": imu, "temperature": WARMING, "input": {"axes": "frd"}}
+    model = ims.ErrorModel(count=COUNT, seed=3, **arguments)
     samples = board_steps(model, 0, 50)
     model.reset(np.array([True, False, False, True, False]))
     samples += board_steps(model, 50, 130)
     model.reset(np.array([False, True, False, False, False]), "same_seed")
     samples += board_steps(model, 130, STEPS)
     for unit, begin, seed in ((0, 50, 3 + COUNT), (3, 50, 6 + COUNT), (1, 130, 4), (2, 0, 5)):
-        assert_same_board(samples[begin:], unit, ims.ErrorModel(seed=seed, **given), begin)
+        assert_same_board(samples[begin:], unit, ims.ErrorModel(seed=seed, **arguments), begin)
 
 
 def test_a_list_and_a_spread_of_magnetometers() -> None:
-    each = [{**BOARD, "barometer_gust_rate": 0.0, "barometer_gust_sigma": 0.0}, BOARD]
+    boards = [{**BOARD, "barometer_gust_rate": 0.0, "barometer_gust_sigma": 0.0}, BOARD]
     spread = {
         "magnetometer_hard_iron": ("gaussian", 1e-5),
         "magnetometer_noise_density": ("uniform", 1e-8, 1e-7),
         "magnetometer_misalignment_sigma": ("uniform", 0.0, 0.1),
     }
-    model = ims.ErrorModel(imu=each, rate=RATE, seed=3, count=COUNT, spread=spread)
+    model = ims.ErrorModel(imu=boards, rate=RATE, seed=3, count=COUNT, spread=spread)
     samples = board_steps(model, 0, 150)
     for unit in range(COUNT):
-        own = model.unit(unit)
-        assert set(own["imu"]) >= set(spread)
-        alone = ims.ErrorModel(rate=RATE, **own)
+        sensor = model.unit(unit)
+        assert set(sensor["imu"]) >= set(spread)
+        alone = ims.ErrorModel(rate=RATE, **sensor)
         assert_same_board(samples, unit, alone, 0)
 
 
 def test_bad_fields_and_pressures_are_held() -> None:
     model = ims.ErrorModel(imu=BOARD, rate=RATE, seed=3, count=COUNT)
     good = ims.ErrorModel(imu=BOARD, rate=RATE, seed=3, count=COUNT)
-    for one in (model, good):
-        board_steps(one, 0, 1)
+    for model_or_copy in (model, good):
+        board_steps(model_or_copy, 0, 1)
     field, pressure = FIELD[1].copy(), PRESSURE[1].copy()
     field[2, 1], pressure[4] = np.nan, np.inf
     with pytest.warns(UserWarning, match="environment 2: a reading"):
-        found = model.read_magnetic_field(0, field)
+        field_values = model.read_magnetic_field(0, field)
     with pytest.warns(UserWarning, match="environment 4: a reading"):
         air = model.read_pressure(0, pressure)
-    assert np.flatnonzero(found.held).tolist() == [2]
+    assert np.flatnonzero(field_values.held).tolist() == [2]
     assert np.flatnonzero(air.held).tolist() == [4]
     field[2], pressure[4] = FIELD[0, 2], PRESSURE[0, 4]
-    np.testing.assert_array_equal(found.field, good.read_magnetic_field(0, field).field)
+    np.testing.assert_array_equal(field_values.field, good.read_magnetic_field(0, field).field)
     np.testing.assert_array_equal(air.pressure, good.read_pressure(0, pressure).pressure)
 
 
 def test_heights_are_pressures_of_the_atmosphere() -> None:
-    """At 11 km the standard has 22632 Pa (US Standard Atmosphere 1976, geopotential)."""
+    """The standard has 22632 Pa at 11 km (US Standard Atmosphere 1976, geopotential)."""
     model = ims.ErrorModel(imu="perfect", rate=RATE, seed=3, count=COUNT)
     heights = np.full(COUNT, 6356766.0 * 11e3 / (6356766.0 - 11e3))
     heights[1] = np.nan
     with pytest.warns(UserWarning, match="environment 1"):
-        found = model.read_pressure(0, altitude=heights)
-    np.testing.assert_allclose(np.delete(found.pressure, 1), 22632.06, atol=0.05)
+        pressures = model.read_pressure(0, altitude=heights)
+    np.testing.assert_allclose(np.delete(pressures.pressure, 1), 22632.06, atol=0.05)
 
 
 @pytest.mark.parametrize(
@@ -509,8 +511,8 @@ class OnlyDlpack:
     def __init__(self, values: np.ndarray) -> None:
         self._values = values
 
-    def __dlpack__(self, **given: Any) -> Any:
-        return self._values.__dlpack__(**given)
+    def __dlpack__(self, **arguments: Any) -> Any:
+        return self._values.__dlpack__(**arguments)
 
     def __dlpack_device__(self) -> tuple[int, int]:
         return self._values.__dlpack_device__()
@@ -525,11 +527,11 @@ class OnADevice:
 
 def test_arrays_of_other_libraries_are_taken_without_being_numpys() -> None:
     model = ims.ErrorModel(imu="bmi088", rate=RATE, seed=3, count=COUNT)
-    other = ims.ErrorModel(imu="bmi088", rate=RATE, seed=3, count=COUNT)
-    found = other.read(0, OnlyDlpack(GYRO[0]), OnlyDlpack(ACCEL[0]))
-    np.testing.assert_array_equal(found.gyro, model.read(0, GYRO[0], ACCEL[0]).gyro)
+    second = ims.ErrorModel(imu="bmi088", rate=RATE, seed=3, count=COUNT)
+    measured = second.read(0, OnlyDlpack(GYRO[0]), OnlyDlpack(ACCEL[0]))
+    np.testing.assert_array_equal(measured.gyro, model.read(0, GYRO[0], ACCEL[0]).gyro)
     # What comes back is taken by DLPack without a copy.
-    assert np.shares_memory(np.from_dlpack(found.gyro), found.gyro)
+    assert np.shares_memory(np.from_dlpack(measured.gyro), measured.gyro)
     single = ims.ErrorModel(imu="bmi088", rate=RATE, seed=3)
     assert single.read([0], OnlyDlpack(GYRO[0, :1].copy()), ACCEL[0, :1]).gyro.shape == (1, 3)
     with pytest.raises(ConfigurationError, match=r"gyro: cannot be taken as a NumPy array: use"):
@@ -550,10 +552,10 @@ def test_a_time_that_is_none_is_refused(t_ns: Any) -> None:
 
 def test_times_that_go_back_change_nothing() -> None:
     model = ims.ErrorModel(imu="bmi088", rate=RATE, seed=3, count=COUNT)
-    other = ims.ErrorModel(imu="bmi088", rate=RATE, seed=3, count=COUNT)
+    second = ims.ErrorModel(imu="bmi088", rate=RATE, seed=3, count=COUNT)
     for k in range(3):
         mine = model.read(-k * 10**9, GYRO[k], ACCEL[k])
-        np.testing.assert_array_equal(mine.gyro, other.read(k, GYRO[k], ACCEL[k]).gyro)
+        np.testing.assert_array_equal(mine.gyro, second.read(k, GYRO[k], ACCEL[k]).gyro)
         assert mine.t_ns == -k * 10**9
 
 
@@ -592,11 +594,11 @@ def test_memory_of_a_unit_is_below_20_kilobytes() -> None:
     count = 256
     tracemalloc.start()
     try:
-        before = tracemalloc.get_traced_memory()[0]
+        bytes_before = tracemalloc.get_traced_memory()[0]
         model = ims.ErrorModel(imu="bmi088", rate=RATE, seed=3, count=count)
         still = np.zeros((count, 3))
         model.read(0, still, np.full((count, 3), 5.0))
-        kept = tracemalloc.get_traced_memory()[0] - before
+        growth = tracemalloc.get_traced_memory()[0] - bytes_before
     finally:
         tracemalloc.stop()
-    assert 12e3 < kept / count < 20e3
+    assert 12e3 < growth / count < 20e3

@@ -38,8 +38,8 @@ SAMPLINGS: dict[str, dict[str, object]] = {
 
 @pytest.mark.parametrize("sampling", SAMPLINGS)
 def test_samples_do_not_depend_on_the_block_size(sampling: str) -> None:
-    own = {"imu.sampling": sampling, **SAMPLINGS[sampling]}
-    values = {**EVERY_TERM, "trajectory.type": "lecture", **own}
+    settings = {"imu.sampling": sampling, **SAMPLINGS[sampling]}
+    values = {**EVERY_TERM, "trajectory.type": "lecture", **settings}
     reference = joined(perfect(values), SAMPLES)
     for size in (1, 3, 17, 64, 1000, 1024, 2999):
         # From 17 on through a chunk of the noise, from 64 on through all of them.
@@ -96,32 +96,32 @@ def test_another_process_makes_the_same_bits() -> None:
 
 def test_reset_gives_the_same_samples_again() -> None:
     run = perfect(EVERY_TERM)
-    first = joined(run, 700)
+    first_block = joined(run, 700)
     run.reset()
     assert run.taken(run.rate) == 0
-    for a, b in zip(first, joined(run, 311), strict=True):
+    for a, b in zip(first_block, joined(run, 311), strict=True):
         assert np.array_equal(a, b)
 
 
 @pytest.mark.parametrize(("first", "second"), [*itertools.combinations(RANDOM_TERMS, 2)])
 def test_switching_one_term_on_changes_no_other(first: str, second: str) -> None:
-    """At rest the ideal rate is 0, so two terms read their exact sum; addition commutes."""
-    one = perfect(RANDOM_TERMS[first]).next(SAMPLES)["imu"].gyro
+    """The ideal rate at rest is 0, so two terms read their exact sum; addition commutes."""
+    rates = perfect(RANDOM_TERMS[first]).next(SAMPLES)["imu"].gyro
     two = perfect(RANDOM_TERMS[second]).next(SAMPLES)["imu"].gyro
     both = perfect({**RANDOM_TERMS[first], **RANDOM_TERMS[second]}).next(SAMPLES)["imu"].gyro
-    assert one.any()
+    assert rates.any()
     assert two.any()
-    assert np.array_equal(both, one + two)
+    assert np.array_equal(both, rates + two)
 
 
 def test_other_triad_and_timing_change_no_noise() -> None:
     alone = perfect(RANDOM_TERMS["white"]).next(SAMPLES)["imu"]
-    others = {
+    neighbours = {
         name: value
         for name, value in EVERY_TERM.items()
         if not name.startswith("imu.gyroscope") and "mounting" not in name and "earth" not in name
     }
-    together = perfect({**others, **RANDOM_TERMS["white"]}).next(SAMPLES)["imu"]
+    together = perfect({**neighbours, **RANDOM_TERMS["white"]}).next(SAMPLES)["imu"]
     assert np.array_equal(alone.gyro, together.gyro)
     assert len(together.delivered) != SAMPLES
 
@@ -135,7 +135,7 @@ def test_one_axis_does_not_change_another() -> None:
 
 @pytest.mark.parametrize("term", ["white", "walk", "markov", "flicker"])
 def test_seeds_axes_and_triads_are_uncorrelated(term: str) -> None:
-    """Of independent white sequences of n numbers r is N(0, 1/n); 5 / sqrt(n) fails 1 in 10^6.
+    """r of white sequences of n numbers is N(0, 1/n); 5 / sqrt(n) fails 1 in 10^6.
 
     Walk, Gauss-Markov and 1/f are compared by their increments, which are (nearly) white.
     """

@@ -91,8 +91,8 @@ TIMING = {name: value for name, value in EVERY_TERM.items() if not name.startswi
 
 def of_triads(name: str) -> dict[str, object]:
     triads = ["gyroscope"] if name in ONLY_GYROSCOPE else ["gyroscope", "accelerometer"]
-    own = {f"imu.{t}_{key}": v for t in triads for key, v in OF_TRIADS[name].items()}
-    return {**COMMON, **own}
+    imu_values = {f"imu.{t}_{key}": v for t in triads for key, v in OF_TRIADS[name].items()}
+    return {**COMMON, **imu_values}
 
 
 CASES: dict[str, dict[str, object]] = {
@@ -120,9 +120,14 @@ for triad in ("gyroscope", "accelerometer"):  # percent and matrix exclude each 
     CASES["everything"].pop(f"imu.{triad}_scale_misalignment")
 
 
-def joined(read: list[object]) -> Samples:
+def joined(blocks: list[object]) -> Samples:
     """Return the IMU's samples of a model's windows, and of blocks, as one block."""
-    return joined_blocks([one["imu"] if isinstance(one, dict) else one for one in read])
+    return joined_blocks(
+        [
+            axis_values["imu"] if isinstance(axis_values, dict) else axis_values
+            for axis_values in blocks
+        ]
+    )
 
 
 def truth_of(values: dict[str, object], count: int = COUNT) -> Samples:
@@ -130,8 +135,8 @@ def truth_of(values: dict[str, object], count: int = COUNT) -> Samples:
     return Body(load_simulation({**base, **values})).next(count)["imu"]
 
 
-def model_of(values: dict[str, object], **more: object) -> GivenImu:
-    return GivenImu(load_error_model({"imu.preset": "perfect", "seed": 5, **values, **more}))
+def model_of(values: dict[str, object], **overrides: object) -> GivenImu:
+    return GivenImu(load_error_model({"imu.preset": "perfect", "seed": 5, **values, **overrides}))
 
 
 def series(
@@ -144,12 +149,14 @@ def given_of(block: Samples) -> Readings:
     return series(block.true_t_ns, block.ideal_gyro, block.ideal_accel)
 
 
-def read_in(model: GivenImu, given: Readings, sizes: list[int], numbers: bool = False) -> Samples:
+def read_in(
+    model: GivenImu, readings: Readings, sizes: list[int], numbers: bool = False
+) -> Samples:
     """Return the samples of readings in blocks of some sizes, in numbers where that is possible."""
     blocks, begin, k = [], 0, 0
-    while begin < len(given.t_ns):
+    while begin < len(readings.t_ns):
         size = sizes[k % len(sizes)]
-        part = given.rows(slice(begin, begin + size))
+        part = readings.rows(slice(begin, begin + size))
         columns = (part.t_ns, part.gyro, part.accel)
         few = [LiveReading(*row) for row in zip(*(v.tolist() for v in columns), strict=True)]
         samples = model.read_few(few) if numbers and size < 8 else None
@@ -158,9 +165,9 @@ def read_in(model: GivenImu, given: Readings, sizes: list[int], numbers: bool = 
     return joined(blocks)
 
 
-def assert_same(found: Samples, expected: Samples) -> None:
+def assert_same(actual: Samples, expected: Samples) -> None:
     for name in (*TIMES, *(name for name in expected.values if name != "motion")):
-        mine, theirs = getattr(found, name), getattr(expected, name)
+        mine, theirs = getattr(actual, name), getattr(expected, name)
         assert np.ascontiguousarray(mine).tobytes() == np.ascontiguousarray(theirs).tobytes(), name
 
 
@@ -176,19 +183,19 @@ def test_errors_are_those_of_the_simulation(name: str) -> None:
         *(([COUNT], False), ([1], False), ([1], True)),
         *(([3, 64, 1, 200], False), ([3, 64, 1, 2], True)),
     ):
-        found = read_in(model_of(CASES[name]), given_of(expected), sizes, numbers)
-        assert_same(found, expected)
+        samples = read_in(model_of(CASES[name]), given_of(expected), sizes, numbers)
+        assert_same(samples, expected)
 
 
 def test_single_readings_follow_blocks_and_faults() -> None:
     values = {k: v for name in ("noise_density", "resolution") for k, v in of_triads(name).items()}
-    given = given_of(truth_of(values))
+    readings = given_of(truth_of(values))
 
     def run(pieces: list[tuple[int, int]]) -> Samples:
         model, blocks, begin = model_of(values), [], 0
         model.inject(Fault("stuck", 0.1, triad="gyroscope"), 2.0)
         for count, size in pieces:
-            blocks.append(read_in(model, given.rows(slice(begin, begin + count)), [size]))
+            blocks.append(read_in(model, readings.rows(slice(begin, begin + count)), [size]))
             begin += count
         return joined(blocks)
 
@@ -222,36 +229,36 @@ def test_oversampled_errors_are_those_of_the_simulation() -> None:
     expected = truth_of(values)
     perfect = {name: v for name, v in values.items() if not name.startswith("imu.")}
     mounted = {name: values[name] for name in ("imu.lever_arm", "imu.mounting")}
-    inside = truth_of({**perfect, **mounted, "rate": 1000.0}, 5 * (COUNT - 1) + 1)
+    dense = truth_of({**perfect, **mounted, "rate": 1000.0}, 5 * (COUNT - 1) + 1)
     for sizes in ([10000], [1], [3, 64, 1, 200]):
         model = model_of(values, **{"input.rate": 1000.0})
-        assert_same(read_in(model, given_of(inside), sizes), expected)
+        assert_same(read_in(model, given_of(dense), sizes), expected)
 
 
 def test_averaged_errors_are_close_to_those_of_the_simulation() -> None:
     values = {"imu.sampling": "averaged", "imu.gyroscope_bias": 0.1}
     expected = truth_of(values)
     dense = truth_of({"rate": 8000.0}, 40 * (COUNT - 1) + 1)
-    found = read_in(model_of(values, **{"input.rate": 8000.0}), given_of(dense), [1000])
+    samples = read_in(model_of(values, **{"input.rate": 8000.0}), given_of(dense), [1000])
     again = read_in(model_of(values, **{"input.rate": 8000.0}), given_of(dense), [7])
-    assert np.array_equal(found.gyro, again.gyro)
-    assert np.array_equal(found.accel, again.accel)
+    assert np.array_equal(samples.gyro, again.gyro)
+    assert np.array_equal(samples.accel, again.accel)
     # A straight line between readings misses h^2 / 12 of the second derivative, the lecture's
     # motion has some 1e3 m/s^4 of it: 1e-6.
-    assert np.abs(found.gyro - expected.gyro).max() < 1e-6
-    assert np.abs(found.accel - expected.accel).max() < 1e-5
+    assert np.abs(samples.gyro - expected.gyro).max() < 1e-6
+    assert np.abs(samples.accel - expected.accel).max() < 1e-5
 
 
 def test_any_ratio_of_rates_is_sampled_in_any_blocks() -> None:
     dense = truth_of({"rate": 700.0}, 2100)
     expected = truth_of({"imu.gyroscope_noise_density": 0.01}, 600)
     values = {"imu.gyroscope_noise_density": 0.01, "input.rate": 700.0}
-    found = read_in(model_of(values), given_of(dense), [2100])
-    assert np.array_equal(found.true_t_ns, expected.true_t_ns[: len(found.true_t_ns)])
-    assert len(found.true_t_ns) == 600
-    same = read_in(model_of(values), given_of(dense), [1, 2, 50])
-    assert_same(same, found)
-    assert np.abs(found.gyro - expected.gyro).max() < 1e-4  # the noise is the same
+    samples = read_in(model_of(values), given_of(dense), [2100])
+    assert np.array_equal(samples.true_t_ns, expected.true_t_ns[: len(samples.true_t_ns)])
+    assert len(samples.true_t_ns) == 600
+    repeated = read_in(model_of(values), given_of(dense), [1, 2, 50])
+    assert_same(repeated, samples)
+    assert np.abs(samples.gyro - expected.gyro).max() < 1e-4  # the noise is the same
 
 
 def test_missing_samples_leave_the_errors_of_the_others_as_they_are() -> None:
@@ -261,24 +268,24 @@ def test_missing_samples_leave_the_errors_of_the_others_as_they_are() -> None:
     keep = np.ones(COUNT, dtype=np.bool_)
     keep[[100, 101, 102, 400]] = False
     model = model_of(values)
-    found = read_in(model, given_of(expected).rows(keep), [37])
-    assert np.array_equal(found.gyro, expected.gyro[keep])
-    assert np.array_equal(found.accel, expected.accel[keep])
+    samples = read_in(model, given_of(expected).rows(keep), [37])
+    assert np.array_equal(samples.gyro, expected.gyro[keep])
+    assert np.array_equal(samples.accel, expected.accel[keep])
     assert model.counts.missing == 4
 
 
 def test_a_long_gap_is_a_pause() -> None:
     values = {"imu.gyroscope_noise_density": 0.01}
     expected = truth_of(values)
-    given = given_of(expected)
-    late = given.t_ns.copy()
+    readings = given_of(expected)
+    late = readings.t_ns.copy()
     late[300:] += 60_000_000_000
     lines: list[str] = []
     model = GivenImu(
         load_error_model({"imu.preset": "perfect", "seed": 5, **values}), remark=lines.append
     )
-    found = joined(model.read(with_fields(given, t_ns=late)))
-    assert np.array_equal(found.gyro, expected.gyro)
+    samples = joined(model.read(with_fields(readings, t_ns=late)))
+    assert np.array_equal(samples.gyro, expected.gyro)
     assert model.counts.pauses == 1
     assert "60.005 s: a pause" in lines[0]
 
@@ -286,13 +293,13 @@ def test_a_long_gap_is_a_pause() -> None:
 @pytest.mark.parametrize("restart", ["same_seed", "next_seed"])
 def test_a_jump_back_begins_again(restart: str) -> None:
     values = {"imu.gyroscope_noise_density": 0.01, "imu.latency": 0.01}
-    first, second = truth_of(values, 300), truth_of(values, 300)
+    starts, second = truth_of(values, 300), truth_of(values, 300)
     if restart == "next_seed":
         second = truth_of({**values, "seed": 6}, 300)
-    twice = concatenated([given_of(first), given_of(first)])
+    twice = concatenated([given_of(starts), given_of(starts)])
     model = model_of(values, **{"input.restart": restart})
-    found = read_in(model, twice, [64])
-    assert np.array_equal(found.gyro, np.concatenate([first.gyro, second.gyro]))
+    samples = read_in(model, twice, [64])
+    assert np.array_equal(samples.gyro, np.concatenate([starts.gyro, second.gyro]))
     assert model.counts.restarts == 1
 
 
@@ -301,21 +308,21 @@ def test_late_and_repeated_readings_are_left_out() -> None:
     expected = truth_of(values)
     order = [0, 1, 2, 2, 3, 4, 1, 5, 6, 6, 7]
     model = model_of(values)
-    found = joined(model.read(given_of(expected).rows(np.array(order))))
-    assert np.array_equal(found.gyro, expected.gyro[:8])
+    samples = joined(model.read(given_of(expected).rows(np.array(order))))
+    assert np.array_equal(samples.gyro, expected.gyro[:8])
     assert (model.counts.repeated, model.counts.backward) == (2, 1)
 
 
 def test_live_changes_and_faults_do_not_depend_on_the_blocks() -> None:
     values = {"imu.gyroscope_noise_density": 0.01, "imu.gyroscope_random_walk": 1e-3}
-    given = given_of(truth_of(values))
+    readings = given_of(truth_of(values))
 
     def run(sizes: list[int]) -> Samples:
         model = model_of(values)
         model.inject(Fault("bias_jump", 0.5, (0.1, 0.0, 0.0), "gyroscope"), 1.0)
 
         def read(rows: slice) -> Samples:
-            return read_in(model, given.rows(rows), sizes)
+            return read_in(model, readings.rows(rows), sizes)
 
         begin = read(slice(0, 100))
         changed = load_error_model(
@@ -353,9 +360,9 @@ def test_axes(axes: str) -> None:
     turned = series(
         block.true_t_ns, block.ideal_gyro @ AXES[axes].T, block.ideal_accel @ AXES[axes].T
     )
-    found = joined(model_of({}, **{"input.axes": axes}).read(turned))
-    assert np.array_equal(found.ideal_gyro, block.ideal_gyro)  # signs and order, no rounding
-    assert np.array_equal(found.ideal_accel, block.ideal_accel)
+    samples = joined(model_of({}, **{"input.axes": axes}).read(turned))
+    assert np.array_equal(samples.ideal_gyro, block.ideal_gyro)  # signs and order, no rounding
+    assert np.array_equal(samples.ideal_accel, block.ideal_accel)
 
 
 def test_frame_rotation_is_into_the_imu() -> None:
@@ -376,11 +383,11 @@ def test_missing_gravity_is_added_with_the_orientation(axes: str) -> None:
     if axes == "frd":  # its world is north, east, down
         r_w_axes = np.array([[0.0, 1.0, 0.0], [1.0, 0.0, 0.0], [0.0, 0.0, -1.0]]) @ r_w_axes
     q = np.stack([rotation.from_matrix(r) for r in r_w_axes])
-    given = series(block.true_t_ns, block.ideal_gyro @ to_axes.T, kinematic @ to_axes.T, q)
+    readings = series(block.true_t_ns, block.ideal_gyro @ to_axes.T, kinematic @ to_axes.T, q)
     model = model_of({}, **{"input.gravity": "missing", "input.axes": axes})
-    found = joined(model.read(given))
-    assert np.allclose(found.ideal_accel, block.ideal_accel, atol=1e-12)
-    difference = np.abs(np.sum(found.motion.q_wb * block.motion.q_wb, axis=1))
+    samples = joined(model.read(readings))
+    assert np.allclose(samples.ideal_accel, block.ideal_accel, atol=1e-12)
+    difference = np.abs(np.sum(samples.motion.q_wb * block.motion.q_wb, axis=1))
     assert np.allclose(difference, 1.0, atol=1e-12)  # of the body in east north up
 
 
@@ -398,12 +405,12 @@ def test_lever_arm_from_the_rate_and_its_derivative() -> None:
     }
     at_body, at_imu = truth_of({"rate": 1000.0}), truth_of({"rate": 1000.0, **mounted})
     model = model_of({**mounted, "rate": 1000.0}, **{"input.place": "body"})
-    found = read_in(model, given_of(at_body), [1, 30])
-    assert np.allclose(found.gyro, at_imu.gyro, atol=1e-14)
+    samples = read_in(model, given_of(at_body), [1, 30])
+    assert np.allclose(samples.gyro, at_imu.gyro, atol=1e-14)
     # The stated error: |r| h^2 / 3 of the third derivative of the rate, here by differences.
     third = np.abs(np.diff(at_body.ideal_gyro, 3, axis=0) * 1000.0**3).max()
     bound = np.linalg.norm([0.1, 0.2, -0.3]) * third * 1e-6 / 3.0
-    error = np.abs(found.accel - at_imu.accel)[2:].max()
+    error = np.abs(samples.accel - at_imu.accel)[2:].max()
     assert error < 3.0 * bound  # three axes
     assert error > 0.01 * bound
 
@@ -413,9 +420,9 @@ def test_odometry_becomes_readings_late_by_what_is_stated() -> None:
     q = block.motion.q_wb
     velocity_b = rotation.rotate_inverse(q, block.motion.velocity)
     for span in (1, 3):
-        made = Differentiator(load_error_model({"input.odometry_span": span}))
+        differentiator = Differentiator(load_error_model({"input.odometry_span": span}))
         parts = [
-            made.apply(block.true_t_ns[k], q[k], velocity_b[k], block.ideal_gyro[k])
+            differentiator.apply(block.true_t_ns[k], q[k], velocity_b[k], block.ideal_gyro[k])
             for k in (slice(0, 1), slice(1, 2), slice(2, 50), slice(50, COUNT))
         ]
         t_ns = np.concatenate([part.t_ns for part in parts])
@@ -432,8 +439,8 @@ def test_odometry_that_begins_again_or_repeats_itself() -> None:
     ones, zero = np.tile(rotation.IDENTITY, (9, 1)), np.zeros((9, 3))
     whole = Differentiator(load_error_model({})).apply(t_ns, ones, zero, zero)
     assert (whole.t_ns // 1_000_000_000).tolist() == [11, 12, 6, 7]
-    made = Differentiator(load_error_model({}))
-    parts = [made.apply(t_ns[k : k + 1], ones[:1], zero[:1], zero[:1]) for k in range(9)]
+    differentiator = Differentiator(load_error_model({}))
+    parts = [differentiator.apply(t_ns[k : k + 1], ones[:1], zero[:1], zero[:1]) for k in range(9)]
     assert np.array_equal(np.concatenate([part.t_ns for part in parts]), whole.t_ns)
 
 
@@ -444,9 +451,9 @@ def resting(accel: list[float], rate: float = 200.0, **values: object) -> list[s
     t_ns = np.arange(int(2.5 * rate), dtype=np.int64) * round(1e9 / rate)
     force = np.tile(accel, (len(t_ns), 1))
     q_wb = np.tile(rotation.IDENTITY, (len(t_ns), 1))
-    given = series(t_ns, np.zeros((len(t_ns), 3)), force, q_wb)
+    readings = series(t_ns, np.zeros((len(t_ns), 3)), force, q_wb)
     for k in range(0, len(t_ns), 50):
-        model.read(given.rows(slice(k, k + 50)))
+        model.read(readings.rows(slice(k, k + 50)))
     return lines
 
 
@@ -508,23 +515,23 @@ QUIETEST = "navigation"
 """The preset with the least white noise of both triads."""
 
 
-def said_of(given: Readings, rate: float, imu: str = QUIETEST, **values: object) -> list[str]:
+def said_of(readings: Readings, rate: float, imu: str = QUIETEST, **values: object) -> list[str]:
     """Return the remarks on noise, those of blocks of any size."""
     lines: list[list[str]] = []
-    for size in (len(given.t_ns), 77):
-        own: list[str] = []
+    for size in (len(readings.t_ns), 77):
+        warned: list[str] = []
         given_values = {"imu.preset": imu, "rate": rate, **values}
-        model = GivenImu(load_error_model(given_values), remark=own.append)
-        read_in(model, given, [size])
-        lines.append([line for line in own if "white noise" in line])
+        model = GivenImu(load_error_model(given_values), remark=warned.append)
+        read_in(model, readings, [size])
+        lines.append([line for line in warned if "white noise" in line])
     assert lines[0] == lines[1]
     return lines[0]
 
 
 def flown(rate: float, trajectory: str = "figure_eight", **imu: object) -> ims.Flight:
     """Return 2.1 s of an IMU."""
-    given = {"preset": "perfect", **imu}
-    return ims.simulate(imu=given, trajectory=trajectory, rate=rate, duration=2.1, seed=1)
+    imu_values = {"preset": "perfect", **imu}
+    return ims.simulate(imu=imu_values, trajectory=trajectory, rate=rate, duration=2.1, seed=1)
 
 
 def read_of(flight: ims.Flight) -> Readings:
@@ -552,66 +559,68 @@ def test_the_quietest_preset() -> None:
 @pytest.mark.parametrize("rate", [100.0, 1000.0])
 @pytest.mark.parametrize("trajectory", files.names("trajectories"))
 def test_ideal_readings_have_no_noise(trajectory: str, rate: float) -> None:
-    given = ideal_of(rate, trajectory)
-    assert said_of(given, rate) == []
-    single = [values.astype(np.float32).astype(np.float64) for values in (given.gyro, given.accel)]
-    assert said_of(series(given.t_ns, *single), rate) == []
+    readings = ideal_of(rate, trajectory)
+    assert said_of(readings, rate) == []
+    single = [
+        values.astype(np.float32).astype(np.float64) for values in (readings.gyro, readings.accel)
+    ]
+    assert said_of(series(readings.t_ns, *single), rate) == []
 
 
 @pytest.mark.parametrize("rate", [50.0, 100.0, 1000.0])
 @pytest.mark.parametrize("trajectory", ["static", "excitation"])
 def test_noise_is_told_with_its_density(trajectory: str, rate: float) -> None:
     """Half of the sensor's is told, a quarter is not; the number is good to 40 %."""
-    ideal, own = ideal_of(rate, trajectory), (6.1707e-05, 0.0027737)
+    ideal, expected_densities = ideal_of(rate, trajectory), (6.1707e-05, 0.0027737)
     for seed in range(5):
         rng = np.random.default_rng(seed)
         noise = rng.standard_normal((2, len(ideal.t_ns), 3)) * np.sqrt(rate)
-        for share, told in ((1.0, True), (0.5, True), (0.25, False)):
+        for share, count in ((1.0, True), (0.5, True), (0.25, False)):
             gyro, accel = (
                 values + share * density * white
                 for values, density, white in zip(
-                    (ideal.gyro, ideal.accel), own, noise, strict=True
+                    (ideal.gyro, ideal.accel), expected_densities, noise, strict=True
                 )
             )
             coarse = {f"imu.{triad}_resolution": 0.0 for triad in ("gyroscope", "accelerometer")}
             lines = said_of(series(ideal.t_ns, gyro, accel), rate, "mpu6000", **coarse)
-            assert [line.split()[2] for line in lines] == ["gyroscope", "accelerometer"] * told
-            found = np.array(densities(lines)) / share / own[: len(lines)]
-            assert ((found > 0.7) & (found < 1.4)).all()
+            assert [line.split()[2] for line in lines] == ["gyroscope", "accelerometer"] * count
+            ratios = np.array(densities(lines)) / share / expected_densities[: len(lines)]
+            assert ((ratios > 0.7) & (ratios < 1.4)).all()
 
 
 @pytest.mark.parametrize("rate", [100.0, 1000.0])
 @pytest.mark.parametrize("sensor", ["mpu6000", "bmi088", "adis16470", "lecture", QUIETEST])
 def test_errors_that_are_added_twice_are_told(sensor: str, rate: float) -> None:
-    given = read_of(flown(rate, preset=sensor))
-    gyro, accel = said_of(given, rate, sensor)
+    readings = read_of(flown(rate, preset=sensor))
+    gyro, accel = said_of(readings, rate, sensor)
     assert "input: the gyroscope has white noise of " in gyro
     assert "rad/s/sqrt(Hz) already, and imu.gyroscope_noise_density adds " in gyro
     assert "m/s^2/sqrt(Hz) already, and imu.accelerometer_noise_density adds " in accel
     assert "switch off the noise of the source, or set imu.gyroscope_noise_density = 0" in gyro
     # Who does so is not told again, and a perfect sensor adds none.
-    assert said_of(given, rate, sensor, **{"imu.gyroscope_noise_density": 0.0}) == [accel]
-    assert said_of(given, rate, "perfect") == []
-    assert said_of(given, rate, sensor, **{"input.check": False}) == []
+    assert said_of(readings, rate, sensor, **{"imu.gyroscope_noise_density": 0.0}) == [accel]
+    assert said_of(readings, rate, "perfect") == []
+    assert said_of(readings, rate, sensor, **{"input.check": False}) == []
     # Much less than that of another sensor does not matter.
     if sensor == QUIETEST:
-        assert said_of(given, rate, "mpu6000") == []
+        assert said_of(readings, rate, "mpu6000") == []
 
 
 def test_noise_of_an_input_in_other_axes_and_faster_than_the_sensor() -> None:
     ideal = ideal_of(1000.0)
     noise = np.random.default_rng(1).standard_normal((len(ideal.t_ns), 3)) * [0.0, 0.0, 0.05]
-    given = with_fields(ideal, accel=ideal.accel + noise)
+    readings = with_fields(ideal, accel=ideal.accel + noise)
     axes = {"imu.accelerometer_noise_density": [1.0, 1.0, 0.002], "input.axes": "optical"}
-    assert said_of(given, 1000.0, "perfect", **axes) == []  # z is the sensor's x
+    assert said_of(readings, 1000.0, "perfect", **axes) == []  # z is the sensor's x
     axes["imu.accelerometer_noise_density"] = [0.002, 1.0, 1.0]
-    (line,) = said_of(given, 1000.0, "perfect", **axes)
+    (line,) = said_of(readings, 1000.0, "perfect", **axes)
     assert "adds 0.002" in line
     # Every tenth reading has the noise of each; a mean of ten has less.
     faster = {"imu.accelerometer_noise_density": 0.002, "input.rate": 1000.0}
-    (single,) = densities(said_of(given, 100.0, "perfect", **faster))
+    (single,) = densities(said_of(readings, 100.0, "perfect", **faster))
     faster["imu.sampling"] = "averaged"
-    (mean,) = densities(said_of(given, 100.0, "perfect", **faster))
+    (mean,) = densities(said_of(readings, 100.0, "perfect", **faster))
     assert single == pytest.approx(0.05 / 10.0, rel=0.15)
     assert mean == pytest.approx(0.05 / np.sqrt(1000.0), rel=0.15)
 
@@ -637,16 +646,18 @@ def test_held_readings_are_no_noise_and_theirs_is_told(share: float) -> None:
     fine = ims.simulate(imu="perfect", trajectory="excitation", rate=20 * rate, duration=2.1)
     t_ns = np.arange(2050) * 1_000_000
     step = np.floor(np.arange(len(t_ns)) * share + 1e-9).astype(int)
-    at = np.rint(step / share * 20).astype(int)
-    given = series(t_ns, fine.gyro[at], fine.accel[at])
-    assert said_of(given, rate) == []
-    first = np.unique(step, return_index=True)[1]
-    joined_up = [np.interp(t_ns, t_ns[first], one) for one in given.accel[first].T]
-    assert said_of(with_fields(given, accel=np.stack(joined_up, axis=1)), rate) == []
+    rows = np.rint(step / share * 20).astype(int)
+    readings = series(t_ns, fine.gyro[rows], fine.accel[rows])
+    assert said_of(readings, rate) == []
+    starts = np.unique(step, return_index=True)[1]
+    joined_up = [
+        np.interp(t_ns, t_ns[starts], axis_values) for axis_values in readings.accel[starts].T
+    ]
+    assert said_of(with_fields(readings, accel=np.stack(joined_up, axis=1)), rate) == []
     density = 0.001
-    noise = np.random.default_rng(1).standard_normal(given.accel.shape)
+    noise = np.random.default_rng(1).standard_normal(readings.accel.shape)
     noise *= density * np.sqrt(rate * share)
-    noisy = said_of(with_fields(given, accel=given.accel + noise[step]), rate, "bmi055")
+    noisy = said_of(with_fields(readings, accel=readings.accel + noise[step]), rate, "bmi055")
     if share in (0.06, 0.25, 0.5, 0.95):  # others have no stretch of even steps
         assert densities(noisy) == [pytest.approx(density, rel=0.3)]
 
@@ -668,13 +679,15 @@ def test_fast_motion_is_no_noise(rate: float, band: tuple[float, float]) -> None
 def test_contacts_gaps_and_jitter_are_no_noise(rate: float) -> None:
     rng, count = np.random.default_rng(1), round(2.1 * rate)
     t = np.arange(count) / rate
-    given = swinging(t, 3.0, 3.0)
+    readings = swinging(t, 3.0, 3.0)
     hit = rng.random((count, 1)) < 0.1
     kicks = rng.standard_normal((2, count, 3)) * hit
-    kicked = with_fields(given, gyro=given.gyro + kicks[0], accel=given.accel + 20.0 * kicks[1])
+    kicked = with_fields(
+        readings, gyro=readings.gyro + kicks[0], accel=readings.accel + 20.0 * kicks[1]
+    )
     assert said_of(kicked, rate, "bmi088") == []
     for lost in (0.01, 0.1, 0.4):
-        assert said_of(given.rows(rng.random(count) >= lost), rate) == []
+        assert said_of(readings.rows(rng.random(count) >= lost), rate) == []
     late = np.sort(t + rng.uniform(0.0, 0.3 / rate, count))
     assert said_of(swinging(late, 3.0, 3.0), rate) == []
 
@@ -684,12 +697,14 @@ def test_noise_is_told_in_spite_of_contacts_and_a_gap_but_not_of_few_readings() 
     coarse = {"imu.gyroscope_resolution": 0.0}
     for rate in (1000.0, 40.0):
         t = np.arange(round(2.1 * rate)) / rate
-        given = swinging(t, 1.0, 1.0)
-        kicks = rng.standard_normal(given.gyro.shape) * (rng.random((len(t), 1)) < 0.05)
+        readings = swinging(t, 1.0, 1.0)
+        kicks = rng.standard_normal(readings.gyro.shape) * (rng.random((len(t), 1)) < 0.05)
         noise = density * np.sqrt(rate) * rng.standard_normal(kicks.shape)
-        noisy = with_fields(given, gyro=given.gyro + kicks + noise).rows((t < 0.7) | (t > 1.1))
-        found = densities(said_of(noisy, rate, "mpu6000", **coarse))
-        assert found == ([pytest.approx(density, rel=0.2)] if rate > 50.0 else [])
+        noisy = with_fields(readings, gyro=readings.gyro + kicks + noise).rows(
+            (t < 0.7) | (t > 1.1)
+        )
+        told_densities = densities(said_of(noisy, rate, "mpu6000", **coarse))
+        assert told_densities == ([pytest.approx(density, rel=0.2)] if rate > 50.0 else [])
 
 
 @pytest.mark.parametrize("rate", [100.0, 1000.0])
@@ -697,11 +712,11 @@ def test_rounding_is_noise_if_it_is_coarse(rate: float) -> None:
     ideal, deviation = ideal_of(rate), 0.00019613 * np.sqrt(rate)
     k = np.arange(len(ideal.t_ns))[:, None]
     moving = np.sin(0.05 * k + np.arange(3)) + np.sin(0.071 * k)
-    for steps, told in ((0.8, 0), (2.0, 1)):
+    for steps, count in ((0.8, 0), (2.0, 1)):
         step = steps * deviation
-        given = with_fields(ideal, accel=np.rint(ideal.accel / step + 300.0 * moving) * step)
-        lines = said_of(given, rate, **{"imu.accelerometer_resolution": 0.0})
-        assert len(lines) == told
+        readings = with_fields(ideal, accel=np.rint(ideal.accel / step + 300.0 * moving) * step)
+        lines = said_of(readings, rate, **{"imu.accelerometer_resolution": 0.0})
+        assert len(lines) == count
         assert all("coarse rounding look the same" in line for line in lines)
 
 
@@ -750,28 +765,28 @@ def episodes(length: int, count: int, first_ns: int = 0) -> Readings:
 def test_episodes_shorter_than_a_second_lose_nothing(sizes: list[int], first_ns: int) -> None:
     """Episodes of 0.5 s; one may begin a period and a half later than the first."""
     values = {"imu.gyroscope_noise_density": 0.01}
-    given = episodes(100, 10, first_ns)
+    readings = episodes(100, 10, first_ns)
     model = model_of(values, **{"input.restart": "next_seed"})
-    found = read_in(model, given, sizes)
-    assert np.array_equal(found.true_t_ns, given.t_ns)
+    samples = read_in(model, readings, sizes)
+    assert np.array_equal(samples.true_t_ns, readings.t_ns)
     assert (model.counts.restarts, model.counts.backward) == (9, 0)
     expected = [truth_of({**values, "seed": 5 + k}, 100).gyro_noise for k in range(10)]
-    assert np.array_equal(found.gyro_noise, np.concatenate(expected))
+    assert np.array_equal(samples.gyro_noise, np.concatenate(expected))
     odometry = Differentiator(load_error_model({}))
-    ones = np.tile(rotation.IDENTITY, (len(given.t_ns), 1))
-    made = odometry.apply(given.t_ns, ones, given.gyro, given.accel)
-    assert len(made.t_ns) == 10 * 98  # two of each episode have no neighbour
+    ones = np.tile(rotation.IDENTITY, (len(readings.t_ns), 1))
+    differentiator = odometry.apply(readings.t_ns, ones, readings.gyro, readings.accel)
+    assert len(differentiator.t_ns) == 10 * 98  # two of each episode have no neighbour
 
 
 def test_a_reset_takes_the_next_seed_if_a_jump_back_does() -> None:
     values = {"imu.gyroscope_noise_density": 0.01}
-    given = given_of(truth_of(values, 50))
+    readings = given_of(truth_of(values, 50))
     for restart, seeds in (("same_seed", (5, 5, 5)), ("next_seed", (5, 6, 7))):
         model = model_of(values, **{"input.restart": restart})
         for seed in seeds:
-            found = joined(model.read(given))
+            samples = joined(model.read(readings))
             assert np.array_equal(
-                found.gyro_noise, truth_of({**values, "seed": seed}, 50).gyro_noise
+                samples.gyro_noise, truth_of({**values, "seed": seed}, 50).gyro_noise
             )
             model.reset()
 

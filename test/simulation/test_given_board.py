@@ -61,9 +61,9 @@ def ideal() -> Any:
     return next(iter(ims.blocks(**run, **GIVEN)))
 
 
-def assert_same(found: Any, expected: Any) -> None:
+def assert_same(actual: Any, expected: Any) -> None:
     for name in vars(expected):
-        mine, theirs = getattr(found, name), getattr(expected, name)
+        mine, theirs = getattr(actual, name), getattr(expected, name)
         np.testing.assert_array_equal(mine, theirs, err_msg=name)
 
 
@@ -78,29 +78,29 @@ def test_readings_are_those_of_the_simulation_in_blocks_of_any_size(
         for k in range(0, len(field.true_t_ns), size)
     ]
     for name in vars(flight.magnetic_field):
-        mine = np.concatenate([getattr(one, name) for one in parts])
+        mine = np.concatenate([getattr(block, name) for block in parts])
         np.testing.assert_array_equal(mine, getattr(flight.magnetic_field, name), err_msg=name)
     parts = [
         model.read_pressure(air.true_t_ns[k : k + size], air.ideal_pressure[k : k + size])
         for k in range(0, len(air.true_t_ns), size)
     ]
     for name in vars(flight.pressure):
-        mine = np.concatenate([getattr(one, name) for one in parts])
+        mine = np.concatenate([getattr(block, name) for block in parts])
         np.testing.assert_array_equal(mine, getattr(flight.pressure, name), err_msg=name)
 
 
 def test_a_flight_has_them_and_is_saved_with_them(flight: Any, ideal: Any, tmp_path: Path) -> None:
     field, air = (ideal.sensors[name] for name in BOTH)
-    found = ims.add_errors(
+    samples = ims.add_errors(
         *(ideal.true_t_ns, ideal.ideal_gyro, ideal.ideal_accel),
         magnetic_field=(field.true_t_ns, field.ideal_field),
         pressure=(air.true_t_ns, air.ideal_pressure),
         **GIVEN,
     )
-    assert_same(found.magnetic_field, flight.magnetic_field)
-    assert_same(found.pressure, flight.pressure)
-    np.testing.assert_array_equal(found.gyro, flight.gyro)
-    found.save(tmp_path / "noisy.mcap")
+    assert_same(samples.magnetic_field, flight.magnetic_field)
+    assert_same(samples.pressure, flight.pressure)
+    np.testing.assert_array_equal(samples.gyro, flight.gyro)
+    samples.save(tmp_path / "noisy.mcap")
     saved = ims.read_magnetometer(tmp_path / "noisy.mcap")
     np.testing.assert_array_equal(saved.values, flight.magnetic_field.field)
     assert len(ims.read_pressure(tmp_path / "noisy.mcap").values) == len(flight.pressure)
@@ -110,9 +110,9 @@ def test_heights_are_those_of_the_simulation(ideal: Any) -> None:
     """The level path is at the height of its position, in metres above sea level."""
     height = ideal.motion.position[::8, 2]
     air = ideal.sensors["pressure"]
-    found = ims.ErrorModel(**GIVEN).read_pressure(air.true_t_ns, altitude=height)
+    pressures = ims.ErrorModel(**GIVEN).read_pressure(air.true_t_ns, altitude=height)
     rows = air.delivered
-    np.testing.assert_array_equal(found.ideal_pressure, air.ideal_pressure[rows])
+    np.testing.assert_array_equal(pressures.ideal_pressure, air.ideal_pressure[rows])
 
 
 @pytest.mark.parametrize("axes", ["flu", "frd", "optical"])
@@ -128,8 +128,8 @@ def test_fields_come_in_the_axes_of_the_readings(axes: str) -> None:
         "frd": in_flu * [1.0, -1.0, -1.0],
         "optical": np.array([-in_flu[1], -in_flu[2], in_flu[0]]),
     }
-    found = model.read_magnetic_field(0, to_axes[axes])
-    np.testing.assert_allclose(found.field[0], mounting.T @ in_flu, rtol=1e-12)
+    field_values = model.read_magnetic_field(0, to_axes[axes])
+    np.testing.assert_allclose(field_values.field[0], mounting.T @ in_flu, rtol=1e-12)
 
 
 def test_gaps_are_missing_samples_and_jumps_back_begin_again(ideal: Any) -> None:
@@ -155,8 +155,8 @@ def test_faults_and_live_changes(ideal: Any) -> None:
     model = ims.ErrorModel(**sound)
     jump = [1e-5, 0.0, 0.0]
     assert model.inject("bias_jump", triad="magnetometer", value=tuple(jump), delay=1.0) == 50
-    found = model.read_magnetic_field(field.true_t_ns[:100], field.ideal_field[:100])
-    np.testing.assert_allclose(found.bias - whole.bias[:100], [[0.0] * 3] * 50 + [jump] * 50)
+    field_values = model.read_magnetic_field(field.true_t_ns[:100], field.ideal_field[:100])
+    np.testing.assert_allclose(field_values.bias - whole.bias[:100], [[0.0] * 3] * 50 + [jump] * 50)
     model.update(imu={"magnetometer_bias": [0.0, 1e-5, 0.0]})
     later = model.read_magnetic_field(field.true_t_ns[100:], field.ideal_field[100:])
     np.testing.assert_allclose(

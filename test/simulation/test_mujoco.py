@@ -78,9 +78,9 @@ def test_allan_recovers_the_noise_on_a_body_at_rest() -> None:
         "accelerometer_noise_density": [1e-2, 2e-2, 3e-2],
     }
     flight = ims.add_errors(stamps(len(ideal)), ideal[:, :3], ideal[:, 3:], imu=sensor, seed=2)
-    found = ims.allan(flight)
+    recovered = ims.allan(flight)
     for triad, density in (("gyroscope", 1e-3), ("accelerometer", 1e-2)):
-        value = getattr(found, triad).noise_density.value
+        value = getattr(recovered, triad).noise_density.value
         # 60,000 samples know the deviation to 1 / sqrt(120,000) = 0.3 %; three axes, 4 of them.
         assert np.abs(value / (density * np.array([1.0, 2.0, 3.0])) - 1.0).max() < 0.012
 
@@ -98,12 +98,12 @@ def test_calibrate_recovers_bias_scale_and_misalignment_of_six_positions() -> No
     t_ns = stamps(len(ideal))
     with pytest.warns(UserWarning, match="at rest upwards is .1.00, 0.00, 0.00. of the input"):
         flight = ims.add_errors(t_ns, ideal[:, :3], ideal[:, 3:], imu=sensor, seed=2)
-    found = ims.calibrate_six_position(flight)
+    recovered = ims.calibrate_six_position(flight)
     # Each position's mean is known to 1e-3 / sqrt(5 s) = 4.5e-4 m/s^2; over 9.81 for the matrix.
-    assert np.abs(found.accelerometer.bias.value - [0.1, -0.2, 0.3]).max() < 4 * 4.5e-4
-    response = found.accelerometer.scale_misalignment.value
+    assert np.abs(recovered.accelerometer.bias.value - [0.1, -0.2, 0.3]).max() < 4 * 4.5e-4
+    response = recovered.accelerometer.scale_misalignment.value
     assert np.abs(np.ravel(response) - matrix).max() < 4 * 4.5e-4 / 9.81
-    assert np.allclose(found.gyroscope.bias.value, [0.01, -0.02, 0.03], atol=1e-9)
+    assert np.allclose(recovered.gyroscope.bias.value, [0.01, -0.02, 0.03], atol=1e-9)
 
 
 @pytest.mark.parametrize("seconds", [2, pytest.param(60, marks=pytest.mark.slow)])
@@ -133,13 +133,13 @@ def test_the_errors_of_dead_reckoning_are_as_large_as_stated(
         "accelerometer_turn_on_bias_sigma": 2e-2,
     }
     runs = 40
-    found = {"position": 0.0, "attitude": 0.0}
+    largest_errors = {"position": 0.0, "attitude": 0.0}
     for seed in range(runs):
         flight = ims.add_errors(t_ns, ideal[:, :3], ideal[:, 3:6], imu=sensor, seed=seed)
         track = ims.dead_reckon(flight, initial=start, covariance=True)
         nees = ims.evaluate(track, truth).nees
-        for name in found:
-            found[name] += nees[name]["final"]
+        for name in largest_errors:
+            largest_errors[name] += nees[name]["final"]
     low, high = stats.chi2.ppf([0.0005, 0.9995], 3 * runs)
-    for name, total in found.items():
+    for name, total in largest_errors.items():
         assert low < total < high, name

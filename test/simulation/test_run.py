@@ -22,7 +22,7 @@ from imu_sim_ros.simulation.parameters import load_simulation
 def test_total_and_blocks() -> None:
     run = simulation(duration=20.0)
     assert run.total == 4000
-    assert [len(read["imu"].t_ns) for read in run.windows(1500)] == [1500, 1500, 1000]
+    assert [len(window["imu"].t_ns) for window in run.windows(1500)] == [1500, 1500, 1000]
     assert len(run.next(10)["imu"].t_ns) == 0
     assert simulation().total is None
     assert simulation(duration=1.0, rate=0.5).total == 1
@@ -50,18 +50,24 @@ def test_duration_beyond_the_trajectory_is_refused(tmp_path: Path) -> None:
 def test_update_changes_the_strength_and_nothing_else() -> None:
     values = {**RANDOM_TERMS["white"], **RANDOM_TERMS["walk"], "imu.accelerometer_noise_density": 1}
     changed, plain = perfect(values), perfect(values)
-    before = changed.next(500)["imu"]
+    earlier = changed.next(500)["imu"]
     plain.next(500)
-    new = {**values, "imu.gyroscope_noise_density": 0.02, "imu.gyroscope_bias": [1.0, 0.0, 0.0]}
-    changed.update(load_simulation({"imu.preset": "perfect", "trajectory.type": "static", **new}))
-    after, unchanged = changed.next(500)["imu"], plain.next(500)["imu"]
-    assert np.array_equal(after.accel, unchanged.accel)
-    bias = after.gyro_bias - unchanged.gyro_bias
+    changed_values = {
+        **values,
+        "imu.gyroscope_noise_density": 0.02,
+        "imu.gyroscope_bias": [1.0, 0.0, 0.0],
+    }
+    changed.update(
+        load_simulation({"imu.preset": "perfect", "trajectory.type": "static", **changed_values})
+    )
+    later, unchanged = changed.next(500)["imu"], plain.next(500)["imu"]
+    assert np.array_equal(later.accel, unchanged.accel)
+    bias = later.gyro_bias - unchanged.gyro_bias
     assert np.allclose(bias, [1.0, 0.0, 0.0], atol=1e-14)
-    noise = (after.gyro - after.gyro_bias) / (unchanged.gyro - unchanged.gyro_bias)
+    noise = (later.gyro - later.gyro_bias) / (unchanged.gyro - unchanged.gyro_bias)
     assert np.allclose(noise, 2.0, rtol=1e-9, atol=1e-9)
     step = 0.01 * np.sqrt(0.005)
-    assert np.abs(after.gyro_bias[0, 1] - before.gyro_bias[-1, 1]) < 6 * step
+    assert np.abs(later.gyro_bias[0, 1] - earlier.gyro_bias[-1, 1]) < 6 * step
 
 
 @pytest.mark.parametrize(
@@ -69,7 +75,7 @@ def test_update_changes_the_strength_and_nothing_else() -> None:
     ["gyroscope_random_walk", "gyroscope_gauss_markov_sigma", "gyroscope_bias_instability"],
 )
 def test_a_slow_bias_of_twice_the_strength_has_the_same_stream(name: str) -> None:
-    """Its steps are twice as large from the change on."""
+    """Steps are twice as large from the change on."""
     values = {"imu.gyroscope_correlation_time": 5.0, f"imu.{name}": 0.01}
     run, plain = perfect(values), perfect(values)
     run.next(100)
@@ -79,7 +85,7 @@ def test_a_slow_bias_of_twice_the_strength_has_the_same_stream(name: str) -> Non
             {"imu.preset": "perfect", "trajectory.type": "static", **values, f"imu.{name}": 0.02}
         )
     )
-    steps = [np.diff(each.next(100)["imu"].gyro, axis=0) for each in (run, plain)]
+    steps = [np.diff(run_or_plain.next(100)["imu"].gyro, axis=0) for run_or_plain in (run, plain)]
     ratio = steps[0] / steps[1]
     assert np.allclose(ratio, 2.0, rtol=1e-6)
 
@@ -93,22 +99,22 @@ def test_ramp_does_not_jump_when_it_changes() -> None:
             {"imu.preset": "perfect", "trajectory.type": "static", "imu.gyroscope_rate_ramp": -2.0}
         )
     )
-    after = run.next(101)["imu"].gyro[:, 0]
-    assert after[0] == pytest.approx(1.0)
-    assert after[100] == pytest.approx(0.0, abs=1e-12)
+    later = run.next(101)["imu"].gyro[:, 0]
+    assert later[0] == pytest.approx(1.0)
+    assert later[100] == pytest.approx(0.0, abs=1e-12)
 
 
 def test_update_refuses_what_is_fixed_and_changes_nothing() -> None:
     run = simulation()
-    old = run.parameters
-    new = load_simulation(
+    parameters = run.parameters
+    changed_values = load_simulation(
         {"trajectory.type": "static", "rate": 100.0, "seed": 3, "imu.gyroscope_bias": 1.0}
     )
     with pytest.raises(ConfigurationError) as error:
-        run.update(new)
+        run.update(changed_values)
     assert len(error.value.problems) == 2
     assert "rate: cannot be changed" in error.value.problems[0]
-    assert run.parameters is old
+    assert run.parameters is parameters
     assert np.abs(run.next(10)["imu"].gyro_bias).max() < 0.1
 
 
@@ -155,10 +161,10 @@ def test_a_run_of_thirty_days_ends_exactly() -> None:
     run._now = Fraction(30 * 86400 - 1)
     block = run.next(5000)["imu"]
     assert len(block.t_ns) == 1000
-    last = (start + 30 * 86400) * 10**9 - 10**6
-    assert int(block.true_t_ns[-1]) == last
-    since = last - start * 10**9
-    assert int(block.t_ns[-1]) == last + round(since * 20e-6)
+    last_second = (start + 30 * 86400) * 10**9 - 10**6
+    assert int(block.true_t_ns[-1]) == last_second
+    since = last_second - start * 10**9
+    assert int(block.t_ns[-1]) == last_second + round(since * 20e-6)
     assert (np.diff(block.true_t_ns) == 10**6).all()
     assert (np.diff(block.t_ns) > 0).all()
     # The motion at that time, computed with the period taken out: K = pi / 10 has a period of 20 s.
