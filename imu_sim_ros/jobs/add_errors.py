@@ -53,11 +53,7 @@ from imu_sim_ros.sensors.imu.units import Spread
 from imu_sim_ros.sensors.magnetometer.declaration import MagneticReadings
 from imu_sim_ros.sensors.parameters import LONGEST
 from imu_sim_ros.sensors.samples import Samples, joined
-from imu_sim_ros.simulation.error_input import (
-    BatchStartCheck,
-    Conventions,
-    IdealValues,
-)
+from imu_sim_ros.simulation.error_input import BatchStartCheck, Conventions, IdealValues
 from imu_sim_ros.simulation.error_model import GivenImu
 from imu_sim_ros.simulation.error_parameters import (
     NODE,

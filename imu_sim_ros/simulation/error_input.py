@@ -9,9 +9,9 @@ readings come at a time.
 
 import math
 import re
-from collections.abc import Callable, Iterable, Iterator, Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, field
-from typing import Any, Final, Generic, NamedTuple
+from typing import Any, Final, NamedTuple
 
 import numpy as np
 
@@ -21,7 +21,6 @@ from imu_sim_ros.core.conventions import TRIADS
 from imu_sim_ros.core.errors import InputError
 from imu_sim_ros.core.records import (
     Readings,
-    SeriesT,
     States,
     TimeSeries,
     column,
@@ -30,11 +29,11 @@ from imu_sim_ros.core.records import (
 )
 from imu_sim_ros.core.rotation import cross, normalise, rotate_inverse, transform
 from imu_sim_ros.core.types import Array, Integers, Mask, Times
-from imu_sim_ros.recordings.clock import SHORT, estimate_clock
+from imu_sim_ros.recordings.clock import estimate_clock
 from imu_sim_ros.recordings.findings.catalogue import unit_findings
 from imu_sim_ros.recordings.findings.finding import Finding
 from imu_sim_ros.recordings.findings.policy import ERROR_MODEL
-from imu_sim_ros.recordings.order import RESET_READINGS, RESTART_NS
+from imu_sim_ros.recordings.live_order import Order
 from imu_sim_ros.sensors.gravity import gravity_vector
 from imu_sim_ros.sensors.imu.ideal import size_effect
 from imu_sim_ros.simulation.error_parameters import (
@@ -43,13 +42,6 @@ from imu_sim_ros.simulation.error_parameters import (
     has_mount,
     sensor_rotation,
 )
-
-_LOOKED_BACK: Final = 4
-"""Intervals in which a burst of readings may make up for a long one."""
-_LARGEST_BUNCH: Final = 64
-"""Readings of a bunch; where stamps come in bunches, so many intervals are looked back."""
-_FEW: Final = 8
-"""Readings for which Python's numbers take less time than NumPy's arrays."""
 
 
 @dataclass(frozen=True, repr=False, eq=False)
@@ -62,233 +54,6 @@ class IdealValues(TimeSeries):
     """Name of the sensor."""
     lines: None = None
     """Values have no lines of a text file."""
-
-
-def _changes(series: TimeSeries) -> Mask:
-    """Return (n - 1,) True where a value differs from the row before it.
-
-    An orientation does not count: it need not be that of the reading's message.
-    """
-    columns = [getattr(series, name) for name in series.columns() if name != "q_wb"]
-    changes = np.zeros(len(series.t_ns) - 1, dtype=np.bool_)
-    for values in columns:
-        if values is not None:
-            rows = values.reshape(len(values), -1)
-            changes |= np.any(rows[1:] != rows[:-1], axis=1)
-    return changes
-
-
-class Spreading(Generic[SeriesT]):
-    """Spreads readings that share a stamp over the interval after it, at equal distances.
-
-    Only readings that differ from the one before them are spread; the same reading with the same
-    stamp is a message that came twice.
-    """
-
-    def __init__(self, nominal_ns: float) -> None:
-        """Begin with the next reading.
-
-        :param nominal_ns: interval of the readings [ns].
-        """
-        self._nominal_ns = nominal_ns
-        self._last: SeriesT | None = None
-        self._last_ns: int | None = None
-        self._rank = 0
-        self.spread = 0
-        """Number of readings whose stamps were changed."""
-
-    def take(self, readings: SeriesT) -> None:
-        """Take readings with a stamp of their own each, the last of which may be repeated."""
-        self._last, self._last_ns, self._rank = readings, int(readings.t_ns[-1]), 0
-
-    def apply(self, readings: SeriesT) -> SeriesT:
-        """Return readings with a stamp of their own each."""
-        t_ns = readings.t_ns
-        if not len(t_ns):
-            return readings
-        previous, repeats = self._last, int(t_ns[0]) == self._last_ns
-        self._last, self._last_ns = readings, int(t_ns[-1])
-        if not repeats and (len(t_ns) == 1 or not np.any(t_ns[1:] == t_ns[:-1])):
-            self._rank = 0
-            return readings
-        if repeats and previous is not None:
-            changes = _changes(concatenated([previous.rows(slice(-1, None)), readings])).tolist()
-        else:
-            changes, self._rank = [False, *_changes(readings).tolist()], 0
-        ranks, rank = [], self._rank
-        repetitions = [repeats, *(t_ns[1:] == t_ns[:-1]).tolist()]
-        for repeated, changed in zip(repetitions, changes, strict=True):
-            rank = rank + changed if repeated else 0
-            ranks.append(rank)
-        self._rank = rank
-        self.spread += int(np.count_nonzero(ranks))
-        later = np.rint(np.array(ranks) * self._nominal_ns).astype(np.int64)
-        return with_fields(readings, t_ns=t_ns + later)
-
-
-class Order(Generic[SeriesT]):
-    """Tells readings that come late from those of a simulator that was reset.
-
-    The stamps of a reset are at or before the first one, or more than a second back, or several
-    in a row increase. Readings that may still be either wait for the next ones.
-    """
-
-    def __init__(
-        self,
-        left_out: Callable[[int], object] = lambda step_ns: None,
-        taken_back: Callable[[int], object] = lambda count: None,
-    ) -> None:
-        """Begin with the next reading.
-
-        :param left_out: receives of each reading that is left out its step from the last one [ns],
-            0 if it repeats the stamp.
-        :param taken_back: receives how many of these belong to a simulator that was reset.
-        """
-        self._left_out, self._taken_back = left_out, taken_back
-        self._first_ns: int | None = None
-        self.last_ns = 0
-        """Stamp of the last reading that was passed on."""
-        self._waiting: SeriesT | None = None
-
-    def follow(self, times: Sequence[int]) -> bool:
-        """Return whether stamps [ns] increase and are after the last one, and no reading waits."""
-        previous_ns = self.last_ns
-        for t_ns in times:
-            if t_ns <= previous_ns:
-                return False
-            previous_ns = t_ns
-        return self._waiting is None
-
-    def parts(self, readings: SeriesT) -> Iterable[tuple[SeriesT, int]]:
-        """Return stretches of readings whose stamps increase.
-
-        With each comes how far its stamps have jumped back before it [ns]; 0: it follows.
-        """
-        waiting_count = 0 if self._waiting is None else len(self._waiting.t_ns)
-        if self._waiting is not None:
-            readings, self._waiting = concatenated([self._waiting, readings]), None
-        t_ns = readings.t_ns.tolist()
-        if not t_ns:
-            return ()
-        if self._first_ns is None:
-            self._first_ns, self.last_ns = t_ns[0], t_ns[0] - 1
-        increase = len(t_ns) == 1 or bool((readings.t_ns[1:] > readings.t_ns[:-1]).all())
-        if t_ns[0] > self.last_ns and increase:
-            self.last_ns = t_ns[-1]
-            return ((readings, 0),)
-        return self._sorted_out(readings, t_ns, waiting_count)
-
-    def _sorted_out(
-        self, readings: SeriesT, t_ns: Sequence[int], waiting_count: int
-    ) -> Iterator[tuple[SeriesT, int]]:
-        """Yield stretches of readings some of which are late, repeated, or after a reset.
-
-        :param t_ns: (n,) their stamps [ns].
-        :param waiting_count: readings at the beginning that had waited.
-        """
-        assert self._first_ns is not None
-        keep = np.zeros(len(t_ns), dtype=np.bool_)
-        begin, back, run = 0, 0, list[int]()
-        for k, stamp_ns in enumerate(t_ns):
-            if stamp_ns > self.last_ns:
-                keep[k], self.last_ns, run = True, stamp_ns, []
-                continue
-            if stamp_ns == self.last_ns or (run and stamp_ns == t_ns[run[-1]]):
-                self._left_out(0)
-                continue
-            again = (
-                self.last_ns > self._first_ns >= stamp_ns or stamp_ns < self.last_ns - RESTART_NS
-            )
-            if again or (run and stamp_ns < t_ns[run[-1]]):
-                run = []
-            run.append(k)
-            if not again and k >= waiting_count:
-                self._left_out(stamp_ns - self.last_ns)
-            if not again and len(run) < RESET_READINGS:
-                continue
-            self._taken_back(0 if again else len(run))
-            if keep[begin:].any():
-                yield readings.rows(slice(begin, None)).rows(keep[begin:]), back
-            begin, self._first_ns = run[0], t_ns[run[0]]
-            back = self.last_ns - self._first_ns
-            keep[:begin], keep[run] = False, True
-            self.last_ns, run = stamp_ns, []
-        if keep[begin:].any():
-            yield readings.rows(slice(begin, None)).rows(keep[begin:]), back
-        if run:
-            waiting = np.zeros(len(t_ns), dtype=np.bool_)
-            waiting[run] = True
-            self._waiting = readings.rows(waiting)
-
-
-class Gaps:
-    """Tells missing readings by the last stamps, without a clock of its own.
-
-    Irregular stamps leave out none: over some of the last intervals there are enough of them.
-    """
-
-    def __init__(self, nominal_ns: float, longest_ns: float) -> None:
-        """Begin with the next reading.
-
-        :param nominal_ns: interval of the readings [ns].
-        :param longest_ns: a longer gap is a pause, which leaves out nothing [ns].
-        """
-        self._nominal_ns, self._longest_ns = nominal_ns, longest_ns
-        self._without_gap_ns = 1.5 * nominal_ns
-        self._recent_ns: list[int] = []
-        """The last stamps."""
-
-    def parts(self, t_ns: Times) -> Iterable[tuple[slice | None, int, int]]:
-        """Return rows without a gap (None: all), how many are missing before them, and the pause.
-
-        :param t_ns: (n,) the next stamps, which increase [ns].
-        """
-        times = t_ns.tolist() if len(t_ns) <= _FEW else ()
-        if times and self.none_in(times):
-            self.take(times)
-            return ((None, 0, 0),)
-        return self._split(t_ns)
-
-    def none_in(self, times: Sequence[int]) -> bool:
-        """Return whether no reading is missing before or between a few stamps [ns]."""
-        previous_ns = self._recent_ns[-1] if self._recent_ns else times[0]
-        for t_ns in times:
-            if t_ns - previous_ns > self._without_gap_ns:
-                return False
-            previous_ns = t_ns
-        return True
-
-    def take(self, times: Sequence[int]) -> None:
-        """Take the next stamps [ns], in which there is no gap."""
-        self._recent_ns += times
-        del self._recent_ns[:-_LARGEST_BUNCH]
-
-    def _split(self, t_ns: Times) -> Iterator[tuple[slice | None, int, int]]:
-        """Yield what :meth:`parts` returns."""
-        recent_count, next_ns = len(self._recent_ns), t_ns
-        t_ns = np.concatenate([np.array(self._recent_ns, np.int64), t_ns])
-        self._recent_ns = t_ns[-_LARGEST_BUNCH:].tolist()
-        since = max(recent_count, 1)
-        long = t_ns[since:] - t_ns[since - 1 : -1] > self._without_gap_ns
-        begin = missing = pause = 0
-        for k in (np.flatnonzero(long) + since).tolist() if long.any() else ():
-            if k > recent_count:
-                yield slice(begin, k - recent_count), missing, pause
-            begin = k - recent_count
-            missing, pause = self._gap(t_ns[: k + 1])
-        yield (slice(begin, len(next_ns)) if begin else None), missing, pause
-
-    def _gap(self, t_ns: Times) -> tuple[int, int]:
-        """Return how many readings the last step of stamps leaves out, or its length as a pause."""
-        step_ns = int(t_ns[-1] - t_ns[-2])
-        if step_ns > self._longest_ns:
-            return 0, step_ns
-        previous_ns = t_ns[-_LARGEST_BUNCH - 1 : -1][::-1]
-        short = np.count_nonzero(previous_ns[:-1] - previous_ns[1:] < SHORT * self._nominal_ns)
-        if 2 * short < len(previous_ns) - 1:
-            previous_ns = previous_ns[:_LOOKED_BACK]
-        expected = np.rint((t_ns[-1] - previous_ns) / self._nominal_ns).astype(np.int64)
-        return max(int((expected - np.arange(1, len(previous_ns) + 1)).min()), 0), 0
 
 
 class Conventions:

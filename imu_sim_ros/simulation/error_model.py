@@ -28,11 +28,7 @@ from imu_sim_ros.sensors.imu.declaration import NAME as IMU
 from imu_sim_ros.sensors.imu.model import AHEAD, NOWHERE, Imu, unknown_motion
 from imu_sim_ros.sensors.samples import Samples
 from imu_sim_ros.sensors.world import Window, World
-from imu_sim_ros.simulation.error_input import (
-    Conventions,
-    Resampler,
-    StartCheck,
-)
+from imu_sim_ros.simulation.error_input import Conventions, Resampler, StartCheck
 from imu_sim_ros.simulation.error_parameters import ErrorModelParameters
 from imu_sim_ros.simulation.given_sensor import OTHERS, GivenOther, GivenSensor
 from imu_sim_ros.simulation.sensors import models, mounted

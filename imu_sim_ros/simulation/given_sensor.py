@@ -14,19 +14,14 @@ import numpy as np
 from imu_sim_ros.core import timebase
 from imu_sim_ros.core.errors import ConfigurationError
 from imu_sim_ros.core.records import SeriesT, with_fields
+from imu_sim_ros.recordings.live_order import Gaps, Order, Spreading
 from imu_sim_ros.sensors import sensors_of_imus
 from imu_sim_ros.sensors.declaration import Sensor
 from imu_sim_ros.sensors.faults import Fault
 from imu_sim_ros.sensors.imu.model import NOWHERE
 from imu_sim_ros.sensors.samples import Samples
 from imu_sim_ros.sensors.world import World
-from imu_sim_ros.simulation.error_input import (
-    Conventions,
-    Gaps,
-    IdealValues,
-    Order,
-    Spreading,
-)
+from imu_sim_ros.simulation.error_input import Conventions, IdealValues
 from imu_sim_ros.simulation.error_parameters import ErrorModelParameters
 from imu_sim_ros.simulation.sensors import models, mounted
 
