@@ -43,8 +43,8 @@ def no_torn_segments() -> None:
 @pytest.fixture(scope="session")
 def domains() -> Iterator[tuple[int, int]]:
     """Two ROS domains that nobody else on this machine tests on; a bound port is the lock."""
-    held: list[socket.socket] = []
-    found: list[int] = []
+    held_sockets: list[socket.socket] = []
+    free_domains: list[int] = []
     for domain in random.sample(range(1, 61), 60):
         lock = socket.socket()
         try:
@@ -52,12 +52,12 @@ def domains() -> Iterator[tuple[int, int]]:
         except OSError:
             lock.close()
             continue
-        held.append(lock)
-        found.append(domain)
-        if len(found) == 2:
+        held_sockets.append(lock)
+        free_domains.append(domain)
+        if len(free_domains) == 2:
             break
-    yield found[0], found[1]
-    for lock in held:
+    yield free_domains[0], free_domains[1]
+    for lock in held_sockets:
         lock.close()
 
 
@@ -116,8 +116,8 @@ WHEELS_PREFIX = Path(__file__).with_name("wheels_prefix")
 @pytest.fixture
 def tf2_msgs(monkeypatch: pytest.MonkeyPatch) -> None:
     """Let this process and nodes find tf2_msgs; next to ROS 2's wheels, a part made of them."""
-    found = find_spec("tf2_msgs")
-    if found is None or WHEELS_PREFIX in Path(found.origin or "").parents:
+    module_spec = find_spec("tf2_msgs")
+    if module_spec is None or WHEELS_PREFIX in Path(module_spec.origin or "").parents:
         monkeypatch.syspath_prepend(str(WHEELS_PREFIX))
         monkeypatch.setenv("PYTHONPATH", str(WHEELS_PREFIX))
 
@@ -140,13 +140,15 @@ def start(
         as_module: bool = False,
         **parameters: Any,
     ) -> Any:
-        words = [*arguments, "--ros-args"] if "--ros-args" not in arguments else [*arguments]
+        program_arguments = (
+            [*arguments, "--ros-args"] if "--ros-args" not in arguments else [*arguments]
+        )
         for key, value in parameters.items():
             shown = str(value).lower() if isinstance(value, bool) else str(value)
-            words += ["-p", f"{key.replace('__', '.')}:={shown}"]
+            program_arguments += ["-p", f"{key.replace('__', '.')}:={shown}"]
         log = tmp_path / f"node{len(started)}.log"
         place = domain or domains[0]
-        started.append(NodeProcess(name, words, place, log, str(installed), as_module))
+        started.append(NodeProcess(name, program_arguments, place, log, str(installed), as_module))
         return started[-1]
 
     yield run
@@ -185,11 +187,14 @@ def refused(domains: tuple[int, int], tmp_path: Path) -> Callable[..., list[list
             text=True,
         )
         assert done.returncode == 0, done.stderr
-        *found, rest = done.stderr.split("status 2\n")
-        assert len(found) == len(calls), done.stderr
+        *error_texts, rest = done.stderr.split("status 2\n")
+        assert len(error_texts) == len(calls), done.stderr
         assert rest == ""
         shared = "in this process has it, too"
-        return [[line for line in said.splitlines() if shared not in line] for said in found]
+        return [
+            [line for line in error_text.splitlines() if shared not in line]
+            for error_text in error_texts
+        ]
 
     return run
 
@@ -222,9 +227,11 @@ class Listener:
         from rclpy.qos import QoSProfile
 
         self._types[topic] = kind
-        taken = self.raw.setdefault(topic, [])
+        payloads = self.raw.setdefault(topic, [])
         profile = QoSProfile(depth=depth, **qos)
-        subscription = self.node.create_subscription(kind, topic, taken.append, profile, raw=True)
+        subscription = self.node.create_subscription(
+            kind, topic, payloads.append, profile, raw=True
+        )
         self._subscriptions.append(subscription)
 
     def spin(self, seconds: float = 0.05) -> None:
@@ -239,8 +246,10 @@ class Listener:
             self._executor.spin_once(timeout_sec=WAIT)
             for subscription in self._subscriptions:
                 with subscription.handle:
-                    while taken := subscription.handle.take_message(subscription.msg_type, True):
-                        subscription.callback(taken[0])
+                    while message_and_info := subscription.handle.take_message(
+                        subscription.msg_type, True
+                    ):
+                        subscription.callback(message_and_info[0])
             time.sleep(self._pause)
 
     def wait_for_publishers(self) -> None:
@@ -252,8 +261,10 @@ class Listener:
 
     def wait_for(self, topic: str, count: int) -> None:
         """Spin until so many messages of a topic have come in all."""
-        taken = self.raw[topic]
-        until(lambda: len(taken) >= count, self.spin, f"{count} on {topic}, {len(taken)} came")
+        payloads = self.raw[topic]
+        until(
+            lambda: len(payloads) >= count, self.spin, f"{count} on {topic}, {len(payloads)} came"
+        )
 
     def wait_until(self, condition: Callable[[], Any], what: str) -> None:
         """Spin until a condition holds."""
@@ -267,9 +278,9 @@ class Listener:
 
     def settle(self) -> None:
         """Spin until nothing more comes: on a busy machine much waits to be taken."""
-        before = -1
-        while before != (total := sum(len(taken) for taken in self.raw.values())):
-            before = total
+        previous_total = -1
+        while previous_total != (total := sum(len(payloads) for payloads in self.raw.values())):
+            previous_total = total
             self.spin(0.5)
 
     def messages(self, topic: str) -> list[Any]:
@@ -313,14 +324,14 @@ def listener_on(
 ) -> Iterator[Callable[[int], Listener]]:
     """Make a listener on a domain."""
     monkeypatch.setenv("ROS_AUTOMATIC_DISCOVERY_RANGE", "LOCALHOST")
-    made: list[Listener] = []
+    listeners: list[Listener] = []
 
     def make(domain: int) -> Listener:
-        made.append(Listener(domain))
-        return made[-1]
+        listeners.append(Listener(domain))
+        return listeners[-1]
 
     yield make
-    for listener in made:
+    for listener in listeners:
         listener.close()
 
 

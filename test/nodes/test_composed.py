@@ -22,7 +22,7 @@ def gyro(messages: list[Any]) -> np.ndarray:
 
 
 def test_two_simulators_have_two_seeds_and_say_which(start: Any, listener: Any) -> None:
-    """By default; each can be made again offline from the seed that its diagnostics state."""
+    """Default seeds differ; the seed in a node's diagnostics reproduces its readings offline."""
     chosen = {"rate": 100, "imu__preset": "bmi088", "trajectory__type": "static", "start_time": 1}
     ready = {"wait_for_subscribers": 1}
     spaces = ("left", "right", "")
@@ -51,11 +51,13 @@ def test_two_simulators_have_two_seeds_and_say_which(start: Any, listener: Any) 
             [float(word) for word in values["imu.gyroscope_bias"].split()], drawn, rtol=1e-8
         )
     for name in spaces:
-        read = gyro(listener.messages(f"{'/' if name else ''}{name}/imu/data_raw"))[:250]
-        same = [seed for seed, expected in offline.items() if np.array_equal(expected, read)]
-        assert len(same) == 1
-        assert (same == [0]) == (name == "")
-        del offline[same[0]]
+        live_gyro = gyro(listener.messages(f"{'/' if name else ''}{name}/imu/data_raw"))[:250]
+        matching_seeds = [
+            seed for seed, expected in offline.items() if np.array_equal(expected, live_gyro)
+        ]
+        assert len(matching_seeds) == 1
+        assert (matching_seeds == [0]) == (name == "")
+        del offline[matching_seeds[0]]
 
 
 def test_a_parameter_of_one_node_of_a_process_is_none_of_the_others(listener: Any, capfd: Any):
@@ -66,8 +68,8 @@ def test_a_parameter_of_one_node_of_a_process_is_none_of_the_others(listener: An
     nodes = [Integrator(context=context), Simulator(context=context)]
     try:
         assert nodes[1].parameters.seed == 3
-        said = capfd.readouterr().err
-        assert "seed: is a parameter of another node; no effect here" in said
+        error_text = capfd.readouterr().err
+        assert "seed: is a parameter of another node; no effect here" in error_text
     finally:
         for node in nodes:
             node.close()
@@ -80,14 +82,14 @@ def test_two_nodes_of_a_process_with_one_seed_say_so(listener: Any, capfd: Any) 
     context = rclpy.Context()
     arguments = ["--ros-args", "-p", "seed:=3", "-p", "autostart:=false"]
     rclpy.init(args=arguments, context=context, domain_id=listener.context.get_domain_id())
-    words = "seed = 3: /left/simulator in this process has it, too"
+    warning_text = "seed = 3: /left/simulator in this process has it, too"
 
-    def warned(spaces: tuple[str, ...], **more: Any) -> bool:
-        nodes = [Simulator(context=context, namespace=space, **more) for space in spaces]
+    def warned(spaces: tuple[str, ...], **node_options: Any) -> bool:
+        nodes = [Simulator(context=context, namespace=space, **node_options) for space in spaces]
         for node in nodes:
             node.close()
             node.destroy_node()
-        return words in capfd.readouterr().err
+        return warning_text in capfd.readouterr().err
 
     try:
         assert warned(("left", "right"))

@@ -87,18 +87,20 @@ def test_pause_step_resume_and_reset(start: Any, listener: Any, ask: Any) -> Non
     )
     assert ask("pause") == (0, "paused\n", "")
     listener.settle()
-    held = len(listener.raw[IMU])
+    paused_count = len(listener.raw[IMU])
     assert ask("step", "1") == (0, "1 samples\n", "")  # nothing came in the second this takes
-    listener.wait_for(IMU, held + 1)
+    listener.wait_for(IMU, paused_count + 1)
     listener.settle()
-    held += 1
-    assert len(listener.raw[IMU]) == held
+    paused_count += 1
+    assert len(listener.raw[IMU]) == paused_count
     assert ask("reset") == (0, "back at the first sample\n", "")
     assert ask("step", "2")[0] == 0
-    listener.wait_for(IMU, held + 2)
-    taken = stamps(listener.messages(IMU))
-    assert taken[:held] == [5 * 10**9 + 10_000_000 * k for k in range(held)]
-    assert taken[held:] == [5 * 10**9, 5 * 10**9 + 10_000_000]
+    listener.wait_for(IMU, paused_count + 2)
+    received_stamps = stamps(listener.messages(IMU))
+    assert received_stamps[:paused_count] == [
+        5 * 10**9 + 10_000_000 * k for k in range(paused_count)
+    ]
+    assert received_stamps[paused_count:] == [5 * 10**9, 5 * 10**9 + 10_000_000]
 
 
 def test_set_live_parameters_and_say_each_refusal(start: Any, listener: Any, ask: Any) -> None:
@@ -113,10 +115,10 @@ def test_set_live_parameters_and_say_each_refusal(start: Any, listener: Any, ask
         "imu.dropout_probability = 0.5\n",
         "",
     )
-    found = listener.call("simulator/get_parameters", GetParameters, names=names).values
-    assert list(found[0].double_array_value) == [0.25, 0.0, -1.0]
-    assert list(found[1].double_array_value) == [-2.0, -2.0, -2.0]
-    assert found[2].double_value == 0.5
+    stored_values = listener.call("simulator/get_parameters", GetParameters, names=names).values
+    assert list(stored_values[0].double_array_value) == [0.25, 0.0, -1.0]
+    assert list(stored_values[1].double_array_value) == [-2.0, -2.0, -2.0]
+    assert stored_values[2].double_value == 0.5
     wrong = ["imu.dropout_probability", "1.5", "rate", "50", "imu.gyro_bias", "1"]
     status, output, error = ask("set", "imu.gyroscope_bias", "0", *wrong)
     assert (status, output) == (2, "imu.gyroscope_bias = 0\n")
@@ -125,9 +127,9 @@ def test_set_live_parameters_and_say_each_refusal(start: Any, listener: Any, ask
     assert "control: imu.dropout_probability = 1.5: must be" in lines[0]
     assert "control: rate is read-only: it is fixed when the node starts" in lines[1]
     assert "control: imu.gyro_bias: unknown parameter" in lines[2]
-    found = listener.call("simulator/get_parameters", GetParameters, names=names).values
-    assert list(found[0].double_array_value) == [0.0, 0.0, 0.0]
-    assert found[2].double_value == 0.5
+    stored_values = listener.call("simulator/get_parameters", GetParameters, names=names).values
+    assert list(stored_values[0].double_array_value) == [0.0, 0.0, 0.0]
+    assert stored_values[2].double_value == 0.5
 
 
 def test_inject_and_watch(start: Any, listener: Any, ask: Any, control: Any) -> None:
@@ -142,16 +144,16 @@ def test_inject_and_watch(start: Any, listener: Any, ask: Any, control: Any) -> 
     assert status == 2
     assert "must be a latency of at most 10 s" in error
     watching = control("watch", "--json", *name)
-    seen: list[dict[str, Any]] = []
-    while not {"words", "t_ns"} <= {key for entry in seen for key in entry}:
-        seen.append(json.loads(watching.stdout.readline()))
+    watched_entries: list[dict[str, Any]] = []
+    while not {"words", "t_ns"} <= {key for entry in watched_entries for key in entry}:
+        watched_entries.append(json.loads(watching.stdout.readline()))
     watching.send_signal(signal.SIGTERM)
     _, error = watching.communicate(timeout=PATIENCE)
     assert (watching.returncode, error) == (143, "control: interrupted; the simulator continues\n")
-    fault = next(entry for entry in seen if "t_ns" in entry)
+    fault = next(entry for entry in watched_entries if "t_ns" in entry)
     assert fault["values"]["kind"] == "bias_jump"
     assert fault["values"]["value"] == "0.5 0 0"
-    report = next(entry for entry in seen if "words" in entry)
+    report = next(entry for entry in watched_entries if "words" in entry)
     assert float(report["values"][f"{IMU} rate [Hz]"]) > 0.0
     assert "lateness p99 [us]" in report["values"]
     status, output, _ = ask("watch", "--duration", "2s", *name)
@@ -192,7 +194,7 @@ def test_a_simulator_that_is_not_there_is_said(start: Any, listener: Any, contro
     ],
 )
 def test_bad_arguments_need_no_simulator(capsys: Any, arguments: list[str], line: str) -> None:
-    """In this process; of the program itself, a status is that of the simulator not found above."""
+    """The arguments are parsed in this process, without a simulator."""
     try:
         status = main(arguments)
     except SystemExit as end:  # as the parser ends a program

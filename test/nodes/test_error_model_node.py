@@ -83,16 +83,18 @@ def test_live_readings_are_those_of_the_simulation(start, listener, flight):
     source.send(ideal(flight))
     for topic in [*names][:-1]:
         listener.wait_for(topic, len(flight))
-    read = listener.messages("imu/data_raw")
-    stamps = [message.header.stamp.sec * 10**9 + message.header.stamp.nanosec for message in read]
+    imu_messages = listener.messages("imu/data_raw")
+    stamps = [
+        message.header.stamp.sec * 10**9 + message.header.stamp.nanosec for message in imu_messages
+    ]
     assert np.array_equal(stamps, flight.t_ns)
-    assert np.array_equal(vectors(read, "angular_velocity"), flight.gyro)
-    assert np.array_equal(vectors(read, "linear_acceleration"), flight.accel)
+    assert np.array_equal(vectors(imu_messages, "angular_velocity"), flight.gyro)
+    assert np.array_equal(vectors(imu_messages, "linear_acceleration"), flight.accel)
     bias = listener.messages("ground_truth/accelerometer_bias")
     assert np.array_equal(vectors(bias, "vector"), flight.truth.accel_bias)
     true = listener.messages("ground_truth/imu")
     assert np.array_equal(vectors(true, "linear_acceleration"), flight.truth.accel)
-    assert {message.header.frame_id for message in read} == {"imu_link"}
+    assert {message.header.frame_id for message in imu_messages} == {"imu_link"}
 
     def running():
         messages = listener.messages("/diagnostics")
@@ -123,11 +125,17 @@ def test_noise_that_would_be_added_twice_is_told(start, listener):
 
 
 def test_magnetometer_and_barometer_are_those_of_the_simulation(start, listener):
-    given = {"preset": "mpu9250", "barometer_preset": "bmp388", "barometer_rate": 50.0}
+    imu_settings = {"preset": "mpu9250", "barometer_preset": "bmp388", "barometer_rate": 50.0}
     sensors = ["magnetic_field", "pressure"]
-    run = {"imu": given, "rate": RATE, "seed": SEED, "trajectory": "figure_eight", "duration": 2}
+    run = {
+        "imu": imu_settings,
+        "rate": RATE,
+        "seed": SEED,
+        "trajectory": "figure_eight",
+        "duration": 2,
+    }
     flight = ims.simulate(sensors=sensors, **run)
-    read = flight.magnetic_field, flight.pressure
+    magnetic_and_pressure = flight.magnetic_field, flight.pressure
     listener.listen("imu/mag", MagneticField)
     listener.listen("ground_truth/magnetometer_bias", Vector3Stamped)
     listener.listen("imu/pressure", FluidPressure)
@@ -140,28 +148,36 @@ def test_magnetometer_and_barometer_are_those_of_the_simulation(start, listener)
     )
     fields = Source(listener, MagneticField, "imu/mag/ideal")
     airs = Source(listener, FluidPressure, "imu/pressure/ideal")
-    rows = MagneticFieldEncoder("imu_link").encode(read[0].true_t_ns, read[0].ideal_field)
+    rows = MagneticFieldEncoder("imu_link").encode(
+        magnetic_and_pressure[0].true_t_ns, magnetic_and_pressure[0].ideal_field
+    )
     messages = [row.tobytes() for row in rows]
-    nan = messages[0].replace(read[0].ideal_field[0, 0].tobytes(), np.float64(np.nan).tobytes())
+    nan = messages[0].replace(
+        magnetic_and_pressure[0].ideal_field[0, 0].tobytes(), np.float64(np.nan).tobytes()
+    )
     fields.send([nan, *messages])
-    rows = FluidPressureEncoder("imu_link").encode(read[1].true_t_ns, read[1].ideal_pressure)
+    rows = FluidPressureEncoder("imu_link").encode(
+        magnetic_and_pressure[1].true_t_ns, magnetic_and_pressure[1].ideal_pressure
+    )
     airs.send([row.tobytes() for row in rows])
-    listener.wait_for("imu/mag", len(read[0]))
-    listener.wait_for("ground_truth/magnetometer_bias", len(read[0]))
-    listener.wait_for("imu/pressure", len(read[1]))
-    found = listener.messages("imu/mag")
-    assert np.array_equal(vectors(found, "magnetic_field"), read[0].field)
-    density = np.array([one.magnetic_field_covariance[0] for one in found])
+    listener.wait_for("imu/mag", len(magnetic_and_pressure[0]))
+    listener.wait_for("ground_truth/magnetometer_bias", len(magnetic_and_pressure[0]))
+    listener.wait_for("imu/pressure", len(magnetic_and_pressure[1]))
+    field_messages = listener.messages("imu/mag")
+    assert np.array_equal(vectors(field_messages, "magnetic_field"), magnetic_and_pressure[0].field)
+    density = np.array(
+        [field_message.magnetic_field_covariance[0] for field_message in field_messages]
+    )
     assert (density > 0.0).all()  # the resolution's
     bias = listener.messages("ground_truth/magnetometer_bias")
-    assert np.array_equal(vectors(bias, "vector"), read[0].bias)
+    assert np.array_equal(vectors(bias, "vector"), magnetic_and_pressure[0].bias)
     air = [message.fluid_pressure for message in listener.messages("imu/pressure")]
-    assert np.array_equal(air, read[1].pressure)
+    assert np.array_equal(air, magnetic_and_pressure[1].pressure)
     result = listener.set("error_model", inject__kind="stuck", inject__triad="magnetometer")
     assert result.successful, result.reason
     listener.wait_for("ground_truth/faults", 1)
     assert node.end() == 0
-    assert f"received {len(read[0]) + 1} messages on imu/mag/ideal" in node.output
+    assert f"received {len(magnetic_and_pressure[0]) + 1} messages on imu/mag/ideal" in node.output
     assert "imu/mag/ideal: refused" in node.output
 
 
@@ -172,8 +188,8 @@ def test_changes_faults_reset_and_bad_messages(start, listener):
     source = Source(listener, Imu, "imu/ideal")
     encoder = ImuEncoder("x")
 
-    def rows(first: int, count: int) -> list[bytes]:
-        t_ns = (first + np.arange(count)) * 10_000_000 + 10**9
+    def rows(first_index: int, count: int) -> list[bytes]:
+        t_ns = (first_index + np.arange(count)) * 10_000_000 + 10**9
         level = np.tile([0.0, 0.0, 9.81], (count, 1))
         return [row.tobytes() for row in encoder.encode(t_ns, np.zeros((count, 3)), level)]
 
@@ -196,10 +212,10 @@ def test_changes_faults_reset_and_bad_messages(start, listener):
     assert "has no magnetometer" in refused.reason
     source.send(rows(20, 100))
     listener.wait_for("imu/data_raw", 119)
-    read = vectors(listener.messages("imu/data_raw"), "angular_velocity")
+    angular_rates = vectors(listener.messages("imu/data_raw"), "angular_velocity")
     # Reading 10 is missing: row k - 1 is sample k; the fault lasts 5 of them.
-    assert np.flatnonzero(read[:, 0]).tolist() == [19, 20, 21, 22, 23]
-    assert np.flatnonzero(read[:, 1])[0] == 64 - 1
+    assert np.flatnonzero(angular_rates[:, 0]).tolist() == [19, 20, 21, 22, 23]
+    assert np.flatnonzero(angular_rates[:, 1])[0] == 64 - 1
     frames = {message.header.frame_id for message in listener.messages("imu/data_raw")}
     assert frames == {"x"}  # that of the input
     fault = listener.messages("ground_truth/faults")[0]
@@ -231,12 +247,12 @@ def test_a_simulator_that_is_reset_and_two_nodes_in_namespaces(start, listener, 
     source.send(messages)
     for name in ("left", "right"):
         listener.wait_for(f"/{name}/imu/data_raw", 2 * len(flight))
-    left, right = (
+    left_accel, right_accel = (
         vectors(listener.messages(f"/{name}/imu/data_raw"), "linear_acceleration")
         for name in ("left", "right")
     )
-    assert np.array_equal(left[: len(flight)], flight.accel)
-    assert np.array_equal(left[len(flight) :], right[: len(flight)])  # seed 4 of both
+    assert np.array_equal(left_accel[: len(flight)], flight.accel)
+    assert np.array_equal(left_accel[len(flight) :], right_accel[: len(flight)])  # seed 4 of both
     for node in nodes:
         assert node.end() == 0
     assert "jump back" in nodes[0].output
@@ -278,26 +294,31 @@ def test_several_in_one_process_know_nothing_of_each_other(listener, flight, cap
     source.send(messages[half:])
     for name in ("left", "right"):
         listener.wait_for(f"/{name}/imu/data_raw", len(flight))
-    left, right, tail = (listener.messages(f"/{name}/imu/data_raw") for name in sensors)
-    gyro, accel = vectors(left, "angular_velocity"), vectors(left, "linear_acceleration")
+    left_messages, right_messages, tail_messages = (
+        listener.messages(f"/{name}/imu/data_raw") for name in sensors
+    )
+    gyro, accel = (
+        vectors(left_messages, "angular_velocity"),
+        vectors(left_messages, "linear_acceleration"),
+    )
     assert np.array_equal(gyro[:half], flight.gyro[:half])
     stuck = round(0.2 * RATE)
     assert (gyro[half : half + stuck] == flight.gyro[half - 1]).all()
     assert np.array_equal(gyro[half + stuck :], flight.gyro[half + stuck :])
     assert np.array_equal(accel, flight.accel)
-    assert np.array_equal(vectors(right, "angular_velocity"), flight.gyro)
-    changed = vectors(right, "linear_acceleration") - flight.accel
-    first = half + -half % 64  # live changes begin with a multiple of 64 samples
-    assert not changed[:first].any()
+    assert np.array_equal(vectors(right_messages, "angular_velocity"), flight.gyro)
+    changed = vectors(right_messages, "linear_acceleration") - flight.accel
+    first_changed = half + -half % 64  # live changes begin with a multiple of 64 samples
+    assert not changed[:first_changed].any()
     # The bias comes before the steps of mpu6000, 1 / 2048 g: up to a step more or less.
-    assert np.abs(changed[first:] - [0.0, 0.0, 1.0]).max() <= 9.80665 / 2048.0 + 1e-12
-    assert np.array_equal(vectors(tail, "linear_acceleration"), flight.truth.accel[:half])
+    assert np.abs(changed[first_changed:] - [0.0, 0.0, 1.0]).max() <= 9.80665 / 2048.0 + 1e-12
+    assert np.array_equal(vectors(tail_messages, "linear_acceleration"), flight.truth.accel[:half])
     for name in ("left", "right"):
         nodes[name].close()
         nodes[name].destroy_node()
-    said = capfd.readouterr().out
-    assert said.count(f"error_model: received {len(flight)} messages on imu/ideal") == 2
-    assert f"error_model: received {half} messages on imu/ideal" in said
+    console_text = capfd.readouterr().out
+    assert console_text.count(f"error_model: received {len(flight)} messages on imu/ideal") == 2
+    assert f"error_model: received {half} messages on imu/ideal" in console_text
 
 
 def test_odometry_and_an_orientation(start, listener, flight):
@@ -316,11 +337,13 @@ def test_odometry_and_an_orientation(start, listener, flight):
     )
     source.send([row.tobytes() for row in rows])
     listener.wait_for("imu/data", len(flight) - 2)
-    read = vectors(listener.messages("imu/data_raw"), "linear_acceleration")
+    specific_force = vectors(listener.messages("imu/data_raw"), "linear_acceleration")
     # A message late, off by h^2 / 6 of the third derivative of the velocity, some 40 m/s^4.
-    assert np.abs(read - truth.accel[1:-1]).max() < 4e-6 / 6.0 * 40.0
+    assert np.abs(specific_force - truth.accel[1:-1]).max() < 4e-6 / 6.0 * 40.0
     stated = [message.orientation for message in listener.messages("imu/data")]
-    q = np.array([[one.w, one.x, one.y, one.z] for one in stated])
+    q = np.array(
+        [[quaternion.w, quaternion.x, quaternion.y, quaternion.z] for quaternion in stated]
+    )
     assert np.allclose(np.abs(np.sum(q * truth.q_wb[1:-1], axis=1)), 1.0, atol=1e-12)
 
 
@@ -347,8 +370,8 @@ def test_bad_arguments_are_a_line(refused):
         "none.sdf": ["--imu", "none.sdf"],
         "rat: ": ["--publish.ground_truth", "1", "--rat", "3"],
     }
-    for words, lines in zip(calls, refused("error_model", [*calls.values()]), strict=True):
-        assert any(words in line for line in lines)
+    for error_text, lines in zip(calls, refused("error_model", [*calls.values()]), strict=True):
+        assert any(error_text in line for line in lines)
         assert all(line.startswith("error_model: ") for line in lines)
 
 

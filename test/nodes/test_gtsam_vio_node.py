@@ -41,19 +41,27 @@ def as_vins_sends_them(folder: Path) -> None:
     frame = np.unique(tracks["t_ns"], return_inverse=True)[1]
     order = np.lexsort((frame, tracks["id"]))
     identity, frame = tracks["id"][order], frame[order]
-    new = np.diff(identity, prepend=-1) != 0
-    begins = new | (np.diff(frame, prepend=-2) != 1)
-    kept = np.sort(order[~begins])
+    is_new_feature = np.diff(identity, prepend=-1) != 0
+    begins = is_new_feature | (np.diff(frame, prepend=-2) != 1)
+    sent = np.sort(order[~begins])
     tracks["id"][order] = np.cumsum(begins)
-    np.savez(folder / "tracks.npz", **{name: column[kept] for name, column in tracks.items()})
+    np.savez(folder / "tracks.npz", **{name: column[sent] for name, column in tracks.items()})
 
 
 def test_the_live_estimate_is_the_one_from_files(start, domains, tmp_path):
     pytest.importorskip("gtsam")
     settings = [word for key, value in FLIGHT.items() for word in ("--set", f"{key}={value}")]
     folder, path = tmp_path / "tracks", tmp_path / "tracks_configs" / "simulation.yaml"
-    words = ["-o", str(folder), "--format", "tracks", "--trajectory", "figure_eight", "--quiet"]
-    assert generate.main([*words, *settings, "--with-configs"]) == 0
+    generate_arguments = [
+        "-o",
+        str(folder),
+        "--format",
+        "tracks",
+        "--trajectory",
+        "figure_eight",
+        "--quiet",
+    ]
+    assert generate.main([*generate_arguments, *settings, "--with-configs"]) == 0
     environment = {
         **os.environ,
         "ROS_DOMAIN_ID": str(domains[0]),

@@ -44,7 +44,7 @@ def test_help_fits_two_screens_and_help_all_has_every_parameter(
     name: str, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
     monkeypatch.setenv("COLUMNS", "80")
-    every = set(parameters(help.PROGRAMS[name].section()))
+    parameter_names = set(parameters(help.PROGRAMS[name].section()))
     assert help.answer(name, ["--help"]) == 0
     short = capsys.readouterr().out
     if help.PROGRAMS[name].main:
@@ -52,10 +52,12 @@ def test_help_fits_two_screens_and_help_all_has_every_parameter(
         assert short.index("examples:") < short.index("options:")
         assert "--help-all" in short
         files = set(help.SECTION_FILES.values())
-        assert set(help.PROGRAMS[name].main) <= every | {*help.SECTION_FILES} | files
+        assert set(help.PROGRAMS[name].main) <= parameter_names | {*help.SECTION_FILES} | files
     assert help.answer(name, ["--help-all"]) == 0
     whole = capsys.readouterr().out
-    assert {f"--{key}" for key in every} <= set(re.findall(r"^  (--\S+)", whole, re.MULTILINE))
+    assert {f"--{key}" for key in parameter_names} <= set(
+        re.findall(r"^  (--\S+)", whole, re.MULTILINE)
+    )
 
 
 @pytest.mark.parametrize("name", help.PROGRAMS)
@@ -67,15 +69,17 @@ def test_examples_of_the_help_are_accepted(
     tail = help.short_parser(name).format_help().partition("examples:\n")[2]
     lines = [line.strip() for line in tail.partition("\n\n")[0].splitlines()]
     assert len(lines) >= 2
-    known = set(parameters(help.PROGRAMS[name].section()))
+    parameter_names = set(parameters(help.PROGRAMS[name].section()))
     for line in lines:
-        program, *words = shlex.split(line)
+        program, *example_arguments = shlex.split(line)
         assert program == name
-        plain = recorder.plain_arguments(words) if name == "recorder" else words
-        made = ros_arguments(plain, help.PROGRAMS[name].section(), tmp_path)
-        given = dict(
-            word.split(":=", 1) for before, word in itertools.pairwise(made) if before == "-p"
+        plain = (
+            recorder.plain_arguments(example_arguments) if name == "recorder" else example_arguments
         )
-        assert set(given) <= known
-        if "imu.preset" in given:
-            assert given["imu.preset"].strip('"') in files.names("imus")
+        node_arguments = ros_arguments(plain, help.PROGRAMS[name].section(), tmp_path)
+        overrides = dict(
+            word.split(":=", 1) for flag, word in itertools.pairwise(node_arguments) if flag == "-p"
+        )
+        assert set(overrides) <= parameter_names
+        if "imu.preset" in overrides:
+            assert overrides["imu.preset"].strip('"') in files.names("imus")

@@ -62,9 +62,9 @@ def test_there_are_these_launch_files():
 
 @pytest.mark.parametrize("path", LAUNCH_FILES, ids=name_of)
 def test_arguments_are_parameters_of_the_nodes_with_their_texts(path):
-    known = {}
+    parameter_table = {}
     for section in NODES[name_of(path)]:
-        known = {**parameters(section), **known}
+        parameter_table = {**parameters(section), **parameter_table}
     arguments = arguments_of(path)
     assert len({argument.name for argument in arguments}) == len(arguments)
     assert {"namespace", "params_file", "use_sim_time"} <= {a.name for a in arguments}
@@ -72,7 +72,10 @@ def test_arguments_are_parameters_of_the_nodes_with_their_texts(path):
         if argument.name not in NOT_PARAMETERS:
             # The node's own default holds where nothing is given.
             assert argument.default == ""
-            assert known[SECTION_FILES.get(argument.name, argument.name)].text in argument.text
+            assert (
+                parameter_table[SECTION_FILES.get(argument.name, argument.name)].text
+                in argument.text
+            )
 
 
 @pytest.mark.skipif(
@@ -87,8 +90,8 @@ def test_launch_reads_the_description(path):
 
     source = PythonLaunchDescriptionSource(str(path))
     description = source.get_launch_description(LaunchContext())
-    found = {argument.name for argument in description.get_launch_arguments()}
-    assert {argument.name for argument in arguments_of(path)} == found
+    described_names = {argument.name for argument in description.get_launch_arguments()}
+    assert {argument.name for argument in arguments_of(path)} == described_names
 
 
 def published_topics() -> dict[str, set[str]]:
@@ -193,7 +196,7 @@ def test_layouts_have_the_colours_of_pages_and_pictures():
     path = foxglove["3D!scene"]["topics"]["/dead_reckoned/path"]["gradient"]
     assert path == [f"{SERIES_COLOURS[0].lower()}ff"] * 2
     tree = yaml.safe_load((REPOSITORY / "config/dead_reckoning.rviz").read_text())
-    displays = {one["Name"]: one for one in tree["Visualization Manager"]["Displays"]}
+    displays = {display["Name"]: display for display in tree["Visualization Manager"]["Displays"]}
     channels = [int(text) for text in displays["Dead-reckoned path"]["Color"].split(";")]
     assert bytes(channels).hex() == SERIES_COLOURS[0][1:].lower()
 

@@ -1,7 +1,7 @@
 # Copyright 2026 imu_sim_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""What the real launch handed over, captured in test/data/launch, is what the nodes take."""
+"""Nodes accept the arguments of a real launch, captured in test/data/launch."""
 
 import importlib.util
 import json
@@ -62,11 +62,20 @@ def launch_file(name: str) -> Any:
 @pytest.mark.parametrize("node", list(SECTIONS))
 def test_every_list_is_read_from_a_file_as_launch_ros_writes_it(tmp_path, node):
     """launch_ros' own line: yaml.dump(parameters, file, default_flow_style=False)."""
-    lists = {name: one for name, one in parameters(SECTIONS[node]).items() if one.kind in LISTS}
+    lists = {
+        name: parameter
+        for name, parameter in parameters(SECTIONS[node]).items()
+        if parameter.kind in LISTS
+    }
     assert lists
     values = {
-        name: (*(one.default or (("a", "b") if one.kind == "texts" else (1.0,) * one.group)),)
-        for name, one in lists.items()
+        name: (
+            *(
+                parameter.default
+                or (("a", "b") if parameter.kind == "texts" else (1.0,) * parameter.group)
+            ),
+        )
+        for name, parameter in lists.items()
     }
     path = tmp_path / "launch_params"
     with path.open("w") as file:
@@ -75,9 +84,9 @@ def test_every_list_is_read_from_a_file_as_launch_ros_writes_it(tmp_path, node):
     assert path.read_text().count("!!python/tuple") == len(lists)
     loaded = files.load(path, node)
     assert loaded.keys() == lists.keys()
-    for name, one in lists.items():
+    for name, parameter in lists.items():
         assert isinstance(loaded[name], list), name
-        assert one.parse(name, loaded[name]) == one.parse(name, values[name]), name
+        assert parameter.parse(name, loaded[name]) == parameter.parse(name, values[name]), name
 
 
 @pytest.mark.parametrize("tag", ["!!python/name:os.system", "!!python/object/new:tuple [[1]]"])
@@ -90,14 +99,18 @@ def test_no_other_tag_of_python_is_read(tag):
 
 @pytest.mark.parametrize("run", [run for run in CAPTURED if run != "user"])
 def test_what_was_captured_is_what_the_launch_files_make_today(run):
-    _, _, name, *words = CAPTURED[run]["command"]
-    given = dict(word.split(":=", 1) for word in words)
-    given = {a.name: given.get(a.name, a.default) for a in launch_file(name).ARGUMENTS}
+    _, _, name, *typed_words = CAPTURED[run]["command"]
+    launch_arguments = dict(word.split(":=", 1) for word in typed_words)
+    launch_arguments = {
+        a.name: launch_arguments.get(a.name, a.default) for a in launch_file(name).ARGUMENTS
+    }
     for entry in CAPTURED[run]["nodes"]:
-        words = entry["arguments"]
-        place = words.index("--ros-args")
-        assert words[:place] == launching.command_line(SECTIONS[entry["node"]], given)
-        assert " ".join(launching.ros_words(given)) in " ".join(words[place:])
+        node_arguments = entry["arguments"]
+        place = node_arguments.index("--ros-args")
+        assert node_arguments[:place] == launching.command_line(
+            SECTIONS[entry["node"]], launch_arguments
+        )
+        assert " ".join(launching.ros_words(launch_arguments)) in " ".join(node_arguments[place:])
 
 
 def test_the_lists_of_a_users_launch_file_reach_the_readings(
@@ -112,8 +125,8 @@ def test_the_lists_of_a_users_launch_file_reach_the_readings(
     listener.spin(0.3)
     node = start("simulator", *arguments_of(entry, tmp_path), wait_for_subscribers=1)
     assert listener.wait_for_end(node) == 0, node.output
-    given = files.load(tmp_path / "launch_params")
-    simulated = load_simulator(given)
+    parameter_values = files.load(tmp_path / "launch_params")
+    simulated = load_simulator(parameter_values)
     assert simulated.imu.gyroscope.bias == (0.01, 0.0, -0.02)
     block = Body(simulated).next(50)["imu"]
     live = [
@@ -132,8 +145,8 @@ def test_names_of_imus_in_a_users_launch_file(start, tmp_path):
 
 def test_a_wrong_argument_names_itself(refused, tmp_path):
     arguments = arguments_of(of_node("simulate_wrong", "simulator"), tmp_path)
-    others = [word for word in arguments if word not in ("--params-file", "/no/such.yaml")]
-    missing, wrong = refused("simulator", [arguments, others])
+    valid_arguments = [word for word in arguments if word not in ("--params-file", "/no/such.yaml")]
+    missing, wrong = refused("simulator", [arguments, valid_arguments])
     assert missing == ["simulator: /no/such.yaml: No such file or directory"]
     assert [line.split(": must")[0] for line in wrong] == [
         "simulator: rate = 'abc'",
@@ -157,10 +170,12 @@ def test_two_imus_are_dead_reckoned_each_and_none_of_their_readings_is_lost(star
 def test_the_arguments_of_a_launch_stand_above_its_files(start, listener, tmp_path):
     from rcl_interfaces.srv import GetParameters
 
-    own = tmp_path / "own.yaml"
-    own.write_text("/**/simulator: {ros__parameters: {rate: 50.0, seed: 9, duration: 60.0}}\n")
+    user_file = tmp_path / "own.yaml"
+    user_file.write_text(
+        "/**/simulator: {ros__parameters: {rate: 50.0, seed: 9, duration: 60.0}}\n"
+    )
     arguments = arguments_of(of_node("simulate_all", "simulator"), tmp_path)
-    arguments = [str(own) if word == "PARAMS" else word for word in arguments]
+    arguments = [str(user_file) if word == "PARAMS" else word for word in arguments]
     place = arguments.index("--seed")
     del arguments[place : place + 2]
     place = arguments.index("--duration")
@@ -196,6 +211,6 @@ def test_values_of_a_launch_file(tmp_path):
 
 
 def test_the_section_of_several_imus_may_come_as_a_string():
-    given = {"imus": "[left, right]", "left.imu.gyroscope_bias": "[0.1, 0, 0]"}
-    built = load_simulator(given)
+    imu_settings = {"imus": "[left, right]", "left.imu.gyroscope_bias": "[0.1, 0, 0]"}
+    built = load_simulator(imu_settings)
     assert flatten(built)["left.imu.gyroscope_bias"] == (0.1, 0.0, 0.0)

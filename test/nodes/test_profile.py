@@ -27,9 +27,9 @@ def test_the_profile_fits_the_middleware(tmp_path, monkeypatch, version, variabl
     fast_dds.set_profile(tmp_path)
     assert [name in os.environ for name in NAMES] == [name == variable for name in NAMES]
     root = ElementTree.parse(os.environ[variable]).getroot()
-    found = {one.tag.rpartition("}")[2] for one in root.iter()}
-    assert element in found
-    assert ("heartbeat_period" in found) == (version > "9")
+    tags = {xml_element.tag.rpartition("}")[2] for xml_element in root.iter()}
+    assert element in tags
+    assert ("heartbeat_period" in tags) == (version > "9")
     monkeypatch.delenv(variable)
 
 

@@ -50,17 +50,17 @@ def test_a_bag_with_such_a_stamp_is_refused_or_its_message_is_left_out(
         for (topic, kind), payloads in zip(topics, rows(writer.encoding), strict=True):
             payloads[BAD] = overflowing(payloads[BAD], writer.encoding)
             writer.write(writer.add_topic(topic, kind), T_NS, payloads)
-    for read in (read_imu, read_odometry, read_states):
+    for read_function in (read_imu, read_odometry, read_states):
         with pytest.raises(InputError, match=f"message {BAD}: .*{REASON}"):
-            read(path)
-    for read in (read_imu, read_odometry):
+            read_function(path)
+    for read_function in (read_imu, read_odometry):
         skipped = []
-        assert len(read(path, skipped=skipped.append).t_ns) == COUNT - 1
+        assert len(read_function(path, skipped=skipped.append).t_ns) == COUNT - 1
         assert skipped == [1]
     assert dead_reckon.main([str(path), "--quiet"]) == 2
     assert REASON in capsys.readouterr().err
-    words = ["-o", str(tmp_path / "out.mcap"), "--skip-bad-rows"]
-    assert convert_bag.main([str(path), *words]) == 0
+    convert_arguments = ["-o", str(tmp_path / "out.mcap"), "--skip-bad-rows"]
+    assert convert_bag.main([str(path), *convert_arguments]) == 0
     assert len(read_imu(tmp_path / "out.mcap").t_ns) == COUNT - 1
 
 

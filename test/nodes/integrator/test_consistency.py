@@ -41,8 +41,8 @@ def final_errors(seed: int, place: dict[str, list[float]]) -> tuple[float, float
     velocity_b = rotation.rotate_inverse(motion.q_wb, motion.velocity)
     values = {"initial_state": "truth", **sensor}
     odometer = LiveIntegrator(load_integrator(values), lambda _: None, lambda: False)
-    first = (motion.position[0], motion.q_wb[0], velocity_b[0], motion.angular_velocity[0])
-    rows = list(odometer.add_truth(LiveState(int(block.t_ns[0]), *map(tuple, first))))
+    initial_values = (motion.position[0], motion.q_wb[0], velocity_b[0], motion.angular_velocity[0])
+    rows = list(odometer.add_truth(LiveState(int(block.t_ns[0]), *map(tuple, initial_values))))
     for t_ns, gyro, accel in zip(
         block.t_ns.tolist(), block.gyro.tolist(), block.accel.tolist(), strict=True
     ):

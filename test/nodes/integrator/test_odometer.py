@@ -32,8 +32,8 @@ class Harness:
         return [row for reading in readings for row in self.odometer.add_reading(reading)]
 
 
-def readings(count: int, first: int = 0, gyro=STILL, accel=LEVEL) -> list[LiveReading]:
-    return [LiveReading(10**9 + (first + k) * STEP_NS, gyro, accel) for k in range(count)]
+def readings(count: int, first_index: int = 0, gyro=STILL, accel=LEVEL) -> list[LiveReading]:
+    return [LiveReading(10**9 + (first_index + k) * STEP_NS, gyro, accel) for k in range(count)]
 
 
 def truth(k: float, x: float = 7.0, velocity=STILL) -> LiveState:
@@ -241,18 +241,18 @@ def test_without_covariance_none_is_given():
 
 
 @pytest.mark.parametrize(
-    "given",
+    "motion_settings",
     [
         {"initial_velocity": [1e8, 0.0, 0.0]},
         {"initial_position": [1e10, 0.0, 0.0], "initial_velocity": [1.0, 0.0, 0.0]},
     ],
     ids=["velocity", "position"],
 )
-def test_no_state_leaves_that_has_grown_beyond_any_possible_one(given):
+def test_no_state_leaves_that_has_grown_beyond_any_possible_one(motion_settings):
     """The start has the largest possible size; the first step makes it larger."""
-    harness = Harness(initial_state="parameters", **given)
+    harness = Harness(initial_state="parameters", **motion_settings)
     assert len(harness.feed(readings(200, accel=(gate.FORCE.largest, 0.0, 9.81)))) <= 100
-    assert any("integration restarts" in words for words in harness.complaints)
+    assert any("integration restarts" in complaint for complaint in harness.complaints)
 
 
 def test_readings_at_the_limits_of_the_gate_are_integrated_to_finite_numbers():

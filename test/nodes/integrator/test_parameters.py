@@ -32,8 +32,10 @@ def test_errors_that_contradict_each_other_are_refused():
 
 
 def test_noise_is_taken_at_the_start():
-    known = described(IntegratorParameters)
-    assert not any(one.live for name, one in known.items() if name.startswith("imu."))
+    parameter_table = described(IntegratorParameters)
+    assert not any(
+        parameter.live for name, parameter in parameter_table.items() if name.startswith("imu.")
+    )
 
 
 def test_a_calibration_corrects_and_given_values_stand_above_it(tmp_path):

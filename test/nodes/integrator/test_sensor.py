@@ -41,7 +41,7 @@ def test_the_readmes_trio_is_consistent(start: Any, listener: Any) -> None:
     sensor = ("--imu", "adis16448")
     asked = start("integrator", "--initial_state", "truth")
     renamed = ["--ros-args", "-r", f"{ODOMETRY}:=told/odom", "-r", "__node:=told"]
-    told = start("integrator", *sensor, "--initial_state", "truth", *renamed)
+    second_integrator = start("integrator", *sensor, "--initial_state", "truth", *renamed)
     simulator = start(
         "simulator",
         *("--rate", "400", *sensor, "--trajectory", "figure_eight", "--duration", "1"),
@@ -52,15 +52,20 @@ def test_the_readmes_trio_is_consistent(start: Any, listener: Any) -> None:
     listener.wait_for(ODOMETRY, 400)
     listener.wait_for("told/odom", 400)
     assert asked.end() == 0
-    assert told.end() == 0
+    assert second_integrator.end() == 0
     assert "the sensor is adis16448, according to /imu/data_raw/parameters" in asked.output
     truth = by_stamp(listener.messages(TRUTH))
-    own, other = listener.messages(ODOMETRY), listener.messages("told/odom")
-    assert [m.pose.covariance.tolist() for m in own] == [m.pose.covariance.tolist() for m in other]
-    last = own[-1]
-    (stamp,) = by_stamp([last])
-    error = position(last) - position(truth[stamp])
-    nees = error @ np.linalg.solve(covariance(last), error)
+    configured_odometry, described_odometry = (
+        listener.messages(ODOMETRY),
+        listener.messages("told/odom"),
+    )
+    assert [m.pose.covariance.tolist() for m in configured_odometry] == [
+        m.pose.covariance.tolist() for m in described_odometry
+    ]
+    final_odometry = configured_odometry[-1]
+    (stamp,) = by_stamp([final_odometry])
+    error = position(final_odometry) - position(truth[stamp])
+    nees = error @ np.linalg.solve(covariance(final_odometry), error)
     assert nees < CHI_SQUARE_3
 
 
@@ -75,11 +80,13 @@ def test_the_description_is_a_parameter_file(start: Any, listener: Any, tmp_path
     assert listener.set("simulator", **density).successful
     listener.wait_for(DESCRIPTION, 2)
     assert simulator.end() == 0
-    first, second = (message.data for message in listener.messages(DESCRIPTION))
+    first_description, second_description = (
+        message.data for message in listener.messages(DESCRIPTION)
+    )
     file = tmp_path / "sensor.yaml"
-    file.write_text(first)
+    file.write_text(first_description)
     assert load_simulation(load(file)).imu == load_simulation({"imu.preset": "mpu6000"}).imu
-    file.write_text(second)
+    file.write_text(second_description)
     assert load_simulation(load(file)).imu.gyroscope.noise_density == (0.25, 0.25, 0.25)
 
 
@@ -102,7 +109,7 @@ def test_several_imus_describe_themselves_each(start: Any, listener: Any) -> Non
 def test_the_mounted_one_of_two_imus_starts_at_the_truth_of_the_body(
     start: Any, listener: Any
 ) -> None:
-    """At a lever arm and turned by 90 degrees: 171 m were wrong after 6 s, 19 m after 2.
+    """The second IMU has a lever arm and is turned by 90 degrees; ignoring both costs 171 m in 6 s.
 
     The midpoint method is off by 2e-5 m on this motion at 200 Hz, also for an IMU of the body.
     """
@@ -125,19 +132,19 @@ def test_the_mounted_one_of_two_imus_starts_at_the_truth_of_the_body(
     listener.wait_for(ODOMETRY, 400)
 
     def values() -> dict[str, str]:
-        found = [m.status[0] for m in listener.messages("/diagnostics")]
-        mine = [s.values for s in found if s.name == "integrator: dead reckoning"]
-        return {one.key: one.value for one in (mine[-1] if mine else [])}
+        statuses = [m.status[0] for m in listener.messages("/diagnostics")]
+        mine = [s.values for s in statuses if s.name == "integrator: dead reckoning"]
+        return {entry.key: entry.value for entry in (mine[-1] if mine else [])}
 
     whole = "400 of 400"
     listener.wait_until(lambda: values().get("estimates with a truth") == whole, whole)
-    found = values()
+    status_values = values()
     assert integrator.end() == 0
     frames = {(m.header.frame_id, m.child_frame_id) for m in listener.messages(ODOMETRY)}
     assert frames == {("map", "drone")}
-    assert float(found["position error [m]"]) < 1e-4
-    assert float(found["rms position error [m]"]) < 1e-4
-    assert float(found["attitude error [rad]"]) < 1e-5
+    assert float(status_values["position error [m]"]) < 1e-4
+    assert float(status_values["rms position error [m]"]) < 1e-4
+    assert float(status_values["attitude error [rad]"]) < 1e-5
 
 
 def test_without_a_description_it_says_so_and_goes_on(start: Any, listener: Any) -> None:
@@ -170,7 +177,7 @@ def test_a_bad_description_is_refused(start: Any, listener: Any) -> None:
 
     no_file = "that is not a parameter file in JSON"
     imu = '{"/**": {"ros__parameters": {"imu": %s}}}'
-    for count, (text, words) in enumerate(
+    for count, (text, error_text) in enumerate(
         (
             ("rubbish", no_file),
             ("[" * 10000, no_file),
@@ -180,7 +187,7 @@ def test_a_bad_description_is_refused(start: Any, listener: Any) -> None:
         )
     ):
         publisher.publish(String(data=text))
-        listener.wait_until(lambda count=count: len(said()) > count, words)
-        assert words in said()[-1]
+        listener.wait_until(lambda count=count: len(said()) > count, error_text)
+        assert error_text in said()[-1]
     assert integrator.end() == 0
     assert "Traceback" not in integrator.output

@@ -39,10 +39,10 @@ class Process:
     def output(self) -> str:
         return self.log.read_text()
 
-    def wait_for(self, words: str, count: int = 1) -> None:
+    def wait_for(self, text: str, count: int = 1) -> None:
         """Wait until the program has printed something so many times."""
-        until(lambda: self.output.count(words) >= count or self.process.poll() is not None)
-        assert words in self.output, self.output
+        until(lambda: self.output.count(text) >= count or self.process.poll() is not None)
+        assert text in self.output, self.output
 
     def wait_until(self, condition: Callable[[], bool]) -> None:
         """Wait until a condition holds while the program runs."""

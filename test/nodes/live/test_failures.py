@@ -62,8 +62,8 @@ def test_an_error_in_a_trajectory_ends_the_simulator(node, faulty):
 
 
 def test_the_traceback_is_shown_on_request(node, faulty):
-    words = ["--ros-args", "--log-level", "debug"]
-    assert run.debugging(words) == (words, True)
+    log_arguments = ["--ros-args", "--log-level", "debug"]
+    assert run.debugging(log_arguments) == (log_arguments, True)
     assert run.debugging(["--debug", "--rate=9"]) == (["--rate=9"], True)
     assert run.debugging(["--rate=9"]) == (["--rate=9"], False)
     simulator = node("simulator", "--trajectory", "faulty", "--debug", **faulty)

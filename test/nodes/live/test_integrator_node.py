@@ -40,8 +40,10 @@ def wait_for_value(listener, key: str, value: str) -> dict[str, str]:
     """Wait for a value in the diagnostics; return all values that came with it."""
 
     def values() -> dict[str, str]:
-        found = listener.messages("/diagnostics")[-1:]
-        return {entry.key: entry.value for message in found for entry in message.status[0].values}
+        diagnostics = listener.messages("/diagnostics")[-1:]
+        return {
+            entry.key: entry.value for message in diagnostics for entry in message.status[0].values
+        }
 
     listener.wait_until(lambda: values().get(key) == value, f"{key} {value}")
     return values()
@@ -60,8 +62,8 @@ def positions(messages) -> np.ndarray:
 
 
 def attitudes(messages) -> np.ndarray:
-    found = [m.pose.pose.orientation for m in messages]
-    return np.array([[q.w, q.x, q.y, q.z] for q in found])
+    orientations = [m.pose.pose.orientation for m in messages]
+    return np.array([[q.w, q.x, q.y, q.z] for q in orientations])
 
 
 def velocities(messages) -> np.ndarray:
@@ -136,8 +138,8 @@ def test_a_truth_that_ends_is_told_next_to_the_errors(node, feed, odometry):
     feed(count=900, truths=200, accel=ACCEL).finish()
     wait_for_value(odometry, "estimates with a truth", "200 of 900")
     assert integrator.end() == 0
-    said = [message.status[0].message for message in odometry.messages("/diagnostics")]
-    assert "no truth arrives: errors are not those of now" in said
+    status_messages = [message.status[0].message for message in odometry.messages("/diagnostics")]
+    assert "no truth arrives: errors are not those of now" in status_messages
 
 
 def test_broken_messages_are_refused_counted_and_said_and_the_rest_is_integrated(
@@ -165,8 +167,8 @@ def test_broken_messages_are_refused_counted_and_said_and_the_rest_is_integrated
     odometry.settle()
     rows = odometry.messages(ODOMETRY)
     assert len(rows) == 300 - 4 - len(readings)
-    for found in (positions(rows), attitudes(rows), velocities(rows)):
-        assert np.isfinite(found).all()
+    for series in (positions(rows), attitudes(rows), velocities(rows)):
+        assert np.isfinite(series).all()
     for topic in errors:
         assert np.isfinite(xyz([m.vector for m in odometry.messages(topic)])).all()
     assert "refused: stamp 1.000000000 s: a quaternion of length 0 instead of 1" in (
@@ -199,14 +201,14 @@ def test_a_driver_that_is_killed_and_started_again_is_integrated_anew(
 ):
     integrator = node("integrator")
     odometry.wait_for_publishers()
-    first = feed_apart(count=2000, topics=["imu"], accel=ACCEL)
+    killed_feed = feed_apart(count=2000, topics=["imu"], accel=ACCEL)
     odometry.wait_for(ODOMETRY, 200)
-    first.kill()
+    killed_feed.kill()
     odometry.settle()
-    before = len(odometry.raw[ODOMETRY])
+    count_before = len(odometry.raw[ODOMETRY])
     # Its clock goes on, as a wall clock does.
     feed(count=100, first_ns=60 * 10**9, topics=["imu"], accel=ACCEL).finish()
-    odometry.wait_for(ODOMETRY, before + 100)
+    odometry.wait_for(ODOMETRY, count_before + 100)
     assert integrator.end() == 0
     assert "the source restarted" in integrator.output
     x = positions(odometry.messages(ODOMETRY)[-100:])[:, 0]
@@ -270,17 +272,17 @@ def test_readings_are_found_in_messages_with_any_frame(frame):
     gyro, accel = generator.normal(size=(2, 1, 3))
     t_ns = np.array([1_234_567_890_123_456_789])
     (payload,) = ImuEncoder(frame, "cdr", 1e-4, 1e-2).encode(t_ns, gyro, accel)
-    found = decode.imu_reading(payload.tobytes())
-    assert found == (t_ns[0], tuple(gyro[0]), tuple(accel[0]), None)
+    reading = decode.imu_reading(payload.tobytes())
+    assert reading == (t_ns[0], tuple(gyro[0]), tuple(accel[0]), None)
     position, velocity, rate = generator.normal(size=(3, 1, 3))
     q_wb = rotation.normalise(generator.normal(size=(1, 4)))
     for child in ("", "b", "base_link"):
         encoder = OdometryEncoder(frame, child)
         (payload,) = encoder.encode(t_ns, position, q_wb, velocity, rate, np.eye(6), np.eye(6))
-        found = decode.truth(payload.tobytes())
+        state = decode.truth(payload.tobytes())
         numbers = (position[0], q_wb[0], velocity[0], rate[0])
-        assert found[:5] == (t_ns[0], *map(tuple, numbers))
-        assert found.frames == (frame, child)
+        assert state[:5] == (t_ns[0], *map(tuple, numbers))
+        assert state.frames == (frame, child)
 
 
 @pytest.mark.parametrize(

@@ -73,7 +73,7 @@ def rows(recorder) -> dict[str, list[str]]:
 
 def test_everything_published_is_in_every_bag_and_losses_are_reported(node, feed, tmp_path):
     """Under its own stamp or, on request, under the time of its reception."""
-    before = time.time_ns()
+    start_ns = time.time_ns()
     started = {}
     for name, form, *arguments in (
         ("zstd", "file", "--compression", "zstd"),
@@ -96,11 +96,11 @@ def test_everything_published_is_in_every_bag_and_losses_are_reported(node, feed
     for name, (recorder, bag) in started.items():
         assert rows(recorder).keys() == {IMU, TRUTH}
         if name == "received":
-            found = [m for m in messages(bag) if m[0] == IMU]
-            times = [t_ns for _, t_ns, _, _ in found]
-            assert before < times[0] <= times[-1] < time.time_ns()
+            imu_messages = [m for m in messages(bag) if m[0] == IMU]
+            times = [t_ns for _, t_ns, _, _ in imu_messages]
+            assert start_ns < times[0] <= times[-1] < time.time_ns()
             assert times == sorted(times)
-            in_them = [struct.unpack_from("<iI", raw, 4) for _, _, raw, _ in found]
+            in_them = [struct.unpack_from("<iI", raw, 4) for _, _, raw, _ in imu_messages]
             assert [s * 10**9 + ns for s, ns in in_them] == expected
             # Gaps are those of the stamps all the same.
             assert [row[2:] for row in rows(recorder).values()] == [cells[2:]] * 2
@@ -117,9 +117,9 @@ def test_latched_messages_from_before_the_recorder_are_recorded(node, feed, tmp_
     source.wait_until_all_is_published()
     recorder, bag = record(node, tmp_path, "mcap")
     recorder.wait_for("recording /imu/data_raw")
-    last = struct.pack("<iI", *divmod(stamps(20)[-1], 10**9))
+    last_stamp = struct.pack("<iI", *divmod(stamps(20)[-1], 10**9))
     recorder.wait_until(
-        lambda: any(last in path.read_bytes() for path in tmp_path.rglob("*.mcap*"))
+        lambda: any(last_stamp in path.read_bytes() for path in tmp_path.rglob("*.mcap*"))
     )
     assert recorder.end() == 0
     assert stored(bag)[IMU] == stamps(20)
@@ -173,25 +173,28 @@ def test_messages_of_another_type_are_left_out_counted_and_reported(node, feed, 
     feed(count=20, topics=["imu"], first_ns=2 * 10**9).finish()
     assert recorder.end() == 0
     assert stored(bag) == {IMU: stamps(20) + stamps(20, 2 * 10**9)}
-    recorded, other = "sensor_msgs/msg/Imu", "std_msgs/msg/Float64"
-    assert recorder.output.count(f"messages of a publisher with type {other} are left out") == 1
+    recorded_type, other_type = "sensor_msgs/msg/Imu", "std_msgs/msg/Float64"
     assert (
-        f"recorder: {IMU}: 30 messages of type {other} left out: it was recorded as {recorded}\n"
+        recorder.output.count(f"messages of a publisher with type {other_type} are left out") == 1
+    )
+    assert (
+        f"recorder: {IMU}: 30 messages of type {other_type} left out: "
+        f"it was recorded as {recorded_type}\n"
     ) in recorder.output
 
 
 def test_messages_without_a_stamp_get_the_time_of_their_reception(node, feed, tmp_path):
-    """Those that have no field for it, and those whose stamp was never set."""
-    before = time.time_ns()
+    """Types without a header and headers whose stamp is zero are recorded alike."""
+    start_ns = time.time_ns()
     recorder, bag = record(node, tmp_path, "ros1")
     feed(count=20, topics=["plain", "imu"], unstamped=True).finish()
     assert recorder.end() == 0
     times = {"/plain": [], IMU: []}
     for topic, t_ns, _, _ in messages(bag):
         times[topic].append(t_ns)
-    for found in times.values():
-        assert len(found) == 20
-        assert before < found[0] <= found[-1] < time.time_ns()
+    for reception_times in times.values():
+        assert len(reception_times) == 20
+        assert start_ns < reception_times[0] <= reception_times[-1] < time.time_ns()
     assert rows(recorder)[IMU][2:] == ["-"] * 4  # times of reception tell nothing of the source
 
 
@@ -216,8 +219,8 @@ def test_an_existing_output_and_bad_arguments_are_refused(refused, tmp_path):
     }
     for name in ("bag", "bag.bag"):
         (tmp_path / name).write_text("precious")
-    for words, (line,) in zip(calls, refused("recorder", [*calls.values()]), strict=True):
-        assert line.startswith(words)
+    for beginning, (line,) in zip(calls, refused("recorder", [*calls.values()]), strict=True):
+        assert line.startswith(beginning)
     for name in ("bag", "bag.bag"):
         assert (tmp_path / name).read_text() == "precious"
 
@@ -235,11 +238,11 @@ def test_kill_costs_at_most_the_last_second(node, feed, tmp_path, without_shared
     for form, (_, bag) in started.items():
         recovered = tmp_path / ("recovered.bag" if form == "ros1" else f"recovered_{form}")
         unfinished = bag if bag.exists() else bag.with_name(bag.name + ".active")
-        words = [str(unfinished), "--recover", "-o", str(recovered), "--quiet"]
-        assert convert_bag.main(words) == 0
-        found = stored(recovered)
-        assert found.keys() == {IMU, TRUTH}
-        for topic, times in found.items():
+        recover_arguments = [str(unfinished), "--recover", "-o", str(recovered), "--quiet"]
+        assert convert_bag.main(recover_arguments) == 0
+        topic_times = stored(recovered)
+        assert topic_times.keys() == {IMU, TRUTH}
+        for topic, times in topic_times.items():
             assert times == stamps(len(times)), topic
             # 2.5 s had been published by then, and the last second of it may be lost.
             assert len(times) >= (2.5 - 1.0) * 200, (form, topic)
@@ -284,10 +287,10 @@ def test_a_driver_that_is_killed_and_started_again_is_recorded_on(
     node, feed, feed_apart, tmp_path, without_shared_memory
 ):
     recorder, bag = record(node, tmp_path, "mcap")
-    first = feed_apart(count=2000)
-    first.wait_for("begin")
+    killed_feed = feed_apart(count=2000)
+    killed_feed.wait_for("begin")
     time.sleep(1.0)
-    first.kill()
+    killed_feed.kill()
     second_ns = 100 * 10**9
     feed(count=100, first_ns=second_ns).finish()
     assert recorder.end() == 0

@@ -18,12 +18,12 @@ def stream(topic, rate, count, start_ns=10**18):
 @pytest.mark.parametrize("rate", [200.0, 333.0])
 def test_eight_seconds_are_eight_seconds_of_stamps_in_each_topic(batch, rate):
     limit = DurationLimit(8.0)
-    kept = {"a": 0, "b": 0}
+    recorded_counts = {"a": 0, "b": 0}
     for topic, shift in (("a", 0), ("b", 3_000_000)):
         messages = stream(topic, rate, 3000, 10**18 + shift)
         for k in range(0, len(messages), batch):
-            kept[topic] += len(limit.take(messages[k : k + batch], 0.0))
-    assert kept == {"a": 8 * rate, "b": 8 * rate}
+            recorded_counts[topic] += len(limit.take(messages[k : k + batch], 0.0))
+    assert recorded_counts == {"a": 8 * rate, "b": 8 * rate}
     assert limit.reached(0.1, 0.0)
 
 
@@ -46,11 +46,11 @@ def test_stamps_that_stand_still_end_by_the_clock():
 
 
 def test_a_first_stamp_of_the_wall_clock_does_not_hide_the_others():
-    """With start_time 0 the first sample has stamp zero, as if none were set."""
+    """The first sample of a run with start_time 0 has stamp zero, like an unset stamp."""
     limit = DurationLimit(1.0)
     limit.take([Message("a", 17 * 10**17, b"")], 0.0)
-    kept = limit.take(stream("a", 100, 300, 10_000_000), 0.1)
-    assert len(kept) == 100
+    recorded_messages = limit.take(stream("a", 100, 300, 10_000_000), 0.1)
+    assert len(recorded_messages) == 100
     assert limit.reached(0.1, 0.1)
 
 

@@ -1,7 +1,7 @@
 # Copyright 2026 imu_sim_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""What the stamps of a topic tell: known losses must be found, and nothing else."""
+"""Statistics of a topic's stamps: all simulated losses are counted, and no others."""
 
 import numpy as np
 import pytest
@@ -76,7 +76,7 @@ def test_a_given_limit_takes_the_place_of_the_usual_distance():
 
 def test_random_losses_are_all_found():
     generator = np.random.default_rng(2)
-    kept = generator.random(20000) > 0.05
-    kept[[0, -1]] = True
-    t_ns = stamps(20000)[kept]
-    assert seen(t_ns).missing == 20000 - kept.sum()
+    received = generator.random(20000) > 0.05
+    received[[0, -1]] = True
+    t_ns = stamps(20000)[received]
+    assert seen(t_ns).missing == 20000 - received.sum()

@@ -41,19 +41,19 @@ WHEEL_TEXT = (
 def test_installed_definitions_are_complete_and_carry_their_hash(name):
     """rosbags' own copy of the definitions of Jazzy is the independent source."""
     store = get_typestore(Stores.ROS2_JAZZY)
-    found = get_types_from_msg(message_types.definition(name), name)
-    assert found
-    for part, fields in found.items():
+    definitions = get_types_from_msg(message_types.definition(name), name)
+    assert definitions
+    for part, fields in definitions.items():
         assert fields[1] == store.fielddefs[part][1], part
     assert message_types.type_hash(name) == store.hash_rihs01(name)
 
 
 def test_stamps_are_found_where_messages_have_them():
-    at = {
+    stamp_offsets = {
         name: message_types.stamp_offset(message_types.message_class(name))
         for name in ("sensor_msgs/msg/Imu", "rosgraph_msgs/msg/Clock", "std_msgs/msg/Float64")
     }
-    assert list(at.values()) == [4, 4, None]
+    assert list(stamp_offsets.values()) == [4, 4, None]
 
 
 def test_a_type_that_is_not_installed_is_refused():
@@ -84,13 +84,13 @@ def wheel_bytes() -> tuple[bytes, bytes]:
 
 def test_a_type_unknown_to_ros_is_recorded_by_its_installed_definition():
     cdr, ros1 = wheel_bytes()
-    same = recorded_type(WHEEL, WHEEL_TEXT, "RIHS01_1", "cdr")
-    assert same.convert(cdr) == cdr
-    assert same.schema.text == WHEEL_TEXT
-    other = recorded_type(WHEEL, WHEEL_TEXT, "", "ros1")
-    assert other.convert(cdr) == ros1
-    assert "MSG: std_msgs/Header" in other.schema.text
-    assert "uint32 seq" in other.schema.text
+    cdr_type = recorded_type(WHEEL, WHEEL_TEXT, "RIHS01_1", "cdr")
+    assert cdr_type.convert(cdr) == cdr
+    assert cdr_type.schema.text == WHEEL_TEXT
+    ros1_type = recorded_type(WHEEL, WHEEL_TEXT, "", "ros1")
+    assert ros1_type.convert(cdr) == ros1
+    assert "MSG: std_msgs/Header" in ros1_type.schema.text
+    assert "uint32 seq" in ros1_type.schema.text
 
 
 def test_a_type_without_any_definition_fits_mcap_but_not_ros1():
@@ -130,7 +130,7 @@ def test_topics_and_messages_that_the_bag_cannot_hold_do_not_stop_the_others(tmp
 
 
 @pytest.mark.parametrize(
-    ("words", "long"),
+    ("command_line", "long"),
     [
         ("-o flight a b", ["--output", "flight", "--topics", '["a", "b"]']),
         ("--duration 2min", ["--duration", "120.0"]),
@@ -139,8 +139,8 @@ def test_topics_and_messages_that_the_bag_cannot_hold_do_not_stop_the_others(tmp
         ("--help", ["--help"]),
     ],
 )
-def test_short_arguments_stand_for_long_ones(words, long):
-    assert plain_arguments(words.split()) == long
+def test_short_arguments_stand_for_long_ones(command_line, long):
+    assert plain_arguments(command_line.split()) == long
 
 
 @pytest.mark.parametrize("section", ["[]", "3", "words", "null"])
@@ -148,9 +148,9 @@ def test_a_section_that_is_no_mapping_is_one_line(tmp_path, section):
     """Else rcl says it in two, with its own sources' lines."""
     path = tmp_path / "given.yaml"
     path.write_text(f"/**:\n  ros__parameters: {section}\n")
-    words = ["--ros-args", "--params-file", str(path)]
+    file_arguments = ["--ros-args", "--params-file", str(path)]
     with pytest.raises(ConfigurationError) as failed:
-        ros_arguments(words, RecorderParameters, tmp_path)
+        ros_arguments(file_arguments, RecorderParameters, tmp_path)
     assert failed.value.problems == (f"{path}: ros__parameters: must hold names and values",)
 
 
@@ -161,17 +161,23 @@ def test_bytes_that_are_no_text_are_named(tmp_path):
 
 def test_what_is_left_of_a_failed_recording_is_said(tmp_path: Path) -> None:
     assert _left([]) == "nothing is kept: it failed before any part of the bag was complete"
-    kept, gone, empty = tmp_path / "x_0.mcap", tmp_path / "x_1.mcap", tmp_path / "folder"
-    kept.touch()
-    empty.mkdir()
-    assert _left([kept]).startswith(f"{kept} keeps the messages written before")
-    assert _left([gone]) == f"{gone} was removed and is lost"
-    assert _left([empty]) == f"{empty} was removed and is lost"
-    assert _left([kept, gone]).startswith(f"{gone} was removed and is lost; {kept} keeps the")
+    intact_file, removed_file, empty_folder = (
+        tmp_path / "x_0.mcap",
+        tmp_path / "x_1.mcap",
+        tmp_path / "folder",
+    )
+    intact_file.touch()
+    empty_folder.mkdir()
+    assert _left([intact_file]).startswith(f"{intact_file} keeps the messages written before")
+    assert _left([removed_file]) == f"{removed_file} was removed and is lost"
+    assert _left([empty_folder]) == f"{empty_folder} was removed and is lost"
+    assert _left([intact_file, removed_file]).startswith(
+        f"{removed_file} was removed and is lost; {intact_file} keeps the"
+    )
 
 
 def test_closed_standard_streams_are_not_taken_by_the_watch_over_signals() -> None:
-    """With ``>&- 2>&-`` its pipe was standard output, and the recorder ended with status 1."""
+    """The recorder's pipe does not take the place of a closed standard output (``>&- 2>&-``)."""
     program = (
         "import os, sys; os.close(1); os.close(2); sys.stdout = sys.stderr = None\n"
         "from imu_sim_ros.nodes import signals, start\n"

@@ -34,14 +34,14 @@ def test_nothing_is_lost_with_all_topics_at_once(start: Any, listener: Any) -> N
         for topic in topics:
             rates[topic] = rate
             listener.listen(topic, Vector3Stamped)
-    given = {"rate": 200.0, "duration": float(DURATION), "trajectory__type": "circle"}
-    given |= {
+    settings = {"rate": 200.0, "duration": float(DURATION), "trajectory__type": "circle"}
+    settings |= {
         "publish__ground_truth_imu": True,
         "gnss__preset": "zed_f9p",
         "wheels__preset": "husky_a200",
     }
-    given |= {"wait_for_subscribers": 1, "wait_for_truth_subscribers": 1, "start_time": 100.0}
-    node = start("simulator", "--sensors", "[gnss, wheels]", "--ros-args", **given)
+    settings |= {"wait_for_subscribers": 1, "wait_for_truth_subscribers": 1, "start_time": 100.0}
+    node = start("simulator", "--sensors", "[gnss, wheels]", "--ros-args", **settings)
     assert listener.wait_for_end(node) == 0, node.output
     stamps = {
         topic: [m.header.stamp.sec * 10**9 + m.header.stamp.nanosec for m in came]

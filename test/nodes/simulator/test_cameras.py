@@ -39,9 +39,9 @@ RIG = {
     "seed": 4,
 }
 CAM0, CAM1 = (
-    {key: value for key, value in RIG.items() if not key.startswith(other)}
+    {key: value for key, value in RIG.items() if not key.startswith(other_camera)}
     | {"cameras": f"[{name}]"}
-    for name, other in (("cam0", "cam1"), ("cam1", "cam0"))
+    for name, other_camera in (("cam0", "cam1"), ("cam1", "cam0"))
 )
 """Each camera of the rig alone."""
 
@@ -57,26 +57,33 @@ def as_arguments(values: dict[str, Any]) -> list[str]:
 def offline(folder: Path, trajectory: str, values: dict[str, Any]) -> dict[str, list[bytes]]:
     """Return the messages that generate writes, as bytes by topic."""
     path = folder / "a.mcap"
-    words = ["-o", str(path), "--quiet", "--trajectory", trajectory, *as_arguments(values)]
-    assert generate.main(words) == 0
+    generate_arguments = [
+        "-o",
+        str(path),
+        "--quiet",
+        "--trajectory",
+        trajectory,
+        *as_arguments(values),
+    ]
+    assert generate.main(generate_arguments) == 0
     return messages(path)
 
 
 def messages(path: Path) -> dict[str, list[bytes]]:
-    found: dict[str, list[bytes]] = {}
+    payloads: dict[str, list[bytes]] = {}
     with AnyReader([path]) as reader:
         for connection, _, raw in reader.messages():
-            found.setdefault(connection.topic, []).append(bytes(raw))
-    return found
+            payloads.setdefault(connection.topic, []).append(bytes(raw))
+    return payloads
 
 
 def stamps(payloads: list[bytes]) -> list[tuple[int, int]]:
     return [struct.unpack_from("<iI", payload, 4) for payload in payloads]
 
 
-def unpadded(found: list[bytes], expected: list[bytes]) -> list[bytes]:
+def unpadded(received: list[bytes], expected: list[bytes]) -> list[bytes]:
     """Return messages without what Fast DDS appends up to a multiple of four bytes."""
-    pairs = zip(found, expected, strict=False)
+    pairs = zip(received, expected, strict=False)
     return [a[: len(b)] if len(a) == -(-len(b) // 4) * 4 else a for a, b in pairs]
 
 
@@ -100,10 +107,10 @@ def listen_to_all(listener: Any) -> None:
 
 
 def test_frames_are_those_of_a_file_bit_for_bit(tf2_msgs, start, listener, tmp_path, capsys):
-    """For a listener and for a recorder, whose bag dead_reckon and convert_bag read.
+    """A listener and a recorder receive the frames; dead_reckon and convert_bag read the bag.
 
-    In the bag are the cameras' frames on /tf_static, too.
-    In real time; bodies that move, below, come as fast as the listener takes them.
+    The bag also holds the cameras' frames on /tf_static. This run is in real time; the run with
+    a moving body publishes as fast as the listener takes its frames.
     """
     import json
 
@@ -149,8 +156,8 @@ def test_frames_are_those_of_a_file_bit_for_bit(tf2_msgs, start, listener, tmp_p
     check_mounts(recorded["/tf_static"])
     assert dead_reckon.main([str(bag), "--json"]) == 0
     assert json.loads(capsys.readouterr().out)["samples"] == len(expected["/imu/data_raw"])
-    words = [str(bag), "-o", str(tmp_path / "mav0"), "--format", "euroc", "--quiet"]
-    assert convert_bag.main(words) == 0, capsys.readouterr().err
+    convert_arguments = [str(bag), "-o", str(tmp_path / "mav0"), "--format", "euroc", "--quiet"]
+    assert convert_bag.main(convert_arguments) == 0, capsys.readouterr().err
     for name in ("cam0", "cam1"):
         images = list((tmp_path / "mav0" / name / "data").iterdir())
         assert len(images) == len(expected[f"/{name}/image_raw"])
@@ -167,7 +174,7 @@ def check_mounts(payloads: list[bytes]) -> None:
     from imu_sim_ros.core import rotation
 
     store = get_typestore(Stores.ROS2_JAZZY)
-    found = {
+    static_transforms = {
         t.child_frame_id: t
         for data in payloads
         for t in store.deserialize_cdr(data, "tf2_msgs/msg/TFMessage").transforms
@@ -176,7 +183,7 @@ def check_mounts(payloads: list[bytes]) -> None:
     values["camera.intrinsics"] = [57.3, 57.2, 45.9, 31.0]
     rig = load_rig({**values, "cameras": ["cam0", "cam1"]})
     for name, camera in rig.camera_parameters().items():
-        transform = found[f"{name}_optical_frame"]
+        transform = static_transforms[f"{name}_optical_frame"]
         assert transform.header.frame_id == "base_link"
         r_bc, p_bc = camera.pose()
         p, q = transform.transform.translation, transform.transform.rotation
@@ -195,7 +202,7 @@ def test_frames_in_a_mesh_are_those_of_a_file_bit_for_bit(start, listener, tmp_p
     room.export(tmp_path / "room.ply")
     scene = {"scene.type": "mesh", "scene.mesh": str(tmp_path / "room.ply"), "duration": 0.6}
     values = CAM1 | scene | {"camera.row_time": 1e-4, "camera.exposure_time": 0.01}
-    found = offline(tmp_path, "figure_eight", values)
+    file_payloads = offline(tmp_path, "figure_eight", values)
     listen_to_all(listener)
     node = start(
         "simulator",
@@ -207,11 +214,11 @@ def test_frames_in_a_mesh_are_those_of_a_file_bit_for_bit(start, listener, tmp_p
     )
     assert listener.wait_for_end(node) == 0, node.output
     for topic in ("/cam1/image_raw", "/cam1/depth/image_raw", "/feature_tracker/feature"):
-        payloads = found[topic]
+        payloads = file_payloads[topic]
         assert len(payloads) > 5, topic
         assert stamps(listener.raw[topic]) == stamps(payloads), topic
         assert unpadded(listener.raw[topic], payloads) == payloads, topic
-    pixels = np.frombuffer(found["/cam1/image_raw"][5][-94 * 60 * 3 :], np.uint8)
+    pixels = np.frombuffer(file_payloads["/cam1/image_raw"][5][-94 * 60 * 3 :], np.uint8)
     assert pixels.std() > 5.0
 
 
@@ -227,29 +234,31 @@ def test_a_paused_simulator_holds_its_frames_and_a_reset_begins_again(start, lis
     listener.call("/simulator/pause", SetBool, data=False)
     listener.wait_for("/cam1/image_raw", 5)
     listener.call("/simulator/pause", SetBool, data=True)
-    held = -1
+    paused_count = -1
     for _ in range(20):  # what is still on its way arrives, on a busy machine after a while
-        if held == len(listener.raw["/cam1/image_raw"]):
+        if paused_count == len(listener.raw["/cam1/image_raw"]):
             break
-        held = len(listener.raw["/cam1/image_raw"])
+        paused_count = len(listener.raw["/cam1/image_raw"])
         listener.spin(1.0)
     listener.spin(0.5)
-    assert len(listener.raw["/cam1/image_raw"]) == held
+    assert len(listener.raw["/cam1/image_raw"]) == paused_count
     listener.call("/simulator/pause", SetBool, data=False)
-    listener.wait_for("/cam1/image_raw", held + 3)
+    listener.wait_for("/cam1/image_raw", paused_count + 3)
     count = len(listener.raw["/cam1/image_raw"])
     together = min(count, len(expected))
-    taken = listener.raw["/cam1/image_raw"][:together]
-    assert unpadded(taken, expected) == expected[:together]
+    received = listener.raw["/cam1/image_raw"][:together]
+    assert unpadded(received, expected) == expected[:together]
     listener.call("/simulator/reset", Trigger)
-    first = expected[0]
+    first_frame = expected[0]
     listener.wait_for("/cam1/image_raw", count + 3)
-    listener.wait_until(lambda: listener.raw["/cam1/image_raw"].count(first) == 2, "a new start")
+    listener.wait_until(
+        lambda: listener.raw["/cam1/image_raw"].count(first_frame) == 2, "a new start"
+    )
     assert node.end() == 0
 
 
 def test_what_is_wrong_with_a_camera_is_one_line(start):
-    """One of those of test_scene.py: all are raised by the same reading of parameters."""
+    """The reader of parameters reports a camera's wrong scene; test_scene.py has all messages."""
     node = start("simulator", "--trajectory", "target", **dotted(CAM0 | {"scene.type": "cloud"}))
     assert node.status() == 2
     assert "scene.type = 'cloud': has points and lines only" in node.output
@@ -259,10 +268,10 @@ def test_what_is_wrong_with_a_camera_is_one_line(start):
 def test_frames_are_made_ahead_up_to_the_end_of_the_run_and_again_after_a_reset():
     from imu_sim_ros.nodes.simulator.apart_process import Made, SampleQueue
 
-    beyond, made = threading.Event(), []
+    beyond, rendered = threading.Event(), []
 
     def make(number: int) -> Made:
-        made.append(number)
+        rendered.append(number)
         if number >= 5:
             beyond.set()
         return Made(number, [])
@@ -273,7 +282,7 @@ def test_frames_are_made_ahead_up_to_the_end_of_the_run_and_again_after_a_reset(
     for _ in range(2):
         assert [queue.take(number).true_t_ns for number in range(5)] == list(range(5))
     assert not beyond.wait(0.2)
-    assert made == [*range(5), *range(5)]
+    assert rendered == [*range(5), *range(5)]
 
 
 def children(pid: int) -> list[int]:

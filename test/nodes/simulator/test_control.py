@@ -39,7 +39,7 @@ def imu(listener: Any) -> Any:
 
 
 @pytest.mark.parametrize(
-    ("more", "number"),
+    ("settings", "number"),
     [
         ({}, signal.SIGINT),
         ({"autostart": False}, signal.SIGTERM),
@@ -47,11 +47,11 @@ def imu(listener: Any) -> Any:
     ],
 )
 def test_signals_end_it_with_status_0(
-    start: Any, imu: Any, number: int, more: dict[str, Any]
+    start: Any, imu: Any, number: int, settings: dict[str, Any]
 ) -> None:
-    node = start("simulator", rate=1, **more)  # it sleeps for a second between samples
-    imu.wait_for(IMU, 0 if more else 1)
-    if more:
+    node = start("simulator", rate=1, **settings)  # it sleeps for a second between samples
+    imu.wait_for(IMU, 0 if settings else 1)
+    if settings:
         from rcl_interfaces.srv import ListParameters
 
         imu.call("simulator/list_parameters", ListParameters)
@@ -92,13 +92,13 @@ def test_pause_step_and_reset(start: Any, imu: Any) -> None:
     imu.wait_for(IMU, 30)
     imu.call("simulator/pause", SetBool, data=True)
     imu.spin(0.3)
-    held = len(imu.raw[IMU])
+    paused_count = len(imu.raw[IMU])
     imu.spin(0.5)
-    assert len(imu.raw[IMU]) == held
+    assert len(imu.raw[IMU]) == paused_count
     imu.call("simulator/step", Trigger)
-    imu.wait_for(IMU, held + 3)
+    imu.wait_for(IMU, paused_count + 3)
     imu.call("simulator/pause", SetBool, data=False)
-    imu.wait_for(IMU, held + 30)
+    imu.wait_for(IMU, paused_count + 30)
     assert imu.call("simulator/reset", Trigger).success
     imu.wait_for(IMU, len(imu.raw[IMU]) + 50)
     messages = imu.messages(IMU)
@@ -126,8 +126,8 @@ def test_a_step_that_waits_keeps_nobody_waiting_and_says_why(start: Any, imu: An
     assert (refused.success, refused.message) == (False, "a step is in progress")
     assert not step.done()
     imu.wait_until(step.done, "the end of the step")
-    said = "0 of 1 samples in 5 s: still waiting to start"
-    assert (step.result().success, step.result().message) == (False, said)
+    status_text = "0 of 1 samples in 5 s: still waiting to start"
+    assert (step.result().success, step.result().message) == (False, status_text)
     client.call_async(Trigger.Request())
     imu.spin(0.5)
     node.send(signal.SIGTERM)
@@ -167,10 +167,10 @@ def test_noise_changes_between_two_blocks_and_all_or_nothing(start: Any, imu: An
 
     chosen = {"rate": 400, "seed": 2, "start_time": 1, "duration": 3}
     simulation = Body(load_simulation(chosen))
-    before = simulation.next(change)["imu"].gyro
-    new = {"imu.gyroscope_noise_density": 0.5, "imu.gyroscope_bias": [1.0, 2, 3]}
-    simulation.update(load_simulation(chosen, new))
-    expected = np.concatenate([before, simulation.next(1200)["imu"].gyro])
+    gyro_before = simulation.next(change)["imu"].gyro
+    live_changes = {"imu.gyroscope_noise_density": 0.5, "imu.gyroscope_bias": [1.0, 2, 3]}
+    simulation.update(load_simulation(chosen, live_changes))
+    expected = np.concatenate([gyro_before, simulation.next(1200)["imu"].gyro])
     np.testing.assert_array_equal(gyro(messages), expected)
 
 
@@ -197,23 +197,23 @@ def test_bias_jump_is_in_the_truth(start: Any, imu: Any) -> None:
     imu.listen("ground_truth/faults", DiagnosticArray)
     imu.listen("ground_truth/gyroscope_bias", Vector3Stamped)
     chosen = {"rate": 200, "imu.preset": "perfect", "start_time": 1.0, "duration": 3.0}
-    given = {key.replace(".", "__"): value for key, value in chosen.items()}
-    node = start("simulator", publish__biases=True, **given, **READY)
+    settings = {key.replace(".", "__"): value for key, value in chosen.items()}
+    node = start("simulator", publish__biases=True, **settings, **READY)
     imu.wait_for(IMU, 10)
     fault = {"inject__value": [0.1, 0.0, 0.2], "inject__duration": 0.5, "inject__delay": 0.1}
     assert imu.set("simulator", inject__kind="bias_jump", **fault).successful
     assert imu.wait_for_end(node) == 0, node.output
-    (said,) = imu.messages("ground_truth/faults")
-    first = round((stamps([said])[0] - 10**9) / 5_000_000)
+    (fault_message,) = imu.messages("ground_truth/faults")
+    jump_index = round((stamps([fault_message])[0] - 10**9) / 5_000_000)
     simulation = Body(load_simulation(chosen))
-    simulation.inject(Fault("bias_jump", 0.5, (0.1, 0, 0.2), "gyroscope"), first / 200.0)
+    simulation.inject(Fault("bias_jump", 0.5, (0.1, 0, 0.2), "gyroscope"), jump_index / 200.0)
     block = simulation.next(600)["imu"]
     np.testing.assert_array_equal(gyro(imu.messages(IMU)), block.gyro)
     vectors = [m.vector for m in imu.messages("ground_truth/gyroscope_bias")]
     np.testing.assert_array_equal([[v.x, v.y, v.z] for v in vectors], block.gyro_bias)
     jumped = np.flatnonzero(block.gyro_bias[:, 0] == 0.1)
-    assert (jumped[0], len(jumped)) == (first, 100)
-    values = {entry.key: entry.value for entry in said.status[0].values}
+    assert (jumped[0], len(jumped)) == (jump_index, 100)
+    values = {entry.key: entry.value for entry in fault_message.status[0].values}
     assert values == {
         "kind": "bias_jump",
         "imu": "",
@@ -252,8 +252,8 @@ def test_losses_saturation_and_a_stuck_output(start: Any, imu: Any) -> None:
 def test_latency_delays_messages_and_not_stamps(start: Any, imu: Any) -> None:
     node = start("simulator", rate=100, imu__latency=0.3, duration=1.0, **READY)
     imu.wait_for(IMU, 1)
-    first = stamps(imu.messages(IMU))[0]
-    assert time.time_ns() - first >= 300_000_000
+    first_stamp_ns = stamps(imu.messages(IMU))[0]
+    assert time.time_ns() - first_stamp_ns >= 300_000_000
     assert imu.wait_for_end(node) == 0
     assert len(imu.raw[IMU]) == 100
 
@@ -277,8 +277,8 @@ def test_a_stall_is_skipped_when_told(start: Any, imu: Any) -> None:
     node.send(signal.SIGCONT)
     assert imu.wait_for_end(node) == 0, node.output
     t_ns = stamps(imu.messages(IMU))
-    said = [line for line in node.output.splitlines() if "samples skipped" in line]
-    skipped = sum(int(line.split()[-3]) for line in said)
+    skip_lines = [line for line in node.output.splitlines() if "samples skipped" in line]
+    skipped = sum(int(line.split()[-3]) for line in skip_lines)
     assert len(t_ns) + skipped == 800
     assert skipped >= 150
     assert np.all(np.diff(t_ns) > 0)
@@ -286,14 +286,14 @@ def test_a_stall_is_skipped_when_told(start: Any, imu: Any) -> None:
 
 
 def test_killed_and_started_again(start: Any, imu: Any) -> None:
-    first = start("simulator", rate=200, seed=1)
+    killed_node = start("simulator", rate=200, seed=1)
     imu.wait_for(IMU, 50)
-    first.process.kill()
-    assert first.status() == -signal.SIGKILL
+    killed_node.process.kill()
+    assert killed_node.status() == -signal.SIGKILL
     imu.spin(0.3)
-    before = len(imu.raw[IMU])
+    count_before = len(imu.raw[IMU])
     second = start("simulator", rate=200, seed=1)
-    imu.wait_for(IMU, before + 50)
+    imu.wait_for(IMU, count_before + 50)
     assert second.end() == 0
     t_ns = stamps(imu.messages(IMU))
     assert np.all(np.diff(t_ns) > 0)  # the wall clock went on in between
@@ -303,8 +303,8 @@ def test_faster_than_real_time_with_a_clock(start: Any, imu: Any) -> None:
     from rosgraph_msgs.msg import Clock
 
     imu.listen("/clock", Clock)
-    more = {"real_time_factor": 5.0, "publish__clock_rate": 50, "start_time": 0.0}
-    node = start("simulator", rate=100, duration=5.0, **more, **READY)
+    clock_settings = {"real_time_factor": 5.0, "publish__clock_rate": 50, "start_time": 0.0}
+    node = start("simulator", rate=100, duration=5.0, **clock_settings, **READY)
     begin = time.monotonic()
     imu.wait_for(IMU, 500)
     assert time.monotonic() - begin >= 5.0 / 5.0
@@ -326,8 +326,8 @@ def test_as_fast_as_subscribers_acknowledge(start: Any, listener: Any) -> None:
 
 
 def test_follows_the_clock_of_another(start: Any, imu: Any) -> None:
-    more = {"real_time_factor": 3.0, "publish__clock_rate": 250, "start_time": 50.0}
-    start("simulator", "--ros-args", "-r", "__ns:=/master", rate=100, **more)
+    clock_settings = {"real_time_factor": 3.0, "publish__clock_rate": 250, "start_time": 50.0}
+    start("simulator", "--ros-args", "-r", "__ns:=/master", rate=100, **clock_settings)
     follower = start("simulator", rate=200, duration=3.0, use_sim_time=True, **READY)
     assert imu.wait_for_end(follower) == 0, follower.output
     t_ns = stamps(imu.messages(IMU))

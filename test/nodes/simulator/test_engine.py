@@ -63,8 +63,8 @@ def test_time_zero_is_chosen_again_where_the_first_block_takes_longer_than_its_l
     assert run.leads[1] >= 2e9 * SLOW
     assert run.leads == sorted(run.leads)
     # Every sample of the last start, once; none of one before.
-    last = len(run.leads) * 1_000_000_000
-    assert run.sent == [last + k * 5_000_000 for k in range(20)]
+    last_start_ns = len(run.leads) * 1_000_000_000
+    assert run.sent == [last_start_ns + k * 5_000_000 for k in range(20)]
 
 
 @pytest.mark.parametrize("what", ["as fast as possible", "behind a change"])

@@ -48,15 +48,15 @@ def test_live_fixes_are_those_of_the_simulation(start: Any, listener: Any) -> No
     node = start("simulator", "--sensors", "[gnss]", "--ros-args", **chosen, **waiting)
     assert listener.wait_for_end(node) == 0, node.output
     run = Body(load_simulation({**GIVEN, "sensors": ["gnss"]}), sensors={"gnss"})
-    read = run.next(10**6)["gnss"]
-    fixes, rows = listener.messages("gps/fix"), read.delivered
+    gnss_block = run.next(10**6)["gnss"]
+    fixes, rows = listener.messages("gps/fix"), gnss_block.delivered
     assert len(fixes) == len(rows) == 16
     places = [[m.latitude, m.longitude, m.altitude] for m in fixes]
-    assert np.array_equal(places, read.geodetic[rows])
+    assert np.array_equal(places, gnss_block.geodetic[rows])
     assert {(m.header.frame_id, m.status.status) for m in fixes} == {("gps_link", 2)}
-    assert np.array_equal([m.position_covariance[::4] for m in fixes], read.variance[rows])
+    assert np.array_equal([m.position_covariance[::4] for m in fixes], gnss_block.variance[rows])
     velocity = [m.twist.twist.linear for m in listener.messages("gps/velocity")]
-    assert np.array_equal([[v.x, v.y, v.z] for v in velocity], read.velocity[rows])
+    assert np.array_equal([[v.x, v.y, v.z] for v in velocity], gnss_block.velocity[rows])
     assert len(listener.messages("ground_truth/gps_fix")) == 20
     missing = importlib.util.find_spec("gps_msgs") is None
     assert ("gps/extended_fix is not published: gps_msgs" in node.output) == missing
@@ -81,14 +81,14 @@ class Reader(threading.Thread):
 
 
 def test_nmea_comes_from_a_terminal(start: Any, listener: Any, tmp_path: Path) -> None:
-    """What pynmeagps reads live is what the simulation gives, all of it."""
+    """All fixes that pynmeagps reads from the terminal equal those of the simulation."""
     from sensor_msgs.msg import Imu
 
     pynmeagps = pytest.importorskip("pynmeagps")
     link = tmp_path / "gps0"
     chosen = {name.replace(".", "__"): value for name, value in GIVEN.items()}
-    words = ("--sensors", "[gnss]", "--nmea", str(link))
-    node = start("simulator", *words, "--ros-args", **chosen, wait_for_subscribers=1)
+    nmea_arguments = ("--sensors", "[gnss]", "--nmea", str(link))
+    node = start("simulator", *nmea_arguments, "--ros-args", **chosen, wait_for_subscribers=1)
     until(link.is_symlink, "the link")
     assert os.readlink(link).startswith("/dev/pts/")
     reader = Reader(link)
@@ -100,12 +100,12 @@ def test_nmea_comes_from_a_terminal(start: Any, listener: Any, tmp_path: Path) -
     assert f"serial line on {link} (/dev/pts/" in node.output
     assert f"wrote 16 messages to {link}" in node.output
     run = Body(load_simulation({**GIVEN, "sensors": ["gnss"]}), sensors={"gnss"})
-    read = run.next(10**6)["gnss"]
+    gnss_block = run.next(10**6)["gnss"]
     stream = pynmeagps.NMEAReader(io.BytesIO(reader.content), quitonerror=2)
     messages = [parsed for _, parsed in stream]
     assert [m.msgID for m in messages] == ["GGA", "GSA", "RMC", "VTG"] * 16
     shown = np.array([[m.lat, m.lon, m.alt] for m in messages[::4]])
-    np.testing.assert_allclose(shown, read.geodetic[read.delivered], rtol=0, atol=1e-4)
+    np.testing.assert_allclose(shown, gnss_block.geodetic[gnss_block.delivered], rtol=0, atol=1e-4)
 
 
 def test_a_terminal_never_waits_for_its_reader(tmp_path: Path) -> None:

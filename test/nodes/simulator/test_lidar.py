@@ -40,8 +40,8 @@ def test_live_clouds_are_those_of_a_bag(start: Any, listener: Any, tmp_path: Pat
     waiting = {"wait_for_subscribers": 1, "wait_for_truth_subscribers": 1}
     node = start("simulator", "--sensors", "[lidar]", "--ros-args", **chosen, **waiting)
     assert listener.wait_for_end(node) == 0, node.output
-    same = {name: value for name, value in GIVEN.items() if name != "scene.type"}
-    ims.generate(tmp_path / "a.mcap", sensors=["lidar"], scene="warehouse", **nested(same))
+    bag_settings = {name: value for name, value in GIVEN.items() if name != "scene.type"}
+    ims.generate(tmp_path / "a.mcap", sensors=["lidar"], scene="warehouse", **nested(bag_settings))
     for topic in topics:
         live = listener.messages(topic)
         recorded = list(ims.read_points(tmp_path / "a.mcap", topic))
@@ -59,6 +59,6 @@ def nested(values: dict[str, Any]) -> dict[str, Any]:
     """Return parameters by dotted name as arguments."""
     result: dict[str, Any] = {}
     for name, value in values.items():
-        section, _, last = name.rpartition(".")
-        (result.setdefault(section, {}) if section else result)[last] = value
+        section, _, key = name.rpartition(".")
+        (result.setdefault(section, {}) if section else result)[key] = value
     return result

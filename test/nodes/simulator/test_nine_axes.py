@@ -1,7 +1,7 @@
 # Copyright 2026 imu_sim_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""What a nine-axis board reads live: what the simulation gives, bit for bit."""
+"""Live readings of a nine-axis board equal those of the simulation, bit for bit."""
 
 from typing import Any
 
@@ -78,9 +78,9 @@ def test_live_samples_are_those_of_the_simulation(start: Any, listener: Any) -> 
 def same_field(listener: Any, block: dict[str, Any]) -> None:
     field = block["magnetic_field"]
     assert field is not None
-    found = listener.messages("imu/mag")
-    assert stamps(found) == field.t_ns.tolist()
-    values = [[getattr(m.magnetic_field, axis) for axis in "xyz"] for m in found]
+    field_messages = listener.messages("imu/mag")
+    assert stamps(field_messages) == field.t_ns.tolist()
+    values = [[getattr(m.magnetic_field, axis) for axis in "xyz"] for m in field_messages]
     assert np.array_equal(values, field.field)
     assert stamps(listener.messages("ground_truth/mag")) == field.true_t_ns.tolist()
     truth = [m.vector for m in listener.messages("ground_truth/magnetometer_bias")]
@@ -90,9 +90,9 @@ def same_field(listener: Any, block: dict[str, Any]) -> None:
 def same_pressure(listener: Any, block: dict[str, Any]) -> None:
     air = block["pressure"]
     assert air is not None
-    found = listener.messages("imu/pressure")
-    assert stamps(found) == air.t_ns.tolist()
-    assert [m.fluid_pressure for m in found] == air.pressure.tolist()
+    pressure_messages = listener.messages("imu/pressure")
+    assert stamps(pressure_messages) == air.t_ns.tolist()
+    assert [m.fluid_pressure for m in pressure_messages] == air.pressure.tolist()
     still = listener.messages("ground_truth/pressure")
     assert [m.fluid_pressure for m in still] == air.ideal_pressure.tolist()
     truth = listener.messages("ground_truth/barometer_bias")
@@ -102,9 +102,9 @@ def same_pressure(listener: Any, block: dict[str, Any]) -> None:
 def same_orientation(listener: Any, block: dict[str, Any]) -> None:
     stated = block["orientation"]
     assert stated is not None
-    found = listener.messages("imu/data")
-    assert stamps(found) == stated.t_ns.tolist()
-    q = [[getattr(m.orientation, part) for part in "wxyz"] for m in found]
+    imu_messages = listener.messages("imu/data")
+    assert stamps(imu_messages) == stated.t_ns.tolist()
+    q = [[getattr(m.orientation, part) for part in "wxyz"] for m in imu_messages]
     assert np.array_equal(q, stated.q_wi)
 
 

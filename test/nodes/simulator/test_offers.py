@@ -51,7 +51,7 @@ def test_what_is_offered_by_overrides_reaches_those_who_ask_for_it(
     waiting = {"wait_for_subscribers": 1, "wait_for_truth_subscribers": 1}
     node = start("simulator", "--ros-args", *overrides, duration=0.5, **waiting)
     assert demanding.wait_for_end(node) == 0, node.output
-    assert {topic: len(taken) for topic, taken in demanding.raw.items()} == {
+    assert {topic: len(payloads) for topic, payloads in demanding.raw.items()} == {
         IMU_TOPIC: 100,
         TRUTH_TOPIC: 100,
     }
@@ -88,10 +88,10 @@ def test_a_publisher_that_offers_a_deadline_is_heard(
         durability=DurabilityPolicy.TRANSIENT_LOCAL,
     )
     publisher = listener.node.create_publisher(Imu, IMU_TOPIC, offer)
-    more = (
+    settings = (
         {"output": str(tmp_path / "bag"), "topics": f"[{IMU_TOPIC}]"} if name == "recorder" else {}
     )
-    node = start(name, **more)
+    node = start(name, **settings)
     listener.wait_until(publisher.get_subscription_count, "a subscription")
     listener.spin(0.5)
     for k in range(1, 11):

@@ -21,8 +21,8 @@ def installed(folder: Path) -> Path:
     assert spec.loader is not None
     module = importlib.util.module_from_spec(spec)
     spec.loader.exec_module(module)
-    found: Path = module.install(folder)
-    return found
+    sensor_path: Path = module.install(folder)
+    return sensor_path
 
 
 def test_it_is_published_with_its_truth(start: Any, listener: Any, tmp_path: Path) -> None:
@@ -34,14 +34,14 @@ def test_it_is_published_with_its_truth(start: Any, listener: Any, tmp_path: Pat
     kinds = {"imu/data_raw": Imu, "ground_truth/odom": Odometry, "sonar/beam": Vector3Stamped}
     for topic, kind in {**kinds, "ground_truth/sonar": Vector3Stamped}.items():
         listener.listen(topic, kind)
-    own = {"sonar__rate": 12.5, "sonar__noise": 0.05}
-    given: dict[str, Any] = {"duration": 2.0, "start_time": 1234.5, "seed": 7}
+    sonar_settings = {"sonar__rate": 12.5, "sonar__noise": 0.05}
+    common_settings: dict[str, Any] = {"duration": 2.0, "start_time": 1234.5, "seed": 7}
     node = start(
         "simulator",
         *("--sensors", "[sonar]", "--trajectory", "figure_eight", "--ros-args"),
         installed=installed(tmp_path),
-        **own,
-        **given,
+        **sonar_settings,
+        **common_settings,
         wait_for_subscribers=1,
         wait_for_truth_subscribers=1,
         inject__kind="bias_jump",

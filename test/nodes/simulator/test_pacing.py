@@ -109,15 +109,15 @@ def test_late_samples_follow_at_a_limited_speed(
     limited = behind >= 4_000_000
     m = int(np.argmin(limited[10:]))
     assert m >= 24  # 60 ms are made up for in steps of 7/8 of 2.5 ms
-    taken = np.array(passed[10 : 10 + m]) - passed[10]
-    assert (taken >= np.arange(m) * spacing_ns // 8).all()
+    elapsed_ns = np.array(passed[10 : 10 + m]) - passed[10]
+    assert (elapsed_ns >= np.arange(m) * spacing_ns // 8).all()
     # And that speed is reached.
-    assert taken[9] <= 9 * spacing_ns // 8 + sleeps_longer_ns
+    assert elapsed_ns[9] <= 9 * spacing_ns // 8 + sleeps_longer_ns
 
 
 @pytest.mark.parametrize("again", [False, True])
 def test_a_stall_that_lasts_to_the_end_of_a_run_is_reported(again: bool) -> None:
-    """Whether the run ends, or begins again: nothing on time follows that would report it."""
+    """The end and the restart of a run report the stall: no punctual sample follows it."""
     stalls: list[Stall] = []
     pacer = Pacer(1.0, True, stalls.append)
     second = 1_000_000_000
@@ -160,14 +160,14 @@ def test_samples_follow_a_jump_of_an_external_clock_at_a_limited_speed(
             assert pacer.wait(k * SPACING_NS) is SampleAction.GO
             k += 1
     assert stalls == []
-    begin, first = clock.now_ns, k
+    begin, jump_index = clock.now_ns, k
     simulated[0] += 5_000_000_000
     pacer.tick()
     while k * SPACING_NS <= simulated[0]:
         assert pacer.wait(k * SPACING_NS) is SampleAction.GO
         passed.append(clock.now_ns - begin)
         k += 1
-    m = k - first
+    m = k - jump_index
     assert m >= 1000
     spacing = SPACING_NS / 8.0 / speed
     allowed = 2_000_000 / spacing + 2  # what is less than 2 ms late may follow at once

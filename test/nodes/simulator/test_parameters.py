@@ -1,7 +1,7 @@
 # Copyright 2026 imu_sim_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""What the simulator refuses: one clear line for each problem, status 2, no traceback."""
+"""Parameters that the simulator refuses: one line for each error, status 2, no traceback."""
 
 from pathlib import Path
 from typing import Any
@@ -71,13 +71,13 @@ def test_bad_arguments_and_files(refused: Any, tmp_path: Path) -> None:
         path.write_text(text)
     calls = [arguments for arguments, _ in REFUSED]
     calls += [["--params-file", str(path)] for path in paths]
-    found = refused("simulator", [["--ros-args", *arguments] for arguments in calls])
-    for said, (_, lines) in zip(found[: len(REFUSED)], REFUSED, strict=True):
-        assert len(said) == len(lines), said
-        for line, expected in zip(said, lines, strict=True):
+    outputs = refused("simulator", [["--ros-args", *arguments] for arguments in calls])
+    for error_lines, (_, lines) in zip(outputs[: len(REFUSED)], REFUSED, strict=True):
+        assert len(error_lines) == len(lines), error_lines
+        for line, expected in zip(error_lines, lines, strict=True):
             assert line.startswith(f"simulator: {expected}")
-    for said, (_, expected) in zip(found[len(REFUSED) :], BAD_FILES, strict=True):
-        (line,) = said
+    for error_lines, (_, expected) in zip(outputs[len(REFUSED) :], BAD_FILES, strict=True):
+        (line,) = error_lines
         assert expected in line
 
 
@@ -104,18 +104,20 @@ def test_files_of_every_form_are_read(start: Any, tmp_path: Path) -> None:
 
 
 def test_the_short_trajectory_is_a_file_of_poses_too(start: Any, tmp_path: Path) -> None:
-    """By the node's argument, which launch files pass on, and in a parameter file."""
+    """The node's argument, which launch files pass on, and a parameter file accept it."""
     poses = tmp_path / "poses.tum"
     rows = [f"{0.05 * k:.2f} {0.1 * k:.1f} 0 0 0 0 0 1" for k in range(40)]
     poses.write_text("\n".join(rows) + "\n")
     node = start("simulator", "--trajectory", str(poses), "--duration", "0.2")
     assert node.status() == 0, node.output
     assert f"trajectory {poses}" in node.output
-    words = command_line(SimulatorParameters, {"trajectory": str(poses), "duration": "0.2"})
-    assert words == ["--trajectory", str(poses), "--duration", "0.2"]
-    found = load_simulator({"trajectory.type": str(poses)}).trajectory
-    assert isinstance(found, PosesParameters)
-    assert found.file == str(poses)
+    short_arguments = command_line(
+        SimulatorParameters, {"trajectory": str(poses), "duration": "0.2"}
+    )
+    assert short_arguments == ["--trajectory", str(poses), "--duration", "0.2"]
+    trajectory_parameters = load_simulator({"trajectory.type": str(poses)}).trajectory
+    assert isinstance(trajectory_parameters, PosesParameters)
+    assert trajectory_parameters.file == str(poses)
 
 
 def test_plain_arguments_become_those_of_ros(tmp_path: Path) -> None:
@@ -145,29 +147,29 @@ def test_plain_arguments_become_those_of_ros(tmp_path: Path) -> None:
 
 
 def test_help_names_every_parameter() -> None:
-    words = "".join(help.parser("simulator").format_help().split())
+    help_text = "".join(help.parser("simulator").format_help().split())
     for name, parameter in parameters(SimulatorParameters).items():
-        assert f"--{name}VALUE" in words
-        assert "".join(parameter.unit.split()) in words
-        assert "".join(parameter.text.split()) in words
+        assert f"--{name}VALUE" in help_text
+        assert "".join(parameter.unit.split()) in help_text
+        assert "".join(parameter.text.split()) in help_text
 
 
 def test_own_parameters_of_several_imus() -> None:
-    given = {
+    settings = {
         "imus": ["left", "right"],
         "seed": 5,
         "rate": 300,
         "right.rate": 100,
         "right.imu.preset": "perfect",
     }
-    each = load_simulator(given).each_imu
-    left, right = each["left"], each["right"]
-    assert (left.rate, left.seed, left.imu_frame) == (300, 5, "left_imu_link")
-    assert (right.rate, right.seed) == (100, 6)
-    assert left.imu.gyroscope.noise_density == (0.015,) * 3
-    assert right.imu.gyroscope.noise_density == (0.0,) * 3
+    imu_parameters = load_simulator(settings).each_imu
+    left_imu, right_imu = imu_parameters["left"], imu_parameters["right"]
+    assert (left_imu.rate, left_imu.seed, left_imu.imu_frame) == (300, 5, "left_imu_link")
+    assert (right_imu.rate, right_imu.seed) == (100, 6)
+    assert left_imu.imu.gyroscope.noise_density == (0.015,) * 3
+    assert right_imu.imu.gyroscope.noise_density == (0.0,) * 3
     with pytest.raises(ConfigurationError, match=r"left\.imu\.jitter = 0\.1"):
-        load_simulator({**given, "left.imu.jitter": 0.1})
+        load_simulator({**settings, "left.imu.jitter": 0.1})
 
 
 def test_parameters_are_described_and_keep_their_types_whatever_is_set(
@@ -190,17 +192,19 @@ def test_parameters_are_described_and_keep_their_types_whatever_is_set(
     assert "above 0 and at most 20000 [Hz]" in rate.additional_constraints
 
     def types() -> dict[str, int]:
-        known = parameters(SimulatorParameters, flatten(load_simulator({})))
+        parameter_table = parameters(SimulatorParameters, flatten(load_simulator({})))
         described = listener.call(
-            "simulator/describe_parameters", DescribeParameters, names=list(known)
+            "simulator/describe_parameters", DescribeParameters, names=list(parameter_table)
         ).descriptors
-        values = listener.call("simulator/get_parameters", GetParameters, names=list(known)).values
+        values = listener.call(
+            "simulator/get_parameters", GetParameters, names=list(parameter_table)
+        ).values
         assert [d.type for d in described] == [v.type for v in values]
         return {d.name: d.type for d in described}
 
-    before = types()
-    assert before["imus"] == ParameterType.PARAMETER_STRING_ARRAY  # empty
-    assert before["trajectory.vibration.frequency"] == ParameterType.PARAMETER_DOUBLE_ARRAY
+    types_before = types()
+    assert types_before["imus"] == ParameterType.PARAMETER_STRING_ARRAY  # empty
+    assert types_before["trajectory.vibration.frequency"] == ParameterType.PARAMETER_DOUBLE_ARRAY
     bias = "imu__gyroscope_bias"
     for value, expected in (
         ("[0.1, 0, 0]", [0.1, 0.0, 0.0]),
@@ -210,9 +214,9 @@ def test_parameters_are_described_and_keep_their_types_whatever_is_set(
     ):
         assert listener.set("simulator", **{bias: value}).successful
         names = ["imu.gyroscope_bias"]
-        (held,) = listener.call("simulator/get_parameters", GetParameters, names=names).values
-        assert list(held.double_array_value) == expected
-        assert types() == before
+        (stored,) = listener.call("simulator/get_parameters", GetParameters, names=names).values
+        assert list(stored.double_array_value) == expected
+        assert types() == types_before
     assert listener.set("simulator", imu__latency=1).successful
     for name, value in (
         (bias, "[a, 0, 0]"),
@@ -227,7 +231,7 @@ def test_parameters_are_described_and_keep_their_types_whatever_is_set(
         assert not result.successful
         assert result.reason.startswith(f"{name.replace('__', '.')} = ")
         assert ": must be " in result.reason
-    assert types() == before
+    assert types() == types_before
 
 
 def test_a_dump_of_a_node_with_remappings_starts_again(start: Any) -> None:
@@ -246,7 +250,7 @@ def test_a_dump_of_a_node_with_remappings_starts_again(start: Any) -> None:
 
 
 def test_a_value_of_a_type_that_ros_does_not_have_is_refused(start: Any, listener: Any) -> None:
-    """For it rclpy raises in the callback of its service, which used to end the node.
+    """The node survives the exception that rclpy raises in the callback of the service.
 
     All nodes have these services from one class.
     """
@@ -256,9 +260,11 @@ def test_a_value_of_a_type_that_ros_does_not_have_is_refused(start: Any, listene
     node = start("integrator")
     bad = Parameter(name="strange", value=ParameterValue(type=99))
     good = Parameter(name="use_sim_time", value=ParameterValue(type=1, bool_value=False))
-    each = listener.call("integrator/set_parameters", SetParameters, parameters=[bad, good]).results
-    assert [one.successful for one in each] == [False, True]
-    assert each[0].reason == "strange: a value of the unknown type 99"
+    responses = listener.call(
+        "integrator/set_parameters", SetParameters, parameters=[bad, good]
+    ).results
+    assert [response.successful for response in responses] == [False, True]
+    assert responses[0].reason == "strange: a value of the unknown type 99"
     service = "integrator/set_parameters_atomically"
     result = listener.call(service, SetParametersAtomically, parameters=[good, bad]).result
     assert not result.successful
@@ -267,10 +273,10 @@ def test_a_value_of_a_type_that_ros_does_not_have_is_refused(start: Any, listene
 
 
 def test_paths_in_a_parameter_file_are_relative_to_it(tmp_path: Path) -> None:
-    """As for generate: rcl does not tell a node which file a value comes from."""
+    """The node resolves paths itself, as generate does: rcl does not name the file of a value."""
     (tmp_path / "m.obj").touch()
     file = tmp_path / "given.yaml"
     file.write_text("/**:\n  ros__parameters:\n    scene: {type: mesh, mesh: m.obj}\n")
-    words = ["--ros-args", "--params-file", str(file)]
-    *_, rewritten = ros_arguments(words, SimulatorParameters, tmp_path)
+    node_arguments = ["--ros-args", "--params-file", str(file)]
+    *_, rewritten = ros_arguments(node_arguments, SimulatorParameters, tmp_path)
     assert f"mesh: {tmp_path / 'm.obj'}" in Path(rewritten).read_text()

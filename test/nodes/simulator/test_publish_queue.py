@@ -1,7 +1,7 @@
 # Copyright 2026 imu_sim_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""What is due when: latency that is raised and lowered while the stream runs."""
+"""Due times of queued messages while the latency of a running stream is raised and lowered."""
 
 import math
 from typing import Any
@@ -32,8 +32,8 @@ def _stamp(payload: bytes) -> Any:
 
 
 def queue_of(**imu: float) -> tuple[PublishQueue, Body]:
-    given = {f"imu.{name}": value for name, value in imu.items()}
-    parameters = load_simulation({"rate": RATE, "imu.preset": "perfect", **given})
+    imu_settings = {f"imu.{name}": value for name, value in imu.items()}
+    parameters = load_simulation({"rate": RATE, "imu.preset": "perfect", **imu_settings})
     encode = topics.offered(mounted(parameters))[IMU_TOPIC].encoder()
     body = Body(parameters)
     queue = PublishQueue([BodyStream(body, [("imu", encode, len)])], math.inf)

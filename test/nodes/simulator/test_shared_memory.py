@@ -1,7 +1,7 @@
 # Copyright 2026 imu_sim_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""What a killed process leaves in shared memory does not make later nodes hang."""
+"""Remains of a killed process in shared memory do not make later nodes hang."""
 
 import os
 import time
@@ -28,12 +28,12 @@ def test_only_what_was_never_finished_is_removed(tmp_path):
     begun = segment(tmp_path, "fastrtps_port7413", b"\1\0\0\0" + bytes(60))
     ready = segment(tmp_path, "fastrtps_port7415", b"\2\0\0\0" + bytes(60))
     lock = segment(tmp_path, "fastrtps_port7415_el", b"")
-    other = segment(tmp_path, "somebody_else", b"")
+    foreign_segment = segment(tmp_path, "somebody_else", b"")
     being_made = segment(tmp_path, "fastrtps_port7417", b"", time.time())
     assert remove_torn_segments(tmp_path) == []
     assert not empty.exists()
     assert not begun.exists()
-    assert all(path.exists() for path in (ready, lock, other, being_made))
+    assert all(path.exists() for path in (ready, lock, foreign_segment, being_made))
 
 
 @pytest.fixture

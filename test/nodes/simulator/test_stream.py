@@ -1,7 +1,7 @@
 # Copyright 2026 imu_sim_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""What a separate subscriber receives is, sample for sample, what stream.py gives."""
+"""A subscriber in another process receives the samples of stream.py, bit for bit."""
 
 from typing import Any
 
@@ -27,18 +27,18 @@ def xyz(vectors: list[Any]) -> np.ndarray:
     return np.array([[v.x, v.y, v.z] for v in vectors])
 
 
-def hear(listener: Any, *others: Any) -> None:
+def hear(listener: Any, *extra_topics: Any) -> None:
     from nav_msgs.msg import Odometry
     from sensor_msgs.msg import Imu
 
     listener.listen(IMU, Imu)
     listener.listen(TRUTH, Odometry)
-    for topic, kind in others:
+    for topic, kind in extra_topics:
         listener.listen(topic, kind)
 
 
 @pytest.mark.parametrize(
-    ("rate", "more"),
+    ("rate", "settings"),
     [
         (200.0, {"imu__preset": "lecture"}),
         (333.3, {"imu__jitter": 2e-4, "imu__stamp_offset": 0.01, "imu__clock_skew_ppm": 30}),
@@ -47,16 +47,16 @@ def hear(listener: Any, *others: Any) -> None:
     ],
 )
 def test_readings_equal_those_of_the_stream(
-    start: Any, listener: Any, rate: float, more: dict[str, Any]
+    start: Any, listener: Any, rate: float, settings: dict[str, Any]
 ) -> None:
     hear(listener)
-    chosen = {"rate": rate, "seed": 7, "duration": 0.7, "start_time": 1234.5, **more}
+    chosen = {"rate": rate, "seed": 7, "duration": 0.7, "start_time": 1234.5, **settings}
     node = start("simulator", **chosen, **READY)
     assert listener.wait_for_end(node) == 0, node.output
 
-    own = {key.replace("__", "."): value for key, value in chosen.items()}
-    own.pop("block_duration", None)
-    parameters = load_simulation(own)
+    stream_settings = {key.replace("__", "."): value for key, value in chosen.items()}
+    stream_settings.pop("block_duration", None)
+    parameters = load_simulation(stream_settings)
     block = Body(parameters).next(10**6)["imu"]
     rows = block.delivered
     readings = listener.messages(IMU)
@@ -95,18 +95,20 @@ def test_frames_covariances_and_the_truth_beside_the_readings(start: Any, listen
     chosen |= {"imu__accelerometer_ageing_scale": [0.01, 0.02, 0.03], "imu__age_days": 9}
     names = ("biases", "errors", "ground_truth_imu", "temperature", "ground_truth_fix")
     topics = dict.fromkeys(names, True)
-    more = {f"publish__{name}": value for name, value in topics.items()}
-    node = start("simulator", imu_frame="sensor", **chosen, **more, **READY)
+    publish_settings = {f"publish__{name}": value for name, value in topics.items()}
+    node = start("simulator", imu_frame="sensor", **chosen, **publish_settings, **READY)
     assert listener.wait_for_end(node) == 0, node.output
-    (first, *_), (true, *_) = listener.messages(IMU), listener.messages(TRUTH)
+    (imu_message, *_), (true_message, *_) = listener.messages(IMU), listener.messages(TRUTH)
     assert np.diff(stamps(listener.messages(IMU))).tolist() == [10_000_000] * 99
-    assert first.header.frame_id == "sensor"
-    assert first.orientation_covariance[0] == -1.0
-    assert (true.header.frame_id, true.child_frame_id) == ("world", "base_link")
+    assert imu_message.header.frame_id == "sensor"
+    assert imu_message.orientation_covariance[0] == -1.0
+    assert (true_message.header.frame_id, true_message.child_frame_id) == ("world", "base_link")
     # The lecture's densities squared, times the rate.
     gyro, accel = 0.015**2 * 100, 0.019**2 * 100
-    np.testing.assert_allclose(first.angular_velocity_covariance, np.eye(3).ravel() * gyro)
-    np.testing.assert_allclose(first.linear_acceleration_covariance, np.eye(3).ravel() * accel)
+    np.testing.assert_allclose(imu_message.angular_velocity_covariance, np.eye(3).ravel() * gyro)
+    np.testing.assert_allclose(
+        imu_message.linear_acceleration_covariance, np.eye(3).ravel() * accel
+    )
     parameters = load_simulation({key.replace("__", "."): v for key, v in chosen.items()})
     block = Body(parameters).next(100)["imu"]
     np.testing.assert_array_equal(xyz([m.vector for m in listener.messages(bias)]), block.gyro_bias)
@@ -141,8 +143,8 @@ def test_increments_are_those_of_the_stream_in_whole_steps(start: Any, listener:
         "imu__gyroscope_noise_density": 1e-3,
         "imu__gyroscope_increment_resolution": step,
     }
-    more = {"publish__increments": True, "publish__ground_truth_increments": True}
-    node = start("simulator", **chosen, **more, **READY)
+    publish_settings = {"publish__increments": True, "publish__ground_truth_increments": True}
+    node = start("simulator", **chosen, **publish_settings, **READY)
     assert listener.wait_for_end(node) == 0, node.output
     parameters = load_simulation({key.replace("__", "."): v for key, v in chosen.items()})
     block = Body(parameters).next(100)["imu"]
@@ -166,22 +168,22 @@ def test_several_imus_share_one_truth(start: Any, listener: Any) -> None:
         listener.listen(topic, Imu)
     listener.listen(TRUTH, Odometry)
     quarter_turn = [0.0, -1, 0, 1, 0, 0, 0, 0, 1]
-    own = {
+    imu_settings = {
         "left.rate": 400,
         "left.imu.lever_arm": [0.0, 0.1, 0],
         "right.imu.preset": "perfect",
         "right.imu.mounting": quarter_turn,
     }
     common = {"rate": 200, "duration": 1.0, "seed": 5, "start_time": 10.0}
-    node = start("simulator", imus="[left, right]", **common, **own, **READY)
+    node = start("simulator", imus="[left, right]", **common, **imu_settings, **READY)
     assert listener.wait_for_end(node) == 0, node.output
-    left = load_simulation(
+    left_simulation = load_simulation(
         common, {"rate": 400, "imu.lever_arm": [0.0, 0.1, 0], "imu_frame": "left_imu_link"}
     )
-    right = load_simulation(
+    right_simulation = load_simulation(
         common, {"seed": 6, "imu.preset": "perfect", "imu.mounting": quarter_turn}
     )
-    for name, parameters in (("left", left), ("right", right)):
+    for name, parameters in (("left", left_simulation), ("right", right_simulation)):
         block = Body(parameters).next(1000)["imu"]
         messages = listener.messages(f"{name}/imu/data_raw")
         np.testing.assert_array_equal(xyz([m.linear_acceleration for m in messages]), block.accel)
@@ -198,21 +200,23 @@ def test_namespaces_and_domains_do_not_mix(
 ) -> None:
     from sensor_msgs.msg import Imu
 
-    here, there = listener_on(domains[0]), listener_on(domains[1])
-    here.listen("a/imu/data_raw", Imu)
-    here.listen("b/imu/data_raw", Imu)
-    there.listen("a/imu/data_raw", Imu)
+    first_listener, second_listener = listener_on(domains[0]), listener_on(domains[1])
+    first_listener.listen("a/imu/data_raw", Imu)
+    first_listener.listen("b/imu/data_raw", Imu)
+    second_listener.listen("a/imu/data_raw", Imu)
     chosen = {"duration": 0.5, "wait_for_subscribers": 1, "start_time": 1}
     nodes = [
         start("simulator", "--ros-args", "-r", f"__ns:=/{name}", domain=domain, seed=seed, **chosen)
         for name, domain, seed in (("a", domains[0], 1), ("b", domains[0], 2), ("a", domains[1], 3))
     ]
-    for node, listener in zip(nodes, (here, here, there), strict=True):
+    for node, listener in zip(
+        nodes, (first_listener, first_listener, second_listener), strict=True
+    ):
         assert listener.wait_for_end(node) == 0, node.output
     for listener, topic, seed in (
-        (here, "a/imu/data_raw", 1),
-        (here, "b/imu/data_raw", 2),
-        (there, "a/imu/data_raw", 3),
+        (first_listener, "a/imu/data_raw", 1),
+        (first_listener, "b/imu/data_raw", 2),
+        (second_listener, "a/imu/data_raw", 3),
     ):
         block = Body(load_simulation({"duration": 0.5, "seed": seed})).next(1000)["imu"]
         received = xyz([m.angular_velocity for m in listener.messages(topic)])

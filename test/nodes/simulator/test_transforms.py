@@ -53,9 +53,9 @@ def test_the_place_of_each_imu_reaches_who_comes_late(start, listener):
         rate=50,
     )
     listener.spin(1.5)
-    found = wait_for_static(listener)
-    assert {t.header.frame_id for t in found} == {"base_link"}
-    places = {t.child_frame_id: numbers(t) for t in found}
+    transforms = wait_for_static(listener)
+    assert {t.header.frame_id for t in transforms} == {"base_link"}
+    places = {t.child_frame_id: numbers(t) for t in transforms}
     assert places.keys() == {"left_imu_link", "right_imu_link"}
     assert places["left_imu_link"] == ([0.0, 0.1, 0.0], [1.0, 0.0, 0.0, 0.0])
     position, q = places["right_imu_link"]
@@ -130,7 +130,8 @@ def test_the_graph_and_the_description_are_those_of_tf2_msgs(start, listener):
     content = {
         "type_description": individual(described.type_description),
         "referenced_type_descriptions": [
-            individual(other) for other in described.referenced_type_descriptions
+            individual(referenced_type)
+            for referenced_type in described.referenced_type_descriptions
         ],
     }
     digest = hashlib.sha256(json.dumps(content).encode()).hexdigest()

@@ -35,15 +35,19 @@ def test_live_odometry_is_that_of_the_simulation(start: Any, listener: Any) -> N
     node = start("simulator", "--sensors", "[wheels]", "--ros-args", **chosen, **waiting)
     assert listener.wait_for_end(node) == 0, node.output
     run = Body(load_simulation({**GIVEN, "sensors": ["wheels"]}), sensors={"wheels"})
-    read = run.next(10**6)["wheels"]
+    wheel_block = run.next(10**6)["wheels"]
     odometry, joints = listener.messages("wheel/odom"), listener.messages("joint_states")
-    assert len(odometry) == len(joints) == len(read.t_ns) == 40
+    assert len(odometry) == len(joints) == len(wheel_block.t_ns) == 40
     twists = [m.twist.twist for m in odometry]
-    assert np.array_equal([[t.linear.x, t.linear.y, t.angular.z] for t in twists], read.twist)
-    assert np.array_equal([m.twist.covariance[0] for m in odometry], read.covariance[:, 0, 0])
-    assert np.array_equal([m.position for m in joints], read.angle)
-    assert np.array_equal([m.velocity for m in joints], read.speed)
+    assert np.array_equal(
+        [[t.linear.x, t.linear.y, t.angular.z] for t in twists], wheel_block.twist
+    )
+    assert np.array_equal(
+        [m.twist.covariance[0] for m in odometry], wheel_block.covariance[:, 0, 0]
+    )
+    assert np.array_equal([m.position for m in joints], wheel_block.angle)
+    assert np.array_equal([m.velocity for m in joints], wheel_block.speed)
     assert list(joints[0].name) == ["wheel_left_joint", "wheel_right_joint"]
     truth = listener.messages("ground_truth/wheel_odom")
     places = [[m.pose.pose.position.x, m.pose.pose.position.y] for m in truth]
-    assert np.array_equal(places, read.true_pose[:, :2])
+    assert np.array_equal(places, wheel_block.true_pose[:, :2])

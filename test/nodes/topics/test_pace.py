@@ -1,7 +1,7 @@
 # Copyright 2026 imu_sim_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""When a reader looks for messages: how long they wait, and how often it looks."""
+"""Polling times of a reader: waiting times of the messages and number of polls."""
 
 import numpy as np
 import pytest
@@ -10,23 +10,23 @@ from imu_sim_ros.nodes.subscriptions import PollTimer
 
 PERIOD = 0.002
 OVERSLEPT_NS = 60_000
-"""What a sleep takes longer than asked for, and the look itself."""
+"""Excess duration of a sleep, and the duration of a poll [ns]."""
 LEARNT_NS = 500_000_000
-"""A pace is known after this."""
+"""Time after which the period of the messages is known [ns]."""
 START_NS = 1_700_000_000_000_000_000
 
 
 def look_for(arrivals_ns: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """Return when a reader looked (m,), and how long each of the messages (n,) waited [ns]."""
-    pace, now, taken = PollTimer(PERIOD), int(arrivals_ns[0]) - 10**9, 0
+    pace, now_ns, taken_count = PollTimer(PERIOD), int(arrivals_ns[0]) - 10**9, 0
     looks, waits = [], np.zeros(len(arrivals_ns))
-    while taken < len(arrivals_ns):
-        looks.append(now)
-        end = int(np.searchsorted(arrivals_ns, now, side="right"))
-        waits[taken:end] = now - arrivals_ns[taken:end]
-        last = int(arrivals_ns[end - 1]) if end > taken else 0
-        now += round(pace.wait(end - taken, last, now) * 1e9) + OVERSLEPT_NS
-        taken = end
+    while taken_count < len(arrivals_ns):
+        looks.append(now_ns)
+        end = int(np.searchsorted(arrivals_ns, now_ns, side="right"))
+        waits[taken_count:end] = now_ns - arrivals_ns[taken_count:end]
+        last_arrival_ns = int(arrivals_ns[end - 1]) if end > taken_count else 0
+        now_ns += round(pace.wait(end - taken_count, last_arrival_ns, now_ns) * 1e9) + OVERSLEPT_NS
+        taken_count = end
     return np.array(looks), waits
 
 
@@ -53,12 +53,12 @@ def arrivals(rate: float, seconds: float, jitter: float = 0.0) -> np.ndarray:
 def test_regular_messages_are_found_in_step(
     rate: float, jitter: float, looks_per_second: float, longest: float
 ) -> None:
-    """As fresh as with a look every 2 ms, or fresher, in fewer looks (485 a second)."""
+    """Messages wait no longer than with a poll every 2 ms (485 polls/s), in fewer polls."""
     sent = arrivals(rate, 3.0, jitter)
     looks, waits = look_for(sent)
-    known = sent[0] + LEARNT_NS
-    assert waits[sent > known].max() <= longest * 1e9
-    assert np.sum(looks > known) <= looks_per_second * (3.0 - 0.5) + 2
+    learnt_ns = sent[0] + LEARNT_NS
+    assert waits[sent > learnt_ns].max() <= longest * 1e9
+    assert np.sum(looks > learnt_ns) <= looks_per_second * (3.0 - 0.5) + 2
 
 
 @pytest.mark.parametrize(
@@ -85,17 +85,17 @@ def test_others_wait_hardly_longer_than_a_period(sent: np.ndarray) -> None:
 
 @pytest.mark.parametrize("jump_ns", [-3600 * 10**9, 3600 * 10**9, -(10**6)])
 def test_a_clock_that_is_set_changes_nothing_for_long(jump_ns: int) -> None:
-    pace, now = PollTimer(PERIOD), START_NS
+    pace, now_ns = PollTimer(PERIOD), START_NS
     for _ in range(100):
-        delay = pace.wait(1, now, now + 100_000)
-        now += 5_000_000
+        delay = pace.wait(1, now_ns, now_ns + 100_000)
+        now_ns += 5_000_000
     assert delay == pytest.approx(5.05e-3)
-    now += jump_ns
+    now_ns += jump_ns
     delays = []
     for _ in range(100):
-        delays.append(pace.wait(1, now, now + 100_000))
+        delays.append(pace.wait(1, now_ns, now_ns + 100_000))
         assert 0.0 <= delays[-1] <= 10e-3
-        now += 5_000_000
+        now_ns += 5_000_000
     assert delays[-1] == pytest.approx(5.05e-3)
 
 
@@ -105,8 +105,8 @@ def test_a_middleware_without_times_of_reception_is_looked_at_every_period() -> 
 
 
 def test_a_silent_topic_is_looked_at_every_period() -> None:
-    pace, now = PollTimer(PERIOD), START_NS
+    pace, now_ns = PollTimer(PERIOD), START_NS
     for _ in range(100):
-        pace.wait(1, now, now)
-        now += 5_000_000
-    assert pace.wait(0, 0, now + 10**9) == PERIOD
+        pace.wait(1, now_ns, now_ns)
+        now_ns += 5_000_000
+    assert pace.wait(0, 0, now_ns + 10**9) == PERIOD

@@ -149,7 +149,7 @@ def _assembled() -> Any:
     # A message object would be a sequence; none is ever made.
     size = ctypes.sizeof(_Sequence)
     members = _Members(_NAMESPACE, _NAME, 1, size, members=ctypes.addressof(member))
-    answers, kept = _answers(donor)
+    answers, answer_buffers = _answers(donor)
     supports: dict[bytes, _TypeSupport] = {}
 
     def find(_: Any, identifier: bytes) -> int | None:
@@ -162,19 +162,24 @@ def _assembled() -> Any:
         pointer = ctypes.addressof(data)
         supports[identifier] = _TypeSupport(identifier, pointer, function, *answers)
     # The middleware keeps pointers to all of these for the lifetime of the process.
-    return _class(supports[_FASTRTPS], (supports, of_identifier, callbacks, member, members, kept))
+    return _class(
+        supports[_FASTRTPS], (supports, of_identifier, callbacks, member, members, answer_buffers)
+    )
 
 
-def _class(support: _TypeSupport, kept: Any) -> Any:
+def _class(support: _TypeSupport, buffers: Any) -> Any:
     """Return a class that rclpy accepts as a generated one."""
-    new = ctypes.pythonapi.PyCapsule_New
-    new.restype, new.argtypes = ctypes.py_object, (_POINTER, ctypes.c_char_p, _POINTER)
+    new_capsule = ctypes.pythonapi.PyCapsule_New
+    new_capsule.restype, new_capsule.argtypes = (
+        ctypes.py_object,
+        (_POINTER, ctypes.c_char_p, _POINTER),
+    )
 
     class WithTypeSupport(type):
-        _TYPE_SUPPORT = new(ctypes.addressof(support), None, None)
+        _TYPE_SUPPORT = new_capsule(ctypes.addressof(support), None, None)
         # Functions that make and destroy message objects: rclpy checks that they exist.
         _CREATE_ROS_MESSAGE = _CONVERT_FROM_PY = _CONVERT_TO_PY = _DESTROY_ROS_MESSAGE = _no_object
-        _KEPT = kept
+        _KEPT = buffers
 
     class TFMessage(metaclass=WithTypeSupport):
         """tf2_msgs/TFMessage as bytes."""
@@ -208,11 +213,11 @@ def _answers(donor: _TypeSupport) -> tuple[list[Any], Any]:
     """Return the functions for hash, description and sources, with the objects they point to."""
     digest = _Hash(1, (ctypes.c_uint8 * 32)(*bytes.fromhex(HASH.removeprefix("RIHS01_"))))
     described = _TO_POINTER(donor.description)(ctypes.addressof(donor))
-    description, kept = _description(_Description.from_address(described))
+    description, description_buffers = _description(_Description.from_address(described))
     sources = _Sequence()  # none, as for any type that was built without its sources
     functions = [_always(structure) for structure in (digest, description, sources)]
     pointers = [ctypes.cast(function, _POINTER) for function in functions]
-    return pointers, (functions, digest, description, sources, kept)
+    return pointers, (functions, digest, description, sources, description_buffers)
 
 
 def _always(structure: ctypes.Structure) -> Any:
@@ -232,11 +237,11 @@ def _description(donor: _Description) -> tuple[_Description, Any]:
         )
     )
     nested = (_Individual * donor.referenced.size).from_address(donor.referenced.data)
-    others = sorted([*nested, donor.type], key=lambda described: described.type_name.data)
-    referenced = (_Individual * len(others))(*others)
-    own = _Individual(_text(TYPE.encode()), _Sequence(ctypes.addressof(fields), 1, 1))
-    size = len(others)
-    result = _Description(own, _Sequence(ctypes.addressof(referenced), size, size))
+    individuals = sorted([*nested, donor.type], key=lambda described: described.type_name.data)
+    referenced = (_Individual * len(individuals))(*individuals)
+    described_type = _Individual(_text(TYPE.encode()), _Sequence(ctypes.addressof(fields), 1, 1))
+    size = len(individuals)
+    result = _Description(described_type, _Sequence(ctypes.addressof(referenced), size, size))
     return result, (fields, referenced)
 
 
