@@ -142,6 +142,16 @@ def test_no_module_takes_what_is_private_to_another(path):
             assert not private, f"{node.module}: {private}"
 
 
+def test_only_the_door_names_a_format():
+    """All others read by the door, so that each takes every format."""
+    formats = {path.stem for path in (PACKAGE / "formats").glob("*.py")}
+    formats -= {"__init__", "choice", "door", "handling"}
+    door = PACKAGE / "formats" / "door.py"
+    for path in modules():
+        named = set(imports(parsed(path))) & {f"imu_sim_ros.formats.{name}" for name in formats}
+        assert path == door or not named, f"{path}: {named}"
+
+
 def rooms():
     return sorted(path.parent for path in PACKAGE.rglob("__init__.py") if path.parent != PACKAGE)
 

@@ -19,6 +19,7 @@ from imu_sim_ros.bags.messages.encode import (
     TRANSFORM_STAMPED,
 )
 from imu_sim_ros.bags.messages.transforms import TF_MESSAGE
+from imu_sim_ros.bags.pose_topics import POSE_TYPES, pose_topic
 from imu_sim_ros.bags.read import (
     Bag,
     decoded_blocks,
@@ -27,23 +28,12 @@ from imu_sim_ros.bags.read import (
     odometry_blocks,
     open_bag,
 )
-from imu_sim_ros.bags.reader import listed
 from imu_sim_ros.core.errors import InputError
-from imu_sim_ros.core.names import suggestion
 from imu_sim_ros.core.records import Readings, States, concatenated
 from imu_sim_ros.core.rotation import normalise
 from imu_sim_ros.core.timebase import NANOSECONDS_PER_SECOND
 from imu_sim_ros.formats.handling import Handling
 
-POSE_TYPES: Final = (
-    ODOMETRY,
-    POSE_STAMPED,
-    POSE_WITH_COVARIANCE,
-    TRANSFORM_STAMPED,
-    PATH,
-    TF_MESSAGE,
-)
-"""Types of messages that have poses; without a topic, the first type that a bag has is read."""
 _FIELDS: Final = {
     POSE_STAMPED: ("position", "orientation"),
     POSE_WITH_COVARIANCE: ("position", "orientation", "pose_covariance"),
@@ -118,33 +108,6 @@ def states(path: Path, topic: str | None, covariance: bool, handling: Handling) 
         frame_id=columns.frame_id,
         child_frame_id=columns.child_frame_id,
     )
-
-
-def pose_topic(bag: Bag, topic: str | None) -> tuple[str, str, tuple[str, str] | None]:
-    """Return name and type of the topic of poses, and the frames of ``/tf:PARENT.CHILD``.
-
-    :raises InputError: if there is none, or several; the line lists them.
-    """
-    fitting = [info for info in bag.topics if info.type in POSE_TYPES]
-    if topic is None:
-        types = {info.type for info in fitting if info.type != TF_MESSAGE}
-        type_name = next((kind for kind in POSE_TYPES if kind in types), ODOMETRY)
-        return bag.topic(type_name, None).name, type_name, None
-    plain, _, pair = topic.partition(":")
-    frames = tuple(pair.split(".", 1)) if "." in pair else None
-    info = bag.find(topic) or bag.find(plain)  # a name in a log may have a colon
-    if info is None or info.type not in POSE_TYPES:
-        others = listed(fitting) if fitting else "none"
-        hint = suggestion(plain, (info.name for info in fitting), "")
-        raise InputError(
-            f"{bag.path}: has no topic {topic} of poses; it has {others}{hint and f'; {hint}'}"
-        )
-    if info.type == TF_MESSAGE and (frames is None or not all(frames)):
-        raise InputError(
-            f"{bag.path}: {info.name} has transforms between several frames; name two: "
-            f"{info.name}:PARENT.CHILD"
-        )
-    return info.name, info.type, None if frames is None else (frames[0], frames[1])
 
 
 def _blocks(

@@ -25,6 +25,7 @@ from imu_sim_ros.bags.messages.encode import IMU, ODOMETRY, ImuEncoder
 from imu_sim_ros.bags.messages.encode_cameras import CAMERA_INFO, COMPRESSED_IMAGE, IMAGE
 from imu_sim_ros.bags.messages.transforms import TF_MESSAGE
 from imu_sim_ros.bags.outputs import Outputs, Target
+from imu_sim_ros.bags.pose_topics import pose_topic
 from imu_sim_ros.bags.read import open_bag
 from imu_sim_ros.bags.reader import Bag, Recover
 from imu_sim_ros.bags.text import reader as text_reader
@@ -38,7 +39,6 @@ from imu_sim_ros.core.conventions import IMU_TOPIC
 from imu_sim_ros.core.errors import ConfigurationError, InputError
 from imu_sim_ros.core.records import Readings, States, with_fields
 from imu_sim_ros.core.spelling import argument, stated
-from imu_sim_ros.formats.bag import pose_topic
 from imu_sim_ros.formats.choice import AS_RECORDED, Choice
 from imu_sim_ros.formats.door import has_topics, read_states, reading_blocks
 from imu_sim_ros.formats.handling import Handling

@@ -20,6 +20,7 @@ from imu_sim_ros.bags.cameras import camera_records
 from imu_sim_ros.bags.clouds import cloud_records
 from imu_sim_ros.bags.messages.encode import IMU, PATH
 from imu_sim_ros.bags.messages.transforms import TF_MESSAGE
+from imu_sim_ros.bags.pose_topics import POSE_TYPES
 from imu_sim_ros.bags.read import MixedFramesError, open_bag
 from imu_sim_ros.calibration.noise.truth import load_truth, true_noise
 from imu_sim_ros.core import arguments
@@ -34,7 +35,6 @@ from imu_sim_ros.core.spelling import argument
 from imu_sim_ros.core.types import Array
 from imu_sim_ros.datasets.recorded import folder_cameras, image_size
 from imu_sim_ros.formats import door
-from imu_sim_ros.formats.bag import POSE_TYPES
 from imu_sim_ros.formats.choice import Choice
 from imu_sim_ros.formats.handling import Handling
 from imu_sim_ros.jobs.flight import Flight
