@@ -97,6 +97,11 @@ class SampledParameters(EnvironmentParameters):
                 f"{prefix}world_frame = {self.world_frame}: must not be {prefix}body_frame, whose "
                 "pose in it is the truth"
             )
+        elif self.world_frame and self.world_frame == self.imu_frame:
+            yield (
+                f"{prefix}world_frame = {self.world_frame}: must not be {prefix}imu_frame, which "
+                "moves with the body"
+            )
         yield from super().problems(prefix)
         of_orientation = self.imu.orientation.rate
         if of_orientation and (exact_rate(self.rate) / exact_rate(of_orientation)).denominator != 1:

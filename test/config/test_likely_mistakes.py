@@ -53,9 +53,12 @@ def test_presets_are_sound(name):
     assert warnings_of(**{"imu.preset": name}) == []
 
 
-def test_the_frame_of_the_world_is_not_that_of_the_body():
-    with pytest.raises(ConfigurationError, match="world_frame = base_link: must not be body_frame"):
-        load_simulation({**STATIC, "world_frame": "base_link"})
+@pytest.mark.parametrize(
+    ("frame", "name"), [("base_link", "body_frame"), ("imu_link", "imu_frame")]
+)
+def test_the_frame_of_the_world_is_none_that_moves(frame, name):
+    with pytest.raises(ConfigurationError, match=f"world_frame = {frame}: must not be {name}"):
+        load_simulation({**STATIC, "world_frame": frame})
 
 
 @pytest.mark.parametrize(
