@@ -14,7 +14,6 @@ import shutil
 import subprocess
 import sys
 import tempfile
-from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
@@ -92,7 +91,6 @@ NOT_MET = 3
 """Exit status of a campaign whose requirements are not met."""
 PAGES = {
     "campaign": "imu_sim campaign plan.yaml -o campaign",
-    "which_imu": "imu_sim campaign which_imu -o which_imu",
     "bag": """
         imu_sim generate -o flight.mcap --imu tactical --trajectory figure_eight --duration 1min
         imu_sim dead_reckon flight.mcap -o midpoint.csv
@@ -102,18 +100,11 @@ PAGES = {
 }
 """Commands that write NAME/report.html."""
 SCREENS = {
-    "report_campaign": ("campaign", 1280, 1040, False, None),
-    "report_phone": ("campaign", 390, 844, True, None),
-    "report_bag": ("bag", 900, 1640, False, None),
-    "report_which_imu": (
-        "which_imu",
-        1280,
-        1000,
-        False,
-        "final position error [m] over gyroscope turn on bias sigma",
-    ),
+    "report_campaign": ("campaign", 1280, 1040, False),
+    "report_phone": ("campaign", 390, 844, True),
+    "report_bag": ("bag", 900, 1640, False),
 }
-"""Page, width, height, whether it is dark, and the title of the only plot to show."""
+"""Page, width and height [px], and True for the dark theme."""
 
 
 def run(commands: str, folder: Path) -> None:
@@ -170,19 +161,14 @@ def chromium() -> Any:
 
 
 def photograph(driver: Any, name: str, folder: Path) -> None:
-    """Write the picture of a page's beginning, or of one of its plots."""
-    page, width, height, dark, plot = SCREENS[name]
+    """Write the picture of a page's beginning."""
+    page, width, height, dark = SCREENS[name]
     size = {"width": width, "height": height, "deviceScaleFactor": 1, "mobile": width < 500}
     driver.execute_cdp_cmd("Emulation.setDeviceMetricsOverride", size)
     scheme = {"name": "prefers-color-scheme", "value": "dark" if dark else "light"}
     driver.execute_cdp_cmd("Emulation.setEmulatedMedia", {"features": [scheme]})
     driver.get((folder / page / "report.html").as_uri())
-    target = driver
-    if plot is not None:
-        target = driver.find_element("css selector", f'figure[data-plot^="{plot}"]')
-        driver.execute_script("arguments[0].scrollIntoView({block: 'center'})", target)
-    shot: Callable[[str], bool] = target.screenshot if plot else target.save_screenshot
-    assert shot(str(IMAGES / f"{name}.png"))
+    assert driver.save_screenshot(str(IMAGES / f"{name}.png"))
 
 
 def main() -> None:

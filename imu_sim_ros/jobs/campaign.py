@@ -427,15 +427,17 @@ def _lines(result: Campaign) -> Iterator[str | TextTable]:
     metric, groups = result.judgement.metric, group_runs(result.runs, result.plan.grid_names)
     varying = varying_names(groups)
     rows = [_row(group, metric, varying) for group in groups[:_SHOWN]]
-    header = ["cell", "estimator", "done", "coverage", "median", "95 % interval", "p95"]
-    header.append("NEES (band)")
+    names = [name for name in varying if name != "estimator"]
+    endings = [name.rpartition(".")[2] for name in names]
+    header = endings if len(set(endings)) == len(endings) else names
+    header += ["estimator", "done", "coverage", "median", "95 % interval", "p95", "NEES (band)"]
     constants = [
         name if key == "estimator" else f"{key}={name}"
         for key, name in (groups[0].labels if groups else {}).items()
         if key not in varying
     ]
     title = f"{metric}, median with 95 % interval; {', '.join(constants)}"
-    yield _without_constants(header, rows, title.removesuffix("; "), {"cell", "estimator"})
+    yield _without_constants(header, rows, title.removesuffix("; "), {"estimator"})
     if len(groups) > _SHOWN:
         yield (f"{len(groups) - _SHOWN} more in {result.folder / 'summary.csv'}")
     yield from _difference_lines(result.judgement)
@@ -537,7 +539,7 @@ def _row(group: Group, metric: str, varying: Sequence[str]) -> list[str]:
     values = group.values(metric)  # none of success, whose interval is in summary.csv
     median, p95 = quantile(values, 0.5), quantile(values, 0.95)
     return [
-        ", ".join(f"{name}={group.labels[name]}" for name in varying if name != "estimator"),
+        *(group.labels[name] for name in varying if name != "estimator"),
         group.estimator,
         f"{group.done} of {len(group.rows)}",
         _coverage(group),
