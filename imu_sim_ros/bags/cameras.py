@@ -65,8 +65,15 @@ def recorded_cameras(topics: Sequence[TopicInfo]) -> list[RecordedCamera]:
     ]
 
 
+def is_rectified(topic: str) -> bool:
+    """Return True for the name of a topic of rectified images (image_proc): image_rect, ..."""
+    return topic.removesuffix("/compressed").rpartition("/")[2].startswith("image_rect")
+
+
 def base_of(topic: str) -> str:
     """Return the start of a topic's name that all topics of a camera share."""
+    if is_rectified(topic):
+        return topic.removesuffix("/compressed").rpartition("/")[0]
     for ending in _ENDINGS:
         if topic.endswith(ending):
             return topic.removesuffix(ending)

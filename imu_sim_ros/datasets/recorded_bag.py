@@ -15,7 +15,7 @@ from typing import Any, Final
 import numpy as np
 from numpy.typing import NDArray
 
-from imu_sim_ros.bags.cameras import RecordedCamera, base_of, camera_info
+from imu_sim_ros.bags.cameras import RecordedCamera, base_of, camera_info, is_rectified
 from imu_sim_ros.bags.messages.blocks import TopicInfo
 from imu_sim_ros.bags.messages.encode_cameras import CAMERA_INFO, COMPRESSED_IMAGE
 from imu_sim_ros.bags.messages.transforms import TF_MESSAGE
@@ -26,6 +26,7 @@ from imu_sim_ros.bags.threads import cores
 from imu_sim_ros.core.conventions import CAMERA_INFO_TOPIC, TF_STATIC_TOPIC
 from imu_sim_ros.core.errors import InputError, naming, system_error
 from imu_sim_ros.core.gate import stamp_ns
+from imu_sim_ros.core.types import Array
 from imu_sim_ros.datasets.images import image_name, millimetres, write_table
 from imu_sim_ros.datasets.recorded import (
     DEPTH_FOLDER,
@@ -201,8 +202,28 @@ class RecordedImages:
             else:
                 warn(f"{name}/sensor.yaml: without intrinsics, which camera_info does not have")
         pose = to_root(self._transforms, self._frames.get(camera.base, ""))
+        if info is not None and is_rectified(topic.name):
+            if pose is not None:
+                pose = pose @ _turned_back(info.r)
+            info = info.rectified()
+            warn(
+                f"{name}/sensor.yaml: {topic.name} is rectified: intrinsics of P, no distortion"
+                if info is not None
+                else f"{name}/sensor.yaml: without intrinsics: {topic.name} is rectified, and P of "
+                f"{camera.base}/{CAMERA_INFO_TOPIC} has no focal length"
+            )
         text = sensor_yaml(Description(info, pose), stamps, comment)
         (self._folder / name / "sensor.yaml").write_text(text, encoding="utf-8")
+
+
+def _turned_back(rectification: Array) -> Array:
+    """Return (4, 4) that maps points of the rectified camera into the camera.
+
+    :param rectification: (3, 3) R of camera_info, from the camera into the rectified one.
+    """
+    matrix = np.eye(4)
+    matrix[:3, :3] = rectification.T
+    return matrix
 
 
 def _write(topic: TopicInfo, message: Any, path: Path) -> Size:

@@ -74,6 +74,16 @@ class CameraInfo(NamedTuple):
         k, p = (np.asarray(shrink @ move @ matrix) for matrix in (self.k, self.p))
         return CameraInfo(height, width, self.distortion_model, self.d, k, self.r, p)
 
+    def rectified(self) -> "CameraInfo | None":
+        """Return the model of the rectified image: that of P, without distortion.
+
+        None: P has no focal length, so that it is not known.
+        """
+        k = np.asarray(self.p[:, :3])
+        if not (k[0, 0] > 0.0 and k[1, 1] > 0.0):
+            return None
+        return self._replace(distortion_model="plumb_bob", d=(0.0,) * 4, k=k, r=np.eye(3))
+
     def is_equal(self, other: "CameraInfo") -> bool:
         """Return True if both describe the same camera."""
         return (

@@ -44,7 +44,7 @@ FAULTS = {
 FRAMES = 4
 
 
-def write_camera(path, infos, shape=(60, 94), jpeg=False):
+def write_camera(path, infos, shape=(60, 94), jpeg=False, topic="image_raw"):
     """Write readings and images with descriptions, of which the last one repeats."""
     readings = ims.simulate(duration=0.2, rate=100).readings
     stamps = readings.t_ns[: 3 * FRAMES : 3]
@@ -64,7 +64,7 @@ def write_camera(path, infos, shape=(60, 94), jpeg=False):
         imu = ImuEncoder("imu", encoding).pattern(readings.t_ns, readings.gyro, readings.accel)
         images = [encoder.encode(t_ns, payload) for t_ns in stamps.tolist()]
         infos = [info.encode(t) for info, t in zip(described, stamps.tolist(), strict=True)]
-        name = "/cam0/image_raw/compressed" if jpeg else "/cam0/image_raw"
+        name = f"/cam0/{topic}/compressed" if jpeg else f"/cam0/{topic}"
         blocks = [
             Block(writer.add_topic("/imu/data_raw", IMU), readings.t_ns, imu),
             Block(writer.add_topic(name, kind), stamps, images),
@@ -113,6 +113,23 @@ def test_a_description_that_fits_is_written_without_a_word(tmp_path, capsys, jpe
     assert "camera_info" not in told
     wrong = write_camera(tmp_path / "wrong.mcap", [GOOD], (30, 47), jpeg)
     assert kinds_of(wrong, capsys) == {"image_size"}
+
+
+@pytest.mark.parametrize("jpeg", [False, True])
+@pytest.mark.parametrize("topic", ["image_rect", "image_rect_color"])
+def test_rectified_images_have_the_intrinsics_of_p(tmp_path, capsys, topic, jpeg):
+    """camera_info has K and D of the raw images; image_proc rectifies them to P."""
+    p = P @ np.diag([0.9, 0.9, 1.0, 1.0])
+    path = write_camera(tmp_path / "r.mcap", [GOOD._replace(p=p)], jpeg=jpeg, topic=topic)
+    description, told = converted(path, tmp_path, capsys)
+    np.testing.assert_allclose(description["intrinsics"], [p[0, 0], p[1, 1], p[0, 2], p[1, 2]])
+    assert not any(description["distortion_coefficients"])
+    assert f"/cam0/{topic}" in told
+    assert "is rectified: intrinsics of P" in told
+    path = write_camera(tmp_path / "z.mcap", [GOOD._replace(p=0.0 * P)], jpeg=jpeg, topic=topic)
+    description, told = converted(path, tmp_path, capsys)
+    assert "intrinsics" not in description
+    assert "P of /cam0/camera_info has no focal length" in told
 
 
 @pytest.mark.parametrize("name", ["seen.bag", "seen.mcap"])
