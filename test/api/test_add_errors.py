@@ -31,9 +31,9 @@ def test_one_sample_or_many_are_those_of_the_simulation(flight: ims.Flight) -> N
         for t, g, a in zip(truth.t_ns, truth.gyro.tolist(), truth.accel, strict=True)
     ]
     for name in ("gyro", "accel"):
-        own = getattr(flight, name)
-        assert np.array_equal(getattr(added, name), own)
-        assert np.array_equal(np.concatenate([getattr(b, name) for b in singles]), own)
+        simulated = getattr(flight, name)
+        assert np.array_equal(getattr(added, name), simulated)
+        assert np.array_equal(np.concatenate([getattr(b, name) for b in singles]), simulated)
     assert np.array_equal(added.truth.gyro_bias, truth.gyro_bias)
     assert np.array_equal(added.truth.accel, truth.accel)
     assert np.isnan(added.truth.position).all()
@@ -44,27 +44,27 @@ def test_one_sample_or_many_are_those_of_the_simulation(flight: ims.Flight) -> N
 
 @pytest.mark.parametrize("count", [None, 2])
 def test_a_copy_of_a_model_goes_on_like_it(count: int | None) -> None:
-    """Copies drew other numbers once what had been made ahead was used up, or the same stream."""
+    """The copy draws the same numbers beyond the prefetched noise, from a stream of its own."""
     terms = EVERY_TERM if count is None else {"imu.gyroscope_random_walk": 1e-4}
     model: Any = ims.ErrorModel(imu="mpu9250", rate=200, seed=3, count=count, parameters=terms)
     zero = np.zeros((count or 1, 3))
 
-    def following(one: Any, begin: int) -> list[np.ndarray]:
-        found = []
+    def next_arrays(error_model: Any, begin: int) -> list[np.ndarray]:
+        arrays = []
         for t_ns in range(begin, begin + 1_000_000_000, 5_000_000):
-            read = one.read(t_ns, zero, zero + 1.0)
-            field = one.read_magnetic_field(t_ns, zero + 2e-5)
-            found += [read.gyro, read.accel, read.accel_bias, read.t_ns, field.field]
-            found += [one.read_pressure(t_ns, zero[:, 0] + 1e5).pressure]
-            found += [read.delivered] if count is None else []
-        return found
+            block = error_model.read(t_ns, zero, zero + 1.0)
+            field = error_model.read_magnetic_field(t_ns, zero + 2e-5)
+            arrays += [block.gyro, block.accel, block.accel_bias, block.t_ns, field.field]
+            arrays += [error_model.read_pressure(t_ns, zero[:, 0] + 1e5).pressure]
+            arrays += [block.delivered] if count is None else []
+        return arrays
 
-    following(model, 0)
-    other = copy.deepcopy(model)
-    assert type(other) is (ims.ErrorModel if count is None else ims.ErrorModelBatch)
+    next_arrays(model, 0)
+    copied_model = copy.deepcopy(model)
+    assert type(copied_model) is (ims.ErrorModel if count is None else ims.ErrorModelBatch)
     for begin in (1_000_000_000, 2_000_000_000):
-        pairs = zip(following(model, begin), following(other, begin), strict=True)
-        assert all(np.array_equal(one, own) for one, own in pairs)
+        pairs = zip(next_arrays(model, begin), next_arrays(copied_model, begin), strict=True)
+        assert all(np.array_equal(original, copied) for original, copied in pairs)
 
 
 def test_a_bag_and_back(flight: ims.Flight, tmp_path: Path) -> None:
@@ -128,8 +128,8 @@ def test_changes_faults_and_reset() -> None:
     gyro, accel = np.zeros((400, 3)), np.tile([0.0, 0.0, 9.81], (400, 1))
     model = ims.ErrorModel(imu="perfect", rate=200)
     assert model.inject("bias_jump", triad="gyroscope", value=0.5, delay=0.5, duration=0.1) == 100
-    first = model.read(t_ns, gyro, accel)
-    assert np.flatnonzero(first.gyro[:, 0]).tolist() == list(range(100, 120))
+    first_block = model.read(t_ns, gyro, accel)
+    assert np.flatnonzero(first_block.gyro[:, 0]).tolist() == list(range(100, 120))
     model.update(imu={"accelerometer_bias": [0.1, 0.0, 0.0]})
     later = model.read(t_ns + t_ns[-1] + 5_000_000, gyro, accel)
     assert np.flatnonzero(later.accel[:, 0])[0] == 448 - 400  # the next multiple of 64
@@ -170,9 +170,9 @@ def test_the_first_irregular_stamps_of_each_kind_are_warned_of() -> None:
             model.read(k * 10_000_000 - 1, still, level)
     counts = model.counts
     assert (counts.samples, counts.repeated, counts.backward) == (1000, 1000, 1000)
-    said = [str(warning.message) for warning in caught]
-    assert len(said) == 6
-    assert [line.endswith("left out; further ones are only counted") for line in said] == [
+    warning_lines = [str(warning.message) for warning in caught]
+    assert len(warning_lines) == 6
+    assert [line.endswith("left out; further ones are only counted") for line in warning_lines] == [
         *(False, False, False, False, True, True)
     ]
 
@@ -221,22 +221,28 @@ def write(folder: Path, text: str, name: str = "model.sdf") -> Path:
 
 def test_sdf_noise(tmp_path: Path) -> None:
     path = write(tmp_path, SDF.format(axes="".join(AXIS.format(a=a) for a in "xyz")))
-    found = ims.from_sdf(path)
-    assert found["gyroscope_noise_density"] == pytest.approx([0.009 / math.sqrt(250.0)] * 3)
-    assert found["gyroscope_turn_on_bias_sigma"] == pytest.approx([5e-4] * 3)
-    assert found["gyroscope_gauss_markov_density"] == [2e-5] * 3
-    assert found["gyroscope_correlation_time"] == [400.0] * 3
-    assert found["accelerometer_noise_density"] == pytest.approx([0, 0, 0.03 / math.sqrt(250.0)])
-    assert found["accelerometer_bias"] == [0.0, 0.0, 0.2]
-    assert found["accelerometer_resolution"] == [0.0, 0.0, 0.01]
+    noise_parameters = ims.from_sdf(path)
+    assert noise_parameters["gyroscope_noise_density"] == pytest.approx(
+        [0.009 / math.sqrt(250.0)] * 3
+    )
+    assert noise_parameters["gyroscope_turn_on_bias_sigma"] == pytest.approx([5e-4] * 3)
+    assert noise_parameters["gyroscope_gauss_markov_density"] == [2e-5] * 3
+    assert noise_parameters["gyroscope_correlation_time"] == [400.0] * 3
+    assert noise_parameters["accelerometer_noise_density"] == pytest.approx(
+        [0, 0, 0.03 / math.sqrt(250.0)]
+    )
+    assert noise_parameters["accelerometer_bias"] == [0.0, 0.0, 0.2]
+    assert noise_parameters["accelerometer_resolution"] == [0.0, 0.0, 0.01]
     by_file = ims.simulate(imu=path, trajectory="static", duration=1, seed=2)
     by_name = ims.simulate(imu=f"{path}#front", trajectory="static", duration=1, seed=2)
-    assert (found["rate"], found["preset"]) == (250.0, f"{path}#front")
-    by_value = ims.simulate(imu=found, trajectory="static", duration=1, seed=2)
+    assert (noise_parameters["rate"], noise_parameters["preset"]) == (250.0, f"{path}#front")
+    by_value = ims.simulate(imu=noise_parameters, trajectory="static", duration=1, seed=2)
     assert by_value.parameters.rate == 250.0
     assert by_file.parameters.imu.preset == f"{path}#front"
     zero = np.zeros((200, 3))
-    added = ims.add_errors(np.arange(200) * 10**7, zero, zero, imu=found, input={"check": False})
+    added = ims.add_errors(
+        np.arange(200) * 10**7, zero, zero, imu=noise_parameters, input={"check": False}
+    )
     assert added.parameters.rate == 100.0  # that of the stamps
     assert np.array_equal(by_file.gyro, by_value.gyro)
     assert np.array_equal(by_file.gyro, by_name.gyro)
@@ -253,19 +259,22 @@ def test_gazebo_classic_and_rotors(tmp_path: Path) -> None:
         "</gazebo></robot>",
         "robot.urdf",
     )
-    found = ims.from_sdf(classic)
-    assert found["gyroscope_noise_density"] == found["accelerometer_noise_density"]
-    assert found["gyroscope_noise_density"] == pytest.approx(1e-3)
+    noise_parameters = ims.from_sdf(classic)
+    assert (
+        noise_parameters["gyroscope_noise_density"]
+        == noise_parameters["accelerometer_noise_density"]
+    )
+    assert noise_parameters["gyroscope_noise_density"] == pytest.approx(1e-3)
     assert ims.simulate(imu=classic, duration=0.1).parameters.imu_frame == "imu0"
     rotors = write(
         tmp_path,
         "<sdf><plugin name='r' filename='librotors_gazebo_imu_plugin.so'>"
         "<gyroscopeRandomWalk>3e-5</gyroscopeRandomWalk></plugin></sdf>",
     )
-    found = ims.from_sdf(rotors)
-    assert found["gyroscope_gauss_markov_density"] == 3e-5
-    assert found["accelerometer_correlation_time"] == 300.0  # the plugin's own value
-    assert found["accelerometer_turn_on_bias_sigma"] == pytest.approx(0.196)
+    noise_parameters = ims.from_sdf(rotors)
+    assert noise_parameters["gyroscope_gauss_markov_density"] == 3e-5
+    assert noise_parameters["accelerometer_correlation_time"] == 300.0  # the plugin's own value
+    assert noise_parameters["accelerometer_turn_on_bias_sigma"] == pytest.approx(0.196)
 
 
 PX4 = (
@@ -282,10 +291,10 @@ def test_a_plugin_is_known_by_its_library_and_has_its_own_defaults(tmp_path: Pat
     path = write(tmp_path, PX4)
     with pytest.raises(ims.InputError, match="several IMUs, name one of camera_imu, gazebo_imu"):
         ims.from_sdf(path)
-    found = ims.from_sdf(path, "gazebo_imu_plugin")
+    noise_parameters = ims.from_sdf(path, "gazebo_imu_plugin")
     density = 2.0 * 35.0 / 3600.0 / 180.0 * math.pi  # gazebo_imu_plugin.h
-    assert found["gyroscope_noise_density"] == pytest.approx(density)
-    assert found["imu_frame"] == "techpod/imu_link"
+    assert noise_parameters["gyroscope_noise_density"] == pytest.approx(density)
+    assert noise_parameters["imu_frame"] == "techpod/imu_link"
     silent = "<sdf><plugin name='p' filename='libgazebo_ros_imu.so'/></sdf>"
     with pytest.warns(UserWarning, match="has no noise"):  # the default of <gaussianNoise> is 0
         ims.from_sdf(write(tmp_path, silent))
@@ -293,8 +302,8 @@ def test_a_plugin_is_known_by_its_library_and_has_its_own_defaults(tmp_path: Pat
         "<sensor name='imu' type='imu'><update_rate>100</update_rate><plugin name='p' "
         "filename='libgazebo_ros_imu_sensor.so'><gaussianNoise>0.01</gaussianNoise></plugin></sensor>"
     )
-    found = ims.from_sdf(write(tmp_path, nested))
-    assert found["accelerometer_noise_density"] == pytest.approx([1e-3] * 3)
+    noise_parameters = ims.from_sdf(write(tmp_path, nested))
+    assert noise_parameters["accelerometer_noise_density"] == pytest.approx([1e-3] * 3)
 
 
 @pytest.mark.parametrize(

@@ -1,7 +1,7 @@
 # Copyright 2026 imu_sim_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""What the Python interface says of arguments that it cannot use."""
+"""Error messages of the Python interface about invalid arguments."""
 
 import dataclasses
 import warnings
@@ -39,14 +39,14 @@ def test_a_flight_that_memory_cannot_hold_is_refused_with_what_can():
 
 
 def test_the_memory_of_the_other_sensors_counts(monkeypatch):
-    given = {"imu": {"magnetometer_rate": 1000.0, "barometer_rate": 1000.0}}
-    given.update(trajectory="static", rate=100, duration=100)
+    settings = {"imu": {"magnetometer_rate": 1000.0, "barometer_rate": 1000.0}}
+    settings.update(trajectory="static", rate=100, duration=100)
     # 10,000 samples of 384 B; 100,000 of 104 B and 100,000 of 56 B are 20 MB more.
     small = {"SC_PAGE_SIZE": 4000, "SC_PHYS_PAGES": 2500}
     monkeypatch.setattr("os.sysconf", small.__getitem__)
-    assert len(ims.simulate(**given)) == 10_000
+    assert len(ims.simulate(**settings)) == 10_000
     with pytest.raises(ims.ConfigurationError, match=r"10000 samples, with those of all sensors"):
-        ims.simulate(**given, sensors=["magnetic_field", "pressure"])
+        ims.simulate(**settings, sensors=["magnetic_field", "pressure"])
 
 
 @pytest.mark.parametrize("size", [0, -1, 1.5, "8", None, 2**24 + 1])
@@ -119,14 +119,14 @@ def poses(n=50):
     ],
 )
 def test_poses_that_are_none_are_refused_when_they_are_made_and_from_any_object(flight, change):
-    given = change(*poses())
+    pose_arrays = change(*poses())
     refused = (ims.ConfigurationError, ims.InputError)
     with pytest.raises(refused, match="^(t_ns|position|q_wb|states)"):
-        ims.States(*given)
+        ims.States(*pose_arrays)
     with pytest.raises(refused, match="^truth"):
         ims.evaluate(
             ims.dead_reckon(flight),
-            SimpleNamespace(t_ns=given[0], position=given[1], q_wb=given[2]),
+            SimpleNamespace(t_ns=pose_arrays[0], position=pose_arrays[1], q_wb=pose_arrays[2]),
         )
 
 
@@ -142,34 +142,34 @@ def test_poses_that_are_none_are_refused_when_they_are_made_and_from_any_object(
 )
 def test_changed_poses_are_checked_as_new_ones_are(change):
     t, position, q_wb = poses()
-    given = ims.States((t * 1e9).astype(int), position, q_wb)
+    states = ims.States((t * 1e9).astype(int), position, q_wb)
     with pytest.raises((ims.ConfigurationError, ims.InputError)):
-        dataclasses.replace(given, **change(given))
+        dataclasses.replace(states, **change(states))
 
 
 def test_poses_out_of_order_are_refused_in_every_door_by_its_name(flight):
     t, position, q_wb = poses()
     t_ns = (t * 1e9).astype(int)[::-1]
     back = SimpleNamespace(t_ns=t_ns, position=position, q_wb=q_wb)
-    said = r"49 stamps do not increase, the first is number 1 \(4800000000 ns\)$"
+    message_pattern = r"49 stamps do not increase, the first is number 1 \(4800000000 ns\)$"
     rows = np.column_stack([t[::-1], position, q_wb])
     for name, call in (
         ("trajectory", lambda: ims.simulate(trajectory=rows)),
         ("truth", lambda: ims.evaluate(ims.dead_reckon(flight), back)),
         ("estimate", lambda: ims.evaluate(back, flight.truth)),
     ):
-        with pytest.raises(ims.InputError, match=f"^{name}: {said}"):
+        with pytest.raises(ims.InputError, match=f"^{name}: {message_pattern}"):
             call()
 
 
 @pytest.mark.parametrize("field", ["position", "q_wb", "velocity", "angular_velocity"])
 def test_odometry_that_is_none_is_refused_when_it_is_made(flight, field):
     truth = flight.truth
-    given = {n: getattr(truth, n) for n in ("t_ns", "position", "q_wb", "velocity")}
-    given["angular_velocity"] = truth.angular_velocity
+    odometry = {n: getattr(truth, n) for n in ("t_ns", "position", "q_wb", "velocity")}
+    odometry["angular_velocity"] = truth.angular_velocity
     for factor in (NAN, 1e30):
         with pytest.raises(ims.InputError, match="^states: number 0: stamp .*: a|^states: n"):
-            ims.States(**{**given, field: factor * (given[field] + 1.0)})
+            ims.States(**{**odometry, field: factor * (odometry[field] + 1.0)})
 
 
 def test_a_trajectory_as_an_array_is_the_same_as_poses():
@@ -185,19 +185,21 @@ def test_a_trajectory_as_an_array_is_the_same_as_poses():
         assert np.array_equal(of_rows.gyro, of_poses.gyro)
 
 
-@pytest.mark.parametrize("given", [[1, 2], object(), 3.0, int, np.zeros((4, 3)), np.zeros(8)])
-def test_any_other_trajectory_is_answered_with_what_to_give(given):
+@pytest.mark.parametrize(
+    "not_a_trajectory", [[1, 2], object(), 3.0, int, np.zeros((4, 3)), np.zeros(8)]
+)
+def test_any_other_trajectory_is_answered_with_what_to_give(not_a_trajectory):
     with pytest.raises(ims.ConfigurationError, match=r"trajectory = .*\(n, 8\)"):
-        ims.simulate(trajectory=given)
+        ims.simulate(trajectory=not_a_trajectory)
 
 
 def test_a_parameter_of_a_named_motion_is_above_its_file():
-    """As ``--set`` is; parameters that name a motion of their own describe another one."""
-    own = {"trajectory.speed_limit": 0.3}
-    flight = ims.simulate(trajectory="square", duration=1.0, **own)
+    """The parameter overrides the file, as ``--set`` does, unless another motion is named."""
+    square_parameters = {"trajectory.speed_limit": 0.3}
+    flight = ims.simulate(trajectory="square", duration=1.0, **square_parameters)
     assert flight.parameters.trajectory.speed_limit == 0.3
-    other = {"trajectory.type": "drive", "trajectory.speed_limit": 0.3}
-    flight = ims.simulate(trajectory="square", duration=1.0, **other)
+    drive_parameters = {"trajectory.type": "drive", "trajectory.speed_limit": 0.3}
+    flight = ims.simulate(trajectory="square", duration=1.0, **drive_parameters)
     assert flight.parameters.trajectory.speed_limit == 1.5
 
 
@@ -220,9 +222,9 @@ def test_poses_without_a_pose_are_refused(flight, function, name):
 
 
 def masked(values, row):
-    found = np.ma.masked_array(values, mask=False)
-    found[row] = np.ma.masked
-    return found
+    masked_values = np.ma.masked_array(values, mask=False)
+    masked_values[row] = np.ma.masked
+    return masked_values
 
 
 @pytest.mark.parametrize(
@@ -241,8 +243,8 @@ def test_masked_values_are_missing_ones(flight, function, name):
 
 
 def test_a_masked_array_of_which_nothing_is_masked_is_an_array(flight):
-    given = [np.ma.masked_array(one, mask=False) for one in (flight.gyro, flight.accel)]
-    readings = ims.Readings(flight.t_ns, *given)
+    masked_triads = [np.ma.masked_array(triad, mask=False) for triad in (flight.gyro, flight.accel)]
+    readings = ims.Readings(flight.t_ns, *masked_triads)
     assert type(readings.gyro) is np.ndarray
 
 
@@ -268,7 +270,7 @@ def test_a_noise_of_a_model_that_no_sensor_has_is_refused(tmp_path):
 
 
 def test_warnings_name_the_line_of_the_caller(tmp_path):
-    """Those of ims.add_errors named the package's own file on Python 3.11."""
+    """Warnings of ims.add_errors used to name the package's own file on Python 3.11."""
     t_ns = np.arange(500) * 5_000_000
     still, heavy = np.zeros((500, 3)), np.tile([0.0, 0.0, 1.0], (500, 1))
     rows = tmp_path / "path.txt"
@@ -286,4 +288,4 @@ def test_warnings_name_the_line_of_the_caller(tmp_path):
         with warnings.catch_warnings(record=True) as caught:
             warnings.simplefilter("always")
             cause()
-        assert {one.filename for one in caught} == {__file__}
+        assert {warning.filename for warning in caught} == {__file__}

@@ -1,7 +1,7 @@
 # Copyright 2026 imu_sim_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""What a camera sees on a flight from Python is what generate writes of the same parameters."""
+"""Tracks of a camera in Python equal those that generate writes for the same parameters."""
 
 import csv
 
@@ -24,13 +24,16 @@ def flight():
 
 def test_tracks_are_those_of_generate(flight, tmp_path):
     chosen = ["--camera", "euroc_cam0", "--scene", "room", "--format", "tracks"]
-    own = ["--set", "cam0.camera.pixel_noise=0.5", "--set", "cam0.camera.body_axes=flu"]
-    assert generate.main([*MOTION, *chosen, *own, "--quiet", "-o", str(tmp_path / "made")]) == 0
+    camera_settings = ["--set", "cam0.camera.pixel_noise=0.5", "--set", "cam0.camera.body_axes=flu"]
+    assert (
+        generate.main([*MOTION, *chosen, *camera_settings, "--quiet", "-o", str(tmp_path / "made")])
+        == 0
+    )
     with (tmp_path / "made" / "tracks.csv").open(encoding="utf-8") as file:
         rows = list(csv.DictReader(file))
     blocks = list(ims.camera.tracks(flight, CAMERA, "room", block=7))
     assert sum(len(block.id) for block in blocks) == len(rows) > 100
-    for name, found in (
+    for name, column in (
         ("id", np.concatenate([b.id for b in blocks])),
         ("t_ns", np.concatenate([b.frames.t_ns[b.frame] for b in blocks])),
         ("u", np.concatenate([b.uv[:, 0] for b in blocks])),
@@ -38,7 +41,7 @@ def test_tracks_are_those_of_generate(flight, tmp_path):
         ("depth", np.concatenate([b.depth for b in blocks])),
     ):
         expected = np.array([float(row[name]) for row in rows])
-        np.testing.assert_allclose(found, expected, rtol=1e-8, err_msg=name)
+        np.testing.assert_allclose(column, expected, rtol=1e-8, err_msg=name)
 
 
 def given_poses():
@@ -56,10 +59,10 @@ def given_function(t):
     return position, np.stack([np.cos(0.05 * np.sin(t)), z, z, np.sin(0.05 * np.sin(t))], axis=-1)
 
 
-@pytest.mark.parametrize(("given", "start"), [(given_poses(), 1000.0), (given_function, 1.0)])
-def test_a_camera_sees_the_motion_that_somebody_gave(given, start):
-    """From its first stamp on; and landmarks meet the flight's own motion in the pixels."""
-    flight = ims.simulate(imu="perfect", trajectory=given, duration=3, rate=200)
+@pytest.mark.parametrize(("trajectory", "start"), [(given_poses(), 1000.0), (given_function, 1.0)])
+def test_a_camera_sees_the_motion_that_somebody_gave(trajectory, start):
+    """Frames begin at the first stamp, and landmarks project onto the pixels by the true motion."""
+    flight = ims.simulate(imu="perfect", trajectory=trajectory, duration=3, rate=200)
     assert flight.t0_ns == flight.t_ns[0] == pytest.approx(start * 1e9, abs=2e7)
     camera = {"preset": "euroc_cam0", "body_axes": "flu"}
     given_rig = {"cameras": ["cam0"], **{f"cam0.camera.{n}": v for n, v in camera.items()}}
@@ -90,12 +93,12 @@ def test_frames_have_the_cameras_size_and_times(flight):
 def test_points_are_projected_as_by_opencv():
     cv2 = pytest.importorskip("cv2")
     points = np.random.default_rng(1).uniform([-1, -1, 2], [1, 1, 5], (50, 3))
-    found = ims.camera.project(points, "euroc_cam0")
+    projection = ims.camera.project(points, "euroc_cam0")
     k = np.array([[458.654, 0, 367.215], [0, 457.296, 248.375], [0, 0, 1]])
     d = np.array([-0.28340811, 0.07395907, 0.00019359, 1.76187114e-05])  # EuRoC's sensor.yaml
     expected, _ = cv2.projectPoints(points, np.zeros(3), np.zeros(3), k, d)
-    assert found.valid.all()
-    np.testing.assert_allclose(found.uv, expected[:, 0], atol=1e-6)
+    assert projection.valid.all()
+    np.testing.assert_allclose(projection.uv, expected[:, 0], atol=1e-6)
 
 
 def test_what_is_wrong_is_told():

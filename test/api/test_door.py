@@ -95,8 +95,10 @@ def test_two_topics_are_merged_at_the_gyroscope_s_times_and_the_loss_is_told(one
     t_ns, gyro, accel = still()
     assert readings.t_ns.tolist() == t_ns[1:].tolist()
     np.testing.assert_array_equal(readings.gyro, gyro[1:])
-    at = 1.0 - 1.3 / 5.0
-    np.testing.assert_allclose(readings.accel, (1 - at) * accel[:-1] + at * accel[1:], rtol=1e-9)
+    weight = 1.0 - 1.3 / 5.0
+    np.testing.assert_allclose(
+        readings.accel, (1 - weight) * accel[:-1] + weight * accel[1:], rtol=1e-9
+    )
     track = ims.dead_reckon(one_triad, initial="level", **topics)
     # White noise of 1e-2 over 5 s in 1000 steps leaves less than 0.1 m; zeros would leave 120 m.
     assert np.linalg.norm(track.position[-1] - track.position[0]) < 1.0
@@ -120,8 +122,8 @@ def test_merged_readings_leave_out_gaps_of_the_accelerometer_and_say_so(tmp_path
 @pytest.mark.parametrize("name", ["si.mcap", "si.bag", "si"])
 def test_a_bag_is_converted_to_si_units_by_the_units_of_its_readings(tmp_path, name):
     t_ns, gyro, accel = still(200)
-    given = zip(t_ns, np.degrees(gyro), accel / 9.80665, strict=True)
-    path = bag(tmp_path / "other", [("/imu", t, imu(t, g, a)) for t, g, a in given])
+    converted = zip(t_ns, np.degrees(gyro), accel / 9.80665, strict=True)
+    path = bag(tmp_path / "other", [("/imu", t, imu(t, g, a)) for t, g, a in converted])
     result = ims.convert(path, tmp_path / name, gyro_unit="deg/s", accel_unit="g")
     assert [note.partition(" and ")[0] for note in result.to_dict()["notes"]] == [
         "the gyroscope is read in deg/s", "the accelerometer is read in g"
@@ -155,10 +157,10 @@ def test_convert_keeps_one_frame_or_merges_two_topics(two_frames, one_triad, tmp
 
 def test_add_errors_takes_readings_as_they_are_chosen(two_frames, one_triad, tmp_path):
     t_ns, gyro, accel = still(200)
-    given = zip(t_ns, np.degrees(gyro), accel / 9.80665, strict=True)
-    other = bag(tmp_path / "other", [("/sim", t, imu(t, g, a)) for t, g, a in given])
+    converted = zip(t_ns, np.degrees(gyro), accel / 9.80665, strict=True)
+    converted_bag = bag(tmp_path / "other", [("/sim", t, imu(t, g, a)) for t, g, a in converted])
     cases = (
-        (other, {"gyro_unit": "deg/s", "accel_unit": "g"}, "/sim", (gyro, accel)),
+        (converted_bag, {"gyro_unit": "deg/s", "accel_unit": "g"}, "/sim", (gyro, accel)),
         (two_frames, {"frame": "left"}, "/imu", [triad[::2] for triad in still()[1:]]),
         (one_triad, {"gyro_topic": "/gyro", "accel_topic": "/accel"}, "/ground_truth/imu", None),
     )
@@ -175,7 +177,7 @@ def test_add_errors_takes_readings_as_they_are_chosen(two_frames, one_triad, tmp
             np.testing.assert_allclose(triad, expected, rtol=1e-12)
         np.testing.assert_allclose(ims.read_imu(output, topic).accel, ideal[1], rtol=1e-12)
     table = tmp_path / "noisy.csv"
-    ims.add_errors_to_file(other, table, imu="perfect", **cases[0][1])
+    ims.add_errors_to_file(converted_bag, table, imu="perfect", **cases[0][1])
     np.testing.assert_allclose(ims.read_imu(table).accel, accel, rtol=1e-12)
     ims.add_errors_to_file(table, tmp_path / "mg.csv", imu="perfect", accel_unit="mg")
     np.testing.assert_allclose(
@@ -192,8 +194,8 @@ def test_two_frames_on_a_topic_are_refused_unless_one_is_chosen(two_frames):
     for job in (ims.read_imu, ims.allan, ims.dead_reckon, ims.calibrate_six_position):
         with pytest.raises(InputError, match=r"several frames: left .*frame=\.\.\. chooses one"):
             job(two_frames)
-    left = ims.read_readings(two_frames, frame="left")
-    assert (len(left), left.frame_id) == (500, "left")
+    left_readings = ims.read_readings(two_frames, frame="left")
+    assert (len(left_readings), left_readings.frame_id) == (500, "left")
     with pytest.raises(InputError, match="no readings of the frame middle"):
         ims.read_readings(two_frames, frame="middle")
 
@@ -237,8 +239,8 @@ def test_every_program_that_reads_readings_has_the_options(name, capsys):
     with pytest.raises(SystemExit) as ending:
         main([*run, "--help"])
     assert ending.value.code == 0
-    words = capsys.readouterr().out.split()
-    assert [option for option in OPTIONS if option not in words] == []
+    help_words = capsys.readouterr().out.split()
+    assert [option for option in OPTIONS if option not in help_words] == []
 
 
 def test_report_inspect_and_preintegrate_read_as_is_chosen(two_frames, one_triad, tmp_path):
@@ -250,13 +252,13 @@ def test_report_inspect_and_preintegrate_read_as_is_chosen(two_frames, one_triad
         text = (tmp_path / "page.html").read_text()
         assert page.notes[0] in text
         assert f"{count:,} readings" in text
-        found = ims.inspect(path, **choice)
-        assert [sensor.readings for sensor in found.sensors] == [count]
-        assert found.to_dict()["sensors"][0]["notes"] == page.notes
-        assert str(next(found.lines())).startswith("input: ")
+        inspection = ims.inspect(path, **choice)
+        assert [sensor.readings for sensor in inspection.sensors] == [count]
+        assert inspection.to_dict()["sensors"][0]["notes"] == page.notes
+        assert str(next(inspection.lines())).startswith("input: ")
         pieces = ims.preintegrate(path, every=0.5, **choice)
-        same = ims.preintegrate(ims.read_readings(path, **choice), every=0.5)
-        np.testing.assert_array_equal(pieces.alpha, same.alpha)
+        preintegrated = ims.preintegrate(ims.read_readings(path, **choice), every=0.5)
+        np.testing.assert_array_equal(pieces.alpha, preintegrated.alpha)
     for job in (lambda **choice: ims.report(two_frames, tmp_path / "none.html", **choice),
                 lambda **choice: ims.inspect(two_frames, **choice)):  # fmt: skip
         with pytest.raises(InputError, match="contains no readings of the frame middle"):
@@ -309,26 +311,26 @@ def curve(n=200):
 def poses_of(kind):
     """Return messages of a type with the poses of the curve."""
     t_ns, position, q_wb = curve()
-    of = {name: f"geometry_msgs/msg/{name}" for name in
+    message_type = {name: f"geometry_msgs/msg/{name}" for name in
           ("Pose", "PoseStamped", "PoseWithCovariance", "PoseWithCovarianceStamped",
            "Transform", "TransformStamped", "Twist", "TwistWithCovariance")}  # fmt: skip
     result = []
     for t, p, q in zip(t_ns, position, q_wb, strict=True):
         turned = vector(q[[1, 2, 3, 0]], "Quaternion")
-        pose = TYPE[of["Pose"]](vector(p, "Point"), turned)
-        stated = TYPE[of["PoseWithCovariance"]](pose, np.eye(6).ravel())
-        transform = TYPE[of["TransformStamped"]](
-            header(t, "map"), "base", TYPE[of["Transform"]](vector(p), turned)
+        pose = TYPE[message_type["Pose"]](vector(p, "Point"), turned)
+        stated = TYPE[message_type["PoseWithCovariance"]](pose, np.eye(6).ravel())
+        transform = TYPE[message_type["TransformStamped"]](
+            header(t, "map"), "base", TYPE[message_type["Transform"]](vector(p), turned)
         )
-        stamped = TYPE[of["PoseStamped"]](header(t, "map"), pose)
-        zero = TYPE[of["Twist"]](vector((0, 0, 0)), vector((0, 0, 0)))
-        twist = TYPE[of["TwistWithCovariance"]](zero, np.zeros(36))
+        stamped = TYPE[message_type["PoseStamped"]](header(t, "map"), pose)
+        zero = TYPE[message_type["Twist"]](vector((0, 0, 0)), vector((0, 0, 0)))
+        twist = TYPE[message_type["TwistWithCovariance"]](zero, np.zeros(36))
         result.append((t, {
             "Odometry": lambda t=t, s=stated, w=twist: TYPE["nav_msgs/msg/Odometry"](
                 header(t, "map"), "base", s, w),
             "PoseStamped": lambda m=stamped: m,
             "PoseWithCovarianceStamped": lambda t=t, s=stated: TYPE[
-                of["PoseWithCovarianceStamped"]](header(t, "map"), s),
+                message_type["PoseWithCovarianceStamped"]](header(t, "map"), s),
             "TransformStamped": lambda m=transform: m,
             "TFMessage": lambda m=transform: TYPE["tf2_msgs/msg/TFMessage"]([m]),
             "Path": lambda m=stamped: m,
@@ -352,8 +354,8 @@ def test_every_job_reads_every_type_of_poses(tmp_path, kind):
     assert states.t_ns.tolist() == t_ns.tolist()
     np.testing.assert_allclose(states.position, position)
     np.testing.assert_allclose(states.q_wb, q_wb, atol=1e-12)
-    found = ims.evaluate(path, states, estimate_topic=topic)
-    assert np.abs(found.position).max() < 1e-12
+    evaluation = ims.evaluate(path, states, estimate_topic=topic)
+    assert np.abs(evaluation.position).max() < 1e-12
     if kind != "TFMessage":  # a bag of a tree of frames does not say which two
         np.testing.assert_allclose(ims.read_states(path).position, position)
         flight = ims.simulate(trajectory=path, duration=2, rate=100)
@@ -364,7 +366,7 @@ def test_the_topic_s_own_type_decides(tmp_path):
     messages = [("/odom", t, m) for t, m in poses_of("Odometry")]
     messages += [("/pose", t, m) for t, m in poses_of("PoseStamped")]
     path = bag(tmp_path / "both", messages)
-    found = ims.evaluate(path, path, estimate_topic="/odom", truth_topic="/pose")
-    assert np.abs(found.position).max() < 1e-12
+    evaluation = ims.evaluate(path, path, estimate_topic="/odom", truth_topic="/pose")
+    assert np.abs(evaluation.position).max() < 1e-12
     with pytest.raises(InputError, match=r"no topic /psoe of poses; it has .*/odom.*/pose"):
         ims.read_states(path, "/psoe")

@@ -19,36 +19,36 @@ def flight(imu=IMU, **arguments):
     return ims.simulate(imu=imu, trajectory="figure_eight", duration=20, rate=200, **arguments)
 
 
-def same(first, second):
+def assert_same_readings(expected, actual):
     for name in ("t_ns", "gyro", "accel"):
-        np.testing.assert_array_equal(getattr(first, name), getattr(second, name))
+        np.testing.assert_array_equal(getattr(expected, name), getattr(actual, name))
 
 
 @pytest.mark.parametrize("name", ["flight.bag", "flight.mcap", "flight"])
 def test_what_is_saved_is_what_is_read_and_what_generate_writes(name, tmp_path, capsys):
-    made = flight(seed=3)
-    saved = made.save(tmp_path / name)
-    other = tmp_path / f"other_{name}"
+    simulated = flight(seed=3)
+    saved = simulated.save(tmp_path / name)
+    other_file = tmp_path / f"other_{name}"
     settings = [f"--set=imu.{key}={value}" for key, value in IMU.items() if key != "preset"]
     arguments = ["--imu=mpu6000", "--trajectory=figure_eight", "--duration=20s", "--rate=200"]
-    assert generate([*arguments, "--seed=3", "-o", str(other), *settings, "--quiet"]) == 0
-    same(ims.read_imu(saved), made)
-    same(ims.read_imu(other), made)
-    assert len(made) != len(made.truth) == 4000
-    truth, odometry = made.truth, ims.read_odometry(saved, "ground_truth/odom")
+    assert generate([*arguments, "--seed=3", "-o", str(other_file), *settings, "--quiet"]) == 0
+    assert_same_readings(ims.read_imu(saved), simulated)
+    assert_same_readings(ims.read_imu(other_file), simulated)
+    assert len(simulated) != len(simulated.truth) == 4000
+    truth, odometry = simulated.truth, ims.read_odometry(saved, "ground_truth/odom")
     np.testing.assert_array_equal(odometry.position, truth.position)
     # The twist of a message is in the body: turned there and back.
     np.testing.assert_allclose(odometry.velocity, truth.velocity, rtol=0, atol=1e-13)
 
 
 def test_datasets_are_written_and_read(tmp_path):
-    made = flight()
-    same(ims.read_imu(made.save(tmp_path / "table.csv")), made)
-    same(ims.read_imu(made.save(tmp_path / "mav0", format="euroc")), made)
+    simulated = flight()
+    assert_same_readings(ims.read_imu(simulated.save(tmp_path / "table.csv")), simulated)
+    assert_same_readings(ims.read_imu(simulated.save(tmp_path / "mav0", format="euroc")), simulated)
     with pytest.raises(ims.InputError, match="imu/temperature: does not exist in csv"):
-        made.save(tmp_path / "b.csv", topics=["imu/data_raw", "imu/temperature"])
+        simulated.save(tmp_path / "b.csv", topics=["imu/data_raw", "imu/temperature"])
     with pytest.raises(ims.InputError, match=r"flight\.bag"):
-        made.save(made.save(tmp_path / "flight.bag"))
+        simulated.save(simulated.save(tmp_path / "flight.bag"))
 
 
 def test_blocks_are_the_same_samples_in_any_size():
@@ -59,17 +59,17 @@ def test_blocks_are_the_same_samples_in_any_size():
 
 
 def test_the_truths_explain_the_readings_in_python_and_in_a_bag(tmp_path):
-    """With temperature, ageing and noise on. S is the identity: the scale multiplies the ideal."""
+    """Temperature, ageing and noise are on. S is the identity: the scale multiplies the ideal."""
     imu = {"preset": "perfect", "gyroscope_bias": [0.1, -0.2, 0.3], "accelerometer_rate_ramp": 1e-3}
     imu |= {"age_days": 9.0, "gyroscope_noise_density": 1e-3, "accelerometer_ageing_scale": 0.01}
     imu |= {"gyroscope_temperature_scale": [1e-3, 2e-3, 3e-3], "accelerometer_bandwidth": 20.0}
     imu |= {"gyroscope_turn_on_scale_sigma": 0.01, "accelerometer_noise_density": 1e-3}
     warm = {"profile": [0.0, 25.0, 10.0, 45.0]}
-    made = ims.simulate(imu=imu, trajectory="lecture", duration=10, temperature=warm)
-    truth = made.truth
+    simulated = ims.simulate(imu=imu, trajectory="lecture", duration=10, temperature=warm)
+    truth = simulated.truth
     topics = [f"ground_truth/{t}_{e}" for t in ("gyroscope", "accelerometer") for e in ERRORS]
-    made.save(tmp_path / "all.mcap", topics=["imu/data_raw", "ground_truth/imu", *topics])
-    read = {topic: ([], []) for topic in ("imu/data_raw", "ground_truth/imu", *topics)}
+    simulated.save(tmp_path / "all.mcap", topics=["imu/data_raw", "ground_truth/imu", *topics])
+    triads_by_topic = {topic: ([], []) for topic in ("imu/data_raw", "ground_truth/imu", *topics)}
     with AnyReader([tmp_path / "all.mcap"]) as reader:
         for connection, _, raw in reader.messages():
             message, name = reader.deserialize(raw, connection.msgtype), connection.topic[1:]
@@ -78,13 +78,17 @@ def test_the_truths_explain_the_readings_in_python_and_in_a_bag(tmp_path):
                 if name in topics
                 else (message.angular_velocity, message.linear_acceleration)
             )
-            for rows, vector in zip(read[name], vectors, strict=False):
+            for rows, vector in zip(triads_by_topic[name], vectors, strict=False):
                 rows.append((vector.x, vector.y, vector.z))
     for k, (name, triad) in enumerate((("gyro", "gyroscope"), ("accel", "accelerometer"))):
-        bagged = {error: np.array(read[f"ground_truth/{triad}_{error}"][0]) for error in ERRORS}
+        bagged = {
+            error: np.array(triads_by_topic[f"ground_truth/{triad}_{error}"][0]) for error in ERRORS
+        }
         for error, values in bagged.items():
             np.testing.assert_array_equal(values, getattr(truth, f"{name}_{error}"), error)
-        reading, ideal = (np.array(read[t][k]) for t in ("imu/data_raw", "ground_truth/imu"))
+        reading, ideal = (
+            np.array(triads_by_topic[t][k]) for t in ("imu/data_raw", "ground_truth/imu")
+        )
         np.testing.assert_array_equal(ideal, getattr(truth, name))
         scale = bagged.pop("scale")
         assert np.abs(scale - 1.0).max() > 1e-3
@@ -98,7 +102,7 @@ def test_the_truths_explain_the_readings_in_python_and_in_a_bag(tmp_path):
 def test_parameters_are_keyword_arguments_with_their_ros_names(tmp_path):
     file = tmp_path / "base.yaml"
     file.write_text("/**:\n  ros__parameters:\n    rate: 50.0\n    seed: 9\n")
-    made = ims.simulate(
+    simulated = ims.simulate(
         trajectory={"type": "polar", "height": 2.0},
         duration="1min",
         gravity=np.array([0.0, 0.0, -9.8]),
@@ -106,28 +110,28 @@ def test_parameters_are_keyword_arguments_with_their_ros_names(tmp_path):
         params_file=file,
         rate=100,
     )
-    assert made.parameters.rate == 100.0
-    assert made.parameters.seed == 9
-    assert made.temperature[0] == 20.0
-    assert made.parameters.gravity == (0.0, 0.0, -9.8)
+    assert simulated.parameters.rate == 100.0
+    assert simulated.parameters.seed == 9
+    assert simulated.temperature[0] == 20.0
+    assert simulated.parameters.gravity == (0.0, 0.0, -9.8)
 
 
 def test_a_kalibr_file_is_a_sensor(tmp_path):
     file = tmp_path / "imu.yaml"
     file.write_text("accelerometer_noise_density: 0.02\ngyroscope_noise_density: 0.01\n")
-    made = ims.simulate(imu=file, trajectory="static", duration=1)
-    assert made.parameters.imu.accelerometer.noise_density == (0.02,) * 3
+    simulated = ims.simulate(imu=file, trajectory="static", duration=1)
+    assert simulated.parameters.imu.accelerometer.noise_density == (0.02,) * 3
 
 
 def test_poses_are_a_trajectory():
     source = ims.simulate(imu="perfect", trajectory="circle", duration=10, rate=50).truth
     poses = ims.PoseSequence(source.t_ns, source.position, source.q_wb)
-    made = ims.simulate(imu="perfect", trajectory=poses, rate=200)
-    assert ims.evaluate(made.truth, source).rms_position < 1e-4
+    simulated = ims.simulate(imu="perfect", trajectory=poses, rate=200)
+    assert ims.evaluate(simulated.truth, source).rms_position < 1e-4
 
 
 @pytest.mark.parametrize(
-    ("arguments", "words"),
+    ("arguments", "message_pattern"),
     [
         ({"imu": "mpu600"}, "unknown IMU 'mpu600'; did you mean mpu6000?"),
         ({"rate": -1}, "rate = -1"),
@@ -136,20 +140,20 @@ def test_poses_are_a_trajectory():
         ({"imu": {"gyroscope_bais": 1.0}}, "did you mean imu.gyroscope_bias"),
     ],
 )
-def test_bad_arguments_say_what_is_wrong(arguments, words):
-    with pytest.raises(ims.ConfigurationError, match=words):
+def test_bad_arguments_say_what_is_wrong(arguments, message_pattern):
+    with pytest.raises(ims.ConfigurationError, match=message_pattern):
         ims.simulate(**arguments)
 
 
 def test_frames_have_a_column_for_each_axis():
     pytest.importorskip("pandas")
-    made = flight("mpu6000")
-    frame = made.to_frame()
+    simulated = flight("mpu6000")
+    frame = simulated.to_frame()
     columns = [f"{triad}_{axis}" for triad in ("gyro", "accel") for axis in "xyz"]
     assert list(frame.columns) == columns
-    np.testing.assert_array_equal(frame["accel_y"].to_numpy(), made.accel[:, 1])
-    np.testing.assert_array_equal(frame.index.to_numpy(), made.t_ns)
-    assert "q_w" in ims.dead_reckon(made).to_frame().columns
+    np.testing.assert_array_equal(frame["accel_y"].to_numpy(), simulated.accel[:, 1])
+    np.testing.assert_array_equal(frame.index.to_numpy(), simulated.t_ns)
+    assert "q_w" in ims.dead_reckon(simulated).to_frame().columns
 
 
 def test_the_frame_of_a_truth_has_every_true_error():
@@ -163,9 +167,9 @@ def test_the_frame_of_a_truth_has_every_true_error():
 
 
 def test_times_are_seconds_from_the_start():
-    made = flight("mpu6000")
-    evaluation = ims.evaluate(ims.dead_reckon(made), made.truth)
-    for record in (made, made.readings, made.truth, evaluation):
+    simulated = flight("mpu6000")
+    evaluation = ims.evaluate(ims.dead_reckon(simulated), simulated.truth)
+    for record in (simulated, simulated.readings, simulated.truth, evaluation):
         np.testing.assert_allclose(record.t, (record.t_ns - record.t_ns[0]) * 1e-9)
 
 
@@ -179,12 +183,12 @@ def test_presets_are_listed_with_what_they_are():
 
 def test_results_are_shown_as_html_in_notebooks():
     """Text of the results is escaped: the name of a file may be anything."""
-    made = ims.simulate(imu="adis16448", trajectory="static", duration="2min")
+    simulated = ims.simulate(imu="adis16448", trajectory="static", duration="2min")
     shown = {
-        "adis16448 on static": made,
-        "ATE position": ims.evaluate(ims.dead_reckon(made), made.truth),
-        "Gyroscope": ims.allan(made),
-        "200": ims.inspect(made),
+        "adis16448 on static": simulated,
+        "ATE position": ims.evaluate(ims.dead_reckon(simulated), simulated.truth),
+        "Gyroscope": ims.allan(simulated),
+        "200": ims.inspect(simulated),
     }
     for text, result in shown.items():
         html = result._repr_html_()
@@ -196,11 +200,11 @@ def test_results_are_shown_as_html_in_notebooks():
 @pytest.mark.parametrize(
     ("name", "call"),
     [
-        ("align", lambda made: ims.evaluate(made, made.truth, algin="yaw")),
-        ("model", lambda made: ims.allan(made, modell="gauss_markov")),
-        ("trajectory", lambda made: ims.simulate(trajektory="circle")),
-        ("method", lambda made: ims.dead_reckon(made, metod="rk4")),
-        ("topic", lambda made: ims.read_readings("flight.mcap", topics="/imu")),
+        ("align", lambda simulated: ims.evaluate(simulated, simulated.truth, algin="yaw")),
+        ("model", lambda simulated: ims.allan(simulated, modell="gauss_markov")),
+        ("trajectory", lambda simulated: ims.simulate(trajektory="circle")),
+        ("method", lambda simulated: ims.dead_reckon(simulated, metod="rk4")),
+        ("topic", lambda simulated: ims.read_readings("flight.mcap", topics="/imu")),
     ],
 )
 def test_an_unknown_keyword_gets_the_nearest_name(name, call):
@@ -209,25 +213,25 @@ def test_an_unknown_keyword_gets_the_nearest_name(name, call):
 
 
 def test_a_flight_is_called_by_the_names_that_were_typed():
-    made = ims.simulate(imu={"preset": "bmi088"}, trajectory={"type": "circle"}, duration=0.1)
-    assert made.name == "bmi088 on circle"
+    simulated = ims.simulate(imu={"preset": "bmi088"}, trajectory={"type": "circle"}, duration=0.1)
+    assert simulated.name == "bmi088 on circle"
 
 
 def test_short_words_say_what_is_inside():
-    made = flight("mpu6000", seed=7)
-    assert repr(made).startswith("<Flight mpu6000 on figure_eight: ")
-    assert "seed 7" in repr(made)
-    assert repr(ims.dead_reckon(made)).startswith("<Track midpoint, so3: ")
+    simulated = flight("mpu6000", seed=7)
+    assert repr(simulated).startswith("<Flight mpu6000 on figure_eight: ")
+    assert "seed 7" in repr(simulated)
+    assert repr(ims.dead_reckon(simulated)).startswith("<Track midpoint, so3: ")
 
 
 def test_pictures_are_figures(tmp_path):
-    made = flight("mpu6000")
-    track = ims.dead_reckon(made)
+    simulated = flight("mpu6000")
+    track = ims.dead_reckon(simulated)
     still = ims.simulate(imu="adis16448", trajectory="static", duration="2min")
     for figure in (
-        made.plot(),
+        simulated.plot(),
         track.plot(),
-        ims.evaluate(track, made.truth).plot(),
+        ims.evaluate(track, simulated.truth).plot(),
         ims.allan(still).plot(),
     ):
         figure.savefig(tmp_path / "picture.png")
@@ -236,23 +240,23 @@ def test_pictures_are_figures(tmp_path):
 
 @pytest.mark.parametrize("name", ["x.bag", "x.mcap", "x", "x.csv", "new/parents/x.mcap"])
 def test_saving_overwrites_nothing_unless_forced(tmp_path, name):
-    first, second = flight(seed=1), flight(seed=2)
-    path = first.save(tmp_path / name)
+    first_flight, second_flight = flight(seed=1), flight(seed=2)
+    path = first_flight.save(tmp_path / name)
     with pytest.raises(ims.InputError, match="already exists"):
-        second.save(path)
-    same(ims.read_imu(path), first)
-    same(ims.read_imu(second.save(path, force=True)), second)
+        second_flight.save(path)
+    assert_same_readings(ims.read_imu(path), first_flight)
+    assert_same_readings(ims.read_imu(second_flight.save(path, force=True)), second_flight)
     assert sorted(entry.name for entry in path.parent.iterdir()) == [path.name]
 
 
 def test_saving_never_writes_over_the_trajectory_s_file(tmp_path):
     poses = tmp_path / "poses.tum"
     poses.write_text("".join(f"{k / 10} {k / 10} 0 0 0 0 0 1\n" for k in range(50)))
-    made = ims.simulate(trajectory=poses, duration=1)
-    before = poses.read_bytes()
+    simulated = ims.simulate(trajectory=poses, duration=1)
+    bytes_before = poses.read_bytes()
     with pytest.raises(ims.InputError, match="is the input"):
-        made.save(poses, format="csv", force=True)
-    assert poses.read_bytes() == before
+        simulated.save(poses, format="csv", force=True)
+    assert poses.read_bytes() == bytes_before
 
 
 def test_a_failed_save_leaves_what_was_there(tmp_path):
@@ -271,8 +275,8 @@ def test_given_poses_keep_their_stamps():
     poses = ims.PoseSequence(late, truth.position, truth.q_wb)
     again = ims.simulate(imu="perfect", trajectory=poses, rate=100)
     assert again.t_ns[0] == late[0]
-    other = ims.simulate(imu="perfect", trajectory=poses, rate=100, start_time=7.0)
-    assert other.t_ns[0] == 7 * 10**9
+    shifted_flight = ims.simulate(imu="perfect", trajectory=poses, rate=100, start_time=7.0)
+    assert shifted_flight.t_ns[0] == 7 * 10**9
 
 
 def test_dead_reckoning_of_a_flight_takes_its_world():

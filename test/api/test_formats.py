@@ -114,9 +114,9 @@ def test_every_format_of_the_door_has_its_sample(files):
 
 def run(capsys, name, *arguments):
     """Return status, the JSON of standard output, and standard error of a program."""
-    program, *words = name.split()
+    program, *subcommand = name.split()
     main = importlib.import_module(f"imu_sim_ros.commands.{program}").main
-    status = main([*words, *map(str, arguments)])
+    status = main([*subcommand, *map(str, arguments)])
     captured = capsys.readouterr()
     return status, json.loads(captured.out or "{}"), captured.err
 
@@ -131,8 +131,8 @@ def mean_reading(path):
     return [len(readings), *np.mean(np.hstack(readings.triads()), axis=0)]
 
 
-def saved(folder, name, *more):
-    return ("-o", folder / name, "--force", "--json", *more)
+def saved(folder, name, *options):
+    return ("-o", folder / name, "--force", "--json", *options)
 
 
 READERS = {
@@ -221,12 +221,14 @@ def test_every_program_takes_every_format(files, case, capsys, tmp_path):
     program, names, arguments, numbers = CASES[case]
     if program == "view":
         pytest.importorskip("rerun")
-    others = {"TRUTH": files["TUM"], "RECORDING": files["EuRoC's table"]}
-    others["RECORDED"] = files["mcap"]
+    other_files = {"TRUTH": files["TUM"], "RECORDING": files["EuRoC's table"]}
+    other_files["RECORDED"] = files["mcap"]
     expected = None
     for name in names:
-        words = [others.get(word, word) for word in arguments(files[name], tmp_path)]
-        status, result, text = run(capsys, program, *words)
+        command_arguments = [
+            other_files.get(word, word) for word in arguments(files[name], tmp_path)
+        ]
+        status, result, text = run(capsys, program, *command_arguments)
         if numbers is None:
             assert status == 2, (name, text)
             value = text.replace(str(files[name]), "FILE").replace(files[name].name, "FILE")

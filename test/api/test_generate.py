@@ -14,21 +14,21 @@ from imu_sim_ros.commands import convert_bag, generate
 
 
 @pytest.mark.parametrize(
-    ("name", "arguments", "words"),
+    ("name", "arguments", "option_key"),
     [
         ("a.mcap", {"compression": "lz4", "rename": {"imu/data_raw": "/imu0"}}, "lz4"),
         ("a.bag", {"imu_only": True}, "imu_only"),
         ("folder", {"format": "euroc"}, "euroc"),
     ],
 )
-def test_files_are_those_of_the_program(name, arguments, words, tmp_path, capsys):
+def test_files_are_those_of_the_program(name, arguments, option_key, tmp_path, capsys):
     options = {
         "lz4": ["--compression", "lz4", "--topic", "imu/data_raw=/imu0"],
         "imu_only": ["--imu-only"],
         "euroc": ["--format", "euroc"],
-    }[words]
+    }[option_key]
     (tmp_path / "python").mkdir()
-    made = ims.generate(
+    generated = ims.generate(
         tmp_path / "python" / name,
         imu="mpu6000",
         duration=1,
@@ -43,11 +43,11 @@ def test_files_are_those_of_the_program(name, arguments, words, tmp_path, capsys
         p.relative_to(tmp_path / "command") for p in (tmp_path / "command").rglob("*")
     )
     for path in files:
-        one, other = tmp_path / "python" / path, tmp_path / "command" / path
-        assert one.is_dir() or filecmp.cmp(one, other, shallow=False), path
-    assert made.output == tmp_path / "python" / name
-    assert made.samples == 200
-    assert set(made.to_dict()) == {"output", "messages", "samples", "wall_s", "bytes"}
+        python_file, program_file = tmp_path / "python" / path, tmp_path / "command" / path
+        assert python_file.is_dir() or filecmp.cmp(python_file, program_file, shallow=False), path
+    assert generated.output == tmp_path / "python" / name
+    assert generated.samples == 200
+    assert set(generated.to_dict()) == {"output", "messages", "samples", "wall_s", "bytes"}
 
 
 def test_cameras_and_motions_of_any_kind(tmp_path):
@@ -59,8 +59,8 @@ def test_cameras_and_motions_of_any_kind(tmp_path):
     def swing(t):
         return np.column_stack([np.sin(t), 0 * t, 0 * t]), np.tile([1.0, 0, 0, 0], (len(t), 1))
 
-    made = ims.generate(tmp_path / "swing.mcap", trajectory=swing, duration=2, imu="perfect")
-    readings = ims.read_imu(made.output)
+    generated = ims.generate(tmp_path / "swing.mcap", trajectory=swing, duration=2, imu="perfect")
+    readings = ims.read_imu(generated.output)
     flight = ims.simulate(trajectory=swing, duration=2, imu="perfect")
     assert np.array_equal(readings.accel, flight.accel)
     rows = np.column_stack([np.arange(0, 5, 0.01), np.zeros((500, 6))])
@@ -92,36 +92,39 @@ def test_bad_arguments_are_refused_and_leave_nothing(arguments, message, tmp_pat
 
 
 def test_nothing_is_overwritten_unless_forced(tmp_path):
-    first = ims.generate(tmp_path / "a.mcap", duration=1, seed=1)
+    first_result = ims.generate(tmp_path / "a.mcap", duration=1, seed=1)
     with pytest.raises(ims.InputError, match="already exists"):
         ims.generate(tmp_path / "a.mcap", duration=1)
-    assert ims.generate(tmp_path / "a.mcap", duration=1, seed=1, force=True).bytes == first.bytes
+    assert (
+        ims.generate(tmp_path / "a.mcap", duration=1, seed=1, force=True).bytes
+        == first_result.bytes
+    )
 
 
 @pytest.mark.parametrize(
-    ("name", "arguments", "words"),
+    ("name", "arguments", "program_options"),
     [
         ("b.bag", {"compression": "bz2", "topics": "imu/data_raw"}, "--compression bz2"),
         ("b", {"format": "euroc"}, "--format euroc"),
         ("b.tum", {}, ""),
     ],
 )
-def test_conversions_are_those_of_the_program(name, arguments, words, tmp_path):
-    made = ims.generate(tmp_path / "a.mcap", duration=1, seed=1)
-    found = ims.convert(made.output, tmp_path / "python" / name, **arguments)
+def test_conversions_are_those_of_the_program(name, arguments, program_options, tmp_path):
+    generated = ims.generate(tmp_path / "a.mcap", duration=1, seed=1)
+    converted = ims.convert(generated.output, tmp_path / "python" / name, **arguments)
     options = [
-        *words.split(),
+        *program_options.split(),
         *(["--topics", arguments["topics"]] if "topics" in arguments else []),
     ]
     place = tmp_path / "command" / name
-    assert convert_bag.main([str(made.output), "-o", str(place), "--quiet", *options]) == 0
+    assert convert_bag.main([str(generated.output), "-o", str(place), "--quiet", *options]) == 0
     files = [path for path in place.rglob("*") if path.is_file()] or [place]
     for path in files:
         assert filecmp.cmp(
             path, tmp_path / "python" / path.relative_to(tmp_path / "command"), False
         )
-    assert not found.recovered
-    assert found.last_stamp_ns == 1_995_000_000
+    assert not converted.recovered
+    assert converted.last_stamp_ns == 1_995_000_000
 
 
 def test_a_torn_bag_is_recovered_and_says_what_was_found(tmp_path):
@@ -130,11 +133,11 @@ def test_a_torn_bag_is_recovered_and_says_what_was_found(tmp_path):
     torn.write_bytes(whole.read_bytes()[: whole.stat().st_size // 2])
     with pytest.raises(ims.InputError, match="recover"):
         ims.convert(torn, tmp_path / "b.mcap")
-    found = ims.convert(torn, tmp_path / "b.mcap", recover=True)
-    assert found.recovered
-    assert 0 < found.messages["/imu/data_raw"] < 4000
-    assert found.found
-    assert found.to_dict()["left_out"] == list(found.left_out)
+    recovered = ims.convert(torn, tmp_path / "b.mcap", recover=True)
+    assert recovered.recovered
+    assert 0 < recovered.messages["/imu/data_raw"] < 4000
+    assert recovered.found
+    assert recovered.to_dict()["left_out"] == list(recovered.left_out)
 
 
 def test_impossible_readings_are_named_or_left_out(tmp_path):
@@ -145,9 +148,9 @@ def test_impossible_readings_are_named_or_left_out(tmp_path):
     rows.write_text("\n".join(lines) + "\n")
     with pytest.raises(ims.InputError, match="line 6"):
         ims.convert(rows, tmp_path / "b.mcap")
-    found = ims.convert(rows, tmp_path / "b.mcap", skip_bad_rows=True)
-    assert found.messages == {"/imu/data_raw": 199}
-    assert found.warnings == (f"{rows}: 1 bad rows skipped",)
+    converted = ims.convert(rows, tmp_path / "b.mcap", skip_bad_rows=True)
+    assert converted.messages == {"/imu/data_raw": 199}
+    assert converted.warnings == (f"{rows}: 1 bad rows skipped",)
 
 
 @pytest.mark.parametrize(
@@ -162,20 +165,20 @@ def test_impossible_readings_are_named_or_left_out(tmp_path):
 )
 def test_bad_conversions_are_refused_and_leave_nothing(arguments, message, tmp_path):
     source = ims.generate(tmp_path / "a.mcap", duration=1).output
-    before = sorted(tmp_path.iterdir())
+    paths_before = sorted(tmp_path.iterdir())
     with pytest.raises(ims.ImuSimError) as caught:
         ims.convert(**{"source": source, "output": tmp_path / "b", **arguments})
     assert message in str(caught.value)
-    assert sorted(tmp_path.iterdir()) == before
+    assert sorted(tmp_path.iterdir()) == paths_before
 
 
 def test_dead_reckoning_of_a_file_knows_the_world_it_was_simulated_in(tmp_path):
     """Without the Earth's rotation it was 6.5 m off after a minute."""
     world = {"gravity": [0.0, 0.0, -9.7], "earth_rotation": True, "latitude_deg": 48.0}
     options = {"imu": "perfect", "trajectory": "figure_eight", "duration": 20}
-    made = ims.generate(tmp_path / "earth.mcap", **options, **world)
-    track = ims.dead_reckon(made.output)
-    assert ims.evaluate(track, ims.read_odometry(made.output)).rms_position < 0.01
+    generated = ims.generate(tmp_path / "earth.mcap", **options, **world)
+    track = ims.dead_reckon(generated.output)
+    assert ims.evaluate(track, ims.read_odometry(generated.output)).rms_position < 0.01
     flight = ims.dead_reckon(ims.simulate(**options, **world))
     np.testing.assert_allclose(track.position, flight.position, atol=1e-9)
     curved = ims.simulate(**options, curved_earth=True, gravity_model="wgs84", latitude_deg=48.0)
@@ -187,19 +190,21 @@ def test_files_parameters_and_sensors_are_those_of_the_program(tmp_path, monkeyp
     monkeypatch.chdir(tmp_path)
     Path("a.yaml").write_text("/**:\n  ros__parameters: {rate: 50.0, sensors: [wheels]}\n")
     Path("b.yaml").write_text("/**:\n  ros__parameters: {rate: 100.0, imu.jitter: 1.0e-5}\n")
-    words = "-o program/a.mcap --params-file a.yaml --params-file b.yaml --gnss phone --duration 1s"
-    assert generate.main([*words.split(), "--set", "rate=200", "--quiet"]) == 0
-    made = ims.generate(
+    generate_line = (
+        "-o program/a.mcap --params-file a.yaml --params-file b.yaml --gnss phone --duration 1s"
+    )
+    assert generate.main([*generate_line.split(), "--set", "rate=200", "--quiet"]) == 0
+    generated = ims.generate(
         "python/a.mcap",
         params_file=["a.yaml", "b.yaml"],
         gnss="phone",
         duration=1,
         parameters={"rate": 200.0},
     )
-    assert made.samples == 200
-    assert {"/wheel/odom", "/gps/fix"} < set(made.messages)
+    assert generated.samples == 200
+    assert {"/wheel/odom", "/gps/fix"} < set(generated.messages)
     assert filecmp.cmp("program/a.mcap", "python/a.mcap", shallow=False)
-    (line,) = made.lines()
+    (line,) = generated.lines()
     assert line.startswith("python/a.mcap: 200 /imu/data_raw, 200 /ground_truth/odom, ")
 
 

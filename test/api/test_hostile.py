@@ -86,8 +86,16 @@ class World:
         topics = ("imu/data_raw", "ground_truth/odom", "imu/mag", "imu/data", "imu/pressure")
         self.file = self.flight.save("flight.mcap", topics=topics)
         self.seen = Path("seen.mcap")
-        words = ["--duration", "0.1s", "--camera", "euroc_cam0", "--lidar", "perfect", "--quiet"]
-        assert generate.main(["-o", str(self.seen), *words]) == 0
+        generate_arguments = [
+            "--duration",
+            "0.1s",
+            "--camera",
+            "euroc_cam0",
+            "--lidar",
+            "perfect",
+            "--quiet",
+        ]
+        assert generate.main(["-o", str(self.seen), *generate_arguments]) == 0
         self.stamps = np.arange(9) * 10_000_000
         self.rows = np.arange(27.0).reshape(9, 3)
         self.q_wb = np.tile([1.0, 0.0, 0.0, 0.0], (9, 1))
@@ -281,10 +289,10 @@ def world(tmp_path_factory):
 
 def function_of(world, name):
     """Return what a name of the table stands for."""
-    first, _, method = name.partition(".")
-    if first == "camera" or not method:
-        return getattr(getattr(ims, first), method) if method else getattr(ims, name)
-    return getattr(getattr(world, first), method)
+    owner, _, method = name.partition(".")
+    if owner == "camera" or not method:
+        return getattr(getattr(ims, owner), method) if method else getattr(ims, name)
+    return getattr(getattr(world, owner), method)
 
 
 class Hang(BaseException):
@@ -319,7 +327,7 @@ def _is_a_line(problem):
 
 
 def outcomes(world, name, step):
-    """Of each ``step`` cases take one; yield what is replaced by what, and what comes of it."""
+    """Yield the replaced argument with its value, and the outcome, of every ``step``-th case."""
     function = function_of(world, name)
     valid, parameters = VALID[name]
     defaults = {
@@ -327,13 +335,13 @@ def outcomes(world, name, step):
         for parameter in inspect.signature(function).parameters.values()
         if parameter.kind is not parameter.VAR_KEYWORD
     }
-    every = dict.fromkeys(parameters, inspect.Parameter.empty) | defaults
-    for argument, (words, make) in itertools.islice(
-        itertools.product(every, VALUES.items()), None, None, step
+    all_parameters = dict.fromkeys(parameters, inspect.Parameter.empty) | defaults
+    for argument, (value_text, make) in itertools.islice(
+        itertools.product(all_parameters, VALUES.items()), None, None, step
     ):
-        if every[argument] is None and words == "None":
+        if all_parameters[argument] is None and value_text == "None":
             continue  # the valid call once more
-        yield f"{argument}={words}", outcome(function, {**valid(world), argument: make()})
+        yield f"{argument}={value_text}", outcome(function, {**valid(world), argument: make()})
 
 
 @pytest.mark.parametrize("name", VALID)
@@ -348,9 +356,9 @@ def test_a_valid_call_gives_a_result(world, name):
 def test_any_argument_gives_a_result_or_a_documented_error(world, name, step):
     assert math.gcd(step, len(VALUES)) == 1
     documented = {"ConfigurationError", "ArgumentTypeError", "InputError", "result"}
-    found = dict(outcomes(world, name, step))
-    assert len(found) >= len(VALUES) // step - 1
-    assert {words: came for words, came in found.items() if came not in documented} == {}
+    outcome_by_case = dict(outcomes(world, name, step))
+    assert len(outcome_by_case) >= len(VALUES) // step - 1
+    assert {case: came for case, came in outcome_by_case.items() if came not in documented} == {}
 
 
 def test_every_public_name_has_a_valid_call():

@@ -116,7 +116,7 @@ def test_every_public_name_is_documented_with_its_arguments_and_errors(name):
 
 @pytest.mark.parametrize("name", PUBLIC)
 def test_every_public_name_is_in_the_manual(name):
-    """What docs/how_to/python.md promises holds for all that api.md lists."""
+    """All names that api.md lists keep the promises of docs/how_to/python.md."""
     page = Path(__file__).parents[2] / "docs" / "reference" / "api.md"
     manual = page.read_text(encoding="utf-8")
     assert re.search(rf"^\.\. (auto\w+|currentmodule):: (imu_sim_ros\.)?{name}\b", manual, re.M)
@@ -124,13 +124,13 @@ def test_every_public_name_is_in_the_manual(name):
 
 @pytest.mark.parametrize("module", MODULES)
 def test_the_examples_in_the_docstrings_run(module, tmp_path):
-    found = doctest.testmod(
+    doctest_results = doctest.testmod(
         importlib.import_module(module),
         extraglobs={"folder": tmp_path},
         optionflags=doctest.ELLIPSIS | doctest.NORMALIZE_WHITESPACE,
     )
-    assert found.attempted > 0
-    assert found.failed == 0
+    assert doctest_results.attempted > 0
+    assert doctest_results.failed == 0
 
 
 def test_every_public_function_has_an_example():

@@ -35,9 +35,14 @@ def test_what_was_simulated_is_read_back(flight, bag):
 
 def test_the_message_without_such_a_sensor_names_the_file(flight, tmp_path):
     path = flight.save(tmp_path / "plain.mcap")
-    for read in (ims.read_magnetometer, ims.read_pressure, ims.read_orientation, ims.read_images):
+    for read_function in (
+        ims.read_magnetometer,
+        ims.read_pressure,
+        ims.read_orientation,
+        ims.read_images,
+    ):
         with pytest.raises(ims.InputError, match=r"plain\.mcap"):
-            read(path)
+            read_function(path)
 
 
 def test_a_path_is_evaluated_like_what_it_holds(flight, bag, tmp_path):

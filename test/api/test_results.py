@@ -18,13 +18,19 @@ def test_dead_reckoning_is_the_commands(tmp_path, capsys):
     bag = flight.save(tmp_path / "lecture.mcap")
     for method in ("euler", "midpoint", "rk4"):
         assert dead_reckon([str(bag), "--method", method, "--json"]) == 0
-        told = json.loads(capsys.readouterr().out)
+        program_output = json.loads(capsys.readouterr().out)
         for source in (flight, bag):
-            found = ims.evaluate(ims.dead_reckon(source, method=method), flight.truth)
+            evaluation = ims.evaluate(ims.dead_reckon(source, method=method), flight.truth)
             # The bag's truth has its velocity turned to the body and back: 1e-14 m/s at the start.
-            assert found.final_position == pytest.approx(told["final_position_error_m"], abs=1e-9)
-            assert found.rms_position == pytest.approx(told["rms_position_error_m"], abs=1e-9)
-            assert found.final_attitude == pytest.approx(told["final_attitude_error_rad"], abs=1e-9)
+            assert evaluation.final_position == pytest.approx(
+                program_output["final_position_error_m"], abs=1e-9
+            )
+            assert evaluation.rms_position == pytest.approx(
+                program_output["rms_position_error_m"], abs=1e-9
+            )
+            assert evaluation.final_attitude == pytest.approx(
+                program_output["final_attitude_error_rad"], abs=1e-9
+            )
 
 
 def test_the_start_is_the_truth_level_or_given():
@@ -47,10 +53,10 @@ def test_evaluation_aligns_and_gives_relative_errors():
     track = ims.dead_reckon(flight)
     shifted = track.position + np.array([1.0, 2.0, 3.0])
     moved = ims.States(track.t_ns, shifted, track.q_wb, track.velocity)
-    found = ims.evaluate(moved, flight.truth)
-    assert found.rms_position == pytest.approx(14.0**0.5, abs=0.01)
+    evaluation = ims.evaluate(moved, flight.truth)
+    assert evaluation.rms_position == pytest.approx(14.0**0.5, abs=0.01)
     assert ims.evaluate(moved, flight.truth, align="yaw").rms_position < 0.01
-    assert found.relative(1.0, "s").translation.max() < 0.01
+    assert evaluation.relative(1.0, "s").translation.max() < 0.01
 
 
 def test_allan_is_the_commands_and_covers_the_truth(tmp_path, capsys):
@@ -58,15 +64,17 @@ def test_allan_is_the_commands_and_covers_the_truth(tmp_path, capsys):
     noise = ims.allan(flight)
     bag = flight.save(tmp_path / "rest.mcap", imu_only=True)
     assert allan([str(bag), "--json", "--no-files"]) == 0
-    told = json.loads(capsys.readouterr().out)
+    program_output = json.loads(capsys.readouterr().out)
     for triad in ("gyroscope", "accelerometer"):
         for key in ("noise_density", "random_walk", "bias_instability"):
-            found = getattr(getattr(noise, triad), key)
+            coefficient = getattr(getattr(noise, triad), key)
             for side in ("low", "high"):
-                np.testing.assert_allclose(getattr(found, side), told[triad][key][side], rtol=1e-9)
-            values = [np.nan if v is None else v for v in told[triad][key]["value"]]
-            np.testing.assert_allclose(found.value, values, rtol=1e-9)
-    assert told == ims.allan(bag).to_dict()
+                np.testing.assert_allclose(
+                    getattr(coefficient, side), program_output[triad][key][side], rtol=1e-9
+                )
+            values = [np.nan if v is None else v for v in program_output[triad][key]["value"]]
+            np.testing.assert_allclose(coefficient.value, values, rtol=1e-9)
+    assert program_output == ims.allan(bag).to_dict()
     assert noise.save(tmp_path / "one.png").read_bytes()[:4] == b"\x89PNG"
     assert allan([str(bag), str(bag), "-o", str(tmp_path / "two"), "--quiet"]) == 0
     both = ims.allan([bag, bag])
@@ -76,7 +84,7 @@ def test_allan_is_the_commands_and_covers_the_truth(tmp_path, capsys):
     for name in set(both.files) - {"allan.png"}:
         assert (folder / name).read_text() == (tmp_path / "two" / name).read_text()
     # 18 intervals of 95 % that are not independent: half of them miss by a mistake only.
-    covered = [one.covered for one in noise.compare("adis16448")]
+    covered = [comparison.covered for comparison in noise.compare("adis16448")]
     assert sum(covered) > len(covered) / 2
     kalibr = noise.save(tmp_path / "imu.yaml").read_text()
     assert "gyroscope_noise_density" in kalibr
@@ -90,17 +98,17 @@ def test_calibration_gives_back_what_went_in(tmp_path):
         "accelerometer_scale_error_percent": [1.0, -1.0, 0.5],
         "gyroscope_bias": [0.01, 0.02, -0.01],
     }
-    found = ims.calibrate_six_position(ims.simulate(imu=imu, trajectory="six_position"))
-    np.testing.assert_allclose(found.accelerometer.bias.value, [0.1, -0.2, 0.05], atol=1e-6)
-    matrix = found.accelerometer.scale_misalignment.value.reshape(3, 3)
+    calibration = ims.calibrate_six_position(ims.simulate(imu=imu, trajectory="six_position"))
+    np.testing.assert_allclose(calibration.accelerometer.bias.value, [0.1, -0.2, 0.05], atol=1e-6)
+    matrix = calibration.accelerometer.scale_misalignment.value.reshape(3, 3)
     np.testing.assert_allclose(matrix, np.diag([1.01, 0.99, 1.005]), atol=1e-6)
     # The file is the integrator's: what it corrects is perfect again.
-    file = found.save(tmp_path / "correction.yaml")
+    file = calibration.save(tmp_path / "correction.yaml")
     flight = ims.simulate(imu=imu, trajectory="circle", duration=10)
     track = ims.dead_reckon(flight, calibration=str(file))
     assert ims.evaluate(track, flight.truth).final_position < 1e-3
     with pytest.raises(AttributeError, match="this run does not determine it"):
-        _ = found.gyroscope.scale_misalignment
+        _ = calibration.gyroscope.scale_misalignment
     with pytest.raises(ims.InputError, match="rates"):
         ims.calibrate_turntable(flight.readings)
 
@@ -108,16 +116,16 @@ def test_calibration_gives_back_what_went_in(tmp_path):
 def test_preintegration_is_dead_reckoning_without_gravity():
     """``p_j = p_i + v_i T + g T^2 / 2 + R_i alpha`` over every interval."""
     flight = ims.simulate(imu="perfect", trajectory="figure_eight", duration=10, rate=200)
-    found = ims.preintegrate(flight, every=0.5)
+    preintegrated = ims.preintegrate(flight, every=0.5)
     truth, rows = flight.truth, np.arange(0, 2000, 100)
-    first, second = rows[:-1], rows[1:]
+    begin_rows, end_rows = rows[:-1], rows[1:]
     g, t = np.array([0.0, 0.0, -9.81]), 0.5
     from imu_sim_ros.core.rotation import rotate
 
-    alpha = rotate(truth.q_wb[first], found.alpha)
-    predicted = truth.position[first] + truth.velocity[first] * t + 0.5 * g * t**2 + alpha
+    alpha = rotate(truth.q_wb[begin_rows], preintegrated.alpha)
+    predicted = truth.position[begin_rows] + truth.velocity[begin_rows] * t + 0.5 * g * t**2 + alpha
     # Midpoint at 200 Hz: h^2 / 12 of the jerk (below 30 m/s^3) over 0.5 s, twice integrated.
-    np.testing.assert_allclose(predicted, truth.position[second], rtol=0, atol=1e-5)
+    np.testing.assert_allclose(predicted, truth.position[end_rows], rtol=0, atol=1e-5)
     for arguments in ({}, {"edges_ns": truth.t_ns[rows], "every": 0.5}):
         with pytest.raises(ims.InputError):
             ims.preintegrate(flight, **arguments)
@@ -128,13 +136,15 @@ def test_preintegration_is_dead_reckoning_without_gravity():
 def test_a_gap_in_the_readings_is_not_preintegrated_over():
     """3 s without readings were integrated with the mean of both ends, without a word."""
     flight = ims.simulate(imu="perfect", trajectory="figure_eight", duration=10, rate=100)
-    own, keep = flight.readings, np.r_[0:300, 600:1000]
-    readings = ims.Readings(own.t_ns[keep], own.gyro[keep], own.accel[keep])
+    flight_readings, keep = flight.readings, np.r_[0:300, 600:1000]
+    readings = ims.Readings(
+        flight_readings.t_ns[keep], flight_readings.gyro[keep], flight_readings.accel[keep]
+    )
     with pytest.raises(ims.InputError, match="1 gaps are longer than max_gap = 0.1 s"):
         ims.preintegrate(readings, every=0.5)
-    after = ims.preintegrate(readings, own.t_ns[[700, 800, 900]])
+    after_gap = ims.preintegrate(readings, flight_readings.t_ns[[700, 800, 900]])
     np.testing.assert_array_equal(
-        after.alpha, ims.preintegrate(flight, own.t_ns[[700, 800, 900]]).alpha
+        after_gap.alpha, ims.preintegrate(flight, flight_readings.t_ns[[700, 800, 900]]).alpha
     )
     assert len(ims.preintegrate(readings, every=0.5, max_gap=3.5).alpha) == 19
 
@@ -158,11 +168,11 @@ def test_calibration_of_a_bag_needs_nothing_that_the_bag_has(tmp_path):
     ims.generate(soak, imu=imu, trajectory="temperature_soak", rate=20, topics=topics)
     soaked = ims.calibrate_temperature(soak)
     assert soaked.facts["temperature_degC"] == pytest.approx([-20.0, 60.0], abs=0.5)
-    told = soaked.to_dict("perfect")["parameters"]["gyroscope_bias"]
-    np.testing.assert_allclose(told["value"], imu["gyroscope_bias"], atol=1e-6)
-    assert told["truth"] == [0.0, 0.0, 0.0]
-    for found in (six, turned, soaked):
-        picture = found.save(tmp_path / f"{found.kind}.png")
+    bias_output = soaked.to_dict("perfect")["parameters"]["gyroscope_bias"]
+    np.testing.assert_allclose(bias_output["value"], imu["gyroscope_bias"], atol=1e-6)
+    assert bias_output["truth"] == [0.0, 0.0, 0.0]
+    for calibration in (six, turned, soaked):
+        picture = calibration.save(tmp_path / f"{calibration.kind}.png")
         assert picture.read_bytes()[:4] == b"\x89PNG"
 
 
@@ -173,11 +183,19 @@ def test_a_bag_is_dead_reckoned_as_the_program_does(tmp_path, capsys):
     bag = tmp_path / "flight.mcap"
     lead_in = {"lead_in": {"rest": 3.0}}
     ims.generate(bag, imu="mpu6000", trajectory={"type": "circle", **lead_in}, duration=10, seed=1)
-    words = ["--initial-state", "level", "--set", "level_time=1.0", "--skip", "1s", "--json"]
-    assert dead_reckon.main([str(bag), *words]) == 0
-    told = json.loads(capsys.readouterr().out)
+    program_arguments = [
+        "--initial-state",
+        "level",
+        "--set",
+        "level_time=1.0",
+        "--skip",
+        "1s",
+        "--json",
+    ]
+    assert dead_reckon.main([str(bag), *program_arguments]) == 0
+    program_output = json.loads(capsys.readouterr().out)
     track = ims.dead_reckon(bag, initial="level", level_time=1.0, skip=1.0)
-    assert json.loads(json.dumps(track.to_dict())) == told
+    assert json.loads(json.dumps(track.to_dict())) == program_output
     assert track.truth is not None
     start = np.searchsorted(track.truth.t_ns, track.t_ns[0])
     np.testing.assert_allclose(track.position[0], track.truth.position[start], atol=1e-6)
@@ -202,15 +220,15 @@ def test_evaluation_of_a_bag_is_that_of_the_program(tmp_path, capsys):
     flight = ims.simulate(imu="tactical", trajectory="figure_eight", duration=20, seed=2)
     bag, path = flight.save(tmp_path / "flight.mcap"), tmp_path / "track.csv"
     ims.dead_reckon(flight).save(path)
-    words = ["--align", "se3", "--time-offset", "--rpe", "2s", "--json"]
-    assert evaluate.main([str(path), str(bag), *words]) == 0
-    told = json.loads(capsys.readouterr().out)
-    found = ims.evaluate(path, bag, align="se3", time_offset=True)
-    mine = json.loads(json.dumps(found.to_dict([(2.0, "s")])))
-    assert mine == {name: told[name] for name in mine}
+    program_arguments = ["--align", "se3", "--time-offset", "--rpe", "2s", "--json"]
+    assert evaluate.main([str(path), str(bag), *program_arguments]) == 0
+    program_output = json.loads(capsys.readouterr().out)
+    evaluation = ims.evaluate(path, bag, align="se3", time_offset=True)
+    mine = json.loads(json.dumps(evaluation.to_dict([(2.0, "s")])))
+    assert mine == {name: program_output[name] for name in mine}
     assert ims.evaluate(ims.dead_reckon(flight), bag).to_dict()["velocity_error_m_s"] is not None
-    written = ims.evaluate(found.save(tmp_path / "aligned.tum"), bag)
-    np.testing.assert_allclose(written.rms_position, found.rms_position, rtol=1e-6)
+    written = ims.evaluate(evaluation.save(tmp_path / "aligned.tum"), bag)
+    np.testing.assert_allclose(written.rms_position, evaluation.rms_position, rtol=1e-6)
 
 
 def test_what_holds_arrays_prints_as_one_line():
@@ -223,6 +241,6 @@ def test_what_holds_arrays_prints_as_one_line():
     poses = ims.PoseSequence(truth.t_ns, truth.position, truth.q_wb)
     assert repr(poses) == "<States states: 400 at 200 Hz, 1.995 s>"
     motion = flight.trajectory.sample(np.arange(3.0))
-    for one in (pre, block, motion, poses):
-        assert "\n" not in repr(one)
-        assert len(repr(one)) < 600
+    for record in (pre, block, motion, poses):
+        assert "\n" not in repr(record)
+        assert len(repr(record)) < 600

@@ -24,14 +24,14 @@ def test_the_covariance_of_a_track_is_that_of_its_errors():
         )
         track = ims.dead_reckon(flight, covariance=True)
         assert track.covariance.shape == (len(track), 6, 6)
-        found = ims.evaluate(track, flight.truth)
+        evaluation = ims.evaluate(track, flight.truth)
         p = track.covariance[-1]
-        error = found.position[-1]
-        assert found.nees["position"]["final"] == pytest.approx(
+        error = evaluation.position[-1]
+        assert evaluation.nees["position"]["final"] == pytest.approx(
             error @ np.linalg.solve(p[:3, :3], error)
         )
         for name, values in final.items():
-            values.append(found.nees[name]["final"])
+            values.append(evaluation.nees[name]["final"])
     for values in final.values():
         assert 1.9 < np.mean(values) < 4.4
 
@@ -40,7 +40,7 @@ def test_alignments():
     flight = ims.simulate(**FLIGHT, seed=1)
     track = ims.dead_reckon(flight, covariance=True)
     assert ims.evaluate(track, flight.truth, align="yaw").nees["gauge"] == "first pose"
-    found = ims.evaluate(track, flight.truth, align="se3")
-    assert found.nees is None
-    assert found.no_nees.startswith("alignment se3 removes a part")
+    evaluation = ims.evaluate(track, flight.truth, align="se3")
+    assert evaluation.nees is None
+    assert evaluation.no_nees.startswith("alignment se3 removes a part")
     assert "no covariance" in ims.evaluate(ims.dead_reckon(flight), flight.truth).no_nees

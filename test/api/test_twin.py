@@ -49,7 +49,7 @@ def flight():
 
 
 @pytest.fixture(scope="module")
-def found(flight):
+def fitted_twin(flight):
     return ims.twin(flight.readings, flight.truth)
 
 
@@ -64,9 +64,9 @@ def half(flight):
     )
 
 
-def test_constant_errors_are_within_their_standard_errors(found):
+def test_constant_errors_are_within_their_standard_errors(fitted_twin):
     z = [
-        (found.errors[name].value - true) / np.maximum(found.errors[name].sigma, 1e-12)
+        (fitted_twin.errors[name].value - true) / np.maximum(fitted_twin.errors[name].sigma, 1e-12)
         for name, true in (
             ("stamp_offset", [0.004]),
             ("clock_skew_ppm", [40.0]),
@@ -83,7 +83,7 @@ def test_constant_errors_are_within_their_standard_errors(found):
     assert np.mean(z**2) < 2.0
 
 
-def test_a_truth_that_is_smoothed_and_turned_is_found_out(flight, found):
+def test_a_truth_that_is_smoothed_and_turned_is_found_out(flight, fitted_twin):
     """Attitudes are averaged over 15 ms RMS, in a world that is turned against the positions'."""
     psi, sigma = np.array([0.004, -0.007, 0.02]), 0.015
     poses = flight.truth
@@ -93,25 +93,25 @@ def test_a_truth_that_is_smoothed_and_turned_is_found_out(flight, found):
     weights = np.exp(-0.5 * (0.01 * lags / sigma) ** 2)
     weights /= weights.sum()
     for lag, weight in zip(lags, weights, strict=True):
-        near = np.clip(np.arange(len(q_wb)) + lag, 0, len(q_wb) - 1)
-        mean += weight * log(multiply(conjugate(q_wb), q_wb[near]))
+        neighbours = np.clip(np.arange(len(q_wb)) + lag, 0, len(q_wb) - 1)
+        mean += weight * log(multiply(conjugate(q_wb), q_wb[neighbours]))
     smooth = multiply(multiply(exp(-psi), q_wb), exp(mean))
-    other = ims.twin(flight.readings, States(poses.t_ns, poses.position, smooth))
-    bend, turn = other.errors["truth_curvature"], other.errors["truth_turn"]
+    turned_twin = ims.twin(flight.readings, States(poses.t_ns, poses.position, smooth))
+    bend, turn = turned_twin.errors["truth_curvature"], turned_twin.errors["truth_turn"]
     variance = np.sum(weights * (0.01 * lags) ** 2)
     assert bend.value[0] < -4.0 * bend.sigma[0]
     assert abs(bend.value[0] + 0.5 * variance) < 4.0 * bend.sigma[0]
     assert np.all(np.abs(turn.value - psi) < 4.0 * turn.sigma)
     assert np.all(turn.sigma < 0.25 * np.abs(psi))
-    assert np.all(np.abs(found.errors["truth_turn"].value) < 4.0 * turn.sigma)
+    assert np.all(np.abs(fitted_twin.errors["truth_turn"].value) < 4.0 * turn.sigma)
     # The sensor's own errors are found all the same.
     for name in ("gyroscope_scale_misalignment", "accelerometer_bias", "mounting"):
-        same, sigmas = found.errors[name], other.errors[name].sigma
-        off = np.abs(other.errors[name].value - same.value)
+        fitted, sigmas = fitted_twin.errors[name], turned_twin.errors[name].sigma
+        off = np.abs(turned_twin.errors[name].value - fitted.value)
         assert np.all(off < 4.0 * np.maximum(sigmas, 1e-12)), (name, off / sigmas)
 
 
-def in_standard_errors(found):
+def in_standard_errors(fitted_twin):
     """Return the errors of all numbers that this flight's sensor has."""
     pairs = [
         ("stamp_offset", [0.004]),
@@ -124,8 +124,8 @@ def in_standard_errors(found):
         ("accelerometer_scale_misalignment", S_A.ravel()),
     ]
     z = [
-        (found.errors[name].value - true)
-        / np.where(found.errors[name].sigma, found.errors[name].sigma, 1e9)
+        (fitted_twin.errors[name].value - true)
+        / np.where(fitted_twin.errors[name].sigma, fitted_twin.errors[name].sigma, 1e9)
         for name, true in pairs
     ]
     return np.concatenate(z)
@@ -148,19 +148,19 @@ def test_a_truth_with_noise_is_no_sensor(motion, white, decimals):
     q_wb = multiply(poses.q_wb, exp(white * rng.standard_normal((len(poses.t_ns), 3))))
     if decimals:
         position, q_wb = np.round(position, decimals), normalise(np.round(q_wb, decimals))
-    found = ims.twin(flight.readings, States(poses.t_ns, position, q_wb))
-    noise = found.source.noise
+    fitted_twin = ims.twin(flight.readings, States(poses.t_ns, position, q_wb))
+    noise = fitted_twin.source.noise
     expected = white or 10.0**-decimals / np.sqrt(12.0)
     assert noise.deviation[1] == pytest.approx(expected, rel=0.15)
-    z = in_standard_errors(found)
+    z = in_standard_errors(fitted_twin)
     # 32 numbers, some of one piece: beyond 4 standard errors once in 500 flights.
     assert np.max(np.abs(z)) < 4.0, z.round(1)
     assert np.mean(z**2) < 2.0
-    assert found.source.cutoff < 12.0
+    assert fitted_twin.source.cutoff < 12.0
 
 
 def test_rough_motion_up_to_the_cut_off_is_no_error_of_the_sensor():
-    """Of a spline smooth above 12 Hz 5e-4 of the rates at 6 Hz passed for the gyroscope's scale.
+    """A spline smooth above 12 Hz biased the gyroscope's scale by 5e-4 through rates at 6 Hz.
 
     Standard errors are 4e-5 at most.
     """
@@ -180,13 +180,13 @@ def test_rough_motion_up_to_the_cut_off_is_no_error_of_the_sensor():
     flight = ims.simulate(
         imu=sensor, trajectory=rough, duration=30, rate=100, seed=8, start_time=5.0
     )
-    found = ims.twin(flight, flight.truth)
-    scale = found.errors["gyroscope_scale_misalignment"]
+    fitted_twin = ims.twin(flight, flight.truth)
+    scale = fitted_twin.errors["gyroscope_scale_misalignment"]
     assert np.abs(scale.value[::4] - 1.0).max() < 1.6e-4
     assert np.abs(scale.value[::4] - 1.0).max() < 4.0 * scale.sigma.max()
-    bias = found.errors["accelerometer_bias"]
+    bias = fitted_twin.errors["accelerometer_bias"]
     assert np.abs(bias.value / bias.sigma).max() < 4.0
-    assert found.simulate(seed=1).truth.t_ns[0] == flight.truth.t_ns[0]
+    assert fitted_twin.simulate(seed=1).truth.t_ns[0] == flight.truth.t_ns[0]
 
 
 def test_a_clock_that_is_first_guessed_200_ms_off_is_no_wandering_clock(monkeypatch):
@@ -199,9 +199,9 @@ def test_a_clock_that_is_first_guessed_200_ms_off_is_no_wandering_clock(monkeypa
     assert np.nanmax(np.abs(z)) < 4.0, z.round(1)
 
 
-def test_numbers_that_hang_on_the_noise_are_not_given(flight, found):
+def test_numbers_that_hang_on_the_noise_are_not_given(flight, fitted_twin):
     """``excitation`` with poses of 3 cm and 30 mrad, and what that leaves."""
-    fit = found.analysis.fit
+    fit = fitted_twin.analysis.fit
     hanging = np.zeros(42)
     hanging[[20, 30]] = 6.0, 3.0
     trust = judged(
@@ -217,27 +217,27 @@ def test_numbers_that_hang_on_the_noise_are_not_given(flight, found):
 
 
 @pytest.mark.parametrize(
-    ("white", "steps", "given"),
+    ("white", "steps", "is_given"),
     [(1e-3, (1e-4, 1e-4), True), (1e-5, (1e-3, 0.0), False), (1e-5, (0.0, 1e-3), False)],
 )
-def test_less_may_hang_on_rounding_than_on_white_noise(found, white, steps, given):
+def test_less_may_hang_on_rounding_than_on_white_noise(fitted_twin, white, steps, is_given):
     hanging = np.zeros(42)
     hanging[30] = 3.0
     noise = PoseNoise(np.full(6, white), *steps)
-    fit = found.analysis.fit
+    fit = fitted_twin.analysis.fit
     trust = judged(fit._replace(noise_shift=hanging), np.ones(42), noise)
-    assert trust.given[30] == given
+    assert trust.given[30] == is_given
     # What rounding does is known no better than its size: the interval holds both.
-    wider = 1.0 if given else np.sqrt(1.0 + 3.0**2)
+    wider = 1.0 if is_given else np.sqrt(1.0 + 3.0**2)
     assert trust.fit.sigma[30] == pytest.approx(wider * fit.sigma[30])
     assert trust.fit.sigma[29] == pytest.approx(fit.sigma[29])
 
 
-def test_a_fit_that_does_not_settle_is_refused(found):
-    fit = found.analysis.fit
-    check_settled(found.source, fit)
+def test_a_fit_that_does_not_settle_is_refused(fitted_twin):
+    fit = fitted_twin.analysis.fit
+    check_settled(fitted_twin.source, fit)
     with pytest.raises(ims.InputError, match="does not settle: the noise of the poses, 0 mm and 0"):
-        check_settled(found.source, fit._replace(settled=False))
+        check_settled(fitted_twin.source, fit._replace(settled=False))
 
 
 def test_quarters_that_contradict_each_other_widen_the_intervals(flight):
@@ -245,69 +245,71 @@ def test_quarters_that_contradict_each_other_widen_the_intervals(flight):
     readings = flight.readings
     accel = readings.accel.copy()
     accel[len(accel) // 2 :, 1] += 0.3
-    found = ims.twin(ims.Readings(readings.t_ns, readings.gyro, accel, "jump"), flight.truth)
-    assert any("quarters of the recording contradict" in line for line in found.warnings)
-    assert any("accelerometer_bias y" in line for line in found.warnings)
+    fitted_twin = ims.twin(ims.Readings(readings.t_ns, readings.gyro, accel, "jump"), flight.truth)
+    assert any("quarters of the recording contradict" in line for line in fitted_twin.warnings)
+    assert any("accelerometer_bias y" in line for line in fitted_twin.warnings)
 
 
 def test_a_truth_that_is_not_levelled_is_named(half):
     readings, poses = half
     turned = multiply(exp(np.radians([5.5, 0.0, 0.0])), poses.q_wb)
-    found = ims.twin(readings, States(poses.t_ns, poses.position, turned))
-    named = [line for line in found.warnings if "against gravity" in line]
-    assert len(named) == 1
-    assert "turned by 5." in named[0]
+    fitted_twin = ims.twin(readings, States(poses.t_ns, poses.position, turned))
+    named_lines = [line for line in fitted_twin.warnings if "against gravity" in line]
+    assert len(named_lines) == 1
+    assert "turned by 5." in named_lines[0]
 
 
 def test_scales_that_no_sensor_has_are_named(half):
     readings, poses = half
     gyro = readings.gyro * [1.0, 1.15, 1.0]
-    found = ims.twin(ims.Readings(readings.t_ns, gyro, readings.accel, "scaled"), poses)
-    named = [line for line in found.warnings if "more than a sensor has" in line]
-    assert any(line.startswith("gyroscope_scale_misalignment ") for line in named), found.warnings
+    fitted_twin = ims.twin(ims.Readings(readings.t_ns, gyro, readings.accel, "scaled"), poses)
+    named_lines = [line for line in fitted_twin.warnings if "more than a sensor has" in line]
+    assert any(line.startswith("gyroscope_scale_misalignment ") for line in named_lines), (
+        fitted_twin.warnings
+    )
 
 
-def test_a_clean_recording_has_no_warnings(found):
-    assert found.warnings == ()
-    assert found.given.all()
-    assert not found.source.noise.there
+def test_a_clean_recording_has_no_warnings(fitted_twin):
+    assert fitted_twin.warnings == ()
+    assert fitted_twin.given.all()
+    assert not fitted_twin.source.noise.there
 
 
-def test_noise_lines_and_bands_are_those_of_the_sensor(found):
-    white = found.analysis.white
+def test_noise_lines_and_bands_are_those_of_the_sensor(fitted_twin):
+    white = fitted_twin.analysis.white
     density = np.repeat([1.7e-4, 2e-3], 3)
     # 30 s at 100 Hz, of which vibration leaves three quarters: 1.5 % of a density.
     np.testing.assert_allclose(white.density, density, rtol=0.06)
-    lines = found.analysis.lines
+    lines = fitted_twin.analysis.lines
     np.testing.assert_allclose(lines.frequency, [41.3], atol=0.002)
     assert abs(lines.amplitude[0, 3] - 0.3) < 4.0 * lines.amplitude_sigma[0, 3]
-    bands = found.analysis.vibration
-    inside = (bands.low > 25.0) & (bands.high < 35.0)
-    power = np.mean(bands.density[inside] ** 2, axis=0)
+    bands = fitted_twin.analysis.vibration
+    in_band = (bands.low > 25.0) & (bands.high < 35.0)
+    power = np.mean(bands.density[in_band] ** 2, axis=0)
     expected = np.square(VIBRATION["band_density"])
     # 2 * 30 s * 9 Hz squares: a relative deviation of 6 % of the power.
     np.testing.assert_allclose(power, expected, rtol=0.25)
 
 
-def test_the_parameter_file_flies_the_same_sensor_again(flight, found, tmp_path):
-    path = found.save(tmp_path / "twin.yaml")
+def test_the_parameter_file_flies_the_same_sensor_again(flight, fitted_twin, tmp_path):
+    path = fitted_twin.save(tmp_path / "twin.yaml")
     again = ims.simulate(params_file=path, trajectory="excitation", duration=30, seed=9)
     real = np.concatenate([flight.gyro - flight.truth.gyro, flight.accel - flight.truth.accel], 1)
     twin = np.concatenate([again.gyro - again.truth.gyro, again.accel - again.truth.accel], 1)
     # Vibration and noise: differences from sample to sample. 3000 samples, 4 standard deviations.
-    step, other = np.diff(real, axis=0).std(axis=0), np.diff(twin, axis=0).std(axis=0)
-    np.testing.assert_allclose(other, step, rtol=0.12)
+    step, twin_step = np.diff(real, axis=0).std(axis=0), np.diff(twin, axis=0).std(axis=0)
+    np.testing.assert_allclose(twin_step, step, rtol=0.12)
     np.testing.assert_allclose(twin.mean(axis=0), real.mean(axis=0), atol=0.02)
 
 
-def test_the_result_can_be_printed_saved_and_drawn(found, tmp_path):
-    numbers = found.to_dict()
+def test_the_result_can_be_printed_saved_and_drawn(fitted_twin, tmp_path):
+    numbers = fitted_twin.to_dict()
     assert numbers["errors"]["lever_arm"]["sigma"][0] > 0.0
     assert len(numbers["bias_over_time"]["t_s"]) >= 5
-    assert "Twin of" in repr(found)
-    found.plot().savefig(tmp_path / "twin.png")
+    assert "Twin of" in repr(fitted_twin)
+    fitted_twin.plot().savefig(tmp_path / "twin.png")
     with pytest.raises(ims.InputError, match="already exists"):
-        found.save(tmp_path / "twin.png")
+        fitted_twin.save(tmp_path / "twin.png")
 
 
 def test_bad_input_is_reported_in_a_line_each(flight):
@@ -366,16 +368,16 @@ def test_a_real_flight_and_its_twin():
 
     Below 5 Hz the residual is mostly the truth's own error, which changes along this flight.
     """
-    found = ims.twin(EUROC_IMU, EUROC, fit=20.0)
-    bias = found.errors["gyroscope_bias"]
+    fitted_twin = ims.twin(EUROC_IMU, EUROC, fit=20.0)
+    bias = fitted_twin.errors["gyroscope_bias"]
     assert np.all(np.abs(bias.value - [-0.0022, 0.0207, 0.0758]) < 3.0 * bias.sigma)
-    bias = found.errors["accelerometer_bias"]
+    bias = fitted_twin.errors["accelerometer_bias"]
     assert np.all(np.abs(bias.value - [-0.013, 0.103, 0.093]) < 3.0 * bias.sigma)
     # The truth's attitudes are smoothed, and not in the same world as its positions.
-    bend, turn = found.errors["truth_curvature"], found.errors["truth_turn"]
+    bend, turn = fitted_twin.errors["truth_curvature"], fitted_twin.errors["truth_turn"]
     assert bend.value[0] < -5.0 * bend.sigma[0]
     assert np.any(np.abs(turn.value) > 4.0 * turn.sigma)
-    check = found.check
+    check = fitted_twin.check
     assert np.all(np.abs(check.decibels[3:]) < 2.0), check.decibels.round(1)
     # Disturbances, counted in the real density, are left out of the twin's.
     assert np.all(np.abs(check.decibels[2]) < 2.5), check.decibels.round(1)
@@ -391,5 +393,5 @@ def test_a_real_flight_and_its_twin():
     assert np.all(check.truth_noise[:3] < 0.8)
     # At rest the sensor shows 1.2 to 1.6e-4 and 1.7 to 2.5e-3 in 100 readings, each deviation
     # within 1 / sqrt(200) = 7 % of its own, so 14 % below at two; in flight there is a bound.
-    assert np.all(found.analysis.white.high[:3] > 0.86 * 1.2e-4)
-    assert np.all(found.analysis.white.high[3:] > 0.86 * 1.7e-3)
+    assert np.all(fitted_twin.analysis.white.high[:3] > 0.86 * 1.2e-4)
+    assert np.all(fitted_twin.analysis.white.high[3:] > 0.86 * 1.7e-3)

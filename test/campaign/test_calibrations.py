@@ -31,15 +31,15 @@ def test_allan_has_the_numbers_of_the_command(plan_file, tmp_path, capsys):
     (row,) = rows_of(plan_file(parameters=AT_REST, estimators={"a": {"type": "allan"}}), [4])
     assert row["status"] == "done"
     bag = str(tmp_path / "rest.mcap")
-    words = (
+    generate_line = (
         f"-o {bag} --rate 20 --duration 300s --trajectory static --imu perfect --seed 4 --quiet "
         "--set imu.gyroscope_noise_density=1e-3 --set imu.accelerometer_noise_density=1e-2"
     )
-    assert generate.main(words.split()) == 0
+    assert generate.main(generate_line.split()) == 0
     assert allan.main([bag, "--no-files", "--json"]) == 0
-    found = json.loads(capsys.readouterr().out)
+    allan_output = json.loads(capsys.readouterr().out)
     for triad, truth in (("gyroscope", 1e-3), ("accelerometer", 1e-2)):
-        density = found[triad]["noise_density"]
+        density = allan_output[triad]["noise_density"]
         ratio = np.mean(density["value"]) / truth
         assert row[f"{triad}_noise_density_ratio"] == pytest.approx(ratio, rel=1e-6)
         low, high = np.array(density["low"]), np.array(density["high"])
@@ -76,24 +76,24 @@ def test_calibrations_have_the_numbers_of_the_command(
     (row,) = rows_of(plan_file(parameters=parameters, estimators={"a": {"type": kind}}), [2])
     assert row["status"] == "done"
     bag = tmp_path / "run.mcap"
-    words = (
+    generate_line = (
         f"-o {bag} --rate {rate} --trajectory {trajectory} --imu mpu6000 --seed 2 --quiet "
         "--topics imu/data_raw,ground_truth/odom,imu/temperature"
     )
-    assert generate.main(words.split()) == 0
+    assert generate.main(generate_line.split()) == 0
     truth = str(tmp_path / "run_truth.yaml")
     assert calibrate.main([kind, str(bag), "--truth", truth, "--no-files", "--json"]) == 0
-    found = json.loads(capsys.readouterr().out)["parameters"]
+    calibrated = json.loads(capsys.readouterr().out)["parameters"]
     checked = 0
-    for name, values in found.items():
+    for name, values in calibrated.items():
         value, sigma, true = (np.array(values[k]) for k in ("value", "sigma", "truth"))
-        error, known = value - true, sigma > 0
+        error, is_estimated = value - true, sigma > 0
         if f"{name}_sigmas" not in row:
             assert name == "reference_temperature"
             continue
         if f"{name}_error" in row:
             assert row[f"{name}_error"] == pytest.approx(np.sqrt(np.mean(error**2)), rel=1e-3)
-        sigmas = np.sqrt(np.mean((error[known] / sigma[known]) ** 2))
+        sigmas = np.sqrt(np.mean((error[is_estimated] / sigma[is_estimated]) ** 2))
         assert row[f"{name}_sigmas"] == pytest.approx(sigmas, rel=1e-3)
         checked += 1
     assert checked >= 2

@@ -43,16 +43,16 @@ def test_a_camera_of_a_plan_gives_tracks(plan_file, tmp_path):
     _, cell = plan.cells()
     (row,) = CellRuns(plan, cell).rows([3], ["a"], tmp_path / "out")
     assert row["status"] == "failed: no estimate was written"
-    words = (
+    generate_line = (
         f"-o {tmp_path}/made --format tracks --rate 200 --duration 1s --imu adis16448 --seed 3 "
         "--trajectory figure_eight --camera euroc_cam0 --set camera.body_axes=flu "
         "--set camera.max_features=20 --set camera.pixel_noise=2.0 --quiet"
     )
-    assert generate.main(words.split()) == 0
+    assert generate.main(generate_line.split()) == 0
     for name in ("tracks.csv", "imu0.csv", "landmarks.csv", "groundtruth.tum"):
-        made = (tmp_path / "made" / name).read_bytes()
-        assert (tmp_path / "kept_3" / name).read_bytes() == made, name
-    assert len(made) > 1000
+        generated_bytes = (tmp_path / "made" / name).read_bytes()
+        assert (tmp_path / "kept_3" / name).read_bytes() == generated_bytes, name
+    assert len(generated_bytes) > 1000
 
 
 def test_a_program_gets_the_files_of_the_whole_rig(plan_file, tmp_path):
@@ -73,24 +73,24 @@ def test_a_program_gets_the_files_of_the_whole_rig(plan_file, tmp_path):
     )
     (row,) = CellRuns(plan, next(plan.cells())).rows([3], ["a"], tmp_path / "out")
     assert row["status"] == "failed: no estimate was written"
-    words = (
+    generate_line = (
         f"-o {tmp_path}/made --format tracks --rate 200 --duration 1s --imu adis16448 --seed 3 "
         "--trajectory figure_eight --camera euroc_cam0 --camera euroc_cam1 --quiet --with-configs "
         "--set camera.body_axes=flu --set camera.max_features=20"
     )
-    assert generate.main(words.split()) == 0
-    made = {p.name: p.read_text() for p in (tmp_path / "made_configs").iterdir()}
-    kept = {p.name: p.read_text() for p in (tmp_path / "kept").iterdir()}
-    assert kept.keys() == made.keys()
+    assert generate.main(generate_line.split()) == 0
+    generated_configs = {p.name: p.read_text() for p in (tmp_path / "made_configs").iterdir()}
+    plan_configs = {p.name: p.read_text() for p in (tmp_path / "kept").iterdir()}
+    assert plan_configs.keys() == generated_configs.keys()
     templates = [p.read_text() for p in (files.config_folder() / "estimators").glob("*.yaml")]
     of_cameras = [text for text in templates if "Needs a LiDAR" not in text]
-    named = {name for text in of_cameras for name in re.findall(r"{config}/([\w.]+)", text)}
-    assert len(named) > 3
-    assert kept.keys() >= named | {"orb_slam3_stereo_inertial.yaml", "camchain.yaml"}
-    for name in kept.keys() - {"simulation.yaml"}:  # its comment tells who wrote it
+    page_files = {name for text in of_cameras for name in re.findall(r"{config}/([\w.]+)", text)}
+    assert len(page_files) > 3
+    assert plan_configs.keys() >= page_files | {"orb_slam3_stereo_inertial.yaml", "camchain.yaml"}
+    for name in plan_configs.keys() - {"simulation.yaml"}:  # its comment tells who wrote it
         # Only generate examines the flight for a start from which a stack initialises badly.
         warning = r"# WARNING:[^\n]*\n(#   [^\n]*\n)*"
-        assert kept[name] == re.sub(warning, "", made[name]), name
+        assert plan_configs[name] == re.sub(warning, "", generated_configs[name]), name
 
 
 def test_tracks_without_a_camera_are_refused_before_the_start(plan_file, campaign, tmp_path):
@@ -172,18 +172,20 @@ def test_images_of_a_mesh_that_a_plan_names(plan_file, tmp_path, axis):
     for cell, name in zip(plan.cells(), ("low", "high") if axis else ("low",), strict=True):
         (row,) = CellRuns(plan, cell).rows([3], ["a"], tmp_path / "out")
         assert row["status"] == "failed: no estimate was written"
-        words = (
+        generate_line = (
             f"-o {tmp_path}/{name} --format euroc --rate 200 --duration 0.2s --imu adis16448 "
             f"--seed 3 --trajectory figure_eight --camera euroc_cam0 --scene {tmp_path}/{name}.stl "
             "--set camera.body_axes=flu --set camera.max_features=20 --set camera.width=40 "
             "--set camera.height=30 --set camera.intrinsics=[25,25,19.5,14.5] --quiet"
         )
-        assert generate.main(words.split()) == 0
-        (kept,) = tmp_path.glob("kept_*")
-        made = sorted((tmp_path / name).rglob("cam0/data/*.png"))
-        same = [next(kept.rglob(f"cam0/data/{image.name}")) for image in made]
-        assert [p.read_bytes() for p in same] == [p.read_bytes() for p in made]
-        images.append([p.read_bytes() for p in made])
-        kept.rename(tmp_path / f"done_{name}")
+        assert generate.main(generate_line.split()) == 0
+        (run_folder,) = tmp_path.glob("kept_*")
+        generated_images = sorted((tmp_path / name).rglob("cam0/data/*.png"))
+        run_images = [
+            next(run_folder.rglob(f"cam0/data/{image.name}")) for image in generated_images
+        ]
+        assert [p.read_bytes() for p in run_images] == [p.read_bytes() for p in generated_images]
+        images.append([p.read_bytes() for p in generated_images])
+        run_folder.rename(tmp_path / f"done_{name}")
     assert len(images[0]) == 4
     assert not axis or images[0] != images[1]

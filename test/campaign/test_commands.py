@@ -71,7 +71,7 @@ def test_an_honest_program_is_measured_after_alignment(run):
 
 
 def test_places_are_found_from_the_runs_own_folder(plan_file, tmp_path, monkeypatch):
-    """As with ``campaign plan.yaml -o results``: the folder of the results is relative."""
+    """The folder of the results may be relative, as in ``campaign plan.yaml -o results``."""
     script = tmp_path / "program.py"
     script.write_text(HONEST, encoding="utf-8")
     command = f"{{python}} {script} {{dataset}} {{estimate}}"
@@ -192,9 +192,9 @@ def test_an_error_that_nobody_foresaw_is_the_status_of_its_own_run(
 
     plan = load_plan(plan_file(estimators={"a": {"command": "true"}, "dead_reckon": {}}))
     monkeypatch.setattr("imu_sim_ros.campaigns.command_estimator.run_command", broken)
-    first, second = CellRuns(plan, next(plan.cells())).rows([1], plan.estimators, tmp_path)
-    assert first["status"] == "failed: unexpected: LinAlgError: SVD did not converge"
-    assert second["status"] == "done"
+    failed_row, other_row = CellRuns(plan, next(plan.cells())).rows([1], plan.estimators, tmp_path)
+    assert failed_row["status"] == "failed: unexpected: LinAlgError: SVD did not converge"
+    assert other_row["status"] == "done"
 
 
 def test_a_program_that_cannot_be_started(run, plan_file, tmp_path):
@@ -225,23 +225,23 @@ def test_a_failed_run_keeps_its_time_and_memory(run, ending, status, timeout, le
 
 def test_memory_is_the_programs_own_and_not_that_of_the_process_that_starts_it(run):
     """Forking hands the mark of the parent on; here 300 MB that no program ever touched."""
-    held = np.ones(37_500_000)
+    large_array = np.ones(37_500_000)
     row = run("import time\nx = bytearray(100_000_000)\ntime.sleep(0.5)")
-    assert held.nbytes == 300_000_000
+    assert large_array.nbytes == 300_000_000
     assert 95.0 < row["peak_memory_mb"] < 250.0
 
 
 def test_memory_of_a_program_that_a_script_starts(run):
     """The script holds 10 MB, what it starts 100 MB."""
-    held = np.ones(37_500_000)
+    large_array = np.ones(37_500_000)
     inner = "import time; x = bytearray(100_000_000); time.sleep(0.5)"
     row = run(f"import subprocess, sys\nsubprocess.run([sys.executable, '-c', {inner!r}])")
-    assert held.nbytes == 300_000_000
+    assert large_array.nbytes == 300_000_000
     assert 95.0 < row["peak_memory_mb"] < 250.0
 
 
 def test_programs_that_end_while_their_memory_is_looked_at_are_no_error():
-    """Their folder in /proc goes between two calls of the system, once in some thousand looks."""
+    """A folder of /proc may vanish between two system calls, once in some thousand polls."""
     script = ["bash", "-c", "for i in {1..500}; do /bin/true; done"]
     with subprocess.Popen(script) as process:
         memory = command._PeakMemory()
@@ -277,10 +277,10 @@ os.wait()
 while not os.path.exists({str(marker)!r}):
     time.sleep(0.01)
 """
-    before = command._children()
+    children_before = command._children()
     assert run(program)["status"] == "failed: no estimate was written"
     assert not Path(f"/proc/{marker.read_text()}").exists()
-    assert command._children() == before
+    assert command._children() == children_before
 
 
 SLEEPER = """
@@ -294,7 +294,7 @@ time.sleep(600)
 
 
 def runs(pid):
-    """Whether a process runs: one that has ended may wait to be asked for its status."""
+    """Return True if the process runs and is not a zombie."""
     with contextlib.suppress(OSError):
         return Path(f"/proc/{pid}/stat").read_text().rpartition(")")[2].split()[0] != "Z"
     return False
@@ -323,7 +323,7 @@ def test_a_program_does_not_outlive_its_campaign(plan_file, start, campaign, tmp
 
 
 def test_a_hang_up_of_the_terminal_is_one_line_and_leaves_no_process(plan_file, start, tmp_path):
-    """It reaches every process of the group: workers, and what tracks their semaphores."""
+    """The signal reaches all processes of the group: workers and their resource tracker."""
     script, pids = tmp_path / "sleeper.py", tmp_path / "pids"
     script.write_text(SLEEPER, encoding="utf-8")
     pids.mkdir()
@@ -337,8 +337,8 @@ def test_a_hang_up_of_the_terminal_is_one_line_and_leaves_no_process(plan_file, 
     until(lambda: len(list(pids.glob("pid_??*[0-9]"))) == 4)
     programs = [int(name.name[4:]) for name in pids.iterdir()]
     os.kill(process.pid, signal.SIGSTOP)  # the others hear of it first
-    for other in command._children(process.pid):
-        os.kill(other, signal.SIGHUP)
+    for child in command._children(process.pid):
+        os.kill(child, signal.SIGHUP)
     until(lambda: not any(map(runs, programs)))
     os.kill(process.pid, signal.SIGHUP)
     os.kill(process.pid, signal.SIGCONT)
@@ -378,17 +378,17 @@ def test_a_campaign_that_is_killed_leaves_no_process(plan_file, start, tmp_path,
         until(lambda: len(list(pids.glob("pid_??*[0-9]"))) == 4)
     else:
         until(lambda: len(command._children(process.pid)) == 3)  # one tracks the resources
-    left, found = [process.pid], []
-    while left:
-        left = [child for pid in left for child in command._children(pid)]
-        found += left
-    assert len(found) == (7 if busy else 3)
+    next_ids, process_ids = [process.pid], []
+    while next_ids:
+        next_ids = [child for pid in next_ids for child in command._children(pid)]
+        process_ids += next_ids
+    assert len(process_ids) == (7 if busy else 3)
     process.kill()
     process.communicate()
     try:
-        until(lambda: not any(map(runs, found)))
+        until(lambda: not any(map(runs, process_ids)))
     finally:
-        for pid in filter(runs, found):
+        for pid in filter(runs, process_ids):
             os.kill(pid, signal.SIGKILL)
 
 
@@ -407,7 +407,7 @@ def test_a_campaign_told_to_end_within_its_first_program_resumes(
 
 
 def test_threads_of_one_worker_do_not_end_each_others_programs(plan_file, tmp_path):
-    """As in a Dask worker of several threads."""
+    """A Dask worker runs several programs at once, one in each thread."""
     program = "import time; time.sleep(0.3); print(7); raise SystemExit(3)"
     plan = load_plan(plan_file(estimators={"a": {"command": f"{{python}} -c '{program}'"}}))
     cell = CellRuns(plan, next(plan.cells()))
@@ -476,8 +476,10 @@ def test_environment_and_places(run, plan_file, tmp_path):
     assert row["status"].endswith("/000000/4/a")
 
 
-@pytest.mark.parametrize(("keep", "kept"), [("none", []), ("failed", ["1"]), ("all", ["0", "1"])])
-def test_run_folders_are_kept_as_asked(plan_file, tmp_path, keep, kept):
+@pytest.mark.parametrize(
+    ("keep", "expected_folders"), [("none", []), ("failed", ["1"]), ("all", ["0", "1"])]
+)
+def test_run_folders_are_kept_as_asked(plan_file, tmp_path, keep, expected_folders):
     program = tmp_path / "program.py"
     ending = "\nsys.exit(os.getcwd().split('/')[-2] == '1')\n"
     program.write_text("import os\n" + HONEST + ending, encoding="utf-8")
@@ -485,12 +487,12 @@ def test_run_folders_are_kept_as_asked(plan_file, tmp_path, keep, kept):
     plan = load_plan(plan_file(estimators={"a": options}, keep=keep))
     rows = list(CellRuns(plan, next(plan.cells())).rows([0, 1], ["a"], tmp_path / "out"))
     assert [row["status"] for row in rows] == ["done", "failed: exit status 1"]
-    found = sorted(
+    run_folders = sorted(
         path.name
         for path in (tmp_path / "out" / "runs").rglob("*")
         if path.is_dir() and path.name in ("0", "1")
     )
-    assert found == kept
+    assert run_folders == expected_folders
     if keep == "all":
         folder = tmp_path / "out" / "runs" / "000000" / "0" / "a"
         assert (folder / "estimate.txt").is_file()
@@ -553,7 +555,7 @@ def test_programs_are_looked_up_before_the_first_run(plan_file, campaign, tmp_pa
 
 
 @pytest.mark.parametrize(
-    ("text", "found"),
+    ("text", "expected_value"),
     [
         ('{"inliers": 12, "other": 1}', 12.0),
         ('{"inliers": null}', None),
@@ -565,7 +567,7 @@ def test_programs_are_looked_up_before_the_first_run(plan_file, campaign, tmp_pa
         ('{"inliers": 1e999}', "failed: metrics.json: inliers = inf: must be a finite number"),
     ],
 )
-def test_a_programs_own_metrics_are_read_from_its_folder(plan_file, tmp_path, text, found):
+def test_a_programs_own_metrics_are_read_from_its_folder(plan_file, tmp_path, text, expected_value):
     script = tmp_path / "program.py"
     script.write_text(
         "open('estimate.txt', 'w').write('1 0 0 0 0 0 0 1\\n2 1 0 0 0 0 0 1\\n')\n"
@@ -580,7 +582,7 @@ def test_a_programs_own_metrics_are_read_from_its_folder(plan_file, tmp_path, te
         )
     )
     (row,) = CellRuns(plan, next(plan.cells())).rows([1], ["a"], tmp_path / "out")
-    assert (row["status"] if isinstance(found, str) else row["inliers"]) == found
+    assert (row["status"] if isinstance(expected_value, str) else row["inliers"]) == expected_value
 
 
 def test_the_same_algorithm_has_the_same_errors_inside_and_as_a_program(plan_file, tmp_path):

@@ -37,8 +37,8 @@ with open(out, "w") as file:
 
 
 def command(mode):
-    words = f"{{python}} {{plan}}/estimator.py {mode} {{dataset}} {{estimate}} {{seed}}"
-    return {"command": words, "max_gap": 0.3}
+    estimator_line = f"{{python}} {{plan}}/estimator.py {mode} {{dataset}} {{estimate}} {{seed}}"
+    return {"command": estimator_line, "max_gap": 0.3}
 
 
 @pytest.fixture
@@ -62,8 +62,8 @@ def test_spans_of_stamps_and_their_intersection():
     t_ns = np.array([0, 1, 2, 5, 6, 9]) * 10**9
     spans = covered_spans(t_ns, 1.5)
     assert (spans // 10**9).tolist() == [[0, 2], [5, 6], [9, 9]]
-    other = np.array([[1, 5], [6, 20]]) * 10**9
-    common = common_spans(spans, other)
+    other_spans = np.array([[1, 5], [6, 20]]) * 10**9
+    common = common_spans(spans, other_spans)
     assert (common // 10**9).tolist() == [[1, 2]]
     assert in_spans(t_ns, common).tolist() == [False, True, True, False, False, False]
     assert not in_spans(t_ns, common_spans(spans, spans + 100 * 10**9)).any()
@@ -78,10 +78,10 @@ def test_the_same_estimate_of_less_time_is_equal(compare, tmp_path, align, mode,
     lead = contest["lead"]
     assert (contest["best"], lead["verdict"]) == (None, "equal")
     assert lead["effect"]["value"] == pytest.approx(1.0, abs=1e-9)
-    each = {lead["a"]: lead["time"]["a"], lead["b"]: lead["time"]["b"]}
-    assert each["full"] == pytest.approx(1.0)
-    assert each[mode] == pytest.approx(share, abs=0.02)
-    assert lead["time"]["both"] == pytest.approx(each[mode], abs=1e-9)
+    own_time = {lead["a"]: lead["time"]["a"], lead["b"]: lead["time"]["b"]}
+    assert own_time["full"] == pytest.approx(1.0)
+    assert own_time[mode] == pytest.approx(share, abs=0.02)
+    assert lead["time"]["both"] == pytest.approx(own_time[mode], abs=1e-9)
     (verdict, *_), *_ = [section.items for section in campaign_sections(tmp_path / "out")[1]]
     (drawn,) = verdict["judged"][0]["contests"]
     assert f"of the time that both cover ({lead['a']} " in drawn["line"]
@@ -95,9 +95,11 @@ def test_the_same_estimate_of_less_time_is_equal(compare, tmp_path, align, mode,
 
 
 def test_a_worse_estimate_that_stops_early_is_worse(compare):
-    """Its errors are 10 % smaller over the time that each covers, and 10 % larger over both's."""
+    """Errors of worse_early are 10 % smaller over its own, 10 % larger over the common time."""
     judged = compare("full", "worse_early", seeds=8, align="none")
-    medians = {one["estimator"]: one["median"]["value"] for one in judged["standings"]}
+    medians = {
+        standing["estimator"]: standing["median"]["value"] for standing in judged["standings"]
+    }
     assert medians["worse_early"] < 0.95 * medians["full"]
     (contest,) = judged["contests"]
     assert (contest["best"], contest["ranking"]) == ("full", ["full", "worse_early"])
@@ -110,7 +112,9 @@ def test_three_estimators_are_ranked_by_their_common_time(compare):
     assert contest["ranking"][-1] == "worse"
     assert {contest["lead"]["a"], contest["lead"]["b"]} == {"early", "full"}
     assert contest["best"] is None
-    verdicts = {frozenset((one["a"], one["b"])): one["verdict"] for one in contest["effects"]}
+    verdicts = {
+        frozenset((effect["a"], effect["b"])): effect["verdict"] for effect in contest["effects"]
+    }
     assert verdicts[frozenset(("early", "full"))] == "equal"
 
 
@@ -129,7 +133,7 @@ def rows_of(estimator, error, share, seeds=12):
 
 
 @pytest.mark.parametrize(
-    ("now", "share", "verdict", "non_inferior"),
+    ("value_now", "share", "verdict", "non_inferior"),
     [
         (0.8, 0.92, "undecided", False),  # smaller errors of less time
         (1.0, 0.92, "undecided", False),
@@ -138,10 +142,12 @@ def rows_of(estimator, error, share, seeds=12):
         (0.8, 0.997, "better", True),
     ],
 )
-def test_less_time_than_the_baseline_proves_nothing(plan_file, now, share, verdict, non_inferior):
+def test_less_time_than_the_baseline_proves_nothing(
+    plan_file, value_now, share, verdict, non_inferior
+):
     """There the common time is not known: only what is worse in less time is told."""
     plan = load_plan(plan_file(seeds=12))
-    rows, baseline = rows_of("dead_reckon", now, share), rows_of("dead_reckon", 1.0, 1.0)
+    rows, baseline = rows_of("dead_reckon", value_now, share), rows_of("dead_reckon", 1.0, 1.0)
     margin = parse_tolerance("5 %")
     judged = judge(plan, rows, "ate_rmse_m", baseline, non_inferiority=margin)
     (effect,) = judged.baseline
@@ -167,11 +173,11 @@ def test_runs_of_other_tasks_have_no_common_time(compare, campaign, tmp_path):
 
 
 def test_findings_are_named_with_their_runs(compare, tmp_path):
-    """In json, table and page; the position is right, so that the metric tells nothing."""
+    """JSON, table and page name the finding, which the metric of the position does not show."""
     judged = compare("turned", seeds=3, align="none")
     (finding,) = judged["findings"]
     assert (finding["estimator"], finding["runs"], finding["seeds"]) == ("turned", 3, [0, 1, 2])
     assert finding["finding"].startswith("the attitude is off by a constant 180 deg about (")
     (verdict, *_), *_ = [section.items for section in campaign_sections(tmp_path / "out")[1]]
-    assert [one["finding"] for one in verdict["findings"]] == [finding["finding"]]
+    assert [entry["finding"] for entry in verdict["findings"]] == [finding["finding"]]
     assert all(row["findings"] == finding["finding"] for row in read_results(tmp_path / "out"))

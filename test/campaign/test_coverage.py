@@ -31,19 +31,19 @@ def partly(tmp_path):
     script = tmp_path / "partly.py"
     script.write_text(PARTLY, encoding="utf-8")
 
-    def one(first, last, after="", **options):
-        words = f"{{python}} {script} {{dataset}} {{estimate}} {first} {last}"
-        if after:
+    def estimator_entry(begin_share, end_share, suffix="", **options):
+        estimator_line = f"{{python}} {script} {{dataset}} {{estimate}} {begin_share} {end_share}"
+        if suffix:
             options["shell"] = True
-        return {"command": f"{words}{after}", "align": "none", **options}
+        return {"command": f"{estimator_line}{suffix}", "align": "none", **options}
 
-    return one
+    return estimator_entry
 
 
 def test_an_estimator_that_stops_after_a_fifth_of_a_flight_wins_nothing(
     plan_file, campaign, partly, tmp_path, capsys
 ):
-    """Its ATE is 0, and 8 of 8 of its programs end well."""
+    """The ATE of the estimator is 0, and its programs end with status 0 in 8 of 8 runs."""
     plan = plan_file(
         seeds=8,
         parameters={"rate": 100.0, "duration": 4.0, "imu": "mpu6000"},
@@ -67,7 +67,7 @@ def test_an_estimator_that_stops_after_a_fifth_of_a_flight_wins_nothing(
         assert row["ate_rmse_m"] == ""
     (contest,) = result["judgement"]["contests"]
     assert contest["best"] == "dead_reckon"
-    assert [one["coverage"] for one in result["judgement"]["standings"]] == pytest.approx(
+    assert [standing["coverage"] for standing in result["judgement"]["standings"]] == pytest.approx(
         [1.0, 0.8 / 3.99]
     )
     # How long they last is compared, too, although no run of one of them is done.
@@ -81,11 +81,11 @@ def test_an_estimator_that_stops_after_a_fifth_of_a_flight_wins_nothing(
     content = json.loads(page.partition('id="content">')[2].partition("</script>")[0])
     (runs,) = [i for s in content["sections"] for i in s["items"] if i["kind"] == "campaign"]
     assert "coverage" in runs["shown"]
-    assert [one["metrics"]["coverage"][0] for one in runs["groups"]] == [1, 0.200501]
+    assert [group["metrics"]["coverage"][0] for group in runs["groups"]] == [1, 0.200501]
 
 
 def test_which_part_is_enough_is_the_estimators_own(plan_file, partly, tmp_path):
-    """Of 4 s: until 3 s, from 1 s on, from 2 s on; what is allowed for the start is 1 s."""
+    """Estimates of a flight of 4 s end at 3 s or begin at 1 s or 2 s; 1 s is allowed to start."""
     estimators = {
         "until": partly(0.0, 0.75),
         "lenient": partly(0.0, 0.75, coverage=0.7),
@@ -100,8 +100,8 @@ def test_which_part_is_enough_is_the_estimators_own(plan_file, partly, tmp_path)
     assert [row["status"][:6] for row in rows.values()] == [
         *("failed", "done", "done", "failed", "failed")
     ]
-    kept = {place.name for place in (tmp_path / "out").glob("runs/000000/0/*")}
-    assert kept == {"until", "strict", "too_late"}
+    run_folders = {place.name for place in (tmp_path / "out").glob("runs/000000/0/*")}
+    assert run_folders == {"until", "strict", "too_late"}
     shares = [rows[name]["coverage"] for name in estimators]
     expected = [3.0 / 3.99, 3.0 / 3.99, 1.0, 2.95 / 3.49, 1.95 / (0.75 * 3.99)]
     assert shares == pytest.approx(expected, abs=0.02)
@@ -110,7 +110,7 @@ def test_which_part_is_enough_is_the_estimators_own(plan_file, partly, tmp_path)
 def test_a_program_that_crashes_leaves_how_far_it_came(plan_file, partly, tmp_path):
     """Half a path, and then half a line; or nothing at all, which covers nothing."""
     estimators = {
-        "half": partly(0.0, 0.5, after="; printf '1.7 0 0' >> {estimate}; exit 5"),
+        "half": partly(0.0, 0.5, suffix="; printf '1.7 0 0' >> {estimate}; exit 5"),
         "nothing": {"command": "false"},
     }
     plan = load_plan(plan_file(estimators=estimators))

@@ -29,10 +29,10 @@ pytestmark = pytest.mark.ros
 @contextlib.contextmanager
 def another_dashboard():
     """Keep the port of Dask's dashboard busy, unless somebody's already does."""
-    with socket.socket() as other:
+    with socket.socket() as other_socket:
         with contextlib.suppress(OSError):
-            other.bind(("127.0.0.1", 8787))
-            other.listen()
+            other_socket.bind(("127.0.0.1", 8787))
+            other_socket.listen()
         yield
 
 
@@ -60,13 +60,13 @@ def cluster(tmp_path):
             *("distributed.cli.dask_scheduler", "--host", "127.0.0.1", "--port", 0),
             *("--no-dashboard", "--scheduler-file", file),
         )
-        one = ("--nthreads", 1, "--nworkers", 1, "--no-nanny", "--no-dashboard")
-        found = [
-            begin("distributed.cli.dask_worker", "--scheduler-file", file, *one)
+        single_thread = ("--nthreads", 1, "--nworkers", 1, "--no-nanny", "--no-dashboard")
+        worker_processes = [
+            begin("distributed.cli.dask_worker", "--scheduler-file", file, *single_thread)
             for _ in range(workers)
         ]
         until(lambda: file.exists() and file.stat().st_size)
-        return json.loads(file.read_text())["address"], scheduler, found
+        return json.loads(file.read_text())["address"], scheduler, worker_processes
 
     yield start
     for process in processes:
@@ -90,11 +90,11 @@ def test_killed_workers_and_schedulers_lose_nothing(plan_file, start, campaign, 
     wait_for(log, 10)
     process.kill()
     process.wait()
-    before = log.read_bytes().count(b"\n")
+    lines_before = log.read_bytes().count(b"\n")
     process = start(path, "-o", folder, "--resume", *options)
-    wait_for(log, before + 10)
+    wait_for(log, lines_before + 10)
     os.killpg(workers[0].pid, signal.SIGKILL)
-    wait_for(log, before + 20)
+    wait_for(log, lines_before + 20)
     os.killpg(scheduler.pid, signal.SIGKILL)
     _, stderr = process.communicate(timeout=PATIENCE)
     assert process.returncode == 1
@@ -102,7 +102,7 @@ def test_killed_workers_and_schedulers_lose_nothing(plan_file, start, campaign, 
         "campaign: the connection to the scheduler was lost; continue with --resume\n"
     )
     done = log.read_bytes().count(b"\n")
-    assert done >= before + 20
+    assert done >= lines_before + 20
     # A shorter campaign, which has all that is done.
     seeds = max(row["seed"] for row in read_log(log)) + 4
     path = plan_file(grid=grid, seeds=seeds)
@@ -152,9 +152,9 @@ for t in 1 2 3; do echo "$t 0 0 0 0 0 0 1"; done > estimate.txt
             env={**os.environ, "DASK_DISTRIBUTED__SCHEDULER__ALLOWED_FAILURES": "0"},
         )
         assert process.communicate(timeout=PATIENCE) == ("", "")
-    found = [row["status"] for row in read_results(folder)]
-    assert found.pop(1) == "failed: the worker process died"
-    assert found == ["done"] * 2
+    statuses = [row["status"] for row in read_results(folder)]
+    assert statuses.pop(1) == "failed: the worker process died"
+    assert statuses == ["done"] * 2
 
 
 def test_no_scheduler_is_said_in_a_line(plan_file, campaign, tmp_path):
@@ -203,13 +203,13 @@ def test_workers_that_cannot_run_anything_are_told_before_the_first_run(
         )
         folder = tmp_path / f"out_{len(worker)}_{len(environment)}"
         timeout = 300 if worker else 1
-        more = ("--scheduler", address, "--worker-timeout", timeout, "--quiet")
-        found = "\n".join(campaign(path, "-o", folder, *more)[2])
+        scheduler_options = ("--scheduler", address, "--worker-timeout", timeout, "--quiet")
+        complaint_text = "\n".join(campaign(path, "-o", folder, *scheduler_options)[2])
         if process:
             process.kill()
             process.wait()
-        assert not folder.exists() or found == ""
-        return found
+        assert not folder.exists() or complaint_text == ""
+        return complaint_text
 
     monkeypatch.setenv("PATH", f"{programs}:{elsewhere}")  # of this process, not of the workers
     assert complaint().endswith(f"{address}: no worker has joined within 1 s")
@@ -223,12 +223,12 @@ def test_workers_that_cannot_run_anything_are_told_before_the_first_run(
 
 
 def test_a_client_that_could_not_connect_is_gone_before_another_begins():
-    """Collected while the next one began, it waited for a lock of its own thread, for ever."""
+    """A client that was collected while the next one began used to wait for ever for a lock."""
     distributed = pytest.importorskip("distributed")
     gc.disable()
     try:
         with pytest.raises(InputError, match="missing port"), engine.client("nowhere", 1):
             pass
-        assert not any(isinstance(one, distributed.Client) for one in gc.get_objects())
+        assert not any(isinstance(tracked, distributed.Client) for tracked in gc.get_objects())
     finally:
         gc.enable()

@@ -48,20 +48,22 @@ def test_a_body_at_rest_has_an_estimate_that_stays_the_same():
 @pytest.mark.parametrize("alignment", ["none", "yaw"])
 @pytest.mark.parametrize(("begin", "end"), [(0, N), (300, 600)])
 def test_what_is_frozen_is_named(alignment, begin, end):
-    at = np.arange(N)
-    at[begin:end] = begin
+    frozen_index = np.arange(N)
+    frozen_index[begin:end] = begin
     seconds = (end - begin - 1) / 100
-    (pose,) = findings(alignment, position=TRUTH.position[at], q_wb=TRUTH.q_wb[at])
+    (pose,) = findings(
+        alignment, position=TRUTH.position[frozen_index], q_wb=TRUTH.q_wb[frozen_index]
+    )
     assert pose.startswith(
         f"frozen: the pose stays the same for {seconds:.3g} s from {begin / 100:g} s"
     )
-    (position,) = findings(alignment, position=TRUTH.position[at])
+    (position,) = findings(alignment, position=TRUTH.position[frozen_index])
     assert position.startswith("frozen: the position stays the same")
 
 
 def test_poses_that_repeat_the_one_before_are_named():
-    at = np.arange(N) // 2 * 2
-    (line,) = findings(position=TRUTH.position[at], q_wb=TRUTH.q_wb[at])
+    even_index = np.arange(N) // 2 * 2
+    (line,) = findings(position=TRUTH.position[even_index], q_wb=TRUTH.q_wb[even_index])
     assert line == "each pose stands 2 times on average: 50 Hz, not 100 [poses_held]"
 
 
@@ -69,22 +71,25 @@ def test_poses_that_repeat_the_one_before_are_named():
 @pytest.mark.parametrize(("angle", "axis"), [(np.pi, [1.0, 0.0, 0.0]), (0.5, [0.0, 0.6, 0.8])])
 def test_a_constant_error_of_the_attitude_is_named(side, angle, axis):
     (line,) = findings("none", q_wb=turned(angle, axis, side))
-    words = f"the attitude is off by a constant {np.degrees(angle):.3g} deg about ("
-    assert line.startswith(words)
+    beginning = f"the attitude is off by a constant {np.degrees(angle):.3g} deg about ("
+    assert line.startswith(beginning)
     assert f"of the {side}, and the position is right" in line
 
 
 @pytest.mark.parametrize(
-    ("q_wb", "words"),
+    ("q_wb", "convention"),
     [
         (rotation.conjugate(TRUTH.q_wb), "those of the inverse rotation"),
         (np.roll(TRUTH.q_wb, 1, axis=1), "in the order w, x, y, z"),
         (np.roll(TRUTH.q_wb, -1, axis=1), "in the order x, y, z, w"),
     ],
 )
-def test_another_convention_of_quaternions_is_named(q_wb, words):
+def test_another_convention_of_quaternions_is_named(q_wb, convention):
     (line,) = findings("none", q_wb=q_wb)
-    assert line == f"the attitude is wrong, and the position is right: its quaternions are {words}"
+    assert (
+        line
+        == f"the attitude is wrong, and the position is right: its quaternions are {convention}"
+    )
 
 
 @pytest.mark.parametrize("factor", [2.0, 0.001, 1000.0])

@@ -53,12 +53,12 @@ def test_force_begins_again_and_resume_leaves_notes_alone(plan_file, campaign, t
 
 
 def test_an_earlier_plan_is_kept(plan_file, campaign, tmp_path):
-    """It may be the only copy that its author has."""
+    """The folder may hold the only copy of the plan."""
     folder = tmp_path / "out"
     assert campaign(plan_file(seeds=1), "-o", folder)[0] == 0
-    first = (folder / "plan.yaml").read_bytes()
+    first_plan = (folder / "plan.yaml").read_bytes()
     assert campaign(plan_file(seeds=2), "-o", folder, "--resume")[0] == 0
-    assert (folder / "plan.1.yaml").read_bytes() == first
+    assert (folder / "plan.1.yaml").read_bytes() == first_plan
     assert (folder / "plan.yaml").read_bytes() == plan_file(seeds=2).read_bytes()
 
 
@@ -84,12 +84,12 @@ def test_what_cannot_begin_leaves_nothing(plan_file, campaign, tmp_path):
 @pytest.mark.parametrize("name", ["out", "out/results.csv"])
 def test_a_baseline_is_not_what_is_written(plan_file, campaign, tmp_path, name):
     assert campaign(plan_file(seeds=1), "-o", tmp_path / "out")[0] == 0
-    before = (tmp_path / "out" / "results.csv").read_bytes()
+    table_before = (tmp_path / "out" / "results.csv").read_bytes()
     options = ["--resume", "--baseline", tmp_path / name]
     status, _, (line,) = campaign(plan_file(seeds=2), "-o", tmp_path / "out", *options)
     assert status == 2
     assert line.endswith("is written by this campaign")
-    assert (tmp_path / "out" / "results.csv").read_bytes() == before
+    assert (tmp_path / "out" / "results.csv").read_bytes() == table_before
 
 
 @pytest.mark.parametrize("path", ["/dev/zero", "/dev/full"])
@@ -141,8 +141,8 @@ def test_a_report_names_it_too(plan_file, campaign, tmp_path, capsys, kind, name
 @pytest.mark.parametrize("kind", ["broken link", "loop", "pipe", "device"])
 def test_a_plan_names_the_file_of_poses_that_is_none(plan_file, campaign, tmp_path, kind):
     _named(kind, tmp_path / "poses.txt")
-    given = {"trajectory.type": "poses", "trajectory.file": str(tmp_path / "poses.txt")}
-    status, _, lines = campaign(plan_file(parameters=given), "-o", tmp_path / "out")
+    poses_parameters = {"trajectory.type": "poses", "trajectory.file": str(tmp_path / "poses.txt")}
+    status, _, lines = campaign(plan_file(parameters=poses_parameters), "-o", tmp_path / "out")
     assert status == 2
     assert len(lines) == 1
     assert f"{tmp_path / 'poses.txt'}: " in lines[0]

@@ -32,11 +32,15 @@ def test_axes_make_every_combination_the_last_changing_fastest():
             "imu.gyroscope_noise_density": {"log_range": [1e-4, 1e-2, 3]},
         }
     )
-    found = list(cells(axes))
-    assert cell_count(axes) == len(found) == 6
-    assert [cell.values["imu.gyroscope_noise_density"] for cell in found[:3]] == [1e-4, 1e-3, 1e-2]
-    assert found[3].name == "imu=bmi088, imu.gyroscope_noise_density=0.0001"
-    assert found[3].layer() == {"imu.preset": "bmi088", "imu.gyroscope_noise_density": 1e-4}
+    plan_cells = list(cells(axes))
+    assert cell_count(axes) == len(plan_cells) == 6
+    assert [cell.values["imu.gyroscope_noise_density"] for cell in plan_cells[:3]] == [
+        1e-4,
+        1e-3,
+        1e-2,
+    ]
+    assert plan_cells[3].name == "imu=bmi088, imu.gyroscope_noise_density=0.0001"
+    assert plan_cells[3].layer() == {"imu.preset": "bmi088", "imu.gyroscope_noise_density": 1e-4}
 
 
 def test_zipped_axes_change_together():
@@ -138,40 +142,44 @@ def test_a_bad_value_of_the_grid_is_one_line(plan_file, campaign, tmp_path):
     }
     status, _, lines = campaign(plan_file(grid=grid), "-o", tmp_path / "out")
     assert status == 2
-    told = sorted(line.partition("plan.yaml: ")[2] for line in lines)
-    wanted = [
+    problems = sorted(line.partition("plan.yaml: ")[2] for line in lines)
+    beginnings = [
         "grid.imu = bmi08: unknown IMU 'bmi08'; did you mean bmi088?",
         "grid.imu = nothing like any: unknown IMU 'nothing like any'; neither a file nor one of",
         "grid.imu.gyroscope_noise_density = -0.001: must be a finite number",
         "grid.imu.gyroscope_noise_densty: unknown parameter; did you mean imu.gyroscope_noise_",
         "grid.trajectory = figure_eigt: unknown trajectory 'figure_eigt'; did you mean figure_e",
     ]
-    assert len(told) == len(wanted)
-    for line, words in zip(told, wanted, strict=True):
-        assert line.startswith(words)
+    assert len(problems) == len(beginnings)
+    for line, beginning in zip(problems, beginnings, strict=True):
+        assert line.startswith(beginning)
 
 
 def test_requirements_are_read_with_filters():
     axes = [Axis(("imu",), (("a b",), ("c",)))]
-    (found,) = parse(
+    (requirement,) = parse(
         ["ate_rmse_m.p95 <= 1e-1 @ imu=a b, estimator=x"], ["ate_rmse_m"], axes, ["x", "y"]
     )
-    assert (found.metric, found.statistic, found.limit) == ("ate_rmse_m", "p95", 0.1)
-    assert found.filters == (("imu", "a b"), ("estimator", "x"))
-    assert found.concerns({"imu": "a b", "estimator": "x"})
-    assert not found.concerns({"imu": "a b", "estimator": "y"})
-    assert found.holds(0.1)
-    assert not found.holds(0.11)
-    assert not found.holds(None)
-    assert not found.done_only
+    assert (requirement.metric, requirement.statistic, requirement.limit) == (
+        "ate_rmse_m",
+        "p95",
+        0.1,
+    )
+    assert requirement.filters == (("imu", "a b"), ("estimator", "x"))
+    assert requirement.concerns({"imu": "a b", "estimator": "x"})
+    assert not requirement.concerns({"imu": "a b", "estimator": "y"})
+    assert requirement.holds(0.1)
+    assert not requirement.holds(0.11)
+    assert not requirement.holds(None)
+    assert not requirement.done_only
 
 
 @pytest.mark.parametrize(
     "text", ["ate_rmse_m.max of done < 1", "ate_rmse_m.max < 1 of done @ imu=c"]
 )
 def test_a_requirement_may_ask_for_the_runs_that_are_done(text):
-    (found,) = parse([text], ["ate_rmse_m"], [Axis(("imu",), (("c",),))], ["x"])
-    assert (found.done_only, found.statistic, found.limit) == (True, "max", 1.0)
+    (requirement,) = parse([text], ["ate_rmse_m"], [Axis(("imu",), (("c",),))], ["x"])
+    assert (requirement.done_only, requirement.statistic, requirement.limit) == (True, "max", 1.0)
 
 
 @pytest.mark.parametrize(
@@ -213,11 +221,11 @@ def test_the_digest_holds_a_mesh_with_materials_and_textures(tmp_path, kind):
     for name, text in texts.items():
         (tmp_path / name).write_text(text)
     values = {"scene.mesh": str(tmp_path / f"a.{kind}")}
-    first = file_digests(values)
+    digests_before = file_digests(values)
     (tmp_path / "unnamed.png").write_text("two")
-    assert file_digests(values) == first
+    assert file_digests(values) == digests_before
     (tmp_path / "wall.png").write_text("two")
-    assert file_digests(values) != first
+    assert file_digests(values) != digests_before
 
 
 def test_the_digest_tells_what_changes_numbers_from_what_does_not(plan_file):
@@ -226,17 +234,17 @@ def test_the_digest_tells_what_changes_numbers_from_what_does_not(plan_file):
         cell = next(plan.cells())
         return plan.digest(plan.simulation(cell), "dead_reckon")
 
-    first = digest()
-    assert digest(seeds=7, name="other", require=["success >= 0.5"]) == first
-    assert digest(parameters={"rate": 100.0, "duration": 3.0, "imu": "adis16448"}) != first
-    assert digest(faults=[{"kind": "stuck", "triad": "gyroscope", "at": 1.0}]) != first
-    assert digest(rpe=["1s"]) != first
-    assert digest(estimators={"dead_reckon": {"method": "euler"}}) != first
+    plan_digest = digest()
+    assert digest(seeds=7, name="other", require=["success >= 0.5"]) == plan_digest
+    assert digest(parameters={"rate": 100.0, "duration": 3.0, "imu": "adis16448"}) != plan_digest
+    assert digest(faults=[{"kind": "stuck", "triad": "gyroscope", "at": 1.0}]) != plan_digest
+    assert digest(rpe=["1s"]) != plan_digest
+    assert digest(estimators={"dead_reckon": {"method": "euler"}}) != plan_digest
 
 
 @pytest.mark.parametrize("name", files.names("estimators"))
 def test_every_template_is_a_command_that_a_shell_can_read(plan_file, name):
-    """With all places filled; the programs themselves are not here."""
+    """Templates have all placeholders filled; the programs themselves are not installed here."""
     plan = load_plan(
         plan_file(
             parameters={"camera": "euroc_cam0", "camera.body_axes": "flu"},
@@ -250,7 +258,7 @@ def test_every_template_is_a_command_that_a_shell_can_read(plan_file, name):
 
 
 @pytest.mark.parametrize(
-    ("text", "words"),
+    ("text", "problem"),
     [
         ("2020-01-01: 1\ncommand: 'true'\n", "estimators.one: 2020-01-01: unknown parameter"),
         ("1.5: 1\ncommand: 'true'\n", "estimators.one: 1.5: unknown parameter"),
@@ -258,13 +266,15 @@ def test_every_template_is_a_command_that_a_shell_can_read(plan_file, name):
         ("[a]: 1\n", "estimators.one: "),
     ],
 )
-def test_a_template_with_keys_that_are_no_names_is_told_in_a_line(plan_file, tmp_path, text, words):
+def test_a_template_with_keys_that_are_no_names_is_told_in_a_line(
+    plan_file, tmp_path, text, problem
+):
     template = tmp_path / "template.yaml"
     template.write_text(text)
     with pytest.raises(ConfigurationError) as caught:
         load_plan(plan_file(estimators={"one": {"template": str(template)}}))
     (line,) = caught.value.problems
-    assert words in line
+    assert problem in line
 
 
 @pytest.mark.parametrize("name", files.names("campaigns"))
@@ -281,8 +291,8 @@ def test_which_imu_asks_every_preset():
 
 def test_all_stands_for_every_file_of_the_package(plan_file):
     plan = load_plan(plan_file(grid={"imu": "all", "gnss": "all"}))
-    found = {axis.names: [value for (value,) in axis.rows] for axis in plan.axes}
-    assert found == {("imu",): files.names("imus"), ("gnss",): files.names("gnss")}
+    axis_values = {axis.names: [value for (value,) in axis.rows] for axis in plan.axes}
+    assert axis_values == {("imu",): files.names("imus"), ("gnss",): files.names("gnss")}
     with pytest.raises(ConfigurationError, match=r"grid.rate = 'all': must be a list of values"):
         load_plan(plan_file(grid={"rate": "all"}))
 
@@ -299,8 +309,10 @@ def test_presets_of_sensors_of_the_body_add_up(plan_file):
 
 
 def test_several_sensors_and_cameras_are_named_as_by_generate(plan_file):
-    named = {"gnss": ["phone", "zed_f9p"], "camera": ["euroc_cam0", "euroc_cam1"]}
-    plan = load_plan(plan_file(parameters={"duration": 1.0, "camera.images": "none", **named}))
+    sensor_names = {"gnss": ["phone", "zed_f9p"], "camera": ["euroc_cam0", "euroc_cam1"]}
+    plan = load_plan(
+        plan_file(parameters={"duration": 1.0, "camera.images": "none", **sensor_names})
+    )
     (cell,) = plan.cells()
     parameters = plan.simulation(cell)
     assert parameters.sensors == ("gnss", "gnss1")

@@ -1,7 +1,7 @@
 # Copyright 2026 imu_sim_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""What a campaign shows while it is running."""
+"""Progress display of a running campaign."""
 
 import contextlib
 import fcntl
@@ -36,14 +36,25 @@ def test_a_terminal_of_80_columns_shows_runs_failures_and_the_time_left(plan_fil
         estimators={"own": {"command": program}},
     )
     # Speed and time left come after a second.
-    told = re.compile(r"\d+ of 900 runs, \d+ failed; traj\S* .*\d+% +[\d.]+/s +\d:\d\d:\d\d$")
-    words = ["imu_sim_ros.commands.campaign", path, "-o", tmp_path / "out", "--workers", "1"]
-    shown = on_terminal([sys.executable, "-m", *words], columns=80, until=told)
+    progress_pattern = re.compile(
+        r"\d+ of 900 runs, \d+ failed; traj\S* .*\d+% +[\d.]+/s +\d:\d\d:\d\d$"
+    )
+    campaign_arguments = [
+        "imu_sim_ros.commands.campaign",
+        path,
+        "-o",
+        tmp_path / "out",
+        "--workers",
+        "1",
+    ]
+    shown = on_terminal(
+        [sys.executable, "-m", *campaign_arguments], columns=80, until=progress_pattern
+    )
     lines = [line for line in shown if re.search(r"\d%", line)]
     assert lines
     assert max(map(len, lines)) <= 80
     assert any(re.match(r"0 of 900 runs +.*-:--:--$", line) for line in lines)
-    assert any(told.match(line) for line in lines), lines[-3:]
+    assert any(progress_pattern.match(line) for line in lines), lines[-3:]
 
 
 def on_terminal(command, columns, until):

@@ -68,16 +68,16 @@ def test_a_run_has_the_numbers_of_the_commands(plan_file, tmp_path, capsys):
     assert dead_reckon.main([bag, "-o", track, "--json"]) == 0
     drift = json.loads(capsys.readouterr().out)
     assert evaluate.main([track, bag, "--rpe", "1s", "--json"]) == 0
-    found = json.loads(capsys.readouterr().out)
+    evaluation = json.loads(capsys.readouterr().out)
     assert row["final_position_error_m"] == pytest.approx(drift["final_position_error_m"])
     assert row["final_attitude_error_rad"] == pytest.approx(drift["final_attitude_error_rad"])
     assert row["final_velocity_error_m_s"] == pytest.approx(drift["final_velocity_error_m_s"])
-    assert row["ate_rmse_m"] == pytest.approx(found["ate_m"]["rmse"], rel=1e-6)
-    assert row["rpe_1s_m"] == pytest.approx(found["rpe"][0]["translation_m"]["rmse"], rel=1e-6)
+    assert row["ate_rmse_m"] == pytest.approx(evaluation["ate_m"]["rmse"], rel=1e-6)
+    assert row["rpe_1s_m"] == pytest.approx(evaluation["rpe"][0]["translation_m"]["rmse"], rel=1e-6)
 
 
 def test_seeds_that_share_a_cell_have_the_numbers_of_seeds_alone(plan_file):
-    """What a cell's seeds share is the motion, sampled for averages and at a lever arm too."""
+    """Seeds of a cell share the samples of the motion, also those for averages and a lever arm."""
     parameters = {
         "rate": 100.0,
         "duration": 2.0,
@@ -145,7 +145,7 @@ def test_what_failed_says_why_and_is_counted(plan_file, campaign, tmp_path):
 def test_results_are_not_overwritten_and_a_folder_is_used_once(plan_file, campaign, tmp_path):
     path, folder = plan_file(), tmp_path / "out"
     assert campaign(path, "-o", folder)[0] == 0
-    before = (folder / "runs.jsonl").read_bytes()
+    log_before = (folder / "runs.jsonl").read_bytes()
     status, _, lines = campaign(path, "-o", folder)
     assert status == 2
     assert lines == [
@@ -155,7 +155,7 @@ def test_results_are_not_overwritten_and_a_folder_is_used_once(plan_file, campai
     with Store(folder, resume=True), pytest.raises(InputError, match="another campaign is running"):
         Store(folder, resume=True)
     assert campaign(path, "-o", folder, "--resume")[1]["runs"] == 3
-    assert (folder / "runs.jsonl").read_bytes() == before
+    assert (folder / "runs.jsonl").read_bytes() == log_before
 
 
 def test_more_seeds_and_cells_add_what_is_missing(plan_file, campaign, tmp_path):
@@ -164,8 +164,8 @@ def test_more_seeds_and_cells_add_what_is_missing(plan_file, campaign, tmp_path)
     assert campaign(plan_file(seeds=5), "-o", folder, "--resume")[1]["runs"] == 5
     assert len((folder / "runs.jsonl").read_text().splitlines()) == 5
     # Other parameters: nothing of before is mixed in.
-    other = plan_file(seeds=2, parameters={"rate": 50.0, "duration": 2.0})
-    assert campaign(other, "-o", folder, "--resume")[1]["runs"] == 2
+    other_plan = plan_file(seeds=2, parameters={"rate": 50.0, "duration": 2.0})
+    assert campaign(other_plan, "-o", folder, "--resume")[1]["runs"] == 2
     assert len(table(folder)) == 2
     assert len((folder / "runs.jsonl").read_text().splitlines()) == 7
 
@@ -182,8 +182,8 @@ def test_kill_9_costs_the_runs_in_flight_only(plan_file, start, campaign, tmp_pa
     process.communicate()
     with log.open("ab") as file:
         file.write(b'{"cell": "torn')
-    before = [row["seed"] for row in read_log(log)]
-    seeds = max(before) + 4
+    logged_seeds = [row["seed"] for row in read_log(log)]
+    seeds = max(logged_seeds) + 4
     path = plan_file(grid=grid, seeds=seeds)
     status, result, _ = campaign(path, "-o", folder, "--resume")
     assert (status, result["runs"], result["done"]) == (0, 3 * seeds, 3 * seeds)
@@ -221,14 +221,14 @@ def test_a_signal_interrupts_the_wait_for_a_run(plan_file, tmp_path, monkeypatch
         os.kill(os.getpid(), signal.SIGINT)
 
     (tmp_path / "out").mkdir()
-    other = threading.Thread(target=interrupt)
+    signal_thread = threading.Thread(target=interrupt)
     rows = []
     todo = driver.tasks(plan, set(), 1)
     with closing(engine.local(1)(plan, todo, tmp_path / "out")) as batches:
-        other.start()
+        signal_thread.start()
         with pytest.raises(signals.Interrupted), signals.raised():
             rows.extend(batches)
-    other.join()
+    signal_thread.join()
     assert rows == []
 
 
@@ -243,7 +243,7 @@ def process_group_is_empty(group):
 def test_a_campaign_that_was_interrupted_before_its_first_run_resumes(
     plan_file, campaign, tmp_path, monkeypatch
 ):
-    """Its folder holds the plan, and no tables of no runs."""
+    """The folder of the campaign holds the plan, and no empty tables."""
     path, folder = plan_file(), tmp_path / "out"
 
     def interrupted(*_):
@@ -254,7 +254,7 @@ def test_a_campaign_that_was_interrupted_before_its_first_run_resumes(
         status, _, (line,) = campaign(path, "-o", folder)
     assert status == 130
     assert line.endswith(f"{folder} has the runs made so far; continue with --resume")
-    assert sorted(one.name for one in folder.iterdir()) == [".lock", "plan.yaml"]
+    assert sorted(entry.name for entry in folder.iterdir()) == [".lock", "plan.yaml"]
     status, result, lines = campaign(path, "-o", folder, "--resume")
     assert (status, result["done"], lines) == (0, 3, [])
 
@@ -277,14 +277,16 @@ def test_a_line_of_the_log_that_is_no_run_is_made_again(plan_file, campaign, tmp
     assert campaign(path, "-o", folder)[0] == 0
     whole = (folder / "results.csv").read_bytes()
     log = folder / "runs.jsonl"
-    first, *others = log.read_text().splitlines()
-    log.write_text("\n".join([line, *others, ""]), encoding="latin-1")
+    first_line, *later_lines = log.read_text().splitlines()
+    log.write_text("\n".join([line, *later_lines, ""]), encoding="latin-1")
     status, result, lines = campaign(path, "-o", folder, "--resume")
     assert (status, result["done"], lines) == (0, 3, [])
     assert (folder / "results.csv").read_bytes() == whole
     for number in ("NaN", "Infinity", "1e999", "[1]"):
         log.write_text(
-            "\n".join([first.replace('"seed": 0', f'"seed": 0, "x": {number}'), *others, ""])
+            "\n".join(
+                [first_line.replace('"seed": 0', f'"seed": 0, "x": {number}'), *later_lines, ""]
+            )
         )
         assert len(list(read_log(log))) == 2
 
@@ -304,14 +306,14 @@ def test_json_and_junit_hold_what_fails_the_gate(plan_file, campaign, tmp_path):
     path = plan_file(seeds=8, require=["ate_rmse_m.max < 1e-9", "success >= 0.5"])
     assert campaign(plan_file("b.yaml", seeds=8), "-o", tmp_path / "before")[0] == 0
     junit = tmp_path / "junit.xml"
-    more = ("--baseline", tmp_path / "before", "--junit", junit)
-    status, result, (line,) = campaign(path, "-o", tmp_path / "out", *more)
+    gate_options = ("--baseline", tmp_path / "before", "--junit", junit)
+    status, result, (line,) = campaign(path, "-o", tmp_path / "out", *gate_options)
     assert status == 3
     judgement = result["judgement"]
     assert line == f"campaign: {judgement['problems'][0]}"
-    assert [one["met"] for one in judgement["requirements"]] == [False, True]
+    assert [requirement["met"] for requirement in judgement["requirements"]] == [False, True]
     assert judgement["baseline"][0]["verdict"] == "equal"
-    suites = {one.get("name"): one for one in ElementTree.parse(junit).getroot()}
+    suites = {suite.get("name"): suite for suite in ElementTree.parse(junit).getroot()}
     assert suites["requirements"].get("failures") == "1"
     assert "ate_rmse_m.max < 1e-9: is " in suites["requirements"].find(".//failure").get("message")
     assert suites["baseline"].findtext("testcase/system-out").startswith("equal: all; dead_reckon")
@@ -341,19 +343,20 @@ def test_runs_that_crash_fail_the_gate_in_status_json_junit_and_page(plan_file, 
     status, result, lines = campaign(path, "-o", folder, "--junit", junit)
     assert (status, result["done"], result["failed"]) == (3, 1, 2)
     judged = result["judgement"]["requirements"]
-    assert [one["met"] for one in judged] == [False] * 5 + [True, True, False]
+    assert [requirement["met"] for requirement in judged] == [False] * 5 + [True, True, False]
     assert len(lines) == 6
     (suite,) = ElementTree.parse(junit).findall("testsuite[@name='requirements']")
     assert (suite.get("tests"), suite.get("failures")) == ("8", "6")
     (verdict, *_), *_ = [section.items for section in campaign_sections(folder)[1]]
     missed = verdict["requirements"]["missed"]
-    messages = [one.get("message") for one in suite.iter("failure")]
-    for one, line, message in zip(missed, lines, messages, strict=True):
-        assert message == f"{one['requirement']}: {one['comment']}"
-        assert line.startswith(f"campaign: require {one['requirement']}: ")
-        assert line.endswith(f" {one['comment']} (all; mine)")
+    messages = [failure.get("message") for failure in suite.iter("failure")]
+    for requirement, line, message in zip(missed, lines, messages, strict=True):
+        assert message == f"{requirement['requirement']}: {requirement['comment']}"
+        assert line.startswith(f"campaign: require {requirement['requirement']}: ")
+        assert line.endswith(f" {requirement['comment']} (all; mine)")
     assert all(
-        one["comment"].endswith("over 1 of 3 runs; 2 runs have no value") for one in missed[:5]
+        requirement["comment"].endswith("over 1 of 3 runs; 2 runs have no value")
+        for requirement in missed[:5]
     )
 
 
@@ -361,10 +364,10 @@ def test_power_says_how_many_seeds_it_takes(plan_file, capsys):
     """30 seeds find 10 % at 20 % of scatter in 48 % of campaigns, as the manual says."""
     path = str(plan_file(seeds=30))
     assert command([path, "--power", "10%", "--json"]) == 0
-    found = json.loads(capsys.readouterr().out)
-    assert found["power"] == pytest.approx(0.48, abs=0.03)
-    assert found["seeds_needed"]["0.5"] == pytest.approx(32, abs=3)
-    assert found["seeds_needed"]["0.8"] > 55
+    power_result = json.loads(capsys.readouterr().out)
+    assert power_result["power"] == pytest.approx(0.48, abs=0.03)
+    assert power_result["seeds_needed"]["0.5"] == pytest.approx(32, abs=3)
+    assert power_result["seeds_needed"]["0.8"] > 55
     assert command([path, "--power", "1 %"]) == 2
     assert command([path, "--power", "much"]) == 2
     assert command([path, "--power", "0.1", "--tolerance", "0.01"]) == 2
@@ -390,22 +393,22 @@ def test_a_worker_loads_numpy_and_yaml_and_no_other_library(plan_file):
         loaded = executor.submit(eval, "set(__import__('sys').modules)").result()
         environment = executor.submit(eval, "dict(__import__('os').environ)").result()
     assert [row["status"] for row in rows] == ["done"] * 4
-    own = {name.partition(".")[0] for name in loaded}
-    assert {"numpy", "yaml"} <= own
+    packages = {name.partition(".")[0] for name in loaded}
+    assert {"numpy", "yaml"} <= packages
     assert (
         not {"scipy", "matplotlib", "pyarrow", "distributed", "cv2", "numba", "rosbags", "rclpy"}
-        & own
+        & packages
     )
     assert environment["OMP_NUM_THREADS"] == "1"
 
 
 def test_workers_that_are_ended_leave_no_thread_to_the_end_of_the_interpreter():
     """Such a thread closes its pipe while the interpreter's end writes into it: OSError."""
-    before = set(threading.enumerate())
+    threads_before = set(threading.enumerate())
     executor = engine.Processes()
     futures = [executor.submit(time.sleep, 600) for _ in range(4)]
     executor.close()
-    assert set(threading.enumerate()) == before
+    assert set(threading.enumerate()) == threads_before
     assert all(future.done() for future in futures)
 
 
@@ -414,10 +417,10 @@ def test_a_worker_that_dies_is_blamed_on_the_run_that_killed_it(plan_file, campa
     killer = {"command": KILLER, "align": "none", "coverage": 0.0}
     path = plan_file(seeds=12, retries=1, estimators={"killer": killer})
     status, result, _ = campaign(path, "-o", tmp_path / "out", "--workers", 2)
-    found = {row["seed"]: row["status"] for row in table(tmp_path / "out")}
+    statuses = {row["seed"]: row["status"] for row in table(tmp_path / "out")}
     assert (status, result["runs"], result["failed"]) == (0, 12, 1)
-    assert found.pop("7") == "failed: the worker process died"
-    assert set(found.values()) == {"done"}
+    assert statuses.pop("7") == "failed: the worker process died"
+    assert set(statuses.values()) == {"done"}
 
 
 def test_an_estimator_that_kills_its_worker_costs_no_other_one(plan_file, campaign, tmp_path):
@@ -426,24 +429,27 @@ def test_an_estimator_that_kills_its_worker_costs_no_other_one(plan_file, campai
     estimators = {"killer": {"command": killer}, "good": {"type": "dead_reckon"}}
     path = plan_file(seeds=1, retries=1, estimators=estimators)
     assert campaign(path, "-o", tmp_path / "out", "--workers", 1)[0] == 0
-    found = {row["estimator"]: row["status"] for row in table(tmp_path / "out")}
-    assert found == {"killer": "failed: the worker process died", "good": "done"}
+    statuses = {row["estimator"]: row["status"] for row in table(tmp_path / "out")}
+    assert statuses == {"killer": "failed: the worker process died", "good": "done"}
 
 
 def test_the_baseline_finds_what_became_worse(plan_file, campaign, tmp_path):
     """Euler against midpoint on a perfect sensor: worse on every seed; the same is not."""
     parameters = {"rate": 100.0, "duration": 2.0, "imu": "perfect"}
     good = plan_file("good.yaml", seeds=12, parameters=parameters)
-    before = tmp_path / "before"
-    assert campaign(good, "-o", before)[0] == 0
-    assert campaign(good, "-o", tmp_path / "same", "--baseline", before / "results.csv")[0] == 0
+    baseline_folder = tmp_path / "before"
+    assert campaign(good, "-o", baseline_folder)[0] == 0
+    assert (
+        campaign(good, "-o", tmp_path / "same", "--baseline", baseline_folder / "results.csv")[0]
+        == 0
+    )
     worse = plan_file(
         "worse.yaml",
         seeds=12,
         parameters=parameters,
         estimators={"dead_reckon": {"type": "dead_reckon", "method": "euler"}},
     )
-    status, _, lines = campaign(worse, "-o", tmp_path / "worse", "--baseline", before)
+    status, _, lines = campaign(worse, "-o", tmp_path / "worse", "--baseline", baseline_folder)
     assert status == 3
     assert len(lines) == 1
     assert lines[0].startswith("campaign: worse than the baseline: all; dead_reckon: ate_rmse_m ")
@@ -453,11 +459,11 @@ def test_the_baseline_finds_what_became_worse(plan_file, campaign, tmp_path):
 
 
 def test_a_baseline_of_another_plan_is_refused(plan_file, campaign, tmp_path, capsys):
-    """With what differs; a baseline of other estimators, seeds and cells is none."""
-    last = tmp_path / "last"
+    """The message names the difference; other estimators, seeds and cells are no difference."""
+    baseline_folder = tmp_path / "last"
     estimators = {"a": {}, "b": {"method": "euler"}}
     base = {"parameters": {"rate": 100.0, "duration": 2.0}, "grid": {"imu": ["bmi088", "perfect"]}}
-    campaign(plan_file("last.yaml", estimators=estimators, **base), "-o", last)
+    campaign(plan_file("last.yaml", estimators=estimators, **base), "-o", baseline_folder)
     alike = {
         "seeds": 2,
         "rpe": ["1s"],
@@ -465,33 +471,40 @@ def test_a_baseline_of_another_plan_is_refused(plan_file, campaign, tmp_path, ca
         "estimators": {"a": {"method": "euler"}},
     }
     path = plan_file("alike.yaml", **{**base, **alike})
-    assert campaign(path, "-o", tmp_path / "alike", "--baseline", last)[0] in (0, 3)
+    assert campaign(path, "-o", tmp_path / "alike", "--baseline", baseline_folder)[0] in (0, 3)
     base["estimators"] = {"a": {}}
-    others = {
+    changed_plans = {
         "duration = 2.0 there and 1.5 here": {"parameters": {"rate": 100.0, "duration": 1.5}},
         "align = 'none' there and 'yaw' here": {"align": "yaw"},
         "diverged_above = 0.0 there and 9.0 here": {"diverged_above": 9.0},
         "estimators.a.coverage = 0.9 there and 0.5 here": {"estimators": {"a": {"coverage": 0.5}}},
         "faults = [] there and [(0.5, ": {"faults": [FAULT]},
     }
-    for k, (words, change) in enumerate(others.items()):
+    for k, (difference, change) in enumerate(changed_plans.items()):
         path, folder = plan_file(f"{k}.yaml", **{**base, **change}), tmp_path / f"out_{k}"
-        status, _, lines = campaign(path, "-o", folder, "--baseline", last / "results.csv")
+        status, _, lines = campaign(
+            path, "-o", folder, "--baseline", baseline_folder / "results.csv"
+        )
         assert status == 2
-        start = f"campaign: --baseline {last / 'results.csv'}: is of another plan: imu=bmi088; a: "
-        assert lines[0].startswith(start + words)
+        start = (
+            f"campaign: --baseline {baseline_folder / 'results.csv'}: is of another plan: "
+            "imu=bmi088; a: "
+        )
+        assert lines[0].startswith(start + difference)
         assert lines[0].endswith("--baseline-anyway compares with it all the same")
         assert not folder.exists()
-    anyway = ("--baseline", last, "--baseline-anyway")
+    anyway = ("--baseline", baseline_folder, "--baseline-anyway")
     status, result, _ = campaign(path, "-o", folder, *anyway)
     assert status in (0, 3)
     (note,) = result["notes"]
-    assert note.startswith(f"the baseline is of another plan: imu=bmi088; a: {words}")
-    page = [str(folder), "--baseline", str(last), "-o", str(tmp_path / "page.html")]
+    assert note.startswith(f"the baseline is of another plan: imu=bmi088; a: {difference}")
+    page = [str(folder), "--baseline", str(baseline_folder), "-o", str(tmp_path / "page.html")]
     assert report_command(page) == 2
     assert "is of another plan: imu=bmi088; a: faults" in capsys.readouterr().err
     assert report_command([*page, "--baseline-anyway"]) == 0
-    assert f"The baseline {last} is of another plan" in (tmp_path / "page.html").read_text()
+    assert (
+        f"The baseline {baseline_folder} is of another plan" in (tmp_path / "page.html").read_text()
+    )
 
 
 def test_a_table_without_its_plan_says_that_it_is_of_another_one(plan_file, campaign, tmp_path):
@@ -501,17 +514,17 @@ def test_a_table_without_its_plan_says_that_it_is_of_another_one(plan_file, camp
     rows = (tmp_path / "last" / "results.csv").read_text()
     moved.write_text(rows)
     assert campaign(plan_file(), "-o", tmp_path / "same", "--baseline", moved)[0] == 0
-    other = plan_file("other.yaml", diverged_above=5.0)
-    status, _, (line,) = campaign(other, "-o", tmp_path / "other", "--baseline", moved)
+    other_plan = plan_file("other.yaml", diverged_above=5.0)
+    status, _, (line,) = campaign(other_plan, "-o", tmp_path / "other", "--baseline", moved)
     assert status == 2
     assert "its digests differ, and no plan.yaml next to it says by what" in line
     moved.write_text(rows.replace("scenario", "remark"))  # of an earlier version
     assert campaign(plan_file(), "-o", tmp_path / "again", "--baseline", moved)[0] == 0
-    assert campaign(other, "-o", tmp_path / "other", "--baseline", moved)[0] == 2
+    assert campaign(other_plan, "-o", tmp_path / "other", "--baseline", moved)[0] == 2
 
 
 def test_the_terminal_says_how_runs_compare_with_the_baseline(plan_file, tmp_path, capsys):
-    """What is equal, too: status 0 alone does not tell what was compared."""
+    """Equal comparisons are printed, too: status 0 alone does not tell what was compared."""
     path = plan_file(seeds=6)
     common = [str(path), "--workers", "1", "--no-report"]
     assert command([*common, "-o", str(tmp_path / "last")]) == 0
@@ -527,15 +540,15 @@ def test_a_campaign_in_python_is_that_of_the_command(plan_file, campaign, tmp_pa
     """The same rows and judgement; every wrong argument has a line."""
     plan = plan_file(seeds=3, parameters={"rate": 100.0, "duration": 2.0})
     assert campaign(plan, "-o", tmp_path / "command")[0] == 0
-    found = job.campaign(
+    outcome = job.campaign(
         plan,
         tmp_path / "python",
         metric="final_position_error_m",
         baseline=tmp_path / "command",
     )
-    assert found.runs == list(read_log(tmp_path / "command" / "runs.jsonl"))
-    assert (found.done, found.new, found.problems) == (3, 3, [])
-    assert found.judgement.metric == "final_position_error_m"
+    assert outcome.runs == list(read_log(tmp_path / "command" / "runs.jsonl"))
+    assert (outcome.done, outcome.new, outcome.problems) == (3, 3, [])
+    assert outcome.judgement.metric == "final_position_error_m"
     written = (tmp_path / "python" / "report.html").read_text(encoding="utf-8")
     assert '"compared with command"' in written
     assert '"metric":"final_position_error_m"' in written
@@ -620,17 +633,22 @@ def test_a_disk_that_takes_no_more_is_told_in_a_line_and_costs_no_run(
 
 
 def test_statuses_that_differ_in_numbers_are_counted_together():
-    words = ["diverged: 12.5 m at the end", "diverged: 1e+03 m at the end", "no estimate", "x 1"]
-    found = counts([{"status": f"failed: {word}"} for word in words])
-    assert list(found.items()) == [
+    status_texts = [
+        "diverged: 12.5 m at the end",
+        "diverged: 1e+03 m at the end",
+        "no estimate",
+        "x 1",
+    ]
+    status_counts = counts([{"status": f"failed: {word}"} for word in status_texts])
+    assert list(status_counts.items()) == [
         ("failed: diverged: ... m at the end", 2),
         ("failed: no estimate", 1),
         ("failed: x 1", 1),
     ]
     # Numbers that all have in common stay.
-    words = ["line 8: at most 1e+10 m is possible", "line 9: at most 1e+10 m is possible"]
-    found = counts([{"status": f"failed: {word}"} for word in words])
-    assert found == {"failed: line ...: at most 1e+10 m is possible": 2}
+    status_texts = ["line 8: at most 1e+10 m is possible", "line 9: at most 1e+10 m is possible"]
+    status_counts = counts([{"status": f"failed: {word}"} for word in status_texts])
+    assert status_counts == {"failed: line ...: at most 1e+10 m is possible": 2}
 
 
 def test_the_largest_plan_asks_first(plan_file, campaign, tmp_path):
@@ -643,10 +661,10 @@ def test_the_largest_plan_asks_first(plan_file, campaign, tmp_path):
     status, _, lines = campaign(path, "-o", tmp_path / "out")
     assert status == 2
     assert len(lines) == 1
-    told = (
+    size_pattern = (
         r"the plan has 3,000,000 runs: at [\d.]+ ms each about [\d.]+ hours on 1 process; start it "
     )
-    assert re.search(told + "with --yes$", lines[0])
+    assert re.search(size_pattern + "with --yes$", lines[0])
     assert not (tmp_path / "out").exists()
 
 

@@ -59,12 +59,13 @@ def test_a_run_without_a_value_leaves_every_requirement_unmet(statistic, without
     rows[3] = {**rows[3], "status": without, "ate_rmse_m": value}
     texts = [f"ate_rmse_m.{statistic} < 5", f"ate_rmse_m.{statistic} of done < 5"]
     require = parse(texts, ["ate_rmse_m"], [], ["a"])
-    every, of_done = check_requirements(group_runs(rows, ()), require, 5)
-    assert (every.met, every.value, every.missing, every.runs) == (False, 2.0, 1, 5)
-    assert every.comment == "is 2 over 4 of 5 runs; 1 run has no value"
-    assert of_done.met == (without != "done")
-    (line,) = unmet_lines(require[:1], [every])
-    assert line == f"require {texts[0]}: ate_rmse_m.{statistic} {every.comment} (all; a)"
+    over_all_runs, over_done_runs = check_requirements(group_runs(rows, ()), require, 5)
+    assert (over_all_runs.met, over_all_runs.value) == (False, 2.0)
+    assert (over_all_runs.missing, over_all_runs.runs) == (1, 5)
+    assert over_all_runs.comment == "is 2 over 4 of 5 runs; 1 run has no value"
+    assert over_done_runs.met == (without != "done")
+    (line,) = unmet_lines(require[:1], [over_all_runs])
+    assert line == f"require {texts[0]}: ate_rmse_m.{statistic} {over_all_runs.comment} (all; a)"
 
 
 def test_runs_that_were_asked_for_and_not_made_count_too():
@@ -111,15 +112,15 @@ def test_many_means_have_the_intervals_of_each_alone():
 @pytest.mark.parametrize("p", [0.5, 0.05, 0.95])
 @pytest.mark.parametrize("n", [10, 37, 200])
 def test_quantiles_have_the_exact_interval_of_the_order_statistics(n, p):
-    """By the definition: the ends are ranks r, s with P(B < r) and P(B >= s) at most 2.5 %."""
+    """The limits are the ranks r, s with P(B < r) and P(B >= s) at most 2.5 %, by definition."""
     values = np.arange(1.0, n + 1.0)
-    found = quantile(values, p)
+    estimate = quantile(values, p)
     binomial = scipy.stats.binom(n, p)
     lows = [r for r in range(1, n + 1) if binomial.cdf(r - 1) <= 0.025]
     highs = [s for s in range(1, n + 1) if binomial.sf(s - 1) <= 0.025]
-    assert found.value == np.quantile(values, p)
-    assert found.low == (max(lows) if lows else None)
-    assert found.high == (min(highs) if highs else None)
+    assert estimate.value == np.quantile(values, p)
+    assert estimate.low == (max(lows) if lows else None)
+    assert estimate.high == (min(highs) if highs else None)
 
 
 @pytest.mark.parametrize(
@@ -133,20 +134,20 @@ def test_intervals_hold_the_truth_in_95_percent_of_campaigns(name, truth):
     factor of sqrt(2) hold the truth in 83 %.
     """
     rng = np.random.default_rng(11)
-    inside = 0
+    inside_count = 0
     for _ in range(250):
-        found = statistic(rng.lognormal(0.0, 0.5, 50), name)
-        low = -np.inf if found.low is None else found.low
-        high = np.inf if found.high is None else found.high
-        inside += low <= truth <= high
-    assert 0.90 <= inside / 250 <= 0.99
+        estimate = statistic(rng.lognormal(0.0, 0.5, 50), name)
+        low = -np.inf if estimate.low is None else estimate.low
+        high = np.inf if estimate.high is None else estimate.high
+        inside_count += low <= truth <= high
+    assert 0.90 <= inside_count / 250 <= 0.99
 
 
 def paired_campaign(rng, factor):
     """Return errors of two estimators on 50 seeds: a shared part, and 15 % of their own."""
     common = rng.lognormal(0.0, 0.5, 50)
-    own = rng.lognormal(0.0, 0.15, (2, 50))
-    return common * own[0] * factor, common * own[1]
+    separate = rng.lognormal(0.0, 0.15, (2, 50))
+    return common * separate[0] * factor, common * separate[1]
 
 
 def p_of(pair):
@@ -161,17 +162,17 @@ def test_a_planted_difference_is_found_and_none_is_not_invented():
     Without one, at most 5 % of 200 are significant by chance: 10 +- 3.1; 19 is three of these.
     """
     rng = np.random.default_rng(5)
-    found = sum(p_of(paired_campaign(rng, 1.1)) < 0.05 for _ in range(100))
+    found_count = sum(p_of(paired_campaign(rng, 1.1)) < 0.05 for _ in range(100))
     invented = sum(p_of(paired_campaign(rng, 1.0)) < 0.05 for _ in range(200))
-    assert found >= 73
+    assert found_count >= 73
     assert invented <= 19
 
 
-def rows_of(name, values, estimator="a", **more):
+def rows_of(name, values, estimator="a", **columns):
     """Return the rows of a sensor; a value of None is a failed run."""
     return [
         {"cell": f"imu={name}", "imu": name, "estimator": estimator, "seed": seed}
-        | {"status": "failed: lost" if value is None else "done", "ate_rmse_m": value, **more}
+        | {"status": "failed: lost" if value is None else "done", "ate_rmse_m": value, **columns}
         for seed, value in enumerate(values)
     ]
 
@@ -219,15 +220,15 @@ def test_a_campaign_finds_the_sensor_that_is_10_percent_worse():
 def test_shifts_are_wilcoxons_and_hodges_and_lehmanns(n):
     """SciPy's test, also of a shifted hypothesis; the averages written out."""
     d = np.random.default_rng(8).normal(0.3, 1.0, n)
-    found = shift(d, 0.1)
-    assert found.p == pytest.approx(scipy.stats.wilcoxon(d).pvalue, rel=1e-9)
-    above = scipy.stats.wilcoxon(d - 0.1, alternative="greater").pvalue
-    below = scipy.stats.wilcoxon(d + 0.1, alternative="less").pvalue
-    assert found.p_beyond == pytest.approx(min(2.0 * min(above, below), 1.0), rel=1e-9)
+    pair_shift = shift(d, 0.1)
+    assert pair_shift.p == pytest.approx(scipy.stats.wilcoxon(d).pvalue, rel=1e-9)
+    p_above = scipy.stats.wilcoxon(d - 0.1, alternative="greater").pvalue
+    p_below = scipy.stats.wilcoxon(d + 0.1, alternative="less").pvalue
+    assert pair_shift.p_beyond == pytest.approx(min(2.0 * min(p_above, p_below), 1.0), rel=1e-9)
     averages = [(d[i] + d[j]) / 2 for i in range(n) for j in range(i, n)]
-    assert found.centre.value == pytest.approx(np.median(averages), rel=1e-12)
+    assert pair_shift.centre.value == pytest.approx(np.median(averages), rel=1e-12)
     # What the test refuses lies outside of the interval, what it does not refuse within.
-    for end, inward in ((found.centre.low, 1e-9), (found.centre.high, -1e-9)):
+    for end, inward in ((pair_shift.centre.low, 1e-9), (pair_shift.centre.high, -1e-9)):
         assert scipy.stats.wilcoxon(d - end - inward).pvalue > 0.05
         assert scipy.stats.wilcoxon(d - end + inward).pvalue <= 0.05
 
@@ -244,29 +245,29 @@ def test_ties_have_their_exact_distribution():
 
 
 def test_many_pairs_have_the_interval_of_all_their_averages():
-    """Of 2000 pairs a million averages are drawn: within a tenth of the interval's width.
+    """A million averages drawn from 2000 pairs give the interval within a tenth of its width.
 
     A place in the order of m draws scatters by 0.5 / sqrt(m) = 0.0005 of them; the interval spans
     2 * 1.96 / sqrt(3 n) = 0.05 of them.
     """
     d = np.random.default_rng(9).normal(0.1, 1.0, 2000)
-    first, second = np.triu_indices(2000)
-    averages = np.sort((d[first] + d[second]) / 2)
+    first_index, second_index = np.triu_indices(2000)
+    averages = np.sort((d[first_index] + d[second_index]) / 2)
     rank = signed_rank_limit(2000, 0.025)
     low, high = averages[rank], averages[-1 - rank]
-    found = shift(d).centre
-    assert found == pytest.approx((np.median(averages), low, high), abs=0.1 * (high - low))
+    centre = shift(d).centre
+    assert centre == pytest.approx((np.median(averages), low, high), abs=0.1 * (high - low))
 
 
 def test_shares_are_compared_exactly():
     """McNemar's test is the binomial one of the pairs that differ; Bonett and Price's by hand."""
     a, b = np.zeros(60, bool), np.ones(60, bool)
     a[:10] = True
-    found, p = share_difference(a, b)
+    difference, p = share_difference(a, b)
     assert p == pytest.approx(2.0 * 0.5**50)
     gain, loss = 1 / 62, 51 / 62
     half = 1.959963984540054 * np.sqrt((gain + loss - (gain - loss) ** 2) / 62)
-    assert found == pytest.approx((-50 / 60, gain - loss - half, gain - loss + half))
+    assert difference == pytest.approx((-50 / 60, gain - loss - half, gain - loss + half))
     few = np.arange(60) < 5
     assert share_difference(~few, b)[1] is None  # 5 pairs: at best p = 0.0625
     assert share_difference(b, b)[0].value == 0.0
@@ -276,8 +277,8 @@ def test_a_failed_run_is_worse_than_any_number():
     """60 of 60 done, and then 10 of 60 with the same errors where it still works."""
     rng = np.random.default_rng(4)
     errors = list(rng.lognormal(0.0, 0.5, 60))
-    now = rows_of("s0", [*errors[:10], *([None] * 50)])
-    judgement = judged(now, rows_of("s0", errors), seeds=60)
+    rows_now = rows_of("s0", [*errors[:10], *([None] * 50)])
+    judgement = judged(rows_now, rows_of("s0", errors), seeds=60)
     (effect,) = judgement.baseline
     assert (effect.verdict, effect.won, effect.lost) == ("worse", 0, 50)
     assert effect.success.value == pytest.approx(-50 / 60)
@@ -291,14 +292,14 @@ def test_a_failed_run_is_worse_than_any_number():
     (effect,) = judged(better, rows_of("s0", errors), seeds=60).baseline
     assert (effect.won, effect.lost, effect.verdict) == (57, 3, "better")
     assert effect.effect.value == pytest.approx(0.8)
-    assert judged(now, rows_of("s0", errors), metric="success").baseline[0].verdict == "worse"
+    assert judged(rows_now, rows_of("s0", errors), metric="success").baseline[0].verdict == "worse"
 
 
 def test_one_failure_in_three_seeds_has_no_size():
     """The middle of six averages lies between a number and a half of something infinite."""
     for values in ([None, 0.9, 0.8], [None, 1.1, 1.2], [None, None, 0.9, 0.8, 1.1]):
-        before = rows_of("s0", [1.0] * len(values))
-        (effect,) = judged(rows_of("s0", values), before, seeds=len(values)).baseline
+        rows_before = rows_of("s0", [1.0] * len(values))
+        (effect,) = judged(rows_of("s0", values), rows_before, seeds=len(values)).baseline
         assert (effect.effect.value, effect.verdict) == (None, "undecided")
 
 
@@ -314,17 +315,30 @@ def test_failures_on_both_sides_say_nothing():
 def test_a_difference_within_the_tolerance_is_none():
     """0.001 % worse on each of 50 seeds is significant, and no reason to stop anybody."""
     rng = np.random.default_rng(6)
-    before = rng.lognormal(0.0, 0.5, 50)
-    (effect,) = judged(rows_of("s0", 1.00001 * before), rows_of("s0", before)).baseline
+    errors_before = rng.lognormal(0.0, 0.5, 50)
+    (effect,) = judged(
+        rows_of("s0", 1.00001 * errors_before), rows_of("s0", errors_before)
+    ).baseline
     assert effect.p < 1e-8
     assert effect.verdict == "equal"
-    now = rows_of("s0", 1.03 * before)
-    assert judged(now, rows_of("s0", before)).baseline[0].verdict == "worse"
-    assert judged(now, rows_of("s0", before), tolerance="5 %").baseline[0].verdict == "equal"
+    rows_now = rows_of("s0", 1.03 * errors_before)
+    assert judged(rows_now, rows_of("s0", errors_before)).baseline[0].verdict == "worse"
+    assert (
+        judged(rows_now, rows_of("s0", errors_before), tolerance="5 %").baseline[0].verdict
+        == "equal"
+    )
     # 0.1 m in the metric's unit: 3 % of errors around 1 m are less.
-    assert judged(now, rows_of("s0", before), tolerance=0.2).baseline[0].kind == "difference"
-    assert judged(now, rows_of("s0", before), tolerance=0.2).baseline[0].verdict == "equal"
-    assert judged(now, rows_of("s0", before), tolerance=0.001).baseline[0].verdict == "worse"
+    assert (
+        judged(rows_now, rows_of("s0", errors_before), tolerance=0.2).baseline[0].kind
+        == "difference"
+    )
+    assert (
+        judged(rows_now, rows_of("s0", errors_before), tolerance=0.2).baseline[0].verdict == "equal"
+    )
+    assert (
+        judged(rows_now, rows_of("s0", errors_before), tolerance=0.001).baseline[0].verdict
+        == "worse"
+    )
 
 
 def test_equal_builds_fail_the_gate_in_5_percent_of_campaigns_at_most():
@@ -353,7 +367,7 @@ def test_equal_builds_fail_the_gate_in_5_percent_of_campaigns_at_most():
 
 
 @pytest.mark.parametrize(
-    ("metric", "now", "verdict"),
+    ("metric", "value_ratio", "verdict"),
     [
         ("real_time_factor", 1.2, "better"),
         ("real_time_factor", 0.8, "worse"),
@@ -362,24 +376,24 @@ def test_equal_builds_fail_the_gate_in_5_percent_of_campaigns_at_most():
         ("lag", 1.2, "worse"),
     ],
 )
-def test_metrics_know_their_better_direction(metric, now, verdict):
+def test_metrics_know_their_better_direction(metric, value_ratio, verdict):
     values = np.random.default_rng(7).lognormal(0.0, 0.5, 50)
-    before, after = (rows_of("s0", [1.0] * 50) for _ in range(2))
+    rows_before, rows_after = (rows_of("s0", [1.0] * 50) for _ in range(2))
     for k, value in enumerate(values):
-        before[k][metric], after[k][metric] = value, now * value
-    own = {"metrics": {"inliers": "higher", "lag": "lower"}}
-    (effect,) = judged(after, before, metric, **own).baseline
+        rows_before[k][metric], rows_after[k][metric] = value, value_ratio * value
+    metric_directions = {"metrics": {"inliers": "higher", "lag": "lower"}}
+    (effect,) = judged(rows_after, rows_before, metric, **metric_directions).baseline
     assert effect.verdict == verdict
-    assert effect.effect.value == pytest.approx(now)
+    assert effect.effect.value == pytest.approx(value_ratio)
 
 
 def test_metrics_with_a_right_value_are_judged_by_their_distance_from_it():
     """NEES of chi-square with 3 degrees of freedom, and ten times as large."""
     nees = np.random.default_rng(7).chisquare(3, 50)
-    before, after = (rows_of("s0", [1.0] * 50) for _ in range(2))
+    rows_before, rows_after = (rows_of("s0", [1.0] * 50) for _ in range(2))
     for k, value in enumerate(nees):
-        before[k]["nees_position"], after[k]["nees_position"] = value, 10.0 * value
-    (effect,) = judged(after, before, "nees_position").baseline
+        rows_before[k]["nees_position"], rows_after[k]["nees_position"] = value, 10.0 * value
+    (effect,) = judged(rows_after, rows_before, "nees_position").baseline
     assert (effect.verdict, effect.kind) == ("worse", "difference")
 
 
@@ -406,21 +420,25 @@ def test_the_best_is_named_with_effect_seeds_and_p():
     assert contest.lead.won == 30
     assert 1 / contest.lead.effect.value == pytest.approx(250.0, rel=0.1)
     interval = r"2\d\d\.\d to 2\d\d\.\d"
-    words = rf"^good beats bad; ate_rmse_m 2\d\d\.\d times smaller \(95 %: {interval}\) than with"
-    words += r" bad, better on 30 of 30 seeds, p = [\d.e-]+$"
-    assert re.search(words, contest.line("ate_rmse_m", "2 %"))
+    headline_pattern = (
+        rf"^good beats bad; ate_rmse_m 2\d\d\.\d times smaller \(95 %: {interval}\) than with"
+    )
+    headline_pattern += r" bad, better on 30 of 30 seeds, p = [\d.e-]+$"
+    assert re.search(headline_pattern, contest.line("ate_rmse_m", "2 %"))
     json.dumps(judgement.to_dict(), allow_nan=False)
 
 
 def test_the_sensor_without_errors_is_compared_and_not_ranked():
-    """Unless it has but one other to be compared with."""
+    """The perfect sensor is ranked only if there is just one other sensor."""
     common = np.random.default_rng(13).lognormal(0.0, 0.5, 30)
     rows = rows_of("good", common) + rows_of("bad", 2.0 * common)
     rows += rows_of("perfect", 1e-3 * common)
     (contest,) = judged(rows, grid={"imu": ["perfect", "good", "bad"]}, seeds=30).headline
     assert (contest.best, contest.ranking) == ("good", ["good", "bad", "perfect"])
     assert contest.unranked == ["perfect"]
-    assert {(one.a, one.b): one.verdict for one in contest.effects}["good", "perfect"] == "worse"
+    assert {(effect.a, effect.b): effect.verdict for effect in contest.effects}[
+        "good", "perfect"
+    ] == "worse"
     two = [row for row in rows if "bad" not in row["cell"]]
     (contest,) = judged(two, grid={"imu": ["perfect", "good"]}, seeds=30).headline
     assert (contest.best, contest.unranked) == ("perfect", [])
@@ -462,8 +480,8 @@ def test_non_inferiority_is_scipys_one_sided_test_and_has_the_stated_power():
     equal = 0.1 * rng.standard_normal((1000, 40))
     assert sum(non_inferior(d + margin, margin) for d in equal) <= 40
     # 1000 and 4000 campaigns: three deviations of the difference are 4.5 %.
-    found = np.mean([non_inferior(d, margin) for d in equal])
-    assert power(40, 0.05, 0.1, 0.0, 1) == pytest.approx(found, abs=0.045)
+    non_inferior_share = np.mean([non_inferior(d, margin) for d in equal])
+    assert power(40, 0.05, 0.1, 0.0, 1) == pytest.approx(non_inferior_share, abs=0.045)
     assert not non_inferior(np.full(5, -1.0), margin)  # five pairs prove nothing
     assert not non_inferior(np.array([np.inf] * 3 + [0.0] * 5), margin)
 
@@ -474,9 +492,9 @@ def test_a_gate_of_non_inferiority_wants_a_proof():
     errors = rng.lognormal(0.0, 0.5, 50)
     plan = read_plan({**PLAN, "grid": {"imu": ["s0"]}})
 
-    def gate(now, margin="5 %"):
+    def gate(errors_now, margin="5 %"):
         allowed = parse_tolerance(margin)
-        rows = [rows_of("s0", values) for values in (now, errors)]
+        rows = [rows_of("s0", values) for values in (errors_now, errors)]
         return judge(plan, *rows[:1], "ate_rmse_m", rows[1], non_inferiority=allowed)
 
     assert gate(errors).problems == []
@@ -487,9 +505,9 @@ def test_a_gate_of_non_inferiority_wants_a_proof():
     assert line.startswith("not proven to be less than 5 % worse than the baseline: imu=s0; a: ")
     assert gate(errors * np.exp(np.linspace(-1.0, 1.0, 50)), "50 %").problems == []
     assert gate([None] * 20 + list(errors[20:])).baseline[0].non_inferior is False
-    other = judge(plan, rows_of("s1", errors) + rows_of("s0", errors), "ate_rmse_m",
+    other_judgement = judge(plan, rows_of("s1", errors) + rows_of("s0", errors), "ate_rmse_m",
                   rows_of("s0", errors), non_inferiority=parse_tolerance("5 %"))  # fmt: skip
-    assert other.problems == ["not proven, the baseline has no such run: imu=s1; a"]
+    assert other_judgement.problems == ["not proven, the baseline has no such run: imu=s1; a"]
 
 
 def test_intervals_of_all_comparisons_hold_at_once_in_95_percent_of_campaigns():
@@ -498,15 +516,20 @@ def test_intervals_of_all_comparisons_hold_at_once_in_95_percent_of_campaigns():
     At most 5 % outside: 15 +- 3.8; 27 is three more. Single intervals: a fifth, 60, have one out.
     """
     rng = np.random.default_rng(43)
-    outside, single = 0, 0
+    outside_count, single_count = 0, 0
     for _ in range(300):
         logs = 0.2 * rng.standard_normal((4, 30))
         pairs = [a - b for a, b in itertools.combinations(logs, 2)]
-        found = [shift(d, comparisons=6) for d in pairs]
-        outside += any(not one.simultaneous.low <= 0.0 <= one.simultaneous.high for one in found)
-        single += any(not one.centre.low <= 0.0 <= one.centre.high for one in found)
-    assert outside <= 27
-    assert single >= 35
+        shifts = [shift(d, comparisons=6) for d in pairs]
+        outside_count += any(
+            not pair_shift.simultaneous.low <= 0.0 <= pair_shift.simultaneous.high
+            for pair_shift in shifts
+        )
+        single_count += any(
+            not pair_shift.centre.low <= 0.0 <= pair_shift.centre.high for pair_shift in shifts
+        )
+    assert outside_count <= 27
+    assert single_count >= 35
 
 
 def test_the_headline_tells_equal_from_undecided():
@@ -517,19 +540,21 @@ def test_the_headline_tells_equal_from_undecided():
         best = "a" if verdict == "better" else None
         return Contest("imu", {"cell": name}, ["a", "b"], [], best, effect, [effect])
 
-    found = [contest("w", "better", 0.25), contest("x", "better"), contest("y", "equal")]
-    found.append(contest("z", "undecided"))
-    assert headline(found, "ate", "2 %") == (
+    contests = [contest("w", "better", 0.25), contest("x", "better"), contest("y", "equal")]
+    contests.append(contest("z", "undecided"))
+    assert headline(contests, "ate", "2 %") == (
         "a is the best imu in 2 of 4 comparisons",
         "ate smaller by 50 % to 75 % than with the next, p at most 0.01; "
         "equal within 2 % in 1; undecided in 1",
     )
-    assert headline(found[2:], "ate", "2 %") == (
+    assert headline(contests[2:], "ate", "2 %") == (
         "No imu is the best in any of 2 comparisons",
         "equal within 2 % in 1; undecided in 1",
     )
     assert (
-        found[2].line("ate", "2 %").startswith("cell=y: a and b are equal within 2 %; a: ate 2.00 ")
+        contests[2]
+        .line("ate", "2 %")
+        .startswith("cell=y: a and b are equal within 2 %; a: ate 2.00 ")
     )
 
 
@@ -546,14 +571,14 @@ def test_sensitivity_finds_the_exponent():
     x = np.tile(np.geomspace(1e-4, 1e-2, 9), 30)
     seed = np.repeat(np.arange(30), 9)
     common = np.repeat(rng.lognormal(0, 0.5, 30), 9)
-    found = sensitivity(x, np.sqrt(x) * common * rng.lognormal(0, 0.2, x.size), seed)
-    assert found.slope.low < 0.5 < found.slope.high
-    assert found.slope.high - found.slope.low < 0.1
+    fit = sensitivity(x, np.sqrt(x) * common * rng.lognormal(0, 0.2, x.size), seed)
+    assert fit.slope.low < 0.5 < fit.slope.high
+    assert fit.slope.high - fit.slope.low < 0.1
     assert sensitivity(np.ones(4), np.ones(4), np.arange(4)) is None
 
 
 @pytest.mark.parametrize(
-    ("kind", "effect", "words"),
+    ("kind", "effect", "size_text"),
     [
         (RATIO, (0.88, 0.85, 0.92), "12.0 % smaller (95 %: 8.0 % to 15.0 %)"),
         (RATIO, (0.997, 0.99, 1.004), "0.30 % smaller (95 %: 0.40 % larger to 1.00 % smaller)"),
@@ -573,10 +598,10 @@ def test_sensitivity_finds_the_exponent():
         ),
     ],
 )
-def test_the_size_of_an_effect_in_words(kind, effect, words):
+def test_the_size_of_an_effect_in_words(kind, effect, size_text):
     numbers = {"seeds": 9, "won": 1, "lost": 2, "scatter": None, "p": None, "p_beyond": None}
     share = ConfidenceInterval(0.0, 0.0, 0.0)
-    one = Effect(
+    sized_effect = Effect(
         "a",
         "b",
         kind,
@@ -587,4 +612,4 @@ def test_the_size_of_an_effect_in_words(kind, effect, words):
         success_p=None,
         verdict="undecided",
     )
-    assert one.size() == words
+    assert sized_effect.size() == size_text

@@ -29,10 +29,10 @@ def test_a_nees_of_an_attitude_known_too_badly_is_not_valid(plan_file, tmp_path,
     lines = [line for line in capsys.readouterr().out.splitlines() if "mpu6000" in line]
     assert sum(line.rstrip().endswith("not valid") for line in lines) == 1
     assert '"not valid"' in (folder / "report.html").read_text(encoding="utf-8")
-    found = {name: [row for row in table(folder) if name in row["cell"]] for name in
+    rows_by_imu = {name: [row for row in table(folder) if name in row["cell"]] for name in
              ("adis16448", "mpu6000")}  # fmt: skip
     for metric in ("nees_position", "nees_attitude", "nees_velocity"):
-        assert {row[metric] for row in found["mpu6000"]} == {""}
-        values = [float(row[metric]) for row in found["adis16448"]]
+        assert {row[metric] for row in rows_by_imu["mpu6000"]} == {""}
+        values = [float(row[metric]) for row in rows_by_imu["adis16448"]]
         assert 0.8 < np.mean(values) < 8.0
-    assert min(float(row["attitude_sigma_rad"]) for row in found["mpu6000"]) > 0.5
+    assert min(float(row["attitude_sigma_rad"]) for row in rows_by_imu["mpu6000"]) > 0.5

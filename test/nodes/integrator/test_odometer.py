@@ -101,7 +101,7 @@ def test_slow_readings_are_integrated_as_offline(rate, state):
 def test_a_reading_of_long_ago_is_not_integrated_from():
     """A stale first reading of a fast stream: the steps behind it tell that there is a gap."""
     harness = Harness(initial_velocity=[1.0, 0.0, 0.0])
-    rows = harness.feed(readings(1) + readings(10, first=1000))
+    rows = harness.feed(readings(1) + readings(10, first_index=1000))
     assert len(rows) == 11
     assert harness.odometer.totals.steps.gaps == 1
     assert rows[-1].position[0] == pytest.approx(9 * 0.005, abs=1e-12)
@@ -109,7 +109,7 @@ def test_a_reading_of_long_ago_is_not_integrated_from():
 
 def test_a_gap_is_reported_and_integration_goes_on_behind_it():
     harness = Harness(initial_velocity=[1.0, 0.0, 0.0])
-    rows = harness.feed(readings(10) + readings(10, first=100))
+    rows = harness.feed(readings(10) + readings(10, first_index=100))
     assert len(rows) == 20
     # 18 steps of 5 ms at 1 m/s; the 0.455 s of the gap are not travelled.
     assert rows[-1].position[0] == pytest.approx(18 * 0.005, abs=1e-12)
@@ -141,20 +141,20 @@ def test_start_at_the_truth_takes_the_reading_of_its_stamp_and_loses_none():
     rows = list(harness.odometer.add_truth(truth(4)))
     assert [row.t_ns for row in rows] == [r.t_ns for r in readings(20)][4:]
     assert rows[0].position == (7.0, 0.0, 0.0)
-    assert len(harness.feed(readings(5, first=20))) == 5
+    assert len(harness.feed(readings(5, first_index=20))) == 5
 
 
 def test_start_at_the_truth_that_came_before_the_readings():
     harness = Harness(initial_state="truth")
     for k in range(10):
         assert list(harness.odometer.add_truth(truth(k, x=float(k)))) == []
-    rows = harness.feed(readings(3, first=6))
+    rows = harness.feed(readings(3, first_index=6))
     assert [row.position[0] for row in rows] == pytest.approx([6.0, 6.0, 6.0])
 
 
 def test_start_at_a_truth_with_stamps_of_its_own_carries_it_on():
     harness = Harness(initial_state="truth")
-    harness.feed(readings(1, first=1))
+    harness.feed(readings(1, first_index=1))
     # The truth is 0.4 intervals older than the reading and moves at 10 m/s.
     assert list(harness.odometer.add_truth(truth(0.6, velocity=(10.0, 0.0, 0.0)))) == []
     rows = list(harness.odometer.add_truth(truth(1.6, velocity=(10.0, 0.0, 0.0))))
@@ -179,12 +179,12 @@ def test_no_start_from_readings_that_are_not_at_rest():
     harness = Harness(initial_state="level", level_time=0.1)
     assert harness.feed(readings(30, accel=(0.0, 5.0, 9.81))) == []
     assert "not at rest" in harness.complaints[0]
-    assert harness.feed(readings(30, first=30))
+    assert harness.feed(readings(30, first_index=30))
 
 
 def test_a_clock_set_back_starts_anew():
     harness = Harness(initial_velocity=[1.0, 0.0, 0.0])
-    harness.feed(readings(1000, first=1000))
+    harness.feed(readings(1000, first_index=1000))
     rows = harness.feed(readings(3))
     assert harness.odometer.totals.starts == 2
     assert rows[0].position == (0.0, 0.0, 0.0)
@@ -193,10 +193,10 @@ def test_a_clock_set_back_starts_anew():
 def test_a_new_publisher_behind_a_gap_starts_anew_and_the_old_one_does_not():
     harness = Harness(initial_velocity=[1.0, 0.0, 0.0])
     harness.feed(readings(10))
-    harness.feed(readings(10, first=100))
+    harness.feed(readings(10, first_index=100))
     assert harness.odometer.totals.starts == 1
     harness.new_source = True
-    rows = harness.feed(readings(10, first=300))
+    rows = harness.feed(readings(10, first_index=300))
     assert harness.odometer.totals.starts == 2
     assert rows[0].position == (0.0, 0.0, 0.0)
 
@@ -206,7 +206,7 @@ def test_new_biases_hold_from_the_next_reading_on():
     harness.feed(readings(3, gyro=(0.1, 0.0, 0.0)))
     values = {"gyroscope_bias": [0.1, 0.0, 0.0], "method": "euler"}
     harness.odometer.correct_with(load_integrator(values))
-    (row,) = harness.feed(readings(1, first=3, gyro=(0.1, 0.0, 0.0)))
+    (row,) = harness.feed(readings(1, first_index=3, gyro=(0.1, 0.0, 0.0)))
     assert row.angular_velocity_b == (0.0, 0.0, 0.0)
 
 
