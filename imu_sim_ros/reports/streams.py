@@ -245,17 +245,28 @@ def analyse(blocks: Iterable[Readings], count: int) -> StreamPlots | None:
                 interval = clock.pattern.interval_ns * 1e-9
                 analysis = _Analysis(int(stretch.t_ns[0]), interval, max(1, -(-count // PARTS)))
             analysis.add(stretch)
-    except InputError:  # the stamps have no rate, or are no nanoseconds, which a finding tells
+    except _NoRateError:  # a finding tells it
         return None
     return None if analysis is None else analysis.result()
 
 
+class _NoRateError(Exception):
+    """Stamps that have no rate, or are no nanoseconds."""
+
+
 def _stretches(blocks: Iterable[Readings], clock: ClockStream) -> Iterator[Stretch]:
-    """Yield the readings (n, 6) of blocks in the order of their stamps, without strays."""
-    for block in blocks:
-        if len(block):
-            yield from clock.add(block.t_ns, np.column_stack(block.triads()))
-    yield from clock.add(np.empty(0, np.int64), np.empty((0, 6)), last=True)
+    """Yield the readings (n, 6) of blocks in the order of their stamps, without strays.
+
+    :raises _NoRateError: for stamps without a rate; what cannot be read keeps its own error.
+    """
+    parts = ((block.t_ns, np.column_stack(block.triads()), False) for block in blocks if len(block))
+    end = (np.empty(0, np.int64), np.empty((0, 6)), True)
+    for t_ns, values, last in itertools.chain(parts, [end]):
+        try:
+            stretches = list(clock.add(t_ns, values, last=last))
+        except InputError as error:
+            raise _NoRateError from error
+        yield from stretches
 
 
 class _Analysis:
