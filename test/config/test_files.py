@@ -84,6 +84,11 @@ def test_every_trajectory_loads_and_round_trips(trajectory, tmp_path):
         ("/**: {ros__parameters: [1, 2]}", "must hold names and values"),
         ("/**:\n  parameters: {}\n", "must hold ros__parameters"),
         ("other:\n  ros__parameters: {}\n", "no section for the node simulator"),
+        (
+            "cam0:\n  camera_model: pinhole\n  intrinsics: [458.6, 457.3, 367.2, 248.4]\n"
+            "cam1:\n  camera_model: pinhole\n  intrinsics: [457.6, 456.1, 380.0, 255.2]\n",
+            r"a camera chain of kalibr or OpenVINS \(cam0, cam1\): it is written",
+        ),
         ("/**: [unclosed\n", "not a YAML file"),
         ("a: &a [*a]\n", "contains itself"),
         ("/**:\n  ros__parameters:\n    x: !!python/object/apply:os.system [ls]\n", "not a YAML"),
