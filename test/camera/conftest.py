@@ -1,7 +1,7 @@
 # Copyright 2026 imu_sim_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""What the tests of cameras share as a fixture."""
+"""Fixtures of the camera tests."""
 
 import pytest
 from rigs import make_rig

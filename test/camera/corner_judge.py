@@ -1,7 +1,7 @@
 # Copyright 2026 imu_sim_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""How far corners of a printed grid are from where they should be; OpenCV's refinement judges."""
+"""Errors of the corners of a printed grid [pixels], measured with OpenCV's refinement."""
 
 import numpy as np
 import pytest
@@ -41,7 +41,7 @@ def judged(renderer, view, corners, low, high):
         uv, valid = view.model.project(in_camera(many, corners))
         uv = uv[valid & view.model.inside(uv, 15.0)]
         start = uv.astype(np.float32).reshape(-1, 1, 2)
-        found = cv2.cornerSubPix(image, start, (5, 5), (-1, -1), stop)
-        errors.append(found[:, 0] - uv)
+        refined = cv2.cornerSubPix(image, start, (5, 5), (-1, -1), stop)
+        errors.append(refined[:, 0] - uv)
         images.append(image)
     return np.concatenate(errors), images

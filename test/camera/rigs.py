@@ -22,15 +22,15 @@ def make_rig(trajectory="figure_eight", duration=10.0, seed=3, scene=None, **val
 
     :param scene: of another rig, whose parameters make the same one.
     """
-    given = {
+    parameters = {
         "cameras": ["cam0"],
         "scene.type": "room",
         **{k.replace("__", "."): v for k, v in values.items()},
     }
-    path = {k: given.pop(k) for k in list(given) if k.startswith("trajectory.")}
+    path = {k: parameters.pop(k) for k in list(parameters) if k.startswith("trajectory.")}
     simulation = load_simulation({**trajectory_layer(trajectory), **path})
     motion = build_trajectory(simulation.trajectory)
-    rig = load_rig(given)
-    seen = replace(simulation, cameras=rig.cameras, rig=rig, duration=duration, seed=seed)
-    world = World(motion, seen, T0_NS, scene_around if scene is None else lambda _: scene)
-    return Rig(mounted(seen), world)
+    rig = load_rig(parameters)
+    configuration = replace(simulation, cameras=rig.cameras, rig=rig, duration=duration, seed=seed)
+    world = World(motion, configuration, T0_NS, scene_around if scene is None else lambda _: scene)
+    return Rig(mounted(configuration), world)

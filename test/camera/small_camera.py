@@ -23,7 +23,7 @@ SMALL_CAMERA = {
 def without_textures(scene):
     """Return textures of one texel for a scene of which depth alone is asked, and no image."""
     crowd = scene.crowd.surfaces if scene.crowd else ()
-    count = sum(len(each.origin) for each in (scene.surfaces, *crowd))
+    count = sum(len(group.origin) for group in (scene.surfaces, *crowd))
     size, place = np.ones((count, 2), np.float32), np.ones((count, LEVELS, 2), np.float32)
     return Atlas(np.zeros((8, 8), np.uint8), size, place)
 

@@ -64,7 +64,7 @@ def imager_of_hall_fixture(hall):
 
 @pytest.fixture(name="imager_of_rolling_hall", scope="module")
 def imager_of_rolling_hall_fixture(rolling_hall, imager_of_hall):
-    """Of the same scene, so with the same textures."""
+    """Return an imager with a rolling shutter, with the textures of the same scene."""
     rig = rolling_hall
     return Imager(rig.views["cam0"], rig.scene, imager_of_hall.atlas, rig.trajectory)
 
@@ -79,12 +79,12 @@ def plainly_left(line, points):
 
 def frames_with(imager, total, count):
     """Return frames in which bodies are, spread over the flight."""
-    seen = [k for k in range(0, total, 60) if imager.depth_and_mask(k)[1].any()]
-    return seen[:: max(1, len(seen) // count)][:count]
+    visible = [k for k in range(0, total, 60) if imager.depth_and_mask(k)[1].any()]
+    return visible[:: max(1, len(visible) // count)][:count]
 
 
 def test_courses_keep_off_things_cameras_and_each_other(hall):
-    """At 2,000 times of the flight, by the distance from every rectangle, not by any grid."""
+    """The distance from every rectangle is tested at 2,000 times of the flight, without a grid."""
     bodies = hall.scene.crowd.each
     assert [body.name for body in bodies] == [
         "door_1", "door_2", "cart_1", "person_1", "person_2", "person_3"
@@ -93,19 +93,19 @@ def test_courses_keep_off_things_cameras_and_each_other(hall):
     eye = hall.views["cam0"].poses(hall.trajectory, t).position
     places = {body.name: body.pose(t)[0] for body in bodies}
     surfaces = hall.scene.surfaces
-    above = np.max([surfaces.origin[:, 2], (surfaces.origin + surfaces.up)[:, 2]], axis=0)
-    things = surfaces.some(above + surfaces.across[:, 2] > 0.03)  # all but the floor
+    top = np.max([surfaces.origin[:, 2], (surfaces.origin + surfaces.up)[:, 2]], axis=0)
+    things = surfaces.some(top + surfaces.across[:, 2] > 0.03)  # all but the floor
     for body in bodies[2:]:
         radius, place = RADIUS[body.kind], places[body.name]
         for height in (0.15, 0.45, 0.75, 1.0):
             away = clearance(things, place + np.array([0.0, 0.0, height]))
             assert away.min() > radius
-        near = eye[:, 2] < HEIGHT[body.kind] + CLEARANCE  # it may fly above
-        assert np.hypot(*(eye - place)[near, :2].T).min(initial=9.0) > radius + CLEARANCE
-        for other in bodies[2:]:
-            if other.name != body.name:
-                apart = np.hypot(*(places[other.name] - place)[:, :2].T)
-                assert apart.min() > radius + RADIUS[other.kind]
+        at_height = eye[:, 2] < HEIGHT[body.kind] + CLEARANCE  # it may fly above
+        assert np.hypot(*(eye - place)[at_height, :2].T).min(initial=9.0) > radius + CLEARANCE
+        for neighbour in bodies[2:]:
+            if neighbour.name != body.name:
+                apart = np.hypot(*(places[neighbour.name] - place)[:, :2].T)
+                assert apart.min() > radius + RADIUS[neighbour.kind]
 
 
 def states_at(body, t):
@@ -116,12 +116,12 @@ def test_velocities_are_the_derivatives_of_poses_and_people_walk_as_told(hall):
     t = np.linspace(1.0, 119.0, 4001)
     step = 1e-4
     for body in hall.scene.crowd.each:
-        state, before, after = (states_at(body, t + shift) for shift in (0.0, -step, step))
+        state, earlier, later = (states_at(body, t + shift) for shift in (0.0, -step, step))
         # A spline's third derivative is at most 8 / STEP^3 times its knots' differences of 0.3 m:
         # central differences are wrong by less than 150 / 6 step^2 = 3e-7.
-        slope = (after.position - before.position) / (2.0 * step)
+        slope = (later.position - earlier.position) / (2.0 * step)
         assert np.abs(slope - state.velocity).max() < 1e-6
-        turned = rotation.multiply(rotation.conjugate(before.q_wb), after.q_wb)
+        turned = rotation.multiply(rotation.conjugate(earlier.q_wb), later.q_wb)
         assert (
             np.abs(rotation.log(turned)[:, 2] / (2.0 * step) - state.angular_velocity[:, 2]).max()
             < 1e-5
@@ -138,11 +138,11 @@ def test_velocities_are_the_derivatives_of_poses_and_people_walk_as_told(hall):
 
 def test_the_same_seed_moves_alike_whatever_the_duration(make_rig, hall):
     short = make_rig("tour", duration=3.0, **TOUR)
-    other = make_rig("tour", duration=3.0, **{**TOUR, "scene__seed": 1})
-    for first, second in zip(hall.scene.crowd.each, short.scene.crowd.each, strict=True):
-        assert np.array_equal(first.course.controls, second.course.controls)
+    other_seed = make_rig("tour", duration=3.0, **{**TOUR, "scene__seed": 1})
+    for long_body, second in zip(hall.scene.crowd.each, short.scene.crowd.each, strict=True):
+        assert np.array_equal(long_body.course.controls, second.course.controls)
     assert not np.array_equal(
-        other.scene.crowd.each[-1].course.controls, short.scene.crowd.each[-1].course.controls
+        other_seed.scene.crowd.each[-1].course.controls, short.scene.crowd.each[-1].course.controls
     )
 
 
@@ -160,12 +160,12 @@ def test_depth_and_image_differ_from_those_without_bodies_where_the_mask_says(re
     empty = rig.scene._replace(crowd=None)
     without = Imager(rig.views["cam0"], empty, matt, rig.trajectory)
     imager = Imager(rig.views["cam0"], rig.scene, matt, rig.trajectory)
-    seen, shaded = set(), 0
+    masked_bodies, shaded = set(), 0
     for k in frames_with(imager, rig.views["cam0"].total, 6):
         depth, mask = imager.depth_and_mask(k)
-        before = without.depth(k)
-        assert np.array_equal(depth != before, mask > 0)
-        assert (depth[mask > 0] < before[mask > 0])[before[mask > 0] > 0].all()
+        static_depth = without.depth(k)
+        assert np.array_equal(depth != static_depth, mask > 0)
+        assert (depth[mask > 0] < static_depth[mask > 0])[static_depth[mask > 0] > 0].all()
         image, plain = imager.image(k).astype(float), without.image(k).astype(float)
         assert (image != plain)[mask > 0].mean() > 0.8
         rows, columns = np.nonzero((image != plain) & (mask == 0))
@@ -176,21 +176,21 @@ def test_depth_and_image_differ_from_those_without_bodies_where_the_mask_says(re
         poses = rig.views["cam0"].poses(rig.trajectory, t)
         points = poses.position + rotation.rotate(poses.q_wc, local)
         assert np.abs(points[:, 2]).max(initial=0.0) < 0.04
-        left = np.ones(len(rows))
+        transmittance = np.ones(len(rows))
         for body, shadow in zip(rig.scene.crowd.each, rig.scene.crowd.shadows, strict=True):
-            left *= plainly_left(shadow.below, body.inside(t, points))
-        error = image[rows, columns] - plain[rows, columns] * np.sqrt(left)
+            transmittance *= plainly_left(shadow.below, body.inside(t, points))
+        error = image[rows, columns] - plain[rows, columns] * np.sqrt(transmittance)
         assert np.abs(error[np.abs(points[:, 2]) < 1e-3]).max(initial=0.0) < 1.0
-        seen |= set(np.unique(mask).tolist())
+        masked_bodies |= set(np.unique(mask).tolist())
         assert np.array_equal(imager.depth(k), depth)
-    assert len(seen) >= 4
+    assert len(masked_bodies) >= 4
     assert shaded > 50
 
 
 def test_depth_of_bodies_is_that_of_their_poses_at_the_time_of_each_row(
     rolling_hall, imager_of_rolling_hall
 ):
-    """By rays in float64 that meet each body's rectangles, where it is at the row's time."""
+    """Rays in float64 meet each body's rectangles in its pose at the row's time."""
     rig, imager = rolling_hall, imager_of_rolling_hall
     view = rig.views["cam0"]
     stream, checked, good = np.random.default_rng(5), 0, 0
@@ -201,8 +201,10 @@ def test_depth_of_bodies_is_that_of_their_poses_at_the_time_of_each_row(
         pose = view.poses(rig.trajectory, t)
         rays = view.model.unproject(np.column_stack([u, v]).astype(float)).direction
         ways = rotation.rotate(pose.q_wc, rays)
-        each = [nearest_front(body, t, pose.position, ways) for body in rig.scene.crowd.each]
-        expected = np.array(each)[mask[v, u] - 1, np.arange(25)] * rays[:, 2]
+        front_distance = [
+            nearest_front(body, t, pose.position, ways) for body in rig.scene.crowd.each
+        ]
+        expected = np.array(front_distance)[mask[v, u] - 1, np.arange(25)] * rays[:, 2]
         error = np.abs(depth[v, u] - expected)
         good += np.count_nonzero(error < 1e-4 * np.maximum(1.0, expected / 5.0))
         checked += len(rays)
@@ -216,13 +218,13 @@ def nearest_front(body, t, eyes, rays):
     n, state = np.cross(a, b), states_at(body, t)
     # In the body's axes, with one axis more, for its rectangles.
     turn = rotation.to_matrix(state.q_wb)
-    eye, ray = (np.einsum("nij,ni->nj", turn, each)[:, None] for each in
+    eye, ray = (np.einsum("nij,ni->nj", turn, vector)[:, None] for vector in
                 (eyes - state.position, rays))  # fmt: skip
     slope = (ray * n).sum(axis=2)
     with np.errstate(divide="ignore", invalid="ignore"):
         away = (n * (o - eye)).sum(axis=2) / slope
-        at = eye + away[..., None] * ray - o
-        s, r = ((at * side).sum(axis=2) / (side * side).sum(axis=1) for side in (a, b))
+        intersection = eye + away[..., None] * ray - o
+        s, r = ((intersection * side).sum(axis=2) / (side * side).sum(axis=1) for side in (a, b))
     hit = (slope < 0.0) & (away > 0.0) & (s >= 0.0) & (s <= 1.0) & (r >= 0.0) & (r <= 1.0)
     return np.where(hit, away, np.inf).min(axis=1)
 
@@ -252,20 +254,20 @@ def test_corners_printed_on_a_moving_body_are_where_its_pose_puts_them(make_rig,
     for k in range(20, 180, 40):
         time = np.full(len(inner), view.seconds(view.frames(k, 1).true_t_ns)[0])
         late = np.zeros(len(inner))
-        first = None
+        initial_uv = None
         for _ in range(12):
             local = in_camera(
                 view.poses(rig.trajectory, time + late), board.outside(time + late, inner)
             )
             uv, valid = view.model.project(local)
-            first = uv if first is None else first
+            initial_uv = uv if initial_uv is None else initial_uv
             late = row_time * (uv[:, 1] - 119.5)
-        moved.append(np.abs(uv - first).max())
+        moved.append(np.abs(uv - initial_uv).max())
         uv = uv[valid & view.model.inside(uv, 15.0)]
         stop = (cv2.TERM_CRITERIA_EPS + cv2.TERM_CRITERIA_MAX_ITER, 60, 1e-5)
         start = uv.astype(np.float32).reshape(-1, 1, 2)
-        found = cv2.cornerSubPix(imager.image(k), start, (4, 4), (-1, -1), stop)
-        errors.append(found[:, 0] - uv)
+        refined = cv2.cornerSubPix(imager.image(k), start, (4, 4), (-1, -1), stop)
+        errors.append(refined[:, 0] - uv)
     errors = np.concatenate(errors)
     assert len(errors) > 125
     # As on walls: below 0.1 px, of which the refinement's own share is most.
@@ -290,24 +292,24 @@ def test_landmarks_on_bodies_are_tracked_and_bodies_hide_what_is_behind(
     at_rest = tracks.landmark < len(rig.scene.landmarks)
     assert np.array_equal(tracks.body == 0, at_rest)
     without = Tracker(rig.views["cam0"], rig.scene._replace(crowd=None), rig.trajectory)
-    there = without.tracks(0, 25)
+    static_tracks = without.tracks(0, 25)
     imager = Imager(rig.views["cam0"], rig.scene, imager_of_hall.atlas, rig.trajectory)
     good, count, checked = 0, 0, np.zeros(2, np.int64)
     for k in range(0, 25, 2):
         _, mask = imager.depth_and_mask(k)
-        seen = tracks.frame == k
-        for row in np.flatnonzero(seen & (tracks.body > 0)):
+        in_frame = tracks.frame == k
+        for row in np.flatnonzero(in_frame & (tracks.body > 0)):
             good += (around(mask, tracks.uv_true[row]) == tracks.body[row]).any()
             count += 1
         # A landmark at rest is tracked unless its ray meets a body: a pixel may be wider than the
         # gap between two legs, or than the edge of a door.
-        at_rest = tracks.landmark[seen & (tracks.body == 0)]
-        rows = np.flatnonzero(there.frame == k)[::5]
-        gone = ~np.isin(there.landmark[rows], at_rest)
-        near = [around(mask, uv).any() for uv in there.uv_true[rows]]
-        rows, gone = rows[gone | near], gone[gone | near]
-        points = rig.scene.landmarks[there.landmark[rows]]
-        assert np.array_equal(behind_a_body(rig, k, there.uv_true[rows], points), gone)
+        at_rest = tracks.landmark[in_frame & (tracks.body == 0)]
+        rows = np.flatnonzero(static_tracks.frame == k)[::5]
+        gone = ~np.isin(static_tracks.landmark[rows], at_rest)
+        at_mask = [around(mask, uv).any() for uv in static_tracks.uv_true[rows]]
+        rows, gone = rows[gone | at_mask], gone[gone | at_mask]
+        points = rig.scene.landmarks[static_tracks.landmark[rows]]
+        assert np.array_equal(behind_a_body(rig, k, static_tracks.uv_true[rows], points), gone)
         checked += np.bincount(gone, minlength=2)
     assert count > 30
     assert good == count
@@ -338,26 +340,28 @@ def time_of_row(view, number, row):
 
 @pytest.mark.parametrize("kind", ["person", "cart"])
 def test_a_body_is_closed(kind):
-    """From wherever above the floor, the first face that a ray meets shows its front."""
+    """The first face on a ray from any place above the floor shows its front."""
     site = Site(np.zeros(3), np.ones(3), np.zeros((0, 3)))
-    own = MovingBody(kind, kind, faces(kind, 1, site), Course(np.zeros((4, 3))), 0.0).surfaces()
+    surfaces = MovingBody(
+        kind, kind, faces(kind, 1, site), Course(np.zeros((4, 3))), 0.0
+    ).surfaces()
     stream = np.random.default_rng(1)
     angle = stream.uniform(0.0, 2.0 * np.pi, 40_000)
     eye = np.column_stack(
         [2.0 * np.cos(angle), 2.0 * np.sin(angle), stream.uniform(0.0, 2.6, len(angle))]
     )
     ways = stream.uniform((-0.5, -0.35, 0.0), (0.5, 0.35, 1.8), eye.shape) - eye
-    hits = Caster(own).cast(eye, ways)
-    met = (hits.surface >= 0) & ((eye + hits.distance[:, None] * ways)[:, 2] > 0.0)
-    assert np.count_nonzero(met) > 10_000
-    assert ((own.normal[hits.surface] * ways).sum(axis=1)[met] < 0.0).all()
+    hits = Caster(surfaces).cast(eye, ways)
+    valid = (hits.surface >= 0) & ((eye + hits.distance[:, None] * ways)[:, 2] > 0.0)
+    assert np.count_nonzero(valid) > 10_000
+    assert ((surfaces.normal[hits.surface] * ways).sum(axis=1)[valid] < 0.0).all()
 
 
 def test_wrong_numbers_of_bodies_are_refused(make_rig):
-    here = {k: v for k, v in TOUR.items() if not k.startswith("trajectory__")}
+    placement = {k: v for k, v in TOUR.items() if not k.startswith("trajectory__")}
     street = {"scene__type": "street", "scene__size": [60.0, 16.0, 12.0]}
     with pytest.raises(ConfigurationError, match="this place has 0 doors that can move"):
-        make_rig("figure_eight", **{**here, **street, "scene__center": [0.0, 0.0, 6.0]})
+        make_rig("figure_eight", **{**placement, **street, "scene__center": [0.0, 0.0, 6.0]})
     with pytest.raises(ConfigurationError, match="105 bodies in all; at most 100"):
         make_rig("tour", **{**TOUR, "scene__bodies__people": 50, "scene__bodies__carts": 50,
                             "scene__bodies__doors": 5})  # fmt: skip
@@ -423,13 +427,13 @@ def test_folders_hold_masks_poses_and_the_bodies_of_tracks(mav0, tmp_path):
 
 def test_bags_hold_masks_and_odometry_of_bodies(mav0, tmp_path):
     ims.generate(tmp_path / "flight.mcap", **GIVEN)
-    found = {}
+    messages = {}
     with AnyReader([tmp_path / "flight.mcap"]) as bag:
         for connection, t_ns, data in bag.messages():
             message = bag.deserialize(data, connection.msgtype)
-            found.setdefault(connection.topic, []).append((t_ns, message))
-    masks = found["/cam0/mask/image_raw"]
-    assert len(masks) == len(found["/cam0/image_raw"]) == 20
+            messages.setdefault(connection.topic, []).append((t_ns, message))
+    masks = messages["/cam0/mask/image_raw"]
+    assert len(masks) == len(messages["/cam0/image_raw"]) == 20
     for t_ns, message in masks:
         file = mav0 / "cam0/mask" / f"{t_ns:019d}.png"
         assert message.encoding == "mono8"
@@ -437,18 +441,18 @@ def test_bags_hold_masks_and_odometry_of_bodies(mav0, tmp_path):
     table = np.genfromtxt(mav0 / "bodies.csv", delimiter=",", names=True, dtype=None,
                           encoding="utf-8")  # fmt: skip
     for number, name in enumerate(("door_1", "person_1", "person_2"), start=1):
-        poses = found[f"/ground_truth/bodies/{name}"]
+        poses = messages[f"/ground_truth/bodies/{name}"]
         rows = {row["t_ns"]: row for row in table[table["body"] == number]}
         assert len(poses) == 20
         for t_ns, message in poses:  # true times: the camera's stamps are 5 ms later
-            row, at = rows[t_ns], message.pose.pose.position
+            row, position = rows[t_ns], message.pose.pose.position
             assert message.child_frame_id == name
-            assert (at.x, at.y, at.z) == (row["x"], row["y"], row["z"])
+            assert (position.x, position.y, position.z) == (row["x"], row["y"], row["z"])
             state = CameraPoses(
                 np.zeros((1, 3)), np.array([[row[k] for k in ("qw", "qx", "qy", "qz")]])
             )
             world = rotation.rotate(state.q_wc, np.array([[message.twist.twist.linear.x,
                                     message.twist.twist.linear.y, 0.0]]))  # fmt: skip
             assert world[0, 0] == pytest.approx(row["vx"], abs=1e-12)
-    channels = [channel.name for channel in found["/feature_tracker/feature"][0][1].channels]
+    channels = [channel.name for channel in messages["/feature_tracker/feature"][0][1].channels]
     assert channels[-1] == "body"

@@ -21,11 +21,11 @@ def chunk(kind, body):
     return struct.pack(">I", len(body)) + kind + body + struct.pack(">I", zlib.crc32(kind + body))
 
 
-def made(width, height, pixels, depth=8, colour=0, more=b""):
+def made(width, height, pixels, depth=8, colour=0, chunks=b""):
     header = struct.pack(">IIBBBBB", width, height, depth, colour, 0, 0, 0)
     body = [
         chunk(b"IHDR", header),
-        more,
+        chunks,
         chunk(b"IDAT", zlib.compress(pixels)),
         chunk(b"IEND", b""),
     ]
@@ -38,10 +38,10 @@ def test_the_size_of_every_kind_of_png_is_known(mode, size):
     image = pytest.importorskip("PIL.Image")
     file = io.BytesIO()
     image.new(mode, size).save(file, "png")
-    found, needed = examined(file.getvalue())
-    assert found == size[::-1]
-    assert examined(needed)[0] == found
-    assert decoded(file.getvalue()).shape[:2] == found
+    dimensions, needed = examined(file.getvalue())
+    assert dimensions == size[::-1]
+    assert examined(needed)[0] == dimensions
+    assert decoded(file.getvalue()).shape[:2] == dimensions
 
 
 def plain(form, width, height):
@@ -88,11 +88,13 @@ def test_a_jpeg_has_the_pixels_that_opencv_finds(colours):
         image = stream.integers(0, 256, (37, 53, *colours), dtype=np.uint8)
         options = [cv2.IMWRITE_JPEG_QUALITY, 70, cv2.IMWRITE_JPEG_RST_INTERVAL, restart]
         for progressive in (0, 1):
-            more = [cv2.IMWRITE_JPEG_PROGRESSIVE, progressive]
-            data = cv2.imencode(".jpg", image, options + more)[1]
+            progressive_option = [cv2.IMWRITE_JPEG_PROGRESSIVE, progressive]
+            data = cv2.imencode(".jpg", image, options + progressive_option)[1]
             expected = cv2.imdecode(data, cv2.IMREAD_UNCHANGED)
-            found = decoded(data.tobytes())
-            np.testing.assert_array_equal(found, expected[..., ::-1] if colours else expected)
+            decoded_pixels = decoded(data.tobytes())
+            np.testing.assert_array_equal(
+                decoded_pixels, expected[..., ::-1] if colours else expected
+            )
 
 
 def test_a_damaged_jpeg_is_refused_without_a_line_of_libjpeg(capfd):
@@ -105,9 +107,9 @@ def test_a_damaged_jpeg_is_refused_without_a_line_of_libjpeg(capfd):
     for end in (len(data) // 2, len(data) - 60):
         with pytest.raises(InputError, match="a JPEG that is damaged: image file is truncated"):
             decoded(data[:end] + data[-2:])
-    at = data.index(b"\xff\xc4")  # a table of Huffman's code
+    table_start = data.index(b"\xff\xc4")  # a table of Huffman's code
     with pytest.raises(InputError, match="a JPEG that is damaged: "):
-        decoded(data[: at + 6] + bytes([255] * 12) + data[at + 18 :])
+        decoded(data[: table_start + 6] + bytes([255] * 12) + data[table_start + 18 :])
     assert capfd.readouterr().err == ""
 
 
@@ -115,8 +117,8 @@ def test_what_pixels_do_not_depend_on_is_not_decoded():
     data = png(IMAGE)
     profile = chunk(b"iCCP", b"x\0\0" + zlib.compress(b"no profile"))
     text = chunk(b"tEXt", b"Comment\0hello")
-    found, needed = examined(data[:33] + profile + text + data[33:])
-    assert (found, needed) == ((17, 23), data)
+    dimensions, needed = examined(data[:33] + profile + text + data[33:])
+    assert (dimensions, needed) == ((17, 23), data)
     np.testing.assert_array_equal(decoded(data[:33] + profile + data[33:]), IMAGE)
 
 

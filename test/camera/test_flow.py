@@ -80,29 +80,29 @@ def test_flow_is_that_of_depth_and_poses(hall):
             local = ray / ray[2] * float(depth[v, u])
             body = int(mask[v, u])
             bodies.add(body)
-            each = rig.scene.crowd.each
+            moving_bodies = rig.scene.crowd.each
             if body:
-                pose = CameraPoses(*each[body - 1].sees(np.array([t]), *pose))
+                pose = CameraPoses(*moving_bodies[body - 1].sees(np.array([t]), *pose))
             point = pose.position[0] + rotation.rotate(pose.q_wc[0], local)
 
-            def at(row, body=body, point=point, each=each, number=number):
-                then = np.array([(number + 1) / 20.0 + row_time * (row - 0.5 * (height - 1))])
-                pose = view.poses(rig.trajectory, then)
+            def at(row, body=body, point=point, moving_bodies=moving_bodies, number=number):
+                row_stamps = np.array([(number + 1) / 20.0 + row_time * (row - 0.5 * (height - 1))])
+                pose = view.poses(rig.trajectory, row_stamps)
                 if body:
-                    pose = CameraPoses(*each[body - 1].sees(then, *pose))
+                    pose = CameraPoses(*moving_bodies[body - 1].sees(row_stamps, *pose))
                 return view.model.project(in_camera(pose, point[None]))[0][0]
 
             row = float(v)
             for _ in range(6 if row_time else 1):  # each is closer by its share of rows per row
-                there = at(row)
-                row = there[1]
+                projection = at(row)
+                row = projection[1]
             # Single precision: 4e-6 px of 188, and 1e-7 of the depth.
-            assert np.abs(there - (u, v) - steps[v, u]).max() < 1e-4
+            assert np.abs(projection - (u, v) - steps[v, u]).max() < 1e-4
     assert len(bodies) >= 3  # the hall and two that move
 
 
 def test_the_next_image_warped_by_the_flow_is_the_image():
-    """Where there is flow: what light and gloss change of it aside, to a few grey values."""
+    """Valid pixels agree to a few grey values, apart from changes of light and gloss."""
     cv2 = pytest.importorskip("cv2")
     plain = {"scene__texture": "plain", "trajectory__y.amplitude": [1.2]}
     rig = make_rig("figure_eight", **HALL, **plain, camera__row_time=2e-4)
@@ -111,10 +111,12 @@ def test_the_next_image_warped_by_the_flow_is_the_image():
     for number in (10, 70):
         steps = imager.flow(number)
         valid = np.isfinite(steps).all(axis=2)
-        at = np.nan_to_num(steps)
-        first, second = (imager.image(k).astype(np.float32) for k in (number, number + 1))
-        warped = cv2.remap(second, columns + at[..., 0], rows + at[..., 1], cv2.INTER_CUBIC)
-        moved, still = (np.abs(each - first)[valid] for each in (warped, second))
+        displacement = np.nan_to_num(steps)
+        current, second = (imager.image(k).astype(np.float32) for k in (number, number + 1))
+        warped = cv2.remap(
+            second, columns + displacement[..., 0], rows + displacement[..., 1], cv2.INTER_CUBIC
+        )
+        moved, still = (np.abs(frame - current)[valid] for frame in (warped, second))
         assert np.median(moved) <= 1.0
         assert moved.mean() < 0.5 * still.mean()
 
@@ -124,11 +126,11 @@ def test_the_last_frame_has_none_and_what_leaves_the_image_has_none():
     assert np.isnan(imager.flow(rig.views["cam0"].total - 1)).all()
     steps = imager.flow(30)
     rows, columns = np.mgrid[:120, :188]
-    then = np.stack([columns, rows], axis=2) + steps
+    target = np.stack([columns, rows], axis=2) + steps
     valid = np.isfinite(steps).all(axis=2)
     assert not valid.all()
-    assert (then[valid] >= -0.5).all()
-    assert (then[valid] <= (187.5, 119.5)).all()
+    assert (target[valid] >= -0.5).all()
+    assert (target[valid] <= (187.5, 119.5)).all()
 
 
 def test_kittis_form():
@@ -149,12 +151,12 @@ def test_folders_and_bags_hold_it(tmp_path, capsys):
         for name, value in {**SMALL_CAMERA, "camera__mounting": None}.items()
         if value is not None
     ]
-    words = ["--trajectory", "figure_eight", "--scene", "room", "--rate", "100", "--duration"]
-    words += ["0.2s", "--camera", "euroc_cam0", *small, "--seed", "1", "--quiet"]
+    arguments = ["--trajectory", "figure_eight", "--scene", "room", "--rate", "100", "--duration"]
+    arguments += ["0.2s", "--camera", "euroc_cam0", *small, "--seed", "1", "--quiet"]
     for form in ("raw", "kitti"):
         out = ["-o", str(tmp_path / form), "--format", "euroc"]
-        assert main([*out, *words, "--set", f"camera.flow={form}"]) == 0
-    assert main(["-o", str(tmp_path / "a.mcap"), *words, "--set", "camera.flow=raw"]) == 0
+        assert main([*out, *arguments, "--set", f"camera.flow={form}"]) == 0
+    assert main(["-o", str(tmp_path / "a.mcap"), *arguments, "--set", "camera.flow=raw"]) == 0
     arrays = [np.load(path) for path in sorted((tmp_path / "raw/cam0/flow").glob("*.npy"))]
     pictures = sorted((tmp_path / "kitti/cam0/flow").glob("*.png"))
     images = sorted((tmp_path / "raw/cam0/data").glob("*.png"))

@@ -63,9 +63,9 @@ OF_AREAS = {
     "linear": "85a1a9a917979aec",
 }
 TEXTURES = {}
-"""Of scenes that were made before: the same parameters give the same ones."""
+"""Texture atlases by scene: the same parameters give the same textures."""
 IMAGERS = {}
-"""Those that were made before, and their rigs: an image follows from its number alone."""
+"""Imagers and their rigs by parameters: an image follows from its number alone."""
 CASES = {
     "plain": {},
     "everything": EVERYTHING,
@@ -122,11 +122,11 @@ def test_a_seed_gives_the_same_bytes_everywhere(make_rig, case):
 def test_the_bytes_do_not_depend_on_the_processor():
     """Another process, without the vector instructions that it may be told to leave alone."""
     off = "AVX AVX2 FMA3 AVX512F AVX512CD AVX512_SKX AVX512_CLX AVX512_CNL AVX512_ICL"
-    known = np.show_config(mode="dicts")["SIMD Extensions"]
-    found = [name for name in off.split() if name in known.get("found", ())]
+    extensions = np.show_config(mode="dicts")["SIMD Extensions"]
+    features = [name for name in off.split() if name in extensions.get("found", ())]
     environment = {
         **os.environ,
-        "NPY_DISABLE_CPU_FEATURES": " ".join(found),
+        "NPY_DISABLE_CPU_FEATURES": " ".join(features),
         "OPENCV_CPU_DISABLE": "AVX2,FP16,AVX512_SKX",
         "NUMBA_CPU_NAME": "generic",
     }
@@ -142,9 +142,9 @@ def test_the_bytes_do_not_depend_on_the_processor():
 
 
 def test_images_do_not_depend_on_whether_rays_are_kept(make_rig, monkeypatch):
-    kept = make_imager(make_rig, **EVERYTHING)[1].image(3)
+    cached = make_imager(make_rig, **EVERYTHING)[1].image(3)
     monkeypatch.setattr("imu_sim_ros.sensors.camera.images.rays._KEPT", 0)
-    assert np.array_equal(new_imager(make_rig, **EVERYTHING)[1].image(3), kept)
+    assert np.array_equal(new_imager(make_rig, **EVERYTHING)[1].image(3), cached)
 
 
 def test_images_do_not_depend_on_the_order_nor_on_threads(make_rig):
@@ -155,8 +155,8 @@ def test_images_do_not_depend_on_the_order_nor_on_threads(make_rig):
     backwards = [imager.image(k) for k in reversed(numbers)][::-1]
     with ThreadPoolExecutor(3) as pool:
         together = list(pool.map(imager.image, numbers))
-    for first, second in zip(backwards, together, strict=True):
-        assert np.array_equal(first, second)
+    for backward_image, second in zip(backwards, together, strict=True):
+        assert np.array_equal(backward_image, second)
 
 
 def plainly_looked_up(atlas, patch, place, doublings):
@@ -166,9 +166,9 @@ def plainly_looked_up(atlas, patch, place, doublings):
         step = np.float32((j + 0.5) / count - 0.5)
         looks = []
         for scale, offset in zip(patch["scale"], patch["offset"], strict=True):
-            at = place * scale + offset + step * (patch["along"] * scale)
-            at = np.clip(at, offset, offset + scale)
-            looks.append(plainly_bilinear(atlas, *np.rint(32.0 * at).astype(int)))
+            texel = place * scale + offset + step * (patch["along"] * scale)
+            texel = np.clip(texel, offset, offset + scale)
+            looks.append(plainly_bilinear(atlas, *np.rint(32.0 * texel).astype(int)))
         share = int(patch["share"])
         total = total + (((256 - share) * looks[0] + share * looks[1] + 128) >> 8)
     return (total + count // 2) // count
@@ -177,8 +177,11 @@ def plainly_looked_up(atlas, patch, place, doublings):
 def plainly_bilinear(atlas, x, y):
     """Bilinear in plain NumPy integers: (sum w a + 512) >> 10 with weights of 1/32."""
     (x, fx), (y, fy) = np.divmod(x, 32), np.divmod(y, 32)
-    right, below = np.minimum(x + 1, atlas.shape[1] - 1), np.minimum(y + 1, atlas.shape[0] - 1)
-    four = atlas[[y, y, below, below], [x, right, x, right]].astype(int)
+    next_column, next_row = (
+        np.minimum(x + 1, atlas.shape[1] - 1),
+        np.minimum(y + 1, atlas.shape[0] - 1),
+    )
+    four = atlas[[y, y, next_row, next_row], [x, next_column, x, next_column]].astype(int)
     total = (
         (32 - fx) * (32 - fy) * four[0]
         + fx * (32 - fy) * four[1]
@@ -215,9 +218,9 @@ def test_the_image_does_not_depend_on_its_bands(make_rig, monkeypatch, scale):
     assert len(many._renderer.bands) > 2
     expected = many.image(3)
     monkeypatch.setattr("imu_sim_ros.sensors.camera.images.rays._BAND", 10**9)
-    one = new_imager(make_rig, camera__supersampling=scale, **plain)[1]
-    assert len(one._renderer.bands) == 1
-    assert np.array_equal(one.image(3), expected)
+    single_band = new_imager(make_rig, camera__supersampling=scale, **plain)[1]
+    assert len(single_band._renderer.bands) == 1
+    assert np.array_equal(single_band.image(3), expected)
 
 
 @pytest.mark.parametrize("shutter", [0.0, 2e-4])
@@ -241,11 +244,11 @@ def test_edges_and_grazing_textures_are_those_of_many_rays(make_rig, shutter):
             inner = [slice(None)] * 2
             inner[axis] = slice(1, -1)
             edge[tuple(inner)] |= second
-        for each, found in ((points, worse), (areas, better)):
-            error = np.abs(each.image(number) - judge)
-            found.append((error[edge].mean(), error[~edge].mean()))
-    (edges, rest), (before, rest_before) = np.mean(better, axis=0), np.mean(worse, axis=0)
-    assert edges < 0.5 * before
+        for renderer, statistics in ((points, worse), (areas, better)):
+            error = np.abs(renderer.image(number) - judge)
+            statistics.append((error[edge].mean(), error[~edge].mean()))
+    (edges, rest), (rough_edges, rest_before) = np.mean(better, axis=0), np.mean(worse, axis=0)
+    assert edges < 0.5 * rough_edges
     assert rest < 0.8 * rest_before
 
 
@@ -260,22 +263,22 @@ def lk_errors(imagers, number, window=15):
     flow, depth = imagers[0].flow(number), imagers[0].depth(number)
     step = np.zeros(depth.shape, np.uint8)
     for axis in (0, 1):
-        near, far = np.roll(1 / depth, 1, axis), np.roll(1 / depth, -1, axis)
-        step |= (np.abs(near + far - 2 / depth) * depth > 0.05).astype(np.uint8)
-    images = [[each.image(number), each.image(number + 1)] for each in imagers]
+        previous_depth, next_depth = np.roll(1 / depth, 1, axis), np.roll(1 / depth, -1, axis)
+        step |= (np.abs(previous_depth + next_depth - 2 / depth) * depth > 0.05).astype(np.uint8)
+    images = [[images_of.image(number), images_of.image(number + 1)] for images_of in imagers]
     points = cv2.goodFeaturesToTrack(images[-1][0], 300, 0.01, 4)[:, 0]
     half, pixel = window // 2, np.rint(points).astype(int)
-    inside = ((pixel > half + 2) & (pixel < np.array(depth.shape)[::-1] - half - 3)).all(axis=1)
-    points, pixel = points[inside], pixel[inside]
+    in_image = ((pixel > half + 2) & (pixel < np.array(depth.shape)[::-1] - half - 3)).all(axis=1)
+    points, pixel = points[in_image], pixel[in_image]
     columns, rows = pixel.T
     # What is at a corner next to a step may be that on either side.
     truth = np.stack([flow[rows + i, columns + j] for i in (-2, 0, 2) for j in (-2, 0, 2)])
     errors = []
-    for before, after in images:
-        found, tracked, _ = cv2.calcOpticalFlowPyrLK(
-            before, after, points[:, None], None, winSize=(window, window), maxLevel=2
+    for current_image, next_image in images:
+        tracked_uv, tracked, _ = cv2.calcOpticalFlowPyrLK(
+            current_image, next_image, points[:, None], None, winSize=(window, window), maxLevel=2
         )
-        error = np.linalg.norm(found[:, 0] - points - truth, axis=2)
+        error = np.linalg.norm(tracked_uv[:, 0] - points - truth, axis=2)
         errors.append(np.where(np.isfinite(error), error, np.inf).min(axis=0))
         errors[-1][tracked[:, 0] == 0] = np.inf
     place = np.indices((window, window)).reshape(2, -1).T
@@ -283,9 +286,9 @@ def lk_errors(imagers, number, window=15):
     spread = []
     for column, row in pixel:
         part = np.s_[row - half : row + half + 1, column - half : column + half + 1]
-        own = flow[part].reshape(-1, 2)
-        fit = np.linalg.lstsq(plane, np.nan_to_num(own), rcond=None)[0]
-        spread.append(np.abs(own - plane @ fit).max())
+        window_flow = flow[part].reshape(-1, 2)
+        fit = np.linalg.lstsq(plane, np.nan_to_num(window_flow), rcond=None)[0]
+        spread.append(np.abs(window_flow - plane @ fit).max())
     return np.stack(errors), cv2.dilate(step, np.ones((5, 5)))[rows, columns] > 0, np.array(spread)
 
 
@@ -299,17 +302,19 @@ def test_edges_are_tracked_as_in_images_of_many_rays(make_rig):
     _, points = make_imager(make_rig, **values, **POINTS)
     _, areas = make_imager(make_rig, **values)
     _, many = make_imager(make_rig, **values, **POINTS, camera__supersampling=6)
-    found = [lk_errors([areas, points, many], number) for number in (25, 45, 65, 85, 105)]
-    errors, edge, spread = (np.concatenate(each, axis=-1) for each in zip(*found, strict=True))
-    (at_edges, stepped, judge), one = errors[:, edge], edge & (spread < 0.1)
+    evaluations = [lk_errors([areas, points, many], number) for number in (25, 45, 65, 85, 105)]
+    errors, edge, spread = (
+        np.concatenate(parts, axis=-1) for parts in zip(*evaluations, strict=True)
+    )
+    (at_edges, stepped, judge), single_motion = errors[:, edge], edge & (spread < 0.1)
     assert edge.sum() > 100
-    assert one.sum() > 50
+    assert single_motion.sum() > 50
     for share in (50, 90):
         of_rays = np.percentile(judge, share)
         # The points are the same; only the images differ.
         assert np.percentile(at_edges, share) < 1.25 * of_rays + 0.01
         surfaces = np.percentile(errors[0, ~edge & (spread < 0.1)], share)
-        assert np.percentile(errors[0, one], share) < 2.0 * surfaces
+        assert np.percentile(errors[0, single_motion], share) < 2.0 * surfaces
     assert np.median(stepped) > 1.5 * np.median(at_edges)
 
 
@@ -341,19 +346,19 @@ def test_sixteen_rays_a_pixel_of_a_stereo_pair_fit_into_500_mb(make_rig):
 def test_two_mip_levels_are_those_next_to_the_step_of_a_pixel(make_rig):
     """The share of the coarser one grows with the step: none at 2^k texels, all at 2^(k + 1)."""
     rig, imager = make_imager(make_rig, camera__mip_levels="trilinear", **POINTS)
-    seen = Seen(rig, imager, 1.0)
+    view = Seen(rig, imager, 1.0)
     stream, checked = np.random.default_rng(5), 0
     pixels = np.column_stack([stream.integers(0, 187, 150), stream.integers(0, 119, 150)])
-    own, *others = (traced(rig, 1.0, pixels + offset) for offset in ((0, 0), (1, 0), (0, 1)))
+    hits, *shifted_hits = (traced(rig, 1.0, pixels + offset) for offset in ((0, 0), (1, 0), (0, 1)))
     for k, (u, v) in enumerate(pixels):
-        m, place = own[0][k], own[1][k]
-        if any(other[0][k] != m for other in others):
+        m, place = hits[0][k], hits[1][k]
+        if any(shifted[0][k] != m for shifted in shifted_hits):
             continue
         size = imager.atlas.size[m]
-        step = max(np.hypot(*((other[1][k] - place) * size)) for other in others)
-        number, at, patch = seen(u, v)
+        step = max(np.hypot(*((shifted[1][k] - place) * size)) for shifted in shifted_hits)
+        number, place_seen, patch = view(u, v)
         assert number == m
-        assert at == pytest.approx(place, abs=1e-4)
+        assert place_seen == pytest.approx(place, abs=1e-4)
         level = levels_of(imager.atlas, m, patch)
         assert level[1] == level[0] + 1
         blended = level[0] + np.log2(1.0 + patch["share"] / 256.0)
@@ -423,8 +428,8 @@ def test_the_exposure_changes_blur_and_brightness(make_rig):
     assert changing.exposure(10) == pytest.approx(0.03)  # a quarter of the period
     assert changing.exposure(30) == pytest.approx(0.01)
     longer = {**values, "camera__exposure_change": 0.0, "camera__exposure_time": 0.03}
-    _, other = make_imager(make_rig, **longer, camera__gain=1.5)
-    assert np.abs(changing.image(10).astype(int) - other.image(10)).max() <= 1
+    _, reference = make_imager(make_rig, **longer, camera__gain=1.5)
+    assert np.abs(changing.image(10).astype(int) - reference.image(10)).max() <= 1
     with pytest.raises(ConfigurationError, match=r"exposure_time must be above 0 s"):
         make_rig(camera__exposure_change=0.5)
     with pytest.raises(ConfigurationError, match=r"exposure_change up to 0\.054 s"):
@@ -474,7 +479,7 @@ def test_automatic_exposure_multiplies_noise_and_leaves_white_white(make_rig):
 
 
 def test_a_linear_response_is_in_proportion_to_light(make_rig):
-    """Of what srgb gives, and of two lights of a surface; a blurred pixel has the mean light."""
+    """Grey values are linear in the light of an sRGB image; a blurred pixel has the mean light."""
     linear = {"camera__response": "linear", "camera__read_noise": 0.0}
     _, photo = make_imager(make_rig, camera__read_noise=0.0)
     _, plain = make_imager(make_rig, **linear)
@@ -499,7 +504,7 @@ def test_a_linear_response_is_in_proportion_to_light(make_rig):
 
 
 class Seen:
-    """What the renderer finds at the centres of pixels."""
+    """Surfaces, places and texture patches of the renderer at the centres of pixels."""
 
     def __init__(self, rig, imager, t):
         eyes = Eyes(rig.views["cam0"].poses(rig.trajectory, np.array([t])))
@@ -514,20 +519,20 @@ class Seen:
         planes, pairs = self.visible.planes, self.visible.pairs
         cell = v // CELL * -(-self.rays.shape[2] // CELL) + u // CELL
         ray, (begin, end) = tuple(self.rays[:, v, u]), pairs.first[cell : cell + 2]
-        _, own, s, r = nearest(*planes, pairs.which, pairs.fills, begin, end, 0, ray)
-        return self.numbers[pairs.which[own]], (s, r), self.visible.patches[own]
+        _, hit, s, r = nearest(*planes, pairs.which, pairs.fills, begin, end, 0, ray)
+        return self.numbers[pairs.which[hit]], (s, r), self.visible.patches[hit]
 
 
 def levels_of(atlas, m, patch):
     """Return which levels of a surface's texture a record names."""
-    found = []
+    levels = []
     for scale, offset in zip(patch["scale"], patch["offset"], strict=True):
         if scale.any():
             level = round(float(np.log2(atlas.size[m, 0] / scale[0])))
             assert scale == pytest.approx(atlas.size[m] / 2.0**level)
             assert offset == pytest.approx(atlas.corner[m, level] - 0.5)
-            found.append(level)
-    return found
+            levels.append(level)
+    return levels
 
 
 def traced(rig, t, pixels):
@@ -544,28 +549,28 @@ def traced(rig, t, pixels):
         place = np.stack(sides, axis=-1)
         front = (slope < 0.0) & (height < 0.0) & ((place >= 0.0) & (place <= 1.0)).all(axis=2)
         distance = np.where(front, height / slope, np.inf)
-    each, m = np.arange(len(rays)), distance.argmin(axis=1)
-    return m, place[each, m], distance[each, m] * rays[:, 2]
+    ray_index, m = np.arange(len(rays)), distance.argmin(axis=1)
+    return m, place[ray_index, m], distance[ray_index, m] * rays[:, 2]
 
 
 def test_every_pixel_looks_at_the_nearest_surface(make_rig):
     rig, imager = make_imager(make_rig, scene__boxes=8, **POINTS)
-    depth, seen = imager.depth(20), Seen(rig, imager, 1.0)
+    depth, view = imager.depth(20), Seen(rig, imager, 1.0)
     stream, checked, levels = np.random.default_rng(0), 0, set()
     pixels = np.column_stack([stream.integers(0, 188, 400), stream.integers(0, 120, 400)])
-    own, *others = (traced(rig, 1.0, pixels + offset) for offset in ((0, 0), (1, 0), (0, 1)))
+    hits, *shifted_hits = (traced(rig, 1.0, pixels + offset) for offset in ((0, 0), (1, 0), (0, 1)))
     for k, (u, v) in enumerate(pixels):
-        m, place, expected = (each[k] for each in own)
+        m, place, expected = (component[k] for component in hits)
         if abs(depth[v, u] - expected) > 1e-4 * expected:
             continue  # an edge: counted below
         checked += 1
-        number, at, patch = seen(u, v)
+        number, place_seen, patch = view(u, v)
         assert number == m
         size = imager.atlas.size[m]
-        assert np.abs((np.array(at) - place) * size).max() < 5e-3
+        assert np.abs((np.array(place_seen) - place) * size).max() < 5e-3
         level = levels_of(imager.atlas, m, patch)[0]
         levels.add(level)
-        steps = [np.hypot(*((other[1][k] - place) * size)) for other in others]
+        steps = [np.hypot(*((shifted[1][k] - place) * size)) for shifted in shifted_hits]
         if max(steps) < 100.0:  # the neighbours are on the same surface
             # One level holds for a cell of 8 x 8 pixels, within which the step changes.
             assert abs(np.log2(max(1.0, *steps)) - level) < 1.6
@@ -586,9 +591,9 @@ def test_the_grey_values_follow_gain_vignetting_and_noise(make_rig):
     _, noisy = make_imager(make_rig, **values)
     error = np.concatenate([(noisy.image(10) - reference).ravel()])
     level = reference.ravel()
-    inside = (level > 30.0) & (level < 225.0)  # no clipping at black or white
+    unclipped = (level > 30.0) & (level < 225.0)  # no clipping at black or white
     for low, high in ((30, 90), (90, 150), (150, 225)):
-        part = inside & (level >= low) & (level < high)
+        part = unclipped & (level >= low) & (level < high)
         # Variance of the sum, of rounding to whole grey values included.
         variance = 4.0 + 36.0 / 255.0 * level[part].mean() + 1.0 / 12.0
         n = int(part.sum())
@@ -611,8 +616,8 @@ def test_blur_is_the_mean_over_the_exposure(make_rig):
 def test_a_repeated_frame_shows_the_one_before(make_rig):
     _, imager = make_imager(make_rig, camera__repeat_probability=0.5, camera__read_noise=2.0)
     images = [imager.image(k) for k in range(120)]
-    same = [np.array_equal(images[k], images[k + 1]) for k in range(119)]
-    assert abs(np.mean(same) - 0.5) < 5.0 * np.sqrt(0.25 / 119)
+    repeated = [np.array_equal(images[k], images[k + 1]) for k in range(119)]
+    assert abs(np.mean(repeated) - 0.5) < 5.0 * np.sqrt(0.25 / 119)
 
 
 @pytest.mark.parametrize("scale", [1, 2])
@@ -635,9 +640,9 @@ def test_aprilgrid_finds_all_tags_where_they_are(make_rig, scale):
     for number in range(60, 180, 24 if scale == 1 else 60):
         true = rig.tracker("cam0").tracks(number, 1)
         assert len(true.landmark) == 144
-        found = detector.detect(imager.image(number))
-        assert sorted(tag.tag_id for tag in found) == list(range(36))
-        for tag in found:
+        detections = detector.detect(imager.image(number))
+        assert sorted(tag.tag_id for tag in detections) == list(range(36))
+        for tag in detections:
             corners = np.reshape(tag.corners, (4, 2))
             exact = true.uv_true[4 * tag.tag_id : 4 * tag.tag_id + 4]
             distance = np.linalg.norm(corners[:, None] - exact, axis=2)
@@ -688,9 +693,9 @@ def test_whoever_follows_a_job_is_told_before_anything_is_compiled(tmp_path):
             text=True,
             check=True,
         )
-        *told, result = done.stdout.splitlines()
+        *messages, result = done.stdout.splitlines()
         assert result == "2 2.0"
-        notices.append(told)
+        notices.append(messages)
     [notice] = notices[0]
     assert "is compiled first" in notice
     assert notices[1] == []
@@ -698,11 +703,13 @@ def test_whoever_follows_a_job_is_told_before_anything_is_compiled(tmp_path):
 
 def test_compiled_loops_are_compiled_anew_when_a_formula_of_theirs_changes():
     """numba looks at the file of the loops alone, and would go on with the former formula."""
-    sources = [inspect.getsource(each) for each in (gloss.reflectance, gloss.mirrored, compiled)]
+    sources = [
+        inspect.getsource(function) for function in (gloss.reflectance, gloss.mirrored, compiled)
+    ]
     digest = hashlib.sha256("".join(sources).encode()).hexdigest()[:12]
     assert digest == loops.FROM_ELSEWHERE
     # Nothing else of the package is compiled there.
     home = inspect.getfile(loops)
-    parts = {each.py_func for each in vars(loops).values() if hasattr(each, "py_func")}
-    elsewhere = {each for each in parts if inspect.getfile(each) != home}
+    parts = {function.py_func for function in vars(loops).values() if hasattr(function, "py_func")}
+    elsewhere = {function for function in parts if inspect.getfile(function) != home}
     assert elsewhere == {gloss.reflectance, gloss.mirrored}

@@ -117,24 +117,24 @@ def test_tracks_are_of_landmarks_that_nothing_hides(make_rig, tmp_path):
     tracks = next(rig.tracks("cam0", 60))
     assert np.bincount(tracks.frame, minlength=60).min() > 5
     poses = rig.views["cam0"].poses(rig.trajectory, np.arange(60) / 20.0)
-    every = np.arange(0, len(tracks.frame), 7)
-    points = rig.scene.landmarks[tracks.landmark[every]]
-    eye = poses.position[tracks.frame[every]]
+    subset = np.arange(0, len(tracks.frame), 7)
+    points = rig.scene.landmarks[tracks.landmark[subset]]
+    eye = poses.position[tracks.frame[subset]]
     distance, _ = met(corners, eye, points - eye)
     assert np.abs(distance - 1.0).max() < 1e-5
-    local = in_camera(CameraPoses(eye, poses.q_wc[tracks.frame[every]]), points)
+    local = in_camera(CameraPoses(eye, poses.q_wc[tracks.frame[subset]]), points)
     uv, valid = rig.views["cam0"].model.project(local)
     assert valid.all()
-    assert np.abs(uv - tracks.uv_true[every]).max() < 1e-9
+    assert np.abs(uv - tracks.uv_true[subset]).max() < 1e-9
     # And those that are left out although they are in the image are hidden.
     eye = np.broadcast_to(poses.position[30], rig.scene.landmarks.shape)
     local = in_camera(CameraPoses(eye, np.tile(poses.q_wc[30], (len(eye), 1))), rig.scene.landmarks)
     uv, valid = rig.views["cam0"].model.project(local)
     valid &= rig.views["cam0"].model.inside(uv) & (local[:, 2] > 0.2)
-    seen = set(tracks.landmark[tracks.frame == 30].tolist())
-    left = [k for k in np.flatnonzero(valid).tolist() if k not in seen]
-    assert len(left) > 3
-    distance, _ = met(corners, eye[left], rig.scene.landmarks[left] - eye[left])
+    tracked = set(tracks.landmark[tracks.frame == 30].tolist())
+    hidden = [k for k in np.flatnonzero(valid).tolist() if k not in tracked]
+    assert len(hidden) > 3
+    distance, _ = met(corners, eye[hidden], rig.scene.landmarks[hidden] - eye[hidden])
     assert (distance < 1.0 - 1e-6).all()
 
 
@@ -198,24 +198,26 @@ def test_colours_are_those_of_the_vertices_in_between(make_rig, tmp_path, antial
         """Return its colours (n, 3) at places in the image, and which of them see it (n,)."""
         eye, ways, _ = pixel_rays(rig, 0, places)
         t = (7.0 - eye[:, 0]) / ways[:, 0]
-        at = (eye + t[:, None] * ways)[:, 1:]
-        values = np.column_stack([255 * (at + 20.0) / 40.0, np.full(len(at), 60.0)])
-        return values, (t > 0) & (np.abs(at) < 20.0).all(axis=1)
+        intersection = (eye + t[:, None] * ways)[:, 1:]
+        values = np.column_stack(
+            [255 * (intersection + 20.0) / 40.0, np.full(len(intersection), 60.0)]
+        )
+        return values, (t > 0) & (np.abs(intersection) < 20.0).all(axis=1)
 
-    expected, seen = wall(pixels)
-    around = grid(np.arange(-1.0, 2.0), np.arange(-1.0, 2.0))
-    neighbours = [wall(pixels + step)[1] for step in around]
+    expected, on_wall = wall(pixels)
+    offsets = grid(np.arange(-1.0, 2.0), np.arange(-1.0, 2.0))
+    neighbours = [wall(pixels + step)[1] for step in offsets]
     if antialiasing:
-        seen = np.all(neighbours, axis=0)
-    assert seen.mean() > 0.5
+        on_wall = np.all(neighbours, axis=0)
+    assert on_wall.mean() > 0.5
     image = image.reshape(-1, 3)
-    assert np.abs(image[seen] - expected[seen]).max() < 0.51
+    assert np.abs(image[on_wall] - expected[on_wall]).max() < 0.51
     if not antialiasing:
         return
-    edge = np.any(neighbours, axis=0) & ~seen
+    edge = np.any(neighbours, axis=0) & ~on_wall
     assert edge.sum() > 100
-    inside = (np.arange(16.0) + 0.5) / 16.0 - 0.5
-    area = np.mean([wall(pixels[edge] + step)[1] for step in grid(inside, inside)], axis=0)
+    subpixels = (np.arange(16.0) + 0.5) / 16.0 - 0.5
+    area = np.mean([wall(pixels[edge] + step)[1] for step in grid(subpixels, subpixels)], axis=0)
     error = (BACKGROUND - image[edge, 2]) / (BACKGROUND - 60.0) - area
     assert np.abs(error).max() < 0.23 + 0.01
     assert np.sqrt((error**2).mean()) < 0.062
@@ -237,8 +239,8 @@ def test_images_do_everything_that_images_do(make_rig, tmp_path):
         {"camera__read_noise": 3.0},
         {"scene__light": "sun"},
     ):
-        _, other = make_imager(make_rig, path, **change)
-        difference = np.abs(other.image(33).astype(float) - images[33]).mean()
+        _, changed = make_imager(make_rig, path, **change)
+        difference = np.abs(changed.image(33).astype(float) - images[33]).mean()
         assert 0.0 < difference < 100.0
     _, fine = make_imager(make_rig, path, camera__supersampling=3)
     assert np.abs(fine.image(33).astype(float) - images[33]).mean() < 0.5
@@ -253,7 +255,7 @@ def test_a_mesh_without_colours_is_shaded(make_rig, tmp_path):
 
 
 def test_a_mesh_is_put_where_the_trajectory_flies(make_rig, tmp_path):
-    """In millimetres, y up, anywhere: scale, up axis, turn and anchor put it around the path."""
+    """Scale, up axis, turn and anchor put a box in millimetres, y up, around the path."""
     box = trimesh.creation.box((14e3, 6e3, 12e3)).apply_translation((5e6, 1e6, 0))
     box.export(tmp_path / "box.obj")
     rig = make_rig(
@@ -273,10 +275,10 @@ def test_a_mesh_is_put_where_the_trajectory_flies(make_rig, tmp_path):
     corners = rig.scene.mesh.vertices
     assert np.abs(corners.min(axis=0) - (middle - half)).max() < 0.01
     assert np.abs(corners.max(axis=0) - (middle + half)).max() < 0.01
-    for wrong, words in (({}, "scene.mesh = '': must name a file"),
+    for wrong, message in (({}, "scene.mesh = '': must name a file"),
                          ({"scene__mesh": "x.ply", "scene__orientation": [2.0, *[0.0] * 8]},
                           "scene.orientation.*rotation")):  # fmt: skip
-        with pytest.raises(ConfigurationError, match=words):
+        with pytest.raises(ConfigurationError, match=message):
             make_rig("figure_eight", **SMALL, **wrong)
 
 
@@ -308,16 +310,16 @@ def test_what_is_odd_about_a_path_is_said(make_rig, tmp_path):
 def test_the_command_takes_a_mesh_and_refuses_a_bad_one(tmp_path, capfd):
     path = room(tmp_path)
     assert scene_layer(str(path)) == {"scene.type": "mesh", "scene.mesh": str(path)}
-    words = ["--camera", "euroc_cam0", "--set", "camera.body_axes=flu", "--rate", "100",
+    arguments = ["--camera", "euroc_cam0", "--set", "camera.body_axes=flu", "--rate", "100",
              "--duration", "0.2s", "--quiet"]  # fmt: skip
     tracks = ["-o", str(tmp_path / "tracks"), "--format", "tracks"]
-    assert generate.main([*words, *tracks, "--scene", str(path)]) == 0
+    assert generate.main([*arguments, *tracks, "--scene", str(path)]) == 0
     assert len((tmp_path / "tracks/landmarks.csv").read_text().splitlines()) == 2001
     capfd.readouterr()
     (tmp_path / "bad.obj").write_text("v 0 0 0\nv nan 0 0\nv 0 1 0\nf 1 2 3\n")
     for scene in (["--scene", str(tmp_path / "bad.obj")],
                   ["--set", "scene.type=mesh", "--set", "scene.mesh=gone.glb"]):  # fmt: skip
-        assert generate.main([*words, "-o", str(tmp_path / "x.mcap"), *scene]) == 2
+        assert generate.main([*arguments, "-o", str(tmp_path / "x.mcap"), *scene]) == 2
         out, error = capfd.readouterr()
         assert out == ""
         assert error.count("\n") == 1

@@ -73,9 +73,9 @@ def test_every_pixel_of_the_image_comes_back(model):
         assert rays.valid.mean() > 0.9  # the corners lie outside the model's disk
     else:
         assert rays.valid.all()
-    inside = rays.valid & again.valid
-    assert inside.sum() >= rays.valid.sum() - 100  # rounding on the very edge of the disk
-    assert np.abs(again.uv - pixels)[inside].max() < 1e-9
+    in_domain = rays.valid & again.valid
+    assert in_domain.sum() >= rays.valid.sum() - 100  # rounding on the very edge of the disk
+    assert np.abs(again.uv - pixels)[in_domain].max() < 1e-9
     np.testing.assert_allclose(np.linalg.norm(rays.direction, axis=1), 1.0, rtol=0, atol=1e-14)
 
 
@@ -124,10 +124,14 @@ def test_opencv_projects_to_the_same_pixels(name):
     zero = np.zeros(3)
     if p.distortion_model == "equidistant":
         points = points[points[:, 2] > 0.05 * np.linalg.norm(points, axis=1)]
-        found, _ = cv2.fisheye.projectPoints(points[:, None], zero, zero, k, np.array(p.distortion))
+        projected, _ = cv2.fisheye.projectPoints(
+            points[:, None], zero, zero, k, np.array(p.distortion)
+        )
     else:
-        found, _ = cv2.projectPoints(points, zero, zero, k, np.array(p.distortion or (0.0,) * 4))
-    assert np.abs(found[:, 0] - model.project(points).uv).max() < 1e-9
+        projected, _ = cv2.projectPoints(
+            points, zero, zero, k, np.array(p.distortion or (0.0,) * 4)
+        )
+    assert np.abs(projected[:, 0] - model.project(points).uv).max() < 1e-9
 
 
 @pytest.mark.parametrize("name", PLAIN_SPHERES)
@@ -138,12 +142,12 @@ def test_the_spheres_follow_their_papers(name):
     for x, y, z in directions(model, 50):
         norm = (x * x + y * y + z * z) ** 0.5
         if p.model == "unified":
-            below = z / norm + p.xi
-            mx, my = x / norm / below, y / norm / below
+            denominator = z / norm + p.xi
+            mx, my = x / norm / denominator, y / norm / denominator
         else:
             d2 = (x * x + y * y + (p.xi * norm + z) ** 2) ** 0.5
-            below = p.alpha * d2 + (1 - p.alpha) * (p.xi * norm + z)
-            mx, my = x / below, y / below
+            denominator = p.alpha * d2 + (1 - p.alpha) * (p.xi * norm + z)
+            mx, my = x / denominator, y / denominator
         u, v = model.project([[x, y, z]]).uv[0]
         assert u == pytest.approx(model.fx * mx + model.cx, abs=1e-10)
         assert v == pytest.approx(model.fy * my + model.cy, abs=1e-10)
@@ -159,16 +163,16 @@ def test_points_behind_and_beyond_the_fold_have_no_pixel():
         distortion_model="radtan",
         distortion=(-0.5, 0.0, 0.0, 0.0),
     )
-    at, image = fold("radtan", folded.distortion)
-    assert at == pytest.approx((1.0 / 1.5) ** 0.5)  # 1 + 3 k1 r^2 = 0
-    assert image == pytest.approx(at * (1.0 - 0.5 * at * at))
+    radius, image = fold("radtan", folded.distortion)
+    assert radius == pytest.approx((1.0 / 1.5) ** 0.5)  # 1 + 3 k1 r^2 = 0
+    assert image == pytest.approx(radius * (1.0 - 0.5 * radius * radius))
     # Far beyond the fold the polynomial comes back to the centre: no such ghost is seen.
-    ghost = CameraModel(folded).project([[2.0**0.5, 0.0, 1.0], [at - 1e-6, 0.0, 1.0]])
+    ghost = CameraModel(folded).project([[2.0**0.5, 0.0, 1.0], [radius - 1e-6, 0.0, 1.0]])
     assert ghost.valid.tolist() == [False, True]
 
 
 def test_a_distortion_that_folds_in_the_image_is_refused_with_the_radius():
-    given = {
+    parameters = {
         "cameras": ["a"],
         "a.camera.intrinsics": [400.0, 400.0, 320.0, 240.0],
         "a.camera.distortion_model": "radtan",
@@ -177,11 +181,11 @@ def test_a_distortion_that_folds_in_the_image_is_refused_with_the_radius():
     with pytest.raises(
         ConfigurationError, match=r"a\.camera\.distortion.*folds.*radius of 0\.8165"
     ):
-        load_rig(given)
+        load_rig(parameters)
 
 
 @pytest.mark.parametrize(
-    ("key", "value", "words"),
+    ("key", "value", "message"),
     [
         ("intrinsics", [400.0, 400.0, 900.0, 240.0], "cx = 900: must be inside the image"),
         ("intrinsics", [-1.0, 400.0, 300.0, 240.0], "fx = -1: must be above 0 px"),
@@ -196,6 +200,6 @@ def test_a_distortion_that_folds_in_the_image_is_refused_with_the_radius():
         ("max_depth", 0.01, "must be above"),
     ],
 )
-def test_bad_values_are_named(key, value, words):
-    with pytest.raises(ConfigurationError, match=words):
+def test_bad_values_are_named(key, value, message):
+    with pytest.raises(ConfigurationError, match=message):
         load_rig({"cameras": ["cam0"], f"cam0.camera.{key}": value})

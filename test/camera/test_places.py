@@ -49,8 +49,8 @@ def distances_plainly(surfaces, eye, rays):
     slope = rays @ n.T
     with np.errstate(divide="ignore", invalid="ignore"):
         t = (n * (o - eye)).sum(axis=1) / slope
-        at = eye + t[:, :, None] * rays[:, None] - o
-        s, r = ((at * side).sum(axis=2) / (side * side).sum(axis=1) for side in (a, b))
+        intersection = eye + t[:, :, None] * rays[:, None] - o
+        s, r = ((intersection * side).sum(axis=2) / (side * side).sum(axis=1) for side in (a, b))
     hit = (slope < 0.0) & (t > 0.0) & (s >= 0.0) & (s <= 1.0) & (r >= 0.0) & (r <= 1.0)
     return np.where(hit, t, np.inf).min(axis=1)
 
@@ -128,12 +128,12 @@ def test_texture_and_light_change_what_is_seen_and_nothing_else(make_rig):
         images[texture, light] = np.stack([imager.image(k) for k in (10, 60, 110)]).astype(float)
     rich, blank, dim = images.values()
     assert dim.mean() < 0.75 * rich.mean()
-    slopes = [np.abs(np.diff(each, axis=2)).mean() for each in (rich, blank)]
+    slopes = [np.abs(np.diff(stack, axis=2)).mean() for stack in (rich, blank)]
     assert slopes[1] < 0.8 * slopes[0]
-    one, *others = rigs.values()
-    for other in others:
-        assert np.array_equal(one.scene.surfaces.origin, other.scene.surfaces.origin)
-        assert np.array_equal(one.scene.landmarks, other.scene.landmarks)
+    reference, *variants = rigs.values()
+    for rig in variants:
+        assert np.array_equal(reference.scene.surfaces.origin, rig.scene.surfaces.origin)
+        assert np.array_equal(reference.scene.landmarks, rig.scene.landmarks)
 
 
 def test_landmarks_are_on_surfaces_and_seen_where_nothing_hides_them(make_rig):
@@ -158,27 +158,29 @@ def test_what_hangs_on_a_wall_hangs_before_nothing_else_and_behind_nothing(kind,
     place = build(kind, Site(low, high, np.zeros((0, 3)), seed, "rich"))
     starts, ways, walls = [], [], []
     for m, face in enumerate(place.faces):
-        hung = [each for each in face.prints if each.kind in HANGING]
-        others = [each for each in face.prints if each.kind not in ("strip", "band", "plinth")]
-        for each in hung:
+        hung = [hanging for hanging in face.prints if hanging.kind in HANGING]
+        obstacles = [
+            hanging for hanging in face.prints if hanging.kind not in ("strip", "band", "plinth")
+        ]
+        for hanging in hung:
             over = [
-                other
-                for other in others
-                if other is not each
-                and each.left < other.left + other.width
-                and other.left < each.left + each.width
-                and each.bottom < other.bottom + other.height
-                and other.bottom < each.bottom + each.height
+                neighbour
+                for neighbour in obstacles
+                if neighbour is not hanging
+                and hanging.left < neighbour.left + neighbour.width
+                and neighbour.left < hanging.left + hanging.width
+                and hanging.bottom < neighbour.bottom + neighbour.height
+                and neighbour.bottom < hanging.bottom + hanging.height
             ]
             assert over == []
             origin, across, up = face.rectangle
             units = [side / np.linalg.norm(side) for side in (across, up)]
             normal = np.cross(*units)
             grid = np.stack(np.meshgrid(*[np.linspace(0.02, 0.98, 12)] * 2), axis=-1).reshape(-1, 2)
-            corner, size = (each.left, each.bottom), (each.width, each.height)
-            at = origin + (corner + grid * size) @ np.array(units)
-            starts.append(at + 0.3 * normal)
-            ways.append(np.broadcast_to(-normal, at.shape))
+            corner, size = (hanging.left, hanging.bottom), (hanging.width, hanging.height)
+            points = origin + (corner + grid * size) @ np.array(units)
+            starts.append(points + 0.3 * normal)
+            ways.append(np.broadcast_to(-normal, points.shape))
             walls.append(m)
     assert len(walls) >= {"office": 5, "corridor": 3, "machine_hall": 1}.get(kind, 0)
     if walls:
@@ -200,17 +202,17 @@ def test_texels_suit_the_nearest_distance_and_all_of_them_are_bounded():
     texels = Painter(place, site, path).texels(1e12)
     away = np.array([clearance(where.some(np.arange(len(texels)) == m), path).min()
                      for m in range(len(texels))])  # fmt: skip
-    wanted = 0.0022 * away
-    middle = (wanted > 0.0026) & (wanted < 0.019) & (np.abs(where.normal[:, 2]) < 0.9)
-    ratio = texels[middle] / wanted[middle]
+    ideal = 0.0022 * away
+    middle = (ideal > 0.0026) & (ideal < 0.019) & (np.abs(where.normal[:, 2]) < 0.9)
+    ratio = texels[middle] / ideal[middle]
     assert len(ratio) > 100
     assert 0.7 <= ratio.min() < ratio.max() <= 1.4143
     assert texels.min() == 0.00125
     assert texels.max() > 0.009
     assert (Painter(place, site).texels(1e12) == 0.0025).all()
-    for most in (36e6, 5e6):
-        some = Painter(place, site, path).texels(most)
-        assert (where.sides.prod(axis=1) / some**2).sum() <= 1.0001 * most
+    for budget in (36e6, 5e6):
+        some = Painter(place, site, path).texels(budget)
+        assert (where.sides.prod(axis=1) / some**2).sum() <= 1.0001 * budget
 
 
 def test_no_part_of_a_crown_is_black():
@@ -222,16 +224,21 @@ def test_no_part_of_a_crown_is_black():
     leaves = [face.material == "leaves" for face in place.faces]
     ends = np.flatnonzero(np.diff([False, *leaves, False])).reshape(-1, 2)
     assert len(ends) > 5
-    for first, last in ends:
-        crown = np.concatenate([each.reshape(-1, 3) for each in light[first:last]])
+    for begin, end in ends:
+        crown = np.concatenate([texture.reshape(-1, 3) for texture in light[begin:end]])
         assert (crown.min(axis=0) > 0.5 * crown.mean(axis=0)).all()
 
 
 @pytest.mark.parametrize("kind", KINDS)
 def test_cameras_on_a_tour_see_the_place_that_it_goes_through(kind):
     """Seed and size of the scene are those of the tour, whichever of the two was told."""
-    given = {"cameras": ["cam0"], "trajectory.type": "tour", "scene.type": kind, "scene.seed": 3}
-    rig = build_rig({**given, "camera.images": "none", "duration": 5.0})
+    parameters = {
+        "cameras": ["cam0"],
+        "trajectory.type": "tour",
+        "scene.type": kind,
+        "scene.seed": 3,
+    }
+    rig = build_rig({**parameters, "camera.images": "none", "duration": 5.0})
     low, high = usual(kind, (0.0, 0.0, 0.0))
     site = Site(low, high, np.zeros((0, 3)), 3)
     assert np.array_equal(build(kind, site).surfaces().origin, rig.scene.surfaces.origin)
@@ -244,9 +251,9 @@ def test_cameras_on_a_tour_see_the_place_that_it_goes_through(kind):
 def test_a_tour_is_a_list_of_waypoints():
     """The list, flown as trajectory.type waypoints, is the tour; its clearance is the distance."""
     parameters = TourParameters(place="corridor", place_seed=2)
-    flight, told = tour(parameters), Waypoints(waypoints(parameters))
+    flight, flown = tour(parameters), Waypoints(waypoints(parameters))
     t = np.linspace(0.0, flight.duration, 500)
-    assert np.array_equal(flight.sample(t).position, told.sample(t).position)
+    assert np.array_equal(flight.sample(t).position, flown.sample(t).position)
     wall = surfaces([(np.zeros(3), np.array([2.0, 0, 0]), np.array([0.0, 1, 0]))], hides=True)
     points = np.array([[1.0, 0.5, 0.7], [3.0, 0.5, 0.0], [3.0, 2.0, 2.0]])
     assert clearance(wall, points) == pytest.approx([0.7, 1.0, 6.0**0.5])
@@ -256,11 +263,11 @@ def test_a_tour_is_a_list_of_waypoints():
 
 
 def test_a_path_through_something_is_refused():
-    given = {"cameras": ["cam0"], "trajectory.type": "waypoints", "scene.type": "office"}
-    given["trajectory.positions"] = [0.3, 0.0, 2.35, 0.3, 4.0, 2.35]  # above the doors
-    given |= {"scene.size": [13.0, 9.4, 2.8], "scene.center": [0.0, 0.0, 1.4], "duration": 4.0}
+    parameters = {"cameras": ["cam0"], "trajectory.type": "waypoints", "scene.type": "office"}
+    parameters["trajectory.positions"] = [0.3, 0.0, 2.35, 0.3, 4.0, 2.35]  # above the doors
+    parameters |= {"scene.size": [13.0, 9.4, 2.8], "scene.center": [0.0, 0.0, 1.4], "duration": 4.0}
     with pytest.raises(ConfigurationError, match=r"the path meets something at \("):
-        build_rig(given)
+        build_rig(parameters)
 
 
 def test_a_path_that_leaves_its_place_is_refused(make_rig):
@@ -296,16 +303,16 @@ def test_a_place_around_a_path_stays_what_it_is_and_says_how_large_it_is(make_ri
         place = scene.painter.place
         extent = place.high - place.low
         assert extent == pytest.approx(size, abs=0.15)
-        words = " x ".join(f"{length:.1f}" for length in extent)
-        assert f"scene.type corridor: {words} m around the path" in scene.note
-        doors = [sum(each.kind == "door" for each in face.prints) for face in place.faces[:4]]
+        dimensions = " x ".join(f"{length:.1f}" for length in extent)
+        assert f"scene.type corridor: {dimensions} m around the path" in scene.note
+        doors = [sum(fitting.kind == "door" for fitting in face.prints) for face in place.faces[:4]]
         short, long = (doors[:2], doors[2:]) if extent[0] > extent[1] else (doors[2:], doors[:2])
         assert short == [0, 0]
         assert min(long) >= 3
     street = make_rig("figure_eight", scene__type="street", **turned).scene.note
     assert street.startswith("scene.type street: 12.0 x 40.0 x 8.0 m around the path, 0.75 x 0.67")
-    told = {"scene__size": [16.0, 7.0, 2.6], "scene__center": [0.0, 0.0, 1.5]}
-    assert make_rig("figure_eight", scene__type="corridor", **told).scene.note == ""
+    room = {"scene__size": [16.0, 7.0, 2.6], "scene__center": [0.0, 0.0, 1.5]}
+    assert make_rig("figure_eight", scene__type="corridor", **room).scene.note == ""
 
 
 @pytest.mark.parametrize(("scale", "areas"), [(2, False), (1, True)])
@@ -354,19 +361,24 @@ def added_by_gloss(view, renderer, poses, step=1):
 
     :param step: of so many columns and rows one is looked at.
     """
-    u, v = (each.ravel() for each in np.meshgrid(np.arange(0, 188, step), np.arange(0, 120, step)))
+    u, v = (
+        radiance.ravel()
+        for radiance in np.meshgrid(np.arange(0, 188, step), np.arange(0, 120, step))
+    )
     ray = view.model.unproject(np.column_stack([u, v]).astype(float)).direction
     way = rotation.rotate(np.broadcast_to(poses.q_wc[0], (len(ray), 4)), ray)
     eye = poses.position[0]
-    at = eye + way * ((4.0 - eye[0]) / way[:, :1])
-    places = np.column_stack([(4.0 - at[:, 1]) / 4.0, at[:, 2] / 2.5]).astype(np.float32)
-    seen = ((places > 0.0) & (places < 1.0)).all(axis=1)
+    intersection = eye + way * ((4.0 - eye[0]) / way[:, :1])
+    places = np.column_stack([(4.0 - intersection[:, 1]) / 4.0, intersection[:, 2] / 2.5]).astype(
+        np.float32
+    )
+    on_wall = ((places > 0.0) & (places < 1.0)).all(axis=1)
     foot = tuple(np.array([(4.0 - eye[1]) / 4.0, eye[2] / 2.5], np.float32))
-    sheen, added = renderer.atlas.polish.sheen, np.zeros((seen.sum(), 1), np.float32)
+    sheen, added = renderer.atlas.polish.sheen, np.zeros((on_wall.sum(), 1), np.float32)
     height, lit = np.float32(4.0 - eye[0]), np.array([True, False])
-    for place, each in zip(places[seen], added, strict=True):
-        shine(each, sheen, 0, lit, tuple(place), foot, height)
-    return u[seen], v[seen], added[:, 0]
+    for place, radiance in zip(places[on_wall], added, strict=True):
+        shine(radiance, sheen, 0, lit, tuple(place), foot, height)
+    return u[on_wall], v[on_wall], added[:, 0]
 
 
 @pytest.fixture(scope="module")
@@ -377,7 +389,7 @@ def street():
 
 
 def test_heads_of_street_lamps_are_closed(street):
-    """From below one looked into an empty box: rays from all around meet each head."""
+    """Rays from all directions, from below too, meet each head."""
     place, _ = street
     heads = [k for k, face in enumerate(place.faces) if face.material == "paint:3c4046"]
     caster = Caster(place.surfaces())
@@ -385,8 +397,8 @@ def test_heads_of_street_lamps_are_closed(street):
     assert len(heads) % 6 == 0
     directions = np.random.default_rng(1).standard_normal((100, 3))
     directions /= np.linalg.norm(directions, axis=1, keepdims=True)
-    for first in heads[::6]:
-        corners = np.array([place.faces[k].rectangle[0] for k in range(first, first + 6)])
+    for head in heads[::6]:
+        corners = np.array([place.faces[k].rectangle[0] for k in range(head, head + 6)])
         middle = 0.5 * (corners.min(axis=0) + corners.max(axis=0))
         hits = caster.cast(middle + 0.6 * directions, -directions)
         assert (hits.distance < 0.6 + 0.05).all()
@@ -400,9 +412,9 @@ def test_the_sky_has_no_seam(street):
     assert len(sky) == 5
     textures = {k: painter.texture(k, 1200, 1200, 0.25, colour=False).astype(int) for k in sky[:4]}
     x_low, x_high, y_low, y_high = sky[:4]
-    for left, right in ((x_low, y_high), (y_high, x_high), (x_high, y_low), (y_low, x_low)):
-        seam = np.abs(textures[left][:, -1] - textures[right][:, 0]).max()
-        assert seam <= 4, (left, right)
+    for west, east in ((x_low, y_high), (y_high, x_high), (x_high, y_low), (y_low, x_low)):
+        seam = np.abs(textures[west][:, -1] - textures[east][:, 0]).max()
+        assert seam <= 4, (west, east)
 
 
 def test_cars_stand_on_their_wheels(street):
@@ -420,9 +432,9 @@ def test_cars_stand_on_their_wheels(street):
         assert origin[2] == pytest.approx(ground + 0.175, abs=1e-9)
         for print_ in face.prints:
             share = (print_.left + 0.5 * print_.width) / np.linalg.norm(across)
-            below = origin + share * across
-            near = np.linalg.norm((corners - below)[:, :2], axis=1) < 0.4
-            assert corners[near, 2].min() == pytest.approx(ground, abs=1e-9)
+            contact = origin + share * across
+            at_contact = np.linalg.norm((corners - contact)[:, :2], axis=1) < 0.4
+            assert corners[at_contact, 2].min() == pytest.approx(ground, abs=1e-9)
 
 
 def test_prints_cover_their_own_size_on_long_walls():
@@ -448,15 +460,15 @@ def test_nothing_hangs_over_a_door_in_a_corridor(height):
     for face in build("corridor", site).faces:
         doors = [p for p in face.prints if p.kind in ("door", "doors", "opening")]
         for door in doors:
-            for other in face.prints:
-                if other.kind in ("strip", "band", "paper") or other is door:
+            for fitting in face.prints:
+                if fitting.kind in ("strip", "band", "paper") or fitting is door:
                     continue
                 apart = (
-                    other.left >= door.left + door.width
-                    or other.left + other.width <= door.left
-                    or other.bottom >= door.bottom + door.height
+                    fitting.left >= door.left + door.width
+                    or fitting.left + fitting.width <= door.left
+                    or fitting.bottom >= door.bottom + door.height
                 )
-                assert apart, (door, other)
+                assert apart, (door, fitting)
 
 
 def test_a_square_lamp_has_a_square_highlight(make_rig):
@@ -474,20 +486,20 @@ def test_a_square_lamp_has_a_square_highlight(make_rig):
     u, v, added = added_by_gloss(view, renderer, poses, step=2)
     ray = view.model.unproject(np.column_stack([u, v]).astype(float)).direction
     way = rotation.rotate(np.broadcast_to(mounting, (len(ray), 4)), ray)
-    at = eye + way * ((4.0 - eye[0]) / way[:, :1])
+    intersection = eye + way * ((4.0 - eye[0]) / way[:, :1])
     mirrored = way * (-1.0, 1.0, 1.0) / np.linalg.norm(way, axis=1, keepdims=True)
     steps = (np.arange(20) + 0.5) / 20 * side
-    expected = np.zeros(len(at))
+    expected = np.zeros(len(intersection))
     for y, z in np.stack(np.meshgrid(steps, steps), axis=-1).reshape(-1, 2):
-        to = corner + np.array([0.0, y, z]) - at
+        to = corner + np.array([0.0, y, z]) - intersection
         square = (to * to).sum(axis=1)
         cosine = (to * mirrored).sum(axis=1) / np.sqrt(square)
         expected += np.maximum(cosine, 0.0) ** 2048 * -to[:, 0] / square**1.5
     middle = expected > 0.02 * expected.max()
     assert middle.sum() > 35
-    found = added - np.median(added[~middle])
-    scale = found[middle] @ expected[middle] / (expected[middle] @ expected[middle])
-    assert np.abs(found / scale - expected).max() < 0.06 * expected.max()
+    highlight = added - np.median(added[~middle])
+    scale = highlight[middle] @ expected[middle] / (expected[middle] @ expected[middle])
+    assert np.abs(highlight / scale - expected).max() < 0.06 * expected.max()
 
 
 def test_a_highlight_is_where_the_mirrored_lamp_is(make_rig):

@@ -1,7 +1,7 @@
 # Copyright 2026 imu_sim_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Where in an image rectangles are looked for."""
+"""Regions of an image in which the renderer tests rectangles."""
 
 import numpy as np
 import pytest
@@ -41,24 +41,24 @@ def all_rays(view, scale):
 
 
 @pytest.mark.parametrize("lens", LENSES)
-@pytest.mark.parametrize("kept", [0, 10**9])
-def test_rays_look_through_the_middle_of_each_part_of_a_pixel(make_rig, monkeypatch, lens, kept):
+@pytest.mark.parametrize("limit", [0, 10**9])
+def test_rays_look_through_the_middle_of_each_part_of_a_pixel(make_rig, monkeypatch, lens, limit):
     """Kept for all images or found for each: projected, they meet their place again."""
-    monkeypatch.setattr("imu_sim_ros.sensors.camera.images.rays._KEPT", kept)
+    monkeypatch.setattr("imu_sim_ros.sensors.camera.images.rays._KEPT", limit)
     monkeypatch.setattr("imu_sim_ros.sensors.camera.images.rays._BAND", 64_000)
     view = make_rig("target", **CAMERA, **LENSES[lens]).views["cam0"]
-    rays, every = all_rays(view, 3)
+    rays, full = all_rays(view, 3)
     assert len(rays.bands) > 2
-    assert every.shape == (3, 360, 564)
-    pixels, seen = view.model.project(every.reshape(3, -1).T.astype(np.float64))
+    assert full.shape == (3, 360, 564)
+    pixels, valid = view.model.project(full.reshape(3, -1).T.astype(np.float64))
     i, j = np.divmod(np.arange(360 * 564), 564)
     expected = np.stack([(j - 1) / 3.0, (i - 1) / 3.0], axis=1)
     # Directions in single precision: 6e-8 of 115 pixels' focal length, and the lens's own inverse.
-    assert seen.all()
+    assert valid.all()
     assert np.abs(pixels - expected).max() < 5e-5
     rows, columns = np.array([0, 0, 119, 250, 359]), np.array([5, 563, 7])
     (some,) = rays.at((rows, columns))
-    assert np.array_equal(some, every[:, rows[:, None], columns])
+    assert np.array_equal(some, full[:, rows[:, None], columns])
 
 
 @pytest.mark.parametrize("lens", LENSES)
@@ -87,16 +87,18 @@ def test_no_rectangle_is_missed_however_thin(make_rig, lens):
             for part in (poses.position, rotation.to_matrix(poses.q_wc))
         )
         planes = Planes.of(surfaces, surfaces.normal, position, r_wc)
-        nearest, seen = np.zeros((120, 188), np.float32), set()
+        nearest, rectangles_hit = np.zeros((120, 188), np.float32), set()
         for m in range(40):
-            met = planes.meet(
+            intersections = planes.meet(
                 np.array([m]), rays.reshape(3, 1, -1), np.zeros((1, 1), np.int64), IN_FRONT
             )
-            ahead, inverse, places = (part.reshape(*part.shape[:-2], 120, 188) for part in met)
-            inside = ((places >= 0.0) & (places <= 1.0)).all(axis=0)
-            shown = ahead & inside & (inverse > nearest)
+            ahead, inverse, places = (
+                part.reshape(*part.shape[:-2], 120, 188) for part in intersections
+            )
+            in_rectangle = ((places >= 0.0) & (places <= 1.0)).all(axis=0)
+            shown = ahead & in_rectangle & (inverse > nearest)
             nearest[shown] = inverse[shown]
-            seen |= {m} if shown.any() else set()
+            rectangles_hit |= {m} if shown.any() else set()
         depth = rays[2] / np.where(nearest > 0.0, nearest, np.inf)
-        assert len(seen) > 8
+        assert len(rectangles_hit) > 8
         assert np.array_equal(renderer.depth(Eyes(poses)), np.where(nearest > 0.0, depth, 0.0))

@@ -48,16 +48,16 @@ def test_a_path_that_leaves_the_room_is_an_error(make_rig):
 
 
 def test_the_default_scene_is_an_office_or_a_room_where_none_fits(make_rig):
-    """What only an office has is never left out: a path too large for it is then an error."""
+    """A path too large for an office is an error if a parameter of offices is set."""
     assert load_rig({"cameras": ["cam0"]}).scene.type == "auto"
-    own = {"scene__type": "auto", "scene__seed": 4}
-    auto = make_rig(**own, scene__landmarks=300).scene
-    office = make_rig(**{**own, "scene__type": "office"}, scene__landmarks=300).scene
+    parameters = {"scene__type": "auto", "scene__seed": 4}
+    auto = make_rig(**parameters, scene__landmarks=300).scene
+    office = make_rig(**{**parameters, "scene__type": "office"}, scene__landmarks=300).scene
     assert auto.painter is not None
     assert auto.note == office.note
     assert np.array_equal(auto.landmarks, office.landmarks)
-    fallen = make_rig("lecture", **own).scene
-    room = make_rig("lecture", **{**own, "scene__type": "room"}).scene
+    fallen = make_rig("lecture", **parameters).scene
+    room = make_rig("lecture", **{**parameters, "scene__type": "room"}).scene
     assert "a room, since an office is too small for a path of 30.1 x 40.1 m" in fallen.note
     assert np.array_equal(fallen.landmarks, room.landmarks)
     assert np.array_equal(fallen.surfaces.origin, room.surfaces.origin)
@@ -65,11 +65,11 @@ def test_the_default_scene_is_an_office_or_a_room_where_none_fits(make_rig):
         with pytest.raises(
             ConfigurationError, match=r"'office': around the path it would be.*trajectory='tour'"
         ):
-            make_rig("lecture", **own, **value)
+            make_rig("lecture", **parameters, **value)
     with pytest.raises(ConfigurationError, match=r"along x must be 8 to 26 m for office"):
-        make_rig(**own, scene__size=[3.0, 9.0, 3.0])
+        make_rig(**parameters, scene__size=[3.0, 9.0, 3.0])
     with pytest.raises(ConfigurationError, match=r"scene\.horizon = 5: .*leaves the office"):
-        make_rig("line", **own, scene__horizon=5.0)
+        make_rig("line", **parameters, scene__horizon=5.0)
 
 
 @pytest.mark.parametrize("scene", ["room", "cloud"])
@@ -79,8 +79,8 @@ def test_a_scene_does_not_depend_on_the_duration(make_rig, scene):
     assert len(short.landmarks) > 50
     assert np.array_equal(short.landmarks, long.landmarks)
     assert np.array_equal(short.surfaces.origin, long.surfaces.origin)
-    other = make_rig("figure_eight", 2.0, scene__seed=5, **values).scene
-    assert not np.array_equal(other.landmarks[:50], long.landmarks[:50])
+    other_seed = make_rig("figure_eight", 2.0, scene__seed=5, **values).scene
+    assert not np.array_equal(other_seed.landmarks[:50], long.landmarks[:50])
 
 
 @pytest.mark.parametrize(
@@ -94,7 +94,7 @@ def test_a_scene_does_not_depend_on_the_duration(make_rig, scene):
 )
 def test_every_frame_of_a_cloud_sees_enough(make_rig, trajectory, values):
     """Frames lie between the viewpoints at which the cloud is generated."""
-    own = {"cam0__camera__preset": "euroc_cam0", "cam0__camera__body_axes": "flu", **values}
+    camera = {"cam0__camera__preset": "euroc_cam0", "cam0__camera__body_axes": "flu", **values}
     rig = make_rig(
         trajectory,
         duration=5.0,
@@ -103,7 +103,7 @@ def test_every_frame_of_a_cloud_sees_enough(make_rig, trajectory, values):
         scene__visible=50,
         camera__max_features=0,
         camera__rate=30.0,
-        **own,
+        **camera,
     )
     assert len(rig.scene.landmarks) > 50
     delivered = np.concatenate([t.frames.delivered for t in rig.tracks("cam0")])
@@ -115,12 +115,12 @@ def test_every_frame_of_a_cloud_sees_enough(make_rig, trajectory, values):
 
 
 def test_a_cloud_beyond_the_depths_of_a_camera_is_refused(make_rig):
-    """At the default horizon, 60 s, which took minutes."""
-    far = {"scene__near": 500.0, "scene__far": 600.0, "cam1__camera__max_depth": 10.0}
+    """The refusal is immediate at the default horizon of 60 s."""
+    cloud_range = {"scene__near": 500.0, "scene__far": 600.0, "cam1__camera__max_depth": 10.0}
     both = {"cam0__camera__max_depth": 1000.0, "camera__body_axes": "flu", "camera__rate": 20.0}
     names = {"cameras": ["cam0", "cam1"], "cam1__camera__preset": "euroc_cam0"}
     with pytest.raises(ConfigurationError) as refused:
-        make_rig("static", scene__type="cloud", **names, **far, **both)
+        make_rig("static", scene__type="cloud", **names, **cloud_range, **both)
     assert refused.value.problems == (
         "scene.near = 500, scene.far = 600: no point between them is in the depths that cam1 sees, "
         "cam1.camera.min_depth = 0.1 to max_depth = 10 m",
@@ -139,11 +139,11 @@ def test_targets_have_their_corners_in_kalibrs_order(make_rig):
     rig = make_rig("target", scene__type="aprilgrid", duration=5.0)
     corners = rig.scene.landmarks
     assert len(corners) == 144
-    right, up = np.array([0.0, -1.0, 0.0]), np.array([0.0, 0.0, 1.0])
+    x_axis, up = np.array([0.0, -1.0, 0.0]), np.array([0.0, 0.0, 1.0])
     pitch = 0.088 * 1.3
-    assert np.allclose(corners[1] - corners[0], 0.088 * right)
+    assert np.allclose(corners[1] - corners[0], 0.088 * x_axis)
     assert np.allclose(corners[3] - corners[0], 0.088 * up)
-    assert np.allclose(corners[4] - corners[0], pitch * right)  # the next tag
+    assert np.allclose(corners[4] - corners[0], pitch * x_axis)  # the next tag
     assert np.allclose(corners[24] - corners[0], pitch * up)  # the next row
     board = make_rig("target", scene__type="checkerboard", duration=5.0).scene.landmarks
     assert len(board) == 42
@@ -188,7 +188,7 @@ def test_points_come_from_csv_and_ply(tmp_path):
 
 
 @pytest.mark.parametrize(
-    ("content", "words"),
+    ("content", "message"),
     [
         (b"", "contains no points"),
         (b"x,y,z\n", "contains no points"),
@@ -210,10 +210,10 @@ def test_points_come_from_csv_and_ply(tmp_path):
         ),
     ],
 )
-def test_bad_files_of_points_are_one_line(tmp_path, content, words):
+def test_bad_files_of_points_are_one_line(tmp_path, content, message):
     file = tmp_path / "points"
     file.write_bytes(content)
-    with pytest.raises(InputError, match=words):
+    with pytest.raises(InputError, match=message):
         read_points(file)
     with pytest.raises(InputError, match="No such file"):
         read_points(tmp_path / "missing.csv")
@@ -229,10 +229,10 @@ def test_parameters_for_all_and_for_one_are_layered_above_the_preset():
             "right.camera.rate": 10.0,
         }
     )
-    left, right = rig.camera("left"), rig.camera("right")
-    assert (left.intrinsics[0], right.intrinsics[0]) == (458.654, 457.587)
-    assert (left.pixel_noise, right.pixel_noise) == (0.3, 0.3)
-    assert (left.rate, right.rate) == (20.0, 10.0)
+    left_camera, right_camera = rig.camera("left"), rig.camera("right")
+    assert (left_camera.intrinsics[0], right_camera.intrinsics[0]) == (458.654, 457.587)
+    assert (left_camera.pixel_noise, right_camera.pixel_noise) == (0.3, 0.3)
+    assert (left_camera.rate, right_camera.rate) == (20.0, 10.0)
 
 
 def test_what_is_wrong_with_cameras_is_told_all_at_once():
@@ -242,7 +242,7 @@ def test_what_is_wrong_with_cameras_is_told_all_at_once():
         "a.camera.rat",
         "b.camera.rate = -1.0",
     ]
-    for given, words in (
+    for parameters, message in (
         ({"cameras": ["a", "a"]}, "names must differ"),
         ({"cameras": ["camera"]}, "not a parameter's name"),
         ({"cameras": 3}, "a list of strings"),
@@ -253,8 +253,8 @@ def test_what_is_wrong_with_cameras_is_told_all_at_once():
         ),
         ({"cameras": ["a"], "scene.type": "nothing"}, "scene.type = 'nothing': must be one of"),
     ):
-        with pytest.raises(ConfigurationError, match=words):
-            load_rig(given)
+        with pytest.raises(ConfigurationError, match=message):
+            load_rig(parameters)
 
 
 def test_a_synchronised_camera_divides_the_imus_rate():
@@ -270,14 +270,14 @@ def test_the_same_camera_twice_is_an_error():
     both = {"cameras": ["a", "b"], "camera.preset": "euroc_cam0"}
     [problem] = rig_problems(load_rig(both), simulation)
     assert problem.startswith("b.camera: is a again, with the same lens and mount")
-    for own in ({"b.camera.preset": "euroc_cam1"}, {"b.camera.lever_arm": [0.1, 0.0, 0.0]}):
-        assert not list(rig_problems(load_rig({**both, **own}), simulation))
+    for difference in ({"b.camera.preset": "euroc_cam1"}, {"b.camera.lever_arm": [0.1, 0.0, 0.0]}):
+        assert not list(rig_problems(load_rig({**both, **difference}), simulation))
 
 
 def test_cameras_parameters_are_told_from_all_others(tmp_path):
-    given = {"cameras": ["left"], "left.camera.rate": 10.0, "scene.seed": 1, "left.rate": 2.0}
-    own = {key: value for key, value in given.items() if key != "left.rate"}
-    assert of_rig({**given, "rate": 100.0}) == own
+    parameters = {"cameras": ["left"], "left.camera.rate": 10.0, "scene.seed": 1, "left.rate": 2.0}
+    rig_parameters = {key: value for key, value in parameters.items() if key != "left.rate"}
+    assert of_rig({**parameters, "rate": 100.0}) == rig_parameters
     assert scene_layer("house") == {"scene.type": "house"}
     (tmp_path / "p.csv").write_text("1,2,3\n", encoding="utf-8")
     assert scene_layer(str(tmp_path / "p.csv"))["scene.type"] == "file"

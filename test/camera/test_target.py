@@ -18,8 +18,8 @@ from imu_sim_ros.simulation.scene_fit import fitted as fitted_with
 from imu_sim_ros.trajectory.parameters import trajectory_layer
 
 
-def fitted(given):
-    return fitted_with(given, lambda values: load_simulation(values).trajectory)
+def fitted(parameters):
+    return fitted_with(parameters, lambda values: load_simulation(values).trajectory)
 
 
 def given(*presets, **values):
@@ -49,9 +49,9 @@ def seen(rig, name):
     for position, q_wc in zip(*poses, strict=True):
         local = rotation.rotate_inverse(q_wc, rig.scene.landmarks - position)
         uv, valid = view.model.project(local)
-        inside = valid & view.model.inside(uv)
-        tags = uv.reshape(-1, 4, 2)[inside.reshape(-1, 4).all(axis=1)]
-        pixels.append(uv[inside])
+        in_image = valid & view.model.inside(uv)
+        tags = uv.reshape(-1, 4, 2)[in_image.reshape(-1, 4).all(axis=1)]
+        pixels.append(uv[in_image])
         counts.append(len(tags))
         edges.append(np.linalg.norm(tags - np.roll(tags, 1, axis=1), axis=2).ravel())
     return np.concatenate(pixels), np.concatenate(edges), np.array(counts)
@@ -77,12 +77,12 @@ def test_corners_cover_the_images_of_every_camera_and_a_detector_finds_the_tags(
         corners[tracks.landmark] = tracks.uv_true
         corners = corners.reshape(-1, 4, 2)
         whole = set(np.flatnonzero(np.isfinite(corners).all(axis=(1, 2))).tolist())
-        found = {tag.tag_id: tag.corners for tag in detector.detect(imager.image(number))}
+        detections = {tag.tag_id: tag.corners for tag in detector.detect(imager.image(number))}
         # The edges of large tags are bent in a fisheye: some are not taken for tags.
-        least = 0.6 if model.kind == "equidistant" else 0.9
-        assert len(whole & set(found)) >= least * len(whole) >= 0.6 * 9
-        for tag in whole & set(found):
-            away = np.linalg.norm(np.reshape(found[tag], (4, 1, 2)) - corners[tag], axis=2)
+        min_share = 0.6 if model.kind == "equidistant" else 0.9
+        assert len(whole & set(detections)) >= min_share * len(whole) >= 0.6 * 9
+        for tag in whole & set(detections):
+            away = np.linalg.norm(np.reshape(detections[tag], (4, 1, 2)) - corners[tag], axis=2)
             assert away.min(axis=1).max() < 2.0
 
 
@@ -92,16 +92,20 @@ def test_what_is_given_stays_and_what_was_fitted_is_not_fitted_again():
     values = fitted(lens)
     assert values["scene.columns"] < 6
     assert fitted(values) == values
-    own = {"scene.tag_size": 0.088, "scene.columns": 6, "trajectory.yaw.amplitude": [0.2, 0.1]}
-    kept = fitted({**lens, **own})
-    assert {name: kept[name] for name in own} == own
-    assert kept["scene.position"] != values["scene.position"]
-    [warning] = body_of({**lens, **own}).warnings()
+    overrides = {
+        "scene.tag_size": 0.088,
+        "scene.columns": 6,
+        "trajectory.yaw.amplitude": [0.2, 0.1],
+    }
+    fitted_values = fitted({**lens, **overrides})
+    assert {name: fitted_values[name] for name in overrides} == overrides
+    assert fitted_values["scene.position"] != values["scene.position"]
+    [warning] = body_of({**lens, **overrides}).warnings()
     assert "a bit of the AprilGrid's tags has 1.0 px at the least (4 are wanted)" in warning
 
 
 @pytest.mark.parametrize(
-    "other",
+    "parameters",
     [
         {"trajectory.type": "figure_eight"},
         {"scene.type": "checkerboard"},
@@ -112,13 +116,13 @@ def test_what_is_given_stays_and_what_was_fitted_is_not_fitted_again():
     ],
     ids=str,
 )
-def test_only_the_motion_before_the_board_follows_the_lens(other):
+def test_only_the_motion_before_the_board_follows_the_lens(parameters):
     layer = trajectory_layer("target")
     lens = {**given("euroc_cam0"), **layer}
     assert fitted(lens)["scene.tag_size"] > 0.15  # the motion's file was read: it is still target
-    if "camera.preset" in other:
+    if "camera.preset" in parameters:
         del lens["cam0.camera.preset"]
-    assert fitted({**lens, **other}) == {**lens, **other}
+    assert fitted({**lens, **parameters}) == {**lens, **parameters}
 
 
 def test_a_board_out_of_view_is_said():
@@ -134,10 +138,10 @@ def test_the_axes_of_the_body_are_those_of_the_trajectory(tmp_path):
     ours = {"cameras": ["cam0"], "camera.preset": "euroc_cam0", "trajectory.type": "polar"}
     recorded = {**ours, "trajectory.type": "poses", "trajectory.file": "flight.csv"}
 
-    def axes(**told):
+    def axes(**overrides):
         return {
-            kind: load_simulation({**given, **told}).rig.camera("cam0").body_axes
-            for kind, given in (("ours", ours), ("recorded", recorded))
+            kind: load_simulation({**settings, **overrides}).rig.camera("cam0").body_axes
+            for kind, settings in (("ours", ours), ("recorded", recorded))
         }
 
     assert axes() == {"ours": "flu", "recorded": "preset"}

@@ -84,8 +84,8 @@ def test_tracks_do_not_depend_on_the_block(make_rig):
     rig = make_rig(**LAWNMOWER, **EVERYTHING, duration=5.0)
     frame, once = together(rig, 1000)
     for block in (1, 7):
-        other, again = together(make_rig(**LAWNMOWER, **EVERYTHING, duration=5.0), block)
-        assert np.array_equal(frame, other)
+        blockwise_frame, again = together(make_rig(**LAWNMOWER, **EVERYTHING, duration=5.0), block)
+        assert np.array_equal(frame, blockwise_frame)
         for key, values in once.items():
             assert np.array_equal(values, again[key]), key
     stamps = [
@@ -98,11 +98,11 @@ def test_tracks_do_not_depend_on_the_block(make_rig):
 def test_each_source_has_its_own_stream(make_rig):
     _, plain = together(make_rig(**LAWNMOWER))
     _, wrong = together(make_rig(**LAWNMOWER, camera__outlier_probability=0.1))
-    same = ~wrong["wrong"]
-    assert 0.85 < same.mean() < 0.95
-    assert np.array_equal(plain["uv"][same], wrong["uv"][same])
-    _, other = together(make_rig(**LAWNMOWER, seed=4))
-    assert not np.array_equal(plain["uv"][:100], other["uv"][:100])
+    correct = ~wrong["wrong"]
+    assert 0.85 < correct.mean() < 0.95
+    assert np.array_equal(plain["uv"][correct], wrong["uv"][correct])
+    _, other_seed = together(make_rig(**LAWNMOWER, seed=4))
+    assert not np.array_equal(plain["uv"][:100], other_seed["uv"][:100])
 
 
 def test_outliers_mismatches_and_lost_frames_come_as_often_as_asked(make_rig):
@@ -132,12 +132,12 @@ def test_a_grid_and_a_cap_spread_the_features(make_rig):
         camera__grid_rows=2,
         camera__grid_columns=4,
     )
-    all_frame, every = together(everything)
+    all_frame, all_tracks = together(everything)
     frame, t = together(capped)
     assert (np.bincount(frame)[np.bincount(all_frame) >= 40] == 40).all()
     for number in range(0, 200, 20):
         cells = {}
-        for key, f, rows in (("all", all_frame, every), ("some", frame, t)):
+        for key, f, rows in (("all", all_frame, all_tracks), ("some", frame, t)):
             uv = rows["uv_true"][f == number]
             place = ((uv + 0.5) / (752 / 4, 480 / 2)).astype(int)
             cells[key] = np.bincount(place[:, 1] * 4 + place[:, 0], minlength=8)
@@ -186,13 +186,13 @@ def test_hidden_landmarks_are_not_seen(make_rig):
         blocked = np.zeros(between.shape[1], dtype=bool)
         for low, high in boxes:
             margin = 1e-6
-            inside = ((between > low + margin) & (between < high - margin)).all(axis=2)
-            blocked |= inside.any(axis=0)
+            in_box = ((between > low + margin) & (between < high - margin)).all(axis=2)
+            blocked |= in_box.any(axis=0)
         expected[expected] = ~blocked
-        found = np.zeros(len(expected), dtype=bool)
-        found[t.landmark] = True
+        tracked = np.zeros(len(expected), dtype=bool)
+        tracked[t.landmark] = True
         # A line of sight that grazes an edge between two of the 2000 places may differ.
-        assert (found != expected).sum() <= 2
+        assert (tracked != expected).sum() <= 2
         assert blocked.sum() > 20
 
 
@@ -206,8 +206,8 @@ def test_a_rolling_shutter_sees_each_row_at_its_time(make_rig):
     assert np.abs(view.model.project(local).uv - t.uv).max() < 1e-9
     still = make_rig(**LAWNMOWER, camera__pixel_noise=0.0).tracker("cam0").tracks(40, 3)
     both = np.isin(t.landmark + 10_000 * t.frame, still.landmark + 10_000 * still.frame)
-    other = np.isin(still.landmark + 10_000 * still.frame, t.landmark + 10_000 * t.frame)
-    assert np.abs(t.uv[both] - still.uv[other]).max() > 1.0
+    common = np.isin(still.landmark + 10_000 * still.frame, t.landmark + 10_000 * t.frame)
+    assert np.abs(t.uv[both] - still.uv[common]).max() > 1.0
 
 
 def test_stamps_say_what_stacks_estimate(make_rig):
