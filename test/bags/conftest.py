@@ -72,7 +72,7 @@ class Content:
             ]
             times = [t, later, t, later]
             writer.write_blocks(
-                [Block(*each) for each in zip(topics, times, payloads, strict=True)]
+                [Block(*block) for block in zip(topics, times, payloads, strict=True)]
             )
 
 

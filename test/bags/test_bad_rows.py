@@ -36,8 +36,8 @@ def table(tmp_path_factory):
     assert generate.main(argv) == 0
     sound = read_imu(path)
     lines = path.read_text().splitlines()
-    for line, words in BAD.items():
-        lines[line - 1] = words
+    for line, row in BAD.items():
+        lines[line - 1] = row
     path.write_text("\n".join(lines) + "\n")
     rows = np.ones(len(sound.t_ns), dtype=bool)
     rows[[line - 2 for line in BAD]] = False
@@ -50,20 +50,20 @@ def test_all_classes_of_bad_rows_are_told_together(table):
         list(imu_blocks(path))
     problems = failed.value.problems
     assert [line.split(": ")[1] for line in problems] == [f"line {number}" for number in BAD]
-    for words in ("2 columns; the header names 7", "'noon' is not a stamp",
+    for reason in ("2 columns; the header names 7", "'noon' is not a stamp",
                   "'x' is not a number", "a value that is not finite",
                   "before that of an earlier line", "'1_0' is not a number",
                   "'99999999999999999999' is not a stamp"):  # fmt: skip
-        assert any(words in line for line in problems), words
+        assert any(reason in line for line in problems), reason
 
 
 def test_bad_rows_are_passed_over_and_counted(table):
     path, sound, rows = table
     counts = []
-    found = read_imu(path, skipped=counts.append)
+    readings = read_imu(path, skipped=counts.append)
     assert counts == [len(BAD)]
-    np.testing.assert_array_equal(found.t_ns, sound.t_ns[rows])
-    np.testing.assert_array_equal(found.accel, sound.accel[rows])
+    np.testing.assert_array_equal(readings.t_ns, sound.t_ns[rows])
+    np.testing.assert_array_equal(readings.accel, sound.accel[rows])
 
 
 @pytest.mark.parametrize(
@@ -117,13 +117,13 @@ def test_states_of_euroc_are_told_alike(tmp_path):
 
 
 @pytest.mark.parametrize("row", ["x,1,2,3,4,5,6", "1", "hello world foo bar a b c d"])
-@pytest.mark.parametrize("read", ["readings", "poses"])
-def test_a_file_of_something_else_is_given_up_early(tmp_path, row, read):
+@pytest.mark.parametrize("kind", ["readings", "poses"])
+def test_a_file_of_something_else_is_given_up_early(tmp_path, row, kind):
     """All wrong rows cost no more than the first ten thousand; each of them took 20 us."""
     path = tmp_path / "other.csv"
     path.write_text((row + "\n") * 50_000)
     with pytest.raises(InputError, match=r"most of the first 100\d\d rows are wrong"):
-        _READERS[read](path)
+        _READERS[kind](path)
 
 
 _READERS = {

@@ -61,18 +61,18 @@ ros1 = pytest.mark.skipif(
 def test_rosbags_reads_every_message(bags, form, content):
     with AnyReader([bags[form]]) as reader:
         times = {connection.topic: [] for connection in reader.connections}
-        last = {}
+        last_messages = {}
         for connection, t_ns, raw in reader.messages():
             times[connection.topic].append(t_ns)
-            last[connection.topic] = reader.deserialize(raw, connection.msgtype)
+            last_messages[connection.topic] = reader.deserialize(raw, connection.msgtype)
     np.testing.assert_array_equal(times["/imu/data_raw"], content.t_ns)
     np.testing.assert_array_equal(times["/imu/temperature"], content.t_ns)
     np.testing.assert_array_equal(times["/ground_truth/odom"], content.truth_t_ns)
     np.testing.assert_array_equal(times["/vector"], content.truth_t_ns)
-    assert last["/imu/data_raw"].angular_velocity.z == content.gyro[-1, 2]
-    assert last["/ground_truth/odom"].pose.pose.orientation.w == content.q_wb[-1, 0]
-    assert last["/imu/temperature"].temperature == content.temperature[-1]
-    assert last["/vector"].vector.x == content.accel[-1, 0]
+    assert last_messages["/imu/data_raw"].angular_velocity.z == content.gyro[-1, 2]
+    assert last_messages["/ground_truth/odom"].pose.pose.orientation.w == content.q_wb[-1, 0]
+    assert last_messages["/imu/temperature"].temperature == content.temperature[-1]
+    assert last_messages["/vector"].vector.x == content.accel[-1, 0]
 
 
 @pytest.mark.parametrize("name", MCAP_FILES)
@@ -139,11 +139,11 @@ def test_mcap_doctor_finds_nothing(tmp_path, content):
     assert result.returncode == 0, result.stdout + result.stderr
     _, *reports = result.stdout.split("examined:")
     for report, count in zip(reports, chunks.values(), strict=True):
-        words = " ".join(report.split())
-        assert words.endswith("status: 0"), report
-        assert f"{count} chunk" in words
-        assert "passed" in words
-        assert "warning" not in words.lower()
+        summary = " ".join(report.split())
+        assert summary.endswith("status: 0"), report
+        assert f"{count} chunk" in summary
+        assert "passed" in summary
+        assert "warning" not in summary.lower()
 
 
 CHECK_ALL = """
@@ -187,8 +187,8 @@ def test_real_ros1_reads_the_same_messages(bags, content):
     count = len(ROS1_BAGS)
     np.testing.assert_array_equal([int(row[0]) for row in rows], np.tile(content.t_ns, count))
     np.testing.assert_array_equal([int(row[1]) for row in rows], np.tile(content.t_ns, count))
-    read = [[float(x) for x in row[2:]] for row in rows]
-    np.testing.assert_array_equal(read, np.tile(content.gyro, (count, 1)))
+    rates = [[float(x) for x in row[2:]] for row in rows]
+    np.testing.assert_array_equal(rates, np.tile(content.gyro, (count, 1)))
 
 
 @ros1
@@ -254,9 +254,9 @@ def test_single_messages_and_varying_sizes(tmp_path, content):
                 )
                 writer.write(topic, content.t_ns[k : k + 1], [row.tobytes()])
         for k, frame in enumerate(frames):
-            read = read_readings(tmp_path / name, Choice(frame=frame))
-            np.testing.assert_array_equal(read.t_ns, content.t_ns[k:300:3])
-            np.testing.assert_array_equal(read.gyro, content.gyro[k:300:3])
+            readings = read_readings(tmp_path / name, Choice(frame=frame))
+            np.testing.assert_array_equal(readings.t_ns, content.t_ns[k:300:3])
+            np.testing.assert_array_equal(readings.gyro, content.gyro[k:300:3])
         with open_bag(tmp_path / name) as bag:
             assert bag.topics[0].qos[0].durability == "transient_local"
 
@@ -270,8 +270,8 @@ def test_a_message_of_zeros_after_others_is_one_of_zeros(tmp_path, content):
             t_ns = content.t_ns[rows]
             writer.write_blocks([Block(topic, t_ns, encoder.pattern(t_ns, content.gyro[rows]))])
             writer.flush()
-        last = encoder.pattern(np.zeros(1, np.int64), np.zeros((1, 3)))
-        writer.write_blocks([Block(topic, content.t_ns[400:401], last)])
+        zeros = encoder.pattern(np.zeros(1, np.int64), np.zeros((1, 3)))
+        writer.write_blocks([Block(topic, content.t_ns[400:401], zeros)])
     with open_bag(tmp_path / "x.mcap") as bag:
         payloads = [p for group in bag.groups() for b in group for p in as_list(b.payloads)]
     assert payloads[-1] == encoder.layout.template
@@ -288,9 +288,9 @@ def test_chunks_that_overlap_in_time_are_merged(tmp_path, content):
             payloads = encoder.encode(t_ns, content.gyro[rows], content.accel[rows])
             writer.write_blocks([Block(topic, t_ns, payloads)])
             writer.flush()
-    read = read_imu(tmp_path / "x.mcap")
-    np.testing.assert_array_equal(read.t_ns, content.t_ns[:4000])
-    np.testing.assert_array_equal(read.gyro, content.gyro[:4000])
+    readings = read_imu(tmp_path / "x.mcap")
+    np.testing.assert_array_equal(readings.t_ns, content.t_ns[:4000])
+    np.testing.assert_array_equal(readings.gyro, content.gyro[:4000])
 
 
 @pytest.mark.parametrize("name", ["a.mcap", "a.bag"])
@@ -304,7 +304,7 @@ def test_topics_with_times_of_their_own_are_merged_by_time(tmp_path, name):
     fast = np.arange(12_000, dtype=np.int64) * 1_000_000
     repeated = np.repeat(fast[::40], 2)
     grids = [fast, fast, fast[::143] + 5, fast[::4], fast[::4], repeated, repeated]
-    found = {}
+    messages = {}
     for kind in ("rows", "single"):
         path = tmp_path / kind / name
         path.parent.mkdir()
@@ -325,25 +325,25 @@ def test_topics_with_times_of_their_own_are_merged_by_time(tmp_path, name):
             writer.write_blocks(blocks)
         with open_bag(path) as bag, AnyReader([path]) as reader:
             assert len(bag.topics) == len(grids)
-            found[kind] = [(c.topic, t_ns, bytes(raw)) for c, t_ns, raw in reader.messages()]
-    assert len(found["rows"]) == sum(map(len, grids))
-    times = [t_ns for _, t_ns, _ in found["rows"]]
+            messages[kind] = [(c.topic, t_ns, bytes(raw)) for c, t_ns, raw in reader.messages()]
+    assert len(messages["rows"]) == sum(map(len, grids))
+    times = [t_ns for _, t_ns, _ in messages["rows"]]
     assert times == sorted(times)
-    assert sorted(found["rows"]) == sorted(found["single"])
+    assert sorted(messages["rows"]) == sorted(messages["single"])
     if name.endswith(".mcap"):  # the reader keeps the file's order of equal times
-        assert found["rows"] == found["single"]
+        assert messages["rows"] == messages["single"]
 
 
 def test_places_and_options_that_cannot_be_used(tmp_path):
     (tmp_path / "there.mcap").write_text("mine")
-    for path, options, words in (
+    for path, options, reason in (
         ("there.mcap", {}, "already exists"),
         ("there.mcap/x.mcap", {}, "Not a directory|File exists"),
         ("x.bag", {"compression": "zstd"}, "ros1 takes none, lz4, bz2"),
         ("x.mcap", {"storage": "sqlite3"}, "has the storage mcap"),
         ("x", {"storage": "paper"}, "must be one of mcap, sqlite3, ros1"),
     ):
-        with pytest.raises(InputError, match=words):
+        with pytest.raises(InputError, match=reason):
             open_writer(tmp_path / path, BagOptions(**options))
     assert (tmp_path / "there.mcap").read_text() == "mine"
 

@@ -30,12 +30,12 @@ def _lines(x) -> list[str]:
 def test_floats_read_back_bit_for_bit(make):
     x = make(np.random.default_rng(1))
     back = np.array([float(line) for line in _lines(x)])
-    same = x.view(np.int64) == back.view(np.int64)
-    assert np.all(same | (np.isnan(x) & np.isnan(back)))
+    identical = x.view(np.int64) == back.view(np.int64)
+    assert np.all(identical | (np.isnan(x) & np.isnan(back)))
 
 
 def test_the_bytes_are_the_same_without_orjson(monkeypatch):
-    """Of all magnitudes: the two notations differ only below 1e-4."""
+    """Numbers of all magnitudes are written alike; the two notations differ only below 1e-4."""
     pytest.importorskip("orjson")
     random = np.random.default_rng(3)
     powers = 10.0 ** np.concatenate([np.arange(-320, 308), np.repeat(np.arange(-9, 18), 30)])
@@ -69,7 +69,7 @@ def test_integers_are_exact():
 
 @pytest.mark.parametrize("count", [0, 1, 5000])
 def test_digits_are_the_shortest_that_tell_a_number_from_its_neighbours(count):
-    """As many as Python's repr has, which finds them by another algorithm."""
+    """The count of digits is that of Python's repr, which finds them by another algorithm."""
     x = np.random.default_rng(2).standard_normal(count) * 10.0
     assert _lines(x) == [repr(value) for value in x.tolist()]
 

@@ -90,10 +90,10 @@ def test_a_file_that_is_compressed_as_a_whole(tmp_path, name, ending):
     renamed = tmp_path / f"b{source.suffix}"  # the content decides, not the name
     renamed.write_bytes(data)
     check_readings(renamed)
-    before = sorted(tmp_path.iterdir())
+    files_before = sorted(tmp_path.iterdir())
     with open_bag(path) as opened:
         assert opened.path == path
-    assert sorted(tmp_path.iterdir()) == before
+    assert sorted(tmp_path.iterdir()) == files_before
 
 
 @pytest.mark.parametrize("ending", COMPRESSIONS)
@@ -148,18 +148,18 @@ def test_a_folder_of_rosbag2_with_compressed_files(tmp_path, capsys, storage):
     check_readings(folder)
     file.unlink()
     check_readings(folder)
-    words = [str(folder), "-o", str(tmp_path / "out.mcap"), "--recover", "--json"]
-    assert convert_bag.main(words) == 0
+    arguments = [str(folder), "-o", str(tmp_path / "out.mcap"), "--recover", "--json"]
+    assert convert_bag.main(arguments) == 0
     result = json.loads(capsys.readouterr().out)
     assert (result["recovered"], result["left_out"]) == (False, [])
     # Compressed by hand: metadata.yaml of a bag that was not.
-    other = bag(tmp_path / "other", storage)
-    (file,) = (file for file in other.iterdir() if file.suffix != ".yaml")
+    second_folder = bag(tmp_path / "other", storage)
+    (file,) = (file for file in second_folder.iterdir() if file.suffix != ".yaml")
     file.with_name(file.name + ".zst").write_bytes(zstandard.compress(file.read_bytes()))
     file.unlink()
-    check_readings(other)
-    (other / "metadata.yaml").unlink()
-    with open_bag(other, recover=True) as opened:
+    check_readings(second_folder)
+    (second_folder / "metadata.yaml").unlink()
+    with open_bag(second_folder, recover=True) as opened:
         assert opened.topics[0].count == COUNT
 
 
@@ -192,8 +192,8 @@ def test_a_topic_without_schema_is_named(tmp_path, capsys):
     assert convert_bag.main([str(path), "-o", str(tmp_path / "b.bag")]) == 2
     (line,) = capsys.readouterr().err.splitlines()
     assert "/other has no schema, and cannot be translated" in line
-    words = ["-o", str(tmp_path / "b.bag"), "--topics", "/imu", "--quiet"]
-    assert convert_bag.main([str(path), *words]) == 0
+    options = ["-o", str(tmp_path / "b.bag"), "--topics", "/imu", "--quiet"]
+    assert convert_bag.main([str(path), *options]) == 0
     with pytest.raises(InputError, match=r"it has /other \(no schema\)"):
         read_imu(mcap(tmp_path / "c.mcap", ("/other", "cdr", None, COUNT)))
 
@@ -216,17 +216,17 @@ def test_messages_of_ros_1_in_mcap(tmp_path, metadata):
 
 
 def test_topics_of_other_encodings_are_left_out_and_named(tmp_path, capsys):
-    other = ("/notes", "json", ("notes", "jsonschema", "{}"), 3)
-    path = mcap(tmp_path / "a.mcap", ("/imu", "cdr", imu_schema("cdr"), COUNT), other)
+    notes = ("/notes", "json", ("notes", "jsonschema", "{}"), 3)
+    path = mcap(tmp_path / "a.mcap", ("/imu", "cdr", imu_schema("cdr"), COUNT), notes)
     check_readings(path)
-    words = [str(path), "-o", str(tmp_path / "b.mcap"), "--json"]
-    assert convert_bag.main(words) == 0
+    arguments = [str(path), "-o", str(tmp_path / "b.mcap"), "--json"]
+    assert convert_bag.main(arguments) == 0
     printed = capsys.readouterr()
     assert json.loads(printed.out)["not_converted"] == ["/notes"]
     assert "/notes holds json, not ROS 2 messages, and is left out" in printed.err
     with pytest.raises(InputError, match="/notes holds json"):
-        open_bag(mcap(tmp_path / "c.mcap", other))
-    empty = (*other[:3], 0)
+        open_bag(mcap(tmp_path / "c.mcap", notes))
+    empty = (*notes[:3], 0)
     with open_bag(mcap(tmp_path / "d.mcap", ("/i", "cdr", None, 1), empty)) as opened:
         assert not opened.unreadable
 

@@ -1,7 +1,7 @@
 # Copyright 2026 imu_sim_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""What is broken in a recording, at every door: each form of bag, text, and each command."""
+"""Broken readings and poses at every entry: each form of bag, text, and each command."""
 
 import json
 
@@ -72,13 +72,13 @@ def place(request, tmp_path):
 
 @pytest.mark.parametrize("case", READINGS)
 def test_a_bad_reading_is_an_error_with_topic_message_and_stamp(place, case):
-    spoilt, value, words = READINGS[case]
+    spoilt, value, reason = READINGS[case]
     path = write(place[0], spoilt, value, **place[1])
     for door in (read_imu, ims.read_imu, ims.dead_reckon, ims.allan):
         with pytest.raises(InputError) as caught:
             door(path)
         (line,) = caught.value.problems
-        assert line.startswith(f"{path}: /imu/data_raw: {STAMP}{words}")
+        assert line.startswith(f"{path}: /imu/data_raw: {STAMP}{reason}")
     counted = []
     assert len(read_imu(path, skipped=counted.append).t_ns) == COUNT - 1
     assert counted == [1]
@@ -86,22 +86,22 @@ def test_a_bad_reading_is_an_error_with_topic_message_and_stamp(place, case):
 
 @pytest.mark.parametrize("case", POSES)
 def test_a_bad_pose_is_an_error_with_topic_message_and_stamp(place, case):
-    spoilt, value, words = POSES[case]
+    spoilt, value, reason = POSES[case]
     path = write(place[0], spoilt, value, **place[1])
     for door in (read_odometry, read_states, ims.read_odometry):
         with pytest.raises(InputError) as caught:
             door(path)
         (line,) = caught.value.problems
-        assert line.startswith(f"{path}: /ground_truth/odom: {STAMP}{words}")
-    kept = read_states(path, skip_bad_rows=True)
-    assert (len(kept.t_ns), kept.skipped) == (COUNT - 1, 1)
+        assert line.startswith(f"{path}: /ground_truth/odom: {STAMP}{reason}")
+    states = read_states(path, skip_bad_rows=True)
+    assert (len(states.t_ns), states.skipped) == (COUNT - 1, 1)
 
 
 def run(capsys, command, *arguments):
     """Return status, standard output and the lines on standard error."""
     status = command.main([str(word) for word in arguments])
-    said = capsys.readouterr()
-    return status, said.out, said.err.splitlines()
+    output = capsys.readouterr()
+    return status, output.out, output.err.splitlines()
 
 
 @pytest.mark.parametrize("spoilt", ["accel", "q_wb"])
@@ -138,7 +138,7 @@ def test_every_command_refuses_in_a_line_or_leaves_out(place, capsys, spoilt, js
 )
 @pytest.mark.parametrize("case", ["gyro nan", "accel inf", "position nan"])
 def test_a_conversion_passes_on_with_a_warning(place, capsys, tmp_path, target, case):
-    spoilt, value, words = {**READINGS, **POSES}[case]
+    spoilt, value, reason = {**READINGS, **POSES}[case]
     path = write(place[0], spoilt, value, **place[1])
     arguments = [path, "-o", tmp_path / target[0], *target[1:]]
     copied = {"o.csv": {"gyro", "accel"}, "o.tum": {"position"}}.get(target[0], {spoilt})
@@ -151,7 +151,7 @@ def test_a_conversion_passes_on_with_a_warning(place, capsys, tmp_path, target, 
         return
     (line,) = lines
     assert f"1 of {COUNT} messages are not finite or not possible, the first is {STAMP}" in line
-    assert words in line
+    assert reason in line
 
     status, out, lines = run(capsys, convert_bag, *arguments, "--skip-bad-rows", "--force")
     assert (status, len(lines)) == (0, 1)

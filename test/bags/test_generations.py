@@ -25,15 +25,15 @@ DIGESTS = {
 LEFT_OUT = "texture, texture_resource, uv_coordinates"
 
 
-def made(types, name, **given):
-    """Return a message: given fields, else 0 or empty."""
+def make_message(types, name, **fields):
+    """Return a message with these fields, all others 0 or empty."""
     kinds = types.fielddefs[name][1]
     values = []
     for field, (node, inner) in kinds:
-        if field.lower() in given:
-            values.append(given[field.lower()])
+        if field.lower() in fields:
+            values.append(fields[field.lower()])
         elif node.name == "NAME":
-            values.append(made(types, inner))
+            values.append(make_message(types, inner))
         elif node.name == "BASE":
             values.append("" if inner[0] == "string" else 0)
         else:
@@ -45,28 +45,28 @@ def made(types, name, **given):
 
 def header(types, k):
     stamp = types.types["builtin_interfaces/msg/Time"](10 + k, 5)
-    return made(types, "std_msgs/msg/Header", stamp=stamp, frame_id="base")
+    return make_message(types, "std_msgs/msg/Header", stamp=stamp, frame_id="base")
 
 
 def messages(types, k):
     point = types.types["geometry_msgs/msg/Point"](1.0, 2.0, 3.0)
     head = header(types, k)
-    marker = made(types, "visualization_msgs/msg/Marker", header=head, ns="n", text="hi", id=k,
-                  points=[point], texture_resource="away")  # fmt: skip
+    marker = make_message(types, "visualization_msgs/msg/Marker", header=head, ns="n", text="hi",
+                          id=k, points=[point], texture_resource="away")  # fmt: skip
     k_matrix = np.arange(9.0)
     return {
-        "sensor_msgs/msg/Range": made(
+        "sensor_msgs/msg/Range": make_message(
             types, "sensor_msgs/msg/Range", header=head, radiation_type=1, field_of_view=0.25,
             min_range=0.5, max_range=4.0, range=1.5 + k, variance=0.25,
         ),
         "visualization_msgs/msg/Marker": marker,
-        "visualization_msgs/msg/MarkerArray": made(
+        "visualization_msgs/msg/MarkerArray": make_message(
             types, "visualization_msgs/msg/MarkerArray", markers=[marker, marker]
         ),
-        "shape_msgs/msg/SolidPrimitive": made(
+        "shape_msgs/msg/SolidPrimitive": make_message(
             types, "shape_msgs/msg/SolidPrimitive", type=1, dimensions=np.array([1.0, 2.0, 3.0])
         ),
-        "sensor_msgs/msg/CameraInfo": made(
+        "sensor_msgs/msg/CameraInfo": make_message(
             types, "sensor_msgs/msg/CameraInfo", header=head, width=3, d=np.ones(2), k=k_matrix
         ),
     }  # fmt: skip
@@ -99,58 +99,66 @@ def ros1_bag(tmp_path):
 
 
 def content(path):
-    found = {}
+    by_type = {}
     with AnyReader([path], default_typestore=ROS2) as reader:
-        digests = {one.msgtype: one.digest for one in reader.connections}
+        digests = {connection.msgtype: connection.digest for connection in reader.connections}
         for connection, _, raw in reader.messages():
-            found.setdefault(connection.msgtype, []).append(
+            by_type.setdefault(connection.msgtype, []).append(
                 reader.deserialize(raw, connection.msgtype)
             )
-    return found, digests
+    return by_type, digests
 
 
-def check(found):
+def check(messages_by_type):
     for k in range(3):
-        one = {name: each[k] for name, each in found.items()}
-        distance, marker = one["sensor_msgs/msg/Range"], one["visualization_msgs/msg/Marker"]
+        message = {name: series[k] for name, series in messages_by_type.items()}
+        distance, marker = (
+            message["sensor_msgs/msg/Range"],
+            message["visualization_msgs/msg/Marker"],
+        )
         assert (distance.range, distance.max_range, distance.radiation_type) == (1.5 + k, 4.0, 1)
         assert distance.header.stamp.sec == 10 + k
         assert distance.header.frame_id == "base"
-        inner = one["visualization_msgs/msg/MarkerArray"].markers[1]
-        for each in (marker, inner):
-            assert (each.ns, each.text, each.id, each.points[0].z) == ("n", "hi", k, 3.0)
-        assert list(one["shape_msgs/msg/SolidPrimitive"].dimensions) == [1.0, 2.0, 3.0]
+        inner = message["visualization_msgs/msg/MarkerArray"].markers[1]
+        for candidate in (marker, inner):
+            assert (candidate.ns, candidate.text, candidate.id, candidate.points[0].z) == (
+                "n",
+                "hi",
+                k,
+                3.0,
+            )
+        assert list(message["shape_msgs/msg/SolidPrimitive"].dimensions) == [1.0, 2.0, 3.0]
 
 
 def test_from_ros2_each_type_has_the_fields_and_the_digest_of_ros1(ros2_bag, tmp_path):
     result = ims.convert(ros2_bag, tmp_path / "out.bag")
-    found, digests = content(tmp_path / "out.bag")
-    check(found)
+    by_type, digests = content(tmp_path / "out.bag")
+    check(by_type)
     assert digests == DIGESTS
-    last = found["sensor_msgs/msg/CameraInfo"][-1]
-    assert (list(last.D), last.K[8], last.width) == ([1.0, 1.0], 8.0, 3)
-    assert not hasattr(found["sensor_msgs/msg/Range"][0], "variance")
-    said = "\n".join(result.warnings)
-    assert "/Range: sensor_msgs/Range of ROS 1 is another one: variance left out" in said
-    assert f"Marker of ROS 1 is another one: mesh_file, {LEFT_OUT} left out" in said
-    assert "CameraInfo" not in said
+    camera = by_type["sensor_msgs/msg/CameraInfo"][-1]
+    assert (list(camera.D), camera.K[8], camera.width) == ([1.0, 1.0], 8.0, 3)
+    assert not hasattr(by_type["sensor_msgs/msg/Range"][0], "variance")
+    report = "\n".join(result.warnings)
+    assert "/Range: sensor_msgs/Range of ROS 1 is another one: variance left out" in report
+    assert f"Marker of ROS 1 is another one: mesh_file, {LEFT_OUT} left out" in report
+    assert "CameraInfo" not in report
 
 
 def test_from_ros1_each_type_has_the_fields_of_ros2(ros1_bag, tmp_path):
     result = ims.convert(ros1_bag, tmp_path / "out.mcap")
-    found, _ = content(tmp_path / "out.mcap")
-    check(found)
-    assert found["sensor_msgs/msg/Range"][0].variance == 0.0
-    assert found["visualization_msgs/msg/Marker"][0].texture.format == ""
+    by_type, _ = content(tmp_path / "out.mcap")
+    check(by_type)
+    assert by_type["sensor_msgs/msg/Range"][0].variance == 0.0
+    assert by_type["visualization_msgs/msg/Marker"][0].texture.format == ""
     assert "Range of ROS 2 is another one: variance 0 or empty" in "\n".join(result.warnings)
 
 
 def test_what_is_recorded_into_a_ros1_bag_has_the_fields_of_ros1():
     name = "sensor_msgs/msg/Range"
     text, _ = ROS2.generate_msgdef(name, ros_version=2)
-    found = recorded_type(name, text, "", "ros1")
-    assert found.schema.digest == DIGESTS[name]
-    data = found.convert(bytes(ROS2.serialize_cdr(messages(ROS2, 0)[name], name)))
+    recording = recorded_type(name, text, "", "ros1")
+    assert recording.schema.digest == DIGESTS[name]
+    data = recording.convert(bytes(ROS2.serialize_cdr(messages(ROS2, 0)[name], name)))
     assert ROS1.deserialize_ros1(data, name).range == 1.5
 
 

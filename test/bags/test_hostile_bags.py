@@ -57,8 +57,8 @@ def _mcap(*records: tuple[int, bytes]) -> bytes:
     return MAGICS["x.mcap"] + body
 
 
-def _text(words: bytes) -> bytes:
-    return struct.pack("<I", len(words)) + words
+def _text(content: bytes) -> bytes:
+    return struct.pack("<I", len(content)) + content
 
 
 @pytest.mark.parametrize(
@@ -73,15 +73,15 @@ def _text(words: bytes) -> bytes:
 )
 def test_records_that_are_not_what_they_say(tmp_path, records, capsys):
     (tmp_path / "x.mcap").write_bytes(_mcap(*records))
-    for more in ([], ["--recover"]):
-        assert convert_bag.main(["x.mcap", "-o", "o.bag", *more]) == 2
+    for options in ([], ["--recover"]):
+        assert convert_bag.main(["x.mcap", "-o", "o.bag", *options]) == 2
         error = capsys.readouterr().err
         assert "Traceback" not in error
-        assert ("nothing recoverable" in error) == bool(more)
+        assert ("nothing recoverable" in error) == bool(options)
 
 
 @pytest.mark.parametrize(
-    ("statement", "words"),
+    ("statement", "reason"),
     [
         ("DROP TABLE messages", "not a database of rosbag2"),
         ("DROP TABLE topics", "not a database of rosbag2"),
@@ -95,7 +95,7 @@ def test_records_that_are_not_what_they_say(tmp_path, records, capsys):
         ("UPDATE topics SET name = x'ff'", "are not strings"),
     ],
 )
-def test_databases_that_are_none_of_rosbag2(tmp_path, statement, words, capsys):
+def test_databases_that_are_none_of_rosbag2(tmp_path, statement, reason, capsys):
     with open_writer("bag", BagOptions("sqlite3")) as writer:
         topic = writer.add_topic("/imu", IMU)
         t_ns = np.arange(1, 50) * 10**7
@@ -107,12 +107,12 @@ def test_databases_that_are_none_of_rosbag2(tmp_path, statement, words, capsys):
     database.close()
     assert convert_bag.main(["bag/bag_0.db3", "-o", "o.mcap"]) == 2
     error = capsys.readouterr().err
-    assert words in error
+    assert reason in error
     assert error.count("\n") == 1
 
 
 @pytest.mark.parametrize(
-    ("starts", "sizes", "words"),
+    ("starts", "sizes", "reason"),
     [
         ([-8, 0], [4, 4], "past the end"),
         ([0, 8], [4, -4], "past the end"),
@@ -120,9 +120,9 @@ def test_databases_that_are_none_of_rosbag2(tmp_path, statement, words, capsys):
         ([0] * 100, [90] * 100, "overlap"),
     ],
 )
-def test_an_index_cannot_lead_out_of_its_chunk(starts, sizes, words):
+def test_an_index_cannot_lead_out_of_its_chunk(starts, sizes, reason):
     data = np.zeros(100, np.uint8)
-    with pytest.raises(ValueError, match=words):
+    with pytest.raises(ValueError, match=reason):
         gather(data, np.array(starts, dtype=np.int64), np.array(sizes, dtype=np.int64))
 
 
@@ -174,9 +174,9 @@ def test_a_split_that_never_ends_is_refused_before_it_begins(tmp_path, capsys):
 
 def test_the_bag_that_is_read_is_not_written_over(tmp_path, capsys):
     assert generate.main(["-o", "x.mcap", "--duration", "2s", "--quiet"]) == 0
-    before = (tmp_path / "x.mcap").read_bytes()
-    for more in ([], ["--force"]):
-        assert dead_reckon.main(["x.mcap", "-o", "./x.mcap", *more]) == 2
+    content = (tmp_path / "x.mcap").read_bytes()
+    for options in ([], ["--force"]):
+        assert dead_reckon.main(["x.mcap", "-o", "./x.mcap", *options]) == 2
         assert "is the input x.mcap" in capsys.readouterr().err
-        assert convert_bag.main(["x.mcap", "-o", "x.mcap", *more]) == 2
-    assert (tmp_path / "x.mcap").read_bytes() == before
+        assert convert_bag.main(["x.mcap", "-o", "x.mcap", *options]) == 2
+    assert (tmp_path / "x.mcap").read_bytes() == content

@@ -31,8 +31,8 @@ def of_another_class():
 
 @pytest.mark.parametrize("call", [without_name, without_argument, with_too_few, of_another_class])
 def test_a_library_of_another_version_is_named(call):
-    words = r"a\.mcap: not read, because a library"
-    with pytest.raises(MissingDependencyError, match=words), errors_naming(Path("a.mcap")):
+    message = r"a\.mcap: not read, because a library"
+    with pytest.raises(MissingDependencyError, match=message), errors_naming(Path("a.mcap")):
         call()
 
 

@@ -36,5 +36,5 @@ def test_a_file_tells_the_distribution_and_what_rosbag2_tells_of_it(tmp_path, na
     (topic,) = content["topics_with_message_count"]
     assert topic["topic_metadata"]["type"] == "sensor_msgs/msg/Imu"
     if name == "flight":
-        (outside,) = yaml.safe_load((tmp_path / name / "metadata.yaml").read_text()).values()
-        assert content == outside
+        (information,) = yaml.safe_load((tmp_path / name / "metadata.yaml").read_text()).values()
+        assert content == information

@@ -32,7 +32,7 @@ CASES = {
 
 @pytest.mark.parametrize("name", CASES)
 def test_messages_are_in_the_order_of_time_and_whole(name, tmp_path):
-    """In two emissions; of equal times, the first topic's is first. Index and file agree."""
+    """Each of two emissions is sorted by time, then by topic; the index and the file agree."""
     rows, expected = CASES[name], []
     with McapWriter(tmp_path / "a.mcap") as writer:
         topics = [writer.add_topic(f"/t{k}", "sensor_msgs/msg/Imu") for k in range(len(rows))]
@@ -40,20 +40,22 @@ def test_messages_are_in_the_order_of_time_and_whole(name, tmp_path):
         for late in (False, True):
             blocks = []
             for topic, t_ns, (*_, size) in zip(topics, whole, rows, strict=True):
-                own = t_ns[(t_ns >= 17_313_000_000) == late]
-                blocks.append(Block(topic, own, RNG.integers(0, 256, (len(own), size), np.uint8)))
+                stamps = t_ns[(t_ns >= 17_313_000_000) == late]
+                blocks.append(
+                    Block(topic, stamps, RNG.integers(0, 256, (len(stamps), size), np.uint8))
+                )
             flat = [(int(t), b.topic.name, bytes(row)) for b in blocks
                     for t, row in zip(b.t_ns, b.payloads, strict=True)]  # fmt: skip
-            expected += sorted(flat, key=lambda one: one[0])
+            expected += sorted(flat, key=lambda entry: entry[0])
             writer.write_blocks(blocks)
             writer.flush()
     with (tmp_path / "a.mcap").open("rb") as file:
-        read = list(make_reader(file, validate_crcs=True).iter_messages(log_time_order=False))
-    assert [(m.log_time, c.topic, m.data) for _, c, m in read] == expected
+        records = list(make_reader(file, validate_crcs=True).iter_messages(log_time_order=False))
+    assert [(m.log_time, c.topic, m.data) for _, c, m in records] == expected
     counts = {topic.name: 0 for topic in topics}
-    for _, channel, message in read:
+    for _, channel, message in records:
         assert message.sequence == counts[channel.topic]
         counts[channel.topic] += 1
     with (tmp_path / "a.mcap").open("rb") as file:  # by the index
-        one = [m.data for _, _, m in make_reader(file).iter_messages(topics=["/t1"])]
-    assert one == [data for _, topic, data in expected if topic == "/t1"]
+        payloads = [m.data for _, _, m in make_reader(file).iter_messages(topics=["/t1"])]
+    assert payloads == [data for _, topic, data in expected if topic == "/t1"]

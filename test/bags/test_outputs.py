@@ -127,11 +127,11 @@ def test_an_input_is_never_written_to_whatever_it_is_called(tmp_path, name, forc
 def test_a_folder_that_holds_an_input_is_not_replaced(tmp_path):
     (tmp_path / "MH_01" / "mav0").mkdir(parents=True)
     (tmp_path / "MH_01" / "mav0" / "data.csv").write_text("mine")
-    for given, target, word in (
+    for source, target, word in (
         ("MH_01/mav0", "MH_01", "holds"),
         ("MH_01", "MH_01/mav0", "lies in"),
     ):
-        outputs = Outputs(inputs=[given], force=True)
+        outputs = Outputs(inputs=[source], force=True)
         outputs.add(target)
         with pytest.raises(InputError, match=f"{word} the input"), outputs.staged():
             pytest.fail("the work began")
@@ -182,10 +182,10 @@ def test_an_interrupted_run_keeps_what_is_whole_as_a_part(tmp_path, discard):
 
 def test_companions_are_written_with_their_output_and_no_part_of_it(tmp_path):
     def outputs() -> tuple[Outputs, list]:
-        made = Outputs()
-        bag = made.add("bag", kept=True)
+        new_outputs = Outputs()
+        bag = new_outputs.add("bag", kept=True)
         bag.summary = lambda: "12 messages"
-        return made, [bag.path, made.add("bag_truth.yaml", companion_of=bag).path]
+        return new_outputs, [bag.path, new_outputs.add("bag_truth.yaml", companion_of=bag).path]
 
     run, (bag, truth) = outputs()
     with run.staged():
@@ -218,12 +218,12 @@ def test_files_that_were_only_opened_are_no_part():
 
 
 def test_two_runs_at_once_do_not_mix(tmp_path):
-    first, second = Outputs(), Outputs(force=True)
-    path = first.add("x.mcap").path
-    second.add("x.mcap")
-    with first.staged():
+    run, rival = Outputs(), Outputs(force=True)
+    path = run.add("x.mcap").path
+    rival.add("x.mcap")
+    with run.staged():
         # flock tells open files apart, so that this process stands for two
-        with pytest.raises(InputError, match="another program is writing"), second.staged():
+        with pytest.raises(InputError, match="another program is writing"), rival.staged():
             pytest.fail("the work began")
         path.write_text("whole")
     assert (tmp_path / "x.mcap").read_text() == "whole"
@@ -231,19 +231,19 @@ def test_two_runs_at_once_do_not_mix(tmp_path):
 
 def test_a_folder_that_is_not_locked_yet_is_not_shared(tmp_path, monkeypatch):
     """Between making the staging folder and locking it, another run takes it for a stale one."""
-    first, second = Outputs(), Outputs(force=True)
-    first.add("x.mcap")
-    path = second.add("x.mcap").path
+    run, rival = Outputs(), Outputs(force=True)
+    run.add("x.mcap")
+    path = rival.add("x.mcap").path
     faster = ExitStack()
     opened = outputs_module._opened
 
     def after_the_other(staging):
         monkeypatch.setattr(outputs_module, "_opened", opened)
-        faster.enter_context(second.staged())
+        faster.enter_context(rival.staged())
         return opened(staging)
 
     monkeypatch.setattr(outputs_module, "_opened", after_the_other)
-    with pytest.raises(InputError, match="another program is writing"), first.staged():
+    with pytest.raises(InputError, match="another program is writing"), run.staged():
         pytest.fail("the work began")
     path.write_text("of the second")
     faster.close()
@@ -362,12 +362,12 @@ def test_the_parts_of_a_split_output_are_one_line():
 
 def test_a_full_disk_is_told_with_the_name_of_the_output():
     """The system tells no name where a write fails; a read that fails has nothing to do with it."""
-    for number, named in ((errno.ENOSPC, True), (errno.EIO, False)):
+    for number, has_name in ((errno.ENOSPC, True), (errno.EIO, False)):
         outputs = Outputs()
         outputs.add("x.csv")
         with pytest.raises(OSError, match=os.strerror(number)) as failed, outputs.staged():
             raise OSError(number, os.strerror(number))
-        expected = f"x.csv: {os.strerror(number)}" if named else os.strerror(number)
+        expected = f"x.csv: {os.strerror(number)}" if has_name else os.strerror(number)
         assert explain(failed.value) == ((expected,), 1)
 
 

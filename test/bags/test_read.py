@@ -83,13 +83,13 @@ def test_inputs_that_are_no_bags(tmp_path):
     (tmp_path / "empty.bag").write_bytes(b"")
     (tmp_path / "words.bag").write_text("some words, more than sixteen bytes")
     (tmp_path / "folder").mkdir()
-    for name, words in (
+    for name, reason in (
         ("missing.bag", "No such file"),
         ("empty.bag", "an empty file"),
         ("words.bag", r"not a bag; the name of a text file ends in \.csv or \.tum or \.txt"),
         ("folder", r"no metadata\.yaml"),
     ):
-        with pytest.raises(InputError, match=words):
+        with pytest.raises(InputError, match=reason):
             read_imu(tmp_path / name)
 
 
@@ -133,9 +133,7 @@ def test_writing_another_softwares_way_is_read(tmp_path, content):
 
 
 def test_the_truth_of_readings_is_not_taken_for_them(tmp_path):
-    made = ims.generate(
-        tmp_path / "a.mcap", duration=1, topics=["imu/data_raw", "ground_truth/imu"]
-    )
-    assert set(made.messages) == {"/imu/data_raw", "/ground_truth/imu"}
-    by_default, named = (ims.read_imu(made.output, topic) for topic in (None, "/imu/data_raw"))
-    np.testing.assert_array_equal(by_default.gyro, named.gyro)
+    bag = ims.generate(tmp_path / "a.mcap", duration=1, topics=["imu/data_raw", "ground_truth/imu"])
+    assert set(bag.messages) == {"/imu/data_raw", "/ground_truth/imu"}
+    by_default, by_name = (ims.read_imu(bag.output, topic) for topic in (None, "/imu/data_raw"))
+    np.testing.assert_array_equal(by_default.gyro, by_name.gyro)

@@ -76,9 +76,9 @@ def test_what_follows_damage_in_the_middle_is_recovered(bags, name, damage, tmp_
     # The first chunk of 1 MiB or more has 834 readings, with the other topics 1,267 bytes each.
     # Without compression the messages next to the damage are lost: 4096 bytes hold 11 readings.
     assert len(t_ns) >= len(content.t_ns) - (835 if name[:3] in ("zst", "lz4") else 13)
-    known = np.searchsorted(content.t_ns, t_ns)
-    np.testing.assert_array_equal(content.t_ns[known], t_ns)
-    np.testing.assert_array_equal(content.gyro[known], gyro)
+    indices = np.searchsorted(content.t_ns, t_ns)
+    np.testing.assert_array_equal(content.t_ns[indices], t_ns)
+    np.testing.assert_array_equal(content.gyro[indices], gyro)
 
 
 def test_a_checksum_leaves_a_chunk_out_and_the_range_is_named(bags, tmp_path, content):
@@ -162,8 +162,8 @@ def test_kill_9_costs_at_most_what_was_not_flushed(tmp_path, name, storage):
 
 
 def test_what_a_killed_command_left_is_found(tmp_path):
-    words = ["--duration", "40h", "--trajectory", "static", "-o", str(tmp_path / "x.mcap")]
-    process = subprocess.Popen([*program("generate"), *words])
+    arguments = ["--duration", "40h", "--trajectory", "static", "-o", str(tmp_path / "x.mcap")]
+    process = subprocess.Popen([*program("generate"), *arguments])
     growing = tmp_path / "x.mcap.active" / "x.mcap.active"
     until(lambda: growing.exists() and growing.stat().st_size > 2 * 10**6)
     process.kill()

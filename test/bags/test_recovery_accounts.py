@@ -41,24 +41,24 @@ def written(path, compression):
 
 
 def recovered(path):
-    """Return the stamps of what is kept, and the left out ranges of bytes."""
+    """Return the stamps of the recovered messages, and the ranges of bytes left out."""
     with open_bag(path, recover=True) as bag:
-        kept = [block.t_ns for group in bag.groups() for block in group]
+        stamps = [block.t_ns for group in bag.groups() for block in group]
         ranges = [tuple(map(int, RANGE.match(line).groups())) for line in bag.damage]
         assert bag.lost_bytes == sum(size for size, _ in ranges)
-        return np.concatenate(kept), [(start, start + size) for size, start in ranges]
+        return np.concatenate(stamps), [(start, start + size) for size, start in ranges]
 
 
-def _insert(data, at, rng):
-    data[at:at] = rng.bytes(int(rng.integers(1, INSERTED + 1)))
+def _insert(data, offset, rng):
+    data[offset:offset] = rng.bytes(int(rng.integers(1, INSERTED + 1)))
 
 
-def _delete(data, at, rng):
-    del data[at : at + int(rng.integers(1, INSERTED + 1))]
+def _delete(data, offset, rng):
+    del data[offset : offset + int(rng.integers(1, INSERTED + 1))]
 
 
-def _overwrite(data, at, rng):
-    data[at : at + INSERTED] = rng.bytes(INSERTED)
+def _overwrite(data, offset, rng):
+    data[offset : offset + INSERTED] = rng.bytes(INSERTED)
 
 
 @pytest.mark.parametrize("damage", [_insert, _delete, _overwrite])
@@ -68,19 +68,19 @@ def test_each_lost_message_lies_in_a_reported_range(tmp_path, name, damage):
     begins, t_ns = written(path, name.partition(".")[0])
     data = path.read_bytes()
     rng = np.random.default_rng(3)
-    for at in rng.integers(begins[2], begins[-2], 8).tolist():
+    for offset in rng.integers(begins[2], begins[-2], 8).tolist():
         torn = bytearray(data)
-        damage(torn, at, rng)
+        damage(torn, offset, rng)
         path.write_bytes(torn)
-        kept, ranges = recovered(path)
-        lost = np.flatnonzero(~np.isin(t_ns, kept))
-        assert np.isin(kept, t_ns).all()
-        assert len(np.unique(kept)) == len(kept)
+        stamps, ranges = recovered(path)
+        lost = np.flatnonzero(~np.isin(t_ns, stamps))
+        assert np.isin(stamps, t_ns).all()
+        assert len(np.unique(stamps)) == len(stamps)
         # Two chunks at most: where the damage is, and one whose head it moves.
         assert len(lost) <= 2 * MESSAGES
         for chunk in np.unique(lost // MESSAGES).tolist():
             begin, end = begins[chunk] - INSERTED, begins[chunk + 1] + INSERTED
-            assert any(start < end and stop > begin for start, stop in ranges), (at, chunk)
+            assert any(start < end and stop > begin for start, stop in ranges), (offset, chunk)
 
 
 @pytest.mark.parametrize("opcode", [0x80, 0xC5, 0xFF, 0x0B, 0x0D])
@@ -95,8 +95,8 @@ def test_bytes_behind_a_damaged_chunk_are_no_record_because_they_might_be(tmp_pa
     data[chunk + 9 + length - 1] = opcode
     data[(chunk + following) // 2 : (chunk + following) // 2] = b"\x55"
     path.write_bytes(data)
-    kept, ((start, stop),) = recovered(path)
-    assert sorted(set(t_ns) - set(kept)) == t_ns[3 * MESSAGES : 4 * MESSAGES].tolist()
+    stamps, ((start, stop),) = recovered(path)
+    assert sorted(set(t_ns) - set(stamps)) == t_ns[3 * MESSAGES : 4 * MESSAGES].tolist()
     assert start == chunk
     assert stop <= following + 1
     with open_bag(path, recover=True) as bag:
@@ -111,8 +111,8 @@ def test_messages_whose_definition_is_lost_are_counted(tmp_path, name):
     # The definition stands in the first chunk and in the index, which is cut off.
     torn = bytearray(data[: begins[-1]])
     torn[begins[0] + 100 : begins[0] + 110] = bytes(10)
-    for at in re.finditer(rb"/imu/data_raw", bytes(torn)):
-        torn[at.start() - 30 : at.end()] = bytes(30 + at.end() - at.start())
+    for match in re.finditer(rb"/imu/data_raw", bytes(torn)):
+        torn[match.start() - 30 : match.end()] = bytes(30 + match.end() - match.start())
     path.write_bytes(torn)
     with open_bag(path, recover=True) as bag:
         lost = bag.lost_messages
@@ -143,8 +143,8 @@ def test_an_unchunked_file_is_read_in_pieces_and_loses_one_message(tmp_path, pla
     data = bytearray(path.read_bytes())
     data.insert(int(place * len(data)), 0x80)
     path.write_bytes(data)
-    kept, ((start, stop),) = recovered(path)
-    assert count - 2 <= len(kept) < count
+    stamps, ((start, stop),) = recovered(path)
+    assert count - 2 <= len(stamps) < count
     assert stop - start < 3 * (rows.shape[1] + 31)
 
 
@@ -155,9 +155,9 @@ def test_a_chunk_with_one_damaged_message_is_kept_if_asked(tmp_path, capsys, com
     data = bytearray(path.read_bytes())
     data[(begins[3] + begins[4]) // 2] ^= 1  # of a covariance
     path.write_bytes(data)
-    for words, lost in (([], MESSAGES), (["--keep-damaged"], 0)):
+    for options, lost in (([], MESSAGES), (["--keep-damaged"], 0)):
         output = tmp_path / f"{lost}.mcap"
-        arguments = [str(path), "-o", str(output), "--recover", "--json", *words]
+        arguments = [str(path), "-o", str(output), "--recover", "--json", *options]
         assert convert_bag.main([*arguments, "--compression", compression]) == 0
         printed = capsys.readouterr()
         result = json.loads(printed.out)
@@ -169,8 +169,8 @@ def test_a_chunk_with_one_damaged_message_is_kept_if_asked(tmp_path, capsys, com
         else:
             assert f"its {MESSAGES} messages are kept, and any of them may be wrong" in printed.err
     folder = tmp_path / "mav0"
-    words = ["--format", "euroc", "--recover", "--keep-damaged", "--quiet"]
-    assert convert_bag.main([str(path), "-o", str(folder), *words]) == 0
+    options = ["--format", "euroc", "--recover", "--keep-damaged", "--quiet"]
+    assert convert_bag.main([str(path), "-o", str(folder), *options]) == 0
     assert len((folder / "imu0" / "data.csv").read_text().splitlines()) == len(t_ns) + 1
 
 

@@ -15,15 +15,15 @@ from imu_sim_ros.commands import convert_bag, generate
 from imu_sim_ros.core.errors import InputError, MachineError
 
 
-def made(path, *words):
-    assert generate.main(["-o", str(path), "--duration", "2s", "--quiet", *words]) == 0
+def generate_bag(path, *options):
+    assert generate.main(["-o", str(path), "--duration", "2s", "--quiet", *options]) == 0
     return path
 
 
 def recovered(capsys, path, output):
     """Return the lines and the JSON result of a recovery."""
-    words = [str(path), "-o", str(output), "--recover", "--json"]
-    assert convert_bag.main(words) == 0
+    arguments = [str(path), "-o", str(output), "--recover", "--json"]
+    assert convert_bag.main(arguments) == 0
     printed = capsys.readouterr()
     result = json.loads(printed.out)
     prefix = f"convert_bag: {path}: "
@@ -44,15 +44,15 @@ def recovered(capsys, path, output):
 @pytest.mark.parametrize("name", ["a.mcap", "a.bag", "a"])
 @pytest.mark.parametrize("storage", ["mcap", "sqlite3"])
 def test_of_a_whole_bag_nothing_is_left_out(tmp_path, capsys, name, storage):
-    more = ["--storage", storage] if name == "a" else []
-    result = recovered(capsys, made(tmp_path / name, *more), tmp_path / "out.mcap")
+    options = ["--storage", storage] if name == "a" else []
+    result = recovered(capsys, generate_bag(tmp_path / name, *options), tmp_path / "out.mcap")
     assert (result["recovered"], result["found"], result["left_out"]) == (False, [], [])
     assert result["messages"]["/imu/data_raw"] == 400
 
 
 @pytest.mark.parametrize("name", ["a.mcap", "a.bag"])
 def test_two_files_one_after_the_other(tmp_path, capsys, name):
-    path = made(tmp_path / name)
+    path = generate_bag(tmp_path / name)
     data = path.read_bytes()
     path.write_bytes(data + data)
     if name == "a.mcap":  # its end is whole, and that of another file
@@ -67,15 +67,15 @@ def test_two_files_one_after_the_other(tmp_path, capsys, name):
 
 @pytest.mark.parametrize("name", ["a.mcap", "a.bag"])
 def test_a_splice_that_gives_a_channel_another_topic(tmp_path, capsys, name):
-    first = made(tmp_path / name, "--imu-only").read_bytes()
-    other = tmp_path / f"other_{name}"
-    second = made(other, "--imu-only", "--topic", "imu/data_raw=/other").read_bytes()
+    original = generate_bag(tmp_path / name, "--imu-only").read_bytes()
+    second_path = tmp_path / f"other_{name}"
+    second = generate_bag(second_path, "--imu-only", "--topic", "imu/data_raw=/other").read_bytes()
     path = tmp_path / f"spliced_{name}"
     if name == "a.mcap":
-        cut, start = _mcap_end_of_data(first), 8
+        cut, start = _mcap_end_of_data(original), 8
     else:
-        cut, start = _ros1_end_of_chunks(first), 13
-    path.write_bytes(first[:cut] + second[start:])
+        cut, start = _ros1_end_of_chunks(original), 13
+    path.write_bytes(original[:cut] + second[start:])
     result = recovered(capsys, path, tmp_path / "out.mcap")
     assert result["messages"] == {"/imu/data_raw": 400}
     assert result["recovered"]
@@ -96,11 +96,11 @@ def _ros1_end_of_chunks(data):
 
 @pytest.mark.parametrize("name", ["a.mcap", "a.bag"])
 def test_a_file_that_ends_early(tmp_path, capsys, name):
-    path = made(tmp_path / name)
+    path = generate_bag(tmp_path / name)
     path.write_bytes(path.read_bytes()[:150_000])
     result = recovered(capsys, path, tmp_path / "out.mcap")
-    (found,), (left_out,) = result["found"], result["left_out"]
-    assert "the recording was interrupted" in found
+    (finding,), (left_out,) = result["found"], result["left_out"]
+    assert "the recording was interrupted" in finding
     assert left_out.endswith("no whole record")
     size = 150_000 // sum(result["messages"].values())  # of two messages and their headers
     assert int(left_out.split()[0]) < 2 * size
@@ -108,7 +108,7 @@ def test_a_file_that_ends_early(tmp_path, capsys, name):
 
 @pytest.mark.parametrize("storage", ["mcap", "sqlite3"])
 def test_a_split_bag_whose_middle_file_is_missing(tmp_path, capsys, storage):
-    bag = made(tmp_path / "bag", "--split-duration", "0.5s", "--storage", storage)
+    bag = generate_bag(tmp_path / "bag", "--split-duration", "0.5s", "--storage", storage)
     part = next(bag.glob("bag_1.*"))
     part.rename(bag / part.name.replace("_1", "_9"))
     next(bag.glob("bag_2.*")).write_bytes(b"nonsense")
@@ -123,14 +123,14 @@ def test_a_split_bag_whose_middle_file_is_missing(tmp_path, capsys, storage):
 
 
 def test_a_torn_database_in_every_form(tmp_path, capsys):
-    (part,) = made(tmp_path / "bag", "--storage", "sqlite3").glob("*.db3")
+    (part,) = generate_bag(tmp_path / "bag", "--storage", "sqlite3").glob("*.db3")
     path = tmp_path / "torn.db3"
     path.write_bytes(part.read_bytes()[:100_000])
     counts = set()
     for name in ("out.mcap", "folder", "out.tum"):
         form = ["--format", "euroc"] if name == "folder" else []
-        words = [str(path), "-o", str(tmp_path / name), "--recover", "--json", *form]
-        assert convert_bag.main(words) == 0
+        arguments = [str(path), "-o", str(tmp_path / name), "--recover", "--json", *form]
+        assert convert_bag.main(arguments) == 0
         result = json.loads(capsys.readouterr().out)
         assert result["left_out"][0].startswith("the messages after number ")
         counts.add(result["messages"]["/ground_truth/odom"])
@@ -138,7 +138,7 @@ def test_a_torn_database_in_every_form(tmp_path, capsys):
 
 
 def test_a_database_is_recovered_without_a_byte_beside_it(tmp_path, monkeypatch, capsys):
-    (part,) = made(tmp_path / "bag", "--storage", "sqlite3").glob("*.db3")
+    (part,) = generate_bag(tmp_path / "bag", "--storage", "sqlite3").glob("*.db3")
     folder = tmp_path / "full"
     folder.mkdir()
     path = shutil.copy(part, folder / "a.db3")
@@ -152,7 +152,7 @@ def test_a_database_is_recovered_without_a_byte_beside_it(tmp_path, monkeypatch,
     database.rollback()
     database.close()
     assert (killed / journal.name).stat().st_size
-    before = {file.name: file.read_bytes() for file in killed.iterdir()}
+    files_before = {file.name: file.read_bytes() for file in killed.iterdir()}
     asked = []
     room = tmp_path / "room"
     room.mkdir()
@@ -160,7 +160,7 @@ def test_a_database_is_recovered_without_a_byte_beside_it(tmp_path, monkeypatch,
     monkeypatch.setattr("tempfile.tempdir", None)
     with open_bag(killed / "a.db3", recover=True) as bag:
         asked += list(room.iterdir())
-        assert {file.name: file.read_bytes() for file in killed.iterdir()} == before
+        assert {file.name: file.read_bytes() for file in killed.iterdir()} == files_before
         assert "rolled back" in bag.found[0]
     assert len(asked) == 1
     assert not list(room.iterdir())

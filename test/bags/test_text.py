@@ -107,7 +107,7 @@ def test_sensor_descriptions(tmp_path, states):
 
 
 @pytest.mark.parametrize(
-    ("text", "words"),
+    ("text", "reason"),
     [
         ("", "contains no rows"),
         ("timestamp,omega_x\n", "contains no rows"),
@@ -116,10 +116,10 @@ def test_sensor_descriptions(tmp_path, states):
         ("1,1,2,x,4,5,6\n", "line 1: .x. is not a number"),
     ],
 )
-def test_files_of_another_form(tmp_path, text, words):
+def test_files_of_another_form(tmp_path, text, reason):
     path = tmp_path / "imu.csv"
     path.write_text(text)
-    with pytest.raises(InputError, match=words):
+    with pytest.raises(InputError, match=reason):
         read_imu(path)
 
 

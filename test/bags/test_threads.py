@@ -22,15 +22,15 @@ COUNT = 12_000  # four chunks
 @pytest.mark.parametrize("workers", [1, 3])
 def test_results_are_used_in_the_order_of_the_items(workers):
     used = []
-    seen = threading.Event()
+    second_ready = threading.Event()
 
     def make(k):
         if workers > 1 and k == 0:  # the first result is ready after the second
-            seen.wait()
-        seen.set() if k == 1 else None
+            second_ready.wait()
+        second_ready.set() if k == 1 else None
         return k
 
-    pipeline = Pipeline(make, lambda item, made: used.append((item, made)), workers)
+    pipeline = Pipeline(make, lambda item, product: used.append((item, product)), workers)
     for k in range(50):
         pipeline.give(k)
     pipeline.wait()
@@ -112,13 +112,13 @@ def test_patterns_arrays_and_lists_make_the_same_file(tmp_path, name):
         with open_writer(path) as writer:
             topic = writer.add_topic("/imu", IMU)
             t_ns, _, messages = _messages(writer.encoding)
-            given = side_by_side([messages]) if form == "array" else messages
+            batch = side_by_side([messages]) if form == "array" else messages
             if form == "threads":
-                writer.write(topic, t_ns, given)
+                writer.write(topic, t_ns, batch)
             else:  # chunk by chunk, each written where it is flushed
                 for start in range(0, COUNT, COUNT // 4):
                     part = slice(start, start + COUNT // 4)
-                    writer.write(topic, t_ns[part], given[part])
+                    writer.write(topic, t_ns[part], batch[part])
                     writer.flush()
         contents.append(path.read_bytes())
     assert contents[0] == contents[1] == contents[2]

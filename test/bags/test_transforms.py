@@ -16,8 +16,11 @@ WORDS = ["--trajectory", "figure_eight", "--duration", "1s", "--quiet"]
 def messages(path, topic):
     """Return the decoded messages of a topic."""
     with AnyReader([path]) as reader:
-        chosen = [one for one in reader.connections if one.topic == topic]
-        return [reader.deserialize(raw, one.msgtype) for one, _, raw in reader.messages(chosen)]
+        chosen = [connection for connection in reader.connections if connection.topic == topic]
+        return [
+            reader.deserialize(raw, connection.msgtype)
+            for connection, _, raw in reader.messages(chosen)
+        ]
 
 
 @pytest.mark.parametrize("name", ["flight.bag", "flight", "flight.db"])
@@ -28,13 +31,15 @@ def test_transforms_and_poses_are_the_truth(tmp_path, name):
     settings = ["--set", "imu.lever_arm=[0.1, 0.2, 0.3]"]
     assert generate.main(["-o", str(path), "--topics", topics, *settings, *storage, *WORDS]) == 0
     truth = ims.read_odometry(path, "ground_truth/odom")
-    moved = [one.transforms[0] for one in messages(path, "/tf")]
-    assert len(moved) == len(truth)
-    assert {(one.header.frame_id, one.child_frame_id) for one in moved} == {("world", "base_link")}
-    shifts = [one.transform.translation for one in moved]
+    transforms = [message.transforms[0] for message in messages(path, "/tf")]
+    assert len(transforms) == len(truth)
+    assert {(transform.header.frame_id, transform.child_frame_id) for transform in transforms} == {
+        ("world", "base_link")
+    }
+    shifts = [transform.transform.translation for transform in transforms]
     assert np.array_equal([[p.x, p.y, p.z] for p in shifts], truth.position)
     poses = messages(path, "/ground_truth/pose")
-    turns = [one.pose.orientation for one in poses]
+    turns = [pose.pose.orientation for pose in poses]
     assert np.allclose([[q.w, q.x, q.y, q.z] for q in turns], truth.q_wb, atol=1e-15)
     (fixed,) = messages(path, "/tf_static")
     (mount,) = fixed.transforms
@@ -48,40 +53,42 @@ def _latched(connection):
     details = connection.ext
     if hasattr(details, "latching"):
         return bool(details.latching)
-    return [one.durability.name for one in details.offered_qos_profiles] == ["TRANSIENT_LOCAL"]
+    return [profile.durability.name for profile in details.offered_qos_profiles] == [
+        "TRANSIENT_LOCAL"
+    ]
 
 
 @pytest.mark.parametrize("name", ["flight.bag", "flight", "flight.db", "flight.mcap"])
 def test_players_keep_static_transforms_for_later_subscribers(tmp_path, name):
-    """As tf2 expects; all else is sent once."""
+    """Static transforms are latched, as tf2 expects; all other messages are sent once."""
     path = tmp_path / name
     storage = ["--storage", "sqlite3"] if name == "flight.db" else []
     topics = ["--topics", "imu/data_raw,tf,tf_static"]
     assert generate.main(["-o", str(path), *topics, *storage, *WORDS]) == 0
     with AnyReader([path]) as reader:
-        found = {one.topic: _latched(one) for one in reader.connections}
-    assert found == {"/imu/data_raw": False, "/tf": False, "/tf_static": True}
+        latched = {connection.topic: _latched(connection) for connection in reader.connections}
+    assert latched == {"/imu/data_raw": False, "/tf": False, "/tf_static": True}
 
 
 def test_several_imus_share_one_static_message(tmp_path):
     settings = ["--set", "imus=[left, right]", "--set", "left.imu.lever_arm=[0, 0.1, 0]"]
     path, topics = tmp_path / "two.mcap", "imu/data_raw,tf_static,tf"
-    words = [*settings, "--topics", topics, *WORDS]
-    assert generate.main(["-o", str(path), *words]) == 0
+    arguments = [*settings, "--topics", topics, *WORDS]
+    assert generate.main(["-o", str(path), *arguments]) == 0
     (fixed,) = messages(path, "/tf_static")
-    frames = {one.child_frame_id: one.transform for one in fixed.transforms}
+    frames = {transform.child_frame_id: transform.transform for transform in fixed.transforms}
     assert set(frames) == {"left_imu_link", "right_imu_link"}
     assert frames["left_imu_link"].translation.y == 0.1
     assert frames["right_imu_link"].rotation.w == 1.0
 
 
 def test_the_antenna_and_the_axle_have_their_places(tmp_path):
-    """Those with a frame of their own: wheels without one are the body."""
+    """Each sensor with a frame of its own has a transform; wheels without one have none."""
     settings = ["--gnss", "zed_f9p", "--set", "gnss.lever_arm=[0.3, 0, 1]", "--wheels", "f1tenth"]
     path, topics = tmp_path / "aided.mcap", "imu/data_raw,gps/fix,tf_static"
     assert generate.main(["-o", str(path), *settings, "--topics", topics, *WORDS]) == 0
     (fixed,) = messages(path, "/tf_static")
-    frames = {one.child_frame_id: one.transform for one in fixed.transforms}
+    frames = {transform.child_frame_id: transform.transform for transform in fixed.transforms}
     assert set(frames) == {"imu_link", "gps_link"}
     place = frames["gps_link"].translation
     assert [place.x, place.y, place.z] == [0.3, 0.0, 1.0]
@@ -91,13 +98,13 @@ def test_the_antenna_and_the_axle_have_their_places(tmp_path):
 
 
 def test_an_unknown_topic_is_answered_with_each_name_once(tmp_path, capsys):
-    words = ["-o", str(tmp_path / "a.mcap"), "--gnss", "zed_f9p", "--topics", "gps/fux"]
-    assert generate.main([*words, *WORDS]) == 2
+    arguments = ["-o", str(tmp_path / "a.mcap"), "--gnss", "zed_f9p", "--topics", "gps/fux"]
+    assert generate.main([*arguments, *WORDS]) == 2
     assert capsys.readouterr().err.count("gps/velocity,") <= 1
 
 
 def test_a_dataset_has_no_transforms(tmp_path, capsys):
-    words = ["-o", str(tmp_path / "mav0"), "--format", "euroc", "--topics", "imu/data_raw,tf"]
-    status = generate.main([*words, *WORDS])
+    arguments = ["-o", str(tmp_path / "mav0"), "--format", "euroc", "--topics", "imu/data_raw,tf"]
+    status = generate.main([*arguments, *WORDS])
     assert status == 2
     assert "tf" in capsys.readouterr().err

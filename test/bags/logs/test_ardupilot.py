@@ -140,14 +140,14 @@ def test_a_bag_keeps_all_sensors(path, flight, tmp_path):
     from rosbags.highlevel import AnyReader
 
     with AnyReader([written.output]) as reader:
-        last = {c.topic: reader.deserialize(d, c.msgtype) for c, _, d in reader.messages()}
-    fix = last["/GPS_0"]
+        messages = {c.topic: reader.deserialize(d, c.msgtype) for c, _, d in reader.messages()}
+    fix = messages["/GPS_0"]
     assert (fix.latitude, fix.longitude) == pytest.approx((LATITUDE, LONGITUDE), abs=1e-7)
     assert fix.altitude == pytest.approx(584.1)
     np.testing.assert_allclose(fix.position_covariance[[0, 4, 8]], [0.64, 0.64, 1.44])
-    linear = last["/GPS_0/velocity"].twist.twist.linear
+    linear = messages["/GPS_0/velocity"].twist.twist.linear
     assert (linear.x, linear.y, linear.z) == pytest.approx((2.0, 0.0, -0.5), abs=1e-12)
-    assert last["/IMU_1/temperature"].temperature == 33.5
+    assert messages["/IMU_1/temperature"].temperature == 33.5
 
 
 def written(path, flight):
@@ -278,10 +278,10 @@ def test_foreign_logs_and_a_missing_library(tmp_path, flight, monkeypatch):
         ims.read_readings(log)
 
 
-def problems_of(read, path):
+def problems_of(reader, path):
     """Return the lines of an error; nothing but errors of the input is raised."""
     try:
-        read(path)
+        reader(path)
     except InputError as error:
         return error.problems
     return ()
@@ -296,7 +296,7 @@ def test_damaged_and_cut_files_are_told_in_lines(path, capfd):
         for position in rng.integers(0, rng.choice([1500, len(data)]), rng.integers(1, 30)):
             data[position] = rng.integers(0, 256)
         copy.write_bytes(data[: rng.integers(0, len(data))] if number % 2 else data)
-        for read in (ims.read_readings, ims.inspect):
-            for line in problems_of(read, copy):
+        for reader in (ims.read_readings, ims.inspect):
+            for line in problems_of(reader, copy):
                 assert copy.name in line
     assert capfd.readouterr() == ("", "")

@@ -167,7 +167,7 @@ def test_scale_and_axis_correct_poses(tmp_path):
 
 @pytest.mark.parametrize(("interval", "frequency"), [("0.0166667", "12"), ("0.1", "5")])
 def test_note_states_the_frequency_above_which_motion_is_missing(tmp_path, interval, frequency):
-    """That of the cut-off, but not above half of the rate of the poses."""
+    """The note names the cut-off frequency, but at most half of the rate of the poses."""
     path = tmp_path / "arm.bvh"
     path.write_text(mocap.bvh(ARM, np.zeros((61, 11)), interval))
     motion = {"type": "poses", "file": str(path), "topic": "Base"}

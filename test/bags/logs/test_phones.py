@@ -48,14 +48,14 @@ def test_sensor_logger_has_the_signs_of_the_system(tmp_path, flight, system, sta
     raw = ims.read_readings(folder, "AccelerometerUncalibrated.csv")
     np.testing.assert_allclose(raw.accel, flight.readings.accel + 0.1, atol=1e-9)
     np.testing.assert_allclose(raw.gyro, flight.readings.gyro + 0.01, atol=1e-9)
-    last = messages_of(folder, tmp_path)
-    q = last["/Gyroscope"].orientation
+    messages = messages_of(folder, tmp_path)
+    q = messages["/Gyroscope"].orientation
     turn = rotation.multiply(rotation.conjugate(flight.truth.q_wb[-1]), [q.w, q.x, q.y, q.z])
     assert np.linalg.norm(rotation.log(turn)) < 1e-9
-    field = last["/Magnetometer"].magnetic_field
+    field = messages["/Magnetometer"].magnetic_field
     np.testing.assert_allclose([field.x, field.y, field.z], [2e-5, -5e-6, -4.5e-5])
-    assert last["/Barometer"].fluid_pressure == pytest.approx(101325.0)
-    fix = last["/Location"]
+    assert messages["/Barometer"].fluid_pressure == pytest.approx(101325.0)
+    fix = messages["/Location"]
     assert (fix.latitude, fix.longitude, fix.altitude) == (LATITUDE, LONGITUDE, HEIGHT)
     np.testing.assert_allclose(fix.position_covariance[[0, 4, 8]], [25.0, 25.0, 12.25])
 
@@ -67,7 +67,7 @@ def test_a_missing_platform_is_told(tmp_path, flight):
 
 
 def test_a_phone_flat_on_the_table_has_gravity_up(tmp_path):
-    """At rest, screen up: Apple logs gravity as -1 g on z, and the specific force is +g."""
+    """Apple logs -1 g on z of a phone at rest, screen up, where the specific force is +1 g."""
     folder = tmp_path / "flat"
     t = np.arange(20) * 10**7 + EPOCH
     for name, row in (("Gyroscope", "0,0,0"), ("Accelerometer", "0,0,0"), ("Gravity", f"-{G},0,0")):
@@ -125,10 +125,10 @@ def test_an_acceleration_without_gravity_is_no_specific_force(tmp_path, flight):
     (folder / "AccelerometerUncalibrated.csv").unlink()
     with pytest.warns(Remark, match="left out: it is without gravity"):
         assert ims.read_readings(folder, "Gyroscope").accel is None
-    other, _ = device_logs.phyphox(tmp_path / "phyphox", flight, linear=True)
-    (other / "Gravity.csv").unlink()
+    phyphox_folder, _ = device_logs.phyphox(tmp_path / "phyphox", flight, linear=True)
+    (phyphox_folder / "Gravity.csv").unlink()
     with pytest.warns(Remark, match="left out: it is without gravity"):
-        assert ims.read_readings(other).accel is None
+        assert ims.read_readings(phyphox_folder).accel is None
 
 
 def test_a_wrong_orientation_is_left_out(tmp_path, flight):
@@ -151,11 +151,11 @@ def test_a_wrong_orientation_is_left_out(tmp_path, flight):
 def test_phyphox_in_each_form_of_export(tmp_path, flight, separator, decimal, linear, names):
     folder, t_ns = device_logs.phyphox(tmp_path / "run", flight, separator, decimal, linear, names)
     assert_readings(ims.read_readings(folder), flight, t_ns)
-    last = messages_of(folder, tmp_path)
-    field = last["/magnetometer"].magnetic_field
+    messages = messages_of(folder, tmp_path)
+    field = messages["/magnetometer"].magnetic_field
     np.testing.assert_allclose([field.x, field.y, field.z], [2e-5, -5e-6, -4.5e-5])
-    assert last["/barometer"].fluid_pressure == pytest.approx(101325.0)
-    fix = last["/location"]
+    assert messages["/barometer"].fluid_pressure == pytest.approx(101325.0)
+    fix = messages["/location"]
     assert (fix.latitude, fix.longitude, fix.altitude) == (LATITUDE, LONGITUDE, HEIGHT)
     (folder / "meta/time.csv").unlink()
     with pytest.warns(Remark, match="the stamps count from it"):

@@ -115,9 +115,9 @@ def test_allan_is_that_of_the_readings(still):
     flight, path = still
     expected, noise = ims.allan(flight.readings), ims.allan(path)
     for triad in ("gyroscope", "accelerometer"):
-        value, other = (getattr(n, triad).noise_density.value for n in (expected, noise))
+        value, estimate = (getattr(n, triad).noise_density.value for n in (expected, noise))
         # Rounding to float32 is 1e-6 m/s^2, a thousandth of the noise of a reading.
-        np.testing.assert_allclose(other, value, rtol=1e-3)
+        np.testing.assert_allclose(estimate, value, rtol=1e-3)
 
 
 @pytest.mark.parametrize(
@@ -139,10 +139,10 @@ def test_allan_is_that_of_the_readings(still):
 )
 def test_every_program_takes_it(line, flown, still, six, warm, folder, capsys):
     ims.convert(flown, folder / "flown.tum", force=True)
-    program, *words = line.format(
+    program, *arguments = line.format(
         flown=flown, still=still[1], six=six, warm=warm, folder=folder
     ).split()
-    status = importlib.import_module(f"imu_sim_ros.commands.{program}").main(words)
+    status = importlib.import_module(f"imu_sim_ros.commands.{program}").main(arguments)
     assert status == 0, capsys.readouterr().err
 
 
@@ -162,8 +162,8 @@ def test_instances_have_topics_of_their_own(folder, flight):
     np.testing.assert_array_equal(of_gyro.t_ns, readings.t_ns[1:])
     np.testing.assert_array_equal(of_accel.t_ns, readings.t_ns[:-1] + 3_000_000)
     np.testing.assert_allclose(of_accel.accel, readings.accel[:-1], atol=32 * FLOAT32)
-    at = 1.0 - 3.0 / 10.0
-    between = (1 - at) * readings.accel[:-1] + at * readings.accel[1:]
+    fraction = 1.0 - 3.0 / 10.0
+    between = (1 - fraction) * readings.accel[:-1] + fraction * readings.accel[1:]
     np.testing.assert_allclose(of_gyro.accel, between, atol=32 * FLOAT32)
     with pytest.raises(InputError, match="several topics.*sensor_gyro_0.*sensor_accel_1"):
         ims.read_readings(path)
@@ -217,7 +217,7 @@ def test_delta_angles_are_mean_rates(folder):
     np.testing.assert_allclose(readings.accel, forces[1:], rtol=4 * FLOAT32)
 
 
-def odometry(truth, frame, velocity_frame, velocity, old=False):
+def odometry(truth, frame, velocity_frame, velocity, legacy=False):
     """Return odometry in a NED (1) or FRD (2) world; before firmware 1.14: 0 or 1."""
     turn = np.diag([1, -1, -1.0])
     position = ulog.ned(truth.position) if frame == 1 else (truth.position @ turn).astype("f4")
@@ -227,7 +227,7 @@ def odometry(truth, frame, velocity_frame, velocity, old=False):
     n = len(q)
     rates = ulog.frd(truth.angular_velocity)
     head = {**ulog.stamps(truth.t_ns), "q": q.astype("f4")}
-    if old:
+    if legacy:
         axes = {axis: position[:, k] for k, axis in enumerate("xyz")}
         speeds = {f"v{axis}": velocity[:, k] for k, axis in enumerate("xyz")}
         turns = dict(zip(("rollspeed", "pitchspeed", "yawspeed"), rates.T, strict=True))
@@ -244,18 +244,18 @@ def odometry(truth, frame, velocity_frame, velocity, old=False):
     }  # fmt: skip
 
 
-@pytest.mark.parametrize("old", [False, True])
+@pytest.mark.parametrize("legacy", [False, True])
 @pytest.mark.parametrize("frame", [1, 2])
 @pytest.mark.parametrize("velocity_frame", ["world", "body"])
-def test_odometry_of_any_frame(folder, flight, frame, velocity_frame, old):
+def test_odometry_of_any_frame(folder, flight, frame, velocity_frame, legacy):
     truth = flight.truth
     in_world = ulog.ned if frame == 1 else ulog.frd
     velocity = in_world(truth.velocity)
     if velocity_frame == "body":
         velocity = ulog.frd(rotation.rotate_inverse(truth.q_wb, truth.velocity))
-    number = 3 if velocity_frame == "body" else frame - old
-    topics = {"vehicle_odometry": odometry(truth, frame, number, velocity, old)}
-    path = ulog.write(folder / f"odometry_{frame}_{velocity_frame}_{old}.ulg", topics)
+    number = 3 if velocity_frame == "body" else frame - legacy
+    topics = {"vehicle_odometry": odometry(truth, frame, number, velocity, legacy)}
+    path = ulog.write(folder / f"odometry_{frame}_{velocity_frame}_{legacy}.ulg", topics)
     states = ims.read_states(path, "vehicle_odometry")
     np.testing.assert_allclose(states.position, truth.position, atol=32 * FLOAT32)
     np.testing.assert_allclose(states.velocity, truth.velocity, atol=64 * FLOAT32)
@@ -263,7 +263,7 @@ def test_odometry_of_any_frame(folder, flight, frame, velocity_frame, old):
     turn = rotation.multiply(rotation.conjugate(states.q_wb), truth.q_wb)
     assert np.linalg.norm(rotation.log(turn), axis=1).max() < 8 * FLOAT32
     assert states.frame_id == ("world" if frame == 1 else "odom")
-    if not old:
+    if not legacy:
         expected = [4.0, 1.0, 9.0] if frame == 1 else [1.0, 4.0, 9.0]
         np.testing.assert_allclose(states.covariance[0].diagonal()[:3], expected)
         np.testing.assert_allclose(states.covariance[5].diagonal()[3:], 1e-4, rtol=1e-6)
@@ -291,15 +291,15 @@ def test_local_positions_that_are_invalid_are_left_out(folder, flight):
     assert states.t_ns[0] == flight.truth.t_ns[100]
 
 
-def sensors(t_ns, old=False):
+def sensors(t_ns, legacy=False):
     n = len(t_ns)
     field_g = np.tile([0.2, 0.05, 0.45], (n, 1))
-    pressure = np.full(n, 1013.25 if old else 101325.0, "f4")
-    name = "vehicle_gps_position" if old else "sensor_gps/0"
+    pressure = np.full(n, 1013.25 if legacy else 101325.0, "f4")
+    name = "vehicle_gps_position" if legacy else "sensor_gps/0"
     place = (
         {"lat": np.full(n, 473977420, "i4"), "lon": np.full(n, 85455940, "i4"),
          "alt": np.full(n, 488000, "i4"), "alt_ellipsoid": np.full(n, 535000, "i4")}
-        if old else
+        if legacy else
         {"latitude_deg": np.full(n, 47.397742), "longitude_deg": np.full(n, 8.545594),
          "altitude_msl_m": np.full(n, 488.0), "altitude_ellipsoid_m": np.full(n, 535.0)}
     )  # fmt: skip
@@ -320,8 +320,8 @@ def sensors(t_ns, old=False):
     }  # fmt: skip
 
 
-@pytest.mark.parametrize("old", [False, True])
-def test_a_bag_keeps_all_sensors(folder, flight, old):
+@pytest.mark.parametrize("legacy", [False, True])
+def test_a_bag_keeps_all_sensors(folder, flight, legacy):
     """Names are those that ROS accepts; the values are in SI units, by another reader."""
     from rosbags.highlevel import AnyReader
 
@@ -329,11 +329,11 @@ def test_a_bag_keeps_all_sensors(folder, flight, old):
     topics = {
         **ulog.flight_topics(flight, ""), **instance(0, readings), **instance(1, readings),
         "vehicle_odometry": odometry(flight.truth, 1, 1, ulog.ned(flight.truth.velocity)),
-        **sensors(readings.t_ns[::10], old),
+        **sensors(readings.t_ns[::10], legacy),
     }  # fmt: skip
-    path = ulog.write(folder / f"all_{old}.ulg", topics)
-    written = ims.convert(path, folder / f"all_{old}.bag")
-    receiver = "/vehicle_gps_position" if old else "/sensor_gps_0"
+    path = ulog.write(folder / f"all_{legacy}.ulg", topics)
+    written = ims.convert(path, folder / f"all_{legacy}.bag")
+    receiver = "/vehicle_gps_position" if legacy else "/sensor_gps_0"
     n, few = len(readings), len(readings.t_ns[::10])
     assert written.messages == {
         **dict.fromkeys(("/sensor_combined", "/sensor_gyro_0", "/sensor_gyro_1"), n),
@@ -342,23 +342,23 @@ def test_a_bag_keeps_all_sensors(folder, flight, old):
         **dict.fromkeys(("/sensor_mag_0", "/sensor_baro_0", receiver), few),
         f"{receiver}/velocity": few,
     }
-    first = {}
+    messages = {}
     with AnyReader([written.output]) as reader:
         for connection, _, data in reader.messages():
             assert all(not part[0].isdigit() for part in connection.topic[1:].split("/"))
             message = reader.deserialize(data, connection.msgtype)
-            first.setdefault(connection.topic, []).append(message)
-    field = first["/sensor_mag_0"][0].magnetic_field
+            messages.setdefault(connection.topic, []).append(message)
+    field = messages["/sensor_mag_0"][0].magnetic_field
     np.testing.assert_allclose([field.x, field.y, field.z], [2e-5, 5e-6, 4.5e-5], rtol=1e-6)
-    assert first["/sensor_baro_0"][0].fluid_pressure == pytest.approx(101325.0, rel=1e-6)
-    fixes = first[receiver]
+    assert messages["/sensor_baro_0"][0].fluid_pressure == pytest.approx(101325.0, rel=1e-6)
+    fixes = messages[receiver]
     assert [fixes[k].status.status for k in (0, 1)] == [-1, 0]
     place = (fixes[1].latitude, fixes[1].longitude, fixes[1].altitude)
     assert place == pytest.approx((47.397742, 8.545594, 535.0), abs=1e-9)
     np.testing.assert_allclose(
         fixes[1].position_covariance.reshape(3, 3).diagonal(), [0.25, 0.25, 1]
     )
-    linear = first[f"{receiver}/velocity"][0].twist.twist.linear
+    linear = messages[f"{receiver}/velocity"][0].twist.twist.linear
     assert (linear.x, linear.y, linear.z) == (2.0, 1.0, -3.0)
     of_log = ims.read_magnetometer(path, "sensor_mag/0")
     np.testing.assert_allclose(of_log.values[0], [2e-5, 5e-6, 4.5e-5], rtol=1e-6)
@@ -369,9 +369,9 @@ def test_a_file_of_another_kind_and_a_missing_library(folder, flown, monkeypatch
     text.write_bytes(b"nothing of the kind")
     with pytest.raises(InputError, match="text.ulg: not a bag"):
         ims.read_readings(text)
-    other = ulog.write(folder / "other.ulg", {"cpuload": ulog.stamps([10**9, 2 * 10**9])})
+    cpu_log = ulog.write(folder / "other.ulg", {"cpuload": ulog.stamps([10**9, 2 * 10**9])})
     with pytest.raises(InputError, match="ULog file without sensors or poses; it has cpuload"):
-        ims.inspect(other)
+        ims.inspect(cpu_log)
     monkeypatch.setitem(sys.modules, "pyulog", None)
     copy = folder / "copy.ulg"
     copy.write_bytes(flown.read_bytes())
@@ -395,10 +395,10 @@ def test_the_memory_for_a_large_log_is_told(folder, flown, monkeypatch):
         ims.read_readings(copy)
 
 
-def problems_of(read, path):
+def problems_of(reader, path):
     """Return the lines of an error; nothing but errors of the input is raised."""
     try:
-        read(path)
+        reader(path)
     except InputError as error:
         return error.problems
     return ()
@@ -424,8 +424,8 @@ def test_damaged_files_are_told_in_lines(folder, flown):
         for position in rng.integers(0, rng.choice([700, len(data)]), rng.integers(1, 30)):
             data[position] = rng.integers(0, 256)
         path.write_bytes(data)
-        for read in (ims.read_readings, ims.read_states, ims.inspect):
-            for line in problems_of(read, path):
+        for reader in (ims.read_readings, ims.read_states, ims.inspect):
+            for line in problems_of(reader, path):
                 assert str(path) in line or path.name in line
 
 

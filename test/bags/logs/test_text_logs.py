@@ -63,9 +63,9 @@ def test_kitti_is_read_from_the_drive_its_oxts_and_a_zip(tmp_path, flight):
     for path in (drive, drive / "oxts", device_logs.zipped(drive, f"2011_09_26/{drive.name}/")):
         assert_readings(ims.read_readings(path), flight)
         assert_states(ims.read_states(path), flight)
-    last = last_messages(drive, tmp_path)
-    assert orientation_error(last["/oxts/imu"], flight) < 1e-9
-    fix = last["/oxts/fix"]
+    messages = last_messages(drive, tmp_path)
+    assert orientation_error(messages["/oxts/imu"], flight) < 1e-9
+    fix = messages["/oxts/fix"]
     place = device_logs.geodetic(flight.truth.position)[-1]
     np.testing.assert_allclose([fix.latitude, fix.longitude, fix.altitude], place, atol=1e-9)
     np.testing.assert_allclose(fix.position_covariance[[0, 4, 8]], 0.05**2)
@@ -106,10 +106,10 @@ def test_nclt_has_down_axes(tmp_path, flight):
         # Central differences over 20 ms: the error is v'' dt^2 / 6, below 2e-4.
         error = states.velocity - flight.truth.velocity
         assert np.abs(error[1:-1]).max() < 1e-3
-    last = last_messages(folder, tmp_path)
-    field = last["/ms25/magnetic_field"].magnetic_field
+    messages = last_messages(folder, tmp_path)
+    field = messages["/ms25/magnetic_field"].magnetic_field
     np.testing.assert_allclose([field.x, field.y, field.z], [2e-5, -5e-6, -4.5e-5])
-    fix = last["/gps"]
+    fix = messages["/gps"]
     assert (fix.latitude, fix.longitude) == pytest.approx((LATITUDE, LONGITUDE), abs=1e-12)
     assert fix.altitude == HEIGHT
 
@@ -120,9 +120,9 @@ def test_xsens_with_each_separator(tmp_path, flight, separator):
     # The counter begins again in the middle of the export.
     epoch = 2**32 * 100_000 - int(flight.readings.t_ns[150])
     assert_readings(ims.read_readings(export), flight, epoch)
-    last = last_messages(export, tmp_path)
-    assert orientation_error(last["/imu"], flight) < 1e-9
-    assert last["/temperature"].temperature == 31.5
+    messages = last_messages(export, tmp_path)
+    assert orientation_error(messages["/imu"], flight) < 1e-9
+    assert messages["/temperature"].temperature == 31.5
 
 
 def test_xsens_by_increments_counter_and_matrix(tmp_path, flight):
@@ -153,15 +153,15 @@ MESSAGES = ["VNYMR", "VNQMR", "VNMAR", "VNIMU", "VNDTV", "VNISL"]
 def test_vectornav_has_down_axes(tmp_path, flight, name):
     log = device_logs.vectornav(tmp_path / "log.txt", flight, name)
     assert_readings(ims.read_readings(log), flight, atol=1e-8)
-    last = last_messages(log, tmp_path)
+    messages = last_messages(log, tmp_path)
     if name in ("VNYMR", "VNQMR", "VNISL"):
-        assert orientation_error(last[f"/{name}"], flight) < 1e-9
-    if f"/{name}/magnetic_field" in last:
-        field = last[f"/{name}/magnetic_field"].magnetic_field
+        assert orientation_error(messages[f"/{name}"], flight) < 1e-9
+    if f"/{name}/magnetic_field" in messages:
+        field = messages[f"/{name}/magnetic_field"].magnetic_field
         np.testing.assert_allclose([field.x, field.y, field.z], [2e-5, -5e-6, -4.5e-5])
     if name == "VNIMU":
-        assert last["/VNIMU/pressure"].fluid_pressure == pytest.approx(101_300.0)
-        assert last["/VNIMU/temperature"].temperature == pytest.approx(20.7)
+        assert messages["/VNIMU/pressure"].fluid_pressure == pytest.approx(101_300.0)
+        assert messages["/VNIMU/temperature"].temperature == pytest.approx(20.7)
     if name == "VNISL":
         assert_states(ims.read_states(log), flight)
 
@@ -191,9 +191,9 @@ def test_vectornav_s_clocks(tmp_path, flight):
     with pytest.warns(Remark, match="no times: 40 Hz are assumed"):
         readings = ims.read_readings(bare)
     assert set(np.diff(readings.t_ns)) == {25_000_000}
-    for before in ("2023-11-14 22:13:20.5 ", "[2023-11-14T22:13:20.500000Z] ", "1700000000500\t"):
+    for prefix in ("2023-11-14 22:13:20.5 ", "[2023-11-14T22:13:20.500000Z] ", "1700000000500\t"):
         line = bare.read_text().splitlines()[0]
-        (tmp_path / "one.txt").write_text(f"{before}{line}\n")
+        (tmp_path / "one.txt").write_text(f"{prefix}{line}\n")
         assert ims.read_readings(tmp_path / "one.txt").t_ns.tolist() == [EPOCH + 5 * 10**8]
 
 
@@ -301,10 +301,10 @@ def test_memory_is_within_what_is_stated(tmp_path, flight):
         assert peak < module.MEMORY * size + 200_000, (path, peak / size)
 
 
-def problems_of(read, path):
+def problems_of(reader, path):
     """Return the lines of an error; nothing but errors of the input is raised."""
     try:
-        read(path)
+        reader(path)
     except InputError as error:
         return error.problems
     return ()
@@ -329,8 +329,8 @@ def test_damaged_and_cut_logs_are_told_in_lines(tmp_path, capfd):
             for position in rng.integers(0, rng.choice([300, len(data)]), rng.integers(1, 30)):
                 data[position % len(data)] = rng.integers(0, 256)
             file.write_bytes(data[: rng.integers(0, len(data))] if number % 2 else data)
-            for read in (ims.read_readings, ims.read_states):
-                for line in problems_of(read, path):
+            for reader in (ims.read_readings, ims.read_states):
+                for line in problems_of(reader, path):
                     assert path.name in line
         file.write_bytes(content)
     assert capfd.readouterr() == ("", "")

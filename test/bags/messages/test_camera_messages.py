@@ -50,11 +50,11 @@ def read(data, kind, encoding):
 def test_an_image(encoding, frame, pixels, shape, kind):
     image = (RNG.random(shape) * 255).astype(kind)
     encoder = ImageEncoder(frame, shape[0], shape[1], pixels, encoding)
-    found = read(encoder.encode(T_NS, image), IMAGE, encoding)
-    assert (found.header.frame_id, found.encoding) == (frame, pixels)
-    assert (found.height, found.width, found.step) == (*shape[:2], image.strides[0])
-    assert not found.is_bigendian
-    assert np.array_equal(found.data.view(kind).reshape(shape), image)
+    message = read(encoder.encode(T_NS, image), IMAGE, encoding)
+    assert (message.header.frame_id, message.encoding) == (frame, pixels)
+    assert (message.height, message.width, message.step) == (*shape[:2], image.strides[0])
+    assert not message.is_bigendian
+    assert np.array_equal(message.data.view(kind).reshape(shape), image)
 
 
 @pytest.mark.parametrize("encoding", STORES)
@@ -62,11 +62,11 @@ def test_an_image(encoding, frame, pixels, shape, kind):
 def test_a_compressed_image(encoding, pixels):
     data = RNG.bytes(37)
     encoder = CompressedImageEncoder("cam0", pixels, encoding)
-    found = read(encoder.encode(T_NS, data), COMPRESSED_IMAGE, encoding)
-    assert found.data.tobytes() == data
+    message = read(encoder.encode(T_NS, data), COMPRESSED_IMAGE, encoding)
+    assert message.data.tobytes() == data
     # image_transport's subscriber takes what stands before the semicolon for the encoding.
-    assert found.format.split(";")[0] == pixels
-    assert "png compressed" in found.format
+    assert message.format.split(";")[0] == pixels
+    assert "png compressed" in message.format
 
 
 @pytest.mark.parametrize("encoding", STORES)
@@ -76,14 +76,14 @@ def test_camera_info(encoding, d, frame):
     k, r, p = RNG.random((3, 3)), np.eye(3), RNG.random((3, 4))
     info = CameraInfo(480, 752, "plumb_bob", d, k, r, p)
     encoder = CameraInfoEncoder(frame, info, encoding)
-    found = read(encoder.encode(T_NS), CAMERA_INFO, encoding)
-    given = {name.lower(): getattr(found, name) for name in found.__dataclass_fields__}
-    assert (given["height"], given["width"]) == (480, 752)
-    assert given["distortion_model"] == "plumb_bob"
+    message = read(encoder.encode(T_NS), CAMERA_INFO, encoding)
+    fields = {name.lower(): getattr(message, name) for name in message.__dataclass_fields__}
+    assert (fields["height"], fields["width"]) == (480, 752)
+    assert fields["distortion_model"] == "plumb_bob"
     for name, values in (("d", d), ("k", k), ("r", r), ("p", p)):
-        assert np.array_equal(given[name], np.ravel(values))
-    assert given["roi"].height == 0
-    assert not given["roi"].do_rectify
+        assert np.array_equal(fields[name], np.ravel(values))
+    assert fields["roi"].height == 0
+    assert not fields["roi"].do_rectify
 
 
 @pytest.mark.parametrize("encoding", STORES)
@@ -91,12 +91,12 @@ def test_camera_info(encoding, d, frame):
 def test_a_point_cloud_with_channels(encoding, size):
     points, values = RNG.random((size, 3)), RNG.random((size, 2))
     encoder = PointCloudEncoder("world", ("id", "camera_id"), encoding)
-    found = read(encoder.encode(T_NS, points, values), POINT_CLOUD, encoding)
-    assert [channel.name for channel in found.channels] == ["id", "camera_id"]
-    for channel, column in zip(found.channels, values.T, strict=True):
+    cloud = read(encoder.encode(T_NS, points, values), POINT_CLOUD, encoding)
+    assert [channel.name for channel in cloud.channels] == ["id", "camera_id"]
+    for channel, column in zip(cloud.channels, values.T, strict=True):
         assert np.array_equal(channel.values, column.astype("f4"))
     expected = [tuple(row) for row in points.astype("f4").tolist()]
-    assert [(p.x, p.y, p.z) for p in found.points] == expected
+    assert [(p.x, p.y, p.z) for p in cloud.points] == expected
 
 
 @pytest.mark.parametrize("encoding", STORES)
@@ -107,12 +107,12 @@ def test_a_cloud_of_landmarks(encoding, size):
     rows["x"], rows["y"], rows["z"] = points.T
     rows["id"] = ids
     encoder = PointCloud2Encoder("world", encoding)
-    found = read(encoder.encode(T_NS, rows), POINT_CLOUD2, encoding)
-    assert (found.height, found.width, found.point_step, found.row_step) == (1, size, 16, 16 * size)
-    fields = [(f.name, f.offset, f.datatype, f.count) for f in found.fields]
+    cloud = read(encoder.encode(T_NS, rows), POINT_CLOUD2, encoding)
+    assert (cloud.height, cloud.width, cloud.point_step, cloud.row_step) == (1, size, 16, 16 * size)
+    fields = [(f.name, f.offset, f.datatype, f.count) for f in cloud.fields]
     assert fields == [("x", 0, 7, 1), ("y", 4, 7, 1), ("z", 8, 7, 1), ("id", 12, 6, 1)]
-    assert found.is_dense
-    rows = found.data.view([("xyz", "<f4", 3), ("id", "<u4")])
+    assert cloud.is_dense
+    rows = cloud.data.view([("xyz", "<f4", 3), ("id", "<u4")])
     assert np.array_equal(rows["xyz"], points.astype("f4"))
     assert np.array_equal(rows["id"], ids)
 
@@ -126,12 +126,12 @@ def test_a_cloud_in_the_form_of_livox(encoding, size):
     store = typestore([(LIVOX, schema(LIVOX, encoding))], encoding)
     payload = LivoxEncoder("lidar", encoding).encode(T_NS, rows)
     decode = store.deserialize_cdr if encoding == "cdr" else store.deserialize_ros1
-    found = decode(payload, LIVOX)
-    assert (found.timebase, found.point_num, found.lidar_id) == (T_NS, size, 0)
-    assert found.header.frame_id == "lidar"
+    cloud = decode(payload, LIVOX)
+    assert (cloud.timebase, cloud.point_num, cloud.lidar_id) == (T_NS, size, 0)
+    assert cloud.header.frame_id == "lidar"
     names = ("offset_time", "x", "y", "z", "reflectivity", "tag", "line")
-    assert [tuple(getattr(p, n) for n in names) for p in found.points] == [
+    assert [tuple(getattr(p, n) for n in names) for p in cloud.points] == [
         tuple(row) for row in rows.tolist()
     ]
     write = store.serialize_cdr if encoding == "cdr" else store.serialize_ros1
-    assert bytes(write(found, LIVOX)) == payload
+    assert bytes(write(cloud, LIVOX)) == payload

@@ -47,12 +47,12 @@ def test_transforms_have_the_digest_and_the_text_of_ros_1():
     assert "string child_frame_id # the frame id of the child frame\nTransform transform" in text
 
 
-@pytest.mark.parametrize("own", [GPS_FIX, LIVOX])
+@pytest.mark.parametrize("message_type", [GPS_FIX, LIVOX])
 @pytest.mark.parametrize("encoding", ["cdr", "ros1"])
-def test_a_foreign_type_has_the_digest_of_its_fields(own, encoding):
+def test_a_foreign_type_has_the_digest_of_its_fields(message_type, encoding):
     """rosbags does not know them; from the text it makes the digest that ROS does."""
-    ours = schema(ros2_name(own), encoding)
-    name = ros2_name(own if encoding == "cdr" else ros1_name(own))
+    ours = schema(ros2_name(message_type), encoding)
+    name = ros2_name(message_type if encoding == "cdr" else ros1_name(message_type))
     assert schema(name, encoding, typestore([(name, ours)], encoding)).digest == ours.digest
 
 
@@ -64,6 +64,6 @@ def test_writing_reads_no_definitions_of_other_types(tmp_path):
         "sys.exit(code)"
     )
     wheels = ["--wheels", "f1tenth", "--gnss", "phone"]
-    for name, own in (("a.mcap", wheels), ("a.bag", [])):
-        arguments = ["--duration", "0.1s", "--quiet", *own, "-o", str(tmp_path / name)]
+    for name, options in (("a.mcap", wheels), ("a.bag", [])):
+        arguments = ["--duration", "0.1s", "--quiet", *options, "-o", str(tmp_path / name)]
         subprocess.run([sys.executable, "-c", program, *arguments], check=True)

@@ -134,8 +134,8 @@ def test_bytes_equal_those_of_rosbags(count, name, frame, encoding):
         assert message.header.frame_id == frame
         stamp = message.header.stamp
         assert stamp.sec * 10**9 + stamp.nanosec == t_ns[k]
-        for found, expected in fields(message, k):
-            np.testing.assert_array_equal(_numbers(found), expected)
+        for decoded, expected in fields(message, k):
+            np.testing.assert_array_equal(_numbers(decoded), expected)
 
 
 @pytest.mark.parametrize("encoding", ["cdr", "ros1"])
@@ -208,10 +208,10 @@ def test_one_odometry_message_has_the_bytes_of_a_block_of_one(encoding, frames):
     fields[0][:2] = -0.0, np.nan
     covariances = list(rng.standard_normal((2, 6, 6)))
     for t_ns in (0, 1_234_567_890_123_456_789):
-        for given in (fields, fields + covariances):
-            row = [values[None] for values in given]
+        for arrays in (fields, fields + covariances):
+            row = [values[None] for values in arrays]
             expected = encoder.encode(np.array([t_ns]), *row)[0].tobytes()
-            plain = [tuple(values.tolist()) for values in fields] + given[4:]
+            plain = [tuple(values.tolist()) for values in fields] + arrays[4:]
             assert encoder.message(t_ns, *plain) == expected
 
 
@@ -234,6 +234,6 @@ def test_one_other_byte_where_all_are_alike_is_noticed(frame, encoding):
     alike = {k for start, stop in form.fixed for k in range(start, stop)}
     assert form.matches(rows)
     for k in range(len(form.template)):
-        other = rows.copy()
-        other[-1, k] ^= 1
-        assert form.matches(other) == (k not in alike), k
+        changed_rows = rows.copy()
+        changed_rows[-1, k] ^= 1
+        assert form.matches(changed_rows) == (k not in alike), k

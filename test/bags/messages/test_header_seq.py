@@ -18,29 +18,29 @@ TYPES = get_typestore(Stores.ROS1_NOETIC)
 
 def sequences(*paths):
     """Return the header.seq of each topic over the parts of a bag, as rosbags reads them."""
-    found = {}
+    numbers = {}
     for path in paths:
         with Reader(path) as reader:
             for connection, _, payload in reader.messages():
                 if connection.msgtype == CLOCK:
                     continue
                 message = TYPES.deserialize_ros1(payload, connection.msgtype)
-                found.setdefault(connection.topic, []).append(message.header.seq)
-    return found
+                numbers.setdefault(connection.topic, []).append(message.header.seq)
+    return numbers
 
 
-def counts(found):
-    return all(seq == list(range(len(seq))) for seq in found.values())
+def counts(numbers):
+    return all(seq == list(range(len(seq))) for seq in numbers.values())
 
 
 @pytest.mark.parametrize("compression", ["none", "lz4", "bz2"])
 def test_blocks_are_counted(bags, content, compression):
     if compression == "lz4":
         pytest.importorskip("lz4")
-    found = sequences(bags[f"{compression}.bag"])
-    assert len(found) == 4
-    assert {len(seq) for seq in found.values()} == {len(content.t_ns)}
-    assert counts(found)
+    numbers = sequences(bags[f"{compression}.bag"])
+    assert len(numbers) == 4
+    assert {len(seq) for seq in numbers.values()} == {len(content.t_ns)}
+    assert counts(numbers)
 
 
 def test_the_parts_of_a_split_bag_go_on_counting(tmp_path, content):
@@ -48,9 +48,9 @@ def test_the_parts_of_a_split_bag_go_on_counting(tmp_path, content):
         content.write(writer)
     parts = sorted(tmp_path.glob("*.bag"))
     assert len(parts) > 3
-    found = sequences(*parts)
-    assert {len(seq) for seq in found.values()} == {len(content.t_ns)}
-    assert counts(found)
+    numbers = sequences(*parts)
+    assert {len(seq) for seq in numbers.values()} == {len(content.t_ns)}
+    assert counts(numbers)
 
 
 def test_single_messages_of_a_recorder_are_counted_and_the_clock_has_no_header(tmp_path):
@@ -75,9 +75,9 @@ def test_single_messages_of_a_recorder_are_counted_and_the_clock_has_no_header(t
 def test_a_bag_of_ros_2_is_counted_when_it_is_converted(bags, tmp_path, source):
     out = tmp_path / "converted.bag"
     assert convert_bag.main([str(bags[source]), "-o", str(out), "--quiet"]) == 0
-    found = sequences(out)
-    assert len(found) == 4
-    assert counts(found)
+    numbers = sequences(out)
+    assert len(numbers) == 4
+    assert counts(numbers)
 
 
 def test_a_bag_of_ros_1_keeps_its_own(tmp_path):

@@ -27,8 +27,8 @@ def message(store: Any, name: str, numbers: Any) -> Any:
         code = base.replace("octet", "uint8")
         return np.array([next(numbers) for _ in range(length)], dtype=code)
 
-    made = {field: of(*node) for field, node in store.fielddefs[name][1]}
-    return store.types[name](**made)
+    fields = {field: of(*node) for field, node in store.fielddefs[name][1]}
+    return store.types[name](**fields)
 
 
 @pytest.mark.parametrize("encoding", ENCODINGS)
@@ -39,18 +39,18 @@ def test_fields_are_where_rosbags_puts_them(type_name: str, encoding: str) -> No
         store = typestore([(type_name, schema(type_name, encoding))], encoding)
     else:
         store = known_types(encoding)
-    made = message(store, type_name, iter(range(1, 128)))
+    original = message(store, type_name, iter(range(1, 128)))
     serialise = store.serialize_cdr if encoding == "cdr" else store.serialize_ros1
-    content = bytes(serialise(made, type_name))
-    found = layout(type_name, encoding, raw_texts(type_name, encoding, content))
-    assert len(found.template) == len(content)
-    values = np.frombuffer(content, found.dtype)[0]
-    names = sorted(found.dtype.names or (), key=found.offset)
-    read = np.concatenate([np.ravel(values[name]) for name in names])
+    content = bytes(serialise(original, type_name))
+    message_layout = layout(type_name, encoding, raw_texts(type_name, encoding, content))
+    assert len(message_layout.template) == len(content)
+    values = np.frombuffer(content, message_layout.dtype)[0]
+    names = sorted(message_layout.dtype.names or (), key=message_layout.offset)
+    decoded = np.concatenate([np.ravel(values[name]) for name in names])
     arrays = {name for name in names if name.startswith("satellite_")}
-    expected = [n for n in read if n]
+    expected = [n for n in decoded if n]
     assert expected == list(range(1, len(expected) + 1))
-    assert len(read) - len(expected) == len(arrays)
+    assert len(decoded) - len(expected) == len(arrays)
 
 
 def test_a_name_tells_parts_apart() -> None:
@@ -61,7 +61,7 @@ def test_a_name_tells_parts_apart() -> None:
 
 
 def test_definitions_are_those_of_the_parts() -> None:
-    found = definitions("sensor_msgs/msg/NavSatFix", "cdr")
+    texts = definitions("sensor_msgs/msg/NavSatFix", "cdr")
     inner = ("std_msgs/Header", "builtin_interfaces/Time", "sensor_msgs/NavSatStatus")
-    assert list(found) == ["", *inner]
-    assert found["builtin_interfaces/Time"].split() == ["int32", "sec", "uint32", "nanosec"]
+    assert list(texts) == ["", *inner]
+    assert texts["builtin_interfaces/Time"].split() == ["int32", "sec", "uint32", "nanosec"]
