@@ -336,7 +336,7 @@ _READING = [
     ("dead_reckon", ["PATH"]),
     ("dead_reckon", ["flight.mcap", "--correction", "PATH"]),
     ("evaluate", ["PATH", "flight.mcap"]),
-    ("evaluate", ["flight.mcap", "PATH"]),
+    ("evaluate", ["track.tum", "PATH"]),
     ("generate", ["--params-file", "PATH", "-o", "made.mcap"]),
     ("inspect", ["PATH"]),
     ("report", ["PATH"]),
@@ -369,6 +369,8 @@ def flight(tmp_path, monkeypatch):
     monkeypatch.chdir(folder)
     arguments = ["-o", "flight.mcap", "--duration", "2s", "--rate", "100", "--quiet"]
     assert _COMMANDS["generate"].main(arguments) == 0
+    rows = (f"{0.1 * k:.1f} {k} 0 0 0 0 0 1\n" for k in range(20))
+    (folder / "track.tum").write_text("".join(rows))
     return folder
 
 
