@@ -405,7 +405,7 @@ def described(
         with problems.gathered(hanging="scene."):
             file = arguments.path("scene", scene, "a name or the path of a file")
             in_scene = scene_layer(str(file))
-    if segments:
+    if not isinstance(segments, tuple | list) or segments:
         motion_file = layers.get("trajectory.file", in_files.get("trajectory.file"))
         with problems.gathered():
             layers = _on_segments(segments, motion_file) | layers
