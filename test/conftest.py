@@ -1,7 +1,7 @@
 # Copyright 2026 imu_sim_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""How the tests are shared out among processes, and what a run of CI may leave out."""
+"""Distribution of the tests over processes, and tests that a run of CI may skip."""
 
 import gc
 import os
@@ -18,7 +18,7 @@ MAY_BE_MISSING = {
     "could not import 'rerun'": ("views", "Python 3.11 or later"),
     "REAL ROS 1 NOT TESTED": ("bags in real ROS 1", "apt install python3-rosbag and its messages"),
 }
-"""What CI cannot have, by words of the skip's reason: what is then not tested, and how to get it.
+"""Requirements that CI cannot meet, by a phrase of the skip's reason: (untested part, remedy).
 Anything else that a test skips for, an oracle above all, makes it fail where IMU_SIM_CI is set, as
 .ci/run does."""
 CAN_BE_INSTALLED = {
@@ -111,19 +111,19 @@ def _length(path: Path) -> int:
 def signals_as_before() -> Iterator[None]:
     """Give a test's processes the signals that the next test's should find."""
     numbers = (signal.SIGINT, signal.SIGTERM, signal.SIGHUP)
-    before = {number: signal.getsignal(number) for number in numbers}
+    handlers = {number: signal.getsignal(number) for number in numbers}
     yield
-    for number, handler in before.items():
+    for number, handler in handlers.items():
         signal.signal(number, handler)
 
 
 def not_tested(reasons: Iterable[str]) -> str:
     """Return a line on what the skipped tests left out, and how to get it; "" if nothing."""
-    known = {**MAY_BE_MISSING, **CAN_BE_INSTALLED}
+    excused = {**MAY_BE_MISSING, **CAN_BE_INSTALLED}
     counts: dict[tuple[str, str], int] = {}
     for reason in reasons:
-        words = next((words for words in known if words in reason), "")
-        left_out = known.get(words, ("other", "pytest's summary has the reasons"))
+        phrase = next((phrase for phrase in excused if phrase in reason), "")
+        left_out = excused.get(phrase, ("other", "pytest's summary has the reasons"))
         counts[left_out] = counts.get(left_out, 0) + 1
     parts = [
         f"{what} ({count} test{'s' * (count > 1)}; {how})" for (what, how), count in counts.items()
@@ -146,12 +146,12 @@ def pytest_sessionfinish(session: pytest.Session) -> Iterator[None]:
 
 def may_be_missing(reason: str) -> bool:
     """Return whether a test may be skipped in CI for this reason."""
-    return any(known in reason for known in MAY_BE_MISSING)
+    return any(phrase in reason for phrase in MAY_BE_MISSING)
 
 
 @pytest.hookimpl(hookwrapper=True)
 def pytest_runtest_makereport(item: pytest.Item, call: pytest.CallInfo[None]) -> Iterator[None]:
-    """In CI, fail a test that is skipped because something is missing that CI can have.
+    """Fail a test in CI that is skipped because something is missing that CI can have.
 
     The run on the oldest supported versions has no oracles on purpose.
     """

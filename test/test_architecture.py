@@ -105,8 +105,8 @@ def parsed(path):
 
 
 def room_of(path):
-    first = path.relative_to(PACKAGE).parts[0]
-    return first.removesuffix(".py")
+    room = path.relative_to(PACKAGE).parts[0]
+    return room.removesuffix(".py")
 
 
 def imports(tree):
@@ -138,7 +138,7 @@ def test_imports_follow_the_arrows(path):
 def test_no_module_takes_what_is_private_to_another(path):
     for node in ast.walk(parsed(path)):
         if isinstance(node, ast.ImportFrom) and (node.module or "").startswith("imu_sim_ros"):
-            private = [one.name for one in node.names if one.name[0] == "_" != one.name[1]]
+            private = [alias.name for alias in node.names if alias.name[0] == "_" != alias.name[1]]
             assert not private, f"{node.module}: {private}"
 
 
@@ -148,8 +148,10 @@ def test_only_the_door_names_a_format():
     formats -= {"__init__", "choice", "door", "handling"}
     door = PACKAGE / "formats" / "door.py"
     for path in modules():
-        named = set(imports(parsed(path))) & {f"imu_sim_ros.formats.{name}" for name in formats}
-        assert path == door or not named, f"{path}: {named}"
+        named_formats = set(imports(parsed(path))) & {
+            f"imu_sim_ros.formats.{name}" for name in formats
+        }
+        assert path == door or not named_formats, f"{path}: {named_formats}"
 
 
 def rooms():
@@ -194,20 +196,20 @@ def own_imports(tree, files):
             yield from (alias.name for alias in node.names if alias.name in files)
         elif isinstance(node, ast.ImportFrom):
             names = {f"{node.module}.{alias.name}" for alias in node.names}
-            known = names & files.keys()
-            yield from known
-            if node.module in files and names != known:
+            known_names = names & files.keys()
+            yield from known_names
+            if node.module in files and names != known_names:
                 yield node.module
 
 
 def circle_in(wants):
     """Return the modules that import each other, or that such ones import; none: no circle."""
-    wants = {name: set(others) - {name} for name, others in wants.items()}
-    while free := [name for name, others in wants.items() if not others]:
+    wants = {name: set(dependencies) - {name} for name, dependencies in wants.items()}
+    while free := [name for name, dependencies in wants.items() if not dependencies]:
         for name in free:
             del wants[name]
-        for others in wants.values():
-            others.difference_update(free)
+        for dependencies in wants.values():
+            dependencies.difference_update(free)
     return wants
 
 
@@ -274,8 +276,8 @@ def loads(names, direct):
     loaded, waiting = set(), list(names)
     while waiting:
         name = waiting.pop()
-        own = name.partition(".")[0] == PACKAGE.name
-        for part in (packages(name) if own else {name.partition(".")[0]}) - loaded:
+        internal = name.partition(".")[0] == PACKAGE.name
+        for part in (packages(name) if internal else {name.partition(".")[0]}) - loaded:
             loaded.add(part)
             waiting += direct.get(part, ())
     return loaded
@@ -304,9 +306,9 @@ def needless_imports(trees):
         for statement in {node for function in functions for node in ast.walk(function)}:
             if not isinstance(statement, ast.Import | ast.ImportFrom):
                 continue
-            own = names_of(statement) & trees.keys()
-            saved = loads(own, direct) - loaded
-            if own and not saved & SAVED and len(saved & trees.keys()) < FEW:
+            imported = names_of(statement) & trees.keys()
+            saved = loads(imported, direct) - loaded
+            if imported and not saved & SAVED and len(saved & trees.keys()) < FEW:
                 needless.append(f"{name}:{statement.lineno}")
     return needless
 
@@ -314,15 +316,19 @@ def needless_imports(trees):
 def test_an_import_in_a_function_saves_time_at_the_start():
     """All others stand at the top."""
     trees = {name: parsed(path) for name, path in own_files().items()}
-    needless = [at for at in needless_imports(trees) if at.partition(":")[0] not in LATE]
+    needless = [place for place in needless_imports(trees) if place.partition(":")[0] not in LATE]
     assert not needless, "these belong at the top"
 
 
 def test_an_import_that_saves_nothing_is_found():
     heavy = {"imu_sim_ros.a": "def f():\n    import imu_sim_ros.b", "imu_sim_ros.b": "import cv2"}
-    known = {**heavy, "imu_sim_ros.a": f"import cv2\n{heavy['imu_sim_ros.a']}"}
+    heavy_modules = {**heavy, "imu_sim_ros.a": f"import cv2\n{heavy['imu_sim_ros.a']}"}
     small = {**heavy, "imu_sim_ros.b": ""}
-    for modules, lines in ((heavy, []), (known, ["imu_sim_ros.a:3"]), (small, ["imu_sim_ros.a:2"])):
+    for modules, lines in (
+        (heavy, []),
+        (heavy_modules, ["imu_sim_ros.a:3"]),
+        (small, ["imu_sim_ros.a:2"]),
+    ):
         assert needless_imports({n: ast.parse(code) for n, code in modules.items()}) == lines
 
 
@@ -423,10 +429,10 @@ def test_dependencies_of_package_xml_and_setup_py_are_the_same():
 
 def test_every_key_of_package_xml_is_known_to_rosdep():
     """Against the list of what resolved on the day that it names; a new key is looked up first."""
-    known = yaml.safe_load((ROOT / "test/data/rosdep_keys.yaml").read_text(encoding="utf-8"))
+    rosdep_keys = yaml.safe_load((ROOT / "test/data/rosdep_keys.yaml").read_text(encoding="utf-8"))
     tags = ("exec_depend", "depend", "build_depend", "buildtool_depend", "test_depend")
     keys = {element.text for tag in tags for element in manifest().iter(tag)}
-    assert keys <= {*known["ros"], *known["system"]}
+    assert keys <= {*rosdep_keys["ros"], *rosdep_keys["system"]}
 
 
 HEADER = "# Copyright 2026 imu_sim_ros maintainers\n# SPDX-License-Identifier: Apache-2.0\n"
@@ -457,10 +463,10 @@ def test_the_header_names_the_license_of_the_package():
 
 def test_no_two_public_classes_have_the_same_name() -> None:
     """One name, one meaning."""
-    found = [
+    class_names = [
         node.name
         for path in sorted(PACKAGE.rglob("*.py"))
         for node in parsed(path).body
         if isinstance(node, ast.ClassDef) and not node.name.startswith("_")
     ]
-    assert [name for name, count in Counter(found).items() if count > 1] == []
+    assert [name for name, count in Counter(class_names).items() if count > 1] == []

@@ -26,16 +26,16 @@ def test_there_are_as_many_commands_as_claims():
 
 @pytest.mark.parametrize("command", sorted({c for c in COMMANDS if c.startswith("pytest ")}))
 def test_every_command_selects_a_test(command):
-    words = shlex.split(command)[1:]
-    options = [k for k, word in enumerate(words) if word.startswith("-")]
-    places = words[: options[0]] if options else words
+    arguments = shlex.split(command)[1:]
+    options = [k for k, word in enumerate(arguments) if word.startswith("-")]
+    places = arguments[: options[0]] if options else arguments
     files = [f for p in places for f in (sorted((ROOT / p).rglob("test_*.py")) or [ROOT / p])]
     texts = [file.read_text(encoding="utf-8") for file in files]
     names = re.findall(r"def (test_\w+)", "\n".join(texts))
     assert names
-    if "-k" in words:
-        wanted = words[words.index("-k") + 1].split(" or ")
-        assert all(any(word in name for name in names) for word in wanted), names
+    if "-k" in arguments:
+        selected = arguments[arguments.index("-k") + 1].split(" or ")
+        assert all(any(word in name for name in names) for word in selected), names
 
 
 @pytest.mark.parametrize("command", sorted({c for c in COMMANDS if not c.startswith("pytest ")}))

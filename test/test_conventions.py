@@ -38,16 +38,16 @@ def vectors(nodes):
 def spelled_out(path):
     """Return what a file writes that only conventions.py may."""
     nodes = list(ast.walk(ast.parse(path.read_text(encoding="utf-8"))))
-    found = list(constants(nodes))
-    words = {value.removeprefix("/") for value in found if isinstance(value, str)}
+    literals = list(constants(nodes))
+    texts = {value.removeprefix("/") for value in literals if isinstance(value, str)}
     shared = (conventions.GRAVITY, conventions.TRIADS, conventions.AXES)
-    gravity = {conventions.GRAVITY[2], -conventions.GRAVITY[2]} & set(found)
-    return [*(words & (TOPICS | FRAMES)), *(v for v in vectors(nodes) if v in shared), *gravity]
+    gravity = {conventions.GRAVITY[2], -conventions.GRAVITY[2]} & set(literals)
+    return [*(texts & (TOPICS | FRAMES)), *(v for v in vectors(nodes) if v in shared), *gravity]
 
 
 def test_topics_frames_gravity_and_triads_are_written_once():
-    found = {str(path.relative_to(PACKAGE)): spelled_out(path) for path in SOURCES}
-    assert not {path: what for path, what in found.items() if what}
+    violations = {str(path.relative_to(PACKAGE)): spelled_out(path) for path in SOURCES}
+    assert not {path: what for path, what in violations.items() if what}
 
 
 def test_a_place_is_that_of_a_scene():
@@ -57,5 +57,5 @@ def test_a_place_is_that_of_a_scene():
         f"{sensor}s?'s? places?\\b|places? of (?:the|an?) {sensor}|{sensor} [ia][nt] its place"
     )
     pages = [*SOURCES, *sorted(MANUAL.rglob("*.md"))]
-    found = {path.name: mount.findall(path.read_text(encoding="utf-8")) for path in pages}
-    assert not {name: words for name, words in found.items() if words}
+    mounts = {path.name: mount.findall(path.read_text(encoding="utf-8")) for path in pages}
+    assert not {name: matches for name, matches in mounts.items() if matches}

@@ -35,8 +35,8 @@ def run(tmp_path, monkeypatch, capsys):
     monkeypatch.syspath_prepend(str(EXAMPLES))
 
     def start(script):
-        words = [a.format(folder=tmp_path) for a in ARGUMENTS.get(script.stem, ["{folder}"])]
-        monkeypatch.setattr(sys, "argv", [str(script), *words])
+        arguments = [a.format(folder=tmp_path) for a in ARGUMENTS.get(script.stem, ["{folder}"])]
+        monkeypatch.setattr(sys, "argv", [str(script), *arguments])
         runpy.run_path(str(script), run_name="__main__")
         return capsys.readouterr().out
 
@@ -68,8 +68,8 @@ def test_vio_residuals(tmp_path):
 
     In a process of its own, as a user starts it.
     """
-    words = [sys.executable, str(EXAMPLES / "vio_residuals.py")]
-    done = subprocess.run(words, capture_output=True, text=True, cwd=tmp_path)
+    command = [sys.executable, str(EXAMPLES / "vio_residuals.py")]
+    done = subprocess.run(command, capture_output=True, text=True, cwd=tmp_path)
     assert done.returncode == 0, done.stderr
     between_true, off = done.stdout.splitlines()
     assert numbers(between_true)[-1] < 1e-6
@@ -167,8 +167,8 @@ def test_preintegration():
     those of an exercise, which ``test_tutorials.py`` runs and compares to the last digit.
     """
     page = (EXAMPLES.parent / "docs/tutorials/exercises.md").read_text(encoding="utf-8")
-    _, after = page.split("python examples/preintegration.py 40\n```\n```text\n")
-    lines = after.partition("```")[0].splitlines()
+    _, output = page.split("python examples/preintegration.py 40\n```\n```text\n")
+    lines = output.partition("```")[0].splitlines()
     assert [line.partition(":")[0] for line in lines] == ["alpha", "beta"]
     for line in lines:
         assert numbers(line)[0] == pytest.approx(1.0, abs=0.07)

@@ -28,10 +28,10 @@ def test_links_lead_to_files_and_headings(page):
         if "://" in target:
             continue
         name, _, anchor = target.partition("#")
-        other = page.parent / name if name else page
-        assert other.exists(), target
-        if anchor and other.suffix == ".md":
-            assert anchor in anchors(other), target
+        linked_page = page.parent / name if name else page
+        assert linked_page.exists(), target
+        if anchor and linked_page.suffix == ".md":
+            assert anchor in anchors(linked_page), target
 
 
 def test_every_page_is_in_one_of_the_four_kinds_and_in_the_table_of_contents():
@@ -66,8 +66,8 @@ def test_formulas_are_drawn_without_a_network(tmp_path):
     formulas = re.findall(r"<math .*?</math>", page, re.S)
     assert len(formulas) == len(re.findall(r"\$\$.*?\$\$|\$[^$]+\$", theory, re.S)) > 50
     assert not re.search(r"""(src|href)=["'](https?:)?//[^"']*\.(js|css|woff2?)""", page)
-    outside = re.sub(r"<math .*?</math>|<script.*?</script>", "", page, flags=re.S)
-    assert "\\" not in outside
+    remaining = re.sub(r"<math .*?</math>|<script.*?</script>", "", page, flags=re.S)
+    assert "\\" not in remaining
     assert "<munderover>" not in "".join(formulas)
 
 
@@ -78,8 +78,8 @@ LONGEST = 2500
 
 @pytest.mark.parametrize("page", PAGES, ids=lambda path: str(path.relative_to(ROOT)))
 def test_no_page_is_too_long_to_be_read(page):
-    words = len(page.read_text(encoding="utf-8").split())
-    assert words <= LONGEST or page.stem in GENERATED, words
+    word_count = len(page.read_text(encoding="utf-8").split())
+    assert word_count <= LONGEST or page.stem in GENERATED, word_count
 
 
 def test_the_messages_of_the_troubleshooting_page_are_those_of_the_programs():
@@ -94,5 +94,5 @@ def test_the_messages_of_the_troubleshooting_page_are_those_of_the_programs():
     for heading in headings:
         for message in re.findall(r"`([^`]*)`", heading):
             for piece in message.replace("'...'", "...").split("..."):
-                if len(words := piece.strip(" ,;:'?")) > 8 and not words.startswith(foreign):
-                    assert words in text, message
+                if len(phrase := piece.strip(" ,;:'?")) > 8 and not phrase.startswith(foreign):
+                    assert phrase in text, message

@@ -16,12 +16,12 @@ from imu_sim_ros.core.names import suggestion, unknown
 PARSERS = [*start.PROGRAMS, "demo"]
 
 
-def error_of(words, capsys, monkeypatch, tmp_path):
+def error_of(command, capsys, monkeypatch, tmp_path):
     """Return what a program says, the first word, when it is started with the others."""
     monkeypatch.chdir(tmp_path)
-    monkeypatch.setattr(sys, "argv", words)
+    monkeypatch.setattr(sys, "argv", command)
     try:
-        status = importlib.import_module(f"imu_sim_ros.commands.{words[0]}").main(words[1:])
+        status = importlib.import_module(f"imu_sim_ros.commands.{command[0]}").main(command[1:])
     except SystemExit as ended:
         status = ended.code
     assert status == 2
@@ -31,16 +31,19 @@ def error_of(words, capsys, monkeypatch, tmp_path):
 
 def every_parser():
     for name in PARSERS:
-        made = importlib.import_module(f"imu_sim_ros.commands.{name}").parser()
-        yield name, made, []
-        for action in made._actions:
+        command_parser = importlib.import_module(f"imu_sim_ros.commands.{name}").parser()
+        yield name, command_parser, []
+        for action in command_parser._actions:
             if action.nargs == "A...":
                 yield from ((name, inner, [word]) for word, inner in action.choices.items())
 
 
 @pytest.mark.parametrize(
     ("parser", "subcommand"),
-    [pytest.param(made, before, id=made.prog) for _, made, before in every_parser()],
+    [
+        pytest.param(command_parser, subcommands, id=command_parser.prog)
+        for _, command_parser, subcommands in every_parser()
+    ],
 )
 def test_no_option_of_any_program_can_be_abbreviated(parser, subcommand, capsys):
     options = [name for name in parser._option_string_actions if name.startswith("--")]
@@ -54,7 +57,7 @@ def test_no_option_of_any_program_can_be_abbreviated(parser, subcommand, capsys)
 
 
 @pytest.mark.parametrize(
-    ("words", "line"),
+    ("command", "line"),
     [
         ("generate --forc", "unknown option '--forc'; did you mean --force?"),
         ("control --timeot 3 pause", "unknown option '--timeot'; did you mean --timeout?"),
@@ -78,9 +81,9 @@ def test_no_option_of_any_program_can_be_abbreviated(parser, subcommand, capsys)
     ],
 )
 def test_a_name_that_is_nearly_right_is_answered_with_the_right_one(
-    words, line, capsys, monkeypatch, tmp_path
+    command, line, capsys, monkeypatch, tmp_path
 ):
-    error = error_of(words.split(), capsys, monkeypatch, tmp_path)
+    error = error_of(command.split(), capsys, monkeypatch, tmp_path)
     assert line in error
     assert len(error.splitlines()) == 1
 
@@ -110,8 +113,8 @@ def test_values_that_a_program_does_not_use_are_checked(
 ):
     name = program.__name__.rpartition(".")[2]
     place = ["-o", "x.mcap"] if program is generate else ["x.mcap"]
-    words = [name, *place, "--set", assignment]
-    error = error_of(words, capsys, monkeypatch, tmp_path)
+    command = [name, *place, "--set", assignment]
+    error = error_of(command, capsys, monkeypatch, tmp_path)
     assert f"{name}: {assignment.partition('=')[0]} = " in error
 
 
@@ -144,10 +147,10 @@ def without_ros(calls):
 
 def test_nodes_say_what_they_are_without_ros():
     rests = (["--version"], ["--help"], [])
-    found = without_ros([[name, *rest] for name in start.NODES for rest in rests])
-    assert len(found) == 3 * len(start.NODES)
+    outputs = without_ros([[name, *rest] for name in start.NODES for rest in rests])
+    assert len(outputs) == 3 * len(start.NODES)
     for k, name in enumerate(start.NODES):
-        version, (status, usage, _), (refused, _, complaint) = found[3 * k : 3 * k + 3]
+        version, (status, usage, _), (refused, _, complaint) = outputs[3 * k : 3 * k + 3]
         assert version == (0, "imu_sim_ros 2.0.0\n", "")
         assert (status, usage.partition(" ...]")[0]) == (0, f"usage: {name} [--PARAMETER VALUE")
         assert refused == 2

@@ -24,7 +24,7 @@ HIDDEN = (
     *("sched_getaffinity", "sched_setaffinity", "sched_setscheduler", "setns", "splice"),
     *("unshare", "waitid"),
 )
-"""What ``os`` has on Linux and not on macOS."""
+"""Names of ``os`` that exist on Linux and not on macOS."""
 
 HIDE = f"""
 import ctypes, os, resource, select, signal, socket, sys, time
@@ -111,9 +111,9 @@ line.send(b"$GPGGA")
 assert os.read(reader, 100) == b"$GPGGA"
 line.close()
 """
-    words = [sys.executable, "-c", HIDE + script]
+    command = [sys.executable, "-c", HIDE + script]
     environment = {**os.environ, "PYTHONPATH": str(ROOT)}
-    done = subprocess.run(words, cwd=tmp_path, env=environment, capture_output=True, text=True)
+    done = subprocess.run(command, cwd=tmp_path, env=environment, capture_output=True, text=True)
     assert done.returncode == 0, done.stderr
 
 
@@ -139,9 +139,9 @@ def test_a_program_is_run_and_killed_without_prctl(tmp_path, monkeypatch):
 
 def scripts(folder: Path) -> set[str]:
     """Return the names of the programs in a description of a package."""
-    found = configparser.ConfigParser()
-    found.read(next(folder.glob("*.egg-info")) / "entry_points.txt")
-    return set(found["console_scripts"])
+    entry_points = configparser.ConfigParser()
+    entry_points.read(next(folder.glob("*.egg-info")) / "entry_points.txt")
+    return set(entry_points["console_scripts"])
 
 
 def test_a_pip_install_puts_one_program_on_the_path(tmp_path):
@@ -149,8 +149,8 @@ def test_a_pip_install_puts_one_program_on_the_path(tmp_path):
     # A copy: in the checkout, setuptools reads the names of all files, those of .venv too.
     for name in ("setup.py", "setup.cfg", "package.xml", "README.md"):
         shutil.copy(ROOT / name, tmp_path)
-    words = ["setup.py", "-q", "egg_info"]
-    subprocess.run([sys.executable, *words], cwd=tmp_path, capture_output=True, check=True)
+    arguments = ["setup.py", "-q", "egg_info"]
+    subprocess.run([sys.executable, *arguments], cwd=tmp_path, capture_output=True, check=True)
     assert scripts(tmp_path) == {"imu_sim"}
 
 
@@ -167,8 +167,8 @@ def test_the_source_distribution_has_its_tests_the_manual_and_the_changelog(tmp_
         if path.suffix in kinds or path.name in ("Makefile", "LICENSE", ".flake8", ".gitignore"):
             shutil.copy(path, copy)
     expected = {path.relative_to(copy).as_posix() for path in copy.rglob("*") if path.is_file()}
-    words = ["setup.py", "-q", "sdist", "--formats", "tar", "-d", str(tmp_path)]
-    subprocess.run([sys.executable, *words], cwd=copy, capture_output=True, check=True)
+    arguments = ["setup.py", "-q", "sdist", "--formats", "tar", "-d", str(tmp_path)]
+    subprocess.run([sys.executable, *arguments], cwd=copy, capture_output=True, check=True)
     (archive,) = tmp_path.glob("*.tar")
     with tarfile.open(archive) as file:
         names = {member.name.partition("/")[2] for member in file if member.isfile()}

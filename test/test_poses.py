@@ -19,7 +19,7 @@ GOOD = ["1.0 0 0 0 0 0 0 1", "1.1 1 2 3 0 0 0 1", "1.2 2 3 4 0 0 0 1", "1.3 3 4 
 
 
 @pytest.fixture
-def read(tmp_path):
+def read_lines(tmp_path):
     def write_and_read(*lines):
         path = tmp_path / "poses.txt"
         path.write_text("\n".join(lines) + "\n")
@@ -28,15 +28,15 @@ def read(tmp_path):
     return write_and_read
 
 
-def wrong(read, *lines):
+def wrong(read_lines, *lines):
     with pytest.raises(InputError) as caught:
-        read(*lines)
+        read_lines(*lines)
     return [problem.split("poses.txt: ", 1)[1] for problem in caught.value.problems]
 
 
-def test_tum_form(read):
+def test_tum_form(read_lines):
     half = np.sqrt(0.5)
-    poses = read(
+    poses = read_lines(
         "# timestamp tx ty tz qx qy qz qw",
         "",
         f"1305031098.6659 1 2 3 0 0 {half} {half}",
@@ -47,8 +47,8 @@ def test_tum_form(read):
     np.testing.assert_allclose(poses.q_wb, [[half, 0, 0, half], [half, half, 0, 0]], atol=1e-15)
 
 
-def test_euroc_form(read):
-    poses = read(
+def test_euroc_form(read_lines):
+    poses = read_lines(
         "#timestamp, p_RS_R_x [m], p_RS_R_y [m], p_RS_R_z [m], q_RS_w [], q_RS_x [], ...",
         "1403715524907143168,0.5,1.9,0.9,0.6,0.8,0,0," + ",".join(["0"] * 9),
         "1403715524912143104,0.6,1.8,0.8,0.8,0,0.6,0," + ",".join(["0"] * 9),
@@ -58,18 +58,18 @@ def test_euroc_form(read):
 
 
 @pytest.mark.parametrize("columns", [8, 11, 17])
-def test_euroc_with_and_without_velocity_and_biases(read, columns):
+def test_euroc_with_and_without_velocity_and_biases(read_lines, columns):
     rows = [",".join([str(k), "0", "0", "0", "1", *["0"] * (columns - 5)]) for k in (1, 2)]
-    assert read(*rows).t_ns.tolist() == [1, 2]
+    assert read_lines(*rows).t_ns.tolist() == [1, 2]
 
 
-def test_stamps_with_exponents_as_other_tools_write_them(read):
-    poses = read("1.403636580863555431e+09 0 0 0 0 0 0 1", "1.5e9 0 0 0 0 0 0 1")
+def test_stamps_with_exponents_as_other_tools_write_them(read_lines):
+    poses = read_lines("1.403636580863555431e+09 0 0 0 0 0 0 1", "1.5e9 0 0 0 0 0 0 1")
     assert poses.t_ns.tolist() == [1403636580863555431, 1500000000_000000000]
 
 
-def test_quaternions_are_normalised(read):
-    poses = read("1 0 0 0 0 0 0 1.001", "2 0 0 0 0 0.6001 0 0.8")
+def test_quaternions_are_normalised(read_lines):
+    poses = read_lines("1 0 0 0 0 0 0 1.001", "2 0 0 0 0 0.6001 0 0.8")
     np.testing.assert_allclose(np.linalg.norm(poses.q_wb, axis=-1), 1.0, rtol=0, atol=1e-15)
 
 
@@ -85,25 +85,27 @@ def test_written_and_read_again(tmp_path):
     np.testing.assert_allclose(again.q_wb, q, rtol=0, atol=1e-11)
 
 
-def test_a_pose_that_stands_twice_is_taken_once(read):
-    poses = read(*GOOD[:2], GOOD[1], GOOD[1].replace("0 0 0 1", "0 0 0 -1"), *GOOD[2:])
+def test_a_pose_that_stands_twice_is_taken_once(read_lines):
+    poses = read_lines(*GOOD[:2], GOOD[1], GOOD[1].replace("0 0 0 1", "0 0 0 -1"), *GOOD[2:])
     assert poses.t_ns.tolist() == [1_000_000_000, 1_100_000_000, 1_200_000_000, 1_300_000_000]
     assert poses.repeated == 2
 
 
 @pytest.mark.parametrize("lines", [[], ["# only", "# comments"], ["", "   "]])
-def test_empty_file(read, lines):
-    assert wrong(read, *lines) == ["contains no poses"]
+def test_empty_file(read_lines, lines):
+    assert wrong(read_lines, *lines) == ["contains no poses"]
 
 
-def test_one_line(read):
-    assert wrong(read, GOOD[0]) == ["contains one pose; a trajectory needs two or more"]
-    assert wrong(read, GOOD[0], GOOD[0]) == ["contains one pose; a trajectory needs two or more"]
+def test_one_line(read_lines):
+    assert wrong(read_lines, GOOD[0]) == ["contains one pose; a trajectory needs two or more"]
+    assert wrong(read_lines, GOOD[0], GOOD[0]) == [
+        "contains one pose; a trajectory needs two or more"
+    ]
 
 
-def test_every_problem_of_a_kind_is_named_with_its_line(read):
+def test_every_problem_of_a_kind_is_named_with_its_line(read_lines):
     lines = ["# head", GOOD[0], "1.1 1 2 3 0 0 0", GOOD[2], "1.3 1 2 3 0 0 0 1 9"]
-    assert wrong(read, *lines) == [
+    assert wrong(read_lines, *lines) == [
         "line 3: 7 columns; the TUM form has 8, 14 or 20",
         "line 5: 9 columns; the TUM form has 8, 14 or 20",
     ]
@@ -139,31 +141,31 @@ def test_every_problem_of_a_kind_is_named_with_its_line(read):
         ("1.0 0 0 0 0 0 1 0", "line 2: the stamp of line 1 with a different pose"),
     ],
 )
-def test_a_bad_line_is_named(read, bad, problem):
-    assert wrong(read, GOOD[0], bad, *GOOD[2:]) == [problem]
+def test_a_bad_line_is_named(read_lines, bad, problem):
+    assert wrong(read_lines, GOOD[0], bad, *GOOD[2:]) == [problem]
 
 
-def test_bad_lines_of_the_euroc_form(read):
+def test_bad_lines_of_the_euroc_form(read_lines):
     good = "1,0,0,0,1,0,0,0"
-    assert wrong(read, good, "2,0,0,0,1,0,0") == [
+    assert wrong(read_lines, good, "2,0,0,0,1,0,0") == [
         "line 2: 7 columns; the EuRoC form has 8, 11, 17, 20, 23 or 29"
     ]
-    assert wrong(read, good, "2.5,0,0,0,1,0,0,0") == [
+    assert wrong(read_lines, good, "2.5,0,0,0,1,0,0,0") == [
         "line 2: '2.5' is not a stamp in whole nanoseconds"
     ]
-    assert wrong(read, good, "2,,0,0,1,0,0,0") == ["line 2: '' is not a number"]
-    assert wrong(read, good, f"{2**63},0,0,0,1,0,0,0") == [
+    assert wrong(read_lines, good, "2,,0,0,1,0,0,0") == ["line 2: '' is not a number"]
+    assert wrong(read_lines, good, f"{2**63},0,0,0,1,0,0,0") == [
         f"line 2: '{2**63}' is not a stamp in whole nanoseconds"
     ]
 
 
-def test_a_flood_of_problems_is_cut(read):
-    problems = wrong(read, *GOOD, *["1 2 3"] * 30)
+def test_a_flood_of_problems_is_cut(read_lines):
+    problems = wrong(read_lines, *GOOD, *["1 2 3"] * 30)
     assert len(problems) == 11
     assert problems[-1] == "and 20 more such lines"
 
 
-def test_all_classes_of_bad_rows_stand_in_one_report(read):
+def test_all_classes_of_bad_rows_stand_in_one_report(read_lines):
     rows = [
         *GOOD,
         "2.0 1 2 3 0 0 0",
@@ -174,7 +176,7 @@ def test_all_classes_of_bad_rows_stand_in_one_report(read):
         "2.4 1 2 3 0 0 0 1",
         "later 1 2 3 0 0 0 1",
     ]
-    assert wrong(read, *rows) == [
+    assert wrong(read_lines, *rows) == [
         "line 5: 7 columns; the TUM form has 8, 14 or 20",
         "line 6: 'x' is not a number",
         "line 7: a value that is not finite: position [1, 2, nan]",
@@ -196,10 +198,10 @@ def test_bad_rows_are_skipped_and_counted(tmp_path):
         read_poses(path, skip_bad_rows=True)
 
 
-@pytest.mark.parametrize("more", [6, 12])
-def test_truth_files_of_openvins_have_covariances_behind_the_pose(read, more):
-    poses = read("# timestamp(s) tx ty tz qx qy qz qw Pr11 Pr12 ...",
-                 *(f"{row} {' '.join(['0.01'] * more)}" for row in GOOD))  # fmt: skip
+@pytest.mark.parametrize("covariances", [6, 12])
+def test_truth_files_of_openvins_have_covariances_behind_the_pose(read_lines, covariances):
+    poses = read_lines("# timestamp(s) tx ty tz qx qy qz qw Pr11 Pr12 ...",
+                 *(f"{row} {' '.join(['0.01'] * covariances)}" for row in GOOD))  # fmt: skip
     np.testing.assert_array_equal(poses.position[1], [1, 2, 3])
     assert len(poses.t_ns) == 4
 

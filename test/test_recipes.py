@@ -34,9 +34,11 @@ class Copy:
         """Put a text in another's place, once."""
         path = self.folder / file
         text = path.read_text(encoding="utf-8")
-        for old, new in pairs:
-            assert text.count(old) == 1, f"{file} has {text.count(old)} times {old!r}"
-            text = text.replace(old, new)
+        for original, replacement in pairs:
+            assert text.count(original) == 1, (
+                f"{file} has {text.count(original)} times {original!r}"
+            )
+            text = text.replace(original, replacement)
         path.write_text(text, encoding="utf-8")
         self.touched.add(file)
 
@@ -61,12 +63,12 @@ class Copy:
         spec.loader.exec_module(module)
         assert self.folder == module.ROOT
         for name in files:
-            for one in (
+            for checker in (
                 module.test_imports_follow_the_arrows,
                 module.test_no_heavy_import_at_the_top_of_what_a_node_starts_with,
                 module.test_json_is_written_in_one_place,
             ):
-                one.check(self.folder / name)
+                checker.check(self.folder / name)
         ruff = [sys.executable, "-m", "ruff", "check", "--quiet", *files]
         done = subprocess.run(ruff, cwd=self.folder, capture_output=True, text=True)
         assert done.returncode == 0, done.stdout
@@ -103,7 +105,7 @@ class Swing(ErrorTerm):
 
 
 def test_an_error_term(copy: Copy) -> None:
-    """Its field, its formula: command, Python, truth file and reference follow."""
+    """A field and a formula suffice: command, Python, truth file and reference follow."""
     copy.change(
         "imu_sim_ros/sensors/imu/triads.py",
         (
@@ -126,7 +128,7 @@ def test_an_error_term(copy: Copy) -> None:
         ),
     )
     copy.guard(2)
-    found = copy.run(
+    outcome = copy.run(
         """
         import json, numpy as np, imu_sim_ros as ims
         from pathlib import Path
@@ -148,19 +150,19 @@ def test_an_error_term(copy: Copy) -> None:
         }))
         """
     )
-    assert found.pop("off") < 1e-9  # rounding of 9.81 and of a float time
-    assert found == {"others": 0.0, "status": 0, "truth": True, "same": True, "reference": True}
+    assert outcome.pop("off") < 1e-9  # rounding of 9.81 and of a float time
+    assert outcome == {"others": 0.0, "status": 0, "truth": True, "same": True, "reference": True}
 
 
 def renamed(text: str) -> str:
     """Return a file of the barometer's folder as one of another sensor."""
-    for old, new in (
+    for original, replacement in (
         *(("barometer", "altimeter"), ('"pressure"', '"air"'), ("imu/pressure", "imu/air")),
         *(("ground_truth/pressure", "ground_truth/air"), ("truth_pressure", "truth_air")),
         ("    pressure: bool", "    air: bool"),
         ('"air": reading', '"pressure": reading'),  # what it returns has the same names
     ):
-        text = text.replace(old, new)
+        text = text.replace(original, replacement)
     return text
 
 
@@ -173,10 +175,10 @@ def test_a_sensor_of_each_imu(copy: Copy) -> None:
     for path in sorted((ROOT / "imu_sim_ros/sensors/barometer").glob("*.py")):
         place = f"imu_sim_ros/sensors/altimeter/{path.name}"
         copy.write(place, renamed(path.read_text(encoding="utf-8")))
-    file, last = LISTED
-    copy.change(file, (last, last + '    "altimeter",\n'))
+    file, listed_line = LISTED
+    copy.change(file, (listed_line, listed_line + '    "altimeter",\n'))
     copy.guard(5)
-    found = copy.run(
+    outcome = copy.run(
         """
         import json, numpy as np, imu_sim_ros as ims
         from pathlib import Path
@@ -201,7 +203,7 @@ def test_a_sensor_of_each_imu(copy: Copy) -> None:
         }))
         """
     )
-    assert found == {
+    assert outcome == {
         "samples": [40, 200],
         "ideal": True,
         "status": 0,
@@ -220,10 +222,10 @@ def test_a_sensor_with_a_mount_of_its_own(copy: Copy) -> None:
     example = example.replace("from imu_sim_ros import register_sensor, simulate\n", "")
     copy.write("imu_sim_ros/sensors/sonar/__init__.py", '"""The sonar."""\n')
     copy.write("imu_sim_ros/sensors/sonar/declaration.py", example)
-    file, last = LISTED
-    copy.change(file, (last, last + '    "sonar",\n'))
+    file, listed_line = LISTED
+    copy.change(file, (listed_line, listed_line + '    "sonar",\n'))
     copy.guard(3)
-    found = copy.run(
+    outcome = copy.run(
         """
         import json, imu_sim_ros as ims
         from imu_sim_ros.commands import generate, parameter_reference
@@ -236,7 +238,7 @@ def test_a_sensor_with_a_mount_of_its_own(copy: Copy) -> None:
         }))
         """
     )
-    assert found == {"samples": 20, "status": 0, "reference": True}
+    assert outcome == {"samples": 20, "status": 0, "reference": True}
 
 
 def test_a_message_type(copy: Copy) -> None:
@@ -255,7 +257,7 @@ def test_a_message_type(copy: Copy) -> None:
         ),
     )
     copy.guard(1)
-    found = copy.run(
+    outcome = copy.run(
         """
         import json, numpy as np
         from pathlib import Path
@@ -276,7 +278,7 @@ def test_a_message_type(copy: Copy) -> None:
         print(json.dumps(found))
         """
     )
-    assert found == 3 * [["mast", 0.25], ["mast", 0.5]]
+    assert outcome == 3 * [["mast", 0.25], ["mast", 0.5]]
 
 
 LOG = '''\
@@ -347,7 +349,7 @@ def test_a_format_that_is_read(copy: Copy) -> None:
         ("= (vio_data", "= (log, vio_data"),
     )
     copy.guard(2)
-    found = copy.run(
+    outcome = copy.run(
         """
         import json
         import imu_sim_ros as ims
@@ -359,7 +361,7 @@ def test_a_format_that_is_read(copy: Copy) -> None:
         print(json.dumps([len(readings), readings.gyro[0, 0], len(track.t_ns)]))
         """
     )
-    assert found == [500, 0.1, 500]
+    assert outcome == [500, 0.1, 500]
 
 
 MANY = '''# Copyright 2026 imu_sim_ros maintainers
@@ -430,7 +432,7 @@ def test_a_preset(copy: Copy) -> None:
         "      gyroscope_noise_density: 0.001\n",
     )
     copy.guard(1)
-    found = copy.run(
+    outcome = copy.run(
         """
         import json, imu_sim_ros as ims
         from imu_sim_ros.commands import generate
@@ -443,13 +445,13 @@ def test_a_preset(copy: Copy) -> None:
         }))
         """
     )
-    assert found["value"] == [0.001] * 3
-    assert "own         Consumer, 10 EUR: Made up, for a test\n" in found["list"]
-    assert found["status"] == 0
+    assert outcome["value"] == [0.001] * 3
+    assert "own         Consumer, 10 EUR: Made up, for a test\n" in outcome["list"]
+    assert outcome["status"] == 0
 
 
 def test_an_integration_method(copy: Copy) -> None:
-    """Its formula and its line in the table: command, Python and the node's stepper have it."""
+    """A formula and a line in the table suffice for command, Python and the node's stepper."""
     copy.change(
         "imu_sim_ros/navigation/increments.py",
         (
@@ -464,7 +466,7 @@ def test_an_integration_method(copy: Copy) -> None:
         ('    "rk4": _rk4,\n', '    "rk4": _rk4,\n    "late": _late,\n'),
     )
     copy.guard(1)
-    found = copy.run(
+    outcome = copy.run(
         """
         import json, numpy as np, imu_sim_ros as ims
         from imu_sim_ros.commands import dead_reckon
@@ -493,15 +495,15 @@ def test_an_integration_method(copy: Copy) -> None:
         """
     )
     # Holding the reading at either end is of first order; an unknown method once was rk4's.
-    assert 0.1 < found["ratio"] < 10.0
-    assert found["rk4"] < 0.2
-    assert found["off"] < 1e-9
-    assert found["said"] == "method = 'late': euler_angles goes with euler, midpoint, rk4"
-    assert (found["status"], found["all"]) == (0, 0)
+    assert 0.1 < outcome["ratio"] < 10.0
+    assert outcome["rk4"] < 0.2
+    assert outcome["off"] < 1e-9
+    assert outcome["said"] == "method = 'late': euler_angles goes with euler, midpoint, rk4"
+    assert (outcome["status"], outcome["all"]) == (0, 0)
 
 
 def test_a_trajectory(copy: Copy) -> None:
-    """Its section and its motion, each with its line in a table: ``--trajectory`` and Python."""
+    """A section, a motion and their lines in tables suffice for ``--trajectory`` and Python."""
     copy.change(
         "imu_sim_ros/trajectory/parameters.py",
         (
@@ -546,7 +548,7 @@ def test_a_trajectory(copy: Copy) -> None:
         ),
     )
     copy.guard(2)
-    found = copy.run(
+    outcome = copy.run(
         """
         import json, imu_sim_ros as ims
         from imu_sim_ros.commands import generate, parameter_reference
@@ -560,8 +562,8 @@ def test_a_trajectory(copy: Copy) -> None:
         }))
         """
     )
-    assert found["force"] == pytest.approx([11.81, 11.81])
-    assert (found["status"], found["reference"]) == (0, True)
+    assert outcome["force"] == pytest.approx([11.81, 11.81])
+    assert (outcome["status"], outcome["reference"]) == (0, True)
 
 
 def test_an_option_of_a_job(copy: Copy) -> None:
@@ -591,7 +593,7 @@ def test_an_option_of_a_job(copy: Copy) -> None:
         ),
     )
     copy.guard(1)
-    found = copy.run(
+    outcome = copy.run(
         """
         import contextlib, io, json, numpy as np
         import imu_sim_ros as ims
@@ -615,7 +617,7 @@ def test_an_option_of_a_job(copy: Copy) -> None:
         }))
         """
     )
-    assert found == {
+    assert outcome == {
         "status": [0, 2],
         "said": "evaluate: --lift 10.0: must be a height from -9 to 9 m\n",
         "help": True,
@@ -646,7 +648,7 @@ def test_an_option_of_a_job_that_writes(copy: Copy) -> None:
         ),
     )
     copy.guard(1)
-    found = copy.run(
+    outcome = copy.run(
         """
         import contextlib, filecmp, io, json
         import imu_sim_ros as ims
@@ -665,7 +667,7 @@ def test_an_option_of_a_job_that_writes(copy: Copy) -> None:
         }))
         """
     )
-    assert found == {
+    assert outcome == {
         "status": [0, 2],
         "said": "generate: --hold 10.0: must be seconds, from 0 to 9\n",
         "help": True,
@@ -692,7 +694,7 @@ def test_a_consumer(copy: Copy) -> None:
         ("(kalibr, vins,", "(own_stack, kalibr, vins,"),
     )
     copy.guard(2)
-    found = copy.run(
+    outcome = copy.run(
         """
         import json
         from pathlib import Path
@@ -702,8 +704,8 @@ def test_a_consumer(copy: Copy) -> None:
         print(json.dumps([status, Path("a.mcap_configs/own_stack.yaml").read_text()]))
         """
     )
-    assert found[0] == 0
-    assert found[1].endswith("imu_topic: /imu/data_raw\nrate: 250\n")
+    assert outcome[0] == 0
+    assert outcome[1].endswith("imu_topic: /imu/data_raw\nrate: 250\n")
 
 
 def test_the_page_has_these_recipes() -> None:

@@ -44,13 +44,15 @@ def job(
     :param hidden: not an argument
     """
     if gap <= 0.0 or strength == 0.0:
-        named = (stated("gap", f"{gap:g}"), stated("strength", str(strength)))
-        raise ConfigurationError([f"{named[0]}: too short", f"{named[1]}: none"])
+        option_names = (stated("gap", f"{gap:g}"), stated("strength", str(strength)))
+        raise ConfigurationError([f"{option_names[0]}: too short", f"{option_names[1]}: none"])
     return dict(locals())
 
 
-def parsed(words: str) -> dict[str, Any]:
-    return call(job, program.Parser("job", arguments=arguments_of(job)).parse_every(words.split()))
+def parsed(command_line: str) -> dict[str, Any]:
+    return call(
+        job, program.Parser("job", arguments=arguments_of(job)).parse_every(command_line.split())
+    )
 
 
 def test_defaults_are_those_of_the_signature() -> None:
@@ -69,13 +71,19 @@ def test_defaults_are_those_of_the_signature() -> None:
 
 
 def test_values_have_their_types() -> None:
-    words = "a --gap 2min --field 5e-5 --count 4 --align yaw --rpe 1km --rpe 5frames --robust"
-    found = parsed(f"{words} --no-page --imu mpu6000")
-    assert found["gap"] == 120.0
-    assert found["strength"] == 5e-5
-    assert (found["count"], found["align"], found["imu"]) == (4, "yaw", "mpu6000")
-    assert found["rpe"] == [(1000.0, "m"), (5.0, "frames")]
-    assert (found["robust"], found["page"]) == (True, False)
+    command_line = (
+        "a --gap 2min --field 5e-5 --count 4 --align yaw --rpe 1km --rpe 5frames --robust"
+    )
+    parsed_values = parsed(f"{command_line} --no-page --imu mpu6000")
+    assert parsed_values["gap"] == 120.0
+    assert parsed_values["strength"] == 5e-5
+    assert (parsed_values["count"], parsed_values["align"], parsed_values["imu"]) == (
+        4,
+        "yaw",
+        "mpu6000",
+    )
+    assert parsed_values["rpe"] == [(1000.0, "m"), (5.0, "frames")]
+    assert (parsed_values["robust"], parsed_values["page"]) == (True, False)
 
 
 def test_help_has_the_texts_and_defaults() -> None:
@@ -88,7 +96,7 @@ def test_help_has_the_texts_and_defaults() -> None:
 
 
 @pytest.mark.parametrize(
-    ("words", "line"),
+    ("options", "line"),
     [
         ("--gap soon", "argument --gap: 'soon' is not a duration such as 20s"),
         ("--rpe 3miles", "argument --rpe: '3miles' is not a delta"),
@@ -96,9 +104,9 @@ def test_help_has_the_texts_and_defaults() -> None:
         ("--gpa 1s", "unknown option '--gpa'; did you mean --gap"),
     ],
 )
-def test_bad_words_are_one_line(words: str, line: str, capsys: Any) -> None:
+def test_bad_words_are_one_line(options: str, line: str, capsys: Any) -> None:
     with pytest.raises(SystemExit):
-        parsed(f"a {words}")
+        parsed(f"a {options}")
     error = capsys.readouterr().err
     assert line in error
     assert error.count("\n") == 1
@@ -108,8 +116,14 @@ def test_defaults_and_overrides_of_the_arguments() -> None:
     arguments = program.Parser("job", arguments=arguments_of(job)).parse_every(
         ["a", "--gap", "2s", "--count", "4"]
     )
-    found = call(job, arguments, defaults={"gap": 1.0, "field": 3.0}, overrides={"count": 5})
-    assert (found["gap"], found["strength"], found["count"]) == (2.0, 3.0, 5)
+    job_arguments = call(
+        job, arguments, defaults={"gap": 1.0, "field": 3.0}, overrides={"count": 5}
+    )
+    assert (job_arguments["gap"], job_arguments["strength"], job_arguments["count"]) == (
+        2.0,
+        3.0,
+        5,
+    )
 
 
 def test_problems_name_the_options() -> None:
@@ -118,9 +132,9 @@ def test_problems_name_the_options() -> None:
     assert caught.value.problems == ("--gap 0: too short", "--field 0.0: none")
 
 
-def pair(words: str) -> tuple[str, str]:
-    old, _, new = words.partition("=")
-    return old, new
+def pair(text: str) -> tuple[str, str]:
+    source, _, target = text.partition("=")
+    return source, target
 
 
 SHARED = Annotated[str | Path, "-o --output PATH", Text("where to"), Heading("output")]
@@ -145,26 +159,28 @@ def writer(
     :param rate: samples
     :param cameras: names
     """
-    last = parameters.get("parameters", {})
-    if (used := last.get("rate", rate)) == 0.0:
+    node_parameters = parameters.get("parameters", {})
+    if (used := node_parameters.get("rate", rate)) == 0.0:
         problems = [f"{stated('rate', str(used))}: too low", f"{stated('topics')}: none of them"]
         raise ConfigurationError(problems)
     return dict(locals())
 
 
-def written(words: str) -> dict[str, Any]:
+def written(command_line: str) -> dict[str, Any]:
     parser = program.Parser("writer", arguments=arguments_of(writer))
-    return call(writer, parser.parse_every(words.split()))
+    return call(writer, parser.parse_every(command_line.split()))
 
 
 def test_names_in_one_word_pairs_and_parameters() -> None:
-    found = written("a -o b --topics x,y --topic x=u --topic y=v --set rate=3 --set cameras=[c]")
-    assert (found["source"], found["output"]) == (Path("a"), Path("b"))
-    assert found["topics"] == ["x", "y"]
-    assert found["rename"] == {"x": "u", "y": "v"}
+    written_values = written(
+        "a -o b --topics x,y --topic x=u --topic y=v --set rate=3 --set cameras=[c]"
+    )
+    assert (written_values["source"], written_values["output"]) == (Path("a"), Path("b"))
+    assert written_values["topics"] == ["x", "y"]
+    assert written_values["rename"] == {"x": "u", "y": "v"}
     # Parameters never become arguments of the job that have the same name.
-    assert (found["rate"], found["cameras"]) == (None, ())
-    assert found["parameters"] == {"parameters": {"rate": 3, "cameras": ["c"]}}
+    assert (written_values["rate"], written_values["cameras"]) == (None, ())
+    assert written_values["parameters"] == {"parameters": {"rate": 3, "cameras": ["c"]}}
     bare = written("a -o b")
     assert (bare["topics"], bare["rename"], bare["parameters"]) == ((), None, {})
 
@@ -186,8 +202,11 @@ def test_headings_and_shared_texts_stand_in_the_help() -> None:
 
 
 def test_only_what_was_given_as_an_option_is_named_as_one() -> None:
-    for words, first in (("--rate 0", "--rate 0.0: too low"), ("--set rate=0.0", "rate = 0.0: ")):
+    for options, message in (
+        ("--rate 0", "--rate 0.0: too low"),
+        ("--set rate=0.0", "rate = 0.0: "),
+    ):
         with pytest.raises(ConfigurationError) as caught:
-            written(f"a -o b --topics x {words}")
-        assert caught.value.problems[0].startswith(first)
+            written(f"a -o b --topics x {options}")
+        assert caught.value.problems[0].startswith(message)
         assert caught.value.problems[1] == "--topics: none of them"

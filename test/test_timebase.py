@@ -13,12 +13,12 @@ from imu_sim_ros.core.errors import ConfigurationError
 
 
 @pytest.mark.parametrize("rate", [200.0, 1000.0, 8000.0, 1024.0, 30.0, 333.3, 1000 / 3, 2.5])
-@pytest.mark.parametrize("first", [0, 7, 10**10])
-def test_times_are_the_rounded_products(rate, first):
-    times = timebase.sample_times_ns(first, 500, rate, t0_ns=11)
+@pytest.mark.parametrize("start", [0, 7, 10**10])
+def test_times_are_the_rounded_products(rate, start):
+    times = timebase.sample_times_ns(start, 500, rate, t0_ns=11)
     exact = timebase.exact_rate(rate)
     assert times.dtype == np.int64
-    assert times.tolist() == [11 + round(k * 10**9 / exact) for k in range(first, first + 500)]
+    assert times.tolist() == [11 + round(k * 10**9 / exact) for k in range(start, start + 500)]
 
 
 def test_blocks_join_without_a_seam():
@@ -30,8 +30,8 @@ def test_blocks_join_without_a_seam():
 def test_a_month_at_200_hz_ends_on_the_nanosecond():
     samples = 30 * 86400 * 200
     start = 1_700_000_000_123_456_789
-    last = timebase.sample_times_ns(samples - 1, 1, 200.0, start)[0]
-    assert last == start + (samples - 1) * 5_000_000
+    last_stamp = timebase.sample_times_ns(samples - 1, 1, 200.0, start)[0]
+    assert last_stamp == start + (samples - 1) * 5_000_000
 
 
 @pytest.mark.parametrize(

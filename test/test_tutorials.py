@@ -59,11 +59,11 @@ def blocks(page: Path) -> list[tuple[str, str, str]]:
 
 def run_line(line: str) -> None:
     """Run a command as the shell would, in this process."""
-    first, name, *rest = shlex.split(line)
-    if first == "imu_sim":
+    program_name, name, *rest = shlex.split(line)
+    if program_name == "imu_sim":
         assert startup.load(f"imu_sim_ros.commands.{name}").main(rest) == 0, line
         return
-    assert first == "python", line
+    assert program_name == "python", line
     sys.argv = [name, *rest]
     sys.path.insert(0, str((ROOT / name).parent))  # as for a script that Python starts
     runpy.run_path(str(ROOT / name), run_name="__main__")
@@ -99,8 +99,8 @@ def is_printed(shown: str, printed: list[str], tolerance: float) -> bool:
     def numbers(line: str) -> list[float]:
         return [float(number.replace(",", "")) for number in NUMBER.findall(line)]
 
-    same = [line for line in printed if NUMBER.sub("#", line) == NUMBER.sub("#", shown)]
-    return any(numbers(line) == pytest.approx(numbers(shown), rel=tolerance) for line in same)
+    candidates = [line for line in printed if NUMBER.sub("#", line) == NUMBER.sub("#", shown)]
+    return any(numbers(line) == pytest.approx(numbers(shown), rel=tolerance) for line in candidates)
 
 
 def run_page(page: Path, folder: Path, monkeypatch, capsys) -> None:
@@ -114,9 +114,13 @@ def run_page(page: Path, folder: Path, monkeypatch, capsys) -> None:
     printed, names = "", {"__name__": "page"}
     for percent, language, content in blocks(page):
         if language == "text":
-            found, tolerance = lines_of(printed), float(percent or 0.0) / 100.0
-            missing = [line for line in lines_of(content) if not is_printed(line, found, tolerance)]
-            assert not missing, "\n".join(["not printed:", *missing, "", "printed:", *found])
+            printed_lines, tolerance = lines_of(printed), float(percent or 0.0) / 100.0
+            missing = [
+                line for line in lines_of(content) if not is_printed(line, printed_lines, tolerance)
+            ]
+            assert not missing, "\n".join(
+                ["not printed:", *missing, "", "printed:", *printed_lines]
+            )
             continue
         run_block(language, content, names)
         printed = capsys.readouterr().out
@@ -167,14 +171,14 @@ def test_a_guide_runs_as_it_is_written(page, tmp_path, monkeypatch, capsys):
 def test_the_files_that_the_exercises_name_exist():
     """Each exercise says where its formula is."""
     page = (ROOT / "docs/tutorials/exercises.md").read_text(encoding="utf-8")
-    named = set(re.findall(r"`([\w/]+\.py)`", page))
-    assert len(named) > 12
+    script_names = set(re.findall(r"`([\w/]+\.py)`", page))
+    assert len(script_names) > 12
     homes = (ROOT, ROOT / "imu_sim_ros")
-    assert not [name for name in named if not any((home / name).is_file() for home in homes)]
+    assert not [name for name in script_names if not any((home / name).is_file() for home in homes)]
 
 
 def test_tutorials_write_no_file_of_another_one():
-    """They can be followed one after the other in one folder."""
+    """All tutorials can be followed one after the other in one folder."""
     writers: dict[str, str] = {}
     for page in [*PAGES, ROOT / "docs/tutorials/exercises.md"]:
         text = page.read_text(encoding="utf-8")

@@ -73,7 +73,7 @@ def simulation(values: dict[str, object], hours: float, rate: float, seed: int) 
 
 def estimates(run: Body, model: str) -> list[AxisNoise]:
     accumulator = SpectrumAccumulator(run.parameters.rate, 6)
-    for block in (read["imu"] for read in run.windows()):
+    for block in (window["imu"] for window in run.windows()):
         accumulator.add(np.concatenate([block.gyro, block.accel], axis=1))
     accumulator.end_piece()
     spectrum = accumulator.result()
@@ -85,22 +85,22 @@ def coverage(runs: int) -> None:
     """Print how often the 95 % intervals contain the truth, and the mean relative bias."""
     rows = []
     for model, values in SENSORS.items():
-        found = [estimates(simulation(values, 2.0, 100.0, seed), model) for seed in range(runs)]
+        analyses = [estimates(simulation(values, 2.0, 100.0, seed), model) for seed in range(runs)]
         imu = simulation(values, 2.0, 100.0, 0).parameters.imu
         for triad in range(2):
             name = ("gyroscope", "accelerometer")[triad]
             for key in KEYS[model]:
                 truth = getattr(imu.triad(name), key)[0]
-                cells = [run[3 * triad + k].estimates[key] for run in found for k in range(3)]
-                known = np.array([c.value for c in cells if c.value is not None])
+                cells = [run[3 * triad + k].estimates[key] for run in analyses for k in range(3)]
+                coefficients = np.array([c.value for c in cells if c.value is not None])
                 rows.append(
                     [
                         f"{model}: {name} {key}",
                         f"{truth:g}",
                         f"{100 * np.mean([c.covers(truth) for c in cells]):.1f} %",
-                        f"{100 * (known.mean() / truth - 1):+.2f} %" if truth else "",
-                        f"{100 * known.std() / truth:.2f} %" if truth else "",
-                        f"{len(cells) - len(known)} of {len(cells)}",
+                        f"{100 * (coefficients.mean() / truth - 1):+.2f} %" if truth else "",
+                        f"{100 * coefficients.std() / truth:.2f} %" if truth else "",
+                        f"{len(cells) - len(coefficients)} of {len(cells)}",
                     ]
                 )
     header = ["2 h at 100 Hz", "truth", "covered", "mean bias", "spread", "bounds only"]
@@ -122,12 +122,12 @@ def walks(runs: int) -> None:
             for seed in range(runs)
             for noise in estimates(simulation(values, 3.0, 100.0, seed), "standard")
         ]
-        known = np.array([c.value for c in cells if c.value is not None])
+        coefficients = np.array([c.value for c in cells if c.value is not None])
         rows.append(
             [
                 f"N = 1e-3, K = {walk:g}",
-                f"{len(known)} of {len(cells)}",
-                f"{np.median(known) / walk:.2f}" if len(known) else "",
+                f"{len(coefficients)} of {len(cells)}",
+                f"{np.median(coefficients) / walk:.2f}" if len(coefficients) else "",
                 f"{np.median([c.high for c in cells]) / walk:.2f}",
                 f"{100 * np.mean([c.covers(walk) for c in cells]):.1f} %",
             ]
@@ -158,8 +158,8 @@ def lecture() -> None:
 
 
 def _triad(result: AllanResult, triad: int) -> str:
-    found = [result.estimate(3 * triad + k, "random_walk") for k in range(3)]
-    return " ".join(f"{e.value:.2e}" if e.value else f"<{e.high:.1e}" for e in found)
+    random_walks = [result.estimate(3 * triad + k, "random_walk") for k in range(3)]
+    return " ".join(f"{e.value:.2e}" if e.value else f"<{e.high:.1e}" for e in random_walks)
 
 
 def _blocks(run: Body) -> Iterator[Readings]:

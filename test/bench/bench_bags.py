@@ -99,8 +99,12 @@ def rosbags_loop(kind: str, folder: Path) -> None:
         connection = writer.add_connection("/imu", IMU, typestore=store)
         for k in range(count):
             t_ns = 10**9 + 5_000_000 * k
-            at = stamp(*divmod(t_ns, 10**9))
-            head = header(k, at, "imu_link") if encoding == "ros1" else header(at, "imu_link")
+            ros_stamp = stamp(*divmod(t_ns, 10**9))
+            head = (
+                header(k, ros_stamp, "imu_link")
+                if encoding == "ros1"
+                else header(ros_stamp, "imu_link")
+            )
             message = imu(
                 head,
                 quaternion(0.0, 0.0, 0.0, 1.0),
@@ -205,16 +209,16 @@ def tables(folder: Path) -> tuple[list[list[str]], list[list[str]]]:
     rows, reading = [], []
     for name, (_, _, share) in GENERATE.items():
         count = MESSAGES // share
-        found = speed("generate", name, count, folder)
+        timing = speed("generate", name, count, folder)
         peer = peers.get(name.rsplit(" ", 1)[0], peers.get(name))
         ratios = [
-            f"{found.median / peer.median:.1f}" if peer else "",
-            f"{found.median / raw.median:.2f}" if share == 1 else "",
+            f"{timing.median / peer.median:.1f}" if peer else "",
+            f"{timing.median / raw.median:.2f}" if share == 1 else "",
         ]
-        rows.append([name, f"{count:,}", *found.cells(), *ratios, f"{found.peak_mib:.0f}"])
+        rows.append([name, f"{count:,}", *timing.cells(), *ratios, f"{timing.peak_mib:.0f}"])
         if name in READ:
-            found = speed("read", name, count, folder)
-            reading.append([name, f"{count:,}", *found.cells(), f"{found.peak_mib:.0f}"])
+            timing = speed("read", name, count, folder)
+            reading.append([name, f"{count:,}", *timing.cells(), f"{timing.peak_mib:.0f}"])
     rows += [
         [f"rosbags' loop, {kind}", f"{SLOW:,}", *peer.cells(), "1.0", "", ""]
         for kind, peer in peers.items()
@@ -222,9 +226,9 @@ def tables(folder: Path) -> tuple[list[list[str]], list[list[str]]]:
     rows.append(["raw write", f"{MESSAGES:,}", *raw.cells(), "", "1.00", ""])
     if os.environ.get("LONG"):
         count = 24 * 3600 * 400
-        found = speed("day", "day", count, folder, 1)
-        first = ["24 h at 400 Hz, mcap lz4", f"{count:,}", *found.cells()]
-        rows.append([*first, "", "", f"{found.peak_mib:.0f}"])
+        timing = speed("day", "day", count, folder, 1)
+        leading_cells = ["24 h at 400 Hz, mcap lz4", f"{count:,}", *timing.cells()]
+        rows.append([*leading_cells, "", "", f"{timing.peak_mib:.0f}"])
     return rows, reading
 
 

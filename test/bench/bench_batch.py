@@ -22,12 +22,12 @@ IMUS = ("perfect", "bmi088", "mpu6000")
 
 def best(work: Callable[[], object], steps: int, times: int = 5) -> float:
     """Return the shortest processor time of an environment and step [us]."""
-    found = []
+    timings = []
     for _ in range(times):
         begin = time.process_time()
         work()
-        found.append(time.process_time() - begin)
-    return min(found) / steps / COUNT * 1e6
+        timings.append(time.process_time() - begin)
+    return min(timings) / steps / COUNT * 1e6
 
 
 def resident() -> int:
@@ -39,7 +39,7 @@ def resident() -> int:
 def batch(imu: str) -> tuple[float, float]:
     """Return the time of an environment and step [us], and the memory of an environment [kB]."""
     gyro, accel = np.zeros((COUNT, 3)), np.tile([0.1, 0.2, 9.81], (COUNT, 1))
-    before = resident()
+    baseline = resident()
     model: ims.ErrorModelBatch = ims.ErrorModel(imu=imu, rate=200, seed=1, count=COUNT)
 
     def steps() -> None:
@@ -47,7 +47,7 @@ def batch(imu: str) -> tuple[float, float]:
             model.read(k, gyro, accel)
 
     cost = best(steps, AHEAD)
-    return cost, (resident() - before) / COUNT * 1e-3
+    return cost, (resident() - baseline) / COUNT * 1e-3
 
 
 def draws() -> float:
@@ -94,19 +94,19 @@ def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--json", action="store_true")
     options = parser.parse_args()
-    found = {"draws_us": draws(), "white_us": white(), "cart_pole_us": cart_poles()}
+    costs = {"draws_us": draws(), "white_us": white(), "cart_pole_us": cart_poles()}
     for imu in IMUS:
-        found[f"{imu}_us"], found[f"{imu}_kb"] = batch(imu)
+        costs[f"{imu}_us"], costs[f"{imu}_kb"] = batch(imu)
     if options.json:
-        print(json.dumps(found))
+        print(json.dumps(costs))
         return
     print(f"{COUNT} environments, processor time of one and a step")
-    print(f"the random numbers of bmi088 alone: {found['draws_us']:.3f} us")
-    print(f"white noise in NumPy: {found['white_us']:.3f} us")
-    if found["cart_pole_us"] is not None:
-        print(f"Gymnasium's vectorised CartPole: {found['cart_pole_us']:.3f} us")
+    print(f"the random numbers of bmi088 alone: {costs['draws_us']:.3f} us")
+    print(f"white noise in NumPy: {costs['white_us']:.3f} us")
+    if costs["cart_pole_us"] is not None:
+        print(f"Gymnasium's vectorised CartPole: {costs['cart_pole_us']:.3f} us")
     for imu in IMUS:
-        print(f"{imu}: {found[f'{imu}_us']:.3f} us, {found[f'{imu}_kb']:.1f} kB an environment")
+        print(f"{imu}: {costs[f'{imu}_us']:.3f} us, {costs[f'{imu}_kb']:.1f} kB an environment")
 
 
 if __name__ == "__main__":

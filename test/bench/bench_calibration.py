@@ -58,7 +58,7 @@ class Run:
         self.parameters: SimulationParameters = load_simulation(
             trajectory_layer(trajectory), SENSOR, *layers, {"seed": seed}
         )
-        blocks = [read["imu"] for read in Body(self.parameters).windows()]
+        blocks = [window["imu"] for window in Body(self.parameters).windows()]
         self.t_ns = np.concatenate([b.t_ns for b in blocks])
         self.gyro = np.concatenate([b.gyro for b in blocks])
         self.accel = np.concatenate([b.accel for b in blocks])
@@ -79,12 +79,12 @@ def turntable(run: Run) -> names.Parameters:
 
 def temperature(run: Run) -> names.Parameters:
     steady = find_steady(run.t_ns, run.gyro, run.accel)
-    at = temperatures_at(steady, run.t_ns, run.temperature)
-    table = known_rates(steady, np.array([1.0]), at)
-    at = temperatures_at(table.steady, run.t_ns, run.temperature)
+    temperatures = temperatures_at(steady, run.t_ns, run.temperature)
+    table = known_rates(steady, np.array([1.0]), temperatures)
+    temperatures = temperatures_at(table.steady, run.t_ns, run.temperature)
     force = specific_force(table.steady, G)
-    found = calibrate_temperature(table.steady, at, table.rate, force, 25.0)
-    return names.temperature_parameters(found)
+    calibration = calibrate_temperature(table.steady, temperatures, table.rate, force, 25.0)
+    return names.temperature_parameters(calibration)
 
 
 RUNS: dict[str, tuple[Callable[[Run], names.Parameters], tuple[dict[str, object], ...]]] = {
@@ -107,9 +107,9 @@ def recovery(runs: int) -> None:
             values = calibrate(run)
             seconds.append(time.perf_counter() - begin)
             truth = names.true_parameters(run.parameters.imu, values)
-            for name, found in values.items():
-                sure = found.sigma > 0.0
-                z = (found.value - truth[name])[sure] / found.sigma[sure]
+            for name, estimate in values.items():
+                sure = estimate.sigma > 0.0
+                z = (estimate.value - truth[name])[sure] / estimate.sigma[sure]
                 deviations.setdefault(name, []).extend(z.tolist())
         for name, scores in deviations.items():
             if scores:
@@ -138,18 +138,20 @@ def drift(runs: int) -> None:
         run = Run("lecture", seed + 1000, {"duration": 20.0})
         m = run.motion[0]
         start = NavigationState(m.position[0], m.velocity[0], m.q_wb[0])
-        last = run.motion[-1].position[-1]
+        final_position = run.motion[-1].position[-1]
         errors.append(
             [
                 np.linalg.norm(
-                    dead_reckon(run.t_ns, run.gyro, run.accel, start, correction=known).position[-1]
-                    - last
+                    dead_reckon(
+                        run.t_ns, run.gyro, run.accel, start, correction=parameters
+                    ).position[-1]
+                    - final_position
                 )
-                for known in (NO_CORRECTION, correction)
+                for parameters in (NO_CORRECTION, correction)
             ]
         )
-    before, after = np.median(errors, axis=0)
-    rows = [["median over seeds", f"{before:.2f} m", f"{after:.3f} m", f"{before / after:.0f}"]]
+    raw, calibrated = np.median(errors, axis=0)
+    rows = [["median over seeds", f"{raw:.2f} m", f"{calibrated:.3f} m", f"{raw / calibrated:.0f}"]]
     header = ["final position error, 20 s", "uncorrected", "corrected", "ratio"]
     print_table(header, rows, "Drift that six_position and turntable take out")
 

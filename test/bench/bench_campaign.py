@@ -54,7 +54,7 @@ Made = TypeVar("Made")
 
 
 class Cost(NamedTuple):
-    """What a process and all its workers took."""
+    """Time and memory of a process and all its workers."""
 
     wall_s: float
     cpu_s: float
@@ -69,16 +69,16 @@ def measured(command: list[str]) -> Cost:
     started = time.perf_counter()
     process = subprocess.Popen(command)
     peaks: dict[int, float] = {}
-    seen: Counter[int] = Counter()
+    polls: Counter[int] = Counter()
     while True:
         pid, status, usage = os.wait4(process.pid, os.WNOHANG)
         if pid:
             break
-        for one in (process.pid, *children(process.pid)):
-            seen[one] += 1
+        for process_id in (process.pid, *children(process.pid)):
+            polls[process_id] += 1
             # A process that has just been forked still has its parent's memory.
-            if seen[one] > 5:
-                peaks[one] = max(peak_mb(one), peaks.get(one, 0.0))
+            if polls[process_id] > 5:
+                peaks[process_id] = max(peak_mb(process_id), peaks.get(process_id, 0.0))
         time.sleep(0.02)
     if status:
         raise SystemExit(f"{' '.join(command)}: status {os.waitstatus_to_exitcode(status)}")
@@ -101,17 +101,17 @@ def peak_mb(pid: int) -> float:
         text = Path(f"/proc/{pid}/status").read_text()
     except OSError:
         return 0.0
-    found = [line for line in text.splitlines() if line.startswith("VmHWM")]
-    return int(found[0].split()[1]) / 1024.0 if found else 0.0
+    peak_lines = [line for line in text.splitlines() if line.startswith("VmHWM")]
+    return int(peak_lines[0].split()[1]) / 1024.0 if peak_lines else 0.0
 
 
-def plain_loop(first: int, count: int, covariance: np.ndarray) -> tuple[float, float]:
+def plain_loop(first_seed: int, count: int, covariance: np.ndarray) -> tuple[float, float]:
     """Return wall time and CPU time of a run [s] in a loop over the public functions."""
     started, cpu = time.perf_counter(), time.process_time()
-    for seed in range(first, first + count):
+    for seed in range(first_seed, first_seed + count):
         flight = ims.simulate(imu=IMU, rate=RATE, duration=SECONDS, seed=seed)
-        found = ims.evaluate(ims.dead_reckon(flight), flight.truth)
-        nees(found.position[-1:], covariance)
+        evaluation = ims.evaluate(ims.dead_reckon(flight), flight.truth)
+        nees(evaluation.position[-1:], covariance)
     return (time.perf_counter() - started) / count, (time.process_time() - cpu) / count
 
 
@@ -125,8 +125,8 @@ def final_covariance() -> np.ndarray:
         gyroscope_bias=imu.gyroscope.turn_on_bias_sigma,
         accelerometer_bias=imu.accelerometer.turn_on_bias_sigma,
     )
-    found: np.ndarray = propagate(truth, block.ideal_accel, imu, initial)[0]
-    return found[POSITION, POSITION]
+    covariance: np.ndarray = propagate(truth, block.ideal_accel, imu, initial)[0]
+    return covariance[POSITION, POSITION]
 
 
 def plan_file(folder: Path, seeds: int, estimators: str = "") -> Path:
@@ -187,21 +187,21 @@ def stages(folder: Path) -> None:
     list(runs.rows(plan.seeds[:5], [name], folder))
     best: dict[str, float] = {}
 
-    def timed(words: str, work: Callable[[Given], Made], given: Sequence[Given]) -> list[Made]:
+    def timed(stage: str, work: Callable[[Given], Made], inputs: Sequence[Given]) -> list[Made]:
         started = time.process_time()
-        made = [work(one) for one in given]
-        each = (time.process_time() - started) / len(given) * 1e3
-        best[words] = min(best.get(words, math.inf), each)
-        return made
+        outputs = [work(element) for element in inputs]
+        milliseconds = (time.process_time() - started) / len(inputs) * 1e3
+        best[stage] = min(best.get(stage, math.inf), milliseconds)
+        return outputs
 
-    for first in range(5, 205, BATCH):
-        seeds = plan.seeds[first : first + BATCH]
+    for batch_start in range(5, 205, BATCH):
+        seeds = plan.seeds[batch_start : batch_start + BATCH]
         simulations = timed("random streams and sensor of a seed", cell.simulation, seeds)
-        blocks = timed("its readings", lambda one: one.next(cell.total)["imu"], simulations)
+        blocks = timed("its readings", lambda element: element.next(cell.total)["imu"], simulations)
         metrics = partial(reckoning.run, name, estimator)
         timed("dead reckoning, metrics, NEES", metrics, blocks)
         timed("a run as a whole", lambda seed: list(runs.rows([seed], [name], folder)), seeds)
-    rows = [[words, f"{each:.2f}"] for words, each in best.items()]
+    rows = [[stage, f"{milliseconds:.2f}"] for stage, milliseconds in best.items()]
     print_table(["part of a run", "CPU ms"], rows, "Processor time of a run")
 
 
@@ -210,23 +210,23 @@ def afterwards(folder: Path, runs: int) -> None:
     output = folder / f"out_{runs}"
     plan, rows = load_plan(output / "plan.yaml"), list(read_log(output / "runs.jsonl"))
     table = []
-    last = time.process_time()
-    for words, work in (
+    previous = time.process_time()
+    for step, work in (
         ("tables", lambda: write_tables(output, rows, campaign.columns(plan), plan.metrics)),
         ("summary", lambda: campaign.write_summary(output, plan, rows)),
         ("page", lambda: write_campaign_page(output, "", [], (None, None), "bench")),
     ):
         work()
-        now = time.process_time()
-        table.append([words, f"{now - last:.2f}"])
-        last = now
+        current = time.process_time()
+        table.append([step, f"{current - previous:.2f}"])
+        previous = current
     print_table(["after the runs", "CPU s"], table, f"Of {runs:,} runs")
 
 
 def spent_so_far() -> tuple[float, float]:
     """Return wall time, and CPU time of this process and those that it has waited for [s]."""
-    own = [resource.getrusage(who) for who in (resource.RUSAGE_SELF, resource.RUSAGE_CHILDREN)]
-    return time.perf_counter(), sum(one.ru_utime + one.ru_stime for one in own)
+    usages = [resource.getrusage(who) for who in (resource.RUSAGE_SELF, resource.RUSAGE_CHILDREN)]
+    return time.perf_counter(), sum(usage.ru_utime + usage.ru_stime for usage in usages)
 
 
 def no_op(folder: Path) -> None:
@@ -237,7 +237,7 @@ def no_op(folder: Path) -> None:
     spent: dict[str, list[tuple[float, float]]] = {"with": [], "without": []}
     for seed in range(NO_OP):
         for way, times in spent.items():
-            before = spent_so_far()
+            start_cost = spent_so_far()
             if way == "with":
                 list(runs.rows([seed], ["nothing"], folder / "no_op"))
             else:
@@ -246,14 +246,14 @@ def no_op(folder: Path) -> None:
                 cell = runs.simulated
                 write_dataset(cell, "euroc", seed, place)
                 shutil.rmtree(place)
-            after = spent_so_far()
-            times.append((after[0] - before[0], after[1] - before[1]))
+            end_cost = spent_so_far()
+            times.append((end_cost[0] - start_cost[0], end_cost[1] - start_cost[1]))
     rows = []
     for way, times in spent.items():
         wall, cpu = zip(*times, strict=True)
-        words = "run of `true {dataset}`" if way == "with" else "simulation and dataset alone"
+        label = "run of `true {dataset}`" if way == "with" else "simulation and dataset alone"
         rows.append(
-            [words, f"{statistics.median(wall) * 1e3:.1f}", f"{statistics.mean(cpu) * 1e3:.1f}"]
+            [label, f"{statistics.median(wall) * 1e3:.1f}", f"{statistics.mean(cpu) * 1e3:.1f}"]
         )
     print_table(["work", "wall ms, median", "CPU ms, mean"], rows, "A program that does nothing")
 

@@ -1,7 +1,7 @@
 # Copyright 2026 imu_sim_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""How often the 95 % intervals of Allan's terms hold the truth where all five compete.
+"""Coverage of the 95 % intervals of Allan's terms where all five compete.
 
 ``python test/bench/bench_coverage.py`` runs a sample, with ``--results FILE`` the whole study.
 
@@ -54,7 +54,7 @@ class Setting(NamedTuple):
 
     @property
     def name(self) -> str:
-        """What the results are filed under."""
+        """Key of the results."""
         form = ", low-pass" if self.low_pass else ""
         return f"{self.hours:g} h at {self.rate:g} Hz, {self.generator} 1/f{form}"
 
@@ -98,15 +98,15 @@ def unit_terms(setting: Setting, rng: np.random.Generator) -> Iterator[Array]:
     flicker = FlickerNoise(int(rng.integers(2**62)), "flicker", dt)
     sections = butter(2, CUTOFF, fs=rate, output="sos") if setting.low_pass else None
     state, walk, angle = None, 0.0, rng.uniform(-0.5, 0.5)
-    for first in range(0, total, _BLOCK):
-        n = min(_BLOCK, total - first)
+    for start in range(0, total, _BLOCK):
+        n = min(_BLOCK, total - start)
         angles = rng.uniform(-0.5, 0.5, n)
         y = np.empty((5, n))
         y[0] = np.sqrt(12.0) * rate * np.diff(angles, prepend=angle)
         y[1] = np.sqrt(rate) * rng.standard_normal(n)
-        y[2] = exact[first : first + n] if exact is not None else flicker.next_block(n)[:, 0]
+        y[2] = exact[start : start + n] if exact is not None else flicker.next_block(n)[:, 0]
         y[3] = walk + np.sqrt(dt) * np.cumsum(rng.standard_normal(n))
-        y[4] = dt * np.arange(first, first + n)
+        y[4] = dt * np.arange(start, start + n)
         walk, angle = y[3, -1], angles[-1]
         if sections is not None:  # what the sensor rounds is filtered already
             if state is None:
@@ -153,9 +153,9 @@ def spectrum_of_sums(spectrum: Spectrum, coefficients: Array) -> Spectrum:
 def held(setting: Setting, seed: int) -> Iterator[dict[str, object]]:
     """Yield for each sum of terms how many of three axes' intervals hold the truth, and values."""
     begin = time.process_time()
-    wanted = sums(setting)
-    coefficients = np.stack(list(wanted.values()))
-    found: dict[str, list[list[Estimate]]] = {name: [] for name in wanted}
+    coefficient_sums = sums(setting)
+    coefficients = np.stack(list(coefficient_sums.values()))
+    estimates_by_sum: dict[str, list[list[Estimate]]] = {name: [] for name in coefficient_sums}
     for axis in range(3):
         rng = np.random.default_rng([seed, axis, setting.generator == "exact"])
         accumulator = ProductAccumulator(setting.rate, len(KEYS))
@@ -163,18 +163,21 @@ def held(setting: Setting, seed: int) -> Iterator[dict[str, object]]:
             accumulator.add(block.T)
         accumulator.end_piece()
         spectrum = spectrum_of_sums(accumulator.result(), coefficients)
-        for k, name in enumerate(wanted):
+        for k, name in enumerate(coefficient_sums):
             estimates = estimate(spectrum.rows(usable_band(spectrum, k).used), k).estimates
-            found[name].append([estimates[key] for key in KEYS])
-    seconds = round((time.process_time() - begin) / len(wanted), 4)
-    for name, truth in wanted.items():
-        covers = [[e.covers(t) for e, t in zip(axis, truth, strict=True)] for axis in found[name]]
+            estimates_by_sum[name].append([estimates[key] for key in KEYS])
+    seconds = round((time.process_time() - begin) / len(coefficient_sums), 4)
+    for name, truth in coefficient_sums.items():
+        covers = [
+            [e.covers(t) for e, t in zip(axis, truth, strict=True)]
+            for axis in estimates_by_sum[name]
+        ]
         yield {
             "setting": setting.name,
             "sum": name,
             "seed": seed,
             "held": np.sum(covers, axis=0).tolist(),
-            "estimates": found[name],
+            "estimates": estimates_by_sum[name],
             "cpu_s": seconds,
         }
 
@@ -186,9 +189,9 @@ def run(results: Path) -> None:
     """
     done = {(row["setting"], row["seed"]) for row in rows(results)}
     for settings in (SETTINGS[:-1], SETTINGS[-1:]):
-        for first, setting, k in itertools.product(range(0, SEEDS, 10), settings, range(10)):
-            if (setting.name, first + k) not in done:
-                append(results, setting, first + k)
+        for first_seed, setting, k in itertools.product(range(0, SEEDS, 10), settings, range(10)):
+            if (setting.name, first_seed + k) not in done:
+                append(results, setting, first_seed + k)
 
 
 def append(results: Path, setting: Setting, seed: int) -> None:
@@ -235,8 +238,8 @@ def table(results: Path) -> None:
         print_table([setting, "axes", *"QNBKR"], lines, "95 % intervals that hold the truth")
         n = axes[keys[0]]
         share = lowest_by_chance(n, len(keys) * len(KEYS))
-        found = min(float(np.min(counts[key])) / axes[key] for key in keys)
-        print(f"Lowest {100 * found:.1f} %; the lowest by chance is above {100 * share:.1f} %")
+        lowest = min(float(np.min(counts[key])) / axes[key] for key in keys)
+        print(f"Lowest {100 * lowest:.1f} %; the lowest by chance is above {100 * share:.1f} %")
 
 
 def lowest_by_chance(axes: int, numbers: int) -> float:

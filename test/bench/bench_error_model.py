@@ -24,12 +24,12 @@ READINGS = 1_000_000
 
 def best(work: Callable[[], object], clock: Callable[[], float], times: int = 3) -> float:
     """Return the shortest of several runs [s]."""
-    found = []
+    timings = []
     for _ in range(times):
         begin = clock()
         work()
-        found.append(clock() - begin)
-    return min(found)
+        timings.append(clock() - begin)
+    return min(timings)
 
 
 def single(imu: str) -> float:
@@ -55,15 +55,15 @@ def files(imu: str, *options: str) -> float:
     """Return readings a second from MCAP to MCAP."""
     with tempfile.TemporaryDirectory() as folder:
         source, target = Path(folder) / "ideal.mcap", Path(folder) / "noisy.mcap"
-        words = ["--imu", "perfect", "--rate", "1000", "--duration", f"{READINGS / 1000}s"]
-        generate.main(["-o", str(source), *words, "--imu-only", "--quiet"])
+        arguments = ["--imu", "perfect", "--rate", "1000", "--duration", f"{READINGS / 1000}s"]
+        generate.main(["-o", str(source), *arguments, "--imu-only", "--quiet"])
         run = [str(source), "-o", str(target), "--imu", imu, "--quiet", *options]
         # Not the time in which the system frees the gigabyte of the file before.
-        found = []
+        timings = []
         for _ in range(3):
             target.unlink(missing_ok=True)
-            found.append(best(lambda: add_errors.main(run), time.perf_counter, 1))
-        return READINGS / min(found)
+            timings.append(best(lambda: add_errors.main(run), time.perf_counter, 1))
+        return READINGS / min(timings)
 
 
 def main() -> None:
@@ -73,19 +73,19 @@ def main() -> None:
     options = parser.parse_args()
     alone = ("--topics", "imu/data_raw", "--without", "imu/data_raw")
     single_us = {imu: single(imu) for imu in ("lecture", "bmi088", "mpu6000")}
-    found = {
+    timings = {
         "arrays_per_s": arrays("bmi088"),
         "mcap_per_s": files("bmi088"),
         "mcap_readings_only_per_s": files("bmi088", *alone),
     }
     if options.json:
-        print(json.dumps({"single_us": single_us, **found}))
+        print(json.dumps({"single_us": single_us, **timings}))
         return
     for imu, cost in single_us.items():
         print(f"ErrorModel.read, one sample, {imu}: {cost:.1f} us of processor time")
-    print(f"add_errors, arrays: {found['arrays_per_s'] / 1e6:.2f} M readings/s")
-    print(f"MCAP to MCAP, with biases and ideal: {found['mcap_per_s'] / 1e6:.2f} M readings/s")
-    alone_per_s = found["mcap_readings_only_per_s"]
+    print(f"add_errors, arrays: {timings['arrays_per_s'] / 1e6:.2f} M readings/s")
+    print(f"MCAP to MCAP, with biases and ideal: {timings['mcap_per_s'] / 1e6:.2f} M readings/s")
+    alone_per_s = timings["mcap_readings_only_per_s"]
     print(f"MCAP to MCAP, the readings alone: {alone_per_s / 1e6:.2f} M readings/s")
 
 

@@ -1,7 +1,7 @@
 # Copyright 2026 imu_sim_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""How cost grows: time, bytes and memory over duration, rate, sensors, runs and workers.
+"""Growth of time, bytes and memory with duration, rate, sensors, runs and workers.
 
     .venv/bin/python test/bench/bench_growth.py
 
@@ -48,7 +48,7 @@ class Cost(NamedTuple):
 
     wall_s: float
     cpu_s: float
-    """Of the process and those it has started."""
+    """Processor time of the process and of its children [s]."""
     peak_mib: float
     """Largest resident memory of one process."""
     megabytes: float
@@ -96,8 +96,8 @@ def generate(folder: Path, *options: str) -> Cost:
 def over_durations(folder: Path) -> None:
     """Print the costs of recordings of several lengths."""
     rows = [
-        [words, *generate(folder, "--rate", "200", "--duration", duration).cells()]
-        for words, duration in DURATIONS.items()
+        [label, *generate(folder, "--rate", "200", "--duration", duration).cells()]
+        for label, duration in DURATIONS.items()
     ]
     print_table(["duration", *HEADER], rows, "generate, 200 Hz, Imu and ground truth, .mcap")
 
@@ -115,7 +115,7 @@ def over_sensors(folder: Path) -> None:
     """Print the costs of 10 minutes with more and more sensors."""
     length = ("--rate", "200", "--duration", "10min")
     rows = [
-        [words, *generate(folder, *length, *options).cells()] for words, options in SENSORS.items()
+        [label, *generate(folder, *length, *options).cells()] for label, options in SENSORS.items()
     ]
     print_table(["sensors", *HEADER], rows, "generate, 10 min at 200 Hz, .mcap")
 
@@ -128,8 +128,8 @@ def over_runs(folder: Path) -> tuple[float, float]:
         plan.write_text(f"parameters: {{rate: 200, duration: 20, imu: mpu6000}}\nseeds: {count}\n")
         for workers in WORKERS:
             arguments = [str(plan), "--workers", str(workers)]
-            walls[count, workers] = found = cost("campaign", arguments, folder / "out")
-            rows.append([f"{count} runs, {workers} workers", *found.cells()])
+            walls[count, workers] = campaign_cost = cost("campaign", arguments, folder / "out")
+            rows.append([f"{count} runs, {workers} workers", *campaign_cost.cells()])
     print_table(
         ["campaign", *HEADER], rows, "campaign of 20 s of mpu6000 at 200 Hz, dead reckoning"
     )
@@ -150,12 +150,12 @@ def makespan(runs: int, workers: int, start: float, run: float, dispatch: float)
     """
     free = [(start, k) for k in range(workers)]
     scheduler = end = 0.0
-    left = runs
-    while left:
+    remaining = runs
+    while remaining:
         begin, k = heapq.heappop(free)
         scheduler = max(begin, scheduler) + dispatch
-        count = min(TASK, left)
-        left -= count
+        count = min(TASK, remaining)
+        remaining -= count
         done = scheduler + count * run
         end = max(end, done)
         heapq.heappush(free, (done, k))

@@ -1,7 +1,7 @@
 # Copyright 2026 imu_sim_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""How often Allan's 95 % intervals hold the truth where samples are lost.
+"""Coverage of Allan's 95 % intervals where samples are lost.
 
 ``python test/bench/bench_losses.py --seeds 100 --results FILE``
 
@@ -72,7 +72,7 @@ def kept(rng: np.random.Generator, n: int, share: float, burst: int) -> NDArray[
 
 
 class Held(TypedDict):
-    """Which intervals of one axis hold the truth."""
+    """Coverage of the truth by the intervals of one axis."""
 
     losses: str
     axis: int
@@ -96,8 +96,8 @@ def held(seed: int) -> Iterator[Held]:
                 "axis": axis,
                 "seed": seed,
                 "held": [
-                    bool(each.covers(terms.get(key, 0.0)))
-                    for each, key in zip(found, KEYS, strict=True)
+                    bool(interval.covers(terms.get(key, 0.0)))
+                    for interval, key in zip(found, KEYS, strict=True)
                 ],
                 "found": found,
             }
@@ -115,8 +115,8 @@ def table(rows: Sequence[Held]) -> None:
                 continue
             shares = [f"{100 * share:.1f}" for share in np.mean(some, axis=0)]
             low, high = binom.ppf([0.025, 0.975], len(some), 0.95) / len(some) * 100
-            words = "all" if axis is None else ", ".join(AXES[axis])
-            lines.append([name, words, str(len(some)), *shares, f"{low:.1f} .. {high:.1f}"])
+            axis_label = "all" if axis is None else ", ".join(AXES[axis])
+            lines.append([name, axis_label, str(len(some)), *shares, f"{low:.1f} .. {high:.1f}"])
     print_table(["lost", "terms", "intervals", *"QNBKR", "95 % by chance"], lines)
 
 
@@ -131,11 +131,11 @@ def main(argv: Sequence[str] | None = None) -> None:
         rows = [json.loads(line) for line in arguments.results.read_text().splitlines()]
     done = {row["seed"] for row in rows}
     for seed in sorted(set(range(arguments.seeds)) - done):
-        new = list(held(seed))
-        rows += new
+        new_rows = list(held(seed))
+        rows += new_rows
         if arguments.results:
             with arguments.results.open("a", encoding="utf-8") as file:
-                file.writelines(json.dumps(row) + "\n" for row in new)
+                file.writelines(json.dumps(row) + "\n" for row in new_rows)
     table(rows)
 
 

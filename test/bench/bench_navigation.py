@@ -65,11 +65,11 @@ def numpy_per_step(t_ns: np.ndarray, gyro: np.ndarray, accel: np.ndarray) -> np.
             + np.sinc(angle / np.pi) * s
             + 0.5 * np.sinc(0.5 * angle / np.pi) ** 2 * (s @ s)
         )
-        after = r @ exponential
-        a = 0.5 * (r @ accel[k] + after @ accel[k + 1]) + gravity
+        next_rotation = r @ exponential
+        a = 0.5 * (r @ accel[k] + next_rotation @ accel[k + 1]) + gravity
         position = position + velocity * h + 0.5 * a * h * h
         velocity = velocity + a * h
-        r = after
+        r = next_rotation
     return position
 
 
@@ -119,11 +119,11 @@ def others() -> None:
             np.tile(gyro, (batch, 1, 1)),
             np.tile(accel, (batch, 1, 1)),
         )
-        for noise, words in ((None, "Jacobians"), (NOISE, "Jacobians and covariance")):
+        for noise, label in ((None, "Jacobians"), (NOISE, "Jacobians and covariance")):
             duration = median_time(partial(preintegrate, repeated, noise), 3)
             rows.append(
                 [
-                    f"preintegration of {batch} x 200 readings, {words}, per reading",
+                    f"preintegration of {batch} x 200 readings, {label}, per reading",
                     f"{duration / batch / 200 * 1e6:.1f}",
                 ]
             )
@@ -164,9 +164,9 @@ def orders() -> None:
         for attitude in ATTITUDE_UPDATES:
             row = [method, attitude]
             for trajectory in ("lecture", "coning", "excitation"):
-                found = [errors_of(trajectory, rate, method, attitude) for rate in RATES]
-                row += [order(RATES, [error[k] for error in found]) for k in (0, 1)]
-                row.append(f"{found[1][0]:.2g}")
+                errors = [errors_of(trajectory, rate, method, attitude) for rate in RATES]
+                row += [order(RATES, [error[k] for error in errors]) for k in (0, 1)]
+                row.append(f"{errors[1][0]:.2g}")
             rows.append(row)
     row = ["rk4, linear readings", "so3", *linear_orders()]
     header = ["method", "attitude"]

@@ -31,17 +31,17 @@ def many(twin: ims.Twin, seconds: float) -> Check:
     return check(twin.source, part, twin.analysis, twin.parameters, SEEDS)
 
 
-def drift(found: Check) -> str:
+def drift(check: Check) -> str:
     """Return by how much a twin's dead reckoning errs more than that of the real sensor."""
-    more = 100.0 * (found.simulated_drift / found.real_drift - 1.0)
-    return ", ".join(f"{value:+.0f}" for value in more)
+    excess = 100.0 * (check.simulated_drift / check.real_drift - 1.0)
+    return ", ".join(f"{value:+.0f}" for value in excess)
 
 
-def shares(seen: Windows) -> list[str]:
+def shares(windows: Windows) -> list[str]:
     """Return how a classifier tells twin and real sensor, and real parts, apart: by frequencies."""
     columns = [6 * sum(1 for band in BANDS[1:] if band[0] < low) for low in FROM]
-    found = [seen.classification_rates(slice(first, None)) for first in columns]
-    return [f"{100.0 * twin:.0f} % / {100.0 * real:.0f} %" for twin, real in found]
+    rates = [windows.classification_rates(slice(first_column, None)) for first_column in columns]
+    return [f"{100.0 * twin:.0f} % / {100.0 * real:.0f} %" for twin, real in rates]
 
 
 def main(arguments: list[str]) -> None:
@@ -54,20 +54,20 @@ def main(arguments: list[str]) -> None:
     rows = []
     for imu, truth, seconds in zip(*[iter(arguments)] * 3, strict=True):
         twin = ims.twin(imu, truth, fit=float(seconds))
-        found = twin.check
-        assert found is not None
-        within = int(np.count_nonzero(np.abs(found.decibels) < 2.0))
-        others = many(twin, float(seconds))
-        seen = others.windows
+        check = twin.check
+        assert check is not None
+        within = int(np.count_nonzero(np.abs(check.decibels) < 2.0))
+        twins = many(twin, float(seconds))
+        windows = twins.windows
         rows.append(
             [
-                f"{seconds} + {found.seconds:.0f} s",
-                *(f"{np.nanmax(np.abs(row)):.1f}" for row in found.decibels),
+                f"{seconds} + {check.seconds:.0f} s",
+                *(f"{np.nanmax(np.abs(row)):.1f}" for row in check.decibels),
                 f"{within}",
-                drift(found),
-                drift(others),
-                f"{min(map(len, (seen.fitted, seen.held_out, *seen.twins)))}",
-                *shares(seen),
+                drift(check),
+                drift(twins),
+                f"{min(map(len, (windows.fitted, windows.held_out, *windows.twins)))}",
+                *shares(windows),
             ]
         )
         print(" | ".join(rows[-1]), flush=True)

@@ -1,7 +1,7 @@
 # Copyright 2026 imu_sim_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""How fast samples are made, by what is switched on; and how much memory a long run takes."""
+"""Speed of the samples by the error terms switched on, and memory of a long run."""
 
 import resource
 import statistics
@@ -62,10 +62,10 @@ def growth() -> float:
     simulation = Body(load_simulation(EVERY_TERM))
     for _ in first_windows(simulation, BLOCK_SIZE, 200_000):
         pass
-    before = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss
+    baseline = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss
     for _ in first_windows(simulation, BLOCK_SIZE, 10_000_000):
         pass
-    return (resource.getrusage(resource.RUSAGE_SELF).ru_maxrss - before) * 1024 / MEBIBYTE
+    return (resource.getrusage(resource.RUSAGE_SELF).ru_maxrss - baseline) * 1024 / MEBIBYTE
 
 
 def main() -> None:

@@ -125,8 +125,8 @@ def run(motion: str, kind: str, seed: int) -> tuple[np.ndarray, np.ndarray, int,
     off[missing] = np.nan
     off[~twin.given] = np.nan
     white = twin.analysis.white
-    inside = (white.low <= NOISE) & (white.high >= NOISE)
-    return off / sigma, inside, len(twin.analysis.lines.frequency), twin.clock_wander > 0.0
+    covered = (white.low <= NOISE) & (white.high >= NOISE)
+    return off / sigma, covered, len(twin.analysis.lines.frequency), twin.clock_wander > 0.0
 
 
 def row(motion: str, kind: str, seeds: range) -> list[str]:
@@ -141,12 +141,14 @@ def row(motion: str, kind: str, seeds: range) -> list[str]:
     z = np.array([r[0] for r in runs])
     result = [motion, kind]
     for part in GROUPS.values():
-        own = z[:, part][np.isfinite(z[:, part])]
-        held, size = (np.mean(np.abs(own) < 1.96), np.sqrt(np.mean(own**2))) if len(own) else (0, 0)
-        result.append(f"{100.0 * held:.0f} % {size:.2f}" if len(own) else "")
-    given = z[np.isfinite(z)]
-    result += [f"{np.count_nonzero(np.abs(given) > 3.0)} of {given.size}"]
-    result += [f"{np.abs(given).max():.1f}", f"{100.0 * np.mean([r[1] for r in runs]):.0f} %"]
+        group = z[:, part][np.isfinite(z[:, part])]
+        coverage, size = (
+            (np.mean(np.abs(group) < 1.96), np.sqrt(np.mean(group**2))) if len(group) else (0, 0)
+        )
+        result.append(f"{100.0 * coverage:.0f} % {size:.2f}" if len(group) else "")
+    finite = z[np.isfinite(z)]
+    result += [f"{np.count_nonzero(np.abs(finite) > 3.0)} of {finite.size}"]
+    result += [f"{np.abs(finite).max():.1f}", f"{100.0 * np.mean([r[1] for r in runs]):.0f} %"]
     result += [f"{np.mean([r[2] for r in runs]):.2f}", f"{sum(r[3] for r in runs)}", str(refused)]
     return [*result, f"{(time.process_time() - start) / len(seeds):.1f} s"]
 
@@ -166,8 +168,8 @@ def main() -> None:
         for kind in arguments.poses.split(","):
             # Each cell has seeds of its own: rows of the table are independent.
             cell = 7 * list(MOTIONS).index(motion) + POSES.index(kind)
-            first = 1000 + 100 * cell
-            rows.append(row(motion, kind, range(first, first + arguments.runs)))
+            first_seed = 1000 + 100 * cell
+            rows.append(row(motion, kind, range(first_seed, first_seed + arguments.runs)))
             print(" | ".join(rows[-1]), flush=True)
     title = "95 % intervals that hold the truth, and RMS in standard errors"
     print_table(["", "poses", *GROUPS, *tail], rows, title)

@@ -22,8 +22,8 @@ USUAL = ("speeds", "error_node", "growth")
 
 def main() -> int:
     """Run the named benchmarks, or the usual ones; return the number that failed."""
-    found = sorted(FOLDER.rglob("bench_*.py"))
-    scripts = {path.stem.removeprefix("bench_"): path for path in found}
+    bench_files = sorted(FOLDER.rglob("bench_*.py"))
+    scripts = {path.stem.removeprefix("bench_"): path for path in bench_files}
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument("names", nargs="*", metavar="NAME", help=f"out of {', '.join(scripts)}")
     parser.add_argument("--base", metavar="REVISION", help="measure speeds next to its")

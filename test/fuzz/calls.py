@@ -37,31 +37,31 @@ def public(dice: random.Random, inputs: Path, place: Path) -> tuple[str, list[st
         if parameter.kind is not parameter.VAR_POSITIONAL
     ]
     values = _values(dice, inputs, place)
-    given = {
+    settings = {
         parameter.name: dice.choice(values)
         for parameter in parameters
         if parameter.kind is not parameter.VAR_KEYWORD
         and (parameter.default is parameter.empty or dice.random() < 0.2)
     }
     if name in ("simulate", "blocks") and dice.random() < 0.5:
-        given["trajectory"] = folders.moving(dice)
-    if name in ("simulate", "blocks", "camera") and "duration" not in given:
-        given["duration"] = dice.choice([1.0, 0.5])
-    words = [f"{key}={str(value)[:60]!r}" for key, value in given.items()]
+        settings["trajectory"] = folders.moving(dice)
+    if name in ("simulate", "blocks", "camera") and "duration" not in settings:
+        settings["duration"] = dice.choice([1.0, 0.5])
+    labels = [f"{key}={str(value)[:60]!r}" for key, value in settings.items()]
     try:
-        result = function(**given)
+        result = function(**settings)
         if inspect.isgenerator(result):
             next(result, None)
     except ims.ImuSimError:
-        return name, words, []
+        return name, labels, []
     except (TypeError, ValueError) as error:
         frames = traceback.extract_tb(error.__traceback__)
-        if any(key in str(error) for key in given) or len(frames) == 1:
-            return name, words, []
-        return name, words, ["undocumented", traceback.format_exc()]
+        if any(key in str(error) for key in settings) or len(frames) == 1:
+            return name, labels, []
+        return name, labels, ["undocumented", traceback.format_exc()]
     except Exception:
-        return name, words, ["undocumented", traceback.format_exc()]
-    return name, words, []
+        return name, labels, ["undocumented", traceback.format_exc()]
+    return name, labels, []
 
 
 def _values(dice: random.Random, inputs: Path, place: Path) -> list[Any]:
@@ -86,15 +86,15 @@ def messages(dice: random.Random) -> tuple[str, list[str], list[str]]:
     from imu_sim_ros.nodes.integrator.diagnostics import TruthComparison
     from imu_sim_ros.nodes.integrator.odometer import LiveIntegrator
 
-    given = {
+    settings = {
         "initial_state": dice.choice(["truth", "parameters", "level"]),
         "method": dice.choice(["euler", "midpoint", "rk4"]),
         "covariance": dice.random() < 0.5,
     }
-    parameters = load_integrator(given)
+    parameters = load_integrator(settings)
     odometer = LiveIntegrator(parameters, lambda _: None, lambda: dice.random() < 0.1)
     comparison = TruthComparison()
-    words = [f"{name}={value}" for name, value in given.items()]
+    labels = [f"{name}={value}" for name, value in settings.items()]
     try:
         for k in range(_MESSAGES):
             is_truth = dice.random() < 0.4
@@ -115,10 +115,10 @@ def messages(dice: random.Random) -> tuple[str, list[str], list[str]]:
                 parts = [np.ravel(part) for part in row if part is not None]
                 values = [part for part in parts if part.dtype.kind != "U"]  # not the frames
                 if not np.isfinite(np.concatenate(values)).all():
-                    return "integrator", words, ["not finite", str(row)]
+                    return "integrator", labels, ["not finite", str(row)]
     except Exception:
-        return "integrator", words, ["traceback", traceback.format_exc()]
-    return "integrator", words, []
+        return "integrator", labels, ["traceback", traceback.format_exc()]
+    return "integrator", labels, []
 
 
 def _payload(dice: random.Random, is_truth: bool, k: int) -> bytes:
@@ -142,8 +142,8 @@ def _payload(dice: random.Random, is_truth: bool, k: int) -> bytes:
     elif choice == 2:
         content[dice.randrange(len(content))] = dice.randrange(256)
     else:
-        first = 36 if is_truth else 28
+        start = 36 if is_truth else 28
         for _ in range(dice.randrange(1, 4)):
-            at = first + 8 * dice.randrange((len(content) - first) // 8)
-            content[at : at + 8] = struct.pack("<d", dice.choice(NUMBERS))
+            offset = start + 8 * dice.randrange((len(content) - start) // 8)
+            content[offset : offset + 8] = struct.pack("<d", dice.choice(NUMBERS))
     return bytes(content)

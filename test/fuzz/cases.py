@@ -126,31 +126,31 @@ def _damaged(dice: random.Random, data: bytes) -> bytes:
     """Return bytes of a file with some of them wrong."""
     content = bytearray(data)
     for _ in range(dice.choice([1, 1, 2, 5, 40])):
-        at = (
+        offset = (
             dice.randrange(len(content) + 1)
             if dice.random() < 0.6
             else _near_the_ends(dice, content)
         )
         choice = dice.randrange(8)
         if choice == 0:
-            del content[at:]
+            del content[offset:]
         elif choice == 1:
-            content[at : at + 1] = bytes([dice.randrange(256)])
+            content[offset : offset + 1] = bytes([dice.randrange(256)])
         elif choice == 2:
-            content[at : at + 8] = struct.pack("<Q", dice.choice(_NUMBERS))
+            content[offset : offset + 8] = struct.pack("<Q", dice.choice(_NUMBERS))
         elif choice == 3:
-            content[at : at + 4] = struct.pack("<I", dice.choice(_NUMBERS) & 0xFFFFFFFF)
+            content[offset : offset + 4] = struct.pack("<I", dice.choice(_NUMBERS) & 0xFFFFFFFF)
         elif choice == 4:
-            content[at : at + dice.randrange(1, 300)] = b""
+            content[offset : offset + dice.randrange(1, 300)] = b""
         elif choice == 5:
-            content[at:at] = dice.randbytes(dice.randrange(1, 300))
+            content[offset:offset] = dice.randbytes(dice.randrange(1, 300))
         elif choice == 6:
-            content[at : at + 200] = (
-                content[at : at + 200].replace(b"e", b"\xff").replace(b"_", b"\0")
+            content[offset : offset + 200] = (
+                content[offset : offset + 200].replace(b"e", b"\xff").replace(b"_", b"\0")
             )
         else:
-            other = dice.randrange(len(content) + 1)
-            content[at : at + 100] = content[other : other + 100]
+            source_offset = dice.randrange(len(content) + 1)
+            content[offset : offset + 100] = content[source_offset : source_offset + 100]
         if not content:
             return b""
     return bytes(content) if dice.random() < 0.95 else bytes(content[: dice.choice([5, 8, 13, 16])])
@@ -229,14 +229,14 @@ def _value(dice: random.Random) -> str:
 def _arguments(dice: random.Random, sound: Path, place: Path) -> tuple[str, list[str]]:
     """Return a command whose arguments nobody should give."""
     program = dice.choice(list(_OPTIONS))
-    given = str(sound / dice.choice(["none.mcap", "sqlite", "poses.txt", "euroc"]))
+    recording = str(sound / dice.choice(["none.mcap", "sqlite", "poses.txt", "euroc"]))
     start = {
         "generate": ["--duration", "1s", "-o", "o.mcap"],
-        "convert_bag": [given, "-o", "o.mcap"],
-        "evaluate": [given, given],
-        "calibrate": ["six_position", given],
-        "report": [given, "-o", "o.html"],
-    }.get(program, [given])
+        "convert_bag": [recording, "-o", "o.mcap"],
+        "evaluate": [recording, recording],
+        "calibrate": ["six_position", recording],
+        "report": [recording, "-o", "o.html"],
+    }.get(program, [recording])
     for _ in range(dice.randrange(1, 4)):
         option = dice.choice(_OPTIONS[program])
         # Existing inputs as outputs, too: none of them may change.
@@ -318,7 +318,7 @@ def _mesh(dice: random.Random, sound: Path, place: Path) -> tuple[str, list[str]
     folder.mkdir()
     triangle = "v 0 0 0\nv 1 0 1\nv 1 1 1\nvt 0 0\nvt 1 0\nvt 1 1\nusemtl m\nf 1/1 2/2 3/3\n"
     away = ["x.png", "../../sound/poses.txt", "/etc/passwd", "/dev/zero", "http://x.invalid/a.png"]
-    named = dice.choice([*away, *WORDS])
+    uri = dice.choice([*away, *WORDS])
     view = {"bufferView": 0, "componentType": 5126, "count": dice.choice([3, 0, -1, 10**12]),
             "type": dice.choice(["VEC3", "SCALAR", "x"])}  # fmt: skip
     tree = {
@@ -329,14 +329,14 @@ def _mesh(dice: random.Random, sound: Path, place: Path) -> tuple[str, list[str]
         "meshes": [{"primitives": [{"attributes": {"POSITION": 0}}]}],
         "accessors": [view],
         "bufferViews": [{"buffer": 0, "byteLength": dice.choice([36, 1 << 40])}],
-        "buffers": [{"uri": named, "byteLength": 36}],
-        "images": [{"uri": named}],
+        "buffers": [{"uri": uri, "byteLength": 36}],
+        "images": [{"uri": uri}],
     }
     for _ in range(dice.choice([0, 0, 1])):
         tree[dice.choice(list(tree))] = dice.choice([[], {}, None, -1, "x", [[[]]]])
     names = {
-        "m.obj": f"mtllib {dice.choice(['m.mtl', named])}\n{triangle}",
-        "m.mtl": f"newmtl m\nmap_Kd {named}\n",
+        "m.obj": f"mtllib {dice.choice(['m.mtl', uri])}\n{triangle}",
+        "m.mtl": f"newmtl m\nmap_Kd {uri}\n",
         "m.gltf": json.dumps(tree),
         "m.ply": "ply\nformat ascii 1.0\nelement vertex 3\nproperty float x\nproperty float y\n"
         "property float z\nelement face 1\nproperty list uchar int vertex_indices\nend_header\n"

@@ -10,7 +10,7 @@ from typing import Final
 
 NAVIGATION: Final = ["--duration", "0.2s", "--rate", "50", "--quiet", "--trajectory", "lecture",
                      "--gnss", "zed_f9p", "--rinex"]  # fmt: skip
-"""Of the run that writes a sound RINEX file."""
+"""Arguments of the run that writes a sound RINEX file."""
 _NUMBERS: Final = ["nan", "inf", "-1", "0", "1e300", "1e20", "-1e-300", "91", "181", "9" * 400, "",
                    "x", "1,5", "0x10", "{{ a }}", "1e-9", "D+99", "2.0D+31"]  # fmt: skip
 _ENCODINGS: Final = ["utf-8", "latin-1", "utf-16", "nosuch-42", "", "idna", "rot13", "utf-7"]
@@ -25,8 +25,8 @@ def _wrong(dice: random.Random, text: str) -> str:
         lines = text.split("\n")
         k = dice.randrange(len(lines))
         if choice < 3 and numbers:
-            one = dice.choice(numbers)
-            text = text[: one.start()] + dice.choice(_NUMBERS) + text[one.end() :]
+            number = dice.choice(numbers)
+            text = text[: number.start()] + dice.choice(_NUMBERS) + text[number.end() :]
             continue
         if choice == 3:
             del lines[k]
@@ -85,11 +85,20 @@ def route(dice: random.Random, sound: Path, place: Path) -> tuple[str, list[str]
     path = place / dice.choice(list(texts))
     _written(dice, path, texts[path.name])
     limits = dice.choice([[], [], ["--set", f"trajectory.turning_radius={dice.choice(_NUMBERS)}"]])
-    given = dice.choice([
+    waypoint_options = dice.choice([
         ["--trajectory", str(path)],
         ["--set", "trajectory.type=drive", "--set", f"trajectory.file={path}"],
     ])  # fmt: skip
-    return "generate", ["-o", "o.mcap", "--duration", "1s", "--rate", "50", *given, *limits]
+    return "generate", [
+        "-o",
+        "o.mcap",
+        "--duration",
+        "1s",
+        "--rate",
+        "50",
+        *waypoint_options,
+        *limits,
+    ]
 
 
 def rinex(dice: random.Random, sound: Path, place: Path) -> tuple[str, list[str]]:
@@ -128,8 +137,8 @@ def sdf(dice: random.Random, sound: Path, place: Path) -> tuple[str, list[str]]:
     text = _xml(dice, model + "\n".join(parts) + "\n</link></model></sdf>")
     path = place / dice.choice(["m.sdf", "m.urdf", "m.world"])
     _written(dice, path, text)
-    named = f"{path}{dice.choice(['', '', '#imu', '#p', '#', '#x#y'])}"
+    imu_path = f"{path}{dice.choice(['', '', '#imu', '#p', '#', '#x#y'])}"
     return dice.choice([
-        ("generate", ["-o", "o.mcap", "--duration", "1s", "--imu", named]),
-        ("add_errors", [str(sound / "none.mcap"), "-o", "o.mcap", "--imu", named]),
+        ("generate", ["-o", "o.mcap", "--duration", "1s", "--imu", imu_path]),
+        ("add_errors", [str(sound / "none.mcap"), "-o", "o.mcap", "--imu", imu_path]),
     ])  # fmt: skip

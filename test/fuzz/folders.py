@@ -65,9 +65,9 @@ def named(dice: random.Random, sound: Path, place: Path) -> tuple[str, list[str]
 def images(dice: random.Random, sound: Path, place: Path) -> tuple[str, list[str]]:
     """Return a command over a folder of which some images are hostile."""
     folder = Path(shutil.copytree(sound / "cameras", place / "set"))
-    every = sorted(folder.glob("cam*/data/*"))
+    image_paths = sorted(folder.glob("cam*/data/*"))
     for _ in range(dice.choice([1, 1, 3])):
-        path = dice.choice(every)
+        path = dice.choice(image_paths)
         path.write_bytes(_image(dice, path.read_bytes()))
     return _over(dice, folder)
 
@@ -83,13 +83,13 @@ def _image(dice: random.Random, content: bytes) -> bytes:
 
         grey = np.random.default_rng(1).integers(0, 256, (24, 32), dtype=np.uint8)
         content = cv2.imencode(".jpg", grey)[1].tobytes()
-        at = dice.randrange(300, len(content) - 2)
-        return content[:at] + dice.choice([b"", bytes(30), b"\xff\xd3" * 9]) + content[-2:]
+        offset = dice.randrange(300, len(content) - 2)
+        return content[:offset] + dice.choice([b"", bytes(30), b"\xff\xd3" * 9]) + content[-2:]
     if choice == 1:
         return _png(width, height, bytes((width % 1000 + 1) * (height % 1000)))
     if choice == 2:
-        at = dice.randrange(len(content))
-        return content[:at] + bytes([dice.randrange(256)]) + content[at + 1 :]
+        offset = dice.randrange(len(content))
+        return content[:offset] + bytes([dice.randrange(256)]) + content[offset + 1 :]
     if choice == 3:
         return content[: dice.randrange(len(content))]
     if choice == 4:
@@ -118,14 +118,14 @@ def _png(width: int, height: int, pixels: bytes) -> bytes:
 def _over(dice: random.Random, folder: Path) -> tuple[str, list[str]]:
     output = dice.choice(["o.mcap", "o.bag", "o", "o.tum"])
     form = ["--format", "euroc"] if output == "o" and dice.random() < 0.5 else []
-    given = str(folder)
+    input_path = str(folder)
     return dice.choice([
-        ("convert_bag", [given, "-o", output, *form]),
-        ("convert_bag", [given, "-o", output, *form]),
-        ("dead_reckon", [given]),
-        ("evaluate", [given, given]),
-        ("report", [given, "-o", "o.html"]),
-        ("allan", [given, "--no-files", "--skip-checks"]),
+        ("convert_bag", [input_path, "-o", output, *form]),
+        ("convert_bag", [input_path, "-o", output, *form]),
+        ("dead_reckon", [input_path]),
+        ("evaluate", [input_path, input_path]),
+        ("report", [input_path, "-o", "o.html"]),
+        ("allan", [input_path, "--no-files", "--skip-checks"]),
     ])  # fmt: skip
 
 
@@ -138,9 +138,9 @@ def rows(dice: random.Random, sound: Path, place: Path) -> tuple[str, list[str]]
     elif choice == 1:
         path = folder / dice.choice(["runs.jsonl", "results.csv", "versions.json"])
         text = path.read_text() if path.exists() else '{"cell": "all"}\n'
-        words = text.split(dice.choice([",", ":", "\n"]))
-        words[dice.randrange(len(words))] = dice.choice(_VALUES)
-        path.write_text(",".join(words), errors="surrogateescape")
+        cells = text.split(dice.choice([",", ":", "\n"]))
+        cells[dice.randrange(len(cells))] = dice.choice(_VALUES)
+        path.write_text(",".join(cells), errors="surrogateescape")
     elif choice == 2:
         row = f'{{"cell": "all", "seed": 1, "estimator": "x", "status": {dice.choice(_VALUES)}}}'
         (folder / "runs.jsonl").open("a").write(row + "\n" + dice.choice(_VALUES) + "\n")
@@ -150,8 +150,8 @@ def rows(dice: random.Random, sound: Path, place: Path) -> tuple[str, list[str]]
         )
         (place / "own").write_text(program)
         (place / "own").chmod(0o755)
-        own = "estimators: {own: {type: command, command: '{plan}/own'}}\n"
-        (place / "plan.yaml").write_text(PLAN + own)
+        estimators = "estimators: {own: {type: command, command: '{plan}/own'}}\n"
+        (place / "plan.yaml").write_text(PLAN + estimators)
         return "campaign", ["plan.yaml", "-o", "new", "--workers", "1", "--no-report"]
     (place / "plan.yaml").write_text(PLAN)
     return dice.choice([
@@ -184,8 +184,8 @@ def mistyped(dice: random.Random, sound: Path, place: Path) -> tuple[str, list[s
     if option and (not value or dice.random() < 0.5):
         option = option[: -dice.randrange(1, 3)]
     else:
-        at = dice.randrange(1, len(value) - 1)
-        value = value[:at] + dice.choice(["", "q"]) + value[at + 1 :]
+        offset = dice.randrange(1, len(value) - 1)
+        value = value[:offset] + dice.choice(["", "q"]) + value[offset + 1 :]
     return program, [*arguments, *filter(None, (option, value))]
 
 

@@ -1,7 +1,7 @@
 # Copyright 2026 imu_sim_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""What has to hold however rudely it is tried: figures for the manual, measured with real nodes.
+"""Robustness figures of the manual, measured with real nodes.
 
 ``python test/fuzz/held.py [ROUNDS]`` kills recorders, sets every parameter of a running simulator
 to hostile values, and ends programs by signals; it says what each cost. Exit status 1: a value
@@ -30,10 +30,10 @@ VALUES: Final = (
 DELAYS: Final = (0.05, 0.1, 0.2, 0.3, 0.5, 0.8, 1.2, 2.0)
 
 
-def start(program: str, words: list[str], place: Path, environment: dict[str, str]) -> Any:
+def start(program: str, arguments: list[str], place: Path, environment: dict[str, str]) -> Any:
     """Start a program in a group of its own."""
     return subprocess.Popen(
-        [*processes._start_of(program), *words],
+        [*processes._start_of(program), *arguments],
         cwd=place,
         env={**os.environ, **environment},
         stdin=subprocess.DEVNULL,
@@ -61,9 +61,9 @@ def killed_recorders(rounds: int, place: Path) -> dict[str, float]:
                 recorder.kill()
                 at_s = time.time()
                 recorder.wait()
-                there = sorted(path.name for path in folder.iterdir())
+                files = sorted(path.name for path in folder.iterdir())
                 done = subprocess.run(
-                    [*processes._start_of("convert_bag"), "--recover", there[0], "-o", "whole.mcap",
+                    [*processes._start_of("convert_bag"), "--recover", files[0], "-o", "whole.mcap",
                      "--json"],
                     cwd=folder, capture_output=True, text=True, check=True,
                 )  # fmt: skip
@@ -98,7 +98,7 @@ def hostile_parameters() -> dict[str, int]:
         return future.result()
 
     names = called(ListParameters, "list_parameters", ListParameters.Request()).result.names
-    found = Counter(parameters=len(names))
+    counts = Counter(parameters=len(names))
     for name in names:
         if name == "autostart":
             continue
@@ -106,15 +106,15 @@ def hostile_parameters() -> dict[str, int]:
             parameters=[Parameter(name, value=value).to_parameter_msg() for value in VALUES]
         )
         results = called(SetParameters, "set_parameters", request).results
-        found["values"] += len(results)
-        found["refused"] += sum(not one.successful for one in results)
+        counts["values"] += len(results)
+        counts["refused"] += sum(not response.successful for response in results)
     came[0], end = 0, time.monotonic() + 60.0
     while came[0] < 50 and time.monotonic() < end:
         rclpy.spin_once(node, timeout_sec=0.1)
-    found["samples after all of them"] = came[0]
+    counts["samples after all of them"] = came[0]
     rclpy.shutdown()
-    found["status"] = simulator.end()
-    return dict(found)
+    counts["status"] = simulator.end()
+    return dict(counts)
 
 
 def signals(rounds: int, place: Path) -> dict[str, int]:
@@ -129,43 +129,47 @@ def signals(rounds: int, place: Path) -> dict[str, int]:
          "--quiet"],
         check=True,
     )  # fmt: skip
-    dice, found = random.Random(2), Counter()
+    dice, counts = random.Random(2), Counter()
     environment = processes.Domain().environment()
-    programs = [one for one in processes.startable(folder) if "cameras" not in " ".join(one[1])]
+    programs = [
+        startable_program
+        for startable_program in processes.startable(folder)
+        if "cameras" not in " ".join(startable_program[1])
+    ]
     for k in range(rounds):
-        program, words = programs[k % len(programs)]
+        program, arguments = programs[k % len(programs)]
         sent, delay = dice.choice(processes.SIGNALS), dice.choice(DELAYS)
         with tempfile.TemporaryDirectory() as name:
-            process = start(program, words, Path(name), environment)
+            process = start(program, arguments, Path(name), environment)
             time.sleep(delay)
             if process.poll() is None:
                 os.killpg(process.pid, sent)
-                found["ended by a signal"] += 1
+                counts["ended by a signal"] += 1
             output = process.communicate(timeout=processes.LONGEST_S)[0].decode("utf-8", "replace")
             ours, of_python = processes.told(output)
-            found["tracebacks"] += ours
-            found["tracebacks of the interpreter's own start"] += of_python
+            counts["tracebacks"] += ours
+            counts["tracebacks of the interpreter's own start"] += of_python
             time.sleep(0.5)
-            left = _group(process.pid)
-            found["processes left"] += bool(left)
+            survivors = _group(process.pid)
+            counts["processes left"] += bool(survivors)
             parts = [path.name for path in Path(name).rglob(".*") if path.name != ".lock"]
-            found["files left"] += len(parts)
-            if parts or left or ours:
-                print(program, sent.name, delay, parts, left, output[-300:])
-    return {"runs": rounds, **found}
+            counts["files left"] += len(parts)
+            if parts or survivors or ours:
+                print(program, sent.name, delay, parts, survivors, output[-300:])
+    return {"runs": rounds, **counts}
 
 
 def _group(group: int) -> list[str]:
     """Return the command lines of the processes of a group."""
-    found = []
+    members = []
     for place in Path("/proc").glob("[0-9]*"):
         try:
             line = (place / "cmdline").read_text().replace("\0", " ")
             if line and os.getpgid(int(place.name)) == group:  # a zombie has none
-                found.append(line)
+                members.append(line)
         except (OSError, ProcessLookupError):
             continue
-    return found
+    return members
 
 
 def main(rounds: int = 5) -> int:
@@ -176,8 +180,8 @@ def main(rounds: int = 5) -> int:
             print(f"kill -9 of a recorder, {storage}: at most {lost:.2f} s of {rounds} lost")
         of_signals = signals(20 * rounds, place)
     of_parameters = hostile_parameters()
-    for what, found in (("parameters", of_parameters), ("signals", of_signals)):
-        print(what + ": " + ", ".join(f"{value} {key}" for key, value in found.items()))
+    for what, counts in (("parameters", of_parameters), ("signals", of_signals)):
+        print(what + ": " + ", ".join(f"{value} {key}" for key, value in counts.items()))
     bad = [of_signals["tracebacks"], of_signals["processes left"], of_signals["files left"]]
     return int(
         any(bad) or of_parameters["status"] != 0 or not of_parameters["samples after all of them"]

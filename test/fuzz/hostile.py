@@ -48,7 +48,7 @@ LIVE: Final = ("signal", "live") if processes.has_ros() else ("signal",)
 KINDS: Final = (*IN_PROCESS, *OF_THEIR_OWN, *CALLS, *LIVE)
 STATUSES: Final = (0, 1, 2)
 GATE_FAILED: Final = 3
-"""Of ``campaign``: a requirement is not met."""
+"""Exit status of ``campaign`` if a requirement is not met."""
 LIBRARIES: Final = re.compile(
     r"site-packages|[A-Z]\w+Warning:|libpng|libjpeg|^Corrupt JPEG|^Premature end|TIFFFetch|"
     r"OpenCV[(:]|\[ *(WARN|ERROR)[:@]",
@@ -61,7 +61,7 @@ MEASURES: Final = ("dead_reckon", "evaluate", "allan", "calibrate")
 
 
 class Outcome(NamedTuple):
-    """What became of one case."""
+    """Arguments, exit status and faults of one case."""
 
     kind: str
     arguments: list[str]
@@ -85,16 +85,16 @@ class Inputs:
                 "generate", ["-o", str(folder / name), "--force", *cases.SMALL, *options]
             )
             assert status == 0, error
-        for program, words in (
+        for program, arguments in (
             ("generate", ["-o", str(folder / "cameras"), *folders.CAMERAS]),
             ("campaign", [str(folder / "plan.yaml"), "-o", str(folder / "campaign"),
                           "--workers", "1", "--no-report", "--quiet"]),
         ):  # fmt: skip
             (folder / "plan.yaml").write_text(folders.PLAN)
-            status, error, _ = called(program, words)
+            status, error, _ = called(program, arguments)
             assert status == 0, error
-        words = ["-o", str(folder / "navigation.mcap"), *documents.NAVIGATION]
-        status, error, _ = called("generate", words)
+        arguments = ["-o", str(folder / "navigation.mcap"), *documents.NAVIGATION]
+        status, error, _ = called("generate", arguments)
         assert status == 0, error
         cases.write_logs(folder)
         (folder / "poses.txt").write_text("\n".join(cases.POSES) + "\n")
@@ -135,8 +135,8 @@ class Inputs:
 
     def changed(self) -> bool:
         """Return whether anything is no longer as it was made; what is new next to it may be."""
-        now = self._digests()
-        return any(now.get(name) != digest for name, digest in self.digests.items())
+        digests = self._digests()
+        return any(digests.get(name) != digest for name, digest in self.digests.items())
 
     def _digests(self) -> dict[str, bytes]:
         return {
@@ -153,7 +153,7 @@ def called(program: str, arguments: list[str]) -> tuple[int, str, str]:
     """
     module = startup.load(f"imu_sim_ros.commands.{program}")
     out, error = io.StringIO(), io.StringIO()
-    before = os.dup(2)
+    saved_stderr = os.dup(2)
     handlers = {number: signal.getsignal(number) for number in processes.SIGNALS}
     with (
         tempfile.TemporaryFile() as low,
@@ -171,8 +171,8 @@ def called(program: str, arguments: list[str]) -> tuple[int, str, str]:
             traceback.print_exc()
             status = -1
         finally:
-            os.dup2(before, 2)
-            os.close(before)
+            os.dup2(saved_stderr, 2)
+            os.close(saved_stderr)
             for number, handler in handlers.items():  # a command that is over ignores signals
                 signal.signal(number, handler)
         low.seek(0)
@@ -184,19 +184,19 @@ def run(number: int, inputs: Inputs) -> Outcome:
     """Run the case of a number and judge it."""
     kind = KINDS[number % len(KINDS)]
     with tempfile.TemporaryDirectory() as name:
-        made = _of_its_own if kind in OF_THEIR_OWN else _in_process
+        run_case = _of_its_own if kind in OF_THEIR_OWN else _in_process
         if kind in CALLS:
-            made = _call
+            run_case = _call
         elif kind in LIVE:
-            made = {"signal": _signalled, "live": _live}[kind]
-        outcome = made(number, kind, inputs, Path(name))
+            run_case = {"signal": _signalled, "live": _live}[kind]
+        outcome = run_case(number, kind, inputs, Path(name))
     if inputs.changed():
         outcome = outcome._replace(faults=(*outcome.faults, "changed"))
     return outcome
 
 
 def _in_process(number: int, kind: str, inputs: Inputs, place: Path) -> Outcome:
-    before = os.getcwd()
+    working_folder = os.getcwd()
     program, arguments = cases.MAKERS[kind](random.Random(number), inputs.folder, place)
     os.chdir(place)
     faults = []
@@ -209,7 +209,7 @@ def _in_process(number: int, kind: str, inputs: Inputs, place: Path) -> Outcome:
         faults.append("hang")
     finally:
         signal.setitimer(signal.ITIMER_PROF, 0.0)
-        os.chdir(before)
+        os.chdir(working_folder)
     allowed = {*STATUSES, GATE_FAILED} if program == "campaign" else STATUSES
     judged = {
         "traceback": "Traceback" in error,
@@ -220,30 +220,30 @@ def _in_process(number: int, kind: str, inputs: Inputs, place: Path) -> Outcome:
         "no hint": kind == "mistyped"
         and not re.search("did you mean|must be|it has|is not of the form", error),
     }
-    faults += [name for name, found in judged.items() if found]
+    faults += [name for name, failed in judged.items() if failed]
     if _peak_bytes() > MEMORY_BYTES:
         faults.append("memory")
     return Outcome(kind, [program, *arguments], status, tuple(faults), error)
 
 
 def _call(number: int, kind: str, inputs: Inputs, place: Path) -> Outcome:
-    dice, before = random.Random(number), os.getcwd()
+    dice, working_folder = random.Random(number), os.getcwd()
     os.chdir(place)
     signal.signal(signal.SIGPROF, _hang)
     signal.setitimer(signal.ITIMER_PROF, HANG_S)
     try:
         with warnings.catch_warnings():
             warnings.simplefilter("ignore")
-            made = calls.messages(dice) if kind == "message" else (
+            case = calls.messages(dice) if kind == "message" else (
                 calls.public(dice, inputs.folder, place)
             )  # fmt: skip
     except Hang:
-        made = "", [], ["hang"]
+        case = "", [], ["hang"]
     finally:
         signal.setitimer(signal.ITIMER_PROF, 0.0)
-        os.chdir(before)
-    program, words, faults = made
-    return Outcome(kind, [program, *words], 0, tuple(faults[:1]), "\n".join(faults[1:]))
+        os.chdir(working_folder)
+    program, labels, faults = case
+    return Outcome(kind, [program, *labels], 0, tuple(faults[:1]), "\n".join(faults[1:]))
 
 
 def _peak_bytes() -> int:
@@ -253,13 +253,13 @@ def _peak_bytes() -> int:
 
 
 def _of_its_own(number: int, kind: str, inputs: Inputs, place: Path) -> Outcome:
-    dice, words = random.Random(number), [*cases.WORDS, str(inputs.folder / "none.mcap")]
+    dice, vocabulary = random.Random(number), [*cases.WORDS, str(inputs.folder / "none.mcap")]
     if kind == "node":
-        program, arguments = processes.node(dice, words, place)
+        program, arguments = processes.node(dice, vocabulary, place)
     else:
         program = kind
         maker = {"control": processes.control, "campaign": processes.campaign}
-        arguments = maker.get(kind, processes.by_one_name)(dice, words, place)
+        arguments = maker.get(kind, processes.by_one_name)(dice, vocabulary, place)
     environment = inputs.environment(kind)
     ended = processes.run(program, processes.fit(arguments), place, environment, number)
     allowed = set(STATUSES)
@@ -275,7 +275,7 @@ def _of_its_own(number: int, kind: str, inputs: Inputs, place: Path) -> Outcome:
         "memory": ended.peak_bytes > MEMORY_BYTES,
         "lost": inputs.lost(),
     }
-    faults = tuple(name for name, found in judged.items() if found)
+    faults = tuple(name for name, failed in judged.items() if failed)
     return Outcome(kind, [program, *arguments], ended.status, faults, ended.output)
 
 
@@ -294,8 +294,10 @@ def _signalled(number: int, kind: str, inputs: Inputs, place: Path) -> Outcome:
         "status": status not in {0, *STATUSES, 128 + sent, -sent},
         "library": not of_python and LIBRARIES.search(output) is not None,
     }
-    words = [program, *arguments, f"{sent.name} after {delay} s"]
-    return Outcome(kind, words, status, tuple(n for n, found in judged.items() if found), output)
+    command = [program, *arguments, f"{sent.name} after {delay} s"]
+    return Outcome(
+        kind, command, status, tuple(n for n, failed in judged.items() if failed), output
+    )
 
 
 def _live(number: int, kind: str, inputs: Inputs, place: Path) -> Outcome:
@@ -327,9 +329,9 @@ def main(count: int, first: int = 0, seconds: float = 1e9) -> int:
                 counts[outcome.kind, fault] += 1
             if outcome.faults or "unexpected:" in outcome.error or spent > HANG_S / 2:
                 failed += bool(outcome.faults)
-                words = " ".join(repr(word[:60]) for word in outcome.arguments)
+                argv = " ".join(repr(word[:60]) for word in outcome.arguments)
                 print(
-                    f"{number} {spent:.1f} s {outcome.faults} {words}\n  {outcome.error[-400:]!r}",
+                    f"{number} {spent:.1f} s {outcome.faults} {argv}\n  {outcome.error[-400:]!r}",
                     flush=True,
                 )
         inputs.close()

@@ -80,8 +80,8 @@ class Live:
             "preexec_fn": processes.bound,
         }
         self._nodes = [
-            subprocess.Popen([*processes._start_of(name), *words], **quiet, **environment)
-            for name, words in (
+            subprocess.Popen([*processes._start_of(name), *arguments], **quiet, **environment)
+            for name, arguments in (
                 ("integrator", ["--initial_state", "truth"]),
                 ("recorder", ["-o", str(place / "live.mcap"), "--topics", "[imu/data_raw, "
                               "ground_truth/odom, dead_reckoned/odom]"]),
@@ -102,12 +102,12 @@ class Live:
         self._feed.stdin.flush()
         answer = self._feed.stdout.readline().split()
         text = (self.place / "nodes.txt").read_text()
-        found = {
+        faults = {
             "lost": any(node.poll() is not None for node in self._nodes) or len(answer) != 2,
             "not finite": len(answer) == 2 and answer[1] != "0",
             "traceback": "Traceback" in text,
         }
-        return [name for name, there in found.items() if there], text
+        return [name for name, present in faults.items() if present], text
 
     def end(self) -> list[int]:
         """End all of them; returns the nodes' statuses, and 0 for a whole bag."""

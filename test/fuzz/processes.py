@@ -41,7 +41,7 @@ _IDLE_S: Final = 0.3
 
 
 class Ended(NamedTuple):
-    """How a process ended."""
+    """Exit status, output and cost of a process."""
 
     status: int
     output: str
@@ -98,13 +98,13 @@ def run(
         done, code, usage = os.wait4(pid, os.WNOHANG)
         if done:
             break
-        now = time.monotonic()
-        if up_since is None and _is_up(pid, program, now - begin):
-            up_since = now
-        if up_since is not None and not sent and now - up_since > _IDLE_S:
+        clock = time.monotonic()
+        if up_since is None and _is_up(pid, program, clock - begin):
+            up_since = clock
+        if up_since is not None and not sent and clock - up_since > _IDLE_S:
             sent = int(random.Random(number).choice(SIGNALS))
             os.kill(pid, sent)
-        if now - begin > LONGEST_S:
+        if clock - begin > LONGEST_S:
             hung = True
             os.killpg(pid, signal.SIGKILL)
         time.sleep(_POLL_S)
@@ -259,9 +259,9 @@ def told(output: str) -> tuple[bool, bool]:
     Before a line of the program runs (``site`` imports what installed packages ask for, ROS from
     wheels among them), the interpreter alone handles a signal.
     """
-    there = "Traceback" in output or "Exception ignored" in output
-    ours = there and re.search(r"imu_sim_ros/[\w/]+\.py", output) is not None
-    return ours, there and not ours
+    traceback_shown = "Traceback" in output or "Exception ignored" in output
+    ours = traceback_shown and re.search(r"imu_sim_ros/[\w/]+\.py", output) is not None
+    return ours, traceback_shown and not ours
 
 
 class Simulator:
@@ -280,7 +280,7 @@ class Simulator:
 
     @property
     def alive(self) -> bool:
-        """Whether it still runs."""
+        """True while the process runs."""
         return self._process.poll() is None
 
     def end(self) -> int:
@@ -331,75 +331,82 @@ _NODE_VALUES: Final = ["[left, right]", "bias_jump", "[1e308,0,0]", "level", "eu
                        "adis16448", "circle", "poses", "[1.0, 2]", "[]", "1e308"]  # fmt: skip
 
 
-def campaign(dice: random.Random, words: list[str], place: Path) -> list[str]:
+def campaign(dice: random.Random, vocabulary: list[str], place: Path) -> list[str]:
     """Return the arguments of a campaign whose plan or arguments nobody should write."""
     plan = dict(_PLAN)
     for _ in range(dice.randrange(3)):
-        plan[dice.choice(_PLAN_KEYS)] = dice.choice([*_PLAN_VALUES, *words])
+        plan[dice.choice(_PLAN_KEYS)] = dice.choice([*_PLAN_VALUES, *vocabulary])
     lines = [f"{name}: {value}" for name, value in plan.items()]
     if dice.random() < 0.1:
         lines.insert(dice.randrange(len(lines)), dice.choice(lines))
     text = "\n".join(lines)
     if dice.random() < 0.1:
-        at = dice.randrange(len(text))
-        text = text[:at] + dice.choice(words) + text[at:]
+        offset = dice.randrange(len(text))
+        text = text[:offset] + dice.choice(vocabulary) + text[offset:]
     path = place / "plan.yaml"
     path.write_text(text, encoding="utf-8", errors="surrogateescape")
     result = ["plan.yaml", "-o", "results", "--workers", "1"]
     for _ in range(dice.choice([0, 0, 1, 2])):
         option = dice.choice(_RUN)
-        result += [option] if option in _RUN[4:10] else [option, dice.choice([*words, "0", "1"])]
+        result += (
+            [option] if option in _RUN[4:10] else [option, dice.choice([*vocabulary, "0", "1"])]
+        )
     if dice.random() < 0.2:
         (place / "results").mkdir()
         (
             place / "results" / dice.choice(["runs.jsonl", "results.csv", "mine.txt", ".lock"])
-        ).write_text(dice.choice([*words, '{"cell": 1}\n', "\n"]), errors="surrogateescape")
+        ).write_text(dice.choice([*vocabulary, '{"cell": 1}\n', "\n"]), errors="surrogateescape")
     return result
 
 
-def control(dice: random.Random, words: list[str], place: Path) -> list[str]:
+def control(dice: random.Random, vocabulary: list[str], place: Path) -> list[str]:
     """Return arguments of control that nobody should give."""
     action = dice.choice(_ACTIONS)
     result = [action]
     if action == "inject":
         result.append(dice.choice(_FAULTS))
     if action == "step" and dice.random() < 0.7:
-        result.append(dice.choice(["1", "3", "0", "1e3", *words]))
+        result.append(dice.choice(["1", "3", "0", "1e3", *vocabulary]))
     if action == "watch":
-        result += ["--duration", dice.choice(["1s", "0s", *words])]
+        result += ["--duration", dice.choice(["1s", "0s", *vocabulary])]
     for _ in range(dice.randrange(3)):
         option = dice.choice(_CONTROL)
         result += (
-            [option] if option == "--json" else [option, dice.choice(["[1,0,0]", "1s", *words])]
+            [option]
+            if option == "--json"
+            else [option, dice.choice(["[1,0,0]", "1s", *vocabulary])]
         )
-    return [*result, "--timeout", dice.choice(["2s", "2s", "0s", *words])]
+    return [*result, "--timeout", dice.choice(["2s", "2s", "0s", *vocabulary])]
 
 
-def node(dice: random.Random, words: list[str], place: Path) -> tuple[str, list[str]]:
+def node(dice: random.Random, vocabulary: list[str], place: Path) -> tuple[str, list[str]]:
     """Return a node, and parameters, files and arguments that nobody should give."""
     program = dice.choice(NODES)
     names = _NODE_NAMES[program]
-    values = [*words, *_NODE_VALUES]
+    values = [*vocabulary, *_NODE_VALUES]
     sound = [*_NODE_VALUES, "1", "100", "true", "[0.1, 0, 0]", "perfect", "lecture", "10"]
-    given = [
+    node_parameters = [
         (dice.choice(names), dice.choice(sound if dice.random() < 0.6 else values))
         for _ in range(dice.randrange(1, 4))
     ]
     form = dice.choice([0, 0, 1, 1, 2, 2, 3])
     if form == 0:
-        result = [word for name, value in given for word in (f"--{name}", value)]
+        result = [word for name, value in node_parameters for word in (f"--{name}", value)]
     elif form == 1:
-        result = ["--ros-args", *(w for name, value in given for w in ("-p", f"{name}:={value}"))]
+        result = [
+            "--ros-args",
+            *(w for name, value in node_parameters for w in ("-p", f"{name}:={value}")),
+        ]
     elif form == 2:
-        body = "\n".join(f"    {name}: {value}" for name, value in given)
+        body = "\n".join(f"    {name}: {value}" for name, value in node_parameters)
         text = f"/**:\n  ros__parameters:\n{body}\n"
         if dice.random() < 0.2:
-            at = dice.randrange(len(text))
-            text = text[:at] + dice.choice(words) + text[at:]
+            offset = dice.randrange(len(text))
+            text = text[:offset] + dice.choice(vocabulary) + text[offset:]
         (place / "given.yaml").write_text(text, encoding="utf-8", errors="surrogateescape")
         result = ["--ros-args", "--params-file", "given.yaml"]
     else:
-        result = [dice.choice([*words, "--ros-args", "-r", "--remap", "x:=y", "-p", "--help",
+        result = [dice.choice([*vocabulary, "--ros-args", "-r", "--remap", "x:=y", "-p", "--help",
                                "--params-file", "--log-level", "debug", "__ns:=/a", "__node:=b c"])
                   for _ in range(dice.randrange(1, 5))]  # fmt: skip
     if program == "recorder" and dice.random() < 0.5:
@@ -407,13 +414,13 @@ def node(dice: random.Random, words: list[str], place: Path) -> tuple[str, list[
     return program, result
 
 
-def by_one_name(dice: random.Random, words: list[str], place: Path) -> list[str]:
+def by_one_name(dice: random.Random, vocabulary: list[str], place: Path) -> list[str]:
     """Return the arguments of ``imu_sim``."""
     programs = ["generate", "allan", "evaluate", "dead_reckon", "control", "campaign", "--version",
                 "--help", "-h", "nothing"]  # fmt: skip
-    result = [dice.choice([*programs, *words])]
+    result = [dice.choice([*programs, *vocabulary])]
     return result + [
-        dice.choice([*words, "--help", "-o", "x.mcap"]) for _ in range(dice.randrange(3))
+        dice.choice([*vocabulary, "--help", "-o", "x.mcap"]) for _ in range(dice.randrange(3))
     ]
 
 

@@ -44,7 +44,7 @@ def descendants(pid):
         for task in Path(f"/proc/{pid}/task").iterdir()
         for child in (task / "children").read_text().split()
     ]
-    return [*children, *(each for child in children for each in descendants(child))]
+    return [*children, *(descendant for child in children for descendant in descendants(child))]
 
 
 @pytest.fixture(scope="module")
@@ -59,19 +59,19 @@ def fuzzer():
 @pytest.mark.skipif(not hostile.LIVE[1:], reason="without ROS there are no nodes")
 @pytest.mark.parametrize("number", [signal.SIGKILL, signal.SIGTERM])
 def test_nothing_outlives_the_fuzzer(number):
-    """Its integrator, recorder, feed and simulator are real processes."""
+    """The integrator, recorder, feed and simulator of the fuzzer are real processes."""
     process = started()
     for kind in ("live", "control"):
         process.stdin.write(f"{hostile.KINDS.index(kind)}\n")
         process.stdin.flush()
         assert json.loads(process.stdout.readline())[0] == kind
-    there = descendants(process.pid)
-    assert len(there) >= 4
+    children = descendants(process.pid)
+    assert len(children) >= 4
     process.send_signal(number)
     process.communicate()
     end = time.monotonic() + 60.0
-    while any(Path(f"/proc/{pid}").exists() for pid in there):
-        assert time.monotonic() < end, there
+    while any(Path(f"/proc/{pid}").exists() for pid in children):
+        assert time.monotonic() < end, children
         time.sleep(0.05)
 
 

@@ -1,7 +1,7 @@
 # Copyright 2026 imu_sim_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Whether users get what they got before: ``compare.py REVISION`` (``make same BASE=REVISION``).
+"""Comparison of outputs with a revision: ``compare.py REVISION`` (``make same BASE=REVISION``).
 
 Runs outputs.py, as it is now, against a revision and against the working tree, with the same
 libraries, and names every case that differs. Digests of samples depend on the machine's mathematics
@@ -25,14 +25,14 @@ def outputs(tree: Path, folder: Path) -> dict[str, str]:
     environment = {**os.environ, "PYTHONPATH": str(tree)}
     program = [sys.executable, str(Path(__file__).with_name("outputs.py")), str(file)]
     subprocess.run(program, check=True, env=environment, cwd=folder)
-    found: dict[str, str] = json.loads(file.read_text(encoding="utf-8"))
-    return found
+    digests: dict[str, str] = json.loads(file.read_text(encoding="utf-8"))
+    return digests
 
 
-def differences(before: dict[str, str], after: dict[str, str]) -> list[str]:
+def differences(baseline: dict[str, str], current: dict[str, str]) -> list[str]:
     """Return a line for each case that is gone or differs; new ones are no difference."""
-    gone = [f"gone: {name}" for name in before if name not in after]
-    differing = [name for name, value in before.items() if after.get(name, value) != value]
+    gone = [f"gone: {name}" for name in baseline if name not in current]
+    differing = [name for name, value in baseline.items() if current.get(name, value) != value]
     return gone + [f"differs: {name}" for name in differing]
 
 
@@ -48,11 +48,11 @@ def main() -> int:
             ["git", "archive", sys.argv[1]], cwd=ROOT, check=True, capture_output=True
         )
         subprocess.run(["tar", "-x", "-C", str(base)], input=archive.stdout, check=True)
-        before, after = outputs(base, Path(name)), outputs(ROOT, Path(name))
-    found = differences(before, after)
-    print("\n".join(found[:MOST_SHOWN]))
-    print(f"{len(before)} cases of {sys.argv[1]}, {len(found)} gone or different")
-    return int(bool(found))
+        baseline, current = outputs(base, Path(name)), outputs(ROOT, Path(name))
+    differing_cases = differences(baseline, current)
+    print("\n".join(differing_cases[:MOST_SHOWN]))
+    print(f"{len(baseline)} cases of {sys.argv[1]}, {len(differing_cases)} gone or different")
+    return int(bool(differing_cases))
 
 
 if __name__ == "__main__":

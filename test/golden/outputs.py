@@ -1,7 +1,7 @@
 # Copyright 2026 imu_sim_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""What users get, as one digest a case: ``outputs.py FILE`` writes them as JSON.
+"""Digests of the outputs that users get, one a case: ``outputs.py FILE`` writes them as JSON.
 
 Only names that users rely on are called (``imu_sim_ros.__all__``, the programs, parameters), so
 that the same file runs against any revision; ``compare.py`` runs it against two. Bags are read by
@@ -163,16 +163,16 @@ def digest_of_bag(path: Path) -> tuple[str, int]:
 
 def digests_of_files(folder: Path) -> dict[str, str]:
     """Return a digest for each file of a folder, and one for each bag by its messages."""
-    found = {}
+    digests = {}
     bags = {path.parent for path in folder.rglob("metadata.yaml")}
     for path in sorted(folder.rglob("*")):
         name = str(path.relative_to(folder))
         if path in bags or path.suffix in (".mcap", ".bag"):
             if path.parent not in bags:
-                found[name] = digest_of_bag(path)[0]
+                digests[name] = digest_of_bag(path)[0]
         elif path.is_file() and not any(bag in path.parents for bag in bags):
-            found[name] = hashlib.sha256(content_of(path)).hexdigest()
-    return found
+            digests[name] = hashlib.sha256(content_of(path)).hexdigest()
+    return digests
 
 
 def content_of(path: Path) -> bytes:
@@ -189,13 +189,13 @@ def samples() -> Iterator[tuple[str, str]]:
     """Yield a digest for each simulation: all of its topics in a bag."""
     with tempfile.TemporaryDirectory() as folder:
         for name, arguments in simulations():
-            given = {"duration": 2, "seed": 7, "sensors": SENSORS, **arguments}
-            imu = given["imu"]
+            settings = {"duration": 2, "seed": 7, "sensors": SENSORS, **arguments}
+            imu = settings["imu"]
             averaged = isinstance(imu, dict) and imu.get("sampling") == "averaged"
             path = Path(folder) / "run.mcap"
             topics = [*TOPICS, *(INCREMENTS if averaged else ())]
             try:
-                ims.simulate(**given).save(path, topics=topics, force=True)
+                ims.simulate(**settings).save(path, topics=topics, force=True)
             except ims.ConfigurationError as error:
                 yield f"samples: {name}", f"refused: {error}"
                 continue
@@ -206,7 +206,7 @@ def program(name: str, *arguments: object) -> str:
     """Run a program in this process; returns what it prints, and its status."""
     module = importlib.import_module(f"imu_sim_ros.commands.{name}")
     printed, errors = io.StringIO(), io.StringIO()
-    before = sys.argv
+    saved_argv = sys.argv
     sys.argv = [name, *map(str, arguments)]
     try:
         with contextlib.redirect_stdout(printed), contextlib.redirect_stderr(errors):
@@ -214,7 +214,7 @@ def program(name: str, *arguments: object) -> str:
     except SystemExit as end:
         status = end.code
     finally:
-        sys.argv = before
+        sys.argv = saved_argv
     return f"{status}\n{printed.getvalue()}{errors.getvalue()}"
 
 
@@ -230,8 +230,8 @@ def result(name: str, *arguments: object) -> str:
         return [steady(v) for v in value] if isinstance(value, list) else value
 
     if status == "0":
-        found, _, warnings = text.partition("\n")
-        text = json.dumps(steady(json.loads(found)), sort_keys=True) + warnings
+        json_text, _, warnings = text.partition("\n")
+        text = json.dumps(steady(json.loads(json_text)), sort_keys=True) + warnings
     return hashlib.sha256(f"{status} {text}".encode()).hexdigest()
 
 
@@ -271,15 +271,15 @@ def surface() -> Iterator[tuple[str, str]]:
     for name in sorted(ims.__all__):
         value = getattr(ims, name)
         if inspect.isclass(value):
-            words = " ".join(sorted(n for n in dir(value) if not n.startswith("_")))
+            description = " ".join(sorted(n for n in dir(value) if not n.startswith("_")))
         elif callable(value):
-            words = ", ".join(
+            description = ", ".join(
                 f"{p.name}={p.default}" if p.default is not p.empty else p.name
                 for p in inspect.signature(value).parameters.values()
             )
         else:
-            words = type(value).__name__
-        yield f"public {name}", words
+            description = type(value).__name__
+        yield f"public {name}", description
     reference = program("parameter_reference")
     for line in reference.splitlines():
         if line.startswith("| `"):
@@ -289,13 +289,13 @@ def surface() -> Iterator[tuple[str, str]]:
 
 def main() -> int:
     """Write all digests to the file that the first argument names."""
-    found: dict[str, str] = {}
+    digests: dict[str, str] = {}
     with np.errstate(all="ignore"):
         for part in (surface, samples, files_and_results):
             for name, digest in part():
-                found[name] = digest
-    Path(sys.argv[1]).write_text(json.dumps(found, indent=1, sort_keys=True), encoding="utf-8")
-    print(f"{len(found)} cases")
+                digests[name] = digest
+    Path(sys.argv[1]).write_text(json.dumps(digests, indent=1, sort_keys=True), encoding="utf-8")
+    print(f"{len(digests)} cases")
     return 0
 
 

@@ -24,13 +24,13 @@ def met(corners, origins, directions):
     size = max(1, _PAIRS // len(origins))
     for k in range(0, len(corners), size):
         a, b, c = corners[k : k + size].transpose(1, 0, 2)
-        first, second = b - a, c - a
+        edge_b, second = b - a, c - a
         p = np.cross(ways, second)
         with np.errstate(divide="ignore", invalid="ignore"):
-            inverse = 1.0 / (p * first).sum(axis=2)
+            inverse = 1.0 / (p * edge_b).sum(axis=2)
             offset = origins[:, None] - a
             u = (offset * p).sum(axis=2) * inverse
-            q = np.cross(offset, first)
+            q = np.cross(offset, edge_b)
             v = (ways * q).sum(axis=2) * inverse
             t = (q * second).sum(axis=2) * inverse
         t[~((u >= 0) & (v >= 0) & (u + v <= 1) & (t > 1e-9))] = np.inf
@@ -45,9 +45,9 @@ def quads(*rectangles):
     """Return vertices, faces, u and v of rectangles (origin, across, up)."""
     vertices, faces, places = [], [], []
     for origin, across, up in np.asarray(rectangles, float):
-        first = 4 * len(places)
+        vertex = 4 * len(places)
         vertices += [origin, origin + across, origin + across + up, origin + up]
-        faces += [[first, first + 1, first + 2], [first, first + 2, first + 3]]
+        faces += [[vertex, vertex + 1, vertex + 2], [vertex, vertex + 2, vertex + 3]]
         places.append(UNIT)
     return np.array(vertices), np.array(faces), np.concatenate(places)
 

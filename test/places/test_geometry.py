@@ -43,14 +43,14 @@ def test_a_ray_meets_what_the_equations_say(aligned):
     hits = Caster(where).cast(origins, ways)
     expected = [met_plainly(where, o, d) for o, d in zip(origins, ways, strict=True)]
     assert hits.surface.tolist() == [m for _, m in expected]
-    met = hits.surface >= 0
-    assert 100 < met.sum() < 500
+    hit = hits.surface >= 0
+    assert 100 < hit.sum() < 500
     distances = np.array([t for t, _ in expected])
-    assert np.abs(hits.distance[met] - distances[met]).max() < 1e-10  # m, rounding alone
+    assert np.abs(hits.distance[hit] - distances[hit]).max() < 1e-10  # m, rounding alone
     single = Caster(where, np.float32).cast(origins, ways)
-    same = single.surface == hits.surface
-    assert same.mean() > 0.98  # at an edge the other side may win
-    both = met & same
+    agreeing = single.surface == hits.surface
+    assert agreeing.mean() > 0.98  # at an edge the other side may win
+    both = hit & agreeing
     assert np.abs(single.distance[both] - hits.distance[both]).max() < 1e-4
 
 

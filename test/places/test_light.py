@@ -21,7 +21,7 @@ def baked(rectangles, albedo, lighting):
 
 
 def form_factor(a, b, h):
-    """From a point to a parallel rectangle a x b, one corner above it (Howell, B-3)."""
+    """Form factor from a point to a parallel rectangle a x b, one corner above it (Howell, B-3)."""
     x, y = a / h, b / h
     u, v = math.sqrt(1 + x * x), math.sqrt(1 + y * y)
     return (x / u * math.atan(y / u) + y / v * math.atan(x / v)) / (2 * math.pi)
@@ -48,26 +48,26 @@ def test_gloss_has_the_light_of_lamps_at_any_distance():
     """
     floor = (np.array([0.0, -1.0, 0.0]), np.array([40.0, 0, 0]), np.array([0.0, 2.0, 0]))
     lamp = (np.array([-0.1, 0.1, 2.5]), np.array([0.2, 0, 0]), np.array([0.0, -0.2, 0]))
-    where, one = surfaces([floor], hides=True), np.zeros(1, np.bool_)
+    where, mirror_mask = surfaces([floor], hides=True), np.zeros(1, np.bool_)
     lighting = Lighting([Lamp(lamp, (1.0, 1.0, 1.0))])
-    for mirrors in (~one, one):
-        light = bake(where, np.zeros((1, 3)), one, lighting, mirrors=mirrors).sources[0][0]
+    for mirrors in (~mirror_mask, mirror_mask):
+        light = bake(where, np.zeros((1, 3)), mirror_mask, lighting, mirrors=mirrors).sources[0][0]
         rows, columns = light.shape
         x = (np.arange(columns) + 0.5) * 40.0 / columns
         y = (np.arange(rows) + 0.5) * 2.0 / rows - 1.0
         square = x**2 + y[:, None] ** 2 + 2.5**2
-        far = np.broadcast_to(x > 8.0, light.shape)
+        distant = np.broadcast_to(x > 8.0, light.shape)
         if mirrors[0]:
             expected = 0.04 * 2.5**2 / (np.pi * square**2)
-            assert np.abs(light / expected - 1.0)[far].max() < 0.005
+            assert np.abs(light / expected - 1.0)[distant].max() < 0.005
         else:
-            assert not light[far & (square > 250.0)].any()
+            assert not light[distant & (square > 250.0)].any()
 
 
 def test_a_lamp_gives_no_light_backwards_nor_through_a_board():
     lamp = (np.array([-0.3, -0.3, 2.5]), np.array([0.6, 0, 0]), np.array([0.0, 0.6, 0]))
-    [above] = baked([FLOOR], 0.5, Lighting([Lamp(lamp, (1.0, 1.0, 1.0))]))
-    assert not above.any()
+    [irradiance] = baked([FLOOR], 0.5, Lighting([Lamp(lamp, (1.0, 1.0, 1.0))]))
+    assert not irradiance.any()
     board = (np.array([0.0, -2, 1.0]), np.array([2.0, 0, 0]), np.array([0.0, 4, 0]))
     down = (lamp[0] + lamp[2], lamp[1], -lamp[2])
     [floor, _] = baked([FLOOR, board], 0.0, Lighting([Lamp(down, (1.0, 1.0, 1.0))]))
@@ -90,8 +90,10 @@ def test_the_sun_lights_with_the_cosine_and_only_through_windows():
     # A ray from (x, y, 0) passes x = 2 at the height (2 - x) 0.8 / 0.6.
     height = (2.0 - x) * 0.8 / 0.6
     expected = ((np.abs(y) < 0.5)[:, None] & (height > 1.0) & (height < 2.0)) * 0.8
-    near = (np.abs(np.abs(y) - 0.5)[:, None] > 0.05) & (np.abs(np.abs(height - 1.5) - 0.5) > 0.05)
-    assert np.abs(indoors[..., 0] - expected)[near].max() < 1e-6
+    off_edge = (np.abs(np.abs(y) - 0.5)[:, None] > 0.05) & (
+        np.abs(np.abs(height - 1.5) - 0.5) > 0.05
+    )
+    assert np.abs(indoors[..., 0] - expected)[off_edge].max() < 1e-6
     assert expected.any()
 
 
@@ -105,8 +107,10 @@ def test_a_closed_box_multiplies_light_by_the_sum_of_its_bounces():
     # Power: what six walls of albedo 1/2 receive is what the lamp gives, over 1 - 1/2, but for the
     # bounces after the fourth (2^-5) and the part of the lamp's own light that four points miss.
     direct = baked(walls, 0.0, Lighting([Lamp(lamp, (1.0, 1.0, 1.0))]))
-    total, first = (sum(float(w[..., 0].mean()) for w in each) for each in (result, direct))
-    assert total == pytest.approx(first * (2.0 - 2.0**-4), rel=0.03)
+    total, direct_mean = (
+        sum(float(w[..., 0].mean()) for w in factors_of) for factors_of in (result, direct)
+    )
+    assert total == pytest.approx(direct_mean * (2.0 - 2.0**-4), rel=0.03)
 
 
 def test_corners_are_darker_than_the_middle_of_a_wall_under_the_sky():
@@ -122,9 +126,9 @@ def test_corners_are_darker_than_the_middle_of_a_wall_under_the_sky():
 
 def test_the_film_is_linear_in_the_dark_and_tends_to_white():
     light = np.linspace(0.0, 8.0, 500, dtype=np.float32)
-    found = factors(light)
+    film = factors(light)
     dark = (light > 0.01) & (light < 0.5)
     # The table's steps are 1/1024: half of one at 0.01 is 5 %, 2 % after the root.
-    assert np.abs(found[dark] / light[dark] ** (1 / 2.2) - 1.0).max() < 0.025
-    assert (np.diff(found) >= 0.0).all()
-    assert found[-1] == pytest.approx(1.08 ** (1 / 2.2), abs=1e-3)
+    assert np.abs(film[dark] / light[dark] ** (1 / 2.2) - 1.0).max() < 0.025
+    assert (np.diff(film) >= 0.0).all()
+    assert film[-1] == pytest.approx(1.08 ** (1 / 2.2), abs=1e-3)

@@ -25,10 +25,10 @@ def test_a_tile_has_its_colour_and_no_seam(kind):
         assert np.abs(values.mean(axis=(0, 1)) - colour_of(kind)).max() < 24.0
     grey = values.mean(axis=2)
     for axis in (0, 1):
-        inside = np.abs(np.diff(grey, axis=axis)).mean()
+        interior_step = np.abs(np.diff(grey, axis=axis)).mean()
         seam = np.abs(np.take(grey, 0, axis) - np.take(grey, -1, axis)).mean()
         rows = np.abs(np.diff(grey, axis=axis)).mean(axis=1 - axis)
-        assert seam <= max(1.5 * rows.max(), inside + 1.0)
+        assert seam <= max(1.5 * rows.max(), interior_step + 1.0)
 
 
 def test_bricks_have_their_size():
@@ -39,11 +39,11 @@ def test_bricks_have_their_size():
 
 
 def test_seed_colour_and_contrast_decide():
-    first = tile("concrete", 0.02, 1, 1.0)
-    assert np.array_equal(first, tile("concrete", 0.02, 1, 1.0))
-    assert not np.array_equal(first, tile("concrete", 0.02, 2, 1.0))
+    reference = tile("concrete", 0.02, 1, 1.0)
+    assert np.array_equal(reference, tile("concrete", 0.02, 1, 1.0))
+    assert not np.array_equal(reference, tile("concrete", 0.02, 2, 1.0))
     blank = tile("concrete", 0.02, 1, 0.25)
-    assert blank.std() < 0.4 * first.std()
+    assert blank.std() < 0.4 * reference.std()
     red = tile("paint:c02020", 0.02, 1, 1.0).mean(axis=(0, 1))
     assert red[0] > 180.0 > 50.0 > red[1]
 
@@ -63,8 +63,8 @@ def test_a_print_fills_its_size_and_follows_its_number(kind):
     assert image.shape == (80, 120, 3)
     assert picture(what, (0.01, 0.02), 5).shape == (80, 60, 3)
     assert np.array_equal(image, picture(what, (0.01, 0.01), 5))
-    others = [picture(what._replace(number=k), (0.01, 0.01), 5) for k in range(2, 5)]
-    assert all(np.array_equal(image, other) for other in others) == (kind not in DRAWN)
+    variants = [picture(what._replace(number=k), (0.01, 0.01), 5) for k in range(2, 5)]
+    assert all(np.array_equal(image, variant) for variant in variants) == (kind not in DRAWN)
     if kind in ("grid", "door", "doors", "window", "books"):
         assert np.ptp(image.astype(int)) > 80
 

@@ -67,19 +67,19 @@ def test_rays_meet_what_an_independent_caster_says():
     ways = stream.normal(size=(4000, 3)) * stream.uniform(0.1, 5.0, (4000, 1))
     expected, number = met(mesh.corners, origins, ways)
     hits = MeshCaster(mesh).cast(origins, ways, nearest=0.0)
-    same = hits.surface == number
-    assert same.mean() > 0.999
+    agreeing = hits.surface == number
+    assert agreeing.mean() > 0.999
     assert 0.3 < np.isfinite(expected).mean() < 0.95
-    seen = same & (number >= 0)
-    assert np.abs(hits.distance[seen] / expected[seen] - 1.0).max() < 1e-6
-    assert np.median(np.abs(hits.distance[seen] - expected[seen])) < 1e-9
+    hit = agreeing & (number >= 0)
+    assert np.abs(hits.distance[hit] / expected[hit] - 1.0).max() < 1e-6
+    assert np.median(np.abs(hits.distance[hit] - expected[hit])) < 1e-9
     assert not np.isfinite(hits.distance[number < 0]).any()
     blocked = MeshCaster(mesh).blocked(origins, ways, 1.0)
     assert (blocked == (expected < 1.0)).mean() > 0.999
 
 
 def test_a_sphere_is_met_where_its_triangles_are_and_none_is_missed():
-    """From inside a closed body every ray meets something: no ray slips between two triangles."""
+    """Every ray from inside a closed body hits it: no ray slips between two triangles."""
     sphere = trimesh.creation.icosphere(subdivisions=5, radius=3.0)
     mesh = plain(sphere.vertices, sphere.faces)
     caster, ways = MeshCaster(mesh), spread(200_000)
@@ -104,7 +104,7 @@ def test_points_on_a_mesh_are_seen_unless_something_is_before_them():
 
 
 def test_scattered_points_are_even():
-    """In a box of 2 x 4 x 6 the share of the faces is that of their areas: binomial, 4 sigma."""
+    """The shares of the faces of a box of 2 x 4 x 6 are those of their areas: binomial, 4 sigma."""
     mesh = plain(BOX.vertices, BOX.faces)
     sums = np.cumsum(areas(mesh))
     assert sums[-1] == pytest.approx(88.0)
@@ -241,9 +241,9 @@ BAD = {
 
 @pytest.mark.parametrize("name", BAD)
 def test_a_bad_file_gets_one_line(tmp_path, capfd, name):
-    content, words = BAD[name]
+    content, message = BAD[name]
     (tmp_path / name).write_bytes(content)
-    with pytest.raises(InputError, match=words) as caught:
+    with pytest.raises(InputError, match=message) as caught:
         read_mesh(tmp_path / name)
     (line,) = caught.value.problems
     assert line.startswith(str(tmp_path / name))
@@ -267,9 +267,11 @@ def test_textures_that_cannot_be_had_get_a_line(tmp_path, capfd):
         *quads([[0, 0, 0], [1, 0, 0], [0, 1, 0]]), stream.integers(0, 255, (64, 64, 3))
     )
     content = board.export(file_type="glb")
-    at = content.find(b"\x89PNG")
-    (tmp_path / "a.glb").write_bytes(content[:at] + b"XXXX" + content[at + 4 :])
-    (tmp_path / "b.glb").write_bytes(content[: at + 99] + bytes(4000) + content[at + 4099 :])
+    signature = content.find(b"\x89PNG")
+    (tmp_path / "a.glb").write_bytes(content[:signature] + b"XXXX" + content[signature + 4 :])
+    (tmp_path / "b.glb").write_bytes(
+        content[: signature + 99] + bytes(4000) + content[signature + 4099 :]
+    )
     for name in ("a", "b"):
         with pytest.raises(
             InputError, match=rf"{name}.glb: a texture (is no picture|cannot be read)"
@@ -277,7 +279,7 @@ def test_textures_that_cannot_be_had_get_a_line(tmp_path, capfd):
             read_mesh(tmp_path / f"{name}.glb")
     (tmp_path / "m.mtl").write_text(material.format(r"sub\a%20b.png"))
     (tmp_path / "sub").mkdir()
-    picture = content[at : content.find(b"IEND") + 8]
+    picture = content[signature : content.find(b"IEND") + 8]
     (tmp_path / "sub/a b.png").write_bytes(picture)
     assert len(read_mesh(tmp_path / "x.obj").textures) == 1
     assert capfd.readouterr() == ("", "")
@@ -304,7 +306,7 @@ def test_nothing_outside_of_the_folder_is_read(tmp_path, name):
     red, green = (picture(np.full((4, 4, 3), c)) for c in ([255, 0, 0], [0, 255, 0]))
     red.save(tmp_path / "t.png")
     (tmp_path / "b.bin").write_bytes(bytes(36))
-    texture, buffer = (name.format(each, folder=tmp_path) for each in ("t.png", "b.bin"))
+    texture, buffer = (name.format(reference, folder=tmp_path) for reference in ("t.png", "b.bin"))
     (mesh / "m.mtl").write_text(f"newmtl m\nmap_Kd {texture}\n")
     (mesh / "x.obj").write_text(f"mtllib m.mtl\n{TRIANGLE}usemtl m\nf 1/1 2/2 3/3\n")
     (mesh / "x.gltf").write_text(
@@ -371,8 +373,8 @@ def test_the_largest_texture_fits_into_the_memory(tmp_path):
     image.save(tmp_path / "t.jpg")
     (tmp_path / "m.mtl").write_text("newmtl m\nmap_Kd t.jpg\n")
     (tmp_path / "x.obj").write_text(f"mtllib m.mtl\n{TRIANGLE}usemtl m\nf 1/1 2/2 3/3\n")
-    words = [sys.executable, "-c", MEMORY, str(tmp_path / "x.obj")]
-    kilobytes = int(subprocess.run(words, check=True, capture_output=True).stdout)
+    command = [sys.executable, "-c", MEMORY, str(tmp_path / "x.obj")]
+    kilobytes = int(subprocess.run(command, check=True, capture_output=True).stdout)
     assert 100e3 < kilobytes < 500e3
 
 

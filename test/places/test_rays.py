@@ -61,14 +61,14 @@ def test_a_box_is_met_where_its_walls_are(of_the_box):
     count = 100_000  # more than are processed at once
     origins = RNG.uniform(-0.9, 0.9, (count, 3)) * HALF
     directions = spread(count)
-    found = of_the_box.trace(np.zeros(count), origins, directions)
+    hits = of_the_box.trace(np.zeros(count), origins, directions)
     distance, face, along = within_box(origins, directions)
     # Double precision, a few roundings of numbers of 10 m; the edges themselves belong to either.
-    assert np.abs(found.distance - distance).max() < 1e-12
-    number = found.surface // (2 if found.surface.max() > 5 else 1)  # two triangles a wall
+    assert np.abs(hits.distance - distance).max() < 1e-12
+    number = hits.surface // (2 if hits.surface.max() > 5 else 1)  # two triangles a wall
     assert np.mean(number != face) < 1e-4
-    assert np.abs(np.abs(found.along) - along)[number == face].max() < 1e-12
-    assert not found.body.any()
+    assert np.abs(np.abs(hits.along) - along)[number == face].max() < 1e-12
+    assert not hits.body.any()
 
 
 def test_nothing_is_met_through_the_sky():
@@ -76,16 +76,16 @@ def test_nothing_is_met_through_the_sky():
     sky[5] = True  # +z
     tracer = RayTracer(box(), seen_through=sky)
     directions = np.array([[0.0, 0, 1], [0, 0, -1], [1, 0, 0]])
-    found = tracer.trace(np.zeros(3), np.zeros((3, 3)), directions)
-    assert np.array_equal(found.distance, [np.inf, 1.5, 3.0])
-    assert np.array_equal(found.surface, [-1, 4, 1])
-    assert found.along[0] == 0.0
+    hits = tracer.trace(np.zeros(3), np.zeros((3, 3)), directions)
+    assert np.array_equal(hits.distance, [np.inf, 1.5, 3.0])
+    assert np.array_equal(hits.surface, [-1, 4, 1])
+    assert hits.along[0] == 0.0
 
 
 def test_an_empty_world():
-    found = RayTracer(NO_SURFACES).trace(np.zeros(4), np.zeros((4, 3)), spread(4))
-    assert np.isinf(found.distance).all()
-    assert (found.surface == -1).all()
+    hits = RayTracer(NO_SURFACES).trace(np.zeros(4), np.zeros((4, 3)), spread(4))
+    assert np.isinf(hits.distance).all()
+    assert (hits.surface == -1).all()
 
 
 def moving_block():
@@ -98,26 +98,26 @@ def moving_block():
 
 
 def test_a_moving_body_is_met_where_it_is_at_each_rays_own_time():
-    """Of 0.1 s of rays, each against a box at rest in the pose of its time."""
+    """Rays over 0.1 s hit the moving box as a box at rest in the pose of their time."""
     block, count = moving_block(), 20_000
     t = np.sort(RNG.uniform(3.0, 3.1, count))
     directions = np.column_stack([np.ones(count), RNG.uniform(-0.6, 0.6, (count, 2))])
     directions /= np.linalg.norm(directions, axis=1, keepdims=True)
     origins = RNG.uniform(-0.1, 0.1, (count, 3))
-    found = RayTracer(NO_SURFACES, bodies=[block]).trace(t, origins, directions)
+    hits = RayTracer(NO_SURFACES, bodies=[block]).trace(t, origins, directions)
     start = block.inside(t, origins)
     end = block.inside(t, origins + directions)
     way = end - start
     low, high = np.array([-1.0, -0.5, 0.0]), np.array([1.0, 0.5, 1.0])
     with np.errstate(divide="ignore", invalid="ignore"):
         ends = np.stack([(low - start) / way, (high - start) / way])
-    near, far = ends.min(axis=0).max(axis=1), ends.max(axis=0).min(axis=1)
-    meets = (near < far) & (near > 0.0)
+    entry_distance, exit_distance = ends.min(axis=0).max(axis=1), ends.max(axis=0).min(axis=1)
+    meets = (entry_distance < exit_distance) & (entry_distance > 0.0)
     assert 0.02 < meets.mean() < 0.9
-    assert (np.isfinite(found.distance) == meets).mean() > 0.9995  # all but some edges
-    both = np.isfinite(found.distance) & meets
-    assert np.abs(found.distance - near)[both].max() < 1e-9
-    assert (found.body[np.isfinite(found.distance)] == 1).all()
+    assert (np.isfinite(hits.distance) == meets).mean() > 0.9995  # all but some edges
+    both = np.isfinite(hits.distance) & meets
+    assert np.abs(hits.distance - entry_distance)[both].max() < 1e-9
+    assert (hits.body[np.isfinite(hits.distance)] == 1).all()
 
 
 def test_what_is_nearer_hides_what_is_farther():
@@ -125,8 +125,8 @@ def test_what_is_nearer_hides_what_is_farther():
         [(np.array([2.0, -5, -5]), np.array([0.0, 10, 0]), np.array([0.0, 0, 10]))], True
     )
     tracer = RayTracer(wall, bodies=[moving_block()])
-    found = tracer.trace(np.full(1, 3.0), np.zeros((1, 3)), np.array([[1.0, 0.0, 0.0]]))
-    assert found.distance[0] == pytest.approx(2.0, abs=1e-12)
-    assert found.body[0] == 0
+    hits = tracer.trace(np.full(1, 3.0), np.zeros((1, 3)), np.array([[1.0, 0.0, 0.0]]))
+    assert hits.distance[0] == pytest.approx(2.0, abs=1e-12)
+    assert hits.body[0] == 0
     behind = tracer.trace(np.full(1, 3.0), np.array([[2.5, 0, 0]]), np.array([[1.0, 0.0, 0.0]]))
     assert behind.body[0] == 1

@@ -28,12 +28,12 @@ def test_a_shadow_begins_at_the_foot_and_ends_below_the_sun():
     assert thrown.start.tolist() == [0.0, 0.0]
     assert thrown.end == pytest.approx([-1.75 * 0.6, -1.75 * 0.45])
     floor = thrown.floor()
-    for place, left in ((thrown.start, 0.3), (thrown.end, 0.3), (2 * thrown.end, 1.0)):
+    for place, transmittance in ((thrown.start, 0.3), (thrown.end, 0.3), (2 * thrown.end, 1.0)):
         offset = np.append(place, 0.0) - floor.origin[0]
-        at = [offset @ side[0] / (side[0] @ side[0]) for side in (floor.across, floor.up)]
+        coordinates = [offset @ side[0] / (side[0] @ side[0]) for side in (floor.across, floor.up)]
         line = (thrown.length, thrown.radius, thrown.depth)
-        found = light_left(*np.array([*at, *line], np.float32))
-        assert found == pytest.approx(left, abs=1e-5)
+        transmitted = light_left(*np.array([*coordinates, *line], np.float32))
+        assert transmitted == pytest.approx(transmittance, abs=1e-5)
 
 
 def test_the_sun_throws_shadows_under_the_open_sky_only():
@@ -43,7 +43,7 @@ def test_the_sun_throws_shadows_under_the_open_sky_only():
     dome = surfaces(
         [(np.array([-9.0, -9, 9]), np.array([18.0, 0, 0]), np.array([0.0, 18, 0]))], True
     )
-    both = surfaces([tuple(part[0] for part in each[:3]) for each in (roof, dome)], True)
+    both = surfaces([tuple(part[0] for part in group[:3]) for group in (roof, dome)], True)
     sun = sunlight(both, np.array([False, True]), lighting)
     # The roof's shadow lies 3 * 0.6 / 0.8 = 2.25 m from below it.
     assert [sun.share(np.array([x, 1.0, 0])) for x in (-2.3, -2.2, -0.3, -0.2)] == [

@@ -47,15 +47,15 @@ _START = 2.0
 
 def topics(images: str | None) -> dict[str, str]:
     """Return the type of each topic of a run."""
-    found = {IMU: "sensor_msgs/msg/Imu", TRUTH: "nav_msgs/msg/Odometry"}
+    topic_types = {IMU: "sensor_msgs/msg/Imu", TRUTH: "nav_msgs/msg/Odometry"}
     if images is None:
-        return found
+        return topic_types
     raw = images == "raw"
     for camera in CAMERAS:
         name = f"/{camera}/image_raw" + ("" if raw else "/compressed")
-        found[name] = f"sensor_msgs/msg/{'Image' if raw else 'CompressedImage'}"
-        found[f"/{camera}/camera_info"] = "sensor_msgs/msg/CameraInfo"
-    return {**found, TRACKS: "sensor_msgs/msg/PointCloud"}
+        topic_types[name] = f"sensor_msgs/msg/{'Image' if raw else 'CompressedImage'}"
+        topic_types[f"/{camera}/camera_info"] = "sensor_msgs/msg/CameraInfo"
+    return {**topic_types, TRACKS: "sensor_msgs/msg/PointCloud"}
 
 
 def listen(images: str | None) -> None:
@@ -97,13 +97,13 @@ def listen(images: str | None) -> None:
 def simulator(images: str | None, duration: float, recorded: bool) -> list[str]:
     """Return the simulator's command line."""
     waits = str(2 if recorded else 1)
-    words = [
+    command = [
         *(sys.executable, "-m", "imu_sim_ros.nodes.simulator.node", "--imu", "adis16448"),
         *("--trajectory", "figure_eight", "--rate", "200", "--duration", str(duration)),
         *("--wait-for-subscribers", waits, "--wait-for-truth-subscribers", waits),
     ]
     if images is None:
-        return words
+        return command
     values = {
         "cameras": "[cam0, cam1]",
         "cam0.camera.preset": "euroc_cam0",
@@ -111,13 +111,13 @@ def simulator(images: str | None, duration: float, recorded: bool) -> list[str]:
         "camera.body_axes": "flu",
         "camera.images": images,
     }
-    return [*words, "--ros-args", *(w for k, v in values.items() for w in ("-p", f"{k}:={v}"))]
+    return [*command, "--ros-args", *(w for k, v in values.items() for w in ("-p", f"{k}:={v}"))]
 
 
-def counted(words: str) -> dict[str, int]:
+def counted(output: str) -> dict[str, int]:
     """Return the counts that a process printed, by topic."""
-    found = re.findall(r"published (\d+) messages on (\S+)", words)
-    return {"/" + name.lstrip("/"): int(n) for n, name in found}
+    counts = re.findall(r"published (\d+) messages on (\S+)", output)
+    return {"/" + name.lstrip("/"): int(n) for n, name in counts}
 
 
 def start(command: list[str], folder: str) -> subprocess.Popen[str]:
@@ -136,26 +136,28 @@ def live(label: str, images: str | None, recorder: list[str] | None, duration: f
             command = [sys.executable, "-m", "imu_sim_ros.nodes.recorder.node", "-o", "bag"]
             recording = start([*command, *topics(images), *recorder], folder)
         time.sleep(_START)
-        before = resource.getrusage(resource.RUSAGE_CHILDREN)
+        usage_start = resource.getrusage(resource.RUSAGE_CHILDREN)
         node = start(simulator(images, duration, recorder is not None), folder)
-        said = node.communicate()[0]
-        after = resource.getrusage(resource.RUSAGE_CHILDREN)
+        output = node.communicate()[0]
+        usage_end = resource.getrusage(resource.RUSAGE_CHILDREN)
         time.sleep(1.0)
         listener.send_signal(signal.SIGINT)
         heard = counted(listener.communicate()[0])
         stored = "-"
-        published = counted(said)
+        published = counted(output)
         if recording is not None:
             recording.send_signal(signal.SIGINT)
             rows = re.findall(r"^\s*(/\S+)\s+(\d+)", recording.communicate()[0], re.MULTILINE)
-            kept = {name: int(number) for name, number in rows}
-            stored = " ".join(str(published.get(t, 0) - kept.get(t, 0)) for t in topics(images))
-    late = re.search(r"p50 (\d+) us, p99 (\d+) us, max (\d+) us", said)
-    used = after.ru_utime + after.ru_stime - before.ru_utime - before.ru_stime
+            stored_counts = {name: int(number) for name, number in rows}
+            stored = " ".join(
+                str(published.get(t, 0) - stored_counts.get(t, 0)) for t in topics(images)
+            )
+    late = re.search(r"p50 (\d+) us, p99 (\d+) us, max (\d+) us", output)
+    used = usage_end.ru_utime + usage_end.ru_stime - usage_start.ru_utime - usage_start.ru_stime
     lost = " ".join(str(published.get(t, 0) - heard.get(t, 0)) for t in topics(images))
     total = sum(published.get(topic, 0) for topic in topics(images))
     if not late:
-        print(said)
+        print(output)
     return [
         *(label, str(total), lost, stored),
         *(late.groups() if late else ("", "", "")),
@@ -163,14 +165,14 @@ def live(label: str, images: str | None, recorder: list[str] | None, duration: f
     ]
 
 
-def made(trajectory: str, **more: object) -> "Rig":
+def made(trajectory: str, **overrides: object) -> "Rig":
     """Return EuRoC's first camera on a trajectory."""
     from imu_sim_ros.camera import build_rig
     from imu_sim_ros.trajectory.parameters import trajectory_layer
 
-    given = {"cameras": ["cam0"], "cam0.camera.preset": "euroc_cam0", "duration": 60.0}
+    parameters = {"cameras": ["cam0"], "cam0.camera.preset": "euroc_cam0", "duration": 60.0}
     axes = {} if trajectory.endswith(".csv") else {"camera.body_axes": "flu"}
-    return build_rig({**given, **axes, **trajectory_layer(trajectory), **more})
+    return build_rig({**parameters, **axes, **trajectory_layer(trajectory), **overrides})
 
 
 def per_second(work: Callable[[], int]) -> str:
@@ -196,14 +198,14 @@ def speeds(trajectory: str) -> list[list[str]]:
     def coded(imager: Imager) -> int:
         return len([png(imager.image(k)) for k in frames])
 
-    for label, more in (
+    for label, overrides in (
         ("nearest mip level", {}),
         ("trilinear", {"camera.mip_levels": "trilinear"}),
         ("colours", {"camera.encoding": "rgb8"}),
         ("2 x 2 rays a pixel", {"camera.supersampling": 2}),
         ("blur of 8 instants", {"camera.exposure_time": 0.01}),
     ):
-        rig = made(trajectory, **more)
+        rig = made(trajectory, **overrides)
         view = rig.views["cam0"]
         look = textures(rig.scene, rig.parameters.scene, view.parameters.encoding == "rgb8")
         imager = Imager(view, rig.scene, look, rig.trajectory)
@@ -217,19 +219,21 @@ def speeds(trajectory: str) -> list[list[str]]:
 def dataset(trajectory: str, duration: float) -> list[str]:
     """Return wall and processor time of a stereo dataset in EuRoC's form, and its peak memory."""
     with tempfile.TemporaryDirectory() as folder:
-        words = ["-o", f"{folder}/mav0", "--format", "euroc", "--imu", "adis16448", "--quiet"]
-        words += ["--trajectory", trajectory, "--duration", f"{duration}s"]
-        words += ["--camera", "euroc_cam0", "--camera", "euroc_cam1"]
+        arguments = ["-o", f"{folder}/mav0", "--format", "euroc", "--imu", "adis16448", "--quiet"]
+        arguments += ["--trajectory", trajectory, "--duration", f"{duration}s"]
+        arguments += ["--camera", "euroc_cam0", "--camera", "euroc_cam1"]
         if not trajectory.endswith(".csv"):
-            words += ["--set", "camera.body_axes=flu"]
-        before, begun = resource.getrusage(resource.RUSAGE_CHILDREN), time.monotonic()
-        subprocess.run([sys.executable, "-m", "imu_sim_ros.commands.generate", *words], check=True)
-        wall, after = time.monotonic() - begun, resource.getrusage(resource.RUSAGE_CHILDREN)
+            arguments += ["--set", "camera.body_axes=flu"]
+        usage_start, begun = resource.getrusage(resource.RUSAGE_CHILDREN), time.monotonic()
+        subprocess.run(
+            [sys.executable, "-m", "imu_sim_ros.commands.generate", *arguments], check=True
+        )
+        wall, usage_end = time.monotonic() - begun, resource.getrusage(resource.RUSAGE_CHILDREN)
         images = len(list(Path(folder).rglob("*.png")))
-    used = after.ru_utime + after.ru_stime - before.ru_utime - before.ru_stime
+    used = usage_end.ru_utime + usage_end.ru_stime - usage_start.ru_utime - usage_start.ru_stime
     return [
         *(f"{duration:g}", str(images), f"{wall:.1f}", f"{used:.1f}", f"{images / wall:.1f}"),
-        f"{after.ru_maxrss / 1024:.0f}",
+        f"{usage_end.ru_maxrss / 1024:.0f}",
     ]
 
 

@@ -45,9 +45,9 @@ class Variant(NamedTuple):
     """A node that takes imu/ideal."""
 
     topic: str
-    """What it publishes."""
+    """Topic of the readings with errors."""
     words: list[str]
-    """Its command line."""
+    """Command line of the node."""
 
 
 def relays() -> dict[str, Variant]:
@@ -60,14 +60,14 @@ def relays() -> dict[str, Variant]:
 
 def models(imus: list[str], rate: int) -> dict[str, Variant]:
     """Return a node for each preset."""
-    found = {}
+    variants = {}
     for imu in imus:
         node = [sys.executable, "-m", "imu_sim_ros.nodes.error_model.node", "--imu", imu]
         topic = f"noisy_{imu}"
         names = ["-r", f"imu/data_raw:={topic}", "-r", f"__node:=model_{imu}"]
         ros = ["--ros-args", "--log-level", "warn", *names]
-        found[f"error_model, {imu}"] = Variant(topic, [*node, "--rate", str(rate), *ros])
-    return found
+        variants[f"error_model, {imu}"] = Variant(topic, [*node, "--rate", str(rate), *ros])
+    return variants
 
 
 def relay(way: str) -> None:
@@ -89,8 +89,8 @@ def relay(way: str) -> None:
     send = Counter("", publisher).send
     if way == "thread":
 
-        def pass_on(_topic: str, taken: list[Taken]) -> None:
-            for payload, _ in taken:
+        def pass_on(_topic: str, messages: list[Taken]) -> None:
+            for payload, _ in messages:
                 send(payload)
 
         reader = RawSubscriptions(node, pass_on, print, _PERIOD, "imu/ideal")
@@ -122,10 +122,10 @@ def listen(topics: list[str], file: Path) -> None:
     node = rclpy.create_node("listener")
     arrived: dict[str, list[tuple[bytes, int]]] = {topic: [] for topic in topics}
 
-    def take(topic: str, taken: list[Taken]) -> None:
+    def take(topic: str, messages: list[Taken]) -> None:
         if not arrived[topic]:
             print("receiving", topic, flush=True)
-        arrived[topic] += [(data[4:12], said["received_timestamp"]) for data, said in taken]
+        arrived[topic] += [(data[4:12], info["received_timestamp"]) for data, info in messages]
 
     reader = RawSubscriptions(node, take, print, _PERIOD)
     for topic in topics:
@@ -136,7 +136,7 @@ def listen(topics: list[str], file: Path) -> None:
     for topic, rows in arrived.items():
         stamps = [struct.unpack("<iI", stamp) for stamp, _ in rows]
         columns[topic] = [
-            (s * 10**9 + ns, at) for (s, ns), (_, at) in zip(stamps, rows, strict=True)
+            (s * 10**9 + ns, arrival) for (s, ns), (_, arrival) in zip(stamps, rows, strict=True)
         ]
     file.write_text(json.dumps(columns))
     rclpy.try_shutdown()
@@ -179,9 +179,9 @@ def cpu_seconds(pid: int) -> float:
     return (int(fields[11]) + int(fields[12])) / _TICKS
 
 
-def measure(own: Mapping[str, Variant], rate: int, duration: float) -> list[list[str]]:
+def measure(variants: Mapping[str, Variant], rate: int, duration: float) -> list[list[str]]:
     """Run all variants at the same time."""
-    topics = ["imu/ideal", *(variant.topic for variant in own.values())]
+    topics = ["imu/ideal", *(variant.topic for variant in variants.values())]
     with tempfile.TemporaryDirectory() as folder:
         file = Path(folder) / "arrived.json"
         listener = subprocess.Popen(
@@ -190,7 +190,8 @@ def measure(own: Mapping[str, Variant], rate: int, duration: float) -> list[list
         )
         assert listener.stdout is not None
         running = [
-            subprocess.Popen(variant.words, stdout=subprocess.DEVNULL) for variant in own.values()
+            subprocess.Popen(variant.words, stdout=subprocess.DEVNULL)
+            for variant in variants.values()
         ]
         source = subprocess.Popen(
             [
@@ -201,26 +202,26 @@ def measure(own: Mapping[str, Variant], rate: int, duration: float) -> list[list
         for _ in topics:
             listener.stdout.readline()
         time.sleep(_WARM_UP)
-        before, begin = [cpu_seconds(process.pid) for process in running], time.monotonic()
+        cpu_start, begin = [cpu_seconds(process.pid) for process in running], time.monotonic()
         time.sleep(duration - 0.5)
-        after, passed = [cpu_seconds(p.pid) for p in running], time.monotonic() - begin
+        cpu_end, passed = [cpu_seconds(p.pid) for p in running], time.monotonic() - begin
         source.wait()
         for process in [*running, listener]:
             process.send_signal(signal.SIGINT)
             process.wait()
         columns = {topic: np.array(rows) for topic, rows in json.loads(file.read_text()).items()}
-    return list(_rows(own, columns, np.subtract(after, before) / passed))
+    return list(_rows(variants, columns, np.subtract(cpu_end, cpu_start) / passed))
 
 
 def _rows(
-    own: Mapping[str, Variant], columns: Mapping[str, np.ndarray], used: np.ndarray
+    variants: Mapping[str, Variant], columns: Mapping[str, np.ndarray], used: np.ndarray
 ) -> Iterator[list[str]]:
     ideal = columns["imu/ideal"]
-    first = ideal[0, 0] + round((_WARM_UP + 1.0) * 1e9)
-    for (name, variant), cpu in zip(own.items(), used, strict=True):
-        made = columns[variant.topic]
-        stamps, k, m = np.intersect1d(ideal[:, 0], made[:, 0], return_indices=True)
-        late = (made[m, 1] - ideal[k, 1])[stamps > first] * 1e-3
+    start = ideal[0, 0] + round((_WARM_UP + 1.0) * 1e9)
+    for (name, variant), cpu in zip(variants.items(), used, strict=True):
+        output = columns[variant.topic]
+        stamps, k, m = np.intersect1d(ideal[:, 0], output[:, 0], return_indices=True)
+        late = (output[m, 1] - ideal[k, 1])[stamps > start] * 1e-3
         p50, p99 = np.percentile(late, [50.0, 99.0])
         yield [
             name,
@@ -260,8 +261,8 @@ def main() -> None:
     os.environ["PYTHONPATH"] = str(HERE.parents[3])
     passing = relays()
     nodes = models(arguments.imu, arguments.rate)
-    first = {"relay, thread": passing["relay, thread"], **nodes}
-    for own in (first, passing):  # an executor disturbs what runs next to it
+    node_variants = {"relay, thread": passing["relay, thread"], **nodes}
+    for variants in (node_variants, passing):  # an executor disturbs what runs next to it
         print_table(
             [
                 "node",
@@ -273,7 +274,7 @@ def main() -> None:
                 "p99 [us]",
                 "max [us]",
             ],
-            measure(own, arguments.rate, arguments.duration),
+            measure(variants, arguments.rate, arguments.duration),
             f"{arguments.rate} Hz, reliable, {arguments.duration:g} s after {_WARM_UP:g} s",
         )
 

@@ -188,15 +188,15 @@ def measure(publisher: str, rate: int, duration: float, preset: str) -> list[str
         text=True,
     )
     time.sleep(_WARM_UP)
-    before, start = cpu_seconds(process.pid), time.monotonic()
+    cpu_start, start = cpu_seconds(process.pid), time.monotonic()
     time.sleep(duration - 0.5)  # the last message is still to come then
-    cpu = (cpu_seconds(process.pid) - before) / (time.monotonic() - start)
-    said = process.communicate()[0]
+    cpu = (cpu_seconds(process.pid) - cpu_start) / (time.monotonic() - start)
+    output = process.communicate()[0]
     time.sleep(1.0)
     listener.send_signal(signal.SIGINT)
     heard = listener.communicate()[0]
-    published = int(re.findall(r"published (\d+) messages on imu/data_raw", said)[0])
-    lateness = re.search(r"p50 (\d+) us, p99 (\d+) us, max (\d+) us", said)
+    published = int(re.findall(r"published (\d+) messages on imu/data_raw", output)[0])
+    lateness = re.search(r"p50 (\d+) us, p99 (\d+) us, max (\d+) us", output)
     received = [int(n) for n in re.findall(r"listener: \S+ (\d+) lost", heard)]
     return [
         _TITLES[publisher].format(preset),

@@ -1,7 +1,7 @@
 # Copyright 2026 imu_sim_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""What sensors other than the IMU cost live: processor time of the simulator with and without them.
+"""Cost of sensors other than the IMU live: processor time of the simulator with and without them.
 
 All variants run at the same time, each with a subscriber to all of its topics in a domain of its
 own, so that whatever else the machine does slows all of them alike: the differences within a run
@@ -95,8 +95,8 @@ def start(variant: str, rate: int, seconds: float, domain: int) -> list[subproce
         *("--wait-for-subscribers", "1", *VARIANTS[variant]),
     ]
     return [
-        subprocess.Popen(words, env=environment, stdout=subprocess.PIPE, text=True, stderr=-3)
-        for words in ([sys.executable, str(HERE), "--listen"], simulator)
+        subprocess.Popen(command, env=environment, stdout=subprocess.PIPE, text=True, stderr=-3)
+        for command in ([sys.executable, str(HERE), "--listen"], simulator)
     ]
 
 
@@ -108,19 +108,19 @@ def measure(rate: int, duration: float) -> list[list[str]]:
         assert listener.stdout is not None
         listener.stdout.readline()
     time.sleep(_WARM_UP)
-    before = [cpu_seconds(simulator.pid) for _, simulator in pairs]
+    cpu_start = [cpu_seconds(simulator.pid) for _, simulator in pairs]
     begin = time.monotonic()
     time.sleep(duration - _TAIL)
-    after = [cpu_seconds(simulator.pid) for _, simulator in pairs]
+    cpu_end = [cpu_seconds(simulator.pid) for _, simulator in pairs]
     passed = time.monotonic() - begin
-    percent = [100.0 * (b - a) / passed for a, b in zip(before, after, strict=True)]
+    percent = [100.0 * (b - a) / passed for a, b in zip(cpu_start, cpu_end, strict=True)]
     rows = []
     for variant, cpu, (listener, simulator) in zip(VARIANTS, percent, pairs, strict=True):
-        said = simulator.communicate()[0]
+        output = simulator.communicate()[0]
         time.sleep(0.5)
         listener.send_signal(signal.SIGINT)
         received = int(re.findall(r"received (\d+)", listener.communicate()[0])[0])
-        sent = sum(int(n) for n in re.findall(r"published (\d+) messages", said))
+        sent = sum(int(n) for n in re.findall(r"published (\d+) messages", output))
         extra = cpu - percent[0]
         rows.append([variant, f"{cpu:.2f}", f"{extra:.2f}", f"{cpu / percent[0]:.2f}"])
         rows[-1] += [str(sent), str(sent - received)]

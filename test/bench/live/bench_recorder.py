@@ -70,13 +70,17 @@ def measure(
         arguments = ["-o", str(bag), *_TOPICS] if recording else []
         subject = start(node, [*arguments, *options], folder)
         time.sleep(_START)
-        before = cpu(subject.pid)
+        cpu_start = cpu(subject.pid)
         published = simulate(rate, duration, folder, both=recording)
         time.sleep(0.5)
-        used = cpu(subject.pid) - before
+        used = cpu(subject.pid) - cpu_start
         subject.send_signal(signal.SIGINT)
-        words = subject.communicate()[0]
-        got = stored(words, _TOPICS) if recording else counted(words, "dead_reckoned/odom")
+        program_output = subject.communicate()[0]
+        got = (
+            stored(program_output, _TOPICS)
+            if recording
+            else counted(program_output, "dead_reckoned/odom")
+        )
         size = sum(f.stat().st_size for f in Path(folder).rglob("*") if f.is_file())
     return (
         f"{node}: {label}",
@@ -136,21 +140,21 @@ def simulate(rate: int, duration: float, folder: str, both: bool) -> int:
     truth = ["--wait_for_truth_subscribers", "1"] if both else []
     arguments = ["--rate", str(rate), "--duration", str(duration), "--imu", "adis16448"]
     simulator = start("simulator", [*arguments, "--wait_for_subscribers", "1", *truth], folder)
-    words = simulator.communicate()[0]
+    program_output = simulator.communicate()[0]
     topics = _TOPICS if both else _TOPICS[:1]
-    return sum(counted(words, topic[1:]) for topic in topics)
+    return sum(counted(program_output, topic[1:]) for topic in topics)
 
 
-def counted(words: str, topic: str) -> int:
+def counted(program_output: str, topic: str) -> int:
     """Return what a node said it published on a topic."""
-    lines = [line.split() for line in words.splitlines()]
+    lines = [line.split() for line in program_output.splitlines()]
     sent = [line for line in lines if line[1:2] == ["published"] and line[5:] == [topic]]
     return int(sent[0][2]) if sent else 0
 
 
-def stored(words: str, topics: tuple[str, ...]) -> int:
+def stored(program_output: str, topics: tuple[str, ...]) -> int:
     """Return what the recorder said it recorded of topics."""
-    rows = [line.split() for line in words.splitlines()]
+    rows = [line.split() for line in program_output.splitlines()]
     return sum(int(row[1]) for row in rows if row and row[0] in topics)
 
 

@@ -49,11 +49,11 @@ class Guest:
         self._next = time.monotonic()
         self._process: subprocess.Popen[bytes] | None = None
 
-    def look(self, now: float) -> None:
+    def look(self, time_s: float) -> None:
         """Come or go where it is time to."""
-        if now < self._next:
+        if time_s < self._next:
             return
-        self._next = now + self._period
+        self._next = time_s + self._period
         if self._process is None:
             quiet = subprocess.DEVNULL
             self._process = subprocess.Popen(self._command, stdout=quiet, stderr=quiet)
@@ -94,17 +94,17 @@ def soaked(duration: float) -> tuple[str, list[int], list[int]]:
     guest, memory, next_look = Guest(duration), [], time.monotonic()
     while simulator.poll() is None:
         executor.spin_once(timeout_sec=0.1)
-        now = time.monotonic()
-        if now >= next_look and arrivals:
-            next_look = now + _SAMPLING
+        clock = time.monotonic()
+        if clock >= next_look and arrivals:
+            next_look = clock + _SAMPLING
             memory.append(resident(simulator.pid))
-        guest.look(now)
+        guest.look(clock)
     for _ in range(20):
         executor.spin_once(timeout_sec=0.05)
     guest.end()
-    said = simulator.communicate()[0]
+    output = simulator.communicate()[0]
     rclpy.try_shutdown()
-    return said, arrivals, memory
+    return output, arrivals, memory
 
 
 def main() -> None:
@@ -115,9 +115,9 @@ def main() -> None:
     os.environ.setdefault("ROS_DOMAIN_ID", "96")
     os.environ.setdefault("ROS_AUTOMATIC_DISCOVERY_RANGE", "LOCALHOST")
     os.environ["PYTHONPATH"] = str(HERE.parents[3])
-    said, arrivals, memory = soaked(duration)
+    output, arrivals, memory = soaked(duration)
     settled = min(60, len(memory) // 10)
-    published = int(re.findall(r"published (\d+) messages on imu/data_raw", said)[0])
+    published = int(re.findall(r"published (\d+) messages on imu/data_raw", output)[0])
     print_table(
         ["simulated", "published", "not received", "memory", "growth", "drift of the stamps"],
         [

@@ -107,10 +107,10 @@ def starts_of_a_listener(publisher: str, starts: int) -> list[float]:
     for pause in pauses(starts):
         time.sleep(pause)
         start = time.monotonic()
-        said = subprocess.run(
+        listener = subprocess.run(
             [sys.executable, str(HERE), "--listen"], capture_output=True, text=True, check=True
         )
-        times.append(float(said.stdout) - start)
+        times.append(float(listener.stdout) - start)
     process.send_signal(signal.SIGINT)
     process.wait()
     return times

@@ -43,7 +43,7 @@ def programs(bag: str) -> dict[str, list[str]]:
 
     :param bag: 2 h at 200 Hz.
     """
-    found = {
+    command_lines = {
         "generate --help": ["generate", "--help"],
         "generate, 1 s, .mcap": ["generate", *SECOND, "{}/x.mcap"],
         "generate, 1 s, .bag": ["generate", *SECOND, "{}/x.bag"],
@@ -52,24 +52,27 @@ def programs(bag: str) -> dict[str, list[str]]:
     }
     if FLIGHT.is_file():
         along = [*SECOND, "{}/x.mcap", "--trajectory", str(FLIGHT)]
-        found["generate, 1 s along EuRoC V1_02"] = ["generate", *along]
+        command_lines["generate, 1 s along EuRoC V1_02"] = ["generate", *along]
     else:
         print(f"{FLIGHT}: missing, no row for it", file=sys.stderr)
-    found["allan, 2 h at 200 Hz, with files and picture"] = ["allan", bag, "-o", "{}/allan"]
-    return found
+    command_lines["allan, 2 h at 200 Hz, with files and picture"] = ["allan", bag, "-o", "{}/allan"]
+    return command_lines
 
 
 def run(command: Sequence[str], folder: str) -> tuple[float, float]:
     """Return wall and processor seconds of a program."""
-    words = [word.replace("{}", folder) for word in command]
-    before, started = getrusage(RUSAGE_CHILDREN), time.perf_counter()
+    arguments = [word.replace("{}", folder) for word in command]
+    usage_start, started = getrusage(RUSAGE_CHILDREN), time.perf_counter()
     subprocess.run(
-        [str(Path(sys.executable).with_name(words[0])), *words[1:]],
+        [str(Path(sys.executable).with_name(arguments[0])), *arguments[1:]],
         check=True,
         stdout=subprocess.DEVNULL,
     )
-    wall, after = time.perf_counter() - started, getrusage(RUSAGE_CHILDREN)
-    return wall, after.ru_utime + after.ru_stime - before.ru_utime - before.ru_stime
+    wall, usage_end = time.perf_counter() - started, getrusage(RUSAGE_CHILDREN)
+    return (
+        wall,
+        usage_end.ru_utime + usage_end.ru_stime - usage_start.ru_utime - usage_start.ru_stime,
+    )
 
 
 def of_programs(repeats: int) -> None:
@@ -79,12 +82,12 @@ def of_programs(repeats: int) -> None:
         bag = f"{top}/2h.mcap"
         run(["generate", *STATIC, "--duration", "2h", "--quiet", "-o", bag], top)
         for name, command in programs(bag).items():
-            found = []
+            timings = []
             for k in range(repeats):
                 folder = Path(top, f"{len(rows)}-{k}")
                 folder.mkdir()
-                found.append(run(command, str(folder)))
-            walls, used = zip(*found, strict=True)
+                timings.append(run(command, str(folder)))
+            walls, used = zip(*timings, strict=True)
             rows.append([name, *cells(walls, 1.0, 2), f"{min(used):.2f}"])
     header = ["whole process, s", "lowest", "median", "highest", "CPU, least"]
     print_table(header, rows, f"Programs, {repeats} runs each")
@@ -99,13 +102,13 @@ def cells(values: Sequence[float], unit: float, digits: int) -> list[str]:
 def timed(work: Callable[[], object], calls: int, repeats: int) -> list[float]:
     """Return the time of a call [s], as the mean of several, some times."""
     work()
-    found = []
+    timings = []
     for _ in range(repeats):
         started = time.perf_counter()
         for _ in range(calls):
             work()
-        found.append((time.perf_counter() - started) / calls)
-    return found
+        timings.append((time.perf_counter() - started) / calls)
+    return timings
 
 
 def of_calls(repeats: int) -> None:
@@ -121,7 +124,7 @@ def of_calls(repeats: int) -> None:
     force, rate = np.array([0.1, 0.2, 9.81]), np.array([0.1, 0.2, 0.3])
     level = np.eye(3)
     simple = Covariance(NOISE)
-    every = Covariance(load_simulation({"imu.preset": "mpu6000"}).imu)
+    full_covariance = Covariance(load_simulation({"imu.preset": "mpu6000"}).imu)
     work: dict[str, tuple[Callable[[], object], int, float]] = {
         "20 s at 200 Hz of mpu6000: parameters and samples, ms": (
             flight,
@@ -131,7 +134,7 @@ def of_calls(repeats: int) -> None:
         "the same: dead reckoning, ms": (lambda: ims.dead_reckon(simulated), 20, 1e-3),
         "covariance, a step of 5 ms, us": (lambda: simple.step(0.005, level, force), 2000, 1e-6),
         "with every error of mpu6000, us": (
-            lambda: every.step(0.005, level, force, rate),
+            lambda: full_covariance.step(0.005, level, force, rate),
             2000,
             1e-6,
         ),
