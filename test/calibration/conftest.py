@@ -25,8 +25,8 @@ class Rest:
 
     def blocks(self, size: int = 4000, keep: np.ndarray | None = None) -> Iterator[Readings]:
         rows = np.arange(len(self.t_ns)) if keep is None else np.flatnonzero(keep)
-        for first in range(0, len(rows), size):
-            part = rows[first : first + size]
+        for start in range(0, len(rows), size):
+            part = rows[start : start + size]
             yield Readings(self.t_ns[part], self.gyro[part], self.accel[part])
 
 

@@ -1,7 +1,7 @@
 # Copyright 2026 imu_sim_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""From messages to noise parameters: the checks, what each says, and what is left of the data."""
+"""Noise parameters from messages: the checks, their warnings, and the data that remain."""
 
 import numpy as np
 import pytest
@@ -33,7 +33,7 @@ def test_a_clean_record(rest):
     assert result.mean == pytest.approx([0.01, 0, -0.01, 0, 0, 9.81], abs=0.05)
     # A walk that five minutes hardly show may be a warm-up as well, which is told.
     usual = ("needs hours", "a warm-up of")
-    assert [w for w in result.warnings if not any(words in w for words in usual)] == []
+    assert [w for w in result.warnings if not any(text in w for text in usual)] == []
 
 
 def test_single_losses_are_filled_and_told(rest):
@@ -86,9 +86,11 @@ def test_a_tenth_lost_costs_no_bias(half_an_hour, burst):
 def test_neither_results_nor_draws_for_lost_samples_depend_on_the_blocks(rest):
     keep = np.random.default_rng(6).random(len(rest.t_ns)) > 0.05
     keep[0] = True
-    one, other = (analyse([rest.blocks(size, keep)]) for size in (1000, 30000))
-    assert noise(one) == pytest.approx(noise(other), rel=1e-9)
-    assert one.deviation.deviation == pytest.approx(other.deviation.deviation, rel=1e-9)
+    small_blocks, large_blocks = (analyse([rest.blocks(size, keep)]) for size in (1000, 30000))
+    assert noise(small_blocks) == pytest.approx(noise(large_blocks), rel=1e-9)
+    assert small_blocks.deviation.deviation == pytest.approx(
+        large_blocks.deviation.deviation, rel=1e-9
+    )
 
 
 def test_rate_is_the_count_over_the_time():
@@ -124,8 +126,8 @@ def test_slow_lines_are_taken_out_and_told():
     rest.gyro[:, 1] += 2e-4 * np.sin(2.0 * np.pi * t / 45.0)
     rest.accel[:, 2] += 0.05 * np.cos(2.0 * np.pi * t / 700.0)
     result = analyse([rest.blocks()])
-    for words in (r"gyroscope x: a sinusoid of 0.00", "gyroscope y: a", "accelerometer z: a"):
-        assert says(result, words)
+    for text in (r"gyroscope x: a sinusoid of 0.00", "gyroscope y: a", "accelerometer z: a"):
+        assert says(result, text)
     assert sum("sinusoid" in warning for warning in result.warnings) == 3
     assert result.estimate(0, "random_walk").high < 5e-6
     assert result.estimate(1, "random_walk").high < 5e-6
@@ -157,7 +159,7 @@ def test_a_slow_sine_is_no_random_walk(walk, size):
 
     from .conftest import Rest
 
-    b, held, highs = 3e-4, 0, []
+    b, covered, highs = 3e-4, 0, []
     for seed in range(2):
         rest = Rest(seconds=3600.0, rate=9.0)
         n = len(rest.t_ns)
@@ -169,11 +171,11 @@ def test_a_slow_sine_is_no_random_walk(walk, size):
         y += np.cumsum(steps, axis=0) + size * b * np.sin(phase)
         rest.gyro, rest.accel = y[:, :3], y[:, 3:] + [0.0, 0.0, 9.81]
         result = analyse([rest.blocks()], force=True)
-        found = [result.estimate(k, "random_walk") for k in range(6)]
-        held += sum(one.covers(walk) for one in found)
-        highs += [one.high for one in found]
+        walks = [result.estimate(k, "random_walk") for k in range(6)]
+        covered += sum(estimate.covers(walk) for estimate in walks)
+        highs += [estimate.high for estimate in walks]
         assert size < 10.0 or sum("was taken out" in warning for warning in result.warnings) == 6
-    assert held >= 10
+    assert covered >= 10
     assert np.median(highs) < 5e-5
 
 
@@ -192,8 +194,8 @@ def test_a_gap_is_not_bridged(rest):
 
 def test_several_bags_are_combined(rest):
     half = len(rest.t_ns) // 2
-    first = np.arange(len(rest.t_ns)) < half
-    result = analyse([rest.blocks(keep=~first), rest.blocks(keep=first)])  # in any order
+    first_half = np.arange(len(rest.t_ns)) < half
+    result = analyse([rest.blocks(keep=~first_half), rest.blocks(keep=first_half)])  # in any order
     right(result)
     assert result.duration == pytest.approx(300.0)
 
@@ -302,8 +304,8 @@ def test_a_low_pass_filter_does_not_spoil_the_density(order, cutoff):
     result = analyse([rest.blocks()])
     assert says(result, "low-pass")
     truth = [1e-3] * 3 + [0.01] * 3
-    held = [result.estimate(k, "noise_density").covers(n) for k, n in enumerate(truth)]
-    assert sum(held) >= 4
+    covered = [result.estimate(k, "noise_density").covers(n) for k, n in enumerate(truth)]
+    assert sum(covered) >= 4
     for value, n in zip(noise(result), truth, strict=True):
         assert value == pytest.approx(n, rel=0.02)
 
@@ -363,9 +365,9 @@ def test_motion_in_one_stretch_of_a_walk_is_motion():
     rest.accel += (
         3e-3 / np.sqrt(rest.rate) * np.cumsum(rng.standard_normal(rest.accel.shape), axis=0)
     )
-    held = slice(60_000, 90_000)
+    stretch = slice(60_000, 90_000)
     sway = np.cumsum(rng.standard_normal((30_000, 3)), axis=0) / np.sqrt(30_000)
-    rest.accel[held] += 5.0 * sway
+    rest.accel[stretch] += 5.0 * sway
     with pytest.raises(InputError, match="not at rest: the accelerometer"):
         analyse([rest.blocks()])
 
@@ -385,9 +387,9 @@ def test_what_a_coarse_resolution_hides_is_bounded(rest):
     result = analyse([rest.blocks()])
     for axis in range(6):
         for key in ("noise_density", "bias_instability", "random_walk", "rate_ramp"):
-            found = result.estimate(axis, key)
-            assert found.value is None
-            assert found.low == 0.0
+            estimate = result.estimate(axis, key)
+            assert estimate.value is None
+            assert estimate.low == 0.0
         assert result.estimate(axis, "noise_density").covers(0.01 / np.sqrt(100.0))
     assert says(result, "the resolution of 0.1 hides the noise")
     assert not says(result, "saturated")
@@ -464,19 +466,19 @@ def test_lines_that_only_together_take_the_place_of_a_walk_are_not_taken_out(see
     rng = np.random.default_rng(seed)
     white = rng.standard_normal((1, 3600))
     walk = np.cumsum(0.03 * rng.standard_normal((1, 3600)), axis=1)
-    found = find_signals(white + walk, 0.05)
-    assert found.certain == []
-    assert found.doubtful
+    signals = find_signals(white + walk, 0.05)
+    assert signals.certain == []
+    assert signals.doubtful
 
 
 def test_fewer_than_0_6_periods_are_a_ramp():
-    """Of a parabola a sinusoid was told that had 0.3 periods in the record."""
+    """A parabola is no sinusoid of 0.3 periods of the record."""
     from imu_sim_ros.calibration.noise.slow_signals import Line, find_signals
 
     n, rng = 3600, np.random.default_rng(0)
     x = np.linspace(-1.0, 1.0, n)
-    found = find_signals(rng.standard_normal((3, n)) + 0.4 * x**2 + 0.3 * x, 0.05)
-    lines = [s for s in found.certain + found.doubtful if isinstance(s, Line)]
+    signals = find_signals(rng.standard_normal((3, n)) + 0.4 * x**2 + 0.3 * x, 0.05)
+    lines = [s for s in signals.certain + signals.doubtful if isinstance(s, Line)]
     assert lines
     assert min(line.frequency * n for line in lines) >= 0.6 - 1e-9
 
@@ -487,6 +489,6 @@ def test_a_ramp_without_noise_is_no_division_by_what_is_left_of_it(n):
     from imu_sim_ros.calibration.noise.slow_signals import Line, find_signals
 
     with np.errstate(all="raise", under="ignore"):
-        found = find_signals(np.arange(float(n))[None], 0.05)
-    sizes = [s.amplitude if isinstance(s, Line) else s.size for s in found.certain]
+        signals = find_signals(np.arange(float(n))[None], 0.05)
+    sizes = [s.amplitude if isinstance(s, Line) else s.size for s in signals.certain]
     assert all(abs(size) < 1e-12 for size in sizes)  # what rounding leaves

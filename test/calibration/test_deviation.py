@@ -24,16 +24,16 @@ def nbs14() -> np.ndarray:
 
 def accumulate(y: np.ndarray, rate: float, block: int) -> deviation.Deviation:
     accumulator = DeviationAccumulator(rate, y.shape[1])
-    for first in range(0, len(y), block):
-        accumulator.add(y[first : first + block])
+    for start in range(0, len(y), block):
+        accumulator.add(y[start : start + block])
     accumulator.end_piece()
     return accumulator.result()
 
 
 def test_published_values_of_the_nbs14_set():
-    found = accumulate(nbs14()[:, None], 1.0, 300)
-    rows = np.isin(found.size, [1, 10, 100])
-    assert found.deviation[rows, 0] == pytest.approx([0.2922319, 0.09159953, 0.03241343], rel=2e-7)
+    allan = accumulate(nbs14()[:, None], 1.0, 300)
+    rows = np.isin(allan.size, [1, 10, 100])
+    assert allan.deviation[rows, 0] == pytest.approx([0.2922319, 0.09159953, 0.03241343], rel=2e-7)
 
 
 @pytest.mark.parametrize("rate", [1.0, 200.0])
@@ -41,13 +41,13 @@ def test_agrees_with_allantools(rate):
     allantools = pytest.importorskip("allantools")
     rng = np.random.default_rng(1)
     y = rng.standard_normal((30000, 2)) + np.cumsum(rng.standard_normal((30000, 2)), axis=0) * 0.02
-    found = accumulate(y, rate, 4096)
-    assert len(found.tau) > 55
+    allan = accumulate(y, rate, 4096)
+    assert len(allan.tau) > 55
     for axis in range(2):
         _, expected, _, _ = allantools.oadev(
-            y[:, axis], rate=rate, data_type="freq", taus=found.tau
+            y[:, axis], rate=rate, data_type="freq", taus=allan.tau
         )
-        assert found.deviation[:, axis] == pytest.approx(expected, rel=1e-12)
+        assert allan.deviation[:, axis] == pytest.approx(expected, rel=1e-12)
 
 
 def test_does_not_depend_on_the_blocks_or_on_a_constant():
@@ -68,22 +68,22 @@ def test_long_records_keep_every_second_phase_and_nearly_the_value(monkeypatch):
     assert thinned.deviation[short] == pytest.approx(exact.deviation[short], rel=1e-12)
     # Of 60,000 phases every 16th is kept; a block of 5000 samples is no multiple of that.
     phase = np.concatenate([[0.0], np.cumsum(y[:, 0])])[::16] / 100.0
-    for m, found in zip(thinned.size[~short], thinned.deviation[~short, 0], strict=True):
+    for m, estimate in zip(thinned.size[~short], thinned.deviation[~short, 0], strict=True):
         second = phase[m // 8 :] - 2.0 * phase[m // 16 : -(m // 16)] + phase[: -(m // 8)]
-        assert found == pytest.approx(np.sqrt(np.mean(second**2) / 2.0) / (m / 100.0), rel=1e-9)
+        assert estimate == pytest.approx(np.sqrt(np.mean(second**2) / 2.0) / (m / 100.0), rel=1e-9)
     # Neighbouring second differences at m >= 1024 overlap to 1 - 16/m: the same estimate.
     assert thinned.deviation[~short] == pytest.approx(exact.deviation[~short], rel=0.02)
 
 
 def test_pieces_are_not_bridged():
     rng = np.random.default_rng(4)
-    first, second = rng.standard_normal((2, 20000, 1))
+    piece_a, piece_b = rng.standard_normal((2, 20000, 1))
     accumulator = DeviationAccumulator(100.0, 1)
-    for piece in (first, second + 1000.0):
+    for piece in (piece_a, piece_b + 1000.0):
         accumulator.add(piece)
         accumulator.end_piece()
     both = accumulator.result()
-    single = [accumulate(piece, 100.0, 20000) for piece in (first, second)]
+    single = [accumulate(piece, 100.0, 20000) for piece in (piece_a, piece_b)]
     mean = np.sqrt(0.5 * (single[0].deviation ** 2 + single[1].deviation ** 2))
     assert both.deviation == pytest.approx(mean, rel=1e-9)
 
@@ -108,11 +108,11 @@ def test_band_covers_the_deviation_of_white_noise_and_of_a_walk(walk):
     """
     rng = np.random.default_rng(5)
     y = rng.standard_normal((3000, 400))
-    found = accumulate(np.cumsum(y, axis=0) if walk else y, 1.0, 3000)
-    rows = np.isin(found.size, [1, 10, 100, 508])
-    sizes, found = found.size[rows], found.deviation[rows]
+    allan = accumulate(np.cumsum(y, axis=0) if walk else y, 1.0, 3000)
+    rows = np.isin(allan.size, [1, 10, 100, 508])
+    sizes, allan = allan.size[rows], allan.deviation[rows]
     assert len(sizes) == 4
     low, high = confidence_factors(3000, sizes)
     truth = np.sqrt((2.0 * sizes**2 + 1.0) / (6.0 * sizes) if walk else 1.0 / sizes)[:, None]
-    covered = np.mean((found * low <= truth) & (truth <= found * high), axis=1)
+    covered = np.mean((allan * low <= truth) & (truth <= allan * high), axis=1)
     assert np.all(covered > 0.95 - 0.044)

@@ -37,11 +37,11 @@ def test_rests_are_kept_whatever_the_gyroscope_drifts(drift):
     """Above 0.0013 rad/s/K all but one temperature was left out, with no word of a rotation."""
     flight = soak(drift)
     readings = ims.Readings(flight.t_ns, flight.gyro, flight.accel)
-    found = ims.calibrate_temperature(readings, temperature=flight.temperature)
-    assert found.facts["stretches"] == 30
-    assert found.facts["temperature_degC"] == [-20.0, 60.0]
-    assert found.warnings == ()
-    value = found.gyroscope["temperature_bias"].value[:3]
+    calibration = ims.calibrate_temperature(readings, temperature=flight.temperature)
+    assert calibration.facts["stretches"] == 30
+    assert calibration.facts["temperature_degC"] == [-20.0, 60.0]
+    assert calibration.warnings == ()
+    value = calibration.gyroscope["temperature_bias"].value[:3]
     assert value == pytest.approx([drift, -drift, 0.5 * drift], rel=1e-2)
 
 
@@ -50,10 +50,10 @@ def test_rotations_that_no_rate_names_are_told():
     imu = QUIET | {"gyroscope_temperature_bias": [0.002] * 3}
     flight = ims.simulate(imu=imu, trajectory="temperature_soak", rate=20, seed=1)
     readings = ims.Readings(flight.t_ns, flight.gyro, flight.accel)
-    known = ims.calibrate_temperature(readings, temperature=flight.temperature, rates=[1.0])
-    assert known.warnings == ()
+    with_rates = ims.calibrate_temperature(readings, temperature=flight.temperature, rates=[1.0])
+    assert with_rates.warnings == ()
     with_truth = ims.calibrate_temperature(flight)
-    assert known.facts["stretches"] == with_truth.facts["stretches"]
+    assert with_rates.facts["stretches"] == with_truth.facts["stretches"]
     resting = ims.calibrate_temperature(readings, temperature=flight.temperature)
     (note,) = resting.warnings
     assert "turn at 1 rad/s are left out: rates does not name them" in note
@@ -68,14 +68,14 @@ def test_rotations_that_no_rate_names_are_told():
 def test_temperatures_in_another_unit_are_refused(scale, zero, unit):
     flight = soak(0.001, rate=10.0)
     readings = ims.Readings(flight.t_ns, flight.gyro, flight.accel)
-    other = np.clip(flight.temperature * scale + zero, -1e5, 1e5)
+    converted = np.clip(flight.temperature * scale + zero, -1e5, 1e5)
     with pytest.raises(InputError, match="degC are needed") as error:
-        ims.calibrate_temperature(readings, temperature=other)
-    assert unit in str(error.value) or other.max() == 1e5
+        ims.calibrate_temperature(readings, temperature=converted)
+    assert unit in str(error.value) or converted.max() == 1e5
 
 
 def test_the_shortest_rest_is_told_in_seconds_and_readings():
-    """At 4 Hz a window has 25 readings, as at any rate: a rest has 100, which take 25 s."""
+    """A window has 25 readings at any rate; a rest has 100, which take 25 s at 4 Hz."""
     flight = ims.simulate(imu="mpu6000", trajectory="figure_eight", duration=200, rate=4, seed=1)
     with pytest.raises(InputError, match=r"no 25 s .* \(100 readings at 4 Hz\)"):
         ims.calibrate_six_position(flight)
@@ -85,7 +85,7 @@ def test_the_shortest_rest_is_told_in_seconds_and_readings():
 
 
 @pytest.mark.parametrize(
-    ("factor", "words"),
+    ("factor", "text"),
     [
         (1.0 / 9.80665, "the readings are in g"),
         (1e3 / 9.80665, "the readings are in mg"),
@@ -93,14 +93,14 @@ def test_the_shortest_rest_is_told_in_seconds_and_readings():
         (0.9, "counts, or gravity is wrong"),
     ],
 )
-def test_six_positions_in_another_unit_are_told(factor, words):
+def test_six_positions_in_another_unit_are_told(factor, text):
     flight = ims.simulate(imu=QUIET, trajectory="six_position", rate=50, seed=1)
     readings = ims.Readings(flight.t_ns, flight.gyro, factor * flight.accel)
     *findings, note = ims.calibrate_six_position(readings).warnings
     assert note.startswith("accelerometer: its three scales are")
-    assert words in note
+    assert text in note
     kinds = {"g": "g", "mg": "mg", "counts": "counts"} if factor != 0.9 else {}
-    unit = kinds.get(words.rpartition("in ")[2].partition(",")[0])
+    unit = kinds.get(text.rpartition("in ")[2].partition(",")[0])
     assert [f"[accelerometer_{unit}]" in line for line in findings] == [True] * (unit is not None)
     assert ims.calibrate_six_position(flight).warnings == ()
 

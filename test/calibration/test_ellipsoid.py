@@ -31,25 +31,27 @@ def readings(seed: int, count: int = 600, noise: float = 1e-6) -> np.ndarray:
 
 
 def test_without_noise_the_fit_is_exact() -> None:
-    found = calibrate_magnetometer(readings(1, noise=0.0), FIELD)
-    assert np.allclose(found.soft_iron, UNIT, rtol=0.0, atol=1e-9)
-    assert np.allclose(found.hard_iron, OFFSET, rtol=0.0, atol=1e-9 * FIELD)
+    calibration = calibrate_magnetometer(readings(1, noise=0.0), FIELD)
+    assert np.allclose(calibration.soft_iron, UNIT, rtol=0.0, atol=1e-9)
+    assert np.allclose(calibration.hard_iron, OFFSET, rtol=0.0, atol=1e-9 * FIELD)
 
 
 def test_standard_errors_hold_in_100_runs() -> None:
     """The squares over the variances are chi-squared, and 95 % intervals hold as often as said."""
-    runs, squares, inside = 100, np.zeros(9), np.zeros(9)
+    runs, squares, covered = 100, np.zeros(9), np.zeros(9)
     entries = np.triu_indices(3)
     for seed in range(runs):
-        found = calibrate_magnetometer(readings(seed), FIELD)
-        off = np.concatenate([(found.soft_iron - UNIT)[entries], found.hard_iron - OFFSET])
-        sigma = np.concatenate([found.soft_iron_sigma[entries], found.hard_iron_sigma])
+        calibration = calibrate_magnetometer(readings(seed), FIELD)
+        off = np.concatenate(
+            [(calibration.soft_iron - UNIT)[entries], calibration.hard_iron - OFFSET]
+        )
+        sigma = np.concatenate([calibration.soft_iron_sigma[entries], calibration.hard_iron_sigma])
         squares += (off / sigma) ** 2
-        inside += np.abs(off) < 1.96 * sigma
+        covered += np.abs(off) < 1.96 * sigma
     # Nine parameters: 1e-4 for each bound.
     assert (squares > chi2.ppf(1e-4, runs)).all()
     assert (squares < chi2.ppf(1.0 - 1e-4, runs)).all()
-    assert (inside >= binom.ppf(1e-4, runs, 0.95)).all()
+    assert (covered >= binom.ppf(1e-4, runs, 0.95)).all()
 
 
 def test_an_independent_fit_finds_the_same() -> None:
@@ -66,20 +68,20 @@ def test_an_independent_fit_finds_the_same() -> None:
 
     solved = least_squares(residuals, [1.0, 0, 0, 1.0, 0, 1.0, 0, 0, 0], xtol=1e-14, ftol=1e-14)
     p = solved.x
-    other = np.linalg.inv([[p[0], p[1], p[2]], [p[1], p[3], p[4]], [p[2], p[4], p[5]]])
-    found = calibrate_magnetometer(y * FIELD, FIELD)
+    soft_iron = np.linalg.inv([[p[0], p[1], p[2]], [p[1], p[3], p[4]], [p[2], p[4], p[5]]])
+    calibration = calibrate_magnetometer(y * FIELD, FIELD)
     # It knows nothing of the lengthening by noise, 2e-4 of the field, nor of the weights' slope.
-    assert np.allclose(found.soft_iron, other, rtol=0.0, atol=6e-4)
-    assert np.allclose(found.hard_iron / FIELD, p[6:], rtol=0.0, atol=1e-4)
+    assert np.allclose(calibration.soft_iron, soft_iron, rtol=0.0, atol=6e-4)
+    assert np.allclose(calibration.hard_iron / FIELD, p[6:], rtol=0.0, atol=1e-4)
 
 
 def test_without_the_field_s_strength_the_shape_is_found() -> None:
-    found = calibrate_magnetometer(readings(3))
+    calibration = calibrate_magnetometer(readings(3))
     shape = UNIT / np.cbrt(np.linalg.det(UNIT))
-    assert np.linalg.det(found.soft_iron) == pytest.approx(1.0, abs=1e-12)
-    assert (np.abs(found.soft_iron - shape) < 5.0 * found.soft_iron_sigma).all()
-    assert found.field == pytest.approx(FIELD * np.cbrt(np.linalg.det(UNIT)), rel=1e-3)
-    assert found.noise == pytest.approx(1e-6, rel=0.1)
+    assert np.linalg.det(calibration.soft_iron) == pytest.approx(1.0, abs=1e-12)
+    assert (np.abs(calibration.soft_iron - shape) < 5.0 * calibration.soft_iron_sigma).all()
+    assert calibration.field == pytest.approx(FIELD * np.cbrt(np.linalg.det(UNIT)), rel=1e-3)
+    assert calibration.noise == pytest.approx(1e-6, rel=0.1)
 
 
 def test_a_tumbling_board_gives_its_iron_back() -> None:
@@ -100,16 +102,16 @@ def test_a_tumbling_board_gives_its_iron_back() -> None:
     block = Body(parameters, sensors=("magnetic_field",)).next(6000)["magnetic_field"]
     assert block is not None
     field = float(np.linalg.norm(parameters.magnetic_field.value))
-    found = calibrate_magnetometer(block.field, field)
+    calibration = calibrate_magnetometer(block.field, field)
     m, b = realised_magnetometer(parameters.imu.magnetometer, parameters.seed).response_and_bias()
-    off = (found.soft_iron - symmetric_root(m)) / found.soft_iron_sigma
+    off = (calibration.soft_iron - symmetric_root(m)) / calibration.soft_iron_sigma
     assert np.abs(off).max() < 4.0
-    assert (np.abs(found.hard_iron - b) < 4.0 * found.hard_iron_sigma).all()
-    assert found.hard_iron_sigma.max() < 2e-8
+    assert (np.abs(calibration.hard_iron - b) < 4.0 * calibration.hard_iron_sigma).all()
+    assert calibration.hard_iron_sigma.max() < 2e-8
 
 
 @pytest.mark.parametrize(
-    ("given", "words"),
+    ("field", "text"),
     [
         (np.ones((5, 3)), "5 readings"),
         (np.ones((50, 3)), "all the same"),
@@ -121,13 +123,13 @@ def test_a_tumbling_board_gives_its_iron_back() -> None:
         (np.outer(np.arange(50.0), [1.0, 2.0, 3.0]), "all around"),
     ],
 )
-def test_readings_that_do_not_determine_it_are_refused(given: np.ndarray, words: str) -> None:
-    with pytest.raises(InputError, match=words):
-        calibrate_magnetometer(given * 1e-5)
+def test_readings_that_do_not_determine_it_are_refused(field: np.ndarray, text: str) -> None:
+    with pytest.raises(InputError, match=text):
+        calibrate_magnetometer(field * 1e-5)
 
 
 @pytest.mark.parametrize(
-    ("given", "strength", "words"),
+    ("field", "strength", "text"),
     [
         (np.ones((20, 2)), None, r"must be finite numbers of the shape \(n, 3\), not \(20, 2\)"),
         (np.ones(20), None, r"the shape \(n, 3\), not \(20,\)"),
@@ -135,6 +137,6 @@ def test_readings_that_do_not_determine_it_are_refused(given: np.ndarray, words:
         (np.ones((20, 3)), np.nan, "strength = nan: must be above 0"),
     ],
 )
-def test_the_front_door_says_what_cannot_be_a_record(given, strength, words):
-    with pytest.raises(ConfigurationError, match=words):
-        ims.calibrate_magnetometer(given, strength=strength)
+def test_the_front_door_says_what_cannot_be_a_record(field, strength, text):
+    with pytest.raises(ConfigurationError, match=text):
+        ims.calibrate_magnetometer(field, strength=strength)

@@ -50,12 +50,12 @@ def runs(count: int, seed: int, **coefficients: float) -> list[AxisNoise]:
     return [estimate(drawn(expected, rng, TEMPLATE), 0) for _ in range(count)]
 
 
-def covered(found: list[AxisNoise], key: str, truth: float) -> int:
-    return sum(noise.estimates[key].covers(truth) for noise in found)
+def covered(axes: list[AxisNoise], key: str, truth: float) -> int:
+    return sum(noise.estimates[key].covers(truth) for noise in axes)
 
 
-def values(found: list[AxisNoise], key: str) -> np.ndarray:
-    numbers = [noise.estimates[key].value for noise in found]
+def values(axes: list[AxisNoise], key: str) -> np.ndarray:
+    numbers = [noise.estimates[key].value for noise in axes]
     return np.array([np.nan if value is None else value for value in numbers])
 
 
@@ -64,27 +64,27 @@ RUNS, FEWEST = 40, 33
 
 
 def test_white_noise_and_walk():
-    found = runs(RUNS, 1, n=0.019, k=5e-4)
-    assert covered(found, "noise_density", 0.019) >= FEWEST
-    assert covered(found, "random_walk", 5e-4) >= FEWEST
-    n, k = values(found, "noise_density"), values(found, "random_walk")
+    axes = runs(RUNS, 1, n=0.019, k=5e-4)
+    assert covered(axes, "noise_density", 0.019) >= FEWEST
+    assert covered(axes, "random_walk", 5e-4) >= FEWEST
+    n, k = values(axes, "noise_density"), values(axes, "random_walk")
     # Relative standard deviations are 0.08 % and 11 % for one run; five standard errors allowed.
     assert np.mean(n) == pytest.approx(0.019, rel=5 * 0.0008 / np.sqrt(RUNS))
     assert np.mean(k) == pytest.approx(5e-4, rel=5 * 0.11 / np.sqrt(RUNS))
     # An interval of 95 % excludes a true zero in 2.5 % of the runs: 5 of 40 happen once in 300.
-    assert covered(found, "bias_instability", 0.0) >= RUNS - 4
-    for noise in found:
+    assert covered(axes, "bias_instability", 0.0) >= RUNS - 4
+    for noise in axes:
         flicker = noise.estimates["bias_instability"]
         assert (flicker.value is None) == (flicker.low == 0.0)
 
 
 def test_white_noise_and_flicker():
-    found = runs(RUNS, 2, n=1e-3, b=3e-4)
-    assert covered(found, "noise_density", 1e-3) >= FEWEST
-    assert covered(found, "bias_instability", 3e-4) >= FEWEST
-    b = values(found, "bias_instability")
+    axes = runs(RUNS, 2, n=1e-3, b=3e-4)
+    assert covered(axes, "noise_density", 1e-3) >= FEWEST
+    assert covered(axes, "bias_instability", 3e-4) >= FEWEST
+    b = values(axes, "bias_instability")
     assert np.mean(b) == pytest.approx(3e-4, rel=5 * 0.055 / np.sqrt(RUNS))
-    assert np.count_nonzero(np.isfinite(values(found, "random_walk"))) <= 2
+    assert np.count_nonzero(np.isfinite(values(axes, "random_walk"))) <= 2
 
 
 def test_flicker_that_is_not_quite_flicker_is_no_white_noise():
@@ -99,10 +99,10 @@ def test_flicker_that_is_not_quite_flicker_is_no_white_noise():
     simulated = FlickerFilter.design(1.0 / rate).density(angle) / rate * edge
     expected = b**2 * simulated + q**2 * QUANTISATION.expectation(spectrum)
     rng = np.random.default_rng(9)
-    found = [estimate(drawn(expected, rng, spectrum), 0) for _ in range(20)]
-    assert covered(found, "noise_density", 0.0) >= 16
-    assert covered(found, "quantisation", q) >= 16
-    assert covered(found, "bias_instability", b) >= 16
+    axes = [estimate(drawn(expected, rng, spectrum), 0) for _ in range(20)]
+    assert covered(axes, "noise_density", 0.0) >= 16
+    assert covered(axes, "quantisation", q) >= 16
+    assert covered(axes, "bias_instability", b) >= 16
     power = np.where(spectrum.order > 0, np.sqrt(expected), 0.0)[:, None]
     without_noise = spectrum._replace(power=expected[:, None], amplitude=power)
     found_b = estimate(without_noise, 0).estimates["bias_instability"]
@@ -112,19 +112,19 @@ def test_flicker_that_is_not_quite_flicker_is_no_white_noise():
 
 
 def test_quantisation_is_told_from_white_noise():
-    found = runs(10, 3, n=1e-4, q=1e-5)
-    assert values(found, "quantisation") == pytest.approx(1e-5, rel=0.02)
-    assert values(found, "noise_density") == pytest.approx(1e-4, rel=0.02)
+    axes = runs(10, 3, n=1e-4, q=1e-5)
+    assert values(axes, "quantisation") == pytest.approx(1e-5, rel=0.02)
+    assert values(axes, "noise_density") == pytest.approx(1e-4, rel=0.02)
 
 
 @pytest.mark.parametrize("walk", [2e-6, 2e-7, 0.0])
 def test_barely_visible_walks_are_right_or_bounded(walk):
     """allan_variance_ros gives 2.5 and 19.9 times too much for the first two."""
-    found = runs(RUNS, 4, n=1e-3, k=walk)
-    assert covered(found, "random_walk", walk) >= FEWEST
+    axes = runs(RUNS, 4, n=1e-3, k=walk)
+    assert covered(axes, "random_walk", walk) >= FEWEST
     if walk < 1e-6:  # a false alarm is allowed in 1 % of the runs: 3 of 40 happen once in 130
-        assert np.count_nonzero(np.isfinite(values(found, "random_walk"))) <= 3
-    bounds = [noise.estimates["random_walk"].high for noise in found]
+        assert np.count_nonzero(np.isfinite(values(axes, "random_walk"))) <= 3
+    bounds = [noise.estimates["random_walk"].high for noise in axes]
     assert np.median(bounds) < 5e-6
 
 
@@ -146,10 +146,10 @@ def test_interval_of_one_variance_is_that_of_its_likelihood():
     """m coefficients of one variance v: the ends solve m/2 (ln(v/w) + w/v - 1) = 1.92."""
     m, total = 12, 15.0
     data = Data(np.full(m, total / m), np.ones(m), np.zeros(m), np.zeros(m))
-    (found,), _ = intervals(data, np.ones((m, 1)), trend=False)
+    (interval,), _ = intervals(data, np.ones((m, 1)), trend=False)
     w = total / m
-    assert found.value == pytest.approx(np.sqrt(w))
-    for end, bracket in ((found.low, (0.1 * w, w)), (found.high, (w, 10.0 * w))):
+    assert interval.value == pytest.approx(np.sqrt(w))
+    for end, bracket in ((interval.low, (0.1 * w, w)), (interval.high, (w, 10.0 * w))):
         v = brentq(lambda v: 0.5 * m * (np.log(v / w) + w / v - 1.0) - 1.9207, *bracket)
         assert end == pytest.approx(np.sqrt(v), rel=2e-3)
 
@@ -160,13 +160,13 @@ def test_interval_of_a_trend_in_white_noise_is_students():
     line, y = np.linspace(-1.0, 1.0, m), rng.standard_normal(m)
     slope = line @ y / (line @ line)
     variance = np.sum((y - slope * line) ** 2) / m
-    _, found = intervals(Data(y**2, np.ones(m), y, line), np.ones((m, 1)), trend=True)
+    _, interval = intervals(Data(y**2, np.ones(m), y, line), np.ones((m, 1)), trend=True)
     # The drop of m / 2 ln(1 + t^2 / m) is taken as that of (nu + 1) / 2 ln(1 + t^2 / nu), nu = m.
     drop = 0.5 * (m + 1) * np.log1p(student.ppf(0.975, m) ** 2 / m)
     half = np.sqrt(np.expm1(2.0 * drop / m) * m * variance / (line @ line))
     exact = student.ppf(0.975, m - 1) * np.sqrt(m / (m - 1) * variance / (line @ line))
     assert half == pytest.approx(exact, rel=0.08)
-    assert found.high == pytest.approx(abs(slope) + half, rel=5e-3)
+    assert interval.high == pytest.approx(abs(slope) + half, rel=5e-3)
 
 
 def test_fit_returns_the_components_of_exact_data():
@@ -174,8 +174,8 @@ def test_fit_returns_the_components_of_exact_data():
     design = np.stack(columns, axis=1)
     truth = np.array([1e-5, 1e-2, 1e-3, 1e-4]) ** 2
     zeros = np.zeros(len(design))
-    found = fit(Data(design @ truth, TEMPLATE.freedom, zeros, zeros), design)
-    assert found.components[0] == pytest.approx(truth, rel=1e-4)
+    solution = fit(Data(design @ truth, TEMPLATE.freedom, zeros, zeros), design)
+    assert solution.components[0] == pytest.approx(truth, rel=1e-4)
 
 
 def test_gauss_markov_process_on_request():
@@ -185,15 +185,15 @@ def test_gauss_markov_process_on_request():
     """
     rng = np.random.default_rng(7)
     expected = 1e-6 + 3e-4**2 * gauss_markov_expectation(TEMPLATE, 100.0)
-    found = [estimate_gauss_markov(drawn(expected, rng, TEMPLATE), 0) for _ in range(12)]
+    axes = [estimate_gauss_markov(drawn(expected, rng, TEMPLATE), 0) for _ in range(12)]
     # Of 12 runs at 95 %, fewer than 8 are covered once in 4000 times.
     for key, truth, spread in (
         ("noise_density", 1e-3, 0.001),
         ("gauss_markov_sigma", 3e-4, 0.11),
         ("correlation_time", 100.0, 0.31),
     ):
-        assert covered(found, key, truth) >= 8, key
-        assert np.mean(values(found, key)) == pytest.approx(truth, rel=3 * spread / np.sqrt(12))
+        assert covered(axes, key, truth) >= 8, key
+        assert np.mean(values(axes, key)) == pytest.approx(truth, rel=3 * spread / np.sqrt(12))
 
 
 def test_gauss_markov_process_that_is_not_there_is_bounded():

@@ -30,10 +30,12 @@ def rests(rng, count=24, tilt_deg=3.0, directions=None):
     return Steady(np.arange(count), begin, begin + 30_000_000_000, gyro, readings, *sigma)
 
 
-def deviations(found, truth):
+def deviations(calibration, truth):
     """Errors of the nine or twelve parameters in standard errors."""
-    sigma = np.concatenate([found.scale_misalignment_sigma.ravel(), found.bias_sigma])
-    error = np.concatenate([(found.scale_misalignment - truth).ravel(), found.bias - BIAS])
+    sigma = np.concatenate([calibration.scale_misalignment_sigma.ravel(), calibration.bias_sigma])
+    error = np.concatenate(
+        [(calibration.scale_misalignment - truth).ravel(), calibration.bias - BIAS]
+    )
     return error[sigma > 0.0] / sigma[sigma > 0.0]
 
 
@@ -48,10 +50,10 @@ def test_standard_errors_hold_in_a_hundred_tilted_runs(tilt_deg):
     rng = np.random.default_rng(5)
     z = []
     for _ in range(100):
-        found = fit_norm(rests(rng, tilt_deg=tilt_deg), G)
-        z.append(deviations(found, upper_triangular(S)))
+        calibration = fit_norm(rests(rng, tilt_deg=tilt_deg), G)
+        z.append(deviations(calibration, upper_triangular(S)))
         assert (
-            np.abs(found.bias - BIAS).max() < 8e-3
+            np.abs(calibration.bias - BIAS).max() < 8e-3
         )  # eq. 7: up to half a metre per second squared
     z = np.concatenate(z)
     assert len(z) == 900
@@ -60,18 +62,18 @@ def test_standard_errors_hold_in_a_hundred_tilted_runs(tilt_deg):
 
 
 def test_a_tilted_fixture_is_recognised_and_said():
-    found = calibrate_six_position(rests(np.random.default_rng(1)), G)
-    assert found.fixture == "norm"
-    assert "times the variance that the norm leaves; more than" in found.reason
-    assert np.abs(found.bias - BIAS).max() < 5e-3
+    calibration = calibrate_six_position(rests(np.random.default_rng(1)), G)
+    assert calibration.fixture == "norm"
+    assert "times the variance that the norm leaves; more than" in calibration.reason
+    assert np.abs(calibration.bias - BIAS).max() < 5e-3
 
 
 def test_an_exact_fixture_keeps_equation_7():
     """S with all its nine entries; six directions cannot show more."""
     rng = np.random.default_rng(2)
-    found = calibrate_six_position(rests(rng, tilt_deg=0.0), G)
-    assert found.fixture == "exact"
-    assert np.abs(deviations(found, S)).max() < 4.0
+    calibration = calibrate_six_position(rests(rng, tilt_deg=0.0), G)
+    assert calibration.fixture == "exact"
+    assert np.abs(deviations(calibration, S)).max() < 4.0
 
 
 def test_six_tilted_positions_say_how_unsure_they_are():
@@ -80,9 +82,9 @@ def test_six_tilted_positions_say_how_unsure_they_are():
     It is estimated from six numbers: Student's t of 6, beyond 5.2 one in a thousand; 12 x 30.
     """
     rng = np.random.default_rng(3)
-    found = [calibrate_six_position(rests(rng, 6, 1.7), G) for _ in range(30)]
-    assert all("tilted by" in one.reason for one in found)
-    z = np.concatenate([deviations(one, S) for one in found])
+    calibrations = [calibrate_six_position(rests(rng, 6, 1.7), G) for _ in range(30)]
+    assert all("tilted by" in calibration.reason for calibration in calibrations)
+    z = np.concatenate([deviations(calibration, S) for calibration in calibrations])
     assert np.mean(np.abs(z) < 5.2) > 0.98
 
 
@@ -94,11 +96,11 @@ def test_positions_with_no_axis_up_are_used():
         for b in (-phi, phi):
             corners += [[0, a, b], [a, b, 0], [b, 0, a]]
     up = np.array(corners) / np.sqrt(3.0)
-    found = calibrate_six_position(rests(np.random.default_rng(4), 20, 1.0, up), G)
-    assert found.fixture == "norm"
-    assert found.left_out == 0
-    assert len(found.positions.stretch) == 20
-    assert np.abs(deviations(found, upper_triangular(S))).max() < 4.0
+    calibration = calibrate_six_position(rests(np.random.default_rng(4), 20, 1.0, up), G)
+    assert calibration.fixture == "norm"
+    assert calibration.left_out == 0
+    assert len(calibration.positions.stretch) == 20
+    assert np.abs(deviations(calibration, upper_triangular(S))).max() < 4.0
 
 
 def test_nine_directions_are_refused_for_the_norm():

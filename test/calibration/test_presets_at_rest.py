@@ -13,7 +13,7 @@ from imu_sim_ros.simulation.parameters import load_simulation
 
 PRESETS = [name for name in files.names("imus") if name != "perfect"]
 OFTEN_REFUSED = ["mpu6000", "adis16448", "navigation"]
-"""By a turn-on bias as of a turning table, a walk as of a motion, and readings without noise."""
+"""Presets whose turn-on bias, random walk or absent noise is often taken for no rest."""
 
 
 def analysed(preset: str, seed: int) -> list[str]:

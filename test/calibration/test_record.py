@@ -10,8 +10,8 @@ from imu_sim_ros.core.records import Readings
 
 
 def test_a_block_of_nothing_but_repetitions():
-    first = [10**9 + k * 10**7 for k in range(20)]
-    stamps = [first, [first[-1]] * 5, [first[-1] + 10**7]]
+    stamps_ns = [10**9 + k * 10**7 for k in range(20)]
+    stamps = [stamps_ns, [stamps_ns[-1]] * 5, [stamps_ns[-1] + 10**7]]
     blocks = [Readings(np.array(t_ns), *np.ones((2, len(t_ns), 3))) for t_ns in stamps]
     record = Record()
     pieces = [piece for piece in record.at_rest([blocks]) if piece is not None]

@@ -64,7 +64,7 @@ class Run:
     def __init__(self, trajectory: str, *layers: dict[str, object], **values: object) -> None:
         parameters = load_simulation(trajectory_layer(trajectory), *layers, values)
         self.imu: ImuParameters = parameters.imu
-        blocks = [read["imu"] for read in Body(parameters).windows()]
+        blocks = [windows["imu"] for windows in Body(parameters).windows()]
         self.t_ns = np.concatenate([block.t_ns for block in blocks])
         self.gyro = np.concatenate([block.gyro for block in blocks])
         self.accel = np.concatenate([block.accel for block in blocks])
@@ -79,9 +79,9 @@ def deviations(values: dict[str, Calibrated], imu: ImuParameters) -> np.ndarray:
     """Errors of all parameters in standard errors; those that are known exactly are left out."""
     truth = true_parameters(imu, values)
     result = []
-    for name, found in values.items():
-        sure = found.sigma > 0.0
-        result += list((found.value - truth[name])[sure] / found.sigma[sure])
+    for name, calibrated in values.items():
+        sure = calibrated.sigma > 0.0
+        result += list((calibrated.value - truth[name])[sure] / calibrated.sigma[sure])
     return np.array(result)
 
 
@@ -98,35 +98,37 @@ def within(values: dict[str, Calibrated], imu: ImuParameters) -> None:
 @pytest.mark.parametrize("seed", [1, 2])
 def test_six_positions(seed):
     run = Run("six_position", FLAWS, seed=seed)
-    found = calibrate_six_position(run.steady(), G)
-    assert found.positions.stretches == 6
-    assert found.left_out == 0
-    values = six_position_parameters(found)
+    calibration = calibrate_six_position(run.steady(), G)
+    assert calibration.positions.stretches == 6
+    assert calibration.left_out == 0
+    values = six_position_parameters(calibration)
     within(values, run.imu)
     # The noise of a face's 150 s: what one can expect of the standard errors.
-    assert np.all(found.scale_misalignment_sigma < 3e-4)
+    assert np.all(calibration.scale_misalignment_sigma < 3e-4)
 
 
 def test_six_positions_without_noise_are_exact():
     run = Run("six_position", FLAWS, {f"imu.{t}_{k}": 0.0 for t in ("gyroscope", "accelerometer")
                                       for k in ("noise_density", "random_walk")})  # fmt: skip
-    found = calibrate_six_position(run.steady(), G)
-    truth = true_parameters(run.imu, six_position_parameters(found))
-    assert found.scale_misalignment.ravel() == pytest.approx(
+    calibration = calibrate_six_position(run.steady(), G)
+    truth = true_parameters(run.imu, six_position_parameters(calibration))
+    assert calibration.scale_misalignment.ravel() == pytest.approx(
         truth["accelerometer_scale_misalignment"], abs=1e-6
     )
-    assert found.bias == pytest.approx(truth["accelerometer_bias"], abs=1e-5)
+    assert calibration.bias == pytest.approx(truth["accelerometer_bias"], abs=1e-5)
 
 
 def test_simple_variant_is_equation_6():
     run = Run("six_position", FLAWS, seed=3)
     steady = run.steady()
-    found = calibrate_six_position(steady, G, simple=True)
+    calibration = calibrate_six_position(steady, G, simple=True)
     up = np.array([steady.accel[steady.accel[:, k] > 8.0, k].mean() for k in range(3)])
     down = np.array([steady.accel[steady.accel[:, k] < -8.0, k].mean() for k in range(3)])
-    assert np.diag(found.scale_misalignment) == pytest.approx((up - down) / (2.0 * G), abs=2e-4)
-    assert found.bias == pytest.approx((up + down) / 2.0, abs=5e-3)
-    assert np.count_nonzero(found.scale_misalignment) == 3
+    assert np.diag(calibration.scale_misalignment) == pytest.approx(
+        (up - down) / (2.0 * G), abs=2e-4
+    )
+    assert calibration.bias == pytest.approx((up + down) / 2.0, abs=5e-3)
+    assert np.count_nonzero(calibration.scale_misalignment) == 3
 
 
 def test_hand_movement_unequal_lengths_and_more_positions():
@@ -147,11 +149,11 @@ def test_hand_movement_unequal_lengths_and_more_positions():
     accel = np.concatenate(parts) + 0.02 * rng.standard_normal((sum(map(len, parts)), 3))
     gyro = np.concatenate(rates) + 0.002 * rng.standard_normal(accel.shape)
     t_ns = np.arange(len(accel)) * 10_000_000
-    found = calibrate_six_position(find_steady(t_ns, gyro, accel), G)
-    assert found.positions.stretches == 8
-    z = (found.scale_misalignment - s) / found.scale_misalignment_sigma
+    calibration = calibrate_six_position(find_steady(t_ns, gyro, accel), G)
+    assert calibration.positions.stretches == 8
+    z = (calibration.scale_misalignment - s) / calibration.scale_misalignment_sigma
     assert np.abs(z).max() < 4.0
-    assert np.abs((found.bias - [0.1, -0.2, 0.05]) / found.bias_sigma).max() < 4.0
+    assert np.abs((calibration.bias - [0.1, -0.2, 0.05]) / calibration.bias_sigma).max() < 4.0
 
 
 def test_five_positions_are_not_enough():
@@ -179,26 +181,26 @@ def test_never_steady():
         calibrate_six_position(find_steady(run.t_ns, run.gyro, run.accel), G)
 
 
-@pytest.mark.parametrize("known", ["rates", "truth"])
-def test_turntable(known):
+@pytest.mark.parametrize("source", ["rates", "truth"])
+def test_turntable(source):
     run = Run("turntable", FLAWS, seed=5)
     steady = run.steady()
-    if known == "rates":
+    if source == "rates":
         steady, rate = known_rates(steady, np.array([0.5, 1.0, 2.0]))[:2]
     else:
         steady, rate = true_rates(steady, run.t_ns, run.rate)
-    found = calibrate_turntable(steady, rate, G)
+    calibration = calibrate_turntable(steady, rate, G)
     assert steady.stretches == 78
-    within(turntable_parameters(found), run.imu)
-    assert np.all(found.scale_misalignment_sigma < 1e-4)
+    within(turntable_parameters(calibration), run.imu)
+    assert np.all(calibration.scale_misalignment_sigma < 1e-4)
 
 
 def test_without_each_axis_upside_down_there_is_no_g_sensitivity():
     run = Run("turntable", FLAWS, {"trajectory.upside_down": False}, seed=6)
     steady, rate = known_rates(run.steady(), np.array([0.5, 1.0, 2.0]))[:2]
-    found = calibrate_turntable(steady, rate, G)
-    assert found.g_sensitivity is None
-    assert "gyroscope_g_sensitivity" not in turntable_parameters(found)
+    calibration = calibrate_turntable(steady, rate, G)
+    assert calibration.g_sensitivity is None
+    assert "gyroscope_g_sensitivity" not in turntable_parameters(calibration)
 
 
 def test_a_table_that_turns_one_way_only():
@@ -213,13 +215,17 @@ def test_a_table_that_turns_one_way_only():
 def test_temperature(trajectory):
     run = Run(trajectory, FLAWS, THERMAL, seed=2, rate=100.0)
     steady, rate = known_rates(run.steady(), np.array([1.0]))[:2]
-    at = temperatures_at(steady, run.t_ns, run.temperature)
-    found = calibrate_temperature(steady, at, rate, specific_force(steady, G), 25.0)
-    values = temperature_parameters(found)
+    temperature = temperatures_at(steady, run.t_ns, run.temperature)
+    calibration = calibrate_temperature(steady, temperature, rate, specific_force(steady, G), 25.0)
+    values = temperature_parameters(calibration)
     z = deviations(values, run.imu)
     assert np.abs(z).max() < 4.0
-    assert [len(axis.scale) for axis in found.triads["gyroscope"].axes] == [1, 1, 1]
-    assert [len(axis.bias) >= 3 for axis in found.triads["gyroscope"].axes] == [True, False, True]
+    assert [len(axis.scale) for axis in calibration.triads["gyroscope"].axes] == [1, 1, 1]
+    assert [len(axis.bias) >= 3 for axis in calibration.triads["gyroscope"].axes] == [
+        True,
+        False,
+        True,
+    ]
 
 
 def test_temperature_at_rest_in_one_position_shows_the_bias_only():
@@ -232,23 +238,23 @@ def test_temperature_at_rest_in_one_position_shows_the_bias_only():
         rate=100.0,
     )
     steady = run.steady()
-    at = temperatures_at(steady, run.t_ns, run.temperature)
-    still = np.zeros((len(at), 3))
-    found = calibrate_temperature(steady, at, still, specific_force(steady, G), 25.0)
-    slope = np.array([axis.bias[1] for axis in found.triads["gyroscope"].axes])
-    sigma = np.array([axis.bias_sigma[1] for axis in found.triads["gyroscope"].axes])
+    temperature = temperatures_at(steady, run.t_ns, run.temperature)
+    still = np.zeros((len(temperature), 3))
+    calibration = calibrate_temperature(steady, temperature, still, specific_force(steady, G), 25.0)
+    slope = np.array([axis.bias[1] for axis in calibration.triads["gyroscope"].axes])
+    sigma = np.array([axis.bias_sigma[1] for axis in calibration.triads["gyroscope"].axes])
     truth = np.array([2e-4, -1e-4, 3e-4])
     assert np.abs((slope - truth) / np.hypot(sigma, 2e-5)).max() < 4.0
-    assert "gyroscope_scale_misalignment" not in temperature_parameters(found)
+    assert "gyroscope_scale_misalignment" not in temperature_parameters(calibration)
 
 
 def test_constant_temperature_and_missing_messages_are_refused():
     run = Run("six_position", FLAWS)
     steady = run.steady()
-    at = temperatures_at(steady, run.t_ns, run.temperature)
-    nothing = np.zeros((len(at), 3))
+    temperature = temperatures_at(steady, run.t_ns, run.temperature)
+    nothing = np.zeros((len(temperature), 3))
     with pytest.raises(InputError, match="must span at least 5 K"):
-        calibrate_temperature(steady, at, nothing, nothing, 25.0)
+        calibrate_temperature(steady, temperature, nothing, nothing, 25.0)
     with pytest.raises(InputError, match="no temperature messages"):
         temperatures_at(steady, run.t_ns[:0], run.temperature[:0])
     with pytest.raises(InputError, match="do not span"):
@@ -266,9 +272,9 @@ def test_standard_errors_are_those_of_many_runs():
         walk = np.cumsum(rng.standard_normal(n) * np.sqrt(np.diff(time, prepend=0.0))) * 0.5
         readings = 2.0 * inputs[:, 0] + 1.0 + rng.standard_normal(n) + walk
         data = Observations(inputs, readings, np.ones(n), time, np.zeros(n))
-        found = fit_axis(data)
-        z.append([(found.gain[0] - 2.0) / found.gain_sigma[0],
-                  (found.bias[0] - 1.0) / found.bias_sigma[0]])  # fmt: skip
+        response = fit_axis(data)
+        z.append([(response.gain[0] - 2.0) / response.gain_sigma[0],
+                  (response.bias[0] - 1.0) / response.bias_sigma[0]])  # fmt: skip
     assert np.mean(np.square(z), axis=0) == pytest.approx([1.0, 1.0], abs=0.25)
 
 
@@ -306,7 +312,9 @@ def test_the_correction_makes_dead_reckoning_drift_less():
     steady, rate = known_rates(table.steady(), np.array([0.5, 1.0, 2.0]))[:2]
     values = six_position_parameters(calibrate_six_position(six.steady(), G))
     values.update(turntable_parameters(calibrate_turntable(steady, rate, G)))
-    correction = Correction(**{name: tuple(found.value) for name, found in values.items()})
+    correction = Correction(
+        **{name: tuple(calibrated.value) for name, calibrated in values.items()}
+    )
 
     parameters = load_simulation(trajectory_layer("lecture"), FLAWS, {"seed": 12})
     simulation = Body(parameters)
@@ -329,9 +337,9 @@ def test_a_filter_whitens_as_the_covariances_factor_does():
     time = np.concatenate([[0.0, 0.0], np.sort(rng.uniform(1.0, 900.0, 40))])
     sigma, columns = rng.uniform(0.5, 2.0, 42), rng.standard_normal((42, 3))
     walks = np.array([0.0, 1e-6, 1e-2, 10.0])
-    found = whitened(columns, time, sigma, walks)
+    whitening = whitened(columns, time, sigma, walks)
     for k, walk in enumerate(walks):
         factor = np.linalg.cholesky(walk * np.minimum.outer(time, time) + np.diag(sigma**2))
-        assert found.columns[k] == pytest.approx(np.linalg.solve(factor, columns), abs=1e-12)
+        assert whitening.columns[k] == pytest.approx(np.linalg.solve(factor, columns), abs=1e-12)
         determinant = 2.0 * np.sum(np.log(np.diag(factor)))
-        assert found.log_determinant[k] == pytest.approx(determinant, abs=1e-11)
+        assert whitening.log_determinant[k] == pytest.approx(determinant, abs=1e-11)

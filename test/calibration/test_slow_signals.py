@@ -21,18 +21,18 @@ def analysed(seed: int, signal: np.ndarray | float) -> AllanResult:
 
 
 def false_values(result: AllanResult, key: str) -> int:
-    found = [result.estimate(axis, key) for axis in range(6)]
-    assert all(estimate.low == 0.0 for estimate in found if estimate.value is None)
-    return sum(estimate.value is not None for estimate in found)
+    estimates = [result.estimate(axis, key) for axis in range(6)]
+    assert all(estimate.low == 0.0 for estimate in estimates if estimate.value is None)
+    return sum(estimate.value is not None for estimate in estimates)
 
 
-def told(result: AllanResult, words: str) -> int:
-    return sum(words in warning for warning in result.warnings)
+def told(result: AllanResult, text: str) -> int:
+    return sum(text in warning for warning in result.warnings)
 
 
 @pytest.mark.parametrize("size", [3.0, 12.0])
 def test_a_shift_of_level_is_taken_out_and_told(size):
-    """It was a random walk in all axes; of six bounds of 95 %, two fail once in 30 times."""
+    """No axis gets a random walk; of six bounds of 95 %, two fail once in 30 times."""
     step = size * DENSITY * (np.arange(COUNT) > 0.3 * COUNT)[:, None]
     result = analysed(1, step)
     assert told(result, "a shift of level of") == 6
@@ -69,6 +69,6 @@ def test_white_noise_holds_beside_a_gauss_markov_bias(sigma):
 
 
 def test_white_noise_has_no_signals():
-    """Of six axes none has a shift or a warm-up: noise has one in 10^4 records."""
+    """No axis has a shift or a warm-up, which white noise has in one of 10^4 records."""
     result = analysed(5, 0.0)
     assert result.warnings == ()

@@ -105,9 +105,16 @@ def test_flicker_of_the_first_coefficients(order):
 
 def single_row(order: int) -> Spectrum:
     """One coefficient of a record of 1 s."""
-    one = np.ones(1)
+    ones = np.ones(1)
     return Spectrum(
-        0.5 * order * one, one[:, None], one, order * one, 1e-4 * one, one, one[:, None], 1e-4
+        0.5 * order * ones,
+        ones[:, None],
+        ones,
+        order * ones,
+        1e-4 * ones,
+        ones,
+        ones[:, None],
+        1e-4,
     )
 
 
@@ -141,8 +148,8 @@ def test_every_sample_is_counted_once():
 def test_flat_floor_of_flicker_and_deviation_of_gauss_markov():
     tau = np.array([1e-4, 1.0, 189.0, 1e5])
     assert pytest.approx(0.664, abs=5e-4) == terms.FLICKER.deviation(tau)[0]
-    found = terms.gauss_markov_deviation(tau, 100.0)
+    curve = terms.gauss_markov_deviation(tau, 100.0)
     # IEEE 952: a walk of 2 sigma^2 / T before, white noise of 2 sigma^2 T after, 0.617 at 1.89 T.
-    assert found[0] == pytest.approx(np.sqrt(2.0 / 3.0 * 1e-4 / 100.0), rel=1e-3)
-    assert found[2] == pytest.approx(0.617, abs=1e-3)
-    assert found[3] == pytest.approx(np.sqrt(2.0 * 100.0 / 1e5), rel=1e-2)
+    assert curve[0] == pytest.approx(np.sqrt(2.0 / 3.0 * 1e-4 / 100.0), rel=1e-3)
+    assert curve[2] == pytest.approx(0.617, abs=1e-3)
+    assert curve[3] == pytest.approx(np.sqrt(2.0 * 100.0 / 1e5), rel=1e-2)

@@ -99,10 +99,10 @@ def record(errors, seed, extra=0.0):
     return Recording(stamps, y, (slice(0, len(t)),), RATE)
 
 
-def deviation(found, true):
+def deviation(estimated, true):
     """Errors of all parameters."""
-    result = found.deviation() - true.deviation()
-    turn = found.r_ib @ true.r_ib.T
+    result = estimated.deviation() - true.deviation()
+    turn = estimated.r_ib @ true.r_ib.T
     result[model.MOUNTING] = rotation.log(rotation.from_matrix(turn))
     return result
 
@@ -142,7 +142,7 @@ def fits():
 
 def test_every_parameter_is_found_within_its_standard_error(fits):
     # Without an attitude nothing is known of the world of the truth, the last three.
-    z = np.array([(deviation(found.errors, true) / found.sigma)[:39] for true, found in fits])
+    z = np.array([(deviation(fitted.errors, true) / fitted.sigma)[:39] for true, fitted in fits])
     # 117 numbers: the mean square of normal ones is 1 +- sqrt(2 / 117) = 0.13, more where they
     # depend on one another; standard errors wrong by sqrt(2) give 2 or 0.5.
     assert 0.6 < np.mean(z**2) < 1.5
@@ -152,28 +152,30 @@ def test_every_parameter_is_found_within_its_standard_error(fits):
 
 def test_standard_errors_are_those_of_the_noise(fits):
     """The bias of n samples of white noise that nothing else explains: density / sqrt(T)."""
-    _, found = fits[0]
-    assert np.all(found.sigma[model.BIAS][:3] > 0.9 * GYRO / np.sqrt(SECONDS))
-    assert np.all(found.sigma[model.BIAS][:3] < 3.0 * GYRO / np.sqrt(SECONDS))
+    _, fitted = fits[0]
+    assert np.all(fitted.sigma[model.BIAS][:3] > 0.9 * GYRO / np.sqrt(SECONDS))
+    assert np.all(fitted.sigma[model.BIAS][:3] < 3.0 * GYRO / np.sqrt(SECONDS))
 
 
 def test_a_motion_about_one_axis_leaves_the_rest_at_its_prior():
     def about_z(t):
         full = motion_at(t)
-        one = np.array([0.0, 0.0, 1.0])
-        return BodyMotion(full.rate * one, np.tile([0.0, 0.0, 9.81], (len(t), 1)), full.rate * 0.0)
+        z_axis = np.array([0.0, 0.0, 1.0])
+        return BodyMotion(
+            full.rate * z_axis, np.tile([0.0, 0.0, 9.81], (len(t), 1)), full.rate * 0.0
+        )
 
     stamps = np.arange(3000) / RATE
     rng = np.random.default_rng(4)
     noise = rng.standard_normal((3000, 6)) * np.sqrt(RATE) * np.repeat([GYRO, ACCEL], 3)
     y = model.readings(model.perfect(np.eye(3)), about_z(stamps)) + noise
     recording = Recording(stamps, y, (slice(0, 3000),), RATE)
-    found = fit(recording, KnownMotion(about_z, 6.0), model.perfect(np.eye(3)))
+    fitted = fit(recording, KnownMotion(about_z, 6.0), model.perfect(np.eye(3)))
     # The lever arm along the axis, and what scales a rate that is always zero.
     prior = 0.5
-    assert found.sigma[model.LEVER_ARM][2] == pytest.approx(prior, rel=1e-3)
-    assert found.sigma[model.GYROSCOPE][0] == pytest.approx(0.03, rel=1e-2)
-    assert found.sigma[model.GYROSCOPE][8] < 1e-3
+    assert fitted.sigma[model.LEVER_ARM][2] == pytest.approx(prior, rel=1e-3)
+    assert fitted.sigma[model.GYROSCOPE][0] == pytest.approx(0.03, rel=1e-2)
+    assert fitted.sigma[model.GYROSCOPE][8] < 1e-3
 
 
 def test_white_noise_is_a_floor_and_nothing_else():
@@ -195,22 +197,22 @@ def test_white_noise_is_a_floor_and_nothing_else():
      (0.8, (1.2, 20.0), True)],
 )  # fmt: skip
 def test_intervals_of_a_floor_hold_it_whatever_else_some_bands_have(share, times, hides):
-    """Of 50 bands some have more than the floor; if they are most, its bound is not below it."""
-    rng, held, intervals, trials = np.random.default_rng(9), 0, 0, 60
+    """Intervals cover the floor where some of 50 bands exceed it; where most do, its bound does."""
+    rng, covered, intervals, trials = np.random.default_rng(9), 0, 0, 60
     for _ in range(trials):
         freedom = np.full((50, 6), 42.0)
         freedom[:10] = rng.uniform(6.0, 30.0, 10)[:, None]
         power = rng.chisquare(freedom) / freedom
         power[rng.permutation(50)[: round(50 * share)]] *= rng.uniform(*times)
         edges = np.arange(51.0)
-        own = np.ones(len(power))
-        bands = Bands(edges[:-1], edges[1:], power[:, :, None] * np.eye(6), freedom, own)
+        weights = np.ones(len(power))
+        bands = Bands(edges[:-1], edges[1:], power[:, :, None] * np.eye(6), freedom, weights)
         white = white_floor(bands, 0.0)
-        held += np.count_nonzero((white.low <= 1.0) & (white.high >= 1.0))
+        covered += np.count_nonzero((white.low <= 1.0) & (white.high >= 1.0))
         intervals += np.count_nonzero(white.low)
     # 360 intervals of 95 %: one standard deviation is 1.1 %, and what is a little above the floor
     # costs up to 2 %. Standard errors wrong by sqrt(2) hold 83 %.
-    assert held >= 0.895 * 6 * trials
+    assert covered >= 0.895 * 6 * trials
     assert intervals < 0.1 * 6 * trials if hides else intervals > 0.6 * 6 * trials
 
 
@@ -229,9 +231,9 @@ def test_the_floor_of_white_noise_is_its_density_with_the_scatter_that_is_stated
         powers.append(bands.density**2 * RATE)
         floors.append(white_floor(bands, 1.0)[:3])
     density, low, high = np.sqrt(RATE) * np.moveaxis(floors, 1, 0)
-    found = low > 0.0  # else it is a bound
-    assert np.mean(found) > 0.95
-    assert abs(np.mean(density[found]) - 1.0) < 0.01
+    resolved = low > 0.0  # else it is a bound
+    assert np.mean(resolved) > 0.95
+    assert abs(np.mean(density[resolved]) - 1.0) < 0.01
     # 228 intervals of 95 %: one standard deviation is 1.4 %.
     assert np.mean((low <= 1.0) & (high >= 1.0)) > 0.90
     scatter = np.var(powers, axis=(0, 2)) / np.mean(powers, axis=(0, 2)) ** 2
@@ -250,13 +252,13 @@ def test_bands_above_the_floor_are_found_with_their_coherence():
     values[:, 1] += common
     values[:, 5] -= 2.0 * common
     bands = cross_spectra(values, [slice(0, n)], RATE, band_edges(n / RATE, RATE))
-    there = above(bands, white_floor(bands, 1.0))
-    inside = (there.low > 20.5) & (there.high < 29.5)
-    assert np.count_nonzero(inside) >= 8
-    size = there.density[inside]
+    excess = above(bands, white_floor(bands, 1.0))
+    band = (excess.low > 20.5) & (excess.high < 29.5)
+    assert np.count_nonzero(band) >= 8
+    size = excess.density[band]
     np.testing.assert_allclose(size[:, 1].mean(), 1.0 / np.sqrt(RATE), rtol=0.05)
     np.testing.assert_allclose(size[:, 5].mean(), 2.0 / np.sqrt(RATE), rtol=0.05)
-    pair = there.matrix[inside][:, 1, 5] / (size[:, 1] * size[:, 5])
+    pair = excess.matrix[band][:, 1, 5] / (size[:, 1] * size[:, 5])
     assert np.all(pair.real < -0.99)
 
 
@@ -298,12 +300,12 @@ def test_intensity_that_follows_the_rate_is_recovered():
     logs[:, 2] = 0.5 * np.cos(2.0 * np.pi * np.arange(n) / 1700.0)
     truth = np.array([[1.5, 0.0, 0.0], [0.0, 0.0, 0.0]])
     values = rng.standard_normal((n, 6)) * factors(truth, logs)
-    found = follow(values, [slice(0, n)], RATE, logs)
+    response = follow(values, [slice(0, n)], RATE, logs)
     for k in (2, 3):  # 5-20 Hz, and above
-        assert abs(found.value[k, 0, 0] - 1.5) < 4.0 * found.sigma[k, 0, 0] + 0.05
-        assert found.sigma[k, 0, 0] < 0.1
-        assert np.abs(found.value[k, 1]).max() < 0.3
-    assert found.value.min() >= 0.0  # nothing gets quieter by moving
+        assert abs(response.value[k, 0, 0] - 1.5) < 4.0 * response.sigma[k, 0, 0] + 0.05
+        assert response.sigma[k, 0, 0] < 0.1
+        assert np.abs(response.value[k, 1]).max() < 0.3
+    assert response.value.min() >= 0.0  # nothing gets quieter by moving
 
 
 def test_a_wandering_clock_is_followed_and_a_steady_one_left_alone():
@@ -312,8 +314,8 @@ def test_a_wandering_clock_is_followed_and_a_steady_one_left_alone():
     slope = np.concatenate([np.gradient(motion_at(stamps).rate, stamps, axis=0)] * 2, axis=1)
     noise = rng.standard_normal((4000, 6)) * GYRO * np.sqrt(RATE)
     course = 2e-3 * np.sin(2.0 * np.pi * stamps / 40.0)
-    found = clock.wander(stamps, slope * course[:, None] + noise, slope, RATE)
-    assert np.std(found - course) < 2e-4
+    offset = clock.wander(stamps, slope * course[:, None] + noise, slope, RATE)
+    assert np.std(offset - course) < 2e-4
     assert not clock.wander(stamps, noise, slope, RATE).any()
 
 
@@ -344,18 +346,21 @@ def test_noise_of_poses_is_measured_where_nothing_moves():
     noise = size * rng.standard_normal((4000, 6))
     q_wb = rotation.multiply(rotation.exp(angle), rotation.exp(noise[:, :3]))
     position_noisy = position + rotation.rotate(q_wb, noise[:, 3:])
-    at, found = scatter(poses_at(t, position_noisy, q_wb))
+    centres, differences = scatter(poses_at(t, position_noisy, q_wb))
     # Differences of eighth order that overlap: some 700 free ones in 2000, 3 % of a deviation.
-    before, after = (found[at < 19.9].std(axis=0), found[at > 20.1].std(axis=0))
-    np.testing.assert_allclose(before, size[0], rtol=0.12)
-    np.testing.assert_allclose(after, size[-1], rtol=0.12)
-    ratio = noise_over(at, found, (0.0, 19.9), np.array([10.0, 30.0]))
+    size_before, size_after = (
+        differences[centres < 19.9].std(axis=0),
+        differences[centres > 20.1].std(axis=0),
+    )
+    np.testing.assert_allclose(size_before, size[0], rtol=0.12)
+    np.testing.assert_allclose(size_after, size[-1], rtol=0.12)
+    ratio = noise_over(centres, differences, (0.0, 19.9), np.array([10.0, 30.0]))
     assert np.all(np.abs(ratio / [[1.0], [0.5]] - 1.0) < 0.5)  # in one second, 12 %
     _, still = scatter(poses_at(t, position, rotation.exp(angle)))
     assert not still.any()
-    at, few = scatter(poses_at(t[:5], position[:5], q_wb[:5]))
+    centres, few = scatter(poses_at(t[:5], position[:5], q_wb[:5]))
     assert len(few) == 0
-    np.testing.assert_array_equal(noise_over(at, few, (0.0, 9.0), t[:3]), 1.0)
+    np.testing.assert_array_equal(noise_over(centres, few, (0.0, 9.0), t[:3]), 1.0)
 
 
 def curve(t):
@@ -393,9 +398,9 @@ def test_the_highest_motion_above_noise():
     t = np.arange(6000) / RATE
     motion = np.stack([np.sin(2.0 * np.pi * f * t) for f in (0.3, 1.1, 4.0)], axis=1)
     noise = 0.05 * rng.standard_normal((3, 6000, 3))
-    found = highest_motion(motion + noise[0], [motion + noise[0] + n for n in noise[1:]], RATE)
+    frequency = highest_motion(motion + noise[0], [motion + noise[0] + n for n in noise[1:]], RATE)
     # A band around 4 Hz; 3 Hz wide at most.
-    assert 4.0 <= found < 6.0
+    assert 4.0 <= frequency < 6.0
 
 
 def test_noise_of_poses_is_taken_out_of_the_normal_equations():
@@ -423,24 +428,24 @@ def test_noise_of_poses_is_taken_out_of_the_normal_equations():
 
     real, drawn = noisy(1), [noisy(2), noisy(3)]
 
-    def seen(t, *others):
+    def observed(t, *errors):
         motion = motion_at(t)
-        for other in others:
-            rate, force = other(t)
+        for error in errors:
+            rate, force = error(t)
             motion = motion._replace(rate=motion.rate + rate, force=motion.force + force)
         return motion
 
     start = model.perfect(true.r_ib, true.offset)
-    plain = fit(recording, KnownMotion(lambda t: seen(t, real), 8.0), start)
-    draws = tuple(lambda t, d=d: seen(t, real, d) for d in drawn)
-    found = fit(recording, KnownMotion(lambda t: seen(t, real), 8.0, draws), start)
-    gain = [np.trace(f.errors.response[:3, :3]) / 3.0 for f in (plain, found)]
-    sigma = np.sqrt(np.sum(found.sigma[model.GYROSCOPE][::4] ** 2)) / 3.0
+    plain = fit(recording, KnownMotion(lambda t: observed(t, real), 8.0), start)
+    draws = tuple(lambda t, d=d: observed(t, real, d) for d in drawn)
+    fitted = fit(recording, KnownMotion(lambda t: observed(t, real), 8.0, draws), start)
+    gain = [np.trace(f.errors.response[:3, :3]) / 3.0 for f in (plain, fitted)]
+    sigma = np.sqrt(np.sum(fitted.sigma[model.GYROSCOPE][::4] ** 2)) / 3.0
     assert gain[0] < 1.0 - 4.0 * sigma, gain
     assert abs(gain[1] - 1.0) < 3.0 * sigma, (gain, sigma)
     # What was taken out is more than a standard error of each gain, though bands of much noise
     # weigh little, and is said.
-    assert (found.noise_shift[model.GYROSCOPE][::4] > 1.0).all(), found.noise_shift
+    assert (fitted.noise_shift[model.GYROSCOPE][::4] > 1.0).all(), fitted.noise_shift
     assert not plain.noise_shift.any()
 
 
@@ -448,16 +453,16 @@ def test_what_is_all_noise_stays_at_the_prior():
     """A direction whose information is negative less the noise: the readings move nothing there."""
     prior = np.array([2.0, 0.5])
     normal = np.diag(prior**-2) + np.diag([3.0, -1.0])
-    inverse, known = _inverse(normal, prior)
+    inverse, projection = _inverse(normal, prior)
     np.testing.assert_allclose(inverse, np.diag([1.0 / (0.25 + 3.0), 0.25]))
-    np.testing.assert_allclose(inverse @ known.T @ [1.0, 100.0], [1.0 / 3.25, 0.0], atol=1e-12)
-    inverse, known = _inverse(np.diag(prior**-2) + np.eye(2), prior)
-    np.testing.assert_array_equal(known, np.eye(2))
+    np.testing.assert_allclose(inverse @ projection.T @ [1.0, 100.0], [1.0 / 3.25, 0.0], atol=1e-12)
+    inverse, projection = _inverse(np.diag(prior**-2) + np.eye(2), prior)
+    np.testing.assert_array_equal(projection, np.eye(2))
     np.testing.assert_allclose(inverse, np.diag([1.0 / 1.25, 1.0 / 5.0]))
 
 
 def test_densities_have_the_shape_of_the_noise_of_the_poses_within_a_bin():
-    """Of rates, that of white attitudes rises with the square of the frequency."""
+    """Rates from white attitudes have a density that rises with the square of the frequency."""
     sums = _Sums([slice(0, 4000)], RATE, 2.0, 1)
     for k in range(sums._bins[0].size):
         sums._noise[0][k] = (k + 0.5) ** 2
@@ -481,7 +486,7 @@ def test_what_estimated_weights_cost_is_in_the_standard_errors():
     count, draws = 20, 20_000
     values = rng.standard_normal((draws, 6, count))
     weights = count / values.var(axis=2, ddof=1)
-    found = np.sum(weights * values.mean(axis=2), axis=1) / weights.sum(axis=1)
+    means = np.sum(weights * values.mean(axis=2), axis=1) / weights.sum(axis=1)
     claimed = np.mean(1.0 / weights.sum(axis=1))
     sums = _Sums([slice(0, 4000)], RATE, 2.0, 1)
     sums.count[:] = 0.0
@@ -489,8 +494,8 @@ def test_what_estimated_weights_cost_is_in_the_standard_errors():
     sums.matrix[1] = count
     inverse = np.array([[1.0 / (6.0 * count)]])
     factor = float(sums.widening(np.ones_like(sums.remaining_share), inverse)[0])
-    assert factor**2 == pytest.approx(found.var() / claimed, rel=0.04)
-    assert found.var() / claimed > 1.1
+    assert factor**2 == pytest.approx(means.var() / claimed, rel=0.04)
+    assert means.var() / claimed > 1.1
 
 
 def test_jumps_of_a_truth_are_not_its_usual_noise():
@@ -500,9 +505,9 @@ def test_jumps_of_a_truth_are_not_its_usual_noise():
     position[1000:] += 0.5
     position[2500:] -= 0.3
     q_wb = np.tile([1.0, 0.0, 0.0, 0.0], (4000, 1))
-    found = noise_of(poses_at(t, position, q_wb), poses_at(t, 0.0 * position, q_wb)).white
+    white = noise_of(poses_at(t, position, q_wb), poses_at(t, 0.0 * position, q_wb)).white
     # 200 differences a second, neighbours alike: a variance is known to some 15 %.
-    np.testing.assert_allclose(found[3:], 1e-3, rtol=0.1)
+    np.testing.assert_allclose(white[3:], 1e-3, rtol=0.1)
 
 
 def test_a_floor_is_not_below_what_rest_shows():
@@ -510,15 +515,15 @@ def test_a_floor_is_not_below_what_rest_shows():
     values = rng.standard_normal((4000, 6)) * np.sqrt(RATE)
     assert not quietest(values, RATE).any()  # no second is quieter than the others
     values[300:] *= 5.0
-    least = quietest(values, RATE)
+    floor = quietest(values, RATE)
     # The lower of two powers of the quietest of five seconds, with some 13 free squares each:
     # chi-square 4.1 of 13 once in a hundred, 0.56 a density, and the mean at most.
-    assert np.all((least > 0.5) & (least < 1.0))
+    assert np.all((floor > 0.5) & (floor < 1.0))
     bands = cross_spectra(0.3 * values[:300], [slice(0, 300)], RATE, band_edges(3.0, RATE))
     assert np.all(white_floor(bands, 1.0).density < 0.4)
-    white = raised(white_floor(bands, 1.0), 3.0 * least)
-    assert np.all(white.density >= 3.0 * least)
-    assert np.all(white.high >= 3.0 * least)
+    white = raised(white_floor(bands, 1.0), 3.0 * floor)
+    assert np.all(white.density >= 3.0 * floor)
+    assert np.all(white.high >= 3.0 * floor)
 
 
 def test_a_hidden_floor_is_not_above_any_band():
@@ -526,8 +531,8 @@ def test_a_hidden_floor_is_not_above_any_band():
     assert np.all(lowered(hidden, np.full(6, 0.5)).density == 0.5)
     assert np.all(lowered(hidden, np.full(6, 0.5)).high == 3.0)  # as uncertain as before
     assert np.all(lowered(hidden, np.full(6, 5.0)).density == 2.0)
-    seen = hidden._replace(low=np.ones(6))
-    assert np.all(lowered(seen, np.full(6, 0.5)).density == 2.0)
+    visible = hidden._replace(low=np.ones(6))
+    assert np.all(lowered(visible, np.full(6, 0.5)).density == 2.0)
 
 
 def test_vibration_begins_with_the_rotors():
@@ -553,8 +558,8 @@ def test_a_classifier_tells_what_differs_and_only_that():
     later = np.where(np.arange(400)[:, None] < 40, 0.0, 2.0)
     assert classification_rate(a, b + later, 40) > 0.8
     # What was fitted is as like the rest as a twin that reads the same.
-    simulated, own = Windows(a[:40], b + later, (a[:40],)).classification_rates()
-    assert simulated == own
+    simulated, twin_rate = Windows(a[:40], b + later, (a[:40],)).classification_rates()
+    assert simulated == twin_rate
 
 
 def test_the_white_floor_is_that_before_rounding():
@@ -569,22 +574,22 @@ def test_the_white_floor_is_that_before_rounding():
         "accelerometer_noise_density": 2e-3,
         "accelerometer_resolution": 0.02,
     }
-    found = []
+    densities = []
     for seed in range(2):
         flight = ims.simulate(imu=imu, trajectory="figure_eight", duration=30, rate=100, seed=seed)
         twin = ims.twin(flight.readings, flight.truth)
         assert twin.parameters["imu.accelerometer_resolution"] == pytest.approx([0.02] * 3)
-        found += list(twin.parameters["imu.accelerometer_noise_density"])
-    assert abs(np.sqrt(np.mean(np.square(found))) / 2e-3 - 1.0) < 0.03
+        densities += list(twin.parameters["imu.accelerometer_noise_density"])
+    assert abs(np.sqrt(np.mean(np.square(densities))) / 2e-3 - 1.0) < 0.03
 
 
 def test_rounding_that_is_most_of_the_floor_leaves_a_bound():
     rounding = 0.02 / np.sqrt(12 * 100.0)
     white = spectrum.White(*np.full((3, 6), rounding * 1.2), np.zeros((1, 6), dtype=bool))
-    found = spectrum.without_rounding(white, np.repeat([0.0, 0.02], 3), 100.0)
-    assert (found.low == np.repeat([rounding * 1.2, 0.0], 3)).all()
-    assert found.density[3:] == pytest.approx(rounding * np.sqrt(1.2**2 - 1.0))
-    assert (found.high == white.high).all()
+    floor = spectrum.without_rounding(white, np.repeat([0.0, 0.02], 3), 100.0)
+    assert (floor.low == np.repeat([rounding * 1.2, 0.0], 3)).all()
+    assert floor.density[3:] == pytest.approx(rounding * np.sqrt(1.2**2 - 1.0))
+    assert (floor.high == white.high).all()
 
 
 @pytest.mark.parametrize("imu", ["bmi088", "adis16448"])
@@ -592,8 +597,8 @@ def test_the_steps_of_readings_in_motion_are_those_of_the_sensor(imu):
     flight = ims.simulate(imu=imu, trajectory="figure_eight", duration=20, seed=0)
     readings = np.hstack([flight.gyro, flight.accel])
     readings[50:80] += 1e-5 * np.arange(30)[:, None]  # as if interpolated
-    own = flight.parameters.imu
-    expected = [*own.gyroscope.resolution, *own.accelerometer.resolution]
+    parameters = flight.parameters.imu
+    expected = [*parameters.gyroscope.resolution, *parameters.accelerometer.resolution]
     np.testing.assert_allclose(_steps(readings), expected, rtol=1e-9)
     exact = ims.simulate(imu="perfect", trajectory="figure_eight", duration=20)
     assert not _steps(np.hstack([exact.gyro, exact.accel])).any()
@@ -606,9 +611,11 @@ def test_readings_without_a_truth_are_told():
     half = (column[:1501] for column in (true.t_ns, true.position, true.q_wb))
     truth = States(*half)
     twin = ims.twin(flight.readings, truth)
-    found = twin.to_dict()
-    assert (found["seconds"], found["readings_s"]) == pytest.approx((14.6, 29.99), abs=0.03)
-    assert f"the truth covers {found['seconds']:.4g} of 29.99 s of the readings" in twin.warnings[0]
+    content = twin.to_dict()
+    assert (content["seconds"], content["readings_s"]) == pytest.approx((14.6, 29.99), abs=0.03)
+    assert (
+        f"the truth covers {content['seconds']:.4g} of 29.99 s of the readings" in twin.warnings[0]
+    )
     whole = ims.twin(flight.readings, flight.truth)
     assert not any("the truth covers" in line for line in whole.warnings)
 
@@ -621,9 +628,9 @@ def test_an_inverted_axis_is_that_of_its_triad(triad, axis):
     sign = np.where(np.arange(3) == axis, -1.0, 1.0)
     gyro = flight.gyro * (sign if triad == "gyroscope" else 1.0)
     accel = flight.accel * (sign if triad == "accelerometer" else 1.0)
-    other = "gyroscope" if triad == "accelerometer" else "accelerometer"
+    other_triad = "gyroscope" if triad == "accelerometer" else "accelerometer"
     with pytest.raises(
-        InputError, match=f"the {triad} {'xyz'[axis]} is inverted against the {other}"
+        InputError, match=f"the {triad} {'xyz'[axis]} is inverted against the {other_triad}"
     ):
         ims.twin(ims.Readings(flight.t_ns, gyro, accel), flight.truth)
 

@@ -39,7 +39,7 @@ def sections(bag, folder, *arguments):
     assert main([str(bag), "-o", str(folder / "page.html"), "--quiet", *arguments]) == 0
     page = (folder / "page.html").read_text(encoding="utf-8")
     (text,) = re.findall(r'<script type="application/json" id="content">(.*?)</script>', page)
-    return {one["title"]: one["items"] for one in json.loads(text)["sections"]}
+    return {section["title"]: section["items"] for section in json.loads(text)["sections"]}
 
 
 def words(items):
@@ -53,19 +53,21 @@ def plots(items):
 
 def test_errors_of_fixes_are_those_of_the_simulation_and_so_are_shares(drive):
     """A stated covariance of a quarter: 38.3 % within one stated deviation, a half of the true."""
-    flight, found = drive
-    items = found["drive.mcap: /gps/fix"]
-    said = words(items)
+    flight, page_sections = drive
+    items = page_sections["drive.mcap: /gps/fix"]
+    text = words(items)
     sizes = np.sqrt(np.mean(flight.gnss.error**2, axis=0))
     for size, axis in zip(sizes, ("east", "north", "up"), strict=True):
         # Three digits are printed; east and north of the antenna turn by 1e-5 rad in 60 m.
-        (printed,) = re.findall(rf"([0-9.e+-]+) {axis}", said.partition("/gps/velocity")[0])[-1:]
+        (printed,) = re.findall(rf"([0-9.e+-]+) {axis}", text.partition("/gps/velocity")[0])[-1:]
         assert float(printed) == pytest.approx(size, rel=6e-3)
     ratio = np.abs(flight.gnss.error) / np.sqrt(flight.gnss.variance)
-    assert f"{np.mean(ratio <= 1.0):.1%} within 1 sigma (68.3%)" in said
+    assert f"{np.mean(ratio <= 1.0):.1%} within 1 sigma (68.3%)" in text
     # 350 fixes, three axes: 0.383 +- 0.015; five of these.
     assert np.mean(ratio <= 1.0) == pytest.approx(0.383, abs=0.075)
-    assert [one["name"] for item in items if item["kind"] == "path" for one in item["series"]] == [
+    assert [
+        line["name"] for item in items if item["kind"] == "path" for line in item["series"]
+    ] == [
         *("/ground_truth/gps_fix", "/gps/fix"),
     ]
     drawn = plots(items)
@@ -78,8 +80,8 @@ def test_errors_of_fixes_are_those_of_the_simulation_and_so_are_shares(drive):
 
 
 def test_wheels_are_compared_in_their_own_frame(drive):
-    flight, found = drive
-    items = found["drive.mcap: errors of /wheel/odom"]
+    flight, page_sections = drive
+    items = page_sections["drive.mcap: errors of /wheel/odom"]
     wheels = flight.wheels
     error = np.linalg.norm(wheels.true_pose[:, :2] - wheels.pose[:, :2], axis=1)
     assert f"{np.sqrt(np.mean(error**2)):.4g} m root mean square" in words(items)
@@ -89,14 +91,14 @@ def test_wheels_are_compared_in_their_own_frame(drive):
     # What wheels do not measure has no plot; and in the world's frame they are no estimate.
     assert "/wheel/odom: position error x" in plots(items)
     assert "/wheel/odom: position error z" not in plots(items)
-    assert not any("wheel" in title for title in plots(found["drive.mcap: motion"]))
+    assert not any("wheel" in title for title in plots(page_sections["drive.mcap: motion"]))
 
 
 def test_every_sensor_with_a_truth_is_drawn_with_it(drive):
     """Speeds of the wheels and angles of the joints, whose message only rosbags knows."""
-    flight, found = drive
+    flight, page_sections = drive
     wheels = flight.wheels
-    items = found["drive.mcap: /wheel/odom (twist)"]
+    items = page_sections["drive.mcap: /wheel/odom (twist)"]
     error = wheels.twist[:, 0] - wheels.true_twist[:, 0]
     (printed,) = re.findall(
         r"linear: RMS error \(measured - true\).*?: ([0-9.e+-]+) x", words(items)
@@ -107,7 +109,7 @@ def test_every_sensor_with_a_truth_is_drawn_with_it(drive):
     assert [line["colour"] for line in drawn] == ["x", "y", None, None]
     # Forward alone: up, and what is not measured, have no plot.
     assert "/wheel/odom: angular: error x" not in plots(items)
-    joints = found["drive.mcap: /joint_states"]
+    joints = page_sections["drive.mcap: /joint_states"]
     error = wheels.angle - wheels.ideal_angle
     (printed,) = re.findall(
         r"position: RMS error \(measured - true\).*?: ([0-9.e+-]+) \w+left\w*", words(joints)
@@ -123,13 +125,15 @@ def test_without_a_truth_the_stated_deviation_is_drawn(tmp_path):
 
 
 def test_odometry_without_a_truth_of_its_own_begins_at_the_body(tmp_path):
-    """Its frame is not the world's: this drive begins elsewhere, heading north."""
+    """The drive begins away from the world's origin, heading north."""
     route = {"type": "drive", "positions": [30.0, -20.0, 30.0, 40.0, -10.0, 40.0]}
-    given = {**DRIVE, "sensors": ["wheels"], "trajectory": route, "duration": 20}
-    flight = ims.simulate(**{key: value for key, value in given.items() if key != "gnss"})
+    settings = {**DRIVE, "sensors": ["wheels"], "trajectory": route, "duration": 20}
+    flight = ims.simulate(**{key: value for key, value in settings.items() if key != "gnss"})
     bag = flight.save(tmp_path / "drive.mcap", topics=["ground_truth/odom", "wheel/odom"])
-    found = sections(bag, tmp_path)
-    items, detail = (found[f"drive.mcap: {k}"] for k in ("estimates", "errors of /wheel/odom"))
+    page_sections = sections(bag, tmp_path)
+    items, detail = (
+        page_sections[f"drive.mcap: {k}"] for k in ("estimates", "errors of /wheel/odom")
+    )
     assert "/wheel/odom: in a frame of its own" in words(items)
     wheels = flight.wheels
     error = np.linalg.norm(wheels.true_pose[:, :2] - wheels.pose[:, :2], axis=1)

@@ -61,14 +61,14 @@ def run(browser, script, *arguments):
 
 def test_shortened_names_of_groups_are_told_apart_on_a_phone(opened):
     """A cell's name ends with its estimator, the only difference between neighbours."""
-    found = run(
+    labels = run(
         opened("campaign.html", 390),
         """return [...figure("ate rmse").querySelectorAll("text > title")].map((title) =>
         [title.parentNode.firstChild.textContent, title.textContent])""",
     )
-    assert len({words for words, _ in found}) == len(found) > 1
-    assert all(words[-6:] == whole[-6:] for words, whole in found)
-    assert any("\u2026" in words for words, _ in found)
+    assert len({label for label, _ in labels}) == len(labels) > 1
+    assert all(label[-6:] == whole[-6:] for label, whole in labels)
+    assert any("\u2026" in label for label, _ in labels)
 
 
 @pytest.mark.parametrize("width", WIDTHS)
@@ -119,7 +119,7 @@ def test_a_path_and_the_ends_of_its_axes_lie_in_the_picture(opened, width):
     page = opened("bag.html", width)
     for view in ("initial view", "from above", "from the side"):
         run(page, "figure('Path').querySelector(`button[title='${arguments[0]}']`).click()", view)
-        outside = run(
+        outliers = run(
             page,
             """const frame = figure("Path").querySelector("svg").getBoundingClientRect();
             return [...figure("Path").querySelectorAll("svg text, path.track")].filter((mark) => {
@@ -127,7 +127,7 @@ def test_a_path_and_the_ends_of_its_axes_lie_in_the_picture(opened, width):
               return box.left < frame.left - 1 || box.right > frame.right + 1
                 || box.top < frame.top - 1 || box.bottom > frame.bottom + 1; }).length""",
         )
-        assert outside == 0, view
+        assert outliers == 0, view
 
 
 def test_the_legend_shows_a_band_as_a_band_and_a_line_as_a_line(opened):
@@ -196,7 +196,7 @@ def test_hostile_names_are_text(opened):
 
 
 def test_ticks_of_values_that_hardly_differ_are_told_apart(opened):
-    """Of three digits, the four would be 0.0179 all."""
+    """With three digits, all four labels would be 0.0179."""
     page = opened("bag.html")
     ticks = "ticksInWords(new Scale([0.017911, 0.017947], false, 0, 1).ticks(4), 3)"
     assert run(page, f"return {ticks}") == ["0.01792", "0.01793", "0.01794"]
@@ -237,8 +237,8 @@ return [[...host.querySelectorAll("tbody tr")].map((row) => row.children[k].text
 def test_the_table_of_runs_is_sorted_by_a_click(opened, width):
     page = opened("campaign.html", width)
     for clicks, order in ((1, "ascending"), (1, "descending")):
-        words, state = run(page, SORTED, clicks)
-        values = [float(word) for word in words if word]
+        fields, state = run(page, SORTED, clicks)
+        values = [float(word) for word in fields if word]
         assert state == order
         assert len(values) == 25
         assert values == sorted(values, reverse=order == "descending")
@@ -272,23 +272,23 @@ def test_unknown_columns_are_said(opened):
     script = """const host = table("runs"), input = host.querySelector("input[type=search]");
     input.value = arguments[0]; input.dispatchEvent(new Event("input"));
     return [host.querySelector("[role=status]").textContent, Number(host.dataset.rows)]"""
-    told, rows = run(page, script, "speed>3")
-    assert told.startswith("no column speed; there are seed, estimator, status, imu")
+    status, rows = run(page, script, "speed>3")
+    assert status.startswith("no column speed; there are seed, estimator, status, imu")
     assert rows == 0
-    told, rows = run(page, script, "ate>0.001")
-    assert told == (
+    status, rows = run(page, script, "ate>0.001")
+    assert status == (
         "ate: several columns have this in their name: ate_rmse_m, ate_rmse_rad, estimated_share"
     )
-    told, rows = run(page, script, "seed<two")
-    assert told == "seed<two: < needs a number"
+    status, rows = run(page, script, "seed<two")
+    assert status == "seed<two: < needs a number"
     assert run(page, script, "seed<1") == ["18 of 108 rows", 18]
 
 
 @pytest.mark.parametrize("width", WIDTHS)
 def test_the_verdict_is_on_top_and_its_links_lead_to_the_runs(opened, width):
     page = opened("campaign.html", width)
-    first = run(page, "return document.querySelector('main section h2').textContent")
-    assert first == "Verdict"
+    heading = run(page, "return document.querySelector('main section h2').textContent")
+    assert heading == "Verdict"
     failed = page.find_element("css selector", ".failed.box")
     # The median of ate_rmse_m is above 1 mm with the largest bias at least, and one run failed.
     assert "requirements not met" in failed.text
@@ -305,7 +305,7 @@ def test_the_verdict_is_on_top_and_its_links_lead_to_the_runs(opened, width):
 
 def test_the_matrix_says_who_is_better_and_by_how_much(opened, results):
     page = opened("campaign.html")
-    found = run(
+    matrix = run(
         page,
         """const menu = document.querySelector('select[aria-label="verdict on"]');
         menu.value = [...menu.options].findIndex((one) =>
@@ -319,7 +319,7 @@ def test_the_matrix_says_who_is_better_and_by_how_much(opened, results):
           [...matrix.querySelectorAll("tbody tr")].map((row) =>
             [...row.querySelectorAll("td")].map((one) => one.textContent))]""",
     )
-    names, fields = found
+    names, fields = matrix
     assert names == ["0.001", "0.01", "0.1"]  # the best first
     assert [fields[k][k] for k in range(3)] == [""] * 3
     # What the row is divided by, the column is multiplied by.
@@ -327,9 +327,11 @@ def test_the_matrix_says_who_is_better_and_by_how_much(opened, results):
     assert fields[2][0] == fields[0][2].replace("\u00f7", "\u00d7")
     judged = judge(load_plan(results / "plan.yaml"), read_results(results), "ate_rmse_m")
     (contest,) = [
-        one for one in judged.contests if one.where == {"imu": "adis16448", "estimator": "midpoint"}
+        contest
+        for contest in judged.contests
+        if contest.where == {"imu": "adis16448", "estimator": "midpoint"}
     ]
-    (effect,) = [one for one in contest.effects if (one.a, one.b) == ("0.001", "0.1")]
+    (effect,) = [pair for pair in contest.effects if (pair.a, pair.b) == ("0.001", "0.1")]
     assert fields[0][2] == f"\u00f7{1.0 / effect.effect.value:.3g}"
 
 
@@ -345,7 +347,7 @@ def test_a_row_opens_with_path_and_command(opened, results, tmp_path):
     )
     details = page.find_elements("css selector", "tr.detail")
     assert len(details) == 6
-    assert all("final_velocity_error_m_s" in one.text for one in details)
+    assert all("final_velocity_error_m_s" in detail.text for detail in details)
     paths = page.find_elements("css selector", "tr.detail figure path.track")
     assert len(paths) >= 2  # truth and estimate of the run in the middle
     command = details[2].find_element("css selector", "pre.repeat").get_attribute("textContent")
@@ -355,29 +357,29 @@ def test_a_row_opens_with_path_and_command(opened, results, tmp_path):
     done = subprocess.run(["/bin/sh", "-c", command], cwd=tmp_path, capture_output=True, text=True)
     assert done.returncode == 0, done.stderr
     (again,) = read_results(tmp_path / "run")
-    (before,) = [
+    (original,) = [
         row
         for row in read_results(results)
         if (row["seed"], row["estimator"], row["imu"]) == (seed, "euler", "bmi088")
         and row["imu.gyroscope_bias"] == 0.1
     ]
-    before.pop("common_time")  # of all estimators of the flight; the command repeats one
-    assert again == before
+    original.pop("common_time")  # of all estimators of the flight; the command repeats one
+    assert again == original
 
 
 def test_columns_are_chosen(opened):
     page = opened("campaign.html")
     heads = "return [...table('runs').querySelectorAll('th')].map((one) => one.dataset.name)"
-    first = run(page, heads)
-    assert first[:5] == ["seed", "estimator", "status", "imu", "imu.gyroscope_bias"]
-    assert "cell" not in first
+    columns = run(page, heads)
+    assert columns[:5] == ["seed", "estimator", "status", "imu", "imu.gyroscope_bias"]
+    assert "cell" not in columns
     run(
         page,
         """const label = [...table("runs").querySelectorAll("details.columns label")].find((one) =>
         one.textContent.trim() === arguments[0]); label.querySelector("input").click()""",
         "cell",
     )
-    assert run(page, heads) == [*first, "cell"]
+    assert run(page, heads) == [*columns, "cell"]
 
 
 def test_success_is_a_metric(opened):
@@ -410,17 +412,17 @@ def test_rows_of_plots_are_full_and_the_theme_button_is_on_the_screen(opened, na
     )
     assert rows
     for width, widths in rows:
-        assert all(one > 0.95 * width for one in widths)
+        assert all(row_width > 0.95 * width for row_width in widths)
     page = opened(name, 390)
     box = "return document.querySelector('nav button').getBoundingClientRect()"
-    at = run(page, box)
-    assert at["left"] >= 0
-    assert at["right"] <= 390
+    bounds = run(page, box)
+    assert bounds["left"] >= 0
+    assert bounds["right"] <= 390
     page = opened(name, 360)
     links = "return [...document.querySelectorAll('#links')].map((one) => [one.scrollWidth - "
     links += "one.clientWidth, one.getBoundingClientRect().right])[0]"
-    hidden, right = run(page, links)
-    assert right <= run(page, box)["left"]
+    hidden, edge = run(page, links)
+    assert edge <= run(page, box)["left"]
     assert name != "campaign.html" or hidden <= 0  # all five links of a campaign are in sight
 
 
@@ -433,36 +435,36 @@ def test_dragging_zooms_all_linked_plots(opened, width):
         "Gaps", "Angular rate: spectrum"];
       const at = (name) => figure(name).dataset;
       return names.map((name) => [Number(at(name).x0), Number(at(name).x1)])"""
-    before = run(page, ranges)
+    initial = run(page, ranges)
     area = page.find_element("css selector", 'figure[data-plot="Specific force"] .area')
     page.execute_script("arguments[0].scrollIntoView({block: 'center'})", area)
     wide = area.rect["width"]
     ActionChains(page, duration=20).move_to_element_with_offset(
         area, int(-wide / 4), 0
     ).click_and_hold().move_by_offset(int(wide / 2), 3).release().perform()
-    after = run(page, ranges)
-    whole = before[1][1] - before[1][0]
-    for old, new in zip(before[:3], after[:3], strict=True):
-        assert new[0] == pytest.approx(old[0] + whole / 4, abs=0.02 * whole)
-        assert new[1] == pytest.approx(old[1] - whole / 4, abs=0.02 * whole)
-    assert after[3] == before[3]
+    zoomed = run(page, ranges)
+    whole = initial[1][1] - initial[1][0]
+    for range_initial, range_zoomed in zip(initial[:3], zoomed[:3], strict=True):
+        assert range_zoomed[0] == pytest.approx(range_initial[0] + whole / 4, abs=0.02 * whole)
+        assert range_zoomed[1] == pytest.approx(range_initial[1] - whole / 4, abs=0.02 * whole)
+    assert zoomed[3] == initial[3]
     run(page, "figure('Gaps').querySelector('[title=\"whole range\"]').click()")
-    assert run(page, ranges) == before
+    assert run(page, ranges) == initial
 
 
 def test_the_path_turns_and_series_can_be_hidden(opened):
     page = opened("bag.html")
     line = "return figure('Path').querySelector('path.track').getAttribute('d')"
-    first = run(page, line)
+    outline = run(page, line)
     run(page, "figure('Path').querySelector('[title=\"from above\"]').click()")
-    assert run(page, line) != first
+    assert run(page, line) != outline
     run(page, "figure('Path').querySelector('.legend button').click()")
     assert run(page, "return Number(figure('Path').dataset.drawn)") == 1
     hidden = """const one = figure("Angular rate"), before = one.dataset.drawn;
     one.querySelector(".legend button").click();
     return [Number(before), Number(one.dataset.drawn)]"""
-    before, after = run(page, hidden)
-    assert after < before
+    count_drawn, count_hidden = run(page, hidden)
+    assert count_hidden < count_drawn
 
 
 def test_the_metric_and_the_sensor_page_follow_their_menus(opened):
@@ -501,7 +503,7 @@ def test_plots_are_drawn_for_the_width_of_paper(opened):
 def test_dark_and_light_have_contrast(opened):
     """Words against paper at least 7:1 (WCAG 2.1, success criterion 1.4.6), in both."""
     page = opened("campaign.html")
-    found = []
+    themes = []
     for _ in range(2):
         run(page, "document.querySelector('nav button').click()")
         colours = run(
@@ -509,8 +511,8 @@ def test_dark_and_light_have_contrast(opened):
         )
         light, dark = sorted(map(luminance, colours), reverse=True)
         assert (light + 0.05) / (dark + 0.05) >= 7.0
-        found.append(colours)
-    assert found[0] != found[1]
+        themes.append(colours)
+    assert themes[0] != themes[1]
 
 
 def luminance(colour):
@@ -530,14 +532,14 @@ def test_paper_has_the_first_rows_and_no_column_beyond_its_edge(opened):
         assert run(page, shown, "beforeprint") == 10 < rows
         cells = "return table('cells').querySelectorAll('tbody tr').length"
         assert run(page, cells) == 18  # all of them
-        for name, columns, right in run(
+        for name, columns, edge in run(
             page,
             """return [...document.querySelectorAll("[data-table]")].map((one) => [
             one.dataset.table, [...one.querySelectorAll("th")].filter((th) => th.offsetWidth).map(
             (th) => [th.dataset.name, getComputedStyle(th, "::after").content]),
             one.querySelector("table").getBoundingClientRect().right])""",
         ):
-            assert right <= 720, name
+            assert edge <= 720, name
             # The names of columns are printed by what is repeated on every page.
             assert all(content == f'"{head}"' for head, content in columns), name
         assert run(page, shown, "afterprint") == 25
@@ -545,14 +547,14 @@ def test_paper_has_the_first_rows_and_no_column_beyond_its_edge(opened):
         page.execute_cdp_cmd("Emulation.setEmulatedMedia", {"media": ""})
 
 
-@pytest.mark.parametrize(("name", "most"), [("campaign.html", 4), ("sensors.html", 6)])
-def test_a_campaign_is_printed_on_few_pages(opened, name, most):
+@pytest.mark.parametrize(("name", "limit"), [("campaign.html", 4), ("sensors.html", 6)])
+def test_a_campaign_is_printed_on_few_pages(opened, name, limit):
     """A4, as the browser prints it by itself, with all 69 rows of the sensors' cells."""
     page = opened(name)
     settings = {"paperWidth": 8.27, "paperHeight": 11.69, "printBackground": True}
     printed = page.execute_cdp_cmd("Page.printToPDF", settings)
     pages = re.findall(rb"/Type\s*/Page\b", base64.b64decode(printed["data"]))
-    assert 2 <= len(pages) <= most
+    assert 2 <= len(pages) <= limit
 
 
 def test_the_matrix_of_all_sensors_is_whole(opened):
@@ -570,13 +572,13 @@ def test_the_matrix_of_all_sensors_is_whole(opened):
 
 
 def test_the_sensor_without_errors_is_not_ranked(opened):
-    """It wins without a contest; who is named is the best that can be bought."""
+    """The sensor without errors wins without a contest; the best real sensor is named."""
     page = opened("sensors.html")
-    told = "return document.querySelector('.headline').textContent + [...document."
-    told += "querySelectorAll('table.overview button')].map((one) => one.title)"
-    words = run(page, told)
-    assert "ate_rmse_m" in words
-    assert "perfect" not in words
+    script = "return document.querySelector('.headline').textContent + [...document."
+    script += "querySelectorAll('table.overview button')].map((one) => one.title)"
+    titles = run(page, script)
+    assert "ate_rmse_m" in titles
+    assert "perfect" not in titles
     rows = (
         "return [...document.querySelectorAll('table.matrix:not(.overview) tbody th')].map((one) =>"
     )
@@ -592,12 +594,14 @@ def test_the_overview_has_every_cell_and_opens_its_comparison(opened, results):
           [...row.children].map((one) => one.textContent))""",
     )
     judged = judge(load_plan(results / "plan.yaml"), read_results(results), "ate_rmse_m")
-    words = {BETTER: None, WORSE: None}
-    told = [one.best or words.get(one.lead.verdict, one.lead.verdict) for one in judged.headline]
+    labels = {BETTER: None, WORSE: None}
+    expected = [
+        line.best or labels.get(line.lead.verdict, line.lead.verdict) for line in judged.headline
+    ]
     shown = [field for row in fields for field in row[1:]]
     assert [row[0] for row in fields] == ["mpu6000", "adis16448", "bmi088"]
-    assert len(shown) == len(told) == 9
-    assert all(field.startswith(str(best)) for field, best in zip(shown, told, strict=True))
+    assert len(shown) == len(expected) == 9
+    assert all(field.startswith(str(best)) for field, best in zip(shown, expected, strict=True))
     opens = "document.querySelectorAll('table.overview button')[4].click();"
     chosen = run(page, f"{opens} return document.querySelector('select[aria-label=where]').value")
     assert chosen == "4"

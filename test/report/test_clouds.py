@@ -38,30 +38,30 @@ def make_page(tmp_path_factory):
     assert main([str(bag), "-o", str(folder / "page.html"), "--quiet"]) == 0
     text = (folder / "page.html").read_text(encoding="utf-8")
     content = json.loads(re.search('id="content">(.*?)</script>', text)[1])
-    sections = {one["title"]: one["items"] for one in content["sections"]}
+    sections = {section["title"]: section["items"] for section in content["sections"]}
     assert "ranged.mcap: /ground_truth/points" not in sections
     return flight, sections["ranged.mcap: /points"]
 
 
 def plots(items):
-    (found,) = (one["items"] for one in items if one["kind"] == "plots")
-    return {one["title"].removeprefix("/points: "): one for one in found}
+    (figures,) = (plot["items"] for plot in items if plot["kind"] == "plots")
+    return {plot["title"].removeprefix("/points: "): plot for plot in figures}
 
 
 def test_scans_points_and_errors_are_those_of_the_flight(page):
     flight, items = page
     scans = flight.lidar
     points = np.isfinite(scans.range)
-    words = items[0]["text"]
+    text = items[0]["text"]
     stamps = np.rint((scans.t_ns - flight.t0_ns) / 1e8).astype(int)
     missing = stamps[-1] - stamps[0] + 1 - len(stamps)
     assert 0 < missing < 10
-    assert f"{len(scans)} scans, 10 Hz, {missing} missing between others" in words
-    assert f"{points.sum(axis=1).mean():,.0f} points in a scan on average" in words
+    assert f"{len(scans)} scans, 10 Hz, {missing} missing between others" in text
+    assert f"{points.sum(axis=1).mean():,.0f} points in a scan on average" in text
     series = plots(items)
     assert series["points in a scan"]["series"][0]["y"] == points.sum(axis=1).tolist()
     rain = series["points that are not of one surface at rest"]["series"]
-    (rain,) = (one for one in rain if one["name"] == "of rain or dust")
+    (rain,) = (line for line in rain if line["name"] == "of rain or dust")
     # The truth has scans that are lost, too: 20 of them.
     assert len(rain["y"]) == 20
     assert np.mean(rain["y"]) == pytest.approx((scans.outcome == 2).sum(axis=1).mean(), rel=0.2)
@@ -72,8 +72,8 @@ def test_scans_points_and_errors_are_those_of_the_flight(page):
 
 def test_the_histogram_is_that_of_all_ranges(page):
     flight, items = page
-    one = plots(items)["ranges"]["series"][0]
-    x, y = np.array(one["x"]), np.array(one["y"])
+    histogram = plots(items)["ranges"]["series"][0]
+    x, y = np.array(histogram["x"]), np.array(histogram["y"])
     assert (y[::2] * np.diff(x)[::2]).sum() == pytest.approx(1.0, abs=1e-4)
     ranges = flight.lidar.range[np.isfinite(flight.lidar.range)]
     edges = np.append(x[::2], x[-1])
@@ -86,7 +86,7 @@ def test_the_histogram_is_that_of_all_ranges(page):
 def test_pictures_show_the_walls(page):
     """White marks at +-6 m and +-4 m; the width shown holds 90 % of the points."""
     _, items = page
-    (strip,) = (one for one in items if one["kind"] == "strip")
+    (strip,) = (entry for entry in items if entry["kind"] == "strip")
     assert len(strip["frames"]) == 3
     data = np.frombuffer(base64.b64decode(strip["frames"][0]["png"]), np.uint8)
     picture = cv2.imdecode(data, cv2.IMREAD_GRAYSCALE)
@@ -109,6 +109,11 @@ def test_scans_without_a_point_and_clouds_that_are_none_are_told(tmp_path):
     with open_writer(tmp_path / "flat.mcap") as writer:
         writer.write(writer.add_topic("/radar", POINT_CLOUD2), np.array([1]), [payload])
     for name, says in (("empty", "3 scans, 10 Hz"), ("flat", "without x, y and z")):
-        words = [str(tmp_path / f"{name}.mcap"), "-o", str(tmp_path / f"{name}.html"), "--quiet"]
-        assert main(words) == 0
+        arguments = [
+            str(tmp_path / f"{name}.mcap"),
+            "-o",
+            str(tmp_path / f"{name}.html"),
+            "--quiet",
+        ]
+        assert main(arguments) == 0
         assert says in (tmp_path / f"{name}.html").read_text(encoding="utf-8")

@@ -1,7 +1,7 @@
 # Copyright 2026 imu_sim_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""What a page holds: numbers against SciPy, names that are escaped, sizes, complaints."""
+"""Contents of a page: numbers against SciPy, escaped names, sizes, error messages."""
 
 import base64
 import csv
@@ -44,9 +44,9 @@ def unpacked(column):
 
 
 def items(page, kind):
-    found = [item for section in content(page)["sections"] for item in section["items"]]
-    found += [inner for item in found for inner in item.get("items", [])]
-    return [item for item in found if item["kind"] == kind]
+    entries = [item for section in content(page)["sections"] for item in section["items"]]
+    entries += [inner for item in entries for inner in item.get("items", [])]
+    return [item for item in entries if item["kind"] == kind]
 
 
 def page_of(path, tmp_path, *arguments):
@@ -92,23 +92,23 @@ def test_a_campaigns_runs_are_in_its_page(results, tmp_path):
     page = page_of(results, tmp_path)
     rows = read_results(results)
     (campaign,) = items(page, "campaign")
-    columns = {one["name"]: one for one in campaign["columns"]}
+    columns = {column["name"]: column for column in campaign["columns"]}
     shown = columns["ate_rmse_m"]["values"]
     assert shown == plain_numbers([row["ate_rmse_m"] for row in rows])
     assert campaign["curves"] == ["imu.gyroscope_bias"]
-    assert {one["name"] for one in campaign["sensors"]} >= {"gyroscope_noise_density"}
+    assert {sensor["name"] for sensor in campaign["sensors"]} >= {"gyroscope_noise_density"}
     euler = [row["ate_rmse_m"] for row in rows if row["estimator"] == "euler"][6:12]
-    group = [one for one in campaign["groups"] if one["estimator"] == "euler"][1]
+    group = [candidate for candidate in campaign["groups"] if candidate["estimator"] == "euler"][1]
     assert group["metrics"]["ate_rmse_m"][0] == pytest.approx(np.median(euler), rel=1e-5)
     (verdict,) = items(page, "verdict")
     judged = judge(load_plan(results / "plan.yaml"), rows, "ate_rmse_m")
-    first = verdict["judged"][0]
-    assert (first["lead"], first["rest"]) == headline(judged.headline, "ate_rmse_m", "2 %")
+    judgement = verdict["judged"][0]
+    assert (judgement["lead"], judgement["rest"]) == headline(judged.headline, "ate_rmse_m", "2 %")
     line = judged.headline[0].line("ate_rmse_m", "2 %")
-    assert line.endswith(first["contests"][0]["line"].replace(": ", "; ", 1))
-    missed = [one for one in judged.requirements if not one.met]
+    assert line.endswith(judgement["contests"][0]["line"].replace(": ", "; ", 1))
+    missed = [requirement for requirement in judged.requirements if not requirement.met]
     assert len(verdict["requirements"]["missed"]) == len(missed) > 0
-    assert sum(one["runs"] for one in verdict["failures"]) == 1
+    assert sum(failure["runs"] for failure in verdict["failures"]) == 1
     names = [item["name"] for item in items(page, "table")]
     assert names == ["cells", "parameters that vary", "constant parameters"]
     code = "\n".join(item["text"] for item in items(page, "code"))
@@ -120,8 +120,8 @@ def test_a_page_of_several_inputs_has_the_sections_of_each(results, bag, tmp_pat
     """Two campaigns, a bag, and a file of poses, which is an estimate of the bag's motion."""
     track = tmp_path / "other.tum"
     t = (START + np.arange(1, 50) * 1_000_000_000) / 1e9
-    track.write_text("".join(f"{one:.9f} 1 2 3 0 0 0 1\n" for one in t))
-    inputs = [str(one) for one in (results, results, bag, track)]
+    track.write_text("".join(f"{stamp:.9f} 1 2 3 0 0 0 1\n" for stamp in t))
+    inputs = [str(path) for path in (results, results, bag, track)]
     output = tmp_path / "all.html"
     assert main([*inputs, "-o", str(output), "--quiet", "--title", "all of them"]) == 0
     page = output.read_text(encoding="utf-8")
@@ -134,7 +134,7 @@ def test_a_page_of_several_inputs_has_the_sections_of_each(results, bag, tmp_pat
     ]
     assert len(items(page, "campaign")) == 2
     (path,) = items(page, "path")
-    assert [one["name"] for one in path["series"]][1:] == ["/filter/odom", "other.tum"]
+    assert [line["name"] for line in path["series"]][1:] == ["/filter/odom", "other.tum"]
     assert "<title>all of them</title>" in page
 
 
@@ -163,9 +163,12 @@ def test_a_bags_streams_gaps_errors_and_consistency(bag, tmp_path):
     page = page_of(bag, tmp_path)
     plots = {item["title"]: item for item in items(page, "plot")}
     (path,) = items(page, "path")
-    assert [one["name"] for one in path["series"]] == ["truth (/ground_truth/odom)", "/filter/odom"]
+    assert [line["name"] for line in path["series"]] == [
+        "truth (/ground_truth/odom)",
+        "/filter/odom",
+    ]
     tables = {item["name"]: item for item in items(page, "table")}
-    gaps = {one["name"]: one["values"] for one in tables["gaps of /imu/data_raw"]["columns"]}
+    gaps = {line["name"]: line["values"] for line in tables["gaps of /imu/data_raw"]["columns"]}
     assert gaps == {
         "at [s]": [pytest.approx((GAP_AT - 1) / RATE + 1.0)],
         "interval [s]": [1],
@@ -177,10 +180,10 @@ def test_a_bags_streams_gaps_errors_and_consistency(bag, tmp_path):
     assert np.mean(np.abs(error["y"])) == pytest.approx(0.16, rel=0.1)
     nees = plots["NEES of the position"]["series"][1]
     assert len(nees["y"]) <= 1002
-    (words,) = [i["text"] for i in items(page, "text") if i["text"].startswith("/filter/odom")]
-    mean = float(re.search(r"NEES of the position (\S+)", words)[1])
+    (text,) = [i["text"] for i in items(page, "text") if i["text"].startswith("/filter/odom")]
+    mean = float(re.search(r"NEES of the position (\S+)", text)[1])
     # The mean of 6,000 values whose variance is 6.
-    rms = float(re.search(r"(\S+) m root mean square", words)[1])
+    rms = float(re.search(r"(\S+) m root mean square", text)[1])
     # Three axes of 0.1 m; the mean square of 18,000 normal values scatters by sqrt(2 / 18000).
     assert rms == pytest.approx(0.1 * np.sqrt(3), rel=4 * 0.5 * np.sqrt(2 / (3 * SAMPLES)))
     assert mean == pytest.approx(3.0, abs=4 * np.sqrt(6 / SAMPLES))
@@ -205,9 +208,9 @@ def test_the_answer_stands_first_and_estimates_have_one_colour(tmp_path):
     files = [str(tmp_path / name) for name in ("good.tum", "short.tum")]
     assert main([str(bag), *files, "-o", str(page), "--quiet"]) == 0
     page = page.read_text(encoding="utf-8")
-    first = content(page)["sections"][0]
-    assert first["title"] == "circle.mcap: estimates"
-    (table,) = [item for item in first["items"] if item["kind"] == "table"]
+    top_section = content(page)["sections"][0]
+    assert top_section["title"] == "circle.mcap: estimates"
+    (table,) = [item for item in top_section["items"] if item["kind"] == "table"]
     columns = {column["name"]: column["values"] for column in table["columns"]}
     assert columns["estimate"] == ["good.tum", "short.tum"]
     good, short = (ims.evaluate(file, flight.truth) for file in files)
@@ -223,7 +226,9 @@ def test_the_answer_stands_first_and_estimates_have_one_colour(tmp_path):
         pytest.approx(common, rel=1e-3),
         pytest.approx(short.rms_position, rel=1e-4),
     ]
-    assert first["items"][0]["text"].startswith("Smallest ATE over the time that all cover: good")
+    assert top_section["items"][0]["text"].startswith(
+        "Smallest ATE over the time that all cover: good"
+    )
     titles = [section["title"] for section in content(page)["sections"]]
     assert set(table["links"].values()) <= {*titles}
     plots = {item["title"]: item for item in items(page, "plot")}
@@ -245,8 +250,8 @@ def test_only_an_imu_at_rest_has_an_allan_deviation(tmp_path, trajectory, at_res
     page = page_of(moving_flight(tmp_path, trajectory)[1], tmp_path)
     titles = [item["title"] for item in items(page, "plot")]
     assert ("Angular rate: Allan deviation" in titles) == at_rest
-    told = any("has no Allan deviation" in item["text"] for item in items(page, "text"))
-    assert told != at_rest
+    missing = any("has no Allan deviation" in item["text"] for item in items(page, "text"))
+    assert missing != at_rest
 
 
 @pytest.mark.parametrize("rate", [400.1, 833.0])
@@ -264,19 +269,19 @@ def test_whole_milliseconds_are_no_gaps(rate):
 def test_the_spectrum_is_welchs_and_white_noise_lies_at_its_density(bag):
     """White noise of 0.02 rad/s at 100 Hz has a two-sided density of 0.002 rad/s/sqrt(Hz)."""
     imu = read_imu(bag)
-    found = streams.analyse([imu], SAMPLES)
-    assert found is not None
-    assert found.gap_count == 1
+    analysis = streams.analyse([imu], SAMPLES)
+    assert analysis is not None
+    assert analysis.gap_count == 1
     # The pieces of 30 s are shorter than a segment: one of them is the spectrum.
     piece = imu.gyro[:GAP_AT]
     f, power = scipy.signal.welch(piece, RATE, "hann", len(piece), axis=0, detrend="constant")
     high = f > 20
     theirs = np.sqrt(power[high][:-1].mean(axis=0) / 2)
-    ours = np.sqrt((found.density[found.frequency > 20, :3] ** 2).mean(axis=0))
+    ours = np.sqrt((analysis.density[analysis.frequency > 20, :3] ** 2).mean(axis=0))
     # Bins of equal ratio weigh frequencies otherwise: 1200 values scatter by 1/sqrt(2400) = 2 %.
     assert ours == pytest.approx(theirs, rel=0.06)
     assert ours == pytest.approx([0.002] * 3, rel=0.08)
-    sigma = found.deviation.deviation[0, 3:]
+    sigma = analysis.deviation.deviation[0, 3:]
     assert sigma == pytest.approx([0.5] * 3, rel=0.05)
 
 
@@ -285,11 +290,11 @@ def test_streams_are_the_same_in_blocks_of_any_size(bag):
     whole = streams.analyse([imu], SAMPLES)
     cuts = [0, 1, 7, 1000, 4999, SAMPLES]
     parts = [imu.rows(slice(start, stop)) for start, stop in itertools.pairwise(cuts)]
-    other = streams.analyse(parts, SAMPLES)
+    in_parts = streams.analyse(parts, SAMPLES)
     for name in ("low", "high", "t_s", "longest", "density"):
-        assert getattr(other, name) == pytest.approx(getattr(whole, name), rel=1e-9), name
-    assert other.gaps == whole.gaps
-    assert other.deviation.deviation == pytest.approx(whole.deviation.deviation, rel=1e-6)
+        assert getattr(in_parts, name) == pytest.approx(getattr(whole, name), rel=1e-9), name
+    assert in_parts.gaps == whole.gaps
+    assert in_parts.deviation.deviation == pytest.approx(whole.deviation.deviation, rel=1e-6)
 
 
 def complaints(capsys, *arguments):
@@ -302,14 +307,14 @@ def test_bad_inputs_are_one_line_each(results, bag, tmp_path, capsys):
     empty.mkdir()
     (empty / "results.csv").write_text("cell,seed,estimator,status\n")
     (empty / "plan.yaml").write_text("seeds: 1\n")
-    words = tmp_path / "words.txt"
-    words.write_text("no readings\n")
+    text_file = tmp_path / "words.txt"
+    text_file.write_text("no readings\n")
     torn = tmp_path / "torn"
     torn.mkdir()
     (torn / "imu0.csv").write_text("1,0,0,0,0,0,9\n2,0,0\n")
     noise = tmp_path / "noise.mcap"
     noise.write_bytes(b"\x89MCAP" + bytes(100))
-    for arguments, said in (
+    for arguments, message in (
         (["none", "nor this"], "none: no such file or folder"),
         ([empty], f"{empty}: contains no run yet"),
         ([noise, "-o", tmp_path / "n.html"], "not an MCAP file"),
@@ -319,12 +324,12 @@ def test_bad_inputs_are_one_line_each(results, bag, tmp_path, capsys):
         ),
         ([bag, "-o", tmp_path / "n.txt"], "must end in .html or .htm"),
         ([bag, "--truth-topic", "/x", "-o", tmp_path / "n.html"], "--truth-topic /x"),
-        ([words, "-o", tmp_path / "n.html"], f"{words}: line 1: 2 columns"),
+        ([text_file, "-o", tmp_path / "n.html"], f"{text_file}: line 1: 2 columns"),
         ([torn, "-o", tmp_path / "n.html"], f"{torn / 'imu0.csv'}: line 2: 3 columns"),
     ):
         status, lines = complaints(capsys, *arguments)
         assert status == 2
-        assert said in lines[0]
+        assert message in lines[0]
         assert all(line.startswith("report: ") for line in lines)
     assert not list(tmp_path.glob("*.html"))
 
@@ -357,28 +362,28 @@ def test_numbers_come_from_all_poses_and_pictures_keep_a_jump(bag, tmp_path):
     rows = np.column_stack([position, np.tile([0.0, 0.0, 0.0, 1.0], (count, 1))])
     track.write_text(
         "".join(
-            f"{int(one * 1e9) // 10**9}.{int(one * 1e9) % 10**9:09d} "
+            f"{int(stamp * 1e9) // 10**9}.{int(stamp * 1e9) % 10**9:09d} "
             + " ".join(f"{v:.9f}" for v in row)
             + "\n"
-            for one, row in zip(t, rows, strict=True)
+            for stamp, row in zip(t, rows, strict=True)
         )
     )
     page = tmp_path / "jump.html"
     assert main([str(bag), str(track), "-o", str(page), "--quiet"]) == 0
     page = page.read_text(encoding="utf-8")
-    (words,) = [i["text"] for i in items(page, "text") if i["text"].startswith("jump.tum")]
-    assert "0.2936 m root mean square over 29,001 poses" in words
-    assert "at most 50 m" in words
+    (text,) = [i["text"] for i in items(page, "text") if i["text"].startswith("jump.tum")]
+    assert "0.2936 m root mean square over 29,001 poses" in text
+    assert "at most 50 m" in text
     # 30 s of poses, 1 s of it in a gap of the truth; of its 60 s, the first 5 are allowed.
-    assert "coverage 52.7 % of the truth's time" in words
-    assert "999 poses without a truth are left out" in words
+    assert "coverage 52.7 % of the truth's time" in text
+    assert "999 poses without a truth are left out" in text
     plots = {item["title"]: item for item in items(page, "plot")}
     error = plots["jump.tum: position error y"]["series"][0]
     assert max(error["y"]) == pytest.approx(50.0, abs=1e-3)
     assert error["x"][int(np.argmax(error["y"]))] == pytest.approx(4.99 + jump * 1e-3, abs=1e-3)
     assert len(error["x"]) <= 1002
     (path,) = items(page, "path")
-    (drawn,) = [one for one in path["series"] if one["name"] == "jump.tum"]
+    (drawn,) = [line for line in path["series"] if line["name"] == "jump.tum"]
     assert max(drawn["y"]) > 47.0
 
 
@@ -399,7 +404,7 @@ def test_topics_have_rates_gaps_and_sizes_and_cameras_a_strip(bag, tmp_path):
         )
     page = page_of(path, tmp_path)
     (strip,) = items(page, "strip")
-    assert [one["t_s"] for one in strip["frames"]] == [0, 2, 4, 5.5, 7.5, 9.5]
+    assert [frame["t_s"] for frame in strip["frames"]] == [0, 2, 4, 5.5, 7.5, 9.5]
     for frame in strip["frames"]:
         image = decoded(base64.b64decode(frame["png"]))
         assert image.shape == (40, 133)
@@ -410,12 +415,12 @@ def test_topics_have_rates_gaps_and_sizes_and_cameras_a_strip(bag, tmp_path):
     assert plot["series"][1]["y"] == pytest.approx(bias[:, 1].tolist())
     page = page_of(bag, tmp_path / "other")
     (topics,) = [item for item in items(page, "table") if item["name"] == "topics"]
-    found = {one["name"]: one.get("values") for one in topics["columns"]}
-    place = found["topic"].index("/imu/data_raw")
-    assert found["rate [Hz]"][place] == pytest.approx(RATE)
-    assert found["mean [Hz]"][place] == pytest.approx((SAMPLES - 1) / 60.98, rel=1e-4)
-    assert (found["gaps"][place], found["longest [s]"][place]) == (1, 1)
-    assert found["bytes"][place] > 300
+    columns = {column["name"]: column.get("values") for column in topics["columns"]}
+    place = columns["topic"].index("/imu/data_raw")
+    assert columns["rate [Hz]"][place] == pytest.approx(RATE)
+    assert columns["mean [Hz]"][place] == pytest.approx((SAMPLES - 1) / 60.98, rel=1e-4)
+    assert (columns["gaps"][place], columns["longest [s]"][place]) == (1, 1)
+    assert columns["bytes"][place] > 300
 
 
 def test_baselines_make_a_trend_and_the_last_is_compared_with(results, tmp_path):
