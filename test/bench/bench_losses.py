@@ -90,16 +90,16 @@ def held(seed: int) -> Iterator[Held]:
         keep = kept(np.random.default_rng([seed, 2]), n, share, burst)
         result = analyse([[Readings(t_ns[keep], y[keep, :3], y[keep, 3:])]])
         for axis, terms in enumerate(AXES):
-            found = [result.estimate(axis, key) for key in KEYS]
+            estimates = [result.estimate(axis, key) for key in KEYS]
             yield {
                 "losses": name,
                 "axis": axis,
                 "seed": seed,
                 "held": [
                     bool(interval.covers(terms.get(key, 0.0)))
-                    for interval, key in zip(found, KEYS, strict=True)
+                    for interval, key in zip(estimates, KEYS, strict=True)
                 ],
-                "found": found,
+                "found": estimates,
             }
 
 

@@ -309,16 +309,16 @@ def _hang(number: int, frame: FrameType | None) -> None:
     raise Hang
 
 
-def main(count: int, first: int = 0, seconds: float = 1e9) -> int:
+def main(count: int, first_number: int = 0, seconds: float = 1e9) -> int:
     """Run cases, at most for some time, and report them by kind; returns 1 where one failed."""
     end = time.monotonic() + seconds
     counts: Counter[tuple[str, str]] = Counter()
     failed = 0
     with tempfile.TemporaryDirectory() as name:
         inputs = Inputs(Path(name))
-        for number in range(first, first + count):
+        for number in range(first_number, first_number + count):
             if time.monotonic() > end:
-                count = number - first
+                count = number - first_number
                 break
             begin = time.process_time()
             outcome = run(number, inputs)

@@ -45,8 +45,8 @@ class Variant(NamedTuple):
     """A node that takes imu/ideal."""
 
     topic: str
-    """Topic of the readings with errors."""
-    words: list[str]
+    """Topic that the node publishes."""
+    command: list[str]
     """Command line of the node."""
 
 
@@ -190,7 +190,7 @@ def measure(variants: Mapping[str, Variant], rate: int, duration: float) -> list
         )
         assert listener.stdout is not None
         running = [
-            subprocess.Popen(variant.words, stdout=subprocess.DEVNULL)
+            subprocess.Popen(variant.command, stdout=subprocess.DEVNULL)
             for variant in variants.values()
         ]
         source = subprocess.Popen(

@@ -57,8 +57,8 @@ def subscribe(seconds: float) -> None:
     node = rclpy.create_node("listener")
     stamps: dict[str, list[bytes]] = {"imu/data_raw": [], "ground_truth/odom": []}
 
-    def keep(taken: list[bytes], data: bytes) -> None:
-        taken.append(data[4:12])
+    def keep(headers: list[bytes], data: bytes) -> None:
+        headers.append(data[4:12])
 
     for topic, kind in (("imu/data_raw", Imu), ("ground_truth/odom", Odometry)):
         keeping = partial(keep, stamps[topic])
@@ -71,8 +71,8 @@ def subscribe(seconds: float) -> None:
             executor.spin_once(timeout_sec=0.2)
     except (KeyboardInterrupt, rclpy.executors.ExternalShutdownException):
         pass
-    for topic, taken in stamps.items():
-        times = [s * 10**9 + ns for s, ns in (struct.unpack("<iI", data) for data in taken)]
+    for topic, headers in stamps.items():
+        times = [s * 10**9 + ns for s, ns in (struct.unpack("<iI", data) for data in headers)]
         steps = [b - a for a, b in itertools.pairwise(times)]
         usual = statistics.median_low(steps) if steps else 1
         lost = sum(round(step / usual) - 1 for step in steps)
