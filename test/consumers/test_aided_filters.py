@@ -68,8 +68,8 @@ TURNED = [
 @pytest.fixture(name="written")
 def write(tmp_path):
     def configs(*arguments):
-        words = ["-o", str(tmp_path / "a.bag"), "--duration", "1s", "--quiet", "--with-configs"]
-        assert generate.main([*words, "--force", "--trajectory", "drive", *arguments]) == 0
+        options = ["-o", str(tmp_path / "a.bag"), "--duration", "1s", "--quiet", "--with-configs"]
+        assert generate.main([*options, "--force", "--trajectory", "drive", *arguments]) == 0
         return tmp_path / "a.bag_configs"
 
     return configs
@@ -99,16 +99,23 @@ def test_fusioncore_has_keys_that_it_declares_of_the_types_it_declares(written):
     place = ["--set", "latitude_deg=48", "--set", "longitude_deg=11.5", "--set", "height=500"]
     wheels = ["--wheels", "f1tenth", "--set", "wheels.side_slip_sigma=0.07"]
     rig = ["--imu", "icm42688p", "--gnss", "trimble_5700", *wheels]
-    found = fusioncore(written(*rig, *place, *TURNED))
+    parameters = fusioncore(written(*rig, *place, *TURNED))
     for kind, keys in FUSIONCORE.items():
-        assert {key for key, value in found.items() if type(value) is kind} == set(keys.split())
-    assert (found["encoder.topic"], found["gnss.fix_topic"]) == ("/wheel/odom", "/gps/fix")
-    assert (found["motion_model"], found["encoder.nhc_vy_sigma"]) == ("Ackermann", 0.07)
-    assert [found[f"imu.lever_arm_{axis}"] for axis in "xyz"] == [0.1, 0.0, 0.2]
-    assert [found[f"gnss.lever_arm_{axis}"] for axis in "xyz"] == [0.3, 0.0, 1.0]
+        assert {key for key, value in parameters.items() if type(value) is kind} == set(
+            keys.split()
+        )
+    assert (parameters["encoder.topic"], parameters["gnss.fix_topic"]) == (
+        "/wheel/odom",
+        "/gps/fix",
+    )
+    assert (parameters["motion_model"], parameters["encoder.nhc_vy_sigma"]) == ("Ackermann", 0.07)
+    assert [parameters[f"imu.lever_arm_{axis}"] for axis in "xyz"] == [0.1, 0.0, 0.2]
+    assert [parameters[f"gnss.lever_arm_{axis}"] for axis in "xyz"] == [0.3, 0.0, 1.0]
     # Of the world's origin; twelve digits leave ten micrometres.
     expected = pymap3d.geodetic2ecef(48.0, 11.5, 500.0)
-    np.testing.assert_allclose([found[f"reference.{axis}"] for axis in "xyz"], expected, atol=2e-5)
+    np.testing.assert_allclose(
+        [parameters[f"reference.{axis}"] for axis in "xyz"], expected, atol=2e-5
+    )
 
 
 def test_mins_has_every_key_that_it_requires(written):
@@ -117,8 +124,8 @@ def test_mins_has_every_key_that_it_requires(written):
     folder = written("--imu", "icm42688p", "--gnss", "zed_f9p", *wheels, *TURNED)
     config = cv2.FileStorage(str(folder / "mins/config.yaml"), cv2.FILE_STORAGE_READ)
     assert list(config.root().keys()) == [f"config_{name}" for name in MINS]
-    for name, words in MINS.items():
-        section, *keys = words.split()
+    for name, text in MINS.items():
+        section, *keys = text.split()
         file = Mins(folder, name, section)
         assert sorted(file.node.keys()) == sorted(keys), name
         assert all(not file.node.getNode(key).empty() for key in keys)
@@ -156,9 +163,9 @@ def test_the_noise_of_wheels_is_that_of_their_rates(written):
     folder = written("--wheels", "turtlebot3_burger", "--set", "wheels.rate=50")
     density = Mins(folder, "wheel", "wheel").number("noise_w")
     motion = {"type": "harmonic", "x": {"polynomial": [0.0, 1.0]}}
-    given = {"preset": "turtlebot3_burger", "rate": 50.0, "true_radii": [0.033, 0.033]}
+    settings = {"preset": "turtlebot3_burger", "rate": 50.0, "true_radii": [0.033, 0.033]}
     wheels = ims.simulate(
-        imu="perfect", trajectory=motion, duration=60, rate=50, sensors=["wheels"], wheels=given
+        imu="perfect", trajectory=motion, duration=60, rate=50, sensors=["wheels"], wheels=settings
     ).wheels
     error = (wheels.speed - 1.0 / 0.033)[1:]
     assert error.std() == pytest.approx(density * np.sqrt(50.0), rel=0.08)
@@ -166,10 +173,10 @@ def test_the_noise_of_wheels_is_that_of_their_rates(written):
 
 def test_only_what_the_body_has_is_configured(written):
     folder = written("--wheels", "rosbot_xl")
-    found = fusioncore(folder)
-    assert not any(key.startswith(("gnss.", "reference.")) for key in found)
-    assert found["motion_model"] == "ConstantVelocityAcceleration"
-    assert found["encoder.nhc_auto_detect"] is True
+    parameters = fusioncore(folder)
+    assert not any(key.startswith(("gnss.", "reference.")) for key in parameters)
+    assert parameters["motion_model"] == "ConstantVelocityAcceleration"
+    assert parameters["encoder.nhc_auto_detect"] is True
     # MINS has no model of wheels that go sideways.
     assert {path.name for path in (folder / "mins").iterdir()} == {
         *("config.yaml", "config_system.yaml", "config_estimator.yaml", "config_imu.yaml"),

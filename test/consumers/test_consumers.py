@@ -71,14 +71,14 @@ def test_a_seed_realised_gives_the_same_readings():
         },
     )
     again = dataclasses.replace(loaded, imu=realised_imu(loaded.imu, loaded.seed), seed=99)
-    other = Body(again).next(400)["imu"]
-    np.testing.assert_allclose(other.gyro, block.gyro, rtol=0, atol=1e-13)
-    np.testing.assert_allclose(other.accel, block.accel, rtol=0, atol=1e-12)
+    realised = Body(again).next(400)["imu"]
+    np.testing.assert_allclose(realised.gyro, block.gyro, rtol=0, atol=1e-13)
+    np.testing.assert_allclose(realised.accel, block.accel, rtol=0, atol=1e-12)
 
 
 @pytest.mark.parametrize("errors", [FULL, LOWER], ids=["full", "lower"])
 def test_openvins_predicts_the_readings(tmp_path, errors):
-    """Its Simulator.cpp, with what is left of T after VioManagerOptions.h: a lower triangle."""
+    """OpenVINS' Simulator.cpp, with the lower triangle of T that VioManagerOptions.h keeps."""
     loaded, block = simulated(**errors)
     tw, r_gyro, ta, r_acc, tg = chain(files(tmp_path / "c", loaded)["kalibr_imu_chain.yaml"])
     tw, ta = (np.linalg.inv(np.tril(np.linalg.inv(t))) for t in (tw, ta))
@@ -139,33 +139,33 @@ def test_basalt_says_what_its_lower_triangle_cannot_hold(tmp_path):
 def test_vins_fusion_reads_its_imu(tmp_path):
     """parameters.cpp reads imu_topic and the noise only where ``imu`` is 1."""
     loaded, _ = simulated(**{"imu.preset": "lecture"})
-    found = files(tmp_path / "c", loaded)
-    fusion, mono = parsed(found["vins_fusion.yaml"]), parsed(found["vins_mono.yaml"])
+    texts = files(tmp_path / "c", loaded)
+    fusion, mono = parsed(texts["vins_fusion.yaml"]), parsed(texts["vins_mono.yaml"])
     assert fusion.pop("imu") == 1
     assert fusion == mono
     assert mono["gyr_n"] == pytest.approx(0.015 * np.sqrt(RATE))
 
 
 def test_the_walk_stands_for_the_flicker_noise(tmp_path):
-    """In all five stacks: its Allan deviation, K sqrt(t / 3), is that of both at 1 s."""
+    """The Allan deviation K sqrt(t / 3) is that of walk and flicker at 1 s in all five stacks."""
     k, b = np.array([1e-5, 2e-5, 0.0]), np.array([3e-5, 0.0, 4e-5])
     names = ("imu.gyroscope_random_walk", "imu.gyroscope_bias_instability")
     loaded, _ = simulated(**{name: v.tolist() for name, v in zip(names, (k, b), strict=True)})
     axes = np.sqrt(k**2 + 3.0 * 2.0 * np.log(2.0) / np.pi * b**2)
     np.testing.assert_allclose(axes**2 / 3.0, k**2 / 3.0 + (0.664 * b) ** 2, rtol=1e-3)
-    one = np.sqrt(np.mean(axes**2))
+    combined = np.sqrt(np.mean(axes**2))
     texts = files(tmp_path / "c", loaded)
     for text in (texts[name] for name in ("imu.yaml", "vins_mono.yaml", "orb_slam3.yaml")):
         assert "T = 1 s" in text
         assert "gyroscope_random_walk: K = 1.29099444874e-05" in text.replace("\n#   ", " ")
-    found = [
+    walks = [
         parsed(texts["imu.yaml"])["gyroscope_random_walk"],
         parsed(texts["kalibr_imu_chain.yaml"])["imu0"]["gyroscope_random_walk"],
         parsed(texts["vins_mono.yaml"])["gyr_w"] / np.sqrt(RATE),
         parsed(texts["vins_fusion.yaml"])["gyr_w"] / np.sqrt(RATE),
         parsed(texts["orb_slam3.yaml"])["IMU.GyroWalk"],
     ]
-    np.testing.assert_allclose(np.array(found, dtype=float), one, rtol=1e-9)
+    np.testing.assert_allclose(np.array(walks, dtype=float), combined, rtol=1e-9)
     basalt = json.loads(texts["basalt_calibration.json"])["value0"]
     np.testing.assert_allclose(basalt["gyro_bias_std"], axes, rtol=1e-9)
     assert parsed(texts["imu.yaml"])["accelerometer_random_walk"] == 1e-12
@@ -190,8 +190,8 @@ def test_imu_utils_has_its_own_text_and_the_axes(tmp_path):
     assert '   unit: " rad/s"\n' in text
     assert '   unit: " m/s^2"\n' in text
     axes = parsed(text)["Acc"]
-    found = [float(axes[f"{axis}-axis"]["acc_n"]) for axis in ("x", "y", "z", "avg")]
-    np.testing.assert_allclose(found, np.array([1e-3, 2e-3, 3e-3, 2e-3]) * np.sqrt(RATE))
+    densities = [float(axes[f"{axis}-axis"]["acc_n"]) for axis in ("x", "y", "z", "avg")]
+    np.testing.assert_allclose(densities, np.array([1e-3, 2e-3, 3e-3, 2e-3]) * np.sqrt(RATE))
 
 
 @pytest.mark.parametrize(
@@ -240,8 +240,8 @@ TERMS = [
 def changed(name, parameter):
     """Return a value that switches a term on, with what it needs besides."""
     if name.startswith("vibration."):
-        given = LINE if "line" in name else BAND
-        return {f"imu.vibration.{key}": value for key, value in given.items()}
+        values = LINE if "line" in name else BAND
+        return {f"imu.vibration.{key}": value for key, value in values.items()}
     triad = name.split("_")[0]
     needed = {
         "gauss_markov": {f"imu.{triad}_correlation_time": 10.0},
@@ -260,8 +260,8 @@ def changed(name, parameter):
     if name == "accelerometer_misalignment_sigma":  # Basalt's accelerometer is a lower triangle
         value = [0.0, 0.0, 0.03]
     result = {f"imu.{name}": value}
-    for key, more in needed.items():
-        result |= more if key in name else {}
+    for key, additions in needed.items():
+        result |= additions if key in name else {}
     return result
 
 
@@ -273,10 +273,10 @@ def test_every_simulated_term_is_in_the_file_or_named_in_it(tmp_path, name):
     active = {key for key, value in realised.items() if value != default[key]}
     active = {key for key in active if key in TERMS}
     assert active
-    found = files(tmp_path / "c", loaded)
+    texts = files(tmp_path / "c", loaded)
     for file, expressed in EXPRESSED.items():
-        named = {word.strip(',#"') for word in found[file].split()}
-        assert {key for key in active if key in named} == active - expressed, file
+        mentioned = {word.strip(',#"') for word in texts[file].split()}
+        assert {key for key in active if key in mentioned} == active - expressed, file
 
 
 @pytest.mark.parametrize("rate", [200.0, 2000.0])
@@ -288,6 +288,6 @@ def test_a_low_pass_is_named_at_rates_at_which_it_acts(tmp_path, rate):
 
 def test_a_sensor_that_mirrors_is_said_and_does_not_fail(tmp_path):
     loaded, _ = simulated(**{"imu.gyroscope_scale_misalignment": [-1.0, 0, 0, 0, 1, 0, 0, 0, 1]})
-    found = files(tmp_path / "mirrored", loaded)
+    texts = files(tmp_path / "mirrored", loaded)
     for name in ("kalibr_imu_chain.yaml", "basalt_calibration.json"):
-        assert "gyroscope_scale_misalignment" in found[name]
+        assert "gyroscope_scale_misalignment" in texts[name]

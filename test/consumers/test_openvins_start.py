@@ -1,7 +1,7 @@
 # Copyright 2026 imu_sim_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""When OpenVINS starts on a tour: the advice in its file against its own conditions."""
+"""Start of OpenVINS on a tour: the advice in its file against its own conditions."""
 
 import numpy as np
 import pytest
@@ -45,17 +45,17 @@ def start_of_openvins(folder, imu_thresh, max_disparity):
     order = np.lexsort((t, tracks["id"]))
     t, feature = t[order], tracks["id"][order]
     uv = np.stack([tracks["u"], tracks["v"]], axis=1)[order]
-    for now in np.unique(t[t > WINDOW + 0.1]):
-        middle = now - 0.5 * WINDOW
-        before, features_before = disparity(t, feature, uv, now - WINDOW - 0.1, middle)
-        after, features_after = disparity(t, feature, uv, middle, now)
+    for time in np.unique(t[t > WINDOW + 0.1]):
+        middle = time - 0.5 * WINDOW
+        disparity_old, features_before = disparity(t, feature, uv, time - WINDOW - 0.1, middle)
+        disparity_new, features_after = disparity(t, feature, uv, middle, time)
         if min(features_before, features_after) < LEAST_FEATURES:
             continue
-        at_rest = deviation(t_imu, readings[:, 4:7], now - WINDOW, middle)
-        shaken = deviation(t_imu, readings[:, 4:7], middle, now)
-        still = before <= max_disparity and at_rest <= imu_thresh
-        if still and after > max_disparity and shaken >= imu_thresh:
-            return now
+        at_rest = deviation(t_imu, readings[:, 4:7], time - WINDOW, middle)
+        shaken = deviation(t_imu, readings[:, 4:7], middle, time)
+        still = disparity_old <= max_disparity and at_rest <= imu_thresh
+        if still and disparity_new > max_disparity and shaken >= imu_thresh:
+            return time
     return None
 
 
@@ -92,7 +92,7 @@ def rest_and_jerk(up=(0.0, 0.0, 1.0)):
 
 
 @pytest.mark.parametrize(
-    ("bias", "said"),
+    ("bias", "warned"),
     [
         ([0.045, 0.0, 0.0], True),
         ([0.0, -0.03, 0.0], False),
@@ -101,18 +101,18 @@ def rest_and_jerk(up=(0.0, 0.0, 1.0)):
         ([0.0, 0.0, 0.4], False),  # along gravity, which the static start finds
     ],
 )
-def test_a_bias_across_gravity_is_compared_with_the_prior(bias, said):
+def test_a_bias_across_gravity_is_compared_with_the_prior(bias, warned):
     """0.02 m/s^2, of which two standard deviations are allowed (StaticInitializer.cpp)."""
     parameters = load_simulation({"imu.preset": "perfect", "imu.accelerometer_bias": bias})
     values = ImuValues(parameters.imu, 200.0, 9.81, "/imu0")
     lines = [bad.line for bad in bad_starts(values, rest_and_jerk())]
     assert [line.startswith("OpenVINS: the accelerometer's bias") for line in lines] == [
         True
-    ] * said
+    ] * warned
 
 
 def test_bad_starts_of_adis16448_are_said():
-    """Its turn-on bias of 20 mg across gravity: 98 % of the seeds are beyond 0.04 m/s^2."""
+    """A turn-on bias of 20 mg across gravity exceeds 0.04 m/s^2 for 98 % of the seeds."""
     for seed in range(6):
         values = biases("adis16448", seed)
         across = np.linalg.norm(values.axes("accelerometer_bias")[:2])

@@ -181,18 +181,18 @@ def test_kalibr_takes_whole_numbers_for_real_ones(tmp_path, scene):
 
 
 def storage(path):
-    found = cv2.FileStorage(str(path), cv2.FILE_STORAGE_READ)
-    assert found.isOpened(), path
-    return found
+    file = cv2.FileStorage(str(path), cv2.FILE_STORAGE_READ)
+    assert file.isOpened(), path
+    return file
 
 
 def numbers(node):
     return [node.at(k).real() for k in range(node.size())]
 
 
-def skip_unless(path, rig, known):
+def skip_unless(path, rig, models):
     """Only lenses that the stack knows have its file."""
-    if rig.fits(*known):
+    if rig.fits(*models):
         return False
     assert not path.exists() or "fragment" in path.read_text()
     return True
@@ -223,10 +223,10 @@ def test_openvins(case):
         assert (folder / config.getNode(key).string()).exists()
 
 
-def camodocal(found):
-    values = found.getNode("projection_parameters")
-    d = found.getNode("distortion_parameters")
-    match found.getNode("model_type").string():
+def camodocal(document):
+    values = document.getNode("projection_parameters")
+    d = document.getNode("distortion_parameters")
+    match document.getNode("model_type").string():
         case "PINHOLE":
             k = [values.getNode(key).real() for key in ("fx", "fy", "cx", "cy")]
             return opencv(k, [d.getNode(key).real() for key in ("k1", "k2", "p1", "p2")])
@@ -235,13 +235,13 @@ def camodocal(found):
             return opencv(k, [values.getNode(f"k{j}").real() for j in (2, 3, 4, 5)], True)
         case "MEI":
             k = [values.getNode(key).real() for key in ("gamma1", "gamma2", "u0", "v0")]
-            return sphere(k, found.getNode("mirror_parameters").getNode("xi").real())
+            return sphere(k, document.getNode("mirror_parameters").getNode("xi").real())
 
 
 def test_vins(case):
     rig, folder = case
-    known = ("radtan", "equidistant", "unified")
-    if skip_unless(folder / "vins_mono.yaml", rig, known):
+    models = ("radtan", "equidistant", "unified")
+    if skip_unless(folder / "vins_mono.yaml", rig, models):
         return
     mono = storage(folder / "vins_mono.yaml")
     t_ic = np.eye(4)
@@ -270,41 +270,41 @@ def test_orb_slam3(case):
     if skip_unless(path, rig, ("radtan", "equidistant")):
         return
     for name in ("orb_slam3_mono_inertial.yaml", "orb_slam3_stereo_inertial.yaml"):
-        found = storage(folder / name)
-        t_ic = found.getNode("IMU.T_b_c1").mat()
-        compare(rig, "cam0", t_ic, orb_lens(found, 1))
+        document = storage(folder / name)
+        t_ic = document.getNode("IMU.T_b_c1").mat()
+        compare(rig, "cam0", t_ic, orb_lens(document, 1))
         for key in ("Camera.width", "Camera.height", "Camera.fps", "Camera.RGB"):
-            assert found.getNode(key).isInt()
+            assert document.getNode(key).isInt()
         for key in ("IMU.NoiseGyro", "IMU.Frequency", "ORBextractor.scaleFactor"):
-            assert found.getNode(key).isReal()
-        assert found.getNode("IMU.NoiseAcc").real() == pytest.approx(2e-3)
-        assert found.getNode("File.version").string() == "1.0"
+            assert document.getNode(key).isReal()
+        assert document.getNode("IMU.NoiseAcc").real() == pytest.approx(2e-3)
+        assert document.getNode("File.version").string() == "1.0"
     # The TUM VI presets' fisheyes differ; it would read the first one's distortion for both.
-    told = "reads a second fisheye's distortion from Camera1.k1" in (folder / name).read_text()
-    assert told == rig.fits("equidistant")
-    second = t_ic.astype(float) @ found.getNode("Stereo.T_c1_c2").mat()
-    compare(rig, "cam1", second, orb_lens(found, 2))
+    warned = "reads a second fisheye's distortion from Camera1.k1" in (folder / name).read_text()
+    assert warned == rig.fits("equidistant")
+    second = t_ic.astype(float) @ document.getNode("Stereo.T_c1_c2").mat()
+    compare(rig, "cam1", second, orb_lens(document, 2))
 
 
-def orb_lens(found, number):
+def orb_lens(document, number):
     def read(*keys):
-        nodes = [found.getNode(f"Camera{number}.{key}") for key in keys]
+        nodes = [document.getNode(f"Camera{number}.{key}") for key in keys]
         assert all(node.isReal() for node in nodes)
         return [node.real() for node in nodes]
 
     k = read("fx", "fy", "cx", "cy")
-    if found.getNode("Camera.type").string() == "PinHole":
+    if document.getNode("Camera.type").string() == "PinHole":
         return opencv(k, read("k1", "k2", "p1", "p2"))
     return opencv(k, read("k1", "k2", "k3", "k4"), True)
 
 
 def test_basalt(case):
     rig, folder = case
-    found = json.loads((folder / "basalt_calibration.json").read_text())["value0"]
-    assert found["cam_time_offset_ns"] == 4_000_000
+    calibration = json.loads((folder / "basalt_calibration.json").read_text())["value0"]
+    assert calibration["cam_time_offset_ns"] == 4_000_000
     for k, (name, camera) in enumerate(rig.cameras.items()):
-        assert found["resolution"][k] == [camera.width, camera.height]
-        pose, lens = found["T_imu_cam"][k], found["intrinsics"][k]
+        assert calibration["resolution"][k] == [camera.width, camera.height]
+        pose, lens = calibration["T_imu_cam"][k], calibration["intrinsics"][k]
         x, y, z, w = (pose[key] for key in ("qx", "qy", "qz", "qw"))
         t_ic = np.eye(4)
         t_ic[:3, :3] = [
@@ -314,7 +314,7 @@ def test_basalt(case):
         ]
         t_ic[:3, 3] = [pose[key] for key in ("px", "py", "pz")]
         compare(rig, name, t_ic, basalt_lens(lens["camera_type"], lens["intrinsics"]))
-    assert any("needs a Basalt" in note for note in found["comment"]) == (
+    assert any("needs a Basalt" in note for note in calibration["comment"]) == (
         lens["camera_type"] == "pinhole-radtan8"
     )
 
@@ -400,7 +400,7 @@ def test_what_a_format_cannot_express_of_a_camera_is_said_at_its_top(tmp_path):
     write_all(tmp_path / "configs", imu, values)
     rolling, jitter = "row_time = 2.0e-05 s (rolling shutter)", "jitter = 0.0001 s"
     second = "time_offset = 0.004 s"
-    wanted = {  # names of terms that are missing, and how many cameras have a line
+    expected = {  # names of terms that are missing, and how many cameras have a line
         "camchain.yaml": ([rolling, jitter], [second], 2),
         "kalibr_imucam_chain.yaml": ([rolling, jitter, second], [], 2),
         "estimator_config.yaml": ([rolling, jitter, second], [], 2),
@@ -410,12 +410,12 @@ def test_what_a_format_cannot_express_of_a_camera_is_said_at_its_top(tmp_path):
         "vins_mono.yaml": ([jitter], ["row_time", second], 1),
         "vins_fusion.yaml": ([rolling, jitter, second], [], 2),
     }
-    for name, (said, unsaid, cameras) in wanted.items():
+    for name, (missing, unsaid, cameras) in expected.items():
         text = (tmp_path / "configs" / name).read_text()
         text = " ".join(text.replace("\n#", " ").split())
         assert text.count(": simulated, but not expressible in this format:") == cameras, name
         assert "expresses everything" not in text, (
             name
         )  # what is said of the IMU is said of it alone
-        assert all(term in text for term in said), name
+        assert all(term in text for term in missing), name
         assert not any(term in text for term in unsaid), name

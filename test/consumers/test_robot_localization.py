@@ -26,8 +26,8 @@ NAVSAT = """
 def write(tmp_path):
     def configs(*arguments):
         path = tmp_path / "drive.mcap"
-        words = ["-o", str(path), "--duration", "1s", "--quiet", "--with-configs", "--force"]
-        assert generate.main([*words, "--trajectory", "drive", *arguments]) == 0
+        options = ["-o", str(path), "--duration", "1s", "--quiet", "--with-configs", "--force"]
+        assert generate.main([*options, "--trajectory", "drive", *arguments]) == 0
         folder = tmp_path / "drive.mcap_configs"
         return {
             name: yaml.safe_load((folder / name).read_text(encoding="utf-8"))
@@ -51,10 +51,10 @@ def test_every_key_is_declared_and_has_the_type_of_ros(written):
     odom, world = (ekf[f"ekf_filter_node_{n}"]["ros__parameters"] for n in ("odom", "map"))
     assert set(odom) == filter_keys(1)
     assert set(world) == filter_keys(2)
-    own = navsat["navsat_transform"]["ros__parameters"]
-    assert set(own) == set(NAVSAT.split())
-    assert own["datum"] == [48.0, 11.5, 0.0]
-    assert all(isinstance(value, float) for value in own["datum"])
+    parameters = navsat["navsat_transform"]["ros__parameters"]
+    assert set(parameters) == set(NAVSAT.split())
+    assert parameters["datum"] == [48.0, 11.5, 0.0]
+    assert all(isinstance(value, float) for value in parameters["datum"])
     for values in (odom, world):
         assert isinstance(values["frequency"], float)
         assert isinstance(values["gravitational_acceleration"], float)

@@ -59,10 +59,10 @@ def shift_by_correlation(parameters):
     t_cam = (np.concatenate(frames) - start) * 1e-9
     inner = (true_t > 0.5) & (true_t < 7.5)
     motion = body.trajectory.sample(true_t[inner])
-    wanted = motion.angular_velocity
+    expected = motion.angular_velocity
 
     def misfit(s):
-        return np.square(gyro(t_cam[inner] + s) - wanted).sum()
+        return np.square(gyro(t_cam[inner] + s) - expected).sum()
 
     return minimize_scalar(misfit, bounds=(-0.03, 0.03), method="bounded").x
 

@@ -37,25 +37,25 @@ STAMPS = [10**9, 1_050_000_000, 1_100_000_000]
 
 
 @pytest.fixture(scope="module")
-def made(tmp_path_factory):
+def sequence(tmp_path_factory):
     """Return the folder that generate writes."""
     folder = tmp_path_factory.mktemp("made") / "mav0"
     assert generate.main(["-o", str(folder), "--format", "euroc", *FLIGHT]) == 0
     return folder
 
 
-def run(*words):
-    return convert_bag.main([str(word) for word in words])
+def run(*arguments):
+    return convert_bag.main([str(word) for word in arguments])
 
 
 def decoded(path):
     """Return all messages by topic, as rosbags reads them."""
-    found = {}
+    messages = {}
     with AnyReader([path], default_typestore=get_typestore(Stores.ROS2_JAZZY)) as reader:
         for connection, t_ns, raw in reader.messages():
             message = reader.deserialize(raw, connection.msgtype)
-            found.setdefault(connection.topic, []).append((t_ns, message))
-    return found
+            messages.setdefault(connection.topic, []).append((t_ns, message))
+    return messages
 
 
 def pngs(folder):
@@ -65,40 +65,40 @@ def pngs(folder):
 @pytest.mark.parametrize(
     ("name", "images"), [("a.bag", "raw"), ("a.mcap", "compressed"), ("a", "both")]
 )
-def test_the_images_of_a_folder_come_back_from_a_bag(made, tmp_path, name, images):
+def test_the_images_of_a_folder_come_back_from_a_bag(sequence, tmp_path, name, images):
     storage = ["--storage", "sqlite3"] if name == "a" else []
-    assert run(made, "-o", tmp_path / name, "--images", images, "--quiet", *storage) == 0
+    assert run(sequence, "-o", tmp_path / name, "--images", images, "--quiet", *storage) == 0
     assert run(tmp_path / name, "-o", tmp_path / "out", "--format", "euroc", "--quiet") == 0
-    assert pngs(tmp_path / "out") == pngs(made)
+    assert pngs(tmp_path / "out") == pngs(sequence)
     for camera in ("cam0", "cam1"):
         table = f"{camera}/data.csv"
-        assert (tmp_path / "out" / table).read_text() == (made / table).read_text()
-        told, true = (
+        assert (tmp_path / "out" / table).read_text() == (sequence / table).read_text()
+        written, true = (
             yaml.safe_load((folder / camera / "sensor.yaml").read_text())
-            for folder in (tmp_path / "out", made)
+            for folder in (tmp_path / "out", sequence)
         )
-        pose, expected = told.pop("T_BS")["data"], true.pop("T_BS")["data"]
+        pose, expected = written.pop("T_BS")["data"], true.pop("T_BS")["data"]
         np.testing.assert_allclose(pose, expected, atol=1e-11)  # by way of a quaternion
-        assert told.pop("comment") != true.pop("comment")
-        assert told == true
+        assert written.pop("comment") != true.pop("comment")
+        assert written == true
 
 
 @pytest.mark.parametrize("name", ["a.bag", "a.mcap"])
-def test_others_read_pixels_models_and_places(made, tmp_path, name):
-    assert run(made, "-o", tmp_path / name, "--images", "both", "--quiet") == 0
-    found = decoded(tmp_path / name)
+def test_others_read_pixels_models_and_places(sequence, tmp_path, name):
+    assert run(sequence, "-o", tmp_path / name, "--images", "both", "--quiet") == 0
+    messages = decoded(tmp_path / name)
     for camera, pixels in (("cam0", "mono8"), ("cam1", "rgb8")):
-        rows = (made / camera / "data.csv").read_text().splitlines()[1:]
+        rows = (sequence / camera / "data.csv").read_text().splitlines()[1:]
         stamps = [int(row.split(",")[0]) for row in rows]
         for topic in ("image_raw", "image_raw/compressed", "camera_info"):
-            assert [t_ns for t_ns, _ in found[f"/{camera}/{topic}"]] == stamps
+            assert [t_ns for t_ns, _ in messages[f"/{camera}/{topic}"]] == stamps
         for (_, raw), (_, small), t_ns in zip(
-            found[f"/{camera}/image_raw"],
-            found[f"/{camera}/image_raw/compressed"],
+            messages[f"/{camera}/image_raw"],
+            messages[f"/{camera}/image_raw/compressed"],
             stamps,
             strict=True,
         ):
-            path = made / camera / "data" / f"{t_ns:019d}.png"
+            path = sequence / camera / "data" / f"{t_ns:019d}.png"
             image = cv2.imread(str(path), cv2.IMREAD_UNCHANGED)
             expected = image if image.ndim == 2 else image[..., ::-1]
             assert (raw.height, raw.width, raw.encoding) == (60, 94, pixels)
@@ -107,51 +107,51 @@ def test_others_read_pixels_models_and_places(made, tmp_path, name):
             assert np.array_equal(raw.data, expected.ravel())
             assert small.data.tobytes() == path.read_bytes()
             assert small.format == f"{pixels}; png compressed {'bgr8' * (pixels == 'rgb8')}"
-        sensor = yaml.safe_load((made / camera / "sensor.yaml").read_text())
-        info = found[f"/{camera}/camera_info"][0][1]
+        sensor = yaml.safe_load((sequence / camera / "sensor.yaml").read_text())
+        info = messages[f"/{camera}/camera_info"][0][1]
         k, d = getattr(info, "k", getattr(info, "K", None)), getattr(info, "d", None)
         d = info.D if d is None else d
         assert [k[0], k[4], k[2], k[5]] == sensor["intrinsics"]
         assert d.tolist() == [*sensor["distortion_coefficients"], 0.0]
         assert (info.distortion_model, info.width, info.height) == ("plumb_bob", 94, 60)
-    places = {t.child_frame_id: t for t in found["/tf_static"][0][1].transforms}
+    places = {t.child_frame_id: t for t in messages["/tf_static"][0][1].transforms}
     assert places.keys() == {"cam0_optical_frame", "cam1_optical_frame"}
     pose = np.reshape(
-        yaml.safe_load((made / "cam1" / "sensor.yaml").read_text())["T_BS"]["data"], (4, 4)
+        yaml.safe_load((sequence / "cam1" / "sensor.yaml").read_text())["T_BS"]["data"], (4, 4)
     )
-    seen = places["cam1_optical_frame"]
-    assert seen.header.frame_id == "base_link"
-    shift = seen.transform.translation
+    transform = places["cam1_optical_frame"]
+    assert transform.header.frame_id == "base_link"
+    shift = transform.transform.translation
     np.testing.assert_allclose([shift.x, shift.y, shift.z], pose[:3, 3], atol=1e-12)
-    depth = found["/cam1/depth/image_raw"][0][1]
+    depth = messages["/cam1/depth/image_raw"][0][1]
     assert depth.encoding == "16UC1"
 
 
-def test_readings_between_images_come_in_blocks_that_have_a_rate(made, tmp_path):
-    assert run(made, "-o", tmp_path / "a.mcap", "--quiet") == 0
+def test_readings_between_images_come_in_blocks_that_have_a_rate(sequence, tmp_path):
+    assert run(sequence, "-o", tmp_path / "a.mcap", "--quiet") == 0
     assert [len(block.t_ns) for block in imu_blocks(tmp_path / "a.mcap")] == [120]
 
 
-def test_a_folder_into_another_folder(made, tmp_path):
-    assert run(made, "-o", tmp_path / "e", "--format", "euroc", "--quiet") == 0
-    assert pngs(tmp_path / "e") == pngs(made)
+def test_a_folder_into_another_folder(sequence, tmp_path):
+    assert run(sequence, "-o", tmp_path / "e", "--format", "euroc", "--quiet") == 0
+    assert pngs(tmp_path / "e") == pngs(sequence)
     sensor = "cam1/sensor.yaml"
-    assert (tmp_path / "e" / sensor).read_text() == (made / sensor).read_text()
-    assert run(made, "-o", tmp_path / "k", "--format", "csv", "--quiet") == 0
-    assert {path.replace("data/", ""): data for path, data in pngs(made / "cam0").items()} == pngs(
-        tmp_path / "k" / "cam0"
-    )
+    assert (tmp_path / "e" / sensor).read_text() == (sequence / sensor).read_text()
+    assert run(sequence, "-o", tmp_path / "k", "--format", "csv", "--quiet") == 0
+    assert {
+        path.replace("data/", ""): data for path, data in pngs(sequence / "cam0").items()
+    } == pngs(tmp_path / "k" / "cam0")
     # And kalibr_bagcreater's folder into a bag: stamps are the names.
     assert run(tmp_path / "k", "-o", tmp_path / "k.mcap", "--quiet") == 0
-    found = decoded(tmp_path / "k.mcap")
-    stamps = sorted(int(path.stem) for path in (made / "cam0" / "data").iterdir())
-    assert [t_ns for t_ns, _ in found["/cam0/image_raw"]] == stamps
-    assert "/cam0/camera_info" not in found
+    messages = decoded(tmp_path / "k.mcap")
+    stamps = sorted(int(path.stem) for path in (sequence / "cam0" / "data").iterdir())
+    assert [t_ns for t_ns, _ in messages["/cam0/image_raw"]] == stamps
+    assert "/cam0/camera_info" not in messages
 
 
-def test_what_is_chosen(made, tmp_path, capsys):
-    words = [made, "-o", tmp_path / "a.mcap", "--images", "none", "--json"]
-    assert run(*words) == 0
+def test_what_is_chosen(sequence, tmp_path, capsys):
+    arguments = [sequence, "-o", tmp_path / "a.mcap", "--images", "none", "--json"]
+    assert run(*arguments) == 0
     assert json.loads(capsys.readouterr().out)["messages"].keys() == {
         "/imu/data_raw",
         "/ground_truth/odom",
@@ -160,10 +160,10 @@ def test_what_is_chosen(made, tmp_path, capsys):
     }
     assert run(tmp_path / "a.mcap", "-o", tmp_path / "b.mcap", "--images", "raw") == 2
     assert "images raw: applies to folders only" in capsys.readouterr().err
-    assert run(made, "-o", tmp_path / "c", "--format", "euroc", "--images", "raw") == 2
+    assert run(sequence, "-o", tmp_path / "c", "--format", "euroc", "--images", "raw") == 2
     assert "images raw: does not apply to euroc" in capsys.readouterr().err
     names = ["--topic", "cam0/image_raw=/left", "--topic", "cam0/camera_info=/left_info"]
-    assert run(made, "-o", tmp_path / "d.mcap", "--quiet", *names) == 0
+    assert run(sequence, "-o", tmp_path / "d.mcap", "--quiet", *names) == 0
     assert {"/left", "/left_info", "/cam1/image_raw"} <= decoded(tmp_path / "d.mcap").keys()
 
 
@@ -200,22 +200,22 @@ def tum_vi(tmp_path):
     return root, images
 
 
-@pytest.mark.parametrize("below", ["", "mav0"])
-def test_a_sequence_of_tum_vi(tum_vi, tmp_path, below):
+@pytest.mark.parametrize("subfolder", ["", "mav0"])
+def test_a_sequence_of_tum_vi(tum_vi, tmp_path, subfolder):
     root, images = tum_vi
-    assert run(root / below, "-o", tmp_path / "a.bag", "--images", "both", "--quiet") == 0
-    found = decoded(tmp_path / "a.bag")
-    for (_, raw), image in zip(found["/cam0/image_raw"], images, strict=True):
+    assert run(root / subfolder, "-o", tmp_path / "a.bag", "--images", "both", "--quiet") == 0
+    messages = decoded(tmp_path / "a.bag")
+    for (_, raw), image in zip(messages["/cam0/image_raw"], images, strict=True):
         assert raw.encoding == "mono16"
         assert np.array_equal(raw.data.view("<u2"), image.ravel())
-    assert found["/cam0/image_raw/compressed"][0][1].format == "mono16; png compressed "
-    info = found["/cam0/camera_info"][0][1]
+    assert messages["/cam0/image_raw/compressed"][0][1].format == "mono16; png compressed "
+    info = messages["/cam0/camera_info"][0][1]
     assert (info.distortion_model, info.D.tolist()) == ("equidistant", [0.1, 0.2, 0.3, 0.4])
-    shift = found["/tf_static"][0][1].transforms[0].transform.translation
+    shift = messages["/tf_static"][0][1].transforms[0].transform.translation
     np.testing.assert_allclose([shift.x, shift.y, shift.z], [-0.3, -0.1, -0.2], atol=1e-12)
-    poses = [message.pose.position.x for _, message in found["/ground_truth/pose"]]
+    poses = [message.pose.position.x for _, message in messages["/ground_truth/pose"]]
     assert poses == list(range(10))
-    assert len(found["/imu/data_raw"]) == 30
+    assert len(messages["/imu/data_raw"]) == 30
 
 
 def broken(root, table=None, sensor=None, image=None):
@@ -226,8 +226,8 @@ def broken(root, table=None, sensor=None, image=None):
     if sensor is not None:
         (camera / "sensor.yaml").write_text(yaml.safe_dump(sensor))
     if image is not None:
-        first = camera / "data" / f"{STAMPS[0]}.png"
-        first.write_bytes(image(first.read_bytes()))
+        image_path = camera / "data" / f"{STAMPS[0]}.png"
+        image_path.write_bytes(image(image_path.read_bytes()))
 
 
 GOOD = f"{STAMPS[0]},{STAMPS[0]}.png\n"
@@ -294,9 +294,9 @@ def test_a_broken_folder_is_a_line_for_each_problem(tum_vi, tmp_path, capsys, ch
     broken(tum_vi[0], **changes)
     form = ["--format", "euroc"] if to == "out" else []
     assert run(tum_vi[0], "-o", tmp_path / to, *form) == 2
-    said = capsys.readouterr().err.splitlines()
-    assert len(said) == len(lines), said
-    for line, expected in zip(said, lines, strict=True):
+    errors = capsys.readouterr().err.splitlines()
+    assert len(errors) == len(lines), errors
+    for line, expected in zip(errors, lines, strict=True):
         assert expected in line
     assert not (tmp_path / to).exists()
 
@@ -305,8 +305,8 @@ def test_bad_rows_of_a_table_are_skipped_when_asked(tum_vi, tmp_path, capsys):
     broken(tum_vi[0], table=f"{GOOD}x,a\n{STAMPS[2]},{STAMPS[2]}.png\n")
     assert run(tum_vi[0], "-o", tmp_path / "a.mcap", "--skip-bad-rows", "--quiet") == 0
     assert "1 bad rows skipped" in capsys.readouterr().err
-    seen = [t_ns for t_ns, _ in decoded(tmp_path / "a.mcap")["/cam0/image_raw"]]
-    assert seen == [STAMPS[0], STAMPS[2]]
+    stamps = [t_ns for t_ns, _ in decoded(tmp_path / "a.mcap")["/cam0/image_raw"]]
+    assert stamps == [STAMPS[0], STAMPS[2]]
 
 
 def test_other_files_than_png(tum_vi, tmp_path):
@@ -314,10 +314,10 @@ def test_other_files_than_png(tum_vi, tmp_path):
     jpeg = cv2.imencode(".jpg", np.full((6, 8), 77, np.uint8))[1].tobytes()
     (data / f"{STAMPS[0]}.png").write_bytes(jpeg)
     assert run(tum_vi[0], "-o", tmp_path / "a.mcap", "--images", "both", "--quiet") == 0
-    found = decoded(tmp_path / "a.mcap")
-    assert found["/cam0/image_raw"][0][1].encoding == "mono8"
-    assert np.abs(found["/cam0/image_raw"][0][1].data.astype(int) - 77).max() < 4
-    small = found["/cam0/image_raw/compressed"][0][1]
+    messages = decoded(tmp_path / "a.mcap")
+    assert messages["/cam0/image_raw"][0][1].encoding == "mono8"
+    assert np.abs(messages["/cam0/image_raw"][0][1].data.astype(int) - 77).max() < 4
+    small = messages["/cam0/image_raw/compressed"][0][1]
     assert (small.format, small.data.tobytes()) == ("mono8; jpeg compressed ", jpeg)
     # In a folder all images are PNG, whatever they were.
     shutil.rmtree(tum_vi[0] / "dso")
@@ -326,39 +326,39 @@ def test_other_files_than_png(tum_vi, tmp_path):
     assert np.abs(copied.astype(int) - 77).max() < 4
 
 
-@pytest.mark.parametrize("other", [(48, 64), (60, 95), (2000, 2000)])
+@pytest.mark.parametrize("size", [(48, 64), (60, 95), (2000, 2000)])
 @pytest.mark.parametrize("form", ["mcap", "euroc", "csv", "compressed"])
 def test_an_image_of_another_size_than_its_neighbours_is_refused(
-    made, tmp_path, capsys, other, form
+    sequence, tmp_path, capsys, size, form
 ):
-    folder = shutil.copytree(made, tmp_path / "set")
+    folder = shutil.copytree(sequence, tmp_path / "set")
     image = sorted((folder / "cam0" / "data").iterdir())[2]
-    cv2.imwrite(str(image), np.zeros(other, np.uint8))
-    words = {"mcap": [], "compressed": ["--images", "compressed"]}.get(form, ["--format", form])
-    output = tmp_path / ("out" if words[:1] == ["--format"] else "out.mcap")
-    assert run(folder, "-o", output, "--quiet", *words) == 2
-    line = f"{image}: {other[1]} x {other[0]} pixels; the images before it have 94 x 60"
+    cv2.imwrite(str(image), np.zeros(size, np.uint8))
+    options = {"mcap": [], "compressed": ["--images", "compressed"]}.get(form, ["--format", form])
+    output = tmp_path / ("out" if options[:1] == ["--format"] else "out.mcap")
+    assert run(folder, "-o", output, "--quiet", *options) == 2
+    line = f"{image}: {size[1]} x {size[0]} pixels; the images before it have 94 x 60"
     assert line in capsys.readouterr().err
 
 
 @pytest.mark.parametrize("images", ["raw", "compressed"])
-def test_an_image_of_another_size_in_a_bag_is_refused(made, tmp_path, capsys, images):
+def test_an_image_of_another_size_in_a_bag_is_refused(sequence, tmp_path, capsys, images):
     pair = [convert_bag, tmp_path / "a.mcap", tmp_path / "b.mcap"]
-    small = shutil.copytree(made, tmp_path / "small")
+    small = shutil.copytree(sequence, tmp_path / "small")
     for image in (small / "cam0" / "data").iterdir():
         cv2.imwrite(str(image), np.zeros((48, 64), np.uint8))
     (small / "cam0" / "sensor.yaml").unlink()  # it would refuse them before
-    for folder, bag in ((made, pair[1]), (small, pair[2])):
+    for folder, bag in ((sequence, pair[1]), (small, pair[2])):
         assert run(folder, "-o", bag, "--images", images, "--quiet") == 0
     with (
         open_writer(tmp_path / "both.mcap", BagOptions("mcap")) as writer,
-        open_bag(pair[1]) as first,
+        open_bag(pair[1]) as large_bag,
         open_bag(pair[2]) as second,
     ):
-        topics = [topic for topic in first.topics if "cam0/image_raw" in topic.name]
-        topics += [topic for topic in first.topics if topic.type == IMU]
+        topics = [topic for topic in large_bag.topics if "cam0/image_raw" in topic.name]
+        topics += [topic for topic in large_bag.topics if topic.type == IMU]
         handles = {t.name: writer.add_topic(t.name, t.type, t.qos, t.schema) for t in topics}
-        for bag in (first, second):
+        for bag in (large_bag, second):
             for group in bag.groups(handles):
                 blocks = [Block(handles[b.topic.name], b.t_ns, b.payloads) for b in group]
                 writer.write_blocks(blocks)

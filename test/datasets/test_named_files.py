@@ -41,8 +41,8 @@ def whole(tmp_path_factory):
     """Return a folder with readings, truth, magnetic field and two cameras."""
     folder = tmp_path_factory.mktemp("whole") / "set"
     topics = "imu/data_raw,ground_truth/odom,imu/mag"
-    words = ["-o", str(folder), "--format", "euroc", "--topics", topics, *CAMERA]
-    assert generate.main(words) == 0
+    arguments = ["-o", str(folder), "--format", "euroc", "--topics", topics, *CAMERA]
+    assert generate.main(arguments) == 0
     return folder
 
 
@@ -58,9 +58,11 @@ def put(path, obstacle):
     OBSTACLES[obstacle](path)
 
 
-def refused(capsys, tmp_path, *words):
+def refused(capsys, tmp_path, *arguments):
     """Return the one line of a conversion that is refused."""
-    assert convert_bag.main([*map(str, words), "-o", str(tmp_path / "out.mcap"), "--quiet"]) == 2
+    assert (
+        convert_bag.main([*map(str, arguments), "-o", str(tmp_path / "out.mcap"), "--quiet"]) == 2
+    )
     (line,) = capsys.readouterr().err.splitlines()
     assert not (tmp_path / "out.mcap").exists()
     return line
@@ -128,8 +130,8 @@ def test_the_truth_of_evaluate(dataset, tmp_path, capsys, obstacle):
 @pytest.mark.parametrize("storage", ["mcap", "sqlite3"])
 def test_the_files_of_a_rosbag2_folder(tmp_path, capsys, storage, obstacle):
     bag = tmp_path / "bag"
-    words = ["-o", str(bag), "--duration", "1s", "--storage", storage, "--quiet"]
-    assert generate.main(words) == 0
+    arguments = ["-o", str(bag), "--duration", "1s", "--storage", storage, "--quiet"]
+    assert generate.main(arguments) == 0
     shutil.copytree(bag, tmp_path / "other")
     put(bag / "metadata.yaml", obstacle)
     assert "metadata.yaml" in refused(capsys, tmp_path, bag)
@@ -153,11 +155,11 @@ def test_the_files_of_tracks(tmp_path, name, obstacle):
 def test_a_parameter_that_names_a_file(tmp_path, capsys, name, obstacle):
     path = tmp_path / "named.yaml"
     put(path, obstacle)
-    words = ["--camera", str(path)] if name == "camera.preset" else ["--set", f"{name}={path}"]
-    words += ["--duration", "0.2s", "-o", str(tmp_path / "x.mcap"), "--quiet"]
+    arguments = ["--camera", str(path)] if name == "camera.preset" else ["--set", f"{name}={path}"]
+    arguments += ["--duration", "0.2s", "-o", str(tmp_path / "x.mcap"), "--quiet"]
     if name == "scene.file":
-        words += [*CAMERA, "--set", "scene.type=file"]
-    assert generate.main(words) == 2
+        arguments += [*CAMERA, "--set", "scene.type=file"]
+    assert generate.main(arguments) == 2
     assert "named.yaml" in capsys.readouterr().err
 
 
@@ -176,8 +178,8 @@ def test_a_mesh_and_the_files_that_it_names(tmp_path, capsys, name, obstacle):
     )
     put(tmp_path / name, obstacle)
     mesh = tmp_path / ("scene.gltf" if name == "scene.bin" else "scene.obj")
-    words = [*CAMERA, "--set", "scene.type=mesh", "--set", f"scene.mesh={mesh}"]
-    assert generate.main([*words, "-o", str(tmp_path / "x.mcap")]) == 2
+    options = [*CAMERA, "--set", "scene.type=mesh", "--set", f"scene.mesh={mesh}"]
+    assert generate.main([*options, "-o", str(tmp_path / "x.mcap")]) == 2
     (line,) = capsys.readouterr().err.splitlines()
     assert name in line
 

@@ -40,7 +40,7 @@ FLIGHT = [
 
 
 @pytest.fixture(scope="module")
-def made(tmp_path_factory):
+def sequence(tmp_path_factory):
     """Return the folder that generate writes, and a place for bags."""
     place = tmp_path_factory.mktemp("made")
     assert generate.main(["-o", str(place / "mav0"), "--format", "euroc", *FLIGHT]) == 0
@@ -56,40 +56,40 @@ def contents(folder):
 
 
 @pytest.mark.parametrize("bag", ["flight.bag", "flight.mcap", "flight"])
-def test_the_images_of_a_bag_are_those_of_the_folder(made, tmp_path, capsys, bag):
+def test_the_images_of_a_bag_are_those_of_the_folder(sequence, tmp_path, capsys, bag):
     storage = ["--storage", "sqlite3"] if bag == "flight" else []
     assert generate.main(["-o", str(tmp_path / bag), *FLIGHT, *storage]) == 0
-    words = [str(tmp_path / bag), "-o", str(tmp_path / "out"), "--format", "euroc", "--json"]
-    assert convert_bag.main(words) == 0
+    arguments = [str(tmp_path / bag), "-o", str(tmp_path / "out"), "--format", "euroc", "--json"]
+    assert convert_bag.main(arguments) == 0
     counts = json.loads(capsys.readouterr().out)["messages"]
-    expected, found = contents(made / "mav0"), contents(tmp_path / "out")
-    assert found.keys() == expected.keys()
-    assert all(np.array_equal(found[name], expected[name]) for name in expected)
+    expected, actual = contents(sequence / "mav0"), contents(tmp_path / "out")
+    assert actual.keys() == expected.keys()
+    assert all(np.array_equal(actual[name], expected[name]) for name in expected)
     assert counts["/cam1/depth/image_raw"] == counts["/cam1/image_raw"] > 5
     for name in ("cam0", "cam1"):
         table = f"{name}/data.csv"
-        assert (tmp_path / "out" / table).read_text() == (made / "mav0" / table).read_text()
-        told, true = (
+        assert (tmp_path / "out" / table).read_text() == (sequence / "mav0" / table).read_text()
+        written, true = (
             yaml.safe_load((folder / name / "sensor.yaml").read_text())
-            for folder in (tmp_path / "out", made / "mav0")
+            for folder in (tmp_path / "out", sequence / "mav0")
         )
         for key in ("resolution", "intrinsics", "distortion_model", "distortion_coefficients"):
-            assert told[key] == true[key]
-        assert "T_BS" not in told  # the bag has no /tf_static
+            assert written[key] == true[key]
+        assert "T_BS" not in written  # the bag has no /tf_static
 
 
-def test_the_folder_of_kalibr_bagcreater_and_chosen_topics(made, tmp_path, capsys):
+def test_the_folder_of_kalibr_bagcreater_and_chosen_topics(sequence, tmp_path, capsys):
     assert generate.main(["-o", str(tmp_path / "flight.mcap"), *FLIGHT]) == 0
-    words = [str(tmp_path / "flight.mcap"), "-o", str(tmp_path / "out"), "--format", "csv"]
+    arguments = [str(tmp_path / "flight.mcap"), "-o", str(tmp_path / "out"), "--format", "csv"]
     topics = "imu/data_raw,ground_truth/odom,cam1/image_raw/compressed"
-    assert convert_bag.main([*words, "--topics", topics, "--quiet"]) == 0
+    assert convert_bag.main([*arguments, "--topics", topics, "--quiet"]) == 0
     names = sorted(path.name for path in (tmp_path / "out" / "cam1").iterdir())
-    assert names == sorted(path.name for path in (made / "mav0" / "cam1" / "data").iterdir())
+    assert names == sorted(path.name for path in (sequence / "mav0" / "cam1" / "data").iterdir())
     assert not (tmp_path / "out" / "cam0").exists()
     # One table of readings has no place for images, and needs no OpenCV.
-    assert convert_bag.main([words[0], "-o", str(tmp_path / "a.csv"), "--quiet"]) == 0
+    assert convert_bag.main([arguments[0], "-o", str(tmp_path / "a.csv"), "--quiet"]) == 0
     # What has images dead-reckons as what has none.
-    assert dead_reckon.main([words[0], "--json"]) == 0
+    assert dead_reckon.main([arguments[0], "--json"]) == 0
     assert json.loads(capsys.readouterr().out)["samples"] == 120
 
 
@@ -181,15 +181,15 @@ def write_other_cameras(path, ros1):
 def test_cameras_of_other_drivers_are_numbered(tmp_path, capsys, ros1):
     path = tmp_path / ("a.bag" if ros1 else "a")
     write_other_cameras(path, ros1)
-    words = [str(path), "-o", str(tmp_path / "out"), "--format", "euroc", "--json"]
-    assert convert_bag.main(words) == 0, capsys.readouterr().err
-    found = contents(tmp_path / "out")
-    assert sorted(found) == sorted(
+    arguments = [str(path), "-o", str(tmp_path / "out"), "--format", "euroc", "--json"]
+    assert convert_bag.main(arguments) == 0, capsys.readouterr().err
+    images = contents(tmp_path / "out")
+    assert sorted(images) == sorted(
         f"cam{c}/data/{10**9 + k * 50_000_000:019d}.png" for c in (0, 1) for k in (0, 1)
     )
     grey = np.arange(24, dtype=np.uint8).reshape(4, 6)
-    assert np.array_equal(found["cam0/data/0000000001050000000.png"], grey + 1)
-    mean = found["cam1/data/0000000001000000000.png"].mean(axis=(0, 1))
+    assert np.array_equal(images["cam0/data/0000000001050000000.png"], grey + 1)
+    mean = images["cam1/data/0000000001000000000.png"].mean(axis=(0, 1))
     assert np.abs(mean - (200, 100, 50)).max() < 4.0  # JPEG is lossy
     sensor = yaml.safe_load((tmp_path / "out" / "cam0" / "sensor.yaml").read_text())
     assert sensor == {
@@ -210,8 +210,8 @@ def test_topics_of_one_camera_are_found():
         "/cam0/image_raw/compressed": "CompressedImage",
         "/front/cam1/camera_info": "CameraInfo",
     }
-    found = recorded_cameras([topic(*item) for item in names.items()])
-    assert [(c.name, c.images.name, c.depth and c.depth.name) for c in found] == [
+    cameras = recorded_cameras([topic(*item) for item in names.items()])
+    assert [(c.name, c.images.name, c.depth and c.depth.name) for c in cameras] == [
         ("cam0", "/cam0/image_raw/compressed", None),
         ("cam1", "/front/cam1/image_raw", "/front/cam1/depth/image_raw"),
     ]

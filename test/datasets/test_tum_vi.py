@@ -104,7 +104,7 @@ def test_the_calibration_is_kalibrs(place):
 
 
 def test_the_lens_in_dsos_form(place):
-    """Its reader takes centres as (cx + 0.5) / width, and the vignette as 16-bit shares."""
+    """DSO's reader takes centres as (cx + 0.5) / width, and the vignette as 16-bit shares."""
     dso = place / "seq" / "dso"
     for camera in ("cam0", "cam1"):
         sensor = yaml.safe_load((place / "mav0" / camera / "sensor.yaml").read_text())
@@ -121,47 +121,47 @@ def test_the_lens_in_dsos_form(place):
 
 
 def test_the_form_of_the_original_lens():
-    """Of dso/cam0/camera.txt of a 512 x 512 sequence, as it was published."""
+    """The reference is dso/cam0/camera.txt of a published sequence of 512 x 512 pixels."""
     name = "EquiDistant"
     shares = [0.373004838186, 0.372994740336, 0.498890050897, 0.502729380663]
     distortion = [0.00348238940225, 0.000715034845216, -0.00205323614187, 0.000202936735918]
     rig = load_rig({"cameras": ["cam0"], "cam0.camera.preset": "tum_vi_cam0"})
     ours = dso_lens(rig.camera("cam0")).splitlines()
     assert ours[0].split()[0] == name
-    found = np.array(ours[0].split()[1:], float)
-    np.testing.assert_allclose(found, [*shares, *distortion], atol=1e-12)
+    parameters = np.array(ours[0].split()[1:], float)
+    np.testing.assert_allclose(parameters, [*shares, *distortion], atol=1e-12)
     assert ours[1:] == ["512 512", "crop", "512 512"]
 
 
 def test_a_free_camera_has_readings_at_its_times(tmp_path):
     """DM-VIO looks for a reading with the stamp of each image: interpolated ones are added."""
-    words = ["--set", "camera.trigger=free", "--set", "camera.phase=0.0031", "--quiet"]
+    options = ["--set", "camera.trigger=free", "--set", "camera.phase=0.0031", "--quiet"]
     sequence = tmp_path / "seq"
-    assert generate.main(["-o", str(sequence), "--format", "tum_vi", *FLIGHT, *words]) == 0
+    assert generate.main(["-o", str(sequence), "--format", "tum_vi", *FLIGHT, *options]) == 0
     readings = table(sequence / "mav0" / "imu0" / "data.csv")
     rows = table(sequence / "dso" / "imu.txt", " ")
     stamps = table(sequence / "dso" / "cam0" / "times.txt", " ")[:, 0]
-    inside = stamps[(stamps >= readings[0, 0]) & (stamps <= readings[-1, 0])]
-    assert len(inside) >= 9
-    assert not np.isin(inside, readings[:, 0]).any()
-    assert len(rows) == len(readings) + len(inside)
+    image_stamps = stamps[(stamps >= readings[0, 0]) & (stamps <= readings[-1, 0])]
+    assert len(image_stamps) >= 9
+    assert not np.isin(image_stamps, readings[:, 0]).any()
+    assert len(rows) == len(readings) + len(image_stamps)
     assert (np.diff(rows[:, 0]) > 0).all()
-    added = np.isin(rows[:, 0], inside)
+    added = np.isin(rows[:, 0], image_stamps)
     assert np.array_equal(rows[~added], readings)
     start = readings[0, 0]
     for column in range(1, 7):
-        line = np.interp(inside - start, readings[:, 0] - start, readings[:, column])
+        line = np.interp(image_stamps - start, readings[:, 0] - start, readings[:, column])
         np.testing.assert_allclose(rows[added, column], line, rtol=1e-12)
 
 
 def test_what_it_cannot_hold_is_refused(tmp_path, capsys):
-    words = ["-o", str(tmp_path / "out"), "--format", "tum_vi"]
-    assert generate.main([*words, "--duration", "1s"]) == 2
+    arguments = ["-o", str(tmp_path / "out"), "--format", "tum_vi"]
+    assert generate.main([*arguments, "--duration", "1s"]) == 2
     assert "format tum_vi: needs a camera; --camera names one" in capsys.readouterr().err
-    assert generate.main([*words, *FLIGHT, "--set", "imus=[a, b]"]) == 2
+    assert generate.main([*arguments, *FLIGHT, "--set", "imus=[a, b]"]) == 2
     assert "format tum_vi: has room for one IMU, not 2" in capsys.readouterr().err
     assert not list(tmp_path.iterdir())
-    assert generate.main([*words, *FLIGHT, "--json"]) == 0
+    assert generate.main([*arguments, *FLIGHT, "--json"]) == 0
     counts = json.loads(capsys.readouterr().out)["messages"]
     assert counts == {
         "/imu/data_raw": 100,
@@ -172,7 +172,7 @@ def test_what_it_cannot_hold_is_refused(tmp_path, capsys):
 
 
 def test_poses_are_on_the_clock_of_the_imu(tmp_path):
-    """As in the original, whose motion capture was put on that clock; the page says so."""
+    """The poses have the clock of the IMU, as in the original; the page says so."""
     folder = tmp_path / "late"
     arguments = ["--format", "tum_vi", "--camera", "tum_vi_cam0", "--duration", "0.2s", "--quiet"]
     shift = ["--set", "imu.stamp_offset=0.005", "--set", "imu.clock_skew_ppm=1000"]

@@ -125,7 +125,7 @@ def test_bad_rows_are_lines(folder, tmp_path):
 
 
 def test_rows_of_openvins_in_the_form_of_tum_stay_what_they_are(tmp_path):
-    """Those rows have 14 columns, too: t, p, q x y z w, and six more."""
+    """Rows of OpenVINS have 14 columns, too: t, p, q x y z w, and six more."""
     path = tmp_path / "estimate.txt"
     path.write_text("1 1 0 0 0 0 0 1 0 0 0 0 0 0\n2 0 1 0 0 0 0 1 0 0 0 0 0 0\n")
     assert not form.is_source(path)

@@ -1,7 +1,7 @@
 # Copyright 2026 imu_sim_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""What the tests of trajectories share: derivatives by finite differences."""
+"""Derivatives by finite differences, for all tests of trajectories."""
 
 from collections.abc import Callable
 
@@ -24,23 +24,27 @@ def assert_exact_derivatives(
 ) -> Motion:
     """Compare every derivative of a motion with the finite difference of what it derives."""
     m = trajectory.sample(t)
-    near = [(w, trajectory.sample(t + k * h), trajectory.sample(t - k * h)) for k, w in STENCIL]
+    neighbours = [
+        (w, trajectory.sample(t + k * h), trajectory.sample(t - k * h)) for k, w in STENCIL
+    ]
 
     def derivative(f: Callable[[Motion], Array]) -> Array:
-        return sum((w * (f(after) - f(before)) for w, after, before in near), np.zeros(3)) / h
+        return (
+            sum((w * (f(later) - f(earlier)) for w, later, earlier in neighbours), np.zeros(3)) / h
+        )
 
-    def turned(there: Motion) -> Array:
+    def turned(motion: Motion) -> Array:
         """Rotation vector from the attitude at t; its slope at t is omega_b."""
-        return rotation.log(rotation.multiply(rotation.conjugate(m.q_wb), there.q_wb))
+        return rotation.log(rotation.multiply(rotation.conjugate(m.q_wb), motion.q_wb))
 
     def close(actual: Array, expected: Array) -> None:
         scale = max(1.0, float(np.max(np.abs(expected))))
         np.testing.assert_allclose(actual, expected, rtol=0, atol=tolerance * scale)
 
-    close(m.velocity, derivative(lambda there: there.position))
-    close(m.acceleration, derivative(lambda there: there.velocity))
+    close(m.velocity, derivative(lambda motion: motion.position))
+    close(m.acceleration, derivative(lambda motion: motion.velocity))
     close(m.angular_velocity, derivative(turned))
-    close(m.angular_acceleration, derivative(lambda there: there.angular_velocity))
+    close(m.angular_acceleration, derivative(lambda motion: motion.angular_velocity))
     np.testing.assert_allclose(np.linalg.norm(m.q_wb, axis=-1), 1.0, rtol=0, atol=1e-14)
     return m
 

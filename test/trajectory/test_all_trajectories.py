@@ -1,7 +1,7 @@
 # Copyright 2026 imu_sim_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""What every trajectory of config/trajectories, and every wrapper around one, must keep."""
+"""Invariants of every trajectory of config/trajectories, and of every wrapper around one."""
 
 import subprocess
 import sys
@@ -36,11 +36,11 @@ def relative(name):
 
 
 def test_the_files_of_the_issue_are_there():
-    wanted = """
+    required = """
         static lecture circle figure_eight line spin coning sculling excitation rotating_disc
         free_fall waypoints square six_position turntable temperature_soak temperature_ramp
     """
-    assert set(wanted.split()) <= set(NAMES)
+    assert set(required.split()) <= set(NAMES)
 
 
 @pytest.mark.parametrize("name", sorted(TYPES.keys() & set(NAMES)))
@@ -87,10 +87,10 @@ def assert_samples_do_not_depend_on_their_block(trajectory):
     t = np.arange(1000) * 0.005
     together = trajectory.sample(t)
     for size in (1, 7, 64):
-        for first in range(0, 200, size):
-            alone = trajectory.sample(t[first : first + size])
+        for start in range(0, 200, size):
+            alone = trajectory.sample(t[start : start + size])
             for field, expected in zip(alone, together, strict=True):
-                np.testing.assert_array_equal(field, expected[first : first + size])
+                np.testing.assert_array_equal(field, expected[start : start + size])
 
 
 def test_no_times_give_no_rows(trajectory):
@@ -107,7 +107,7 @@ def test_numbers_in_lists_are_all_floats(name):
 
 
 def test_starting_needs_no_scipy():
-    """In one process: what none of these trajectories imports, each of them does not import."""
+    """One process samples five trajectories and imports neither SciPy nor Matplotlib."""
     code = (
         "import sys, numpy as np\n"
         "from imu_sim_ros.simulation.parameters import load_simulation\n"

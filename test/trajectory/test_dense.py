@@ -54,5 +54,5 @@ def test_they_do_not_depend_on_the_times_asked_for():
     t = np.linspace(2.0, 2.05, 1001)
     whole = dense_poses(trajectory.sample, 2.0, 2.05, t)
     part = dense_poses(trajectory.sample, 2.0, 2.05, t[::7])
-    for one, other in zip(whole, part, strict=True):
-        assert np.array_equal(one[::7], other)
+    for column, expected in zip(whole, part, strict=True):
+        assert np.array_equal(column[::7], expected)

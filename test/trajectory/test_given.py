@@ -29,8 +29,8 @@ def poses_of(trajectory):
     return poses
 
 
-def worst(exact, found, t):
-    pairs = zip(exact.sample(t)[1:], found.sample(t)[1:], strict=True)
+def worst(exact, approximate, t):
+    pairs = zip(exact.sample(t)[1:], approximate.sample(t)[1:], strict=True)
     return [float(np.abs(a - b).max()) for a, b in pairs]
 
 
@@ -39,9 +39,9 @@ def worst(exact, found, t):
 @pytest.mark.parametrize("name", ["circle", "lecture", "excitation"])
 def test_a_function_has_the_derivatives_of_the_closed_form(name):
     exact = closed_form(name)
-    found = given_trajectory(poses_of(exact))
+    approximate = given_trajectory(poses_of(exact))
     t = np.concatenate([np.linspace(0.0, 60.0, 3001), [1e-4, module.STEP, 3.3 * module.STEP]])
-    assert np.less(worst(exact, found, t), [1e-9, 2e-7, 1e-15, 1e-9, 2e-7]).all()
+    assert np.less(worst(exact, approximate, t), [1e-9, 2e-7, 1e-15, 1e-9, 2e-7]).all()
 
 
 def sinusoid(w):
@@ -100,24 +100,24 @@ class Own:
 
 
 def test_an_object_gives_the_samples_of_the_same_motion_by_name():
-    own = ims.simulate(imu="adis16448", trajectory=Own(), seed=3)
-    named = ims.simulate(imu="adis16448", trajectory="lecture", seed=3, duration=3)
-    np.testing.assert_array_equal(own.gyro, named.gyro)
-    np.testing.assert_array_equal(own.accel, named.accel)
-    assert repr(own).startswith("<Flight adis16448 on given: 600 at 200 Hz")
+    flight = ims.simulate(imu="adis16448", trajectory=Own(), seed=3)
+    by_name = ims.simulate(imu="adis16448", trajectory="lecture", seed=3, duration=3)
+    np.testing.assert_array_equal(flight.gyro, by_name.gyro)
+    np.testing.assert_array_equal(flight.accel, by_name.accel)
+    assert repr(flight).startswith("<Flight adis16448 on given: 600 at 200 Hz")
     blocks = ims.blocks(imu="adis16448", trajectory=Own(), seed=3, block_size=7)
-    np.testing.assert_array_equal(np.concatenate([b.gyro for b in blocks]), own.gyro)
+    np.testing.assert_array_equal(np.concatenate([b.gyro for b in blocks]), flight.gyro)
 
 
 def test_rests_and_vibration_apply_to_it():
-    more = {"trajectory.rest_before": 1.0, "trajectory.vibration.noise_rms": 0.5}
-    own = ims.simulate(imu="perfect", trajectory=Own(), **more)
-    named = ims.simulate(
+    settings = {"trajectory.rest_before": 1.0, "trajectory.vibration.noise_rms": 0.5}
+    flight = ims.simulate(imu="perfect", trajectory=Own(), **settings)
+    by_name = ims.simulate(
         imu="perfect", trajectory={"type": "lecture", "length": 3.0, "rest_before": 1.0}
         | {"vibration": {"noise_rms": 0.5}}
     )  # fmt: skip
-    assert own.trajectory.duration == named.trajectory.duration > 4.0
-    np.testing.assert_array_equal(own.accel, named.accel)
+    assert flight.trajectory.duration == by_name.trajectory.duration > 4.0
+    np.testing.assert_array_equal(flight.accel, by_name.accel)
 
 
 def one(t, **changed):
@@ -166,33 +166,33 @@ def test_what_a_function_does_wrong_is_one_line(poses, line):
     ],
 )
 def test_what_an_object_does_wrong_is_one_line(sample, line):
-    own = Own()
-    own.sample = sample
+    trajectory = Own()
+    trajectory.sample = sample
     with pytest.raises(ims.ConfigurationError, match=line) as raised:
-        ims.simulate(trajectory=own, duration=1)
+        ims.simulate(trajectory=trajectory, duration=1)
     assert len(raised.value.problems) == 1
 
 
 @pytest.mark.parametrize("duration", [-1.0, 0, math.nan, "3s", None])
 def test_a_duration_that_is_none_is_refused(duration):
-    own = Own()
-    own.duration = duration
+    motion = Own()
+    motion.duration = duration
     with pytest.raises(ims.ConfigurationError, match=r"trajectory\.duration = "):
-        ims.simulate(trajectory=own)
+        ims.simulate(trajectory=motion)
 
 
-@pytest.mark.parametrize("given", [[1, 2], 5, object(), int, Own])
-def test_what_is_no_trajectory_is_a_type_error_that_says_what_is(given):
+@pytest.mark.parametrize("candidate", [[1, 2], 5, object(), int, Own])
+def test_what_is_no_trajectory_is_a_type_error_that_says_what_is(candidate):
     with pytest.raises(
         TypeError, match=r"trajectory = .*an object with sample\(t\), or a function"
     ):
-        ims.simulate(trajectory=given)
+        ims.simulate(trajectory=candidate)
 
 
 def test_no_file_can_name_it():
-    for given in ("given", {"type": "given"}):
+    for candidate in ("given", {"type": "given"}):
         with pytest.raises(ims.ConfigurationError, match=r"'given': an object or a function fr"):
-            ims.simulate(trajectory=given, duration=1)
+            ims.simulate(trajectory=candidate, duration=1)
 
 
 def still(t, **changed):
@@ -216,9 +216,9 @@ def test_a_quaternion_that_is_not_of_length_one_is_refused(length):
     def poses(t):
         return np.zeros((len(t), 3)), length * level(t)
 
-    for given in (poses, Moving(lambda t: still(t, q_wb=length * level(t)))):
+    for candidate in (poses, Moving(lambda t: still(t, q_wb=length * level(t)))):
         with pytest.raises(ims.ConfigurationError, match=r"of length .*: must be 1 within 1e-06"):
-            ims.simulate(trajectory=given, duration=1)
+            ims.simulate(trajectory=candidate, duration=1)
 
 
 def test_a_quaternion_of_single_precision_gets_the_length_one():
@@ -277,16 +277,21 @@ def test_poses_that_no_body_moves_through_are_a_warning():
     zero = np.zeros((len(t), 4))
     rows = np.column_stack([t, zero[:, :3], zero[:, :2], yaw])
     jump = np.column_stack([t, 1000.0 * (t > 2.0), zero[:, :2], level(t)])
-    for given, unit in ((turning, "rad/s"), (jumping, "m/s^2"), (rows, "rad/s"), (jump, "m/s^2")):
+    for candidate, unit in (
+        (turning, "rad/s"),
+        (jumping, "m/s^2"),
+        (rows, "rad/s"),
+        (jump, "m/s^2"),
+    ):
         with pytest.warns(UserWarning, match=f"{unit[:3]}.* is more than a body carrying an IMU"):
-            ims.simulate(imu="perfect", trajectory=given, duration=4)
+            ims.simulate(imu="perfect", trajectory=candidate, duration=4)
 
 
 @pytest.mark.parametrize("name", ["lecture", "figure_eight", "excitation", "free_fall", "static"])
 def test_an_exact_motion_does_not_contradict_itself(name, recwarn):
     exact = closed_form(name)
-    for given in (exact, poses_of(exact)):
-        ims.simulate(imu="perfect", trajectory=given, duration=5)
+    for candidate in (exact, poses_of(exact)):
+        ims.simulate(imu="perfect", trajectory=candidate, duration=5)
     assert not recwarn.list
 
 

@@ -1,7 +1,7 @@
 # Copyright 2026 imu_sim_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""What ``--trajectory X`` stands for."""
+"""Parameters that ``--trajectory X`` stands for."""
 
 import pytest
 

@@ -19,13 +19,13 @@ def test_the_body_rests_then_jerks_then_flies(build):
     values = {"x__amplitude": [2.0], "x__angular_frequency": [0.7], "rest_transition": 1.0}
     flight = build(type="harmonic", rest_before=1.0, **values)
     led = build(type="harmonic", rest_before=1.0, lead_in__rest=2.0, **values)
-    at = led.sample(np.array([0.0, 1.0, 1.999, 2.5, 3.0, 3.5]))
+    motion = led.sample(np.array([0.0, 1.0, 1.999, 2.5, 3.0, 3.5]))
     start = flight.sample(np.array([0.0])).position
-    assert (at.position[[0, 1, 4, 5]] == start).all()
-    assert (at.velocity[[0, 1, 4, 5]] == 0.0).all()
-    assert np.allclose(at.position[3] - start, [0.1, 0.1, 0.2])
+    assert (motion.position[[0, 1, 4, 5]] == start).all()
+    assert (motion.velocity[[0, 1, 4, 5]] == 0.0).all()
+    assert np.allclose(motion.position[3] - start, [0.1, 0.1, 0.2])
     # b'' = 1024 s^2 (3 (1 - 2 x)^2 - 2 s) / T^2 with s = x (1 - x) is -32 / T^2 in the middle.
-    assert np.allclose(at.acceleration[3], np.multiply(-32.0, [0.1, 0.1, 0.2]))
+    assert np.allclose(motion.acceleration[3], np.multiply(-32.0, [0.1, 0.1, 0.2]))
     # After it the flight as it is without, 3 s later.
     t = np.linspace(1.0, 8.0, 50)
     for late, plain in zip(led.sample(t + 3.0), flight.sample(t), strict=True):

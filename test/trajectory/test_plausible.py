@@ -54,5 +54,7 @@ def test_the_time_of_the_peak_is_told(build):
     trajectory = build(type="harmonic", yaw__amplitude=[1.0], yaw__angular_frequency=[0.1],
                        yaw__phase=[-np.pi / 2])  # fmt: skip
     (line,) = implausible(trajectory, 0.05, 0.0, G, 60.0)
-    at = float(line.split(" at ")[1].split(" s")[0])
-    assert at == pytest.approx(5 * np.pi, abs=0.05) or at == pytest.approx(15 * np.pi, abs=0.05)
+    peak_time = float(line.split(" at ")[1].split(" s")[0])
+    assert peak_time == pytest.approx(5 * np.pi, abs=0.05) or peak_time == pytest.approx(
+        15 * np.pi, abs=0.05
+    )

@@ -17,32 +17,32 @@ def trajectory():
 
 
 def test_the_same_times_give_the_same_arrays_which_are_read_only(trajectory):
-    kept = RememberedTrajectory(trajectory)
+    remembered = RememberedTrajectory(trajectory)
     t = np.arange(100) * 0.01
-    first = kept.sample(t)
-    assert all(a is b for a, b in zip(first, kept.sample(t.copy()), strict=True))
+    original = remembered.sample(t)
+    assert all(a is b for a, b in zip(original, remembered.sample(t.copy()), strict=True))
     with pytest.raises(ValueError, match="read-only"):
-        first.position[0] = 1.0
+        original.position[0] = 1.0
     t[5] = 7.0  # the caller's array is the caller's
-    other, alone = kept.sample(t), trajectory.sample(t)
-    assert all(np.array_equal(a, b) for a, b in zip(other, alone, strict=True))
-    assert not np.array_equal(first.position[5], other.position[5])
+    changed, alone = remembered.sample(t), trajectory.sample(t)
+    assert all(np.array_equal(a, b) for a, b in zip(changed, alone, strict=True))
+    assert not np.array_equal(original.position[5], changed.position[5])
 
 
 def test_what_it_keeps_is_limited(trajectory):
-    kept = RememberedTrajectory(trajectory)
+    remembered = RememberedTrajectory(trajectory)
     t = np.arange(100_001) * 1e-4
-    assert kept.sample(t).position is not kept.sample(t).position
+    assert remembered.sample(t).position is not remembered.sample(t).position
     few = t[:100]
-    assert kept.sample(few).position is kept.sample(few).position
+    assert remembered.sample(few).position is remembered.sample(few).position
 
 
 @pytest.mark.parametrize("kind", ["lecture", "waypoints"])
 def test_means_along_a_remembered_motion_are_those_of_the_motion(kind):
     values = {"trajectory.type": kind, "imu.sampling": "averaged", "imu.preset": "perfect"}
     alone = Body(load_simulation(values))
-    kept = RememberedTrajectory(alone.trajectory)
+    remembered = RememberedTrajectory(alone.trajectory)
     for _ in range(2):
-        block = Body(load_simulation(values), trajectory=kept).next(300)["imu"]
+        block = Body(load_simulation(values), trajectory=remembered).next(300)["imu"]
         assert np.array_equal(block.accel, alone.next(300)["imu"].accel)
         alone.reset()

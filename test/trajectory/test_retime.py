@@ -82,8 +82,8 @@ def test_a_closed_motion_loops(build, repeat):
     t = np.linspace(0.0, 3 * CIRCLE, 301)
     actual, expected = looped.sample(t), plain.sample(t)
     np.testing.assert_allclose(actual.position, expected.position, rtol=0, atol=1e-12)
-    same = np.abs(np.sum(actual.q_wb * expected.q_wb, axis=-1))
-    np.testing.assert_allclose(same, 1.0, rtol=0, atol=1e-13)
+    alignment = np.abs(np.sum(actual.q_wb * expected.q_wb, axis=-1))
+    np.testing.assert_allclose(alignment, 1.0, rtol=0, atol=1e-13)
 
 
 @pytest.mark.parametrize("repeat", [4, 0])

@@ -90,7 +90,7 @@ def test_metres_stay_as_they_are(tmp_path):
 
 
 def test_fixes_are_on_the_route(tmp_path):
-    """What a receiver without error reports passes the file's points: to 2 cm, at 0.1 s steps."""
+    """Fixes without error pass the file's points to 2 cm, at steps of 0.1 s."""
     path = written(tmp_path, "route.gpx", GPX)
     flight = ims.simulate(
         trajectory=str(path),
@@ -130,17 +130,22 @@ def test_another_origin_is_warned_of(tmp_path, capsys):
     assert layer == {"trajectory.type": "drive", "trajectory.file": str(path)}
     (line,) = Body(load_simulation(layer)).warnings()
     assert "latitude_deg=48.1370000 and longitude_deg=11.5750000" in line
-    there = {"latitude_deg": 48.137, "longitude_deg": 11.575}
-    assert Body(load_simulation({**layer, **there})).warnings() == []
-    own = {**layer, "trajectory.origin": [48.1, 11.5], "latitude_deg": 48.1, "longitude_deg": 11.5}
-    simulation = Body(load_simulation(own))
+    origin = {"latitude_deg": 48.137, "longitude_deg": 11.575}
+    assert Body(load_simulation({**layer, **origin})).warnings() == []
+    matched = {
+        **layer,
+        "trajectory.origin": [48.1, 11.5],
+        "latitude_deg": 48.1,
+        "longitude_deg": 11.5,
+    }
+    simulation = Body(load_simulation(matched))
     assert simulation.warnings() == []
     place = simulation.trajectory.sample(np.zeros(1)).position[0]
     np.testing.assert_allclose(place[:2], east_north(*np.array([PLACES[0]]).T, 48.1, 11.5)[0])
 
 
 @pytest.mark.parametrize(
-    ("name", "text", "words"),
+    ("name", "text", "reason"),
     [
         ("a.csv", "a,b\n1,2\n3,4\n", "the first line must name the columns"),
         ("a.csv", "", "is empty"),
@@ -159,11 +164,11 @@ def test_another_origin_is_warned_of(tmp_path, capsys):
         ("a.pdf", "x", "must be a route: .csv, .gpx or .kml"),
     ],
 )
-def test_bad_files_are_named(tmp_path, name, text, words):
+def test_bad_files_are_named(tmp_path, name, text, reason):
     path = written(tmp_path, name, text)
     with pytest.raises(InputError) as caught:
         read_route(path)
-    assert words in caught.value.problems[0]
+    assert reason in caught.value.problems[0]
     assert str(path) in caught.value.problems[0]
 
 

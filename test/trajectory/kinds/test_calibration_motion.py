@@ -69,10 +69,12 @@ def test_a_tilted_table_turns_gravity_in_the_body(build):
 
 def test_soak_steps_begin_with_each_round(build):
     p = load_simulation({"trajectory.type": "temperature_soak"})
-    one = build(type="temperature_soak", repeat=1).duration
+    round_s = build(type="temperature_soak", repeat=1).duration
     steps = np.array(p.temperature.profile[::2])
-    np.testing.assert_allclose(steps, one * np.arange(1, p.trajectory.repeat), rtol=0, atol=1e-9)
-    assert build(type="temperature_soak").duration == pytest.approx(one * p.trajectory.repeat)
+    np.testing.assert_allclose(
+        steps, round_s * np.arange(1, p.trajectory.repeat), rtol=0, atol=1e-9
+    )
+    assert build(type="temperature_soak").duration == pytest.approx(round_s * p.trajectory.repeat)
     assert p.trajectory.soak > 5 * p.temperature.time_constant
 
 

@@ -24,7 +24,7 @@ def test_disc_has_the_lecture_s_terms_in_the_body(build):
 
 
 def test_ball_without_friction_goes_straight(build):
-    """From outside, a ball on a smooth disc keeps its velocity: r = v t, angle = 0."""
+    """A ball on a smooth disc keeps its velocity in the world: r = v t, angle = 0."""
     disc = build(type="polar", radius__polynomial=[0.0, 2.0], angle__polynomial=[0.3])
     m = disc.sample(np.linspace(0.0, 5.0, 11))
     np.testing.assert_allclose(m.acceleration, 0.0, atol=1e-15)

@@ -40,8 +40,8 @@ def test_y_lies_in_the_ground(build):
     _, m, _ = body(build(type="drive", slope=[0.2, 0.1]))
     up = np.array([-0.2, -0.1, 1.0])  # normal to z = 0.2 x + 0.1 y
     for axis in np.eye(3)[:2]:
-        there = rotation.rotate(m.q_wb, np.broadcast_to(axis, (len(m.q_wb), 3)))
-        assert np.abs(there @ up).max() < 1e-12
+        axis_world = rotation.rotate(m.q_wb, np.broadcast_to(axis, (len(m.q_wb), 3)))
+        assert np.abs(axis_world @ up).max() < 1e-12
 
 
 def test_limits_are_kept_and_each_is_reached(build):
@@ -110,11 +110,11 @@ def test_a_stop_lasts_as_long_as_said(build):
     assert len(still) == pytest.approx(1000 * (still[-1] - still[0]), abs=2)
 
 
-@pytest.mark.parametrize("at", [0.0, 1.0])
-def test_it_rests_at_both_ends(build, at):
+@pytest.mark.parametrize("share", [0.0, 1.0])
+def test_it_rests_at_both_ends(build, share):
     for values in ({}, {"times": [0.0, 30.0, 50.0, 80.0]}):
         trajectory = build(type="drive", **values)
-        m = trajectory.sample(np.array([at * trajectory.duration]))
+        m = trajectory.sample(np.array([share * trajectory.duration]))
         assert max(np.abs(still).max() for still in (*m[1:3], *m[4:])) < 1e-10
 
 
@@ -216,10 +216,10 @@ def test_times_that_cannot_be_met_are_named_with_what_can():
     assert "waypoint 2 at 1 s: cannot be reached from waypoint 1 before 1" in lines[0]
     assert "waypoint 4 at 33 s: cannot be reached from waypoint 3 before 4" in lines[1]
     # The time that a line names can be met.
-    first = float(lines[0].split("before ")[1].split(" s")[0])
+    earliest = float(lines[0].split("before ")[1].split(" s")[0])
     positions = BLOCK[:4]
     refused(positions=positions, times=[0.0, 1.0])
-    later = [0.0, first + 30.0]
+    later = [0.0, earliest + 30.0]
     load_simulation({"trajectory.type": "drive", "trajectory.times": [*later, 90.0, 120.0]})
 
 
@@ -247,7 +247,7 @@ def test_bad_lists_are_named():
 
 
 @pytest.mark.parametrize(
-    ("text", "words"),
+    ("text", "reason"),
     [
         ("ncols 3\nnrows 2\n1 2 3\n", "lacks cellsize"),
         ("ncols 3\nnrows 2\ncellsize 1\n1 2 3\n4 5\n", "has 5 heights; must be 2 rows of 3"),
@@ -259,11 +259,11 @@ def test_bad_lists_are_named():
         ("", "has no heights"),
     ],
 )
-def test_bad_maps_are_named(tmp_path, text, words):
+def test_bad_maps_are_named(tmp_path, text, reason):
     path = tmp_path / "map.asc"
     path.write_text(text)
     (line,) = refused(InputError, height_map=str(path))
-    assert words in line
+    assert reason in line
     assert str(path) in line
 
 
@@ -293,11 +293,11 @@ def test_it_backs_up_without_a_jump(build, assert_exact_derivatives, deviation):
     assert np.sum(np.diff(backing.astype(int)) == 1) == 1
     assert 0.97 < -velocity[:, 0].min() < 1.002  # the limit holds in the plane; sqrt(1 + 0.05^2)
     heading = rotation.to_euler(m.q_wb)[:, 2]
-    first, last = t[backing][[0, -1]]
+    reverse_start, reverse_end = t[backing][[0, -1]]
     # It enters the second leg northwards, leaves it southwards still facing north, and turns.
-    assert heading[t < first][-1] == pytest.approx(np.pi / 2, abs=1e-6)
-    assert heading[t > last][0] == pytest.approx(np.arctan2(5.0, -10.0), abs=1e-6)
-    place = [m.position[t < first][-1], m.position[t > last][0]]
+    assert heading[t < reverse_start][-1] == pytest.approx(np.pi / 2, abs=1e-6)
+    assert heading[t > reverse_end][0] == pytest.approx(np.arctan2(5.0, -10.0), abs=1e-6)
+    place = [m.position[t < reverse_start][-1], m.position[t > reverse_end][0]]
     np.testing.assert_allclose(np.array(place)[:, :2], [[20.0, 15.0], [40.0, -5.0]], atol=1e-3)
 
 
@@ -357,8 +357,8 @@ def test_what_cannot_be_backed_up_is_named():
     corner = [0.0, 0.0, 20.0, 0.0, 20.0, 15.0]
     (line,) = refused(positions=corner, speeds=[1.0, -1.0])
     assert "at waypoint 2 the vehicle turns back, and the next one is 90 deg off the line" in line
-    near = [0.0, 0.0, 20.0, 0.0, 20.0, 5.0, 20.0, 0.0]
-    (line,) = refused(positions=near, speeds=[1.0, 1.0, -1.0], turning_radius=2.0)
+    waypoints = [0.0, 0.0, 20.0, 0.0, 20.0, 5.0, 20.0, 0.0]
+    (line,) = refused(positions=waypoints, speeds=[1.0, 1.0, -1.0], turning_radius=2.0)
     assert "the path is not straight at waypoint 3" in line
     assert "0 m/s: must be above 0" in refused(positions=corner, speeds=[1.0, 0.0])[0]
     lines = refused(speeds=[1.0, 1.0, -1.0], elevations=[0.0] * 4, slope=[0.1, 0.0])
@@ -368,7 +368,7 @@ def test_what_cannot_be_backed_up_is_named():
 
 
 @pytest.mark.parametrize(
-    ("values", "words"),
+    ("values", "reason"),
     [
         ({}, "longest leg, 890 km, is that from waypoint 4 to 5"),
         ({"deviation": 0.5}, "longest leg, 890 km, is that from waypoint 4 to 5"),
@@ -378,11 +378,11 @@ def test_what_cannot_be_backed_up_is_named():
         ),
     ],
 )
-def test_one_wrong_waypoint_is_named_before_any_work(build, values, words, monkeypatch):
+def test_one_wrong_waypoint_is_named_before_any_work(build, values, reason, monkeypatch):
     """A point 890 km away took minutes and 3.2 GB; nothing that takes long may have begun."""
     monkeypatch.setattr(path, "UniformSpline", None)
     route = [0.0, 0.0, 20.0, 0.0, 20.0, 20.0, 40.0, 20.0, 890e3, 20.0, 60.0, 20.0]
-    with pytest.raises(ConfigurationError, match=words):
+    with pytest.raises(ConfigurationError, match=reason):
         build(type="drive", positions=route, **values)
 
 

@@ -25,14 +25,14 @@ def test_lecture_is_the_lecture_s_equation(build):
         np.column_stack([-15 * k * s, 20 * k * c, 10 * k * np.cos(10 * k * t)]),
         np.column_stack([-15 * k**2 * c, -20 * k**2 * s, -100 * k**2 * np.sin(10 * k * t)]),
     ]
-    for actual, wanted in zip(m[:3], expected, strict=True):
-        np.testing.assert_allclose(actual, wanted, rtol=0, atol=1e-13)
+    for actual, reference in zip(m[:3], expected, strict=True):
+        np.testing.assert_allclose(actual, reference, rtol=0, atol=1e-13)
     euler = np.column_stack([0.1 * np.cos(t), 0.2 * np.sin(t), k * t])
     rates = np.column_stack([-0.1 * np.sin(t), 0.2 * np.cos(t), np.full_like(t, k)])
     eq_37 = rotation.euler_rates_to_body_rates(euler) @ rates[..., None]
     np.testing.assert_allclose(m.angular_velocity, eq_37[..., 0], rtol=0, atol=1e-14)
-    same = np.abs(np.sum(m.q_wb * rotation.from_euler(euler), axis=-1))
-    np.testing.assert_allclose(same, 1.0, rtol=0, atol=1e-14)
+    alignment = np.abs(np.sum(m.q_wb * rotation.from_euler(euler), axis=-1))
+    np.testing.assert_allclose(alignment, 1.0, rtol=0, atol=1e-14)
 
 
 def test_at_rest_gravity_is_read_upwards(build):

@@ -12,8 +12,8 @@ RATE = 400.0  # Hz; lines are below 80 Hz, the fourth powers of their sums below
 
 
 def shaken(build, seconds=200.0, **values):
-    named = {f"vibration__{name}": value for name, value in values.items()}
-    return build(type="static", **named).sample(np.arange(0.0, seconds, 1 / RATE))
+    parameters = {f"vibration__{name}": value for name, value in values.items()}
+    return build(type="static", **parameters).sample(np.arange(0.0, seconds, 1 / RATE))
 
 
 def test_noise_has_its_rms_on_each_axis(build):
@@ -33,8 +33,8 @@ def test_noise_stays_in_its_band_and_fills_it(build):
     x = m.acceleration[:, 0] * np.hanning(len(m.acceleration))
     power = np.abs(np.fft.rfft(x)) ** 2
     frequency = np.fft.rfftfreq(len(x), 1 / RATE)
-    inside = (frequency > 19.9) & (frequency < 80.1)
-    assert power[~inside].sum() < 1e-6 * power.sum()
+    band = (frequency > 19.9) & (frequency < 80.1)
+    assert power[~band].sum() < 1e-6 * power.sum()
     shares = [
         power[(frequency >= low) & (frequency < low + 15)].sum() / power.sum()
         for low in (20, 35, 50, 65)
@@ -51,11 +51,11 @@ def test_noise_is_nearly_gaussian_and_its_axes_are_independent(build):
 
 
 def test_the_seed_decides(build):
-    first, again, other = (
+    seed_1, again, seed_2 = (
         shaken(build, 1.0, noise_rms=1.0, seed=seed).acceleration for seed in (1, 1, 2)
     )
-    np.testing.assert_array_equal(first, again)
-    assert np.max(np.abs(first - other)) > 0.1
+    np.testing.assert_array_equal(seed_1, again)
+    assert np.max(np.abs(seed_1 - seed_2)) > 0.1
 
 
 def test_sinusoids_are_exact(build):

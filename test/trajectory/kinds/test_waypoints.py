@@ -18,8 +18,8 @@ def test_every_waypoint_is_met_at_its_time(build):
     m = trajectory.sample(np.array(times))
     np.testing.assert_allclose(m.position, np.reshape(CORNERS, (4, 3)), rtol=0, atol=1e-12)
     level = np.column_stack([np.zeros((4, 2)), HEADINGS])
-    same = np.abs(np.sum(m.q_wb * rotation.from_euler(level), axis=-1))
-    np.testing.assert_allclose(same, 1.0, rtol=0, atol=1e-14)
+    alignment = np.abs(np.sum(m.q_wb * rotation.from_euler(level), axis=-1))
+    np.testing.assert_allclose(alignment, 1.0, rtol=0, atol=1e-14)
     assert trajectory.duration == 9.0
 
 

@@ -23,7 +23,7 @@ RATE = 100.0
 
 
 def bad_pose(t, p, q, rng):
-    """As one pose of EuRoC's MH_04: a third of a metre and 13 degrees off."""
+    """Move one pose by a third of a metre and 13 degrees, as in EuRoC's MH_04."""
     p[len(t) // 4] += [0.3, -0.1, 0.05]
     q[len(t) // 4] = rotation.multiply(q[len(t) // 4], rotation.exp(np.array([0.2, 0.0, 0.1])))
     return t, p, q
@@ -46,7 +46,7 @@ def stretch(t, p, q, rng):
 
 
 def updates(t, p, q, rng):
-    """As in all of EuRoC's MH_04: 2 to 17 mm and some hundredths of a degree, again and again."""
+    """Add jumps of 2 to 17 mm and some hundredths of a degree, as all over EuRoC's MH_04."""
     for row in range(500, len(t) - 500, 600):
         step = rng.normal(size=3)
         p[row:] += rng.uniform(2e-3, 17e-3) * step / np.linalg.norm(step)
@@ -99,7 +99,7 @@ class Recording(NamedTuple):
     def poses(self):
         poses = read_once(self.path)
         t_ns, position, q_wb = (
-            each[self.rows] for each in (poses.t_ns, poses.position, poses.q_wb)
+            column[self.rows] for column in (poses.t_ns, poses.position, poses.q_wb)
         )
         return (t_ns - t_ns[0]) * 1e-9, position.copy(), rotation.continuous(q_wb)
 
@@ -151,10 +151,10 @@ def test_robust_velocities_are_those_of_the_unharmed_motion(build, follow, harm,
     trajectory = follow(*harm(t.copy(), p, q, np.random.default_rng(3)), robust=True)
     # Arrival is late by a constant as well, which nothing in the file tells.
     late = 1e-3 if harm in (arrival, lost, everything) else 0.0
-    at = t[(t + late > 0.0) & (t + late < trajectory.duration)]
-    found = trajectory.sample(at + late).velocity
-    error = np.linalg.norm(found - velocity[np.searchsorted(t, at)], axis=1)
-    assert error.max() < recording.velocity, (error.max(), at[error.argmax()])
+    times = t[(t + late > 0.0) & (t + late < trajectory.duration)]
+    estimate = trajectory.sample(times + late).velocity
+    error = np.linalg.norm(estimate - velocity[np.searchsorted(t, times)], axis=1)
+    assert error.max() < recording.velocity, (error.max(), times[error.argmax()])
     assert trajectory.report.peak_acceleration < recording.acceleration
     assert trajectory.repairs
     assert not trajectory.warnings
@@ -177,8 +177,8 @@ def test_a_clean_motion_is_left_alone(build, recording):
     assert not plain.warnings
     assert not robust.repairs
     t = np.linspace(0.0, plain.duration, 500)
-    for first, second in zip(plain.sample(t), robust.sample(t), strict=True):
-        np.testing.assert_array_equal(first, second)
+    for expected, actual in zip(plain.sample(t), robust.sample(t), strict=True):
+        np.testing.assert_array_equal(expected, actual)
 
 
 def motion(n=1500):
@@ -208,14 +208,14 @@ def test_a_jump_that_turns_is_joined(follow):
     assert "and 22.9 deg" in line
     robust = follow(t, moved, turned, robust=True)
     clean = follow(t, p, q)
-    at = np.linspace(0.5, 14.5, 300)
+    times = np.linspace(0.5, 14.5, 300)
     np.testing.assert_allclose(
-        np.linalg.norm(robust.sample(at).velocity, axis=1),
-        np.linalg.norm(clean.sample(at).velocity, axis=1),
+        np.linalg.norm(robust.sample(times).velocity, axis=1),
+        np.linalg.norm(clean.sample(times).velocity, axis=1),
         atol=0.02,
     )
     np.testing.assert_allclose(
-        robust.sample(at).angular_velocity, clean.sample(at).angular_velocity, atol=0.02
+        robust.sample(times).angular_velocity, clean.sample(times).angular_velocity, atol=0.02
     )
 
 
@@ -255,22 +255,22 @@ def test_generate_warns_even_when_quiet_and_mends_on_request(tmp_path, capsys):
     poses = written(tmp_path / "poses.txt", t, p, q)
     arguments = ["--trajectory", str(poses), "--duration", "10s"]
     assert main([*arguments, "-o", str(tmp_path / "a.mcap"), "--quiet"]) == 0
-    said = capsys.readouterr()
-    assert said.out == ""
-    assert "generate: warning: " in said.err
-    assert "the motion jumps at line 702 (7.000 s) by 5 m" in said.err
-    assert "--robust (trajectory.robust) joins the pieces" in said.err
-    assert "more than a body carrying an IMU reaches" in said.err
+    output = capsys.readouterr()
+    assert output.out == ""
+    assert "generate: warning: " in output.err
+    assert "the motion jumps at line 702 (7.000 s) by 5 m" in output.err
+    assert "--robust (trajectory.robust) joins the pieces" in output.err
+    assert "more than a body carrying an IMU reaches" in output.err
     assert main([*arguments, "-o", str(tmp_path / "b.mcap"), "--robust"]) == 0
-    said = capsys.readouterr()
-    assert all(line.startswith("generate: note: ") for line in said.err.splitlines())
-    assert "all later poses were moved to continue the motion" in said.err
+    output = capsys.readouterr()
+    assert all(line.startswith("generate: note: ") for line in output.err.splitlines())
+    assert "all later poses were moved to continue the motion" in output.err
 
 
 def test_a_shaken_end_is_no_jump_behind_it() -> None:
     """The last 3 s of a drive on a rough road: single poses are suspicious, also the last one."""
     drive = ims.simulate(imu="perfect", trajectory="town", duration=60, rate=200)
     rows = slice(-600, None)
-    found = mended(drive.truth.rows(rows))
-    assert all(0 <= jump.row < 600 for jump in found.disturbances.jumps)
-    assert len(found.poses) > 500
+    mending = mended(drive.truth.rows(rows))
+    assert all(0 <= jump.row < 600 for jump in mending.disturbances.jumps)
+    assert len(mending.poses) > 500

@@ -75,10 +75,10 @@ def test_all_derivatives_up_to_the_fourth_are_continuous(order):
             width = 0.2 * h
             m = spline.sample(k * h + sign * (1e-9 + width * x))
             rows = []
-            for values, known in ((m.position, 0), (m.angular_velocity, 1)):
-                if order < known:
+            for values, derivative in ((m.position, 0), (m.angular_velocity, 1)):
+                if order < derivative:
                     continue
-                n = order - known
+                n = order - derivative
                 fits = [Polynomial.fit(x, column, 8).convert() for column in values.T]
                 rows += [fit.deriv(n)(0.0) / (sign * width) ** n for fit in fits]
             sides.append(np.array(rows))
@@ -92,14 +92,14 @@ def test_the_fifth_derivative_jumps():
     knots, spline = random_spline()
     h = knots.spacing
     x = np.linspace(0.0, 1.0, 9)
-    left, right = (
+    slope_left, slope_right = (
         Polynomial.fit(x, spline.sample(12 * h + s * (1e-9 + 0.2 * h * x)).position[:, 0], 8)
         .convert()
         .deriv(5)(0.0)
         / s
         for s in (-1.0, 1.0)
     )
-    assert abs(left - right) > 0.1 * max(abs(left), abs(right))
+    assert abs(slope_left - slope_right) > 0.1 * max(abs(slope_left), abs(slope_right))
 
 
 def test_knots_reach_exactly_to_the_end():

@@ -80,12 +80,12 @@ def test_real_poses_are_passed_closely(build, path, position_rms, angle_rms):
     assert report.rms_angle < angle_rms
     poses = read_poses(path)
     t = (poses.t_ns - poses.t_ns[0]) * 1e-9
-    near = trajectory.sample(t)
-    distance = np.linalg.norm(near.position - poses.position, axis=-1)
+    motion = trajectory.sample(t)
+    distance = np.linalg.norm(motion.position - poses.position, axis=-1)
     assert np.sqrt(np.mean(distance**2)) == pytest.approx(report.rms_position)
     assert np.max(distance) == pytest.approx(report.max_position)
     assert f"(at {t[np.argmax(distance)]:.2f} s)" in report.lines()[1]
-    between = rotation.multiply(rotation.conjugate(near.q_wb), poses.q_wb)
+    between = rotation.multiply(rotation.conjugate(motion.q_wb), poses.q_wb)
     angle = np.linalg.norm(rotation.log(between), axis=-1)
     assert np.sqrt(np.mean(angle**2)) == pytest.approx(report.rms_angle)
     assert report.largest_gap == pytest.approx(np.max(np.diff(t)))
@@ -103,8 +103,8 @@ def test_derivatives_of_real_poses_are_exact(build, assert_exact_derivatives, pa
 def test_velocity_agrees_with_the_file_s_own(build, path):
     velocity = np.loadtxt(path, delimiter=",", usecols=(8, 9, 10))
     poses = read_poses(path)
-    near = build(type="poses", file=str(path)).sample((poses.t_ns - poses.t_ns[0]) * 1e-9)
-    rms = np.sqrt(np.mean(np.sum((near.velocity - velocity) ** 2, axis=-1)))
+    motion = build(type="poses", file=str(path)).sample((poses.t_ns - poses.t_ns[0]) * 1e-9)
+    rms = np.sqrt(np.mean(np.sum((motion.velocity - velocity) ** 2, axis=-1)))
     assert rms < 0.01  # m/s
 
 
@@ -151,8 +151,8 @@ def test_irregular_stamps_signs_and_gaps(follow):
     assert report.rms_angle < 1e-4
     assert 0.8 <= report.largest_gap < 0.86
     assert report.largest_gap_at == pytest.approx(5.0, abs=0.04)
-    inside = np.linspace(5.0, 5.8, 50)
-    bridged = np.linalg.norm(trajectory.sample(inside).position - smooth_motion(inside)[0], axis=-1)
+    gap_t = np.linspace(5.0, 5.8, 50)
+    bridged = np.linalg.norm(trajectory.sample(gap_t).position - smooth_motion(gap_t)[0], axis=-1)
     assert np.max(bridged) < 0.01
     assert report.peak_rate < 1.5
     assert report.peak_acceleration < 4.0
