@@ -130,3 +130,14 @@ _READERS = {
     "readings": lambda path: read_imu(path, skipped=lambda _: None),
     "poses": lambda path: read_poses(path, skip_bad_rows=True),
 }
+
+
+def test_a_clock_that_was_reset_is_told_once(tmp_path):
+    """A line for each of the rows behind it would hide the place where the table has to be cut."""
+    path = tmp_path / "reset.csv"
+    stamps = [*range(10_000_000_000, 20_000_000_000, 10_000_000), *range(0, 10**9, 10_000_000)]
+    path.write_text("".join(f"{t_ns},0,0,0,0,0,9.81\n" for t_ns in stamps))
+    with pytest.raises(InputError) as refused:
+        read_imu(path)
+    (line,) = refused.value.problems
+    assert "line 1001: the clock goes back by 19.99 s and on from there; cut the table" in line

@@ -23,6 +23,7 @@ from imu_sim_ros.inputs import header
 from imu_sim_ros.inputs.layout import TableForm, TableLayout, layout_of
 from imu_sim_ros.inputs.rows import Row, is_present, names_in, row_blocks
 from imu_sim_ros.inputs.tables import Table, Tables
+from imu_sim_ros.recordings.order import RESET_READINGS, RESTART_NS
 
 _WHAT: Final = "a table of numbers"
 _EARLIEST: Final = -(2**63) + 1
@@ -280,6 +281,8 @@ class _Table:
         self._path, self._quantities, self._form = path, quantities, form
         self._layout: TableLayout | None = None
         self._last_ns = _EARLIEST
+        self._is_reset = False
+        """True behind a reset of the clock, which is told once."""
 
     @property
     def notes(self) -> tuple[str, ...]:
@@ -377,8 +380,20 @@ class _Table:
         back = verdict.good & (t_ns < latest)
         for k in np.flatnonzero(back):
             step = (int(latest[k]) - int(t_ns[k])) * 1e-9
-            text = f"the stamp is {step:.9g} s before that of an earlier line"
-            self.bad.note(STAMPS, int(lines[k]), text)
+            run = slice(k, k + RESET_READINGS)
+            is_reset = (
+                step * 1e9 > RESTART_NS and back[run].all() and (np.diff(t_ns[run]) > 0).all()
+            )
+            if not self._is_reset:
+                self.bad.note(
+                    STAMPS,
+                    int(lines[k]),
+                    f"the clock goes back by {step:.9g} s and on from there; cut the table there, "
+                    "and treat the parts as recordings of their own"
+                    if is_reset
+                    else f"the stamp is {step:.9g} s before that of an earlier line",
+                )
+            self._is_reset = self._is_reset or bool(is_reset)
         self._last_ns = int(latest[-1])
         good: Mask = verdict.good & ~back
         self.bad.good += int(np.count_nonzero(good))
