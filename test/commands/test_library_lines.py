@@ -112,7 +112,7 @@ def test_warnings_of_python(tmp_path, monkeypatch):
     monkeypatch.delenv("PYTHONWARNINGS")
     bag = tmp_path / "flight.mcap"
     assert generate.main(["-o", str(bag), "--duration", "1s", "--quiet"]) == 0
-    assert ran("dead_reckon", bag, "--json", more=WARNING) == (0, [])
+    assert ran("dead_reckon", bag, "--json", code=WARNING) == (0, [])
     loud = "import warnings; warnings.simplefilter('default'); sys.warnoptions[:] = ['default']; "
-    _, lines = ran("dead_reckon", bag, "--json", more=f"{WARNING}\n{loud}")
+    _, lines = ran("dead_reckon", bag, "--json", code=f"{WARNING}\n{loud}")
     assert any("RuntimeWarning: invalid value" in line for line in lines)
