@@ -61,7 +61,7 @@ def test_every_stream_of_blocks_checks_their_size_before_the_first(flight, size)
 
 
 def test_readings_without_truth_are_levelled_only_on_request(flight):
-    with pytest.raises(ims.InputError, match="no truth to start from .* initial='level'"):
+    with pytest.raises(ims.InputError, match="no truth to start from .*initial='level'"):
         ims.dead_reckon(flight.readings)
     assert len(ims.dead_reckon(flight.readings, initial="parameters")) == len(flight)
 
