@@ -4,7 +4,7 @@
 """Tables of the NCLT dataset: the IMU ``ms25.csv``, ``gps.csv`` and the ground truth.
 
 They have no header; the first column is the time in microseconds (Carlevaris-Bianco, Ushani and
-Eustice, "University of Michigan North Campus long-term vision and lidar dataset", IJRR 2016, and
+Eustice, the data set of the North Campus, IJRR 35(9), 2016, doi 10.1177/0278364915614638, and
 the scripts of its development kit). The body is forward-right-down, the world north-east-down,
 angles are roll, pitch and heading [rad]. A folder with the tables, ``sensor_data`` and
 ``ground_truth`` below it, or a single table.
