@@ -31,7 +31,7 @@ from imu_sim_ros.core.conventions import IMU_TOPIC, TRUTH_TOPIC
 from imu_sim_ros.core.errors import ConfigurationError, InputError
 from imu_sim_ros.core.names import unknown
 from imu_sim_ros.core.records import States
-from imu_sim_ros.core.spelling import argument
+from imu_sim_ros.core.spelling import argument, stated
 from imu_sim_ros.core.types import Array
 from imu_sim_ros.inputs.tables import Table
 from imu_sim_ros.sensors.declaration import Mounted
@@ -74,7 +74,8 @@ def check_form(form: str | None, path: Path, sensors: Mapping[str, Mounted]) -> 
         forms = seeing[0].datasets
         if form not in forms or path.suffix == ".csv":
             raise InputError(
-                f"cameras: need a bag, or a folder and {argument('format', ' or '.join(forms))}"
+                f"{stated('cameras')}: need a bag, or a folder and "
+                f"{argument('format', ' or '.join(forms))}"
             )
     if not seeing and form in CAMERA_FORMATS:
         raise InputError(f"format {form}: needs a camera; {argument('cameras')} names one")

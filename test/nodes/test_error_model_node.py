@@ -385,7 +385,7 @@ def test_a_twist_in_the_axes_of_the_world_is_told_within_a_second(start, listene
         truth.t_ns, truth.position, truth.q_wb, truth.velocity, truth.angular_velocity
     )
     source.send([row.tobytes() for row in rows])
-    line = "--twist-frame world (add_errors), or parameter input.twist_frame"
+    line = "twist_frame:=world (add_errors), or parameter input.twist_frame"
     listener.wait_until(lambda: line in node.output, "the finding")
     assert node.end() == 0
     assert node.output.count("velocities differ from those of the poses") == 1

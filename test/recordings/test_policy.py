@@ -18,6 +18,7 @@ from imu_sim_ros.commands import dead_reckon as dead_reckon_command
 from imu_sim_ros.core import rotation
 from imu_sim_ros.core.errors import InputError, InputWarning
 from imu_sim_ros.core.records import LiveReading, with_fields
+from imu_sim_ros.core.spelling import spelled
 from imu_sim_ros.inputs.poses import write_tum
 from imu_sim_ros.recordings.findings.catalogue import KINDS, reading_findings, unit_findings
 from imu_sim_ros.recordings.findings.live import UnitWatch
@@ -219,7 +220,7 @@ def test_inspect_tells_of_two_frames_on_a_topic_and_judges_each(flights, tmp_pat
     with pytest.raises(InputError, match=r"frame=\.\.\. chooses one \[frames_mixed\]"):
         ims.dead_reckon(tmp_path / name)
 
-    with pytest.raises(InputError, match=r"--frame chooses one \[frames_mixed\]"):
+    with pytest.raises(InputError, match=r"frame=\.\.\. chooses one \[frames_mixed\]"):
         ims.add_errors_to_file(tmp_path / name, tmp_path / "noisy.mcap", imu="perfect")
     added = ims.add_errors_to_file(
         tmp_path / name, tmp_path / "l.mcap", imu="perfect", frame="left"
@@ -285,7 +286,7 @@ def test_every_job_that_takes_poses_tells_what_they_are(circle, tmp_path, kind):
     poses = changed_poses(circle.truth, kind)
     write_tum(tmp_path / "poses.tum", poses)
     write_tum(tmp_path / "truth.tum", circle.truth)
-    remedy = KINDS[kind].remedy
+    remedy = spelled(KINDS[kind].remedy)
 
     def twin():
         with suppress(InputError):  # a circle may tell too little of a sensor

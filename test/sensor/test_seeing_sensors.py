@@ -108,7 +108,7 @@ def test_sensors_of_a_kind_have_noise_faults_frames_and_topics_of_their_own(
     assert abs(np.corrcoef(noise)[0, 1]) < 0.35
     sensors = mounted(body.parameters)
     assert sensors["beam"].frame == "base_link"
-    placed = mounts(sensors)["side_link"]
+    placed = mounts(sensors)["base_link", "side_link"]
     assert placed[:3, 3].tolist() == [0.1, 0.2, 0.3]
     assert placed[:3, :3].ravel().tolist() == SIDEWAYS
     body.reset()

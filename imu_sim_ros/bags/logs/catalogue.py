@@ -40,6 +40,8 @@ LOGS: Final[tuple[LogFormat, ...]] = (
 """All kinds; the first that recognises a path reads it."""
 MAGIC_BYTES: Final = 16
 """First bytes of a file by which its kind is recognised."""
+_NEVER_LOGS: Final = frozenset({".tum"})
+"""Endings of text files that no kind of log has."""
 _LARGE: Final = 256 << 20
 """Size from which on the memory is told [bytes]."""
 
@@ -58,6 +60,16 @@ def open_log(path: Path, magic: bytes, recover: Recover) -> LogBag | None:
 
 def is_log(path: Path) -> bool:
     """Return True for a file that a kind of log recognises."""
+    return path.suffix.lower() not in _NEVER_LOGS and _is_log(path, *_state(path))
+
+
+@lru_cache(maxsize=16)
+def _is_log(path: Path, changed_ns: int, size: int) -> bool:
+    """Return :func:`is_log`; a file that is asked about again is not opened again.
+
+    :param changed_ns: time of its last change [ns].
+    :param size: size [bytes].
+    """
     with open_regular(path) as file:
         magic = file.read(MAGIC_BYTES)
     return _kind(path, magic) is not None
