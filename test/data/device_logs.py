@@ -16,6 +16,8 @@ from imu_sim_ros.core import rotation
 
 EPOCH = 1_700_000_000_000_000_000
 """UTC of the flight's time 0 [ns]."""
+DOWN_AXES = [1.0, -1.0, -1.0]
+"""Signs of forward-left-up in forward-right-down."""
 G = 9.80665
 LATITUDE, LONGITUDE, HEIGHT = 49.0095, 8.4312, 112.8
 """Origin of the flight's world [deg], [m]."""
@@ -226,7 +228,7 @@ def nclt(folder, flight):
     readings, truth = flight.readings, flight.truth
     t = stamps(readings.t_ns, unit=1000)
     field = np.tile([0.2, 0.05, 0.45], (len(t), 1))
-    values = np.hstack([field, ulog.frd(readings.accel), ulog.frd(readings.gyro)])
+    values = np.hstack([field, readings.accel * DOWN_AXES, readings.gyro * DOWN_AXES])
     first, *rest = rows(t, *map(numbers, values.T))
     table(folder, "sensor_data/ms25.csv", first, rest)
     pose = np.hstack([ulog.ned(truth.position), rotation.to_euler(ulog.q_ned_frd(truth.q_wb))])
@@ -304,7 +306,7 @@ def vectornav(path, flight, name="VNYMR", time="host", bits=8):
     :param time: host: seconds in front of the line; counter: SyncIn time; rate: register 7; None.
     """
     readings, truth = flight.readings, flight.truth
-    gyro, accel = ulog.frd(readings.gyro), ulog.frd(readings.accel)
+    gyro, accel = readings.gyro * DOWN_AXES, readings.accel * DOWN_AXES
     q_ned = ulog.q_ned_frd(truth.q_wb)
     angles = np.degrees(rotation.to_euler(q_ned))[:, ::-1]
     field = np.tile([0.2, 0.05, 0.45], (len(gyro), 1))
