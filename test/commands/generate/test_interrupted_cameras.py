@@ -113,12 +113,11 @@ def test_images_under_way_are_not_waited_for(tmp_path, monkeypatch, capsys):
     assert [image.read_bytes()[-8:] for image in images] == [b"IEND\xaeB`\x82"] * 3
 
 
-def test_compiling_is_not_waited_for(tmp_path):
-    """It takes up to 15 s of processor time and cannot be interrupted: nothing of it is kept."""
-    folder = tmp_path / "compiled"
-    arguments = ["-o", str(tmp_path / "x"), "--format", "euroc", *STEREO, "--duration", "1h"]
+def interrupted_while_compiling(folder):
+    """Interrupt a program that has just begun to compile; return True if it did not go on."""
+    arguments = ["-o", str(folder / "x"), "--format", "euroc", *STEREO, "--duration", "1h"]
     command = [sys.executable, "-m", "imu_sim_ros", "generate", *arguments]
-    environment = {**os.environ, "NUMBA_CACHE_DIR": str(folder)}
+    environment = {**os.environ, "NUMBA_CACHE_DIR": str(folder / "compiled")}
     with subprocess.Popen(command, stderr=subprocess.PIPE, text=True, env=environment) as process:
         assert process.stderr is not None
         lines = iter(process.stderr.readline, "")
@@ -126,9 +125,19 @@ def test_compiling_is_not_waited_for(tmp_path):
         process.send_signal(signal.SIGINT)
         error = process.communicate(timeout=300)[1]
     assert process.returncode == 130
-    assert error.startswith(f"generate: interrupted; {tmp_path / 'x'}.partial: ")
-    assert "0 images of cam0" in error
-    assert not list(folder.rglob("*.nbc"))
+    assert error.startswith(f"generate: interrupted; {folder / 'x'}.partial: ")
+    return "0 images of cam0" in error and not list(folder.rglob("*.nbc"))
+
+
+def test_compiling_is_not_waited_for(tmp_path):
+    """It takes up to 15 s of processor time and cannot be interrupted: nothing of it is kept.
+
+    On a busy machine the signal may come after the last function was compiled, but not each time.
+    """
+    folders = [tmp_path / str(attempt) for attempt in range(3)]
+    for folder in folders:
+        folder.mkdir()
+    assert any(map(interrupted_while_compiling, folders))
 
 
 @pytest.mark.parametrize("table", [columns.CsvTable, columns.NpzTable])
