@@ -15,17 +15,39 @@ from imu_sim_ros.terminal.signatures import call
 
 
 @pytest.mark.parametrize(
-    ("door", "gap", "switch", "unit", "topic"),
+    ("door", "gap", "switch", "unit", "topic", "renamed"),
     [
-        ("python", "max_gap=0.5", "robust=True", "accel_unit='g'", "truth_topic=..."),
-        ("program", "--max-gap 0.5s", "--robust", "--accel-unit g", "--truth-topic"),
-        ("node", "max_gap:=0.5", "robust:=true", "accel_unit:=g", "truth_topic"),
+        (
+            "python",
+            "max_gap=0.5",
+            "robust=True",
+            "accel_unit='g'",
+            "truth_topic=...",
+            "rename={'/imu': 'NEW'}",
+        ),
+        (
+            "program",
+            "--max-gap 0.5s",
+            "--robust",
+            "--accel-unit g",
+            "--truth-topic",
+            "--rename /imu=NEW",
+        ),
+        (
+            "node",
+            "max_gap:=0.5",
+            "robust:=true",
+            "accel_unit:=g",
+            "truth_topic",
+            "rename:=/imu=NEW",
+        ),
     ],
 )
-def test_recommended_arguments(door, gap, switch, unit, topic):
+def test_recommended_arguments(door, gap, switch, unit, topic, renamed):
     with spelled_for(door):
         assert argument("max_gap", 0.5, "s") == gap
         assert argument("robust", True) == switch
+        assert argument("rename", {"/imu": "NEW"}) == renamed
         assert spelled("{accel_unit g} or {truth_topic}") == f"{unit} or {topic}"
     assert stated("max_gap", "0.5") == "max_gap = 0.5"  # Python's again
 

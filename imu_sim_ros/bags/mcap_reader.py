@@ -300,8 +300,7 @@ class McapBag(ChunkedBag[_Chunk]):
                 message_count = self._add_scanned(chunk, content, counts)
                 self.found.append(
                     f"chunk at byte {position}: {problem}; its {message_count} messages are kept, "
-                    "and any "
-                    "of them may be wrong"
+                    "and any of them may be wrong"
                 )
                 return end
             if self._recover and _are_records(content):

@@ -225,8 +225,7 @@ def check_split(split_duration: float, period: float, duration: float) -> None:
     if 0.0 < split_duration < shortest:
         raise InputError(
             f"{stated('split_duration', f'{split_duration:g}s')}: must be at least {shortest:g} s, "
-            "which gives "
-            f"every message a part of its own, or {MAX_PARTS} parts"
+            f"which gives every message a part of its own, or {MAX_PARTS} parts"
         )
 
 

@@ -418,8 +418,8 @@ def client(scheduler: str | None, workers: int, worker_timeout: float = 60.0) ->
             dask_client.wait_for_workers(1, timeout=worker_timeout)
         except TimeoutError:
             raise InputError(
-                f"{stated('scheduler', scheduler)}: no worker has joined within {worker_timeout:g} "
-                "s"
+                f"{stated('scheduler', scheduler)}: no worker has joined within "
+                f"{worker_timeout:g} s"
             ) from None
         yield dask_client
 

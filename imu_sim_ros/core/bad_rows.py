@@ -10,6 +10,7 @@ from typing import Final
 from imu_sim_ros.core.errors import InputError, Remark, warn
 
 COLUMNS, NUMBERS, VALUES, STAMPS = "columns", "numbers", "values", "stamps"
+"""Classes of problems; the first lines of each are shown."""
 _SHOWN_PROBLEMS: Final = 10
 _VERY_MANY: Final = 10_000
 

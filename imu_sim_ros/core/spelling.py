@@ -48,15 +48,20 @@ def spelled_for(
         _current.pop()
 
 
-def argument(name: str, value: str | float | None = None, unit: str = "") -> str:
+def argument(
+    name: str, value: str | float | Mapping[str, str] | None = None, unit: str = ""
+) -> str:
     """Return an argument that a line recommends.
 
     :param name: name of the job's argument.
-    :param value: recommended value; None: the value is left to the user, True: a switch is set.
+    :param value: recommended value; None: the value is left to the user, True: a switch is set. A
+        mapping has one entry, which a program takes as ``NAME=VALUE``.
     :param unit: unit that a program takes behind the number; Python and nodes take SI units.
     """
     spelling = _current[-1]
-    number = f"{value:.6g}" if type(value) is float else str(value)
+    number = f"{value:.6g}" if isinstance(value, float) else str(value)
+    if isinstance(value, Mapping):
+        number = ",".join(f"{key}={entry}" for key, entry in value.items())
     if spelling.door == "program":
         option = spelling.options.get(name, f"--{name.replace('_', '-')}")
         return option if value is None or value is True else f"{option} {number}{unit}"
@@ -64,7 +69,7 @@ def argument(name: str, value: str | float | None = None, unit: str = "") -> str
         return name if spelling.door == "node" else f"{name}=..."
     if spelling.door == "node":
         return f"{name}:={str(value).lower() if value is True else number}"
-    return f"{name}={value!r}" if isinstance(value, str | bool) else f"{name}={number}"
+    return f"{name}={number}" if isinstance(value, float) else f"{name}={value!r}"
 
 
 def stated(name: str, value: str = "") -> str:

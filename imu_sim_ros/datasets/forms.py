@@ -75,7 +75,7 @@ def check_form(form: str | None, path: Path, sensors: Mapping[str, Mounted]) -> 
         if form not in forms or path.suffix == ".csv":
             raise InputError(
                 f"{stated('cameras')}: need a bag, or a folder and "
-                f"{argument('format', ' or '.join(forms))}"
+                f"{argument('format')}: {', '.join(forms)}"
             )
     if not seeing and form in CAMERA_FORMATS:
         raise InputError(f"format {form}: needs a camera; {argument('cameras')} names one")

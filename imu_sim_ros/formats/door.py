@@ -19,6 +19,7 @@ from imu_sim_ros.core.bad_rows import Skipped, Warned, tell_skipped
 from imu_sim_ros.core.conventions import TRIADS
 from imu_sim_ros.core.errors import InputError, Remark, warn
 from imu_sim_ros.core.records import Readings, States, concatenated, with_fields
+from imu_sim_ros.core.spelling import argument, stated
 from imu_sim_ros.formats import bag, text, vio_data_simulation
 from imu_sim_ros.formats.choice import ACCEL_UNITS, AS_RECORDED, GYRO_UNITS, Choice
 from imu_sim_ros.formats.handling import Handling
@@ -126,19 +127,19 @@ def read_readings(
     return concatenated(blocks or [empty])
 
 
-def _without_stated(path: Path, choice: Choice, stated: Mapping[str, str]) -> Choice:
+def _without_stated(path: Path, choice: Choice, header_units: Mapping[str, str]) -> Choice:
     """Return a choice without the units that the file itself states, which are converted by it.
 
     :raises InputError: for a unit that contradicts the file.
     """
-    gyro, accel = stated.get(TRIADS[0]), stated.get(TRIADS[1])
+    gyro, accel = header_units.get(TRIADS[0]), header_units.get(TRIADS[1])
     problems = [
-        f"{path}: {name} = {unit}: the header says {own}"
-        for name, unit, own, units, known in (
+        f"{path}: {stated(name, unit)}: the header says {header_unit}"
+        for name, unit, header_unit, units, known_units in (
             ("gyro_unit", choice.gyro_unit, gyro, GYRO_UNITS, UNITS[TRIADS[0]]),
             ("accel_unit", choice.accel_unit, accel, ACCEL_UNITS, UNITS[TRIADS[1]]),
         )
-        if unit is not None and own is not None and units[unit] != known[own]
+        if unit is not None and header_unit is not None and units[unit] != known_units[header_unit]
     ]
     if problems:
         raise InputError(problems)
@@ -168,13 +169,14 @@ def _merged(path: Path, choice: Choice, handling: Handling) -> Readings:
     :raises InputError: if one of the topics is not named, or they have no time in common.
     """
     if choice.gyro_topic is None or choice.accel_topic is None:
-        raise InputError(f"{path}: gyro_topic and accel_topic: name both")
+        names = f"{argument('gyro_topic')} and {argument('accel_topic')}"
+        raise InputError(f"{path}: {names}: name both")
     entry, parts = format_of(path), []
     for topic in (choice.gyro_topic, choice.accel_topic):
         blocks = list(entry.reading_blocks(path, topic, choice.frame, handling))
         if not blocks:
-            of = "" if choice.frame is None else f" of the frame {choice.frame}"
-            raise InputError(f"{path}: {topic} contains no readings{of}")
+            frame = "" if choice.frame is None else f" of the frame {choice.frame}"
+            raise InputError(f"{path}: {topic} contains no readings{frame}")
         parts.append(concatenated(blocks))
     gyroscope, accelerometer = parts
     if gyroscope.gyro is None or accelerometer.accel is None:

@@ -138,9 +138,8 @@ def names_in(
         renames[source.name] = resolved(IDEAL_IMU_TOPIC)
     copied_names = [renames.get(topic.name, topic.name) for topic in copied]
     problems = [
-        f"{bag.path}: has a topic {name}; {argument('rename', key + '=NEW')} gives the new one "
-        "another "
-        f"name, {argument('without', name)} leaves the old one out"
+        f"{bag.path}: has a topic {name}; {argument('rename', {key: 'NEW'})} gives the new one "
+        f"another name, {argument('without', name)} leaves the old one out"
         for key, name in output_names.items()
         if name in copied_names
     ]

@@ -410,9 +410,8 @@ class Power:
         else:
             yield (
                 f"A difference of {self.difference} beyond a tolerance of {self.tolerance}, "
-                "scatter "
-                f"{self.scatter}, {many}: the "
-                f"plan's {self.seeds} seeds find it in {100.0 * self.power:.0f} % of campaigns"
+                f"scatter {self.scatter}, {many}: the plan's {self.seeds} seeds find it in "
+                f"{100.0 * self.power:.0f} % of campaigns"
             )
         for share, seeds in self.needed.items():
             seeds_text = "more than 100,000" if seeds is None else f"{seeds:,}"

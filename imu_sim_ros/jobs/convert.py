@@ -210,8 +210,8 @@ def convert(
     arguments.switch("recover", recover)
     if arguments.switch("keep_damaged", keep_damaged) and not recover:
         raise ConfigurationError(
-            f"{stated('keep_damaged')}: applies to a recovery; give {argument('recover', True)}, "
-            "too"
+            f"{stated('keep_damaged')}: applies to a recovery; "
+            f"give {argument('recover', True)}, too"
         )
     journal = Journal(path, arguments.switch("skip_bad_rows", skip_bad_rows))
     recovery: Recover = "keep_damaged" if keep_damaged else recover
@@ -490,7 +490,7 @@ def _unmerged(bag: Bag, topics: Sequence[TopicInfo], output: _Output) -> list[To
     if merged_name in (output.renamed.get(topic.name, topic.name) for topic in other_topics):
         raise InputError(
             f"{bag.path}: has a topic {merged_name}; "
-            f"{argument('rename', IMU_TOPIC + '=NEW')} gives the merged readings another name"
+            f"{argument('rename', {IMU_TOPIC: 'NEW'})} gives the merged readings another name"
         )
     return other_topics
 

@@ -10,6 +10,7 @@ from typing import Any, Final, TypeAlias
 from imu_sim_ros.core import arguments
 from imu_sim_ros.core.errors import ConfigurationError
 from imu_sim_ros.core.names import ros_name
+from imu_sim_ros.core.spelling import stated
 from imu_sim_ros.parameters import files
 
 Segments: TypeAlias = str | Sequence[str] | Mapping[str, Mapping[str, Any]]
@@ -30,21 +31,27 @@ def segment_layer(segments: object, file: object) -> tuple[dict[str, object], di
     names = arguments.words("segments", [*of_imus] if of_imus else segments)
     if names == (ALL,):
         if not isinstance(file, str) or not file:
-            raise ConfigurationError("segments = all: needs a trajectory file that has segments")
+            raise ConfigurationError(
+                f"{stated('segments', ALL)}: needs a trajectory file that has segments"
+            )
         names = _segments_of(Path(file))
     layer: dict[str, object] = {}
     imus: dict[str, str] = {}
     for name in names:
         imu = ros_name(name)
         if imu in imus:
-            raise ConfigurationError(f"segments: {imus[imu]} and {name}: two IMUs named {imu}")
+            raise ConfigurationError(
+                f"{stated('segments')}: {imus[imu]} and {name}: two IMUs named {imu}"
+            )
         imus[imu] = name
         layer[f"{imu}.segment"] = name
         if of_imus.get(name):
             parameters = files.dotted(of_imus[name], f"segments.{name}")
             layer |= {f"{imu}.imu.{key}": value for key, value in parameters.items()}
     if not imus:
-        raise ConfigurationError("segments: none; the file has none, or the list is empty")
+        raise ConfigurationError(
+            f"{stated('segments')}: none; the file has none, or the list is empty"
+        )
     return {"imus": [*imus], **layer}, imus
 
 

@@ -147,8 +147,7 @@ def simulate(
     if samples > limit:
         raise ConfigurationError(
             f"{stated('duration')}: its {samples} samples, with those of all sensors, do not fit "
-            "into memory, "
-            f"which has room for {limit}; blocks() yields them piece by piece"
+            f"into memory, which has room for {limit}; blocks() yields them piece by piece"
         )
     motion = body.parameters.trajectory.type
     if isinstance(trajectory, Mapping):
@@ -313,8 +312,7 @@ def argument_layers(
     values.update({name: value for name, value in scalars.items() if value is not None})
     problems += [
         f"{stated(name, f'{scalars[name]:g}')} and parameter {name} = {overrides[name]}: two "
-        "values; "
-        "give one of them"
+        "values; give one of them"
         for name in scalars
         if name in overrides
         and isinstance(scalars[name], int | float)

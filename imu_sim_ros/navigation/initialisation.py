@@ -231,8 +231,7 @@ def rest_rows(parameters: IntegratorParameters, t_ns: Times) -> slice:
         longest = max(longest, int(piece[-1] - piece[0]))
     raise InputError(
         f"{stated('level_time', f'{parameters.level_time:g}')}: the readings without a gap last "
-        "only "
-        f"{longest * 1e-9:.6g} s"
+        f"only {longest * 1e-9:.6g} s"
     )
 
 

@@ -154,8 +154,8 @@ def _pairs(estimate: States, truth: States, max_gap: float) -> _Pairs:
     if len(start) < _LEAST_PAIRS:
         raise InputError(
             f"{stated('time_offset')}: estimate and truth have too little time in common; the "
-            "truth has to "
-            f"reach {LARGEST:g} s beyond {_LEAST_PAIRS} poses of the estimate on either side"
+            f"truth has to reach {LARGEST:g} s beyond {_LEAST_PAIRS} poses of the estimate on "
+            "either side"
         )
     start = start[:: -(-len(start) // _PAIRS)]
     return _Pairs(estimate, truth, rows[start], rows[behind[start]])

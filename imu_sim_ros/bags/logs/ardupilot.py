@@ -32,7 +32,7 @@ from imu_sim_ros.recordings.findings.clipping import ClippingCounts
 if TYPE_CHECKING:
     from pymavlink.DFReader import DFReader_binary, DFReader_text
 
-MEMORY: Final = 4
+MEMORY = 4
 """Memory that reading takes, in sizes of the file, if all of it are readings."""
 _HEAD: Final = b"\xa3\x95"
 _FORMAT: Final = re.compile(rb"\xa3\x95\x80(.)(.)([A-Z0-9]{1,4}\0{0,3})", re.DOTALL)

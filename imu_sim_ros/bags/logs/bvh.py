@@ -30,7 +30,7 @@ from imu_sim_ros.inputs.rows import open_regular
 if TYPE_CHECKING:
     from bvhio import BvhContainer, BvhJoint
 
-MEMORY: Final = 3
+MEMORY = 3
 """Memory that reading takes, in sizes of the file, if all of it are readings."""
 _MAGIC: Final = b"HIERARCHY"
 _BYTE_ORDER_MARK: Final = b"\xef\xbb\xbf"

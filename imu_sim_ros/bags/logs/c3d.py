@@ -54,7 +54,7 @@ _MODEL_OUTPUTS: Final = ("ANGLES", "FORCES", "MOMENTS", "POWERS", "SCALARS", "RE
 """Parameters of POINT with the labels of values that are no markers."""
 _UNIT_NAMES: Final = {"m": "m", "meters": "m", "cm": "cm", "mm": "mm", "in": "inches"}
 """Units of :data:`segments.UNITS` by the texts of files."""
-MEMORY: Final = c3d_process.MEMORY
+MEMORY = c3d_process.MEMORY
 """Memory that reading takes, in sizes of the file."""
 _USUAL_UNIT: Final = "mm"
 _USUAL_AXIS: Final = "z"

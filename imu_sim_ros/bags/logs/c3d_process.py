@@ -21,7 +21,7 @@ ARRAYS: Final = ("points", "rotations")
 PARAMETERS: Final = "parameters.json"
 """Name of the file of parameters: lists of values by group and name."""
 _GROUPS: Final = ("POINT", "ROTATION")
-MEMORY: Final = 24
+MEMORY = 24
 """Memory that reading takes, in sizes of the file."""
 _LEAST_MEMORY: Final = 2 << 30
 """Memory that the process may have for small files [bytes]."""

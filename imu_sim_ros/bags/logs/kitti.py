@@ -28,7 +28,7 @@ from imu_sim_ros.core.rotation import from_euler
 from imu_sim_ros.core.types import Array, Times
 from imu_sim_ros.inputs.rows import number_of
 
-MEMORY: Final = 6
+MEMORY = 6
 """Memory that reading takes, in sizes of the file."""
 _TIMES: Final = "/oxts/timestamps.txt"
 _FIELDS: Final = (

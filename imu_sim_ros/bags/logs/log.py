@@ -93,9 +93,8 @@ class Contents:
 class LogFormat(Protocol):
     """A module that reads one kind of log."""
 
-    @property
-    def MEMORY(self) -> int:  # noqa: N802 - a constant of the module
-        """Memory that reading takes, in sizes of the file, if all of it are readings."""
+    MEMORY: int
+    """Memory that reading takes, in sizes of the file, if all of it are readings."""
 
     def holds(self, path: Path, magic: bytes) -> bool:
         """Return True if a path is of this kind.

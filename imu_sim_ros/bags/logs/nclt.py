@@ -25,7 +25,7 @@ from imu_sim_ros.bags.messages.encode import ODOMETRY
 from imu_sim_ros.core.conventions import TRUTH_TOPIC
 from imu_sim_ros.core.rotation import from_euler
 
-MEMORY: Final = 7
+MEMORY = 7
 """Memory that reading takes, in sizes of the file."""
 _GAUSS: Final = 1e-4
 """[T]"""

@@ -30,7 +30,7 @@ from imu_sim_ros.bags.logs.log import Contents, LogStream, LogTriad
 from imu_sim_ros.bags.messages.encode import FLUID_PRESSURE, IMU, MAGNETIC_FIELD
 from imu_sim_ros.core.types import Array, Times
 
-MEMORY: Final = 7
+MEMORY = 7
 """Memory that reading takes, in sizes of the file."""
 _META: Final = ("/meta/device.csv", "/meta/time.csv")
 _SECOND: Final = "s"

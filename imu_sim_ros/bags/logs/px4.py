@@ -37,7 +37,7 @@ from imu_sim_ros.recordings.findings.clipping import ClippingCounts
 if TYPE_CHECKING:
     from pyulog import ULog
 
-MEMORY: Final = 4
+MEMORY = 4
 """Memory that reading takes, in sizes of the file, if all of it are readings."""
 _MAGIC: Final = b"ULog\x01\x12\x35"
 _HEADER_BYTES: Final = 16

@@ -27,7 +27,7 @@ from imu_sim_ros.core.conventions import STANDARD_GRAVITY
 from imu_sim_ros.core.rotation import multiply, normalise, rotate
 from imu_sim_ros.core.types import Array, Times
 
-MEMORY: Final = 7
+MEMORY = 7
 """Memory that reading takes, in sizes of the file."""
 _STAMP: Final = "time"
 _HEAD: Final = frozenset((_STAMP, "seconds_elapsed"))

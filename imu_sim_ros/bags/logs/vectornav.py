@@ -32,7 +32,7 @@ from imu_sim_ros.core.types import Array, Bytes, Mask, Times
 from imu_sim_ros.inputs.layout import nanosecond
 from imu_sim_ros.inputs.rows import number_of, open_regular
 
-MEMORY: Final = 8
+MEMORY = 8
 """Memory that reading takes, in sizes of the file."""
 _ANGLES, _Q, _FIELD, _ACCEL, _GYRO = "angles", "q", "field", "accel", "gyro"
 _TEMPERATURE, _PRESSURE, _SKIPPED = "temperature", "pressure", "skipped"

@@ -30,7 +30,7 @@ from imu_sim_ros.core.rotation import from_euler, from_matrix, multiply
 from imu_sim_ros.core.rotation import log as rotation_vector
 from imu_sim_ros.core.types import Array, Integers, Times
 
-MEMORY: Final = 7
+MEMORY = 7
 """Memory that reading takes, in sizes of the file."""
 _COUNTER: Final = "packetcounter"
 _TIME: Final = "sampletimefine"
