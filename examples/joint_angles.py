@@ -64,6 +64,12 @@ for axes in (angle_axes, error_axes):
     axes.spines[["top", "right"]].set_visible(False)
 angle_axes.legend(frameon=False, ncols=2)
 error_axes.legend(
-    frameon=False, ncols=4, loc="center", bbox_to_anchor=(0.56, 0.45), handlelength=1.0
+    frameon=False,
+    ncols=4,
+    loc="center",
+    bbox_to_anchor=(0.56, 0.45),
+    handlelength=1.0,
+    columnspacing=1.2,
+    fontsize="small",
 )
 figure.savefig(sys.argv[1] if len(sys.argv) > 1 else "joint_angles.png", dpi=130)

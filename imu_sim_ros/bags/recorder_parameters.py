@@ -56,7 +56,7 @@ class RecorderParameters:
     )
     max_gap: float = number(
         0.0,
-        "stamps further apart than this are a gap; 0: as the clock behind them tells",
+        "stamps further apart than this are a gap; 0: chosen from their rate",
         unit="s",
         minimum=0.0,
     )

@@ -41,6 +41,7 @@ _MAX_ROWS: Final = 80
 """Groups that a plot names."""
 _SHAPES: Final = ("circle", "square", "diamond")
 _UNITS: Final = {"_m": "m", "_rad": "rad", "_m_s": "m/s", "_percent": "%", "_s": "s", "_mb": "MB"}
+_ABBREVIATIONS: Final = {"ate", "rpe", "rmse", "nees", "imu"}
 
 
 def is_campaign(path: Path) -> bool:
@@ -113,13 +114,16 @@ def _named(path: Path) -> str:
 
 
 def label(metric: str) -> str:
-    """Return a metric's name with its unit: ``ate_rmse [m]``."""
+    """Return a metric's name with its unit: ``ATE RMSE [m]`` for ``ate_rmse_m``."""
     if metric == SUCCESS:
         return "success rate"
+    name, unit = metric, ""
     for ending in sorted(_UNITS, key=len, reverse=True):
         if metric.endswith(ending):
-            return f"{metric.removesuffix(ending).replace('_', ' ')} [{_UNITS[ending]}]"
-    return metric.replace("_", " ")
+            name, unit = metric.removesuffix(ending), f" [{_UNITS[ending]}]"
+            break
+    parts = (part.upper() if part in _ABBREVIATIONS else part for part in name.split("_"))
+    return " ".join(parts).replace("turn on", "turn-on") + unit
 
 
 def _results(

@@ -4,6 +4,7 @@
 """Results as text: lines and tables that fit the terminal."""
 
 import html
+import itertools
 import shutil
 import sys
 import textwrap
@@ -11,6 +12,8 @@ from collections.abc import Iterable, Sequence
 from typing import Final, NamedTuple
 
 _TITLE_WIDTH: Final = 80
+_INDENT: Final = 2
+"""Spaces before the rows below a heading."""
 
 
 class TextTable(NamedTuple):
@@ -40,10 +43,12 @@ def _html_table(table: TextTable) -> str:
 
 
 def print_lines(lines: Iterable[str | TextTable]) -> None:
-    """Print lines and tables in their order."""
+    """Print lines and tables in their order; a terminal shows long lines broken between words."""
     for line in lines:
         if isinstance(line, TextTable):
             print_table(*line)
+        elif sys.stdout.isatty() and len(line) > (columns := shutil.get_terminal_size().columns):
+            print(textwrap.fill(line, columns, subsequent_indent="  ", break_on_hyphens=False))
         else:
             print(line)
 
@@ -52,16 +57,22 @@ def print_table(header: Sequence[str], rows: Sequence[Sequence[str]], title: str
     """Print an aligned table: the first column to the left, the others to the right.
 
     A title longer than 80 letters, or than the terminal is wide, goes on in the next line.
-    On a terminal too narrow for it the columns move together; if that is not enough, each row
-    becomes a block with a line for each column: no number is ever cut.
+    On a terminal too narrow for it the columns move together; if that is not enough, the leading
+    columns become headings of groups of rows; and if even the last two columns are too wide, each
+    row becomes a block with a line for each column: no number is ever cut.
     """
     widths = [max(map(len, column)) for column in zip(header, *rows, strict=True)]
     needed = sum(widths) + 3 * len(widths)
     terminal = shutil.get_terminal_size().columns if sys.stdout.isatty() else _TITLE_WIDTH
     title = textwrap.fill(title, min(terminal, _TITLE_WIDTH))
     if sys.stdout.isatty() and needed > terminal:
-        close = sum(widths) + 2 * (len(widths) - 1) <= terminal
-        print("\n".join((_close if close else stacked)(header, rows, title)))
+        for headings in range(len(widths) - 1):
+            lines = _grouped(header, rows, headings)
+            if max(map(len, lines)) <= terminal:
+                break
+        else:
+            lines = stacked(header, rows)
+        print("\n".join([title, *lines] if title else lines))
         return
     from rich import box
     from rich.console import Console
@@ -83,14 +94,27 @@ def print_table(header: Sequence[str], rows: Sequence[Sequence[str]], title: str
     print("\n".join([title, *lines] if title else lines))
 
 
-def _close(header: Sequence[str], rows: Sequence[Sequence[str]], title: str) -> list[str]:
-    """Return a table as lines, two spaces between its columns."""
-    widths = [max(map(len, column)) for column in zip(header, *rows, strict=True)]
-    lines = [title] if title else []
-    for row in (header, ["\N{BOX DRAWINGS LIGHT HORIZONTAL}" * width for width in widths], *rows):
-        first, *others = row
-        cells = [f"{cell:>{width}}" for cell, width in zip(others, widths[1:], strict=True)]
-        lines.append("  ".join([f"{first:{widths[0]}}", *cells]))
+def _grouped(header: Sequence[str], rows: Sequence[Sequence[str]], headings: int) -> list[str]:
+    """Return a table as lines, two spaces between its columns.
+
+    :param headings: number of leading columns that become a line above the rows that share them,
+        such as "imu: mpu6000, rate: 200"
+    """
+    columns = list(zip(header, *rows, strict=True))[headings:]
+    widths = [max(map(len, column)) for column in columns]
+    indent = " " * (_INDENT if headings else 0)
+
+    def aligned(row: Sequence[str]) -> str:
+        cells = [f"{cell:>{width}}" for cell, width in zip(row[1:], widths[1:], strict=True)]
+        return indent + "  ".join([f"{row[0]:{widths[0]}}", *cells])
+
+    lines = [aligned(header[headings:])]
+    lines.append(aligned(["\N{BOX DRAWINGS LIGHT HORIZONTAL}" * width for width in widths]))
+    for heading, group in itertools.groupby(rows, lambda row: row[:headings]):
+        if headings:
+            cells = zip(header, heading, strict=False)
+            lines.append(", ".join(f"{name}: {cell}" if name else cell for name, cell in cells))
+        lines += [aligned(row[headings:]) for row in group]
     return lines
 
 

@@ -63,7 +63,7 @@ def test_shortened_names_of_groups_are_told_apart_on_a_phone(opened):
     """A cell's name ends with its estimator, the only difference between neighbours."""
     labels = run(
         opened("campaign.html", 390),
-        """return [...figure("ate rmse").querySelectorAll("text > title")].map((title) =>
+        """return [...figure("ATE RMSE").querySelectorAll("text > title")].map((title) =>
         [title.parentNode.firstChild.textContent, title.textContent])""",
     )
     assert len({label for label, _ in labels}) == len(labels) > 1
@@ -248,7 +248,7 @@ def test_the_table_of_runs_is_sorted_by_a_click(opened, width):
 def test_the_search_narrows_table_and_plots(opened, width):
     page = opened("campaign.html", width)
     count = """return [Number(table("runs").dataset.rows),
-      figure("ate rmse [m], by").querySelectorAll(".box").length]"""
+      figure("ATE RMSE [m], by").querySelectorAll(".box").length]"""
     search = """const input = table("runs").querySelector("input"); input.value = arguments[0];
     input.dispatchEvent(new Event("input"));"""
     assert run(page, count) == [108, 18]
@@ -309,7 +309,7 @@ def test_the_matrix_says_who_is_better_and_by_how_much(opened, results):
         page,
         """const menu = document.querySelector('select[aria-label="verdict on"]');
         menu.value = [...menu.options].findIndex((one) =>
-          one.text.startsWith("which imu.gyroscope_bias: ate"));
+          one.text.startsWith("which imu.gyroscope_bias: ATE"));
         menu.dispatchEvent(new Event("change"));
         const where = document.querySelector('select[aria-label="where"]');
         where.value = [...where.options].find((one) => one.text === "adis16448, midpoint").value;

@@ -169,7 +169,7 @@ SENSOR = Sensor(
     realised=on_demand(_MODEL, "realised_lidar"),
     sees=True,
     in_sight=on_demand(_MODEL, "in_sight"),
-    text="LiDAR: each ray from where the sensor is at its own time, with the errors of ranges",
+    text="LiDAR scans, each ray cast from the sensor's pose at its time, with range errors",
     companions=Companions(
         lambda parameters: ("_scans",) if parameters.files != "none" else (),
         on_demand("imu_sim_ros.sensors.lidar.files", "ScanFiles"),
