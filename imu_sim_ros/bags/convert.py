@@ -50,6 +50,7 @@ from imu_sim_ros.core.rotation import rotate_inverse
 from imu_sim_ros.core.types import Array, Times
 from imu_sim_ros.inputs.poses import read_poses
 from imu_sim_ros.inputs.tables import Table, Tables
+from imu_sim_ros.recordings.order import RecordTimes
 
 More = Callable[[MessageBlock], Sequence[Block]]
 READINGS: Final = "/" + IMU_TOPIC
@@ -231,7 +232,8 @@ def text_to_bag(
     The other tables are those of sensors; truth and biases if there are states.
 
     Several IMUs have a namespace each, as in ``generate``: ``/imu1/imu/data_raw``. The poses of a
-    motion capture system, as TUM VI has them, are a topic of poses.
+    motion capture system, as TUM VI has them, are a topic of poses. Record times are the stamps;
+    where the stamps of readings go back, they are those of :class:`RecordTimes`.
 
     :param read_imu: yields the readings of the IMUs.
     :param skipped: as for :func:`imu_sim_ros.bags.read.imu_blocks`.
@@ -279,11 +281,11 @@ def _reading_messages(
     blocks: Iterator[Readings], writer: Writer, renamed: Mapping[str, str], imu: str | None
 ) -> Iterator[list[Block]]:
     full, frame = (READINGS, IMU_FRAME) if imu is None else (f"/{imu}{READINGS}", f"{imu}_link")
-    encoder = ImuEncoder(frame, writer.encoding)
+    encoder, record_times = ImuEncoder(frame, writer.encoding), RecordTimes()
     topic = writer.add_topic(renamed.get(full, full), IMU)
     for readings in blocks:
         payloads = encoder.encode(readings.t_ns, *readings.triads())
-        yield [Block(topic, readings.t_ns, payloads)]
+        yield [Block(topic, record_times.of(readings.t_ns), payloads)]
 
 
 def _state_messages(

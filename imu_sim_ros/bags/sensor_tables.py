@@ -25,6 +25,7 @@ from imu_sim_ros.core.errors import InputError
 from imu_sim_ros.core.records import Readings
 from imu_sim_ros.core.types import Array, Times
 from imu_sim_ros.inputs.tables import Encode, Table, Tables
+from imu_sim_ros.recordings.order import order_stamps
 
 
 class TableRows(NamedTuple):
@@ -246,6 +247,8 @@ def _orientations(
             following = next(readings, None)
             if following is None:
                 break
+            rows_in_order = np.concatenate(order_stamps(following.t_ns).pieces)
+            following = following.rows(rows_in_order)
             remaining = slice(int(np.searchsorted(t_ns, stamps[0])), None)
             parts = zip((t_ns, gyro, accel), (following.t_ns, *following.triads()), strict=True)
             t_ns, gyro, accel = (

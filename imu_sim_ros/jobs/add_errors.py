@@ -26,7 +26,7 @@ from imu_sim_ros.core.conventions import (
 )
 from imu_sim_ros.core.errors import ConfigurationError, InputError, warn
 from imu_sim_ros.core.records import LiveReading, Readings
-from imu_sim_ros.core.types import Array, Integers, Mask
+from imu_sim_ros.core.types import Array, Integers, Mask, Times
 from imu_sim_ros.jobs.flight import Flight, Source
 from imu_sim_ros.jobs.readings import delivered_of
 from imu_sim_ros.jobs.simulate import imu_parameters, keyword_parameters, sensor_name
@@ -34,6 +34,7 @@ from imu_sim_ros.jobs.writing import parameter_files
 from imu_sim_ros.parameters import files
 from imu_sim_ros.parameters.sections import build, flatten
 from imu_sim_ros.recordings.clock import estimate_clock
+from imu_sim_ros.recordings.order import RESET_READINGS, order_stamps
 from imu_sim_ros.sensors.barometer.declaration import PressureReadings
 from imu_sim_ros.sensors.barometer.model import Atmosphere
 from imu_sim_ros.sensors.faults import KINDS, Fault
@@ -68,6 +69,8 @@ ROWS_AT_ONCE: Final = 8192
 MOST_ENVIRONMENTS: Final = 1_000_000
 _LARGEST_SEED: Final = 2**62
 """Largest seed of a batch: its units count up from it, and further with each reset."""
+_FEWEST_ORDERED: Final = 32
+"""Readings of a block from which on stray stamps are told from a pause."""
 _TOLD: Final = 3
 """Environments that a warning names, and warnings of held readings."""
 
@@ -122,6 +125,9 @@ def add_errors(
     ideal_readings = _given(t_ns, gyro, accel, orientation, "add_errors")
     if not len(ideal_readings.t_ns):
         raise InputError("add_errors: no readings")
+    strays = tell_strays(ideal_readings.t_ns, True, "add_errors", warn)
+    if strays.any():
+        ideal_readings = ideal_readings.rows(~strays)
     layers = layers_of(imu, seed, params_file, input, parameters, rate)
     built = with_rate(layers, lambda: rate_of(ideal_readings.t_ns))
     model = GivenImu(built, OTHERS, warn)
@@ -828,6 +834,30 @@ def with_rate(layers: Mapping[str, object], rate: Callable[[], float]) -> ErrorM
     """
     has_rate = "rate" in layers or layers.get("input.rate")
     return load_error_model(layers if has_rate else {**layers, "rate": rate()})
+
+
+def tell_strays(t_ns: Times, is_first: bool, source: str, remark: Callable[[str], object]) -> Mask:
+    """Return (n,) True for the stray stamps of a block of readings, and tell of them.
+
+    At the edges of a block such stamps may belong to another stretch of time, but for the start of
+    the recording.
+
+    :param t_ns: (n,) stamps in the order of arrival [ns].
+    :param is_first: True for the first block of a recording.
+    """
+    stray = np.zeros(len(t_ns), np.bool_)
+    if len(t_ns) < _FEWEST_ORDERED:
+        return stray
+    rows = order_stamps(t_ns).strays
+    begin = 0 if is_first else RESET_READINGS
+    rows = rows[(rows >= begin) & (rows < len(t_ns) - RESET_READINGS)]
+    stray[rows] = True
+    if len(rows):
+        remark(
+            f"{source}: {len(rows)} stamps are far from their neighbours, the first is "
+            f"{int(t_ns[rows[0]])} ns: those readings get no errors [stamps_stray]"
+        )
+    return stray
 
 
 def rate_of(t_ns: Integers) -> float:

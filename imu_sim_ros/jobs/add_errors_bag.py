@@ -31,9 +31,8 @@ from imu_sim_ros.core.records import Readings, concatenated, with_fields
 from imu_sim_ros.core.rotation import rotate_inverse
 from imu_sim_ros.core.spelling import argument
 from imu_sim_ros.core.types import Array, Times
-from imu_sim_ros.jobs.add_errors import rate_of
+from imu_sim_ros.jobs.add_errors import rate_of, tell_strays
 from imu_sim_ros.recordings.findings.catalogue import twist_findings
-from imu_sim_ros.recordings.order import RESET_READINGS, order_stamps
 from imu_sim_ros.simulation.error_input import Differentiator
 from imu_sim_ros.simulation.error_model import GivenImu
 from imu_sim_ros.simulation.error_parameters import ErrorModelParameters
@@ -47,8 +46,6 @@ _ORIENTED: Final = (*_READING, "orientation", "orientation_covariance")
 _STATE: Final = ("orientation", "linear", "angular")
 _FIRST: Final = 2000
 """Stamps from which a rate is taken."""
-_FEWEST_ORDERED: Final = 32
-"""Messages of a block from which on stray stamps are told from a pause."""
 _COMPARED: Final = 20_000
 """Messages of odometry whose twist is compared with their poses."""
 
@@ -296,8 +293,11 @@ class BagErrors:
             decoded = decoded.at(verdict.good)
             numbers = decoded.numbers
         if self._odometry is None:
-            decoded = self._without_strays(decoded, is_first=start == 0)
-            numbers = decoded.numbers
+            source = f"{self._bag.path}: {self._source.name}"
+            strays = tell_strays(decoded.t_ns, start == 0, source, self._remark)
+            if strays.any():
+                decoded = decoded.at(~strays)
+                numbers = decoded.numbers
         if not len(decoded.t_ns):
             return
         t_ns = decoded.t_ns
@@ -313,29 +313,6 @@ class BagErrors:
             accel=np.asfortranarray(numbers["linear_acceleration"]),
             q_wb=_orientation(numbers) if self._fields is _ORIENTED else None,
         )
-
-    def _without_strays(self, decoded: Decoded, is_first: bool) -> Decoded:
-        """Return messages without those whose stamps are far from their neighbours; tell of them.
-
-        At the edges of a block such stamps may belong to another stretch of time, but for the start
-        of the recording.
-        """
-        t_ns = decoded.t_ns
-        if len(t_ns) < _FEWEST_ORDERED:
-            return decoded
-        strays = order_stamps(t_ns).strays
-        begin = 0 if is_first else RESET_READINGS
-        strays = strays[(strays >= begin) & (strays < len(t_ns) - RESET_READINGS)]
-        if not len(strays):
-            return decoded
-        self._remark(
-            f"{self._bag.path}: {self._source.name}: {len(strays)} stamps are far from their "
-            f"neighbours, the first is {int(t_ns[strays[0]])} ns: those readings get no errors "
-            "[stamps_stray]"
-        )
-        keeps = np.ones(len(t_ns), np.bool_)
-        keeps[strays] = False
-        return decoded.at(keeps)
 
 
 def _orientation(numbers: Mapping[str, Array]) -> Array | None:

@@ -30,7 +30,7 @@ from imu_sim_ros.formats.choice import Choice
 from imu_sim_ros.formats.door import has_topics, reading_blocks
 from imu_sim_ros.formats.handling import Handling
 from imu_sim_ros.jobs import convert
-from imu_sim_ros.jobs.add_errors import ROWS_AT_ONCE, layers_of, rate_of, with_rate
+from imu_sim_ros.jobs.add_errors import ROWS_AT_ONCE, layers_of, rate_of, tell_strays, with_rate
 from imu_sim_ros.jobs.add_errors_bag import (
     USUAL,
     BagErrors,
@@ -321,6 +321,11 @@ def _dataset_to_dataset(
         for readings in source.blocks():
             readings.triads()  # both are needed
             readings = with_fields(readings, q_wb=None)
+            strays = tell_strays(
+                readings.t_ns, model is None, str(source.path), source.journal.warn
+            )
+            if strays.any():
+                readings = readings.rows(~strays)
             if model is None:
                 model = GivenImu(
                     with_rate(layers, partial(rate_of, readings.t_ns)), remark=source.journal.warn

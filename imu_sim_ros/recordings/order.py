@@ -5,6 +5,7 @@
 
 import math
 from collections import deque
+from itertools import pairwise
 from typing import Final, NamedTuple
 
 import numpy as np
@@ -242,3 +243,43 @@ class _Sorting:
             self._changes.append(begin)
         self._pieces.append([(begin, end)])
         self._latest_ns = last_ns
+
+
+class RecordTimes:
+    """Record times of messages whose stamps may go back, for a table that becomes a bag.
+
+    They are the stamps; a late or stray one is recorded with the message before it, and behind a
+    reset the clock of recording goes on from the last message. So readers, which take messages in
+    the order of their record times, find them in the order of the table.
+    """
+
+    def __init__(self) -> None:
+        """Take no stamps yet."""
+        self._latest_ns: int | None = None
+        self._offset_ns = 0
+        """Record time less stamp [ns]."""
+
+    def of(self, t_ns: Times) -> Times:
+        """Return the record times of the next messages, which never go back.
+
+        :param t_ns: (n,) stamps in the order of the table [ns].
+        """
+        if not len(t_ns):
+            return t_ns
+        order, step_ns = order_stamps(t_ns), int(usual_step(t_ns))
+        usual = np.delete(np.arange(len(t_ns)), order.strays)
+        if not len(usual):
+            usual = np.arange(len(t_ns))
+        latest_ns = int(t_ns[usual[0]]) if self._latest_ns is None else self._latest_ns
+        times = np.full(len(t_ns), latest_ns, dtype=np.int64)
+        for begin, end in pairwise([0, *order.resets.tolist(), len(t_ns)]):
+            rows = usual[(usual >= begin) & (usual < end)]
+            if not len(rows):
+                continue
+            step_back = latest_ns - (int(t_ns[rows[0]]) + self._offset_ns)
+            if step_back > RESTART_NS or (begin and step_back > 0):
+                self._offset_ns += step_back + step_ns
+            times[rows] = t_ns[rows] + self._offset_ns
+            latest_ns = max(latest_ns, int(times[rows].max()))
+        self._latest_ns = latest_ns
+        return np.maximum.accumulate(times)

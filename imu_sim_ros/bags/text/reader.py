@@ -62,6 +62,8 @@ def imu_blocks(
 ) -> Iterator[Readings]:
     """Yield the readings of a table, or of the IMU of a folder, in blocks.
 
+    Stamps may go back, as on a topic of a bag: late and stray ones and resets are findings.
+
     :param name: name of the sensor, if a folder has several: imu0, imu1.
     :param skipped: receives the number of bad rows skipped; None: they are errors.
     :raises InputError: with the first lines of every class of bad rows, at the end of the file.
@@ -69,7 +71,7 @@ def imu_blocks(
     if vio_data_simulation.is_source(path):
         yield vio_data_simulation.read_readings(path, skipped)
         return
-    table = _Table(imu_file(path, name), _READING)
+    table = _Table(imu_file(path, name), _READING, ordered=False)
     for t_ns, values in table.read(skipped):
         yield Readings.unchecked(
             t_ns=t_ns,
@@ -270,15 +272,18 @@ class _Table:
         path: Path,
         quantities: _Quantities,
         form: Mapping[str, tuple[int, ...]] | None = None,
+        ordered: bool = True,
     ) -> None:
         """Begin.
 
         :param form: columns of a table whose header is not looked at; None: the header decides, and
             without one the order of the quantities.
+        :param ordered: True: a row whose stamp is before that of an earlier row is a bad row.
         """
         self.bad = BadRows(path)
         self.comments: list[bytes] = []
         self._path, self._quantities, self._form = path, quantities, form
+        self._ordered = ordered
         self._layout: TableLayout | None = None
         self._last_ns = _EARLIEST
         self._is_reset = False
@@ -369,15 +374,23 @@ class _Table:
             self.bad.note(NUMBERS, line, "cannot be read as numbers")
 
     def _good(self, lines: Times, t_ns: Times, values: Mapping[str, Array]) -> Mask:
-        """Return True for rows that the gate passes and that are not before an earlier one.
-
-        Readings that the transport duplicated occur twice: equal stamps are valid.
-        """
+        """Return True for rows that the gate passes, and in order if the table must be in order."""
         verdict = gate.Verdict(t_ns, [(self._quantities[name], v) for name, v in values.items()])
         verdict.note(self.bad, lines)
-        latest = np.maximum.accumulate(np.where(verdict.good, t_ns, _EARLIEST))
+        good = verdict.good
+        if self._ordered:
+            good = good & ~self._earlier(lines, t_ns, good)
+        self.bad.good += int(np.count_nonzero(good))
+        return good
+
+    def _earlier(self, lines: Times, t_ns: Times, good: Mask) -> Mask:
+        """Return True for good rows whose stamps are before one of an earlier row; note them.
+
+        Measurements that the transport duplicated occur twice: equal stamps are valid.
+        """
+        latest = np.maximum.accumulate(np.where(good, t_ns, _EARLIEST))
         latest = np.maximum(latest, self._last_ns)
-        back = verdict.good & (t_ns < latest)
+        back: Mask = good & (t_ns < latest)
         for k in np.flatnonzero(back):
             step = (int(latest[k]) - int(t_ns[k])) * 1e-9
             run = slice(k, k + RESET_READINGS)
@@ -395,7 +408,5 @@ class _Table:
                 )
             self._is_reset = self._is_reset or bool(is_reset)
         self._last_ns = int(latest[-1])
-        good: Mask = verdict.good & ~back
-        self.bad.good += int(np.count_nonzero(good))
         self.bad.rows += int(np.count_nonzero(back))
-        return good
+        return back
