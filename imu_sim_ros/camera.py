@@ -173,7 +173,9 @@ def rig_of(parameters: SimulationParameters, trajectory: Trajectory, t0_ns: int)
     return Rig(mounted(parameters), World(trajectory, parameters, t0_ns, scene_around))
 
 
-def project(points: ArrayLike, camera: str | Path | Mapping[str, Any] = "euroc_cam0") -> Projection:
+def project(
+    points: ArrayLike, camera: str | Path | Mapping[str, object] = "euroc_cam0"
+) -> Projection:
     """Return the pixels of points, without noise: ``uv`` (n, 2) [px] and ``valid`` (n,).
 
     :param points: (n, 3) in the camera's frame, z along the view [m].
@@ -192,7 +194,7 @@ def project(points: ArrayLike, camera: str | Path | Mapping[str, Any] = "euroc_c
 
 def tracks(
     flight: Simulated,
-    camera: str | Path | Mapping[str, Any] = "euroc_cam0",
+    camera: str | Path | Mapping[str, object] = "euroc_cam0",
     scene: str | Path = "auto",
     block: int = BLOCK,
 ) -> Iterator[Tracks]:
@@ -222,7 +224,7 @@ def tracks(
 
 def frames(
     flight: Simulated,
-    camera: str | Path | Mapping[str, Any] = "euroc_cam0",
+    camera: str | Path | Mapping[str, object] = "euroc_cam0",
     scene: str | Path = "auto",
 ) -> Iterator[tuple[int, Bytes]]:
     """Yield the stamp [ns] and the image of each frame of a camera on the flight.
@@ -250,7 +252,7 @@ def frames(
 
 def depths(
     flight: Simulated,
-    camera: str | Path | Mapping[str, Any] = "euroc_cam0",
+    camera: str | Path | Mapping[str, object] = "euroc_cam0",
     scene: str | Path = "auto",
 ) -> Iterator[tuple[int, Single]]:
     """Yield the stamp [ns] and the depth along the view (h, w) [m] of each frame of a camera.
@@ -277,7 +279,7 @@ def depths(
 
 def flows(
     flight: Simulated,
-    camera: str | Path | Mapping[str, Any] = "euroc_cam0",
+    camera: str | Path | Mapping[str, object] = "euroc_cam0",
     scene: str | Path = "auto",
 ) -> Iterator[tuple[int, Single]]:
     """Yield the stamp [ns] and the optical flow (h, w, 2) [px] of each frame of a camera.
@@ -297,14 +299,14 @@ def flows(
     return _rig(flight, camera, scene).flows(_NAME)
 
 
-def _rig(flight: Simulated, camera: str | Path | Mapping[str, Any], scene: str | Path) -> Rig:
+def _rig(flight: Simulated, camera: str | Path | Mapping[str, object], scene: str | Path) -> Rig:
     if not isinstance(getattr(flight, "parameters", None), SimulationParameters):
         arguments.refuse("flight", flight, "what simulate() returns", wrong_type=True)
     file = arguments.path("scene", scene, "a name or the path of a file")
     return on_simulation({**_camera(camera), **scene_layer(str(file))}, flight)
 
 
-def _camera(camera: str | Path | Mapping[str, Any]) -> dict[str, object]:
+def _camera(camera: str | Path | Mapping[str, object]) -> dict[str, object]:
     allowed = "a name, the path of a file, or parameters by name"
     if isinstance(camera, Mapping):
         camera_parameters = dict(camera)

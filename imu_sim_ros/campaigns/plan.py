@@ -330,7 +330,7 @@ def find_plan(name_or_file: str) -> Path:
     return files.find("campaigns", name_or_file)
 
 
-def read_plan(tree: Mapping[str, Any]) -> Plan:
+def read_plan(tree: Mapping[str, object]) -> Plan:
     """Return the plan that a file's content describes.
 
     :raises ConfigurationError: with a line for each problem.

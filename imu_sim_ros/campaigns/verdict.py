@@ -277,7 +277,7 @@ class Judgement:
         return {**plain_fields, "problems": self.problems}
 
 
-def _plain(value: Any) -> Any:
+def _plain(value: object) -> Any:
     if isinstance(value, tuple) and hasattr(value, "_asdict"):
         value = value._asdict()
     if isinstance(value, dict):

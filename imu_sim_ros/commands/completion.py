@@ -53,7 +53,7 @@ def subcommand() -> str | None:
 
 
 def _names_and_files(
-    prefix: str, action: argparse.Action, parser: argparse.ArgumentParser, **_: Any
+    prefix: str, action: argparse.Action, parser: argparse.ArgumentParser, **_: object
 ) -> list[str]:
     from argcomplete.completers import FilesCompleter
 

@@ -6,7 +6,7 @@
 import argparse
 import sys
 from functools import partial
-from typing import Any, Final
+from typing import Final
 
 from imu_sim_ros.commands import program
 from imu_sim_ros.core.errors import ImuSimError
@@ -72,7 +72,7 @@ class _Tour(argparse.Action):
     """Prints the waypoints of a tour, and exits."""
 
     def __call__(
-        self, parser: argparse.ArgumentParser, _namespace: object, value: Any, *_rest: object
+        self, parser: argparse.ArgumentParser, _namespace: object, value: object, *_rest: object
     ) -> None:
         """Print them."""
         place, _, seed = str(value).partition(":")
@@ -90,7 +90,7 @@ class _Tour(argparse.Action):
 _AND_EXIT: Final = "lists (print and exit)"
 
 
-def _list(folder: str, text: str) -> dict[str, Any]:
+def _list(folder: str, text: str) -> dict[str, object]:
     return {"action": _List, "nargs": 0, "const": folder, "help": text, "group": _AND_EXIT}
 
 

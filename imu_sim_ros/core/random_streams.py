@@ -231,12 +231,12 @@ class Streams:
         self._draw = getattr(Generator(bits), self._numbers)
         self._state = (ctypes.c_char * _BYTES).from_address(bits.ctypes.state_address)
 
-    def __getstate__(self) -> dict[str, Any]:
+    def __getstate__(self) -> dict[str, object]:
         """Return what a copy needs; it draws by a generator of its own."""
         left = ("_draws", "_draw", "_state")
         return {name: value for name, value in vars(self).items() if name not in left}
 
-    def __setstate__(self, state: dict[str, Any]) -> None:
+    def __setstate__(self, state: dict[str, object]) -> None:
         """Become a copy."""
         vars(self).update(state)
         self._prepare()

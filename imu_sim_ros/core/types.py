@@ -25,7 +25,7 @@ Bytes = NDArray[np.uint8]
 """Bytes of messages and of images."""
 
 
-def shapes(rows: Any, more: Mapping[str, Any] = {}) -> str:
+def shapes(rows: Any, more: Mapping[str, object] = {}) -> str:
     """Return a line with the names and shapes of a named tuple's arrays, for its ``repr``.
 
     :param more: further ones, by name.

@@ -134,7 +134,7 @@ class Tables:
 
     def __init__(self) -> None:
         self.open: list[CsvTable | NpzTable] = []
-        self._whole: list[Any] | None = None
+        self._whole: list[object] | None = None
 
     def csv(self, path: Path, header: str) -> CsvTable:
         """Open a CSV file."""

@@ -103,7 +103,7 @@ class AttitudeEvaluation:
         yield nees_line(self.nees, self.no_nees)
 
 
-def counts(t_ns: Times, without_truth: int, covered: Coverage) -> dict[str, Any]:
+def counts(t_ns: Times, without_truth: int, covered: Coverage) -> dict[str, object]:
     """Return the number of samples that are compared and left out, and the time they span."""
     return {
         "samples": len(t_ns),

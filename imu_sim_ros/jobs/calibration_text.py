@@ -6,7 +6,7 @@
 from __future__ import annotations
 
 from collections.abc import Collection, Iterator, Mapping
-from typing import TYPE_CHECKING, Any, Final
+from typing import TYPE_CHECKING, Final
 
 import numpy as np
 
@@ -43,7 +43,7 @@ _UNITS = {
 
 def calibration_lines(
     values: correction.Parameters,
-    facts: dict[str, Any],
+    facts: dict[str, object],
     true: Mapping[str, Array],
 ) -> Iterator[str | TextTable]:
     """Yield a calibration's facts and parameters."""

@@ -131,7 +131,7 @@ def generate(
     *,
     params_file: ParameterFiles = None,
     imu: Annotated[
-        str | Path | Mapping[str, Any] | None,
+        str | Path | Mapping[str, object] | None,
         "NAME|FILE",
         Text("IMU: a preset (see --list-imus) or a file"),
         _SIMULATION,
@@ -365,7 +365,7 @@ def described(
     journal: Journal,
     problems: Problems,
     params_file: object,
-    parameters: Mapping[str, Any],
+    parameters: Mapping[str, object],
     *,
     imu: object = None,
     trajectory: object = None,

@@ -5,7 +5,7 @@
 
 from collections.abc import Mapping, Sequence
 from pathlib import Path
-from typing import Any, Final, TypeAlias
+from typing import Final, TypeAlias
 
 from imu_sim_ros.core import arguments
 from imu_sim_ros.core.errors import ConfigurationError
@@ -13,7 +13,7 @@ from imu_sim_ros.core.names import ros_name
 from imu_sim_ros.core.spelling import stated
 from imu_sim_ros.parameters import files
 
-Segments: TypeAlias = str | Sequence[str] | Mapping[str, Mapping[str, Any]]
+Segments: TypeAlias = str | Sequence[str] | Mapping[str, Mapping[str, object]]
 """Names of segments, ``all``, or the parameters of the IMU on each by name."""
 ALL: Final = "all"
 """Name that stands for every segment."""
@@ -27,7 +27,7 @@ def segment_layer(segments: object, file: object) -> tuple[dict[str, object], di
     :raises ConfigurationError: for anything else, no segments, and names that are alike.
     :raises InputError: for a file that cannot be read.
     """
-    of_imus: Mapping[Any, Any] = segments if isinstance(segments, Mapping) else {}
+    of_imus: Mapping[object, object] = segments if isinstance(segments, Mapping) else {}
     names = arguments.words("segments", [*of_imus] if of_imus else segments)
     if names == (ALL,):
         if not isinstance(file, str) or not file:

@@ -10,7 +10,7 @@ from typing import Final, NamedTuple
 from imu_sim_ros import __version__
 from imu_sim_ros.commands import completion, program
 from imu_sim_ros.parameters.kinds import Parameter
-from imu_sim_ros.parameters.sections import parameters
+from imu_sim_ros.parameters.sections import ignored_parameters, parameters
 from imu_sim_ros.sensors import all_sensors
 
 
@@ -234,7 +234,7 @@ def of_other_nodes(section: type, names: Iterable[str]) -> list[str]:
     if not rest:
         return []
     all_names = {name for program in PROGRAMS.values() for name in parameters(program.section())}
-    passed_over: Mapping[str, Parameter] = getattr(section, "passed_over", dict)()
+    passed_over: Mapping[str, Parameter] = ignored_parameters(section)
     return [name for name in rest if name in all_names and name not in passed_over]
 
 

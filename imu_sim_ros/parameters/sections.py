@@ -5,10 +5,11 @@
 
 import dataclasses
 import re
-from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
+from abc import ABC, abstractmethod
+from collections.abc import Callable, Collection, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, fields
 from functools import lru_cache
-from typing import Any, Final, NamedTuple, TypeVar, cast
+from typing import Any, ClassVar, Final, NamedTuple, Protocol, TypeVar, cast, runtime_checkable
 
 from imu_sim_ros.core.errors import ConfigurationError
 from imu_sim_ros.core.names import suggestion
@@ -25,48 +26,183 @@ _QOS: Final = "qos_overrides."
 
 
 _NESTED: Final = "sections"
-"""Key of the description of nested sections in the metadata of a dataclass field."""
+"""Key of the nesting in the metadata of a dataclass field that holds sections."""
+
+
+@runtime_checkable
+class _WithProblems(Protocol):
+    """A section whose values must fit each other."""
+
+    def problems(self, prefix: str) -> Iterable[str]:
+        """Return a line for each value that does not fit another one."""
+
+
+@runtime_checkable
+class _WithIgnoredParameters(Protocol):
+    """A section that accepts parameters without an effect on it."""
+
+    @staticmethod
+    def passed_over() -> Mapping[str, Parameter]:
+        """Return the parameters that are checked and ignored, by dotted name."""
+
+
+@runtime_checkable
+class _WithHints(Protocol):
+    """A section that knows where parameters of absent sections belong."""
+
+    @staticmethod
+    def elsewhere(name: str) -> str | None:
+        """Return the end of the line about a parameter of an absent section; None: the usual."""
+
+
+class _Nesting(ABC):
+    """Sections in a field of another section: their names, classes and prefixes.
+
+    The value of the field is a section, which has the name ``""`` here, or a dictionary of sections
+    by name.
+    """
+
+    is_mapping: ClassVar[bool] = False
+    """True if the value of the field is a dictionary of sections by name."""
+    declarations: Mapping[str, Parameter] | None = None
+    """Declarations of the parameters by name within the section; None: those of the class."""
+
+    @abstractmethod
+    def names(self, values: Mapping[str, object]) -> Collection[str]:
+        """Return the names of the sections that exist, for all values by dotted name."""
+
+    @abstractmethod
+    def section_class(self, path: str, name: str, values: Mapping[str, object]) -> type:
+        """Return the class of a section, or raise ConfigurationError with one line.
+
+        :param path: dotted name of the field.
+        :param name: name of the section.
+        :param values: all values by dotted name.
+        """
+
+    @abstractmethod
+    def prefix(self, field_name: str, name: str) -> str:
+        """Return what stands between the prefix of the enclosing section and a parameter's name."""
+
+    def sections(
+        self, field_name: str, prefix: str, values: Mapping[str, object]
+    ) -> Iterator[tuple[str, type, str]]:
+        """Yield the name, the class and the prefix of the parameters of each section.
+
+        :param prefix: prefix of the field.
+        :param values: all values by dotted name.
+        """
+        for name in self.names(values):
+            section_class = self.section_class(prefix + field_name, name, values)
+            yield name, section_class, prefix + self.prefix(field_name, name)
 
 
 @dataclass(frozen=True)
-class _Nested:
-    """The sections in a field of another one.
+class _FixedSection(_Nesting):
+    """A section that always exists and always has the same class."""
 
-    :func:`section`, :func:`variant`, :func:`each`, :func:`shared` and :func:`optional` make it.
-    """
+    cls: type
+    joint: str
+    """Text between the name of the field and that of a parameter."""
+    declarations: Mapping[str, Parameter] | None
 
-    before: str
-    """Prefix of the names of their parameters, with ``{field}`` and ``{name}``."""
-    names: Callable[[Mapping[str, object]], Collection[str]]
-    """Function that returns their names from all values; a single section has the name ``""``."""
+    def names(self, values: Mapping[str, object]) -> Collection[str]:
+        return ("",)
+
+    def section_class(self, path: str, name: str, values: Mapping[str, object]) -> type:
+        return self.cls
+
+    def prefix(self, field_name: str, name: str) -> str:
+        return field_name + self.joint
+
+
+@dataclass(frozen=True)
+class _Variant(_Nesting):
+    """A section whose class depends on one of its parameters."""
+
+    key: str
+    """Name of this parameter in the section."""
+    default: str
+    """Default of this parameter."""
+    find: Callable[[str], type]
+    """Function that returns the class for a value of this parameter."""
+    classes: Mapping[str, type]
+    """Classes by the value of this parameter."""
+
+    def names(self, values: Mapping[str, object]) -> Collection[str]:
+        return ("",)
+
+    def section_class(self, path: str, name: str, values: Mapping[str, object]) -> type:
+        return self.find(str(values.get(f"{path}.{self.key}", self.default)))
+
+    def prefix(self, field_name: str, name: str) -> str:
+        return f"{field_name}."
+
+
+@dataclass(frozen=True)
+class _ListedSections(_Nesting):
+    """Sections by the names that a parameter of the enclosing section lists."""
+
+    is_mapping = True
+    parameter: str
+    """Name of this parameter."""
     find: Callable[[str, Mapping[str, object]], type]
-    """Function that returns the class for a name, or for the name of the field, and all values."""
-    several: bool = False
-    """True if the field is a dictionary of sections by name."""
-    declarations: Mapping[str, Parameter] | None = None
-    """Declarations of their parameters; None: those of the class."""
-    listed: str = ""
-    """Name of the parameter that lists the names; empty: no parameter lists them."""
-    reserved: Collection[str] = ()
-    """Names that it cannot list, in addition to those of parameters."""
-    key: str = ""
-    """Name of the parameter in the section that selects its class; empty: the class is fixed."""
-    default: str = ""
-    """Default of the parameter ``key``."""
-    kinds: Mapping[str, type] = field(default_factory=dict)
-    """Classes by the value of the parameter ``key``."""
+    """Function that returns the class for a name and all values."""
+    reserved: Collection[str]
+    """Names that cannot be listed, in addition to those of parameters."""
 
-    def classes(
-        self, name: str, prefix: str, values: Mapping[str, object]
-    ) -> Iterator[tuple[str, type, str]]:
-        """Yield the name of each section, its class, and the prefix of its parameters.
+    def names(self, values: Mapping[str, object]) -> Collection[str]:
+        return listed_names(self.parameter, values)
 
-        :param name: name of the field.
-        :param prefix: prefix of the field.
-        """
-        for section_name in self.names(values):
-            cls = self.find(section_name or prefix + name, values)
-            yield section_name, cls, prefix + self.before.format(field=name, name=section_name)
+    def section_class(self, path: str, name: str, values: Mapping[str, object]) -> type:
+        return self.find(name, values)
+
+    def prefix(self, field_name: str, name: str) -> str:
+        return f"{name}."
+
+
+@dataclass(frozen=True)
+class _CommonSections(_Nesting):
+    """Sections that always exist, with their parameters among those of the enclosing section."""
+
+    is_mapping = True
+    classes: Callable[[], Mapping[str, type]]
+    """Function that returns the classes by the names of the sections."""
+    joint: str | None
+    """Text between the name of a section and that of a parameter; None: no name and no joint."""
+
+    def names(self, values: Mapping[str, object]) -> Collection[str]:
+        return self.classes()
+
+    def section_class(self, path: str, name: str, values: Mapping[str, object]) -> type:
+        return self.classes()[name]
+
+    def prefix(self, field_name: str, name: str) -> str:
+        return "" if self.joint is None else name + self.joint
+
+
+@dataclass(frozen=True)
+class _OptionalSection(_Nesting):
+    """A section, or None, with its parameters among those of the enclosing section."""
+
+    cls: Callable[[], type]
+    """Function that returns the class; called only if the section exists."""
+    is_present: Callable[[Mapping[str, object]], bool]
+    """Function that returns whether the section exists, for all values by dotted name."""
+
+    def names(self, values: Mapping[str, object]) -> Collection[str]:
+        return ("",) if self.is_present(values) else ()
+
+    def section_class(self, path: str, name: str, values: Mapping[str, object]) -> type:
+        return self.cls()
+
+    def prefix(self, field_name: str, name: str) -> str:
+        return ""
+
+
+def _section_field(nesting: _Nesting, default: Callable[[], _T]) -> _T:
+    """Return a dataclass field that holds sections; its type is that of its value."""
+    return field(default_factory=default, metadata={_NESTED: nesting})
 
 
 def section(
@@ -81,7 +217,7 @@ def section(
 
     :param substitutions: replacements of ``{word}`` in the section's texts and units.
     :param without: fields of the section that are not parameters here and keep their default.
-    :param fixed: whether none of its parameters is live here.
+    :param fixed: True if none of its parameters is live here.
     """
     declarations: dict[str, Parameter] | None = None
     if substitutions or without or fixed:
@@ -96,29 +232,18 @@ def section(
                 )
                 parameter = dataclasses.replace(parameter, text=text, unit=unit)
             declarations[name] = dataclasses.replace(parameter, live=False) if fixed else parameter
-    nested = _Nested(
-        f"{{field}}{joint}", lambda _: ("",), lambda *_: cls, declarations=declarations
-    )
-    return field(default_factory=cls, metadata={_NESTED: nested})
+    return _section_field(_FixedSection(cls, joint, declarations), cls)
 
 
 def variant(
     key: str, default: str, find: Callable[[str], type[_T]], variants: Mapping[str, type[_T]]
 ) -> _T:
-    """Describe a nested section whose class depends on the text at ``key`` within it.
+    """Describe a nested section whose class depends on its parameter ``key``.
 
     :param find: returns the class for a string, or raises ConfigurationError with one line.
     :param variants: classes that :func:`build` names if a parameter of theirs is given to another.
     """
-    nested = _Nested(
-        "{field}.",
-        lambda _: ("",),
-        lambda name, values: find(str(values.get(f"{name}.{key}", default))),
-        key=key,
-        default=default,
-        kinds=variants,
-    )
-    return field(default_factory=lambda: find(default)(), metadata={_NESTED: nested})
+    return _section_field(_Variant(key, default, find, variants), lambda: find(default)())
 
 
 def sections_by_name(
@@ -128,51 +253,39 @@ def sections_by_name(
 ) -> Mapping[str, _T]:
     """Describe a dictionary of sections by name; their parameters are ``NAME.*``.
 
-    :param parameter: of the same section, which lists the names.
+    :param parameter: parameter of the same section that lists the names.
     :param find: returns the class for a name and all values, or raises ConfigurationError with one
         line.
-    :param reserved: names that cannot be used, next to those of parameters.
+    :param reserved: names that cannot be listed, in addition to those of parameters.
     """
-    nested = _Nested(
-        "{name}.",
-        lambda values: listed_names(parameter, values),
-        find,
-        several=True,
-        listed=parameter,
-        reserved=reserved,
-    )
-    return field(default_factory=dict, metadata={_NESTED: nested})
+    return _section_field(_ListedSections(parameter, find, reserved), dict[str, _T])
 
 
 def common_sections(
-    sections: Callable[[], Mapping[str, type[_T]]], joint: str | None
+    classes: Callable[[], Mapping[str, type[_T]]], joint: str | None
 ) -> Mapping[str, _T]:
-    """Describe a dictionary of sections whose parameters stand among those of the one around it.
+    """Describe a dictionary of sections whose parameters stand among those of the enclosing one.
 
-    :param joint: behind the name of each, before those of its parameters; None: no name either.
+    :param classes: returns the classes of the sections by name.
+    :param joint: text between the name of a section and that of a parameter; None: the parameters
+        have neither the name nor a joint.
     """
-    nested = _Nested(
-        "" if joint is None else f"{{name}}{joint}",
-        lambda _: sections(),
-        lambda name, _: sections()[name],
-        several=True,
-    )
-    return field(
-        default_factory=lambda: {name: cls() for name, cls in sections().items()},
-        metadata={_NESTED: nested},
-    )
+
+    def defaults() -> Mapping[str, _T]:
+        return {name: cls() for name, cls in classes().items()}
+
+    return _section_field(_CommonSections(classes, joint), defaults)
 
 
 def optional_section(
     cls: Callable[[], type[_T]], is_present: Callable[[Mapping[str, object]], bool]
 ) -> _T | None:
-    """Describe a section, or None, whose parameters have no prefix of their own.
+    """Describe a section, or None, whose parameters stand among those of the enclosing section.
 
-    :param cls: returns it; called only if it is there, so that it may be imported then.
-    :param is_present: tells from all values whether it is.
+    :param cls: returns the class; called only if the section exists, so that it can import it.
+    :param is_present: returns whether the section exists, for all values by dotted name.
     """
-    nested = _Nested("", lambda values: ("",) if is_present(values) else (), lambda *_: cls())
-    return field(default=None, metadata={_NESTED: nested})
+    return _section_field(_OptionalSection(cls, is_present), lambda: None)
 
 
 def parameters(
@@ -188,14 +301,14 @@ def parameters(
         if METADATA in dataclass_field.metadata:
             result[prefix + dataclass_field.name] = dataclass_field.metadata[METADATA]
             continue
-        nested: _Nested = dataclass_field.metadata[_NESTED]
-        for _, inner, inner_prefix in nested.classes(dataclass_field.name, prefix, values or {}):
-            if nested.declarations is None:
+        nesting: _Nesting = dataclass_field.metadata[_NESTED]
+        for _, inner, inner_prefix in nesting.sections(dataclass_field.name, prefix, values or {}):
+            if nesting.declarations is None:
                 result |= parameters(inner, values, inner_prefix)
             else:
                 result |= {
                     inner_prefix + name: parameter
-                    for name, parameter in nested.declarations.items()
+                    for name, parameter in nesting.declarations.items()
                 }
     return result
 
@@ -209,6 +322,11 @@ def listed_names(parameter: str, values: Mapping[str, object]) -> list[str]:
     return [str(name) for name in value] if isinstance(value, list | tuple) else []
 
 
+def ignored_parameters(cls: type) -> Mapping[str, Parameter]:
+    """Return the parameters that a section accepts without an effect on it, by dotted name."""
+    return cls.passed_over() if issubclass(cls, _WithIgnoredParameters) else {}
+
+
 def is_of_ros(name: str) -> bool:
     """Return whether a parameter is one of ROS' own."""
     return name in OF_EVERY_NODE or name.startswith(_QOS)
@@ -217,36 +335,32 @@ def is_of_ros(name: str) -> bool:
 def build(cls: type[_T], values: Mapping[str, object], complete: bool = True) -> _T:
     """Return the section with the given values and the defaults of all others.
 
-    A section may have ``problems(prefix)``: a line for each value that does not fit another one. It
-    is asked if something in it is given; defaults fit each other. It may have ``passed_over()``:
-    parameters by name that it has no use for. Their values, and those of ROS' own parameters, are
-    checked and left. It may have ``elsewhere(name)``: the end of the line about a name in a section
-    that does not exist; None: the usual one.
+    A section may have ``problems(prefix)``, which returns a line for each value that does not fit
+    another one; it is called if a value in the section is set, since defaults fit each other. It
+    may have ``passed_over()``, parameters by name that are checked and ignored like those of ROS
+    itself, and ``elsewhere(name)``, the end of the line about a name in an absent section.
 
     :param values: by dotted name, as :func:`imu_sim_ros.parameters.files.load` returns them.
     :param complete: False if some are missing: nothing is said about what fits what.
     :raises ConfigurationError: with a line for every unknown name and every bad value.
     """
-    unused = {**OF_EVERY_NODE, **getattr(cls, "passed_over", dict)()}
+    ignored = {**OF_EVERY_NODE, **ignored_parameters(cls)}
     building = _Building(values)
     result = building.section(cls, "", is_relevant=True)
-    values, declared, elsewhere = (
-        building.values,
-        building.declared,
-        getattr(cls, "elsewhere", None),
-    )
+    values, declared = building.values, building.declared
+    hint = cls.elsewhere if issubclass(cls, _WithHints) else None
     problems = building.misnamed + [
-        _of_other_variants(cls, values, name) or unknown(name, declared, elsewhere)
+        _of_other_variants(cls, values, name) or unknown(name, declared, hint)
         for name in values
-        if name not in declared and name not in unused and not is_of_ros(name)
+        if name not in declared and name not in ignored and not is_of_ros(name)
     ]
-    problems += {**bad_values(unused, values), **building.bad}.values()
+    problems += {**bad_values(ignored, values), **building.bad}.values()
     if complete and not problems:
-        checked_sections = (
-            section for section in building.sections if hasattr(section[0], "problems")
-        )
         problems = [
-            line for section, prefix in checked_sections for line in section.problems(prefix)
+            line
+            for section, prefix in building.sections
+            if isinstance(section, _WithProblems)
+            for line in section.problems(prefix)
         ]
     if problems:
         raise ConfigurationError(problems)
@@ -268,24 +382,25 @@ def bad_values(declared: Mapping[str, Parameter], values: Mapping[str, object]) 
 def _of_other_variants(cls: type, values: Mapping[str, object], name: str) -> str | None:
     """Return the line for a parameter that only other classes of its variant have; else None."""
     for dataclass_field in fields(cls):
-        nested: _Nested | None = dataclass_field.metadata.get(_NESTED)
-        if nested is not None and not nested.before:
-            for _, inner, _ in nested.classes(dataclass_field.name, "", values):
+        field_name = dataclass_field.name
+        nesting: _Nesting | None = dataclass_field.metadata.get(_NESTED)
+        if isinstance(nesting, _OptionalSection | _CommonSections):
+            for _, inner, _ in nesting.sections(field_name, "", values):
                 line = _of_other_variants(inner, values, name)
                 if line is not None:
                     return line
-        if nested is None or not nested.key or not name.startswith(f"{dataclass_field.name}."):
+        if not isinstance(nesting, _Variant) or not name.startswith(f"{field_name}."):
             continue
-        parameter_name = name.removeprefix(f"{dataclass_field.name}.")
+        parameter_name = name.removeprefix(f"{field_name}.")
         owners = [
-            kind_name
-            for kind_name, kind in nested.kinds.items()
-            if parameter_name in parameters(kind)
+            variant_name
+            for variant_name, variant_class in nesting.classes.items()
+            if parameter_name in parameters(variant_class)
         ]
         if owners:
             verb = "has" if len(owners) == 1 else "have"
-            key = f"{dataclass_field.name}.{nested.key}"
-            variant = f"{key} {values.get(key, nested.default)}"
+            key = f"{field_name}.{nesting.key}"
+            variant = f"{key} {values.get(key, nesting.default)}"
             return f"{name}: unknown parameter of {variant}; {', '.join(owners)} {verb} it"
     return None
 
@@ -295,8 +410,8 @@ class _Plan(NamedTuple):
 
     parameters: Mapping[str, Parameter]
     """Parameters of the section itself by dotted name."""
-    sections: Sequence[tuple[str, _Nested]]
-    """Names of the fields that hold sections, and their descriptions."""
+    sections: Sequence[tuple[str, _Nesting]]
+    """Names of the fields that hold sections, and their nestings."""
 
 
 @lru_cache(maxsize=256)
@@ -308,7 +423,7 @@ def _plan(cls: type, prefix: str) -> _Plan:
     descriptions = [(field.name, field.metadata) for field in fields(cls)]
     return _Plan(
         {prefix + name: data[METADATA] for name, data in descriptions if METADATA in data},
-        [(name, data[_NESTED]) for name, data in descriptions if METADATA not in data],
+        [(name, data[_NESTED]) for name, data in descriptions if _NESTED in data],
     )
 
 
@@ -326,7 +441,7 @@ class _Building:
     """Line for each invalid section."""
     bad: dict[str, str] = field(default_factory=dict)
     """Line for each bad value, by dotted name."""
-    sections: list[tuple[Any, str]] = field(default_factory=list)
+    sections: list[tuple[object, str]] = field(default_factory=list)
     """Sections with at least one value, outer ones first, and the prefixes of their parameters."""
 
     def section(
@@ -354,67 +469,77 @@ class _Building:
                 arguments[path[len(prefix) :]] = declared[path].parse(path, values[path])
             except ConfigurationError as error:
                 (self.bad[path],) = error.problems
-        for field_name, nested in plan.sections:
-            path = prefix + field_name
-            names = list(nested.names(self.values))
-            if len(set(names)) < len(names):
-                # Ambiguous: the values below a repeated name could belong to either section.
-                raise ConfigurationError(f"{nested.listed} = {names}: names must differ")
-            inner = dict[str, Any]()
-            for name in names:
-                inner_prefix = prefix + nested.before.format(field=field_name, name=name)
-                kind = self._class(nested, cls, name or path, inner_prefix)
-                if kind is not None:
-                    inner_declarations = declarations
-                    if declarations is None and nested.declarations is not None:
-                        inner_declarations = {
-                            inner_prefix + path: parameter
-                            for path, parameter in nested.declarations.items()
-                        }
-                    inner[name] = self.section(
-                        kind, inner_prefix, inner_declarations, bool(nested.listed)
-                    )
-            arguments[field_name] = inner if nested.several else inner.get("")
+        for field_name, nesting in plan.sections:
+            inner = dict[str, object]()
+            for name in self._names(nesting):
+                inner_prefix = prefix + nesting.prefix(field_name, name)
+                inner_class = self._class(nesting, cls, prefix + field_name, name, inner_prefix)
+                if inner_class is None:
+                    continue
+                inner_declarations = declarations
+                if declarations is None and nesting.declarations is not None:
+                    inner_declarations = {
+                        inner_prefix + path: parameter
+                        for path, parameter in nesting.declarations.items()
+                    }
+                is_listed = isinstance(nesting, _ListedSections)
+                inner[name] = self.section(inner_class, inner_prefix, inner_declarations, is_listed)
+            arguments[field_name] = inner if nesting.is_mapping else inner.get("")
         result = cls(**arguments)
         if is_relevant or len(self.sections) > position:
             self.sections.insert(position, (result, prefix))
         return result
 
-    def _class(self, nested: _Nested, outer: type, name: str, prefix: str) -> type | None:
+    def _names(self, nesting: _Nesting) -> Collection[str]:
+        """Return the names of sections, or raise ConfigurationError if two are the same."""
+        names = list(nesting.names(self.values))
+        if isinstance(nesting, _ListedSections) and len(set(names)) < len(names):
+            # Ambiguous: the values below a repeated name could belong to either section.
+            raise ConfigurationError(f"{nesting.parameter} = {names}: names must differ")
+        return names
+
+    def _class(
+        self, nesting: _Nesting, outer: type, path: str, name: str, prefix: str
+    ) -> type | None:
         """Return the class of a section, or None if the section is invalid.
 
         The values of an invalid section are ignored, so that all others are still checked.
 
         :param outer: class of the enclosing section, whose names are reserved.
-        :param name: name of the section, or else the dotted name of the field.
+        :param path: dotted name of the field.
+        :param name: name of the section.
         :param prefix: prefix of its parameters.
         """
-        listing, problems = nested.listed, list[str]()
-        if listing and name in self.names:
-            problems.append(f"{listing}: {name!r}: is a name in {self.names[name]}")
-        elif listing:
-            self.names[name] = listing
-            reserved = {*nested.reserved, *(field.name for field in fields(outer))}
-            if name in reserved or not _SECTION_NAME.fullmatch(name):
-                problems.append(
-                    f"{listing}: {name!r}: must be letters, digits and underscores, and not "
-                    "a parameter's name"
-                )
+        problems = list[str]()
+        if isinstance(nesting, _ListedSections):
+            problem = self._name_problem(nesting, outer, name)
+            problems += [problem] if problem else []
         if not problems:
             try:
-                return nested.find(name, self.values)
+                return nesting.section_class(path, name, self.values)
             except ConfigurationError as error:
                 problems += error.problems
         self.misnamed += problems
         remaining = {key: value for key, value in self.values.items() if not key.startswith(prefix)}
-        if listing:
-            self.bad.pop(listing, None)
-            remaining[listing] = [
-                section_name
-                for section_name in listed_names(listing, remaining)
-                if section_name != name
-            ]
+        if isinstance(nesting, _ListedSections):
+            self.bad.pop(nesting.parameter, None)
+            valid_names = listed_names(nesting.parameter, remaining)
+            remaining[nesting.parameter] = [n for n in valid_names if n != name]
         self.values = remaining
+        return None
+
+    def _name_problem(self, nesting: _ListedSections, outer: type, name: str) -> str | None:
+        """Return a line if a section cannot have a listed name, or else register the name."""
+        listing = nesting.parameter
+        if name in self.names:
+            return f"{listing}: {name!r}: is a name in {self.names[name]}"
+        self.names[name] = listing
+        reserved = {*nesting.reserved, *(field.name for field in fields(outer))}
+        if name in reserved or not _SECTION_NAME.fullmatch(name):
+            return (
+                f"{listing}: {name!r}: must be letters, digits and underscores, and not "
+                "a parameter's name"
+            )
         return None
 
 
@@ -426,12 +551,12 @@ def flatten(instance: object, prefix: str = "") -> dict[str, Value]:
         if METADATA in dataclass_field.metadata:
             result[prefix + dataclass_field.name] = value
             continue
-        nested: _Nested = dataclass_field.metadata[_NESTED]
-        sections = value if nested.several else {} if value is None else {"": value}
+        nesting: _Nesting = dataclass_field.metadata[_NESTED]
+        sections = value if nesting.is_mapping else {} if value is None else {"": value}
         for name, inner in sections.items():
-            inner_prefix = prefix + nested.before.format(field=dataclass_field.name, name=name)
+            inner_prefix = prefix + nesting.prefix(dataclass_field.name, name)
             values = flatten(inner)
-            names = values if nested.declarations is None else nested.declarations
+            names = values if nesting.declarations is None else nesting.declarations
             result.update({inner_prefix + parameter: values[parameter] for parameter in names})
     return result
 
@@ -452,6 +577,6 @@ def unknown(
     ):
         hint = elsewhere(name)
     if hint is None:
-        alike = [each for each in declared if "." in each] if dot else declared
+        alike = [parameter for parameter in declared if "." in parameter] if dot else declared
         hint = suggestion(name, alike, "see the parameter reference for all names")
     return f"{name}: unknown parameter; {hint}"

@@ -117,7 +117,7 @@ def column(name: str, values: Iterable[Any]) -> Item:
     return {"name": name, "values": entries}
 
 
-def _are_many(values: Sequence[Any]) -> bool:
+def _are_many(values: Sequence[object]) -> bool:
     """Return whether values are numbers that seldom recur: they are short as floats."""
     plain = all(v is None or (isinstance(v, int | float) and type(v) is not bool) for v in values)
     return plain and 2 * len(set(values)) > len(values)
@@ -140,7 +140,7 @@ def plot(title: str, x: str, y: str, series: list[Item], log: str = "", **option
     }
 
 
-def table(name: str, header: Sequence[str], rows: Sequence[Sequence[Any]], search: bool) -> Item:
+def table(name: str, header: Sequence[str], rows: Sequence[Sequence[object]], search: bool) -> Item:
     """Return a table from its rows."""
     columns = [column(head, (row[k] for row in rows)) for k, head in enumerate(header)]
     return {"kind": "table", "name": name, "columns": columns, "search": search}

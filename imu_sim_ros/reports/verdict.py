@@ -5,7 +5,7 @@
 
 import math
 from collections.abc import Sequence
-from typing import Any, Final
+from typing import Final
 
 from imu_sim_ros.campaigns.effects import (
     BETTER,
@@ -164,10 +164,10 @@ def _table(contest: Contest, judged: Judgement) -> Item | None:
         for standing in judged.standings
         if all(standing.values[name] == word for name, word in contest.where.items())
     }
-    rows: list[list[Any]] = []
+    rows: list[list[object]] = []
     for rank, name in enumerate(contest.ranking, 1):
         standing, effect = standings[name], effects.get(name)
-        row: list[Any] = [None if name in contest.unranked else rank, name]
+        row: list[object] = [None if name in contest.unranked else rank, name]
         row += [f"{standing.done} of {standing.runs}", standing.coverage, standing.median.value]
         if effect is None:
             row += [""] * 3 + [None, ""]

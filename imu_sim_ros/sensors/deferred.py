@@ -14,7 +14,7 @@ _T = TypeVar("_T")
 _Made = TypeVar("_Made")
 
 
-class Deferred(Mapping[str, Any]):
+class Deferred(Mapping[str, object]):
     """Values by name, each made when it is first asked for."""
 
     def __init__(self, **makers: Callable[[], Any]) -> None:
@@ -33,11 +33,11 @@ class Deferred(Mapping[str, Any]):
         return len(self._makers)
 
 
-class Completed(Mapping[str, Any]):
+class Completed(Mapping[str, object]):
     """Values by name; some are there, the others are made together when one of them is needed."""
 
     def __init__(
-        self, made: dict[str, Any], names: Sequence[str], make: Callable[[], Iterable[Any]]
+        self, made: dict[str, object], names: Sequence[str], make: Callable[[], Iterable[Any]]
     ) -> None:
         """Take what is there.
 

@@ -6,7 +6,7 @@
 import math
 from collections.abc import Mapping
 from fractions import Fraction
-from typing import Any, Final, NamedTuple
+from typing import Final, NamedTuple
 
 import numpy as np
 from numpy.random import Generator
@@ -149,7 +149,7 @@ class SampleTiming:
         nominal = self.times.following(self.position, len(true_t_ns))
         return nominal._replace(true_t_ns=true_t_ns)
 
-    def samples(self, first: int, true_t_ns: Times, values: Mapping[str, Any]) -> Samples:
+    def samples(self, first: int, true_t_ns: Times, values: Mapping[str, object]) -> Samples:
         """Return the next n samples, with their stamps and their transport.
 
         :param first: index of the first of them.

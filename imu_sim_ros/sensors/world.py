@@ -99,7 +99,7 @@ class World:
         :param threads: make what takes long, such as images; None: whoever asks for it does.
         """
         self._make_scene, self.threads = scene, threads
-        self._shared: dict[str, Any] = {}
+        self._shared: dict[str, object] = {}
         self.trajectory, self.environment, self.t0_ns = trajectory, environment, t0_ns
         self.temperature = TemperatureProfile(environment.temperature)
         self._known: tuple[Array, Motion] | None = None

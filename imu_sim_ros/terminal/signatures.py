@@ -158,7 +158,7 @@ def _has_pairs(parameter: inspect.Parameter) -> bool:
     return "=" in _mark(parameter)
 
 
-def _keywords(parameter: inspect.Parameter, text: str) -> dict[str, Any]:
+def _keywords(parameter: inspect.Parameter, text: str) -> dict[str, object]:
     """Return the keywords of argparse for a parameter.
 
     :param text: description of the parameter in the docstring.
@@ -166,7 +166,7 @@ def _keywords(parameter: inspect.Parameter, text: str) -> dict[str, Any]:
     hint, *marks = get_args(parameter.annotation)
     default, option = parameter.default, _is_option(parameter)
     metavar = _written(parameter).split()[-1]
-    keywords: dict[str, Any] = {"dest": parameter.name} if option else {}
+    keywords: dict[str, object] = {"dest": parameter.name} if option else {}
     if (group := next((m for m in marks if isinstance(m, Heading)), None)) is not None:
         keywords["group"] = group
     text = next((m for m in marks if isinstance(m, Text)), text)

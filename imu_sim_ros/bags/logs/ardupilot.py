@@ -227,7 +227,7 @@ def _binary_columns(log_file: "DFReader_binary") -> dict[str, dict[str, Any]]:
 
 def _text_columns(log_file: "DFReader_text") -> dict[str, dict[str, Any]]:
     """Return the columns of a text log by message and field."""
-    rows: dict[str, list[list[Any]]] = {}
+    rows: dict[str, list[list[object]]] = {}
     fields: dict[str, list[str]] = {}
     while (message := log_file.recv_match(type=list(_NAMES))) is not None:
         name = message.get_type()

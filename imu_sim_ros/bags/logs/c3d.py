@@ -63,7 +63,7 @@ _USUAL_AXIS: Final = "z"
 class _File(NamedTuple):
     """Parameters and arrays of a file."""
 
-    parameters: Mapping[str, Mapping[str, Sequence[Any]]]
+    parameters: Mapping[str, Mapping[str, Sequence[object]]]
     """Values of the parameters by group and name."""
     points: Array
     """(4, m, n) x, y, z and 1 of the markers in each frame; NaN: not visible."""

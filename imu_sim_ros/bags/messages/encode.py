@@ -93,7 +93,7 @@ class Encoder:
         self._template = self.layout.template
         self._template = self._row(constant)
 
-    def encode(self, *columns: Any, **keywords: Any) -> Bytes:
+    def encode(self, *columns: Any, **keywords: object) -> Bytes:
         """Return messages (n, size) of what ``pattern`` takes."""
         return side_by_side([self.pattern(*columns, **keywords)])
 

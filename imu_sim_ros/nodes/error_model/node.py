@@ -10,7 +10,7 @@ import time
 from collections import Counter, deque
 from collections.abc import Callable, Mapping
 from functools import partial
-from typing import Any, Final, TypeVar
+from typing import Final, TypeVar
 
 import numpy as np
 from diagnostic_msgs.msg import DiagnosticArray
@@ -60,7 +60,7 @@ _ACKNOWLEDGEMENT: Final = Duration(nanoseconds=300_000_000)
 class ErrorModelNode(ConfiguredNode[ErrorNodeParameters]):
     """Topics, services and parameters around an :class:`GivenImu`."""
 
-    def __init__(self, **arguments: Any) -> None:
+    def __init__(self, **arguments: object) -> None:
         super().__init__(NODE, ErrorNodeParameters, layer_error_model, **arguments)
         parameters = self.parameters
         self._lock = threading.Lock()

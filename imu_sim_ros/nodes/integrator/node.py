@@ -6,7 +6,6 @@
 import sys
 import threading
 from collections.abc import Mapping, Sequence
-from typing import Any
 
 import numpy as np
 from diagnostic_msgs.msg import DiagnosticArray
@@ -69,7 +68,7 @@ _ACKNOWLEDGEMENT = Duration(nanoseconds=300_000_000)
 class Integrator(ConfiguredNode[IntegratorParameters]):
     """Topics, services and parameters around an :class:`Odometer`."""
 
-    def __init__(self, **arguments: Any) -> None:
+    def __init__(self, **arguments: object) -> None:
         super().__init__("integrator", IntegratorParameters, layer_integrator, **arguments)
         parameters = self.parameters
         self._sources: frozenset[bytes] = frozenset()

@@ -17,7 +17,7 @@ from imu_sim_ros.sensors.parameters import OwnRateParameters
 _TEXTS: Final = {"triad": "barometer", "unit": "Pa", "change": "Pa/s"}
 
 
-def _as_in_triads(name: str, **changes: Any) -> Any:
+def _as_in_triads(name: str, **changes: object) -> Any:
     """Return a parameter of triads for a single axis."""
     return as_in_triads(name, _TEXTS, **{"kind": "number", "default": 0.0, **changes})
 

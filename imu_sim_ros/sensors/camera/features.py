@@ -5,7 +5,7 @@
 
 from collections.abc import Iterator, Mapping
 from functools import partial
-from typing import Any, Final, NamedTuple
+from typing import Final, NamedTuple
 
 import numpy as np
 
@@ -195,7 +195,7 @@ def _speed(current: _Observed, previous: _Observed | None) -> tuple[Array, Mask]
 class Features(AtFrames):
     """The tracked features, at the frames of the first camera."""
 
-    def __init__(self, mounted: Mounted, t0_ns: int, cameras: Mapping[str, Any]) -> None:
+    def __init__(self, mounted: Mounted, t0_ns: int, cameras: Mapping[str, object]) -> None:
         super().__init__(mounted, t0_ns, cameras)
         self._stream: FeatureStream | None = None
 

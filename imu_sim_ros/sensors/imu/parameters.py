@@ -299,14 +299,14 @@ class ImuParameters(TimingParameters, BoardParameters, TriadsParameters):
         2, "order of the low-pass filters (Butterworth)", minimum=1, maximum=8
     )
     vibration: BoardVibrationParameters = section(BoardVibrationParameters)
-    sensors: Mapping[str, Any] = common_sections(
+    sensors: Mapping[str, object] = common_sections(
         lambda: {sensor.name: sensor.section for sensor in sensors_of_imus()}, joint="_"
     )
     """``imu.magnetometer`` is ``imu.sensors["magnetometer"]``."""
 
     def __getattr__(self, name: str) -> Any:
         """Return the section of another sensor."""
-        sensors: Mapping[str, Any] = self.__dict__.get("sensors", {})
+        sensors: Mapping[str, object] = self.__dict__.get("sensors", {})
         if name in sensors:
             return sensors[name]
         raise AttributeError(f"{type(self).__name__!r} object has no attribute {name!r}")

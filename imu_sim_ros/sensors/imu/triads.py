@@ -447,7 +447,7 @@ class TriadsParameters:
         return [term for term in terms if term[2] > 0.0]
 
 
-def as_in_triads(name: str, unit_texts: Mapping[str, str], **changed: Any) -> Any:
+def as_in_triads(name: str, unit_texts: Mapping[str, str], **changed: object) -> Any:
     """Describe a parameter of another sensor that is one of the triads'.
 
     :param unit_texts: what stands for ``{triad}``, ``{unit}``, ... in text and unit.
