@@ -275,7 +275,7 @@ class _Run:
             if not door.has_topics(self.path):
                 raise InputError(f"{self.path}: has no temperatures; a bag that has them is needed")
             measured = bags.read_temperature(self.path, topic, self._skipped(f"{self.path}"))
-            check_unit(measured.temperature)
+            self._warnings += check_unit(measured.temperature)
             return measured.t_ns, measured.temperature
         if values is None:
             if not isinstance(self._given, Flight):
@@ -285,7 +285,7 @@ class _Run:
             values = self._given.temperature
         at_readings = arguments.array("temperature", values, (len(t_ns),))
         gate.Verdict(t_ns, [(gate.TEMPERATURE, at_readings)]).complain("temperature")
-        check_unit(at_readings)
+        self._warnings += check_unit(at_readings)
         return t_ns, at_readings
 
     def steady(

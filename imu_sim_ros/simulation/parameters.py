@@ -52,6 +52,8 @@ SENSORS: Final = (
     "names of sensors, each the prefix of its own parameters (NAME.rate, ...); none: only the IMUs "
     "and what each has with it"
 )
+_MOST_LOST: Final = 0.9
+"""Probability of a lost message from which a mistake is likely."""
 _TAKEN: Final = ("camera", "scene", "features", "publish", "inject")
 COARSEST_RATE: Final = 1.0
 """[rad/s] Step of a gyroscope's output above which most motions are rounded to 0."""
@@ -135,8 +137,11 @@ class SampledParameters(EnvironmentParameters):
                 f"imu.internal_rate = {self.imu.internal_rate:g}: without effect, since "
                 f"imu.sampling is {self.imu.sampling}; it needs oversampled"
             )
-        if self.imu.dropout_probability >= 1.0:
-            lines.append("imu.dropout_probability = 1: every message of the IMU is lost")
+        lost = self.imu.dropout_probability
+        if lost >= _MOST_LOST:
+            share = "every message" if lost == 1.0 else f"{100.0 * lost:.4g} % of the messages"
+            verb = "is" if lost == 1.0 else "are"
+            lines.append(f"imu.dropout_probability = {lost:g}: {share} of the IMU {verb} lost")
         nyquist = 0.5 * self.rate * float(self.imu.internal_ratio(self.rate))
         vibration = self.imu.vibration
         for name, frequencies in (

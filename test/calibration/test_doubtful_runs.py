@@ -74,6 +74,18 @@ def test_temperatures_in_another_unit_are_refused(scale, zero, unit):
     assert unit in str(error.value) or converted.max() == 1e5
 
 
+def test_temperatures_that_may_be_in_fahrenheit_are_told():
+    """-20 to 60 degC are -4 to 140 degF, above the 85 degC of data sheets."""
+    flight = soak(0.001, rate=10.0)
+    readings = ims.Readings(flight.t_ns, flight.gyro, flight.accel)
+    assert ims.calibrate_temperature(readings, temperature=flight.temperature).warnings == ()
+    fahrenheit = 1.8 * flight.temperature + 32.0
+    (note,) = ims.calibrate_temperature(readings, temperature=fahrenheit).warnings
+    assert "if these are in Fahrenheit, convert them" in note
+    with pytest.raises(InputError, match="as in Fahrenheit"):
+        ims.calibrate_temperature(readings, temperature=fahrenheit + 100.0)
+
+
 def test_the_shortest_rest_is_told_in_seconds_and_readings():
     """A window has 25 readings at any rate; a rest has 100, which take 25 s at 4 Hz."""
     flight = ims.simulate(imu="mpu6000", trajectory="figure_eight", duration=200, rate=4, seed=1)

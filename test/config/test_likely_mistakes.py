@@ -35,6 +35,7 @@ def warnings_of(**given):
         ({"gravity": [0.0, 0.0, -981.0]}, "gravity: 981 m/s^2 is more than on any planet"),
         ({"imu.internal_rate": 1600.0}, "imu.internal_rate = 1600: without effect, since imu.sa"),
         ({"imu.dropout_probability": 1.0}, "imu.dropout_probability = 1: every message"),
+        ({"imu.dropout_probability": 0.999}, "imu.dropout_probability = 0.999: 99.9 % of the mes"),
         (LINES, "imu.vibration.line_frequency = 100: left out, since it is not below half the"),
         (BAND, "imu.vibration.band_low = 150: left out"),
         ({"imu.accelerometer_resolution": 20.0}, "imu.accelerometer_resolution = 20: more than tw"),
