@@ -32,7 +32,7 @@ COMMANDS = (
 # programs under their own names. A wheel's scripts are on everybody's PATH: only `imu_sim` is one.
 AMENT = bool({"install", "develop"} & set(sys.argv))
 OPTIONAL = {
-    "camera": ["numba>=0.58", "opencv-python-headless>=4.6"],
+    "camera": ["numba>=0.58", "opencv-python-headless>=4.7"],
     "campaign": ["distributed", "pyarrow"],
     "complete": ["argcomplete"],
     "fast": ["orjson>=3.11.9"],

@@ -12,37 +12,21 @@ import ctypes
 import itertools
 import math
 import zlib
-from functools import lru_cache
-from typing import Any, Final, TypeAlias, TypeVar, cast
+from typing import Any, Final, TypeAlias
 
 import numpy as np
 from numpy.random import SFC64, Generator, SeedSequence
-from numpy.random.bit_generator import ISeedSequence
 from numpy.typing import NDArray
 
 from imu_sim_ros.core.conventions import AXES
 from imu_sim_ros.core.types import Array, Integers
 
 Seed: TypeAlias = "int | Integers"
-"""Of one unit; or (count,), those of the units of a batch."""
+"""Seed of one unit; or (count,), the seeds of the units of a batch."""
 Units: TypeAlias = Any
-"""Which units of a batch, as an index of their arrays; ``...`` for all of them, or for one unit."""
+"""Units of a batch, as an index of their arrays; ``...`` for all of them, or for one unit."""
 Words: TypeAlias = NDArray[np.uint64]
-
-_Numbers: TypeAlias = NDArray[np.integer[Any]]
-_Word = TypeVar("_Word", int, _Numbers)
-_PoolWords: TypeAlias = tuple[_Word, _Word, _Word, _Word]
-
-
-class _SeedWords(ISeedSequence):
-    """The words from which one SFC64 starts, already computed."""
-
-    def __init__(self, words: Words) -> None:
-        self._words = words
-
-    def generate_state(self, n_words: int, dtype: Any = np.uint32) -> Words:
-        """Return the three words of 64 bits that SFC64 asks for."""
-        return self._words
+"""Words of 32 or 64 bits."""
 
 
 def generator(seed: int, source: str) -> Generator:
@@ -51,29 +35,23 @@ def generator(seed: int, source: str) -> Generator:
     :param seed: the simulation's seed, 0 to 2^63 - 1.
     :param source: a stable name such as ``gyroscope.white_noise.x``.
     """
-    key, words = _key(source), _words_of_seed(seed)
-    if key not in words:
-        words[key] = np.array(_seed_words(_pool_of_seed(seed), key), np.uint64)
-        if len(_keys) < _MOST_KEYS:
-            _keys[key] = None
-    sequence = cast(SeedSequence, _SeedWords(words[key]))  # stubs know no other ISeedSequence
-    return Generator(SFC64(sequence))
+    return Generator(SFC64(SeedSequence(entropy=seed, spawn_key=(_key(source),))))
 
 
 def seed_of_node(name: str) -> int:
-    """Return the seed of a node that is given none: 0 for ``/simulator``, another for others.
+    """Return the default seed of a node: 0 for ``/simulator``, another for other names.
 
-    :param name: its namespace and name.
+    :param name: namespace and name of the node.
     """
     return zlib.crc32(name.encode()) ^ zlib.crc32(b"/simulator")
 
 
 def generator_at(seed: int, source: str, index: int) -> Generator:
-    """Return the random stream of one source for one item, a frame for instance.
+    """Return the random stream of one source for one element of a sequence, such as a frame.
 
-    What an item draws depends on nothing drawn before, so items can be generated in any order.
+    The stream of an element does not depend on those of others: they can be drawn in any order.
 
-    :param index: of the item, >= 0.
+    :param index: number of the element, >= 0.
     """
     key = (_key(source), index)
     return Generator(SFC64(SeedSequence(entropy=seed, spawn_key=key)))
@@ -84,112 +62,73 @@ def axis_generators(seed: int, source: str) -> list[Generator]:
     return [generator(seed, f"{source}.{axis}") for axis in AXES]
 
 
-# SeedSequence with entropy=seed and spawn_key=(key,), as NumPy has it (M. E. O'Neill, "Developing a
-# seed_seq alternative", 2015), over integers and over arrays of uint64: NumPy's repeats for each of
-# the fifty streams of a run what depends on the seed alone.
+def _key(source: str) -> int:
+    """Return the number of a source's name, 32 bits."""
+    return zlib.crc32(source.encode())
+
+
+# NumPy seeds one stream at a time, and a batch has a hundred thousand of them. The following is
+# SeedSequence(entropy=seed, spawn_key=(key,)) over arrays of seeds and keys: M. E. O'Neill,
+# "Developing a seed_seq alternative", 2015, with the constants of numpy/random/bit_generator.pyx.
 _WORD: Final = 0xFFFFFFFF
 _XSHIFT: Final = 16
 _INIT_A, _MULT_A = 0x43B0D7E5, 0x931E8875
 _INIT_B, _MULT_B = 0x8B51F9DD, 0x58F38DED
 _MIX_L, _MIX_R = 0xCA01F9DD, 0x4973F715
 _POOL: Final = 4
-_KEYED: Final = _POOL * (_POOL + 1)
-"""Hashes of entropy: of each word of the pool, of each word for each other word, of the key."""
+"""Number of words in the pool of entropy."""
 
 
-def _constants(first: int, factor: int, count: int) -> list[tuple[int, int]]:
+def _constants(start: int, factor: int, count: int) -> list[tuple[int, int]]:
     """Return the constant that each of successive hashes adds, and that by which it multiplies."""
-    values = [first]
+    values = [start]
     for _ in range(count):
         values.append(values[-1] * factor & _WORD)
     return list(itertools.pairwise(values))
 
 
-_OF_ENTROPY: Final = _constants(_INIT_A, _MULT_A, _KEYED)
-_OF_KEY: Final = _OF_ENTROPY[-_POOL:]
-_OF_STATE: Final = _constants(_INIT_B, _MULT_B, 6)
+_SEED_CONSTANTS: Final = _constants(_INIT_A, _MULT_A, _POOL * _POOL + _POOL)
+"""Constants of the hashes of a seed (16), then of a key (4)."""
+_STATE_CONSTANTS: Final = _constants(_INIT_B, _MULT_B, 6)
 
 
-def _hash(word: _Word, constants: tuple[int, int]) -> _Word:
-    """Return the hash of a word of 32 bits."""
-    added, factor = constants
-    word = (word ^ added) * factor & _WORD
+def _hash(word: Words, constants: tuple[int, int]) -> Words:
+    """Return the hashes of words of 32 bits."""
+    addend, factor = constants
+    word = (word ^ addend) * factor & _WORD
     return word ^ word >> _XSHIFT
 
 
-def _mix(x: _Word, y: _Word) -> _Word:
-    """Return the mixture of two words of 32 bits."""
+def _mix(x: Words, y: Words) -> Words:
+    """Return the mixtures of pairs of words of 32 bits."""
     word = (_MIX_L * x - _MIX_R * y) & _WORD
     return word ^ word >> _XSHIFT
 
 
-def _pool(low: _Word, high: _Word) -> _PoolWords[_Word]:
-    """Return the pool of entropy after both words of a seed (``SeedSequence.mix_entropy``)."""
-    constants = iter(_OF_ENTROPY)
-    zero = low ^ low
-    pool = [_hash(word, next(constants)) for word in (low, high, zero, zero)]
-    for source in range(_POOL):
-        for target in range(_POOL):
-            if source != target:
-                pool[target] = _mix(pool[target], _hash(pool[source], next(constants)))
-    a, b, c, d = pool
-    return a, b, c, d
-
-
-@lru_cache(maxsize=8)
-def _pool_of_seed(seed: int) -> _PoolWords[int]:
-    """Return the pool of entropy after a seed."""
-    return _pool(seed & _WORD, seed >> 32)
-
-
-_keys: dict[int, None] = {}
-"""Numbers of the sources that streams had so far: the next run of a study has the same."""
-_MOST_KEYS: Final = 256
-
-
-@lru_cache(maxsize=8)
-def _words_of_seed(seed: int) -> dict[int, Words]:
-    """Return the words of SFC64 (3,) by source, those of a run made in one go."""
-    if not _keys:
-        return {}
-    low, high = (np.array([word], np.uint64) for word in (seed & _WORD, seed >> 32))
-    keys = np.array(list(_keys), np.uint64)
-    table = np.stack(_seed_words(_pool(low, high), keys), axis=-1)
-    return dict(zip(keys.tolist(), table, strict=True))
-
-
-def _seed_words(pool: _PoolWords[_Word], key: _Word) -> tuple[_Word, _Word, _Word]:
-    """Return the three words of 64 bits from which SFC64 starts.
-
-    :param pool: of the seed.
-    :param key: of the source.
-    """
-    a, b, c, d = [
-        _mix(word, _hash(key, constants)) for word, constants in zip(pool, _OF_KEY, strict=True)
-    ]
-    u, v, w, x, y, z = map(_hash, (a, b, c, d, a, b), _OF_STATE)
+def _seed_words(seeds: Words, keys: Words) -> tuple[Words, Words, Words]:
+    """Return the three words of 64 bits from which SFC64 starts, for seeds and keys broadcast."""
+    constants = iter(_SEED_CONSTANTS)
+    zero = np.zeros_like(seeds)
+    pool = [_hash(word, next(constants)) for word in (seeds & _WORD, seeds >> 32, zero, zero)]
+    for source, target in itertools.permutations(range(_POOL), 2):
+        pool[target] = _mix(pool[target], _hash(pool[source], next(constants)))
+    a, b, c, d = (_mix(word, _hash(keys, next(constants))) for word in pool)
+    u, v, w, x, y, z = map(_hash, (a, b, c, d, a, b), _STATE_CONSTANTS)
     return u | v << 32, w | x << 32, y | z << 32
 
 
-def _key(source: str) -> int:
-    """Return the number of a source's name."""
-    return zlib.crc32(source.encode())
-
-
 _ROUNDS: Final = 12
+"""Rounds of SFC64 before its first number."""
 _BYTES: Final = 32
-"""Of a state of SFC64: three words and a counter."""
+"""Size of a state of SFC64: three words and a counter."""
 
 
 def initial_states(seeds: Integers, *sources: str) -> Words:
     """Return the states (count, 3 m, 4) of :func:`axis_generators` of m sources for each seed."""
-    words: _Numbers = np.asarray(seeds, np.uint64)[..., None]
-    keys: _Numbers = np.array(
-        [_key(f"{source}.{axis}") for source in sources for axis in AXES], np.uint64
-    )
-    a, b, c = _seed_words(_pool(words & _WORD, words >> 32), keys)
+    keys = [_key(f"{source}.{axis}") for source in sources for axis in AXES]
+    a, b, c = _seed_words(np.asarray(seeds, np.uint64)[..., None], np.array(keys, np.uint64))
     counter = np.ones(a.shape, np.uint64)
-    for _ in range(_ROUNDS):  # the start of SFC64
+    for _ in range(_ROUNDS):
         value = a + b + counter
         counter = counter + np.uint64(1)
         a = b ^ (b >> np.uint64(11))
@@ -199,31 +138,31 @@ def initial_states(seeds: Integers, *sources: str) -> Words:
 
 
 class Streams:
-    """Numbers of sources: a random stream for each axis of one unit, or of each unit of a batch.
+    """Random streams of sources: for each axis of one unit, or of each unit of a batch.
 
-    For a batch one generator draws for all: a stream is its state, 80 bytes as an object, where a
-    generator would take 1 kB, and a batch has a hundred thousand streams. Of all ways to put a
-    state into the generator and to get it back, ctypes' bytes take the least time.
+    The streams of one unit are NumPy's generators. A batch has a hundred thousand streams, for
+    which generators of 1 kB are too large: each is kept as the 32 bytes of its state, and one
+    generator takes the states in turn, through the address that NumPy publishes for ctypes.
     """
 
     def __init__(self, seed: Seed, *sources: str, numbers: str = "standard_normal") -> None:
         """Begin all streams.
 
-        :param seed: kept as it is: a batch changes its array and lets units begin again.
-        :param numbers: ``standard_normal``, or ``random``, from 0 to 1.
+        :param seed: referred to, not copied: a batch changes its array before units begin again.
+        :param numbers: method of the generator: ``standard_normal``, or ``random``, from 0 to 1.
         """
         self._seed, self._sources, self._numbers = seed, sources, numbers
         shape = (*np.shape(seed), len(AXES) * len(sources))
         self._indices = np.arange(math.prod(shape)).reshape(shape)
-        """(*units, 3 m) of the streams in the list of states."""
+        """Indices (*units, 3 m) of the streams in the list of states."""
         self._states = [b""] * self._indices.size if np.ndim(seed) else []
         self._generators: list[Generator] = []
-        """Those of one unit, by stream."""
+        """Generators (3 m) of one unit; none for a batch."""
         self._prepare()
         self.begin(...)
 
     def _prepare(self) -> None:
-        """Prepare to draw: from the streams of one unit, or by one generator for those of all."""
+        """Prepare to draw from the generators of one unit, or through the generator of a batch."""
         self._draws = [getattr(stream, self._numbers) for stream in self._generators]
         if not np.ndim(self._seed):
             return
@@ -232,20 +171,22 @@ class Streams:
         self._state = (ctypes.c_char * _BYTES).from_address(bits.ctypes.state_address)
 
     def __getstate__(self) -> dict[str, object]:
-        """Return what a copy needs; it draws by a generator of its own."""
-        left = ("_draws", "_draw", "_state")
-        return {name: value for name, value in vars(self).items() if name not in left}
+        """Return the attributes of a copy, which prepares to draw anew."""
+        prepared = ("_draws", "_draw", "_state")
+        return {name: value for name, value in vars(self).items() if name not in prepared}
 
     def __setstate__(self, state: dict[str, object]) -> None:
-        """Become a copy."""
+        """Restore a copy."""
         vars(self).update(state)
         self._prepare()
 
     def begin(self, units: Units) -> None:
-        """Let the streams of some units begin, or begin again, from their present seeds."""
+        """Begin the streams of some units, from their present seeds."""
         if not np.ndim(self._seed):
-            every = (axis_generators(int(self._seed), source) for source in self._sources)
-            self._generators = [stream for streams in every for stream in streams]
+            seed = int(self._seed)
+            self._generators = [
+                stream for source in self._sources for stream in axis_generators(seed, source)
+            ]
             self._prepare()
             return
         seeds = np.asarray(self._seed)[units]
@@ -254,7 +195,7 @@ class Streams:
             self._states[index] = states[k * _BYTES : (k + 1) * _BYTES]
 
     def next(self, count: int, units: Units = ..., axes: Any = slice(None)) -> Array:
-        """Return the next numbers (count, *units, axes) of some units and axes, by source."""
+        """Return the next numbers (count, *units, axes) of some units; axes: 3 m, by source."""
         if self._draws:
             draws = self._draws[axes] if isinstance(axes, slice) else [self._draws[k] for k in axes]
             numbers = np.empty((count, len(draws)), order="F")
@@ -264,12 +205,11 @@ class Streams:
         indices = self._indices[units][..., axes]
         numbers = np.empty((count, *indices.shape), order="F")
         rows = numbers.reshape(count, indices.size, order="F").T
-        pairs = zip(indices.ravel("F").tolist(), rows, strict=True)
-        generator, states, draw = self._state, self._states, self._draw
-        for index, row in pairs:
-            generator.raw = states[index]
+        state, states, draw = self._state, self._states, self._draw
+        for index, row in zip(indices.ravel("F").tolist(), rows, strict=True):
+            state.raw = states[index]
             draw(out=row)
-            states[index] = generator.raw
+            states[index] = state.raw
         return numbers
 
 
