@@ -25,8 +25,8 @@ Seed: TypeAlias = "int | Integers"
 """Seed of one unit; or (count,), the seeds of the units of a batch."""
 Units: TypeAlias = Any
 """Units of a batch, as an index of their arrays; ``...`` for all of them, or for one unit."""
-Words: TypeAlias = NDArray[np.uint64]
-"""Words of 32 or 64 bits."""
+Words: TypeAlias = NDArray[np.integer[Any]]
+"""Words of 32 or 64 bits, as uint64."""
 
 
 def generator(seed: int, source: str) -> Generator:

@@ -7,12 +7,14 @@ from __future__ import annotations
 
 import glob
 import time
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Collection, Iterator, Mapping, Sequence
+from concurrent.futures import Executor
 from contextlib import ExitStack, closing, nullcontext
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Annotated, Any, Final
 
+from imu_sim_ros.bags.outputs import Outputs, Target
 from imu_sim_ros.bags.threads import cores, prefetch, threads
 from imu_sim_ros.bags.writer import BagOptions, check_split
 from imu_sim_ros.core import arguments
@@ -34,6 +36,7 @@ from imu_sim_ros.jobs.writing import (
     Compression,
     DiscardPartial,
     Force,
+    Form,
     Format,
     Journal,
     Output,
@@ -53,7 +56,7 @@ from imu_sim_ros.jobs.writing import (
 from imu_sim_ros.parameters import files
 from imu_sim_ros.parameters.sections import flatten
 from imu_sim_ros.sensors import named_sensors, switches
-from imu_sim_ros.sensors.declaration import Companion
+from imu_sim_ros.sensors.declaration import Companion, Mounted
 from imu_sim_ros.sensors.imu.presets import load_all
 from imu_sim_ros.sensors.pose.declaration import NAME as POSE
 from imu_sim_ros.simulation.engine import Body
@@ -74,6 +77,7 @@ from imu_sim_ros.simulation.topics import offered
 from imu_sim_ros.terminal.progress import progress
 from imu_sim_ros.terminal.signatures import Heading, Text
 from imu_sim_ros.trajectory.build import build_trajectory
+from imu_sim_ros.trajectory.parameters import PoseReader
 
 BLOCK_SIZE: Final = 16384
 _MAX_JOBS: Final = 1024
@@ -242,7 +246,7 @@ def generate(
     renderers = cores() if jobs is None else jobs
     arguments.whole("jobs", renderers, f"from 1 to {_MAX_JOBS}", 1, _MAX_JOBS)
     journal, problems = Journal(), Problems()
-    layers, motion = described(
+    layers, motion = run_parameters(
         journal,
         problems,
         params_file,
@@ -257,111 +261,205 @@ def generate(
         cameras=cameras,
         scene=scene,
     )
-    built = load_simulator(layers, problems=problems)
+    simulation = load_simulator(layers, problems=problems)
 
-    # What is to be written: topics, and the files next to the output.
-    sensors, dataset = mounted(built), form.dataset
-    check_form(dataset, path, sensors)
-    names = chosen_topics(sensors, dataset, path, form.topics, form.renamed, imu_only)
-    topics_by_name = offered(sensors)
+    sensors = mounted(simulation)
+    check_form(form.dataset, path, sensors)
+    names = chosen_topics(sensors, form.dataset, path, form.topics, form.renamed, imu_only)
     fastest = max(sensor.environment.rate for sensor in sensors.values())
-    check_split(form.bag.split_duration, 1.0 / fastest, built.duration or 0.0)
-    values = flatten(built)
-    folders = [
-        Path(str(file_name))
-        for name, file_name in values.items()
-        if name.endswith(".file") and file_name
-    ]
-    inputs = [*parameter_files(params_file), *values.values(), *folders]
-    written = outputs(force, discard_partial, inputs)
+    check_split(form.bag.split_duration, 1.0 / fastest, simulation.duration or 0.0)
+    inputs = [*parameter_files(params_file), *_possible_inputs(flatten(simulation))]
+    staging = outputs(force, discard_partial, inputs)
     started = time.perf_counter()
-    whole = written.add(path, kept=True)
-    if with_configs:
-        configs = written.add(truth_files.configs(path), companion_of=whole).path
-    of_sensors: dict[str, list[Path]] = {}
-    truths: dict[Path, str] = {}
-    if dataset not in _WITHOUT_READINGS and not path.parent.is_file():  # one line will do
-        for file, text in truth_files.new_truths(path, built).items():
-            truths[written.add(file, companion_of=whole, kept=True).path] = text
-        for name, companion_files in truth_files.companions(path, sensors).items():
-            of_sensors[name] = [
-                written.add(file, companion_of=whole).path for file in companion_files
-            ]
-    sensor_names = {topics_by_name[name].name for name in names} | of_sensors.keys() | {POSE}
-    sensor_names |= {name for name, sensor in sensors.items() if dataset in sensor.sensor.datasets}
+    output_files = _output_files(staging, path, form.dataset, simulation, sensors, with_configs)
+    needed = _needed_sensors(sensors, names, form.dataset) | output_files.companions.keys()
 
-    def pose_reader(file: str | Path, topic: str | None = None) -> States:
-        poses = motion.pose_reader(file, topic, skip)
-        if poses.skipped:
-            journal.remark(f"{file}: {poses.skipped} bad rows skipped")
-        return poses
-
-    # The run.
-    long = any(sensor.sensor.apart for sensor in sensors.values())
-    with written.staged(), threads(renderers) if long else nullcontext() as pool:
-        for truth, text in truths.items():
-            truth.write_text(text, encoding="utf-8")
-        moving = None
-        if not segments_of_imus(built):
-            moving = build_trajectory(built.trajectory, pose_reader, motion.trajectory)
-        body = Body(built, pose_reader, trajectory=moving, sensors=sensor_names, threads=pool)
-        if body.total is None:
-            raise ConfigurationError(
-                f"{stated('duration', '0')}: this trajectory has no end; give a duration, for "
-                "instance 20s"
-            )
+    renders = any(sensor.sensor.apart for sensor in sensors.values())
+    with staging.staged(), threads(renderers) if renders else nullcontext() as pool:
+        for truth_file, text in output_files.truths.items():
+            truth_file.write_text(text, encoding="utf-8")
+        pose_reader = _pose_reader(motion, skip, journal)
+        body = _body(simulation, pose_reader, motion, needed, pool)
         for line in body.warnings():
             journal.warn(line)
         for line in body.notes():
             journal.note(line)
-        with (
-            open_output(
-                dataset,
-                whole.path,
-                names,
-                sensors,
-                body.world,
-                renderers,
-                journal.warn,
-                form.bag,
-            ) as target,
-            ExitStack() as stack,
-            progress(f"writing {path}", lambda: body.total or 0) as advance,
-            closing(prefetch(body.windows(BLOCK_SIZE))) as windows,
-        ):
-            whole.summary = target.summary
-            companions: dict[str, Companion] = {}
-            for name, files_of_one in of_sensors.items():
-                sensor = sensors[name]
-                assert sensor.sensor.companions is not None
-                companion_file = sensor.sensor.companions.open(
-                    sensor.own, sensor.environment, body.t0_ns, files_of_one
-                )
-                companions[name] = stack.enter_context(closing(companion_file))
-            samples, imu_names = 0, imus_in(body.sensors)
-            frame_counts = {name: 0 for name in sorted(sensor_names) if sensors[name].sensor.sees}
-            for window in windows:  # computed by another thread
-                target.write(window)
-                for name, companion in companions.items():
-                    companion.write(window[name])
-                for name in frame_counts:
-                    frame_counts[name] += len(window[name].t_ns)
-                lengths = [len(window[name].t_ns) for name in imu_names]
-                samples += sum(lengths)
-                advance(max(lengths))
-        for name, number in frame_counts.items():
-            if not number:
-                rate = sensors[name].own.rate
-                journal.warn(f"{name}: not a single frame in the whole run, at {rate:g} Hz")
-        if with_configs:
-            _write_configs(configs, path.name, body, names, format, journal)
-        size = _size(whole.path)
+        output_form = replace(form, renamed=names)
+        messages, samples = _write_samples(
+            body, sensors, needed, output_files, output_form, renderers, journal
+        )
+        if output_files.configs is not None:
+            _write_configs(output_files.configs, path.name, body, names, format, journal)
+        size = _size(output_files.output.path)
     wall_s = time.perf_counter() - started
-    lines, notes = tuple(journal.lines), tuple(journal.notes)
-    return Generated(path, target.counts, samples, size, wall_s, lines, notes)
+    return Generated(
+        path, messages, samples, size, wall_s, tuple(journal.lines), tuple(journal.notes)
+    )
 
 
-def described(
+@dataclass(frozen=True)
+class _OutputFiles:
+    """Files that a run writes, at the paths where they are staged."""
+
+    output: Target
+    """The bag or dataset."""
+    configs: Path | None
+    """Folder of the configurations of other stacks; None: they are not asked for."""
+    truths: Mapping[Path, str]
+    """Text of each file of realised parameters."""
+    companions: Mapping[str, Sequence[Path]]
+    """Files of a sensor's own programs, such as RINEX, by the name of the sensor."""
+
+
+def _output_files(
+    staging: Outputs,
+    path: Path,
+    dataset: str | None,
+    simulation: SimulationParameters,
+    sensors: Mapping[str, Mounted],
+    with_configs: bool,
+) -> _OutputFiles:
+    """Add a bag or dataset and the files next to it to the outputs that are staged.
+
+    :param path: final path of the bag or dataset.
+    :param dataset: format of the dataset; None: a bag.
+    :raises InputError: if another output of this name has another realised truth.
+    """
+    output = staging.add(path, kept=True)
+    configs = None
+    if with_configs:
+        configs = staging.add(truth_files.configs(path), companion_of=output).path
+    truths: dict[Path, str] = {}
+    companions: dict[str, list[Path]] = {}
+    # An output in a place that is a file is refused with a single line.
+    if dataset not in _WITHOUT_READINGS and not path.parent.is_file():
+        for file, text in truth_files.new_truths(path, simulation).items():
+            truths[staging.add(file, companion_of=output, kept=True).path] = text
+        for name, companion_files in truth_files.companions(path, sensors).items():
+            companions[name] = [
+                staging.add(file, companion_of=output).path for file in companion_files
+            ]
+    return _OutputFiles(output, configs, truths, companions)
+
+
+def _possible_inputs(values: Mapping[str, object]) -> Iterator[object]:
+    """Yield the values of parameters that may name files, those of ``NAME.file`` as paths."""
+    yield from values.values()
+    for name, value in values.items():
+        if name.endswith(".file") and value:
+            yield Path(str(value))
+
+
+def _needed_sensors(
+    sensors: Mapping[str, Mounted], names: Mapping[str, str], dataset: str | None
+) -> set[str]:
+    """Return the names of the sensors whose samples are written, and of the true pose.
+
+    :param names: name in the output of each topic that is written.
+    :param dataset: format of the dataset; None: a bag.
+    """
+    topics = offered(sensors)
+    of_dataset = {name for name, mount in sensors.items() if dataset in mount.sensor.datasets}
+    return {POSE, *(topics[name].name for name in names)} | of_dataset
+
+
+def _pose_reader(motion: GivenMotion, skip_bad_rows: bool, journal: Journal) -> PoseReader:
+    """Return the reader of the trajectory's file; the journal tells how many rows it skips."""
+
+    def read(file: str | Path, topic: str | None = None) -> States:
+        poses = motion.pose_reader(file, topic, skip_bad_rows)
+        if poses.skipped:
+            journal.remark(f"{file}: {poses.skipped} bad rows skipped")
+        return poses
+
+    return read
+
+
+def _body(
+    simulation: SimulationParameters,
+    pose_reader: PoseReader,
+    motion: GivenMotion,
+    sensors: Collection[str],
+    pool: Executor | None,
+) -> Body:
+    """Return the body of a run that has an end.
+
+    :param sensors: names of the sensors that are read in addition to the IMUs.
+    :param pool: threads that render images and scans; None: nothing is rendered.
+    :raises ConfigurationError: for a run without an end, and for inconsistent parameters.
+    """
+    trajectory = None
+    if not segments_of_imus(simulation):
+        trajectory = build_trajectory(simulation.trajectory, pose_reader, motion.trajectory)
+    body = Body(simulation, pose_reader, trajectory=trajectory, sensors=sensors, threads=pool)
+    if body.total is None:
+        raise ConfigurationError(
+            f"{stated('duration', '0')}: this trajectory has no end; give a duration, for "
+            "instance 20s"
+        )
+    return body
+
+
+def _write_samples(
+    body: Body,
+    sensors: Mapping[str, Mounted],
+    needed: Collection[str],
+    output_files: _OutputFiles,
+    form: Form,
+    renderers: int,
+    journal: Journal,
+) -> tuple[dict[str, int], int]:
+    """Write all samples of a body to the output and to the companion files.
+
+    :param sensors: all sensors of the body; ``needed``: names of those that are read.
+    :param form: form of the output; ``renamed`` has each topic that is written.
+    :param renderers: number of threads that encode images.
+    :returns: messages by topic, and the number of samples of all IMUs.
+    """
+    imu_names = imus_in(body.sensors)
+    frame_counts = {name: 0 for name in sorted(needed) if sensors[name].sensor.sees}
+    samples = 0
+    with (
+        open_output(
+            form.dataset,
+            output_files.output.path,
+            form.renamed,
+            sensors,
+            body.world,
+            renderers,
+            journal.warn,
+            form.bag,
+        ) as target,
+        ExitStack() as stack,
+        progress(f"writing {output_files.output.final}", lambda: body.total or 0) as advance,
+        closing(prefetch(body.windows(BLOCK_SIZE))) as windows,
+    ):
+        output_files.output.summary = target.summary
+        companions: dict[str, Companion] = {}
+        for name, paths in output_files.companions.items():
+            mount = sensors[name]
+            assert mount.sensor.companions is not None
+            companion = mount.sensor.companions.open(
+                mount.own, mount.environment, body.t0_ns, paths
+            )
+            companions[name] = stack.enter_context(closing(companion))
+        for window in windows:
+            target.write(window)
+            for name, companion in companions.items():
+                companion.write(window[name])
+            for name in frame_counts:
+                frame_counts[name] += len(window[name].t_ns)
+            lengths = [len(window[name].t_ns) for name in imu_names]
+            samples += sum(lengths)
+            advance(max(lengths))
+    for name, count in frame_counts.items():
+        if not count:
+            rate = sensors[name].own.rate
+            journal.warn(f"{name}: not a single frame in the whole run, at {rate:g} Hz")
+    return target.counts, samples
+
+
+def run_parameters(
     journal: Journal,
     problems: Problems,
     params_file: object,
@@ -379,9 +477,9 @@ def described(
 ) -> tuple[dict[str, object], GivenMotion]:
     """Return all parameters of a run by dotted name, and its motion.
 
-    Arguments go before the files; cameras that are named replace those of the files.
+    Arguments override the values of files; cameras of arguments replace those of files.
 
-    :param journal: receives notes about what has an unexpected effect.
+    :param journal: receives notes about parameters and presets without effect.
     :param problems: receives a line for each argument or file that cannot be used.
 
     The other arguments are those of :func:`generate`.
@@ -438,8 +536,9 @@ def described(
 
 
 def _on_segments(segments: object, file: object) -> dict[str, object]:
-    """Return the parameters of a body that is one segment, or of IMUs on several.
+    """Return the parameters of segments: the motion of the body, or IMUs on several segments.
 
+    :param segments: names of segments in the file of the trajectory.
     :param file: file of the trajectory.
     """
     layer, imu_names = segment_layer(segments, file)
@@ -467,11 +566,11 @@ def _write_configs(
     format: str | None,
     journal: Journal,
 ) -> None:
-    """Write each stack's configuration, and all parameters.
+    """Write the configuration of each supported stack, and a file of all parameters.
 
-    :param output: the name of what they belong to.
-    :param names: of the topics that are written, by their own names.
-    :param format: the dataset that was asked for; None: a bag, or what its name implies.
+    :param output: name of the bag or dataset.
+    :param names: name in the bag of each topic that is written.
+    :param format: argument ``format`` of :func:`generate`.
     """
     from imu_sim_ros.datasets.configurations import bagcreater_topics, write_configs
 

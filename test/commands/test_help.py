@@ -16,7 +16,7 @@ import pytest
 
 from imu_sim_ros.commands import control, start
 from imu_sim_ros.core.errors import Problems
-from imu_sim_ros.jobs.generate import described
+from imu_sim_ros.jobs.generate import run_parameters
 from imu_sim_ros.jobs.writing import Journal
 from imu_sim_ros.parameters import files
 from imu_sim_ros.sensors import named_sensors, switches
@@ -183,7 +183,7 @@ def body_of(arguments):
     overrides = {**sensors, "parameters": dict(arguments.parameters or ())}
     usual = ("imu", "trajectory", "duration", "rate", "seed", "robust", "cameras", "scene")
     settings = {name: chosen for name in usual if (chosen := getattr(arguments, name))}
-    chosen, _ = described(Journal(), Problems(), arguments.params_file, overrides, **settings)
+    chosen, _ = run_parameters(Journal(), Problems(), arguments.params_file, overrides, **settings)
     return load_simulator(chosen)
 
 

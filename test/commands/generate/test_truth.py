@@ -14,7 +14,7 @@ from imu_sim_ros.bags.read import read_imu
 from imu_sim_ros.bags.recorder_parameters import RecorderParameters
 from imu_sim_ros.commands import calibrate, dead_reckon, generate
 from imu_sim_ros.core.errors import Problems
-from imu_sim_ros.jobs.generate import described
+from imu_sim_ros.jobs.generate import run_parameters
 from imu_sim_ros.jobs.writing import Journal
 from imu_sim_ros.parameters import files
 from imu_sim_ros.parameters.sections import build
@@ -133,7 +133,7 @@ def test_every_shipped_file_is_understood_by_node_and_command(path):
     cameras = {"cameras": ["cam0"]} if path.parent.name in ("cameras", "scenes") else {}
     settings = {**files.load(path, "simulator"), **cameras}
     load_simulator(settings)
-    layers, _ = described(Journal(), Problems(), path, {"parameters": cameras})
+    layers, _ = run_parameters(Journal(), Problems(), path, {"parameters": cameras})
     body = load_simulator(layers)
     assert (body.rig is not None) == bool(cameras)
 
