@@ -179,7 +179,7 @@ def project(
     """Return the pixels of points, without noise: ``uv`` (n, 2) [px] and ``valid`` (n,).
 
     :param points: (n, 3) in the camera's frame, z along the view [m].
-    :param camera: a name in config/cameras, a parameter file, or the ``camera.*`` parameters.
+    :param camera: a name in config/cameras, a camera file, or the ``camera.*`` parameters.
     :returns: the pixels, and which of the points the camera sees.
     :raises ConfigurationError: with a line for each problem.
 
@@ -205,7 +205,7 @@ def tracks(
     ``generate`` with the same parameters and seed, whatever the size of the blocks.
 
     :param flight: what :func:`imu_sim_ros.simulate` returns.
-    :param camera: a name in config/cameras, a parameter file, or the ``camera.*`` parameters:
+    :param camera: a name in config/cameras, a camera file, or the ``camera.*`` parameters:
         ``{"preset": "euroc_cam0", "pixel_noise": 0.5}``.
     :param scene: a name in config/scenes, a parameter file, or a file of points or a mesh.
     :param block: frames in a block.

@@ -26,6 +26,8 @@ from imu_sim_ros.core.types import Array
 
 IDENTITY: Final[Array] = np.array([1.0, 0.0, 0.0, 0.0])
 _SMALL_ANGLE: Final = 1e-4
+_ROUNDING: Final = 1e-3
+"""Largest difference of a matrix of few digits from a rigid motion."""
 _FACTORS = np.array([[0, 1, 2, 3], [1, 0, 3, 2], [2, 3, 0, 1], [3, 2, 1, 0]])
 _SIGNS = np.array([[1, -1, -1, -1], [1, 1, 1, -1], [1, -1, 1, 1], [1, 1, -1, 1]], dtype=np.float64)
 """``(p q)_i = sum_k p_k sign_ik q_factor_ik``, in the order of :func:`multiply`."""
@@ -80,6 +82,14 @@ def pose_matrix(r_ab: ArrayLike, p_ab: ArrayLike) -> Array:
     result = np.eye(4)
     result[:3, :3], result[:3, 3] = r_ab, p_ab
     return result
+
+
+def rigid_motion(matrix: Array) -> Array | None:
+    """Return the pose (4, 4) nearest to a matrix of few digits; None if it is no rigid motion."""
+    u, _, vt = np.linalg.svd(matrix[:3, :3])
+    pose = pose_matrix(u @ vt, matrix[:3, 3])
+    is_rigid = np.abs(matrix - pose).max() <= _ROUNDING and np.linalg.det(pose) > 0.0
+    return pose if is_rigid else None
 
 
 def inverse_pose(t_ab: Array) -> Array:

@@ -16,6 +16,7 @@ from typing import Any, Final, TypeVar
 
 from imu_sim_ros.core.errors import ConfigurationError, InputError, Problems
 from imu_sim_ros.core.names import printable, unknown
+from imu_sim_ros.core.spelling import argument
 from imu_sim_ros.inputs.rows import is_present, read_text
 from imu_sim_ros.parameters.kinds import Value
 from imu_sim_ros.parameters.sections import build, flatten
@@ -106,6 +107,21 @@ def find(kind: str, name_or_file: str, option: str = "") -> Path:
     raise ConfigurationError(f"{option}: {line}" if option else line)
 
 
+def split_part(path: str | Path) -> tuple[Path, str]:
+    """Return file and name of ``FILE#imu1``; the name is empty if the path has none."""
+    file, mark, name = str(path).rpartition("#")
+    if not mark or _exists(path):
+        return Path(path), ""
+    return Path(file), name
+
+
+def _exists(path: str | Path) -> bool:
+    try:
+        return Path(path).exists()
+    except (OSError, ValueError):  # too long, or with a null character
+        return False
+
+
 def load(path: str | Path, node: str = "simulator") -> dict[str, object]:
     """Return the parameters that a ROS 2 parameter file gives to a node, by dotted name.
 
@@ -153,8 +169,8 @@ def parameters_of(tree: Mapping[Any, Any], path: Path, node: str) -> dict[str, o
     cameras = [name for name, content in tree.items() if _is_of_chain(content)]
     if not sections and cameras:
         raise ConfigurationError(
-            f"{path}: a camera chain of kalibr or OpenVINS ({', '.join(cameras)}): it is written "
-            "(generate --with-configs), not read; parameters camera.* state the same values"
+            f"{path}: a camera chain of kalibr or OpenVINS ({', '.join(cameras)}): give it as "
+            f"{argument('camera')} or camera.preset, {path.name}#{cameras[0]}"
         )
     if not sections:
         raise ConfigurationError(f"{path}: no section for the node {node} (/{node} or /**)")

@@ -87,7 +87,7 @@ def test_every_trajectory_loads_and_round_trips(trajectory, tmp_path):
         (
             "cam0:\n  camera_model: pinhole\n  intrinsics: [458.6, 457.3, 367.2, 248.4]\n"
             "cam1:\n  camera_model: pinhole\n  intrinsics: [457.6, 456.1, 380.0, 255.2]\n",
-            r"a camera chain of kalibr or OpenVINS \(cam0, cam1\): it is written",
+            r"camera chain of kalibr or OpenVINS \(cam0, cam1\): give it as camera=... or camera",
         ),
         ("/**: [unclosed\n", "not a YAML file"),
         ("a: &a [*a]\n", "contains itself"),

@@ -21,6 +21,7 @@ from imu_sim_ros.parameters.kinds import choice, texts
 from imu_sim_ros.parameters.sections import listed_names, section, sections_by_name, variant
 from imu_sim_ros.places.mesh_file import is_mesh
 from imu_sim_ros.sensors import CAMERAS
+from imu_sim_ros.sensors.camera import calibration_files
 from imu_sim_ros.sensors.camera.parameters import CameraParameters
 from imu_sim_ros.sensors.camera.scene_parameters import (
     TYPES,
@@ -128,7 +129,7 @@ def layer_rig(parameters: Mapping[str, object], problems: Problems) -> dict[str,
         }
         merged: dict[str, object] = {"camera.preset": DEFAULT_CAMERA, **of_all, **camera_settings}
         with problems.gathered():
-            preset = files.load(files.find("cameras", str(merged["camera.preset"])))
+            preset = calibration_files.load(str(merged["camera.preset"]))
             merged = {**preset, **merged}
         result.update({f"{name}.{key}": value for key, value in merged.items()})
     kind = str(result.get("scene.type", DEFAULT_SCENE))

@@ -24,7 +24,7 @@ import numpy as np
 from imu_sim_ros.core.conventions import TRIADS
 from imu_sim_ros.core.errors import ConfigurationError
 from imu_sim_ros.core.names import nearest, shown, suggestion
-from imu_sim_ros.core.rotation import inverse_pose, pose_matrix
+from imu_sim_ros.core.rotation import inverse_pose, rigid_motion
 from imu_sim_ros.core.types import Array
 from imu_sim_ros.parameters.files import dotted
 from imu_sim_ros.parameters.sections import parameters
@@ -85,8 +85,6 @@ _KEYS: Final = (
     *(*_PARAMETERS, *_SIGMAS, *_INTRINSICS, *_POSES, *_UNUSED),
     *("time_offset", "sensor_type"),
 )
-_ROUNDING: Final = 1e-3
-"""Largest difference of a matrix of few digits from a rigid motion."""
 _EXACT: Final = 1e-9
 """Largest difference of a matrix that is rounding, smallest determinant."""
 
@@ -248,9 +246,8 @@ def _add_pose(file: _File, key: str, value: object) -> None:
     matrix = file.array(key, value, (4, 4))
     if matrix is None:
         return
-    u, _, vt = np.linalg.svd(matrix[:3, :3])
-    rigid = pose_matrix(u @ vt, matrix[:3, 3])  # without the rounding of the file's digits
-    if np.abs(matrix - rigid).max() > _ROUNDING or np.linalg.det(rigid) < 0.0:
+    rigid = rigid_motion(matrix)  # without the rounding of the file's digits
+    if rigid is None:
         file.problems.append(f"{key}: must be a rigid motion: a rotation, and 0 0 0 1 below")
     elif np.abs(rigid - np.eye(4)).max() > _EXACT:
         pose = inverse_pose(rigid) if key == "T_i_b" else rigid

@@ -29,7 +29,7 @@ def load(path: str | Path, node: str = "simulator") -> dict[str, object]:
     :param node: the node's name without namespace.
     :raises ConfigurationError: for a file that cannot be read or has another form.
     """
-    file, imu = _file_and_imu(path)
+    file, imu = files.split_part(path)
     tree = files.read_tree(file)
     if not imu and (files.has_sections(tree) or not calibration_files.is_readable(tree)):
         return files.parameters_of(tree, file, node)
@@ -49,21 +49,6 @@ def load_all(paths: Iterable[str | Path], node: str) -> dict[str, object]:
             result.update(load(path, node))
     problems.tell()
     return result
-
-
-def _file_and_imu(path: str | Path) -> tuple[Path, str]:
-    """Return the two parts of ``FILE#IMU``; the second one is empty if no IMU is named."""
-    file, mark, imu = str(path).rpartition("#")
-    if not mark or _exists(path):
-        return Path(path), ""
-    return Path(file), imu
-
-
-def _exists(path: str | Path) -> bool:
-    try:
-        return Path(path).exists()
-    except (OSError, ValueError):  # too long, or with a null character
-        return False
 
 
 def sensor_layer(
@@ -86,7 +71,7 @@ def sensor_layer(
     result: dict[str, object] = {}
     passed: list[Path] = []
     while True:
-        file, imu = _file_and_imu(name_or_file)
+        file, imu = files.split_part(name_or_file)
         path = find("imus", str(file))
         if passed and path.resolve() in [ancestor.resolve() for ancestor in passed]:
             raise ConfigurationError(f"{path}: imu.preset = {name_or_file} leads back to this file")
