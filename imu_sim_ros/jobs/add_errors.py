@@ -24,7 +24,7 @@ from imu_sim_ros.core.conventions import (
     IMU_TOPIC,
     TRIADS,
 )
-from imu_sim_ros.core.errors import ConfigurationError, InputError, warn
+from imu_sim_ros.core.errors import ConfigurationError, InputError, Problems, warn
 from imu_sim_ros.core.records import LiveReading, Readings
 from imu_sim_ros.core.types import Array, Integers, Mask, Times
 from imu_sim_ros.jobs.flight import Flight, Source
@@ -810,11 +810,14 @@ def layers_of(
 
     :raises ConfigurationError: with a line for each argument that is not what it must be.
     """
-    layers = load_all(parameter_files(params_file), NODE)
-    of_sensor = imu_parameters(imu)
+    of_files, of_sensor, problems = dict[str, object](), dict[str, object](), Problems()
+    with problems.gathered(hanging=""):
+        of_files = load_all(parameter_files(params_file), NODE)
+    with problems.gathered():
+        of_sensor = imu_parameters(imu)
     of_sensor.pop("rate", None)  # readings have one of their own
     keywords, overrides = keyword_parameters(parameters)
-    layers |= {**of_sensor, **keywords}
+    layers = {**of_files, **of_sensor, **keywords}
     if input is not None:
         if not isinstance(input, Mapping):
             refuse("input", input, "parameters by name", wrong_type=True)
@@ -823,7 +826,10 @@ def layers_of(
         layers["seed"] = seed
     if rate is not None:
         layers["rate"] = rate
-    return {**layers, **overrides}
+    layers |= overrides
+    if problems:
+        load_error_model(layers, problems=problems)
+    return layers
 
 
 def with_rate(layers: Mapping[str, object], rate: Callable[[], float]) -> ErrorModelParameters:

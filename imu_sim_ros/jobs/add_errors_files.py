@@ -8,6 +8,7 @@ from __future__ import annotations
 import shutil
 import tempfile
 import time
+import warnings
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from functools import partial
@@ -71,7 +72,7 @@ from imu_sim_ros.jobs.writing import (
 )
 from imu_sim_ros.sensors.imu.declaration import NAME as IMU
 from imu_sim_ros.simulation.error_model import GivenImu
-from imu_sim_ros.simulation.error_parameters import orientation_problems
+from imu_sim_ros.simulation.error_parameters import layer_error_model, orientation_problems
 from imu_sim_ros.simulation.given_sensor import Counts
 from imu_sim_ros.simulation.topics import OF_THE_ERROR_MODEL, delivered, resolved
 from imu_sim_ros.terminal.progress import progress
@@ -197,14 +198,23 @@ def add_errors_to_file(
     topic = None if input_topic is None else arguments.text("input_topic", input_topic, "a topic")
     selection = frame, gyro_topic, accel_topic, gyro_unit, accel_unit
     choice = checked_choice(topic, *selection, of_a_file=True, topic_name="input_topic")
-    problems = Problems()
+    problems, layers = Problems(), dict[str, object]()
     with problems.gathered():
-        layers = layers_of(imu, seed, params_file, input, parameters, rate)
+        layers |= layers_of(imu, seed, params_file, input, parameters, rate)
         if twist_frame is not None:
             layers["input.twist_frame"] = arguments.one_of("twist_frame", twist_frame, TWIST_FRAMES)
-    if problems and has_topics(source_path):
-        with problems.gathered(), open_bag(source_path):
-            pass
+    if not problems:  # a preset that cannot be read hides nothing that is wrong with the source
+        with warnings.catch_warnings():
+            warnings.simplefilter("ignore")
+            layer_error_model(layers, problems)
+    if problems:
+        with problems.gathered(), warnings.catch_warnings():
+            warnings.simplefilter("ignore")
+            if has_topics(source_path):
+                with open_bag(source_path):
+                    pass
+            else:
+                next(reading_blocks(source_path, choice), None)
     problems.tell()
     input_files = [source_path, *parameter_files(params_file), *layers.values()]
     written = outputs(force, discard_partial, input_files)

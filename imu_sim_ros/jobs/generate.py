@@ -30,7 +30,7 @@ from imu_sim_ros.datasets.forms import (
     open_output,
 )
 from imu_sim_ros.jobs.segments import Segments, segment_layer
-from imu_sim_ros.jobs.simulate import GivenMotion, Moving, argument_layers
+from imu_sim_ros.jobs.simulate import GivenMotion, Moving, argument_layers, with_poses
 from imu_sim_ros.jobs.writing import (
     OUTPUT,
     Compression,
@@ -261,7 +261,8 @@ def generate(
         cameras=cameras,
         scene=scene,
     )
-    simulation = load_simulator(layers, problems=problems)
+    with with_poses(layers, motion):
+        simulation = load_simulator(layers, problems=problems)
 
     sensors = mounted(simulation)
     check_form(form.dataset, path, sensors)

@@ -6,7 +6,9 @@
 from __future__ import annotations
 
 import os
+import warnings
 from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
+from contextlib import contextmanager
 from os import PathLike
 from pathlib import Path
 from typing import Any, Final, NamedTuple, TypeAlias, overload
@@ -260,7 +262,9 @@ def _body(
         file = values.get("trajectory.file", file_values.get("trajectory.file"))
         with problems.gathered():
             segment_values, imu_names = segment_layer(segments, file)
-    built = load_simulation({**file_values, **segment_values, **values}, problems=problems)
+    layers = {**file_values, **segment_values, **values}
+    with with_poses(layers, motion):
+        built = load_simulation(layers, problems=problems)
     for listing, supported in (("imus", "one IMU"), ("cameras", "no cameras: see camera.images")):
         if getattr(built, listing) and not (listing == "imus" and imu_names):
             names = list(getattr(built, listing))
@@ -281,6 +285,28 @@ def _body(
     for line in body.warnings():
         warn(line)
     return body, imu_names
+
+
+@contextmanager
+def with_poses(layers: Mapping[str, object], motion: GivenMotion) -> Iterator[None]:
+    """Tell of poses that cannot be read, too, if parameters cannot be used.
+
+    Otherwise they are read later, when a trajectory is made of them.
+
+    :param layers: parameters by dotted name.
+    """
+    try:
+        yield
+    except ConfigurationError as error:
+        file, topic = layers.get("trajectory.file"), layers.get("trajectory.topic")
+        poses = Problems()
+        if isinstance(file, str) and file:
+            with poses.gathered(), warnings.catch_warnings():
+                warnings.simplefilter("ignore")
+                motion.pose_reader(file, *((str(topic),) if topic else ()))
+        if not poses:
+            raise
+        raise ConfigurationError([*error.problems, *poses]) from None
 
 
 def argument_layers(

@@ -212,13 +212,16 @@ def layer_error_model(parameters: Mapping[str, object], problems: Problems) -> d
 
 
 def load_error_model(
-    parameters: Mapping[str, object], cls: type[ErrorModelParameters] = ErrorModelParameters
+    parameters: Mapping[str, object],
+    cls: type[ErrorModelParameters] = ErrorModelParameters,
+    problems: Problems | None = None,
 ) -> Any:
     """Return the error model that parameters describe.
 
+    :param problems: found before, told with those found here.
     :raises ConfigurationError: with a line for each problem.
     """
-    return build_layered(cls, layer_error_model, parameters)
+    return build_layered(cls, layer_error_model, parameters, problems=problems)
 
 
 def orientation_problems(imu: ImuParameters, prefix: str = "") -> Iterator[str]:
