@@ -5,11 +5,11 @@
 
 import dataclasses
 import itertools
-from collections.abc import Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping
 from pathlib import Path
-from typing import Any, Final, Protocol
+from typing import TYPE_CHECKING, Final, Protocol, TypeVar
 
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
 from imu_sim_ros.core import arguments
 from imu_sim_ros.core.errors import ConfigurationError
@@ -19,9 +19,9 @@ from imu_sim_ros.sensors.camera.frames import Camera
 from imu_sim_ros.sensors.camera.model import Projection
 from imu_sim_ros.sensors.camera.model import reprojection_errors as reprojection_errors
 from imu_sim_ros.sensors.camera.rig_parameters import (
-    RigParameters,
     axes,
     load_rig,
+    rig_parameters_of,
     rig_problems,
     scene_layer,
 )
@@ -34,6 +34,11 @@ from imu_sim_ros.simulation.parameters import SimulationParameters, load_simulat
 from imu_sim_ros.simulation.sensors import mounted
 from imu_sim_ros.trajectory.motion import Trajectory
 from imu_sim_ros.trajectory.parameters import PosesParameters
+
+if TYPE_CHECKING:
+    from imu_sim_ros.sensors.camera.images.imager import Imager
+
+_Pixels = TypeVar("_Pixels", Bytes, Single)
 
 BLOCK: Final = 64
 """Frames generated at once."""
@@ -51,7 +56,7 @@ class Rig:
         :raises InputError: for a file of points that cannot be used.
         """
         self.cameras, self.world = cameras_in(sensors), world
-        self.parameters: RigParameters = next(iter(self.cameras.values())).environment.rig
+        self.parameters = rig_parameters_of(next(iter(self.cameras.values())).environment)
         self.trajectory, self.scene = world.trajectory, world.scene
         self._models = {
             name: Camera(mounted_camera, world.t0_ns, {}).within(world)
@@ -87,7 +92,7 @@ class Rig:
         :raises ConfigurationError: for a scene without surfaces.
         :raises MissingDependencyError: if OpenCV or numba is not installed.
         """
-        return self._frames(name, "image")
+        return self._frames(name, lambda imager: imager.image)
 
     def depths(self, name: str) -> Iterator[tuple[int, Single]]:
         """Yield the stamp [ns] and the true depth (h, w) [m] of all frames of a camera.
@@ -97,7 +102,7 @@ class Rig:
         :raises ConfigurationError: for a scene without surfaces.
         :raises MissingDependencyError: if OpenCV or numba is not installed.
         """
-        return self._frames(name, "depth")
+        return self._frames(name, lambda imager: imager.depth)
 
     def flows(self, name: str) -> Iterator[tuple[int, Single]]:
         """Yield the stamp [ns] and the optical flow (h, w, 2) [px] of all frames of a camera.
@@ -108,15 +113,21 @@ class Rig:
         :raises ConfigurationError: for a scene without surfaces.
         :raises MissingDependencyError: if OpenCV or numba is not installed.
         """
-        return self._frames(name, "flow")
+        return self._frames(name, lambda imager: imager.flow)
 
-    def _frames(self, name: str, what: str) -> Iterator[tuple[int, NDArray[Any]]]:
-        view, make = self.views[name], getattr(self._models[name].imager, what)
+    def _frames(
+        self, name: str, renderer: "Callable[[Imager], Callable[[int], _Pixels]]"
+    ) -> Iterator[tuple[int, _Pixels]]:
+        """Yield the stamp [ns] and the pixels of the delivered frames of a camera.
+
+        :param renderer: returns the function that renders the pixels of a frame by its number.
+        """
+        view, render = self.views[name], renderer(self._models[name].imager)
         numbers = itertools.count() if view.total is None else range(view.total)
         for number in numbers:
             frames = view.frames(number, 1)
             if frames.delivered[0]:
-                yield int(frames.t_ns[0]), make(number)
+                yield int(frames.t_ns[0]), render(number)
 
 
 def build_rig(parameters: Mapping[str, object]) -> Rig:

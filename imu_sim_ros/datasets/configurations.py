@@ -26,7 +26,7 @@ from imu_sim_ros.simulation.sensors import all_tables, imus_in
 from imu_sim_ros.simulation.topics import resolved
 
 if TYPE_CHECKING:
-    from imu_sim_ros.sensors.camera.rig_parameters import RigParameters
+    pass
 
 _START: Final = 60.0
 """Length of the start of a flight that is searched for an initialisation [s]."""
@@ -90,7 +90,8 @@ def rig_values(
     """
     if not parameters.cameras:
         return None
-    rig: RigParameters = parameters.rig
+    rig = parameters.rig
+    assert rig is not None
     topics = {camera: _image_topic(camera, names) for camera in rig.cameras}
     return RigValues(values, rig.camera_parameters(), topics, rig.scene, bad)
 
@@ -151,6 +152,7 @@ def describe(
     for index, name in enumerate(imus_in(sensors)):
         imu = sensors[name]
         parameters, pose = imu.environment, imu.sensor.mount(imu.own)
+        assert isinstance(parameters, SimulationParameters)
         comment = f"simulated by imu_sim_ros, preset {imu.own.preset}, seed {parameters.seed}"
         comments[imu.space] = comment
         text_writer.write_euroc_descriptions(

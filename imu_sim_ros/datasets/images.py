@@ -15,7 +15,7 @@ from collections.abc import Callable, Iterable, Mapping
 from concurrent.futures import Future, wait
 from pathlib import Path
 from threading import Lock
-from typing import Any, Final, NamedTuple
+from typing import Final, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -36,9 +36,11 @@ from imu_sim_ros.sensors.camera.images.flow import kitti_flow
 from imu_sim_ros.sensors.camera.images.libraries import numba, opencv
 from imu_sim_ros.sensors.camera.model import CameraModel
 from imu_sim_ros.sensors.camera.parameters import CameraParameters
+from imu_sim_ros.sensors.camera.rig_parameters import rig_parameters_of
 from imu_sim_ros.sensors.camera.scene_parameters import check_surfaces
 from imu_sim_ros.sensors.camera.view import view_of
 from imu_sim_ros.sensors.declaration import Mounted
+from imu_sim_ros.sensors.samples import Samples
 from imu_sim_ros.sensors.world import World
 from imu_sim_ros.simulation.topics import Read
 
@@ -100,7 +102,7 @@ class ImageFolders:
                 depth = "" if form == "csv" else ", depth and flow"
                 warn(f"{name}: images{depth} are switched off: nothing of it is written")
         if cameras:
-            check_surfaces(next(iter(cameras.values())).environment.rig.scene)
+            check_surfaces(rig_parameters_of(next(iter(cameras.values())).environment).scene)
         self.views = [view_of(camera, world) for camera in cameras.values()]
         self._frames: list[list[_Frame]] = [[] for _ in self.views]
         self._exposures: list[list[tuple[int, float]]] = [[] for _ in self.views]
@@ -171,10 +173,10 @@ class ImageFolders:
                 self._exposures[frame.camera].append(exposure)
             self._pending.append(self._threads.submit(self._make, frame, samples, path))
 
-    def _make(self, frame: _Frame, samples: Any, path: Path) -> None:
+    def _make(self, frame: _Frame, samples: Samples, path: Path) -> None:
         camera = self.views[frame.camera].parameters
         if camera.images != "none":
-            image: NDArray[Any] = samples.image[frame.row]
+            image: Bytes = samples.image[frame.row]
             in_range = in_16_bits(image) if self._has_16_bits and image.ndim == 2 else image
             self._write_file(path, png(in_range))
         outputs = self._outputs(camera)

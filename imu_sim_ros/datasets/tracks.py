@@ -18,7 +18,7 @@ from imu_sim_ros.parameters import files
 from imu_sim_ros.parameters.sections import flatten
 from imu_sim_ros.sensors.camera.declaration import cameras_in
 from imu_sim_ros.sensors.camera.parameters import CameraParameters
-from imu_sim_ros.sensors.camera.rig_parameters import load_rig
+from imu_sim_ros.sensors.camera.rig_parameters import load_rig, rig_parameters_of
 from imu_sim_ros.sensors.camera.scene import read_points
 from imu_sim_ros.sensors.camera.tracker import TrackedLines, Tracks
 from imu_sim_ros.sensors.camera.view import view_of
@@ -97,7 +97,7 @@ class TrackFiles:
         camera = next(iter(cameras.values()))
         add_tables(self._tables, folder, view_of(camera, world), scene)
         files.write(
-            flatten(camera.environment.rig),
+            flatten(rig_parameters_of(camera.environment)),
             folder / "cameras.yaml",
             comment="The cameras of tracks.csv; a parameter file for generate.",
         )

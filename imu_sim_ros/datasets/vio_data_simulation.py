@@ -15,7 +15,7 @@ camera does not.
 
 from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
-from typing import Any, Final
+from typing import Final
 
 import numpy as np
 
@@ -163,7 +163,7 @@ class VioDataSimulation:
             self._last_ns = int(block.true_t_ns[-1])
         self._write_frames(read[self._view.name])
 
-    def _write_frames(self, samples: Any) -> None:
+    def _write_frames(self, samples: Samples) -> None:
         view, world, count = self._view, self._world, len(samples.t_ns)
         tracks, lines = samples.tracks, samples.lines
         self._frames += count

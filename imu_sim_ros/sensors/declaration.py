@@ -66,7 +66,7 @@ class Mounted(NamedTuple):
     sensor: "Sensor"
     own: Any
     """The parameters that its model is made with: those of its IMU, or its own section."""
-    environment: Any
+    environment: EnvironmentParameters
     """The parameters of its simulation: world, cameras, and the rate and seed of its IMU."""
     frame: str
     """Frame of its messages."""

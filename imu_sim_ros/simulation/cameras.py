@@ -3,16 +3,15 @@
 
 """The scene around the sensors that see."""
 
-from typing import Any
-
 import numpy as np
 
 from imu_sim_ros.sensors.camera.build import build_scene, check_path, scene_span
 from imu_sim_ros.sensors.camera.declaration import cameras_in
+from imu_sim_ros.sensors.camera.rig_parameters import rig_parameters_of
 from imu_sim_ros.sensors.camera.scene import Scene
-from imu_sim_ros.sensors.camera.scene_parameters import SceneParameters
 from imu_sim_ros.sensors.camera.view import view_of
 from imu_sim_ros.sensors.world import World
+from imu_sim_ros.simulation.parameters import SampledParameters
 from imu_sim_ros.simulation.sensors import mounted
 
 
@@ -23,8 +22,9 @@ def scene_around(world: World) -> Scene:
     :raises ConfigurationError: for a scene that does not fit the path.
     :raises InputError: for a file that cannot be used.
     """
-    parameters: Any = world.environment
-    described: SceneParameters = parameters.rig.scene
+    parameters = world.environment
+    assert isinstance(parameters, SampledParameters)
+    described = rig_parameters_of(parameters).scene
     sensors, trajectory = mounted(parameters), world.trajectory
     # A scene belongs to the trajectory, however much of it is flown.
     span = scene_span(described, trajectory.duration)

@@ -40,6 +40,10 @@ from imu_sim_ros.trajectory.parameters import (
     trajectory_layer,
 )
 
+if TYPE_CHECKING:
+    from imu_sim_ros.sensors.camera.rig_parameters import RigParameters
+    from imu_sim_ros.sensors.parameters import SensorParameters
+
 DEFAULT_TRAJECTORY = "lecture"
 
 NODE: Final = "simulator"
@@ -201,7 +205,7 @@ class OneImuParameters:
     imu: ImuParameters = section(ImuParameters)
 
 
-def _rig_parameters() -> type:
+def _rig_parameters() -> "type[RigParameters]":
     from imu_sim_ros.sensors.camera.rig_parameters import RigParameters  # most runs need none
 
     return RigParameters
@@ -231,10 +235,10 @@ class SimulationParameters(SampledParameters):
     each_imu: Mapping[str, OneImuParameters] = sections_by_name(
         "imus", lambda *_: OneImuParameters, _TAKEN
     )
-    each_sensor: Mapping[str, Any] = sections_by_name(
+    each_sensor: "Mapping[str, SensorParameters]" = sections_by_name(
         "sensors", lambda name, values: find_sensor(kind_of(name, values)).section, _TAKEN
     )
-    rig: Any = optional_section(_rig_parameters, has_scene)
+    rig: "RigParameters | None" = optional_section(_rig_parameters, has_scene)
     """Cameras and scene; None, if nothing sees one."""
 
     def problems(self, prefix: str) -> Iterator[str]:
@@ -251,6 +255,7 @@ class SimulationParameters(SampledParameters):
         if self.cameras:
             from imu_sim_ros.sensors.camera.rig_parameters import rig_problems
 
+            assert self.rig is not None
             yield from rig_problems(self.rig, self)
 
     if not TYPE_CHECKING:  # in scripts: flight.parameters.gnss.rate

@@ -64,6 +64,7 @@ def mounted(parameters: SampledParameters) -> dict[str, Mounted]:
     if isinstance(parameters, SimulationParameters) and parameters.cameras:
         from imu_sim_ros.sensors.camera.declaration import seeing  # most runs have none
 
+        assert parameters.rig is not None
         cameras = seeing(parameters.rig, parameters)
     for listed, group in (("sensors", extra_sensors), ("cameras", cameras)):
         reserved = {

@@ -78,7 +78,7 @@ class Aiding:
 
 def aiding(values: ImuValues, parameters: SimulationParameters) -> Aiding | None:
     """Return the aiding sensors of a body for an IMU; None: neither GNSS nor wheels."""
-    body = parameters.each_sensor
-    if not body.keys() & {"gnss", "wheels"}:
-        return None
-    return Aiding(values, parameters, body.get("gnss"), body.get("wheels"))
+    gnss, wheels = parameters.each_sensor.get("gnss"), parameters.each_sensor.get("wheels")
+    gnss = gnss if isinstance(gnss, GnssParameters) else None
+    wheels = wheels if isinstance(wheels, WheelsParameters) else None
+    return Aiding(values, parameters, gnss, wheels) if gnss or wheels else None

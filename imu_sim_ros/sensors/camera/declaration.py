@@ -4,7 +4,7 @@
 """A camera as the rest of the package sees it: topics of its frames, one message for each."""
 
 from collections.abc import Callable, Iterable, Mapping
-from typing import TYPE_CHECKING, Any, Final
+from typing import TYPE_CHECKING, Final, TypeAlias, TypeVar
 
 import numpy as np
 
@@ -16,63 +16,68 @@ from imu_sim_ros.core.conventions import (
     IMAGE_TOPIC,
     MASK_TOPIC,
 )
+from imu_sim_ros.core.types import Bytes, Single
 from imu_sim_ros.recordings.cameras import CameraInfo
 from imu_sim_ros.sensors.camera.features import FEATURES
 from imu_sim_ros.sensors.camera.images.files import png
 from imu_sim_ros.sensors.camera.images.libraries import numba, opencv
 from imu_sim_ros.sensors.camera.model import CameraModel
 from imu_sim_ros.sensors.camera.parameters import CameraParameters
-from imu_sim_ros.sensors.camera.rig_parameters import RigParameters
+from imu_sim_ros.sensors.camera.rig_parameters import RigParameters, rig_parameters_of
 from imu_sim_ros.sensors.camera.scene_parameters import body_names, check_surfaces
 from imu_sim_ros.sensors.camera.truths import DATASETS, LANDMARKS, moving_body
 from imu_sim_ros.sensors.declaration import Mounted, Payloads, Sensor, Topic, on_demand
+from imu_sim_ros.sensors.environment import EnvironmentParameters
 from imu_sim_ros.sensors.samples import Rows, Samples
 
 if TYPE_CHECKING:
     from imu_sim_ros.recordings.cameras import CameraInfo
-    from imu_sim_ros.sensors.deferred import Results
+    from imu_sim_ros.sensors.deferred import Each, Results
 
 _MODULE: Final = "imu_sim_ros.sensors.camera.frames"
 _IMAGE: Final = "sensor_msgs/msg/Image"
 _DISTORTIONS: Final = {"none": "plumb_bob", "radtan": "plumb_bob", "equidistant": "equidistant"}
 """The names in image_geometry and kalibr's converters."""
 
-Encode = Callable[[int, Any], bytes]
-"""Turns the stamp [ns] of a frame and what it shows into a message."""
+_Pixels = TypeVar("_Pixels")
+Encode: TypeAlias = Callable[[int, _Pixels], bytes]
+"""Function that turns the stamp [ns] and the pixels of a frame into a message."""
+_DepthAndMask: TypeAlias = tuple[Single, Bytes | None]
 
 
 def _of_pixels(
     name: str,
     kind: str,
-    value: str,
+    pixels: "Callable[[Samples], Each[_Pixels]]",
     exists: Callable[[CameraParameters], bool],
-    encoder: Callable[[Mounted, str], Encode],
+    encoder: Callable[[Mounted, str], Encode[_Pixels]],
     moving: bool = False,
 ) -> Topic:
-    """Return a topic of a value of each pixel.
+    """Return a topic with a message for each frame of a camera.
 
-    :param value: name of the value in the samples.
-    :param exists: whether a camera has it.
-    :param encoder: takes how the camera is mounted, and the encoding.
-    :param moving: it exists only in scenes in which something moves.
+    :param kind: type of the messages.
+    :param pixels: returns the pixels of each frame among the samples.
+    :param exists: returns True if a camera with these parameters has the topic.
+    :param encoder: returns the encoder of a mounted camera for ``cdr`` or ``ros1``.
+    :param moving: True if the topic exists only in scenes in which something moves.
     """
 
     def make(mounted: Mounted, encoding: str) -> Payloads:
         opencv()
         numba()
-        check_surfaces(mounted.environment.rig.scene)
+        check_surfaces(rig_parameters_of(mounted.environment).scene)
         encode = encoder(mounted, encoding)
 
         def payloads(readings: Samples, rows: Rows, _: object) -> "Results[bytes]":
-            def message(k: int, shown: Any) -> bytes:
-                return encode(int(readings.t_ns[k]), shown)
+            def message(k: int, frame_pixels: _Pixels) -> bytes:
+                return encode(int(readings.t_ns[k]), frame_pixels)
 
-            return getattr(readings, value).begin(_numbers(readings, rows), message)
+            return pixels(readings).begin(_numbers(readings, rows), message)
 
         return payloads
 
     def there(mounted: Mounted) -> bool:
-        still = moving and not body_names(mounted.environment.rig.scene)
+        still = moving and not body_names(rig_parameters_of(mounted.environment).scene)
         return exists(mounted.own) and not still
 
     return Topic(name, kind, (), make, exists=there)
@@ -83,36 +88,44 @@ def _numbers(readings: Samples, rows: Rows) -> Iterable[int]:
     return np.arange(len(readings.t_ns))[rows].tolist()
 
 
-def _pixels(mounted: Mounted, pixels: str, encoding: str) -> Encode:
+def _image_encoder(
+    mounted: Mounted, pixel_encoding: str, encoding: str
+) -> Callable[[int, Bytes | Single], bytes]:
     from imu_sim_ros.bags.messages.encode_cameras import ImageEncoder
 
     p = mounted.own
-    return ImageEncoder(mounted.frame, p.height, p.width, pixels, encoding).encode
+    return ImageEncoder(mounted.frame, p.height, p.width, pixel_encoding, encoding).encode
 
 
-def _raw(mounted: Mounted, encoding: str) -> Encode:
-    return _pixels(mounted, mounted.own.encoding, encoding)
+def _raw(mounted: Mounted, encoding: str) -> Encode[Bytes]:
+    return _image_encoder(mounted, mounted.own.encoding, encoding)
 
 
-def _compressed(mounted: Mounted, encoding: str) -> Encode:
+def _compressed(mounted: Mounted, encoding: str) -> Encode[Bytes]:
     from imu_sim_ros.bags.messages.encode_cameras import CompressedImageEncoder
 
     messages = CompressedImageEncoder(mounted.frame, mounted.own.encoding, encoding)
     return lambda t_ns, image: messages.encode(t_ns, png(image))
 
 
-def _depth(mounted: Mounted, encoding: str) -> Encode:
-    encode = _pixels(mounted, "32FC1", encoding)
+def _depth(mounted: Mounted, encoding: str) -> Encode[_DepthAndMask]:
+    encode = _image_encoder(mounted, "32FC1", encoding)
     return lambda t_ns, depth_and_mask: encode(t_ns, depth_and_mask[0])
 
 
-def _mask(mounted: Mounted, encoding: str) -> Encode:
-    encode = _pixels(mounted, "mono8", encoding)
-    return lambda t_ns, depth_and_mask: encode(t_ns, depth_and_mask[1])
+def _mask(mounted: Mounted, encoding: str) -> Encode[_DepthAndMask]:
+    encode = _image_encoder(mounted, "mono8", encoding)
+
+    def message(t_ns: int, depth_and_mask: _DepthAndMask) -> bytes:
+        mask = depth_and_mask[1]
+        assert mask is not None, "the topic exists only where bodies move"
+        return encode(t_ns, mask)
+
+    return message
 
 
-def _flow(mounted: Mounted, encoding: str) -> Encode:
-    return _pixels(mounted, "32FC2", encoding)
+def _flow(mounted: Mounted, encoding: str) -> Encode[Single]:
+    return _image_encoder(mounted, "32FC2", encoding)
 
 
 def _info(mounted: Mounted, encoding: str) -> Payloads:
@@ -149,17 +162,21 @@ SENSOR = Sensor(
     section=CameraParameters,
     model=on_demand(_MODULE, "Camera"),
     topics=(
-        _of_pixels(IMAGE_TOPIC, _IMAGE, "image", lambda p: p.images in ("raw", "both"), _raw),
+        _of_pixels(
+            IMAGE_TOPIC, _IMAGE, lambda s: s.image, lambda p: p.images in ("raw", "both"), _raw
+        ),
         _of_pixels(
             COMPRESSED_TOPIC,
             "sensor_msgs/msg/CompressedImage",
-            "image",
+            lambda samples: samples.image,
             lambda p: p.images in ("compressed", "both"),
             _compressed,
         ),
-        _of_pixels(DEPTH_TOPIC, _IMAGE, "depth_and_mask", lambda p: p.depth, _depth),
-        _of_pixels(MASK_TOPIC, _IMAGE, "depth_and_mask", lambda p: p.depth, _mask, moving=True),
-        _of_pixels(FLOW_TOPIC, _IMAGE, "flow", lambda p: p.flow != "none", _flow),
+        _of_pixels(DEPTH_TOPIC, _IMAGE, lambda s: s.depth_and_mask, lambda p: p.depth, _depth),
+        _of_pixels(
+            MASK_TOPIC, _IMAGE, lambda s: s.depth_and_mask, lambda p: p.depth, _mask, moving=True
+        ),
+        _of_pixels(FLOW_TOPIC, _IMAGE, lambda s: s.flow, lambda p: p.flow != "none", _flow),
         Topic(CAMERA_INFO_TOPIC, "sensor_msgs/msg/CameraInfo", (), _info),
     ),
     readings=None,
@@ -180,10 +197,10 @@ def cameras_in(sensors: Mapping[str, Mounted]) -> dict[str, Mounted]:
     return {name: camera for name, camera in sensors.items() if camera.sensor is SENSOR}
 
 
-def seeing(rig: RigParameters, parameters: Any) -> dict[str, Mounted]:
+def seeing(rig: RigParameters, parameters: EnvironmentParameters) -> dict[str, Mounted]:
     """Return the cameras, what is tracked in their frames, and the truth of what they see.
 
-    :param parameters: of the simulation.
+    :param parameters: parameters of the simulation.
     """
     cameras = {
         name: Mounted(name, SENSOR, camera_parameters, parameters, rig.frame(name), f"{name}/")

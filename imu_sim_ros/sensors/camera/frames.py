@@ -8,7 +8,7 @@ A frame depends on nothing but the seed and its number, and is made when somebod
 
 from collections.abc import Callable, Mapping
 from functools import cached_property
-from typing import TYPE_CHECKING, Any, Final
+from typing import TYPE_CHECKING, Final, TypeVar
 
 import numpy as np
 
@@ -18,6 +18,7 @@ from imu_sim_ros.core.types import Array, Mask
 from imu_sim_ros.parameters.kinds import IDENTITY_MATRIX
 from imu_sim_ros.sensors.camera.images.libraries import opencv
 from imu_sim_ros.sensors.camera.parameters import CameraParameters
+from imu_sim_ros.sensors.camera.rig_parameters import rig_parameters_of
 from imu_sim_ros.sensors.camera.scene_parameters import (
     AprilgridParameters,
     body_names,
@@ -36,6 +37,7 @@ from imu_sim_ros.sensors.world import Window, World
 if TYPE_CHECKING:
     from imu_sim_ros.sensors.camera.images.imager import Imager
 
+_T = TypeVar("_T")
 _LANDMARKS: Final = (200, 20_000)
 """Numbers of landmarks that are looked for in the field of view, the second ones if none is."""
 _GRID: Final = 17
@@ -67,22 +69,18 @@ class Camera(FixedModel):
     def samples(self, frames: Frames) -> Samples:
         """Return frames with all that they show."""
         first_number, count = int(frames.number[0]) if len(frames.number) else 0, len(frames.number)
-        p, moving = self.view.parameters, bool(body_names(self.mounted.environment.rig.scene))
+        p, scene = self.view.parameters, rig_parameters_of(self.mounted.environment).scene
 
-        def each(name: str, keep: bool = False) -> Callable[[], Each[Any]]:
-            def made() -> Each[Any]:
-                make, threads = getattr(self.imager, name), self.world.threads
-                return Each(make, frames.number.tolist(), threads, keep)
-
-            return made
+        def each(make: Callable[[int], _T], keep: bool = False) -> Each[_T]:
+            return Each(make, frames.number.tolist(), self.world.threads, keep)
 
         values = Deferred(
             tracks=lambda: self.tracker.tracks(first_number, count),
             lines=lambda: self.tracker.lines(first_number, count),
-            image=each("image", keep=p.images == "both"),
-            depth_and_mask=each("depth_and_mask", keep=moving),
-            flow=each("flow"),
-            exposure=each("exposure"),
+            image=lambda: each(self.imager.image, keep=p.images == "both"),
+            depth_and_mask=lambda: each(self.imager.depth_and_mask, keep=bool(body_names(scene))),
+            flow=lambda: each(self.imager.flow),
+            exposure=lambda: each(self.imager.exposure),
         )
         times = frames.true_t_ns, frames.t_ns, frames.release_t_ns
         return Samples(*times, np.flatnonzero(frames.delivered), values, first_number)
@@ -115,7 +113,7 @@ class Camera(FixedModel):
         world, colour = self.world, self.view.parameters.encoding == "rgb8"
         if world.threads is not None:
             opencv().setNumThreads(1)  # the threads are ours
-        scene, described = world.scene, self.mounted.environment.rig.scene
+        scene, described = world.scene, rig_parameters_of(self.mounted.environment).scene
         look = world.shared(f"textures {colour}", lambda: textures(scene, described, colour))
         return Imager(self.view, scene, look, world.trajectory)
 
@@ -127,7 +125,7 @@ def mount(p: CameraParameters) -> Array:
 
 def warnings(mounted: Mounted, world: World, _: float) -> list[str]:
     """Return a line if a camera sees too little of the board that it was put before."""
-    view, scene = view_of(mounted, world), mounted.environment.rig.scene
+    view, scene = view_of(mounted, world), rig_parameters_of(mounted.environment).scene
     lines = target_warning(scene, view, world.trajectory)
     return [f"{mounted.name}: {line}" for line in lines]
 
@@ -135,7 +133,7 @@ def warnings(mounted: Mounted, world: World, _: float) -> list[str]:
 def in_sight(mounted: Mounted, world: World, t: Array) -> Mask:
     """Return at which times (n,) [s] a camera has a landmark or a surface in its image."""
     view, scene = view_of(mounted, world), world.scene
-    described = mounted.environment.rig.scene
+    described = rig_parameters_of(mounted.environment).scene
     visible: Mask = np.zeros(len(t), np.bool_)
     for count in _LANDMARKS:
         rows = np.flatnonzero(~visible)

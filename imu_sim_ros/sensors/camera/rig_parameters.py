@@ -11,7 +11,7 @@ import dataclasses
 import math
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
-from typing import Final
+from typing import Final, Protocol, runtime_checkable
 
 from imu_sim_ros.core.errors import ConfigurationError, Problems
 from imu_sim_ros.core.names import unknown
@@ -93,6 +93,19 @@ class RigParameters:
     def camera_parameters(self) -> dict[str, CameraParameters]:
         """Return the parameters of all cameras by name, in order."""
         return {name: self.camera(name) for name in self.cameras}
+
+
+@runtime_checkable
+class _WithRig(Protocol):
+    """Parameters of a simulation in which something sees."""
+
+    rig: RigParameters
+
+
+def rig_parameters_of(environment: EnvironmentParameters) -> RigParameters:
+    """Return the cameras and the scene of a simulation in which something sees."""
+    assert isinstance(environment, _WithRig)
+    return environment.rig
 
 
 def axes(parameters: Mapping[str, object], recorded: bool) -> dict[str, object]:

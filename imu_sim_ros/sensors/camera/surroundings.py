@@ -12,6 +12,7 @@ from imu_sim_ros.core import rotation
 from imu_sim_ros.core.types import Array, Mask
 from imu_sim_ros.places.mesh import size_remarks, spread
 from imu_sim_ros.places.rays import RayTracer
+from imu_sim_ros.sensors.camera.rig_parameters import rig_parameters_of
 from imu_sim_ros.sensors.camera.scene import Scene
 from imu_sim_ros.sensors.camera.scene_parameters import has_surfaces
 from imu_sim_ros.sensors.declaration import Mounted
@@ -61,13 +62,13 @@ def scene_warnings(mounted: Mounted, world: World, duration: float) -> list[str]
     motion = world.trajectory.sample(t)
     arm = sensor.mount(mounted.own)[:3, 3]
     position = motion.position + rotation.rotate(motion.q_wb, arm[None])
-    kind = mounted.environment.rig.scene.type
+    kind = rig_parameters_of(mounted.environment).scene.type
     path = _Path(scene, "mesh" if scene.mesh is not None else f"scene {kind}", t, position)
     lines = _path_lines(path)
     moments = np.linspace(0.0, longest, _MOMENTS, endpoint=False)
     if sensor.in_sight is not None:
         lines += _blind_lines(sensor.in_sight(mounted, world, moments), moments, mounted)
-    elif not has_surfaces(mounted.environment.rig.scene):
+    elif not has_surfaces(rig_parameters_of(mounted.environment).scene):
         lines += _blind_lines(np.zeros(_MOMENTS, np.bool_), moments, mounted)
     remarks = size_remarks(scene.mesh) if scene.mesh is not None else ()
     return [*(f"scene: {line}" for line in remarks), *(f"{mounted.name}: {line}" for line in lines)]
@@ -81,7 +82,7 @@ def _blind_lines(in_sight: Mask, t: Array, mounted: Mounted) -> Iterator[str]:
     """
     if in_sight.all():
         return
-    scene, first_time = mounted.environment.rig.scene, t[int(np.argmin(in_sight))]
+    scene, first_time = rig_parameters_of(mounted.environment).scene, t[int(np.argmin(in_sight))]
     if in_sight.any():
         share = 1.0 - float(in_sight.mean())
         yield f"nothing in sight for {share:.0%} of the time, first at {first_time:.2f} s"

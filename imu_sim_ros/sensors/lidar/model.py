@@ -30,6 +30,7 @@ from imu_sim_ros.core.errors import ConfigurationError
 from imu_sim_ros.core.random_streams import generator
 from imu_sim_ros.core.types import Array, Integers, Mask, Single
 from imu_sim_ros.places.rays import Traced
+from imu_sim_ros.sensors.camera.rig_parameters import rig_parameters_of
 from imu_sim_ros.sensors.camera.scene_parameters import has_surfaces
 from imu_sim_ros.sensors.declaration import Model, Mounted
 from imu_sim_ros.sensors.lidar.parameters import LidarParameters
@@ -91,7 +92,7 @@ def in_sight(mounted: Mounted, world: World, t: Array) -> Mask:
     A share of the rays is traced first, and all of them where none of these returns.
     """
     p: LidarParameters = mounted.own
-    if not has_surfaces(mounted.environment.rig.scene):
+    if not has_surfaces(rig_parameters_of(mounted.environment).scene):
         return np.zeros(len(t), np.bool_)
     lidar, pattern = Lidar(mounted, world.t0_ns, {}), build_pattern(p)
     motion = world.trajectory.sample(t)
