@@ -102,7 +102,11 @@ setup(
     license=manifest.findtext("license"),
     python_requires=">=3.10",
     packages=find_packages(include=[PACKAGE, f"{PACKAGE}.*"]),
-    package_data={PACKAGE: ["py.typed", "*.pyi"], f"{PACKAGE}.reports": ["assets/*"]},
+    package_data={
+        PACKAGE: ["py.typed", "*.pyi"],
+        f"{PACKAGE}.bags.messages.definitions": ["ros*/*/*.msg", "ros*/digests.txt"],
+        f"{PACKAGE}.reports": ["assets/*"],
+    },
     data_files=[
         ("share/ament_index/resource_index/packages", [f"resource/{PACKAGE}"]),
         (f"share/{PACKAGE}", ["package.xml"]),

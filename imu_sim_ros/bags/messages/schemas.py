@@ -12,8 +12,7 @@ from typing import TYPE_CHECKING, Any, Final, NamedTuple
 
 import numpy as np
 
-from imu_sim_ros.bags.messages.definitions import ros1, ros2
-from imu_sim_ros.bags.messages.definitions.gps import ROS1_PACKAGE
+from imu_sim_ros.bags.messages.definitions import ROS1_NAME_OF_GPS_MSGS, digests, texts
 from imu_sim_ros.core.errors import InputError
 from imu_sim_ros.parameters.yaml_text import parse_yaml
 
@@ -43,10 +42,10 @@ def known_types(encoding: str) -> "Typestore":
 def ros1_name(type_name: str) -> str:
     """Return the ROS 1 form of a type's name: sensor_msgs/Imu of sensor_msgs/msg/Imu.
 
-    What gps_msgs is in ROS 2 is gps_common there.
+    The package gps_msgs of ROS 2 is gps_common in ROS 1.
     """
     package, name = type_name.replace("/msg/", "/").rsplit("/", 1)
-    return f"{ROS1_PACKAGE if package == 'gps_msgs' else package}/{name}"
+    return f"{ROS1_NAME_OF_GPS_MSGS if package == 'gps_msgs' else package}/{name}"
 
 
 def ros2_name(type_name: str) -> str:
@@ -64,10 +63,10 @@ def schema(type_name: str, encoding: str, types: "Typestore | None" = None) -> S
     """
     short = type_name.replace("/msg/", "/")
     name = short if encoding == "cdr" else ros1_name(type_name)
-    if types is None and short in ros2.RIHS01:  # this package writes it
+    if types is None and short in digests("ros2"):  # this package writes it
         if encoding == "cdr":
-            return Schema(joined_text(name, ros2.TEXTS), ros2.RIHS01[name])
-        return Schema(joined_text(name, ros1.TEXTS, "\n"), ros1.MD5_SUMS[name])
+            return Schema(joined_text(name, texts("ros2")), digests("ros2")[name])
+        return Schema(joined_text(name, texts("ros1"), "\n"), digests("ros1")[name])
     standard = known_types(encoding)
     if type_name not in standard.fielddefs and encoding == "ros1":
         # Noetic's types are known without tf2_msgs, whose fields are those of ROS 2.
@@ -79,9 +78,9 @@ def schema(type_name: str, encoding: str, types: "Typestore | None" = None) -> S
         text, _ = types.generate_msgdef(type_name, ros_version=2)
         return Schema(text, types.hash_rihs01(type_name))
     text, md5 = types.generate_msgdef(type_name, ros_version=1)
-    if name in ros1.MD5_SUMS and standard.fielddefs.get(type_name) == types.fielddefs[type_name]:
+    if name in digests("ros1") and standard.fielddefs.get(type_name) == types.fielddefs[type_name]:
         # With its comments, for the bag's type of that name is no other one.
-        text = joined_text(name, ros1.TEXTS, "\n")
+        text = joined_text(name, texts("ros1"), "\n")
     return Schema(text, md5)
 
 

@@ -8,8 +8,7 @@ import sys
 
 import pytest
 
-from imu_sim_ros.bags.messages.definitions.ros1 import MD5_SUMS
-from imu_sim_ros.bags.messages.definitions.ros2 import RIHS01
+from imu_sim_ros.bags.messages.definitions import digests
 from imu_sim_ros.bags.messages.schemas import (
     known_types,
     ros1_name,
@@ -25,7 +24,7 @@ LIVOX = "livox_ros_driver2/CustomMsg"
 @pytest.mark.parametrize(
     ("name", "encoding"),
     sorted(
-        {(name, encoding) for name in RIHS01 for encoding in ("cdr", "ros1")}
+        {(name, encoding) for name in digests("ros2") for encoding in ("cdr", "ros1")}
         - {(name, encoding) for name in (GPS_FIX, LIVOX) for encoding in ("cdr", "ros1")}
         - {("tf2_msgs/TFMessage", "ros1")}  # which rosbags does not know
     ),
@@ -38,7 +37,7 @@ def test_texts_and_digests_are_those_of_rosbags(name, encoding):
 
 
 def test_both_encodings_know_the_same_types():
-    assert set(MD5_SUMS) == {ros1_name(name) for name in RIHS01}
+    assert set(digests("ros1")) == {ros1_name(name) for name in digests("ros2")}
 
 
 def test_transforms_have_the_digest_and_the_text_of_ros_1():
