@@ -306,14 +306,18 @@ class ReadingMeasures:
         if self.moves and self.rest.any():
             starts = self._starts_in_motion(size, count - length)
         rows = starts[:, None] + np.arange(length)
-        turns = rotation.exp(np.clip(gyro[rows] * dt, -1e3, 1e3))
         forces = accel[rows]
-        q = np.tile([1.0, 0.0, 0.0, 0.0], (len(starts), 1))
-        total = np.zeros((len(starts), 3))
-        for step in range(length):
-            total += rotation.rotate(q, forces[:, step])
-            q = rotation.multiply(q, turns[:, step])
-        lengths = np.linalg.norm(total / length, axis=1)
+        # Neighbours are joined, as long as there are two: steps that turn nothing fill the pieces.
+        steps = 1 << (length - 1).bit_length()
+        turns = np.tile(rotation.IDENTITY, (len(starts), steps, 1))
+        turns[:, :length] = rotation.exp(np.clip(gyro[rows] * dt, -1e3, 1e3))
+        sums = np.zeros((len(starts), steps, 3))
+        sums[:, :length] = forces
+        while sums.shape[1] > 1:
+            earlier, later = turns[:, ::2], turns[:, 1::2]
+            sums = sums[:, ::2] + rotation.rotate(earlier, sums[:, 1::2])
+            turns = rotation.multiply(earlier, later)
+        lengths = np.linalg.norm(sums[:, 0] / length, axis=1)
         usual = np.linalg.norm(forces, axis=-1).mean(axis=1)
         ratio = np.divide(lengths, usual, out=np.zeros_like(lengths), where=usual > 0.0)
         return Gravity(float(np.median(lengths)), float(np.median(ratio)))
