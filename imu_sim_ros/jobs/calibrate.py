@@ -80,6 +80,10 @@ _UNITS: Final = {
     "accelerometer": (("g", 1.0 / STANDARD_GRAVITY), ("mg", 1e3 / STANDARD_GRAVITY)),
 }
 """Units that readings may have by mistake, with their number in the right unit."""
+_WRONG_FORCE: Final = "counts, or gravity is wrong"
+"""Causes of a wrong scale of an accelerometer that is in no known unit."""
+_WRONG_RATE: Final = "rates are wrong, or counts"
+"""Causes of a wrong scale of a gyroscope that is in no known unit."""
 _MAGNETOMETER: Final = SENSOR.name
 Source = Flight | Readings | str | Path
 
@@ -326,15 +330,13 @@ class _Run:
             )
         return rotations.steady, rotations.rate
 
-    def warn_of_scale(self, triad: str, scale_misalignment: Array, causes: str) -> None:
+    def warn_of_scale(self, triad: str, scales: Array, causes: str) -> None:
         """Tell if all scales of a triad are off by as much as no sensor's are.
 
-        :param scale_misalignment: (3, 3) S of the triad.
+        :param scales: (n,) of the triad's axes, or of its norm in n stretches.
         :param causes: what may be wrong instead, with the options that help.
         """
-        scale = float(
-            np.exp(np.mean(np.log(np.maximum(np.abs(np.diag(scale_misalignment)), 1e-300))))
-        )
+        scale = float(np.exp(np.mean(np.log(np.maximum(np.abs(scales), 1e-300)))))
         if abs(scale - 1.0) <= _COMMON_SCALE:
             return
         unit = next((u for u, factor in _UNITS[triad] if abs(scale / factor - 1.0) < 0.05), None)
@@ -439,8 +441,7 @@ def calibrate_six_position(
     with run.naming():
         steady = find_steady(imu.t_ns, *imu.triads())
         fit = six_position(steady, gravity, simple=simple, fixture=fixture)
-        causes = "counts, or gravity is wrong"
-        run.warn_of_scale("accelerometer", fit.scale_misalignment, causes)
+        run.warn_of_scale("accelerometer", np.diag(fit.scale_misalignment), _WRONG_FORCE)
     facts = {
         "positions": fit.positions.stretches,
         "seconds_at_rest": float(fit.positions.duration.sum()),
@@ -516,7 +517,7 @@ def calibrate_turntable(
     with run.naming():
         steady, rate = run.steady(imu, rates, truth_topic)
         fit = turntable(steady, rate, gravity)
-        run.warn_of_scale("gyroscope", fit.scale_misalignment, "rates are wrong, or counts")
+        run.warn_of_scale("gyroscope", np.diag(fit.scale_misalignment), _WRONG_RATE)
     facts: dict[str, Any] = {
         "stretches": steady.stretches,
         "rates": sorted({round(float(r), 6) for r in np.abs(rate).max(axis=1)}),
@@ -597,6 +598,12 @@ def calibrate_temperature(
         temperatures = temperatures_at(steady, *measured)
         force = specific_force(steady, gravity)
         fit = over_temperature(steady, temperatures, rate, force, reference)
+        norms = np.linalg.norm(steady.accel, axis=1) / gravity
+        run.warn_of_scale("accelerometer", norms, _WRONG_FORCE)
+        gyroscope = fit.triads["gyroscope"]
+        if gyroscope.inputs.shape[1]:
+            scales = np.array([axis.gain[k] for k, axis in enumerate(gyroscope.axes)])
+            run.warn_of_scale("gyroscope", scales, _WRONG_RATE)
     facts = {
         "stretches": steady.stretches,
         "temperature_degC": [float(temperatures.min()), float(temperatures.max())],

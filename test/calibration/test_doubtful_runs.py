@@ -86,6 +86,33 @@ def test_temperatures_that_may_be_in_fahrenheit_are_told():
         ims.calibrate_temperature(readings, temperature=fahrenheit + 100.0)
 
 
+@pytest.mark.parametrize("trajectory", ["six_position", "static"])
+def test_a_soak_in_another_unit_is_told(trajectory):
+    """Also in one orientation, where the scale would go into the bias."""
+    flight = ims.simulate(
+        imu=QUIET | {"gyroscope_temperature_bias": [0.05, 0.0, 0.0]},
+        trajectory={"type": trajectory, "repeat": 3} if trajectory == "six_position" else "static",
+        duration=630,
+        rate=25,
+        seed=2,
+        temperature={"profile": [0.0, 0.0, 210.0, 20.0, 420.0, 40.0], "interpolation": "steps"},
+    )
+    in_g = ims.Readings(flight.t_ns, flight.gyro, flight.accel / 9.80665)
+    lines = ims.calibrate_temperature(in_g, temperature=flight.temperature).warnings
+    assert any(line.endswith("the readings are in g") for line in lines)
+    assert ims.calibrate_temperature(flight).warnings == ()
+
+
+@pytest.mark.parametrize(("factor", "scale"), [(1.1, "0.9091"), (0.9, "1.111")])
+def test_wrong_rates_of_a_soak_are_told(factor, scale):
+    flight = ims.simulate(imu=QUIET, trajectory="temperature_soak", rate=10, seed=1)
+    readings = ims.Readings(flight.t_ns, flight.gyro, flight.accel)
+    rates = [1.0 * factor]
+    calibration = ims.calibrate_temperature(readings, temperature=flight.temperature, rates=rates)
+    (note,) = calibration.warnings
+    assert note.startswith(f"gyroscope: its three scales are {scale} on average")
+
+
 def test_the_shortest_rest_is_told_in_seconds_and_readings():
     """A window has 25 readings at any rate; a rest has 100, which take 25 s at 4 Hz."""
     flight = ims.simulate(imu="mpu6000", trajectory="figure_eight", duration=200, rate=4, seed=1)
