@@ -353,11 +353,13 @@ def to_dataset(
 ) -> None:
     """Copy readings, other tables and truth of a bag or a dataset into text.
 
-    :param tables: tables of the dataset, each with its topic, or its name in the dataset that is
-        read.
-    :param skipped, warned: as for :func:`imu_sim_ros.bags.read.imu_blocks`.
+    :param path: bag or dataset that is read.
     :param imu: blocks of the readings.
-    :param truth: topic of Odometry; None: the only one.
+    :param dataset: text that is written.
+    :param truth: topic of Odometry; None: the only topic of that type.
+    :param advance: receives the number of rows after each block.
+    :param tables: other tables, each with its topic in the bag or its name in the dataset.
+    :param skipped, warned: as for :func:`imu_sim_ros.bags.read.imu_blocks`.
     """
     if dataset.imu is not None:
         for readings in imu:

@@ -464,6 +464,10 @@ def _unpacked(block: MessageBlock) -> MessageBlock:
 
 
 def _message(payload: bytes) -> bytes:
+    """Return the bytes of a message, decompressed if its payload is compressed.
+
+    :raises ValueError: for a message that is implausibly larger than its payload.
+    """
     compression = _COMPRESSED_MESSAGES.get(payload[:4])
     if compression is None:
         return payload

@@ -215,10 +215,15 @@ class OpenOutput(Protocol):
 
 
 class _Output(NamedTuple):
+    """A topic of a bag and the source of its messages."""
+
     topic: BagTopic
     sensor: str
+    """Name of the sensor."""
     valid: Any
+    """Parameters that the messages depend on."""
     encode: Encode
+    """Encoder of the samples."""
 
 
 class BagTarget:

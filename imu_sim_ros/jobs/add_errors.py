@@ -146,10 +146,14 @@ def add_errors(
 def _add_other(
     sensor: GivenOther, pair: object, windows: Sequence[dict[str, Samples]]
 ) -> tuple[str, ...]:
-    """Add what another sensor reads to the windows of its IMU; return its topics.
+    """Add the samples of a magnetometer or barometer to the windows of its IMU.
 
-    :param pair: stamps and ideal values.
-    :raises ConfigurationError: for anything else.
+    :param sensor: the magnetometer or barometer.
+    :param pair: stamps [ns] and ideal values.
+    :param windows: samples of each window of the IMU by sensor, to which the samples are added.
+    :returns: names of the topics of the sensor.
+    :raises ConfigurationError: for a pair of another form.
+    :raises InputError: for a pair without readings.
     """
     quantity = sensor.declared.quantity
     if not isinstance(pair, tuple | list) or len(pair) != 2:

@@ -129,11 +129,12 @@ def readings_of(
 
 
 class Source(NamedTuple):
-    """The source of a flight's readings."""
+    """Parameters and motion from which a flight was simulated."""
 
     parameters: SampledParameters
     trajectory: Trajectory
     t0_ns: int
+    """Time of the first sample [ns]."""
 
 
 class Flight:

@@ -178,9 +178,14 @@ def _readings(
     path: Path,
     max_gap: float,
 ) -> ReadingsEvaluation:
-    """Compare readings with the ideal ones of a recording and, if it has them, their biases.
+    """Compare measured readings with the ideal readings of the same recording.
 
-    :param path: of the recording.
+    The true bias, if it was recorded, is also subtracted from the errors, and what remains is
+    compared with the covariance in the messages.
+
+    :param truths: topics of the true values.
+    :param path: path of the recording.
+    :param max_gap: longest gap of the ideal readings that is interpolated [s].
     """
     rows = common_rows(measured.t_ns, ideal.t_ns, max_gap)
     t_ns = measured.t_ns[rows]

@@ -223,7 +223,7 @@ def recorded(
 
 
 class _Splines:
-    """Splines through the poses of a truth, and through the same with more noise."""
+    """Splines through true poses, and through the same poses with additional noise."""
 
     def __init__(self, poses: States, name: str) -> None:
         self.t = timebase.seconds_since(poses.t_ns, int(poses.t_ns[0]))

@@ -197,7 +197,11 @@ class Control:
         return future.result()
 
     def _find(self, service: str, kind: type) -> Client:
-        """Return a client of one of the simulator's services, once both have found each other."""
+        """Return a client of a service of the simulator that is ready.
+
+        :param service: name of the service relative to the node.
+        :param kind: type of the service.
+        """
         client = self._node.create_client(kind, f"{self._name}/{service}")
         self._until(client.service_is_ready, self._patience, "is not available")
         self._spin(_SETTLE)

@@ -246,7 +246,13 @@ def _text_columns(log_file: "DFReader_text") -> dict[str, dict[str, Any]]:
 
 
 def _tables(columns: Mapping[str, Mapping[str, Any]], remarks: list[str]) -> Tables:
-    """Return the instances of each message: IMU, IMU2 are two of one, as are two values of I."""
+    """Return a table for each instance of a message.
+
+    Instances have numbers in the name (IMU, IMU2) or in a field (I).
+
+    :param columns: numbers (n,) by field, of each message by name.
+    :param remarks: receives a line about messages that are left out.
+    """
     tables: dict[str, list[_Table]] = {}
     for name, fields in columns.items():
         if "TimeUS" not in fields:

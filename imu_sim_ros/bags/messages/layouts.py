@@ -264,7 +264,7 @@ def layout(type_name: str, encoding: str, texts: Sequence[str | bytes] = ()) -> 
 
 @lru_cache
 def _ahead_of_texts(type_name: str, encoding: str) -> tuple[int, ...]:
-    """Return how many bytes of numbers lie between each string and the one before it."""
+    """Return the number of bytes between each string of a message and the preceding string."""
     gaps = [0]
     for name, kind, count in fields(type_name, encoding):
         if kind == "text":

@@ -53,12 +53,11 @@ class NormFit(NamedTuple):
 
 def directions(accel: Array) -> int:
     """Return the number of directions, half a degree apart, of readings (m, 3) at rest."""
-    units = accel / np.linalg.norm(accel, axis=1, keepdims=True)
-    units_found: list[Array] = []
-    for unit in units:
-        if all(float(unit @ unit_found) < _SAME_DIRECTION for unit_found in units_found):
-            units_found.append(unit)
-    return len(units_found)
+    distinct: list[Array] = []
+    for direction in accel / np.linalg.norm(accel, axis=1, keepdims=True):
+        if all(float(direction @ other) < _SAME_DIRECTION for other in distinct):
+            distinct.append(direction)
+    return len(distinct)
 
 
 def is_determined(accel: Array) -> bool:

@@ -63,6 +63,8 @@ def initialiser(
 
 
 class _FromParameters:
+    """Start of dead reckoning at the state that the parameters state, with the first reading."""
+
     def __init__(self, parameters: IntegratorParameters) -> None:
         self._parameters = parameters
 

@@ -322,7 +322,10 @@ class Recorder(ConfiguredNode[RecorderParameters]):
 
 
 def _left(files: Sequence[Path]) -> str:
-    """Return a line about the remains of a failed recording."""
+    """Return a line about the files that a failed recording leaves.
+
+    :param files: paths of the bag, which may have been removed during the recording.
+    """
     if not files:
         return "nothing is kept: it failed before any part of the bag was complete"
     gone = [p for p in files if not p.exists() or (p.is_dir() and not any(p.iterdir()))]

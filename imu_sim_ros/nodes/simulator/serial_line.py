@@ -55,7 +55,7 @@ class PseudoTerminal:
         return self.path if self._link is None else f"{self._link} ({self.path})"
 
     def send(self, message: bytes) -> None:
-        """Write a message, or lose it; never waits."""
+        """Write a message without waiting; count it as lost if the line is full or nobody reads."""
         if any(event & select.POLLHUP for _, event in self._poll.poll(0)):
             self._rest = b""
             return
