@@ -29,6 +29,7 @@ from imu_sim_ros.core.types import Array
 from imu_sim_ros.parameters.files import dotted
 from imu_sim_ros.parameters.sections import parameters
 from imu_sim_ros.sensors.environment import EnvironmentParameters
+from imu_sim_ros.sensors.imu import estimator_settings
 from imu_sim_ros.sensors.imu.parameters import ImuParameters
 
 _IMU: Final = "imu."
@@ -139,7 +140,7 @@ class _File(NamedTuple):
 def is_readable(tree: Mapping[Any, Any]) -> bool:
     """Return whether a file without ``ros__parameters`` holds an IMU, or parameters of one."""
     names = (*_KEYS, *parameters(EnvironmentParameters), *parameters(ImuParameters))
-    return any(
+    return estimator_settings.is_readable(tree) or any(
         name.removeprefix(_IMU) in names
         or (isinstance(content, Mapping) and (name == "imu" or _names_an_imu(name)))
         for name, content in ((str(key), content) for key, content in tree.items())
@@ -161,11 +162,14 @@ def parameters_of(
     :param remark: receives a line about keys that are not used, and one about missing noise.
     :raises ConfigurationError: with a line for each unknown key and each bad value.
     """
+    unused: list[str] = []
+    if estimator_settings.is_readable(tree):
+        tree, unused = estimator_settings.keys_of_imu(tree, path)
     keys = {str(key): value for key, value in _of_the_imu(tree, path, imu).items()}
     for key in _SIGMAS:
         if isinstance(keys.get(key), Mapping):
             keys |= {str(name): value for name, value in keys.pop(key).items()}
-    file = _File(str(path), {}, [], [])
+    file = _File(str(path), {}, [], unused)
     for key, value in keys.items():
         _convert(file, key, value)
     _add_intrinsics(file, keys)

@@ -10,7 +10,7 @@ from typing import Final
 from imu_sim_ros.core.errors import ConfigurationError, InputError, Problems, Remark, warn
 from imu_sim_ros.parameters import files
 from imu_sim_ros.parameters.files import find, is_included
-from imu_sim_ros.sensors.imu import calibration_files, sdf
+from imu_sim_ros.sensors.imu import calibration_files, estimator_settings, sdf
 from imu_sim_ros.sensors.imu.parameters import DEFAULT_IMU
 from imu_sim_ros.sensors.orientation.parameters import MODEL_ERRORS
 
@@ -32,7 +32,10 @@ def load(path: str | Path, node: str = "simulator") -> dict[str, object]:
     file, imu = files.split_part(path)
     tree = files.read_tree(file)
     if not imu and (files.has_sections(tree) or not calibration_files.is_readable(tree)):
-        return files.parameters_of(tree, file, node)
+        parameters = files.parameters_of(tree, file, node)
+        if not estimator_settings.is_readable(parameters):
+            return parameters
+        tree = parameters
     values = calibration_files.parameters_of(tree, file, imu, lambda line: warn(line, Remark))
     return {name: files.placed(name, value, file) for name, value in values.items()}
 
