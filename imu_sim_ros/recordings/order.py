@@ -5,6 +5,7 @@
 
 import math
 from collections import deque
+from dataclasses import dataclass
 from itertools import pairwise
 from typing import Final, NamedTuple
 
@@ -283,3 +284,52 @@ class RecordTimes:
             latest_ns = max(latest_ns, int(times[rows].max()))
         self._latest_ns = latest_ns
         return np.maximum.accumulate(times)
+
+
+@dataclass
+class _TopicTime:
+    """Record time of the latest message of a topic."""
+
+    latest_ns: int
+    offset_ns: int = 0
+    """Record time less stamp [ns]."""
+    far: int = 0
+    """Number of the latest stamps in a row that are far from those before them."""
+
+
+class LiveRecordTimes:
+    """Record times of messages of several topics as they arrive; see :class:`RecordTimes`.
+
+    Up to four stamps in a row that are far from those before them are stray, or the start of a
+    reset; they are recorded with the message before them. Topics that are reset together keep
+    their distances.
+    """
+
+    def __init__(self) -> None:
+        """Take no stamps yet."""
+        self._offset_ns = 0
+        self._topics: dict[str, _TopicTime] = {}
+
+    def of(self, topic: str, stamp_ns: int) -> int:
+        """Return the record time of the next message of a topic, which is its stamp in order."""
+        time = self._topics.get(topic)
+        if time is None:
+            self._topics[topic] = _TopicTime(stamp_ns)
+            return stamp_ns
+        t_ns = stamp_ns + time.offset_ns
+        if not _follows(time.latest_ns, t_ns):
+            time.far += 1
+            if time.far < RESET_READINGS:
+                return time.latest_ns
+            if t_ns < time.latest_ns:
+                if not _follows(time.latest_ns, stamp_ns + self._offset_ns):
+                    self._offset_ns = time.latest_ns - stamp_ns
+                time.offset_ns = self._offset_ns
+                t_ns = stamp_ns + time.offset_ns
+        time.far, time.latest_ns = 0, max(time.latest_ns, t_ns)
+        return t_ns
+
+
+def _follows(latest_ns: int, t_ns: int) -> bool:
+    """Return True for a time that is neither before a reset nor behind a pause of a day."""
+    return -RESTART_NS <= t_ns - latest_ns <= LONGEST_PAUSE_NS

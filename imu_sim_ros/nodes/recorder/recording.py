@@ -29,6 +29,7 @@ from imu_sim_ros.recordings.findings.catalogue import stamp_findings
 from imu_sim_ros.recordings.findings.finding import Finding
 from imu_sim_ros.recordings.findings.live import UnitWatch
 from imu_sim_ros.recordings.live_clock import LiveClock
+from imu_sim_ros.recordings.order import LiveRecordTimes
 
 _STAMPS = {0: struct.Struct(">iI"), 1: struct.Struct("<iI")}
 
@@ -38,7 +39,7 @@ class Message(NamedTuple):
 
     topic: str
     t_ns: int
-    """The time that a bag records: that of the stamp or of the reception."""
+    """Record time: that of the stamp, of :class:`LiveRecordTimes`, or of the reception."""
     payload: bytes
     stamp_ns: int | None = None
     """The stamp; None if there is none or it was never set."""
@@ -54,6 +55,7 @@ class Timestamps:
     def __init__(self, node: Node, by_reception: bool) -> None:
         self._node, self._by_reception = node, by_reception
         self._offsets: dict[str, int | None] = {}
+        self._record_times = LiveRecordTimes()
 
     def add_topic(self, topic: str, stamp_offset: int | None) -> None:
         """Add a topic.
@@ -71,6 +73,8 @@ class Timestamps:
             t_ns = stamp_ns
             if t_ns is None or self._by_reception:
                 t_ns = self._now(info)
+            else:
+                t_ns = self._record_times.of(topic, t_ns)
             result.append(Message(topic, t_ns, payload, stamp_ns))
         return result
 
