@@ -75,8 +75,11 @@ class TemperatureParameters:
 
     def problems(self, prefix: str) -> Iterator[str]:
         """Say whether the profile and the warm-up can be used."""
-        for name in ("thermal_resistance", "warm_up_time"):
-            if len(getattr(self, name)) != 2:
+        for name, entries in (
+            ("thermal_resistance", self.thermal_resistance),
+            ("warm_up_time", self.warm_up_time),
+        ):
+            if len(entries) != 2:
                 yield f"{prefix}{name}: must be two numbers, of the package and of the board"
         times = self.profile[::2]
         if times and times[0] < 0.0:

@@ -323,8 +323,9 @@ def imus(parameters: SampledParameters) -> dict[str, Any]:
 
 def segments(parameters: SampledParameters) -> dict[str, str]:
     """Return the segments that carry IMUs, by the name of the IMU; none of those on the body."""
-    sections: Mapping[str, OneImuParameters] = getattr(parameters, "each_imu", {})
-    return {name: imu.segment for name, imu in sections.items() if imu.segment}
+    if not isinstance(parameters, SimulationParameters):
+        return {}
+    return {name: imu.segment for name, imu in parameters.each_imu.items() if imu.segment}
 
 
 def values_of(parameters: SimulationParameters) -> dict[str, Value]:

@@ -193,8 +193,10 @@ class SimulatorParameters(SimulationParameters):
     def problems(self, prefix: str) -> Iterator[str]:
         """Yield problems that involve several parameters, one line each."""
         yield from super().problems(prefix)
-        for name in ("clock_rate", "tf_rate"):
-            rate = getattr(self.publish, name)
+        for name, rate in (
+            ("clock_rate", self.publish.clock_rate),
+            ("tf_rate", self.publish.tf_rate),
+        ):
             if 0.0 < rate < timebase.LOWEST_RATE:
                 yield (
                     f"{prefix}publish.{name} = {rate:g}: "

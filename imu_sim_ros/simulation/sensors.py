@@ -55,7 +55,8 @@ def mounted(parameters: SampledParameters) -> dict[str, Mounted]:
     frame = parameters.body_frame
     sensors[pose.NAME] = Mounted(pose.NAME, pose.SENSOR, parameters, parameters, frame)
     extra_sensors, cameras = dict[str, Mounted](), dict[str, Mounted]()
-    for name, section in getattr(parameters, "each_sensor", {}).items():
+    sections = parameters.each_sensor if isinstance(parameters, SimulationParameters) else {}
+    for name, section in sections.items():
         sensor = find_sensor(section.type or name)
         space = f"{name}/" if section.type else ""
         extra_sensors[name] = Mounted(

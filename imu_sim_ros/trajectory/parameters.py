@@ -87,16 +87,16 @@ class VibrationParameters:
     def problems(self, prefix: str) -> Iterator[str]:
         """Yield what does not fit together."""
         count = len(self.frequency)
-        left_out = {"acceleration": bool(self.angular_rate), "angular_rate": True}
-        for name, may_be_empty in left_out.items():
-            entries = getattr(self, name)
+        for name, entries, may_be_empty in (
+            ("acceleration", self.acceleration, bool(self.angular_rate)),
+            ("angular_rate", self.angular_rate, True),
+        ):
             if len(entries) != 3 * count and (entries or not may_be_empty):
                 yield (
                     f"{prefix}{name} = {list(entries)}: must have three entries for "
                     f"each of the {count} in {prefix}frequency"
                 )
-        for name in ("phase", "angular_phase"):
-            entries = getattr(self, name)
+        for name, entries in (("phase", self.phase), ("angular_phase", self.angular_phase)):
             if entries and len(entries) != count:
                 yield (
                     f"{prefix}{name} = {list(entries)}: must be empty or have as many entries as "

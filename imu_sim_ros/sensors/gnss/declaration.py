@@ -154,7 +154,7 @@ def _extended(samples: Samples, rows: Rows, _: object) -> tuple[Any, ...]:
         "time": calendar_ns(samples.t_ns[rows]) * 1e-9,
         "gdop": np.where(has_dilution, np.linalg.norm(axes, axis=1), 0.0),
         "tdop": np.where(has_dilution, axes[:, 3], 0.0),
-        **{name: getattr(samples, name)[rows] for name in ("pdop", "hdop", "vdop")},
+        **{name: samples.values[name][rows] for name in ("pdop", "hdop", "vdop")},
         "err": _WITHIN[2] * np.sqrt(variance.mean(axis=1)),
         "err_horz": _WITHIN[1] * np.sqrt(variance[:, :2].mean(axis=1)),
         "err_vert": _WITHIN[0] * np.sqrt(variance[:, 2]),

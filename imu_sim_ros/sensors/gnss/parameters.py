@@ -230,8 +230,11 @@ class GnssParameters(SensorParameters):
     def problems(self, prefix: str) -> Iterator[str]:
         """Yield a line for each contradiction between parameters."""
         yield from super().problems(prefix)
-        for name in ("horizontal_sigma", "vertical_sigma"):
-            if len(getattr(self, name)) != len(MODES):
+        for name, sigmas in (
+            ("horizontal_sigma", self.horizontal_sigma),
+            ("vertical_sigma", self.vertical_sigma),
+        ):
+            if len(sigmas) != len(MODES):
                 yield f"{prefix}{name}: must be four numbers, {_PER_MODE}"
         for previous, following in pairwise(self.mode_changes[::2]):
             if following <= previous:

@@ -82,7 +82,7 @@ def _increments(name: str, means: str, flag: str, truth: bool = False) -> Topic:
 
         def payloads(samples: Samples, rows: Rows, _: object) -> "RowTemplate":
             t_ns = samples.true_t_ns if truth else samples.t_ns
-            return messages.pattern(t_ns[rows], getattr(samples, means)[rows] * interval)
+            return messages.pattern(t_ns[rows], samples.values[means][rows] * interval)
 
         return payloads
 
@@ -93,7 +93,7 @@ def _error(name: str, column: str) -> Topic:
     """Return the topic of a true error."""
     flag = "biases" if column.endswith("_bias") else "errors"
     return topic(
-        name, *_VECTOR, lambda samples, rows, _: (getattr(samples, column)[rows],), flag, truth=True
+        name, *_VECTOR, lambda samples, rows, _: (samples.values[column][rows],), flag, truth=True
     )
 
 

@@ -171,24 +171,22 @@ class BoardVibrationParameters:
     def problems(self, prefix: str) -> Iterator[str]:
         """Yield a line for each list that does not match, and for each impossible band."""
         lines, bands = len(self.line_frequency), len(self.band_low)
-        for name, count, rule in (
-            ("line_amplitude", AXES_READ * lines, "six for each line"),
-            ("band_high", bands, "one for each band"),
-            ("band_density", AXES_READ * bands, "six for each band"),
+        for name, entries, count, rule in (
+            ("line_amplitude", self.line_amplitude, AXES_READ * lines, "six for each line"),
+            ("band_high", self.band_high, bands, "one for each band"),
+            ("band_density", self.band_density, AXES_READ * bands, "six for each band"),
         ):
-            if len(getattr(self, name)) != count:
-                yield f"{prefix}{name}: {len(getattr(self, name))} entries; must be {count}, {rule}"
-        for name, count, rule in (
-            ("line_phase", AXES_READ * lines, "six for each line"),
-            ("band_coherence", 2 * PAIRS * bands, "30 for each band"),
-            ("gyroscope_exponents", 3 * self.ranges, "three for each range"),
-            ("accelerometer_exponents", 3 * self.ranges, "three for each range"),
+            if len(entries) != count:
+                yield f"{prefix}{name}: {len(entries)} entries; must be {count}, {rule}"
+        exponents, ranges = "three for each range", 3 * self.ranges
+        for name, entries, count, rule in (
+            ("line_phase", self.line_phase, AXES_READ * lines, "six for each line"),
+            ("band_coherence", self.band_coherence, 2 * PAIRS * bands, "30 for each band"),
+            ("gyroscope_exponents", self.gyroscope_exponents, ranges, exponents),
+            ("accelerometer_exponents", self.accelerometer_exponents, ranges, exponents),
         ):
-            if len(getattr(self, name)) not in (0, count):
-                yield (
-                    f"{prefix}{name}: {len(getattr(self, name))} entries; must be 0 or {count}, "
-                    f"{rule}"
-                )
+            if len(entries) not in (0, count):
+                yield f"{prefix}{name}: {len(entries)} entries; must be 0 or {count}, {rule}"
         if len(self.band_coherence) == 2 * PAIRS * len(self.band_low) > 0:
             smallest = np.linalg.eigvalsh(self.coherence())[:, 0]
             for k in np.flatnonzero(smallest < -ROUNDING):

@@ -111,7 +111,7 @@ def _true_points(readings: Samples, k: int) -> NDArray[np.void]:
     for axis, column in zip("xyz", readings.true_point[k][hits].T, strict=True):
         rows[axis] = column
     for value, name in _TRUTHS:
-        rows[name] = getattr(readings, value)[k][hits]
+        rows[name] = readings.values[value][k][hits]
     return rows
 
 

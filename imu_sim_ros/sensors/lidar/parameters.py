@@ -225,16 +225,25 @@ class LidarParameters(SensorParameters):
                 f"{prefix}minimum_range = {self.minimum_range:g}: must be below "
                 f"{prefix}maximum_range, {self.maximum_range:g} m"
             )
-        for name in ("ring_bias", "ring_elevation_error_deg") if self.rings else ():
-            count = len(getattr(self, name))
-            if count not in (0, self.rings):
+        for name, numbers_of_rings in (
+            ("ring_bias", self.ring_bias),
+            ("ring_elevation_error_deg", self.ring_elevation_error_deg),
+        ):
+            count = len(numbers_of_rings)
+            if self.rings and count not in (0, self.rings):
                 yield f"{prefix}{name}: has {count} numbers; must be empty or have {self.rings}"
         if self.rings > LAYOUTS[self.layout].most_rings:
             yield (
                 f"{prefix}layout = {self.layout!r}: has at most {LAYOUTS[self.layout].most_rings} "
                 f"rings, of {self.rings}"
             )
-        yield from getattr(self, f"_problems_of_{self.pattern}")(prefix)
+        problems_of_patterns = {
+            "spinning": self._problems_of_spinning,
+            "rosette": self._problems_of_rosette,
+            "nodding": self._problems_of_nodding,
+            "table": self._problems_of_table,
+        }
+        yield from problems_of_patterns[self.pattern](prefix)
 
     def _problems_of_spinning(self, prefix: str) -> Iterator[str]:
         channels = len(self.elevations_deg)

@@ -87,7 +87,7 @@ def _joints(name: str, position: str, velocity: str, truth: bool = False) -> Top
             t_ns = (samples.true_t_ns if truth else samples.t_ns)[rows]
             encoder = JointStateEncoder(parameters.joints, "", encoding)
             return encoder.pattern(
-                t_ns, getattr(samples, position)[rows], getattr(samples, velocity)[rows]
+                t_ns, samples.values[position][rows], samples.values[velocity][rows]
             )
 
         return payloads

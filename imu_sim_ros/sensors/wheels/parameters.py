@@ -4,7 +4,7 @@
 """Parameters of the wheels of the body: ``wheels.*``."""
 
 import math
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from typing import Final
 
@@ -212,13 +212,13 @@ class WheelsParameters(SensorParameters):
     def problems(self, prefix: str) -> Iterator[str]:
         """Yield a line for each contradiction between parameters."""
         yield from super().problems(prefix)
-        for name, count in (
-            ("joint_names", len(JOINTS[self.model])),
-            ("true_radii", self.wheels),
-            ("true_base", 2),
-            ("steering_offset", 1),
-        ):
-            entries = getattr(self, name)
+        lists: tuple[tuple[str, Sequence[object], int], ...] = (
+            ("joint_names", self.joint_names, len(JOINTS[self.model])),
+            ("true_radii", self.true_radii, self.wheels),
+            ("true_base", self.true_base, 2),
+            ("steering_offset", self.steering_offset, 1),
+        )
+        for name, entries, count in lists:
             if entries and len(entries) != count:
                 yield f"{prefix}{name} = {list(entries)}: must be empty or {count} ({self.model})"
         for k in range(0, len(self.patch_boxes), 7):
