@@ -157,14 +157,15 @@ for t in 1 2 3; do echo "$t 0 0 0 0 0 0 1"; done > estimate.txt
     assert statuses == ["done"] * 2
 
 
-def test_no_scheduler_is_said_in_a_line(plan_file, campaign, tmp_path):
+def test_no_scheduler_is_said_in_a_line_and_leaves_nothing(plan_file, campaign, tmp_path):
     pytest.importorskip("distributed")
     status, _, lines = campaign(
-        plan_file(), "-o", tmp_path / "out", "--scheduler", "tcp://127.0.0.1:9"
+        plan_file(), "-o", tmp_path / "a" / "b", "--scheduler", "tcp://127.0.0.1:9"
     )
     assert status == 2
     assert len(lines) == 1
     assert lines[0].startswith("campaign: --scheduler tcp://127.0.0.1:9: ")
+    assert not (tmp_path / "a").exists()
 
 
 WITHOUT = """
