@@ -14,7 +14,7 @@ _CHUNK: Final = 1 << 13
 """Number of terms handled at once: they fit the processor's cache, and BLAS stays in one thread."""
 _SHORT: Final = 1024
 """Largest cluster for which every sample is used; longer ones use the stored phase."""
-_PHASES: Final = 1 << 21
+_PHASES: Final = 1 << 19
 """Number of stored phases per axis; of longer records every second, fourth, ... one."""
 _PADDING: Final = 520
 """Padding between axes, which would share the same lines of the cache at powers of two."""
@@ -78,8 +78,8 @@ class DeviationAccumulator:
     """Accumulator of a record in blocks, in pieces that are treated as independent.
 
     Clusters of up to 1024 samples are exact in any case. Longer ones are exact while a piece has
-    no more than 2 million samples; beyond, their second differences start at every second, fourth,
-    ... sample only, with no loss of precision: neighbours at such lags are nearly equal.
+    no more than half a million samples; beyond, their second differences start at every second,
+    fourth, ... sample only, with no loss of precision: neighbours at such lags are nearly equal.
     """
 
     def __init__(self, rate: float, axes: int) -> None:
@@ -119,9 +119,9 @@ class DeviationAccumulator:
             end = self._stored_count + stored_phase.shape[1]
             self._stored[:, self._stored_count : end] = stored_phase
             if end > _PHASES:
-                thinned = self._stored[:, :end:2].copy()
-                end = thinned.shape[1]
-                self._stored[:, :end] = thinned
+                for stored in self._stored:  # one by one, since a copy of all takes as much memory
+                    stored[: (end + 1) // 2] = stored[:end:2].copy()
+                end = (end + 1) // 2
                 self._stride *= 2
             self._stored_count = end
             self._count += part.shape[1]

@@ -164,6 +164,7 @@ class SpectrumAccumulator:
         self._flush()
         if self._clusters:
             values = np.concatenate(self._clusters, axis=1)
+            self._clusters = []
             detected = find_signals(values, _SPLIT * CLUSTER, CLUSTER * self._dt)
             for signals, signals_of_piece in (
                 (self.signals, detected.certain),
@@ -178,7 +179,7 @@ class SpectrumAccumulator:
             self._low_without_doubtful.append(
                 self._low_part(detected.without_doubtful) if detected.doubtful else low
             )
-        self._offset, self._clusters = None, []
+        self._offset = None
         self._begin = self._samples
 
     def _flush(self) -> None:
@@ -248,10 +249,6 @@ class SpectrumAccumulator:
         n = clusters.shape[1]
         interval = CLUSTER * self._dt
         end = int(np.ceil(2.0 * n * _SPLIT * CLUSTER))  # the first coefficient at the split
-        centred = clusters - clusters.mean(axis=1, keepdims=True)
-        amplitude = self._dct(centred)[:, 1:end].T * np.sqrt(interval)
-        shared = min(len(amplitude), inflation.shape[1])
-        amplitude[:shared] *= inflation[:, :shared].T
         order = np.arange(1, end)
         edges = np.arange(min(_SINGLE, len(order)))
         if len(order) > _SINGLE:
@@ -259,7 +256,16 @@ class SpectrumAccumulator:
             bins = np.geomspace(_SINGLE, len(order), count).astype(np.int64)
             edges = np.unique(np.concatenate([edges, bins[bins < len(order)]]))
         freedom = np.diff(np.append(edges, len(order))).astype(np.float64)
-        power = self._sums_of_squares(amplitude.T.copy(), edges).T / freedom[:, None]
+        amplitude, sums = np.empty((2, len(edges), self._axes))
+        for axis in range(self._axes):  # one by one: each needs the memory of its averages again
+            values = clusters[axis : axis + 1]
+            centred = values - values.mean(axis=1, keepdims=True)
+            coefficient = self._dct(centred)[:, 1:end] * np.sqrt(interval)
+            shared = min(len(order), inflation.shape[1])
+            coefficient[:, :shared] *= inflation[axis, :shared]
+            amplitude[:, axis] = coefficient[0, edges]
+            sums[:, axis] = self._sums_of_squares(coefficient, edges)[0]
+        power = sums / freedom[:, None]
         mean_order = np.exp(np.add.reduceat(np.log(order), edges) / freedom)
         single = freedom == 1
         return Spectrum(
@@ -269,7 +275,7 @@ class SpectrumAccumulator:
             np.where(single, mean_order.round(), 0.0),
             np.full(len(edges), interval),
             np.full(len(edges), n * interval),
-            np.where(single[:, None], amplitude[edges], 0.0),
+            np.where(single[:, None], amplitude, 0.0),
             self._dt,
         )
 
