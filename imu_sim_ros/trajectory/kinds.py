@@ -168,7 +168,8 @@ class Harmonic(_Endless):
     def sample(self, t: Array) -> Motion:
         """Return the motion at times t (n,) [s]."""
         table = self._coordinates.sample(t)
-        position, velocity, acceleration = table[:, :, :3]
+        # A copy: parts of the table would keep all of it in memory, the angles too.
+        position, velocity, acceleration = np.copy(table[:, :, :3])
         return Motion(position, velocity, acceleration, *rotation.euler_motion(*table[:, :, 3:]))
 
 

@@ -25,6 +25,12 @@ from imu_sim_ros.terminal.text_tables import print_table
 
 DURATIONS = {"1 min": "1min", "10 min": "10min", "1 h": "1h", "4 h": "4h"}
 RATES = (100, 200, 1000, 4000)
+MOTION = ("--trajectory", "lecture")
+LEVEL_MOTION = (
+    *("--trajectory", "circle"),
+    *("--set", "latitude_deg=48.0", "--set", "longitude_deg=11.0"),
+)
+"""Motion that wheels can follow, at a place on land."""
 SENSORS = {
     "IMU": ["--topics", "imu/data_raw"],
     "IMU and ground truth": [],
@@ -89,14 +95,13 @@ def cost(program: str, arguments: Sequence[str], output: Path) -> Cost:
 
 def generate(folder: Path, *options: str) -> Cost:
     """Return the costs of generating a flight."""
-    motion = ["--imu", "mpu6000", "--trajectory", "lecture"]
-    return cost("generate", [*motion, *options], folder / "x.mcap")
+    return cost("generate", ["--imu", "mpu6000", *options], folder / "x.mcap")
 
 
 def over_durations(folder: Path) -> None:
     """Print the costs of recordings of several lengths."""
     rows = [
-        [label, *generate(folder, "--rate", "200", "--duration", duration).cells()]
+        [label, *generate(folder, *MOTION, "--rate", "200", "--duration", duration).cells()]
         for label, duration in DURATIONS.items()
     ]
     print_table(["duration", *HEADER], rows, "generate, 200 Hz, Imu and ground truth, .mcap")
@@ -105,7 +110,10 @@ def over_durations(folder: Path) -> None:
 def over_rates(folder: Path) -> None:
     """Print the costs of 10 minutes at several rates."""
     rows = [
-        [f"{rate} Hz", *generate(folder, "--rate", str(rate), "--duration", "10min").cells()]
+        [
+            f"{rate} Hz",
+            *generate(folder, *MOTION, "--rate", str(rate), "--duration", "10min").cells(),
+        ]
         for rate in RATES
     ]
     print_table(["rate", *HEADER], rows, "generate, 10 min, Imu and ground truth, .mcap")
@@ -113,9 +121,9 @@ def over_rates(folder: Path) -> None:
 
 def over_sensors(folder: Path) -> None:
     """Print the costs of 10 minutes with more and more sensors."""
-    length = ("--rate", "200", "--duration", "10min")
+    run = (*LEVEL_MOTION, "--rate", "200", "--duration", "10min")
     rows = [
-        [label, *generate(folder, *length, *options).cells()] for label, options in SENSORS.items()
+        [label, *generate(folder, *run, *options).cells()] for label, options in SENSORS.items()
     ]
     print_table(["sensors", *HEADER], rows, "generate, 10 min at 200 Hz, .mcap")
 

@@ -179,9 +179,11 @@ class Imu:
     ) -> Samples | None:
         """Return the next samples of a few ideal readings, in numbers: those of :meth:`apply`.
 
-        None where that is needed for them.
+        The formulas are the same functions of components. Arrays of a few rows would cost as many
+        calls of NumPy as arrays of thousands, several for each error of the sensor.
 
         :param times: stamps of the readings [ns].
+        :returns: None where faults, a filter or errors that depend on the force need arrays.
         """
         if not self._plain or self._timing.faults.windows:
             return None
