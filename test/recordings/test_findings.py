@@ -255,6 +255,11 @@ def test_sparse_disordered_and_turned_poses_are_found(poses):
     assert pose_kinds(with_fields(poses, q_wb=half_turn)) == ["z_down"]
     camera = rotation.multiply(poses.q_wb, np.array([0.5, -0.5, 0.5, -0.5]))
     assert pose_kinds(with_fields(poses, q_wb=camera)) == ["axes_camera"]
+    hovering = with_fields(poses, q_wb=camera, position=0.01 * poses.position, velocity=None)
+    assert pose_kinds(hovering) == ["axes_camera"]
+    few = with_fields(poses.rows(slice(None, None, 200)), velocity=None)
+    assert len(few) < 20
+    assert pose_kinds(few) == ["poses_sparse"]
 
 
 def test_smooth_poses_are_mended_nowhere_however_far_and_fast():

@@ -26,7 +26,7 @@ _LONG: Final = 3.0
 _SPEED: Final = 0.05
 """Speed below which a twist is not compared with the poses [m/s]."""
 _COMPARED: Final = 8
-"""Poses from which on a twist is compared with them."""
+"""Poses from which on their interval is judged, and a twist is compared with them."""
 _TURNS: Final = 0.05
 """Angular rate below which that of a twist is not compared with the poses [rad/s]."""
 _AGREES: Final = 0.3
@@ -142,7 +142,7 @@ def poses_disordered(measures: StateMeasures) -> Iterator[Evidence]:
 )
 def poses_sparse(measures: StateMeasures) -> Iterator[Evidence]:
     """Find poses that are too far apart for the motion of an IMU."""
-    if len(measures.states) >= _FEWEST and measures.interval > _SPARSE:
+    if len(measures.states) >= _COMPARED and measures.interval > _SPARSE:
         nyquist = 0.5 / measures.interval
         yield Evidence(
             f"poses are {measures.interval:.3g} s apart: the motion above {nyquist:.3g} Hz is lost"
@@ -200,9 +200,13 @@ def z_down(measures: StateMeasures) -> Iterator[Evidence]:
     "rotate the poses into forward-left-up: those of a camera are right-down-forward",
 )
 def axes_camera(measures: StateMeasures) -> Iterator[Evidence]:
-    """Find poses in the axes of a camera: the body travels along its z axis."""
+    """Find poses in the axes of a camera: y is downwards, or the body travels along its z axis."""
     states = measures.states
     if len(states) < _FEWEST or not len(measures.velocity):
+        return
+    down = rotation.rotate(states.q_wb, np.array([0.0, 1.0, 0.0]))[:, 2]
+    if np.quantile(down, 0.95) < -0.9 and not any(quaternion_order.find(measures)):
+        yield Evidence("the body's y axis is downwards throughout")
         return
     steps = np.diff(states.position, axis=0)[measures.regular]
     path = float(np.linalg.norm(steps, axis=1).sum())
@@ -210,7 +214,6 @@ def axes_camera(measures: StateMeasures) -> Iterator[Evidence]:
         return
     q = states.q_wb[:-1][measures.regular]
     body = rotation.rotate_inverse(q, steps).sum(axis=0) / path
-    down = rotation.rotate(states.q_wb, np.array([0.0, 1.0, 0.0]))[:, 2]
     # In the world of a visual odometry, which has the axes of the first image, y is downwards.
     turns = rotation.log(rotation.multiply(rotation.conjugate(q[0]), q))
     about_y = np.abs(turns[:, 1]).max() >= 2.0 * np.abs(turns[:, [0, 2]]).max()
