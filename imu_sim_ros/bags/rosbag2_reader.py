@@ -89,6 +89,10 @@ class SqliteBag(Bag):
         return folder / self.path.name, "mode=rw"
 
     def _read_topics(self) -> dict[int, TopicInfo]:
+        """Return the topics of the database by their ids.
+
+        :raises InputError: for a database of another kind.
+        """
         columns = self._columns("topics")
         if not {"id", "name", "type"} <= columns or (
             not {"topic_id", "timestamp", "data"} <= self._columns("messages")

@@ -93,6 +93,10 @@ def parse(
 
 
 def _requirement(line: str, metrics: Sequence[str], axes: Sequence[Axis]) -> Requirement:
+    """Return the requirement that a line of ``require`` states.
+
+    :raises ConfigurationError: for a line of another form.
+    """
     match = _FORM.fullmatch(line)
     if match is None:
         raise ConfigurationError(

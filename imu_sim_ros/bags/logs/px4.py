@@ -380,6 +380,7 @@ def _odometry(topics: Topics, remarks: list[str]) -> Iterator[LogStream]:
 
 
 def _odometry_of(topic: _Topic, remarks: list[str]) -> Iterator[LogStream]:
+    """Yield the poses of a topic of odometry; none if it lacks positions or attitudes."""
     position = topic.vector("position")
     position = topic.vector(*AXES) if position is None else position
     q = topic.vector("q")

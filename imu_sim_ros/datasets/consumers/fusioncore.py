@@ -77,6 +77,7 @@ def _remarks(body: Aiding) -> list[str]:
 
 
 def _imu_lines(body: Aiding) -> list[str]:
+    """Return the lines about the IMU."""
     values, parameters = body.values, body.parameters
     per_sample = math.sqrt(values.rate)
     gyro, accel = (
@@ -99,6 +100,7 @@ def _imu_lines(body: Aiding) -> list[str]:
 
 
 def _wheel_lines(body: Aiding) -> list[str]:
+    """Return the lines about the wheels; none without wheels."""
     p = body.wheels
     if p is None:
         return []
@@ -116,6 +118,7 @@ def _wheel_lines(body: Aiding) -> list[str]:
 
 
 def _gnss_lines(body: Aiding) -> list[str]:
+    """Return the lines about GNSS; none without a receiver."""
     p, world = body.gnss, body.parameters
     if p is None:
         return []

@@ -118,6 +118,7 @@ def _kiss_icp(ranging: Ranging) -> str:
 
 
 def _rko_lio(ranging: Ranging) -> str:
+    """Return the configuration of RKO-LIO."""
     head = comment(
         [
             f"RKO-LIO 0.4.0: rko_lio FOLDER --config this file --imu {ranging.values.topic} "
@@ -141,6 +142,7 @@ def _rko_lio(ranging: Ranging) -> str:
 
 
 def _fast_lio(ranging: Ranging) -> str:
+    """Return the configuration of FAST-LIO2."""
     kind, unit = _FAST_LIO[ranging.lidar.layout]
     lidar, values = ranging.lidar, ranging.values
     livox = lidar.layout == "livox"
@@ -190,6 +192,7 @@ def _fast_lio(ranging: Ranging) -> str:
 
 
 def _lio_sam(ranging: Ranging, parameters: SimulationParameters) -> str:
+    """Return the configuration of LIO-SAM."""
     lidar, values = ranging.lidar, ranging.values
     rotation, position = ranging.in_imu()
     densities = values.positive_densities()

@@ -60,6 +60,7 @@ def _section(name: str, values: dict[str, str]) -> str:
 
 
 def _system() -> str:
+    """Return the file of MINS that names the bag and the outputs."""
     head = comment(
         [
             "path_bag: give it as parameter sys_path_bag of the node. bag_durr: -1 is all of it.",
@@ -86,6 +87,7 @@ def _system() -> str:
 
 
 def _estimator(body: Aiding) -> str:
+    """Return the file of MINS about the estimator."""
     head = comment(
         [
             "Poses between clones come from the IMU (use_imu_res); the tables intr_ori and "
@@ -126,6 +128,7 @@ def _imu(body: Aiding) -> str:
 
 
 def _init(body: Aiding) -> str:
+    """Return the file of MINS about the initialisation."""
     head = comment(
         [
             "With wheels it starts from IMU and wheels, standing or moving; without, from a rest "
@@ -154,6 +157,7 @@ def _is_planar(body: Aiding) -> bool:
 
 
 def _gps(body: Aiding) -> str:
+    """Return the file of MINS about GNSS; empty without a receiver."""
     p = body.gnss
     if p is None:
         return ""
@@ -190,6 +194,7 @@ def _gps(body: Aiding) -> str:
 
 
 def _wheel(body: Aiding) -> str:
+    """Return the file of MINS about wheels; empty without wheels on a plane."""
     p = body.wheels
     if p is None or not _is_planar(body):
         return ""

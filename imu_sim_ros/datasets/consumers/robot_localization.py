@@ -36,6 +36,7 @@ def files(subject: Subject) -> dict[str, str]:
 
 
 def _ekf(body: Aiding) -> str:
+    """Return the configuration of the filters of robot_localization."""
     remarks = [
         "robot_localization, ekf_node: odom to body from IMU and wheels, and with GNSS another "
         "filter, map to odom, with the output of navsat.yaml. Written against its sources; it "
@@ -56,6 +57,12 @@ def _ekf(body: Aiding) -> str:
 
 
 def _filter(name: str, world: str, body: Aiding, *, fixes: bool) -> str:
+    """Return the section of a filter.
+
+    :param name: name of the node.
+    :param world: frame of the world that the filter estimates in.
+    :param fixes: take the positions of GNSS, too.
+    """
     values, wheels = body.values, body.wheels
     odom = wheels.odom_frame if wheels is not None else "odom"
     lines = [
@@ -109,6 +116,7 @@ def _booleans(name: str, used: list[bool]) -> str:
 
 
 def _navsat(parameters: SimulationParameters) -> str:
+    """Return the configuration of navsat_transform_node."""
     head = comment(
         [
             "robot_localization, navsat_transform_node: gps/fix to odometry/gps. The datum is the "

@@ -106,6 +106,7 @@ class Integrator(ConfiguredNode[IntegratorParameters]):
         print(f"integrator: published {sent} messages on {DEAD_RECKONED_TOPIC}", flush=True)
 
     def _add_publishers(self, parameters: IntegratorParameters) -> None:
+        """Create the publishers of the topics that the parameters ask for."""
         odometry_out = self._publisher(Odometry, DEAD_RECKONED_TOPIC)
         self._odometry_out = Counter(DEAD_RECKONED_TOPIC, odometry_out)
         self._angles_out: Publisher | None = None
