@@ -129,7 +129,13 @@ class _FromRest:
 
     def add_reading(self, reading: LiveReading) -> Start | None:
         parameters, readings = self._parameters, self._readings
-        if readings and self._gap.is_gap(reading.t_ns - readings[-1].t_ns):
+        if readings and reading.t_ns == readings[-1].t_ns:  # it came twice
+            return None
+        if readings and self._gap.is_gap(step_ns := reading.t_ns - readings[-1].t_ns):
+            self._complain(
+                f"level: a step of {step_ns * 1e-9:.6f} s between two stamps, so that the "
+                f"{parameters.level_time:g} s at rest begin again"
+            )
             readings.clear()
         readings.append(reading)
         if not initialisation.is_long_enough(parameters, readings[0].t_ns, reading.t_ns):

@@ -25,6 +25,7 @@ from imu_sim_ros.navigation.state import NavigationState, correction_of
 from imu_sim_ros.navigation.stepper import Stepper, StepperCounts
 from imu_sim_ros.nodes.integrator.initialiser import Start, initialiser
 from imu_sim_ros.parameters.kinds import IDENTITY_MATRIX
+from imu_sim_ros.recordings.live_batches import BatchSpreader
 from imu_sim_ros.recordings.order import READINGS_GAP, RESTART_NS, LiveGap
 
 _SMOOTHING = 0.02
@@ -61,6 +62,7 @@ class LiveIntegrator:
         self.frames = (parameters.world_frame, parameters.body_frame)
         """Frames of the pose and of the body: those of the odometry that it started from."""
         self._complain, self._is_new_source = complain, is_new_source
+        self._batches = BatchSpreader(complain)
         self.begin()
 
     def begin(self) -> None:
@@ -104,6 +106,13 @@ class LiveIntegrator:
     def add_reading(self, reading: LiveReading) -> list[LiveState]:
         """Take a reading; return one row, none while waiting, or many after it."""
         self.totals.readings += 1
+        readings = self._batches.add(reading)
+        if len(readings) == 1:
+            return self._take(readings[0])
+        return [row for reading in readings for row in self._take(reading)]
+
+    def _take(self, reading: LiveReading) -> list[LiveState]:
+        """Take a reading with a time of its own."""
         self._gap.add(reading.t_ns)
         if not self._gap.is_known:
             self._waiting.append(reading)

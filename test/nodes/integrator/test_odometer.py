@@ -52,6 +52,53 @@ def turning(count: int) -> list[LiveReading]:
     ]
 
 
+@pytest.mark.parametrize("size", [2, 4, 25])
+@pytest.mark.parametrize("start", ["parameters", "level"])
+def test_batches_that_share_a_stamp_are_integrated_as_if_each_had_its_own(size, start):
+    stream = turning(400)
+    if start == "level":
+        stream = [*readings(200), *(r._replace(t_ns=r.t_ns + 200 * STEP_NS) for r in stream)]
+        # Readings at rest that differ, as those of a sensor.
+        stream = [r._replace(accel=(1e-6 * (k % 7), 0.0, r.accel[2])) for k, r in enumerate(stream)]
+    batches = [
+        r._replace(t_ns=stream[k // size * size].t_ns) for k, r in enumerate(stream[: 16 * 25])
+    ]
+    exact = Harness(initial_state=start, level_time=0.5)
+    rows = exact.feed(stream[: len(batches)])
+    harness = Harness(initial_state=start, level_time=0.5)
+    spread_rows = harness.feed(batches)
+    begin = rows.index(next(r for r in rows if r.t_ns == spread_rows[0].t_ns))
+    assert [row.t_ns for row in spread_rows] == [
+        row.t_ns for row in rows[begin : begin + len(spread_rows)]
+    ]
+    assert len(spread_rows) >= len(rows) - size
+    if start == "parameters":
+        np.testing.assert_allclose(
+            spread_rows[-1].position, rows[len(spread_rows) - 1].position, atol=1e-12
+        )
+    assert [line for line in harness.complaints if "share a stamp" in line]
+    assert len(harness.complaints) == 1
+
+
+def test_a_driver_without_stamps_is_told():
+    harness = Harness(initial_state="parameters")
+    stream = [reading._replace(t_ns=0) for reading in turning(3000)]
+    assert len(harness.feed(stream)) == 1  # the start
+    assert "readings have the stamp 0.000000000 s" in harness.complaints[-1]
+    assert len(harness.complaints) == 2
+
+
+def test_levelling_tells_why_it_begins_again_and_repeated_readings_do_not():
+    harness = Harness(initial_state="level", level_time=0.5)
+    stream = readings(90)
+    assert harness.feed([r for reading in stream for r in (reading, reading)]) == []
+    assert harness.complaints == []
+    later = [reading._replace(t_ns=reading.t_ns + 10 * 10**9) for reading in readings(150)]
+    assert len(harness.feed(later)) == 50
+    (line,) = harness.complaints
+    assert line.startswith("level: a step of 9.555000 s between two stamps")
+
+
 @pytest.mark.parametrize("attitude", ["quaternion", "so3", "euler_angles"])
 @pytest.mark.parametrize("method", ["euler", "midpoint", "rk4"])
 def test_every_method_gives_what_dead_reckoning_of_the_record_gives(method, attitude):

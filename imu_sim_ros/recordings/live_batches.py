@@ -1,0 +1,80 @@
+# Copyright 2026 imu_sim_ros maintainers
+# SPDX-License-Identifier: Apache-2.0
+
+"""Times of readings that arrive live in batches, all of a batch with one stamp."""
+
+from collections.abc import Callable
+from typing import Final
+
+from imu_sim_ros.core.records import LiveReading
+
+_LARGEST_BATCH: Final = 1024
+"""Readings of a batch; so many with one stamp come from a driver without stamps."""
+_STRETCH: Final = 1.5
+"""Ratio of an interval to the one before from which on readings between two batches are lost."""
+
+
+class BatchSpreader:
+    """Spreads the readings of each batch over the time to the stamp of the next one.
+
+    A sensor with a FIFO delivers several readings at a time, which many drivers stamp alike. The
+    first reading of a batch has the batch's stamp; the others wait for the next stamp. A reading
+    that equals the one before it is a message that came twice, and passes unchanged.
+    """
+
+    def __init__(self, complain: Callable[[str], None]) -> None:
+        """Begin with the next reading.
+
+        :param complain: receives a line when readings share a stamp.
+        """
+        self._complain = complain
+        self._previous: LiveReading | None = None
+        self._waiting: list[LiveReading] = []
+        """Readings of the latest batch behind its first one."""
+        self._interval_ns = 0.0
+        """Interval of the readings of the batch before [ns]; 0: not known."""
+        self._has_batches = False
+
+    def add(self, reading: LiveReading) -> list[LiveReading]:
+        """Take a reading; return those whose times are known now, in order."""
+        previous, self._previous = self._previous, reading
+        if previous is not None and reading.t_ns == previous.t_ns:
+            if reading.gyro == previous.gyro and reading.accel == previous.accel:
+                return [reading]
+            self._tell(reading.t_ns)
+            if len(self._waiting) < _LARGEST_BATCH:
+                self._waiting.append(reading)
+            return []
+        if not self._waiting:
+            return [reading]
+        return [*self._spread(reading.t_ns), reading]
+
+    def _tell(self, t_ns: int) -> None:
+        """Say once that there are batches, and for each that has no end."""
+        if not self._has_batches:
+            self._has_batches = True
+            self._complain(
+                "readings share a stamp: those of a batch are spread over the time to the next "
+                "stamp, and wait for it"
+            )
+        if len(self._waiting) == _LARGEST_BATCH - 1:
+            self._complain(
+                f"more than {_LARGEST_BATCH} readings have the stamp {t_ns * 1e-9:.9f} s: the "
+                "driver does not stamp them, so that they cannot be integrated"
+            )
+
+    def _spread(self, next_ns: int) -> list[LiveReading]:
+        """Return the waiting readings with times of their own, before the next stamp [ns]."""
+        waiting, self._waiting = self._waiting, []
+        t_ns = waiting[0].t_ns
+        interval_ns = (next_ns - t_ns) / (len(waiting) + 1)
+        usual_ns = self._interval_ns
+        if usual_ns and not 0.0 < interval_ns <= _STRETCH * usual_ns:
+            interval_ns = usual_ns
+        elif interval_ns <= 0.0:
+            return []  # the clock was reset before an interval was known
+        self._interval_ns = interval_ns
+        return [
+            reading._replace(t_ns=t_ns + round(k * interval_ns))
+            for k, reading in enumerate(waiting, 1)
+        ]
