@@ -261,7 +261,7 @@ def generate(
         cameras=cameras,
         scene=scene,
     )
-    with with_poses(layers, motion):
+    with with_poses(layers, motion, segments is not None):
         simulation = load_simulator(layers, problems=problems)
 
     sensors = mounted(simulation)

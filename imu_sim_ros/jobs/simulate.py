@@ -263,7 +263,7 @@ def _body(
         with problems.gathered():
             segment_values, imu_names = segment_layer(segments, file)
     layers = {**file_values, **segment_values, **values}
-    with with_poses(layers, motion):
+    with with_poses(layers, motion, segments is not None):
         built = load_simulation(layers, problems=problems)
     for listing, supported in (("imus", "one IMU"), ("cameras", "no cameras: see camera.images")):
         if getattr(built, listing) and not (listing == "imus" and imu_names):
@@ -288,19 +288,22 @@ def _body(
 
 
 @contextmanager
-def with_poses(layers: Mapping[str, object], motion: GivenMotion) -> Iterator[None]:
+def with_poses(
+    layers: Mapping[str, object], motion: GivenMotion, has_segments: bool
+) -> Iterator[None]:
     """Tell of poses that cannot be read, too, if parameters cannot be used.
 
     Otherwise they are read later, when a trajectory is made of them.
 
     :param layers: parameters by dotted name.
+    :param has_segments: True if segments of the file are the topics of its poses.
     """
     try:
         yield
     except ConfigurationError as error:
         file, topic = layers.get("trajectory.file"), layers.get("trajectory.topic")
         poses = Problems()
-        if isinstance(file, str) and file:
+        if isinstance(file, str) and file and not has_segments:
             with poses.gathered(), warnings.catch_warnings():
                 warnings.simplefilter("ignore")
                 motion.pose_reader(file, *((str(topic),) if topic else ()))
