@@ -8,11 +8,10 @@ from __future__ import annotations
 import glob
 import time
 from collections.abc import Collection, Iterator, Mapping, Sequence
-from concurrent.futures import Executor
 from contextlib import ExitStack, closing, nullcontext
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import Annotated, Any, Final
+from typing import TYPE_CHECKING, Annotated, Any, Final
 
 from imu_sim_ros.bags.outputs import Outputs, Target
 from imu_sim_ros.bags.threads import cores, prefetch, threads
@@ -78,6 +77,9 @@ from imu_sim_ros.terminal.progress import progress
 from imu_sim_ros.terminal.signatures import Heading, Text
 from imu_sim_ros.trajectory.build import build_trajectory
 from imu_sim_ros.trajectory.parameters import PoseReader
+
+if TYPE_CHECKING:
+    from concurrent.futures import Executor
 
 BLOCK_SIZE: Final = 16384
 _MAX_JOBS: Final = 1024

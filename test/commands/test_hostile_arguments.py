@@ -180,7 +180,10 @@ GONE = ": No such file"
             ["a" + GONE, "b" + GONE, "unknown IMU 'c'"],
         ),
         ("dead_reckon a --correction b", ["a" + GONE, "b" + GONE]),
-        ("add_errors a -o x.mcap --params-file b --imu c", ["a" + GONE, "b" + GONE]),
+        (
+            "add_errors a -o x.mcap --params-file b --imu c",
+            ["b" + GONE, "unknown IMU 'c'", "a" + GONE],
+        ),
         (
             "report no.bag a flight.mcap empty.txt --baseline b",
             [*(f"{name}: no such file or folder" for name in "ab"), "no.bag: ", "empty.txt: "],

@@ -13,11 +13,11 @@ Noetic, where gps_msgs is called gps_common) and of livox_ros_driver2 1.2.4.
 """
 
 from functools import cache
-from importlib import resources
-from pathlib import PurePath
+from pathlib import Path
 from typing import Final
 
 ROS1_NAME_OF_GPS_MSGS: Final = "gps_common"
+_FOLDER: Final = Path(__file__).parent
 
 
 @cache
@@ -27,8 +27,8 @@ def texts(generation: str) -> dict[str, str]:
     :param generation: ``ros1`` or ``ros2``.
     """
     return {
-        f"{package.name}/{PurePath(file.name).stem}": file.read_bytes().decode()
-        for package in (resources.files(__package__) / generation).iterdir()
+        f"{package.name}/{file.stem}": file.read_bytes().decode()
+        for package in (_FOLDER / generation).iterdir()
         if package.is_dir()
         for file in package.iterdir()
     }
@@ -37,5 +37,5 @@ def texts(generation: str) -> dict[str, str]:
 @cache
 def digests(generation: str) -> dict[str, str]:
     """Return the MD5 sum (``ros1``) or the hash RIHS01 of REP-2016 (``ros2``) of types by name."""
-    file = resources.files(__package__) / generation / "digests.txt"
+    file = _FOLDER / generation / "digests.txt"
     return dict(line.split() for line in file.read_text(encoding="utf-8").splitlines())
