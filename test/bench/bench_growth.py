@@ -41,7 +41,7 @@ SENSORS = {
     "and wheels 50 Hz": ["--gnss", "ublox_m8", "--wheels", "husky_a200"],
     "every topic of the IMU": ["--topics", "all"],
 }
-RUNS = (20, 100)
+RUNS = (20, 500)
 WORKERS = (1, 2)
 SIMULATED_RUNS = (1_000, 10_000, 100_000)
 SIMULATED_WORKERS = (1, 10, 100)
