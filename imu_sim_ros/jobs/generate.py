@@ -263,7 +263,7 @@ def generate(
         cameras=cameras,
         scene=scene,
     )
-    with with_poses(layers, motion, segments is not None):
+    with with_poses(layers, motion, segments != ()):
         simulation = load_simulator(layers, problems=problems)
 
     sensors = mounted(simulation)
