@@ -50,7 +50,7 @@ from imu_sim_ros.core.rotation import rotate_inverse
 from imu_sim_ros.core.types import Array, Times
 from imu_sim_ros.inputs.poses import read_poses
 from imu_sim_ros.inputs.tables import Table, Tables
-from imu_sim_ros.recordings.order import RecordTimes
+from imu_sim_ros.recordings.record_times import RecordTimes
 
 More = Callable[[MessageBlock], Sequence[Block]]
 READINGS: Final = "/" + IMU_TOPIC

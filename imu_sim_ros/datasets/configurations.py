@@ -5,7 +5,7 @@
 
 from collections.abc import Collection, Iterable, Mapping
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, Final
+from typing import Any, Final
 
 import numpy as np
 
@@ -24,9 +24,6 @@ from imu_sim_ros.simulation.engine import Body
 from imu_sim_ros.simulation.parameters import SimulationParameters, imus
 from imu_sim_ros.simulation.sensors import all_tables, imus_in
 from imu_sim_ros.simulation.topics import resolved
-
-if TYPE_CHECKING:
-    pass
 
 _START: Final = 60.0
 """Length of the start of a flight that is searched for an initialisation [s]."""

@@ -138,7 +138,7 @@ def has_sections(tree: object) -> bool:
     return _PARAMETERS in tree or any(map(has_sections, tree.values()))
 
 
-def _is_of_chain(content: object) -> bool:
+def is_of_chain(content: object) -> bool:
     """Return True for a camera in a chain (kalibr_common/ConfigReader.py)."""
     return isinstance(content, Mapping) and {"camera_model", "intrinsics"} <= set(content)
 
@@ -166,7 +166,7 @@ def parameters_of(tree: Mapping[Any, Any], path: Path, node: str) -> dict[str, o
         content = {} if content is None else content
         values = dotted(content, f"{path}: {name}: {_PARAMETERS}")
         result.update({key: placed(key, value, path) for key, value in values.items()})
-    cameras = [name for name, content in tree.items() if _is_of_chain(content)]
+    cameras = [name for name, content in tree.items() if is_of_chain(content)]
     if not sections and cameras:
         raise ConfigurationError(
             f"{path}: a camera chain of kalibr or OpenVINS ({', '.join(cameras)}): give it as "

@@ -123,7 +123,7 @@ def label(metric: str) -> str:
             name, unit = metric.removesuffix(ending), f" [{_UNITS[ending]}]"
             break
     parts = (part.upper() if part in _ABBREVIATIONS else part for part in name.split("_"))
-    return " ".join(parts).replace("turn on", "turn-on") + unit
+    return " ".join(parts) + unit
 
 
 def _results(

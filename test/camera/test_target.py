@@ -3,14 +3,17 @@
 
 """The board and the motion of a calibration follow from the lens."""
 
+import cv2
 import numpy as np
 import pytest
 
 from imu_sim_ros.camera import build_rig, rig_of
 from imu_sim_ros.core import rotation
+from imu_sim_ros.core.errors import MissingDependencyError
 from imu_sim_ros.parameters import files
 from imu_sim_ros.sensors.camera.frames import warnings
 from imu_sim_ros.sensors.camera.images.imager import Imager
+from imu_sim_ros.sensors.camera.images.tag36h11 import tag
 from imu_sim_ros.sensors.camera.images.texture import atlas
 from imu_sim_ros.simulation.engine import Body
 from imu_sim_ros.simulation.parameters import load_simulation
@@ -81,8 +84,10 @@ def test_corners_cover_the_images_of_every_camera_and_a_detector_finds_the_tags(
         # The edges of large tags are bent in a fisheye: some are not taken for tags.
         min_share = 0.6 if model.kind == "equidistant" else 0.9
         assert len(whole & set(detections)) >= min_share * len(whole) >= 0.6 * 9
-        for tag in whole & set(detections):
-            away = np.linalg.norm(np.reshape(detections[tag], (4, 1, 2)) - corners[tag], axis=2)
+        for number in whole & set(detections):
+            away = np.linalg.norm(
+                np.reshape(detections[number], (4, 1, 2)) - corners[number], axis=2
+            )
             assert away.min(axis=1).max() < 2.0
 
 
@@ -152,3 +157,9 @@ def test_the_axes_of_the_body_are_those_of_the_trajectory(tmp_path):
     forward = rotation.to_matrix(rig.views["cam0"].q_bc)[:, 2]
     assert forward[0] > 0.99
     assert body.notes() == ["cam0: the body is forward, left, up (camera.body_axes flu)"]
+
+
+def test_an_opencv_without_tags_is_told(monkeypatch):
+    monkeypatch.delattr(cv2, "aruco")
+    with pytest.raises(MissingDependencyError, match="AprilGrids need the tags of OpenCV"):
+        tag(0)

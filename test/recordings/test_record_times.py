@@ -6,7 +6,7 @@
 import numpy as np
 import pytest
 
-from imu_sim_ros.recordings.order import LiveRecordTimes
+from imu_sim_ros.recordings.record_times import LiveRecordTimes
 
 T_NS = 10**18 + 5_000_000 * np.arange(400)
 

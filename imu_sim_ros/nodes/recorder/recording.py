@@ -29,7 +29,7 @@ from imu_sim_ros.recordings.findings.catalogue import stamp_findings
 from imu_sim_ros.recordings.findings.finding import Finding
 from imu_sim_ros.recordings.findings.live import UnitWatch
 from imu_sim_ros.recordings.live_clock import LiveClock
-from imu_sim_ros.recordings.order import LiveRecordTimes
+from imu_sim_ros.recordings.record_times import LiveRecordTimes
 
 _STAMPS = {0: struct.Struct(">iI"), 1: struct.Struct("<iI")}
 

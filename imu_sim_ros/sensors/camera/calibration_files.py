@@ -129,6 +129,10 @@ class _Camera:
         state = "missing" if value is None else shown(value)
         self.problems.append(f"{self._prefix}{key} = {state}: {allowed}")
 
+    def refuse_name(self, key: str, name: str) -> None:
+        """Note an unknown key that resembles a known one."""
+        self.problems.append(f"{self._prefix}{key}: unknown key; did you mean {name}?")
+
     def check_keys(self, keys: Mapping[str, str], extra: str = "") -> None:
         """Name the keys without an effect, and refuse those that resemble a key with one.
 
@@ -137,7 +141,7 @@ class _Camera:
         """
         for key in self.tree:
             if key not in keys and (name := nearest(key, keys, 0.8)) and name not in self.tree:
-                self.problems.append(f"{self._prefix}{key}: unknown key; did you mean {name}?")
+                self.refuse_name(key, name)
             elif key not in keys:
                 self.unused.append(key if extra else f"{key} (unknown)")
             elif reason := keys[key]:
@@ -481,7 +485,7 @@ def _orb_camera(camera: _Camera, prefix: str) -> None:
     unused = [key for key in tree if key not in _ORB and not _ORB_LENS.match(key)]
     for key in list(unused):
         if (name := nearest(key, _ORB, 0.85)) and name not in tree:
-            camera.problems.append(f"{key}: unknown key; did you mean {name}?")
+            camera.refuse_name(key, name)
             unused.remove(key)
     camera.unused += unused
     model = camera.model(
@@ -520,11 +524,7 @@ _Reader = Callable[[_Camera], None]
 
 def _cameras(tree: Mapping[str, Any], path: Path) -> dict[str, tuple[Mapping[str, Any], _Reader]]:
     """Return keys and reader of each camera in a file of another tool, by name; empty: none is."""
-    chain = [
-        name
-        for name, content in tree.items()
-        if isinstance(content, Mapping) and {"camera_model", "intrinsics"} <= set(content)
-    ]
+    chain = [name for name, content in tree.items() if files.is_of_chain(content)]
     if chain:
         cameras: dict[str, tuple[Mapping[str, Any], _Reader]] = {}
         pose = None
@@ -603,7 +603,7 @@ def load(name_or_file: str) -> dict[str, object]:
     tree = _tree(path)
     cameras = {} if files.has_sections(tree) else _cameras(tree, path)
     if not cameras:
-        return files.load(path)
+        return files.parameters_of(tree, path, "simulator")
     if len(cameras) > 1 and not name:
         raise ConfigurationError(
             f"{path}: has several cameras, name one of {', '.join(cameras)}: "
