@@ -65,7 +65,7 @@ class _TopicTime:
     latest_ns: int
     offset_ns: int = 0
     """Record time less stamp [ns]."""
-    far: int = 0
+    distant_count: int = 0
     """Number of the latest stamps in a row that are far from those before them."""
 
 
@@ -90,15 +90,15 @@ class LiveRecordTimes:
             return stamp_ns
         t_ns = stamp_ns + time.offset_ns
         if not _follows(time.latest_ns, t_ns):
-            time.far += 1
-            if time.far < RESET_READINGS:
+            time.distant_count += 1
+            if time.distant_count < RESET_READINGS:
                 return time.latest_ns
             if t_ns < time.latest_ns:
                 if not _follows(time.latest_ns, stamp_ns + self._offset_ns):
                     self._offset_ns = time.latest_ns - stamp_ns
                 time.offset_ns = self._offset_ns
                 t_ns = stamp_ns + time.offset_ns
-        time.far, time.latest_ns = 0, max(time.latest_ns, t_ns)
+        time.distant_count, time.latest_ns = 0, max(time.latest_ns, t_ns)
         return t_ns
 
 
