@@ -263,7 +263,7 @@ def generate(
         cameras=cameras,
         scene=scene,
     )
-    with with_poses(layers, motion, segments != ()):
+    with with_poses(layers, motion, _has_segments(segments)):
         simulation = load_simulator(layers, problems=problems)
 
     sensors = mounted(simulation)
@@ -506,7 +506,7 @@ def run_parameters(
         with problems.gathered(hanging="scene."):
             file = arguments.path("scene", scene, "a name or the path of a file")
             in_scene = scene_layer(str(file))
-    if not isinstance(segments, tuple | list) or segments:
+    if _has_segments(segments):
         motion_file = layers.get("trajectory.file", in_files.get("trajectory.file"))
         with problems.gathered():
             layers = _on_segments(segments, motion_file) | layers
@@ -536,6 +536,11 @@ def run_parameters(
             f"the values of the file take precedence: {', '.join(overridden[:3])}{further}"
         )
     return values, motion
+
+
+def _has_segments(segments: object) -> bool:
+    """Return False for an empty list of segments, which stands for none."""
+    return not isinstance(segments, tuple | list) or bool(segments)
 
 
 def _on_segments(segments: object, file: object) -> dict[str, object]:
