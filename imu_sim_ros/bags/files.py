@@ -16,7 +16,7 @@ from imu_sim_ros.bags.reader import Bag, Recover, errors_naming
 from imu_sim_ros.bags.ros1_reader import Rosbag1Bag
 from imu_sim_ros.bags.rosbag2_reader import Rosbag2Folder, SqliteBag
 from imu_sim_ros.bags.sharing import shared_bags
-from imu_sim_ros.bags.text.writer import DATASET_SUFFIXES
+from imu_sim_ros.bags.text.writer import TEXT_SUFFIXES
 from imu_sim_ros.core.errors import InputError
 from imu_sim_ros.inputs.rows import open_regular
 
@@ -132,5 +132,5 @@ def _open_plain(path: Path, file: BinaryIO, magic: bytes, recover: Recover) -> B
     log = open_log(path, magic, recover)
     if log is not None:
         return log
-    no_bag = f"not a bag; the name of a text file ends in {' or '.join(DATASET_SUFFIXES)}"
+    no_bag = f"not a bag; the name of a text file ends in {' or '.join(TEXT_SUFFIXES)}"
     raise InputError(f"{path}: {no_bag if magic else 'an empty file'}")

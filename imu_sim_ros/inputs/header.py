@@ -112,13 +112,17 @@ TIME_NAMES: Final[Mapping[int, str]] = {0: "ns", 3: "us", 6: "ms", 9: "s"}
 
 _WORDS: Final[Mapping[str, str]] = {
     **dict.fromkeys(("gyro", "gyr", "gyroscope", "omega", "angular", "angvel", "imugyro"), GYRO),
+    **dict.fromkeys(("gyroskop", "drehrate", "winkelgeschwindigkeit"), GYRO),
+    **dict.fromkeys(("angulaire", "giroscopio", "角速度", "陀螺仪", "角速率"), GYRO),
     **dict.fromkeys(
         ("accel", "acc", "accelerometer", "acceleration", "alpha", "specific", "linacc"), ACCEL
     ),
-    **dict.fromkeys(("position", "pos", "translation"), POSITION),
-    **dict.fromkeys(("quaternion", "quat", "orientation"), ORIENTATION),
-    **dict.fromkeys(("velocity", "vel", "speed"), VELOCITY),
-    **dict.fromkeys(("temperature", "temp"), TEMPERATURE),
+    **dict.fromkeys(("beschleunigung", "accélération", "aceleración", "accelerazione"), ACCEL),
+    **dict.fromkeys(("acelerometro", "acelerómetro", "加速度", "加速度计"), ACCEL),
+    **dict.fromkeys(("position", "pos", "translation", "posición", "位置"), POSITION),
+    **dict.fromkeys(("quaternion", "quat", "orientation", "四元数"), ORIENTATION),
+    **dict.fromkeys(("velocity", "vel", "speed", "geschwindigkeit", "vitesse"), VELOCITY),
+    **dict.fromkeys(("temperature", "temp", "temperatur", "température", "温度"), TEMPERATURE),
     "bg": GYRO_BIAS,
     "ba": ACCEL_BIAS,
 }
@@ -130,20 +134,34 @@ _LETTERS: Final[Mapping[str, str]] = {
     "v": VELOCITY,
 }
 """Quantity of a single letter in front of an axis."""
-_TIMES: Final = ("timestamp", "time", "stamp", "t", "elapsed", "epoch", "ts", "nanosec", "sec")
+_TIMES: Final = (
+    *("timestamp", "time", "stamp", "t", "elapsed", "epoch", "ts", "nanosec", "sec"),
+    *("zeit", "zeitstempel", "temps", "tiempo", "tempo", "时间", "时间戳"),
+)
+_TURNS: Final[Mapping[str, str]] = {"roll": "x", "pitch": "y", "yaw": "z"}
+"""Axis of the rate of an Euler angle, which programs of flight control name for the gyroscope."""
+_RATES: Final = frozenset(("rate", "rates", "vel", "velocity", "speed"))
+_RATES_OF_FLIGHT: Final[Mapping[str, str]] = {"p": "gyro_x", "q": "gyro_y", "r": "gyro_z"}
+"""Rates about x, y and z by the letters of flight mechanics, which mean them together alone."""
 _OTHER: Final = frozenset(
     (
         *("covariance", "cov", "std", "stddev", "var", "variance", "sigma", "gravity", "user"),
         *("integral", "relative", "clipping", "mag", "magnetic", "magnetometer", "euler", "delta"),
         *("gps", "baro", "pressure", "reference", "earth", "calibration", "error", "index", "seq"),
+        *("column", "frame", "id", "counter", "packet", "status", "label"),
     )
 )
 """Words of columns that are none of the quantities."""
 _GLUED: Final = re.compile(
-    r"(gyroscope|gyro|gyr|omega|accelerometer|acceleration|accel|acc|alpha|position|pos|translation|"
-    r"quaternion|quat|orientation|velocity|vel|bg|ba|[wgrafptqv])([xyzw])"
+    rf"({'|'.join(sorted(_WORDS, key=len, reverse=True))}|[wgrafptqv])([xyzw])"
 )
+"""Quantity and axis in a word: ``gyrox``, ``bgx``, ``ax``."""
 _BRACKETS: Final = re.compile(r"\[([^\]]*)\]|\(([^)]*)\)")
+KNOWN: Final[Mapping[str, str]] = {
+    POSITION: "p_x, tx, pos_x, for all axes",
+    ORIENTATION: "q_w, qw, orientation.w, for w, x, y, z",
+}
+"""Names of the columns of a pose, for messages."""
 _KNOWN: Final = (
     "timestamp [ns], gyro_x [rad/s], accel_x [m/s^2] (or omega_x, alpha_x, w_RS_S_x, a_RS_S_x, gx, "
     "ax); p_x [m], q_w (or tx, qw), v_x [m/s], for all axes, with units in brackets"
@@ -203,7 +221,7 @@ def column_of(name: str) -> ColumnName | None:
         elif content:
             unit = content
     plain = re.sub(r"([a-z])([A-Z])", r"\1_\2", _BRACKETS.sub(" ", name))
-    tokens = [word for word in re.split(r"[^0-9A-Za-zµ°/^]+", plain.lower()) if word]
+    tokens = [word for word in re.split(r"(?:[^\w°/^]|_)+", plain.lower()) if word]
     if tokens[:1] == ["field"]:  # rostopic echo -p
         tokens = tokens[1:]
     if not tokens or any(word in _OTHER for word in tokens):
@@ -213,6 +231,7 @@ def column_of(name: str) -> ColumnName | None:
         return ColumnName(
             STAMP, "", unit or tokens[0].removeprefix("t") * (tokens[0] in ("tns", "tus"))
         )
+    tokens = _with_axis_of_turn(tokens)
     tokens, suffix = _without_unit(tokens)
     unit = unit or suffix
     if not axis:
@@ -228,6 +247,16 @@ def _is_time(tokens: Sequence[str]) -> bool:
     meaning = [word for word in tokens if word in _TIMES or word in TIME_UNITS]
     physical = any(word in _WORDS for word in tokens)
     return bool(meaning) and not physical and (len(tokens) < 4 and tokens[-1] not in "xyzw")
+
+
+def _with_axis_of_turn(tokens: list[str]) -> list[str]:
+    """Return ``roll rate`` and ``rollspeed`` as ``gyro x``; other words as they are."""
+    for turn, axis in _TURNS.items():
+        glued = any(turn + rate in tokens for rate in _RATES)
+        if glued or (turn in tokens and _RATES & set(tokens)):
+            rest = [word for word in tokens if word not in _RATES and not word.startswith(turn)]
+            return ["gyro", *rest, axis]
+    return tokens
 
 
 def _without_unit(tokens: list[str]) -> tuple[list[str], str]:
@@ -278,6 +307,26 @@ def _quantity(tokens: Sequence[str]) -> str | None:
     return _LETTERS.get(first_token)
 
 
+def is_unit(text: str) -> bool:
+    """Return True for the name of a unit of time or of a quantity."""
+    unit = re.sub(r"[\s*·]", "", text).lower()
+    return unit in TIME_UNITS or any(unit in units for units in UNITS.values())
+
+
+def is_unknown(name: str) -> bool:
+    """Return True for a name that says nothing: no quantity, and nothing that is left out."""
+    tokens = re.split(r"(?:\W|_)+", name.lower())
+    return column_of(name) is None and not _OTHER & set(tokens)
+
+
+def is_complete(names: Sequence[str]) -> bool:
+    """Return True for a header with a stamp and a quantity with all of its axes."""
+    try:
+        return bool(header_of(names).columns)
+    except ValueError:
+        return False
+
+
 def header_of(names: Sequence[str], place: str = "") -> TableHeader:
     """Return the columns of a header.
 
@@ -285,7 +334,10 @@ def header_of(names: Sequence[str], place: str = "") -> TableHeader:
     :param place: name of the file, which decides the quantity of ``x, y, z`` without a name.
     :raises ValueError: with a line for a header that is unknown or contradicts itself.
     """
-    columns = [column_of(name) for name in names]
+    in_flight = {name.lower() for name in names} >= set(_RATES_OF_FLIGHT)
+    columns = [
+        column_of(_RATES_OF_FLIGHT.get(name.lower(), name) if in_flight else name) for name in names
+    ]
     problems = list(_problems(names, columns, place))
     if problems:
         raise ValueError("; ".join(problems))

@@ -7,6 +7,7 @@ A header decides the columns. Without one the columns are those of a form that t
 and the unit of the stamps follows from their size and their steps.
 """
 
+import re
 import warnings
 from collections.abc import Collection, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
@@ -27,9 +28,13 @@ from imu_sim_ros.inputs.header import (
     GYRO,
     ORIENTATION,
     TIME_NAMES,
+    TableHeader,
     expanded,
     header_of,
+    is_complete,
     is_known,
+    is_unit,
+    is_unknown,
     split_names,
 )
 from imu_sim_ros.inputs.rows import Row, number_of, shortened
@@ -55,6 +60,9 @@ _LEAST_MICROSECONDS: Final = 100
 _SLOWEST: Final = 200_000
 """Step from which stamps are nanoseconds, even if they could be UTC in microseconds [ns]."""
 _SECONDS: Final = 9
+_DATE: Final = re.compile(r"\d{4}[-/]\d\d?[-/]\d\d?|\d\d?[./]\d\d?[./]\d{4}|\d\d?:\d\d:")
+"""Beginning of a date or a time of day."""
+_SHOWN_NAMES: Final = 8
 _DIGITS_OF_PART: Final = 9
 """Most digits of nanoseconds below a second."""
 
@@ -72,16 +80,46 @@ class TableForm(NamedTuple):
     """Expected columns, for messages."""
 
 
-@dataclass(frozen=True)
-class TableLayout:
-    """Separator, columns and units of a text table."""
+class RowFormat(NamedTuple):
+    """Characters between and in the cells of a row."""
 
     separator: str
-    """Comma or semicolon; a blank: any blanks."""
+    """Comma or semicolon; a blank: any blanks and tabs."""
     decimal_comma: bool
     """True if numbers have a comma, as in spreadsheets of some languages."""
     trailing: bool
     """True if rows end with a separator."""
+
+    def plain(self, text: bytes) -> bytes:
+        """Return a row without quotes, trailing separator and decimal commas."""
+        if b'"' in text:
+            text = (_between_quotes(text) if self.separator == ";" else None) or text
+            text = text.replace(b'"', b"")
+        if self.trailing:
+            text = text.rstrip().removesuffix(self.separator.encode())
+        return text.replace(b",", b".") if self.decimal_comma else text
+
+    def cells(self, text: bytes) -> list[bytes]:
+        """Return the cells of a row."""
+        text = self.plain(text)
+        return text.split() if self.separator == " " else text.split(self.separator.encode())
+
+
+def _between_quotes(text: bytes) -> bytes | None:
+    """Return a row whose cells are all in quotes with semicolons between them; else None."""
+    text = text.strip().removesuffix(b",")
+    inner = text[1:-1].split(b'","')
+    if text[:1] + text[-1:] != b'""' or any(b'"' in cell for cell in inner):
+        return None
+    return b";".join(inner)
+
+
+@dataclass(frozen=True)
+class TableLayout:
+    """Row format, columns and units of a text table."""
+
+    row_format: RowFormat
+    """Separator and decimal sign."""
     counts: tuple[int, ...]
     """Numbers of columns that a row may have."""
     stamp: int
@@ -119,24 +157,10 @@ class TableLayout:
             yield "the accelerometer before the gyroscope, as the header says"
         for name, axes in AXES_OF.items():
             order = np.argsort(columns.get(name, ()))
-            is_usual = name == ORIENTATION and self.separator == " "  # TUM's
+            is_usual = name == ORIENTATION and self.row_format.separator == " "  # TUM's
             if np.any(np.diff(order) < 0) and not is_usual:
                 names = ", ".join(axes[k] for k in order)
                 yield f"the {name} as {names}, as the header says"
-
-    def fields(self, text: bytes) -> list[bytes]:
-        """Return the cells of a row."""
-        if self.separator == " ":
-            return text.split()
-        return self._plain(text).split(self.separator.encode())
-
-    def _plain(self, text: bytes) -> bytes:
-        """Return a row without quotes, trailing separator and decimal commas."""
-        if b'"' in text:
-            text = text.replace(b'"', b"")
-        if self.trailing:
-            text = text.rstrip().removesuffix(self.separator.encode())
-        return text.replace(b",", b".") if self.decimal_comma else text
 
     def quantities(self, names: Collection[str]) -> dict[str, tuple[int, ...]]:
         """Return the columns of those quantities that the table has."""
@@ -180,11 +204,12 @@ class TableLayout:
         :param indices: columns of the numbers.
         :raises ValueError: if a row has another number of columns, or cannot be converted.
         """
-        delimiter = None if self.separator == " " else self.separator
+        separator, decimal_comma, trailing = self.row_format
+        delimiter = None if separator == " " else separator
         lines = [text.decode("latin-1") for _, text in rows]
-        edited = self.trailing or self.decimal_comma or any('"' in line for line in lines)
-        if delimiter and edited:
-            lines = [self._plain(text).decode("latin-1") for _, text in rows]
+        edited = trailing or decimal_comma or any('"' in line for line in lines)
+        if edited:
+            lines = [self.row_format.plain(text).decode("latin-1") for _, text in rows]
         stamps = [self.stamp] if self.nanosecond is None else [self.stamp, self.nanosecond]
         columns = [*stamps, *indices]
         # NumPy compares the widths of rows only if all columns are read, and skips empty lines,
@@ -214,7 +239,7 @@ class TableLayout:
 
     def note(self, bad: BadRows, number: int, text: bytes, names: Collection[str]) -> None:
         """Note why a row cannot be converted; nothing if it can."""
-        fields = [field.strip().decode("utf-8", "replace") for field in self.fields(text)]
+        fields = [field.strip().decode("utf-8", "replace") for field in self.row_format.cells(text)]
         if len(fields) not in self.counts:
             bad.note(COLUMNS, number, f"{len(fields)} columns; {self.expected}")
             return
@@ -265,34 +290,76 @@ def layout_of(
     """
     names: list[str] | None
     if rows and (_is_header(rows) or (not required and not _is_numeric(rows[0][1]))):
-        names = split_names(rows.pop(0)[1].decode("utf-8", "replace"))
+        names = split_names(_text_of(rows.pop(0)[1]))
+        names = _with_units_below(names, rows)
     else:
-        names = _names_in_comments(comments, rows)
+        names = _names_in_comments(path, comments, rows, forms)
     sample = rows[:_SAMPLE]
     if names is not None and sample and required:
         return _header_layout(path, names, sample, required, forms)
     return _form_layout(path, sample, forms)
 
 
+def _text_of(line: bytes) -> str:
+    """Return a line of names: UTF-8, or Latin-1 as spreadsheets write it."""
+    try:
+        return line.decode("utf-8")
+    except UnicodeDecodeError:
+        return line.decode("latin-1")
+
+
 def _is_header(rows: Sequence[Row]) -> bool:
     """Return True if the first row has names of columns, not numbers."""
     if _is_numeric(rows[0][1]):
         return False
-    names = split_names(rows[0][1].decode("utf-8", "replace"))
+    names = split_names(_text_of(rows[0][1]))
     second_row = rows[1][1] if len(rows) > 1 else b""
     return is_known(names) or (_is_numeric(second_row) and len(names) == len(_cells(second_row)))
 
 
-def _names_in_comments(comments: Sequence[bytes], rows: Sequence[Row]) -> list[str] | None:
+def _with_units_below(names: list[str], rows: list[Row]) -> list[str]:
+    """Return names with the units in the row below them, which is removed; else the names."""
+    if not rows or _is_numeric(rows[0][1]):
+        return names
+    units = [_text_of(cell).strip(" []()") for cell in _cells(rows[0][1])]
+    if len(units) != len(names) or not all(unit == "" or is_unit(unit) for unit in units):
+        return names
+    rows.pop(0)
+    return [f"{name} [{unit}]" if unit else name for name, unit in zip(names, units, strict=True)]
+
+
+def _names_in_comments(
+    path: Path, comments: Sequence[bytes], rows: Sequence[Row], forms: Mapping[str, TableForm]
+) -> list[str] | None:
     """Return the names of the columns in the last comment line that has them; else None."""
+    count = len(_cells(rows[0][1])) if rows else None
+    form = _form(forms, _row_format(rows))
     for comment in reversed(comments):
-        names = split_names(comment.decode("utf-8", "replace"))
-        if rows:
-            names = expanded(names, len(_cells(rows[0][1])))
-        if is_known(names) and (not rows or len(names) == len(_cells(rows[0][1]))):
+        names = split_names(_text_of(comment))
+        if count is None:
+            if is_known(names):
+                return names
+            continue
+        names = expanded(names, count)
+        if not is_known(names):
+            continue
+        if len(names) == count:
             return names
-        if is_known(names) and len(names) + 1 == len(_cells(rows[0][1])) and _are_numbered(rows):
+        if len(names) + 1 == count and _are_numbered(rows):
             return ["index", *names]  # UZH-FPV numbers its rows without a name for that
+        fitted = [*names[:count], *(f"column {k}" for k in range(len(names), count))]
+        if is_complete(names) and is_complete(fitted):
+            columns = header_of(fitted).columns
+            if count in form.counts and all(
+                columns.get(name) == place for name, place in form.columns.items()
+            ):
+                return None  # OpenVINS' header names covariances, whether the rows have them or not
+            warn(
+                f"{path}: the header names {len(names)} columns, the rows have {count}: the names "
+                "are those of the first columns",
+                Remark,
+            )
+            return fitted
     return None
 
 
@@ -318,77 +385,112 @@ def _header_layout(
     if not any(name in header.columns for name in required):
         available = ", ".join(name for name in header.columns) or "none"
         raise InputError(f"{path}: the header has no {required[0]}; it has {available}")
-    separator, decimal_comma, trailing = _separator(sample)
+    row_format = _row_format(sample)
     counts = [len(_cells(text)) for _, text in sample]
     if header.count not in counts:
         raise InputError(
             f"{path}: the header names {header.count} columns, line {sample[0][0]} has {counts[0]}"
         )
-    form = forms.get(separator) or forms[","]
+    form = _form(forms, row_format)
     stamp, part, digits = header.stamp, header.nanosecond, header.digits
-    if part is not None and not _are_parts(sample, separator, part):
+    if part is not None and not _are_parts(sample, row_format, part):
         stamp, part, digits = part, None, 0  # the same time twice, in seconds and nanoseconds
     if digits is None:
-        digits = _digits(path, sample, separator, stamp, form.digits, decimal_comma)
+        digits = _digits(path, sample, row_format, stamp, form.digits)
+    elif part is None:
+        _check_unit(path, _stamps(sample, row_format, stamp), digits)
     layout = TableLayout(
-        separator,
-        decimal_comma,
-        trailing,
+        row_format,
         (header.count,),
         stamp,
         digits,
-        digits == 0 and not _has_points(sample, separator, stamp),
+        digits == 0 and not _has_points(sample, row_format, stamp),
         header.columns,
         header.factors,
         f"the header names {header.count}",
         header.units,
         part,
     )
-    for note in layout.notes:
+    for note in (*layout.notes, *_unused(names, header, required)):
         warn(f"{path}: {note}", Remark)
     return layout
 
 
+def _unused(names: Sequence[str], header: TableHeader, required: Sequence[str]) -> Iterator[str]:
+    """Yield a line about columns of unknown names in a table that lacks a triad."""
+    missing = [name for name in (GYRO, ACCEL) if name in required and name not in header.columns]
+    unknown = [name for name in names if name and is_unknown(name)]
+    if missing and unknown:
+        yield (
+            f"no {' and no '.join(missing)}; the columns {', '.join(unknown[:_SHOWN_NAMES])} have "
+            "names that are not known"
+        )
+
+
+def _check_unit(path: Path, times: Array, digits: int) -> None:
+    """Refuse a unit of the header that contradicts the steps of the stamps.
+
+    :param times: (n,) stamps in their unit.
+    """
+    step = _step(times)
+    if step and step * 10.0**digits < _SHORTEST_STEP:
+        raise InputError(
+            f"{path}: the header says {TIME_NAMES[digits]}, and the stamps increase by {step:.3g}: "
+            f"no IMU has more than {1_000_000 // _SHORTEST_STEP} kHz"
+        )
+
+
 def _form_layout(path: Path, sample: Sequence[Row], forms: Mapping[str, TableForm]) -> TableLayout:
-    separator, decimal_comma, trailing = _separator(sample)
-    form = forms.get(separator) or forms[","]
-    digits = _digits(path, sample, separator, 0, form.digits, decimal_comma)
+    row_format = _row_format(sample)
+    form = _form(forms, row_format)
+    digits = _digits(path, sample, row_format, 0, form.digits)
+    if ORIENTATION in form.columns and row_format.separator != " " and digits != form.digits:
+        warn(f"{path}: no header: the quaternion as w, x, y, z, as in EuRoC's tables", Remark)
     return TableLayout(
-        separator,
-        decimal_comma,
-        trailing,
+        row_format,
         form.counts,
         0,
         digits,
-        digits == 0 and not (form.digits and _has_points(sample, separator, 0)),
+        digits == 0 and not (form.digits and _has_points(sample, row_format, 0)),
         form.columns,
         {},
         form.expected,
     )
 
 
-def _are_parts(sample: Sequence[Row], separator: str, column: int) -> bool:
+def _form(forms: Mapping[str, TableForm], row_format: RowFormat) -> TableForm:
+    """Return the form of a table without a header."""
+    return forms.get(row_format.separator) or forms[","]
+
+
+def _are_parts(sample: Sequence[Row], row_format: RowFormat, column: int) -> bool:
     """Return True if a column of nanoseconds has parts of seconds, not whole stamps."""
-    texts = _stamp_texts(sample, separator, column)
+    texts = _stamp_texts(sample, row_format, column)
     whole = sum(len(text.partition(".")[0].lstrip("-+0")) > _DIGITS_OF_PART for text in texts)
     return 2 * whole <= len(texts)
 
 
-def _separator(sample: Sequence[Row]) -> tuple[str, bool, bool]:
-    """Return separator, True for decimal commas, and True for a separator at the end of rows."""
+def _row_format(sample: Sequence[Row]) -> RowFormat:
+    """Return the format of rows, from the first of them."""
     text = sample[0][1].rstrip() if sample else b","
+    quoted = _between_quotes(text) if b'"' in text else None
+    if quoted is not None and b"," in quoted:
+        return RowFormat(";", True, False)
     if b";" in text:
-        return ";", b"," in text, text.endswith(b";")
+        return RowFormat(";", b"," in text, text.endswith(b";"))
+    if b"\t" in text and b"," in text:
+        cells = text.split(b"\t")
+        # Decimal commas, at most one in each cell; a comma at the end of a cell is a separator.
+        if all(cell.count(b",") <= 1 and not cell.strip().endswith(b",") for cell in cells):
+            return RowFormat(" ", True, False)
     if b"," in text:
-        return ",", False, text.endswith(b",")
-    return " ", False, False
+        return RowFormat(",", False, text.endswith(b","))
+    return RowFormat(" ", False, False)
 
 
 def _cells(text: bytes) -> list[bytes]:
-    """Return the cells of a row by its own separator."""
-    separator, _, trailing = _separator([(0, text)])
-    cells = text.split() if separator == " " else text.split(separator.encode())
-    return cells[:-1] if trailing else cells
+    """Return the cells of a row in the row's own format."""
+    return _row_format([(0, text)]).cells(text)
 
 
 def _is_numeric(text: bytes) -> bool:
@@ -402,50 +504,56 @@ def _is_numeric(text: bytes) -> bool:
     return False
 
 
-def _has_points(sample: Sequence[Row], separator: str, stamp: int) -> bool:
-    texts = _stamp_texts(sample, separator, stamp)
+def _has_points(sample: Sequence[Row], row_format: RowFormat, stamp: int) -> bool:
+    texts = _stamp_texts(sample, row_format, stamp)
     return bool(texts) and 2 * sum("." in text or "e" in text.lower() for text in texts) > len(
         texts
     )
 
 
-def _stamp_texts(sample: Sequence[Row], separator: str, stamp: int) -> list[str]:
-    texts = []
-    for _, row in sample:
-        cells = row.split() if separator == " " else row.split(separator.encode())
-        if stamp < len(cells):
-            texts.append(cells[stamp].decode("latin-1").strip().strip('"'))
-    return texts
+def _stamp_texts(sample: Sequence[Row], row_format: RowFormat, stamp: int) -> list[str]:
+    rows = [row_format.cells(text) for _, text in sample]
+    return [row[stamp].decode("latin-1").strip() for row in rows if stamp < len(row)]
+
+
+def _stamps(sample: Sequence[Row], row_format: RowFormat, stamp: int) -> Array:
+    """Return the finite stamps (n,) of rows in their unit."""
+    values = []
+    for text in _stamp_texts(sample, row_format, stamp):
+        try:
+            values.append(number_of(text))
+        except ValueError:
+            continue
+    times = np.array(values)
+    return times[np.isfinite(times)]
+
+
+def _step(times: Array) -> float:
+    """Return the median positive step of stamps; 0: they are too few, or do not increase."""
+    steps = np.diff(times)
+    steps = steps[steps > 0.0]
+    return float(np.median(steps)) if len(steps) and len(times) >= _LEAST_ROWS else 0.0
 
 
 def _digits(
-    path: Path,
-    sample: Sequence[Row],
-    separator: str,
-    stamp: int,
-    usual: int,
-    decimal_comma: bool,
+    path: Path, sample: Sequence[Row], row_format: RowFormat, stamp: int, usual: int
 ) -> int:
     """Return the decimal digits between the unit of stamps and a nanosecond, from the stamps.
 
     :param usual: digits of the form of the table.
-    :raises InputError: for numbers of rows, and steps that fit no unit.
+    :raises InputError: for dates, numbers of rows, and steps that fit no unit.
     """
-    values = []
-    for text in _stamp_texts(sample, separator, stamp):
-        try:
-            values.append(number_of(text.replace(",", ".") if decimal_comma else text))
-        except ValueError:
-            continue
-    times = np.array(values)
-    times = times[np.isfinite(times)]
+    texts = _stamp_texts(sample, row_format, stamp)
+    if texts and _DATE.match(texts[0]):
+        raise InputError(
+            f"{path}: the stamps are dates: {shortened(texts[0])}; write them as seconds since 1970"
+        )
+    times = _stamps(sample, row_format, stamp)
     if len(times) < _LEAST_ROWS:
         return usual
-    steps = np.diff(times)
-    steps = steps[steps > 0.0]
-    step = float(np.median(steps)) if len(steps) else 0.0
+    step = _step(times)
     size = float(np.median(np.abs(times)))
-    points = _has_points(sample, separator, stamp)
+    points = _has_points(sample, row_format, stamp)
     digits = _digits_by_size(size, step, points, usual)
     if digits is None:
         raise InputError(
@@ -454,8 +562,13 @@ def _digits(
         )
     if digits != usual:
         warn(
-            f"{path}: the stamps are taken as {TIME_NAMES[digits]}: "
-            f"{shortened(_stamp_texts(sample, separator, stamp)[0])}",
+            f"{path}: the stamps are taken as {TIME_NAMES[digits]}: {shortened(texts[0])}",
+            Remark,
+        )
+    elif usual == _SECONDS and not points and step and step.is_integer() and size < _EPOCH[0]:
+        warn(
+            f"{path}: the stamps increase by {step:g} and have no decimals: taken as s; if they "
+            "are milliseconds or numbers of rows, name the unit in a header: timestamp [ms]",
             Remark,
         )
     return digits

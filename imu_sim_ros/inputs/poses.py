@@ -127,7 +127,9 @@ class _Reading:
             self._layout = layout_of(self._path, self._comments, rows, _FORMS, _POSE)
             for name in _POSE:
                 if name not in self._layout.columns:
-                    raise InputError(f"{self._path}: the header has no {name}")
+                    raise InputError(
+                        f"{self._path}: the header has no {name}; known are {header.KNOWN[name]}"
+                    )
         for poses in self._converted(self._layout, rows):
             good = self._in_order(self._valid(poses))
             self._bad.good += len(good.t_ns)
@@ -175,7 +177,7 @@ class _Reading:
         """
         if not self._covariance:
             return None
-        cells = [layout.fields(text) for _, text in rows]
+        cells = [layout.row_format.cells(text) for _, text in rows]
         columns = {len(row) for row in cells}
         if len(columns) > 1 or not columns <= _WITH_COVARIANCE:
             return None
@@ -192,7 +194,7 @@ class _Reading:
         """Return whether one row is all numbers; note what is wrong with it."""
         previous_count = self._bad.count
         layout.note(self._bad, number, text, _COLUMNS)
-        cells = layout.fields(text)
+        cells = layout.row_format.cells(text)
         if self._covariance and len(cells) in _WITH_COVARIANCE:
             for cell in cells[-_TRIANGLES:]:
                 field = cell.strip().decode("utf-8", "replace")

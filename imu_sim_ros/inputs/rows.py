@@ -4,6 +4,7 @@
 """Files opened for reading, of bounded size, and the problems of their rows."""
 
 import os
+import re
 import stat
 from collections.abc import Iterator
 from pathlib import Path
@@ -120,6 +121,12 @@ _CHUNK_BYTES: Final = 4 << 20
 _LONGEST_LINE: Final = 1 << 16
 _LONGEST_WORD: Final = 48
 _BYTE_ORDER_MARK: Final = b"\xef\xbb\xbf"
+_UTF16: Final = (b"\xff\xfe", b"\xfe\xff")
+_COMMENTS: Final = (b"#", b"%", b"//")
+_SEPARATOR_LINE: Final = re.compile(rb"(?i)sep=.?\s*")
+"""First line with which Excel names the separator."""
+_NO_TEXT: Final = re.compile(rb"[\x01-\x08\x0e-\x1f\x7f-\x9f]")
+"""Control characters, which text in Latin-1 lacks."""
 
 Row = tuple[int, bytes]
 """Number and text of a line."""
@@ -128,26 +135,31 @@ Row = tuple[int, bytes]
 def row_blocks(
     path: Path, expected: str, comments: list[bytes] | None = None
 ) -> Iterator[list[Row]]:
-    """Yield the lines that are neither empty nor a comment (#), with their numbers, in blocks.
+    """Yield the lines that are neither empty nor a comment (#, %, //), with numbers, in blocks.
 
     :param expected: expected content of the file, for messages.
     :param comments: receives the comments in front of the first other line.
     :raises InputError: for a file that is not text.
     """
-    line, rest = 0, b""
+    line, rest, newline = 0, b"", b"\n"
     with open_regular(path) as file:
         while True:
             chunk = file.read(_CHUNK_BYTES)
             if not line and not rest:
+                if chunk.startswith(_UTF16):
+                    raise InputError(f"{path}: text in UTF-16; save it in UTF-8")
                 chunk = chunk.removeprefix(_BYTE_ORDER_MARK)
-            lines = (rest + chunk).split(b"\n")
+                newline = b"\n" if b"\n" in chunk or b"\r" not in chunk else b"\r"
+            lines = (rest + chunk).split(newline)
             rest = lines.pop() if chunk else b""
             if b"\0" in chunk or len(rest) > _LONGEST_LINE:
                 raise InputError(f"{path}: not {expected}")
             if not line:
                 _check_text(path, lines or [rest], expected)
             rows = [(line + k, text.strip()) for k, text in enumerate(lines, start=1)]
-            content = [row for row in rows if row[1] and not row[1].startswith(b"#")]
+            if rows and not line and _SEPARATOR_LINE.fullmatch(rows[0][1]):
+                rows = rows[1:]
+            content = [row for row in rows if row[1] and not row[1].startswith(_COMMENTS)]
             if comments is not None:
                 end = content[0][0] if content else line + len(lines) + 1
                 comments += [text for number, text in rows if text and number < end]
@@ -159,10 +171,12 @@ def row_blocks(
 
 
 def _check_text(path: Path, lines: list[bytes], expected: str) -> None:
+    text = b"\n".join(lines)
     try:
-        b"\n".join(lines).decode("utf-8")
+        text.decode("utf-8")
     except UnicodeDecodeError:
-        raise InputError(f"{path}: not {expected}") from None
+        if _NO_TEXT.search(text):
+            raise InputError(f"{path}: not {expected}") from None
 
 
 def number_of(word: str) -> float:

@@ -57,6 +57,108 @@ def test_the_header_decides_columns_axes_and_units(tmp_path, header, columns, st
     np.testing.assert_allclose(readings.accel, ACCEL, rtol=1e-9, atol=1e-10)
 
 
+def table(header, stamps, *columns, separator=",", quote="", comma=False, newline="\n"):
+    """Return a table as bytes; numbers with quotes around them, or with decimal commas."""
+    rows = [[str(stamp), *(f"{x:.12g}" for x in np.concatenate(row))]
+            for stamp, *row in zip(stamps, *columns, strict=True)]  # fmt: skip
+    lines = [separator.join(f"{quote}{cell}{quote}" for cell in row) for row in rows]
+    if comma:
+        lines = [separator.join(f"{quote}{cell.replace('.', ',')}{quote}" for cell in row)
+                 for row in rows]  # fmt: skip
+    return newline.join([*header, *lines, ""])
+
+
+NAMES = "timestamp,gyro_x,gyro_y,gyro_z,accel_x,accel_y,accel_z"
+
+
+@pytest.mark.parametrize(
+    "text",
+    [
+        table([NAMES], T_NS, GYRO, ACCEL, newline="\r"),
+        table(["sep=;", NAMES.replace(",", ";")], T_NS, GYRO, ACCEL, separator=";"),
+        table(["// of my IMU", "% 200 Hz", NAMES], T_NS, GYRO, ACCEL),
+        table([NAMES], T_NS, GYRO, ACCEL, quote='"', comma=True),
+        table([NAMES.replace(",", "\t")], T_NS, GYRO, ACCEL, separator="\t", comma=True),
+        table([NAMES.replace(",", "\t")], T_NS, GYRO, ACCEL, separator="\t", quote='"'),
+        table([NAMES, "us;;;;mg;mg;mg".replace(";", ",").replace(",,,,", ",deg/s,deg/s,deg/s,")],
+              T_NS // 1000, np.degrees(GYRO), ACCEL / 9.80665e-3),
+        table(["Zeit [ns];Drehrate X [°/s];Drehrate Y [°/s];Drehrate Z [°/s];Beschleunigung X [g];"
+               "Beschleunigung Y [g];Beschleunigung Z [g]"],
+              T_NS, np.degrees(GYRO), ACCEL / 9.80665, separator=";", comma=True),
+        table(["时间(ns),加速度X(g),加速度Y(g),加速度Z(g),角速度X(°/s),角速度Y(°/s),角速度Z(°/s)"],
+              T_NS, ACCEL / 9.80665, np.degrees(GYRO)),
+        table(["time [ns],Roll rate,Pitch rate,Yaw rate,Ax,Ay,Az"], T_NS, GYRO, ACCEL),
+        table(["time [ns],p,q,r,ax,ay,az"], T_NS, GYRO, ACCEL),
+        table(["time [ns],rollspeed,pitchspeed,yawspeed,ax,ay,az"], T_NS, GYRO, ACCEL),
+        table(["#timestamp [ns],ax,ay,az,gx,gy,gz,temp"], T_NS, ACCEL, GYRO),
+        table(["#timestamp [ns],ax,ay,az,gx,gy,gz"], T_NS, ACCEL, GYRO, GYRO[:, :1]),
+    ],
+)  # fmt: skip
+@pytest.mark.parametrize("encoding", ["utf-8", "latin-1"])
+@pytest.mark.filterwarnings("ignore::imu_sim_ros.core.errors.Remark")
+def test_tables_of_other_programs_and_languages(tmp_path, text, encoding):
+    path = tmp_path / "imu.tsv"
+    path.write_bytes(text.encode(encoding if "时" not in text else "utf-8"))
+    readings = read_imu(path)
+    assert (np.diff(readings.t_ns) == 5_000_000).all()
+    np.testing.assert_allclose(readings.gyro, GYRO, rtol=1e-9, atol=1e-11)
+    np.testing.assert_allclose(readings.accel, ACCEL, rtol=1e-9, atol=1e-10)
+
+
+@pytest.mark.parametrize(
+    ("text", "words"),
+    [
+        (table([NAMES.replace("stamp", "stamp [ns]")], T_NS / 1e9, GYRO, ACCEL),
+         "the header says ns, and the stamps increase by 0.005:"),
+        (table([NAMES.replace("stamp", "stamp [us]")], T_NS // 10**6, GYRO, ACCEL),
+         "the header says us, and the stamps increase by 5:"),
+        (table([NAMES], [f"2024-05-01 10:00:00.{5 * k:03d}" for k in range(N)], GYRO, ACCEL),
+         "the stamps are dates: '2024-05-01 10:00:00.000'; write them as seconds"),
+    ],
+)  # fmt: skip
+def test_stamps_that_contradict_the_header_are_refused(tmp_path, text, words):
+    path = tmp_path / "imu.csv"
+    path.write_text(text)
+    with pytest.raises(InputError, match=words):
+        read_imu(path)
+
+
+def test_a_table_in_utf_16_is_named(tmp_path):
+    path = tmp_path / "imu.csv"
+    path.write_text(table([NAMES], T_NS, GYRO, ACCEL), encoding="utf-16")
+    with pytest.raises(InputError, match="text in UTF-16; save it in UTF-8"):
+        read_imu(path)
+
+
+def test_columns_of_unknown_names_are_told_if_a_triad_is_missing(tmp_path):
+    path = write(tmp_path / "imu.csv", "timestamp,u,b,c,ax,ay,az", T_NS, GYRO, ACCEL)
+    with pytest.warns(Remark, match="no gyroscope; the columns u, b, c have names that are not"):
+        assert read_imu(path).gyro is None
+
+
+@pytest.mark.parametrize("step", [1, 50])
+def test_whole_stamps_of_poses_are_told(tmp_path, step):
+    stamps = step * np.arange(N)
+    path = write(tmp_path / "p.txt", "", stamps, POSITION, Q_WB[:, [1, 2, 3, 0]], separator=" ")
+    with pytest.warns(Remark, match=f"increase by {step} and have no decimals: taken as s"):
+        read_poses(path)
+
+
+def test_the_order_of_a_quaternion_without_a_header_is_told(tmp_path):
+    path = write(tmp_path / "p.csv", "", T_NS / 1e9, POSITION, Q_WB)
+    with pytest.warns(Remark, match="no header: the quaternion as w, x, y, z"):
+        read_poses(path)
+
+
+def test_poses_with_decimal_commas_and_a_header(tmp_path):
+    path = tmp_path / "p.csv"
+    seconds, q_xyzw = (T_NS - T0) / 1e9, Q_WB[:, [1, 2, 3, 0]]
+    header = ["t;x;y;z;qx;qy;qz;qw"]
+    path.write_text(table(header, seconds, POSITION, q_xyzw, separator=";", comma=True))
+    with pytest.warns(Remark, match="taken as s"):
+        np.testing.assert_allclose(read_poses(path).position, POSITION, rtol=1e-9, atol=1e-11)
+
+
 def test_units_of_a_header_are_told(tmp_path):
     header = "timestamp,gx [deg/s],gy [deg/s],gz [deg/s],ax,ay,az"
     path = write(tmp_path / "imu.csv", header, T_NS, GYRO, ACCEL)

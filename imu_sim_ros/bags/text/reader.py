@@ -12,7 +12,7 @@ import numpy as np
 
 from imu_sim_ros.bags.logs.catalogue import is_log
 from imu_sim_ros.bags.text import vio_data_simulation
-from imu_sim_ros.bags.text.writer import DATASET_SUFFIXES, POSES_OF_TABLES
+from imu_sim_ros.bags.text.writer import POSES_OF_TABLES, TEXT_SUFFIXES
 from imu_sim_ros.core import gate
 from imu_sim_ros.core.bad_rows import NUMBERS, STAMPS, BadRows, Skipped
 from imu_sim_ros.core.errors import InputError, Remark
@@ -54,7 +54,7 @@ def is_text(path: Path) -> bool:
         tables = _tables(path, "imu") or _table(path, _STATE_FOLDER) is not None
         tables = tables or any((path / name).is_file() for name in _POSE_FILES[1:])
         return bool(tables) or vio_data_simulation.is_source(path)
-    return path.suffix.lower() in DATASET_SUFFIXES and path.is_file() and not is_log(path)
+    return path.suffix.lower() in TEXT_SUFFIXES and path.is_file() and not is_log(path)
 
 
 def imu_blocks(

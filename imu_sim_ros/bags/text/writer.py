@@ -94,6 +94,8 @@ class TextFile:
 
 DATASET_SUFFIXES: Final = {".csv": "csv", ".tum": "tum", ".txt": "tum"}
 """Forms by the names of files."""
+TEXT_SUFFIXES: Final = (*DATASET_SUFFIXES, ".tsv", ".dat")
+"""Endings of the names of text files that are read."""
 
 
 class Dataset:
