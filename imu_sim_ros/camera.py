@@ -76,6 +76,7 @@ class Rig:
         return self._tracks(name, arguments.block_size("block", block))
 
     def _tracks(self, name: str, block: int) -> Iterator[Tracks]:
+        """Yield the tracks of a camera in blocks of frames."""
         tracker = self.tracker(name)
         total = self.views[name].total
         begin = 0
@@ -311,6 +312,7 @@ def flows(
 
 
 def _rig(flight: Simulated, camera: str | Path | Mapping[str, object], scene: str | Path) -> Rig:
+    """Return the cameras of a flight with another camera and scene."""
     if not isinstance(getattr(flight, "parameters", None), SimulationParameters):
         arguments.refuse("flight", flight, "what simulate() returns", wrong_type=True)
     file = arguments.path("scene", scene, "a name or the path of a file")
@@ -318,6 +320,7 @@ def _rig(flight: Simulated, camera: str | Path | Mapping[str, object], scene: st
 
 
 def _camera(camera: str | Path | Mapping[str, object]) -> dict[str, object]:
+    """Return the parameters of a camera given by name, file or parameters."""
     allowed = "a name, the path of a file, or parameters by name"
     if isinstance(camera, Mapping):
         camera_parameters = dict(camera)

@@ -194,6 +194,7 @@ class ChunkWriter(Writer):
             self._pipeline.wait()
 
     def _end_threads(self) -> None:
+        """End the threads that compress, if any were started."""
         if self._pipeline is not None:
             self._pipeline.close()
             self._pipeline = None
@@ -238,7 +239,7 @@ class ChunkWriter(Writer):
     def _by_rows(self, blocks: Sequence[tuple[BagTopic, Times, RowTemplate]]) -> Iterator[Chunk]:
         """Yield chunks of blocks of different topics, each in the order of time.
 
-        They are pieces of time of about equal size.
+        Each chunk covers a span of time; all have about equal size.
         """
         tables: list[Simultaneous] = []
         for topic, t_ns, payloads in blocks:
@@ -304,7 +305,7 @@ class ChunkWriter(Writer):
 def merged(tables: Sequence[tuple[Simultaneous, slice]]) -> Chunk:
     """Return rows of tables by time; of equal times those of the first table first.
 
-    What follows each other from one of them is copied at once.
+    Consecutive rows of one table are copied at once.
     """
     times = [table.t_ns[rows] for table, rows in tables]
     content = [side_by_side(table.rows, rows) for table, rows in tables]

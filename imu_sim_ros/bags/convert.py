@@ -280,6 +280,7 @@ def poses_to_bag(
 def _reading_messages(
     blocks: Iterator[Readings], writer: Writer, renamed: Mapping[str, str], imu: str | None
 ) -> Iterator[list[Block]]:
+    """Yield the readings of an IMU as messages; of several, each IMU has a namespace."""
     full, frame = (READINGS, IMU_FRAME) if imu is None else (f"/{imu}{READINGS}", f"{imu}_link")
     encoder, record_times = ImuEncoder(frame, writer.encoding), RecordTimes()
     topic = writer.add_topic(renamed.get(full, full), IMU)
@@ -291,6 +292,7 @@ def _reading_messages(
 def _state_messages(
     path: Path, writer: Writer, renamed: Mapping[str, str], skipped: Skipped | None
 ) -> Iterator[list[Block]]:
+    """Yield the true states of a folder or file as Odometry, and the biases as vectors."""
     odometry = OdometryEncoder(WORLD_FRAME, BODY_FRAME, writer.encoding)
     vectors = Vector3StampedEncoder(IMU_FRAME, writer.encoding)
     truth, gyro, accel = (
@@ -315,6 +317,7 @@ def _state_messages(
 def _pose_messages(
     path: Path, writer: Writer, renamed: Mapping[str, str], skipped: Skipped | None
 ) -> Iterator[list[Block]]:
+    """Yield the poses of a text file as messages of PoseStamped."""
     poses = read_poses(path, skip_bad_rows=skipped is not None)
     if skipped is not None and poses.skipped:
         skipped(poses.skipped)
@@ -382,6 +385,7 @@ def _states(
     skipped: Skipped | None,
     warned: Warned | None,
 ) -> Iterator[tuple[States, Array]]:
+    """Yield true states and biases (n, 6) of a bag or a dataset, in blocks."""
     if text_reader.is_text(path):
         yield from text_reader.state_blocks(path, skipped=skipped)
         return

@@ -69,6 +69,7 @@ def _open_ready(path: Path, recover: Recover = False) -> Bag:
 
 
 def _unready(path: Path) -> InputError:
+    """Return the error of a bag that another program is writing."""
     return InputError(
         f"{path}: another program is writing it; read it when that has ended, or "
         "convert_bag --recover takes the messages so far"

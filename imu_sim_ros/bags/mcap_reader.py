@@ -97,6 +97,7 @@ class McapBag(ChunkedBag[_Chunk]):
     encoding = "cdr"
 
     def _open(self) -> None:
+        """Read the summary, or scan the file if there is none, or in recovery."""
         self._channels: dict[int, Channel] = {}
         self._schemas: dict[int, SchemaRecord] = {}
         self._summary_channels: frozenset[int] = frozenset()
@@ -371,9 +372,11 @@ class McapBag(ChunkedBag[_Chunk]):
         return position == end
 
     def _head(self, position: int) -> bytes:
+        """Return the bytes at an offset that hold the longest head of a record."""
         return self._read_at(position, _LONGEST_HEAD)
 
     def _is_compressed(self, position: int) -> bool:
+        """Return True if the chunk at an offset names a compression."""
         return self._bytes(position + _HEADER_BYTES + 28, 4) != bytes(4)
 
     def _add_scanned(self, chunk: _Chunk, data: bytes | memoryview, counts: dict[int, int]) -> int:
@@ -414,6 +417,7 @@ class McapBag(ChunkedBag[_Chunk]):
             self._leave_out(position, position + _HEADER_BYTES + len(body), f"definition: {error}")
 
     def _note_definition(self, opcode: int, body: bytes) -> None:
+        """Register the schema or the channel in the body of a record."""
         from io import BytesIO
 
         from mcap.data_stream import ReadDataStream
@@ -514,6 +518,7 @@ class McapBag(ChunkedBag[_Chunk]):
     def _blocks(
         self, chunk: _Chunk, topics_by_channel: Mapping[int, TopicInfo]
     ) -> list[MessageBlock]:
+        """Return the messages of a chunk, in blocks of one topic each."""
         data = np.frombuffer(self._chunk_data(chunk), np.uint8)
         offsets = self._indexed(chunk) or _scanned(data)
         blocks = []
@@ -595,6 +600,7 @@ def _begins_chunk(head: bytes) -> bool:
 
 
 def _check_same(kind: str, id_: int, previous: object, current: object) -> None:
+    """Refuse a second definition of an id that differs from the first."""
     if previous != current:
         raise ContradictionError(f"{kind} {id_} is {current} from here on, and {previous} before")
 

@@ -133,6 +133,7 @@ class McapWriter(ChunkWriter):
     def _records(
         self, topic: BagTopic, start: int, t_ns: Times, payloads: RowTemplate
     ) -> list[RowTemplate]:
+        """Return messages of equal size as records, with the sequence numbers of their topic."""
         count = payloads.count
         header = np.zeros(1, MESSAGE_HEADER)
         header["opcode"] = MESSAGE
@@ -147,6 +148,7 @@ class McapWriter(ChunkWriter):
         return [RowTemplate(header.tobytes(), columns, count), payloads]
 
     def _record(self, topic: BagTopic, index: int, t_ns: int, payload: bytes) -> bytes:
+        """Return one message as a record."""
         length = MESSAGE_HEADER.itemsize - _RECORD_HEADER_BYTES + len(payload)
         sequence = index & 0xFFFFFFFF
         return (
@@ -154,6 +156,7 @@ class McapWriter(ChunkWriter):
         )
 
     def _pack(self, chunk: Chunk) -> Sequence[bytes | memoryview]:
+        """Return the head, the compressed content and the message indexes of a chunk."""
         data = memoryview(chunk.records.data)
         compressed = self._compress(data)
         name = self._compression.encode()
@@ -178,6 +181,7 @@ class McapWriter(ChunkWriter):
         return [struct.pack("<BQ", CHUNK, length) + header, compressed, *indexes]
 
     def _finish(self) -> None:
+        """Write the end of the data, the summary with all indexes, and the footer."""
         import yaml
         from mcap.data_stream import RecordBuilder
         from mcap.opcode import Opcode

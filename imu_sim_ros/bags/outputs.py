@@ -586,6 +586,7 @@ def _claimed(staging: Path) -> int:
 
 
 def _opened(staging: Path) -> int:
+    """Return a descriptor of a staging folder that exists."""
     try:
         return os.open(staging, os.O_RDONLY | os.O_DIRECTORY)
     except FileNotFoundError:
@@ -627,10 +628,12 @@ def _is_still(descriptor: int, path: Path) -> bool:
 
 
 def _taken(staging: Path) -> InputError:
+    """Return the error of an output that another program is writing."""
     return InputError(f"{staging}: another program is writing this output")
 
 
 def _remove_empty(folder: Path) -> None:
+    """Remove a folder that nobody else has put files into."""
     with suppress(OSError):  # it is in use
         folder.rmdir()
 

@@ -299,8 +299,10 @@ def _unit(q: Array) -> Array:
 
 
 def _times() -> Times:
+    """Return no times: an empty array."""
     return np.empty(0, dtype=np.int64)
 
 
 def _rows(columns: int) -> Array:
+    """Return no rows of so many columns: an empty array."""
     return np.empty((0, columns))

@@ -113,6 +113,7 @@ def _is_of_package(error: Exception) -> bool:
 
 
 def _is_own_module(name: object) -> bool:
+    """Return True for the name of a module of this package."""
     return isinstance(name, str) and name.partition(".")[0] == _PACKAGE
 
 
@@ -382,6 +383,7 @@ class ChunkedBag(Bag, Generic[_Chunk]):
                     yield start + match.start()
 
     def _timed(self, names: Collection[str]) -> Iterator[Timed]:
+        """Yield the messages of topics, chunk by chunk in the order of their first times."""
         chunks = sorted(self._chunks, key=lambda chunk: chunk.start_ns)
         starts = [*(chunk.start_ns for chunk in chunks), END_NS][1:]
         topics_by_id = {id_: topic for id_, topic in self._topic_of.items() if topic.name in names}
@@ -480,6 +482,7 @@ def _message(payload: bytes) -> bytes:
 
 
 def _concatenated(payloads: Sequence[Payloads]) -> Payloads:
+    """Return the messages of several blocks as one array if all have one size, else a list."""
     tables = [rows for rows in payloads if not isinstance(rows, list)]
     if len(tables) == len(payloads) and len({rows.shape[1] for rows in tables}) == 1:
         return np.concatenate(tables)

@@ -69,6 +69,7 @@ class _Record(NamedTuple):
 
     @property
     def op(self) -> int:
+        """Opcode: the kind of the record."""
         return self.fields["op"][0]
 
     @property
@@ -87,6 +88,8 @@ class _Record(NamedTuple):
 
 
 class _Chunk(NamedTuple):
+    """A chunk, or messages outside chunks, with its place in the file and its first time."""
+
     position: int
     start_ns: int
     indexed: bool
@@ -103,6 +106,7 @@ class Rosbag1Bag(ChunkedBag[_Chunk]):
     encoding = "ros1"
 
     def _open(self) -> None:
+        """Read the index at the end of the bag; in recovery, scan the file."""
         self._connections: dict[int, tuple[str, str, Schema, bool]] = {}
         if self._read_at(0, len(MAGIC)) != MAGIC:
             raise InputError(f"{self.path}: not a ROS 1 bag of format 2.0")
@@ -300,6 +304,7 @@ class Rosbag1Bag(ChunkedBag[_Chunk]):
     def _add_scanned(
         self, chunk: _Chunk, data: bytes, records: Sequence[_Record], counts: dict[int, int]
     ) -> None:
+        """Note a chunk without index, its connections, and the number of its messages."""
         times = []
         for record in records:
             if record.op == OP_CONNECTION:
@@ -326,9 +331,11 @@ class Rosbag1Bag(ChunkedBag[_Chunk]):
         return _Record(fields, start, size, start + size <= self._end)
 
     def _data(self, record: _Record) -> bytes:
+        """Return the data of a record in the file."""
         return self._read_at(record.start, record.size)
 
     def _note_connection(self, record: _Record, data: bytes) -> None:
+        """Register topic, type and definition of a connection."""
         details = _fields(data, len(data))
         # The data has the name before remapping; the header's is the one that counts.
         id_ = record.number("conn")
@@ -382,6 +389,7 @@ class Rosbag1Bag(ChunkedBag[_Chunk]):
     def _blocks(
         self, chunk: _Chunk, topics_by_connection: Mapping[int, TopicInfo]
     ) -> list[MessageBlock]:
+        """Return the messages of a chunk, in blocks of one topic each."""
         if chunk.indexed:
             content, index_position = self._chunk(chunk.position)
             index = self._indexed(index_position)

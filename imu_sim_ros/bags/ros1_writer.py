@@ -57,6 +57,7 @@ def _u8(value: int) -> bytes:
 
 
 def _time(t_ns: int) -> bytes:
+    """Return a time as ROS 1 stores it: seconds and nanoseconds, four bytes each."""
     return struct.pack("<II", *divmod(t_ns, NANOSECONDS_PER_SECOND))
 
 
@@ -123,6 +124,7 @@ class Rosbag1Writer(ChunkWriter):
         self.file.write(MAGIC, self._bag_header(0))
 
     def _bag_header(self, index_position: int) -> bytes:
+        """Return the record at the start of the file, padded to 4096 bytes."""
         header = fields(
             chunk_count=_u4(len(self._written)),
             conn_count=_u4(len(self.topics)),
@@ -134,6 +136,7 @@ class Rosbag1Writer(ChunkWriter):
         return header + _u4(padding) + b" " * padding
 
     def _register(self, topic: BagTopic) -> None:
+        """Write the connection of a topic, whose definition must be known."""
         if not topic.schema.text:
             raise InputError(
                 f"{topic.name}: a ROS 1 bag needs the definition of {topic.type_name}, "
@@ -145,6 +148,7 @@ class Rosbag1Writer(ChunkWriter):
         self._before += self._connection(topic)
 
     def _connection(self, topic: BagTopic) -> bytes:
+        """Return the record that names a topic, its type and its definition."""
         name = topic.name.encode()
         latched = bool(topic.qos) and all(qos.durability == "transient_local" for qos in topic.qos)
         details = fields(
@@ -160,6 +164,7 @@ class Rosbag1Writer(ChunkWriter):
     def _records(
         self, topic: BagTopic, start: int, t_ns: Times, payloads: RowTemplate
     ) -> list[RowTemplate]:
+        """Return messages of equal size as records, their headers numbered if need be."""
         count, size = payloads.count, len(payloads.template)
         header = np.frombuffer(bytearray(_HEADER), _HEADER_TYPE)
         header["connection"], header["length"] = topic.index, size
@@ -175,12 +180,14 @@ class Rosbag1Writer(ChunkWriter):
         return [RowTemplate(header.tobytes(), columns, count), payloads]
 
     def _record(self, topic: BagTopic, index: int, t_ns: int, payload: bytes) -> bytes:
+        """Return one message as a record, its header numbered if need be."""
         header = fields(conn=_u4(topic.index), op=_u1(OP_MESSAGE), time=_time(t_ns))
         if topic in self._numbered and len(payload) >= _SEQ_BYTES:
             payload = _u4((topic.before + index) & 0xFFFFFFFF) + payload[_SEQ_BYTES:]
         return header + _u4(len(payload)) + payload
 
     def _pack(self, chunk: Chunk) -> Sequence[bytes | memoryview]:
+        """Return the head, the content and the message indexes of a chunk."""
         data = memoryview(chunk.records.data)
         compressed = self._compress(data)
         header = fields(
@@ -197,6 +204,7 @@ class Rosbag1Writer(ChunkWriter):
         return [header + _u4(len(compressed)), compressed, *indexes]
 
     def _finish(self) -> None:
+        """Write the index at the end, and its place into the bag header."""
         index_position = self.file.position
         connections = b"".join(self._connection(topic) for topic in self.topics)
         self.file.write(connections, b"".join(_chunk_info(chunk) for chunk in self._written))
@@ -204,6 +212,7 @@ class Rosbag1Writer(ChunkWriter):
 
 
 def _chunk_info(chunk: Stored) -> bytes:
+    """Return the record that states times and message counts of a chunk."""
     header = fields(
         chunk_pos=_u8(chunk.position),
         count=_u4(len(chunk.topics)),

@@ -184,6 +184,7 @@ class SqliteBag(Bag):
         return counts
 
     def _timed(self, names: Collection[str]) -> Iterator[Timed]:
+        """Yield the messages of topics in the order of time, some thousand rows at a time."""
         ids = {id_ for id_, topic in self._topics.items() if topic.name in names}
         if self._pages is not None:
             for page in self._pages.rows():
@@ -207,6 +208,7 @@ class SqliteBag(Bag):
             ) from None
 
     def _blocks(self, rows: Sequence[tuple[int, object, object]]) -> list[MessageBlock]:
+        """Return rows of the table of messages, in blocks of one topic each."""
         by_topic: dict[int, tuple[list[int], list[bytes]]] = {}
         for id_, t_ns, payload in rows:
             if not isinstance(t_ns, int) or not isinstance(payload, bytes):
@@ -285,6 +287,7 @@ class Rosbag2Folder(Bag):
         return files
 
     def _files_listed(self) -> list[Path]:
+        """Return the files that metadata.yaml lists; each must exist once."""
         files = read_metadata(self.path)
         if len(set(files)) != len(files):
             raise InputError(f"{self.path}: metadata.yaml lists a file twice")
@@ -294,6 +297,7 @@ class Rosbag2Folder(Bag):
         return files
 
     def _timed(self, names: Collection[str]) -> Iterator[Timed]:
+        """Yield the messages of topics, file by file."""
         topics = {(topic.name, topic.type): topic for topic in self.topics}
         for part in self._parts:
             for next_start_ns, blocks in part._timed(names):
@@ -366,6 +370,7 @@ def _merged(topics: Collection[TopicInfo]) -> list[TopicInfo]:
 
 
 def _table(payloads: list[bytes]) -> Bytes | list[bytes]:
+    """Return messages as an array (n, size) if all have one size, else unchanged."""
     size = len(payloads[0])
     if size == 0 or any(len(payload) != size for payload in payloads):
         return payloads

@@ -224,6 +224,7 @@ def streams_of_tables(
 def _measurements(
     path: Path, name: str, table: Table, topic: BagTopic, encode: Encode, skipped: Skipped | None
 ) -> Iterator[list[Block]]:
+    """Yield the rows of a folder's table as messages."""
     for t_ns, values, _ in blocks(path, table, name, skipped=skipped):
         yield [Block(topic, t_ns, encode(t_ns, values))]
 

@@ -62,6 +62,7 @@ class PartsWriter(Writer):
         return [file for part in self._parts for file in part.files]
 
     def _register(self, topic: BagTopic) -> None:
+        """Add a topic to the part that is being written."""
         if not self._ended:
             _add(self._parts[-1], topic)
 
@@ -132,6 +133,7 @@ class PartsWriter(Writer):
         return _divided(blocks, counts)
 
     def _end_part(self) -> None:
+        """Close the part that is being written; the next message begins a new one."""
         self._parts[-1].close()
         self._ended, self._end_ns = True, None
 
@@ -164,6 +166,7 @@ class PartsWriter(Writer):
 
 
 def _add(part: Writer, topic: BagTopic, previous_count: int = 0) -> None:
+    """Add a topic to a part, which continues the numbers of its messages."""
     part_topic = part.add_topic(
         topic.name, topic.type_name, topic.qos, topic.schema, topic.keeps_seq
     )

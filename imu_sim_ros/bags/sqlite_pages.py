@@ -82,6 +82,7 @@ class MessagePages:
         return self._file.read(size)
 
     def _find(self) -> list[int]:
+        """Return the offsets of all pages with messages, in the order of their first rows."""
         offsets: dict[int, int] = {}
         offset = self._page_size  # the first page is that of the schema
         while offset + self._page_size <= self._size:
@@ -136,6 +137,11 @@ class MessagePages:
         return [self._cell(page, start, offset) for start in starts]
 
     def _cell(self, page: bytes, start: int, offset: int) -> _Cell:
+        """Return the row at a place of a page, with its parts in other pages.
+
+        :param start: place of the row in the page.
+        :param offset: offset of the page in the file; negative: parts in other pages are left out.
+        """
         try:
             size, position = _varint(page, start)
             id_, position = _varint(page, position)

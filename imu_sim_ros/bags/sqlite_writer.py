@@ -90,6 +90,7 @@ class SqliteWriter(Writer):
         return self._bytes
 
     def _register(self, topic: BagTopic) -> None:
+        """Insert the topic, and the definition of its type."""
         text, digest, language = topic.schema
         row = (
             topic.index + 1,
@@ -212,18 +213,21 @@ class SqliteWriter(Writer):
                 self.abandon()
 
     def _execute(self, statement: str, values: Sequence[object] = ()) -> None:
+        """Run a statement; an error of the database names the file."""
         try:
             self._database.execute(statement, values)
         except sqlite3.Error as error:
             raise MachineError(f"{self.path}: {error}") from None
 
     def _count_bytes(self, size: int) -> None:
+        """Add to the size of the transaction, and end it when it is large."""
         self._bytes += size
         self._uncommitted += size
         if self._uncommitted >= _TRANSACTION_BYTES:
             self._commit()
 
     def _commit(self) -> None:
+        """End the transaction and begin the next one."""
         self._execute("COMMIT")
         self._execute("BEGIN")
         self._uncommitted = 0

@@ -148,6 +148,7 @@ class Pipeline(Generic[_T, _Made]):
             thread.join()
 
     def _make_all(self) -> None:
+        """Work on items until the end; runs in each of the threads."""
         while (job := self._items.get()) is not None:
             item, outcome = job
             try:
@@ -156,6 +157,7 @@ class Pipeline(Generic[_T, _Made]):
                 outcome.put(error)
 
     def _use_all(self) -> None:
+        """Use the results in the items' order; runs in one thread."""
         while (job := self._order.get()) is not None:
             if isinstance(job, SimpleQueue):
                 job.put(None)

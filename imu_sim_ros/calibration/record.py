@@ -89,6 +89,7 @@ class Record:
                 yield from self.rest.add(None)
 
     def _process_stretches(self, stretches: Iterable[Stretch]) -> Iterator[Array | None]:
+        """Yield the readings at rest of stretches; None between pieces."""
         for stretch in stretches:
             for piece in self._pieces(stretch):
                 yield from self.rest.add(piece)
@@ -349,6 +350,12 @@ class RestCheck:
         return centre + mean[source], variance
 
     def _note_motion(self, mean: Array, typical: Array, begin: float) -> None:
+        """Note the axes whose means move more than those of a stretch at rest.
+
+        :param mean: (m, 6) means of the windows.
+        :param typical: (6,) typical variance in a window.
+        :param begin: begin of the stretch [s].
+        """
         # A single shock or shift of level is a disturbance; without it the stretch must be at rest.
         steps = np.diff(mean, axis=0)
         steps[np.abs(steps) > self._jump_limit(np.abs(steps), typical)] = 0.0

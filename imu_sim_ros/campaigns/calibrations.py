@@ -48,11 +48,13 @@ def run_calibration(cell: SimulatedCell, estimator: CalibrationEstimator, seed: 
 
 
 def _blocks(cell: SimulatedCell, seed: int) -> Iterator[Readings]:
+    """Yield the delivered readings of a run, in blocks."""
     for window in cell.simulation(seed).windows(_BLOCK):
         yield Readings(*delivered(window[IMU]))
 
 
 def _allan(blocks: Iterator[Readings], parameters: SimulationParameters, model: str) -> Metrics:
+    """Return the errors of the estimated noise parameters of one run."""
     analysis = analyse([blocks], model=model)
     metrics: Metrics = {}
     comparisons = truth.compare(analysis, realised_imu(parameters.imu, parameters.seed))
@@ -75,6 +77,7 @@ def _allan(blocks: Iterator[Readings], parameters: SimulationParameters, model: 
 
 
 def _deterministic(cell: SimulatedCell, parameters: SimulationParameters, kind: str) -> Metrics:
+    """Return the errors of the calibrated parameters of one run."""
     block = cell.block(parameters.seed)
     gravity = float(np.linalg.norm(parameters.gravity))
     imu = realised_imu(parameters.imu, parameters.seed)
@@ -107,6 +110,7 @@ def _steady(block: Samples, *, rotating: bool) -> tuple[Steady, Array]:
 
 
 def _deviations(values: correction.Parameters, truth: dict[str, Array]) -> Metrics:
+    """Return the error of each calibrated parameter, and its ratio to the standard error."""
     metrics: Metrics = {}
     for name in (*CALIBRATED, *THERMAL):
         if name in values:

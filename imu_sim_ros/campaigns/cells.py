@@ -127,6 +127,7 @@ def cells(axes: list[Axis]) -> Iterator[Cell]:
 
 
 def _axis(name: str, content: object) -> Axis:
+    """Return one axis of the grid: a parameter with its values, or several that vary together."""
     where = f"grid.{name}"
     if isinstance(content, Mapping) and set(content) == {"zip"}:
         columns = content["zip"]
@@ -148,6 +149,7 @@ def _axis(name: str, content: object) -> Axis:
 
 
 def _refuse_repeated(where: str, values: Sequence[object]) -> None:
+    """Refuse values that occur twice, which would make equal cells."""
     counts = Counter(value_text(value) for value in values)
     duplicates = sorted(value for value, count in counts.items() if count > 1)
     if duplicates:
@@ -155,6 +157,7 @@ def _refuse_repeated(where: str, values: Sequence[object]) -> None:
 
 
 def _values(where: str, content: object) -> list[object]:
+    """Return the values of a parameter: a list, one value, or a range."""
     if isinstance(content, Mapping) and len(content) == 1:
         kind, limits = next(iter(content.items()))
         if kind in ("range", "log_range"):
@@ -171,6 +174,7 @@ def _values(where: str, content: object) -> list[object]:
 
 
 def _spaced(where: str, logarithmic: bool, limits: Any) -> list[float]:
+    """Return the numbers of a range [first, last, count], evenly or logarithmically spaced."""
     limits_text = "two numbers above 0" if logarithmic else "two finite numbers"
     error = ConfigurationError(
         f"{where} = {shown(limits)}: must be [first, last, count]: {limits_text}, "

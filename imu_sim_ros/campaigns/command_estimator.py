@@ -111,6 +111,7 @@ def run_command(
 
 
 def _duration(block: Samples) -> float:
+    """Return the length of a run [s]."""
     return float(block.true_t_ns[-1] - block.true_t_ns[0]) * 1e-9
 
 
@@ -158,6 +159,7 @@ def _run(
 def _run_locked(
     command: Sequence[str], estimator: CommandEstimator, variables: dict[str, str], run_folder: Path
 ) -> ProgramEnd:
+    """Run a program in its folder to its end, and end all processes that it leaves."""
     earlier_children, worker = _children(), os.getpid()
     _prctl(_PR_SET_CHILD_SUBREAPER, 1)
     started, memory = time.monotonic(), _PeakMemory()
@@ -291,6 +293,7 @@ def _disk_problem(estimator: CommandEstimator) -> str:
 
 
 def _size(folder: Path) -> int:
+    """Return the size of all files in a folder [bytes]."""
     total = 0
     for path, _, names in os.walk(folder):
         for name in names:
@@ -356,6 +359,7 @@ def _children(pid: int | str = "self") -> set[int]:
 
 
 def _status_text(status: int | None) -> str:
+    """Return the end of a program as text: its exit status, or the signal."""
     if status is not None and status < 0:
         with contextlib.suppress(ValueError):
             return f"ended by {signal.Signals(-status).name}"

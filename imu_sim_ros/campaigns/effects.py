@@ -157,6 +157,7 @@ def _texts(
 
 
 def _between(low: str | None, high: str | None) -> str | None:
+    """Return a range as text; None is an unknown end."""
     if low is None and high is None:
         return None
     if low is None or high is None:

@@ -288,12 +288,14 @@ class Processes(Executor):
             return future
 
     def _new(self) -> ProcessPoolExecutor:
+        """Start a process for one run at a time."""
         with _environment():  # the first one starts the tracker of semaphores
             pool = ProcessPoolExecutor(1, multiprocessing.get_context("spawn"), _begin)
         self._pools.add(pool)
         return pool
 
     def _release(self, pool: ProcessPoolExecutor, future: Future[Any]) -> None:
+        """Keep a process for the next run, unless it is broken."""
         if future.cancelled() or isinstance(future.exception(), BrokenProcessPool):
             self._pools.discard(pool)
         else:

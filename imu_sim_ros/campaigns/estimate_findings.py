@@ -76,6 +76,7 @@ def _line(finding: Finding) -> str:
 
 
 def _without_truth(t_ns: Times, truth_ns: Times) -> Iterator[str]:
+    """Tell how many poses of the estimate lie outside the truth's time."""
     start_ns, end_ns = truth_ns[0] - _ROUNDING_NS, truth_ns[-1] + _ROUNDING_NS
     count = int(np.sum((t_ns < start_ns) | (t_ns > end_ns)))
     if count:
@@ -109,11 +110,13 @@ def _repetitions(estimate: States, truth: States) -> Iterator[str]:
 
 
 def _steps(position: Array) -> Array:
+    """Return the distances (n - 1,) between consecutive positions [m]."""
     lengths: Array = np.linalg.norm(np.diff(position, axis=0), axis=1)
     return lengths
 
 
 def _turns(q_wb: Array) -> Array:
+    """Return the angles (n - 1,) between consecutive attitudes [rad]."""
     turns = rotation.log(rotation.multiply(rotation.conjugate(q_wb[:-1]), q_wb[1:]))
     angles: Array = np.linalg.norm(turns, axis=1)
     return angles

@@ -79,6 +79,7 @@ class _Suite:
         self._element = ElementTree.SubElement(root, "testsuite", {"name": name, **counts})
 
     def _count(self, name: str) -> None:
+        """Increase a counter of the suite by one."""
         self._element.set(name, str(int(self._element.get(name, "0")) + 1))
 
     def case(self, name: str) -> ElementTree.Element:
@@ -100,4 +101,5 @@ class _Suite:
 
 
 def _text(text: str) -> str:
+    """Return a text without the characters that XML forbids."""
     return _FORBIDDEN.sub("?", text)

@@ -175,6 +175,7 @@ def read_faults(content: object) -> tuple[TimedFault, ...]:
 
 
 def _fault(where: str, entry: object) -> TimedFault:
+    """Return a fault of the plan with its time."""
     if not isinstance(entry, Mapping):
         raise ConfigurationError(
             f"{shown(entry)}: must hold at, kind, and optionally duration, value and triad"

@@ -418,6 +418,7 @@ def _grid_problem(line: str, affected: list[Cell], cells: int) -> str:
 
 
 def _check_cell(plan: Plan, cell: Cell) -> None:
+    """Refuse estimators that need tracks where a cell has no camera."""
     if plan.simulation(cell).cameras:
         return
     for name, estimator in plan.estimators.items():
@@ -429,6 +430,7 @@ def _check_cell(plan: Plan, cell: Cell) -> None:
 
 
 def _along_axes(axes: list[Axis]) -> Iterator[Cell]:
+    """Yield cells that vary one axis at a time, the others at their first value."""
     base = {
         name: value for axis in axes for name, value in zip(axis.names, axis.rows[0], strict=True)
     }
@@ -438,6 +440,7 @@ def _along_axes(axes: list[Axis]) -> Iterator[Cell]:
 
 
 def _layer(content: object) -> Layer:
+    """Return the parameters of a plan; short names (imu, trajectory) are expanded."""
     if content is None:
         return {}
     layer = files.dotted(content, "parameters")
@@ -446,6 +449,7 @@ def _layer(content: object) -> Layer:
 
 
 def _seeds(content: object) -> tuple[int, ...]:
+    """Return the seeds that a plan states: a count, or a list."""
     allowed = "must be a count (50: seeds 0 to 49) or a list of integers, each at least 0"
     problem = ConfigurationError(f"seeds = {shown(content)}: {allowed}")
     if isinstance(content, bool):
@@ -467,6 +471,7 @@ def _seeds(content: object) -> tuple[int, ...]:
 
 
 def _estimators(content: object) -> tuple[dict[str, Estimator], dict[str, dict[str, str]]]:
+    """Return the estimators of a plan by name, and the environment variables of each."""
     if content is None:
         return {"dead_reckon": DeadReckonEstimator()}, {}
     if isinstance(content, list):
@@ -497,6 +502,7 @@ def _template(name: object) -> dict[Any, Any]:
 
 
 def _estimator(entry: object) -> tuple[Estimator, dict[str, str]]:
+    """Return one estimator, and the environment variables of its command."""
     if entry is None:
         entry = {}
     if not isinstance(entry, Mapping):

@@ -146,6 +146,7 @@ class Store:
         os.fsync(self._file.fileno())
 
     def _open(self) -> TextIO:
+        """Open the log of runs to append to; a torn last line is ended."""
         path = self.folder / LOG
         torn = _is_torn(path)
         file = path.open("a", encoding="utf-8")
@@ -203,6 +204,7 @@ def _results_there(folder: Path, begun: bool, resume: bool) -> str:
 
 
 def _remove(path: Path) -> None:
+    """Remove a file or a folder, if it is there."""
     if path.is_dir() and not path.is_symlink():
         shutil.rmtree(path)
     else:
@@ -265,6 +267,7 @@ def _is_row(row: object) -> bool:
 
 
 def _is_finite(value: object) -> bool:
+    """Return True for a finite float."""
     return isinstance(value, float) and math.isfinite(value)
 
 
@@ -296,6 +299,7 @@ def write_tables(
 
 
 def _cell(value: object) -> object:
+    """Return a value as a cell of the CSV file; floats with all digits."""
     if value is None:
         return ""
     return repr(value) if isinstance(value, float) else value
@@ -304,6 +308,7 @@ def _cell(value: object) -> object:
 def _write_parquet(
     path: Path, rows: Sequence[Row], columns: Sequence[str], metrics: Collection[str]
 ) -> bool:
+    """Write the rows as Parquet; return False without pyarrow."""
     try:
         import pyarrow
         import pyarrow.parquet
@@ -356,6 +361,7 @@ def read_results(path: Path) -> list[Row]:
 
 
 def _read_parquet(path: Path) -> list[Row]:
+    """Return the rows of a Parquet file."""
     try:
         import pyarrow.parquet
     except ImportError:
@@ -366,6 +372,7 @@ def _read_parquet(path: Path) -> list[Row]:
 
 
 def _read_csv(path: Path) -> list[Row]:
+    """Return the rows of a CSV file, with numbers in place of their texts."""
     with path.open(encoding="utf-8", newline="") as file:
         return [
             {name: _value(name, text) for name, text in row.items() if name}
@@ -374,6 +381,7 @@ def _read_csv(path: Path) -> list[Row]:
 
 
 def _value(name: str, text: str | None) -> object:
+    """Return the value of a cell: None if empty, text, or a number."""
     if text is None or text == "":
         return None
     if name in _TEXTS:

@@ -122,6 +122,7 @@ class CellRuns:
             check(outcome.metrics)
 
     def _row(self, seed: int, name: str, status: str, outcome: RunOutcome) -> Row:
+        """Return the row of the results for one run."""
         return {
             "cell": self.cell.name,
             "seed": seed,
@@ -138,6 +139,7 @@ class CellRuns:
 
 
 def _reason(error: Exception) -> str:
+    """Return the reason of a failure in one line."""
     if isinstance(error, ImuSimError):
         return error.problems[0]
     return f"unexpected: {type(error).__name__}: {error}"

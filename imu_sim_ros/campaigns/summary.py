@@ -181,6 +181,7 @@ def summary_rows(groups: Sequence[Group], metrics: Sequence[str]) -> list[dict[s
 def _summary_row(
     group: Group, metrics: dict[str, tuple[ConfidenceInterval, Array]]
 ) -> dict[str, object]:
+    """Return the row of the summary for one group of runs."""
     row: dict[str, object] = {
         "cell": group.cell,
         "estimator": group.estimator,
@@ -197,6 +198,7 @@ def _summary_row(
 
 
 def _put(row: dict[str, object], name: str, interval: ConfidenceInterval) -> None:
+    """Add an estimate and the ends of its interval to a row."""
     row[name], row[f"{name}.low"], row[f"{name}.high"] = interval
 
 
@@ -229,4 +231,5 @@ def slopes(rows: Sequence[Row], grid: Sequence[str], metric: str) -> list[Slope]
 
 
 def _positive(value: object) -> bool:
+    """Return True for a number above 0."""
     return isinstance(value, int | float) and not isinstance(value, bool) and value > 0

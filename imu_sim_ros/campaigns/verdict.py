@@ -278,6 +278,7 @@ class Judgement:
 
 
 def _plain(value: object) -> Any:
+    """Return a value with named tuples as mappings, for JSON."""
     if isinstance(value, tuple) and hasattr(value, "_asdict"):
         value = value._asdict()
     if isinstance(value, dict):
@@ -350,6 +351,7 @@ def judge(
 
 
 def _full_name(group: Group) -> str:
+    """Return cell and estimator of a group."""
     return f"{group.cell}; {group.estimator}"
 
 
@@ -362,6 +364,7 @@ def counts(rows: Sequence[Row]) -> dict[str, int]:
 
 
 def _alike(rows: Sequence[Row]) -> dict[str, list[Row]]:
+    """Return the rows by status; statuses that differ in numbers alone count as one."""
     return _by_text([(str(row["status"]), row) for row in rows])
 
 
@@ -425,6 +428,7 @@ def estimate_findings(groups: Sequence[Group]) -> list[EstimateFinding]:
 
 
 def _standing(group: Group, rule: Criterion) -> Standing:
+    """Return counts, median with its interval, and success rate of a group."""
     values = values_of(group, rule.metric)
     done = [value for value in values.values() if value is not None and math.isfinite(value)]
     return Standing(
@@ -598,6 +602,7 @@ def _scaled(
 
 
 def _are_ratios(pairs: Array, rule: Criterion) -> bool:
+    """Return True if pairs are compared by their ratio: all values are above 0."""
     return bool((pairs[np.isfinite(pairs)] > 0.0).all()) and isinstance(rule.better, str)
 
 
@@ -668,6 +673,7 @@ def _is_within(effect: Effect, tolerance: Tolerance) -> bool:
 
 
 def _baseline(groups: Sequence[Group], rows: Sequence[Row], rule: Criterion) -> list[Effect]:
+    """Return the effect of each group against the same group of a baseline."""
     earlier = {(group.cell, group.estimator): group for group in group_runs(rows, ())}
     effects: list[Effect] = []
     for group in groups:

@@ -70,6 +70,7 @@ def run(arguments: argparse.Namespace) -> None:
 def _lines(
     noise: Noise, comparisons: list[ParameterComparison], files: list[Path]
 ) -> Iterator[str | TextTable]:
+    """Yield the report: the noise, the files written, and axes that are in none of them."""
     yield from noise.lines(comparisons)
     yield from map(str, files)
     if files and noise.result.reasons:

@@ -28,6 +28,7 @@ EXAMPLES: Final = "\n".join(line for run in RUNS.values() for line in run.exampl
 
 
 def _numbers(text: str) -> Array:
+    """Return the magnitudes of numbers separated by commas, as argparse needs it."""
     try:
         values = np.array([abs(float(word)) for word in text.split(",")])
     except ValueError:

@@ -54,6 +54,7 @@ def _named_files(arguments: argparse.Namespace) -> Iterator[Path]:
 
 
 def _files_in(value: object) -> Iterator[Path]:
+    """Yield the files and folders that exist among the values of an argument."""
     if isinstance(value, list | tuple):
         for entry in value:
             yield from _files_in(entry)

@@ -55,6 +55,7 @@ def subcommand() -> str | None:
 def _names_and_files(
     prefix: str, action: argparse.Action, parser: argparse.ArgumentParser, **_: object
 ) -> list[str]:
+    """Return the completions of a word: names of parameters or presets, and files."""
     from argcomplete.completers import FilesCompleter
 
     if "--set" in action.option_strings:

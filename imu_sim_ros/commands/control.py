@@ -200,14 +200,17 @@ class StatusView:
         self._draw()
 
     def _erase(self) -> None:
+        """Erase the lines drawn before."""
         if self._lines:  # up to its first line, and clear from there (ECMA-48, CPL and ED)
             self._terminal.write(f"\x1b[{len(self._lines)}F\x1b[J")
 
     def _draw(self) -> None:
+        """Draw the current lines."""
         self._terminal.writelines(f"{line}\n" for line in self._lines)
 
 
 def _watch(simulator: "Control", arguments: argparse.Namespace) -> None:
+    """Print the state of the simulator, again and again until interrupted."""
     from imu_sim_ros.nodes.control import Status
 
     seconds = 0

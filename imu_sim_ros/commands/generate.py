@@ -91,6 +91,7 @@ _AND_EXIT: Final = "lists (print and exit)"
 
 
 def _list(folder: str, text: str) -> dict[str, object]:
+    """Return the arguments of an option that lists a folder of config/ and ends the program."""
     return {"action": _List, "nargs": 0, "const": folder, "help": text, "group": _AND_EXIT}
 
 

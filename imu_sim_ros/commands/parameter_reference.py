@@ -77,6 +77,7 @@ def reference() -> str:
 
 
 def _lines() -> Iterator[str]:
+    """Yield the Markdown of the page, section by section."""
     yield _INTRODUCTION
     yield from _node("Simulation")
     simulator = parameters(SimulatorParameters)
@@ -111,6 +112,7 @@ def _node(heading: str, rows: Mapping[str, Parameter] | None = None) -> Iterator
 
 
 def _below(prefix: str, section: type) -> dict[str, Parameter]:
+    """Return the parameters of a section by their names below a prefix."""
     return {f"{prefix}.{name}": parameter for name, parameter in parameters(section).items()}
 
 
@@ -143,6 +145,7 @@ def _groups(rows: Mapping[str, Parameter]) -> dict[str, dict[str, Parameter]]:
 
 
 def _table(rows: Mapping[str, Parameter]) -> Iterator[str]:
+    """Yield a table of parameters in Markdown."""
     if not rows:
         yield "It has no parameters of its own.\n"
         return
@@ -154,6 +157,7 @@ def _table(rows: Mapping[str, Parameter]) -> Iterator[str]:
 
 
 def _row(name: str, parameter: Parameter) -> str:
+    """Return the row of a parameter in the table."""
     allowed = parameter.allowed().removesuffix(f" [{parameter.unit}]")
     cells: Iterable[str] = (
         f"`{name}`" + (" \\*" if parameter.live else ""),
@@ -166,6 +170,7 @@ def _row(name: str, parameter: Parameter) -> str:
 
 
 def _plain(value: Value) -> str:
+    """Return a default in the notation of YAML; three equal numbers as one."""
     if isinstance(value, tuple):
         same_number = len(value) == 3 and len(set(value)) == 1
         return _plain(value[0]) if same_number else f"[{', '.join(map(_plain, value))}]"

@@ -118,6 +118,7 @@ class Formatter(argparse.HelpFormatter):
     """Wraps the description to the terminal and leaves the examples as they are."""
 
     def _fill_text(self, text: str, width: int, indent: str) -> str:
+        """Keep the line breaks of the examples."""
         if text.startswith("examples:"):
             return "".join(indent + line for line in text.splitlines(keepends=True))
         return super()._fill_text(text, width, indent)
@@ -188,6 +189,7 @@ class Parser(argparse.ArgumentParser):
         return self._as_called(super().format_usage)
 
     def _as_called(self, formatted: Callable[[], str]) -> str:
+        """Return help or usage with the name under which the program was called."""
         short, self.prog = self.prog, _called(self.prog)
         try:
             return formatted()
@@ -232,6 +234,7 @@ class Parser(argparse.ArgumentParser):
         return self._with_choices(namespace)
 
     def _with_choices(self, namespace: argparse.Namespace) -> argparse.Namespace:
+        """Note the options with choices, whose values are no names of files."""
         choices = {action.dest for action in self._actions if action.choices is not None}
         namespace.words = getattr(namespace, "words", frozenset()) | choices
         return namespace
@@ -281,6 +284,7 @@ class Parser(argparse.ArgumentParser):
             yield from parser._options()
 
     def _check_value(self, action: argparse.Action, value: object) -> None:
+        """Refuse a value that is none of the choices, and suggest the nearest."""
         if action.choices is not None and value not in action.choices:
             name = (action.option_strings or [str(action.metavar or action.dest).lower()])[-1]
             raise argparse.ArgumentError(None, unknown(name, value, action.choices))
@@ -309,6 +313,7 @@ class Parser(argparse.ArgumentParser):
         self.exit(2, "".join(f"{self.prog}: {_shortened(line)} {hint}\n" for line in lines))
 
     def _end_if_wrong(self) -> None:
+        """End the program if arguments were refused."""
         if self.problems:
             self.error(self.problems.pop())
 

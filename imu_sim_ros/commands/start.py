@@ -35,6 +35,7 @@ NODES: Final = {
 
 
 def _run(name: str) -> int:
+    """Run a program and end the process with its status."""
     signals.end_at_once(name)
     try:
         status: int = startup.load(f"imu_sim_ros.commands.{name}").main()
@@ -74,6 +75,7 @@ def _completed() -> str | None:
 
 
 def _print_programs() -> None:
+    """Print the programs and nodes, each with its purpose."""
     print("usage: imu_sim PROGRAM ...\n\nprograms (imu_sim PROGRAM --help describes each):\n")
     for program, text in (PROGRAMS | NODES).items():
         print(f"  {program:12} {text}")

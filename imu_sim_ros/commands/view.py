@@ -164,6 +164,7 @@ def _choice(arguments: argparse.Namespace) -> Choice:
 
 
 def _topics(flight: Path, *types: str) -> list[str]:
+    """Return the topics of some types that have messages in a bag."""
     with open_bag(flight) as bag:
         return [info.name for info in bag.topics if info.type in types and info.count]
 

@@ -179,7 +179,6 @@ def array(name: str, value: object, shape: tuple[int | None, ...], finite: bool 
     """Return finite numbers of a shape, in which None allows any length.
 
     :param finite: False if a gate finds values that are not finite later.
-
     :raises ConfigurationError: for anything else.
     """
     values = value if type(value) is np.ndarray else _plain(name, value, _allowed(shape))

@@ -264,5 +264,6 @@ def _good(quantity: Quantity, values: Array) -> Mask | None:
 
 
 def _value_text(value: Array) -> str:
+    """Return a number or a vector as text."""
     text = ", ".join(f"{number:.6g}" for number in np.atleast_1d(value).tolist())
     return f"[{text}]" if np.ndim(value) else text

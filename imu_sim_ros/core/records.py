@@ -354,6 +354,7 @@ _FIELDS: Final[dict[type[TimeSeries], _Fields]] = {}
 
 
 def _fields_of(cls: type[TimeSeries]) -> _Fields:
+    """Return the fields of a record class: names, defaults, arrays; computed once per class."""
     known = _FIELDS.get(cls)
     if known is None:
         entries = fields(cls)

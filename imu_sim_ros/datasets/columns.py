@@ -113,6 +113,7 @@ class NpzTable:
             shutil.rmtree(self._folder, ignore_errors=True)
 
     def _join(self) -> None:
+        """Write the columns that were collected in temporary files into the archive."""
         with zipfile.ZipFile(self._path, "x", allowZip64=True) as archive:
             for name, (dtype, shape, count) in self._shapes.items():
                 # A fixed date: the same arrays are the same bytes.

@@ -174,6 +174,7 @@ class ImageFolders:
             self._pending.append(self._threads.submit(self._make, frame, samples, path))
 
     def _make(self, frame: _Frame, samples: Samples, path: Path) -> None:
+        """Write the image, depth, segmentation and flow of one frame."""
         camera = self.views[frame.camera].parameters
         if camera.images != "none":
             image: Bytes = samples.image[frame.row]

@@ -135,6 +135,7 @@ def read_camchain(path: Path, camera: str) -> Description:
 
 
 def _mapping(path: Path) -> dict[str, Any]:
+    """Return the content of a YAML file, also one with OpenCV's header."""
     lines = read_text(path).splitlines(keepends=True)
     if lines and lines[0].startswith("%YAML:"):  # OpenCV's header, which is not YAML
         lines = lines[1:]
@@ -155,11 +156,13 @@ class _Keys:
         self._name, self._problems = f"{path}: {prefix}", list[str]()
 
     def finished(self, info: CameraInfo | None, pose: Array | None) -> Description:
+        """Return the description; an error if any key was refused."""
         if self._problems:
             raise InputError(self._problems)
         return Description(info, pose)
 
     def one_of(self, key: str, allowed: Sequence[str]) -> str:
+        """Return the value of a key that must be one of some words."""
         value = self.tree.get(key)
         if value in allowed:
             return str(value)
@@ -226,6 +229,7 @@ class _Keys:
         return info
 
     def _refuse(self, key: str, value: Any, allowed: str) -> None:
+        """Note a key with a missing or wrong value."""
         text = "missing" if value is None else repr(value)
         short = text if len(text) <= 60 else text[:57] + "..."
         self._problems.append(f"{self._name}{key} = {short}: {allowed}")
@@ -309,6 +313,7 @@ def folder_cameras(path: Path, skipped: Skipped | None = None) -> list[FolderCam
 
 
 def _images(folder: Path, skipped: Skipped | None) -> RecordedFrames | None:
+    """Return the images of a camera's folder: those of its table, or all with stamps as names."""
     table = folder / "data.csv"
     return _listed_images(table, skipped) if is_present(table) else _stamped_images(folder)
 

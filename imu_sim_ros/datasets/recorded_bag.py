@@ -86,6 +86,7 @@ class RecordedImages:
                 self._make_folder(camera.depth, folder / camera.name / DEPTH_FOLDER)
 
     def _make_folder(self, topic: TopicInfo | None, folder: Path) -> None:
+        """Make the folder for the images of a topic, if there is such a topic."""
         if topic is None:
             return
         try:
@@ -162,6 +163,7 @@ class RecordedImages:
         return {*self._folders, *(announced if self._euroc else ())}
 
     def _learn(self, topic: TopicInfo, message: Any) -> None:
+        """Note a message that describes cameras: camera_info or a transform."""
         if topic.type != CAMERA_INFO:
             self._transforms.update(fixed_transforms(message))
             return

@@ -131,6 +131,7 @@ class FolderImages:
         frames: RecordedFrames,
         keys: Sequence[str],
     ) -> Iterator[list[Block]]:
+        """Yield the images of a camera as messages, in blocks."""
         topics: dict[str, BagTopic] = {}
         for key in keys:
             name = f"/{camera.name}/{key}"
@@ -202,6 +203,7 @@ class FolderImages:
         return counts
 
     def _copy(self, frames: RecordedFrames, target: Path, advance: Callable[[int], object]) -> None:
+        """Copy the images of a camera into another folder, as PNG."""
         try:
             target.mkdir(parents=True)
         except OSError as error:
@@ -221,6 +223,7 @@ class FolderImages:
 
 
 def _copy_image(path: Path, target: Path) -> Size:
+    """Copy an image as PNG; return its size."""
     data, size = read_image(path)
     with naming(path):
         data = as_png(data)
@@ -244,6 +247,7 @@ class _Maker:
             return size, {key: self._message(key, t_ns, data) for key in self._keys}
 
     def _message(self, key: str, t_ns: int, data: bytes) -> bytes:
+        """Return the message of one of the camera's topics for an image."""
         if key == CAMERA_INFO_TOPIC:
             assert self._info is not None
             return self._info.encode(t_ns)

@@ -170,6 +170,7 @@ def _track_columns(tracks: Tracks, number: int) -> dict[str, Column]:
 
 
 def _line_columns(tracks: Tracks, lines: TrackedLines, number: int) -> dict[str, Column]:
+    """Return the columns of the table of tracked lines."""
     return {
         "t_ns": tracks.frames.t_ns[lines.frame],
         "true_t_ns": tracks.frames.true_t_ns[lines.frame],
@@ -233,6 +234,7 @@ def read_track_folder(folder: Path) -> TrackFolder:
 
 
 def _arrays(path: Path) -> dict[str, Any]:
+    """Return the arrays of a file of tracks."""
     try:
         with open_regular(path) as file, np.load(file, allow_pickle=False) as archive:
             arrays = {name: archive[name] for name in _COLUMNS}

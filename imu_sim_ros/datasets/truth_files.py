@@ -121,11 +121,13 @@ def new_truths(output: Path, parameters: SimulationParameters) -> dict[Path, str
 
 
 def _truth(output: Path, name: str) -> Path:
+    """Return the name of a file of the truth next to an output."""
     suffix = f"_{name}" if name else ""
     return output.parent / f"{_stem(output)}_truth{suffix}.yaml"
 
 
 def _stem(output: Path) -> str:
+    """Return the name of an output without its ending."""
     return output.stem if output.suffix.lower() in _SUFFIXES else output.name
 
 

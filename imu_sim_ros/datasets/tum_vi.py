@@ -90,6 +90,7 @@ class TumVi:
         self._describe_lenses()
 
     def _describe_lenses(self) -> None:
+        """Write the vignette of each camera, and its lens as DSO takes it."""
         for view in self._images.views:
             target = self.path / "dso" / view.name
             share = np.rint(vignette(view.parameters) * np.float32(0xFFFF))
@@ -99,6 +100,7 @@ class TumVi:
                 write_bytes(target / "camera.txt", text.encode())
 
     def _file(self, name: str, header: str) -> OutputFile:
+        """Begin a file with a header."""
         file = OutputFile(self.path / name)
         file.write(header.encode() + b"\n")
         return file
@@ -157,6 +159,7 @@ class TumVi:
                 self._write_dso_imu()
 
     def _write_times(self) -> None:
+        """Write the stamps and exposures of each camera's images."""
         for number, view in enumerate(self._images.views):
             file = self._file(f"dso/{view.name}/times.txt", _DSO_TIMES)
             exposures = sorted(self._images.exposures(number))

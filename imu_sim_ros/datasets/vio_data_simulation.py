@@ -164,6 +164,7 @@ class VioDataSimulation:
         self._write_frames(read[self._view.name])
 
     def _write_frames(self, samples: Samples) -> None:
+        """Write camera poses, and a file of points and one of lines for each frame."""
         view, world, count = self._view, self._world, len(samples.t_ns)
         tracks, lines = samples.tracks, samples.lines
         self._frames += count
@@ -204,6 +205,7 @@ class VioDataSimulation:
 
 
 def _homogeneous(points: Array) -> Array:
+    """Return points (n, 3) with a fourth coordinate of 1."""
     return np.concatenate([points, np.ones((len(points), 1))], axis=1)
 
 

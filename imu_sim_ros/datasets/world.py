@@ -110,6 +110,7 @@ def _dataset_mount(path: Path, imu_name: str | None, with_truth: bool) -> _Recor
 
 
 def _folder_mount(folder: Path) -> Array | None:
+    """Return the pose (4, 4) of a sensor in a EuRoC folder; None if none is stated."""
     file = folder / "sensor.yaml"
     return read_sensor_yaml(file).pose if is_present(file) else None
 

@@ -174,6 +174,7 @@ def _of_messages(bag: Bag, name: str, frames: tuple[str, str] | None, source: st
 
 
 def _stamp(header: Any) -> int:
+    """Return the stamp of a header [ns]."""
     return int(header.stamp.sec) * NANOSECONDS_PER_SECOND + int(header.stamp.nanosec)
 
 

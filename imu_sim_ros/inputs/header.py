@@ -291,6 +291,7 @@ def _without_axis(tokens: list[str]) -> tuple[list[str], str]:
 
 
 def _quantity(tokens: Sequence[str]) -> str | None:
+    """Return the quantity that the words of a column's name mean; None: none is known."""
     if not tokens:
         return _BARE
     first_token, meanings = tokens[0], {_WORDS[word] for word in tokens if word in _WORDS}
@@ -489,5 +490,6 @@ def _problems(
 
 
 def _names_text(names: Sequence[str]) -> str:
+    """Return the names of a header as text, shortened."""
     line = ",".join(names)
     return repr(line if len(line) <= 100 else line[:97] + "...")

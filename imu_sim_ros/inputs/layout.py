@@ -378,6 +378,12 @@ def _header_layout(
     required: Sequence[str],
     forms: Mapping[str, TableForm],
 ) -> TableLayout:
+    """Return the layout of a table whose header names the columns.
+
+    :param sample: first rows below the header.
+    :param required: quantities of which one must be there.
+    :param forms: known forms of tables by their separator.
+    """
     try:
         header = header_of(names, path.name)
     except ValueError as error:
@@ -441,6 +447,11 @@ def _check_unit(path: Path, times: Array, digits: int) -> None:
 
 
 def _form_layout(path: Path, sample: Sequence[Row], forms: Mapping[str, TableForm]) -> TableLayout:
+    """Return the layout of a table without a header.
+
+    :param sample: first rows.
+    :param forms: known forms of tables by their separator.
+    """
     row_format = _row_format(sample)
     form = _form(forms, row_format)
     digits = _digits(path, sample, row_format, 0, form.digits)
@@ -505,6 +516,7 @@ def _is_numeric(text: bytes) -> bool:
 
 
 def _has_points(sample: Sequence[Row], row_format: RowFormat, stamp: int) -> bool:
+    """Return True if most stamps have a decimal point or an exponent."""
     texts = _stamp_texts(sample, row_format, stamp)
     return bool(texts) and 2 * sum("." in text or "e" in text.lower() for text in texts) > len(
         texts
@@ -512,6 +524,7 @@ def _has_points(sample: Sequence[Row], row_format: RowFormat, stamp: int) -> boo
 
 
 def _stamp_texts(sample: Sequence[Row], row_format: RowFormat, stamp: int) -> list[str]:
+    """Return the cells of the stamps' column."""
     rows = [row_format.cells(text) for _, text in sample]
     return [row[stamp].decode("latin-1").strip() for row in rows if stamp < len(row)]
 

@@ -23,6 +23,7 @@ from imu_sim_ros.inputs.rows import Row, number_of, row_blocks, shortened
 
 
 def _alternatives(counts: tuple[int, ...]) -> str:
+    """Return counts as text: 8, 9 or 44."""
     *initial, final = map(str, counts)
     return f"{', '.join(initial)} or {final}"
 
@@ -253,6 +254,7 @@ class _Reading:
 
 
 def _is_finite(field: str) -> bool:
+    """Return True for a cell with a finite number."""
     try:
         return bool(np.isfinite(number_of(field)))
     except ValueError:

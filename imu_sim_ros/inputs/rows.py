@@ -64,6 +64,10 @@ def names_in(folder: str | Path) -> list[str]:
 
 
 def _is_present(path: Path, kind: int) -> bool:
+    """Return whether a path exists; an entry of another kind is refused.
+
+    :param kind: ``S_IFREG`` or ``S_IFDIR``.
+    """
     try:
         mode = os.stat(path).st_mode
     except FileNotFoundError:
@@ -171,6 +175,7 @@ def row_blocks(
 
 
 def _check_text(path: Path, lines: list[bytes], expected: str) -> None:
+    """Refuse lines that are not UTF-8."""
     text = b"\n".join(lines)
     try:
         text.decode("utf-8")

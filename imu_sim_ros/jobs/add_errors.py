@@ -583,10 +583,12 @@ class ErrorModelBatch:
 
     @staticmethod
     def _remark(lines: Sequence[str]) -> None:
+        """Warn with each of some lines."""
         for line in lines:
             warn(line)
 
     def _tell(self, units: Integers) -> None:
+        """Warn about units, a few times at most."""
         self._told += 1
         if self._told <= _TOLD:
             names = ", ".join(map(str, units[:_TOLD].tolist()))
@@ -701,6 +703,7 @@ def from_sdf(file: str | Path, sensor: str | None = None) -> dict[str, Any]:
 
 
 def _no_samples(position: int) -> Samples:
+    """Return empty samples, for a block without readings."""
     times, vectors = np.empty(0, np.int64), np.empty((0, 3))
     values: dict[str, Any] = dict.fromkeys(
         ("gyro", "accel", "ideal_gyro", "ideal_accel", *ERROR_TOPICS.values()), vectors

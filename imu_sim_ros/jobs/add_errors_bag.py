@@ -323,5 +323,6 @@ def _orientation(numbers: Mapping[str, Array]) -> Array | None:
 
 
 def _decoded(bag: Bag, block: MessageBlock, fields: Sequence[str]) -> Decoded:
+    """Return fields of a block's messages; damaged ones are an error that names the bag."""
     with errors_naming(bag.path):
         return decode_block(block, bag.encoding, fields)

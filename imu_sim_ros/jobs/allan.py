@@ -81,10 +81,12 @@ class Estimated:
 
 
 def _or_none(values: Array, finite: Mask) -> list[float | None]:
+    """Return values with None in place of those that are not finite."""
     return [float(v) if is_finite else None for v, is_finite in zip(values, finite, strict=True)]
 
 
 def _in_words(value: float, low: float, high: float) -> str:
+    """Return a value with its interval as text, or an upper bound."""
     if np.isinf(high):
         return "not analysed"
     if np.isnan(value):
@@ -252,6 +254,7 @@ def write_files(noise: Noise, folder: Path, topic: str) -> None:
 
 
 def _draw(noise: Noise, path: Path) -> None:
+    """Draw the Allan deviation into a file."""
     from imu_sim_ros.plots import allan as pictures
 
     pictures.draw(noise.result, path, noise.name)
@@ -395,6 +398,7 @@ def _count(path: Path, topic: str | None) -> int:
 
 
 def _triad(result: AllanResult, triad: int) -> TriadNoise:
+    """Return the noise of gyroscope (0) or accelerometer (1)."""
     columns = slice(3 * triad, 3 * triad + 3)
     estimates = {}
     for key in result.keys:
@@ -417,6 +421,7 @@ _OPTIONAL: Final = ("quantisation", "rate_ramp")
 def _lines(
     result: AllanResult, comparisons: Sequence[ParameterComparison]
 ) -> Iterator[str | TextTable]:
+    """Yield the report: the record, its warnings, and a table of the noise."""
     timing = result.timing
     yield f"{result.record}, stamp jitter {timing.jitter * 1e3:.3g} ms, {timing.lost} samples lost"
     for warning in result.warnings:
@@ -459,6 +464,7 @@ def _triad_tables(
 
 
 def _value_and_interval(estimate: Estimate, factor: float = 1.0) -> list[str]:
+    """Return the cells of an estimate, value and 95 % interval, in a unit of the table."""
     if np.isinf(estimate.high):
         return ["not analysed", ""]
     if estimate.value is None:
@@ -470,6 +476,7 @@ def _value_and_interval(estimate: Estimate, factor: float = 1.0) -> list[str]:
 
 
 def _truth_columns(comparison: ParameterComparison | None) -> list[str]:
+    """Return the cells of the true value, and whether the interval covers it."""
     if comparison is None:
         return ["", ""]
     return [f"{comparison.truth:.4g}", "yes" if comparison.covered else "NO"]

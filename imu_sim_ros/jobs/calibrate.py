@@ -72,7 +72,7 @@ if TYPE_CHECKING:
     from imu_sim_ros.plots.style import Figure
 
 _STRONGEST: Final = math.nextafter(1.0, 0.0)
-"""[T]"""
+"""Upper limit of field strengths, below 1 T, which no magnetometer measures [T]."""
 _COMMON_SCALE: Final = 0.05
 """Departure from 1 of a triad's mean scale that no sensor has: data sheets state up to 4 %."""
 _UNITS: Final = {
@@ -135,6 +135,7 @@ class Calibration:
         return self._triad(_MAGNETOMETER)
 
     def _triad(self, triad: str) -> TriadCalibration:
+        """Return the parameters of one triad, without its name in theirs."""
         return TriadCalibration(
             (name.removeprefix(f"{triad}_"), calibrated)
             for name, calibrated in self.parameters.items()
@@ -201,6 +202,7 @@ class Calibration:
         return Path(path)
 
     def _write(self, path: Path, for_simulator: bool) -> None:
+        """Write the parameters for the simulator, or the correction for the integrator."""
         comment = f"Calibrated from {self.name} ({self.kind})."
         if for_simulator:
             comment = f"{comment} For simulator and generate."

@@ -84,12 +84,14 @@ def _unit(name: str) -> str:
 
 
 def _shown(fact: object) -> str:
+    """Return a number, or a list of numbers, as text."""
     if isinstance(fact, list):
         return ", ".join(_shown(entry) for entry in fact)
     return f"{fact:.4g}" if isinstance(fact, float) else str(fact)
 
 
 def _labels(count: int) -> list[str]:
+    """Return the labels of the entries of a parameter: axes, entries of a matrix, orders."""
     if count == 9:
         return [f"{row}{column}" for row in "xyz" for column in "xyz"]
     if count == 1:
@@ -156,6 +158,7 @@ def twin_lines(
 
 
 def _white_floor(analysis: Analysis) -> TextTable:
+    """Return the table of the white noise of the readings."""
     white = analysis.white
     rows = []
     for k, (triad, axis) in enumerate((t, a) for t in TRIADS for a in AXES):
@@ -188,6 +191,7 @@ def _spectral_lines(lines: Lines) -> Iterator[TextTable]:
 
 
 def _intensity(analysis: Analysis) -> Iterator[TextTable]:
+    """Yield tables of noise that grows with the intensity of the motion."""
     exponents, edges = analysis.exponents, analysis.range_edges
     rows = []
     for k in range(len(edges) - 1):
@@ -204,6 +208,7 @@ def _intensity(analysis: Analysis) -> Iterator[TextTable]:
 
 
 def _check_lines(check: Check) -> Iterator[str | TextTable]:
+    """Yield the comparison of the twin's readings with the recorded ones, by frequency."""
     from imu_sim_ros.calibration.twin.comparison import BANDS
 
     rows = [

@@ -50,6 +50,7 @@ if TYPE_CHECKING:
 
 
 def _lies_in(path: Path, folder: Path) -> bool:
+    """Return True if a path is a folder or in it, behind all links."""
     path_real, folder_real = Path(os.path.realpath(path)), Path(os.path.realpath(folder))
     return path_real == folder_real or folder_real in path_real.parents
 
@@ -287,6 +288,7 @@ def _engine(
 
 @contextlib.contextmanager
 def _explaining_interruption(folder: Path) -> Iterator[None]:
+    """Tell how to continue, if the block is interrupted."""
     try:
         yield
     except KeyboardInterrupt as stop:
@@ -423,6 +425,7 @@ _SHOWN: Final = 40
 
 
 def _lines(result: Campaign) -> Iterator[str | TextTable]:
+    """Yield the report: the table of results, effects, slopes and the verdict."""
     metric, groups = result.judgement.metric, group_runs(result.runs, result.plan.grid_names)
     varying = varying_names(groups)
     rows = [_row(group, metric, varying) for group in groups[:_SHOWN]]
@@ -503,6 +506,7 @@ def _baseline_tables(judgement: Judgement) -> Iterator[TextTable]:
 def _slope_tables(
     rows: Sequence[Row], judgement: Sequence[Group], metric: str
 ) -> Iterator[TextTable]:
+    """Yield tables of how the metric changes with each parameter."""
     grid = judgement[0].grid if judgement else ()
     slopes_of = [
         [
@@ -535,6 +539,7 @@ def _without_constants(
 
 
 def _row(group: Group, metric: str, varying: Sequence[str]) -> list[str]:
+    """Return the row of a group in the table of results."""
     values = group.values(metric)  # none of success, whose interval is in summary.csv
     median, p95 = quantile(values, 0.5), quantile(values, 0.95)
     return [
@@ -563,6 +568,7 @@ def _median_and_interval(median: ConfidenceInterval) -> list[str]:
 
 
 def _coverage(group: Group) -> str:
+    """Return the share of the true values that intervals cover, as text."""
     covered = group.coverage()
     return "-" if covered is None else f"{100.0 * covered:.3g} %"
 
@@ -577,4 +583,5 @@ def _consistency(group: Group) -> str:
 
 
 def _number(value: float | None) -> str:
+    """Return a number as text; - if there is none."""
     return "-" if value is None else f"{value:.4g}"

@@ -681,6 +681,7 @@ def _describe(output: _Output, states: bool, tables: Collection[str]) -> None:
 
 
 def _tally(writer: Writer) -> Counts:
+    """Return the number of messages by topic, and the last stamp [ns]; -1: there are none."""
     counts = {topic.name: topic.count for topic in writer.topics}
     return counts, max((topic.last_ns for topic in writer.topics), default=-1)
 
@@ -688,6 +689,7 @@ def _tally(writer: Writer) -> Counts:
 def _rows(
     dataset: Dataset, readings: str, truth: str | None, tables: Mapping[str, str]
 ) -> dict[str, int]:
+    """Return the number of rows by topic of a dataset."""
     counts = {name: dataset.tables[kind, 0].rows for kind, name in tables.items()}
     if dataset.imu is not None:
         counts[readings] = dataset.imu.rows

@@ -79,7 +79,7 @@ if TYPE_CHECKING:
 
 _POSE: Final = np.r_[POSITION, ATTITUDE]
 _LONGEST_SKIP: Final = 2.0**31
-"""[s]"""
+"""Longest start that can be left out [s]."""
 
 
 @dataclass(frozen=True, repr=False, eq=False, kw_only=True)
@@ -142,6 +142,7 @@ class Track(States):
         return result
 
     def _seconds(self, t_ns: int) -> float:
+        """Return a time after the first stamp [s]."""
         return float(t_ns - self.t_ns[0]) * 1e-9
 
     def drift(self) -> Comparison | None:
@@ -393,6 +394,7 @@ def _recording(
     skip_bad_rows: bool,
     selection: Selection = NOTHING,
 ) -> ReadingsAndTruth:
+    """Return readings and truth of a flight, of arrays or of a file."""
     if isinstance(readings, str | PathLike):
         path = checked_path("readings", readings, BAG_OR_FILE)
         truth_topic = checked_topic("truth_topic", truth_topic)
@@ -425,6 +427,7 @@ def read_recording(
 
 
 def _world(readings: object, imu_topic: str | None, truth_topic: str | None) -> KnownWorld:
+    """Return gravity and rotation of the world, as far as they are known."""
     if isinstance(readings, Flight):
         return world_of_simulation(readings.parameters)
     if isinstance(readings, str | PathLike):
@@ -440,6 +443,7 @@ def read_world(path: Path, imu_topic: str | None, truth_topic: str | None) -> Kn
 
 
 def _settings(**parameters: object) -> IntegratorParameters:
+    """Return checked parameters of the integrator."""
     return load_integrator(parameters)
 
 
@@ -495,6 +499,7 @@ def initial_condition(
 
 
 def _max_gap(settings: IntegratorParameters, readings: Readings) -> float:
+    """Return the longest interval that is integrated [s]."""
     return gap_length(settings.max_gap, READINGS_GAP, readings.t_ns)
 
 
@@ -608,6 +613,7 @@ def _covariance(source: object, track: Track, start: InitialCondition, mount: Im
 
 
 def _plain(values: Mapping[str, Any]) -> dict[str, object]:
+    """Return values with lists in place of arrays, for JSON."""
     return {n: v.tolist() if hasattr(v, "tolist") else v for n, v in values.items()}
 
 

@@ -37,9 +37,9 @@ BAG: Final = "bag"
 TOPICS: Final = (IMU_TOPIC, TRUTH_TOPIC, DEAD_RECKONED_TOPIC)
 _METHODS: Final = ("euler", "midpoint")
 _START_TIMEOUT: Final = 30.0
-"""[s]"""
+"""Longest start of a node [s]."""
 _END_TIMEOUT: Final = 10.0
-"""[s]"""
+"""Longest time between SIGINT and the end of a node [s]."""
 
 
 def fly(parameters: SimulationParameters, folder: Path) -> dict[str, dict[str, int]]:
@@ -108,6 +108,7 @@ def _wait(nodes: dict[str, "subprocess.Popen[str]"], duration: float) -> None:
 
 
 def _end(process: "subprocess.Popen[str]") -> None:
+    """End a program by SIGINT, or by force if it does not follow."""
     process.send_signal(signal.SIGINT)
     try:
         process.wait(_END_TIMEOUT)

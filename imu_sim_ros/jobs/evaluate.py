@@ -180,11 +180,13 @@ class Evaluation(Comparison):
         }
 
     def _usual_deltas(self) -> list[tuple[float, str]]:
+        """Return the usual lengths of relative errors: a second, fractions of the distance."""
         second = [(1.0, "s")] if self.t_ns[-1] - self.t_ns[0] >= 1e9 else []
         parts = _FRACTIONS if self.distance > 0.0 else ()
         return [*second, *((fraction * self.distance, "m") for fraction in parts)]
 
     def _relative_dict(self, delta: float, unit: str) -> dict[str, Any]:
+        """Return the relative errors over one length, for JSON."""
         errors = self.relative(delta, unit)
         moved = errors.length > 0.0
         percent = errors.translation[moved] / errors.length[moved] if moved.any() else None
@@ -531,6 +533,7 @@ def evaluation(
 
 
 def _time_offset(estimate: States, truth: States, align: str, max_gap: float) -> TimeOffset:
+    """Return the time offset of an estimate, with the error that remains without it."""
     offset = time_offset_of(estimate, truth, max_gap, scaled=align == "sim3")
     return TimeOffset(*offset, compare(estimate, truth, align, max_gap).rms_position)
 
@@ -613,6 +616,7 @@ def _left_out_line(entry: Mapping[str, Any]) -> str:
 
 
 def _nees_table(result: PoseNees) -> TextTable:
+    """Return the table of the NEES of position, attitude and velocity."""
     low, high = result["band_95"]
     entries = {name: result[name] for name in ("position", "attitude", "velocity")}
     parts = {name: part for name, part in entries.items() if part is not None}
@@ -636,6 +640,7 @@ def _nees_table(result: PoseNees) -> TextTable:
 
 
 def _read_tracks(folder: Path) -> TrackFolder:
+    """Return the tracks of a folder."""
     from imu_sim_ros.datasets.tracks import read_track_folder  # most evaluations have no camera
 
     return read_track_folder(folder)
@@ -692,6 +697,7 @@ def _rms_per_axis(lengths: Array) -> float | None:
 
 
 def _median(lengths: Array) -> float | None:
+    """Return the median; None of nothing."""
     return float(np.median(lengths)) if len(lengths) else None
 
 

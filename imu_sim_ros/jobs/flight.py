@@ -168,6 +168,7 @@ class Flight:
         self._blocks = [window[IMU] for window in windows]
 
     def _joined(self, name: str) -> Array:
+        """Return an array of all blocks, of delivered samples."""
         return np.concatenate([getattr(block, name)[block.delivered] for block in self._blocks])
 
     @cached_property

@@ -342,6 +342,7 @@ def _findings_table(findings: Sequence[Finding]) -> tuple[list[str], list[list[s
 
 
 def _cell(value: object) -> str:
+    """Return a value as a cell of the report."""
     if value is None:
         return ""
     if isinstance(value, float):
@@ -610,6 +611,7 @@ def _read_frames(path: Path, choice: Choice, source: str, skip: bool) -> Iterato
 
 
 def _read_text(path: Path, choice: Choice, skip: bool) -> Iterator[Record]:
+    """Yield the records of a text table or of a dataset's folder."""
     if path.is_dir():
         for camera in folder_cameras(path):
             record = camera.record()
@@ -632,6 +634,7 @@ def _read_text(path: Path, choice: Choice, skip: bool) -> Iterator[Record]:
 
 
 def _sensor(measures: ReadingMeasures) -> SensorContents:
+    """Return the summary of an IMU's readings."""
     readings, clock = measures.readings, measures.clock
     noise = measures.noise_density
     shown = [_densities(noise, triad) for triad in range(2)]
@@ -655,6 +658,7 @@ def _sensor(measures: ReadingMeasures) -> SensorContents:
 
 
 def _densities(noise: tuple[Array, Array] | None, triad: int) -> tuple[float, ...] | None:
+    """Return the noise densities (3,) of a triad; None if any is unknown or 0."""
     if noise is None or not noise[triad].all():
         return None
     return tuple(noise[triad].tolist())
@@ -674,6 +678,7 @@ def _nearest(noise: tuple[Array, Array] | None, rate: float) -> tuple[str, ...]:
 
 
 def _poses(states: States) -> PoseContents:
+    """Return the summary of a topic or file of poses."""
     clock = None
     with suppress(InputError):  # fewer than two different stamps
         clock = estimate_clock(states.t_ns)

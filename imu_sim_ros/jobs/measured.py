@@ -205,6 +205,7 @@ def _readings(
 
 
 def _moments(errors: Array) -> dict[str, list[float]]:
+    """Return mean, standard deviation, RMS and largest magnitude of errors per axis."""
     moments = {
         "mean": errors.mean(axis=0),
         "std": errors.std(axis=0),
@@ -215,6 +216,7 @@ def _moments(errors: Array) -> dict[str, list[float]]:
 
 
 def _moments_tables(evaluation: ReadingsEvaluation) -> Iterator[TextTable]:
+    """Yield tables of the errors of the readings."""
     parts = (
         ("reading minus truth", evaluation.error),
         ("and minus the true bias", evaluation.error_without_bias),

@@ -83,6 +83,7 @@ def _cameras(path: Path) -> dict[str, RecordedFrames] | None:
 
 
 def _of_camera(frames: RecordedFrames) -> Iterator[tuple[int, NDArray[Any]]]:
+    """Yield stamps and pixels of the images in a camera's folder."""
     from imu_sim_ros.datasets.recorded import read_image
     from imu_sim_ros.sensors.camera.images.files import decoded
 
@@ -93,6 +94,7 @@ def _of_camera(frames: RecordedFrames) -> Iterator[tuple[int, NDArray[Any]]]:
 
 
 def _images(path: Path, name: str) -> Iterator[tuple[int, NDArray[Any]]]:
+    """Yield stamps and pixels of a topic of images."""
     from imu_sim_ros.bags.messages import schemas
     from imu_sim_ros.bags.messages.blocks import as_list
     from imu_sim_ros.bags.messages.encode_cameras import IMAGE

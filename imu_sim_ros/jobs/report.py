@@ -268,6 +268,7 @@ def _sections(sources: Sources) -> tuple[list[str], list[Section]]:
 
 
 def _is_poses(path: Path) -> bool:
+    """Return True for a file that by its ending is one of poses."""
     return path.is_file() and path.suffix.lower() in _POSES
 
 

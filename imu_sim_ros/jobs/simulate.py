@@ -352,6 +352,7 @@ def argument_layers(
 
 
 def _seconds(duration: float | str | None) -> float | None:
+    """Return a duration in seconds; texts have a unit: 10min."""
     if isinstance(duration, str):
         try:
             return timebase.parse_duration(duration)
@@ -382,6 +383,7 @@ def _of_file(path: Path) -> tuple[dict[str, object], frozenset[str]]:
 
 
 def _poses_of_any_file(path: str | Path, *options: Any) -> States:
+    """Return the poses of a file of any format."""
     from imu_sim_ros.formats.door import read_states  # of which most trajectories have no need
 
     return read_states(path, *options)
@@ -434,7 +436,7 @@ def _motion(trajectory: object) -> GivenMotion:
 
 
 def sensor_name(imu: object, preset: str) -> str:
-    """Return what a flight calls the sensor that ``imu`` gives: its preset, or a modified one."""
+    """Return the name of the simulated IMU in summaries: its preset, or a modified one."""
     changed = isinstance(imu, Mapping) and set(imu) - {"preset"}
     return f"{'modified ' if changed else ''}{Path(preset).stem}"
 

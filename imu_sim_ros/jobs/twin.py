@@ -135,6 +135,7 @@ def judged(fit: Fit, disagreement: Array, noise: PoseNoise) -> Trust:
 
 
 def _of_noise(fit: Fit, reported: Mask, noise: PoseNoise) -> Iterator[str]:
+    """Yield lines about errors that the noise of the poses hides, or has shifted."""
     angle, distance = 1e3 * noise.deviation
     poses = f"noise of the poses, {distance:.2g} mm and {angle:.2g} mrad"
     hidden = [NAMES[k] for k in np.flatnonzero(~reported)]
@@ -147,6 +148,7 @@ def _of_noise(fit: Fit, reported: Mask, noise: PoseNoise) -> Iterator[str]:
 
 
 def _of_quarters(disagree: Mask, larger: Array) -> Iterator[str]:
+    """Yield a line about errors that differ between quarters of the recording."""
     if disagree.any():
         sizes = [f"{NAMES[k]} ({larger[k]:.0f} times)" for k in np.flatnonzero(disagree)]
         yield (
@@ -183,7 +185,7 @@ def _contradictions(fit: Fit) -> Iterator[str]:
 
 
 _LEAST_FIT: Final = 8.0
-"""[s]"""
+"""Shortest part of a recording that is fitted or compared [s]."""
 _LEAST_FREEDOM: Final = 2.0
 """Degrees of freedom of a density below which it is mostly noise of the poses, and not given."""
 _SECONDS: Final = 0.25
@@ -406,6 +408,10 @@ def twin(
 
 
 def _found(source: TwinRecording, fit: float | None) -> Twin:
+    """Return the twin of a recording.
+
+    :param fit: length of the part that is fitted [s]; the remainder is compared. None: all.
+    """
     whole = source.recording
     used, held_out = whole, None
     if fit is not None:
@@ -478,6 +484,7 @@ def _check_seed(seed: int) -> None:
 
 
 def _check_numbers(fit: float | None, gravity: float, cutoff: float, max_offset: float) -> None:
+    """Refuse numbers outside of their limits, all of them together."""
     limits = [
         ("gravity", gravity, 1.0, 30.0, "m/s^2"),
         ("cutoff", cutoff, 0.5, 1000.0, "Hz"),
@@ -493,6 +500,7 @@ def _check_numbers(fit: float | None, gravity: float, cutoff: float, max_offset:
 
 
 def _split(whole: Recording, seconds: float, name: str) -> tuple[Recording, Recording]:
+    """Return the first seconds of a recording, and the remainder."""
     begin, end = float(whole.stamps[0]), float(whole.stamps[-1])
     if end - begin - seconds < _LEAST_FIT:
         raise InputError(
@@ -504,6 +512,7 @@ def _split(whole: Recording, seconds: float, name: str) -> tuple[Recording, Reco
 
 
 def _analysed(source: TwinRecording, used: Recording, fit: Fit, unseen: Array) -> Analysis:
+    """Return the analysis of the residuals, of a recording after the fit."""
     t = model.true_times(fit.errors, used.stamps, fit.reference, fit.wander)
     motion = source.motion(t)
     norms = tuple(

@@ -163,6 +163,7 @@ def check(
 
 
 def _median(errors: list[Array]) -> Array:
+    """Return the median (n,) of several arrays; NaN of empty ones."""
     return np.array([np.median(e) if len(e) else np.nan for e in errors])
 
 

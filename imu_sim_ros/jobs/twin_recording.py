@@ -138,10 +138,12 @@ class TwinRecording(NamedTuple):
         return self._known(*self.sharp)
 
     def _known(self, trajectory: Trajectory, *noisy: Trajectory) -> KnownMotion:
+        """Return the motion along a path, and along the same path with noise."""
         motion_at, *noisy_motions = (partial(self._moved, path) for path in (trajectory, *noisy))
         return KnownMotion(motion_at, self.cutoff, tuple(noisy_motions))
 
     def _moved(self, trajectory: Trajectory, t: Array) -> BodyMotion:
+        """Return the motion along a path at times (n,) [s]."""
         return body_motion(trajectory.sample(np.clip(t, 0.0, self.duration)), self.gravity)
 
 
@@ -259,6 +261,7 @@ class _Splines:
         return result
 
     def _spline(self, poses: States, cutoff: float) -> Trajectory:
+        """Return the spline through poses, smooth up to a cutoff frequency [Hz]."""
         return build_trajectory(PosesParameters(file=self._name, cutoff=cutoff), lambda *_: poses)
 
 
@@ -305,6 +308,7 @@ def _placed(
 def _poses(
     truth: HasPoses | str | Path, topic: str | None, skip_bad_rows: bool
 ) -> tuple[States, str]:
+    """Return the true poses and their name."""
     if isinstance(truth, str | PathLike):
         from imu_sim_ros.formats.door import read_trajectory  # poses may be at hand
 
@@ -316,6 +320,7 @@ def _poses(
 
 
 def _check(readings: Readings) -> None:
+    """Refuse readings of which an axis never changes."""
     problems = []
     for name, values in zip(TRIADS, readings.triads(), strict=True):
         if len(values) and np.any(np.ptp(values, axis=0) == 0.0):
@@ -326,6 +331,7 @@ def _check(readings: Readings) -> None:
 
 
 def _common(stamps: Array, duration: float) -> float:
+    """Return the time that readings and poses have in common [s]."""
     if not len(stamps):
         return 0.0
     return max(min(float(stamps[-1]), duration) - max(float(stamps[0]), 0.0), 0.0)

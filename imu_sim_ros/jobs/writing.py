@@ -230,6 +230,7 @@ class Journal:
         return None if self._skips else self._pass_on
 
     def _pass_on(self, bad: BadRows) -> None:
+        """Tell of bad messages that are copied all the same."""
         self.warn(
             f"{bad.source}: {bad.rows} of {bad.rows + bad.good} messages are not finite or not "
             f"possible, the first is {bad.first}; they are passed on, "

@@ -72,11 +72,13 @@ def _slope(roll: float, pitch: float, x: float, y: float, z: float) -> _Start:
 
 
 def _roll_pitch_euler(roll: float, pitch: float, h: float, w: _Row) -> _Start:
+    """Return roll and pitch after a step of Euler's method."""
     a, b = _slope(roll, pitch, w[0], w[1], w[2])
     return roll + a * h, pitch + b * h
 
 
 def _roll_pitch_midpoint(roll: float, pitch: float, h: float, w: _Row) -> _Start:
+    """Return roll and pitch after a step of the midpoint method."""
     _, _, _, x, y, z, _, _, _ = w
     a, b = _slope(roll, pitch, x, y, z)
     a, b = _slope(roll + 0.5 * h * a, pitch + 0.5 * h * b, x, y, z)
@@ -84,6 +86,7 @@ def _roll_pitch_midpoint(roll: float, pitch: float, h: float, w: _Row) -> _Start
 
 
 def _roll_pitch_rk4(roll: float, pitch: float, h: float, w: _Row) -> _Start:
+    """Return roll and pitch after a step of the Runge-Kutta method of order 4."""
     x0, y0, z0, x, y, z, x1, y1, z1 = w
     half = 0.5 * h
     a1, b1 = _slope(roll, pitch, x0, y0, z0)
@@ -123,17 +126,20 @@ def _ahead(angles: Vector[Component], slopes: Vector[Component], h: Component) -
 
 
 def _euler(angles: Vector[Component], h: Component, rates: _Rates[Component]) -> _Angles[Component]:
+    """Return the angles at the end of a step of Euler's method."""
     return (_ahead(angles, _slopes(angles, rates[0]), h),)
 
 
 def _midpoint(
     angles: Vector[Component], h: Component, rates: _Rates[Component]
 ) -> _Angles[Component]:
+    """Return the angles at the end of a step of the midpoint method."""
     middle = _ahead(angles, _slopes(angles, rates[1]), 0.5 * h)
     return (_ahead(angles, _slopes(middle, rates[1]), h),)
 
 
 def _rk4(angles: Vector[Component], h: Component, rates: _Rates[Component]) -> _Angles[Component]:
+    """Return the angles at the stages of a Runge-Kutta step of order 4, the last at its end."""
     w0, wm, w1 = rates
     half = 0.5 * h
     k1 = _slopes(angles, w0)

@@ -146,6 +146,10 @@ def align(estimate: Array, truth: Array, kind: str) -> Alignment:
 
 
 def _rotation(cross_covariance: Array) -> Array:
+    """Return the rotation (3, 3) of a cross-covariance (Umeyama 1991, eq. 43).
+
+    :raises InputError: if the positions determine none.
+    """
     u, values, vt = np.linalg.svd(cross_covariance)
     if values[1] < 1e-12 * max(values[0], 1e-300):
         raise InputError(

@@ -170,4 +170,5 @@ def compare(
 
 
 def _rms(errors: Array) -> float:
+    """Return the root mean square length of errors (n, 3)."""
     return float(np.sqrt(np.mean(np.sum(np.square(errors), axis=1))))

@@ -261,6 +261,7 @@ class Covariance:
         return self._white.triads[0].white_variance(rate_hz)
 
     def _update_second_order(self) -> None:
+        """Set the part of a step's transition that is quadratic in its length."""
         slow, length, by_rates = self.slow, self._length, self._by_rates
         if length != self._factors[0]:
             remaining = np.concatenate([np.ones(3), slow.decay(length).take(slow.of_rate)])

@@ -98,6 +98,7 @@ class SlowErrors:
             self._set_effect(rate_b, force_b)
 
     def _set_effect(self, rate_b: Vector[float], force_b: Vector[float]) -> None:
+        """Set the effect of the slow errors on rate and force for the current motion."""
         (x, y, z), (a, b, c) = rate_b, force_b
         inputs = (x, y, z, a, b, c, x * x, y * y, z * z, a * a, b * b, c * c, 1.0)
         factors = np.array(inputs).take(self._inputs)

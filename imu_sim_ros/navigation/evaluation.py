@@ -235,6 +235,8 @@ def _gauge_row(name: str, pose: Array, position: Array) -> int | None:
 
 
 class _MeanNees(TypedDict):
+    """Mean NEES and its distribution."""
+
     mean: float
     final: float
     inside_band: float
@@ -354,6 +356,7 @@ _NO_GAUGE: Final = (
 
 
 def _nees(errors: Array, covariances: Array, usable: Mask, band: Band) -> PartNees:
+    """Return the NEES of errors (n, 3) with covariances (n, 3, 3), of usable rows."""
     values = nees(errors[usable], covariances[usable])
     return {
         "mean": float(values.mean()),
@@ -493,6 +496,7 @@ def relative_errors(estimate: States, truth: States, chosen: PosePairs) -> Relat
 
 
 def _relative(poses: States, begin: NDArray[np.intp], end: NDArray[np.intp]) -> tuple[Array, Array]:
+    """Return the motion between pairs of poses, in the first one's body frame."""
     position = rotation.rotate_inverse(
         poses.q_wb[begin], poses.position[end] - poses.position[begin]
     )
@@ -534,6 +538,7 @@ def pairs(truth: States, delta: float, unit: str, overlapping: bool = True) -> P
 
 
 def _marks(truth: States, unit: str) -> Array:
+    """Return the progress (n,) in a unit: distance [m], time [s], or frames."""
     if unit == "m":
         return distances(truth.position)
     if unit == "s":

@@ -115,18 +115,21 @@ def between(
 def _euler(
     attitude: str, h: Component, rate: Ends[Component], force: Ends[Component]
 ) -> Increment[Component]:
+    """Return the increment of Euler's method."""
     return euler_step((_TURNS[attitude](scale(rate[0], h)),), h, force)
 
 
 def _midpoint(
     attitude: str, h: Component, rate: Ends[Component], force: Ends[Component]
 ) -> Increment[Component]:
+    """Return the increment of the midpoint method."""
     return midpoint_step((_TURNS[attitude](scale(mean(*rate), h)),), h, force)
 
 
 def _rk4(
     attitude: str, h: Component, rate: Ends[Component], force: Ends[Component]
 ) -> Increment[Component]:
+    """Return the increment of the Runge-Kutta method of order 4."""
     return rk4_step(_STAGES[attitude](h, rate[0], mean(*rate), rate[1]), h, force)
 
 
@@ -198,6 +201,7 @@ def simpson(
 def _so3_stages(
     h: Component, w0: Vector[Component], wm: Vector[Component], w1: Vector[Component]
 ) -> Stages[Component]:
+    """Return the rotation vectors at the stages of a Runge-Kutta step."""
     half = 0.5 * h
     phi2 = scale(w0, half)
     k2 = _vector_rate(phi2, wm)
@@ -222,6 +226,7 @@ def _vector_rate(phi: Vector[Component], w: Vector[Component]) -> Vector[Compone
 def _quaternion_stages(
     h: Component, w0: Vector[Component], wm: Vector[Component], w1: Vector[Component]
 ) -> Stages[Component]:
+    """Return the quaternions at the stages of a Runge-Kutta step."""
     half = 0.5 * h
     x, y, z = w0
     k1 = (0.0 * x, 0.5 * x, 0.5 * y, 0.5 * z)

@@ -223,6 +223,7 @@ METHODS: Final = {"euler": _euler, "midpoint": _midpoint}
 
 
 def _blank(batch: int) -> tuple[Array, Array]:
+    """Return transitions (batch, 15, 15) of 1, and zero effects of the noise (batch, 15, 12)."""
     f = np.tile(np.eye(SIZE), (batch, 1, 1))
     # Noise of accelerometer and gyroscope at the start, then at the end of the step.
     return f, np.zeros((batch, SIZE, 12))

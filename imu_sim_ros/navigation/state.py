@@ -27,6 +27,8 @@ if TYPE_CHECKING:
 
 
 class _State(NamedTuple):
+    """Position, velocity and attitude at one time."""
+
     position: Array
     """(3,) p_wb [m]."""
     velocity: Array
@@ -130,6 +132,7 @@ class Correction:
 
 
 def _inverse(response: Matrix) -> components.Matrix[float]:
+    """Return the inverse of a response (3, 3) as floats."""
     return components.float_matrix(np.linalg.inv(np.reshape(response, (3, 3))))
 
 

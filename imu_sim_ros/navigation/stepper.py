@@ -49,6 +49,7 @@ def check_readings(t_ns: Integers, gyro: Array, accel: Array, max_gap: float = m
 
 
 def _order_problems(t_ns: Integers, steps: Integers) -> list[str]:
+    """Return a line about stamps that repeat or go back."""
     problems: list[str] = []
     if steps.min() > 0:
         return problems
@@ -63,6 +64,7 @@ def _order_problems(t_ns: Integers, steps: Integers) -> list[str]:
 
 
 def _gap_problems(t_ns: Integers, steps_ns: Integers, max_gap: float) -> list[str]:
+    """Return a line about intervals that are longer than those that are integrated."""
     gaps = steps_ns > longest_step_ns(max_gap)
     if not gaps.any():
         return []
@@ -188,6 +190,7 @@ class Stepper:
         return stepped
 
     def _count(self, step_ns: int) -> None:
+        """Count a reading that cannot be integrated, by its reason."""
         if step_ns == 0:
             self.counts.repeated += 1
         elif step_ns < 0:
@@ -203,6 +206,7 @@ class Stepper:
         self.position, self.velocity, self.q_wb = end
 
     def _increment(self, h: float, rate: Ends[float], force: Ends[float]) -> Increment[float]:
+        """Return the increment of a step of h [s] in the chosen attitude representation."""
         if self._attitude != "euler_angles":
             return increments.between(self._method, self._attitude, h, rate, force)
         roll_pitch_yaw = to_euler(self.q_wb)

@@ -61,6 +61,7 @@ def ros_arguments(arguments: Sequence[str], section: type, folder: Path) -> list
 
 
 def _is_text(argument: str) -> bool:
+    """Return True for an argument in the terminal's encoding."""
     try:
         return bool(argument.encode()) or not argument
     except UnicodeEncodeError:  # bytes from a terminal with another encoding
@@ -114,6 +115,7 @@ def _plain(program_arguments: Sequence[str], section: type, problems: Problems) 
 
 
 def _rule(rule: str, _: Path) -> str:
+    """Return the parameter rule ``name:=value`` of ``-p``, its value checked."""
     match = _RULE.fullmatch(rule)
     if match is None or not match["value"].strip():
         raise ConfigurationError(f"-p {rule}: must be name:=value")

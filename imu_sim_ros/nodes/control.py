@@ -208,6 +208,10 @@ class Control:
         return client
 
     def _until(self, condition: Callable[[], bool], patience: float, what: str) -> None:
+        """Process messages until a condition holds.
+
+        :raises MachineError: after ``patience`` seconds; ``what`` did not happen.
+        """
         end = time.monotonic() + patience
         while not condition():
             self._executor.spin_once(timeout_sec=_TURN)
@@ -215,6 +219,7 @@ class Control:
                 raise MachineError(f"{self._name} {what} after {patience:g} s{self._others()}")
 
     def _spin(self, seconds: float) -> None:
+        """Process messages for some seconds."""
         end = time.monotonic() + seconds
         while time.monotonic() < end:
             self._executor.spin_once(timeout_sec=_TURN)

@@ -26,24 +26,28 @@ class NodeHelp(NamedTuple):
 
 
 def _simulator() -> type:
+    """Return the class of the simulator's parameters."""
     from imu_sim_ros.simulation.playback import SimulatorParameters
 
     return SimulatorParameters
 
 
 def _integrator() -> type:
+    """Return the class of the integrator's parameters."""
     from imu_sim_ros.navigation.parameters import IntegratorParameters
 
     return IntegratorParameters
 
 
 def _error_model() -> type:
+    """Return the class of the error model's parameters."""
     from imu_sim_ros.simulation.error_parameters import ErrorNodeParameters
 
     return ErrorNodeParameters
 
 
 def _recorder() -> type:
+    """Return the class of the recorder's parameters."""
     from imu_sim_ros.bags.recorder_parameters import RecorderParameters
 
     return RecorderParameters
@@ -125,6 +129,7 @@ class NodeFormatter(argparse.HelpFormatter):
     """Wraps paragraphs one by one, and leaves the examples unchanged."""
 
     def _fill_text(self, text: str, width: int, indent: str) -> str:
+        """Fill each paragraph, and keep the line breaks of the examples."""
         return "\n\n".join(
             paragraph
             if paragraph.startswith("examples:")
@@ -239,6 +244,7 @@ def of_other_nodes(section: type, names: Iterable[str]) -> list[str]:
 
 
 def _plainly(parameter: Parameter) -> str:
+    """Return a default as a parameter file has it."""
     default = parameter.default
     if isinstance(default, tuple):
         return "[" + ", ".join(str(entry) for entry in default) + "]"

@@ -53,6 +53,7 @@ class SupervisedThread:
         return not self._thread.is_alive()
 
     def _run(self) -> None:
+        """Work, and end the node with any error."""
         try:
             self._work()
         except BaseException as error:  # nothing may escape: nobody else watches this thread
@@ -100,6 +101,7 @@ class Lifetime:
         return future
 
     def _end(self, status: int, error: BaseException | None) -> None:
+        """End the run once; an error counts also after the end."""
         with self._lock:
             # An error while files are being closed is reported although the run was over.
             if self.failure is not None or (self.reached and error is None):
@@ -115,4 +117,4 @@ class Lifetime:
 
 
 def _ignored() -> None:
-    pass
+    """Ignore a signal."""

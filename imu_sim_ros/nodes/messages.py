@@ -125,6 +125,7 @@ def type_hash(type_name: str) -> str:
 
 
 def _nested(text: str, package: str) -> Iterator[str]:
+    """Yield the types of fields in a definition that are messages themselves."""
     for line in text.splitlines():
         match = _FIELD.match(line.split("#")[0])
         if match is None or match[1] in _BUILTIN:
@@ -231,6 +232,7 @@ def truth(payload: bytes) -> LiveState:
 
 
 def _unit(q: Quaternion[float]) -> Quaternion[float]:
+    """Return a quaternion with length 1."""
     w, x, y, z = rotation.normalise(q).tolist()
     return (w, x, y, z)
 
@@ -238,6 +240,10 @@ def _unit(q: Quaternion[float]) -> Quaternion[float]:
 def _checked(
     second: int, nanosecond: int, gyro: Vector[float], accel: Vector[float]
 ) -> LiveReading:
+    """Return a reading that the gate passes.
+
+    :raises InputError: for any other.
+    """
     t_ns = second * NANOSECONDS_PER_SECOND + nanosecond
     overflows = nanosecond >= NANOSECONDS_PER_SECOND
     if second < 0 or overflows or not gate.is_reading(t_ns, gyro, accel):
@@ -246,12 +252,17 @@ def _checked(
 
 
 def _stamp(second: int, nanosecond: int) -> int:
+    """Return a stamp [ns].
+
+    :raises InputError: if it is negative or has too many nanoseconds.
+    """
     if second < 0:
         raise InputError(f"negative timestamp: {second} s")
     return gate.stamp_ns(second, nanosecond)
 
 
 def _refused(t_ns: int, *columns: tuple[gate.Quantity, tuple[float, ...]]) -> InputError:
+    """Return the error of values that the gate refuses."""
     rows = [(quantity, np.array([values])) for quantity, values in columns]
     reason = gate.Verdict(np.array([t_ns]), rows).why(0)
     return InputError(f"{gate.stamp_text(t_ns)}: {reason}")

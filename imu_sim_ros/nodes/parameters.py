@@ -154,6 +154,7 @@ class ConfiguredNode(Node, Generic[_Section]):
         return overrides
 
     def _declare(self, values: Mapping[str, Value]) -> None:
+        """Declare the parameters that the node has not declared yet."""
         declared = self._known
         empty = [name for name, value in values.items() if value == ()]
         entries: list[Any] = [
@@ -191,6 +192,7 @@ class ConfiguredNode(Node, Generic[_Section]):
         return super().set_parameters_atomically(changes)
 
     def _on_set(self, changes: list[RosParameter]) -> SetParametersResult:
+        """Check parameters that are set at run time, and apply them if all are valid."""
         values = {change.name: plain(change) for change in changes if change.name in self._known}
         if not values:
             return SetParametersResult(successful=True)
@@ -257,6 +259,7 @@ def to_ros(name: str, parameter: Parameter, value: Value) -> RosParameter:
 
 
 def _to_ros(value: Value) -> object:
+    """Return a value as ROS takes it: lists, no tuples."""
     return list(value) if isinstance(value, tuple) else value
 
 

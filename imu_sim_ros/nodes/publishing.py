@@ -101,4 +101,5 @@ def check_overrides(node: Node, others: Sequence[str] = ()) -> None:
 
 
 def _is_whole(value: object) -> bool:
+    """Return True for an integer of at least 0."""
     return isinstance(value, int) and not isinstance(value, bool) and value >= 0

@@ -116,6 +116,7 @@ def _spin(node: "ConfiguredNode[Any]", watch: signals.EndSignals) -> None:
 
 
 def _shut_down() -> None:
+    """Shut rclpy down, if it is running."""
     import rclpy
 
     rclpy.try_shutdown()

@@ -131,6 +131,7 @@ class SensorDescription:
                 self._release(topic, batch)
 
     def _hear(self, message: String) -> None:
+        """Adopt the description of a sensor that has arrived."""
         try:
             self._adopt(decode(message.data))
         except ImuSimError as error:
@@ -141,7 +142,7 @@ class SensorDescription:
         self.settle()
 
     def _look(self) -> None:
-        """Give up if no description arrives."""
+        """Integrate with the node's own parameters if no description arrives in time."""
         if not self._held:
             return
         waiting = sum(len(batch) for _, batch in self._held)

@@ -46,7 +46,7 @@ class EndSignals:
         self._thread.start()
 
     def begin(self) -> None:
-        """Hold signals from now on: there is something to close."""
+        """Close files and publishers at the next signal, in place of ending at once."""
         self._begun = True
 
     def deliver_to(self, end: Callable[[], None]) -> None:
@@ -71,6 +71,7 @@ class EndSignals:
         os.close(self._wake_reader)
 
     def _wait(self) -> None:
+        """Call the handlers of signals until the pipe is closed; runs in a thread."""
         while number := os.read(self._wake_reader, 1):  # empty: the pipe was closed
             if number[0] not in self._handlers:
                 continue

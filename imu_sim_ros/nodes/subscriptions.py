@@ -61,12 +61,15 @@ class _OutsideTheExecutor(CallbackGroup):
     """A group whose members the executor leaves alone."""
 
     def can_execute(self, entity: object) -> bool:
+        """Return False: the reader takes the messages."""
         return False
 
     def beginning_execution(self, entity: object) -> bool:
+        """Return False: the reader takes the messages."""
         return False
 
     def ending_execution(self, entity: object) -> None:
+        """Refuse to end what never begins."""
         raise AssertionError("nothing of this group is ever executed")
 
 
@@ -114,6 +117,8 @@ class PollTimer:
 
 
 class _Source(NamedTuple):
+    """A subscription, and the function that takes its next message."""
+
     name: str
     subscription: Subscription
     take: Callable[[], Taken | None]
@@ -175,6 +180,7 @@ class RawSubscriptions:
         self._thread.join()
 
     def _run(self) -> None:
+        """Take the messages of all topics until the end; runs in a thread."""
         self._subscribed.wait()
         delay = self._period
         while not self._ended.is_set():
@@ -197,6 +203,7 @@ class RawSubscriptions:
         return leading
 
     def _pass_on(self, source: _Source) -> list[Taken]:
+        """Deliver the waiting messages of one topic."""
         batch: list[Taken] = []
         while len(batch) < DEPTH and (message := source.take()) is not None:
             batch.append(message)
@@ -248,10 +255,12 @@ class MessageCounter:
         self._context.shutdown()
 
     def _count(self, topic: str, batch: list[Taken]) -> None:
+        """Count messages."""
         self.messages += len(batch)
 
 
 def _never(message: bytes) -> None:
+    """Refuse a message from the executor, which has none to give."""
     raise AssertionError("the reader takes messages itself")
 
 
@@ -316,6 +325,7 @@ class MatchedInputs:
         self._timer = node.create_timer(_MATCHING_PERIOD, self._match, clock=steady)
 
     def _match(self) -> None:
+        """Subscribe to each topic with the quality of service that its publishers offer."""
         inputs = self._inputs()
         for topic, message in inputs.items():
             publishers = self._node.get_publishers_info_by_topic(topic)

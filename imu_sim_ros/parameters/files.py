@@ -116,6 +116,7 @@ def split_part(path: str | Path) -> tuple[Path, str]:
 
 
 def _exists(path: str | Path) -> bool:
+    """Return whether a path exists; texts that are no paths do not."""
     try:
         return Path(path).exists()
     except (OSError, ValueError):  # too long, or with a null character

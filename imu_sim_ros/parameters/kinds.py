@@ -146,7 +146,7 @@ class Parameter:
         raise ConfigurationError(f"{stated(name, shown(value))}: {allowed}")
 
     def _entry(self, value: object) -> float | bool | str:
-        """Return a single value, or an entry of a list."""
+        """Return a checked single value, or entry of a list. :raises ValueError: for any other."""
         entry = _KINDS[self.kind].entry
         if entry in (bool, str):
             if not isinstance(value, entry) or (self.choices and value not in self.choices):
@@ -234,6 +234,7 @@ def _field(
     choices: tuple[str, ...] = (),
     **details: "Unpack[ParameterDetails]",
 ) -> _V:
+    """Return the dataclass field of a parameter."""
     parameter = Parameter(kind, cast(Value, default), text, choices=choices, **details)
     return dataclasses.field(default=default, metadata={METADATA: parameter})
 

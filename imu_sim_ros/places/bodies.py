@@ -28,7 +28,7 @@ KINDS: Final = ("person", "cart", "door")
 RADIUS: Final = {"person": 0.3, "cart": 0.56}
 """Radius of the circle around its middle that a body never leaves [m]."""
 HEIGHT: Final = {"person": 1.75, "cart": 1.05, "door": 2.1}
-"""[m]"""
+"""Heights of moving bodies by kind [m]."""
 STEP: Final = 0.25
 """Between the knots of a course [s]."""
 _LEAF: Final = 0.04
@@ -78,11 +78,13 @@ class Course(NamedTuple):
 
     @staticmethod
     def _place(t: Array) -> tuple[Array, Array]:
+        """Return the intervals (n,) of times (n,) and the parts (n,) of them that have passed."""
         u = np.asarray(t, np.float64) / STEP
         whole = np.floor(u)
         return whole.astype(np.int64), u - whole
 
     def _sum(self, interval: Array, weights: Sequence[Array]) -> Array:
+        """Return the weighted sums (n, 3) of the control points of intervals (n,)."""
         result: Array = np.zeros((len(interval), 3))
         for j, weight in enumerate(weights):
             rounds, index = np.divmod(interval + j, len(self.controls))
@@ -297,6 +299,7 @@ class BodyPainter(Painter):
 
     @property
     def _light(self) -> list[Single]:
+        """Light on the faces; the same everywhere."""
         return self._constant
 
 

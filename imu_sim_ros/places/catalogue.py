@@ -115,6 +115,7 @@ def stretched(name: str, low: Array, high: Array) -> str:
 
 
 def _metres(size: Array) -> str:
+    """Return a size as text: 8.0 x 6.0 x 3.0."""
     return " x ".join(f"{length:.1f}" for length in size)
 
 

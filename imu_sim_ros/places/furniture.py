@@ -22,6 +22,12 @@ SUN: Final = (1.0, 0.93, 0.8)
 
 
 def _moved(origin: Place3, turn: float, x: float, y: float, z: float) -> tuple[float, float, float]:
+    """Return a point of a piece of furniture in the place.
+
+    :param origin: foot of the piece [m].
+    :param turn: its heading in steps of 90 degrees.
+    :param x: point in its axes [m].
+    """
     offset = turned(turn) @ np.array([x, y, z])
     return origin[0] + float(offset[0]), origin[1] + float(offset[1]), origin[2] + float(offset[2])
 
@@ -36,13 +42,20 @@ def _part(
     prints: Mapping[str, Sequence[Print]] | None = None,
     leave: str = "bottom",
 ) -> None:
-    """Add a box by its middle and size in the axes of what it is a part of."""
+    """Add a box of a piece of furniture.
+
+    :param origin: foot of the piece [m].
+    :param middle: middle of the box in the axes of the piece [m].
+    :param size: edges of the box [m].
+    :param leave: side without a face.
+    """
     center = np.array(_moved(origin, turn, *middle))
     half = 0.5 * np.asarray(size, np.float64)
     b.box((center - half).tolist(), (center + half).tolist(), material, prints, turn, leave)
 
 
 def _clear(b: PlaceBuilder, origin: Place3, radius: float, height: float) -> bool:
+    """Return True if a cube around a foot is free: half its width, and its height [m]."""
     x, y, z = origin
     return b.free((x - radius, y - radius, z), (x + radius, y + radius, z + height))
 

@@ -260,6 +260,7 @@ class _Oblique(NamedTuple):
 
 
 def _dot(vector: Floats, axes: Sequence[Floats]) -> Floats:
+    """Return the products of vectors and axes."""
     result: Floats = vector[0] * axes[0] + vector[1] * axes[1] + vector[2] * axes[2]
     return result
 
@@ -284,5 +285,6 @@ def _planes(surfaces: Surfaces, kind: Kind) -> Iterator[_Plane | _Oblique]:
 
 
 def _parts(count: int) -> Iterator[slice]:
+    """Yield slices of rays that are computed at once."""
     for start in range(0, count, _RAYS):
         yield slice(start, min(start + _RAYS, count))

@@ -63,7 +63,7 @@ class Lighting(NamedTuple):
     windows: Sequence[Rectangle] = ()
     """Openings that let the sun into a house; none: it shines everywhere."""
     sky: tuple[float, float, float] = (0.0, 0.0, 0.0)
-    """Radiance of what directions meet that meet no matt surface."""
+    """Radiance of the sky, for directions that hit no matt surface."""
 
 
 class Baked(NamedTuple):
@@ -151,7 +151,6 @@ def bake(
     """Return the light on each surface.
 
     :param mirrors: (m,) surfaces with gloss, which lamps light at any distance; None: none.
-
     :param albedo: (m, 3) share of the light that each surface gives back, mean of it.
     :param detail: (m,) density of the points on each surface, of the others' one.
     :param sky: (m,) surfaces that give the light of the sky, and let the sun through.
@@ -245,6 +244,7 @@ def _from_lamps(
 
 
 def _from_sun(points: _Points, solid: Caster, lighting: Lighting, alone: Single) -> Single:
+    """Return the sun's light (n, 3) at points."""
     result = np.zeros_like(points.places)
     colour = np.array(lighting.sun, np.float32)
     if not colour.any():
@@ -352,6 +352,7 @@ def _blurred(grid: Single, axis: int) -> Single:
 
 
 def _dot(a: Single, b: Single) -> Single:
+    """Return the products (n,) of vectors (n, 3)."""
     result: Single = a[:, 0] * b[:, 0] + a[:, 1] * b[:, 1] + a[:, 2] * b[:, 2]
     return result
 
@@ -379,6 +380,7 @@ def factors(irradiance: Single) -> Single:
 
 @cache
 def _table() -> Single:
+    """Return the pixel values (m,) of m steps of light, with a shoulder above the knee."""
     values = []
     for k in range(int(_BRIGHTEST * _STEPS) + 1):
         light, room = (k + 0.5) / _STEPS, _WHITE - _KNEE

@@ -267,6 +267,7 @@ def _gallery(b: PlaceBuilder) -> None:
 
 
 def _lamps(b: PlaceBuilder) -> None:
+    """Add rows of lamps under the roof."""
     x0, y0, _ = b.site.low.tolist()
     x1, y1, z1 = b.site.high.tolist()
     strength = {"day": 6.0, "lamps": 20.0, "dim": 14.0}[b.site.light]

@@ -111,10 +111,12 @@ def _plain(colour: Array, value: Array, tint: Array | None = None) -> Array:
 
 
 def _plaster(c: Canvas, colour: Array) -> Array:
+    """Return the pixels of plaster."""
     return _plain(colour, 3 * c.noise(0.6) + 2 * c.noise(0.05) + 4 * c.noise(0.012) + 2 * c.grain())
 
 
 def _concrete(c: Canvas, colour: Array) -> Array:
+    """Return the pixels of concrete."""
     value = 9 * c.noise(0.7) + 7 * c.noise(0.2) + 8 * c.noise(0.03) + 4 * c.grain()
     pores, spots = c.noise(0.012), c.noise(0.05)
     value += 18 * (spots > 0.75) - 22 * (spots < -0.75)  # splashes and stains
@@ -122,6 +124,7 @@ def _concrete(c: Canvas, colour: Array) -> Array:
 
 
 def _wood(c: Canvas, colour: Array) -> Array:
+    """Return the pixels of wood."""
     planks = c.cells(2.0, 0.13)
     tone = c.stream.integers(-14, 15, planks.cells).astype(np.float32)[planks.number]
     grain = 10 * c.noise(0.35, 0.012) + 6 * c.noise(0.15, 0.005) + 5 * c.noise(0.8, 0.04)
@@ -136,6 +139,7 @@ def _board(c: Canvas, colour: Array) -> Array:
 
 
 def _brick(c: Canvas, colour: Array) -> Array:
+    """Return the pixels of bricks."""
     bricks = c.cells(0.25, 0.0833, 0.5)
     tone = c.stream.integers(-34, 35, bricks.cells).astype(np.float32)[bricks.number]
     hue = c.stream.integers(-10, 11, bricks.cells).astype(np.float32)[bricks.number]
@@ -146,6 +150,7 @@ def _brick(c: Canvas, colour: Array) -> Array:
 
 
 def _tiles(c: Canvas, colour: Array, edge: float = 0.333, joint: float = 0.003) -> Array:
+    """Return the pixels of tiles; edge and joint in [m]."""
     tiles = c.cells(edge, edge)
     tone = c.stream.integers(-6, 7, tiles.cells).astype(np.float32)[tiles.number]
     chips = c.noise(0.022)
@@ -154,6 +159,7 @@ def _tiles(c: Canvas, colour: Array, edge: float = 0.333, joint: float = 0.003) 
 
 
 def _slabs(c: Canvas, colour: Array) -> Array:
+    """Return the pixels of stone slabs."""
     return _tiles(c, colour, 0.5, 0.005) + (5 * c.grain() + 5 * c.noise(0.06))
 
 
@@ -168,6 +174,7 @@ def _ceiling(c: Canvas, colour: Array) -> Array:
 
 
 def _carpet(c: Canvas, colour: Array) -> Array:
+    """Return the pixels of carpet."""
     tiles = c.cells(0.5, 0.5)
     tone = c.stream.integers(-5, 6, tiles.cells).astype(np.float32)[tiles.number]
     value = (
@@ -187,6 +194,7 @@ def _flecked(c: Canvas, colour: Array) -> Array:
 
 
 def _metal(c: Canvas, colour: Array) -> Array:
+    """Return the pixels of metal."""
     return _plain(colour, 5 * c.noise(0.5) + 4 * c.noise(0.3, 0.004) + 2 * c.grain())
 
 
@@ -198,24 +206,29 @@ def _ribbed(c: Canvas, colour: Array) -> Array:
 
 
 def _paint(c: Canvas, colour: Array) -> Array:
+    """Return the pixels of paint."""
     return _plain(colour, 2 * c.noise(0.3) + 2 * c.grain())
 
 
 def _asphalt(c: Canvas, colour: Array) -> Array:
+    """Return the pixels of asphalt."""
     return _plain(colour, 18 * c.grain() + 8 * c.noise(0.02) + 7 * c.noise(0.9) + 5 * c.noise(0.2))
 
 
 def _cardboard(c: Canvas, colour: Array) -> Array:
+    """Return the pixels of cardboard."""
     return _plain(colour, 4 * c.noise(0.3) + 4 * c.noise(0.6, 0.008) + 2 * c.grain())
 
 
 def _leaves(c: Canvas, colour: Array) -> Array:
+    """Return the pixels of leaves."""
     value = 34 * c.noise(0.05) + 26 * c.noise(0.12) + 18 * c.noise(0.025) + 10 * c.grain()
     value -= 30 * (c.noise(0.08) < -0.45)
     return _plain(colour, value, np.stack([0.2 * value, 0.1 * value, -0.3 * value]))
 
 
 def _grass(c: Canvas, colour: Array) -> Array:
+    """Return the pixels of grass."""
     value = 20 * c.grain() + 10 * c.noise(0.04) + 8 * c.noise(0.4)
     return _plain(colour, value, np.stack([0.3 * value, 0 * value, -0.2 * value]))
 

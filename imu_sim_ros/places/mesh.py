@@ -180,6 +180,7 @@ def _planes(mesh: Mesh, middle: Array) -> Array:
 
 
 def _dot(planes: Array, vectors: Floats) -> Array:
+    """Return the products (n,) of normals and vectors (n, 3)."""
     result: Array = planes[:, 0] * vectors[:, 0]
     result += planes[:, 1] * vectors[:, 1]
     result += planes[:, 2] * vectors[:, 2]

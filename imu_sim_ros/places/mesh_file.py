@@ -132,6 +132,7 @@ def read_mesh(path: str | Path) -> Mesh:
 
 
 def _check_count(path: Path, count: int, what: str = "triangles", limit: int | None = None) -> None:
+    """Refuse a mesh with too many triangles, or too many of anything else."""
     limit = MOST_TRIANGLES if limit is None else limit
     if count > limit:
         raise InputError(
@@ -155,6 +156,7 @@ def is_mesh(path: str | Path) -> bool:
 
 
 def _content(path: Path) -> bytes:
+    """Return the bytes of a mesh file of limited size."""
     try:
         with open_regular(path) as file:
             content = file.read(LARGEST + 1)
@@ -174,6 +176,7 @@ def _content(path: Path) -> bytes:
 
 
 def _is_text(suffix: str, content: bytes) -> bool:
+    """Return True for a mesh file in the text form of its format."""
     if suffix == ".ply":
         return b"format ascii" in content[:200]
     if suffix == ".stl":
@@ -377,6 +380,7 @@ def _look(path: Path, part: Any, faces: Numbers, image: Any) -> tuple[Single, By
 
 
 def _bytes(colours: Any) -> Bytes:
+    """Return colours of any type as bytes."""
     values = np.asarray(colours)
     if values.dtype.kind == "f":
         values = np.clip(np.rint(values * 255.0), 0, 255)

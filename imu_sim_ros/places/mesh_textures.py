@@ -49,6 +49,7 @@ def examine(content: bytes, what: str) -> None:
 
 
 def _check_size(size: tuple[int, int], what: str) -> None:
+    """Refuse a texture with too many texels."""
     if size[0] * size[1] > LARGEST:
         raise InputError(f"{what} is too large: {size[0]} x {size[1]} texels; {_AT_MOST}")
 

@@ -47,6 +47,7 @@ class Neighbours:
             raise OSError(name) from None
 
     def _read(self, name: str) -> bytes:
+        """Return the content of a file that the mesh names, within the limit for all of them."""
         shown = repr(name)[1:-1][:_SHOWN]
         place = self.place(name)
         if place is None:
@@ -113,6 +114,7 @@ def _named(path: Path) -> list[str]:
 
 
 def _posix(name: str) -> PurePosixPath:
+    """Return a name of a mesh file as a path; also one with backslashes."""
     return PurePosixPath(name.strip().replace("\\", "/"))
 
 

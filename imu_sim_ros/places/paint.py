@@ -68,10 +68,12 @@ class Painter:
 
     @cached_property
     def _albedo(self) -> Single:
+        """Reflectance (m, 3) of the faces, linear."""
         return np.array([_linear(face.material) for face in self.place.faces], np.float32)
 
     @cached_property
     def _exposed(self) -> Baked:
+        """Light on the faces, scaled to the exposure of the place."""
         sky = self.place.sky
         place, mirrors = self.place, glossy(self.place.faces, self._surfaces.sides)
         light = bake(self._surfaces, self._albedo, sky, place.lighting, place.detail, mirrors)
@@ -180,6 +182,11 @@ class Painter:
         return values if colour else grey(values)
 
     def _tile(self, material: str, texel: float, colour: bool, base: float | None) -> Bytes:
+        """Return the repeating pixels of a material; coarse texels are means of finer ones.
+
+        :param texel: edge of a texel [m].
+        :param base: edge of the finest texel [m], which coarser ones are means of; None: this one.
+        """
         key = material, round(texel, 4), colour
         if key not in self._tiles and base is not None and round(base, 4) != key[1]:
             self._tiles[key] = _resized(self._tile(material, base, colour, None), texel / base)
@@ -210,6 +217,7 @@ class Painter:
             part[:] = np.clip(value, 0, 255, out=value)
 
     def _wear(self, material: str, period: float, texel: float, base: float | None) -> Differences:
+        """Return stains and wear of a material; coarser texels are averages of finer ones."""
         key = material.partition(":")[0], period, round(texel, 4)
         if key not in self._layers and base is not None and round(base, 4) != key[2]:
             self._layers[key] = _resized(self._wear(material, period, base, None), texel / base)

@@ -52,6 +52,7 @@ class _Triangles:
         self._caster, self._pieces = caster, pieces
 
     def meet(self, origins: Array, directions: Array) -> tuple[Floats, Integers, Array]:
+        """Return distances (n,), surfaces (n,), and direction times normal (n,) of the hits."""
         hits, along = self._caster.meet(origins, directions)
         number = hits.surface // self._pieces if self._pieces > 1 else hits.surface
         along[number < 0] = 0.0
@@ -65,6 +66,7 @@ class _Rectangles:
         self._caster, self._normals = Caster(surfaces), surfaces.normal
 
     def meet(self, origins: Array, directions: Array) -> tuple[Floats, Integers, Array]:
+        """Return distances (n,), surfaces (n,), and direction times normal (n,) of the hits."""
         distance, number = self._caster.cast(origins, directions)
         along: Array = (self._normals[number] * directions).sum(axis=1)
         along[number < 0] = 0.0
@@ -72,6 +74,7 @@ class _Rectangles:
 
 
 def _solid(surfaces: Surfaces) -> _Solid:
+    """Return the surfaces as triangles for the mesh library, or as rectangles without it."""
     if not len(surfaces.origin):
         return _Nothing()
     try:
@@ -84,6 +87,7 @@ class _Nothing:
     """An empty world."""
 
     def meet(self, origins: Array, _: Array) -> tuple[Floats, Integers, Array]:
+        """Return rays that hit nothing: infinite distances, surfaces -1."""
         count = len(origins)
         return np.full(count, np.inf), np.full(count, -1), np.zeros(count)
 
@@ -162,6 +166,7 @@ def _near(
 def _of_body(
     body: MovingBody, solid: _Solid, t: Array, origins: Array, directions: Array, rows: Integers
 ) -> tuple[Floats, Integers, Array]:
+    """Return the hits of some rays on a moving body."""
     position, q_wb = body.pose(t[rows])
     start = rotation.rotate_inverse(q_wb, origins[rows] - position)
     return solid.meet(start, rotation.rotate_inverse(q_wb, directions[rows]))

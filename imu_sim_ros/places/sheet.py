@@ -82,6 +82,7 @@ class Sheet:
             x += 0.5 * size
 
     def _letter(self, x: float, y: float, size: float, colour: Colour) -> None:
+        """Draw one letter of random strokes."""
         w, bar = 0.5 * size, 0.14 * size
         strokes = (
             (0, 0, bar, size), (w - bar, 0, w, size), (0, 0, w, bar), (0, size - bar, w, size),

@@ -79,6 +79,7 @@ def _span(
 
 
 def _sky_and_ground(b: PlaceBuilder, ground: float) -> None:
+    """Add sky and ground, far beyond the street."""
     x0, y0 = (b.site.low[:2] - _FAR).tolist()
     x1, y1 = (b.site.high[:2] + _FAR).tolist()
     low, high = (x0, y0, ground - 1.0), (x1, y1, ground + 300.0)
@@ -174,6 +175,7 @@ def _furniture(
 
 
 def _tree(b: PlaceBuilder, foot: tuple[float, float, float], stream: np.random.Generator) -> None:
+    """Add a tree."""
     x, y, z = foot
     height = float(stream.uniform(2.2, 2.8))
     parts = [
@@ -190,6 +192,7 @@ def _tree(b: PlaceBuilder, foot: tuple[float, float, float], stream: np.random.G
 
 
 def _lamp_post(b: PlaceBuilder, foot: tuple[float, float, float], along: int, inwards: int) -> None:
+    """Add a lamp post whose arm reaches over the street."""
     x, y, z = foot
     reach = [0.0, 0.0]
     reach[1 - along] = 1.0 * inwards
@@ -213,6 +216,7 @@ def _lamp_post(b: PlaceBuilder, foot: tuple[float, float, float], along: int, in
 
 
 def _car(b: PlaceBuilder, middle: list[float], along: int, stream: np.random.Generator) -> None:
+    """Add a parked car."""
     x, y, z = middle
     paint = int(stream.integers(len(CAR_COLOURS)))
     colour = f"paint:{CAR_COLOURS[paint]}"

@@ -154,6 +154,7 @@ def graph(free: Array, shape: tuple[int, int], clearance: float) -> Any:
 
 
 def _nearest_free(points: Array, free: Array, stop: Array) -> int:
+    """Return the number of the point nearest to a stop that keeps clear of all faces."""
     away = ((points - stop) ** 2).sum(axis=1)
     return int(np.argmin(np.where(free > CLEARANCE + 0.1, away, np.inf)))
 

@@ -308,6 +308,7 @@ class _Walkers:
         return np.stack([np.interp(arc_lengths, lengths, smooth[:, k]) for k in (0, 1)], axis=1)
 
     def _possible(self, course: Course, bodies: Sequence[MovingBody]) -> bool:
+        """Return True if a course keeps clear of walls and of other bodies."""
         t: Array = np.arange(_LOOKS, dtype=np.float64) * (PERIOD / _LOOKS)
         place = course.at(t)[:, :2]
         if (self._floor.at(place) < self._radius).any():
@@ -318,6 +319,7 @@ class _Walkers:
         return not self._passage.ends or self._off_the_cameras(course)
 
     def _off_the_cameras(self, course: Course) -> bool:
+        """Return True if a course keeps away from the cameras."""
         positions = course.at(self._passage.times)[:, :2]
         for close, places in zip(self._near, self._passage.places, strict=True):
             away = np.hypot(*(places[:, :2] - positions).T)
@@ -391,6 +393,7 @@ def _headings(line: Array) -> tuple[Array, int]:
 
 
 def _wrapped(angle: float) -> float:
+    """Return an angle in -pi to pi."""
     return (angle + math.pi) % (2.0 * math.pi) - math.pi
 
 
@@ -484,6 +487,7 @@ def _door(hinge: Hinge, number: int, site: Site, passage: Passage) -> Course:
 
 
 def _swings_free(course: Course, hinge: Hinge, passage: Passage) -> bool:
+    """Return True if a door swings clear of a course."""
     top = hinge.foot[2] + hinge.height + CLEARANCE
     headings = course.at(passage.times)[:, 2]
     if not passage.ends:

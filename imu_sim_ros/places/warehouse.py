@@ -107,6 +107,7 @@ def _load(
 
 
 def _gates(b: PlaceBuilder, wall: int, width: float) -> None:
+    """Add gates along a wall."""
     count = max(1, int(width / 5.0))
     prints = [Print("strip", 0, 0, width, 0.3)]
     for k in range(count):

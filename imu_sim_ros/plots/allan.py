@@ -55,6 +55,7 @@ def figure(result: AllanResult, source: str = "") -> Figure:
 
 
 def _draw_triad(result: AllanResult, triad: int, axes: Axes) -> None:
+    """Draw the Allan deviation of one triad with its band and the fitted terms."""
     deviation = result.deviation
     tau = deviation.tau
     for k, name in enumerate("xyz"):
@@ -101,6 +102,7 @@ def _units(result: AllanResult, triad: int) -> str:
 
 
 def _label(result: AllanResult, column: int) -> str:
+    """Return the legend of an axis: its terms with their values."""
     terms = []
     for key in result.keys:
         estimate = result.estimate(column, key)
@@ -135,6 +137,7 @@ def _draw_model(result: AllanResult, triad: int, axes: Axes) -> None:
 
 
 def _terms(result: AllanResult, triad: int, tau: Array) -> list[tuple[str, Array]]:
+    """Return the lines of the fitted terms and of their sum."""
     lines = []
     for term in TERMS:
         symbol = QUANTITIES[TRIADS[triad], term.key].symbol

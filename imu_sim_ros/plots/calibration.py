@@ -83,10 +83,12 @@ def turntable(result: Turntable, source: str = "") -> Figure:
 
 
 def _named(source: str) -> str:
+    """Return the name of a source in front of a title."""
     return f"{source}: " if source else ""
 
 
 def _values(symbol: str, values: Array, sigma: Array) -> str:
+    """Return values with twice their standard errors as text."""
     parts = (plus_minus(v, 2 * s) for v, s in zip(values, sigma, strict=True))
     return f"{symbol} = " + ", ".join(parts) + " (2 sigma)"
 
@@ -197,6 +199,7 @@ def temperature(result: Temperature, source: str = "") -> Figure:
 
 
 def _draw_bias(axes: Axes, triad: TriadTemperature, reference: float) -> None:
+    """Draw the bias of a triad against temperature."""
     for k, axis in enumerate(triad.axes):
         grid, powers = _grid(triad.difference, len(axis.bias))
         curve = powers @ axis.bias
@@ -209,6 +212,7 @@ def _draw_bias(axes: Axes, triad: TriadTemperature, reference: float) -> None:
 
 
 def _draw_scale(axes: Axes, triad: TriadTemperature, reference: float) -> None:
+    """Draw the scale of a triad against temperature."""
     for k, axis in enumerate(triad.axes):
         if triad.inputs.shape[1] == 0:
             note = "one orientation, at rest: the scale is not observable"
@@ -235,19 +239,23 @@ def _scale_points(axis: AxisResponse, triad: TriadTemperature, k: int) -> tuple[
 
 
 def _polynomial(coefficients: Array, x: Array) -> Array:
+    """Return the values (n,) of a polynomial, lowest order first."""
     return x[:, None] ** np.arange(len(coefficients)) @ coefficients
 
 
 def _grid(difference: Array, terms: int) -> tuple[Array, Array]:
+    """Return temperatures (200,) over the range, and their powers (200, terms)."""
     grid = np.linspace(difference.min(), difference.max(), 200)
     return grid, grid[:, None] ** np.arange(terms)
 
 
 def _draw_curve(axes: Axes, k: int, x: Array, points: Array) -> None:
+    """Draw the points of axis k."""
     axes.plot(x, points, ".", ms=2, alpha=0.35, color=AXIS_COLOURS[_AXES[k]])
 
 
 def _draw_band(axes: Axes, k: int, x: Array, curve: Array, sigma: Array, terms: int) -> None:
+    """Draw the fitted curve of axis k with its 95 % band."""
     colour = AXIS_COLOURS[_AXES[k]]
     axes.plot(x, curve, color=colour, label=f"{_AXES[k]}: order {terms - 1}")
     axes.fill_between(x, curve - 1.96 * sigma, curve + 1.96 * sigma, color=colour, alpha=0.25, lw=0)
@@ -275,6 +283,7 @@ def draw(real: Series, simulated: Series, rate: float, name: str) -> Figure:
 def _spectrum(
     axes: Axes, real: Array, simulated: Array, rate: float, axis: int, label: str
 ) -> None:
+    """Draw the spectra of real and simulated readings of one axis."""
     for values, colour, who in (
         (real, TRUTH_COLOUR, "real"),
         (simulated, SERIES_COLOURS[1], "twin"),
@@ -289,6 +298,7 @@ def _spectrum(
 def _series(
     axes: Axes, real: Series, simulated: Series, rate: float, axis: int, label: str
 ) -> None:
+    """Draw some seconds of real and simulated readings of one axis."""
     count = round(_SECONDS * rate)
     for panel, (series, colour) in enumerate(
         ((real, TRUTH_COLOUR), (simulated, SERIES_COLOURS[1]))

@@ -163,5 +163,6 @@ class FlightView:
             self._recording.log(name, rr.Points3D(positions, colors=colours, radii=[_RADIUS]))
 
     def _columns(self, name: str, t_ns: Times, columns: Any) -> None:
+        """Send values with stamps to the viewer."""
         stamps = self._rr.TimeColumn(_TIME, timestamp=t_ns.astype("datetime64[ns]"))
         self._recording.send_columns(name, indexes=[stamps], columns=columns)

@@ -122,6 +122,7 @@ def _view(
     across: int,
     up: int,
 ) -> None:
+    """Draw paths seen along one axis of the world."""
     if truth is not None:
         line = _thinned(truth)
         axis.plot(
@@ -178,6 +179,7 @@ def _errors(
     label: str,
     scale: float,
 ) -> None:
+    """Draw the length of errors over time."""
     floors = []
     for name, (t, error) in errors.items():
         t, error = _thinned(t), _thinned(error) * scale

@@ -41,6 +41,7 @@ class Figure(matplotlib.figure.Figure):
     """A matplotlib figure that a notebook shows without pyplot, which keeps figures alive."""
 
     def _repr_png_(self) -> bytes:
+        """Return the figure as PNG, for notebooks."""
         buffer = io.BytesIO()
         self.savefig(buffer, format="png", dpi=_NOTEBOOK_PIXELS_PER_INCH)
         return buffer.getvalue()

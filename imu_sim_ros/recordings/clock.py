@@ -249,6 +249,7 @@ def _unit(steps: Integers) -> float:
 
 
 def _decimal(values: Integers) -> int:
+    """Return the largest power of ten that divides all values."""
     unit = 1
     while unit < 1_000_000_000 and not np.any(values % (10 * unit)):
         unit *= 10
@@ -427,6 +428,7 @@ class Losses:
         return missing
 
     def _count(self, t_ns: Times) -> Integers:
+        """Return the number of readings (n,) missing before each of n stamps."""
         missing = np.zeros(len(t_ns), dtype=np.int64)
         heads = self.pattern.heads(t_ns)
         if self.last_ns is None:
@@ -649,6 +651,10 @@ class Clock:
         return times
 
     def _even(self, t_ns: Times, missing: Integers) -> Times:
+        """Return stamps (n,) on an even clock that follows the smoothed lateness of n stamps.
+
+        :param missing: (n,) readings missing before each stamp.
+        """
         from_start = (np.arange(len(t_ns)) + np.cumsum(missing)) * self.interval_ns
         heads = self.pattern.heads(t_ns)
         late = (t_ns - t_ns[0])[heads] - from_start[heads]

@@ -127,6 +127,7 @@ class LiveClock:
         self._count(self._stream.add(t_ns, values))
 
     def _count(self, stretches: Iterator[Stretch]) -> None:
+        """Count readings, losses and jumps in stretches of stamps."""
         stream = self._stream
         assert stream is not None
         gaps = 0

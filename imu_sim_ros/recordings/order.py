@@ -195,6 +195,7 @@ class _Sorting:
         return StampOrder(tuple(pieces), *(np.array(rows, dtype=np.int64) for rows in lists))
 
     def _follows(self, before_ns: int, t_ns: int) -> bool:
+        """Return True if a stamp is next to an earlier one of its stream."""
         return 0 <= t_ns - before_ns <= self._limit
 
     def _stray_runs(self, run: int) -> int:

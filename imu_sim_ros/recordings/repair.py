@@ -154,6 +154,7 @@ def _held(poses: States) -> Integers:
 
 
 def _row(jump: Jump) -> int:
+    """Return the row of a jump, to sort by."""
     return jump.row
 
 

@@ -66,6 +66,7 @@ class ClockStream:
         self._end()
 
     def _end(self) -> None:
+        """Forget the stretch; the next stamps begin another one."""
         self._waiting: list[tuple[Times, Array]] = []
         self._count = self._context = 0
         self._losses: Losses | None = None
@@ -142,6 +143,7 @@ class ClockStream:
         return int(np.count_nonzero((rows >= self._context) & (rows < end)))
 
     def _first_pattern(self, t_ns: Times, pieces: list[Integers]) -> StampPattern:
+        """Return the pattern of the first stamps, or refuse stamps that are numbers of rows."""
         pattern = find_pattern(t_ns[max(pieces, key=len)])
         factor, unit = number_unit(pattern.interval_ns)
         if unit:

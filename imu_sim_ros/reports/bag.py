@@ -64,6 +64,7 @@ def reading_sections(
 
 
 def _topics(path: Path) -> list[TopicInfo]:
+    """Return the topics of a bag; none of a dataset."""
     if not has_topics(path):
         return []
     with open_bag(path) as bag:
@@ -78,6 +79,7 @@ def _noting(blocks: Iterable[Readings], notes: list[str]) -> Iterator[Readings]:
 
 
 def _stream_items(name: str, stream: StreamPlots, link: str) -> list[Item]:
+    """Return the plots of an IMU's readings."""
     rate = 1.0 / stream.interval_s
     heading = (
         f"{name}: {stream.samples:,} readings in {stream.duration_s:.6g} s, {rate:.6g} Hz, "
@@ -103,6 +105,7 @@ def _stream_items(name: str, stream: StreamPlots, link: str) -> list[Item]:
 
 
 def _readings(stream: StreamPlots, triad: int, link: str) -> Item:
+    """Return the plot of a triad's readings over time."""
     title, unit = _TRIADS[triad]
     series: list[Item] = []
     for k, axis in enumerate(AXES):
@@ -115,6 +118,7 @@ def _readings(stream: StreamPlots, triad: int, link: str) -> Item:
 
 
 def _spectrum(stream: StreamPlots, triad: int) -> Item:
+    """Return the plot of a triad's spectrum."""
     title, unit = _TRIADS[triad]
     series = _lines(stream.frequency, stream.density[:, 3 * triad : 3 * triad + 3])
     caption = "Welch's estimate, two-sided: white noise appears at its density."
@@ -131,6 +135,7 @@ def _lines(x: Array, values: Array) -> list[Item]:
 
 
 def _allan(stream: StreamPlots, triad: int) -> Item:
+    """Return the plot of a triad's Allan deviation."""
     title, unit = _TRIADS[triad]
     deviation, columns = stream.deviation, slice(3 * triad, 3 * triad + 3)
     series = _lines(deviation.tau, deviation.deviation[:, columns])
@@ -145,6 +150,7 @@ def _allan(stream: StreamPlots, triad: int) -> Item:
 
 
 def _intervals(stream: StreamPlots, link: str) -> Item:
+    """Return the plot of the intervals between stamps over time."""
     line = {"name": "", "colour": 0, "x": stream.t_s, "y": 1e3 * stream.longest}
     series = [{**line, "low": 1e3 * stream.shortest, "high": 1e3 * stream.longest}]
     caption = "Shortest and longest interval of each part of the record."

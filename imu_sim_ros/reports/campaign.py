@@ -134,6 +134,7 @@ def _results(
     chosen: str,
     folder: Path,
 ) -> Section:
+    """Return the section with the table of all runs."""
     names = ["seed", "estimator", "status", *plan.grid_names, *metrics, "cell"]
     shown = [name for name in ("estimator", *plan.grid_names) if name in varying_names(groups)]
     main = [name for name in ("coverage", *metrics[:5]) if name in metrics]
@@ -175,6 +176,7 @@ def _results(
 
 
 def _group(group: Group, metrics: Sequence[str], varying: Sequence[str]) -> Item:
+    """Return the summary of a group of runs for the page."""
     values = {name: group.rows[0].get(name) for name in group.grid}
     summary = {SUCCESS: list(group.success())}
     for name in metrics:
@@ -233,6 +235,7 @@ def _estimators(groups: Sequence[Group]) -> list[str]:
 
 
 def _colour(group: Group, estimators: Sequence[str]) -> int | None:
+    """Return the number of an estimator's colour."""
     return estimators.index(group.estimator) if estimators else None
 
 
@@ -369,6 +372,7 @@ def _parameters(plan: Plan) -> Section:
 
 
 def _word(value: object) -> str:
+    """Return a value as text."""
     if isinstance(value, list | tuple):
         return "[" + ", ".join(map(_word, value)) + "]"
     return f"{value:.9g}" if isinstance(value, float) else str(value)

@@ -54,6 +54,7 @@ def cloud_sections(path: Path) -> list[Section]:
 
 
 def _items(path: Path, info: TopicInfo, topics: list[TopicInfo]) -> list[Item]:
+    """Return the plots of a topic of clouds, and some of its scans."""
     drawn = set(np.linspace(0, info.count - 1, _PICTURES).round().astype(int).tolist())
     stamps, counts, scans = [], [], []
     histogram, edges = np.zeros(_BINS), np.linspace(0.0, 1.0, _BINS + 1)
@@ -108,13 +109,16 @@ def _items(path: Path, info: TopicInfo, topics: list[TopicInfo]) -> list[Item]:
 
 
 def _line(name: str, colour: int, t_s: Array, values: Array) -> Item:
+    """Return a curve, thinned to the extremes that show."""
     rows = extremes(values)
     return {"name": name, "colour": colour, "x": t_s[rows], "y": values[rows]}
 
 
 class _Truth(NamedTuple):
+    """Number of points by their true kind, and errors of the ranges, of a topic of clouds."""
+
     counts: dict[str, tuple[Array, Array]]
-    """Times (n,) [s] and numbers of points (n,) of each scan by what they are."""
+    """Times (n,) [s] and numbers of points (n,) of each scan by their kind."""
     errors: tuple[Array, Array]
     """Times (n,) [s] and root mean squares (n,) of the errors of a scan's ranges [m]."""
     error_m: float | None
@@ -146,6 +150,7 @@ def _truth(path: Path, name: str) -> _Truth:
 
 
 def _ranges(name: str, histogram: Array, edges: Array) -> Item:
+    """Return the histogram of the points' ranges."""
     bins = int(np.max(np.flatnonzero(histogram), initial=0)) + 1
     x, share = np.repeat(edges[: bins + 1], 2)[1:-1], histogram / max(histogram.sum(), 1.0)
     width = edges[1] - edges[0]

@@ -184,6 +184,7 @@ def _common_rows(compared: Sequence[ComparedEstimate]) -> list[Mask] | None:
 
 
 def _comparisons(estimates: Iterable[ComparedEstimate]) -> list[Comparison]:
+    """Return the comparisons of the estimates that could be compared."""
     return [estimate.comparison for estimate in estimates if estimate.comparison is not None]
 
 
@@ -217,6 +218,7 @@ def _best(compared: Sequence[ComparedEstimate], common: Sequence[Mask] | None) -
 def _table(
     path: Path, estimates: Sequence[ComparedEstimate], common: Sequence[Mask] | None
 ) -> Item:
+    """Return the table of the errors of all estimates."""
     compared = [estimate for estimate in estimates if estimate.comparison is not None]
     common_ate = dict(
         zip((estimate.name for estimate in compared), _common_ate(compared, common), strict=True)
@@ -265,6 +267,7 @@ def _path(flight: TruthWithEstimates, estimates: Sequence[ComparedEstimate]) -> 
 
 
 def _track(states: States, colour: int | None) -> Item:
+    """Return a path, thinned to the extremes that show."""
     x, y, z = states.position[extremes(states.position)].T
     return {"name": states.source, "colour": colour, "x": x, "y": y, "z": z}
 
@@ -306,11 +309,13 @@ def _overlays(
 
 
 def _line(name: str, colour: int, t_s: Array, values: Array) -> Item:
+    """Return a curve, thinned to the extremes that show."""
     rows = extremes(values)
     return {"name": name, "colour": colour, "x": t_s[rows], "y": values[rows]}
 
 
 def _nees_band(ends: Sequence[float]) -> Item:
+    """Return the band of the NEES of a consistent estimate."""
     band = anees_band(3, 1)
     inner = {"name": "95 % of a consistent estimate", "colour": None, "x": list(ends)}
     return {**inner, "low": [band.low] * 2, "high": [band.high] * 2}
@@ -389,6 +394,7 @@ def _orientation(
 
 
 def _title(path: Path, name: str) -> str:
+    """Return the title of a plot of an estimate's errors."""
     return f"{path.name}: errors of {name}"
 
 

@@ -39,10 +39,12 @@ def gnss_sections(path: Path) -> list[Section]:
 
 
 def _measured_topics(topics: Iterable[TopicInfo], type_name: str) -> list[TopicInfo]:
+    """Return the topics of a type, without those of the truth."""
     return [topic for topic in topics if topic.type == type_name and TRUTH not in topic.name]
 
 
 def _fixes(path: Path, name: str, true_name: str | None) -> list[Item]:
+    """Return the plots of a topic of positions, with its errors if the truth is there."""
     t_ns, geodetic, variance, status = _read_fixes(path, name)
     fixed = (status >= 0) & np.isfinite(geodetic).all(axis=1)
     text = f"{name}: {len(t_ns):,} messages, {int(fixed.sum()):,} with a fix"
@@ -65,16 +67,19 @@ def _fixes(path: Path, name: str, true_name: str | None) -> list[Item]:
 
 
 def _velocities(path: Path, name: str, true_name: str | None) -> list[Item]:
+    """Return the plots of a topic of velocities, with its errors if the truth is there."""
     measured = _read_velocities(path, name)
     truth = None if true_name is None else _read_velocities(path, true_name)
     return comparison(measured, truth, name, str(path))
 
 
 def _quantity(unit: str, t_ns: Times, values: Array, variance: Array) -> MeasuredQuantity:
+    """Return values east, north and up with their variances."""
     return MeasuredQuantity("", unit, _DIRECTIONS, t_ns, values, variance)
 
 
 def _track(name: str, colour: int | None, positions: Array) -> Item:
+    """Return a path, thinned to the extremes that show."""
     x, y, z = positions[extremes(positions)].T
     return {"name": name, "colour": colour, "x": x, "y": y, "z": z}
 
@@ -91,6 +96,7 @@ def _read_fixes(path: Path, name: str) -> tuple[Times, Array, Array, Array]:
 
 
 def _read_velocities(path: Path, name: str) -> MeasuredQuantity:
+    """Return the velocities of a topic with their variances."""
     names = ("linear", "twist_covariance")
     blocks = list(decoded_blocks(path, TWIST_WITH_COVARIANCE, name, names))
     velocity, covariance = (

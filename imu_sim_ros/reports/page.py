@@ -159,14 +159,17 @@ def _style() -> str:
 
 
 def _variables(axes: Mapping[str, str], series: Sequence[str]) -> str:
+    """Return the colours as variables of CSS."""
     colours = {**axes, **{f"c{number}": colour for number, colour in enumerate(series)}}
     return " ".join(f"--{name}: {colour};" for name, colour in colours.items())
 
 
 def _asset(name: str) -> str:
+    """Return the text of a file of the page: script or style."""
     return (resources.files(__package__) / "assets" / name).read_text(encoding="utf-8")
 
 
 def _digest(text: str) -> str:
+    """Return the digest of a script as the content security policy takes it."""
     digest = hashlib.sha256(text.encode()).digest()
     return f"sha256-{base64.b64encode(digest).decode()}"

@@ -74,6 +74,7 @@ def repeated(folder: Path) -> Item:
 
 
 def _kept(row: Row, numbers: dict[str, int], folder: Path) -> Path:
+    """Return the folder of a run's files."""
     number = numbers.get(str(row["cell"]), -1)
     return folder / "runs" / f"{number:06d}" / str(row["seed"]) / str(row["estimator"])
 
@@ -99,6 +100,7 @@ def _typical(groups: Sequence[Group], metric: str) -> list[Row]:
 
 
 def _paths(plan: Plan, rows: Sequence[Row], shown: Sequence[int], folder: Path) -> dict[int, Any]:
+    """Return the true and estimated paths of some runs by row."""
     cells = {cell.name: cell for cell in plan.cells()}
     simulated: dict[str, SimulatedCell] = {}
     result = {}
@@ -149,5 +151,6 @@ def _tracks(
 
 
 def _line(name: str, colour: int | None, position: Array) -> Item:
+    """Return a path, thinned to the extremes that show."""
     x, y, z = position[extremes(position, _POINTS)].T
     return {"name": name, "colour": colour, "x": x, "y": y, "z": z}

@@ -342,6 +342,7 @@ def _error_plots(
     unit: str,
     link: str,
 ) -> list[Item]:
+    """Return a plot for each column: measured minus true, with its stated deviation."""
     t_s = (t_ns - t_ns[0]) * 1e-9
     label = "measured - true" + (f" [{unit}]" if unit else "")
     plots = []

@@ -52,6 +52,7 @@ class _TopicStatistics:
         self._drawn = sorted(set(numbers.round().astype(int).tolist()))
 
     def add(self, block: MessageBlock) -> None:
+        """Add a block of messages."""
         payloads, count = block.payloads, len(block.t_ns)
         if not count:
             return
@@ -66,6 +67,7 @@ class _TopicStatistics:
         self.clock.add(block.t_ns)
 
     def row(self) -> list[Any]:
+        """Return the row of the topic in the table of topics."""
         duration = (self.ends[1] - self.ends[0]) * 1e-9 if self.ends else 0.0
         clock = self.clock
         rate = clock.rate or None
@@ -284,6 +286,7 @@ class _Analysis:
         self._rest_share = _RestShare()
 
     def add(self, stretch: Stretch) -> None:
+        """Add a stretch of readings without gaps."""
         values = stretch.values
         self._rest_share.add(stretch.t_ns, values)
         previous_ns = self._end_ns if self._samples else int(stretch.t_ns[0])
@@ -317,12 +320,14 @@ class _Analysis:
                 self._spectrum.add(piece)
 
     def _parts(self, t_s: Array, table: Array) -> None:
+        """Reduce as many whole parts of the readings as there are, and keep the remainder."""
         self._rest_t = np.concatenate([self._rest_t, t_s])
         self._rest = np.concatenate([self._rest, table])
         whole = len(self._rest) // self._part * self._part
         self._reduce(whole)
 
     def _reduce(self, whole: int) -> None:
+        """Reduce readings to means and extremes, part by part."""
         if not whole:
             return
         times = self._rest_t[:whole].reshape(-1, min(self._part, whole))
@@ -331,6 +336,7 @@ class _Analysis:
         self._rest_t, self._rest = self._rest_t[whole:], self._rest[whole:]
 
     def result(self) -> StreamPlots:
+        """Return the plots' values of all readings."""
         self._reduce_last()
         t_s, low, high = (np.concatenate(column) for column in zip(*self._rows, strict=True))
         self._deviation.end_piece()
@@ -355,6 +361,7 @@ class _Analysis:
         )
 
     def _reduce_last(self) -> None:
+        """Reduce the readings left over, fewer than a part."""
         if len(self._rest):
             self._part = len(self._rest)
             self._reduce(len(self._rest))
@@ -375,6 +382,7 @@ class _RestShare:
             self._judge(_JUDGED)
 
     def _judge(self, count: int) -> None:
+        """Count windows, and those at rest, in the first readings, and drop these readings."""
         gyro, accel = self._values[:count, :3], self._values[:count, 3:]
         measures = ReadingMeasures(Readings(self._t_ns[:count], gyro, accel))
         self._windows += len(measures.rest)
@@ -401,6 +409,7 @@ class _Spectrum:
         self._shorter: Array | None = None
 
     def add(self, values: Array) -> None:
+        """Add readings (n, 6) to the averaged spectrum (Welch's method)."""
         self._rest = np.concatenate([self._rest, values])
         half = _SEGMENT // 2
         while len(self._rest) >= _SEGMENT:
@@ -412,6 +421,7 @@ class _Spectrum:
             self._rest = self._rest[half:]
 
     def end_piece(self) -> None:
+        """End a piece: the next readings do not continue it."""
         if self._shorter is None or len(self._rest) > len(self._shorter):
             self._shorter = self._rest
         self._rest = np.empty((0, 6))

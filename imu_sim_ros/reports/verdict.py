@@ -127,6 +127,7 @@ def verdict_section(
 
 
 def _judged(title: str, judged: Judgement, factor: str, groups: Sequence[Group]) -> Item:
+    """Return the comparison of the groups for the page."""
     names = varying_names(groups)
     drawn = groups if factor == judged.factor else ()
     fought = [contest for contest in judged.contests if contest.factor == factor]
@@ -211,6 +212,7 @@ def _turned(kind: str, interval: ConfidenceInterval) -> ConfidenceInterval:
 def _contest(
     contest: Contest, judged: Judgement, groups: Sequence[Group], varying: Sequence[str]
 ) -> Item:
+    """Return one comparison of groups with its effects."""
     where = [name for name in varying if name in contest.where]
     effects = [
         {
@@ -245,6 +247,7 @@ def _brief(effect: Effect, turned: bool) -> str:
 
 
 def _size(kind: str, value: float) -> str:
+    """Return an effect as text: a ratio, a difference or a share."""
     if kind == RATIO:
         return f"\u00d7{_few(value)}" if value >= 1.0 else f"\u00f7{_few(1.0 / value)}"
     return f"{value:+.3g}" if kind == DIFFERENCE else f"{100.0 * value:+.3g} %"

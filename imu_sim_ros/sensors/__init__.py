@@ -152,6 +152,7 @@ def is_known(name: str) -> bool:
 
 
 def _offered() -> "dict[str, EntryPoint]":
+    """Return the sensors that other packages offer by entry points."""
     from importlib.metadata import entry_points  # a search of all packages; seldom needed
 
     return {point.name: point for point in entry_points(group=ENTRY_POINTS)}

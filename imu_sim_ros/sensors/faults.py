@@ -56,6 +56,7 @@ class Fault:
             raise ConfigurationError(problems)
 
     def _problems(self) -> Iterator[str]:
+        """Yield problems of the fault's parameters."""
         if self.kind not in KINDS:
             yield f"fault kind = {self.kind!r}: {suggestion(self.kind, KINDS)}"
         if not self.duration > 0.0:
@@ -117,6 +118,7 @@ class FaultSchedule:
         self.windows.append(_Window(fault, first_sample, end, stream))
 
     def _active(self, kind: str, first: int, count: int) -> Iterator[tuple[_Window, slice]]:
+        """Yield faults of a kind with the rows of a block that they cover."""
         for window in self.windows:
             if window.fault.kind == kind:
                 rows = window.rows(first, count)
@@ -126,6 +128,7 @@ class FaultSchedule:
     def _of_triad(
         self, kind: str, triad: str, first: int, count: int
     ) -> Iterator[tuple[_Window, slice]]:
+        """Yield faults of a triad with the rows of a block that they cover."""
         for window, rows in self._active(kind, first, count):
             if window.fault.triad == triad:
                 yield window, rows

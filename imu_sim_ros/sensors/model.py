@@ -197,6 +197,7 @@ class SensorWithImu:
         return self._read(self.timing.given(true_t_ns), ideal, world)
 
     def _read(self, samples: Sampled, ideal: Array, world: World) -> Samples:
+        """Return the samples of a block, with the errors of the triad."""
         offset = world.temperature.at(samples.t) - self._reference_temperature
         values = self.measure(samples, ideal, self.triad.additions(Surroundings(offset)))
         self.latest = self.timing.samples(samples.first, samples.true_t_ns, values)

@@ -264,6 +264,7 @@ def deviation_before_cut(deviation: float, limit: float) -> float:
 
 
 def _deviation_after_cut(s: float, limit: float) -> float:
+    """Return the standard deviation of normal jitter s that is limited to +-limit."""
     c = limit / s
     inner = math.erf(c / math.sqrt(2.0)) - c * math.sqrt(2.0 / math.pi) * math.exp(-0.5 * c * c)
     return s * math.sqrt(inner + c * c * math.erfc(c / math.sqrt(2.0)))

@@ -218,6 +218,7 @@ class Resampler:
         return int(np.searchsorted(times, end_ns, side="right"))
 
     def _times_inside(self, count: int) -> Times:
+        """Return the times (k,) of the next samples between readings."""
         assert self._begin_ns is not None
         begin, end = self._next, self._next + count
         j = np.arange((begin - 1) * self._ratio + 1, (end - 1) * self._ratio + 1)
@@ -287,6 +288,7 @@ def _lines(t_ns: Times, values: Array, at_ns: Times) -> Array:
 
 
 def _interpolated(readings: Readings, at_ns: Times) -> Readings:
+    """Return readings at other times, linear between given ones."""
     gyro, accel = (_lines(readings.t_ns, values, at_ns) for values in readings.triads())
     q_wb = None
     if readings.q_wb is not None:
@@ -321,6 +323,7 @@ class Differentiator:
         self._forget()
 
     def _forget(self) -> None:
+        """Forget all poses."""
         self._t_ns, self._rows = np.empty(0, np.int64), np.empty((0, 10))
 
     def apply(self, t_ns: Times, q_wb: Array, velocity: Array, rate: Array) -> Readings:
@@ -366,6 +369,7 @@ class Differentiator:
 
 
 def _none() -> Readings:
+    """Return no readings."""
     vectors = np.empty((0, 3))
     times = np.empty(0, np.int64)
     return Readings.unchecked(t_ns=times, gyro=vectors, accel=vectors, q_wb=np.empty((0, 4)))
@@ -482,6 +486,7 @@ class StartCheck:
         ]
 
     def _of_stamps(self, t_ns: Times) -> Iterator[str]:
+        """Yield a line if the stamps have another rate than declared."""
         declared = self._parameters.input.rate or self._parameters.rate
         name = "input.rate" if self._parameters.input.rate else "rate"
         if len(t_ns) < 2:
@@ -491,6 +496,7 @@ class StartCheck:
             yield f"{name} = {declared:g}: the readings come {rate:.4g} times a second"
 
     def _of_forces(self, gyro: Array, accel: Array) -> Iterator[str]:
+        """Yield lines about units and gravity that readings at rest contradict."""
         turning = np.abs(gyro).max() > 10.0 * _REST_RATE or gyro.std(axis=0).max() > _REST_RATE
         rests = not turning and accel.std(axis=0).max() <= _REST_FORCE
         mean = accel.mean(axis=0)

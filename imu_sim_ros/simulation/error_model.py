@@ -80,6 +80,7 @@ class GivenImu(GivenSensor[Readings, dict[str, Any]]):
         return bool(self._sensors) or self.parameters.input.gravity == "missing"
 
     def _begin(self, seed: int) -> None:
+        """Begin the errors of a unit with a seed."""
         super()._begin(seed)
         self._imu: Imu | None = None
         self._pending: ErrorModelParameters | None = None
@@ -186,9 +187,11 @@ class GivenImu(GivenSensor[Readings, dict[str, Any]]):
         return first_sample
 
     def _count(self, window: dict[str, Any]) -> int:
+        """Return the number of samples in a window."""
         return len(window[IMU].true_t_ns)
 
     def _look(self, readings: Readings) -> None:
+        """Check units and gravity of the first readings."""
         if not self._check.done:
             for line in self._check.look(readings.t_ns, *readings.triads()):
                 self._remark(line)
@@ -199,13 +202,16 @@ class GivenImu(GivenSensor[Readings, dict[str, Any]]):
             self._remark(line)
 
     def _missing(self, count: int) -> int:
+        """Return the number of samples that a gap of so many readings leaves out."""
         return count if self._resampler is None else 0
 
     def _paused(self) -> None:
+        """Begin the resampling again after a pause."""
         if self._resampler is not None:
             self._resampler.begin()
 
     def _placed(self, readings: Readings) -> Readings:
+        """Return readings in the conventions of the simulation."""
         return self._conventions.apply(readings)
 
     def _sampled(self, readings: Readings) -> list[dict[str, Any]]:

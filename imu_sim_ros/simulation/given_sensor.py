@@ -120,9 +120,11 @@ class GivenSensor(ABC, Generic[SeriesT, Made]):
         self._begin(self._seed_of_restart())
 
     def _new_order(self) -> Order[SeriesT]:
+        """Return the order that stamps are checked against."""
         return Order(self._leave_out, self._take_back)
 
     def _seed_of_restart(self) -> int:
+        """Return the seed of the unit after a restart of the stamps."""
         return self.seed + (self.parameters.input.restart == "next_seed")
 
     def begin_of(self, index: int) -> Fraction:
@@ -194,6 +196,7 @@ class GivenSensor(ABC, Generic[SeriesT, Made]):
             count -= step
 
     def _leave_out(self, step_ns: int) -> None:
+        """Count and tell a reading whose stamp is not after the previous one."""
         if step_ns:
             self.counts.backward += 1
             line = f"a stamp {-step_ns * 1e-9:.6f} s before the previous one; left out"
@@ -204,6 +207,7 @@ class GivenSensor(ABC, Generic[SeriesT, Made]):
             self._report(self.counts.repeated, line)
 
     def _take_back(self, count: int) -> None:
+        """Subtract readings that turned out to begin a restart from the stamps that went back."""
         self.counts.backward -= count
 
     def _report(self, count: int, line: str) -> None:
@@ -217,6 +221,7 @@ class GivenSensor(ABC, Generic[SeriesT, Made]):
             self._remark(f"{self._what}{line}; further ones are only counted")
 
     def _restart(self, back_ns: int) -> None:
+        """Begin the errors again after a jump of the stamps back to an earlier time."""
         self.counts.restarts += 1
         seed = self._seed_of_restart()
         line = f"stamps jump back by {back_ns * 1e-9:.3f} s: the errors begin again, seed {seed}"
@@ -241,6 +246,7 @@ class GivenOther(GivenSensor[IdealValues, Samples]):
         super().__init__(parameters, rate, remark, sensor.quantity.replace("_", " "))
 
     def _begin(self, seed: int) -> None:
+        """Begin the errors of a unit with a seed."""
         super()._begin(seed)
         self._model: Any = None
 
@@ -273,11 +279,13 @@ class GivenOther(GivenSensor[IdealValues, Samples]):
         return first_sample
 
     def _placed(self, ideal: IdealValues) -> IdealValues:
+        """Return values in the axes of the simulation."""
         if ideal.values.ndim == 1:
             return ideal
         return with_fields(ideal, values=self._conventions.turned(ideal.values))
 
     def _sampled(self, ideal: IdealValues) -> list[Samples]:
+        """Return the samples of ideal values."""
         self._held = ideal
         if self._model is None:
             environment = dataclasses.replace(self.parameters, seed=self.seed)
@@ -292,4 +300,5 @@ class GivenOther(GivenSensor[IdealValues, Samples]):
         return [block]
 
     def _count(self, window: Samples) -> int:
+        """Return the number of samples in a window."""
         return len(window.true_t_ns)

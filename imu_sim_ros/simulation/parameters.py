@@ -206,6 +206,7 @@ class OneImuParameters:
 
 
 def _rig_parameters() -> "type[RigParameters]":
+    """Return the class of the parameters that all cameras share."""
     from imu_sim_ros.sensors.camera.rig_parameters import RigParameters  # most runs need none
 
     return RigParameters

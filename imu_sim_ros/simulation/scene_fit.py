@@ -91,4 +91,5 @@ def _free_turns(parameters: Mapping[str, object]) -> list[str] | None:
 
 
 def _plain(value: object) -> object:
+    """Return a value with a list in place of a tuple or array."""
     return list(value) if isinstance(value, tuple | np.ndarray) else value

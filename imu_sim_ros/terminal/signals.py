@@ -190,5 +190,6 @@ def _handle(handler: _Handler, numbers: Iterable[int] = SIGNALS) -> dict[int, An
 
 
 def _restore(handlers: dict[int, Any]) -> None:
+    """Restore handlers of signals."""
     for number, handler in handlers.items():
         signal.signal(number, handler)

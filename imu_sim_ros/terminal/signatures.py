@@ -206,6 +206,7 @@ def _words(text: str) -> list[str]:
 
 
 def _help(text: str) -> str:
+    """Return a docstring's text as argparse takes it."""
     return text.rstrip(".").replace("%", "%%")
 
 

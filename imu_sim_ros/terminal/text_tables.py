@@ -33,6 +33,7 @@ def html_of(lines: Iterable[str | TextTable]) -> str:
 
 
 def _html_table(table: TextTable) -> str:
+    """Return a table as HTML, for notebooks."""
     caption = f"<caption>{html.escape(table.title)}</caption>" if table.title else ""
     head = "".join(f"<th>{html.escape(name)}</th>" for name in table.header)
     body = "".join(

@@ -81,6 +81,7 @@ class PoseSpline:
         return Motion(*self._translation(segment, u), q_wb, omega, alpha)
 
     def _translation(self, segment: Integers, u: Array) -> tuple[Array, Array, Array]:
+        """Return position, velocity and acceleration (n, 3) at parts u of segments."""
         h = self._knots.spacing
         p, v, a = np.empty((3, len(u), 3))
         for axis in range(3):

@@ -324,6 +324,7 @@ def _repeated(inner: Trajectory, parameters: TrajectoryParameters) -> Retimed:
 
 
 def _check_closed(inner: Trajectory, repeat: int) -> None:
+    """Refuse to repeat a motion whose end is not its begin."""
     ends = inner.sample(np.array([0.0, inner.duration]))
     step = np.linalg.norm(ends.position[1] - ends.position[0])
     turn = 2.0 * np.arccos(min(1.0, abs(float(np.sum(ends.q_wb[0] * ends.q_wb[1])))))
@@ -360,6 +361,7 @@ def _rests(length: float, rest_before: float, parameters: TrajectoryParameters) 
 
 
 def _too_short(transition: float, length: float) -> str:
+    """Return the line about a motion shorter than its transitions."""
     return (
         f"trajectory.rest_transition = {transition:g}: must be shorter for a motion that lasts "
         f"{length:g} s"

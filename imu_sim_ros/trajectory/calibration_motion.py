@@ -111,6 +111,7 @@ def upright(axis: Vector) -> Array:
 
 
 def _rest(time: float) -> list[Turn]:
+    """Return a rest of some time [s]."""
     return [Turn(Phase(time, 0.0, 0.0), _Z)]
 
 

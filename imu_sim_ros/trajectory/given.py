@@ -126,6 +126,11 @@ def suspicions(trajectory: Trajectory, duration: float, rate: float) -> list[str
 
 
 def _contradictions(t: Array, step: float, motions: Motion, next_to: Motion) -> list[str]:
+    """Return a line for each quantity that is not the derivative of another one.
+
+    :param t: (n,) times [s].
+    :param step: short time between ``motions`` and ``next_to`` [s].
+    """
     lines: list[str] = []
     for name, derivative, unit, long, short, rate_before, rate_after in (
         ("position", "velocity", "m", *_moved(motions, next_to, 0), motions[1], next_to[1]),

@@ -100,6 +100,7 @@ def read_height_map(path: str) -> HeightMap:
 
 
 def _value(path: str, number: int, tokens: list[str]) -> float:
+    """Return the number in a line of the head."""
     try:
         (token,) = tokens
         return number_of(token)
@@ -109,6 +110,7 @@ def _value(path: str, number: int, tokens: list[str]) -> float:
 
 
 def _check_header(path: str, header: dict[str, float]) -> None:
+    """Refuse a head without cell size, corner or counts."""
     missing = [key for key in _KEYS if key not in header]
     if missing:
         raise InputError(

@@ -252,6 +252,7 @@ def _splines(times: Array, coordinates: Array) -> list[Any]:
 
 
 def _times_within_limits(coordinates: Array, parameters: WaypointsParameters) -> Array:
+    """Return the times (n,) of waypoints at which no limit is exceeded."""
     steps = np.diff(coordinates, axis=0)
     ways = np.linalg.norm(steps[:, :3], axis=-1) / parameters.speed_limit
     turns = np.abs(steps[:, 3]) / parameters.heading_rate_limit

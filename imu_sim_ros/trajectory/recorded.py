@@ -180,6 +180,7 @@ def recorded_in(trajectory: Trajectory) -> RecordedMotion | None:
 
 
 def _check(poses: States, parameters: PosesParameters) -> None:
+    """Refuse poses that are too few, or too far from each other."""
     count = len(poses.t_ns)
     if count < _LEAST_POSES:
         raise InputError(
@@ -214,6 +215,7 @@ def _knot_spacing(poses: States, parameters: PosesParameters) -> float:
 def _report(
     t: Array, poses: States, spline: PoseSpline, knots: UniformKnots, cutoff: float
 ) -> FitReport:
+    """Return how well the spline fits the poses."""
     fitted = spline.sample(t)
     distance = np.linalg.norm(fitted.position - poses.position, axis=-1)
     turn = rotation.multiply(rotation.conjugate(fitted.q_wb), poses.q_wb)
@@ -252,4 +254,5 @@ def _rms(values: Array) -> float:
 
 
 def _peak(vectors: Array) -> float:
+    """Return the largest length of vectors (n, 3)."""
     return float(np.max(np.linalg.norm(vectors, axis=-1)))

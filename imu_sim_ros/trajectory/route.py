@@ -156,6 +156,7 @@ def _checked(rows: Iterator[_Row], bad: BadRows, is_geographic: bool) -> _Points
 
 
 def _csv(path: Path, bad: BadRows) -> _Points:
+    """Return the points of a route in a CSV file."""
     header: list[str] = []
     rows: list[_Row] = []
     columns: tuple[int, int, int, int] | None = None

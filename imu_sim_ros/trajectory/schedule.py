@@ -135,6 +135,7 @@ def _below(p: DriveParameters, shares: Array) -> DriveParameters:
 
 
 def _fine(schedule: UniformSpline) -> Array:
+    """Return times (n,) of a fine grid over a schedule."""
     count = schedule.segments * _FINE
     return np.arange(count + 1, dtype=np.float64) * (schedule.length / count)
 
@@ -149,6 +150,7 @@ def _shares(done: Driven, p: DriveParameters) -> Array:
 
 
 def _way(path: Path, p: DriveParameters) -> _Way:
+    """Return the way along a path with its bends and speed limits."""
     bends = path.bends()
     u = np.union1d(bends.u, path.waypoint_u)
     middle = 0.5 * (u[:-1] + u[1:])

@@ -82,6 +82,7 @@ def waypoints_file(parameters: TourParameters) -> str:
 
 
 def _as(some: WaypointList, parameters: TourParameters) -> WaypointsParameters:
+    """Return the parameters of a motion along waypoints."""
     return WaypointsParameters(
         positions=tuple(some.positions.ravel().tolist()),
         headings=tuple(some.headings.tolist()),
@@ -92,5 +93,6 @@ def _as(some: WaypointList, parameters: TourParameters) -> WaypointsParameters:
 
 
 def _flown(parameters: WaypointsParameters) -> Callable[[int], Array]:
+    """Return the function that gives positions along a flight."""
     flight = Waypoints(parameters)
     return lambda count: flight.sample(np.linspace(0.0, flight.duration, count)).position

@@ -204,6 +204,7 @@ class Vibrating:
         return motion
 
     def _shifted(self, motion: Motion, t: Array, clock: Derivatives | None) -> Motion:
+        """Return the motion with the translational vibration."""
         d, d_first, d_second = _in_time(self._vibration.shift.with_integrals, t, clock)
         omega, alpha = motion.angular_velocity, motion.angular_acceleration
         swept = np.cross(omega, d)
@@ -216,6 +217,7 @@ class Vibrating:
         )
 
     def _turned(self, motion: Motion, t: Array, clock: Derivatives | None) -> Motion:
+        """Return the motion with the rotational vibration."""
         phi, d1, d2 = _in_time(self._vibration.turn.with_derivative, t, clock)
         turn = rotation.exp(phi)
         own_rate, own_acceleration = rotation.rate_and_acceleration(phi, d1, d2)

@@ -128,4 +128,5 @@ def _names_below(folder: Path, depth: int, prefix: str = "") -> list[str]:
 
 
 def _reason(error: Exception) -> str:
+    """Return the text of an exception in one line."""
     return " ".join(str(error).split()) or type(error).__name__

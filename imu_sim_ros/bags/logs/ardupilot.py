@@ -45,7 +45,7 @@ _MICROSECOND: Final = 1000
 _LAST_STAMP: Final = 2**31 * 10**6
 """End of the stamps that a message of ROS holds [us]."""
 _MILLIGAUSS: Final = 1e-7
-"""[T]"""
+"""One milligauss [T]."""
 _FIX_2D: Final = 2
 _CELLS: Final = {
     "b": "i1",

@@ -222,6 +222,7 @@ def _values(lines: Sequence[bytes], columns: int) -> tuple[Array, str]:
 
 
 def _table(rows: Sequence[Sequence[float]], columns: int) -> Array:
+    """Return rows of numbers as an array (n, columns), also without rows."""
     return np.array(rows, np.float64).reshape(-1, columns)
 
 

@@ -172,6 +172,7 @@ def _labels(file: _File, group: str, count: int) -> list[str]:
 
 
 def _rate(file: _File, group: str) -> float:
+    """Return the rate of a group [Hz]; 0 if the file states none."""
     values = _parameter(file, group, "RATE")
     return float(values[0] or 0.0) if values else 0.0
 
@@ -323,7 +324,7 @@ def _kabsch(reference: Array, position: Array, visible: Mask) -> tuple[Array, Ar
     Of R = V diag(1, 1, det(V U^T)) U^T with U S V^T the decomposition of the covariance.
 
     :param reference: (m, 3) markers on the body.
-    :param position: (n, m, 3) in each frame; whatever where they are not visible.
+    :param position: (n, m, 3) in each frame; arbitrary where they are not visible.
     :param visible: (n, m).
     :returns: R (n, 3, 3), p (n, 3), the frames that have a pose (n,), and the RMS residual.
     """
@@ -372,5 +373,6 @@ def _gap_lines(name: str, visible: Mask, t_ns: Times, need: str) -> list[str]:
 
 
 def _listed(labels: Sequence[str]) -> str:
+    """Return the first labels as text, and the number of the others."""
     remainder = f" and {len(labels) - 12} more" if len(labels) > 12 else ""
     return ", ".join(labels[:12]) + remainder

@@ -242,6 +242,7 @@ def unit_in(name: str) -> tuple[str, str]:
 
 
 def _is_number(text: str) -> bool:
+    """Return True if :func:`number_of` reads a cell."""
     try:
         number_of(text)
     except ValueError:
@@ -250,6 +251,7 @@ def _is_number(text: str) -> bool:
 
 
 def _is_stamp(text: str, digits: int) -> bool:
+    """Return True for a cell with a decimal number of a unit."""
     try:
         nanosecond(text, digits, whole=False)
     except (ValueError, OverflowError):

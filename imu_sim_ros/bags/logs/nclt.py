@@ -28,7 +28,7 @@ from imu_sim_ros.core.rotation import from_euler
 MEMORY = 7
 """Memory that reading takes, in sizes of the file."""
 _GAUSS: Final = 1e-4
-"""[T]"""
+"""One gauss [T]."""
 _MICROSECONDS: Final = 3
 _UTIME: Final = re.compile(rb"\d{16}")
 """A time in microseconds of the years 2001 to 2286."""
@@ -95,6 +95,7 @@ def _names(files: Archive) -> list[str]:
 
 
 def _is_imu(name: str) -> bool:
+    """Return True for the name of the table of the IMU."""
     return name.split("/")[-1] == "ms25.csv"
 
 

@@ -152,6 +152,7 @@ def _time_column(table: ColumnTable) -> str | None:
 
 
 def _columns_of(table: ColumnTable, unit: str) -> list[str]:
+    """Return the names of the columns with a unit."""
     return [name for name in table.names if _unit(name) == unit]
 
 
@@ -254,6 +255,7 @@ def _specific_force(sets: Sequence[_Set], clock: _Clock, remarks: list[str]) -> 
 
 
 def _median_length(entry: _Set) -> float:
+    """Return the median norm of the rows of a quantity."""
     return float(np.median(np.linalg.norm(entry.values, axis=1)))
 
 

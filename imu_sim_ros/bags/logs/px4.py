@@ -219,6 +219,7 @@ def _topics(file: "ULog", remarks: list[str]) -> Topics:
 
 
 def _numbered(name: str) -> list[str]:
+    """Return the names of the elements of an array field: name[0], name[1], ..."""
     return [f"{name}[{k}]" for k in range(32)]
 
 
@@ -297,6 +298,7 @@ def _triads(
 
 
 def _single(topic: _Topic) -> tuple[Times, Array] | None:
+    """Return times (n,) and vectors (n, 3) of a topic with one reading in each message."""
     vector = topic.vector(*AXES)
     return None if vector is None else (topic.t_ns, vector)
 

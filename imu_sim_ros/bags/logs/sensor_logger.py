@@ -36,9 +36,9 @@ _METADATA: Final = "/metadata.csv"
 _XYZ: Final = ("x", "y", "z")
 _Q: Final = ("qw", "qx", "qy", "qz")
 _MICROTESLA: Final = 1e-6
-"""[T]"""
+"""One microtesla [T]."""
 _MILLIBAR: Final = 100.0
-"""[Pa]"""
+"""One millibar [Pa]."""
 _WEARABLES: Final = ("WristMotion", "Headphone")
 """Tables of devices with an IMU of their own."""
 _NORTH_IS_X: Final = np.array([np.sqrt(0.5), 0.0, 0.0, np.sqrt(0.5)])
@@ -114,6 +114,7 @@ def _is_table(files: Archive, name: str) -> bool:
 
 
 def _is_head(line: bytes) -> bool:
+    """Return True for a header that names the columns common to all tables."""
     names = line.decode("utf-8", "replace").lstrip("\ufeff").split(",")
     return {name.strip().strip('"') for name in names} >= _HEAD
 

@@ -74,11 +74,11 @@ _COUNTER: Final = re.compile(rb",T([0-9]+)$")
 _SUFFIX: Final = re.compile(rb"(,[ST][0-9A-Fa-f]+)+$")
 _NUMBER: Final = re.compile(rb"\d+(?:\.\d+)?(?:[eE][+-]?\d+)?")
 _FACTORY_RATE: Final = 40.0
-"""[Hz]"""
+"""Output rate of a sensor in its factory settings [Hz]."""
 _GAUSS: Final = 1e-4
-"""[T]"""
+"""One gauss [T]."""
 _KILOPASCAL: Final = 1e3
-"""[Pa]"""
+"""One kilopascal [Pa]."""
 _DIGITS_OF_CLOCKS: Final = ((1e17, 0), (1e14, 3), (1e11, 6), (0.0, 9))
 """Least size of host times, and the decimal digits between their unit and a nanosecond: UTC in ns,
 us, ms; seconds."""

@@ -157,6 +157,7 @@ class MessageDecoder:
         return self._latest.texts if self._latest else ()
 
     def _form(self, payload: bytes) -> "_Form":
+        """Return the form of messages with the texts of this one."""
         texts = raw_texts(self._type_name, "cdr", payload)
         message_layout = layout(self._type_name, "cdr", texts)
         fixed = [
@@ -256,7 +257,7 @@ _QUANTITIES: Final = {
     "vector": gate.OTHER,
 }
 _STATED: Final = "orientation_covariance"
-"""Negative in an Imu that has no orientation (REP-145)."""
+"""Field whose first number is negative in an Imu without orientation (REP-145)."""
 
 
 def gated_fields(type_name: str) -> tuple[str, ...]:

@@ -79,7 +79,7 @@ class Encoder:
 
     type_name: str
     pattern: Callable[..., RowTemplate]
-    """Each encoder's own: returns n messages of stamps (n,) and its columns."""
+    """Method of each encoder: returns n messages of stamps (n,) and columns of values."""
 
     def __init__(self, layout: Layout, **constant: ArrayLike) -> None:
         """Set up what all messages have in common.
@@ -94,7 +94,7 @@ class Encoder:
         self._template = self._row(constant)
 
     def encode(self, *columns: Any, **keywords: object) -> Bytes:
-        """Return messages (n, size) of what ``pattern`` takes."""
+        """Return messages (n, size) as bytes; the arguments are those of ``pattern``."""
         return side_by_side([self.pattern(*columns, **keywords)])
 
     def _stamp(self, t_ns: int) -> tuple[int, int]:

@@ -68,6 +68,11 @@ def fields(type_name: str, encoding: str = "cdr") -> tuple[tuple[str, str, int],
 def _fields(
     name: str, texts: Mapping[str, str], within: str = ""
 ) -> Iterator[tuple[str, str, int]]:
+    """Yield name, kind and count of the fields of a definition, nested types included.
+
+    :param texts: definitions by name of the type.
+    :param within: name of the field that has this type; empty: a message.
+    """
     prefix = f"{within}_" if within else ""
     for line in texts[name].splitlines():
         tokens = line.partition("#")[0].split()

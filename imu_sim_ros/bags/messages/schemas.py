@@ -216,6 +216,7 @@ class Translation:
 
     @property
     def _stores(self) -> "tuple[Typestore, Typestore]":
+        """The types of the bag, and those of the other generation."""
         return self._types, self.target_types
 
     def _has_same_fields(self, name: str) -> bool:
@@ -273,10 +274,12 @@ def _nested(kind: Any) -> "str | None":
 
 
 def _nothing(base: Any) -> "str | int":
+    """Return the default of a plain field: an empty text, or 0."""
     return "" if base[0] == "string" else 0
 
 
 def _idl_parts(text: str) -> list[str]:
+    """Return the IDL definitions in a text: a type, and those that it contains."""
     separator = "=" * 80 + "\n"
     if not text.startswith(separator):
         return [text]
@@ -335,6 +338,7 @@ def recorded_type(type_name: str, text: str, digest: str, encoding: str) -> Reco
 
 
 def _known(type_name: str) -> Schema:
+    """Return the definition of a type that comes with ROS; an empty one for any other."""
     try:
         return schema(type_name, "cdr")
     except InputError:
@@ -342,6 +346,7 @@ def _known(type_name: str) -> Schema:
 
 
 def _unchanged(payload: bytes) -> bytes:
+    """Return a message as it is: it has the bag's encoding already."""
     return payload
 
 
@@ -408,11 +413,13 @@ def parse_qos(profiles: object) -> tuple[Qos, ...]:
 
 
 def _depth(entry: dict[str, object]) -> int:
+    """Return the depth of a profile; 10 for a missing or invalid one."""
     value = entry.get("depth")
     return value if isinstance(value, int) and 0 <= value < 2**31 else 10
 
 
 def _word(name: str, entry: dict[str, object]) -> str:
+    """Return a policy of a profile by name, by number, or its default."""
     value = entry.get(name)
     default = str(Qos._field_defaults[name])
     numbered = _NUMBERED[name].get(value, default) if isinstance(value, int) else default

@@ -50,6 +50,7 @@ def rows(values: Column) -> list[bytes]:
 
 
 def _with_repr(values: Column) -> list[bytes]:
+    """Return the cells of :func:`rows` without orjson, in its notation."""
     table: list[list[object]] = values.reshape(len(values), -1).tolist()
     cells = [",".join(map(repr, row)) for row in table]
     if values.dtype.kind == "f":

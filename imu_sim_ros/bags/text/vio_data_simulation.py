@@ -134,6 +134,7 @@ def _head(path: Path) -> Array:
 
 
 def _has_form(path: Path) -> bool:
+    """Return True for a file whose rows are those of vio_data_simulation."""
     head = _head(path)
     if head.shape[1] not in _COUNTS:
         return False

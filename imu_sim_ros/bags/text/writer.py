@@ -182,6 +182,7 @@ class Dataset:
 
     @property
     def _open(self) -> list[TextFile]:
+        """All files that are written."""
         return [*self.imus, *self.truths, *self.tables.values()]
 
     def write_imu(self, t_ns: Times, gyro: Array, accel: Array, index: int = 0) -> None:
@@ -223,6 +224,7 @@ class Dataset:
             self._close(kind)
 
     def _close(self, kind: type[BaseException] | None) -> None:
+        """Finish all files; after an error they keep partial names, after a signal whole rows."""
         files = self._open
         for file in files:
             if kind is not None:
@@ -283,6 +285,7 @@ def write_euroc_table(
 
 
 def _pose(r: Array, p: Array) -> str:
+    """Return a rigid motion as OpenCV's matrix ``T_BS`` in YAML."""
     matrix = pose_matrix(r, p)
     rows = ",\n         ".join(", ".join(decimal(value) for value in row) for row in matrix)
     return f"T_BS:\n  cols: 4\n  rows: 4\n  data: [{rows}]\n"

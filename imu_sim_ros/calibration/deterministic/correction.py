@@ -140,6 +140,7 @@ def for_integrator(values: Parameters) -> dict[str, Value]:
 
 
 def _value(name: str, value: Array) -> Value:
+    """Return numbers with nine significant digits for a parameter file."""
     numbers = tuple(float(f"{x:.9g}") for x in value)
     return numbers[0] if name == "reference_temperature" else numbers
 

@@ -136,6 +136,7 @@ class _Step:
 
 
 def _symmetric(entries: Array) -> Array:
+    """Return the symmetric matrix (3, 3) of its six different entries."""
     matrix = np.zeros((3, 3))
     matrix[_ROWS, _COLUMNS] = matrix[_COLUMNS, _ROWS] = entries
     return matrix

@@ -123,6 +123,12 @@ def _norm_sigma(inverse: Array, centred: Array, norms: Array, steady: Steady) ->
 
 
 def _summary(inverse: Array, bias: Array, steady: Steady, gravity: float) -> NormFit:
+    """Return the parameters with standard errors, after a last step with the walk of the bias.
+
+    :param inverse: (3, 3) T, the inverse of S.
+    :param bias: (3,) b [m/s^2].
+    :param gravity: magnitude of gravity [m/s^2].
+    """
     centred = steady.accel - bias
     force = centred @ inverse.T
     norms = np.linalg.norm(force, axis=1)

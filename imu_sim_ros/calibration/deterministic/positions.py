@@ -244,6 +244,7 @@ def observations(
 
 
 def _row(values: Array, k: int, simple: bool) -> Array:
+    """Return the row of axis k in a matrix; the simple variant has its diagonal alone."""
     if not simple:
         return values
     row = np.zeros(3)

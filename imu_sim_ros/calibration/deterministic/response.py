@@ -250,6 +250,13 @@ def _summary(
     shape: tuple[int, int, int],
     span: float,
 ) -> AxisResponse:
+    """Return the parameters of one axis with their covariance.
+
+    :param parameters: (q,) gain, bias and scale; powers of the temperature over the span.
+    :param weight: (n, n) whitener of the readings.
+    :param shape: number of gains and of bias coefficients, order of the scale.
+    :param span: range of the temperatures that scales their powers [K].
+    """
     p, b, scale_order = shape
     n, q = jacobian.shape
     total = float(np.sum((weight @ residuals) ** 2))

@@ -129,6 +129,14 @@ def _triad(
     sigma: Array,
     difference: Array,
 ) -> TriadTemperature:
+    """Return the fit of one triad.
+
+    :param inputs: (m, p) known inputs; p is 0 if there is only one orientation.
+    :param readings: (m, 3) mean readings.
+    :param true_inputs: (m, 3) true rates or forces.
+    :param sigma: (m, 3) standard errors of the readings.
+    :param difference: (m,) T - T0 [K].
+    """
     if inputs.shape[1] == 0:  # one orientation: every change is attributed to the bias
         readings = readings - true_inputs
     axes = tuple(

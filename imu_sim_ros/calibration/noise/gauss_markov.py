@@ -139,6 +139,7 @@ def _bracket(excess: Callable[[float], float], best: float, step: float) -> floa
 def _root(
     excess: Callable[[float], float], low: float, high: float, tolerance: float = 1e-4
 ) -> float:
+    """Return the zero of a function between two points; the nearer end if none is bracketed."""
     from scipy.optimize import brentq
 
     if excess(low) * excess(high) >= 0.0:  # a plateau within rounding

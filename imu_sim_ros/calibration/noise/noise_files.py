@@ -109,12 +109,15 @@ def write_imu_utils(result: AllanResult, path: Path, *, continuous: bool) -> Non
 
 
 class _Number(NamedTuple):
+    """A number of a configuration."""
+
     value: float
     bound: bool
     """The record does not distinguish it from zero: the value is an upper bound."""
 
 
 def _imu_utils_pair(result: AllanResult, axis: int, continuous: bool) -> tuple[_Number, _Number]:
+    """Return the white noise and the walk of an axis in one of imu_utils' two meanings."""
     noise, walk = (
         _Number(e.high, True) if e.value is None else _Number(e.value, False)
         for e in (result.estimate(axis, key) for key in ("noise_density", "random_walk"))
@@ -168,6 +171,7 @@ def simulator_parameters(result: AllanResult) -> dict[str, Value]:
 
 
 def _sign(result: AllanResult, axis: int) -> float:
+    """Return the sign of the ramp of an axis."""
     noise = result.noise[axis]
     return -1.0 if noise is not None and noise.trend < 0.0 else 1.0
 

@@ -188,7 +188,7 @@ class _Kind(Protocol):
     """Largest change of the parameter in one iteration; 0: it does not move."""
 
     def columns(self, parameter: float, rows: slice = _ALL) -> Array:
-        """Return (m, c) the coefficients of a signal with sizes of 1."""
+        """Return (m, c) the cosine transform's coefficients of a signal with sizes of 1."""
 
     evidence: float
     """Log-likelihood with which a signal is certain."""
@@ -265,7 +265,7 @@ class _ShiftKind:
         """(m,) coefficients over ``sin(pi k position / n)``: a geometric series."""
 
     def columns(self, parameter: float, rows: slice = _ALL) -> Array:
-        """Return (m, 1) the coefficients of a step."""
+        """Return (m, 1) the cosine transform's coefficients of a step at a position."""
         angle = np.pi * self._order[rows] * parameter / self._n
         return np.asarray((self.factors[rows] * np.sin(angle))[:, None])
 
@@ -305,7 +305,7 @@ class _TransientKind:
         """Parameters at which a transient is looked for."""
 
     def columns(self, parameter: float, rows: slice = _ALL) -> Array:
-        """Return (m, 1) the coefficients of a decay: a geometric series."""
+        """Return (m, 1) the cosine transform's coefficients of a decay: a geometric series."""
         order = self._order[rows]
         rate = np.exp(-parameter) - 1j * np.pi * order / self._n
         end = np.where(order % 2 == 0, 1.0, -1.0) * np.exp(-self._n * np.exp(-parameter))

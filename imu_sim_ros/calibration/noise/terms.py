@@ -76,6 +76,7 @@ class Term(NamedTuple):
 
 
 def _white(spectrum: Spectrum) -> Array:
+    """Return the spectrum (m,) of white noise with a density of 1."""
     return np.ones(len(spectrum.frequency))
 
 
@@ -106,6 +107,7 @@ def _flicker(spectrum: Spectrum) -> Array:
 
 
 def _quantisation(spectrum: Spectrum) -> Array:
+    """Return the spectrum (m,) of quantisation noise with a coefficient of 1."""
     sine = np.sin(np.pi * spectrum.frequency * spectrum.interval)
     return 4.0 * sine**2 / spectrum.interval
 

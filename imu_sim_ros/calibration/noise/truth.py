@@ -62,6 +62,7 @@ def true_noise(imu: ImuParameters, rate: float) -> dict[str, Array]:
 
 
 def _true_noise(triad: TriadParameters, rate: float) -> dict[str, Array]:
+    """Return the true coefficients (3,) of a triad by the keys of the noise terms."""
     return {
         QUANTISATION.key: np.asarray(triad.increment_resolution) / np.sqrt(12.0),
         "noise_density": np.sqrt(triad.white_variance(rate) / rate),

@@ -438,6 +438,7 @@ def _summary(
 
 
 def _segments(pieces: tuple[slice, ...]) -> list[slice]:
+    """Return slices of about equal length of the pieces of a recording."""
     segments = []
     for piece in pieces:
         count = -(-(piece.stop - piece.start) // _SEGMENT)

@@ -74,6 +74,7 @@ def find_lines(values: Array, rate: float, lowest: float = 0.0) -> tuple[Lines, 
 
 
 def _spectrum(values: Array) -> Array:
+    """Return the squared Fourier coefficients (m, k) of columns (n, k) in a Hann window."""
     window = np.hanning(len(values) + 2)[1:-1, None]
     return np.abs(np.fft.rfft(window * values, axis=0)) ** 2
 

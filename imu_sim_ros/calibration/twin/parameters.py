@@ -64,6 +64,7 @@ def clock_skew(fit: Fit) -> float:
 
 
 def _vibration(analysis: Analysis) -> dict[str, Value]:
+    """Return the parameters of the vibration that the residuals show."""
     values: dict[str, Value] = {}
     lines, bands = analysis.lines, analysis.vibration
     if len(lines.frequency):
@@ -97,6 +98,7 @@ def coherence(bands: Bands) -> Array:
 
 
 def _orthonormal(r: Array) -> Array:
+    """Return the rotation matrix nearest to a matrix (3, 3)."""
     u, _, vt = np.linalg.svd(r)
     return u @ vt
 

@@ -92,7 +92,7 @@ class PoseNoise(NamedTuple):
 
     @property
     def is_rounding(self) -> bool:
-        """Whether it is mostly rounding, of attitudes or of positions."""
+        """True if the noise is mostly rounding, of attitudes or of positions."""
         turn, shift = np.mean(self.white.reshape(2, 3) ** 2, axis=1)
         steps = (2.0 * self.quaternion_step) ** 2, self.position_step**2
         return bool(steps[0] / 12.0 > turn or steps[1] / 12.0 > shift)
@@ -130,6 +130,7 @@ class PoseNoise(NamedTuple):
 
 
 def _rounded(values: Array, step: float) -> Array:
+    """Return values rounded to multiples of a step; unchanged for a step of 0."""
     return step * np.rint(values / step) if step else values
 
 

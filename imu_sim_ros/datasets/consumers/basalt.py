@@ -115,6 +115,7 @@ def _lens(camera: CameraParameters) -> dict[str, object]:
 
 
 def _model(name: str, intrinsics: dict[str, float]) -> dict[str, object]:
+    """Return a camera model as Basalt's calibration has it."""
     return {"camera_type": name, "intrinsics": intrinsics}
 
 
@@ -129,4 +130,5 @@ def _static(
 
 
 def _above_zero(values: ImuValues, name: str) -> list[float]:
+    """Return values per axis, at least the smallest that the estimator accepts."""
     return np.maximum(values.filter_axes(name), SMALLEST).tolist()

@@ -46,6 +46,7 @@ def config(body: Aiding) -> str:
 
 
 def _remarks(body: Aiding) -> list[str]:
+    """Return the comment at the head of the file."""
     remarks = [
         "FusionCore, fusioncore_ros: what differs from its defaults. Written against its sources; "
         "it has not been run with them here.",
@@ -142,4 +143,5 @@ def _gnss_lines(body: Aiding) -> list[str]:
 
 
 def _vector(name: str, vector: tuple[float, ...]) -> list[str]:
+    """Return a vector as three keys, one per axis."""
     return [f"{name}_{axis}: {real(x)}" for axis, x in zip("xyz", vector, strict=True)]

@@ -99,10 +99,12 @@ def files(subject: Subject) -> dict[str, str]:
 
 
 def _list(numbers: Array) -> str:
+    """Return numbers as a YAML list."""
     return yaml_list((np.ravel(numbers) + 0.0).tolist())  # -0 becomes 0
 
 
 def _kiss_icp(ranging: Ranging) -> str:
+    """Return the configuration of KISS-ICP."""
     head = comment(
         [
             f"KISS-ICP 1.3.0: kiss_icp_pipeline BAG --topic {ranging.topic} --config this file; it "

@@ -115,6 +115,7 @@ def _estimator(body: Aiding) -> str:
 
 
 def _imu(body: Aiding) -> str:
+    """Return the section of the IMU."""
     head = comment(["Continuous-time densities in kalibr's units."])
     densities = body.values.positive_densities()
     names = {

@@ -204,6 +204,7 @@ def bad_starts(values: ImuValues, start: InitialMotion) -> Iterator[BadStart]:
 
 
 def _openvins(values: ImuValues, start: InitialMotion) -> Iterator[str]:
+    """Yield why OpenVINS cannot initialise well with this start of the motion."""
     rest, speed = _rest(values, start)
     if rest is None:
         yield (

@@ -93,6 +93,10 @@ def _filter(name: str, world: str, body: Aiding, *, fixes: bool) -> str:
 
 
 def _odometry(number: int, topic: str, used: str) -> list[str]:
+    """Return the keys of an odometry input.
+
+    :param used: T or F for each of the 15 states.
+    """
     name = f"odom{number}"
     return [
         f"{name}: {topic}",
@@ -109,6 +113,7 @@ def _config(name: str, rows: tuple[int, ...]) -> str:
 
 
 def _booleans(name: str, used: list[bool]) -> str:
+    """Return the list of the 15 states that an input measures, three a row."""
     indent = " " * (len(name) + len("    _config: ["))
     rows = [", ".join(str(flag).lower() for flag in used[k : k + 3]) for k in range(0, 15, 3)]
     lines = [f"{row}{',' if k < 4 else ']'}  # {_ROWS[k]}" for k, row in enumerate(rows)]

@@ -58,6 +58,7 @@ def config(values: ImuValues, *, fusion: bool) -> str:
 
 
 def _numbers(values: ImuValues) -> str:
+    """Return the keys of the noise, per sample as VINS takes it."""
     root = math.sqrt(values.rate)
     numbers = "".join(
         f"{key}: {decimal(values.rms_density(f'{triad}_{term}') * root)}\n"
@@ -112,6 +113,7 @@ def lens(camera: CameraParameters) -> str:
 
 
 def _map(name: str, **numbers: float) -> str:
+    """Return a mapping of numbers in YAML."""
     rows = "".join(f"   {key}: {real(value)}\n" for key, value in numbers.items())
     return f"{name}:\n{rows}"
 
@@ -165,6 +167,7 @@ def fusion(rig: RigValues, prefix: str) -> str:
 
 
 def _head(name: str, rig: RigValues, missing: Iterator[str]) -> str:
+    """Return the comment at the head of the file."""
     return comment(
         [
             f"{name}, whole: lenses and their mounts as they are simulated, the rest as for EuRoC. "

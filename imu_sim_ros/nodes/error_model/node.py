@@ -119,6 +119,7 @@ class ErrorModelNode(ConfiguredNode[ErrorNodeParameters]):
         self._matched = MatchedInputs(self, self.reader, self._inputs, DEPTH)
 
     def _inputs(self) -> dict[str, type]:
+        """Return the topics that the node reads, with their message classes."""
         classes = {name: decode.message_class(kind) for name, (_, kind) in self._values.items()}
         if self.parameters.odometry:
             return {conventions.INPUT_ODOMETRY_TOPIC: Odometry, **classes}
@@ -206,6 +207,7 @@ class ErrorModelNode(ConfiguredNode[ErrorNodeParameters]):
         return decoded
 
     def _of_odometry(self, odometry: Differentiator, topic: str, batch: list[Taken]) -> Readings:
+        """Return the ideal readings that poses and velocities imply."""
         states = self._decoded(topic, batch, decode.truth)
         if self._twist is not None and not self._twist.done:
             for finding in self._twist.add(states):
@@ -248,6 +250,7 @@ class ErrorModelNode(ConfiguredNode[ErrorNodeParameters]):
             sensor_description.publish(self._description, parameters)
 
     def _inject(self, parameters: ErrorNodeParameters) -> None:
+        """Inject the fault that the parameters describe."""
         fault = parameters.inject.fault()
         with self._lock:
             first_sample = self.model.inject(fault, parameters.inject.delay)
@@ -257,6 +260,7 @@ class ErrorModelNode(ConfiguredNode[ErrorNodeParameters]):
         self._faults.publish(fault_message(name, fault, "", stamp.to_msg()))
 
     def _reset(self, _: Trigger.Request, response: Trigger.Response) -> Trigger.Response:
+        """Begin again with the first sample, for the service."""
         with self._lock:
             self.model.reset()
             if self._odometry is not None:
@@ -267,6 +271,7 @@ class ErrorModelNode(ConfiguredNode[ErrorNodeParameters]):
         return response
 
     def _diagnose(self) -> None:
+        """Publish counts and rates as diagnostics."""
         stamp = self.get_clock().now().to_msg()
         counts = self.model.counts
         if self._unit_of != (self.parameters, self.model.seed):

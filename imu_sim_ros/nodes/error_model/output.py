@@ -33,6 +33,8 @@ def wanted(parameters: ErrorNodeParameters) -> dict[str, Offered]:
 
 
 class _Output(NamedTuple):
+    """A topic that is published: its encoder and its counter."""
+
     offered: Offered
     encode: Encode
     counter: Counter
@@ -122,6 +124,7 @@ class Delayed:
             self._thread.join()
 
     def _run(self) -> None:
+        """Publish each message when it is due; runs in a thread."""
         while True:
             with self._new:
                 while not self._waiting and not self._ended:

@@ -60,6 +60,7 @@ class TruthComparison:
             yield self._compare(estimate, truth)
 
     def _compare(self, estimate: LiveState, truth: LiveState) -> PoseError:
+        """Return the error of a state: estimate minus truth."""
         px, py, pz = estimate.position
         x, y, z = truth.position
         x, y, z = px - x, py - y, pz - z

@@ -69,9 +69,11 @@ class _FromParameters:
         self._parameters = parameters
 
     def add_reading(self, reading: LiveReading) -> Start | None:
+        """Return the start: the first reading is enough."""
         return Start(initialisation.from_parameters(self._parameters), [reading])
 
     def add_truth(self, truth: LiveState) -> Start | None:
+        """Ignore the truth."""
         return None
 
 
@@ -89,18 +91,21 @@ class _FromTruth:
         self._truths: deque[LiveState] = deque(maxlen=_KEPT)
 
     def add_reading(self, reading: LiveReading) -> Start | None:
+        """Return the start if a truth of the same time has come."""
         if self._readings and reading.t_ns <= self._readings[-1].t_ns:
             self._readings.clear()
         self._readings.append(reading)
         return self._match()
 
     def add_truth(self, truth: LiveState) -> Start | None:
+        """Return the start if a reading of the same time has come."""
         if self._truths and truth.t_ns <= self._truths[-1].t_ns:
             self._truths.clear()
         self._truths.append(truth)
         return self._match()
 
     def _match(self) -> Start | None:
+        """Return the start at the first time that readings and truth have in common."""
         readings, truths = self._readings, self._truths
         while readings and truths and readings[0].t_ns < truths[0].t_ns:
             readings.popleft()
@@ -128,6 +133,7 @@ class _FromRest:
         self._readings: list[LiveReading] = []
 
     def add_reading(self, reading: LiveReading) -> Start | None:
+        """Return the start after enough readings at rest."""
         parameters, readings = self._parameters, self._readings
         if readings and reading.t_ns == readings[-1].t_ns:  # it came twice
             return None
@@ -150,6 +156,7 @@ class _FromRest:
             return None
 
     def add_truth(self, truth: LiveState) -> Start | None:
+        """Ignore the truth."""
         return None
 
 

@@ -145,11 +145,13 @@ class Integrator(ConfiguredNode[IntegratorParameters]):
                 )
 
     def _publisher(self, message: type, topic: str) -> Publisher:
+        """Return a publisher whose quality of service parameters may override."""
         options = QoSOverridingOptions.with_default_policies()
         return self.create_publisher(message, topic, DEPTH, qos_overriding_options=options)
 
     # ----------------------------------------------------------------------------- messages
     def _inputs(self) -> dict[str, type]:
+        """Return the topics that the node reads, with their message classes."""
         with_truth = self.parameters.error or self.parameters.initial_state == "truth"
         return {IMU_TOPIC: Imu, TRUTH_TOPIC: Odometry} if with_truth else {IMU_TOPIC: Imu}
 
@@ -208,12 +210,14 @@ class Integrator(ConfiguredNode[IntegratorParameters]):
             self.get_logger().info(f"the covariance does not include {', '.join(left_out)}")
 
     def _take_truth(self, truth: LiveState, rows: list[LiveState], errors: list[PoseError]) -> None:
+        """Compare a true state with the estimate, or start with it."""
         rows += self.odometer.add_truth(truth)
         if self.comparison is not None:
             errors += self.comparison.add_truth(truth)
 
     # ----------------------------------------------------------------------------- results
     def _publish(self, rows: list[LiveState]) -> None:
+        """Publish states as Odometry, and as transforms and a path if wanted."""
         if self.odometer.frames != self._frames:
             self._use_frames(self.odometer.frames)
         for row in rows:
@@ -231,22 +235,26 @@ class Integrator(ConfiguredNode[IntegratorParameters]):
                 self._publish_errors(errors)
 
     def _publish_errors(self, errors: Sequence[PoseError]) -> None:
+        """Publish the errors of position and attitude."""
         stamps, positions, attitudes = zip(*errors, strict=True)
         t_ns = np.array(stamps)
         _send(self._position_error_out, self._position_error.encode(t_ns, positions))
         _send(self._attitude_error_out, self._attitude_error.encode(t_ns, attitudes))
 
     def _publish_path(self) -> None:
+        """Publish the path so far, for the timer."""
         with self._lock:
             if self._path is not None:
                 self._path.publish()
 
     # ----------------------------------------------------------------------------- events
     def _diagnose(self) -> None:
+        """Publish the state of the integration as diagnostics."""
         stamp = self.get_clock().now().to_msg()
         self._diagnostics.publish(self._report.message(stamp, self.odometer, self.comparison))
 
     def _reset(self, _: Trigger.Request, response: Trigger.Response) -> Trigger.Response:
+        """Begin again with the next reading, for the service."""
         with self._lock:
             self.odometer.begin()
             if self._path is not None:
@@ -258,6 +266,7 @@ class Integrator(ConfiguredNode[IntegratorParameters]):
         return response
 
     def _complain(self, text: str) -> None:
+        """Log a warning, at most once in a period."""
         self.get_logger().warning(text, throttle_duration_sec=_COMPLAINT_PERIOD)
 
     def _refuse(self, topic: str, error: InputError) -> None:
@@ -289,6 +298,7 @@ def _words(imu: IntegratorImuParameters) -> str:
 
 
 def _send(publisher: Publisher, messages: np.ndarray) -> None:
+    """Publish encoded messages (n, size)."""
     for message in messages:
         publisher.publish(message.tobytes())
 

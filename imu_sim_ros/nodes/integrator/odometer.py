@@ -140,6 +140,7 @@ class LiveIntegrator:
         return [] if row is None else [row]
 
     def _begin_at(self, start: Start | None) -> list[LiveState]:
+        """Begin to integrate at a start; return the states of its readings."""
         if start is None:
             return []
         parameters = self.parameters
@@ -163,6 +164,7 @@ class LiveIntegrator:
         return [row for row in rows if row is not None]
 
     def _imu_state(self, start: Start) -> NavigationState:
+        """Return the state of the IMU of that of the body, by the mount."""
         initial, mount = start.initial, self._mount
         if mount == ALIGNED:
             return initial.state
@@ -175,6 +177,7 @@ class LiveIntegrator:
         return mount.imu_state(initial.state, rate)
 
     def _step(self, stepper: Stepper, reading: LiveReading) -> LiveState | None:
+        """Return the state after one more reading; None if the reading is not integrated."""
         previous_ns = stepper.t_ns
         force, rate = stepper.specific_force, stepper.angular_velocity
         stepper.longest_step_ns = self._gap.longest_step_ns
@@ -225,6 +228,7 @@ class LiveIntegrator:
             )
 
     def _row(self, stepper: Stepper, t_ns: int) -> LiveState:
+        """Return the state of the body at the stepper's time."""
         state, rate = (stepper.position, stepper.velocity, stepper.q_wb), stepper.angular_velocity
         if any(self.parameters.earth_rate):
             x, y, z = components.rotate_inverse(stepper.q_wb, self.parameters.earth_rate)
@@ -282,5 +286,6 @@ class PathPublisher:
             self._publisher.publish(Path(header=poses[-1].header, poses=poses))
 
     def _header(self, t_ns: int) -> Header:
+        """Return a header with a stamp [ns]."""
         second, nanosecond = divmod(t_ns, 1_000_000_000)
         return Header(stamp=Time(sec=second, nanosec=nanosecond), frame_id=self._frame_id)

@@ -109,6 +109,7 @@ class Recorder(ConfiguredNode[RecorderParameters]):
         self._summarise()
 
     def _open_bag(self) -> Writer:
+        """Open the bag that the parameters describe."""
         parameters = self.parameters
         options = BagOptions(
             storage=parameters.form(),
@@ -145,12 +146,14 @@ class Recorder(ConfiguredNode[RecorderParameters]):
                     self._take_topic(name, publishers)
 
     def _is_wanted(self, name: str) -> bool:
+        """Return True for a topic that is recorded: named, or neither hidden nor excluded."""
         if self._wanted:
             return name in self._wanted
         hidden = any(part.startswith("_") for part in name.split("/"))
         return not hidden and name not in self._excluded
 
     def _take_topic(self, name: str, publishers: Sequence[TopicEndpointInfo]) -> None:
+        """Record a topic, of the type that its publishers offer."""
         if name in self._refused:
             return
         if name in self._types:
@@ -262,6 +265,7 @@ class Recorder(ConfiguredNode[RecorderParameters]):
 
     # ------------------------------------------------------------------------------- words
     def _show_status(self) -> None:
+        """Show counts, rate and size of the recording in one line."""
         recording = self.recording
         topics = list(recording.topics.values())
         elapsed = time.monotonic() - (self.reader.first_at or time.monotonic())
@@ -340,6 +344,7 @@ def _left(files: Sequence[Path]) -> str:
 
 
 def _row(topic: RecordedTopic) -> tuple[str, ...]:
+    """Return the row of a topic in the report at the end."""
     clock = topic.clock
     if not topic.stamped:  # times of reception tell nothing about the source
         return topic.name, str(clock.messages), f"{clock.rate:.2f}", "-", "-", "-", "-"
@@ -377,6 +382,7 @@ def plain_arguments(arguments: Sequence[str]) -> list[str]:
 
 
 def _seconds(name: str, text: str) -> str:
+    """Return the text of a duration in seconds; it may have a unit: 10min."""
     try:
         return repr(timebase.parse_duration(text))
     except ValueError as error:

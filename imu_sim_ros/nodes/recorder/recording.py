@@ -79,6 +79,7 @@ class Timestamps:
         return result
 
     def _now(self, info: dict[str, int]) -> int:
+        """Return the record time of a message [ns]: simulated time, or that of reception."""
         clock = self._node.get_clock()
         if isinstance(clock, ROSClock) and clock.ros_time_is_active:
             return clock.now().nanoseconds
@@ -98,11 +99,13 @@ def _stamp_ns(payload: bytes, offset: int | None) -> int | None:
 
 
 _QUIET = 1.0
-"""[s] A topic that has been silent for this long is not waited for."""
+"""Silence after which a topic is not waited for [s]."""
 
 
 @dataclass
 class _Topic:
+    """Stamps of a topic's first and last message, while its recording is limited in time."""
+
     first_ns: int
     last_ns: int
     seen_at: float
@@ -301,6 +304,7 @@ class BagRecording:
             self._begun.set()
 
     def _run(self) -> None:
+        """Write messages until the end, and close the bag; runs in a thread."""
         # Opened here, not by the caller: a database may belong to the thread that opened it.
         self._bag = self._open_bag()
         try:
@@ -319,6 +323,7 @@ class BagRecording:
                 topic.finish()
 
     def _write_all(self) -> None:
+        """Write the messages in the queue until the end, and flush now and then."""
         due = time.monotonic() + FLUSH_PERIOD
         while True:
             try:
@@ -337,6 +342,7 @@ class BagRecording:
                 due = time.monotonic() + FLUSH_PERIOD
 
     def _begin(self, topic: RecordedTopic) -> None:
+        """Add a topic to the bag, or note why the bag cannot hold it."""
         try:
             schema, topic.convert = recorded_type(
                 topic.type_name, topic.definition, topic.digest, self._bag.encoding
@@ -349,6 +355,7 @@ class BagRecording:
         self.topics[topic.name] = topic
 
     def _write(self, messages: list[Message]) -> None:
+        """Write a batch of messages, topic by topic."""
         received: dict[BagTopic, tuple[list[int], list[bytes]]] = {}
         for name, t_ns, payload, stamp_ns in messages:
             topic = self.topics.get(name)

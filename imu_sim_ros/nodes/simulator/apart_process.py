@@ -212,6 +212,7 @@ class SensorNode:
         return times
 
     def _make(self, number: int) -> Made | None:
+        """Return the samples of a window as messages; None: the sensor has none in it."""
         window = Window(self._times.time(number), self._times.time(number + 1))
         samples = {self.name: self._models[self.name].read(window, self._world)}
         if not len(samples[self.name].delivered):
@@ -282,6 +283,8 @@ def _report_connected(node: SensorNode, reports: Reports, begun: threading.Event
 
 
 def _run(node: SensorNode, reports: Reports) -> None:
+    """Publish the sensor's messages until the end; render in a thread of its own."""
+
     def work() -> None:
         os.nice(_RENDERING_NICE)  # of this thread alone on Linux; readings go first
         watch_thread(Watcher(note=lambda line: reports.say(notes=[line])))

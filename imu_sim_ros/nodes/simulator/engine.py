@@ -27,6 +27,8 @@ _LONGEST_END: Final = 0.2
 
 
 class _Block(NamedTuple):
+    """Messages of a window of time, ready to be published."""
+
     run: int
     t0_ns: int
     start_ns: int
@@ -100,12 +102,14 @@ class Engine:
             self.pacer.interrupt()
 
     def _take_failure(self, error: BaseException) -> None:
+        """End the node with an error, unless it has ended."""
         if not self._stopped:  # after the end the publishers are gone, and nobody needs them
             self._fail(error)
 
     # The computing thread.
 
     def _compute(self) -> None:
+        """Compute blocks ahead of the publisher; runs in a thread."""
         while not self._ready():
             if self._stopped:
                 return
@@ -163,6 +167,7 @@ class Engine:
     # The publishing thread.
 
     def _publish(self) -> None:
+        """Publish each block when it is due; runs in a thread."""
         anchored = -1
         while (block := self._blocks.get()) is not None:
             self._room.release()

@@ -154,6 +154,7 @@ class Simulator(ConfiguredNode[SimulatorParameters]):
 
     # ------------------------------------------------------------------------- set-up
     def _check_clocks(self, parameters: SimulatorParameters) -> None:
+        """Refuse a simulator that both follows and publishes the clock."""
         if self._follows and parameters.publish.clock_rate:
             raise ConfigurationError(
                 f"publish.clock_rate = {parameters.publish.clock_rate:g}: must be 0 if "
@@ -226,6 +227,7 @@ class Simulator(ConfiguredNode[SimulatorParameters]):
         return [TickStream(rate, lambda t, _: [row.tobytes() for row in encoder.encode(t)], send)]
 
     def _publish_mounts(self, parameters: SimulatorParameters) -> None:
+        """Publish the mounts of the sensors as fixed transforms."""
         sensors = mounts(mounted(parameters))
         t_ns = int(self.get_clock().now().nanoseconds)
         try:
@@ -237,12 +239,14 @@ class Simulator(ConfiguredNode[SimulatorParameters]):
             self._notes.append(f"/tf_static is not published: {error}")
 
     def _counted(self, topic: str, type_name: str, qos: QoSProfile | None = None) -> Send:
+        """Return the function that publishes on a new topic and counts the messages."""
         publisher = create(self, type_name, topic, qos or QoSProfile(depth=QUEUE))
         counter = Counter(topic, publisher)
         self._counters.append(counter)
         return counter.send
 
     def _pacer(self, parameters: SimulatorParameters) -> Pacer:
+        """Return the pacer: by the steady clock, or by the time that others publish."""
         if not self._follows:
             return Pacer(parameters.real_time_factor, parameters.catch_up, self._after_stall)
         clock = self.get_clock()
@@ -267,6 +271,7 @@ class Simulator(ConfiguredNode[SimulatorParameters]):
         return pacer
 
     def _create_services(self) -> None:
+        """Create the services pause, reset and step."""
         self.create_service(SetBool, "~/pause", self._on_pause)
         self.create_service(Trigger, "~/reset", self._on_reset)
         self._stepping = False
@@ -280,6 +285,7 @@ class Simulator(ConfiguredNode[SimulatorParameters]):
         self.create_timer(PERIOD, self._diagnose, clock=steady)
 
     def _summary(self, parameters: SimulatorParameters) -> str:
+        """Return a line about the simulation: IMUs, cameras, trajectory."""
         described = ", ".join(
             f"{name + ': ' if name else ''}{p.imu.preset} at {p.rate:g} Hz, seed {p.seed}"
             for name, p in imus(parameters).items()
@@ -321,11 +327,13 @@ class Simulator(ConfiguredNode[SimulatorParameters]):
         return time.time_ns() + lead_ns
 
     def _acknowledged(self) -> bool:
+        """Return True if subscribers have acknowledged all messages in time."""
         return all(
             counter.publisher.wait_for_all_acked(_ACKNOWLEDGEMENT) for counter in self._counters
         )
 
     def _after_stall(self, stall: Stall) -> None:
+        """Note that samples were late, and tell it now and then."""
         self._stalls.append(stall)
         self._report_stalls(_STALL_PERIOD)
 
@@ -383,6 +391,7 @@ class Simulator(ConfiguredNode[SimulatorParameters]):
         self.engine.change(begin)
 
     def _on_pause(self, request: SetBool.Request, response: SetBool.Response) -> SetBool.Response:
+        """Pause or resume, for the service."""
         if self._fresh and not request.data:
             # Nothing was published yet: time zero is now, not when the node was started.
             self._fresh = False
@@ -393,6 +402,7 @@ class Simulator(ConfiguredNode[SimulatorParameters]):
         return response
 
     def _on_reset(self, _: Trigger.Request, response: Trigger.Response) -> Trigger.Response:
+        """Begin again with the first sample, for the service."""
         self.engine.reset()
         response.success, response.message = True, "back at the first sample"
         return response
@@ -422,6 +432,7 @@ class Simulator(ConfiguredNode[SimulatorParameters]):
         return response
 
     def _diagnose(self) -> None:
+        """Publish rates, lateness and counts as diagnostics."""
         self._report_stalls(_STALL_PERIOD)
         time_s = time.monotonic()
         elapsed, self._reported = time_s - self._reported, time_s
@@ -449,6 +460,7 @@ _OF_THE_NODE: Final = ("inject", "real_time_factor", "catch_up", "step_samples")
 
 
 def _read_poses(path: str, *options: Any) -> States:
+    """Return the poses of a file of any format."""
     from imu_sim_ros.formats.door import (
         read_states,
     )  # readers of all bags, which few trajectories need

@@ -155,6 +155,7 @@ class Pacer:
         return latenesses
 
     def _look(self) -> None:
+        """Wake the waiting thread up: a request has arrived."""
         self._calm = False
         self._attention.set()
         self._condition.notify_all()
@@ -195,6 +196,7 @@ class Pacer:
         return self._wait_watchfully(sim_ns)
 
     def _wait_watchfully(self, sim_ns: int) -> SampleAction:
+        """Wait for the time of a sample, and for requests in the meantime."""
         while True:
             if self._attention.is_set():
                 verdict = self._attend(sim_ns)
@@ -212,6 +214,7 @@ class Pacer:
                 sleep(delay * 1e-9)
 
     def _attend(self, sim_ns: int) -> SampleAction | None:
+        """Follow pause, step and interruption; return what to do, None: wait on."""
         with self._condition:
             while self._paused and not self._steps and not self._interrupted:
                 self._idle = True
@@ -235,13 +238,16 @@ class Pacer:
         self._speed, self._catch_up = self._wanted
 
     def _settle(self) -> None:
+        """Note that nothing but the next deadline needs attention, unless a request has arrived."""
         with self._condition:  # a request that arrives meanwhile must not be missed
             self._calm = not self._attention.is_set()
 
     def _due_ns(self, sim_ns: int) -> int:
+        """Return the time on the steady clock at which a sample is due [ns]."""
         return self._wall_ns + int((sim_ns - self._sim_ns) / self._speed)
 
     def _deadline(self, sim_ns: int) -> int:
+        """Return the time at which a sample is published [ns]; late ones follow quickly."""
         due = self._due_ns(sim_ns)
         if self._burst is None:
             return due
@@ -250,6 +256,7 @@ class Pacer:
         return max(due, first_wall_ns + offset_ns)
 
     def _due(self, sim_ns: int, now_ns: int) -> SampleAction:
+        """Return what to do with a sample that is due: publish it, or skip it."""
         late = now_ns - self._due_ns(sim_ns)
         if late < _BURST_NS:
             self._burst = None
@@ -330,6 +337,7 @@ class RosClockPacer(Pacer):
                 sleep(delay * 1e-9)
 
     def _adopt(self) -> None:
+        """Adopt the requested setting of catching up."""
         self._catch_up = self._wanted[1]
 
     def _due_ns(self, sim_ns: int) -> int:

@@ -52,6 +52,7 @@ def intrinsics_changed(camera: CameraRecord) -> Iterator[Evidence]:
 
 
 def _numbers(info: CameraInfo) -> str:
+    """Return focal lengths and principal point as text."""
     numbers = (info.k[0, 0], info.k[1, 1], info.k[0, 2], info.k[1, 2])
     return f"fx, fy, cx, cy = {', '.join(f'{value:.6g}' for value in numbers)}"
 

@@ -65,6 +65,7 @@ class Finding:
         return f"{self._subject()}{self.evidence}; {self.remedy} [{self.kind}]"
 
     def _subject(self) -> str:
+        """Source and place, in front of the text."""
         place = f", from {self.place()} on" if self.row else ""
         return f"{self.source}{place}: " if self.source else ""
 

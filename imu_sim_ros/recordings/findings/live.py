@@ -114,6 +114,7 @@ class TwistWatch:
         return findings
 
     def _compare(self, states: Sequence[LiveState]) -> list[Finding]:
+        """Return findings about velocities that contradict the poses."""
         chosen = states[:: max(len(states) // _STEPS, 1)]
         q_wb = np.array([state.q_wb for state in chosen])
         velocity = np.array([state.velocity_b for state in chosen])

@@ -112,6 +112,7 @@ class ReadingMeasures:
         """Clock of the readings; None: their stamps have no rate."""
 
     def _equal(self) -> Mask | None:
+        """Return True (n,) where a reading repeats the previous one; None without readings."""
         triads = [x for x in (self.readings.gyro, self.readings.accel) if x is not None]
         if not triads or not len(self.readings):
             return None
@@ -361,6 +362,7 @@ class ReadingMeasures:
         return gyro, accel
 
     def _white(self, values: Array) -> Array:
+        """Return the noise densities (3,) of one triad (n, 3), by its fourth differences."""
         change = np.diff(values, 4, axis=0)
         parts = self._windows(change)
         # Successive differences of noise have a correlation of -0.8: 80 % of them change sign.

@@ -69,6 +69,7 @@ def accelerometer_absent(measures: ReadingMeasures) -> Iterator[Evidence]:
 
 
 def _absent(measures: ReadingMeasures, triad: int) -> Iterator[Evidence]:
+    """Find a triad without readings."""
     readings = measures.readings
     if (readings.accel if triad else readings.gyro) is None:
         yield Evidence(f"contains no readings of the {TRIADS[triad]}")
@@ -246,6 +247,7 @@ def axes_sideways(measures: ReadingMeasures) -> Iterator[Evidence]:
 
 
 def _vector(values: Array) -> str:
+    """Return a vector as text."""
     return "[" + ", ".join(f"{value:.2f}" for value in values) + "]"
 
 
@@ -301,6 +303,7 @@ def _unchanged_tail(column: Array) -> int:
 
 
 def _triads(measures: ReadingMeasures) -> Iterator[tuple[str, Array]]:
+    """Yield name and values (n, 3) of the triads with readings."""
     for name, values in zip(TRIADS, (measures.readings.gyro, measures.readings.accel), strict=True):
         if values is not None:
             yield name, values

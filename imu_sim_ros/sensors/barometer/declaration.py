@@ -46,6 +46,7 @@ def variance_discrete(imu: ImuParameters) -> float:
 
 
 def _table_encoder(frame: str, encoding: str) -> Encode:
+    """Return the encoder of rows of a table: FluidPressure."""
     from imu_sim_ros.bags.messages.encode import FluidPressureEncoder
 
     pressures = FluidPressureEncoder(frame, encoding)
@@ -65,6 +66,7 @@ def _realised(parameters: BarometerParameters, seed: int, name: str) -> Baromete
 
 
 def _unit_hint(pressure: Array) -> str:
+    """Return a hint for pressures that are not in pascal; empty: they may be."""
     if pressure >= _LOWEST:
         return ""
     return (

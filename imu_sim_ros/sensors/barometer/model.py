@@ -57,6 +57,7 @@ class Atmosphere:
         return self._in_layer(layer, geopotential)
 
     def _in_layer(self, layer: NDArray[np.intp], geopotential: Array) -> Array:
+        """Return the pressures (n,) at geopotential heights [m] in layers of the atmosphere."""
         height_in_layer = geopotential - _BASES[layer]
         lapse, warmth = _LAPSE[layer], self._temperature[layer]
         exponent = STANDARD_GRAVITY / _GAS_CONSTANT

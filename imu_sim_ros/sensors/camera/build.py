@@ -162,6 +162,7 @@ def _path(arms: Array, trajectory: Trajectory, duration: float) -> Array:
 
 
 def _passage(arms: Array, trajectory: Trajectory, duration: float) -> Passage:
+    """Return the paths of all cameras in the world."""
     t = np.linspace(0.0, duration, _LOOKS)
     motion = trajectory.sample(np.clip(t, 0.0, trajectory.duration))
     positions = motion.position + rotation.rotate(motion.q_wb, arms[:, None])
@@ -170,6 +171,7 @@ def _passage(arms: Array, trajectory: Trajectory, duration: float) -> Passage:
 
 
 def _room(p: RoomParameters, path: Array) -> Scene:
+    """Return the walls of a room around a path, with random landmarks on them."""
     low, high = path.min(axis=0), path.max(axis=0)
     if any(p.size):
         size, center = np.asarray(p.size), np.asarray(p.center)
@@ -188,6 +190,7 @@ def _room(p: RoomParameters, path: Array) -> Scene:
 
 
 def _place(p: PlaceParameters, passage: Passage) -> Scene:
+    """Return a furnished place around a path."""
     path, note = np.concatenate(passage.places), ""
     if any(p.size):
         size, center = np.asarray(p.size), np.asarray(p.center)
@@ -241,6 +244,7 @@ def _crowd(p: PlaceParameters, place: Place, site: Site, passage: Passage) -> Cr
 
 
 def _shown(position: Array) -> str:
+    """Return a position as text."""
     return "(" + ", ".join(f"{x:.2f}" for x in position) + ")"
 
 
@@ -293,6 +297,7 @@ def _scattered(
 
 
 def _planes(p: PlanesParameters) -> Scene:
+    """Return given planes with random landmarks on them."""
     corners = np.reshape(p.corners, (-1, 3, 3))
     where = surfaces([(o, a - o, b - o) for o, a, b in corners], hides=True, texture="plane")
     landmarks, normals = _scattered(where, p.landmarks, p.seed, both_sides=True)
@@ -403,6 +408,7 @@ def _in_view(view: View, count: int, p: CloudParameters, stream: np.random.Gener
 
 
 def _count_seen(view: View, local: Array) -> int:
+    """Return the number of points (n, 3) in the camera's frame that its image shows."""
     in_front = local[(local[:, 2] > view.parameters.min_depth)]
     uv, valid = view.model.project(in_front)
     return int(np.count_nonzero(valid & view.model.inside(uv)))
@@ -439,11 +445,13 @@ def _checkerboard(p: CheckerboardParameters) -> tuple[Array, Array, Array]:
 
 
 def _in_world(p: TargetParameters, corners: Array) -> Array:
+    """Return corners (n, 3) of a board in the world."""
     moved: Array = np.asarray(p.position) + corners @ np.reshape(p.orientation, (3, 3)).T
     return moved
 
 
 def _target(p: TargetParameters, corners: Array, board_corner: Array, size: Array) -> Scene:
+    """Return a calibration board as a scene."""
     r_wt, p_wt = np.reshape(p.orientation, (3, 3)), np.asarray(p.position)
     landmarks = _in_world(p, corners)
     normals = np.broadcast_to(r_wt[:, 2], landmarks.shape)

@@ -585,6 +585,7 @@ def _basalt_keys(content: Mapping[str, Any], number: int) -> dict[str, Any]:
 
 
 def _tree(path: Path) -> dict[str, Any]:
+    """Return the content of a camera's file."""
     tree = files.read_tree(path, "a camera's file")
     return {str(key): value for key, value in tree.items()}
 

@@ -91,6 +91,7 @@ def _numbers(readings: Samples, rows: Rows) -> Iterable[int]:
 def _image_encoder(
     mounted: Mounted, pixel_encoding: str, encoding: str
 ) -> Callable[[int, Bytes | Single], bytes]:
+    """Return the encoder of images in a pixel encoding."""
     from imu_sim_ros.bags.messages.encode_cameras import ImageEncoder
 
     p = mounted.own
@@ -98,10 +99,12 @@ def _image_encoder(
 
 
 def _raw(mounted: Mounted, encoding: str) -> Encode[Bytes]:
+    """Return the encoder of raw images."""
     return _image_encoder(mounted, mounted.own.encoding, encoding)
 
 
 def _compressed(mounted: Mounted, encoding: str) -> Encode[Bytes]:
+    """Return the encoder of compressed images."""
     from imu_sim_ros.bags.messages.encode_cameras import CompressedImageEncoder
 
     messages = CompressedImageEncoder(mounted.frame, mounted.own.encoding, encoding)
@@ -109,11 +112,13 @@ def _compressed(mounted: Mounted, encoding: str) -> Encode[Bytes]:
 
 
 def _depth(mounted: Mounted, encoding: str) -> Encode[_DepthAndMask]:
+    """Return the encoder of depth images."""
     encode = _image_encoder(mounted, "32FC1", encoding)
     return lambda t_ns, depth_and_mask: encode(t_ns, depth_and_mask[0])
 
 
 def _mask(mounted: Mounted, encoding: str) -> Encode[_DepthAndMask]:
+    """Return the encoder of masks."""
     encode = _image_encoder(mounted, "mono8", encoding)
 
     def message(t_ns: int, depth_and_mask: _DepthAndMask) -> bytes:
@@ -125,10 +130,12 @@ def _mask(mounted: Mounted, encoding: str) -> Encode[_DepthAndMask]:
 
 
 def _flow(mounted: Mounted, encoding: str) -> Encode[Single]:
+    """Return the encoder of optical flow."""
     return _image_encoder(mounted, "32FC2", encoding)
 
 
 def _info(mounted: Mounted, encoding: str) -> Payloads:
+    """Return the encoder of camera_info."""
     from imu_sim_ros.bags.messages.encode_cameras import CameraInfoEncoder
 
     messages = CameraInfoEncoder(mounted.frame, info_of_camera(mounted.own), encoding)

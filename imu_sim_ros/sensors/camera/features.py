@@ -116,6 +116,7 @@ class FeatureStream:
         return list(self._messages(camera_tracks))
 
     def _messages(self, camera_tracks: list[Tracks]) -> Iterator[FeatureMessage]:
+        """Yield a message for each frame of the first camera, with the tracks of all."""
         frames = camera_tracks[0].frames
         normalised = [
             _normalised(t, tracks) for t, tracks in zip(self._trackers, camera_tracks, strict=True)
@@ -226,6 +227,7 @@ class Features(AtFrames):
 
 
 def _clouds(mounted: Mounted, encoding: str) -> Payloads:
+    """Return the encoder of tracked features as PointCloud."""
     from imu_sim_ros.bags.messages.encode_cameras import PointCloudEncoder
 
     rig: RigParameters = mounted.own

@@ -187,6 +187,7 @@ class Sphere(NamedTuple):
         return result / _norm(result)[:, None], valid & self._in_front(result)
 
     def _denominator(self, p: Array) -> Array:
+        """Return the denominator (n,) of the projection of points (n, 3)."""
         z, norm = p[:, 2], _norm(p)
         if self.alpha is None:
             return z + self.xi * norm if self.xi else z
@@ -196,6 +197,7 @@ class Sphere(NamedTuple):
         return blended
 
     def _denominator_gradient(self, p: Array) -> Array:
+        """Return the gradient (n, 3) of the denominator."""
         unit = p / _norm(p)[:, None]
         gradient = self.xi * unit
         gradient[:, 2] += 1.0
@@ -222,6 +224,7 @@ class Sphere(NamedTuple):
 
 
 def _norm(p: Array) -> Array:
+    """Return the lengths (n,) of vectors (n, 3)."""
     return np.sqrt(p[:, 0] * p[:, 0] + p[:, 1] * p[:, 1] + p[:, 2] * p[:, 2])
 
 
@@ -344,6 +347,7 @@ class CameraModel:
         return result
 
     def _pixels(self, d: Array) -> Array:
+        """Return pixels (n, 2) of distorted coordinates (n, 2)."""
         result = np.empty_like(d)
         result[:, 0] = self.fx * d[:, 0] + self.cx
         result[:, 1] = self.fy * d[:, 1] + self.cy
@@ -360,6 +364,7 @@ class CameraModel:
         return p[:, :2] * ratio[:, None], valid & ~(on_axis & (p[:, 2] <= 0.0))
 
     def _from_equidistant(self, d: Array) -> Rays:
+        """Return the rays of distorted coordinates (n, 2) of the equidistant model."""
         radius = np.sqrt(d[:, 0] * d[:, 0] + d[:, 1] * d[:, 1])
         theta = self._inverse(radius)
         valid = np.abs(distorted_radius(theta, self.k) - radius) < 1e-9
@@ -370,6 +375,7 @@ class CameraModel:
         return Rays(result, valid)
 
     def _equidistant_by_point(self, p: Array) -> Array:
+        """Return the derivatives (n, 2, 3) of the equidistant projection by the point."""
         rho, theta = _polar(p)
         square = rho * rho + p[:, 2] * p[:, 2]
         safe = np.where(rho > 0.0, rho, 1.0)

@@ -263,6 +263,7 @@ class CameraModelParameters:
             yield from self._fold_problems(prefix)
 
     def _intrinsics_problems(self, prefix: str) -> Iterator[str]:
+        """Yield problems of focal lengths and principal point."""
         if len(self.intrinsics) != 4:
             shown = list(self.intrinsics)
             yield f"{prefix}intrinsics = {shown}: must be four numbers: fx, fy, cx, cy"
@@ -279,6 +280,7 @@ class CameraModelParameters:
                 )
 
     def _fold_problems(self, prefix: str) -> Iterator[str]:
+        """Yield a problem if the distortion folds the image within its borders."""
         radius, image = fold(self.distortion_model, self.distortion)
         fx, fy, cx, cy = self.intrinsics
         x = max(cx + 0.5, self.width - 0.5 - cx) / fx

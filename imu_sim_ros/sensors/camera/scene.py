@@ -114,6 +114,7 @@ def read_points(path: str | Path) -> Array:
 
 
 def _csv(path: Path, content: bytes) -> Array:
+    """Return the points (n, 3) of a CSV file."""
     try:
         lines = content.decode("utf-8").splitlines()
     except UnicodeDecodeError:

@@ -101,6 +101,7 @@ def _path_lines(path: _Path) -> list[str]:
 
 
 def _through(path: _Path, tracer: RayTracer) -> Iterator[str]:
+    """Yield a problem if the path passes through a surface."""
     step = np.diff(path.position, axis=0)
     length = np.sqrt((step * step).sum(axis=1))
     rows = np.flatnonzero(length > 0.0)
@@ -159,6 +160,7 @@ def _around(path: _Path, tracer: RayTracer) -> Iterator[str]:
 
 
 def _boxes(path: _Path) -> str:
+    """Return path and scene as boxes in text, with a remedy."""
     low, high = path.scene.box()
     remedy = ""
     if path.scene.mesh is not None:
@@ -174,5 +176,6 @@ def _boxes(path: _Path) -> str:
 
 
 def _shown(position: Array) -> str:
+    """Return a position as text."""
     digits = 2 if float(np.abs(position).max()) < 1e4 else 0
     return "(" + ", ".join(f"{x:.{digits}f}" for x in position) + ")"

@@ -193,11 +193,13 @@ def _turned(
 
 
 def _more(series: SeriesParameters) -> SeriesParameters:
+    """Return a series with larger amplitudes."""
     larger = tuple(round(_TURN * amplitude, 4) for amplitude in series.amplitude)
     return dataclasses.replace(series, amplitude=larger)
 
 
 def _values(board: AprilgridParameters, motion: Any, turns: Iterable[str]) -> dict[str, object]:
+    """Return the parameters of a motion in front of a board."""
     values = {f"scene.{name}": getattr(board, name) for name in _BOARD}
     for angle in turns:
         values[f"trajectory.{angle}.amplitude"] = getattr(motion, angle).amplitude

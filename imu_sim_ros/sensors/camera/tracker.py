@@ -164,6 +164,7 @@ class Tracker:
         return result
 
     def _visible(self, frames: Frames) -> _Observed:
+        """Return the landmarks that frames show, those on moving bodies too."""
         observations = self._look(frames, self.scene.landmarks, self.scene.normals)
         if self.scene.crowd is None:
             return observations
@@ -205,6 +206,7 @@ class Tracker:
     def _look_at_once(
         self, frames: Frames, rows: Rows, points: Array, normals: Array, body: MovingBody | None
     ) -> _Observed:
+        """Return the landmarks that some frames show, before occlusion."""
         p, model = self.view.parameters, self.view.model
         t = self.view.seconds(frames.true_t_ns[rows])
         poses = self._poses(t, body)
@@ -307,6 +309,7 @@ class Tracker:
 
 
 def _kept(observations: _Observed, rows: Mask | Rows) -> _Observed:
+    """Return some of the observations."""
     return _Observed(
         observations.frame[rows],
         observations.landmark[rows],

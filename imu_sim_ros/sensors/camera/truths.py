@@ -74,6 +74,7 @@ class BodyTruth(AtFrames):
 
 
 def _cloud(mounted: Mounted, encoding: str) -> Payloads:
+    """Return the encoder of the landmarks in the world as PointCloud2."""
     from imu_sim_ros.bags.messages.encode_cameras import PointCloud2Encoder
 
     encoder = PointCloud2Encoder(mounted.environment.world_frame, encoding)
@@ -93,6 +94,7 @@ def _cloud(mounted: Mounted, encoding: str) -> Payloads:
 
 
 def _odometry(mounted: Mounted, encoding: str) -> Payloads:
+    """Return the encoder of a moving body's true motion as Odometry."""
     from imu_sim_ros.bags.messages.encode import OdometryEncoder
 
     encoder = OdometryEncoder(mounted.environment.world_frame, mounted.name, encoding)

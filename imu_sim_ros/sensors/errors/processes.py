@@ -112,6 +112,7 @@ class GaussMarkovBank(ChunkedProcess):
         self._read[units] = 0
 
     def _make_chunks(self, count: int, units: Units) -> Array:
+        """Return the next chunks of the processes of some units."""
         exponent = self._exponent[units][..., None, None]  # axes are (..., axis, chunk, row)
         drive, phi = np.sqrt(-np.expm1(2.0 * exponent)), np.exp(exponent)
         numbers = by_axis(self._streams.next(count * MARKOV_CHUNK, units))
@@ -227,6 +228,7 @@ class _Rows(NamedTuple):
 
 @lru_cache(maxsize=8)
 def _rows(dt: float) -> _Rows:
+    """Return the filter of flicker noise for whole chunks."""
     design = FlickerFilter.design(dt)
     poles, gains = design.poles, design.gains
     powers = poles ** np.arange(_COLUMNS + 1)[:, None]  # (C + 1, p)
@@ -276,6 +278,7 @@ class FlickerNoise(ChunkedProcess):
         return np.matmul(root, numbers[..., None])[..., 0]
 
     def _make_chunks(self, count: int, units: Units) -> Array:
+        """Return the next chunks of flicker noise of some units."""
         rows, state = self._rows, self._state[units]
         several, poles = state.shape[:-2], state.shape[-1]
         numbers = by_axis(self._streams.next(count * FLICKER_CHUNK, units))

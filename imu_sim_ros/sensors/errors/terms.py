@@ -20,7 +20,7 @@ from imu_sim_ros.sensors.imu.parameters import ImuParameters
 from imu_sim_ros.sensors.imu.triads import TriadParameters
 
 _DAY: Final = 86400.0
-"""[s]"""
+"""One day [s]."""
 _TEMPERATURE_DIGITS: Final = 6
 """Temperatures are compared in microkelvin, so that rounding does not look like cooling."""
 
@@ -428,6 +428,7 @@ class StressSteps(ErrorTerm):
         self._next = self._draw()
 
     def _draw(self) -> int:
+        """Return the number of the sample with the next step."""
         mean = self.imu.stress_step_rate * self.dt
         self._reached += self._times.exponential() / mean
         return math.ceil(self._reached)

@@ -125,6 +125,7 @@ class GnssReadings(SensorReadings):
 
 
 def _fix(samples: Samples, rows: Rows, _: object) -> tuple[Array, ...]:
+    """Return the columns of NavSatFix for some rows."""
     geodetic, status = samples.geodetic[rows], samples.status[rows]
     variance = np.where(status[:, None] < 0, 0.0, samples.variance[rows])  # 0: unknown, in ROS
     return (*geodetic.T, status, variance)

@@ -82,6 +82,7 @@ def _lines(
 
 
 def _framed(line: str) -> str:
+    """Return a sentence with its checksum."""
     return f"${line}*{_checksum(line):02X}\r\n"
 
 
@@ -93,4 +94,5 @@ def _angle(degrees: float, digits: int, sides: str) -> str:
 
 
 def _checksum(line: str) -> int:
+    """Return the exclusive or of the letters of a sentence."""
     return functools.reduce(operator.xor, line.encode("ascii"))

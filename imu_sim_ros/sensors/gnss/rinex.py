@@ -148,6 +148,7 @@ def write_navigation(
 
 
 def _ephemeris(numbers: Mapping[str, Any]) -> str:
+    """Return the record of an ephemeris in RINEX."""
     when, _ = _calendar(int((numbers["week"] * WEEK + int(numbers["toc"])) * _TICKS))
     extra = {"codes": 1.0, "l2p": 0.0, "accuracy": 2.0, "health": 0.0, "iodc": numbers["iode"]}
     all_numbers = {**numbers, **extra}
@@ -200,6 +201,7 @@ def _records(lines: Sequence[str], is_version_2: bool) -> Iterator[list[str]]:
 
 
 def _read_record(lines: Sequence[str], is_version_2: bool) -> dict[str, float]:
+    """Return an ephemeris of its lines."""
     column = 22 if is_version_2 else 23
     head = lines[0][:column].removeprefix("G").split()
     prn, year, month, day, hour, minute = (int(float(word)) for word in head[:6])
@@ -237,10 +239,12 @@ def _read_ionosphere(head: Sequence[str]) -> Array | None:
 
 
 def _fortran(value: float, digits: int = 12, width: int = 19) -> str:
+    """Return a number in Fortran's notation with D."""
     return f"{value:{width}.{digits}E}".replace("E", "D")
 
 
 def _header_text(lines: Sequence[tuple[str, str]]) -> str:
+    """Return header lines, each with its label in column 61."""
     return "".join(f"{text:60}{label:20}".rstrip() + "\n" for text, label in lines)
 
 

@@ -148,6 +148,7 @@ def is_readable(tree: Mapping[Any, Any]) -> bool:
 
 
 def _names_an_imu(name: str) -> bool:
+    """Return True for a key such as imu0."""
     return name.startswith("imu") and name.removeprefix("imu").isdecimal()
 
 

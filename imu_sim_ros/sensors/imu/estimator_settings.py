@@ -71,6 +71,7 @@ def is_readable(tree: Mapping[Any, Any]) -> bool:
 
 
 def _names(tree: Mapping[Any, Any], prefix: str = "") -> list[str]:
+    """Return the paths of all values in a tree."""
     names = []
     for name, value in tree.items():
         path = f"{prefix}{name}"

@@ -224,6 +224,7 @@ ValuesOf = Callable[[_Part, float], dict[str, object]]
 
 
 def _is_classic(plugin: Element) -> bool:
+    """Return True for a plugin of Gazebo Classic with an IMU."""
     library = _library(plugin)
     noise = plugin.child("gaussianNoise")
     return library in _CLASSIC_LIBRARIES or ("imu" in library and noise is not None)

@@ -359,6 +359,7 @@ def _check(imus: Sequence[ImuParameters], spread: Mapping[str, Spread]) -> None:
 
 
 def _problems(imus: Sequence[ImuParameters]) -> Iterator[str]:
+    """Yield problems of units that one batch cannot hold."""
     reference = imus[0]
     for imu in imus:
         if imu.sampling != "instantaneous":
@@ -392,6 +393,7 @@ def check_alike(sections: Sequence[object], prefix: str, names: Sequence[str]) -
 
 
 def _unlike(reference: object, section: object, prefix: str, names: Sequence[str]) -> Iterator[str]:
+    """Yield a problem for each parameter that differs from the first unit's."""
     for name in names:
         if getattr(reference, name) != getattr(section, name):
             yield f"{prefix}{name}: must be the same for all units of a batch"

@@ -65,6 +65,7 @@ class BandNoise(ChunkedProcess):
         self._overlap = self._next_frame()[:, frame // 2 :]
 
     def _next_frame(self) -> Array:
+        """Return the next frame of coloured noise in a window."""
         numbers = np.stack([s.standard_normal((2, self._frame // 2 - 1)) for s in self._streams])
         z = (numbers[:, 0] + 1j * numbers[:, 1])[:, self._rows - 1]
         coloured = np.einsum("fij,jf->if", self._root, z)
@@ -78,6 +79,7 @@ class BandNoise(ChunkedProcess):
         return result
 
     def _make_chunks(self, count: int, units: Units) -> Array:
+        """Return the next chunks: overlapping frames, added."""
         half = self._frame // 2
         values = np.empty((self._all, count * half))
         for first in range(0, count * half, half):
@@ -179,6 +181,7 @@ class BoardVibration:
         return result
 
     def _add_lines(self, begin: int, parts: list[Array]) -> None:
+        """Add the sinusoidal lines to parts of the samples."""
         p = self._parameters
         index = np.arange(begin, begin + len(parts[0]))
         amplitudes = np.reshape(p.line_amplitude, (-1, _AXES))

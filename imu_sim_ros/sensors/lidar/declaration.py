@@ -143,15 +143,18 @@ def _topic(
 
 
 def _points(readings: Samples, scans: Iterable[int], parameters: LidarParameters) -> Rays:
+    """Yield stamps and points of scans in the layout of the parameters."""
     layout = LAYOUTS[parameters.layout]
     return ((cloud.t_ns, layout.rows(cloud)) for cloud in clouds(readings, scans))
 
 
 def _custom(readings: Samples, scans: Iterable[int], _: object) -> Rays:
+    """Yield stamps and points of scans as Livox has them."""
     return ((cloud.t_ns, custom_points(cloud)) for cloud in clouds(readings, scans))
 
 
 def _truth(readings: Samples, scans: Iterable[int], _: object) -> Rays:
+    """Yield stamps and true points of scans."""
     return ((int(readings.true_t_ns[k]), _true_points(readings, k)) for k in scans)
 
 

@@ -29,6 +29,7 @@ def _kitti(cloud: Cloud) -> bytes:
 
 
 def _ply(cloud: Cloud) -> bytes:
+    """Return a scan as a binary PLY file."""
     rows = _FIELDS.rows(cloud)
     fields = "".join(f"property {_PLY[kind]} {name}\n" for name, kind, _ in _FIELDS.fields)
     head = f"ply\nformat binary_little_endian 1.0\nelement vertex {len(rows)}\n{fields}end_header\n"

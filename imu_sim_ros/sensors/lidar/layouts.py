@@ -70,14 +70,17 @@ _XYZ: Final = (("x", "<f4", 0), ("y", "<f4", 4), ("z", "<f4", 8))
 
 
 def _intensity(cloud: Cloud) -> Single:
+    """Return the intensities of the points."""
     return cloud.intensity
 
 
 def _ring(cloud: Cloud) -> NDArray[np.uint16]:
+    """Return the rings of the points."""
     return cloud.ring
 
 
 def _nanoseconds(cloud: Cloud) -> Array:
+    """Return the times of the points after the scan's stamp [ns]."""
     return np.rint(cloud.time * 1e9)
 
 

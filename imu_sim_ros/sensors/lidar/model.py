@@ -214,6 +214,7 @@ class Lidar(SensorModel):
         return self._next(source).standard_normal(count, np.float32)
 
     def _next(self, source: str) -> Generator:
+        """Return the random stream of an error source."""
         if source not in self._streams:
             self._streams[source] = self.stream(source)
         return self._streams[source]
@@ -281,6 +282,7 @@ class Lidar(SensorModel):
         return p.detection_range * np.sqrt(power / p.detection_reflectivity)
 
     def _range_noise(self, range_: Array, limit: Array | None) -> Array | None:
+        """Return the noise of ranges (n,); None: there is none."""
         p = self.parameters
         if limit is None or p.range_noise_at_limit == 0.0:
             return p.range_noise * self._normal("range", len(range_)) if p.range_noise else None

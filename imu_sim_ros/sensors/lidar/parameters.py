@@ -246,6 +246,7 @@ class LidarParameters(SensorParameters):
         yield from problems_of_patterns[self.pattern](prefix)
 
     def _problems_of_spinning(self, prefix: str) -> Iterator[str]:
+        """Yield problems of a spinning lidar."""
         channels = len(self.elevations_deg)
         if not channels:
             yield f"{prefix}elevations_deg = []: must hold the elevation of one channel at least"
@@ -265,6 +266,7 @@ class LidarParameters(SensorParameters):
             yield from self._too_many(prefix, channels * self.span / self.firing_period)
 
     def _problems_of_rosette(self, prefix: str) -> Iterator[str]:
+        """Yield problems of a lidar with rotating prisms."""
         if len(self.prism_rates) != len(self.prism_deflections_deg) or not self.prism_rates:
             yield (
                 f"{prefix}prism_rates: has {len(self.prism_rates)} numbers; must have one or more, "
@@ -275,6 +277,7 @@ class LidarParameters(SensorParameters):
         yield from self._too_many(prefix, self.point_rate * self.span)
 
     def _problems_of_nodding(self, prefix: str) -> Iterator[str]:
+        """Yield problems of a nodding lidar."""
         limits = self.elevation_limits_deg
         if len(limits) != 2 or limits[0] > limits[1]:
             yield f"{prefix}elevation_limits_deg = {list(limits)}: must be two numbers in order"
@@ -283,6 +286,7 @@ class LidarParameters(SensorParameters):
         yield from self._too_many(prefix, self.point_rate * self.span)
 
     def _problems_of_table(self, prefix: str) -> Iterator[str]:
+        """Yield problems of a pattern in a table."""
         if not self.table:
             yield f"{prefix}table = '': must name a file"
 
@@ -291,5 +295,6 @@ class LidarParameters(SensorParameters):
         return 0.5 * (self.lines - 1) * self.line_spacing_deg
 
     def _too_many(self, prefix: str, rays: float) -> Iterator[str]:
+        """Yield a problem if a scan has too many rays, or none."""
         if not 1.0 <= rays <= MOST_RAYS:
             yield f"{prefix}rate = {self.rate:g}: a scan has {rays:.0f} rays; 1 to {MOST_RAYS:,}"

@@ -18,7 +18,7 @@ from imu_sim_ros.sensors.lidar.layouts import LAYOUTS
 from imu_sim_ros.sensors.lidar.parameters import MOST_RAYS, LidarParameters
 
 _LARGEST_FILE: Final = 200 << 20
-"""[bytes]"""
+"""Largest file of a scan pattern [bytes]."""
 
 
 class Pattern:
@@ -128,6 +128,7 @@ def _nodding(p: LidarParameters) -> Pattern:
 
 
 def _table(p: LidarParameters) -> Pattern:
+    """Return the pattern of a table of times and angles."""
     path = Path(p.table)
     try:
         with open_regular(path) as file:

@@ -48,12 +48,14 @@ def variance_discrete(imu: ImuParameters) -> Vector:
 
 
 def _table_encoder(frame: str, encoding: str) -> Encode:
+    """Return the encoder of rows of a table: MagneticField."""
     from imu_sim_ros.bags.messages.encode import MagneticFieldEncoder
 
     return MagneticFieldEncoder(frame, encoding).encode
 
 
 def _realised(parameters: MagnetometerParameters, seed: int, _: str) -> Any:
+    """Return the parameters with the errors drawn for this unit."""
     if parameters == MagnetometerParameters():
         return parameters
     from imu_sim_ros.sensors.magnetometer.model import realised_magnetometer
@@ -62,6 +64,7 @@ def _realised(parameters: MagnetometerParameters, seed: int, _: str) -> Any:
 
 
 def _unit_hint(field: Array) -> str:
+    """Return a hint for fields that are not in tesla; empty: they may be."""
     size = float(np.linalg.norm(field))
     if size <= _STRONGEST:
         return ""

@@ -64,6 +64,7 @@ class MagneticField:
         return field
 
     def _dipole(self, r: Array, moment: Array) -> Array:
+        """Return the field (n, 3) of a dipole at places (n, 3) relative to it."""
         x, y, z = r.T
         squared = x * x + y * y + z * z
         in_sphere = squared < self._radius**2

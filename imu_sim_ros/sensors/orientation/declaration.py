@@ -41,10 +41,12 @@ class Orientations(SensorReadings):
 
 
 def _readings(mounted: Mounted, encoding: str) -> Payloads:
+    """Return the encoder of Imu messages with orientation."""
     return readings(mounted, encoding, "q_wi", "variance")
 
 
 def _needs(imu: ImuParameters) -> tuple[str, ...]:
+    """Return the other sensors whose readings the orientation needs."""
     return ("magnetic_field",) if imu.orientation.source == "filter" else ()
 
 

@@ -90,6 +90,7 @@ class SteadyLowPass:
         )
 
     def _mean(self, values: Array) -> Array:
+        """Return the mean of all values so far, at each of them."""
         if len(values) == 0:
             return values
         # Added one by one, so that the sums do not depend on the block's size.
@@ -101,6 +102,7 @@ class SteadyLowPass:
         return means
 
     def _low(self, values: Array) -> Array:
+        """Return values (n, k) after two equal low-passes, with no lag behind a ramp."""
         if len(values) == 0:
             return values
         b, a = [1.0 - self._phi], [1.0, -self._phi]

@@ -122,6 +122,7 @@ class _Correction:
         self._bias = bias
 
     def apply(self, reading: Array) -> Array:
+        """Return a reading without bias, scale and misalignment."""
         return rotation.transform(self._inverse, reading - self._bias)
 
 

@@ -59,6 +59,7 @@ class Poses(States):
 
 
 def _odometry(mounted: Mounted, encoding: str) -> Payloads:
+    """Return the encoder of the true pose as Odometry."""
     from imu_sim_ros.bags.messages.encode import OdometryEncoder
 
     world = mounted.environment
@@ -73,6 +74,7 @@ def _odometry(mounted: Mounted, encoding: str) -> Payloads:
 
 
 def _fix(mounted: Mounted, encoding: str) -> Payloads:
+    """Return the encoder of the true position as NavSatFix."""
     from imu_sim_ros.bags.messages.encode import NavSatFixEncoder
 
     world = mounted.environment
@@ -83,6 +85,7 @@ def _fix(mounted: Mounted, encoding: str) -> Payloads:
 
 
 def _pose(mounted: Mounted, encoding: str) -> Payloads:
+    """Return the encoder of the true pose as PoseStamped."""
     from imu_sim_ros.bags.messages.encode import PoseStampedEncoder
 
     messages = PoseStampedEncoder(mounted.environment.world_frame, encoding)
@@ -90,6 +93,7 @@ def _pose(mounted: Mounted, encoding: str) -> Payloads:
 
 
 def _transforms(mounted: Mounted, encoding: str) -> Payloads:
+    """Return the encoder of the true pose as a transform."""
     from imu_sim_ros.bags.messages.blocks import as_row_template
     from imu_sim_ros.bags.messages.transforms import TransformsEncoder
 

@@ -80,6 +80,8 @@ class WheelsReadings(SensorReadings):
 
 
 def _joints(name: str, position: str, velocity: str, truth: bool = False) -> Topic:
+    """Return the topic of the wheels' angles and rates, JointState."""
+
     def make(_: Mounted, encoding: str) -> Payloads:
         from imu_sim_ros.bags.messages.transforms import JointStateEncoder
 
@@ -96,6 +98,8 @@ def _joints(name: str, position: str, velocity: str, truth: bool = False) -> Top
 
 
 def _odometry(name: str, truth: bool = False) -> Topic:
+    """Return the topic of the wheels' odometry."""
+
     def make(mounted: Mounted, encoding: str) -> Payloads:
         from imu_sim_ros.bags.messages.encode import OdometryEncoder
 

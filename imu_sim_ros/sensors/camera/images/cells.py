@@ -156,6 +156,10 @@ def patches(
 
 
 def _put_slopes(patches: NDArray[np.void], linear: Single) -> None:
+    """Set how depth and position change across patches.
+
+    :param linear: (3, 3, p) of each of the probes 1 / t, s / t and r / t.
+    """
     steps = linear[1:] - linear[:1]
     patches["steps"] = steps.transpose(2, 0, 1)
     n, s, r = steps.transpose(1, 0, 2)

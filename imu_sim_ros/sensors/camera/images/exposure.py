@@ -56,6 +56,7 @@ class AutoExposure:
 
     @cached_property
     def _weights(self) -> list[float]:
+        """Weights of past metered brightnesses: an exponential lag."""
         lag = self._view.parameters.auto_exposure_lag
         if lag == 0.0:
             return [1.0]

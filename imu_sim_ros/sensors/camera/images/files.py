@@ -213,5 +213,6 @@ def _jpeg(data: bytes) -> Size:
 
 
 def _check_size(width: int, height: int) -> None:
+    """Refuse images without pixels, or with too many."""
     if not 0 < width * height <= _MAX_PIXELS:
         raise InputError(f"an image of {width} x {height} pixels; 1 to {_MAX_PIXELS:,} are read")

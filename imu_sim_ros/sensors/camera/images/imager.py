@@ -59,6 +59,7 @@ class Imager:
         model: CameraModel | None = None,
         areas: bool = False,
     ) -> PictureMaker:
+        """Return a renderer at a scale, of the camera or of another model."""
         model, scene = model or self.view.model, self._scene
         if isinstance(self.atlas, Look):
             assert scene.caster is not None
@@ -113,6 +114,7 @@ class Imager:
 
     @cached_property
     def _automatic(self) -> AutoExposure:
+        """Return the automatic exposure, metered in a small image."""
         small = meter_model(self.view.parameters)
         meter = self._renderer_of(1, model=small)
 
@@ -123,6 +125,7 @@ class Imager:
 
     @cached_property
     def _read_noise(self) -> Single:
+        """Quantiles of the read noise, which pixels draw from."""
         noise: Single = normal_quantiles() * np.float32(self.view.parameters.read_noise)
         return noise
 

@@ -141,6 +141,7 @@ def _edges(
 def _range(
     a: np.float32, b: np.float32, c: np.float32, d: np.float32
 ) -> tuple[np.float32, np.float32]:
+    """Return the smallest and the largest of four numbers."""
     return min(min(a, b), min(c, d)), max(max(a, b), max(c, d))
 
 
@@ -327,6 +328,7 @@ def _count(pair_at: Integers, point: int, p: int) -> int:
 
 @part
 def _add(total: Integers, value: Integers, count: int) -> None:
+    """Add a colour so many times to a sum of colours."""
     for c in range(len(total)):
         total[c] += value[c] * count
 
@@ -362,6 +364,7 @@ def measure(
 
 @part
 def _cell(row: int, column: int, width: int) -> int:
+    """Return the number of the cell that a pixel lies in."""
     return row // CELL * ((width + CELL - 1) // CELL) + column // CELL
 
 
@@ -398,6 +401,7 @@ def nearest(
 
 @part
 def _dot(vectors: Single, m: int, k: int, j: int, ray: Ray) -> np.float32:
+    """Return the product of a vector in a table and a ray."""
     x, y, z = ray
     return vectors[m, k, j, 0] * x + vectors[m, k, j, 1] * y + vectors[m, k, j, 2] * z
 
@@ -722,6 +726,7 @@ def _of_lamp(
 
 @part
 def _along(axis: Single, vector: Ray) -> np.float32:
+    """Return the component of a vector along an axis."""
     return axis[0] * vector[0] + axis[1] * vector[1] + axis[2] * vector[2]
 
 
@@ -893,6 +898,7 @@ def _level(square: np.float32, modes: tuple[bool, bool]) -> tuple[int, int]:
 
 @part
 def _halved(level: int) -> np.float32:
+    """Return 1 / 2^level, the size of an image of a pyramid over the full one."""
     return _ONE / np.float32(1 << level)
 
 
@@ -932,4 +938,5 @@ def _repeat(
 
 @part
 def _repeated(share: np.float32, size: Single, corner: Single, axis: int, level: int) -> int:
+    """Return the texel at a place of a texture that repeats."""
     return in_steps(size[axis] * share * _halved(level) + (corner[level, axis] - _HALF))

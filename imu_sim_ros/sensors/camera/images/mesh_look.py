@@ -98,6 +98,7 @@ class _Gradient:
 
 
 def _gradients(mesh: Mesh, middle: Array) -> Iterator[tuple[slice, _Gradient]]:
+    """Yield parts of the faces with the gradients on them."""
     for start in range(0, len(mesh.faces), _PART):
         part = slice(start, start + _PART)
         yield part, _Gradient(mesh.vertices[mesh.faces[part]] - middle)

@@ -185,6 +185,7 @@ class MeshRenderer:
             yield number, rows, rays, self._met(eye, ways.reshape(-1, 3))
 
     def _met(self, eye: Array, ways: Single) -> Met:
+        """Return where rays from the camera hit the mesh."""
         hits, along = self._caster.meet(eye, ways)
         nothing = hits.surface < 0
         start = eye - self._caster.middle

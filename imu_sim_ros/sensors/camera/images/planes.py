@@ -84,6 +84,7 @@ class Planes(NamedTuple):
 
 
 def _dots(vectors: Single, rays: Single) -> Single:
+    """Return the products (m,) of vectors (m, 3) and rays (3, m)."""
     dots: Single = vectors[:, 0] * rays[0]
     term = vectors[:, 1] * rays[1]
     dots += term

@@ -70,6 +70,7 @@ class PixelRays:
         return self._through(grid, len(rows))
 
     def _through(self, grid: Array, height: int) -> Single:
+        """Return the unit directions (3, height, width) through pixels (n, 2); 0: none."""
         directions = np.zeros((3, len(grid)), np.float32)
         for start in range(0, len(grid), _AT_ONCE):
             part = slice(start, start + _AT_ONCE)
@@ -79,11 +80,13 @@ class PixelRays:
 
     @cached_property
     def _kept(self) -> list[Single] | None:
+        """Rays of all bands, if they fit into memory."""
         if self.height * self.width > _KEPT:
             return None
         return [self._found(number) for number in range(len(self.bands))]
 
     def _found(self, number: int) -> Single:
+        """Return the rays of a band."""
         rows = self.row_positions[self.rows(self.bands[number])]
         grid = np.stack(np.meshgrid(self._columns, rows), axis=-1).reshape(-1, 2)
         return self._through(grid, len(rows))

@@ -216,7 +216,7 @@ class Renderer:
         return facing[~beyond.any(axis=1)]
 
     def _may_be_seen(self, ball: tuple[Array, float], position: Array, r_wc: Array) -> bool:
-        """Tell whether a ball, its middle and radius, may be in the image."""
+        """Return whether a bounding sphere, centre and radius, may be in the image."""
         center, radius = ball
         middle = ((center - position)[:, :, None] * r_wc).sum(axis=1)
         rows = self._corner_rows if len(middle) > 1 else np.zeros(1, np.int64)
@@ -263,6 +263,7 @@ class _Fronts(NamedTuple):
 
     @classmethod
     def of(cls, surfaces: Surfaces) -> "_Fronts":
+        """Return the fronts of surfaces."""
         o, a, b = surfaces[:3]
         corners = np.stack([o, o + a, o + b, o + a + b], axis=1)
         return cls(surfaces, surfaces.normal, corners, np.array(surfaces.texture) == "plane")
