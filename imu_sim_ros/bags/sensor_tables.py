@@ -36,7 +36,8 @@ class TableRows(NamedTuple):
     values: Array
     """(n, m) the numbers of a row of the table; an orientation is q_wi."""
     covariance: Array
-    """(n, k, k) of a sample's error, an orientation's about the world's axes; 0: unknown."""
+    """(n, k, k) covariances of a sample's error, an orientation's about the world's axes; 0:
+    unknown."""
 
 
 _TRUTH: Final = "ground_truth/"

@@ -105,7 +105,8 @@ class Pipeline(Generic[_T, _Made]):
         self._order: SimpleQueue[
             tuple[_T, SimpleQueue[_Result[_Made]]] | SimpleQueue[None] | None
         ] = SimpleQueue()
-        """The same in the items' order; a queue alone is told that all before it are used."""
+        """Items with their queues in order; a lone queue receives None when all before it are
+        used."""
         self._places: SimpleQueue[None] = SimpleQueue()
         for _ in range(2 * workers + 2):
             self._places.put(None)

@@ -263,7 +263,7 @@ class RestCheck:
         """Stretches of continued motion, or of a walk of such size; their readings are passed
         on."""
         self.spreads: list[Array] = []
-        """(6,) for each stretch: standard deviation of the detrended means of a second."""
+        """(6,) standard deviations of the detrended means over a second, of each stretch."""
         self._variance = np.zeros(6)
         self._window_count = 0
         self.disturbed: list[Movement] = []

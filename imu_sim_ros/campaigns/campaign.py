@@ -50,7 +50,7 @@ class Outcome(NamedTuple):
     """The runs of a campaign."""
 
     rows: list[Row]
-    """All existing runs of the plan, ordered by cell, seed and estimator."""
+    """Rows of all runs of the plan so far, ordered by cell, seed and estimator."""
     executed: int
     """Runs executed now; the others existed before."""
 

@@ -46,7 +46,7 @@ _LARGEST_METRICS: Final = 1_000_000
 OUTPUT: Final = "output.txt"
 """File with the output of the program."""
 _POLL: Final = 0.2
-"""[s] Period of checking the folder's size; the program's end is noticed at once."""
+"""Period of checking the folder's size [s]; the program's end is noticed at once."""
 _PR_SET_PDEATHSIG: Final = 1
 _PR_SET_CHILD_SUBREAPER: Final = 36
 _PROGRAM_LOCK: Final = threading.Lock()

@@ -26,7 +26,7 @@ class CommonTime(NamedTuple):
     a: float
     b: float
     both: float | None
-    """None: unknown; A and B are compared over different time."""
+    """Share that both cover; None: unknown, A and B are compared over different time."""
 
     def text(self, a: str, b: str) -> str:
         """Return the shares as text, with the names of A and B."""
@@ -42,7 +42,7 @@ class PairedValues(NamedTuple):
     a: Values
     b: Values
     time: CommonTime | None
-    """None: both cover the same time, or the metric does not grow with time."""
+    """Time that A and B cover; None: the same, or the metric does not grow with time."""
 
 
 def _percent(share: float) -> str:

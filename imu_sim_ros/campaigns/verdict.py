@@ -121,7 +121,7 @@ class Contest:
     lead: Effect
     """The first compared with the second."""
     effects: list[Effect]
-    """All pairs, or the first with each other one if there are more than 30 members."""
+    """Effects of all pairs; of more than 30 members, those of the first with each other one."""
 
     @property
     def where_text(self) -> str:

@@ -24,7 +24,7 @@ _R = TypeVar("_R")
 BAG_OR_FILE: Final = "the path of a bag, a folder or a file"
 _LONGEST_PATH: Final = 4095
 _LONGEST_NAME: Final = 255
-"""[bytes] What Linux takes, all of a path and one name in it."""
+"""Longest name of a file in Linux; the longest path is above [bytes]."""
 
 
 def refuse(name: str, value: object, allowed: str, wrong_type: bool = False) -> NoReturn:

@@ -13,17 +13,17 @@ Vector = tuple[float, float, float]
 Triad = Literal["gyroscope", "accelerometer"]
 
 GRAVITY: Final[Vector] = (0.0, 0.0, -9.81)
-"""[m/s^2] default g_w in the world frame; the lecture's value."""
+"""Default g_w in the world frame, the lecture's value [m/s^2]."""
 STANDARD_GRAVITY: Final = 9.80665
-"""[m/s^2] the unit g of data sheets (CGPM 1901)."""
+"""The unit g of data sheets (CGPM 1901) [m/s^2]."""
 
 SEMI_MAJOR_AXIS: Final = 6378137.0
-"""[m] of the ellipsoid WGS84, as what follows."""
+"""Semi-major axis of the ellipsoid WGS84 [m]; the next two belong to it."""
 FLATTENING: Final = 1.0 / 298.257223563
 ECCENTRICITY_SQUARED: Final = 6.69437999014e-3
 
 TRIADS: Final[tuple[Triad, Triad]] = ("gyroscope", "accelerometer")
-"""In the order of arrays that hold both, (6, ...): gyroscope x, y, z, accelerometer x, y, z."""
+"""Triads in the order of arrays (6, ...): gyroscope x, y, z, accelerometer x, y, z."""
 AXES: Final = ("x", "y", "z")
 AXIS_COLOURS: Final = {"x": "#D3202B", "y": "#1B8F38", "z": "#1F5FD6"}
 """Colours of the axes in pictures and pages: red, green and blue, as in RViz."""
@@ -39,14 +39,14 @@ IMU_FRAME: Final = "imu_link"
 
 IMU_TOPIC: Final = "imu/data_raw"
 INPUT_IMU_TOPIC: Final = "imu/ideal"
-"""What the error model takes."""
+"""Topic of ideal readings, the input of the error model."""
 INPUT_ODOMETRY_TOPIC: Final = "odom/ideal"
 IDEAL_SUFFIX: Final = "/ideal"
-"""Behind the topic of a magnetometer or barometer: its ideal readings, for the error model."""
+"""Suffix of the topic with the ideal readings of a magnetometer or barometer."""
 DELTA_ANGLE_TOPIC: Final = "imu/delta_angle"
 DELTA_VELOCITY_TOPIC: Final = "imu/delta_velocity"
 SENSOR_SUFFIX: Final = "/parameters"
-"""Behind the name of a topic of readings: the topic that says what the sensor is."""
+"""Suffix of the topic that describes the sensor behind a topic of readings."""
 TEMPERATURE_TOPIC: Final = "imu/temperature"
 TRUTH_TOPIC: Final = "ground_truth/odom"
 TRUTH_FIX_TOPIC: Final = "ground_truth/fix"

@@ -64,14 +64,14 @@ class Problems(list[str]):
         super().__init__()
         self._kinds: set[type[ConfigurationError | InputError]] = set()
         self.unjudged: tuple[str, ...] = ()
-        """How the names of parameters begin that hang on something wrong; nobody judges them."""
+        """Prefixes of parameters that depend on a wrong part; they are not checked."""
 
     @contextmanager
     def gathered(self, before: str = "", hanging: str | None = None) -> Iterator[None]:
-        """Take what is wrong with a part; whoever comes after it goes on without that part.
+        """Collect the problems of a part, so that the next parts are checked, too.
 
         :param before: stands before each line.
-        :param hanging: how the names of parameters begin that hang on the part; None: none does.
+        :param hanging: prefix of the parameters that depend on the part; None: there are none.
         """
         try:
             yield
@@ -88,7 +88,7 @@ class Problems(list[str]):
 
 
 class MachineError(ImuSimError):
-    """What the machine could not do although it was asked correctly: a full disk, a read error."""
+    """An operation that the machine could not carry out: a full disk, a read error."""
 
     status = 1
 
@@ -98,7 +98,7 @@ class MissingDependencyError(ImuSimError):
 
 
 class Remark(UserWarning):
-    """What a user should know besides the result, such as rows that are left out.
+    """A note for the user in addition to the result, such as rows that are left out.
 
     A program prints it as a line of standard error.
     """

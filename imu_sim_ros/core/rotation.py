@@ -322,7 +322,7 @@ def _running(products: list[list[float]]) -> Array:
 
 
 _SMALL = 0.1
-"""[rad] below this the series are used; what they leave out is below 1e-13."""
+"""Angle below which the series are used; what they leave out is below 1e-13 [rad]."""
 
 
 def rate_and_acceleration(

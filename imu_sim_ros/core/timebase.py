@@ -16,7 +16,7 @@ from imu_sim_ros.core.types import Array, Integers
 NANOSECONDS_PER_SECOND: Final = 1_000_000_000
 _RATE_DENOMINATOR: Final = 1_000_000
 LOWEST_RATE: Final = 1.0 / _RATE_DENOMINATOR
-"""[Hz] that this denominator can state."""
+"""Lowest rate that this denominator can state [Hz]."""
 
 
 def sample_times_ns(first: int, count: int, rate: float, t0_ns: int = 0) -> Integers:

@@ -18,9 +18,9 @@ Complex = NDArray[np.complex128]
 Integers = NDArray[np.int64]
 """Counts, indices and labels."""
 Times = NDArray[np.int64]
-"""(n,) [ns]."""
+"""(n,) times or stamps [ns]."""
 Mask = NDArray[np.bool_]
-"""Which elements are meant."""
+"""True for selected elements."""
 Bytes = NDArray[np.uint8]
 """Bytes of messages and of images."""
 

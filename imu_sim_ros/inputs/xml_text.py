@@ -19,7 +19,7 @@ _DEEPEST: Final = 200
 _MAX_ELEMENTS: Final = 1_000_000
 _LONGEST_TEXT: Final = 4096
 _BUFFER: Final = 1 << 20
-"""[bytes] of text that come at once."""
+"""Size of the text that the parser delivers at once [bytes]."""
 
 
 @dataclass

@@ -48,7 +48,8 @@ class AttitudeEvaluation:
     without_truth: int = 0
     """Attitudes that are left out: the truth has none at their times."""
     nees: SampleNees | None = None
-    """Over the samples that state a covariance: ``mean``, ``inside_band`` and what is expected."""
+    """NEES of the samples that state a covariance: ``mean``, ``inside_band``, and what is
+    expected."""
     no_nees: str | None = None
     """Why there is no NEES."""
     topic: str = ""

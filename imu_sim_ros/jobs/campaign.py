@@ -255,7 +255,7 @@ class Limits(NamedTuple):
     """Differences that matter."""
 
     tolerance: Tolerance | None
-    """None: the plan's."""
+    """Difference that does not matter; None: the plan's."""
     non_inferiority: Tolerance | None
     """Margin of non-inferiority to the baseline; None: not asked."""
 

@@ -382,7 +382,7 @@ class InitialCondition(NamedTuple):
     """State of the body."""
     correction: Correction
     rate: Array | None = None
-    """(3,) of the body relative to the world [rad/s]; None: as it is read."""
+    """(3,) rate of the body relative to the world [rad/s]; None: that of the readings."""
     covariance: Covariance | None = None
     """Covariance of the error of the IMU's state after a rest; None: the state is exact."""
 
@@ -448,7 +448,7 @@ def _settings(**parameters: object) -> IntegratorParameters:
 
 
 _usual_settings = cache(_settings)
-"""Without numbers: many short records are integrated alike."""
+"""Cached settings by their texts and choices alone, for many short records."""
 
 
 def initial_condition(

@@ -50,7 +50,7 @@ class Truth(States):
     role = "truth"
 
     acceleration: Array
-    """(n, 3) of the body in the world, without gravity [m/s^2]."""
+    """(n, 3) acceleration of the body in the world, without gravity [m/s^2]."""
     gyro: Array
     """(n, 3) readings of a perfect gyroscope where it is mounted [rad/s]."""
     accel: Array

@@ -50,13 +50,14 @@ class ReadingsEvaluation:
     error: Array
     """(m, k) reading minus ideal reading."""
     error_without_bias: Array | None
-    """(m, k) and minus the true bias; None if the recording does not have it."""
+    """(m, k) reading minus ideal reading and true bias; None: the recording has no true bias."""
     without_truth: int
     """Readings that are left out: the truth has none at their times."""
     coverage: Coverage
     """Share of the truth's time with readings."""
     nees: SampleNees | None
-    """Over the samples that state a covariance: ``mean``, ``inside_band`` and what is expected."""
+    """NEES of the samples that state a covariance: ``mean``, ``inside_band``, and what is
+    expected."""
     no_nees: str | None
     """Why there is no NEES."""
     topic: str = ""

@@ -90,16 +90,16 @@ _SAID: Final = 2.0
 motion, and what it does is known less well (of poses rounded to a millimetre, figure_eight, numbers
 that it moves by 2 to 5 standard errors are off by 2.2, RMS; others by 1.3)."""
 _DISAGREE: Final = 3.0
-"""Standard errors, RMS of four quarters of the recording: by chance once in a million numbers, as
-the chi-square of four degrees of freedom is 36."""
+"""Standard errors by which quarters of the recording disagree, RMS of the four: by chance once in a
+million numbers, as the chi-square of four degrees of freedom is 36."""
 _SURE: Final = 5.0
-"""Standard errors."""
+"""Standard errors beyond which a scale or bias contradicts any sensor."""
 _TILT: Final = 0.02
-"""[rad] of a truth that is levelled."""
+"""Largest tilt of a truth that counts as levelled [rad]."""
 _SCALE: Final = 0.05
 """Error of scale, and misalignment, that no calibrated sensor and few others have."""
 _BIAS: Final = (0.35, 0.5)
-"""[rad/s], [m/s^2] that few sensors have: 20 deg/s and 50 mg."""
+"""Biases that few sensors have: 20 deg/s and 50 mg [rad/s], [m/s^2]."""
 
 
 class Trust(NamedTuple):
@@ -189,7 +189,7 @@ _LEAST_FIT: Final = 8.0
 _LEAST_FREEDOM: Final = 2.0
 """Degrees of freedom of a density below which it is mostly noise of the poses, and not given."""
 _SECONDS: Final = 0.25
-"""[s] over which readings are averaged to be compared with the truth."""
+"""Time over which readings are averaged to be compared with the truth [s]."""
 _LEFT: Final = 0.5
 """Share of the gyroscope's variance that no truth may leave."""
 

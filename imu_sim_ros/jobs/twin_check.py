@@ -31,13 +31,13 @@ from imu_sim_ros.terminal.json_text import plain
 from imu_sim_ros.trajectory.motion import Motion
 
 WINDOWS: Final = (1.0, 2.0, 5.0)
-"""[s] over which positions are dead-reckoned."""
+"""Times over which positions are dead-reckoned [s]."""
 _EVERY: Final = 0.5
-"""[s] between two starts."""
+"""Time between two starts of dead reckoning [s]."""
 SEEDS: Final = 5
-"""Twins that are flown."""
+"""Number of simulated twins."""
 _TRUTH_FROM: Final = 1.0
-"""[Hz] from which on a residual follows the truth's noise."""
+"""Frequency from which on a residual follows the truth's noise [Hz]."""
 _TRUTH_TO: Final = 0.75
 """Times the cut-off; there the spline through the poses still lets 85 % of their noise through. On
 EuRoC's MH_01, from half the cut-off to there, the accelerometer's residual in windows of half a
@@ -50,7 +50,7 @@ class Flown(NamedTuple):
     t: Array
     """(n,) true times [s]."""
     readings: Array
-    """(n, 6)"""
+    """(n, 6) gyroscope [rad/s] and accelerometer [m/s^2]."""
     residuals: Array
     """(n, 6) readings minus what the twin's constant errors explain."""
 
@@ -68,20 +68,20 @@ class Check:
     real: Array
     """(5, 6) densities of the real residual."""
     simulated: Array
-    """(5, 6) densities of the twin's, mean square over the seeds."""
+    """(5, 6) densities of the twin's residual, mean square over the seeds."""
     decibels: Array
     """(5, 6) twin over real; NaN above half the rate."""
     real_drift: Array
     """(3,) median position error of the real IMU after 1, 2 and 5 s [m]."""
     simulated_drift: Array
-    """(3,) the twin's."""
+    """(3,) median position error of the twin after 1, 2 and 5 s [m]."""
     truth_noise: Array
     """(6,) RMS noise of the truth on this part, over that where the twin was fitted."""
     told_apart: float
     """Share of windows of half a second that a classifier assigns right; 0.5: it cannot."""
     real_told_apart: float
-    """The same for the real residual of the fitted part against that of this part: how much a
-    flight differs from itself."""
+    """Share that a classifier assigns right of the real residuals of the fitted part and of this
+    part: how much a flight differs from itself."""
     flown: tuple[Flown, Flown]
     """The real readings, and those of the first twin."""
     windows: comparison.Windows

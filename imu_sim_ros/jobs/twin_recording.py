@@ -40,36 +40,34 @@ from imu_sim_ros.trajectory.motion import Motion, Trajectory
 from imu_sim_ros.trajectory.parameters import PosesParameters
 
 _UNSAID: Final = 1.0
-"""[s] of the readings without a truth that are not worth a line: margins and the clocks' offset."""
+"""Length of readings without a truth that is not reported: margins, the clocks' offset [s]."""
 _MARGIN: Final = 0.2
-"""[s] at both ends of the truth, where a spline has neighbours on one side only."""
+"""Ends of the truth that are left out: a spline has neighbours on one side only there [s]."""
 _SHORTEST: Final = 10.0
-"""[s] of readings with a truth."""
+"""Shortest readings with a truth [s]."""
 _TURNING: Final = 0.02
-"""[rad/s] RMS below which a motion shows nothing."""
+"""RMS rate below which a motion determines nothing [rad/s]."""
 _STILL: Final = (0.05, 0.03)
-"""[rad/s], [m/s] above which a body is in motion."""
-_SCALE: Final = 8.0
-"""Between typical sizes of readings and truth, vibration and biases included; g is 9.8 m/s^2."""
+"""Rate and speed above which a body is in motion [rad/s], [m/s]."""
 _FILLED: Final = 10
-"""Samples: shorter losses are filled by straight lines."""
+"""Samples of the longest loss that is filled by a straight line."""
 _PIECE: Final = 512
 """Samples without a longer loss that a spectrum needs."""
 
 
 _DRAWS: Final = 2
-"""Times that the poses' noise is drawn."""
+"""Number of draws of the poses' noise."""
 _ROOM: Final = 2.0
 """Cut-off over the highest frequency of the motion, up to which a fit goes."""
 _SMOOTH: Final = 2.0
-"""[Hz] cut-off of a path with next to no noise, on which rounding is drawn: its speed matters."""
+"""Cut-off of a path with next to no noise, which shows the rounding of the poses [Hz]."""
 _SHARP: Final = 2.0
 """Cut-off of the spline that a fit sees over that of the motion: at the fit's highest frequency, a
 quarter of it, 5e-5 of a rate are smoothed away."""
 _LOWEST: Final = 1.0
-"""[Hz] cut-off at least."""
+"""Lowest cut-off [Hz]."""
 _MIN_POSES: Final = 200
-"""Times for a spectrum of the motion."""
+"""Smallest number of poses for a spectrum of the motion."""
 
 
 class TwinRecording(NamedTuple):
@@ -80,7 +78,7 @@ class TwinRecording(NamedTuple):
     trajectory: Trajectory
     duration: float
     cutoff: float
-    """[Hz] above which motion does not stand out of the poses' noise, or counts as vibration."""
+    """Frequency above which motion is below the poses' noise, or counts as vibration [Hz]."""
     noise: PoseNoise
     """Noise of the poses."""
     noisy: tuple[Trajectory, ...]

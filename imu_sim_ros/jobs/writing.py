@@ -70,7 +70,7 @@ Output = Annotated[
     OUTPUT,
 ]
 Format = Annotated[str | None, Text("write a dataset instead of a bag"), OUTPUT]
-"""With the words that a job knows."""
+"""Format of a dataset, for jobs that state its words in their own annotation."""
 Storage = Annotated[str | None, STORAGES, Text("bag storage (default: mcap)"), OUTPUT]
 Compression = Annotated[
     str | None,

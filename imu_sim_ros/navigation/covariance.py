@@ -82,7 +82,7 @@ _TWIST_ROWS: Final = struct.Struct(
     + 3 * _row_format(SIZE, (0, 6))
     + "".join(_row_format(SIZE, (9 + axis, 1)) for axis in range(3))
 )
-"""How the (6, 15) derivative of the twist's error by the state's is packed."""
+"""Layout of the (6, 15) derivative of the twist's error by the state's."""
 _SECOND_ORDER_INTERVAL: Final = 0.1
 """Interval of updates of the second-order terms, which grow slowly [s]."""
 

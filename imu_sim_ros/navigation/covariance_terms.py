@@ -32,11 +32,11 @@ class SlowErrors:
         entries, scales = noise.processes(_SHORTEST), noise.response_terms()
         axes = [axis for axis, _, _ in (*entries, *scales)]
         self.count = len(axes)
-        """m"""
+        """Number m of the slow errors."""
         times = [tau for _, tau, _ in entries] + [np.inf] * len(scales)
         self._decay_rate = -1.0 / np.array(times)
         self.cross = np.zeros((size, self.count))
-        """(n, m) C"""
+        """(n, m) covariance C of state and slow errors."""
         self._half_in_state = np.zeros((size, self.count))
         """(n, m) H / 2 at the biases' places in the state, zero elsewhere"""
         self._half_effect = self._half_in_state[-6:]

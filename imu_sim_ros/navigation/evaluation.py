@@ -154,11 +154,11 @@ class Remainder(NamedTuple):
     row: int
     """The pose at which the gauge is fixed, and from which on there is a NEES."""
     errors: Array
-    """(n, 3) [m] or [rad]."""
+    """(n, 3) errors [m] or [rad]."""
     covariances: Array
-    """(n, 3, 3)."""
+    """(n, 3, 3) covariances of the errors, without the part that the gauge removes."""
     usable: Mask
-    """(n,) that have a NEES."""
+    """(n,) True for poses that have a NEES."""
 
 
 def remainder(

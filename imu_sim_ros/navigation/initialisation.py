@@ -172,7 +172,7 @@ class Initial(NamedTuple):
     covariance: Covariance
     """Covariance of the error of the IMU's state."""
     rate: Array | None = None
-    """(3,) of the body relative to the world [rad/s]; None: as it is read."""
+    """(3,) rate of the body relative to the world [rad/s]; None: that of the readings."""
 
 
 def from_parameters(parameters: IntegratorParameters) -> Initial:

@@ -32,7 +32,7 @@ class ImuMount(NamedTuple):
     """Position and axes of an IMU in the body; by default the body's own."""
 
     lever_arm: Vector = ZERO_VECTOR
-    """p_bi [m]."""
+    """(3,) position p_bi of the IMU on the body [m]."""
     q_bi: Quaternion[float] = (1.0, 0.0, 0.0, 0.0)
 
     @property

@@ -28,9 +28,9 @@ class StepReadings(NamedTuple):
     h: Array
     """(B, m) lengths of the steps [s]."""
     gyro: Array
-    """(B, m + 1, 3) at the ends of the steps [rad/s]."""
+    """(B, m + 1, 3) rates at the ends of the steps [rad/s]."""
     accel: Array
-    """(B, m + 1, 3) at the ends of the steps [m/s^2]."""
+    """(B, m + 1, 3) specific forces at the ends of the steps [m/s^2]."""
 
 
 def between(t_ns: Integers, gyro: Array, accel: Array, edges_ns: ArrayLike) -> StepReadings:
@@ -85,13 +85,13 @@ class Preintegration(NamedTuple):
     gamma: Array
     """(B, 4) unit quaternions"""
     jacobian: Array
-    """(B, 15, 15) of the error at the end with respect to that at the start, the product of F."""
+    """(B, 15, 15) derivative of the error at the end by that at the start, the product of F."""
     covariance: Array
-    """(B, 15, 15) of the error at the end; zero at the start."""
+    """(B, 15, 15) covariance of the error at the end; zero at the start."""
     accel_bias: Array
-    """(B, 3) that was taken off [m/s^2]."""
+    """(B, 3) accelerometer bias that was subtracted [m/s^2]."""
     gyro_bias: Array
-    """(B, 3) that was taken off [rad/s]."""
+    """(B, 3) gyroscope bias that was subtracted [rad/s]."""
 
     def __repr__(self) -> str:
         return shapes(self)

@@ -49,7 +49,7 @@ class SlowErrorsOfIntervals:
             reading, which has all of the 1/f noise up to half the sampling rate.
         """
         self._variances: dict[float, Array] = {}
-        """(6,) of the processes by their correlation time."""
+        """(6,) variances of the processes by correlation time."""
         for axis, tau, sigma in noise.processes(period):
             self._variances.setdefault(tau, np.zeros(6))[(axis + 3) % 6] += sigma**2
         self._terms = np.zeros((6, 12))

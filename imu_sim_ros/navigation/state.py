@@ -32,7 +32,7 @@ class _State(NamedTuple):
     position: Array
     """(3,) p_wb [m]."""
     velocity: Array
-    """(3,) of the body in the world frame [m/s]."""
+    """(3,) velocity of the body in the world frame [m/s]."""
     q_wb: Array
     """(4,) unit quaternion (w, x, y, z)."""
 

@@ -81,13 +81,13 @@ class StepperCounts:
     """Counts of gaps and other events in a stepper."""
 
     repeated: int = 0
-    """readings with the stamp of the reading before"""
+    """Readings with the stamp of the reading before."""
     backward: int = 0
-    """readings with a stamp before that of the reading before"""
+    """Readings with a stamp before that of the reading before."""
     gaps: int = 0
-    """intervals longer than max_gap"""
+    """Intervals longer than max_gap."""
     gimbal_lock: int = 0
-    """steps near the gimbal lock, taken with the so3 update in place of Euler angles"""
+    """Steps near the gimbal lock, taken with the so3 update in place of Euler angles."""
 
 
 def check_method(method: str, attitude: str) -> None:
@@ -153,7 +153,7 @@ class Stepper:
     def reset(self, initial: NavigationState) -> None:
         """Start again at a state; the next reading starts the clock. The counts go on."""
         self.position = float_vector(initial.position)
-        """p_wb at the last reading [m]."""
+        """(3,) p_wb at the latest reading [m]."""
         self.velocity = float_vector(initial.velocity)
         """Velocity of the body in the world frame at the last reading [m/s]."""
         self.q_wb = normalise(float_quaternion(initial.q_wb))

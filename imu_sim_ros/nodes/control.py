@@ -26,9 +26,9 @@ from imu_sim_ros.nodes import fast_dds
 
 _NODE: Final = re.compile(r"(/[A-Za-z_][A-Za-z0-9_]*)+")
 _TURN: Final = 0.05
-"""[s] The longest wait in the middleware: a signal is handled after it."""
+"""Longest wait in the middleware: a signal is handled after it [s]."""
 _SETTLE: Final = 0.3
-"""[s] A service that has been discovered here may not have discovered its new client yet."""
+"""Time in which a discovered service discovers its new client [s]."""
 
 
 class Status(NamedTuple):
@@ -62,7 +62,7 @@ class InjectedFault(NamedTuple):
     t_ns: int
     """Stamp of the first sample that it hits."""
     values: Mapping[str, str]
-    """kind, imu, triad, duration, value."""
+    """Texts by name: kind, imu, triad, duration, value."""
 
     def line(self) -> str:
         """Return it in a line."""

@@ -15,7 +15,7 @@ from imu_sim_ros.sensors.faults import Fault
 from imu_sim_ros.simulation.parameters import SampledParameters
 
 PERIOD: Final = 1.0
-"""Between two statuses of a node [s]."""
+"""Time between two statuses of a node [s]."""
 
 
 def diagnostics(

@@ -74,7 +74,7 @@ _PROFILE_3: Final = """<?xml version="1.0" encoding="UTF-8"?>
   </times></data_writer>
 </profiles></dds>
 """
-"""The same for Fast DDS 3 (Kilted and later), which gave the elements other names."""
+"""Profile for Fast DDS 3 (Kilted and later), whose elements have other names."""
 _FIRST_WITH_3: Final = 9
 """Major version of rmw_fastrtps; Jazzy has 8."""
 _PROFILE_VARIABLES: Final = ("FASTRTPS_DEFAULT_PROFILES_FILE", "FASTDDS_DEFAULT_PROFILES_FILE")

@@ -20,7 +20,7 @@ if TYPE_CHECKING:
     from imu_sim_ros.nodes.parameters import ConfiguredNode
 
 _SHUTDOWN: Final = 0.1
-"""[s] How long shutdown waits for callbacks that are themselves still waiting."""
+"""Longest wait of the shutdown for callbacks that are waiting themselves [s]."""
 
 
 def main(

@@ -29,9 +29,9 @@ from imu_sim_ros.terminal.json_text import as_json
 _QOS: Final = QoSProfile(depth=1, durability=DurabilityPolicy.TRANSIENT_LOCAL)
 _PARAMETERS: Final = "ros__parameters"
 _PATIENCE: Final = 0.5
-"""[s] Time after the first reading by which a published description arrives."""
+"""Time after the first reading by which a published description arrives [s]."""
 _LONGER_PATIENCE: Final = 5.0
-"""[s] The same if its publisher has been discovered."""
+"""Time after the first reading by which it arrives if its publisher was discovered [s]."""
 _LOOK_PERIOD: Final = 0.05
 _KEPT: Final = 20000
 """Number of messages that may wait: 2.5 s at 8 kHz."""

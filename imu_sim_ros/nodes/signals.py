@@ -16,7 +16,7 @@ from types import FrameType
 from typing import Final
 
 _LONGEST_START: Final = 0.8
-"""[s] A node that does not exist by then has nothing to close that is worth waiting for."""
+"""Time after which a node that does not exist has nothing to close [s]."""
 
 
 class EndSignals:

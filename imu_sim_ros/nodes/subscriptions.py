@@ -44,9 +44,9 @@ _NEARLY: Final = 0.1
 _LONGEST_NS: Final = 10_000_000
 """No look is farther away than this: another topic may have something."""
 _MATCHING_PERIOD: Final = 0.02
-"""[s] How often publishers of the inputs are looked for until each has one."""
+"""Period of looking for publishers of the inputs, until each has one [s]."""
 _CHANGE_PERIOD: Final = 0.5
-"""[s] The same afterwards."""
+"""Period of looking for publishers afterwards [s]."""
 
 Taken = tuple[bytes, dict[str, int]]
 """A message's bytes, and its data from the middleware: ``received_timestamp`` and so on."""
@@ -84,7 +84,7 @@ class PollTimer:
         self._period_ns = period * 1e9
         self._last_ns = 0
         self._interval = 0.0
-        """Between arrivals, smoothed [ns]."""
+        """Smoothed time between arrivals [ns]."""
         self._trust = 0
 
     def wait(self, count: int, last_ns: int, now_ns: int) -> float:

@@ -45,7 +45,7 @@ _KINDS: Final = {
     "estimators": "estimator",
     "barometers": "barometer",
 }
-"""What a file of each kind describes; those of other sensors are called as these are."""
+"""Subject of the files in each folder of config/; other folders bear their sensor's name."""
 
 
 @cache

@@ -188,7 +188,7 @@ class Parameter:
 
     @cached_property
     def largest(self) -> float:
-        """The largest size that is possible at all; a reading of it still passes the gate."""
+        """Largest possible magnitude; readings of this size still pass the gate."""
         limits = (
             limit.largest for start, limit in _POSSIBLE.items() if self.unit.startswith(start)
         )
@@ -284,7 +284,8 @@ def gravity(text: str) -> Vector:
 
 
 LARGEST_GRAVITY: Final = 30.0
-"""[m/s^2] More than on any planet: a larger value is probably in another unit."""
+"""Largest magnitude of gravity, more than on any planet: a larger one is in another unit
+[m/s^2]."""
 
 
 def gravity_warnings(gravity: Vector) -> Iterator[str]:

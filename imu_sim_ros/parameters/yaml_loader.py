@@ -24,7 +24,7 @@ _DEEPEST: Final = 32
 _MAX_ALIASES: Final = 100
 _MAX_VALUES: Final = 200_000
 _LONGEST_NUMBER: Final = 400
-"""[letters] of one value that is read as a number."""
+"""Longest text that is read as a number [letters]."""
 _SOURCE: Final = ' in "<unicode string>",'
 _LONGEST_REASON: Final = 200
 

@@ -13,9 +13,9 @@ import re
 from typing import Any, Final
 
 _LARGEST: Final = 4 << 20
-"""[letters] The metadata.yaml of a bag of 10,000 files has 2 million."""
+"""Largest text [letters]; the metadata.yaml of a bag of 10,000 files has 2 million."""
 _REMEMBERED: Final = 1 << 16
-"""[letters] of a text that is parsed once only, however often it is read."""
+"""Largest text that is parsed once, however often it is read [letters]."""
 
 _SCALARS: Final = (str, float, int, bool, type(None))
 

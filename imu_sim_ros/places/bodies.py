@@ -30,7 +30,7 @@ RADIUS: Final = {"person": 0.3, "cart": 0.56}
 HEIGHT: Final = {"person": 1.75, "cart": 1.05, "door": 2.1}
 """Heights of moving bodies by kind [m]."""
 STEP: Final = 0.25
-"""Between the knots of a course [s]."""
+"""Time between the knots of a course [s]."""
 _LEAF: Final = 0.04
 """Thickness of a door [m]."""
 _OVERHEAD: Final = {"up": 1.15, "sideways": 0.9, "down": 0.45}
@@ -106,7 +106,7 @@ class MovingBody(NamedTuple):
     """Faces in the body's axes."""
     course: Course
     floor: float
-    """z of its origin [m]."""
+    """Height of the origin [m]."""
 
     def surfaces(self) -> Surfaces:
         """Return its rectangles in its own axes."""

@@ -35,7 +35,7 @@ class Surfaces(NamedTuple):
     hides: Mask
     """(m,) something may be behind it; false for the walls of a room seen from inside."""
     texture: tuple[str, ...]
-    """m names of what is on it."""
+    """Names of the textures of the m surfaces."""
 
     @property
     def normal(self) -> Array:
@@ -131,7 +131,7 @@ class Hits(NamedTuple):
     """Nearest intersections of n rays with the surfaces."""
 
     distance: Floats
-    """(n,) in lengths of the ray's direction; infinite: nothing."""
+    """(n,) distances in lengths of the ray's direction; infinite: nothing."""
     surface: Integers
     """(n,) number of the surface; -1: nothing."""
 

@@ -117,8 +117,9 @@ class Region(NamedTuple):
     face: int
     gloss: Gloss
     low: tuple[float, float]
-    """s and r of its lower left corner."""
+    """Coordinates s and r of the lower left corner on the face."""
     high: tuple[float, float]
+    """Coordinates s and r of the upper right corner."""
 
 
 def regions(faces: Sequence[Face], sides: Array) -> list[Region]:
@@ -243,19 +244,19 @@ class Sheen(NamedTuple):
     """Appearance of k glossy regions: records, and arrays."""
 
     regions: NDArray[np.void]
-    """(k,)."""
+    """(k,) records of the regions."""
     floor: Single
-    """(k, sources) by which the power of a lobe is lowered."""
+    """(k, sources) reduction of a lobe's power."""
     faces: NDArray[np.void]
-    """(m,)."""
+    """(m,) records of the faces."""
     sources: NDArray[np.void]
-    """(sources,)."""
+    """(sources,) records of the lamps and the sun."""
     sights: NDArray[np.void]
-    """(m, sources) of each source from each face."""
+    """(m, sources) records of each source as seen from each face."""
     light: Single
     """(all,) irradiance on points of faces, source by source, without its colour."""
     mirrored: Single
-    """(3, colours) what is seen in a mirror that looks down, level and up, squared."""
+    """(3, colours) squares of the colours seen in mirrors that look down, level and up."""
 
     @classmethod
     def empty(cls, regions: int, faces: int, sources: int, colours: int) -> "Sheen":
@@ -381,9 +382,9 @@ class Active(NamedTuple):
     pair: Integers
     """(q,) number of the place where they are seen, ascending."""
     region: Integers
-    """(q,)."""
+    """(q,) numbers of the regions."""
     lit: Mask
-    """(q, sources) whose highlight may be there."""
+    """(q, sources) True if the source's highlight may be there."""
 
 
 def _lobes(
@@ -446,9 +447,9 @@ class _Sources(NamedTuple):
     light: Single
     """(all,) irradiance on points of faces, source by source, without its colour."""
     first: Integers
-    """(m,) where a face's light begins."""
+    """(m,) index at which a face's light begins."""
     shapes: Integers
-    """(m, 2) rows and columns of it."""
+    """(m, 2) rows and columns of a face's light."""
     most: Single
     """(m, l) largest light, without its colour."""
     brightest: Single

@@ -57,7 +57,7 @@ class Lighting(NamedTuple):
 
     lamps: Sequence[Lamp] = ()
     to_sun: tuple[float, float, float] = (0.0, 0.0, 1.0)
-    """Unit vector."""
+    """Unit vector towards the sun."""
     sun: tuple[float, float, float] = (0.0, 0.0, 0.0)
     """Irradiance across its rays; 0: none."""
     windows: Sequence[Rectangle] = ()
@@ -72,7 +72,7 @@ class Baked(NamedTuple):
     total: list[Single]
     """(rows, columns, 3) irradiance of red, green and blue on each."""
     sources: list[Single]
-    """(lamps + 1, rows, columns) of each lamp and the sun, without colour and exposure."""
+    """(lamps + 1, rows, columns) light of each lamp and the sun, without colour and exposure."""
     exposure: np.float32 = np.float32(1.0)
     """Exposure factor contained in the total."""
 

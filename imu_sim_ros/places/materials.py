@@ -85,7 +85,7 @@ class Cells(NamedTuple):
     """Cells of a tile."""
 
     number: Integers
-    """(rows, columns) of each texel's cell."""
+    """(rows, columns) number of each texel's cell."""
     cells: int
     edge: Array
     """(rows, columns) distance from the cell's edge [m]."""

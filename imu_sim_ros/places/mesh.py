@@ -99,7 +99,7 @@ class MeshCaster:
             ) from None
         low, high = box(mesh)
         self.middle: Array = 0.5 * (low + high)
-        """(3,) from which it counts, so that single precision suffices [m]."""
+        """(3,) origin of the coordinates, so that single precision suffices [m]."""
         local = mesh.vertices - self.middle
         self._scene: Any = EmbreeScene(robust=True)
         self._built = TriangleMesh(

@@ -32,9 +32,9 @@ MOST_TRIANGLES: Final = 800_000
 """Each needs some 300 bytes of memory; the limits keep a process below 500 MB."""
 MOST_VERTICES: Final = 1_200_000
 LARGEST: Final = 100 << 20
-"""[bytes] of a file, and of what it names."""
+"""Largest mesh file, and largest sum of the files that it names [bytes]."""
 _LARGEST_TEXT: Final = {".ply": 20 << 20, ".stl": 40 << 20, ".obj": 50 << 20}
-"""[bytes] of files of text, of which the loader makes that much more."""
+"""Largest files in text form [bytes]: the loader needs many times their size."""
 _UNREADABLE: Final = ("KHR_draco_mesh_compression", "EXT_meshopt_compression", "KHR_texture_basisu")
 """Extensions of glTF that trimesh does not read by itself."""
 _PART: Final = 100_000
@@ -49,7 +49,7 @@ class Mesh(NamedTuple):
     """m triangles between n vertices."""
 
     vertices: Array
-    """(n, 3)."""
+    """(n, 3) positions of the vertices."""
     faces: Numbers
     """(m, 3) rows in the vertices; counterclockwise as seen from the front."""
     places: Single

@@ -48,7 +48,7 @@ class Hinge(NamedTuple):
     """Hinge of a moving door."""
 
     foot: Vector
-    """p_w of its foot [m]."""
+    """(3,) position p_w of its foot [m]."""
     heading: float
     """Direction of the closed leaf [rad]."""
     swing: float

@@ -29,7 +29,7 @@ class Traced(NamedTuple):
     """Nearest intersections of n rays with surfaces at rest and moving bodies."""
 
     distance: Array
-    """(n,) in lengths of the ray's direction; infinite: nothing."""
+    """(n,) distances in lengths of the ray's direction; infinite: nothing."""
     surface: Integers
     """(n,) number of the rectangle or triangle, within its body; -1: nothing."""
     body: NDArray[np.uint8]

@@ -111,13 +111,13 @@ class _Bundles(NamedTuple):
     order: Integers
     """(n,) numbers of the places, one bundle after the other."""
     first: Integers
-    """(b,) of the bundles."""
+    """(b,) index of a bundle's first place in ``order``."""
     sizes: Integers
-    """(b,)."""
+    """(b,) number of places in each bundle."""
     low: Single
     """(3, b) least direction and depth."""
     high: Single
-    """(3, b)."""
+    """(3, b) largest direction and depth."""
 
     @classmethod
     def of(cls, projected: Single) -> "_Bundles":

@@ -63,7 +63,7 @@ class Passage(NamedTuple):
     times: Array
     """(n,) [s]."""
     places: Array
-    """(k, n, 3) of each of k cameras [m]."""
+    """(k, n, 3) positions of each of k cameras [m]."""
     ends: bool
     """False: it goes on after the last time."""
     foot: float

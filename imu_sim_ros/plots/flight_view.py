@@ -31,7 +31,7 @@ _COLOURS: Final = ((120, 120, 120), *map(_rgb, SERIES_COLOURS))
 """Colours of the truth, grey on any background, then of each estimate."""
 _AXES: Final = tuple(map(_rgb, AXIS_COLOURS.values()))
 _RADIUS: Final = 0.01
-"""[m] Radius of the line of a path."""
+"""Radius of the line of a path [m]."""
 _BRIGHTER: Final = 0.5
 """Exponent of intensities, so that dark surfaces differ, too."""
 _MAX_POINTS: Final = 20_000

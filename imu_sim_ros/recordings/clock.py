@@ -569,8 +569,8 @@ class Trait(NamedTuple):
     """One thing that stamps show."""
 
     kind: str
-    """exact, rounded, batches, bunches, jitter; loss, pause, reset, clock_change, stray, late,
-    duplicate; unit."""
+    """Name of the trait: exact, rounded, batches, bunches, jitter; loss, pause, reset,
+    clock_change, stray, late, duplicate; unit."""
     number: int
     """Number of stamps, steps or batches that show it."""
     row: int

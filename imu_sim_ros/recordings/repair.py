@@ -33,7 +33,7 @@ class Jump(NamedTuple):
 
     row: int
     shift: Array
-    """(3,) in the world [m]."""
+    """(3,) shift in the world [m]."""
     turn: Array
     """(3,) rotation vector in the world [rad]."""
 

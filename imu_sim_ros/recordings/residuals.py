@@ -22,13 +22,13 @@ _BLOCK: Final = 100
 _MEDIAN_OF_NORM: Final = 1.5382
 """Median of the length of a vector of three standard normal numbers."""
 _SMALLEST: Final = 1e-3
-"""[rad] taken as deviation at least: digits of a file, and bends of a motion."""
+"""Smallest deviation of attitudes: digits of a file, and bends of a motion [rad]."""
 _SMALLEST_DISTANCE: Final = (5e-5, 5e-4)
-"""[m] likewise, of poses taken often and seldom."""
+"""Smallest deviation of positions, of poses at high and at low rates [m]."""
 _BEND: Final = 2.0
-"""[m/s^2] times the interval squared is the deviation in between: a motion bends less over a short
-time. At 200 Hz ten deviations are half a millimetre, and a jump of 1 mm shows (a pose next to it
-is off by half of it), which changes the spline's velocity by 0.025 m/s."""
+"""Deviation of a position between poses over the interval squared [m/s^2]: a motion bends less over
+a short time. At 200 Hz ten deviations are half a millimetre, and a jump of 1 mm shows (a pose next
+to it is off by half of it), which changes the spline's velocity by 0.025 m/s."""
 
 
 class Residuals(NamedTuple):

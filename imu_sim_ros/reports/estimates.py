@@ -50,7 +50,7 @@ class TruthWithEstimates(NamedTuple):
     title: str
     """Subject of its sections: motion, or the topic of odometry with a truth of its own."""
     truth: States | None
-    """None: nothing is compared."""
+    """True states; None: nothing is compared."""
     estimates: Sequence[States]
 
 
@@ -61,7 +61,7 @@ class ComparedEstimate(NamedTuple):
     colour: int
     """Number of its colour in all plots."""
     comparison: Comparison | None
-    """None: it cannot be compared, for the reason in ``problem``."""
+    """Comparison with the truth; None: impossible, for the reason in ``problem``."""
     problem: str = ""
     moved: bool = False
     """True if it was moved and turned into the frame of the truth."""

@@ -79,7 +79,7 @@ class MeasuredQuantity(NamedTuple):
     """Names of the k columns."""
     t_ns: Times
     values: Array
-    """(n, k)."""
+    """(n, k) values."""
     variance: Array
     """(n, k) stated variances; 0: unknown."""
 

@@ -200,9 +200,9 @@ class StreamPlots(NamedTuple):
     t_s: Array
     """(m,) middles of the parts."""
     low: Array
-    """(m, 6)."""
+    """(m, 6) smallest readings of each part."""
     high: Array
-    """(m, 6)."""
+    """(m, 6) largest readings of each part."""
     shortest: Array
     """(m,) shortest interval of each part [s]."""
     longest: Array

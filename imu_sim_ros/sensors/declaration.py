@@ -189,7 +189,7 @@ class Companions(NamedTuple):
     open: Callable[[Any, EnvironmentParameters, int, Sequence[Path]], Companion]
     """Takes its section, the environment, the time of the IMU's sample 0 [ns], and the files."""
     switch: Switch | None = None
-    """None: its parameters alone ask for them."""
+    """Switch that asks for the files; None: the section's parameters alone do."""
 
 
 class Serial(NamedTuple):

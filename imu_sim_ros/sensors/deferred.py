@@ -90,12 +90,12 @@ class Each(Generic[_T]):
         threads: "Executor | None",
         kept: bool = False,
     ) -> None:
-        """Make nothing yet.
+        """Compute nothing yet.
 
         :param make: returns the value of a sample by its number; for several threads at once.
         :param numbers: (n,) of the samples.
-        :param threads: None: what is begun is made at once.
-        :param kept: several will ask for a value, which is made once; otherwise each time.
+        :param threads: compute values in the background; None: compute them at once.
+        :param kept: compute a value once, for several users; otherwise each time.
         """
         self._make, self._numbers, self._threads = make, numbers, threads
         self._made: dict[int, _T] = {}

@@ -93,7 +93,7 @@ class TemperatureParameters:
 
 
 FIELD: Vector = (0.0, 2.0e-5, -4.5e-5)
-"""[T] Of mid northern latitudes, without declination: 20 uT to the north, 45 uT down."""
+"""Magnetic field of mid northern latitudes without declination: 20 uT north, 45 uT down [T]."""
 
 
 @dataclass(frozen=True)
@@ -162,9 +162,9 @@ class MagneticFieldParameters:
 
 
 LONGEST_DURATION = 2.0**31
-"""[s] The seconds that the stamps of ROS 2 can count."""
+"""Seconds that the stamps of ROS 2 can count [s]."""
 LARGEST_LATITUDE = 85.0
-"""[deg] of the origin of a curved world; at the pole longitudes meet."""
+"""Largest latitude of the origin of a curved world; at the pole longitudes meet [deg]."""
 
 
 @dataclass(frozen=True)

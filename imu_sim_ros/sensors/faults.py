@@ -48,7 +48,7 @@ class Fault:
     value: float | Vector = 0.0
     """Strength in the unit of what it changes; one number stands for all axes."""
     triad: str = ""
-    """gyroscope or accelerometer for a fault of a triad; another sensor for any of its own."""
+    """Triad that fails, gyroscope or accelerometer; of another sensor, its name."""
 
     def __post_init__(self) -> None:
         problems = list(self._problems())

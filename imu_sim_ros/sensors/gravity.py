@@ -17,7 +17,7 @@ from imu_sim_ros.sensors.environment import EnvironmentParameters
 from imu_sim_ros.trajectory.motion import Motion
 
 EARTH_RATE: Final = 7.292115e-5
-"""[rad/s]"""
+"""Rotation rate of the Earth (WGS84) [rad/s]."""
 _GEODETIC_STEPS: Final = 5
 _EQUATOR_GRAVITY: Final = 9.7803253359
 _SOMIGLIANA_CONSTANT: Final = 0.00193185265241
@@ -80,7 +80,7 @@ class OverGround(NamedTuple):
     """Motion over ground, resolved in east, north, up at the place; all (n, 3)."""
 
     velocity: Array
-    """[m/s]"""
+    """Velocity [m/s]."""
     acceleration: Array
     """Derivative of the velocity's components [m/s^2]."""
     transport_rate: Array
@@ -88,9 +88,9 @@ class OverGround(NamedTuple):
     transport_acceleration: Array
     """Derivative of the transport rate's components [rad/s^2]."""
     earth_rate: Array
-    """omega_ie; 0 if the world does not rotate [rad/s]."""
+    """Rotation of the Earth, omega_ie; 0 if the world does not rotate [rad/s]."""
     gravity: Array
-    """[m/s^2]"""
+    """Gravity [m/s^2]."""
 
 
 class CurvedEarth:

@@ -24,9 +24,9 @@ LARGEST_RATE = 20000.0
 LARGEST_JITTER_SIGMA = 0.25
 """The largest standard deviation of the stamps, in intervals between two samples."""
 LARGEST_LATENCY = 10.0
-"""[s] of a message: the node keeps what is under way in memory."""
+"""Largest latency of a message: the node keeps those under way in memory [s]."""
 LONGEST = 1e6
-"""[s] for times that must only stay within what stamps can hold."""
+"""Largest time, well within the range of stamps [s]."""
 
 
 @dataclass(frozen=True)

@@ -379,9 +379,9 @@ _LOOK_NS: Final = 2_000_000_000
 _FEWEST_AT_START: Final = 5
 """Readings from which on they are judged: fewer do not tell rest from motion."""
 _REST_RATE: Final = 0.02
-"""[rad/s] Deviation of each axis below which a body is at rest; any smooth start is."""
+"""Deviation of each axis below which a body may be at rest [rad/s]; any smooth start is."""
 _REST_FORCE: Final = 0.1
-"""[m/s^2] The same."""
+"""Deviation of each axis below which a body may be at rest [m/s^2]."""
 _TOLERANCE: Final = 0.05
 """Share by which rate and gravity may miss what is declared."""
 _MOVING: Final = 0.8

@@ -60,7 +60,7 @@ _MOST_LOST: Final = 0.9
 """Probability of a lost message from which a mistake is likely."""
 _TAKEN: Final = ("camera", "scene", "features", "publish", "inject")
 COARSEST_RATE: Final = 1.0
-"""[rad/s] Step of a gyroscope's output above which most motions are rounded to 0."""
+"""Step of a gyroscope's output above which most motions are rounded to 0 [rad/s]."""
 _LOWEST_CUTOFF = 1e-6
 """Lowest cut-off as a fraction of half the rate; lower ones lose all digits."""
 

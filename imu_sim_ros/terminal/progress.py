@@ -24,7 +24,7 @@ def _nothing(what: object) -> None:
 
 @dataclass(frozen=True)
 class Watcher:
-    """Who follows a job, and keeps signals from its last step; by default nobody does."""
+    """Receivers of a job's progress and lines; all are idle by default."""
 
     bar: Bar | None = None
     warn: Callable[[str], None] = _nothing
@@ -90,9 +90,9 @@ def progress(text: str, total: Callable[[], int], **more: int) -> Iterator[Advan
 
 _UNKNOWN_TIME: Final = "-:--:--"
 _LONGEST_TIME: Final = 3.6e7
-"""[s]; ten thousand hours."""
+"""Longest time that is shown, ten thousand hours [s]."""
 _BURST: Final = 1.1
-"""What comes until this multiple of the first part's time is counted as one burst."""
+"""Multiple of the first part's time within which parts count as one burst."""
 
 
 @contextmanager

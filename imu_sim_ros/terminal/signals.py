@@ -30,7 +30,7 @@ _received: list[int] = []
 _is_raised = False
 """True after :class:`Interrupted` was raised in the main thread."""
 _begun = False
-"""Whether a command's work has begun, and is perhaps over."""
+"""True if a command's work has begun; it may have ended."""
 _AGAIN: Final = 0.005
 """After this time a signal that came at a bad moment comes again [s]."""
 _LONGEST_DELAY: Final = 0.5

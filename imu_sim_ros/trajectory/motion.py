@@ -20,9 +20,9 @@ class Motion(NamedTuple):
     position: Array
     """(n, 3) p_wb [m]."""
     velocity: Array
-    """(n, 3) of the body in the world frame [m/s]."""
+    """(n, 3) velocity of the body in the world frame [m/s]."""
     acceleration: Array
-    """(n, 3) of the body in the world frame, without gravity [m/s^2]."""
+    """(n, 3) acceleration of the body in the world frame, without gravity [m/s^2]."""
     q_wb: Array
     """(n, 4) unit quaternions (w, x, y, z)."""
     angular_velocity: Array

@@ -80,11 +80,11 @@ class Bends(NamedTuple):
     """A path at places along it."""
 
     u: Array
-    """(n,) of the path's parameter [m]."""
+    """(n,) parameters of the path [m]."""
     speed: Array
-    """(n,) way per u."""
+    """(n,) length of the way per u."""
     curvature: Array
-    """(n,) with sign, left positive [1/m]."""
+    """(n,) curvatures, positive to the left [1/m]."""
 
 
 class Path:

@@ -41,7 +41,7 @@ class Route(NamedTuple):
     origin: tuple[float, float] | None
     """Latitude and longitude of the world's origin [deg]; None for a file in metres."""
     heights: Array
-    """(n,) as the file has them [m], nan where it has none."""
+    """(n,) heights as the file has them [m]; NaN where it has none."""
 
 
 class _Row(NamedTuple):

@@ -69,13 +69,13 @@ class Driven(NamedTuple):
     """Motion along a path at n times."""
 
     speed: Array
-    """Speed [m/s]."""
+    """(n,) speeds [m/s]."""
     along: Array
-    """Acceleration along the path [m/s^2]."""
+    """(n,) accelerations along the path [m/s^2]."""
     across: Array
-    """To the left [m/s^2]."""
+    """(n,) accelerations to the left [m/s^2]."""
     turn: Array
-    """Heading rate [rad/s]."""
+    """(n,) heading rates [rad/s]."""
 
 
 def driven(path: Path, schedule: UniformSpline, t: Array) -> Driven:

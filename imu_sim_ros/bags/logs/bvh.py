@@ -61,7 +61,7 @@ class _Joint(NamedTuple):
     parent: int
     """Index of its parent; -1: the root."""
     offset: Array
-    """(3,) from the parent, in units of the file."""
+    """(3,) position in the parent's axes, in units of the file."""
     channels: tuple[tuple[str, int], ...]
     """Kind and axis of each channel."""
     column: int

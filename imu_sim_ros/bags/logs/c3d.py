@@ -79,7 +79,7 @@ class _Markers(NamedTuple):
     t_ns: Times
     """(n,) times since the first frame."""
     position: Array
-    """(n, m, 3) in units of the file; NaN: not visible."""
+    """(n, m, 3) positions in units of the file; NaN: not visible."""
 
 
 class _World(NamedTuple):

@@ -28,7 +28,7 @@ from imu_sim_ros.core.types import Array, Bytes, Integers, Mask, Times
 FIRST: Final = "[0]"
 """Suffix of the name of a field of which the first number alone is read."""
 _INSIDE_ORDER: Final = [3, 0, 1, 2]
-"""(w, x, y, z) of the message's (x, y, z, w)."""
+"""Indices of (w, x, y, z) in the message's (x, y, z, w)."""
 
 
 class Decoded(NamedTuple):
@@ -43,7 +43,7 @@ class Decoded(NamedTuple):
     nanosecond: Integers
     """(n,) the stamps' nanoseconds as the messages have them."""
     numbers: dict[str, Array]
-    """(n, count) by field, or (n,) for a single number."""
+    """Arrays (n, count) by name of the field, or (n,) for a single number."""
     frames: Integers
     """(n,) indices into ``frame_ids``."""
     frame_ids: tuple[str, ...]
@@ -190,7 +190,7 @@ class MessageGroup(NamedTuple):
     rows: slice | Integers
     """Rows of the block's messages."""
     payloads: Bytes
-    """(n, size)"""
+    """(n, size) bytes of the messages."""
 
 
 def group_by_texts(type_name: str, encoding: str, payloads: Payloads) -> list[MessageGroup]:

@@ -40,7 +40,7 @@ class Ellipsoid(NamedTuple):
     hard_iron: Array
     """(3,) b [T]."""
     hard_iron_sigma: Array
-    """(3,)"""
+    """(3,) standard errors [T]."""
     field: float
     """Field strength F: given, or such that S has the determinant 1 [T]."""
     residuals: Array

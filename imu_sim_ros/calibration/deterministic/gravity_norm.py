@@ -42,7 +42,7 @@ class NormFit(NamedTuple):
     scale_misalignment_sigma: Array
     """(3, 3); 0 below the diagonal, which is 0 by the choice of axes."""
     bias: Array
-    """(3,) at the start of the record [m/s^2]."""
+    """(3,) bias at the start of the record [m/s^2]."""
     bias_sigma: Array
     """(3,) standard errors."""
     force: Array

@@ -55,13 +55,13 @@ class SixPosition(NamedTuple):
     scale_misalignment_sigma: Array
     """(3, 3) standard errors; 0 if the simple variant assumes the entry."""
     bias: Array
-    """(3,) at the start of the record [m/s^2]"""
+    """(3,) bias at the start of the record [m/s^2]."""
     bias_sigma: Array
-    """(3,)"""
+    """(3,) standard errors [m/s^2]."""
     gyroscope_bias: Array
     """(3,) [rad/s] reading at rest, at the start (the Earth's rate is in it)."""
     gyroscope_bias_sigma: Array
-    """(3,)"""
+    """(3,) standard errors [rad/s]."""
     positions: Steady
     """m stretches that were used."""
     faces: Integers

@@ -36,7 +36,7 @@ class Turntable(NamedTuple):
     scale_misalignment_sigma: Array
     """(3, 3) standard errors."""
     bias: Array
-    """(3,) at the start of the record [rad/s]."""
+    """(3,) bias at the start of the record [rad/s]."""
     bias_sigma: Array
     """(3,) standard errors."""
     g_sensitivity: Array | None
@@ -104,7 +104,7 @@ class TableRates(NamedTuple):
     """Pieces at rest or at one of a table's rates."""
 
     steady: Steady
-    """m pieces."""
+    """The m pieces at rest or at a rate."""
     rate: Array
     """(m, 3) true angular rates [rad/s]."""
     unknown: Array

@@ -87,7 +87,7 @@ class DeviationAccumulator:
         self._rate = rate
         self._axes = axes
         self._totals: defaultdict[int, Array] = defaultdict(lambda: np.zeros(axes))
-        """By the size of the clusters."""
+        """Sums (axes,) of squared second differences by size of the cluster."""
         self._terms: defaultdict[int, int] = defaultdict(int)
         self._longest = 0
         self._short = [int(m) for m in cluster_sizes(3 * _SHORT)]

@@ -145,7 +145,7 @@ class _Sums:
     def __init__(self, segments: list[slice], rate: float, highest: float, parameters: int) -> None:
         self.segments, self._parameters = segments, parameters
         self.smoothing = _SMOOTHED / (2.0 * np.pi * highest) ** 2
-        """[s^2] by which the spline through the poses may pass for a smoothing of the truth."""
+        """Largest smoothing of the truth that the spline through the poses may have [s^2]."""
         longest = max(s.stop - s.start for s in segments)
         edges = [0.5]
         while edges[-1] < longest:

@@ -44,7 +44,7 @@ class Lines(NamedTuple):
     amplitude_sigma: Array
     """(k, 6) standard errors."""
     phase: Array
-    """(k, 6) at the first sample [rad]."""
+    """(k, 6) phases at the first sample [rad]."""
 
 
 def find_lines(values: Array, rate: float, lowest: float = 0.0) -> tuple[Lines, Array]:

@@ -80,7 +80,7 @@ class KnownMotion(NamedTuple):
     cutoff: float
     """Highest frequency of the motion [Hz]."""
     noisy: tuple[MotionAt, ...] = ()
-    """The same motion with further draws of the poses' noise added."""
+    """Motions along the same poses with further draws of their noise added."""
 
 
 class Errors(NamedTuple):
@@ -95,7 +95,7 @@ class Errors(NamedTuple):
     bias: Array
     """(6,) biases of gyroscope [rad/s] and accelerometer [m/s^2]."""
     offset: float
-    """tau_0: true time minus stamp at the reference [s]."""
+    """Offset tau_0 of the clock: true time minus stamp at the reference [s]."""
     skew: float
     """Relative rate tau_1 of the true time against the stamps."""
     curvature: float

@@ -20,18 +20,18 @@ from imu_sim_ros.core.records import States, with_fields
 from imu_sim_ros.core.types import Array
 
 _POSES: Final = 9
-"""In a difference of eighth order."""
+"""Number of poses in a difference of eighth order."""
 _SLOWER: Final = 2
-"""Poses less, to tell noise from fast motion."""
+"""Number of poses less in the lower order, to tell noise from fast motion."""
 _NOISY: Final = 0.5
 """Share of the lower order's noise that the higher one must find: white noise has 1, motion 0."""
 _WINDOW: Final = 1.0
-"""[s] over which the noise is averaged."""
+"""Time over which the noise is averaged [s]."""
 _NONE: Final = 1e-9
-"""[m], [rad] a scatter below it is that of the numbers."""
+"""Scatter below which it is rounding in float64 [m], [rad]."""
 _MAX_DIGITS: Final = 7
 _WHOLE: Final = 1e-3
-"""Distance of a whole number from one."""
+"""Largest distance of a scaled value from a whole number."""
 _AS_A_RULE: Final = 0.9
 _EXCEEDS: Final = 4.0
 """Spectral density over that of the noise from which on there is motion."""
@@ -77,17 +77,17 @@ def _differences(poses: States, count: int) -> Array:
 
 
 class PoseNoise(NamedTuple):
-    """What poses are uncertain by."""
+    """White noise and rounding of poses."""
 
     white: Array
     """(6,) standard deviations of attitude [rad] and position [m] in the body's axes."""
     quaternion_step: float
     position_step: float
-    """[m] of the digits; 0: none."""
+    """Step of the positions' digits [m]; 0: none."""
 
     @property
     def there(self) -> bool:
-        """Whether there is any noise."""
+        """True if there is any noise."""
         return bool(self.white.any() or self.quaternion_step or self.position_step)
 
     @property

@@ -43,9 +43,9 @@ _WHOLE: Final = 0.8
 _IN_BAND: Final = 10
 """Frequencies in a band of a second."""
 _QUIET: Final = 1.0
-"""[s]"""
+"""Length of the parts of which the quiet ones are chosen [s]."""
 _QUIETER: Final = 0.25
-"""Power of a quiet second over the usual one."""
+"""Largest power of a quiet part over the median of all parts."""
 _MAX_BANDS: Final = 100
 """Bands of equal width up to half the rate."""
 
@@ -183,7 +183,7 @@ class White(NamedTuple):
     """The white floor of six axes."""
 
     density: Array
-    """(6,)"""
+    """(6,) densities of gyroscope [rad/s/sqrt(Hz)] and accelerometer [m/s^2/sqrt(Hz)]."""
     low: Array
     """(6,) ends of the 95 % intervals; 0 if vibration hides the floor, which is at most high."""
     high: Array

@@ -58,7 +58,7 @@ from imu_sim_ros.recordings.findings.live import UnitWatch
 from imu_sim_ros.recordings.findings.policy import INTEGRATOR
 
 _READ_PERIOD = 0.002
-"""[s] How long readings wait for each other, and about the longest that one waits."""
+"""Longest time for which readings wait for each other [s]."""
 _COMPLAINT_PERIOD = 1.0
 _REFUSAL_PERIOD = 10.0
 _ACKNOWLEDGEMENT = Duration(nanoseconds=300_000_000)

@@ -30,7 +30,7 @@ from imu_sim_ros.recordings.order import READINGS_GAP, RESTART_NS, LiveGap
 
 _SMOOTHING = 0.02
 _SMALL_ANGLE = 0.5
-"""[rad] Beyond this standard deviation a first-order covariance of the attitude is not valid."""
+"""Standard deviation beyond which a first-order covariance of the attitude is not valid [rad]."""
 
 
 @dataclass

@@ -50,7 +50,7 @@ _DISCOVERY_PERIOD = 0.1
 _CHECK_PERIOD = 0.02
 _STATUS_PERIOD = 0.5
 _SILENCE = 3.0
-"""[s] Requested topics without a message after this time are reported."""
+"""Time after which requested topics without a message are reported [s]."""
 
 
 class Recorder(ConfiguredNode[RecorderParameters]):

@@ -170,7 +170,7 @@ _CONTENTS = 12
 _COMPARED = 4096
 """Bytes of a message up to which its contents are compared without the stamp."""
 FLUSH_PERIOD = 0.5
-"""[s] Period of flushing: older data survive the process. Half of the second that is promised."""
+"""Period of flushing: older data survive the end of the process [s]."""
 
 
 @dataclass

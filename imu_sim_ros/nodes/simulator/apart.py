@@ -50,9 +50,9 @@ sys.exit(startup.load("imu_sim_ros.nodes.simulator.apart_process").main())
 """
 _LONGEST_FRAME: Final = 10.0
 _LONGEST_CONNECTION: Final = 5.0
-"""[s] A subscriber that is not connected by then has another quality of service."""
+"""Time after which a subscriber that is not connected has another quality of service [s]."""
 _LONGEST_END: Final = 5.0
-"""[s] A process that is still sending by then is killed."""
+"""Time after which a process that is still sending is killed [s]."""
 
 
 class ProcessStart(TypedDict):
@@ -61,7 +61,7 @@ class ProcessStart(TypedDict):
     sensor: str
     """Name of the sensor at whose samples it publishes."""
     members: list[str]
-    """All sensors that it reads."""
+    """Names of all sensors whose samples it reads."""
     parameters: dict[str, Value]
     """Parameters of the simulator, by dotted name."""
     topics: dict[str, str]

@@ -54,7 +54,7 @@ _NICE: Final = 5
 _RENDERING_NICE: Final = 5
 """Added to that of the process."""
 _POLL: Final = 0.05
-"""[s] between two looks at the subscribers."""
+"""Time between two looks at the subscribers [s]."""
 _BEHIND: Final = 20
 """Number of samples due and not yet made from which this is reported."""
 _ACKNOWLEDGEMENT: Final = Duration(nanoseconds=2_000_000_000)
@@ -65,7 +65,7 @@ class Made(NamedTuple):
     """Messages of one sample."""
 
     true_t_ns: int
-    """If time zero were ORIGIN_NS."""
+    """True time of the sample, counted from ORIGIN_NS as time zero [ns]."""
     messages: list[tuple[str, bytes]]
     """Topic and message."""
 

@@ -23,7 +23,7 @@ _UNPACED_FACTOR: Final = 10.0
 _UNACKNOWLEDGED: Final = 500
 """Samples that are published without waiting for the subscribers, if nothing else paces them."""
 _LONGEST_END: Final = 0.2
-"""[s] Shutdown does not wait longer for a block that is still being computed."""
+"""Longest wait of the shutdown for a block that is being computed [s]."""
 
 
 class _Block(NamedTuple):

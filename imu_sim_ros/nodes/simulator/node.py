@@ -66,11 +66,11 @@ QUEUE: Final = 4000
 """Messages kept for a reliable subscriber that has not acknowledged them: 2 s at 2 kHz."""
 
 _SWITCH_INTERVAL: Final = 1e-4
-"""[s] Python's switch interval: its default of 5 ms would make 10 samples late."""
+"""Python's switch interval; its default of 5 ms would make 10 samples late [s]."""
 _ACKNOWLEDGEMENT: Final = Duration(nanoseconds=50_000_000)
 _STEP_TIMEOUT: Final = 5.0
 _STALL_PERIOD: Final = 10.0
-"""[s] Between two warnings of stalls; a machine that is too slow has one after the other."""
+"""Time between two warnings of stalls, which are frequent on a slow machine [s]."""
 
 
 class Simulator(ConfiguredNode[SimulatorParameters]):

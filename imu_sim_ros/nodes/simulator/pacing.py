@@ -13,7 +13,7 @@ from time import monotonic_ns, sleep
 from typing import Final, NamedTuple
 
 _SETTLE: Final = 0.3
-"""[s] A subscriber discovered here may not have discovered this publisher yet."""
+"""Time in which a discovered subscriber discovers this publisher [s]."""
 
 
 class Settling:

@@ -77,7 +77,7 @@ class RateUnit(NamedTuple):
     """Unit of a gyroscope's readings."""
 
     name: str
-    """rad/s, deg/s or counts."""
+    """Name of the unit: rad/s, deg/s or counts."""
     scale: float
     """Factor that makes rad/s; for counts, that of deg/s."""
     text: str

@@ -162,7 +162,10 @@ def _path(arms: Array, trajectory: Trajectory, duration: float) -> Array:
 
 
 def _passage(arms: Array, trajectory: Trajectory, duration: float) -> Passage:
-    """Return the paths of all cameras in the world."""
+    """Return the paths of all cameras in the world.
+
+    :param arms: (k, 3) positions of the cameras on the body [m].
+    """
     t = np.linspace(0.0, duration, _LOOKS)
     motion = trajectory.sample(np.clip(t, 0.0, trajectory.duration))
     positions = motion.position + rotation.rotate(motion.q_wb, arms[:, None])

@@ -210,9 +210,9 @@ class ImageParameters:
 
 MODELS = ("pinhole", "unified", "double_sphere")
 LARGEST_IMAGE = 16384
-"""[px] along one side."""
+"""Largest width or height of an image [px]."""
 FARTHEST = 1e6
-"""[m] of what is seen."""
+"""Largest distance of visible things [m]."""
 
 
 @dataclass(frozen=True)
@@ -440,7 +440,7 @@ class TrackParameters:
 
 
 _IN_MEMORY: Final = 1 << 23
-"""[bytes] of the images of one camera that are read at once."""
+"""Memory for the images of one camera that are read at once [bytes]."""
 _MOST_FRAMES: Final = 64
 """Largest number of frames that are read at once."""
 

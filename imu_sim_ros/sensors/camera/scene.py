@@ -27,7 +27,7 @@ class Scene(NamedTuple):
     normals: Array
     """(n, 3) the side from which each is seen; zero: from everywhere."""
     lines: Array
-    """(l, 2, 3) both ends of each line [m]."""
+    """(l, 2, 3) ends of each line [m]."""
     surfaces: Surfaces
     extent: float
     """Largest distance of anything from anything else, about [m]."""

@@ -42,7 +42,7 @@ class CameraPoses(NamedTuple):
     position: Array
     """(n, 3) p_wc [m]."""
     q_wc: Array
-    """(n, 4)."""
+    """(n, 4) attitudes of the camera."""
 
 
 class Eyes(NamedTuple):

@@ -179,9 +179,9 @@ class FlickerFilter(NamedTuple):
     """
 
     poles: Array
-    """(p,)"""
+    """(p,) poles phi."""
     gains: Array
-    """(p,)"""
+    """(p,) gains of the poles."""
     direct: float
 
     @classmethod
@@ -217,11 +217,11 @@ class _Rows(NamedTuple):
     """The filter's recursion in rows of C samples; no seed is in it."""
 
     from_noise: Array
-    """(C, C + p): noise of a row -> its values, and the states at its end."""
+    """(C, C + p) map from a row's noise to its values, and to the states at its end."""
     from_state: Array
-    """(p, C)."""
+    """(p, C) map from the states to a row's values."""
     decay: Array
-    """(R + 1, p) of the states over k rows."""
+    """(R + 1, p) decay of the states over k rows."""
     root: Array
     """(p, p) root of the stationary covariance of the states."""
 

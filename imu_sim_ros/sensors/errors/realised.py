@@ -36,7 +36,7 @@ class _Constant(NamedTuple):
     sigma: str
     """Name of its standard deviation."""
     each: int
-    """How many numbers for each axis."""
+    """Numbers per axis: 3 for a matrix, else 1."""
 
 
 @cache

@@ -101,7 +101,7 @@ class _Group:
     settled: Array
     """(sections, 2) state of one axis whose input has always been 1."""
     state: Array | None = None
-    """(sections, 2, ..., axes)."""
+    """(sections, 2, ..., axes) states of the filters."""
 
     @property
     def columns(self) -> slice | NDArray[np.intp]:
@@ -273,9 +273,9 @@ class Additions(NamedTuple):
     """Additive errors of n readings of a triad that do not depend on the readings."""
 
     scale: Array | None
-    """(n, ..., 3); None: 1."""
+    """(n, ..., 3) scale factors; None: 1."""
     bias: Array
-    """(n, ..., 3) without faults."""
+    """(n, ..., 3) biases without faults."""
     noise: Array | None
     """(n, ..., 3) white noise; None: none."""
 

@@ -55,7 +55,7 @@ class GnssReadings(SensorReadings):
     geodetic: Array
     """(n, 3) measured latitude [deg], longitude [deg], height above the ellipsoid [m]."""
     position: Array
-    """(n, 3) the same position in the world [m]."""
+    """(n, 3) true position in the world [m]."""
     variance: Array
     """(n, 3) stated variance of the error east, north, up [m^2]."""
     velocity: Array

@@ -44,24 +44,33 @@ class Ephemerides(NamedTuple):
     sqrt_a: Array
     """Root of the semi-major axis [sqrt(m)]."""
     eccentricity: Array
+    """Eccentricity of the orbit."""
     m0: Array
+    """Mean anomaly at the reference time [rad]."""
     delta_n: Array
-    """[rad/s]"""
+    """Correction of the mean motion [rad/s]."""
     omega0: Array
+    """Longitude of the ascending node at the start of the week [rad]."""
     omega_dot: Array
-    """[rad/s]"""
+    """Rate of the ascending node [rad/s]."""
     omega: Array
+    """Argument of the perigee [rad]."""
     i0: Array
+    """Inclination at the reference time [rad]."""
     idot: Array
-    """[rad/s]"""
+    """Rate of the inclination [rad/s]."""
     cuc: Array
+    """Cosine correction of the argument of latitude [rad]."""
     cus: Array
+    """Sine correction of the argument of latitude [rad]."""
     crc: Array
-    """[m]"""
+    """Cosine correction of the orbit's radius [m]."""
     crs: Array
-    """[m]"""
+    """Sine correction of the orbit's radius [m]."""
     cic: Array
+    """Cosine correction of the inclination [rad]."""
     cis: Array
+    """Sine correction of the inclination [rad]."""
     tgd: Array
     """Group delay [s]."""
     iode: Integers

@@ -51,7 +51,7 @@ _VALUES: Final = (
 AHEAD: Final = 64
 """Samples whose noise is made at once where given readings come one by one."""
 _LONGEST_LOOK: Final = 3600.0
-"""[s] Of a motion that is compared with the ranges."""
+"""Longest part of a motion that is compared with the sensor's ranges [s]."""
 _ROUNDING: Final = 1e-9
 """Bound on the relative rounding error of the length of a rotated vector."""
 _MOST_LOOKS: Final = 100_000
@@ -69,7 +69,7 @@ class _Ahead(NamedTuple):
     additions: Sequence[Additions]
     """Additive errors of the gyroscope and of the accelerometer."""
     numbers: Sequence[tuple[NumberAdditions, NumberAdditions]]
-    """The same of each sample."""
+    """Additive errors of both triads by sample, as plain numbers."""
 
 
 class Imu:

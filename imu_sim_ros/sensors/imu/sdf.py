@@ -60,7 +60,7 @@ _OF_CLASSIC: Final = (
 _TYPO: Final = 0.85
 """Similarity from which on an element without an effect is a typing error of a known one."""
 _ALIKE: Final = 0.6
-"""The same within ``<noise>``, whose elements are all known."""
+"""Similarity within ``<noise>`` from which on an element is a typing error of a known one."""
 _NO_SENSOR: Final = "imu-system"
 """Part of the names of gz-sim's own plugins, which run the sensors of a model."""
 _TEMPLATE: Final = ("{%", "{{", "{#")

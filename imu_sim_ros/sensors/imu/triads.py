@@ -35,7 +35,7 @@ _OF_A_TRIAD: Final = "of a triad"
 """Key of a field of another sensor that is one of the triads'."""
 _SMALLEST_DETERMINANT: Final = 1e-3
 _LONGEST_FLICKER: Final = 1e4
-"""[s] the longest correlation time of the processes whose sum is 1/f noise."""
+"""Longest correlation time of the processes whose sum is 1/f noise [s]."""
 
 _WORDS: Final[Mapping[Triad, Mapping[str, str]]] = {
     "gyroscope": {
@@ -461,7 +461,7 @@ def as_in_triads(name: str, unit_texts: Mapping[str, str], **changed: object) ->
 
 
 def names_as_in_triads(cls: type) -> list[str]:
-    """Return the parameters of another sensor that are those of a triad."""
+    """Return the parameters of another sensor's section that are declared as those of a triad."""
     return [field.name for field in dataclasses.fields(cls) if _OF_A_TRIAD in field.metadata]
 
 

@@ -164,11 +164,11 @@ class Next(NamedTuple):
     """Errors and environment of the next sample of each unit; all arrays are copies."""
 
     additions: dict[str, Additions]
-    """(1, count, 3) by triad."""
+    """Additive errors (1, count, 3) by name of the triad."""
     temperature: Array
-    """(count,) [degC]."""
+    """(count,) temperatures [degC]."""
     sensors: dict[str, Array]
-    """(1, count) by name."""
+    """Values (1, count) of further sensors by name."""
 
 
 Make = Callable[[Units, Integers], Array]
@@ -194,7 +194,7 @@ class Triads:
         self._units, count = units, units.count
         self._times = SampleTimes(section.rate, 0, getattr(section, "time_offset", 0.0))
         self._index = np.zeros(count, np.int64)
-        """(count,) of the next sample of each unit since it began."""
+        """(count,) index of the next sample of each unit since it began."""
         self._in_phase = True
         self._temperature = TemperatureProfile(units.environment.temperature)
         self._reference = units.imus[0].reference_temperature

@@ -16,7 +16,7 @@ from imu_sim_ros.trajectory.motion import Motion
 
 _AXES: Final = 6
 _FRAME: Final = 20.0
-"""[s] length of a frame at least."""
+"""Shortest length of a frame [s]."""
 _LONGEST: Final = 1 << 15
 """Samples in a frame."""
 

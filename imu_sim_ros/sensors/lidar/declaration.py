@@ -51,21 +51,21 @@ class LidarReadings(SensorReadings):
     """The n scans of a LiDAR that are delivered, m rays each, and the truth of every ray."""
 
     range: Single
-    """(n, m) as read [m]; NaN: nothing came back."""
+    """(n, m) measured ranges [m]; NaN: no return."""
     intensity: Single
-    """(n, m) as read; 100 for a white surface square on."""
+    """(n, m) measured intensities; 100 for a white surface square on."""
     direction: Single
     """(n, m, 3) nominal, in the sensor's frame."""
     time: Array
     """(n, m) since the start of the scan [s]."""
     ring: NDArray[np.uint16]
-    """(n, m)"""
+    """(n, m) numbers of the rings."""
     true_range: Single
     """(n, m) along the true direction [m]; infinite: nothing there."""
     true_point: Single
     """(n, m, 3) what each ray met, in the sensor's frame at the start of the scan [m]."""
     range_error: Single
-    """(n, m) as read minus true [m]."""
+    """(n, m) measured minus true range [m]."""
     incidence: Single
     """(n, m) angle between the ray and the surface's normal [rad]."""
     reflectivity: Single

@@ -22,11 +22,11 @@ class Cloud(NamedTuple):
     t_ns: int
     """Stamp of the scan's start [ns]."""
     xyz: Single
-    """(k, 3) in the sensor's frame at each point's own time [m]."""
+    """(k, 3) points in the sensor's frame at each point's own time [m]."""
     intensity: Single
     """(k,) 100 for a white surface square on."""
     ring: NDArray[np.uint16]
-    """(k,)"""
+    """(k,) numbers of the rings."""
     time: Array
     """(k,) since the stamp [s]."""
     range: Single

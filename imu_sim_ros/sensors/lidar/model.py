@@ -46,11 +46,11 @@ rain or dust."""
 _FALSE_INTENSITY: Final = 5.0
 """Largest intensity of a return by rain or dust."""
 _FAR: Final = 1e9
-"""[m] Where nothing is."""
+"""Range of a ray that hits nothing [m]."""
 _LOOKS: Final = 256
 """Rays of a scan that are traced to see whether any returns, before all are."""
 _ALIKE: Final = 1e-3
-"""[m] Difference of the range of a beam from that of its middle that makes it one of an edge."""
+"""Difference of a ray's range from that of the beam's middle which makes it one of an edge [m]."""
 _UPRIGHT: Final = 1e-12
 """Least square of the horizontal part of a direction for which it has an azimuth."""
 

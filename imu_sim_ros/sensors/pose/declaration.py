@@ -55,7 +55,7 @@ class Poses(States):
     """The body's true states at n times."""
 
     true_t_ns: Times = field(metadata=column((), None))
-    """(n,) the same times [ns], as all sensors have them."""
+    """(n,) true times, equal to the stamps [ns]."""
 
 
 def _odometry(mounted: Mounted, encoding: str) -> Payloads:

@@ -31,8 +31,8 @@ _LONGEST_LOOK: Final = 600.0
 _UNSEEN: Final = 0.01
 """Share of the largest speed above which a speed that no wheel measures has a warning."""
 _LIFTED: Final = 0.05
-"""The same share of vertical speeds, which springs cause: the way along the ground is then longer
-by half its square."""
+"""Share of the largest speed above which a vertical speed, which springs cause, has a warning: the
+way along the ground is then longer by half its square."""
 
 
 def rim_speeds(model: str, track: float, wheelbase: float) -> Array:

@@ -24,9 +24,9 @@ class Glossy(NamedTuple):
     first: Integers
     """(p + 1,) first of each pair's regions among those that are found."""
     region: Integers
-    """(q,) that are found, by pair."""
+    """(q,) numbers of the regions, ordered by pair."""
     lit: Mask
-    """(q, sources) whose highlight may be there."""
+    """(q, sources) True if the source's highlight may be there."""
     sheen: Sheen
 
     @classmethod

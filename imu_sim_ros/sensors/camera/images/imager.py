@@ -199,7 +199,7 @@ class Imager:
 
     @cached_property
     def _centres(self) -> PictureMaker:
-        """One ray for each pixel."""
+        """Renderer with one ray for each pixel."""
         return self._renderer_of(1)
 
     def _seconds(self, number: int) -> float:

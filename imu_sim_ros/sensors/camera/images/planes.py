@@ -18,7 +18,7 @@ class Planes(NamedTuple):
     """m rectangles in the camera's frame, for one pose (n = 1) or for one each row of rays."""
 
     vectors: Single
-    """(m, n, 3, 3) of n / (n (o - c)), a / a^2 and b / b^2, the x, y, z."""
+    """(m, n, 3, 3) vectors n / (n (o - c)), a / a^2 and b / b^2 of each rectangle, by component."""
     start: Single
     """(m, n, 2) s and r of the camera itself."""
 

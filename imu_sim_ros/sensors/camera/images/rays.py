@@ -96,7 +96,7 @@ class Corners(NamedTuple):
     """The corners of all cells of an image."""
 
     rays: Single
-    """(3, a + 1, b + 1) in the camera's frame."""
+    """(3, a + 1, b + 1) unit directions in the camera's frame."""
     rows: Integers
     """(a + 1,) the rows of rays there."""
 

@@ -251,15 +251,15 @@ class Renderer:
 
 
 class _Fronts(NamedTuple):
-    """Surfaces, and what is often asked of them."""
+    """Surfaces with their normals and corners."""
 
     surfaces: Surfaces
     normals: Array
-    """(m, 3)."""
+    """(m, 3) unit normals."""
     corners: Array
-    """(m, 4, 3)."""
+    """(m, 4, 3) corners [m]."""
     both: Mask
-    """(m,) they are seen from both sides."""
+    """(m,) True for surfaces that are seen from both sides."""
 
     @classmethod
     def of(cls, surfaces: Surfaces) -> "_Fronts":

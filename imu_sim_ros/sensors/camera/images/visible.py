@@ -20,7 +20,7 @@ class Visible(NamedTuple):
 
     planes: Planes
     pairs: Pairs
-    """With the rectangles' numbers among these."""
+    """Pairs of cells and rectangles, by their numbers in ``planes``."""
     patches: NDArray[np.void]
     """Texture mapping of each pair."""
     shades: Shades
@@ -40,22 +40,22 @@ class Triangles(NamedTuple):
     tints: Single
     """(4 c, m) coefficients of the colours, 0 to 255; (0, 0): textures are all that there is."""
     shades: Single
-    """(2, m) by what colours are multiplied: seen from the front, and from behind; or (0, 0)."""
+    """(2, m) factors of the colours seen from the front, and from behind; or (0, 0)."""
 
 
 class Met(NamedTuple):
     """Nearest intersections of n rays with a mesh, and their geometry."""
 
     number: Integers
-    """(n,) triangle; 0 for nothing."""
+    """(n,) number of the triangle; 0 for nothing."""
     nothing: Mask
-    """(n,)."""
+    """(n,) True for rays that hit nothing."""
     distance: Floats
-    """(n,) infinite: nothing."""
+    """(n,) distances; infinite: nothing."""
     along: Array
-    """(n,) the triangle's normal times the ray's direction."""
+    """(n,) triangle's normal times the ray's direction."""
     point: Single
-    """(3, n) where, from the mesh's middle [m]."""
+    """(3, n) intersections, from the mesh's middle [m]."""
     way: Single
     """(n, 3) unit vectors along the rays in the world."""
 
