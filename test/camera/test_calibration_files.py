@@ -3,6 +3,7 @@
 
 """Cameras from the files of other tools, and from those that ``--with-configs`` writes."""
 
+import json
 import re
 import warnings
 from pathlib import Path
@@ -13,10 +14,12 @@ import pytest
 from imu_sim_ros.core.errors import ConfigurationError, Remark
 from imu_sim_ros.datasets.configurations import imu_values, rig_values
 from imu_sim_ros.datasets.consumers import basalt, kalibr, openvins, orb_slam3, vins
+from imu_sim_ros.datasets.consumers.rig import RigValues
 from imu_sim_ros.datasets.consumers.subject import Subject
 from imu_sim_ros.datasets.recorded import Description, sensor_yaml
 from imu_sim_ros.sensors.camera import calibration_files
 from imu_sim_ros.sensors.camera.declaration import info_of_camera
+from imu_sim_ros.sensors.camera.images.vignetting import vignette
 from imu_sim_ros.sensors.camera.parameters import CameraParameters
 from imu_sim_ros.sensors.camera.rig_parameters import load_rig
 from imu_sim_ros.simulation.parameters import load_simulation
@@ -89,6 +92,65 @@ def configurations(lens: str) -> tuple[dict[str, CameraParameters], dict[str, st
             description, (0, 50_000_000, 100_000_000), "test"
         )
     return dict(rig.cameras), texts
+
+
+def test_vignetting_and_rows_come_back_from_the_files_that_have_them(tmp_path: Path) -> None:
+    """Basalt's spline equals the simulated share of light, evaluated as RdSpline does."""
+    parameters = load_rig(
+        {
+            "cameras": ["cam0"],
+            "camera.preset": "euroc_cam0",
+            "camera.vignetting": 0.3,
+            "camera.row_time": 2e-5,
+        }
+    )
+    camera = parameters.camera("cam0")
+    imu = imu_values(load_simulation({"imu.preset": "perfect", "duration": 1.0}), "/imu")
+    rig = RigValues(imu, {"cam0": camera}, {"cam0": "/image"}, parameters.scene)
+    text = basalt.files(Subject(imu, rig))["basalt_calibration.json"]
+    (tmp_path / "basalt.json").write_text(text, encoding="utf-8")
+    assert read(str(tmp_path / "basalt.json"))[0].vignetting == pytest.approx(0.3, abs=1e-9)
+    (spline,) = json.loads(text)["value0"]["vignette"]
+    knots, interval = np.ravel(spline["value2"]), spline["value1"] * 1e-9
+    rows, columns = np.array([0, 100, 240, 479]), np.array([0, 300, 367, 751])
+    cx, cy = camera.intrinsics[2:]
+    part, index = np.modf(np.hypot(columns - cx, rows - cy) / interval)
+    at = index.astype(int)[:, None] + np.arange(4)
+    weights = np.stack(
+        [
+            (1 - part) ** 3,
+            3 * part**3 - 6 * part**2 + 4,
+            -3 * part**3 + 3 * part**2 + 3 * part + 1,
+            part**3,
+        ],
+        axis=1,
+    )
+    shares = (knots[at] * weights).sum(axis=1) / 6.0
+    np.testing.assert_allclose(shares, vignette(camera)[rows, columns], atol=1e-6)
+    (tmp_path / "chain.yaml").write_text(kalibr.camchain(rig), encoding="utf-8")
+    assert read(str(tmp_path / "chain.yaml"))[0].row_time == 2e-5
+
+
+def test_a_vignette_of_another_form_is_fitted_and_named(tmp_path: Path) -> None:
+    """The centre of the published TUM VI calibration: dark in the middle, black at the corners."""
+    shares = [0.99, 0.993, 0.998, 0.997, 0.996, 0.98, 0.94, 0.88, 0.8, 0.5, 0.03, 0.01, 0.01]
+    calibration = {
+        "T_imu_cam": [],
+        "intrinsics": [
+            {"camera_type": "pinhole", "intrinsics": {"fx": 200, "fy": 200, "cx": 256, "cy": 256}}
+        ],
+        "resolution": [[512, 512]],
+        "vignette": [{"value0": 0, "value1": 50_000_000_000, "value2": [[x] for x in shares]}],
+    }
+    path = tmp_path / "calibration.json"
+    path.write_text(json.dumps({"value0": calibration}), encoding="utf-8")
+    camera, remarks = read(str(path))
+    assert 0.1 < camera.vignetting < 0.9
+    assert "vignette beyond vignetting" in remarks
+    del calibration["vignette"][0]["value1"]  # type: ignore[attr-defined]
+    path.write_text(json.dumps({"value0": calibration}), encoding="utf-8")
+    with pytest.raises(ConfigurationError, match=r"vignette.value1 = missing"):
+        read(str(path))
 
 
 FILES = {

@@ -65,6 +65,7 @@ def start_of_openvins(folder, imu_thresh, max_disparity):
         ("machine_hall", "lead_in.rest=2", (0.5, 5.0), (0.5, 10.0)),
         ("street", "lead_in.rest=2", (0.5, 3.0), (0.5, 5.0)),
         ("office", "rest_before=2.0", (0.1, 5.0), (0.5, 10.0)),
+        ("street", "rest_before=2.0", (0.1, 2.0), (0.1, 5.0)),
     ],
 )
 def test_the_advice_on_tours_holds(tmp_path, place, beginning, advice, generated):

@@ -391,7 +391,12 @@ def test_no_choice_of_a_camera_is_an_error_that_a_format_misses():
 def test_what_a_format_cannot_express_of_a_camera_is_said_at_its_top(tmp_path):
     """The shutter and the offsets of a T265 whose rows are read one after the other."""
     presets = {f"cam{k}.camera.preset": f"realsense_t265_cam{k}" for k in (0, 1)}
-    errors = {"camera.row_time": 2e-5, "camera.jitter": 1e-4, "cam1.camera.time_offset": 0.004}
+    errors = {
+        "camera.row_time": 2e-5,
+        "camera.jitter": 1e-4,
+        "camera.vignetting": 0.3,
+        "cam1.camera.time_offset": 0.004,
+    }
     rig = load_rig({"cameras": ["cam0", "cam1"], **presets, **errors})
     imu = ImuValues(build(ImuParameters, {"preset": "perfect", **IMU}), 200.0, 9.81, "/imu0")
     values = RigValues(
@@ -399,16 +404,16 @@ def test_what_a_format_cannot_express_of_a_camera_is_said_at_its_top(tmp_path):
     )
     write_all(tmp_path / "configs", imu, values)
     rolling, jitter = "row_time = 2.0e-05 s (rolling shutter)", "jitter = 0.0001 s"
-    second = "time_offset = 0.004 s"
+    dark, second = "vignetting = 0.3", "time_offset = 0.004 s"
     expected = {  # names of terms that are missing, and how many cameras have a line
-        "camchain.yaml": ([rolling, jitter], [second], 2),
-        "kalibr_imucam_chain.yaml": ([rolling, jitter, second], [], 2),
-        "estimator_config.yaml": ([rolling, jitter, second], [], 2),
+        "camchain.yaml": ([dark, jitter], [second, "row_time"], 2),
+        "kalibr_imucam_chain.yaml": ([rolling, jitter, dark], [second], 2),
+        "estimator_config.yaml": ([rolling, jitter, dark], [second], 2),
         "orb_slam3_mono_inertial.yaml": ([rolling, jitter, "time_offset = 0.0056"], [second], 1),
         "orb_slam3_stereo_inertial.yaml": ([rolling, jitter, second], [], 2),
-        "basalt_calibration.json": ([rolling, jitter, second], [], 2),
-        "vins_mono.yaml": ([jitter], ["row_time", second], 1),
-        "vins_fusion.yaml": ([rolling, jitter, second], [], 2),
+        "basalt_calibration.json": ([rolling, jitter], [dark, second], 2),
+        "vins_mono.yaml": ([jitter, dark], ["row_time", second], 1),
+        "vins_fusion.yaml": ([rolling, jitter, dark], [second], 2),
     }
     for name, (missing, unsaid, cameras) in expected.items():
         text = (tmp_path / "configs" / name).read_text()
@@ -419,3 +424,28 @@ def test_what_a_format_cannot_express_of_a_camera_is_said_at_its_top(tmp_path):
         )  # what is said of the IMU is said of it alone
         assert all(term in text for term in missing), name
         assert not any(term in text for term in unsaid), name
+    for name in ("camchain.yaml", "vins_mono.yaml", "orb_slam3_stereo_inertial.yaml"):
+        assert "has one for all cameras" not in (tmp_path / "configs" / name).read_text(), name
+
+
+@pytest.mark.parametrize("offsets", [(0.0, 0.004), (0.004, 0.0), (0.004, 0.004)])
+def test_stacks_with_one_time_shift_name_the_cameras_with_another(tmp_path, offsets):
+    """A camera without any offset is named, too, if the shift of the first one is used for it."""
+    cameras = {f"cam{k}.camera.time_offset": offset for k, offset in enumerate(offsets)}
+    rig = load_rig({"cameras": ["cam0", "cam1"], "camera.preset": "euroc_cam0", **cameras})
+    imu = ImuValues(build(ImuParameters, {"preset": "perfect"}), 200.0, 9.81, "/imu0")
+    values = RigValues(
+        imu, rig.camera_parameters(), dict.fromkeys(rig.cameras, "/image"), rig.scene
+    )
+    write_all(tmp_path / "configs", imu, values)
+    for name, stack in (
+        ("kalibr_imucam_chain.yaml", "OpenVINS"),
+        ("vins_fusion.yaml", "VINS-Fusion"),
+        ("basalt_calibration.json", "Basalt"),
+    ):
+        text = " ".join((tmp_path / "configs" / name).read_text().replace("\n#", " ").split())
+        line = (
+            f"cam1: its time shift is {offsets[1]:g} s, but {stack} has one for all cameras: "
+            f"that of cam0, {offsets[0]:g} s"
+        )
+        assert (line in text) == (offsets[0] != offsets[1]), name

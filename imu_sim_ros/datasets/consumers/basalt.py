@@ -3,6 +3,7 @@
 
 """Basalt: the calibration JSON (basalt-headers, calibration.hpp, calib_bias.hpp)."""
 
+import math
 from collections.abc import Sequence
 from typing import Final
 
@@ -22,6 +23,8 @@ _EXPRESSED: Final = (
     "gyroscope_scale_misalignment",
     "accelerometer_scale_misalignment",
 )
+_KNOT_DISTANCE: Final = 50.0
+"""Distance between the knots of a vignette [px]."""
 _LOWER: Final = ([0, 1, 2, 1, 2, 2], [0, 0, 0, 1, 1, 2])
 """Rows and columns of the accelerometer's six entries: the lower triangle, column by column."""
 _ALL: Final = ([0, 1, 2, 0, 1, 2, 0, 1, 2], [0, 0, 0, 1, 1, 1, 2, 2, 2])
@@ -55,7 +58,7 @@ def calibration(values: ImuValues, rig: RigValues | None = None) -> str:
         *remarks(values, expressed, per_axis=True, above_zero=True),
     ]
     if rig is not None:
-        notes += rig.remarks(("time_offset", "k3"), offsets=False)
+        notes += rig.remarks(("time_offset", "k3", "vignetting"), one_shift="Basalt")
     lenses = [_lens(camera) for camera in cameras.values()]
     if any(lens["camera_type"] == "pinhole-radtan8" for lens in lenses):
         notes.append("pinhole-radtan8 needs a Basalt that supports it; versions of 2021 do not.")
@@ -63,7 +66,9 @@ def calibration(values: ImuValues, rig: RigValues | None = None) -> str:
         "T_imu_cam": [_pose(rig.imu_camera(name)) for name in cameras] if rig else [],
         "intrinsics": lenses,
         "resolution": [[camera.width, camera.height] for camera in cameras.values()],
-        "vignette": [],
+        "vignette": [_vignette(camera) for camera in cameras.values()]
+        if any(camera.vignetting for camera in cameras.values())
+        else [],
         "calib_accel_bias": _static(values, "accelerometer", _LOWER),
         "calib_gyro_bias": _static(values, "gyroscope", _ALL),
         "imu_update_rate": values.rate,
@@ -112,6 +117,24 @@ def _lens(camera: CameraParameters) -> dict[str, object]:
     radtan = {"k1": k[0], "k2": k[1], "p1": k[2], "p2": k[3], "k3": k3}
     rest = {"k4": 0.0, "k5": 0.0, "k6": 0.0, "rpmax": 0.0}
     return _model("pinhole-radtan8", {**center, **radtan, **rest})
+
+
+def _vignette(camera: CameraParameters) -> dict[str, object]:
+    """Return the share of light over the distance from the principal point, as Basalt's spline.
+
+    Its argument is the distance in pixels times 1e9 (calibration.hpp). A uniform cubic B-spline
+    with the coefficients ``1 - a (x^2 - d^2 / 3)``, d apart from -d on, is ``1 - a x^2``.
+    """
+    _, _, cx, cy = camera.intrinsics
+    corner = math.hypot(max(cx, camera.width - 1 - cx), max(cy, camera.height - 1 - cy))
+    places = _KNOT_DISTANCE * np.arange(-1.0, math.floor(corner / _KNOT_DISTANCE) + 3.0)
+    squares = places**2 - _KNOT_DISTANCE**2 / 3.0
+    shares = 1.0 - camera.vignetting * squares / corner**2
+    return {
+        "value0": 0,
+        "value1": round(_KNOT_DISTANCE * 1e9),
+        "value2": [[share] for share in shares.tolist()],
+    }
 
 
 def _model(name: str, intrinsics: dict[str, float]) -> dict[str, object]:

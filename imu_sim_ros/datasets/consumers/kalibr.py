@@ -55,7 +55,12 @@ def camchain(rig: RigValues) -> str:
         [
             "kalibr camchain.yaml, whole: the cameras as they are simulated. T_cam_imu and "
             "timeshift_cam_imu are what kalibr_calibrate_imu_camera is to find.",
-            *rig.remarks(("time_offset", "unified.distortion")),
+            *rig.remarks(("time_offset", "unified.distortion", "row_time")),
+            *(
+                ["line_delay [s] is what kalibr_calibrate_rs_cameras is to find."]
+                if any(camera.row_time for camera in rig.cameras.values())
+                else []
+            ),
         ]
     )
     for number, (previous, name) in enumerate(pairwise([None, *rig.cameras])):
@@ -71,6 +76,8 @@ def camchain(rig: RigValues) -> str:
         text += f"  resolution: [{camera.width}, {camera.height}]\n"
         text += f"  rostopic: {rig.topics[name]}\n"
         text += f"  timeshift_cam_imu: {real(rig.time_shift(name))}\n"
+        if camera.row_time:
+            text += f"  line_delay: {real(camera.row_time)}\n"
     return text
 
 

@@ -12,7 +12,7 @@ import numpy as np
 from imu_sim_ros.bags.text.decimals import decimal
 from imu_sim_ros.core.rotation import inverse_pose, pose_matrix
 from imu_sim_ros.core.types import Array
-from imu_sim_ros.datasets.consumers.values import ImuValues, real
+from imu_sim_ros.datasets.consumers.values import SAME_TIME, ImuValues, real
 from imu_sim_ros.parameters.sections import parameters
 from imu_sim_ros.sensors.camera.parameters import CameraParameters
 from imu_sim_ros.sensors.camera.scene_parameters import SceneParameters
@@ -59,7 +59,7 @@ class RigValues:
         return all(kind(camera) in models for camera in self.cameras.values())
 
     def remarks(
-        self, expressed: Collection[str] = (), cameras: int | None = None, offsets: bool = True
+        self, expressed: Collection[str] = (), cameras: int | None = None, one_shift: str = ""
     ) -> Iterator[str]:
         """Yield a sentence for each property of the cameras that a format cannot express.
 
@@ -68,19 +68,36 @@ class RigValues:
             fifth coefficient of a pinhole; ``unified.distortion``: four of that sphere;
             ``time_offset``: the time shift between camera and IMU.
         :param cameras: number of cameras in the format, the first ones; None: all.
-        :param offsets: True if the format has a time offset for each camera, not only one for all.
+        :param one_shift: name of a stack that uses the time shift of the first camera for all;
+            empty: it has one for each camera.
         """
         cameras_in_format = list(self.cameras.items())[:cameras]
         for name, camera in cameras_in_format:
             terms = list(_simulated(camera, expressed))
-            shift, first_shift = self.time_shift(name), self.time_shift(cameras_in_format[0][0])
-            expressible = "time_offset" in expressed and (offsets or shift == first_shift)
-            if shift and not expressible:
+            shift = self.time_shift(name)
+            if shift and "time_offset" not in expressed:
                 terms.append(f"time_offset = {decimal(shift)} s (of the camera to the IMU)")
             if terms:
                 yield f"{name}: simulated, but not expressible in this format: {', '.join(terms)}"
+        if one_shift:
+            yield from self._other_shifts(one_shift, [name for name, _ in cameras_in_format])
         if "time_offset" in expressed:
             yield from self.imu.delay_remarks()
+
+    def _other_shifts(self, stack: str, names: list[str]) -> Iterator[str]:
+        """Yield a sentence for each camera whose time shift is not that of the first one."""
+        common = self.time_shift(names[0])
+        for name in names[1:]:
+            shift = self.time_shift(name)
+            if abs(shift - common) > SAME_TIME:
+                yield (
+                    f"{name}: its time shift is {_seconds(shift)}, but {stack} has one for all "
+                    f"cameras: that of {names[0]}, {_seconds(common)}"
+                )
+
+
+def _seconds(time: float) -> str:
+    return f"{decimal(float(f'{time:.6g}'))} s"
 
 
 _NO_TERMS: Final = frozenset(

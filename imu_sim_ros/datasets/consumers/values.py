@@ -39,7 +39,7 @@ _NO_TERMS: Final = frozenset(
         *(f"{triad}_correlation_time" for triad in TRIADS),
     ]
 )
-_SAME_TIME: Final = 1e-5
+SAME_TIME: Final = 1e-5
 """Largest difference of delays that stacks ignore [s]."""
 _VIBRATION: Final = ("vibration.line_amplitude", "vibration.band_density")
 """Parameters of the vehicle's vibration that are strengths; the others say where and when."""
@@ -130,7 +130,7 @@ class ImuValues:
         mean = self.lateness - self.imu.stamp_offset
         for triad in TRIADS:
             delays = self.imu.delay(triad, self.rate)
-            if max(abs(delay - mean) for delay in delays) > _SAME_TIME:
+            if max(abs(delay - mean) for delay in delays) > SAME_TIME:
                 numbers = ", ".join(decimal(float(f"{delay:.6g}")) for delay in delays)
                 yield (
                     f"The readings of the {triad} lag by {numbers} s (x, y, z); the time shift has "

@@ -150,7 +150,7 @@ def fusion(rig: RigValues, prefix: str) -> str:
     """
     names = list(rig.cameras)[:2]
     camera = rig.cameras[names[0]]
-    head = _head("VINS-Fusion", rig, rig.remarks(_EXPRESSED, 2, offsets=False))
+    head = _head("VINS-Fusion", rig, rig.remarks(_EXPRESSED, 2, one_shift="VINS-Fusion"))
     topics = "".join(f'image{k}_topic: "{rig.topics[name]}"\n' for k, name in enumerate(names))
     files = "".join(f'cam{k}_calib: "{prefix}_cam{k}.yaml"\n' for k in range(len(names)))
     mounts = "".join(

@@ -65,6 +65,8 @@ _DISTORTIONS: Final = {
 """Distortion models by the names of the tools."""
 _TOLERANCE: Final = 1e-3
 """Largest difference between two transforms that state the same mount."""
+_VIGNETTE_ERROR: Final = 0.01
+"""Largest difference of a vignette from a quadratic one that is not named."""
 _FORWARD: Final = 0.5
 """Smallest component along x of the view of a camera that looks forward."""
 
@@ -104,6 +106,7 @@ _VINS: Final = {
 }
 _BASALT: Final = {
     **dict.fromkeys(("T_imu_cam", "intrinsics", "resolution", "cam_time_offset_ns"), ""),
+    "vignette": "",
     "comment": "a description",
 }
 _ORB: Final = {
@@ -439,6 +442,38 @@ def _basalt_camera(camera: _Camera) -> None:
             camera.set_mount(rotation.pose_matrix(matrix, place[:3]))
     offset = camera.number("cam_time_offset_ns", tree.get("cam_time_offset_ns", 0))
     camera.set("time_offset", offset * 1e-9)
+    if tree.get("vignette"):
+        _set_vignetting(camera, tree["vignette"])
+
+
+def _set_vignetting(camera: _Camera, spline: object) -> None:
+    """Set the vignetting from Basalt's spline over the distance from the principal point.
+
+    A remark names the largest difference from ``1 - v (r / corner)^2`` if it exceeds 1 %.
+    """
+    parts = spline if isinstance(spline, Mapping) else {}
+    interval = camera.number("vignette.value1", parts.get("value1")) * 1e-9
+    knots = np.array(camera.numbers("vignette.value2", parts.get("value2"), ()))
+    size = [camera.values.get(f"{_CAMERA}{name}") for name in ("width", "height")]
+    focal = camera.values.get(f"{_CAMERA}intrinsics")
+    if camera.problems or not isinstance(focal, list):
+        return
+    cx, cy = focal[2:]
+    width, height = (float(str(side)) for side in size)
+    corner = float(np.hypot(max(cx, width - 1.0 - cx), max(cy, height - 1.0 - cy)))
+    # A uniform cubic B-spline at its knots.
+    shares = (knots[:-2] + 4.0 * knots[1:-1] + knots[2:]) / 6.0
+    radii = interval * np.arange(len(shares))
+    inside = radii <= corner
+    if inside.sum() < 3 or not interval > 0.0:
+        camera.refuse("vignette", parts, "must be a spline from the centre to the corners")
+        return
+    squares, loss = (radii[inside] / corner) ** 2, 1.0 - shares[inside]
+    strength = float(np.clip(squares @ loss / (squares @ squares), 0.0, 1.0))
+    camera.set("vignetting", round(strength, 9))
+    error = float(np.abs(loss - strength * squares).max())
+    if error > _VIGNETTE_ERROR:
+        camera.unused.append(f"vignette beyond vignetting {strength:.2g} (up to {error:.2g} apart)")
 
 
 def _vins_camera(camera: _Camera) -> None:
@@ -575,7 +610,7 @@ def _ncamera_keys(entry: Mapping[str, Any]) -> dict[str, Any]:
 def _basalt_keys(content: Mapping[str, Any], number: int) -> dict[str, Any]:
     """Return Basalt's keys with the entries of one camera in place of the lists of all."""
     keys = dict(content)
-    for key in ("T_imu_cam", "intrinsics", "resolution"):
+    for key in ("T_imu_cam", "intrinsics", "resolution", "vignette"):
         values = content.get(key)
         if isinstance(values, list) and number < len(values):
             keys[key] = values[number]
