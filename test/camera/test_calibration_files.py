@@ -115,7 +115,7 @@ def test_vignetting_and_rows_come_back_from_the_files_that_have_them(tmp_path: P
     rows, columns = np.array([0, 100, 240, 479]), np.array([0, 300, 367, 751])
     cx, cy = camera.intrinsics[2:]
     part, index = np.modf(np.hypot(columns - cx, rows - cy) / interval)
-    at = index.astype(int)[:, None] + np.arange(4)
+    knot_numbers = index.astype(int)[:, None] + np.arange(4)
     weights = np.stack(
         [
             (1 - part) ** 3,
@@ -125,7 +125,7 @@ def test_vignetting_and_rows_come_back_from_the_files_that_have_them(tmp_path: P
         ],
         axis=1,
     )
-    shares = (knots[at] * weights).sum(axis=1) / 6.0
+    shares = (knots[knot_numbers] * weights).sum(axis=1) / 6.0
     np.testing.assert_allclose(shares, vignette(camera)[rows, columns], atol=1e-6)
     (tmp_path / "chain.yaml").write_text(kalibr.camchain(rig), encoding="utf-8")
     assert read(str(tmp_path / "chain.yaml"))[0].row_time == 2e-5

@@ -202,13 +202,14 @@ def estimator_config(rig: RigValues) -> str:
     head = comment(
         [
             "OpenVINS estimator_config.yaml, whole. Estimator and front end as for EuRoC.",
-            "init_imu_thresh: EuRoC's 1.5 never fires on a simulated IMU, which no rotor shakes: a "
-            "second's accelerometer deviation is 0.07 at rest and 1.3 at most in its flights. 0.5 "
-            "fires; it needs 2 s of rest and then a jerk (trajectory.lead_in). On tours with the "
-            "cameras of EuRoC, init_max_disparity has to be 5, and 3 in the street: features move little in "
-            "the second of the jerk, in proportion to the focal length. A tour that begins gently "
-            "(trajectory.rest_before) needs 5, in the street 2, and an init_imu_thresh of 0.1, "
-            "which must be above the accelerometer's deviation at rest; that of this one is "
+            "init_imu_thresh: EuRoC's 1.5 never fires on a simulated IMU, which no rotor shakes: "
+            "a second's accelerometer deviation is 0.07 at rest and 1.3 at most in its flights. "
+            "0.5 fires; it needs 2 s of rest and then a jerk (trajectory.lead_in). On tours with "
+            "the cameras of EuRoC, init_max_disparity has to be 5, and 3 in the street: features "
+            "move little in the second of the jerk, in proportion to the focal length. A tour "
+            "that begins gently (trajectory.rest_before) needs 5, in the street 2, and an "
+            "init_imu_thresh of 0.1, which must be above the accelerometer's deviation at rest; "
+            "that of this one is "
             f"{rig.imu.rest_deviation:.2g}.",
             "Extrinsics and intrinsics are exact, so only the time offset is estimated.",
             *rig.start_remarks("OpenVINS"),

@@ -464,11 +464,11 @@ def _set_vignetting(camera: _Camera, spline: object) -> None:
     # A uniform cubic B-spline at its knots.
     shares = (knots[:-2] + 4.0 * knots[1:-1] + knots[2:]) / 6.0
     radii = interval * np.arange(len(shares))
-    inside = radii <= corner
-    if inside.sum() < 3 or not interval > 0.0:
+    count = int((radii <= corner).sum())
+    if count < 3 or not interval > 0.0:
         camera.refuse("vignette", parts, "must be a spline from the centre to the corners")
         return
-    squares, loss = (radii[inside] / corner) ** 2, 1.0 - shares[inside]
+    squares, loss = (radii[:count] / corner) ** 2, 1.0 - shares[:count]
     strength = float(np.clip(squares @ loss / (squares @ squares), 0.0, 1.0))
     camera.set("vignetting", round(strength, 9))
     error = float(np.abs(loss - strength * squares).max())
