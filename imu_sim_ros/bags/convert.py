@@ -21,10 +21,12 @@ from imu_sim_ros.bags.messages.encode import (
     IMU,
     ODOMETRY,
     POSE_STAMPED,
+    TEMPERATURE,
     VECTOR3_STAMPED,
     ImuEncoder,
     OdometryEncoder,
     PoseStampedEncoder,
+    TemperatureEncoder,
     Vector3StampedEncoder,
 )
 from imu_sim_ros.bags.read import odometry_blocks, open_bag, vector_blocks
@@ -40,6 +42,7 @@ from imu_sim_ros.core.conventions import (
     GYROSCOPE_BIAS_TOPIC,
     IMU_FRAME,
     IMU_TOPIC,
+    TEMPERATURE_TOPIC,
     TRUTH_POSE_TOPIC,
     TRUTH_TOPIC,
     WORLD_FRAME,
@@ -54,6 +57,7 @@ from imu_sim_ros.recordings.record_times import RecordTimes
 
 More = Callable[[MessageBlock], Sequence[Block]]
 READINGS: Final = "/" + IMU_TOPIC
+TEMPERATURES: Final = "/" + TEMPERATURE_TOPIC
 POSES: Final = "/" + TRUTH_POSE_TOPIC
 TRUTH: Final = "/" + TRUTH_TOPIC
 GYRO_BIAS: Final = "/" + GYROSCOPE_BIAS_TOPIC
@@ -280,13 +284,28 @@ def poses_to_bag(
 def _reading_messages(
     blocks: Iterator[Readings], writer: Writer, renamed: Mapping[str, str], imu: str | None
 ) -> Iterator[list[Block]]:
-    """Yield the readings of an IMU as messages; of several, each IMU has a namespace."""
-    full, frame = (READINGS, IMU_FRAME) if imu is None else (f"/{imu}{READINGS}", f"{imu}_link")
+    """Yield readings and, if the table has them, temperatures of the sensor."""
+    space, frame = ("", IMU_FRAME) if imu is None else (f"/{imu}", f"{imu}_link")
     encoder, record_times = ImuEncoder(frame, writer.encoding), RecordTimes()
-    topic = writer.add_topic(renamed.get(full, full), IMU)
+    temperature_encoder = TemperatureEncoder(frame, writer.encoding)
+    readings_name, temperature_name = space + READINGS, space + TEMPERATURES
+    topic = writer.add_topic(renamed.get(readings_name, readings_name), IMU)
+    temperature_topic = None
     for readings in blocks:
         payloads = encoder.encode(readings.t_ns, *readings.triads())
-        yield [Block(topic, record_times.of(readings.t_ns), payloads)]
+        times_ns = record_times.of(readings.t_ns)
+        messages = [Block(topic, times_ns, payloads)]
+        if readings.temperature is not None:
+            if temperature_topic is None:
+                temperature_topic = writer.add_topic(
+                    renamed.get(temperature_name, temperature_name), TEMPERATURE
+                )
+            has_temperature = np.isfinite(readings.temperature)
+            payloads = temperature_encoder.encode(
+                readings.t_ns[has_temperature], readings.temperature[has_temperature]
+            )
+            messages.append(Block(temperature_topic, times_ns[has_temperature], payloads))
+        yield messages
 
 
 def _state_messages(
@@ -328,7 +347,10 @@ def _pose_messages(
 
 
 def _interleaved(streams: Sequence[Iterator[list[Block]]]) -> Iterator[list[Block]]:
-    """Merge streams of blocks in time order; the blocks of one item have the same times."""
+    """Merge streams of blocks in time order.
+
+    The first block of an item has all of its times, the others some or all of these.
+    """
     waiting: list[list[Block] | None] = [next(stream, None) for stream in streams]
     while any(waiting):
         end_ns = min(int(blocks[0].t_ns[-1]) for blocks in waiting if blocks)
@@ -336,9 +358,10 @@ def _interleaved(streams: Sequence[Iterator[list[Block]]]) -> Iterator[list[Bloc
         for k, blocks in enumerate(waiting):
             if not blocks:
                 continue
-            cut = int(np.searchsorted(blocks[0].t_ns, end_ns, side="right"))
-            ready += [Block(b.topic, b.t_ns[:cut], b.payloads[:cut]) for b in blocks]
-            rest = [Block(b.topic, b.t_ns[cut:], b.payloads[cut:]) for b in blocks]
+            cuts = [int(np.searchsorted(b.t_ns, end_ns, side="right")) for b in blocks]
+            parts = list(zip(blocks, cuts, strict=True))
+            ready += [Block(b.topic, b.t_ns[:cut], b.payloads[:cut]) for b, cut in parts]
+            rest = [Block(b.topic, b.t_ns[cut:], b.payloads[cut:]) for b, cut in parts]
             waiting[k] = rest if len(rest[0].t_ns) else next(streams[k], None)
         yield ready
 

@@ -38,6 +38,8 @@ class Quantity(NamedTuple):
     name: str
     largest: float
     unit: str
+    may_lack: bool = False
+    """True if NaN stands for a row without the quantity."""
 
 
 RATE: Final = Quantity("angular velocity", 1e5, "rad/s")
@@ -48,6 +50,8 @@ ORIENTATION: Final = Quantity("orientation", 1.0 + UNIT_TOLERANCE, "")
 FIELD: Final = Quantity("magnetic field", 1e3, "T")
 PRESSURE: Final = Quantity("pressure", 1e10, "Pa")
 TEMPERATURE: Final = Quantity("temperature", 1e5, "degC")
+SENSOR_TEMPERATURE: Final = Quantity("temperature", 1e7, "degC", may_lack=True)
+"""Temperature beside the readings of a sensor, perhaps at a lower rate, perhaps in another unit."""
 OTHER: Final = Quantity("value", 1e100, "")
 """A number without a certain meaning; its square is still finite."""
 
@@ -94,6 +98,8 @@ class Verdict:
             return overflow_problem(int(self._nanosecond[row]))
         for quantity, values in self._columns:
             value = values[row]
+            if quantity.may_lack and np.isnan(value).all():
+                continue
             if not np.isfinite(value).all():
                 return f"a value that is not finite: {quantity.name} {_value_text(value)}"
             if quantity is ORIENTATION and _good(quantity, value[None]) is not None:
@@ -248,6 +254,8 @@ def _good(quantity: Quantity, values: Array) -> Mask | None:
     """Return a mask of the rows in range; None: all of them."""
     if not values.size:
         return None
+    if quantity.may_lack:
+        values = np.where(np.isnan(values), 0.0, values)
     # Extremes are NaN if a value is, and need no memory; nearly always they are enough.
     with np.errstate(invalid="ignore"):
         in_range = values.min() >= -quantity.largest and values.max() <= quantity.largest

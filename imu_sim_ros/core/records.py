@@ -195,8 +195,8 @@ class Readings(TimeSeries):
     source: str = "readings"
     """Name of the file, topic or sensor."""
     _: KW_ONLY
-    temperature: Array | None = field(default=None, metadata=column((), gate.TEMPERATURE))
-    """(n,) temperature of the sensor [degC]."""
+    temperature: Array | None = field(default=None, metadata=column((), gate.SENSOR_TEMPERATURE))
+    """(n,) temperature of the sensor [degC]; NaN: the row has none."""
     q_wb: Array | None = field(default=None, metadata=column((4,), gate.ORIENTATION, "q"))
     """(n, 4) orientation that the IMU itself reports, unit quaternions (w, x, y, z)."""
     frame_id: str = ""

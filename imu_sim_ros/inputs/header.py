@@ -89,6 +89,25 @@ _SPEED_UNITS: Final = {
     **dict.fromkeys(("km/h", "kmh"), 1.0 / 3.6),
     "cm/s": 1e-2,
 }
+_CELSIUS: Final = ("degc", "c", "°c", "celsius", "deg", "degree", "degrees", "°", "ºc", "℃")
+_KELVIN: Final = ("k", "kelvin", "degk", "°k")
+_FAHRENHEIT: Final = ("f", "degf", "°f", "fahrenheit", "℉")
+_MILLIKELVIN: Final = ("mk", "millikelvin")
+_TEMPERATURE_UNITS: Final = {
+    **dict.fromkeys(_CELSIUS, 1.0),
+    **dict.fromkeys(_KELVIN, 1.0),
+    **dict.fromkeys(_FAHRENHEIT, 1.0 / 1.8),
+    **dict.fromkeys(("mdegc", "mdeg", "m°c", "mc", "millicelsius", "millidegc"), 1e-3),
+    **dict.fromkeys(("millideg", "millidegree", "millidegrees", "millidegreesc"), 1e-3),
+    **dict.fromkeys(("cdegc", "cdeg", "centidegc", "centidegrees", "c°c"), 1e-2),
+    **dict.fromkeys(("ddegc", "ddeg", "decidegc", "decidegrees"), 1e-1),
+    **dict.fromkeys(_MILLIKELVIN, 1e-3),
+}
+ZEROS: Final[Mapping[str, float]] = {
+    **dict.fromkeys((*_KELVIN, *_MILLIKELVIN), -273.15),
+    **dict.fromkeys(_FAHRENHEIT, -32.0 / 1.8),
+}
+"""Temperature at the zero of a unit that does not begin at 0 degC [degC]."""
 UNITS: Final[Mapping[str, Mapping[str, float]]] = {
     GYRO: _RATE_UNITS,
     ACCEL: _FORCE_UNITS,
@@ -97,7 +116,7 @@ UNITS: Final[Mapping[str, Mapping[str, float]]] = {
     VELOCITY: _SPEED_UNITS,
     GYRO_BIAS: _RATE_UNITS,
     ACCEL_BIAS: _FORCE_UNITS,
-    TEMPERATURE: dict.fromkeys(("degc", "c", "°c", "celsius", "deg"), 1.0),
+    TEMPERATURE: _TEMPERATURE_UNITS,
     _BARE: {**_LENGTH_UNITS, **_FORCE_UNITS, **_RATE_UNITS},
 }
 """SI value of each unit of a quantity, in lower case and without blanks."""
@@ -123,6 +142,7 @@ _WORDS: Final[Mapping[str, str]] = {
     **dict.fromkeys(("quaternion", "quat", "orientation", "四元数"), ORIENTATION),
     **dict.fromkeys(("velocity", "vel", "speed", "geschwindigkeit", "vitesse"), VELOCITY),
     **dict.fromkeys(("temperature", "temp", "temperatur", "température", "温度"), TEMPERATURE),
+    "tmp": TEMPERATURE,
     "bg": GYRO_BIAS,
     "ba": ACCEL_BIAS,
 }
@@ -149,6 +169,7 @@ _OTHER: Final = frozenset(
         *("integral", "relative", "clipping", "mag", "magnetic", "magnetometer", "euler", "delta"),
         *("gps", "baro", "pressure", "reference", "earth", "calibration", "error", "index", "seq"),
         *("column", "frame", "id", "counter", "packet", "status", "label"),
+        *("ambient", "chamber", "room", "cpu", "battery", "motor", "esc"),
     )
 )
 """Words of columns that are none of the quantities."""
@@ -156,6 +177,11 @@ _GLUED: Final = re.compile(
     rf"({'|'.join(sorted(_WORDS, key=len, reverse=True))}|[wgrafptqv])([xyzw])"
 )
 """Quantity and axis in a word: ``gyrox``, ``bgx``, ``ax``."""
+_GLUED_TEMPERATURE: Final = re.compile(
+    r"(?:imu|gyroscope|gyro|gyr|accel|acc|die|chip|sensor|core)?(?:temperature|temp)"
+    r"(c|k|f|degc|degk|degf|celsius|kelvin)?\d*"
+)
+"""Name of a column of temperatures without separators: ``imutemp``, ``tempC``, ``temp0``."""
 _BRACKETS: Final = re.compile(r"\[([^\]]*)\]|\(([^)]*)\)")
 KNOWN: Final[Mapping[str, str]] = {
     POSITION: "p_x, tx, pos_x, for all axes",
@@ -198,6 +224,8 @@ class TableHeader:
     """SI value of the unit of each quantity."""
     units: Mapping[str, str]
     """Stated units of the quantities."""
+    notes: tuple[str, ...] = ()
+    """Lines about columns that are not read, or are read in place of others."""
 
 
 def split_names(line: str) -> list[str]:
@@ -226,6 +254,9 @@ def column_of(name: str) -> ColumnName | None:
         tokens = tokens[1:]
     if not tokens or any(word in _OTHER for word in tokens):
         return None
+    temperature_unit = _unit_of_temperature(_BRACKETS.sub(" ", name).strip(), tokens, unit)
+    if temperature_unit is not None:
+        return ColumnName(TEMPERATURE, "", temperature_unit)
     if not axis and _is_time(tokens):
         unit = unit or next((word for word in tokens if word in TIME_UNITS), "")
         return ColumnName(
@@ -237,9 +268,37 @@ def column_of(name: str) -> ColumnName | None:
     if not axis:
         tokens, axis = _without_axis(tokens)
     quantity = _quantity(tokens)
-    if quantity is None or (quantity != TEMPERATURE and not axis):
+    if quantity in (None, TEMPERATURE) or not axis:
         return None
-    return ColumnName(quantity, "" if quantity == TEMPERATURE else axis, unit)
+    return ColumnName(str(quantity), axis, unit)
+
+
+def _unit_of_temperature(name: str, tokens: Sequence[str], unit: str) -> str | None:
+    """Return the unit of a column of temperatures, empty: not stated; None: another column.
+
+    An upper-case T is a temperature if its unit, or the name of a sensor, says so.
+
+    :param name: name of the column without what is in brackets.
+    :param tokens: its words in lower case.
+    :param unit: unit in brackets; empty: there is none.
+    """
+    if {*AXES, *_TIMES[:3]} & set(tokens) or {*_TIMES, *TIME_UNITS} & set(tokens[1:]):
+        return None
+    glued = next(filter(None, map(_GLUED_TEMPERATURE.fullmatch, tokens)), None)
+    is_letter = re.match(r"T(?![a-zA-Z])", name) is not None
+    if (
+        glued is None
+        and not is_letter
+        and not any(_WORDS.get(word) == TEMPERATURE for word in tokens)
+    ):
+        return None
+    endings = ("".join(tokens[k:]) for k in range(1, len(tokens)))
+    suffix = next((ending for ending in endings if ending in _TEMPERATURE_UNITS), "")
+    stated = unit or suffix or (glued[1] if glued is not None and glued[1] else "")
+    if glued is None and is_letter and stated not in _TEMPERATURE_UNITS:
+        sensors = {"imu", "gyro", "acc", "accel", "sensor", "die", "chip"}
+        return None if unit in TIME_UNITS or not sensors & set(tokens) else stated
+    return stated
 
 
 def _is_time(tokens: Sequence[str]) -> bool:
@@ -336,9 +395,13 @@ def header_of(names: Sequence[str], place: str = "") -> TableHeader:
     :raises ValueError: with a line for a header that is unknown or contradicts itself.
     """
     in_flight = {name.lower() for name in names} >= set(_RATES_OF_FLIGHT)
-    columns = [
-        column_of(_RATES_OF_FLIGHT.get(name.lower(), name) if in_flight else name) for name in names
-    ]
+    columns, notes = _one_temperature(
+        names,
+        [
+            column_of(_RATES_OF_FLIGHT.get(name.lower(), name) if in_flight else name)
+            for name in names
+        ],
+    )
     problems = list(_problems(names, columns, place))
     if problems:
         raise ValueError("; ".join(problems))
@@ -377,7 +440,45 @@ def header_of(names: Sequence[str], place: str = "") -> TableHeader:
         },
         factors,
         {name: unit for name, unit in unit_of.items() if unit},
+        notes,
     )
+
+
+def _is_stamp(column: ColumnName | None) -> bool:
+    return column is not None and column.quantity == STAMP
+
+
+def _one_temperature(
+    names: Sequence[str], columns: Sequence[ColumnName | None]
+) -> tuple[list[ColumnName | None], tuple[str, ...]]:
+    """Return columns with at most one of temperatures, and lines about those that are not read.
+
+    A column ``T`` is one if the stamps have another column. Of several, that of the IMU is read,
+    else the first; one in an unknown unit is not read, since readings do not depend on it.
+    """
+    chosen = list(columns)
+    stamps = [name for name, column in zip(names, columns, strict=True) if _is_stamp(column)]
+    if set(stamps) - {"T"}:
+        for k, name in enumerate(names):
+            if name == "T":
+                chosen[k] = ColumnName(TEMPERATURE, "", "")
+    notes = []
+    places = [k for k, column in enumerate(chosen) if column and column.quantity == TEMPERATURE]
+    for k in list(places):
+        column = chosen[k]
+        if column is not None and column.unit and column.unit not in _TEMPERATURE_UNITS:
+            usual = "degC, K, degF, mdegC"
+            notes.append(f"{names[k]} is not read: the unit {column.unit} is not one of {usual}")
+            chosen[k] = None
+            places.remove(k)
+    if len(places) > 1:
+        best = next((k for k in places if "imu" in names[k].lower()), places[0])
+        others = [k for k in places if k != best]
+        for k in others:
+            chosen[k] = None
+        text = ", ".join(names[k] for k in others)
+        notes.append(f"the temperature is that of {names[best]}; {text} is not read")
+    return chosen, tuple(notes)
 
 
 def _pair(

@@ -27,7 +27,9 @@ from imu_sim_ros.inputs.header import (
     AXES_OF,
     GYRO,
     ORIENTATION,
+    TEMPERATURE,
     TIME_NAMES,
+    ZEROS,
     TableHeader,
     expanded,
     header_of,
@@ -63,6 +65,8 @@ _SECONDS: Final = 9
 _DATE: Final = re.compile(r"\d{4}[-/]\d\d?[-/]\d\d?|\d\d?[./]\d\d?[./]\d{4}|\d\d?:\d\d:")
 """Beginning of a date or a time of day."""
 _SHOWN_NAMES: Final = 8
+_NO_NUMBER: Final = frozenset(("", "nan", "na", "n/a", "null", "none", "-", "--"))
+"""Cells of a column that may lack numbers."""
 _DIGITS_OF_PART: Final = 9
 """Most digits of nanoseconds below a second."""
 
@@ -138,6 +142,8 @@ class TableLayout:
     """Units that the header states, by quantity."""
     nanosecond: int | None = None
     """Column of nanoseconds, from 0 to 999,999,999, that are added to stamps in seconds."""
+    remarks: tuple[str, ...] = ()
+    """Lines about columns that are not read, or are read in place of others."""
 
     @property
     def notes(self) -> tuple[str, ...]:
@@ -145,10 +151,11 @@ class TableLayout:
         units = [
             f"the {name} in {unit}"
             for name, unit in self.units.items()
-            if self.factors[name] != 1.0
+            if self.factors[name] != 1.0 or unit in ZEROS
         ]
-        line = f"{' and '.join(units)}, as the header says: converted to SI units"
-        return (*self._order_notes(), *((line,) if units else ()))
+        target = "SI units" if set(self.units) != {TEMPERATURE} else "degC"
+        line = f"{' and '.join(units)}, as the header says: converted to {target}"
+        return (*self._order_notes(), *((line,) if units else ()), *self.remarks)
 
     def _order_notes(self) -> Iterator[str]:
         """Yield a line for what the header puts in another order than tables without one have."""
@@ -167,13 +174,16 @@ class TableLayout:
         return {name: self.columns[name] for name in names if name in self.columns}
 
     def parse(self, rows: Sequence[Row], names: Collection[str]) -> tuple[Times, dict[str, Array]]:
-        """Return stamps (n,) [ns] and the values (n, m) of quantities in SI units.
+        """Return stamps (n,) [ns] and the values (n, m) of quantities in SI units, or in degC.
+
+        A temperature is NaN where its cell has no number: it may have a lower rate than the rest.
 
         :param names: quantities; those that the table lacks are not returned.
         :raises ValueError, OverflowError: if a row cannot be converted.
         """
         chosen = self.quantities(names)
-        table = self._table(rows, [k for columns in chosen.values() for k in columns])
+        (degrees,) = chosen.pop(TEMPERATURE, (None,))
+        table = self._table(rows, [k for columns in chosen.values() for k in columns], degrees)
         t_ns = table["stamp"]
         if self.nanosecond is not None:
             fraction_ns = nanoseconds(
@@ -196,12 +206,19 @@ class TableLayout:
             factor = self.factors.get(name, 1.0)
             values[name] = part * factor if factor != 1.0 else np.ascontiguousarray(part)
             offset += len(columns)
+        if degrees is not None:
+            zero = ZEROS.get(self.units.get(TEMPERATURE, ""), 0.0)
+            factor = self.factors.get(TEMPERATURE, 1.0)
+            values[TEMPERATURE] = _numbers_or_nan(table["degrees"]) * factor + zero
         return t_ns, values
 
-    def _table(self, rows: Sequence[Row], indices: Sequence[int]) -> NDArray[np.void]:
+    def _table(
+        self, rows: Sequence[Row], indices: Sequence[int], degrees: int | None = None
+    ) -> NDArray[np.void]:
         """Return stamps, integers [ns] if they are whole and else text, and columns as numbers.
 
         :param indices: columns of the numbers.
+        :param degrees: column of a temperature, which may be empty, as text; None: there is none.
         :raises ValueError: if a row has another number of columns, or cannot be converted.
         """
         separator, decimal_comma, trailing = self.row_format
@@ -211,7 +228,7 @@ class TableLayout:
         if edited:
             lines = [self.row_format.plain(text).decode("latin-1") for _, text in rows]
         stamps = [self.stamp] if self.nanosecond is None else [self.stamp, self.nanosecond]
-        columns = [*stamps, *indices]
+        columns = [*stamps, *indices, *([] if degrees is None else [degrees])]
         # NumPy compares the widths of rows only if all columns are read, and skips empty lines,
         # which an edited row may be.
         complete = columns == list(range(len(columns))) and self.counts == (len(columns),)
@@ -221,13 +238,16 @@ class TableLayout:
                 raise ValueError("columns")
         stamp = "<i8" if self.whole else f"S{STAMP_BYTES}"
         stamp_fields = [(name, stamp) for name in ("stamp", "nanosecond")[: len(stamps)]]
+        text_fields = [] if degrees is None else [("degrees", f"S{STAMP_BYTES}")]
         with warnings.catch_warnings():
             # NumPy reads 1.5 as the integer 1 with this warning.
             warnings.simplefilter("error", DeprecationWarning)
             try:
                 table: NDArray[np.void] = np.loadtxt(
                     lines,
-                    dtype=np.dtype([*stamp_fields, ("values", "<f8", (len(indices),))]),
+                    dtype=np.dtype(
+                        [*stamp_fields, ("values", "<f8", (len(indices),)), *text_fields]
+                    ),
                     delimiter=delimiter,
                     usecols=None if complete else columns,
                     comments=None,
@@ -258,12 +278,30 @@ class TableLayout:
             if not good:
                 problem = f"{shortened(part)} is not nanoseconds from 0 to 999999999"
                 bad.note(NUMBERS, number, problem)
-        for columns in self.quantities(names).values():
+        for name, columns in self.quantities(names).items():
+            convert = _number_or_nan if name == TEMPERATURE else number_of
             for k in columns:
                 try:
-                    number_of(fields[k])
+                    convert(fields[k])
                 except ValueError:
                     bad.note(NUMBERS, number, f"{shortened(fields[k])} is not a number")
+
+
+def _numbers_or_nan(texts: NDArray[np.bytes_]) -> Array:
+    """Return the numbers in cells (n,); NaN where a cell is empty, or says that it has none.
+
+    :raises ValueError: for other text.
+    """
+    try:
+        numbers = texts.astype(np.float64)
+    except ValueError:
+        numbers = np.array([_number_or_nan(text.decode("latin-1")) for text in texts])
+    return np.where(np.isfinite(numbers), numbers, np.nan)
+
+
+def _number_or_nan(text: str) -> float:
+    """Return the number in a cell; NaN if it is empty, or says that it has none."""
+    return np.nan if text.strip().lower() in _NO_NUMBER else number_of(text.strip())
 
 
 _LONG_NAMES: Final = {0: "nanoseconds", 3: "microseconds", 6: "milliseconds", 9: "seconds"}
@@ -416,6 +454,7 @@ def _header_layout(
         f"the header names {header.count}",
         header.units,
         part,
+        header.notes,
     )
     for note in (*layout.notes, *_unused(names, header, required)):
         warn(f"{path}: {note}", Remark)

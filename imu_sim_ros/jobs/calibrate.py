@@ -27,7 +27,6 @@ from imu_sim_ros.calibration.deterministic.positions import calibrate_six_positi
 from imu_sim_ros.calibration.deterministic.steady import Steady, find_steady
 from imu_sim_ros.calibration.deterministic.temperature import (
     Temperature,
-    check_unit,
     temperatures_at,
 )
 from imu_sim_ros.calibration.deterministic.temperature import (
@@ -63,8 +62,9 @@ from imu_sim_ros.navigation.parameters import IntegratorParameters
 from imu_sim_ros.navigation.state import NO_CORRECTION, Correction, correction_of
 from imu_sim_ros.parameters import files
 from imu_sim_ros.parameters.sections import build
-from imu_sim_ros.recordings.findings.catalogue import reading_findings
-from imu_sim_ros.recordings.findings.policy import CALIBRATE
+from imu_sim_ros.recordings.findings.catalogue import reading_findings, temperature_findings
+from imu_sim_ros.recordings.findings.policy import CALIBRATE, CALIBRATE_TEMPERATURE
+from imu_sim_ros.recordings.findings.temperatures import TemperatureRecord
 from imu_sim_ros.sensors.magnetometer.declaration import SENSOR, TABLE
 from imu_sim_ros.terminal.text_tables import TextTable
 
@@ -274,25 +274,41 @@ class _Run:
         gate.Verdict(None, [(gate.FIELD, values)]).complain("readings")
         return values
 
-    def temperature(self, t_ns: Times, values: ArrayLike | None, topic: str | None) -> Table:
-        """Return times and temperatures of the sensor [degC]."""
+    def temperature(self, imu: Readings, values: ArrayLike | None, topic: str | None) -> Table:
+        """Return times and temperatures of the sensor [degC].
+
+        Without a topic they are those of the readings themselves, if they have any.
+        """
         topic = arguments.topic("temperature_topic", topic, of_a_file=self.path is not None)
-        if values is None and self.path is not None:
-            if not door.has_topics(self.path):
-                raise InputError(f"{self.path}: has no temperatures; a bag that has them is needed")
-            measured = bags.read_temperature(self.path, topic, self._skipped(f"{self.path}"))
-            self._warnings += check_unit(measured.temperature)
-            return measured.t_ns, measured.temperature
-        if values is None:
-            if not isinstance(self._given, Flight):
-                raise InputError(
-                    f"{stated('temperature')}: give that of the sensor at each reading [degC]"
+        t_ns = imu.t_ns
+        if values is not None:
+            degrees = arguments.array("temperature", values, (len(imu),))
+            gate.Verdict(t_ns, [(gate.TEMPERATURE, degrees)]).complain("temperature")
+        elif topic is None and imu.temperature is not None and np.isfinite(imu.temperature).any():
+            has_temperature = np.isfinite(imu.temperature)
+            t_ns, degrees = imu.t_ns[has_temperature], imu.temperature[has_temperature]
+            if len(degrees) < len(imu):
+                self._warnings.append(
+                    f"{len(degrees):,} of {len(imu):,} readings have a temperature: it is "
+                    "interpolated between them"
                 )
-            values = self._given.temperature
-        at_readings = arguments.array("temperature", values, (len(t_ns),))
-        gate.Verdict(t_ns, [(gate.TEMPERATURE, at_readings)]).complain("temperature")
-        self._warnings += check_unit(at_readings)
-        return t_ns, at_readings
+        elif self.path is None:
+            raise InputError(
+                f"{stated('temperature')}: give that of the sensor at each reading [degC]"
+            )
+        elif not door.has_topics(self.path):
+            if topic is not None:
+                raise InputError(f"{self.path}: text has no topic {topic}")
+            raise InputError(
+                f"{self.path}: has no temperatures; a column such as temperature [degC], or a bag "
+                "that has them, is needed"
+            )
+        else:
+            t_ns, degrees = bags.read_temperature(self.path, topic, self._skipped(f"{self.path}"))
+        if len(degrees):
+            findings = temperature_findings(TemperatureRecord("", degrees))
+            CALIBRATE_TEMPERATURE.judge(findings, self._warnings.append)
+        return t_ns, degrees
 
     def steady(
         self,
@@ -564,7 +580,8 @@ def calibrate_temperature(
     :param readings: bag, EuRoC folder or CSV file
     :param topic: topic of the readings, if the bag has several
     :param temperature: (n,) temperatures of the sensor at the readings [degC]; by default those of
-        the flight, or of the bag's sensor_msgs/Temperature topic.
+        the flight, of the readings, of the table's column, or of the bag's sensor_msgs/Temperature
+        topic.
     :param temperature_topic: sensor_msgs/Temperature topic, if the bag has several
     :param rates: magnitudes that the table was set to [rad/s]; by default those of the truth;
         without a truth, the body is taken to be at rest.
@@ -595,7 +612,7 @@ def calibrate_temperature(
     number("reference", reference, "a temperature from -273.15 to 1000 degC", -273.15, 1000.0)
     imu = run.imu()
     with run.naming():
-        measured = run.temperature(imu.t_ns, temperature, temperature_topic)
+        measured = run.temperature(imu, temperature, temperature_topic)
         steady, rate = run.steady(imu, rates, truth_topic, measured)
         temperatures = temperatures_at(steady, *measured)
         force = specific_force(steady, gravity)

@@ -18,10 +18,10 @@ import numpy as np
 from imu_sim_ros import __version__
 from imu_sim_ros.bags.cameras import camera_records
 from imu_sim_ros.bags.clouds import cloud_records
-from imu_sim_ros.bags.messages.encode import IMU, PATH
+from imu_sim_ros.bags.messages.encode import IMU, PATH, TEMPERATURE
 from imu_sim_ros.bags.messages.transforms import TF_MESSAGE
 from imu_sim_ros.bags.pose_topics import POSE_TYPES
-from imu_sim_ros.bags.read import MixedFramesError, open_bag
+from imu_sim_ros.bags.read import MixedFramesError, open_bag, read_temperature
 from imu_sim_ros.calibration.noise.truth import load_truth, true_noise
 from imu_sim_ros.core import arguments
 from imu_sim_ros.core.arguments import BAG_OR_FILE, name_of, suggest_keywords
@@ -61,12 +61,14 @@ from imu_sim_ros.recordings.findings.catalogue import (
     frame_findings,
     reading_findings,
     state_findings,
+    temperature_findings,
 )
 from imu_sim_ros.recordings.findings.clipping import ClippingCounts
 from imu_sim_ros.recordings.findings.finding import SEVERITIES, Finding
 from imu_sim_ros.recordings.findings.measures import ReadingMeasures
 from imu_sim_ros.recordings.findings.roles import TopicFrames
 from imu_sim_ros.recordings.findings.states import StateMeasures
+from imu_sim_ros.recordings.findings.temperatures import TemperatureRecord
 from imu_sim_ros.recordings.time_offsets import (
     TurnAngles,
     time_offset_of_turns,
@@ -158,6 +160,20 @@ class PoseContents:
 
 
 @dataclass(frozen=True)
+class TemperatureContents:
+    """Temperatures of a topic, or of the column of a table."""
+
+    source: str
+    """Name of the file and topic."""
+    temperatures: int
+    """Number of temperatures."""
+    lowest: float
+    """The lowest [degC]."""
+    highest: float
+    """The highest [degC]."""
+
+
+@dataclass(frozen=True)
 class SensorOffset:
     """Time offset between two recordings of one body, told by its rotation."""
 
@@ -183,6 +199,8 @@ class Inspection:
     """IMUs."""
     trajectories: tuple[PoseContents, ...]
     """Trajectories, true ones and estimates."""
+    temperatures: tuple[TemperatureContents, ...]
+    """Temperatures of sensors."""
     offsets: tuple[SensorOffset, ...]
     """Time offsets to the first IMU, where the motion tells them."""
     findings: tuple[Finding, ...]
@@ -229,6 +247,7 @@ class Inspection:
             "topics": [vars(topic) for topic in self.topics],
             "sensors": [vars(sensor) for sensor in self.sensors],
             "trajectories": [vars(poses) for poses in self.trajectories],
+            "temperatures": [vars(temperatures) for temperatures in self.temperatures],
             "offsets": [vars(offset) for offset in self.offsets],
             "findings": [finding.to_dict() for finding in self.findings],
         }
@@ -253,6 +272,10 @@ class Inspection:
         for poses in self.trajectories:
             yield from ("", f"poses: {poses.source}")
             yield from _aligned(_pose_rows(poses))
+        for degrees in self.temperatures:
+            yield from ("", f"temperatures: {degrees.source}")
+            span = f"{degrees.lowest:.4g} to {degrees.highest:.4g} degC"
+            yield from _aligned([["readings", f"{degrees.temperatures:,}"], ["range", span]])
         if self.offsets:
             yield from ("", "time offsets, with their 95 % intervals")
             for offset in self.offsets:
@@ -307,6 +330,11 @@ class Inspection:
                 ]
                 for poses in self.trajectories
             ],
+        )
+        yield (
+            "Temperatures [degC]",
+            ["source", "temperatures", "lowest", "highest"],
+            [list(vars(temperatures).values()) for temperatures in self.temperatures],
         )
         yield (
             "Time to add to the stamps [ms], with its 95 % interval",
@@ -411,8 +439,17 @@ def _pose_rows(poses: PoseContents) -> list[list[str]]:
 
 _POSE_TYPES: Final = tuple(name for name in POSE_TYPES if name != TF_MESSAGE)
 """Types of topics with the poses of one body."""
-Record = Readings | States | ClippingCounts | CameraRecord | CloudRecord | TopicFrames
-"""Readings, poses, counts of clipping, a camera's description, clouds, or frames on a topic."""
+Record = (
+    Readings
+    | States
+    | ClippingCounts
+    | CameraRecord
+    | CloudRecord
+    | TopicFrames
+    | TemperatureRecord
+)
+"""Readings, poses, counts of clipping, a camera's description, clouds, frames on a topic, or
+temperatures."""
 Source = str | PathLike[str] | Readings | States | Flight
 """A file, or a record in memory."""
 
@@ -479,6 +516,7 @@ def inspect(
     problems.tell()
     sensors: list[SensorContents] = []
     trajectories: list[PoseContents] = []
+    temperatures: list[TemperatureContents] = []
     findings: list[Finding] = []
     turns: list[tuple[str, TurnAngles]] = []
     bodies: dict[str, str] = {}
@@ -491,8 +529,13 @@ def inspect(
             findings += frame_findings(record)
         elif isinstance(record, CloudRecord):
             findings += cloud_findings(record)
+        elif isinstance(record, TemperatureRecord):
+            temperatures += _temperatures(record)
+            findings += temperature_findings(record)
         elif isinstance(record, Readings):
             measures = ReadingMeasures(record)
+            if record.temperature is not None:
+                temperatures += _temperatures(TemperatureRecord(record.source, record.temperature))
             sensors.append(_sensor(measures))
             findings += reading_findings(record, measures)
             angles = turn_angles_of_readings(measures)
@@ -510,6 +553,7 @@ def inspect(
         tuple(topics),
         tuple(sensors),
         tuple(trajectories),
+        tuple(temperatures),
         tuple(_offsets(turns, bodies) if sensors else ()),
         tuple(by_severity(findings)),
     )
@@ -589,6 +633,12 @@ def _read(
                     continue
                 raise
             yield with_fields(states, source=f"{name}, {track}")
+    for info in infos if topic is None else ():
+        if info.type == TEMPERATURE and info.count:
+            with problems.gathered():
+                skipped = tell_skipped(path) if skip else None
+                degrees = read_temperature(path, info.name, skipped).temperature
+                yield TemperatureRecord(f"{name}, {info.name}", degrees)
     if topic is None:
         yield from clippings
         yield from cameras
@@ -675,6 +725,13 @@ def _nearest(noise: tuple[Array, Array] | None, rate: float) -> tuple[str, ...]:
         if density.all():
             distances.append((float(np.abs(np.log(density / floor)).sum()), name))
     return tuple(name for _, name in sorted(distances)[:_NEAREST])
+
+
+def _temperatures(record: TemperatureRecord) -> Iterator[TemperatureContents]:
+    """Yield the contents of a record with temperatures."""
+    number = int(np.count_nonzero(np.isfinite(record.temperature)))
+    if number:
+        yield TemperatureContents(record.source, number, *record.extremes)
 
 
 def _poses(states: States) -> PoseContents:

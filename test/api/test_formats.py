@@ -3,6 +3,7 @@
 
 """Every program that reads takes every format: one flight, recorded in each of them."""
 
+import csv
 import importlib
 import json
 
@@ -12,6 +13,7 @@ import pytest
 import ulog
 
 import imu_sim_ros as ims
+from imu_sim_ros.commands.start import PROGRAMS
 from imu_sim_ros.formats.door import FORMATS, format_of
 
 pytestmark = pytest.mark.filterwarnings("ignore::imu_sim_ros.core.errors.Remark")
@@ -99,17 +101,48 @@ READINGS = {
 STATES = {"TUM": tum, "table of states": states_table}
 
 
+def thermometer(folder, flight):
+    """Write a table with the temperature in kelvins."""
+    readings = flight.readings
+    header = "t [ns],gx,gy,gz,ax,ay,az,T [K]"
+    kelvin = readings.temperature + 273.15
+    columns = (readings.t_ns.tolist(), readings.gyro, readings.accel, kelvin)
+    return table(folder / "thermometer.csv", header, columns)
+
+
+def with_temperature(name, **options):
+    """Return what writes the readings and the temperatures of the flight in a bag."""
+
+    def write(folder, flight):
+        source = thermometer(folder, flight)
+        return ims.convert(source, folder / f"warm_{name}", **options).output
+
+    return write
+
+
+WITH_TEMPERATURE = {
+    "table with temperature": thermometer,
+    **{f"bag {name}": with_temperature(name) for name in ("warm.mcap", "warm.bag")},
+    "bag sqlite3": with_temperature("sqlite3", storage="sqlite3"),
+}
+
+
 @pytest.fixture(scope="module")
 def files(tmp_path_factory, flight):
     """Return the path of each format of the flight."""
     pytest.importorskip("pyulog")
     folder = tmp_path_factory.mktemp("formats")
-    writers = BOTH | READINGS | STATES
+    writers = BOTH | READINGS | STATES | WITH_TEMPERATURE
     return {name: write(folder, flight) for name, write in writers.items()}
 
 
 def test_every_format_of_the_door_has_its_sample(files):
     assert {format_of(path) for path in files.values()} == set(FORMATS)
+
+
+def test_every_program_is_tried_on_files():
+    tried = {program.partition(" ")[0] for program, *_ in CASES.values()}
+    assert tried == set(PROGRAMS) - {"control"}  # which reads no file
 
 
 def run(capsys, name, *arguments):
@@ -163,7 +196,29 @@ READERS = {
 }
 """Arguments of a program for a path and a folder, and numbers of its result; None: the flight is
 too short or not still enough, and is refused in the same words whatever its format."""
+
+
+def _errors_of_runs(folder):
+    """Return the final position errors of a campaign's runs."""
+    rows = list(csv.DictReader((folder / "results.csv").read_text().splitlines()))
+    return [float(row["final_position_error_m"]) for row in rows]
+
+
+def flown(path, folder):
+    """Return the arguments of a campaign of one run along recorded poses."""
+    plan = folder / "plan.yaml"
+    plan.write_text(
+        f"parameters: {{trajectory: '{path}', imu: bmi088, rate: 50.0, duration: 5.0}}\n"
+        "estimators: {dead_reckoning: {}}\nseeds: 1\n"
+    )
+    return plan, "-o", folder / "runs", "--force", "--workers", "1", "--no-report", "--json"
+
+
 READERS_OF_STATES = {
+    "campaign": (
+        flown,
+        lambda result, folder: [result["runs"], *_errors_of_runs(folder / "runs")],
+    ),
     "convert_bag": (
         lambda path, folder: (path, *saved(folder, "c.tum", "--format", "tum")),
         lambda result, folder: final_state(folder / "c.tum"),
@@ -203,6 +258,13 @@ ESTIMATES = {
         lambda result, folder: [result["poses"], result["ate_m"]["rmse"]],
     ),
 }
+TEMPERATURES = {
+    "calibrate temperature": (lambda path, folder: (path, "--rates", "1", "--json"), None),
+    "inspect": (
+        lambda path, folder: (path, "--json"),
+        lambda result, folder: [result["temperatures"][0][k] for k in ("lowest", "highest")],
+    ),
+}
 CASES = {
     f"{program}, {kind}": (program, names, *entry)
     for kind, names, programs in (
@@ -211,6 +273,7 @@ CASES = {
         ("truth", BOTH, WITH_TRUTH),
         ("no truth", READINGS, WITHOUT_TRUTH),
         ("estimate", STATES, ESTIMATES),
+        ("temperatures", WITH_TEMPERATURE, TEMPERATURES),
     )
     for program, entry in programs.items()
 }

@@ -159,3 +159,29 @@ def test_wrong_rates_of_a_turntable_are_told():
     in_degrees = ims.Readings(flight.t_ns, np.degrees(flight.gyro), flight.accel)
     with pytest.raises(InputError, match="pieces that turn at 29, 57, 110 rad/s are left out"):
         ims.calibrate_turntable(in_degrees, rates=[0.5, 1.0, 2.0])
+
+
+def test_the_temperatures_of_a_table_are_those_of_the_calibration(tmp_path):
+    """Every fifth row has one, in kelvins; without a unit they are refused by name."""
+    flight = soak(0.001, rate=10.0)
+    kelvin = [
+        repr(float(x + 273.15)) if k % 5 == 0 else "" for k, x in enumerate(flight.temperature)
+    ]
+    values = np.hstack([flight.gyro, flight.accel]).tolist()
+    rows = [
+        ",".join([str(t), *map(repr, row), cell])
+        for t, row, cell in zip(flight.t_ns.tolist(), values, cells, strict=True)
+    ]
+    for unit in (" [K]", ""):
+        header = f"timestamp [ns],gx,gy,gz,ax,ay,az,temp{unit}"
+        (tmp_path / f"soak{unit}.csv").write_text("\n".join([header, *rows]) + "\n")
+    readings = ims.Readings(flight.t_ns, flight.gyro, flight.accel)
+    expected = ims.calibrate_temperature(readings, temperature=flight.temperature)
+    calibration = ims.calibrate_temperature(tmp_path / "soak [K].csv")
+    assert any("of 10,500 readings have a temperature" in line for line in calibration.warnings)
+    for name, parameter in expected.parameters.items():
+        np.testing.assert_allclose(
+            calibration.parameters[name].value, parameter.value, rtol=1e-6, atol=1e-12
+        )
+    with pytest.raises(InputError, match="as in Kelvin.* in the header"):
+        ims.calibrate_temperature(tmp_path / "soak.csv")

@@ -311,3 +311,73 @@ def test_rows_that_share_a_stamp_have_a_text_too():
     from imu_sim_ros.core.timebase import span
 
     assert span(np.array([0, 0, 0, 5_000_000])) == "4 in 0.005 s"
+
+
+DEGREES = np.linspace(-20.0, 60.0, N)
+
+
+@pytest.mark.parametrize(
+    ("name", "scale", "zero"),
+    [
+        ("temperature", 1.0, 0.0),
+        ("temp", 1.0, 0.0),
+        ("T", 1.0, 0.0),
+        ("tempC", 1.0, 0.0),
+        ("imu_temp", 1.0, 0.0),
+        ("temperature [degC]", 1.0, 0.0),
+        ("Temp (°C)", 1.0, 0.0),
+        ("T [K]", 1.0, 273.15),
+        ("temperature_kelvin", 1.0, 273.15),
+        ("temp_f", 1.8, 32.0),
+        ("temperature [mdegC]", 1e3, 0.0),
+        ("temp_millidegrees", 1e3, 0.0),
+    ],
+)
+@pytest.mark.filterwarnings("ignore::imu_sim_ros.core.errors.Remark")
+def test_a_column_of_temperatures_is_read_in_its_unit(tmp_path, name, scale, zero):
+    header = f"timestamp,{name},ax,ay,az,gx,gy,gz"
+    columns = ((scale * DEGREES + zero)[:, None], ACCEL, GYRO)
+    readings = read_imu(write(tmp_path / "imu.csv", header, T_NS, *columns))
+    np.testing.assert_allclose(readings.temperature, DEGREES, atol=1e-9)
+    np.testing.assert_allclose(readings.gyro, GYRO)
+
+
+def test_cells_without_a_temperature_leave_the_readings_as_they_are(tmp_path):
+    path = write(tmp_path / "imu.csv", "timestamp,gx,gy,gz,ax,ay,az,temp", T_NS, GYRO, ACCEL)
+    head, *rows = path.read_text().splitlines()
+    cells = ["21.5" if k % 4 == 0 else "nan" if k % 4 == 1 else "" for k in range(N)]
+    lines = [f"{row},{cell}" for row, cell in zip(rows, cells, strict=True)]
+    path.write_text("\n".join([head, *lines]) + "\n")
+    readings = read_imu(path)
+    assert len(readings) == N
+    assert np.isfinite(readings.temperature).tolist() == [k % 4 == 0 for k in range(N)]
+    path.write_text(path.read_text().replace("21.5", "warm", 1))
+    with pytest.raises(InputError, match="line 2: 'warm' is not a number"):
+        read_imu(path)
+
+
+@pytest.mark.parametrize(
+    ("names", "line"),
+    [
+        ("temp [raw]", "temp \\[raw\\] is not read: the unit raw is not one of degC, K"),
+        ("gyro_temp,imu_temp", "the temperature is that of imu_temp; gyro_temp is not read"),
+    ],
+)
+def test_temperatures_that_are_not_read_are_told(tmp_path, names, line):
+    degrees = np.repeat(DEGREES[:, None], names.count(",") + 1, axis=1)
+    header = f"timestamp,gx,gy,gz,ax,ay,az,{names}"
+    path = write(tmp_path / "imu.csv", header, T_NS, GYRO, ACCEL, degrees)
+    with pytest.warns(Remark, match=line):
+        readings = read_imu(path)
+    assert (readings.temperature is None) == ("raw" in names)
+
+
+@pytest.mark.filterwarnings("ignore::imu_sim_ros.core.errors.Remark")
+@pytest.mark.parametrize("name", ["gyro_x_temp_comp", "temp_t_ns", "chamber_temp"])
+def test_other_columns_are_no_temperatures(tmp_path, name):
+    names = ["timestamp", "gx", "gy", "gz", "ax", "ay", "az", name]
+    columns = (GYRO, ACCEL, DEGREES[:, None])
+    if name.startswith("gyro_x"):
+        names[1], columns = names.pop(), columns[:2]
+    readings = read_imu(write(tmp_path / "imu.csv", ",".join(names), T_NS, *columns))
+    assert readings.temperature is None

@@ -6,6 +6,7 @@
 import warnings
 from collections.abc import Iterator, Mapping
 from pathlib import Path
+from types import MappingProxyType
 from typing import Final
 
 import numpy as np
@@ -28,6 +29,7 @@ from imu_sim_ros.recordings.order import RESET_READINGS, RESTART_NS
 _WHAT: Final = "a table of numbers"
 _EARLIEST: Final = -(2**63) + 1
 _READING: Final = {header.GYRO: gate.RATE, header.ACCEL: gate.FORCE}
+_WITH_READING: Final = {header.TEMPERATURE: gate.SENSOR_TEMPERATURE}
 _STATE: Final = {
     header.POSITION: gate.POSITION,
     header.ORIENTATION: gate.ORIENTATION,
@@ -71,12 +73,13 @@ def imu_blocks(
     if vio_data_simulation.is_source(path):
         yield vio_data_simulation.read_readings(path, skipped)
         return
-    table = _Table(imu_file(path, name), _READING, ordered=False)
+    table = _Table(imu_file(path, name), _READING, ordered=False, beside=_WITH_READING)
     for t_ns, values in table.read(skipped):
         yield Readings.unchecked(
             t_ns=t_ns,
             gyro=values.get(header.GYRO),
             accel=values.get(header.ACCEL),
+            temperature=values.get(header.TEMPERATURE),
             source=str(path),
             notes=table.notes,
         )
@@ -273,17 +276,20 @@ class _Table:
         quantities: _Quantities,
         form: Mapping[str, tuple[int, ...]] | None = None,
         ordered: bool = True,
+        beside: _Quantities = MappingProxyType({}),
     ) -> None:
         """Begin.
 
         :param form: columns of a table whose header is not looked at; None: the header decides, and
             without one the order of the quantities.
         :param ordered: True: a row whose stamp is before that of an earlier row is a bad row.
+        :param beside: quantities that a header may have in addition.
         """
         self.bad = BadRows(path)
         self.comments: list[bytes] = []
         self._path, self._quantities, self._form = path, quantities, form
         self._ordered = ordered
+        self._columns = {**quantities, **beside}
         self._layout: TableLayout | None = None
         self._last_ns = _EARLIEST
         self._is_reset = False
@@ -350,7 +356,7 @@ class _Table:
         while waiting:
             part = waiting.pop()
             try:
-                t_ns, values = layout.parse(part, self._quantities)
+                t_ns, values = layout.parse(part, self._columns)
             except (ValueError, OverflowError):
                 if len(part) > 1:
                     half = len(part) // 2
@@ -369,13 +375,13 @@ class _Table:
         """Record why a row cannot be converted to numbers."""
         self.bad.rows += 1
         count = self.bad.count
-        layout.note(self.bad, line, text, self._quantities)
+        layout.note(self.bad, line, text, self._columns)
         if self.bad.count == count:
             self.bad.note(NUMBERS, line, "cannot be read as numbers")
 
     def _good(self, lines: Times, t_ns: Times, values: Mapping[str, Array]) -> Mask:
         """Return True for rows that the gate passes, and in order if the table must be in order."""
-        verdict = gate.Verdict(t_ns, [(self._quantities[name], v) for name, v in values.items()])
+        verdict = gate.Verdict(t_ns, [(self._columns[name], v) for name, v in values.items()])
         verdict.note(self.bad, lines)
         good = verdict.good
         if self._ordered:

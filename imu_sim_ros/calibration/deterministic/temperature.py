@@ -24,49 +24,8 @@ from imu_sim_ros.core.types import Array, Integers
 HIGHEST_ORDER: Final = 4
 _SMALLEST_SPAN: Final = 5.0
 """Smallest range of temperatures [K]."""
-_LOWEST: Final = -90.0
-"""Lowest temperature of a sensor, below that of chambers and of the ground [degC]."""
-_HOTTEST: Final = 200.0
-"""Highest temperature of a sensor, above that which silicon survives for long [degC]."""
-_SPECIFIED: Final = 85.0
-"""Highest temperature for which most IMUs are specified [degC]."""
-_ZERO: Final = 273.15
-"""0 degC in Kelvin [K]."""
 _STEP: Final = 1.0
 """Difference of temperatures [K] below which they count as one for the highest order."""
-
-
-def check_unit(temperature: Array) -> tuple[str, ...]:
-    """Refuse temperatures outside a sensor's range in degC, and name the unit that they fit.
-
-    :param temperature: (n,) temperatures in degC, if all is well.
-    :returns: a line if they may be in Fahrenheit, where they are hotter than most IMUs may become.
-    :raises InputError: for temperatures in Kelvin, millidegrees or another unit.
-    """
-    low, high = float(temperature.min()), float(temperature.max())
-
-    def plausible(scale: float, zero: float) -> bool:
-        return low * scale - zero >= _LOWEST and high * scale - zero <= _HOTTEST
-
-    if plausible(1.0, 0.0):
-        if high <= _SPECIFIED:
-            return ()
-        return (
-            f"temperatures from {low:.6g} to {high:.6g} degC: most IMUs are specified up to "
-            f"{_SPECIFIED:g} degC; if these are in Fahrenheit, convert them: "
-            f"{(low - 32.0) / 1.8:.4g} to {(high - 32.0) / 1.8:.4g} degC",
-        )
-    units = (
-        ("Kelvin", 1.0, _ZERO),
-        ("Fahrenheit", 1.0 / 1.8, 32.0 / 1.8),
-        ("millidegrees", 1e-3, 0.0),
-        ("millikelvin", 1e-3, _ZERO),
-    )
-    guess = next((f", as in {unit}" for unit, scale, zero in units if plausible(scale, zero)), "")
-    raise InputError(
-        f"temperatures from {low:.6g} to {high:.6g}{guess}: degC are needed, from {_LOWEST:g} to "
-        f"{_HOTTEST:g}"
-    )
 
 
 class TriadTemperature(NamedTuple):

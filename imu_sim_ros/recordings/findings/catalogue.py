@@ -28,6 +28,7 @@ from imu_sim_ros.recordings.findings.roles import (
 )
 from imu_sim_ros.recordings.findings.stamps import STAMPS
 from imu_sim_ros.recordings.findings.states import STATES, TWIST, StateMeasures, poses_disordered
+from imu_sim_ros.recordings.findings.temperatures import TEMPERATURES, TemperatureRecord
 from imu_sim_ros.recordings.repair import Disturbances, mended
 
 GROUPS: Final[dict[str, tuple[FaultCheck[Any], ...]]] = {
@@ -37,6 +38,7 @@ GROUPS: Final[dict[str, tuple[FaultCheck[Any], ...]]] = {
     "Cameras": CAMERAS,
     "Clouds": CLOUDS,
     "Counts of devices": CLIPPING,
+    "Temperatures": TEMPERATURES,
     "Topics and arguments": (*FRAMES, *USES, *REST),
 }
 """All checks, by the part of a recording that they look at."""
@@ -57,7 +59,14 @@ def reading_findings(readings: Readings, measures: ReadingMeasures | None = None
     findings = list(_findings(READINGS, measures, readings))
     if measures.clock is not None:
         findings += _findings(STAMPS, measures.clock, readings)
+    if readings.temperature is not None:
+        findings += temperature_findings(TemperatureRecord(readings.source, readings.temperature))
     return by_severity(findings)
+
+
+def temperature_findings(record: TemperatureRecord) -> list[Finding]:
+    """Return the findings about the temperatures of a sensor."""
+    return list(_findings(TEMPERATURES, record, record.source))
 
 
 def stamp_findings(clock: Clock, source: str) -> list[Finding]:

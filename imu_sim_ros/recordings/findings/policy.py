@@ -85,6 +85,10 @@ ALLAN: Final = FindingPolicy(
     tells=(*UNITS, "gravity_size"),
 )
 CALIBRATE: Final = FindingPolicy(refuses=ABSENT, tells=(*UNITS, "triad_zeros", "axis_stuck"))
+CALIBRATE_TEMPERATURE: Final = FindingPolicy(
+    refuses=(*CALIBRATE.refuses, "temperature_unit"),
+    tells=(*CALIBRATE.tells, "temperature_fahrenheit"),
+)
 CONVERT: Final = FindingPolicy(tells=UNITS)
 INTEGRATOR: Final = FindingPolicy(tells=UNITS)
 ERROR_MODEL: Final = FindingPolicy(tells=(*UNITS, *TWIST))
@@ -101,6 +105,7 @@ JOBS: Final = {
     "add_errors, error_model": ERROR_MODEL,
     "allan": ALLAN,
     "calibrate": CALIBRATE,
+    "calibrate temperature": CALIBRATE_TEMPERATURE,
     "campaign": CAMPAIGN,
     "convert_bag": CONVERT,
     "dead_reckon": DEAD_RECKON,
