@@ -164,9 +164,8 @@ def test_wrong_rates_of_a_turntable_are_told():
 def test_the_temperatures_of_a_table_are_those_of_the_calibration(tmp_path):
     """Every fifth row has one, in kelvins; without a unit they are refused by name."""
     flight = soak(0.001, rate=10.0)
-    kelvin = [
-        repr(float(x + 273.15)) if k % 5 == 0 else "" for k, x in enumerate(flight.temperature)
-    ]
+    kelvins = (flight.temperature + 273.15).tolist()
+    cells = [repr(kelvin) if k % 5 == 0 else "" for k, kelvin in enumerate(kelvins)]
     values = np.hstack([flight.gyro, flight.accel]).tolist()
     rows = [
         ",".join([str(t), *map(repr, row), cell])
