@@ -203,6 +203,26 @@ def test_single_readings_follow_blocks_and_faults() -> None:
     assert_same(run([(3, 3), (70, 1), (200, 200), (427, 1)]), whole)
 
 
+def test_a_few_readings_are_numbers_wherever_the_next_errors_begin() -> None:
+    """The errors of 64 samples are made at a time, and three readings may belong to two of these."""
+    values: dict[str, object] = {
+        "imu.gyroscope_noise_density": 0.01,
+        "imu.accelerometer_random_walk": 1e-3,
+        "imu.accelerometer_turn_on_scale_sigma": 0.01,
+    }
+    expected = truth_of(values)
+    readings, model = given_of(expected), model_of(values)
+    blocks: list[Samples] = [*(block["imu"] for block in model.read(readings.rows(slice(0, 1))))]
+    for begin in range(1, 199, 3):
+        rows = readings.rows(slice(begin, begin + 3))
+        columns = (rows.t_ns.tolist(), rows.gyro.tolist(), rows.accel.tolist())
+        samples = model.read_few([LiveReading(*row) for row in zip(*columns, strict=True)])
+        assert samples is not None
+        blocks.append(samples)
+    samples = joined(blocks)
+    assert_same(samples, expected.at(0, len(samples.t_ns)))
+
+
 @pytest.mark.parametrize("preset", ["lecture", "mpu6000", "tactical", "icm42688p", "bno055"])
 def test_one_reading_takes_few_calls(preset: str) -> None:
     """Numbers take half as many calls as arrays of one row, which take some 140.

@@ -46,9 +46,9 @@ from imu_sim_ros.simulation.error_parameters import (
 from imu_sim_ros.simulation.given_sensor import OTHERS
 
 _Decoded = TypeVar("_Decoded")
-_READ_PERIOD: Final = 0.002
-"""[s] How long readings wait for each other, and about the longest that one waits. At 1 kHz three
-come at a time, for a third of the wakes of one by one."""
+_READ_PERIOD: Final = 0.003
+"""[s] How long readings wait for each other, and about the longest that one waits. At 1 kHz four
+come at a time, for a quarter of the wakes of one by one."""
 _FEW: Final = 8
 """Readings that take less time as numbers than as arrays."""
 _REFUSAL_PERIOD: Final = 10.0

@@ -285,6 +285,15 @@ class Additions(NamedTuple):
         noise = None if self.noise is None else self.noise[rows]
         return Additions(scale, self.bias[rows], noise)
 
+    def followed_by(self, others: "Additions") -> "Additions":
+        """Return these and those of the next readings of the same triad."""
+        scale, bias, noise = (
+            None if values is None or next_values is None else np.concatenate([values, next_values])
+            for values, next_values in zip(self, others, strict=True)
+        )
+        assert bias is not None
+        return Additions(scale, bias, noise)
+
     def numbers(self) -> "list[NumberAdditions]":
         """Return those of each reading of one unit, by component."""
         scale, noise = (

@@ -65,7 +65,7 @@ class _Ahead(NamedTuple):
     start: int
     end: int
     temperature: Array
-    """(end - first,) [degC]."""
+    """(end - start,) [degC]."""
     additions: Sequence[Additions]
     """Additive errors of the gyroscope and of the accelerometer."""
     numbers: Sequence[tuple[NumberAdditions, NumberAdditions]]
@@ -188,12 +188,10 @@ class Imu:
         if not self._plain or self._timing.faults.windows:
             return None
         start, count = self._timing.position, len(readings)
-        if self._ahead.end <= start:
+        while self._ahead.end < start + count:
             self._look_ahead(start, world)
         ahead = self._ahead
         row, end = start - ahead.start, start - ahead.start + count
-        if end > len(ahead.numbers):
-            return None
         of_gyro, of_accel = self._triads
         results = []
         for (_, gyro, accel, _), added in zip(readings, ahead.numbers[row:end], strict=True):
@@ -207,11 +205,21 @@ class Imu:
         return self.latest
 
     def _look_ahead(self, start: int, world: World) -> None:
-        """Make what samples from an index on get, up to a multiple of ``AHEAD``."""
-        end = start + AHEAD - start % AHEAD
-        temperature = world.temperature.at(self._timing.times.following(start, end - start).t)
+        """Make what samples from an index on get, up to the next multiple of ``AHEAD``.
+
+        What is there for samples from this index on stays.
+        """
+        previous, begin = self._ahead, max(start, self._ahead.end)
+        end = begin + AHEAD - begin % AHEAD
+        temperature = world.temperature.at(self._timing.times.following(begin, end - begin).t)
         additions = self._additions(temperature, None)
         numbers = list(zip(*(values.numbers() for values in additions), strict=True))
+        if start < begin:
+            rows = slice(start - previous.start, None)
+            temperature = np.concatenate([previous.temperature[rows], temperature])
+            kept = [values.at(rows) for values in previous.additions]
+            additions = [a.followed_by(b) for a, b in zip(kept, additions, strict=True)]
+            numbers = [*previous.numbers[rows], *numbers]
         self._ahead = _Ahead(start, end, temperature, additions, numbers)
 
     def _additions(self, temperature: Array, force: Array | None) -> list[Additions]:
