@@ -204,7 +204,7 @@ def test_single_readings_follow_blocks_and_faults() -> None:
 
 
 def test_a_few_readings_are_numbers_wherever_the_next_errors_begin() -> None:
-    """The errors of 64 samples are made at a time, and three readings may belong to two of these."""
+    """Errors are made for 64 samples at a time; three readings may need those of two chunks."""
     values: dict[str, object] = {
         "imu.gyroscope_noise_density": 0.01,
         "imu.accelerometer_random_walk": 1e-3,
