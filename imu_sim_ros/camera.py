@@ -210,7 +210,7 @@ def tracks(
     scene: str | Path = "auto",
     block: int = BLOCK,
 ) -> Iterator[Tracks]:
-    """Yield what a camera on the flight's body tracks, in blocks of frames, in order.
+    """Yield the tracks of a camera on the flight's body, in blocks of frames.
 
     A block has arrays over its features: ``id``, ``uv`` and ``uv_true`` (n, 2) [px], ``depth`` [m],
     ``frame``, the row of each in ``frames``, which holds numbers and times. The tracks are those of

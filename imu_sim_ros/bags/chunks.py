@@ -89,7 +89,7 @@ class ChunkWriter(Writer):
     def _records(
         self, topic: BagTopic, start: int, t_ns: Times, payloads: RowTemplate
     ) -> list[RowTemplate]:
-        """Return messages of equal size as records: what stands side by side in each.
+        """Return messages of equal size as records: the parts of each record, side by side.
 
         :param start: number of messages of the topic that were written before.
         """

@@ -71,7 +71,7 @@ def unpack(path: Path, source: BinaryIO, compression: str, stack: ExitStack) -> 
 
 
 def _copy(reader: Any, file: IO[bytes], limit: int) -> bool | None:
-    """Copy what can be unpacked; return whether it is all of it, None if it is too much."""
+    """Copy the unpacked content; return False if it is torn, None if it is too large."""
     import zstandard
 
     # bz2 and gzip raise OSError for damaged data.

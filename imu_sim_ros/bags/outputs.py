@@ -246,7 +246,7 @@ class OutputFile:
 
 
 def _refuse_newcomer(path: Path) -> None:
-    """Refuse to replace what got the name of an output while the output was written."""
+    """Refuse to replace a file that appeared under an output's name in the meantime."""
     if os.path.lexists(path):
         raise InputError(f"{path}: appeared in the meantime; nothing is overwritten")
 
@@ -547,7 +547,7 @@ class Outputs:
         return lines
 
     def _keep_companions(self, target: Target, part: str) -> list[str]:
-        """Rename an output's complete companions as they are named next to its part."""
+        """Rename an output's complete companions like its kept part."""
         names = []
         for companion in self._targets:
             if (
@@ -620,7 +620,7 @@ def _lock(descriptor: int, staging: Path, looks: int = 1) -> None:
 
 
 def _is_still(descriptor: int, path: Path) -> bool:
-    """Return whether a path leads to what was opened."""
+    """Return whether a path leads to the opened file or folder."""
     try:
         return os.path.samestat(os.fstat(descriptor), os.stat(path))
     except FileNotFoundError:

@@ -76,7 +76,7 @@ class TemperatureMessages(NamedTuple):
 
 
 def decoded_messages(bag: Bag, names: Collection[str]) -> Iterator[tuple[TopicInfo, Any]]:
-    """Yield the messages of topics in the order of time, each decoded by itself.
+    """Yield the messages of topics in the order of time, decoded one by one.
 
     For large ones, images for instance; readings have faster ways.
 

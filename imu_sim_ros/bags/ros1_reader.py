@@ -217,7 +217,7 @@ class Rosbag1Bag(ChunkedBag[_Chunk]):
         return next(filter(self._is_followed, offsets), self._end)
 
     def _try_connection(self, record: _Record, data: bytes) -> None:
-        """Take a connection; a damaged one is left out."""
+        """Note a connection; a damaged one is left out."""
         try:
             self._note_connection(record, data)
         except ContradictionError:
@@ -371,7 +371,7 @@ class Rosbag1Bag(ChunkedBag[_Chunk]):
             self._topic_of.update(dict.fromkeys(connections, topic))
 
     def _chunk(self, position: int) -> tuple[bytes, int]:
-        """Return the content of a chunk, and where what follows it begins."""
+        """Return the content of a chunk, and the offset of the record behind it."""
         record = self._record(position)
         if record.op != OP_CHUNK:
             raise ValueError("there is no chunk")

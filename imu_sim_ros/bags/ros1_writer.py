@@ -36,7 +36,7 @@ _SEQ_BYTES: Final = 4
 
 
 def fields(**values: bytes) -> bytes:
-    """Return the fields of a record header with the length of them all before them."""
+    """Return the fields of a record header, behind their total length."""
     body = b"".join(
         struct.pack("<I", len(name) + 1 + len(value)) + name.encode() + b"=" + value
         for name, value in values.items()

@@ -223,7 +223,7 @@ class SqliteBag(Bag):
 
 
 class Rosbag2Folder(Bag):
-    """A rosbag2 folder: its files one after the other."""
+    """A rosbag2 folder with its files in order."""
 
     encoding = "cdr"
 
@@ -337,7 +337,7 @@ def read_metadata(folder: Path) -> list[Path]:
 
 
 def _current_form(file: Path) -> Path:
-    """Return a listed file, or the form of it that is there: compressed or not."""
+    """Return the existing form of a listed file: compressed or not."""
     plain = stem(file)
     forms = [file, plain, *(plain.with_name(plain.name + suffix) for suffix in SUFFIXES)]
     return next(filter(is_present, forms), file)

@@ -18,7 +18,7 @@ _MOST: Final = 16
 
 
 class SharedBags:
-    """Open bags by what identifies them, in the order of use."""
+    """Open bags by their path and identity, in the order of use."""
 
     def __init__(self) -> None:
         self._bags: dict[Hashable, Bag] = {}
@@ -67,7 +67,7 @@ def bags_opened_once() -> Iterator[None]:
 
 
 def _state(path: Path) -> Hashable | None:
-    """Return what identifies a file or folder and its content; None: it cannot be looked at."""
+    """Return the identity of a file or folder and of its content; None if it cannot be read."""
     try:
         entries = sorted(path.iterdir()) if path.is_dir() else []
         states = [file.stat() for file in (path, *entries)]

@@ -28,7 +28,7 @@ from imu_sim_ros.core.types import Integers
 
 
 class PartsWriter(Writer):
-    """A writer of one file after another; a file is begun when there is a message for it."""
+    """A writer of a series of files; the next one is begun with its first message."""
 
     def __init__(
         self,
@@ -113,7 +113,7 @@ class PartsWriter(Writer):
     def _divided_by_size(
         self, blocks: list[Block], part: Writer
     ) -> tuple[list[Block], list[Block]]:
-        """Return what still fits into the part, one message at least, and what follows."""
+        """Return the messages that fit into the part, at least one, and the others."""
         if not self._split_bytes or not blocks:
             return blocks, []
         sizes = [_sizes(block) for block in blocks]
@@ -220,7 +220,7 @@ class Rosbag2Writer(PartsWriter):
         self._unlock()
 
     def _unlock(self) -> None:
-        """Let others read the folder."""
+        """Release the lock of the folder: readers may open it."""
         if self._lock >= 0:
             os.close(self._lock)
             self._lock = -1

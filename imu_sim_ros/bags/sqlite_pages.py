@@ -126,7 +126,10 @@ class MessagePages:
         return sorted(good)
 
     def _cells(self, page: bytes, offset: int = -1) -> list[_Cell]:
-        """Return the rows of a page by offset; without its own, not what lies elsewhere."""
+        """Return the rows of a page.
+
+        :param offset: offset of the page in the file; negative: parts in other pages are left out.
+        """
         if len(page) < self._page_size or page[0] != 0x0D:
             return []
         count = int.from_bytes(page[3:5], "big")

@@ -70,7 +70,7 @@ def prefetch(items: Iterable[_T]) -> Generator[_T, None, None]:
 
 @contextmanager
 def threads(count: int) -> "Iterator[ThreadPoolExecutor]":
-    """Offer threads; what has not begun when the block ends is not done.
+    """Yield a pool of threads; tasks that have not begun at the end are cancelled.
 
     After an interruption nothing is waited for: what is under way ends itself
     (:func:`~imu_sim_ros.terminal.progress.check_interrupted`).

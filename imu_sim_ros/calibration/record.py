@@ -319,7 +319,7 @@ class RestCheck:
             yield None
 
     def _without_losses(self, y: Array, count: int) -> tuple[Array, Array]:
-        """Return means and variances (windows, 6) of so many windows of readings.
+        """Return means and variances (windows, 6) of windows with lost readings.
 
         Samples first: NumPy adds long rows, not six numbers at a time.
         """

@@ -308,7 +308,7 @@ def _libc() -> ctypes.CDLL:
 
 
 def _prctl(option: int, value: int) -> None:
-    """Set an attribute of this process on Linux; other systems have none of them.
+    """Set an attribute of this process on Linux; other systems do without.
 
     Elsewhere the process group of a program is killed with it, but not orphans that left the group.
     """

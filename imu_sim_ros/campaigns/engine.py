@@ -190,7 +190,7 @@ def dask(client: "Client", worker_timeout: float = 60.0) -> Engine:
 
 @dataclass(frozen=True)
 class _Workers:
-    """Workers of a campaign, and the handling of the death of one of them."""
+    """Workers of a campaign; tasks of a worker that died are repeated."""
 
     executor: Executor
     width: Callable[[], int]
@@ -270,12 +270,12 @@ class Processes(Executor):
     """
 
     def __init__(self) -> None:
-        """Start nothing yet."""
+        """Initialise without processes."""
         self._idle: deque[ProcessPoolExecutor] = deque()
         self._pools: set[ProcessPoolExecutor] = set()
 
     def submit(self, function: Callable[..., Any], /, *args: Any, **names: Any) -> Future[Any]:
-        """Have an idle worker, or a new one, call a function."""
+        """Call a function in an idle worker, or in a new one."""
         while True:
             pool = self._idle.popleft() if self._idle else self._new()
             try:

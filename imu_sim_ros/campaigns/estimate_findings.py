@@ -76,7 +76,7 @@ def _line(finding: Finding) -> str:
 
 
 def _without_truth(t_ns: Times, truth_ns: Times) -> Iterator[str]:
-    """Tell how many poses of the estimate lie outside the truth's time."""
+    """Yield a line about poses of the estimate outside the truth's time."""
     start_ns, end_ns = truth_ns[0] - _ROUNDING_NS, truth_ns[-1] + _ROUNDING_NS
     count = int(np.sum((t_ns < start_ns) | (t_ns > end_ns)))
     if count:
@@ -193,7 +193,7 @@ def _rms(angles: Array) -> float:
 
 
 def _scale(estimate: Array, truth: Array, extent: float) -> Iterator[str]:
-    """Yield the factor by which positions (n, 3) are too large, if nothing else is wrong."""
+    """Yield the factor by which positions (n, 3) are too large, if it explains all errors."""
     similar = align(estimate, truth, "sim3")
     residual = similar.scale * estimate @ similar.r.T + similar.t - truth
     matches = float(np.sqrt(np.mean(np.square(residual)))) <= _CORRECT * extent

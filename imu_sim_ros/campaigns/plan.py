@@ -160,7 +160,7 @@ class Plan:
     def scenario_values(
         self, parameters: SimulationParameters, estimator: str
     ) -> dict[str, object]:
-        """Return by name what a run has to estimate, and how it is compared.
+        """Return by name the motion, sensors and comparison that define a run.
 
         Two campaigns with the same values can be compared on the same seeds: the seed, the
         versions, and the estimator itself, which is what changes between them, are left out.
@@ -304,7 +304,7 @@ def missing(plan: Plan) -> list[str]:
 
 
 def _named_files(plan: Plan) -> set[tuple[str, Path]]:
-    """Return the files of trajectory and scene that all cells or one of them name."""
+    """Return the files of trajectories and scenes that the cells use, with their parameters."""
     named_files = set()
     for cell in _along_axes(plan.axes) if plan.axes else plan.cells():
         layer = {**plan.parameters, **cell.layer()}
@@ -398,7 +398,7 @@ def check_cells(plan: Plan) -> None:
 
 
 def _grid_problem(line: str, affected: list[Cell], cells: int) -> str:
-    """Return a problem with the values of the grid that lead to it.
+    """Return a problem together with the values of the grid that cause it.
 
     :param affected: the cells that have the problem.
     :param cells: the number of cells.

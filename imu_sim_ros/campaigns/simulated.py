@@ -26,7 +26,7 @@ if TYPE_CHECKING:
 
 
 class SimulatedCell:
-    """The simulation of a cell; what all its seeds share is computed once."""
+    """The simulation of a cell; parts common to all its seeds are computed once."""
 
     def __init__(self, plan: Plan, cell: Cell) -> None:
         """Set up trajectory and sensor.

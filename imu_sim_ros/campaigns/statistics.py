@@ -311,7 +311,7 @@ def signed_rank_limit(n: int, tail: float) -> int | None:
 
 
 def power(pairs: int, difference: float, scatter: float, margin: float, comparisons: int) -> float:
-    """Return the chance to find a relative difference on so many seeds, from 4000 campaigns.
+    """Return the chance to find a relative difference on n seeds, from 4000 campaigns.
 
     :param difference: 0.1 for 10 %.
     :param scatter: standard deviation of the logarithm of the ratio on a seed; common

@@ -29,7 +29,7 @@ def parser() -> program.Parser:
 
 
 def add_errors(arguments: argparse.Namespace) -> None:
-    """Write what the arguments ask for."""
+    """Write the outputs that the arguments name."""
     program.show(arguments, call(add_errors_to_file, arguments))
 
 

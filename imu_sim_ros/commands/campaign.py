@@ -86,7 +86,7 @@ def run(arguments: argparse.Namespace) -> list[str]:
 
 
 def _look_at(arguments: argparse.Namespace) -> None:
-    """Print what a plan would do, or the seeds that it needs."""
+    """Print the runs that a plan contains, or the seeds that it needs."""
     path = find_plan(arguments.plan)
     plan = load_plan(path)
     check_plan(plan, path)

@@ -35,7 +35,7 @@ def output_and_plot(arguments: argparse.Namespace) -> Iterator[tuple[Path | None
 
 
 def save_plot(plot: Path | None, draw: Callable[[], Any]) -> None:
-    """Write a picture, if there is a path for it.
+    """Write a picture, if the arguments name a path for it.
 
     :param draw: returns the figure.
     """

@@ -25,7 +25,7 @@ take a name in the folder that is called as they are, if there is one."""
 
 
 def is_requested() -> bool:
-    """Return whether the shell asks what could follow, instead of running the program."""
+    """Return whether the shell asks for completions instead of running the program."""
     return _ASKED in os.environ
 
 

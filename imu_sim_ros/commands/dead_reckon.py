@@ -57,7 +57,7 @@ def parser() -> program.Parser:
 
 
 def run(arguments: argparse.Namespace) -> None:
-    """Integrate, compare, and say what came out."""
+    """Integrate, compare with the truth, and print the results."""
     # A node's file may ask for the covariance, which no result of this program states.
     file_parameters, overrides = (
         {name: value for name, value in layer.items() if (name, value) != ("covariance", True)}

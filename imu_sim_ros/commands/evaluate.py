@@ -36,7 +36,7 @@ def parser() -> program.Parser:
 
 
 def run(arguments: argparse.Namespace) -> None:
-    """Compare, write what is asked for, and print."""
+    """Compare, write the requested files, and print the results."""
     with output_and_plot(arguments) as (output, plot):
         evaluation = call(evaluate, arguments)
         if isinstance(evaluation, Evaluation):

@@ -43,7 +43,7 @@ JSON_AND_QUIET: Final = {
 
 
 def add_options(parser: argparse._ActionsContainer, options: Mapping[str, Any]) -> None:
-    """Add arguments to a parser or a group of it.
+    """Add arguments to a parser or to one of its groups.
 
     :param options: by names and metavariable, ``-o --output FILE``, which a switch does not have:
         the help, or all keywords of ``add_argument`` that do not follow from the metavariable, and
@@ -74,7 +74,7 @@ def given(arguments: argparse.Namespace, *names: str) -> dict[str, Any]:
 
 
 def print_json(result: Mapping[str, object] | Sequence[object]) -> None:
-    """Print a result as one JSON object; what is not finite is null."""
+    """Print a result as one JSON object; numbers that are not finite are null."""
     print(as_json(result))
 
 
@@ -83,7 +83,7 @@ def print_result(
     result: Mapping[str, object] | Sequence[object],
     lines: Iterable[str | TextTable],
 ) -> None:
-    """Print a result as ``--json`` and ``--quiet`` ask for it: as JSON, not at all, or as text."""
+    """Print a result as JSON (``--json``), not at all (``--quiet``), or as text."""
     if arguments.json:
         print_json(result)
     elif not arguments.quiet:
@@ -101,7 +101,7 @@ class Result(Protocol):
 
 
 def show(arguments: argparse.Namespace, result: Result, **leading: object) -> None:
-    """Print a result as ``--json`` and ``--quiet`` ask for it.
+    """Print a result as JSON (``--json``), not at all (``--quiet``), or as text.
 
     :param leading: come first in the JSON object.
     """
@@ -129,7 +129,7 @@ _ON_THEIR_OWN: Final = ("imu_sim", "make", "python", "demo")
 
 
 def _called(line: str) -> str:
-    """Return a command line as people who installed with pip type it: ``imu_sim generate ...``."""
+    """Return a command line as it is typed after an installation with pip: ``imu_sim generate``."""
     text = line.strip()
     return text if text.partition(" ")[0] in _ON_THEIR_OWN else f"imu_sim {text}"
 
@@ -220,7 +220,7 @@ class Parser(argparse.ArgumentParser):
     def parse_args(  # type: ignore[override]  # the overloads say the same
         self, args: Sequence[str] | None = None, namespace: argparse.Namespace | None = None
     ) -> argparse.Namespace:
-        """Parse; whatever is left over is an error."""
+        """Parse; unknown arguments are an error."""
         parsed, rest = self.parse_known_args(args, namespace)
         self._refuse(rest)
         return parsed
@@ -307,7 +307,7 @@ class Parser(argparse.ArgumentParser):
             return None
 
     def error(self, message: str) -> NoReturn:
-        """Say what is wrong, a line for each problem, and end with status 2."""
+        """Print a line for each problem and end with status 2."""
         lines = [*self.problems, message]
         hint = "(--help lists the arguments)"
         self.exit(2, "".join(f"{self.prog}: {_shortened(line)} {hint}\n" for line in lines))
@@ -366,7 +366,7 @@ def main(
 
 
 def _watcher(name: str, quiet: bool, complete: Callable[[Path], None]) -> Watcher:
-    """Return who prints what jobs say, as lines of a program, and their progress."""
+    """Return the receivers that print a job's lines and progress."""
 
     def said(kind: str) -> Callable[[str], None]:
         return lambda line: print(f"{name}: {kind}{line}", file=sys.stderr)
@@ -432,7 +432,7 @@ def run(
 
 
 def _report_interruption(program: str, error: KeyboardInterrupt, written: Sequence[Path]) -> int:
-    """Print what became of the outputs; return the exit status."""
+    """Print the fate of the outputs; return the exit status."""
     whole = f"{', '.join(map(str, written))} {'is' if len(written) == 1 else 'are'} complete"
     for line in error.args or [whole if written else "nothing was written"]:
         print(f"{program}: interrupted; {line}", file=sys.stderr)
@@ -440,7 +440,7 @@ def _report_interruption(program: str, error: KeyboardInterrupt, written: Sequen
 
 
 def _report_error(program: str, error: Exception, debug: bool) -> int:
-    """Print what an error means; return the exit status."""
+    """Print the lines of an error; return the exit status."""
     if debug:
         import traceback
 
@@ -456,7 +456,7 @@ def _report_error(program: str, error: Exception, debug: bool) -> int:
 
 
 def _shortened(line: str) -> str:
-    """Return a line without what a hostile name may put into it: line ends, control characters."""
+    """Return a line without line ends and control characters, which a hostile name may contain."""
     printable = "".join(letter if letter.isprintable() else repr(letter)[1:-1] for letter in line)
     if len(printable) <= _LONGEST_LINE:
         return printable
@@ -464,6 +464,6 @@ def _shortened(line: str) -> str:
 
 
 def _give_up_output() -> None:
-    """Forget what standard output cannot take; the interpreter's end would try again."""
+    """Drop text that standard output cannot take: the interpreter's end would write it again."""
     with suppress(OSError, ValueError):
         os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())

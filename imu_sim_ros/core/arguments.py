@@ -231,7 +231,7 @@ def _allowed(shape: tuple[int | None, ...]) -> str:
 
 
 def _plain(name: str, value: Any, allowed: str) -> NDArray[Any]:
-    """Return what is like an array as one; values that are masked are missing, and refused."""
+    """Return an array or array-like as a plain array; masked values are missing, and refused."""
     if type(value) is np.ndarray:  # for it alone, NumPy's masked arrays need not be loaded
         return value
     masked = np.count_nonzero(getattr(value, "mask", 0)) if np.ma.isMaskedArray(value) else 0

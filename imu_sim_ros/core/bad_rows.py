@@ -45,7 +45,7 @@ class BadRows:
             lines.append((number, text))
 
     def give_up(self) -> None:
-        """Raise if very many rows are wrong, and most of them: the file is something else.
+        """Raise if most of very many rows are bad: the file has another content.
 
         Checking each of ten million rows would take minutes.
 

@@ -132,7 +132,7 @@ def sinc(x: Component) -> Component:
 
 
 def arcsin(x: Component) -> Component:
-    """Return the arc sine; of what rounding left beyond -1 and 1 that of these."""
+    """Return the arc sine; arguments beyond -1 and 1 by rounding count as -1 and 1."""
     if type(x) is float:
         return math.asin(max(-1.0, min(1.0, x)))
     return np.arcsin(np.clip(x, -1.0, 1.0))

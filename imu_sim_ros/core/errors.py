@@ -81,7 +81,7 @@ class Problems(list[str]):
             self.unjudged += () if hanging is None else (hanging,)
 
     def tell(self) -> None:
-        """Raise all of them, if there are any."""
+        """Raise the collected problems, if there are any."""
         if self:
             alike = len(self._kinds) == 1
             raise (self._kinds.pop() if alike else ConfigurationError)(self)
@@ -112,7 +112,7 @@ class InputWarning(UserWarning):
 
 
 def warn(line: str, category: type[UserWarning] = InputWarning) -> None:
-    """Warn at the line that called the package, however deep in it this is."""
+    """Warn at the line of the user's code that called the package."""
     frame, level = sys._getframe(1), 2
     while frame.f_back and frame.f_globals["__name__"].partition(".")[0] in _PASSED_OVER:
         frame, level = frame.f_back, level + 1
@@ -120,14 +120,14 @@ def warn(line: str, category: type[UserWarning] = InputWarning) -> None:
 
 
 def system_error(path: str | Path, error: OSError) -> ImuSimError:
-    """Return what the system said about a path, as an error of the input or of the machine."""
+    """Return the system's message about a path, as an error of the input or of the machine."""
     kind = MachineError if error.errno in _MACHINE else InputError
     return kind(f"{path}: {error.strerror or error}")
 
 
 @contextmanager
 def naming(source: str | Path, kind: type[ImuSimError] = InputError) -> Iterator[None]:
-    """Put the name of a file before every problem of one kind that does not begin with it."""
+    """Prefix the problems in a block with the name of a file, unless they begin with it."""
     try:
         yield
     except kind as error:
@@ -136,7 +136,7 @@ def naming(source: str | Path, kind: type[ImuSimError] = InputError) -> Iterator
 
 
 def explain(error: BaseException) -> tuple[tuple[str, ...], int]:
-    """Return what to print about an error, line by line, and the exit status that it means.
+    """Return the lines to print about an error, and its exit status.
 
     :returns: 2 for what the user can mend; 1 for errors of the machine (a full disk, a missing
         permission) and for anything unforeseen.

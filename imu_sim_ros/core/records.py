@@ -224,7 +224,7 @@ class Readings(TimeSeries):
 
 @dataclass(frozen=True, repr=False, eq=False)
 class States(TimeSeries):
-    """n poses of one body over time, with what else the source knows of its motion.
+    """n poses of one body over time, with velocities and covariances where the source has them.
 
     Rounded quaternions get length 1.
     """

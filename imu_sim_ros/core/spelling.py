@@ -36,7 +36,7 @@ _MENTION: Final = re.compile(r"\{(\w+)(?: ([^}]+))?\}")
 def spelled_for(
     door: Door, options: Mapping[str, str] | None = None, typed: Collection[str] = ()
 ) -> Iterator[None]:
-    """Let lines name arguments as the users of a door write them.
+    """Spell names of arguments as the users of a door type them: command, Python or node.
 
     :param options: options of the program by the names of the job's arguments.
     :param typed: names of the arguments whose values come from the command line.

@@ -329,7 +329,7 @@ def _stamped_images(folder: Path) -> RecordedFrames | None:
 
 
 def _listed_images(table: Path, skipped: Skipped | None) -> RecordedFrames:
-    """Return the images of a data.csv; all of them exist."""
+    """Return the images of a data.csv, all of which must exist."""
     folder = table.parent / "data"
     files = set(names_in(folder))
     bad = BadRows(table)

@@ -82,7 +82,7 @@ class FolderImages:
     """The images of a folder, to be written elsewhere; use as a context manager."""
 
     def __init__(self, path: Path, skipped: Skipped | None = None) -> None:
-        """Look for cameras.
+        """Find the cameras of the folder.
 
         :param path: the folder; any other path has no images.
         :param skipped: receives the number of bad rows skipped in a table; None: they are errors.

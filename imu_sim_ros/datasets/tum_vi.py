@@ -100,7 +100,7 @@ class TumVi:
                 write_bytes(target / "camera.txt", text.encode())
 
     def _file(self, name: str, header: str) -> OutputFile:
-        """Begin a file with a header."""
+        """Create a file that starts with a header."""
         file = OutputFile(self.path / name)
         file.write(header.encode() + b"\n")
         return file

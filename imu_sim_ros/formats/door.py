@@ -229,6 +229,7 @@ def read_states(
     counts: list[int] = []
     handling = Handling(counts.append if skip_bad_rows else None, warned, recover)
     states = format_of(path).states(path, topic, covariance, handling)
+    """Returns poses, with velocities and covariances where the source has them."""
     if len(states) < least:
         name = str(path) if topic is None else f"{path}, {topic}"
         raise InputError(f"{name}: {len(states)} poses; a trajectory needs two or more")

@@ -309,7 +309,7 @@ def _is_time(tokens: Sequence[str]) -> bool:
 
 
 def _with_axis_of_turn(tokens: list[str]) -> list[str]:
-    """Return ``roll rate`` and ``rollspeed`` as ``gyro x``; other words as they are."""
+    """Return ``roll rate`` and ``rollspeed`` as ``gyro x``; other words unchanged."""
     for turn, axis in _TURNS.items():
         glued = any(turn + rate in tokens for rate in _RATES)
         if glued or (turn in tokens and _RATES & set(tokens)):

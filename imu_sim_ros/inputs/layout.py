@@ -158,7 +158,7 @@ class TableLayout:
         return (*self._order_notes(), *((line,) if units else ()), *self.remarks)
 
     def _order_notes(self) -> Iterator[str]:
-        """Yield a line for what the header puts in another order than tables without one have."""
+        """Yield a line for each quantity whose columns the header orders unusually."""
         columns = self.columns
         if GYRO in columns and ACCEL in columns and columns[ACCEL][0] < columns[GYRO][0]:
             yield "the accelerometer before the gyroscope, as the header says"
@@ -521,7 +521,7 @@ def _are_parts(sample: Sequence[Row], row_format: RowFormat, column: int) -> boo
 
 
 def _row_format(sample: Sequence[Row]) -> RowFormat:
-    """Return the format of rows, from the first of them."""
+    """Return the format of rows, by the first ones."""
     text = sample[0][1].rstrip() if sample else b","
     quoted = _between_quotes(text) if b'"' in text else None
     if quoted is not None and b"," in quoted:

@@ -88,7 +88,7 @@ def read_poses(
 
 
 class _Reading:
-    """One file that is being read, and what is wrong with it so far."""
+    """State of reading one file: its layout, and its bad rows."""
 
     def __init__(self, path: Path, skip: bool, covariance: bool) -> None:
         self._path, self._skip, self._covariance = path, skip, covariance
@@ -192,7 +192,7 @@ class _Reading:
         return covariance
 
     def _is_sound(self, layout: TableLayout, number: int, text: bytes) -> bool:
-        """Return whether one row is all numbers; note what is wrong with it."""
+        """Return whether a row consists of numbers; note the problems of any other."""
         previous_count = self._bad.count
         layout.note(self._bad, number, text, _COLUMNS)
         cells = layout.row_format.cells(text)
@@ -273,7 +273,7 @@ def _about_world(covariance: Array, q_wb: Array) -> Array:
 
 
 def _repeated(poses: States) -> Mask:
-    """Return which rows say once more what the row before them says."""
+    """Return True for rows that repeat the row before them."""
     same_pose = (np.diff(poses.position, axis=0) == 0).all(axis=-1) & (
         np.abs(np.sum(poses.q_wb[1:] * poses.q_wb[:-1], axis=-1)) > _SAME
     )

@@ -185,7 +185,7 @@ def _check_text(path: Path, lines: list[bytes], expected: str) -> None:
 
 
 def number_of(word: str) -> float:
-    """Return the number that a word of a file stands for.
+    """Return the number in a cell of a file.
 
     Underscores and digits of other scripts, which Python accepts, are refused.
 

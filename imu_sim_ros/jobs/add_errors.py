@@ -238,7 +238,7 @@ class ErrorModel:
         return self
 
     def __reduce__(self) -> tuple[Any, ...]:
-        """Let copies and pickles take the state, without the arguments of the sensor."""
+        """Copy and pickle the state, without the arguments of the sensor."""
         return object.__new__, (type(self),), vars(self)
 
     @property
@@ -278,7 +278,7 @@ class ErrorModel:
         return joined(blocks) if blocks else _no_samples(self._model.position)
 
     def read_magnetic_field(self, t_ns: int | ArrayLike, field: ArrayLike) -> MagneticReadings:
-        """Return what the magnetometer of the IMU reads: a sample for each ideal field.
+        """Return the readings of the IMU's magnetometer, one for each ideal field.
 
         Its rate is ``imu.magnetometer_rate``; its samples need not be those of the IMU.
 
@@ -303,7 +303,7 @@ class ErrorModel:
         *,
         altitude: ArrayLike | None = None,
     ) -> PressureReadings:
-        """Return what the barometer of the IMU reads: a sample for each ideal pressure.
+        """Return the readings of the IMU's barometer, one for each ideal pressure.
 
         Its rate is ``imu.barometer_rate``; its samples need not be those of the IMU.
 
@@ -344,7 +344,7 @@ class ErrorModel:
         duration: float = float("inf"),
         delay: float = 0.0,
     ) -> int:
-        """Start a fault; returns the index of the first affected sample.
+        """Start a fault; return the index of the first affected sample.
 
         :param kind: ``bias_jump``, ``saturation``, ``stuck``, ``dropout`` or ``latency``.
         :param triad: ``gyroscope`` or ``accelerometer``, for the first three kinds; a fault of any
@@ -370,7 +370,7 @@ class ErrorModel:
         return self._model.inject(fault, float(delay))
 
     def reset(self) -> None:
-        """Start again with the next reading, in the initial state."""
+        """Restart with the next reading, in the initial state."""
         self._model.reset()
 
     def __repr__(self) -> str:
@@ -574,7 +574,7 @@ class ErrorModelBatch:
         return self._batch.barometers.read(t_ns, values, invalid)
 
     def _hold(self, invalid: Mask, **values: Array) -> None:
-        """Keep the last values of some environments in place of these, and say so."""
+        """Keep the last values of some environments instead of these, with a warning."""
         if invalid.any():
             for name, reading in values.items():
                 reading[invalid] = self._last[name][invalid] if name in self._last else 0.0
@@ -600,7 +600,7 @@ class ErrorModelBatch:
             )
 
     def reset(self, mask: ArrayLike | None = None, restart: str = "next_seed") -> None:
-        """Let environments begin again with their next sample.
+        """Restart environments with their next sample.
 
         :param mask: (count,) which of them; None: all.
         :param restart: ``next_seed``: a new unit, its seed ``count`` higher; ``same_unit``: its
@@ -715,7 +715,7 @@ def _no_samples(position: int) -> Samples:
 def _given(
     t_ns: object, gyro: ArrayLike, accel: ArrayLike, orientation: ArrayLike | None, name: str
 ) -> Readings:
-    """Return what somebody gives as arrays, checked.
+    """Return the user's readings as checked arrays.
 
     :raises InputError: for what is not a reading.
     """
@@ -743,7 +743,7 @@ def _given(
 
 
 def _given_values(name: str, t_ns: object, values: ArrayLike) -> IdealValues:
-    """Return ideal values of another sensor as somebody gives them, checked.
+    """Return the user's ideal values of another sensor as checked arrays.
 
     :param name: what they are.
     :raises InputError: for what is not a reading.
@@ -764,14 +764,14 @@ def _given_values(name: str, t_ns: object, values: ArrayLike) -> IdealValues:
 
 
 def _several(values: ArrayLike) -> Any:
-    """Return a single number as a list of it."""
+    """Return a single number as a list of one."""
     return [values] if isinstance(values, int | float | np.number) else values
 
 
 def _pressures(
     parameters: ErrorModelParameters, pressure: ArrayLike | None, altitude: ArrayLike | None
 ) -> ArrayLike:
-    """Return pressures [Pa], which somebody gives as such or as heights.
+    """Return pressures [Pa] of the user's pressures or heights.
 
     :raises ConfigurationError: for both, or neither.
     """
@@ -850,7 +850,7 @@ def with_rate(layers: Mapping[str, object], rate: Callable[[], float]) -> ErrorM
 
 
 def tell_strays(t_ns: Times, is_first: bool, source: str, remark: Callable[[str], object]) -> Mask:
-    """Return (n,) True for the stray stamps of a block of readings, and tell of them.
+    """Return (n,) True for the stray stamps of a block of readings, with a warning.
 
     At the edges of a block such stamps may belong to another stretch of time, but for the start of
     the recording.

@@ -103,7 +103,7 @@ class ErrorsAdded:
     """Choices and conversions of reading, a line each."""
 
     def to_dict(self) -> dict[str, Any]:
-        """Return what ``--json`` prints."""
+        """Return the content of ``--json``."""
         return {
             "output": str(self.output),
             "messages": self.messages,
@@ -113,7 +113,7 @@ class ErrorsAdded:
         }
 
     def lines(self) -> Iterator[str]:
-        """Yield what ``add_errors`` prints."""
+        """Yield the lines of the report that ``add_errors`` prints."""
         yield from input_lines(self.notes)
         tally = vars(self.counts)
         kinds = ("missing", "pauses", "restarts", "repeated", "backward")
@@ -294,7 +294,7 @@ class _Ideal:
     journal: Journal
 
     def convert(self, path: Path, form: Form) -> list[str]:
-        """Write all that the file has, its readings as they are chosen; return their notes."""
+        """Write the file's content with the chosen readings; return the notes about them."""
         outputs, journal = Outputs([self.path]), self.journal
         arguments = (self.path, path, form, outputs, journal)
         return list(convert.write(*arguments, shown=False, choice=self.choice).notes)
@@ -355,4 +355,4 @@ def _dataset_to_dataset(
 
 
 def _unsaid(_: object) -> None:
-    """Say nothing: what is wrong with rows and messages is said once, elsewhere."""
+    """Ignore a count that another part reports."""

@@ -354,7 +354,7 @@ def allan(
 def _judged(
     blocks: Iterable[Readings], problems: list[str], notes: list[str]
 ) -> Iterator[Readings]:
-    """Yield blocks of readings as they are; units that are not SI become problems.
+    """Yield blocks of readings unchanged; units that are not SI become problems.
 
     :param problems: receives a line for each problem.
     :param notes: receives the notes of the readings.
@@ -369,7 +369,7 @@ def _judged(
 
 
 def _judge(readings: Readings, problems: list[str]) -> None:
-    """Refuse or tell what is wrong with readings; the analysis tells what it corrects itself.
+    """Refuse readings that cannot be analysed, or warn of their faults.
 
     :param problems: receives a line for each problem that is told.
     """

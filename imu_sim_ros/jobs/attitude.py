@@ -115,7 +115,7 @@ def counts(t_ns: Times, without_truth: int, covered: Coverage) -> dict[str, obje
 
 
 def heading_lines(topic: str, t_ns: Times, without_truth: int, covered: Coverage) -> Iterator[str]:
-    """Yield what is compared, and how much of it has no truth."""
+    """Yield the lines about the compared attitudes, and about those without a truth."""
     yield f"{topic}: {len(t_ns)} samples, {float(t_ns[-1] - t_ns[0]) * 1e-9:.6g} s"
     yield coverage_line(covered.to_dict())
     if without_truth:

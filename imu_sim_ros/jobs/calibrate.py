@@ -243,7 +243,7 @@ class _Run:
 
     @contextmanager
     def naming(self) -> Iterator[None]:
-        """Put the name of the file, and what was skipped in it, before a problem of its content."""
+        """Prefix problems of a file's content with its name and with its skipped rows."""
         try:
             with contextlib.nullcontext() if self.path is None else naming(self.path):
                 yield
@@ -349,7 +349,7 @@ class _Run:
         return rotations.steady, rotations.rate
 
     def warn_of_scale(self, triad: str, scales: Array, causes: str) -> None:
-        """Tell if all scales of a triad are off by as much as no sensor's are.
+        """Warn if all scales of a triad are wrong by more than any sensor's.
 
         :param scales: (n,) of the triad's axes, or of its norm in n stretches.
         :param causes: what may be wrong instead, with the options that help.
@@ -383,7 +383,7 @@ class _Run:
         return None if rates is None else (truth.t_ns, rates)
 
     def _skipped(self, name: str) -> Skipped | None:
-        """Return what counts the rows of a file that are left out; None: they are errors."""
+        """Return the counter of skipped rows; None: they are errors."""
         if not self._skip:
             return None
         return lambda count: self._warnings.append(f"{name}: {count} bad rows skipped")

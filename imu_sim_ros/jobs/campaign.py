@@ -50,7 +50,7 @@ if TYPE_CHECKING:
 
 
 def _lies_in(path: Path, folder: Path) -> bool:
-    """Return True if a path is a folder or in it, behind all links."""
+    """Return True if a path is a folder or in it, with links resolved."""
     path_real, folder_real = Path(os.path.realpath(path)), Path(os.path.realpath(folder))
     return path_real == folder_real or folder_real in path_real.parents
 
@@ -83,7 +83,7 @@ class Campaign:
         return self.judgement.problems
 
     def to_dict(self) -> dict[str, Any]:
-        """Return what ``--json`` prints."""
+        """Return the content of ``--json``."""
         return {
             "runs": len(self.runs),
             "done": self.done,
@@ -288,7 +288,7 @@ def _engine(
 
 @contextlib.contextmanager
 def _explaining_interruption(folder: Path) -> Iterator[None]:
-    """Tell how to continue, if the block is interrupted."""
+    """Add to an interruption of the block how to continue."""
     try:
         yield
     except KeyboardInterrupt as stop:
@@ -388,7 +388,7 @@ class Power:
         }
 
     def to_dict(self) -> dict[str, Any]:
-        """Return what ``--json`` prints."""
+        """Return the content of ``--json``."""
         return {
             "difference": self.difference.value,
             "scatter": self.scatter.value,
@@ -465,7 +465,7 @@ def _run_count(groups: Sequence[Group], finding: EstimateFinding) -> int:
 
 
 def _difference_lines(judgement: Judgement) -> Iterator[str | TextTable]:
-    """Yield who is best, and the effects of the headline's contests."""
+    """Yield the best estimator, and the effects of the headline's contests."""
     if len(judgement.headline) > 1:
         yield "; ".join(headline(judgement.headline, judgement.metric, judgement.tolerance))
     for contest in judgement.headline[:_SHOWN]:

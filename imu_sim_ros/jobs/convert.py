@@ -115,7 +115,7 @@ class Converted:
     """Choices and conversions of reading, a line each."""
 
     def to_dict(self) -> dict[str, Any]:
-        """Return what ``--json`` prints."""
+        """Return the content of ``--json``."""
         result = {
             "output": str(self.output),
             "messages": self.messages,
@@ -136,7 +136,7 @@ class Converted:
         }
 
     def lines(self) -> Iterator[str]:
-        """Yield what ``convert_bag`` prints."""
+        """Yield the lines of the report that ``convert_bag`` prints."""
         yield from input_lines(self.notes)
         last_ns = self.last_stamp_ns
         until = f", up to stamp {last_ns / 1e9:.9f} s" if last_ns is not None else ""
@@ -226,7 +226,7 @@ def convert(
 
 
 def _tell_units(source: Path, choice: Choice, journal: Journal) -> None:
-    """Tell of readings in other units; what cannot be read is told when it is converted."""
+    """Note readings in other units; errors of reading are reported at the conversion."""
     survey = ReadingSurvey(unit_findings)
     findings: list[Finding] = []
     with contextlib.suppress(InputError):
@@ -317,7 +317,7 @@ class _Output:
         return {resolved(name): resolved(new_name) for name, new_name in self.form.renamed.items()}
 
     def progress(self, total: int) -> AbstractContextManager[Advance]:
-        """Return what shows progress.
+        """Return the context that shows progress.
 
         :param total: of messages and rows; 0: not known.
         """
@@ -411,7 +411,7 @@ def _is_whole(path: Path) -> bool:
 
 
 def _recovery(bag: Bag) -> list[str]:
-    """Return lines about what a recovery has found and left out."""
+    """Return lines about the recovered and the lost parts."""
     lines = [f"{bag.path}: found: {line}" for line in bag.found]
     lines += [f"{bag.path}: left out: {line}" for line in bag.damage[:_SHOWN_DAMAGE]]
     count = len(bag.damage)

@@ -427,7 +427,7 @@ def read_recording(
 
 
 def _world(readings: object, imu_topic: str | None, truth_topic: str | None) -> KnownWorld:
-    """Return gravity and rotation of the world, as far as they are known."""
+    """Return the known gravity and rotation of the world."""
     if isinstance(readings, Flight):
         return world_of_simulation(readings.parameters)
     if isinstance(readings, str | PathLike):

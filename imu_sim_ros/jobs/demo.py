@@ -83,7 +83,7 @@ def fly(parameters: SimulationParameters, folder: Path) -> dict[str, dict[str, i
 
 
 def _start(log: IO[str], name: str, *arguments: str) -> "subprocess.Popen[str]":
-    """Start a node that no other machine, and no other user's node, can see."""
+    """Start a node that is invisible to other machines and other users."""
     environment = {
         **os.environ,
         "ROS_DOMAIN_ID": str(1 + os.getpid() % 100),
@@ -118,7 +118,7 @@ def _end(process: "subprocess.Popen[str]") -> None:
 
 
 def _counts(log: str) -> dict[str, dict[str, int]]:
-    """Return what the nodes' closing lines say they ``published`` and ``received``.
+    """Return the numbers ``published`` and ``received`` in the nodes' closing lines.
 
     The closing table of the recorder has the number of messages ``taken`` from the network.
     """
@@ -161,7 +161,7 @@ def message_table(bag: Path, counts: dict[str, dict[str, int]]) -> TextTable:
 
 
 def tracks(parameters: SimulationParameters, bag: Path) -> dict[str, Track]:
-    """Return what Euler and midpoint make of the recorded readings, with and without noise."""
+    """Return the tracks of Euler and midpoint on the recorded readings, with and without noise."""
     truth = read_states(bag, TRUTH_TOPIC)
     noisy = read_readings(bag, Choice(IMU_TOPIC))
     ideal = Body(parameters, read_states).next(len(noisy.t_ns))[IMU]

@@ -257,7 +257,7 @@ _UNITS: Final = {
 
 
 def _deltas(name: str, deltas: object) -> tuple[tuple[float, str], ...]:
-    """Return what relative errors are over.
+    """Return the lengths over which relative errors are taken, with their units.
 
     :raises ConfigurationError: for anything but words and pairs.
     """
@@ -501,7 +501,7 @@ def _measured(
     imu: str | Path | None,
     skip_bad_rows: bool,
 ) -> AttitudeEvaluation | ReadingsEvaluation:
-    """Compare what a sensor has measured with the truth of a recording."""
+    """Compare a sensor's measurements with the truth of a recording."""
     if not table.of_readings:
         _refuse_all({"imu": imu}, "omitted: it is about orientations")
     recording = checked_path("truth", truth[0], "the path of a recording")

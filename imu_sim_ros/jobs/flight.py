@@ -150,7 +150,7 @@ class Flight:
         name: str,
         topics: tuple[str, ...] = (),
     ) -> None:
-        """Keep the samples of a run.
+        """Hold the samples of a run.
 
         :param windows: the samples of each sensor by name, window by window.
         :param topics: that :meth:`save` writes by default; none: the readings and the pose.
@@ -197,7 +197,7 @@ class Flight:
         return self._joined("temperature")
 
     def __getattr__(self, name: str) -> Any:
-        """Return what another sensor read, at its own rate and stamps.
+        """Return the readings of another sensor, at its own rate and stamps.
 
         ``magnetic_field`` is a :class:`MagneticReadings`, ``orientation`` are
         :class:`Orientations`, ``pressure`` is a :class:`PressureReadings`; a sensor of one's own

@@ -104,7 +104,7 @@ class Generated:
     """Parameters without effect, and how poses, axes of cameras and the place were interpreted."""
 
     def to_dict(self) -> dict[str, Any]:
-        """Return what ``--json`` prints."""
+        """Return the content of ``--json``."""
         return {
             "output": str(self.output),
             "messages": self.messages,
@@ -114,7 +114,7 @@ class Generated:
         }
 
     def lines(self) -> Iterator[str]:
-        """Yield what ``generate`` prints."""
+        """Yield the lines of the report that ``generate`` prints."""
         speed = time_and_speed(sum(self.messages.values()), self.wall_s, "messages")
         yield f"{self.output}: {counts(self.messages)}; {self.bytes / 1e6:,.1f} MB in {speed}"
 
@@ -322,7 +322,7 @@ def _output_files(
     sensors: Mapping[str, Mounted],
     with_configs: bool,
 ) -> _OutputFiles:
-    """Add a bag or dataset and the files next to it to the outputs that are staged.
+    """Add a bag or dataset, and the files next to it, to the staged outputs.
 
     :param path: final path of the bag or dataset.
     :param dataset: format of the dataset; None: a bag.

@@ -175,7 +175,7 @@ class TemperatureContents:
 
 @dataclass(frozen=True)
 class SensorOffset:
-    """Time offset between two recordings of one body, told by its rotation."""
+    """Time offset between two recordings of one body, estimated from its rotation."""
 
     source: str
     """Name of the IMU or trajectory whose stamps are off."""
@@ -242,7 +242,7 @@ class Inspection:
         ]
 
     def to_dict(self) -> dict[str, Any]:
-        """Return what ``--json`` prints."""
+        """Return the content of ``--json``."""
         return {
             "topics": [vars(topic) for topic in self.topics],
             "sensors": [vars(sensor) for sensor in self.sensors],
@@ -253,7 +253,7 @@ class Inspection:
         }
 
     def lines(self) -> Iterator[str]:
-        """Yield what ``inspect`` prints: findings, worst first, and below them the contents."""
+        """Yield the lines that ``inspect`` prints: findings, worst first, then the contents."""
         for sensor in self.sensors:
             yield from input_lines([f"{sensor.source}: {note}" for note in sensor.notes])
         for finding in self.findings:
@@ -346,7 +346,7 @@ class Inspection:
         )
 
     def save(self, path: str | Path, *, force: bool = False) -> Path:
-        """Write an HTML page that needs nothing else.
+        """Write a self-contained HTML page.
 
         :param force: overwrite an existing page.
         :returns: the path.
@@ -402,7 +402,7 @@ def _aligned(rows: Sequence[Sequence[str]]) -> Iterator[str]:
 
 
 def _sensor_rows(sensor: SensorContents) -> list[list[str]]:
-    """Return what is known of an IMU, in words."""
+    """Return the rows of the report about an IMU."""
     rows = [["readings", f"{sensor.readings:,} in {sensor.duration_s:.6g} s"]]
     if sensor.frame_id:
         rows.insert(0, ["frame", sensor.frame_id])
@@ -426,7 +426,7 @@ def _sensor_rows(sensor: SensorContents) -> list[list[str]]:
 
 
 def _pose_rows(poses: PoseContents) -> list[list[str]]:
-    """Return what is known of a trajectory, in words."""
+    """Return the rows of the report about a trajectory."""
     rows = [["poses", f"{poses.poses:,} in {poses.duration_s:.6g} s"]]
     if poses.frame_id or poses.child_frame_id:
         frames = [poses.frame_id or "unknown", poses.child_frame_id or "unknown"]
@@ -466,7 +466,7 @@ def inspect(
     accel_unit: AccelUnit = None,
     skip_bad_rows: SkipBadRows = False,
 ) -> Inspection:
-    """Return what recordings contain, and what is wrong with them.
+    """Return the contents of recordings, and their faults.
 
     Findings come worst first, each with the numbers that show it, its effect on results, and what
     to do about it. What is measured and how is on the page :doc:`/how_to/inspect`.
@@ -562,7 +562,7 @@ def inspect(
 def _offsets(
     turns: Sequence[tuple[str, TurnAngles]], bodies: Mapping[str, str]
 ) -> Iterator[SensorOffset]:
-    """Yield the time offsets of recordings to the first of them, where the motion tells them.
+    """Yield the time offsets of recordings to the first one, where the motion shows them.
 
     :param bodies: frames of bodies by the namespace of their truth; recordings of two bodies, such
         as segments of a person, are not compared.

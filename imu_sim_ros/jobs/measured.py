@@ -107,7 +107,7 @@ def evaluate_measured(
     imu: str | Path | None = None,
     skip_bad_rows: bool = False,
 ) -> AttitudeEvaluation | ReadingsEvaluation:
-    """Compare what a sensor has measured with its truth.
+    """Compare a sensor's measurements with their truth.
 
     :param table: from :func:`sensor_of`.
     :param estimate: a recording and its topic.
@@ -139,7 +139,7 @@ def evaluate_measured(
 
 
 def _measured(table: Table, path: Path, topic: str, skip_bad_rows: bool) -> TableRows:
-    """Return what a sensor has measured.
+    """Return the measurements of a sensor.
 
     :raises InputError: for fewer than two values.
     """

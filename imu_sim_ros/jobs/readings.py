@@ -50,7 +50,7 @@ class HasPoses(Protocol):
 def judged(
     readings: Readings, policy: FindingPolicy, gravity: float = STANDARD_GRAVITY
 ) -> Readings:
-    """Return readings as a job takes them; what is wrong is refused, corrected or told.
+    """Return readings after the job's policy: faults are refused, corrected or reported.
 
     Corrected readings have the order and the times of the clock behind their stamps.
 
@@ -133,7 +133,7 @@ def read_readings(
 
 @suggest_keywords
 def read_states(path: str | Path, topic: str | None = None) -> States:
-    """Return poses, with all else that a file knows of the motion.
+    """Return poses, with velocities and covariances where the file has them.
 
     :param path: a bag, a table of poses with any header, TUM's text, or a EuRoC folder.
     :param topic: topic of a bag: Odometry, PoseStamped, PoseWithCovarianceStamped,
@@ -228,7 +228,7 @@ def poses_of_rows(trajectory: Array) -> States:
 
 
 def checked_sensors(names: Collection[str], parameters: Mapping[str, object]) -> frozenset[str]:
-    """Return the names of sensors: what those of IMUs measure, and those with names of their own.
+    """Return the names of sensors: quantities of IMUs, and sensors with names of their own.
 
     :param parameters: all other parameters by dotted name; ``NAME.type`` is a kind of sensor.
     :raises ConfigurationError: with a line for each that does not exist.

@@ -89,7 +89,7 @@ class Report:
     """Choices and conversions of reading, a line each."""
 
     def to_dict(self) -> dict[str, Any]:
-        """Return what ``--json`` prints."""
+        """Return the content of ``--json``."""
         return {
             "output": str(self.output),
             "bytes": self.bytes,
@@ -273,7 +273,7 @@ def _is_poses(path: Path) -> bool:
 
 
 def _bag(sources: Sources, path: Path, files: Sequence[Path]) -> list[Section]:
-    """Return the sections of a bag: its streams, its truth and the estimates of it.
+    """Return the sections of a bag: its streams, its truth and its estimates.
 
     :param files: of estimates.
     :raises InputError: with a line for each that cannot be read.

@@ -64,7 +64,7 @@ def checked_choice(
     of_a_file: bool,
     topic_name: str = "topic",
 ) -> Choice:
-    """Return what is read from a file.
+    """Return the checked choice of topics, frame and units that are read from a file.
 
     :param of_a_file: True if the readings are in a file; else nothing can be chosen.
     :param topic_name: name of the argument that is the topic.

@@ -291,7 +291,7 @@ def _body(
 def with_poses(
     layers: Mapping[str, object], motion: GivenMotion, has_segments: bool
 ) -> Iterator[None]:
-    """Tell of poses that cannot be read, too, if parameters cannot be used.
+    """Add the problems of reading poses to those of the parameters.
 
     Otherwise they are read later, when a trajectory is made of them.
 
@@ -398,7 +398,7 @@ class GivenMotion(NamedTuple):
 
 
 def _motion(trajectory: object) -> GivenMotion:
-    """Return what an argument ``trajectory`` of any of its types means.
+    """Return the motion that an argument ``trajectory`` of any of its types describes.
 
     :raises ConfigurationError: for anything else.
     """

@@ -115,7 +115,7 @@ class Trust(NamedTuple):
 
 
 def judged(fit: Fit, disagreement: Array, noise: PoseNoise) -> Trust:
-    """Return what can be believed of a fit.
+    """Return the trustworthy part of a fit.
 
     :param disagreement: (42,) of fits to parts of the recording, in standard errors.
     """
@@ -158,7 +158,7 @@ def _of_quarters(disagree: Mask, larger: Array) -> Iterator[str]:
 
 
 def _contradictions(fit: Fit) -> Iterator[str]:
-    """Return lines for what is not a sensor's."""
+    """Yield lines about fitted errors that no sensor has."""
     errors, sigma = fit.errors, fit.sigma
     tilt, unsure = errors.world[:2], sigma[model.WORLD][:2]
     angle = float(np.linalg.norm(tilt))

@@ -146,7 +146,7 @@ class TwinRecording(NamedTuple):
 
 
 def body_motion(motion: Motion, gravity: float) -> BodyMotion:
-    """Return what an IMU in the body's origin is moved by."""
+    """Return the ideal input of an IMU at the body's origin."""
     up = motion.acceleration + np.array([0.0, 0.0, gravity])
     r_bw = np.swapaxes(to_matrix(motion.q_wb), -1, -2)
     force = np.einsum("nij,nj->ni", r_bw, up)
@@ -232,7 +232,7 @@ class _Splines:
         self._smooth = with_fields(poses, position=motion.position, q_wb=motion.q_wb)
 
     def noise(self, cutoff: float) -> tuple[PoseNoise, float]:
-        """Return the poses' noise, and the highest frequency [Hz] of motion that stands out of it.
+        """Return the poses' noise, and the highest frequency [Hz] at which motion exceeds it.
 
         :param cutoff: up to which motion counts [Hz].
         """

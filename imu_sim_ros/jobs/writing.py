@@ -206,7 +206,7 @@ class Journal:
     """Warnings, remarks and notes of a job, printed at once and kept for its result."""
 
     def __init__(self, source: object = None, skip_bad_rows: bool = False) -> None:
-        """Begin an empty journal.
+        """Initialise an empty journal.
 
         :param source: file in which bad rows are counted.
         :param skip_bad_rows: skip bad rows.
@@ -230,7 +230,7 @@ class Journal:
         return None if self._skips else self._pass_on
 
     def _pass_on(self, bad: BadRows) -> None:
-        """Tell of bad messages that are copied all the same."""
+        """Warn of bad messages that are copied nevertheless."""
         self.warn(
             f"{bad.source}: {bad.rows} of {bad.rows + bad.good} messages are not finite or not "
             f"possible, the first is {bad.first}; they are passed on, "

@@ -197,7 +197,7 @@ class Covariance:
         return math.isfinite(sum(self._diagonal.tolist()))
 
     def _begin_interval(self, start: Array) -> None:
-        """Begin to collect the terms of the second order.
+        """Start to collect the terms of second order.
 
         :param start: :meth:`_attitude_and_rates` of now.
         """
@@ -317,7 +317,7 @@ class Covariance:
     def message(
         self, r_wb: Matrix[float], velocity: Vector[float], rate_hz: float
     ) -> tuple[Array, Array]:
-        """Return :meth:`pose` and :meth:`twist`, in less time than one after the other.
+        """Return :meth:`pose` and :meth:`twist` from one computation.
 
         :param r_wb, velocity: components of what :meth:`twist` takes.
         """
@@ -343,7 +343,7 @@ class Covariance:
 
 
 def _rows(h: float, r_wb: Matrix[float], force_b: Vector[float]) -> tuple[float, ...]:
-    """Return what `_ROWS` packs: the rows of a transition that depend on the step."""
+    """Return the entries of a transition that depend on the step, in the order of `_ROWS`."""
     a, b, c, d, e, g, i, j, k = r_wb
     fx, fy, fz = force_b
     fx, fy, fz = fx * h, fy * h, fz * h

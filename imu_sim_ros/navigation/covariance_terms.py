@@ -93,7 +93,7 @@ class SlowErrors:
         return np.exp(self._decay_rate * time)
 
     def act_on(self, rate_b: Vector[float], force_b: Vector[float]) -> None:
-        """Let the scales act on a reading."""
+        """Set the effect of scale errors on a reading."""
         if self._has_scales:
             self._set_effect(rate_b, force_b)
 
@@ -105,7 +105,7 @@ class SlowErrors:
         np.multiply(self._half_sigmas, factors, self._half_effect)
 
     def add_bias(self, covariance: Array) -> None:
-        """Add what the biases H a add to a covariance (n, n) of the state."""
+        """Add the effect H a of the slow errors a on the biases to a covariance (n, n)."""
         total = np.add(self.cross, self._half_in_state, self._total)
         half = total.dot(self._half_effect.T)
         half += half
@@ -134,7 +134,7 @@ _CROSS: Final = 0.5 * rotation.skew(_EYE)
 
 
 def _turning() -> Array:
-    """Return (3, 36): forms of what the attitude's second order gains in an interval."""
+    """Return (3, 36) quadratic forms of the attitude's change of second order in an interval."""
     forms = np.zeros((3, 6, 6))
     forms[:, :3, 3:], forms[:, 3:, :3] = -0.5 * _CROSS, 0.5 * _CROSS
     return forms.reshape(3, 36)

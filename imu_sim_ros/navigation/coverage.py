@@ -65,7 +65,7 @@ class Coverage(NamedTuple):
 
 
 def coverage_line(coverage_values: Mapping[str, Any]) -> str:
-    """Return the numbers of :meth:`Coverage.to_dict`, and what they mean for the errors."""
+    """Return the numbers of :meth:`Coverage.to_dict`, and their meaning for the errors."""
     text = (
         f"coverage: {100.0 * coverage_values['coverage']:.4g} %, "
         f"{coverage_values['estimated_s']:.6g} of "
@@ -89,7 +89,7 @@ def coverage_line(coverage_values: Mapping[str, Any]) -> str:
 
 
 def truth_line(values: Mapping[str, Any]) -> str | None:
-    """Return how much of an estimate has a truth, and what that means for its errors.
+    """Return the share of an estimate with a truth, and its meaning for the errors.
 
     None: all of it, apart from an interval at an end.
 

@@ -154,7 +154,7 @@ def _ends(values: Vector[Array]) -> Ends[Array]:
 
 
 class _States:
-    """The states of a record as they are filled in, block by block."""
+    """States of a record, filled in block by block."""
 
     def __init__(
         self,

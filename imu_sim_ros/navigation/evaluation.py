@@ -149,7 +149,7 @@ _HELD: Final = 0.95
 
 
 class Remainder(NamedTuple):
-    """The errors of position or attitude, and what remains of their covariances."""
+    """Errors of position or attitude relative to a fixed gauge, with their covariances."""
 
     row: int
     """The pose at which the gauge is fixed, and from which on there is a NEES."""
@@ -445,7 +445,7 @@ LONGEST_PAIR: Final = 1.5
 
 
 class PosePairs(NamedTuple):
-    """PosePairs of poses a time or a distance apart."""
+    """Pairs of poses a time or a distance apart."""
 
     start: NDArray[np.intp]
     """(m,) rows where the pairs start."""

@@ -314,7 +314,7 @@ def running_product(
 def states(
     start: State[Component], h: Component, increment: Increment[Component], world: WorldVectors
 ) -> State[Component]:
-    """Return the states at the ends of n intervals, one after the other.
+    """Return the states at the ends of n consecutive intervals.
 
     In a world that turns the sums are taken in frames that do not: ``q_wb(t) = Exp(-E t) q(t)``,
     and ``u(t) = Exp(2 E t) v(t)`` is free of Coriolis' acceleration.

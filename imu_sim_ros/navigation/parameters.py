@@ -223,9 +223,10 @@ def has_own_noise(values: Mapping[str, object]) -> bool:
 def sensor_description_layer(
     values: Mapping[str, object], description: Mapping[str, object]
 ) -> Mapping[str, object]:
-    """Return what a description of the sensor adds to given parameters: all, or only its mount.
+    """Return the parameters that a sensor's description adds: all, or its mount alone.
 
-    :param given, described: by dotted name.
+    :param values: parameters by dotted name.
+    :param description: parameters of the sensor by dotted name.
     :raises ConfigurationError: for a preset that cannot be read.
     """
     if not has_own_noise(values):

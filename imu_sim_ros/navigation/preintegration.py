@@ -185,7 +185,7 @@ _Step = tuple[Array, Array, Array]
 
 
 def _euler(h: Array, gamma: Array, rate: Array, force: Array) -> _Step:
-    """Hold the reading at the start throughout; G has no part for that of the end."""
+    """Hold the reading at the start of the step; G has no part for the one at its end."""
     r = rotation.to_matrix(gamma)
     turn = _turn("euler", h, rate)
     acceleration = (r @ force[:, 0, :, None])[..., 0]
@@ -288,7 +288,7 @@ class _Errors:
         return self.covariance + self._slow.covariance(self.jacobian)
 
     def extend(self, h: Array, f: Array, g: Array, force: Array, rate: Array) -> None:
-        """Take m steps of lengths h (m, B) with F (m, B, 15, 15) and G (m, B, 15, 12).
+        """Add m steps of lengths h (m, B) with F (m, B, 15, 15) and G (m, B, 15, 12).
 
         :param force: (m, B, 2, 3) at both ends of the steps.
         :param rate: (m, B, 2, 3) at both ends of the steps.

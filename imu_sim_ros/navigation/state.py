@@ -66,7 +66,7 @@ def state_of_row(states: States, row: int) -> NavigationState:
 
 
 def states_of(t_ns: Integers, position: Array, velocity: Array, q_wb: Array) -> States:
-    """Return integrated states, which may lie beyond what a body can reach.
+    """Return integrated states, unchecked: they may exceed what a body can reach.
 
     :param t_ns: (n,) stamps [ns].
     :param position: (n, 3) p_wb [m].

@@ -151,7 +151,7 @@ class Stepper:
         self.reset(initial)
 
     def reset(self, initial: NavigationState) -> None:
-        """Start again at a state; the next reading starts the clock. The counts go on."""
+        """Restart at a state; the next reading starts the clock. The counts continue."""
         self.position = float_vector(initial.position)
         """(3,) p_wb at the latest reading [m]."""
         self.velocity = float_vector(initial.velocity)
@@ -199,7 +199,7 @@ class Stepper:
             self.counts.gaps += 1
 
     def _advance(self, h: float, rate: Vector, force: Vector) -> None:
-        """Take a step of length h [s] to a reading."""
+        """Integrate a step of length h [s] to a reading."""
         increment = self._increment(h, (self.angular_velocity, rate), (self.specific_force, force))
         start = (self.position, self.velocity, self.q_wb)
         end = increments.states(start, h, increment, self._world)

@@ -105,7 +105,7 @@ class _Pairs:
         return half_interval(seconds, parts, information, _CORRELATED)
 
     def _sums(self, residuals: Array) -> Array:
-        """Return (2,) the sums of squares of position and turn, with what interpolation leaves."""
+        """Return (2,) sums of squares of position and turn, with the error of interpolation."""
         return np.asarray(np.sum(residuals**2, axis=(1, 2)) + self._interpolation_error)
 
     def _residuals(self, offset: float, scaled: bool) -> Array:

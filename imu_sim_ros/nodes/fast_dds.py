@@ -116,7 +116,7 @@ def _torn(path: Path) -> bool:
 
 
 def set_profile(folder: Path) -> None:
-    """Give Fast DDS a profile, unless the user has one; other middlewares ignore it."""
+    """Set a profile of Fast DDS, unless the user has one; other middlewares ignore it."""
     if any(name in os.environ for name in _PROFILE_VARIABLES):
         return
     path = folder / _PROFILE_FILE

@@ -160,7 +160,7 @@ def _ended(event: Any, _: Any) -> Any:
 
 
 def rviz(config: Path, namespace: str, fixed_frame: str) -> Any:
-    """Return RViz, or a note that it is not installed; the rest of the launch goes on."""
+    """Return RViz, or a note that it is not installed; the launch continues."""
     from ament_index_python.packages import PackageNotFoundError, get_package_prefix
     from launch.actions import LogInfo
     from launch_ros.actions import Node

@@ -61,7 +61,7 @@ class SupervisedThread:
 
 
 class Lifetime:
-    """The end of a node's run, with its exit status and what went wrong."""
+    """The end of a node's run, with its exit status and its error."""
 
     def __init__(self, node: "Node") -> None:
         self.status: int | None = None
@@ -110,7 +110,7 @@ class Lifetime:
         self._wake()
 
     def _wake(self) -> None:
-        """Wake the executor, whatever it is waiting for."""
+        """Wake the executor from any wait."""
         executor = self._node.executor
         if executor is not None:
             executor.create_task(_ignored)

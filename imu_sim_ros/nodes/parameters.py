@@ -91,7 +91,7 @@ class ConfiguredNode(Node, Generic[_Section]):
         self.add_on_set_parameters_callback(self._on_set)
 
     def close(self) -> None:
-        """End threads and close files; called once, whatever the reason for the end."""
+        """End threads and close files; called once, at any end."""
 
     def destroy_node(self) -> None:
         """Destroy the node, as ``rclpy.node.Node.destroy_node``."""
@@ -128,7 +128,7 @@ class ConfiguredNode(Node, Generic[_Section]):
         return super().create_service(srv_type, srv_name, callback, **options)
 
     def apply(self, parameters: _Section) -> None:
-        """Apply new parameters, all of them valid; a subclass acts on them and may still refuse.
+        """Apply new valid parameters; a subclass may still refuse them.
 
         ``self.changed`` holds the names that were set, even to the value that they had.
 
@@ -145,7 +145,7 @@ class ConfiguredNode(Node, Generic[_Section]):
                 self._parameters[name] = RosParameter(name, value=_to_ros(value))
 
     def _take_overrides(self) -> dict[str, object]:
-        """Return the values of the command line, and undeclare what ROS declared from them."""
+        """Return the command line's values, and undeclare the parameters of them."""
         overrides: dict[str, object] = {}
         for name, parameter in self.get_parameters_by_prefix("").items():
             if not is_of_ros(name):

@@ -100,7 +100,7 @@ def _start(arguments: Sequence[str]) -> None:
 
 
 def _spin(node: "ConfiguredNode[Any]", watch: signals.EndSignals) -> None:
-    """Run the node until its ending is reached, and close it whatever happens."""
+    """Run the node to its end, and close it at any end."""
     from rclpy.executors import SingleThreadedExecutor
 
     executor = SingleThreadedExecutor()

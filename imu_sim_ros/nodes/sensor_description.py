@@ -112,7 +112,7 @@ class SensorDescription:
         self._timer = node.create_timer(_LOOK_PERIOD, self._look, clock=steady)
 
     def hold(self, topic: str, batch: list[Taken]) -> bool:
-        """Keep messages of a topic back; False if they need not wait. The lock is held."""
+        """Keep messages of a topic back; return False if they need not wait. The lock is held."""
         if self.settled:
             return False
         self._first = self._first or time.monotonic()
@@ -153,7 +153,7 @@ class SensorDescription:
             self.settle()
 
     def warn(self) -> None:
-        """Say what is assumed of the sensor; a guessed noise is a warning."""
+        """Log the assumptions about the sensor; a guessed noise is a warning."""
         logger, node = self._node.get_logger(), self._node
         unknown = f"no sensor description on {self.topic}: "
         if not self.noise_known:

@@ -102,7 +102,7 @@ class PollTimer:
         return max(0.0, min(delay, _LONGEST_NS)) * 1e-9
 
     def _is_regular(self, last_ns: int, count: int) -> bool:
-        """Take the latest arrivals; return whether more are to be expected like them."""
+        """Note the latest arrivals; return whether the next ones can be predicted."""
         interval = (last_ns - self._last_ns) / count
         self._last_ns = last_ns
         off = interval - self._interval
@@ -174,7 +174,7 @@ class RawSubscriptions:
         self._subscribed.set()
 
     def close(self) -> None:
-        """Take the messages so far and end the thread."""
+        """Process the messages so far and end the thread."""
         self._ended.set()
         self._subscribed.set()
         self._thread.join()
@@ -301,7 +301,7 @@ def is_weaker(new: QoSProfile, old: QoSProfile) -> bool:
 
 
 class MatchedInputs:
-    """Subscribes once a publisher is there, to what all publishers offer.
+    """Subscribes to topics once they have publishers, with a quality that all of them offer.
 
     A request of more matches no publisher and makes each of them warn; one of less may lose
     readings under load. So nothing is requested before a publisher is there.

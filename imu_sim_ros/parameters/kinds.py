@@ -240,7 +240,7 @@ def _field(
 
 
 def like(parameter_of_origin: Parameter, **changed: Any) -> Any:
-    """Describe what another parameter describes, but for some fields of :class:`Parameter`."""
+    """Return a parameter like another one, except for some fields of :class:`Parameter`."""
     parameter = dataclasses.replace(parameter_of_origin, **changed)
     return dataclasses.field(default=parameter.default, metadata={METADATA: parameter})
 

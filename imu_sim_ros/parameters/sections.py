@@ -82,7 +82,7 @@ class _Nesting(ABC):
 
     @abstractmethod
     def prefix(self, field_name: str, name: str) -> str:
-        """Return what stands between the prefix of the enclosing section and a parameter's name."""
+        """Return the text between the enclosing section's prefix and a parameter's name."""
 
     def sections(
         self, field_name: str, prefix: str, values: Mapping[str, object]
@@ -380,7 +380,7 @@ def bad_values(declared: Mapping[str, Parameter], values: Mapping[str, object]) 
 
 
 def _of_other_variants(cls: type, values: Mapping[str, object], name: str) -> str | None:
-    """Return the line for a parameter that only other classes of its variant have; else None."""
+    """Return the line for a parameter of another class of its variant; None for any other."""
     for dataclass_field in fields(cls):
         field_name = dataclass_field.name
         nesting: _Nesting | None = dataclass_field.metadata.get(_NESTED)
@@ -451,7 +451,7 @@ class _Building:
         declarations: Mapping[str, Parameter] | None = None,
         is_relevant: bool = False,
     ) -> _T:
-        """Return a section with the sections in it.
+        """Return a section with its nested sections.
 
         :param prefix: prefix of its parameters.
         :param declarations: declarations by dotted name; None: those of the class.
@@ -529,7 +529,7 @@ class _Building:
         return None
 
     def _name_problem(self, nesting: _ListedSections, outer: type, name: str) -> str | None:
-        """Return a line if a section cannot have a listed name, or else register the name."""
+        """Return a line if a listed name is not allowed; register it otherwise."""
         listing = nesting.parameter
         if name in self.names:
             return f"{listing}: {name!r}: is a name in {self.names[name]}"

@@ -263,7 +263,7 @@ class Crowd:
         self.painter = BodyPainter(bodies, site)
 
     def hidden(self, t: Array, eye: Array, points: Array) -> Mask:
-        """Tell which points (n, 3) of the world a body hides from eyes (n, 3) at times t (n,)."""
+        """Return True for points (n, 3) that a body hides from eyes (n, 3) at times t (n,)."""
         result = np.zeros(len(points), np.bool_)
         for body, where, (middle, radius) in zip(self.each, self.surfaces, self.balls, strict=True):
             center = body.outside(t, np.broadcast_to(middle, points.shape))

@@ -62,7 +62,7 @@ def corridor(site: Site) -> Place:
 def _doors(
     b: PlaceBuilder, length: float, height: float, door: int, moving: int
 ) -> tuple[list[Print], list[Print]]:
-    """Return a wall's doors, the same each, with their plates, and what may hang between them.
+    """Return the equal doors of a wall with their plates, and prints between them.
 
     :param moving: how many of them move: every second one.
     """
@@ -120,7 +120,7 @@ def _lamps(b: PlaceBuilder, along: int) -> None:
 
 
 def _things(b: PlaceBuilder, along: int, stream: np.random.Generator) -> None:
-    """Put extinguishers, bins and a few plants along the walls."""
+    """Add extinguishers, bins and a few plants along the walls."""
     low, high = b.site.low, b.site.high
     for k in range(int((high - low)[along] / (2 * _PITCH))):
         side = int(stream.integers(2))

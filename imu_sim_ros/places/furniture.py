@@ -61,7 +61,7 @@ def _clear(b: PlaceBuilder, origin: Place3, radius: float, height: float) -> boo
 
 
 def desk(b: PlaceBuilder, origin: Place3, turn: float, stream: Stream) -> None:
-    """Add a desk with a screen and a chair; who sits there looks along -y of its axes."""
+    """Add a desk with a screen and a chair; its user looks along -y of its axes."""
     if not _clear(b, origin, 1.1, 1.2):
         return
     top = ("board:d2b48c", "paint:dcdcd8", "board:b08a5c")[int(stream.integers(3))]
@@ -190,7 +190,7 @@ def door_leaf(
 
 
 def fittings(b: PlaceBuilder, ceiling: int, pitch: float = 2.4) -> None:
-    """Put outlets for air, smoke detectors and sprinklers into a ceiling, between its lamps."""
+    """Add outlets for air, smoke detectors and sprinklers to a ceiling, between its lamps."""
     if b.site.texture == "blank":
         return
     _, across, up = b.faces[ceiling].rectangle
@@ -230,7 +230,7 @@ def signs(
     kinds: Sequence[tuple[str, float, float, float]] = HALL_SIGNS,
     cables: float = 0.0,
 ) -> None:
-    """Put what walls have on one: switches, plates, signs, and conduits along it.
+    """Add switches, plates, signs and conduits to a wall.
 
     :param pitch: distance between two of them, about [m].
     :param kinds: from which each is chosen, with its width, height and lower edge [m].
@@ -266,7 +266,7 @@ def plant(b: PlaceBuilder, origin: Place3, stream: Stream) -> None:
 
 
 def wall_decoration(b: PlaceBuilder, wall: int) -> None:
-    """Hang posters, a clock, outlets and a skirting on a wall, where nothing else is.
+    """Add posters, a clock, outlets and a skirting to a wall, where it is free.
 
     Whatever stands before it must be there.
     """
@@ -299,7 +299,7 @@ def wall_decoration(b: PlaceBuilder, wall: int) -> None:
 def windows(
     b: PlaceBuilder, wall: int, sill: float, height: float
 ) -> Callable[[PlaceBuilder], Lighting]:
-    """Put windows into a wall; return what makes the light of the house once it has its lamps.
+    """Add windows to a wall; return the function that makes the light of a house with lamps.
 
     By day they shine, and the sun with them; otherwise it is night outside.
 

@@ -86,7 +86,7 @@ NO_SURFACES = surfaces([], hides=True)
 
 
 def hidden(surfaces: Surfaces, eye: Array, points: Array) -> Mask:
-    """Tell which points are behind a surface.
+    """Return True for points behind a surface.
 
     The line of sight ``eye + s (point - eye)`` meets the plane of a surface at
     ``s = n (origin - eye) / n (point - eye)``.
@@ -147,7 +147,7 @@ class Caster:
     """
 
     def __init__(self, surfaces: Surfaces, kind: Kind = np.float64) -> None:
-        """Take rectangles.
+        """Initialise with rectangles.
 
         :param kind: of the numbers to calculate with: float32 or float64.
         """
@@ -176,7 +176,7 @@ class Caster:
         return Hits(distance, number)
 
     def blocked(self, origins: Floats, directions: Floats, ends: Floats | float = 1.0) -> Mask:
-        """Tell which rays (n,) meet any surface between their origin and t = ``ends``.
+        """Return True for rays (n,) that hit a surface between their origin and t = ``ends``.
 
         :param origins: (n, 3) [m].
         :param directions: (n, 3) of any length.
@@ -204,7 +204,7 @@ class _Rays(NamedTuple):
 
     @classmethod
     def of(cls, origins: Floats, directions: Floats, kind: Kind) -> "_Rays":
-        """Take them apart; none runs along a plane of two axes exactly."""
+        """Split rays into components; none runs exactly along a plane of two axes."""
         starts: list[Floats] = [np.ascontiguousarray(origins[:, k], kind) for k in range(3)]
         axes: list[Floats] = [np.ascontiguousarray(directions[:, k], kind) for k in range(3)]
         tiny, unity = kind(1e-12), kind(1.0)

@@ -72,7 +72,7 @@ def reflectance(cosine: Single, normal: Single | float) -> Single:
 
 
 def mirrored(light: Single, is_lamp: Single) -> Single:
-    """Return what is seen of a lobe: of a lamp, not more than the lamp itself.
+    """Return the visible light of a lobe; of a lamp, at most that of the lamp.
 
     :param is_lamp: 1 for a lamp, 0 for the sun.
     """
@@ -123,7 +123,7 @@ class Region(NamedTuple):
 
 
 def regions(faces: Sequence[Face], sides: Array) -> list[Region]:
-    """Return the glossy parts of faces in their order; what lies on another comes after it.
+    """Return the glossy parts of faces in order; an upper one comes after a lower one.
 
     :param sides: (m, 2) lengths of across and up [m].
     """
@@ -410,7 +410,7 @@ def _lobes(
 
 
 def _environment(place: Place, radiance: Single, upwards: Array, weights: Single) -> Single:
-    """Return what is seen in a mirror that looks down, level and up: (3, colours), squared.
+    """Return squares (3, colours) of the colours in mirrors that look down, level and up.
 
     :param upwards: (m,) z of the normals.
     """
@@ -459,7 +459,7 @@ class _Sources(NamedTuple):
     def of(
         cls, place: Place, units: Array, origins: Array, light: Baked, weights: Single
     ) -> "_Sources":
-        """Take the sources of a place in the order of the light.
+        """Return the sources of a place in the order of its light.
 
         :param units: (3, m, 3) directions of sides and normal of each face.
         """
@@ -502,7 +502,7 @@ class _Sources(NamedTuple):
         size: Single,
         angle: float,
     ) -> Mask:
-        """Tell which sources (p, l) may be mirrored in cells around places (p, 1) of faces (p,).
+        """Return True for sources (p, l) that cells around places (p, 1) of faces (p,) may mirror.
 
         :param lobe: cosine and sine (p, l) of the angle from the mirrored direction.
         :param size: (p,) of the cells [m].

@@ -94,7 +94,7 @@ class _Points(NamedTuple):
 
     @classmethod
     def on(cls, where: Surfaces, lit: Mask, count: int, detail: Array | float) -> "_Points":
-        """Spread them, about as many as told; surfaces that are not lit have one each."""
+        """Return about ``count`` points spread evenly; unlit surfaces have one each."""
         sides = where.sides
         density = np.broadcast_to(detail, (len(sides),))
         area = float((sides.prod(axis=1) * density * density)[lit].sum())
@@ -120,7 +120,7 @@ class _Points(NamedTuple):
         return cls(positions, normals, surface, shapes, first)
 
     def of(self, m: int, values: Single) -> Single:
-        """Return what surface m has of the values (..., n) of all points: (..., rows, columns)."""
+        """Return the values (..., rows, columns) of surface m out of those (..., n) of all."""
         rows, columns = self.shapes[m].tolist()
         part = values[..., self.first[m] : self.first[m] + rows * columns]
         return part.reshape(*part.shape[:-1], rows, columns)
@@ -174,11 +174,12 @@ def bake(
 
 
 def resampled(grid: Single, axis: int, length: int, start: int = 0, some: int = 0) -> Single:
-    """Return values of even parts along an axis at the middles of so many even parts.
+    """Return values on an even grid along an axis, interpolated to another even grid.
 
-    In between they are interpolated.
+    Values belong to the middles of the cells.
 
-    :param start: of the parts that are returned.
+    :param length: number of cells of the new grid.
+    :param start: first cell that is returned.
     :param some: their number; 0: all.
     """
     parts = grid.shape[axis]
@@ -198,7 +199,7 @@ def resampled(grid: Single, axis: int, length: int, start: int = 0, some: int = 
 def _direct(
     points: _Points, solid: Caster, lighting: Lighting, threshold: Single
 ) -> tuple[Single, Single]:
-    """Return the irradiance (n, 3) by lamps and sun, and that by each of them (lamps + 1, n).
+    """Return the irradiance (n, 3) by lamps and sun, and that of each source (lamps + 1, n).
 
     The latter is without the colour of the source.
 
@@ -213,7 +214,7 @@ def _direct(
 def _from_lamps(
     points: _Points, solid: Caster, lighting: Lighting, sources: Single, threshold: Single
 ) -> Single:
-    """Return the irradiance (n, 3) by lamps, and add that of each of them to ``sources``.
+    """Return the irradiance (n, 3) by lamps, and add that of each lamp to ``sources``.
 
     :param threshold: (n,) irradiance by a lamp that is left out at each point.
     """
@@ -274,7 +275,7 @@ def _given_back(
     direct: Single,
     lighting: Lighting,
 ) -> Single:
-    """Return what surfaces give to each other."""
+    """Return the irradiance (n, 3) by light that other surfaces reflect."""
     hits = _met(points, Caster(where, np.float32))
     colour = np.array(lighting.sky, np.float32)
     of_point = albedo[points.surface]
@@ -318,7 +319,7 @@ def _met(points: _Points, caster: Caster) -> NDArray[np.int32]:
 
 
 def _direction(k: int, quarter: int) -> tuple[float, float, float]:
-    """Return a direction around z; all of them are spread by the cosine from it."""
+    """Return direction k around z; all of them have a density of the cosine to z."""
     share = (k + 0.125 + 0.25 * quarter) / _DIRECTIONS
     angle = (k + 0.25 * quarter) * math.pi * (3.0 - math.sqrt(5.0))
     radius = math.sqrt(share)
@@ -369,7 +370,7 @@ _WHITE: Final = 1.08
 
 
 def factors(irradiance: Single) -> Single:
-    """Return what sRGB values are multiplied by under an irradiance.
+    """Return the factors of sRGB values under an irradiance.
 
     That is the power 1 / 2.2 of an irradiance that tends to 1.08, as a film's: bright walls keep
     their texture. A table of powers holds the same bits everywhere.

@@ -91,7 +91,7 @@ def _standing(
 
 
 def _boilers(b: PlaceBuilder, stream: np.random.Generator) -> None:
-    """Put round tanks on feet along +y, each with its pipe to the ceiling."""
+    """Add round tanks on feet along +y, each with its pipe to the ceiling."""
     x0, _, z0 = b.site.low.tolist()
     x1, y1, z1 = b.site.high.tolist()
     count = max(1, int((x1 - x0 - 2.0) / 5.0))
@@ -120,7 +120,7 @@ def _boilers(b: PlaceBuilder, stream: np.random.Generator) -> None:
 
 
 def _tanks(b: PlaceBuilder, stream: np.random.Generator) -> None:
-    """Put a row of steel tanks on each side of the middle, a duct above it, ladders on some.
+    """Add a row of steel tanks on each side of the middle, with a duct, and ladders on some.
 
     The tanks of a row are the same, as in a real hall: they are hard to tell apart.
     """
@@ -176,7 +176,7 @@ def _ladder(b: PlaceBuilder, foot: tuple[float, float, float], height: float, fr
 
 
 def _clutter(b: PlaceBuilder, stream: np.random.Generator) -> None:
-    """Leave pallets, crates and cartons between tanks and machines, about one in 9 m^2."""
+    """Add pallets, crates and cartons between tanks and machines, about one in 9 m^2."""
     x0, y0, z0 = b.site.low.tolist()
     x1, y1, _ = b.site.high.tolist()
     width = 0.5 * (y1 - y0) - _ROW - 4.4
@@ -193,7 +193,7 @@ def _clutter(b: PlaceBuilder, stream: np.random.Generator) -> None:
 
 
 def _machines(b: PlaceBuilder, stream: np.random.Generator) -> None:
-    """Put machines into the middle and cabinets along -y."""
+    """Add machines in the middle and cabinets along -y."""
     x0, y0, z0 = b.site.low.tolist()
     x1, y1, _ = b.site.high.tolist()
     middle = 0.5 * (y0 + y1) - 0.3

@@ -353,7 +353,7 @@ def stains(period: float, texel: float, seed: int) -> Array:
 
 
 def wear(kind: str, where: Array, contrast: float) -> Differences:
-    """Return what stains and wear (n, n) add to a tile of a kind of material.
+    """Return the differences (n, n) that stains and wear make to a tile of a material.
 
     :param contrast: factor of the differences.
     """

@@ -112,7 +112,7 @@ class MeshCaster:
         self.meet(low[None], np.array([[0.0, 0.0, 1.0]], np.float32))  # builds its tree
 
     def meet(self, origins: Array, directions: Floats) -> Meeting:
-        """Return what each ray meets first.
+        """Return the nearest intersection of each ray.
 
         :param origins: (n, 3), or (1, 3) for all [m].
         :param directions: (n, 3) of any length.
@@ -151,7 +151,7 @@ class MeshCaster:
         return Hits(distance, number)
 
     def blocked(self, origins: Floats, directions: Floats, ends: Floats | float = 1.0) -> Mask:
-        """Tell which rays (n,) meet any triangle between their origin and t = ``ends``.
+        """Return True for rays (n,) that hit a triangle between their origin and t = ``ends``.
 
         :param origins: (n, 3) [m].
         :param directions: (n, 3) of any length.
@@ -161,7 +161,7 @@ class MeshCaster:
         return result
 
     def hidden(self, eye: Array, points: Array) -> Mask:
-        """Tell which points on the mesh (n, 3) are behind another part of it, seen from eye (n, 3).
+        """Return True for points (n, 3) on the mesh that another part hides from eye (n, 3).
 
         A point is met itself, at its own distance, to the accuracy of double precision.
         """
@@ -231,7 +231,7 @@ def open_edges(mesh: Mesh) -> int:
 
 
 def size_remarks(mesh: Mesh) -> Iterator[str]:
-    """Yield what is odd about a mesh by itself."""
+    """Yield lines about an unlikely size of a mesh."""
     low, high = box(mesh)
     across = float(np.linalg.norm(high - low))
     if across > 2000.0 or across < 0.1:

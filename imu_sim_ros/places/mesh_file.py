@@ -132,7 +132,7 @@ def read_mesh(path: str | Path) -> Mesh:
 
 
 def _check_count(path: Path, count: int, what: str = "triangles", limit: int | None = None) -> None:
-    """Refuse a mesh with too many triangles, or too many of anything else."""
+    """Refuse a mesh with too many triangles, or with too many other parts."""
     limit = MOST_TRIANGLES if limit is None else limit
     if count > limit:
         raise InputError(
@@ -142,7 +142,7 @@ def _check_count(path: Path, count: int, what: str = "triangles", limit: int | N
 
 
 def is_mesh(path: str | Path) -> bool:
-    """Tell whether a file has faces, by its name or, of a PLY, by its header."""
+    """Return whether a file has faces, by its name or, of a PLY, by its header."""
     path = Path(path)
     if path.suffix.lower() != ".ply":
         return path.suffix.lower() in SUFFIXES
@@ -195,7 +195,7 @@ def _announced(suffix: str, content: bytes) -> int:
 
 
 def _check_gltf(path: Path, content: bytes) -> None:
-    """Refuse what trimesh would leave out without a word: compressed parts, damaged textures."""
+    """Refuse compressed parts and damaged textures, which trimesh would leave out."""
     try:
         text, end = content, 0
         if content[:4] == b"glTF":
@@ -254,7 +254,7 @@ def _trimesh() -> Any:
 
 @contextmanager
 def _quiet() -> Iterator[None]:
-    """Keep what libraries log and warn from standard error."""
+    """Suppress log lines and warnings of libraries."""
     log = logging.getLogger("trimesh")
     level = log.level
     log.setLevel(logging.CRITICAL + 1)
@@ -317,8 +317,10 @@ class _Part(NamedTuple):
 
     @classmethod
     def of(cls, path: Path, place: Array, part: Any, textures: Textures) -> "_Part":
-        """Take a part to its place.
+        """Return a part of a mesh with its vertices in the world.
 
+        :param place: (4, 4) pose of the part.
+        :param part: a part as trimesh loads it.
         :raises InputError: for numbers that are none.
         """
         vertices = np.array(part.vertices, np.float64)
@@ -431,7 +433,7 @@ def _joined(parts: Sequence[_Part], textures: tuple[Bytes, ...]) -> Mesh:
 
 
 def _without_slivers(path: Path, mesh: Mesh) -> Mesh:
-    """Leave out triangles without an area, which nobody sees and no ray meets."""
+    """Return a mesh without triangles of no area, which no ray hits."""
     square = float((np.ptp(mesh.vertices, axis=0) ** 2).sum())
     keep = areas(mesh) > _LEAST_AREA * square
     if not keep.any():

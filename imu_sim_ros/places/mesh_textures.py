@@ -27,7 +27,7 @@ _LONGEST: Final = 8000
 
 
 def examine(content: bytes, what: str) -> None:
-    """Look at the beginning of a picture; Pillow refuses the largest, and trimesh keeps it quiet.
+    """Read the header of a picture: Pillow refuses too large ones, and trimesh would not tell.
 
     :param what: first words of the error.
     :raises InputError: for what is no picture, or too large a one.

@@ -23,14 +23,14 @@ _SHOWN: Final = 100
 
 
 class Neighbours:
-    """Reads what a file names from its folder and below, as whoever wrote it is not trusted.
+    """Reader of the untrusted files that a mesh file names, in its folder or below.
 
     A name that leaves the folder, by ``..``, as an absolute path or as a URL, stands for the file
     of that name next to the mesh. Links that lie in the folder are followed.
     """
 
     def __init__(self, path: Path, limit: int) -> None:
-        """Read next to a file, in total at most so many bytes."""
+        """Initialise for a file, with a limit for all files together."""
         self._path, self._left, self._most = path, limit, limit
         self.lost: list[str] = []
         """Lines about what could not be had."""
@@ -119,7 +119,7 @@ def _posix(name: str) -> PurePosixPath:
 
 
 def _leaves(name: str) -> bool:
-    """Tell whether a name is not one of a file in the same folder or below."""
+    """Return whether a name leads out of the folder."""
     place = _posix(name)
     return (
         place.is_absolute() or ".." in place.parts or any(":" in part for part in place.parts[:1])

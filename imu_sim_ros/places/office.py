@@ -152,7 +152,7 @@ def _front(b: PlaceBuilder, ends: tuple[float, float], y: float, opening: float)
 def _desks(
     b: PlaceBuilder, depth: float, stream: np.random.Generator
 ) -> tuple[list[list[float]], list[list[float]]]:
-    """Put pairs of desks into the open room; return places to its x_low and its x_high."""
+    """Add pairs of desks to the open room; return places to its x_low and its x_high."""
     x0, y0, z0 = b.site.low.tolist()
     x1 = float(b.site.high[0])
     rows = max(1, int((depth - y0 - 1.6) / 3.2))

@@ -17,10 +17,12 @@ def _line(s: Sheet) -> None:
 
 
 def _dash(s: Sheet) -> None:
+    """Draw a dash of a road marking."""
     s.all((214, 214, 210))
 
 
 def _plinth(s: Sheet) -> None:
+    """Draw the plinth of a house."""
     s.all((122, 118, 112))
     s.fill(0, 0.9 * s.height, s.width, s.height, (96, 92, 88))
 
@@ -57,6 +59,7 @@ _SEGMENTS: Final = {0: "abcdef", 1: "bc", 2: "abged", 3: "abgcd", 4: "fgbc", 5: 
 
 
 def _number(s: Sheet) -> None:
+    """Draw a house number."""
     s.all((250, 250, 250))
     s.frame(0.03, (30, 60, 140))
     w, h, bar = s.width, s.height, 0.1 * s.width
@@ -178,12 +181,14 @@ def _wheel(s: Sheet) -> None:
 
 
 def _car_panes(s: Sheet) -> None:
+    """Draw the windows of a car."""
     s.all((34, 42, 50))
     s.fill(0.5 * s.width - 0.03, 0, 0.5 * s.width + 0.03, s.height, (20, 22, 24))
     s.fill(0, 0.7 * s.height, s.width, s.height, (64, 78, 90))
 
 
 def _bumper(s: Sheet) -> None:
+    """Draw the bumper of a car with its lamps and number plate."""
     s.all((44, 46, 48))
     s.fill(0.05, 0.35, 0.4, 0.52, (236, 232, 220))
     s.fill(s.width - 0.4, 0.35, s.width - 0.05, 0.52, (236, 232, 220))

@@ -53,7 +53,7 @@ class Painter:
     """Textures of the faces of a place, each for itself."""
 
     def __init__(self, place: Place, site: Site, path: Array | None = None) -> None:
-        """Take a place; its light is computed when the first texture is wanted.
+        """Initialise with a place; its light is computed with the first texture.
 
         :param path: (n, 3) from where it is seen [m]; None: not known.
         """
@@ -81,7 +81,7 @@ class Painter:
         return light.exposed(_exposure(light.total, sky, self._areas(), MIDDLE[self._site.light]))
 
     def _scattered_in_leaves(self, light: Sequence[Single]) -> None:
-        """Let leaves that stand together share light: none is darker than a part of their mean.
+        """Raise the light of leaves to at least a share of their mean: leaves scatter light.
 
         Without it the insides of a crown, of boxes that reach into each other, are black.
         """
@@ -135,7 +135,7 @@ class Painter:
         return result
 
     def _areas(self) -> Array:
-        """Weights of the faces in the exposure: their areas, less where nobody looks closely."""
+        """Weights of the faces in the exposure: their areas times the square of the detail."""
         areas: Array = self._surfaces.sides.prod(axis=1) * self.place.detail**2
         return areas
 
@@ -245,7 +245,7 @@ class Painter:
 
 
 def _enlarged(texels: Array, areas: Array, limit: float) -> float:
-    """Return by how much texels must be larger, so that there are not more than so many."""
+    """Return the factor by which texels must be larger to be at most ``limit``."""
     return max(1.0, math.sqrt(float((areas / (texels * texels)).sum()) / limit))
 
 
@@ -274,7 +274,7 @@ def _repeated(
 
 
 def _repeats(start: int, count: int, period: int) -> Iterator[tuple[slice, slice]]:
-    """Yield parts of so many places, and which of a tile, from one of these on, are there."""
+    """Yield slices of a range, each with the slice of a periodic tile that covers it."""
     begin = 0
     while begin < count:
         offset = (start + begin) % period
@@ -293,7 +293,7 @@ def grey(colours: Bytes) -> Bytes:
 
 
 def _put(texture: Bytes, image: Bytes, row: int, column: int) -> None:
-    """Put an image on a texture, as far as it lies on it."""
+    """Draw an image on a texture, cut at the texture's edges."""
     height, width = texture.shape[:2]
     low, left_column = max(row, 0), max(column, 0)
     high, right_column = min(row + image.shape[0], height), min(column + image.shape[1], width)

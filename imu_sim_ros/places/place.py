@@ -31,7 +31,7 @@ Vector = tuple[float, float, float]
 
 
 class Face(NamedTuple):
-    """One rectangle and what is on it."""
+    """One rectangle with its material and prints."""
 
     rectangle: Rectangle
     material: str
@@ -112,7 +112,7 @@ class Site:
 
 
 class PlaceBuilder:
-    """Collects faces; leaves out what would stand in the path."""
+    """Collects faces, and leaves out those that would stand in the path."""
 
     def __init__(self, site: Site) -> None:
         self.site = site
@@ -132,7 +132,7 @@ class PlaceBuilder:
         return self._count
 
     def free(self, low: Sequence[float], high: Sequence[float]) -> bool:
-        """Tell whether the path stays clear of a box."""
+        """Return whether the path stays clear of a box."""
         path = self.site.path
         if not len(path):
             return True
@@ -190,12 +190,12 @@ class PlaceBuilder:
         return faces
 
     def add_prints(self, face: int, prints: Sequence[Print]) -> None:
-        """Put prints on a face."""
+        """Add prints to a face."""
         previous = self.faces[face]
         self.faces[face] = previous._replace(prints=(*previous.prints, *prints))
 
     def hang(self, wall: int, what: Print) -> bool:
-        """Put a print on a wall, unless something hangs there or stands before it.
+        """Add a print to a wall, unless it is covered there.
 
         :returns: whether it hangs there.
         """
@@ -218,7 +218,7 @@ class PlaceBuilder:
         return True
 
     def _standing_before(self, wall: int) -> tuple[Array, Array]:
-        """Return what of a wall, from corners to ends (n, 2), faces near it or on it hide [m]."""
+        """Return the parts of a wall, corners and ends (n, 2), that nearby faces hide [m]."""
         sides = np.array([face.rectangle for face in self.faces])
         origin, across, up = sides[wall]
         axes = [axis / np.sqrt(axis @ axis) for axis in (across, up, np.cross(across, up))]
@@ -298,7 +298,7 @@ class PlaceBuilder:
     def lamp(
         self, center: Sequence[float], size: tuple[float, float], colour: Vector, strength: float
     ) -> None:
-        """Add a flat lamp that shines down, with a glowing face, unless it hangs in the path."""
+        """Add a flat lamp that shines down, with a glowing face, unless it is in the path."""
         x, y, z = center
         w, d = size
         if not self.free((x - w / 2, y - d / 2, z), (x + w / 2, y + d / 2, z)):

@@ -14,6 +14,7 @@ from imu_sim_ros.places.sheet import INK, Print, Sheet
 
 
 def _poster(s: Sheet) -> None:
+    """Draw a poster: a landscape, a pattern or a text."""
     paper, main = s.colour(170, 250), s.colour()
     s.all(paper)
     w, h = s.width, s.height
@@ -54,6 +55,7 @@ def _notices(s: Sheet) -> None:
 
 
 def _whiteboard(s: Sheet) -> None:
+    """Draw a whiteboard with writing."""
     s.all((244, 245, 246))
     for _ in range(int(3 * s.width * s.height) + 2):
         colour = ((30, 60, 160), (20, 20, 24), (170, 40, 40))[int(s.stream.integers(3))]
@@ -96,6 +98,7 @@ def _books(s: Sheet) -> None:
 
 
 def _drawers(s: Sheet) -> None:
+    """Draw a cabinet of drawers."""
     s.all((206, 208, 210))
     count = max(1, round(s.height / 0.3))
     columns = max(1, round(s.width / 0.5))
@@ -111,6 +114,7 @@ def _drawers(s: Sheet) -> None:
 
 
 def _screen(s: Sheet) -> None:
+    """Draw a screen with windows or text."""
     s.all((24, 26, 32))
     w, h = s.width, s.height
     if s.stream.random() < 0.6:
@@ -131,6 +135,7 @@ def _screen(s: Sheet) -> None:
 
 
 def _door(s: Sheet) -> None:
+    """Draw a door with its handle."""
     colour = ((150, 108, 68), (168, 172, 176), (88, 108, 128), (178, 160, 132))[
         int(s.stream.integers(4))
     ]
@@ -149,7 +154,7 @@ def _door(s: Sheet) -> None:
 
 
 def _opening(s: Sheet) -> None:
-    """Draw a frame, and what is dark behind it."""
+    """Draw a frame around darkness."""
     s.all((38, 36, 34))
     s.fill(0, 0, s.width, 0.25 * s.height, (62, 58, 52))
     s.frame(0.06, (216, 214, 208))
@@ -180,6 +185,7 @@ def _window(s: Sheet) -> None:
 
 
 def _night(s: Sheet) -> None:
+    """Draw a night sky over lit windows."""
     s.all((16, 20, 30))
     for _ in range(int(8 * s.width * s.height)):
         x, y = s.stream.uniform(0, s.width), s.stream.uniform(0, 0.6 * s.height)
@@ -188,6 +194,7 @@ def _night(s: Sheet) -> None:
 
 
 def _panes(s: Sheet) -> None:
+    """Draw the frame of a window, divided into panes."""
     frame = (226, 226, 222)
     s.frame(0.055, frame)
     count = max(1, round(s.width / 0.9))
@@ -199,6 +206,7 @@ def _panes(s: Sheet) -> None:
 
 
 def _lamp(s: Sheet) -> None:
+    """Draw the cover of a lamp."""
     s.all((255, 255, 250))
     s.frame(0.02, (210, 210, 206))
 
@@ -209,12 +217,14 @@ def _strip(s: Sheet) -> None:
 
 
 def _outlet(s: Sheet) -> None:
+    """Draw an electrical outlet."""
     s.all((246, 246, 244))
     s.frame(0.006, (190, 190, 188))
     s.disc(0.5 * s.width, 0.5 * s.height, 0.3 * min(s.width, s.height), (205, 205, 203))
 
 
 def _exit(s: Sheet) -> None:
+    """Draw the sign of an exit."""
     s.all((20, 132, 70))
     w, h = s.width, s.height
     s.fill(0.1 * w, 0.2 * h, 0.32 * w, 0.8 * h, (246, 250, 246))
@@ -222,6 +232,7 @@ def _exit(s: Sheet) -> None:
 
 
 def _clock(s: Sheet) -> None:
+    """Draw the face of a clock."""
     s.all((225, 224, 220))
     r = 0.5 * s.width
     s.disc(r, r, r, (40, 40, 44))
@@ -243,12 +254,14 @@ def _label(s: Sheet) -> None:
 
 
 def _paper(s: Sheet) -> None:
+    """Draw a sheet of paper with lines of text."""
     s.all(s.colour(228, 256))
     for k in range(int((s.height - 0.04) / 0.013)):
         s.text(0.02, s.height - 0.03 - 0.013 * k, s.width - 0.02, 0.007, (80, 80, 86))
 
 
 def _keyboard(s: Sheet) -> None:
+    """Draw a keyboard."""
     s.all((40, 40, 44))
     for i in range(5):
         for j in range(15):
@@ -319,7 +332,7 @@ def _detector(s: Sheet) -> None:
 
 
 def _plan(s: Sheet) -> None:
-    """Draw a plan of a floor in its frame, as it hangs at exits."""
+    """Draw the plan of a floor in its frame, as at exits."""
     s.all((250, 250, 248))
     for _ in range(9):
         x, y = s.stream.uniform(0.05, 0.7) * s.width, s.stream.uniform(0.2, 0.75) * s.height

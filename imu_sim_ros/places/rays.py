@@ -93,7 +93,7 @@ class _Nothing:
 
 
 class RayTracer:
-    """Meets rays with what is at rest and with the bodies that move, each ray at its own time.
+    """Intersects rays with surfaces at rest and with moving bodies, each ray at its own time.
 
     >>> import numpy as np
     >>> from imu_sim_ros.places.geometry import surfaces
@@ -111,7 +111,7 @@ class RayTracer:
         bodies: Sequence[MovingBody] = (),
         seen_through: Mask | None = None,
     ) -> None:
-        """Take what there is.
+        """Initialise with the surfaces and bodies.
 
         :param mesh: in the place of rectangles.
         :param seen_through: (m,) which rectangles nothing meets, such as the sky.
@@ -122,7 +122,7 @@ class RayTracer:
         self._bodies = [(body, ball(body.surfaces()), _solid(body.surfaces())) for body in bodies]
 
     def trace(self, t: Array, origins: Array, directions: Array) -> Traced:
-        """Return what each ray ``origin + s direction``, s > 0, meets first.
+        """Return the nearest intersection of each ray ``origin + s direction``, s > 0.
 
         :param t: (n,) time of each ray [s]; those of one call are near each other.
         :param origins: (n, 3) [m].
@@ -175,7 +175,7 @@ def _of_body(
 def _put(
     traced: Traced, rows: Integers, number: int, distance: Floats, surface: Integers, along: Array
 ) -> None:
-    """Put in what is nearer than what was found before."""
+    """Replace intersections by nearer ones."""
     nearer = distance < traced.distance[rows]
     rows = rows[nearer]
     traced.distance[rows], traced.surface[rows] = distance[nearer], surface[nearer]

@@ -40,7 +40,7 @@ class ShadowLine(NamedTuple):
 
     @property
     def ball(self) -> tuple[Array, float]:
-        """Middle (3,) and radius [m] of a ball around all of it."""
+        """Middle (3,) and radius [m] of the bounding sphere."""
         return np.append(0.5 * (self.start + self.end), 0.0), 0.5 * self.length + self.radius
 
     def floor(self) -> Surfaces:
@@ -84,7 +84,7 @@ class Sunlight:
     """The sun on the ground of a place."""
 
     def __init__(self, where: Surfaces, lighting: Lighting) -> None:
-        """Take what may be before the sun."""
+        """Initialise with the faces that may hide the sun."""
         self.to_sun = np.array(lighting.to_sun)
         direct = lighting.sun[1] * lighting.to_sun[2]
         self._share = direct / (direct + lighting.sky[1])

@@ -55,7 +55,7 @@ class Sheet:
         ] = colour
 
     def all(self, colour: Colour | Array) -> None:
-        """Fill all of it."""
+        """Fill the whole sheet."""
         self.values[:] = colour
 
     def frame(self, edge: float, colour: Colour) -> None:
@@ -70,7 +70,7 @@ class Sheet:
             self.fill(x0, y0, x1, y1, colour)
 
     def text(self, x0: float, y0: float, x1: float, size: float, colour: Colour) -> None:
-        """Write a line of words that nobody can read, y0 its base."""
+        """Write a line of unreadable letters, y0 its base."""
         x = x0
         while x < x1:
             letters = int(self.stream.integers(2, 9))

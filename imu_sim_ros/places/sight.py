@@ -25,7 +25,7 @@ _SLACK: Final = np.float32(1e-5)
 
 
 def hidden_places(where: Surfaces, eye: Array, axis: Array, places: Single) -> Mask:
-    """Tell which places (n, 3) are behind rectangles that face an eye.
+    """Return True for places (n, 3) behind rectangles that face an eye.
 
     Of a closed body one side that is before a place faces the eye. Places in about the same
     direction are compared with what is in that direction.
@@ -86,7 +86,7 @@ def _directions(local: Single) -> Single:
 
 
 def _bounds(corners: Array) -> tuple[Single, Single]:
-    """Return the least and largest direction and depth (3, m) of what is before the eye.
+    """Return the least and largest direction and depth (3, m) of surfaces before the eye.
 
     :param corners: (4, m, 3) in the eye's frame, around each rectangle.
     """

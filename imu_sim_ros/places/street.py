@@ -155,7 +155,7 @@ def _facade(b: PlaceBuilder, width: float, storeys: int, shop: bool, style: int)
 def _furniture(
     b: PlaceBuilder, along: int, edge: float, inwards: int, stream: np.random.Generator
 ) -> None:
-    """Put trees and lamp posts along the kerb, and cars before it."""
+    """Add trees and lamp posts along the kerb, and cars before it."""
     low, high, ground = b.site.low, b.site.high, float(b.site.low[2])
     position, k = float(low[along]) + 2.5, 0
     while position < high[along] - 2.0:

@@ -180,7 +180,7 @@ class _Walkers:
         self._known = 0
 
     def _clear_of_cameras(self) -> Mask:
-        """Tell at which knots each cell (knots, cells) is off the cameras, now and a period on."""
+        """Return True for knots at which cells (knots, cells) are away from the cameras."""
         result = np.ones((_KNOTS, len(self._cells)), np.bool_)
         if not self._passage.ends:
             return result
@@ -206,7 +206,7 @@ class _Walkers:
         return result
 
     def _keep_off(self, bodies: Sequence[MovingBody]) -> None:
-        """Mark at which knots each cell is not off other bodies."""
+        """Mark the knots at which cells are too close to other bodies."""
         middles = self._floor.places[self._cells]
         halves: Array = np.arange(2.0 * _KNOTS) * (0.5 * STEP)
         for body in bodies:
@@ -239,7 +239,7 @@ class _Walkers:
         return None
 
     def _possible_legs(self, clear: Mask) -> Mask:
-        """Tell which legs (stops, stops, knots) may begin at which knots."""
+        """Return True for legs (stops, stops, knots) that may begin at a knot."""
         count = len(self._stops)
         result = np.zeros((count * count, _KNOTS), np.bool_)
         knots = (np.arange(_KNOTS)[:, None] + 1 + np.arange(_KNOTS // 2)) % _KNOTS
@@ -249,7 +249,7 @@ class _Walkers:
         return result.reshape(count, count, _KNOTS)
 
     def _homewards(self, home: int, go: Mask, stay: Mask) -> Mask:
-        """Tell from which stops (knots + 1, stops) a body can be home when the period is over."""
+        """Return True for stops (knots + 1, stops) from which a body can be home in time."""
         count = len(self._stops)
         result = np.zeros((_KNOTS + 2, count), np.bool_)
         result[_KNOTS, home] = stay[0, home]
@@ -398,7 +398,7 @@ def _wrapped(angle: float) -> float:
 
 
 def _floor(place: Place, top: float, keep_off: Passage | None) -> _Floor:
-    """Return the cells of the floor, and how far each is from whatever is above it up to a height.
+    """Return the cells of the floor, with their distances from things on it up to a height.
 
     :param keep_off: a path that counts as a thing.
     """
@@ -430,7 +430,7 @@ def _floor(place: Place, top: float, keep_off: Passage | None) -> _Floor:
 
 
 def _shadows(where: Surfaces, bottom: float, top: float) -> list[Array]:
-    """Return what the rectangles between two heights cover of the floor: corners (4, 2) of each."""
+    """Return the corners (4, 2) on the floor of rectangles between two heights."""
     o, a, b = where[:3]
     corners = np.stack([o, o + a, o + a + b, o + b], axis=1)
     high, low = corners[..., 2].max(axis=1), corners[..., 2].min(axis=1)
@@ -438,7 +438,7 @@ def _shadows(where: Surfaces, bottom: float, top: float) -> list[Array]:
 
 
 def _put(free: Array, grid: Array, corners: Array) -> None:
-    """Bring cells (a, b) nearer to what lies between corners (4, 2), a convex figure."""
+    """Lower the distances of cells (a, b) to those from a convex figure of corners (4, 2)."""
     low, high = corners.min(axis=0) - _REACH, corners.max(axis=0) + _REACH
     rows = slice(*np.searchsorted(grid[:, 0, 0], (low[0], high[0])))
     columns = slice(*np.searchsorted(grid[0, :, 1], (low[1], high[1])))

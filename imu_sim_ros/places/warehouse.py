@@ -54,7 +54,7 @@ def warehouse(site: Site) -> Place:
 
 
 def _row(b: PlaceBuilder, y: float, stream: np.random.Generator) -> None:
-    """Build a row of racks at y, and what is on it."""
+    """Add a row of racks at y with their load."""
     x0, _, z0 = b.site.low.tolist()
     x1, _, z1 = b.site.high.tolist()
     bays = max(1, int((x1 - x0 - 2 * _FRONT) / _BAY))
@@ -94,7 +94,7 @@ def _row(b: PlaceBuilder, y: float, stream: np.random.Generator) -> None:
 def _load(
     b: PlaceBuilder, corner: tuple[float, float, float], width: float, height: float, shade: int
 ) -> None:
-    """Put a pallet with cartons on a level."""
+    """Add a pallet with cartons to a level."""
     x, y, z = corner
     material = ("cardboard", "cardboard:a88454", "cardboard:bc9a6c", "paint:dfe4e8")[shade]
     prints = {}

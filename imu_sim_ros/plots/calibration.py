@@ -100,7 +100,7 @@ def _residuals(
     poses: tuple[NDArray[np.intp], Sequence[str]],
     names: tuple[str, str, str],
 ) -> Figure:
-    """Draw errors (n, 3) in two panels, a column for each pose and in it each axis by itself.
+    """Draw errors (n, 3) in two panels, a column for each pose, divided by axis.
 
     :param uncalibrated: title and errors; ``calibrated`` likewise.
     :param sigma: (n, 3) standard errors.

@@ -57,7 +57,7 @@ class FlightView:
     """A recording of rerun that is filled part by part."""
 
     def __init__(self, title: str) -> None:
-        """Begin.
+        """Initialise without data.
 
         :param title: name of the recording.
         :raises MissingDependencyError: without rerun.

@@ -148,7 +148,7 @@ def _view(
 
 
 def _keep_in_view(axis: Axes, truth: Array, equal: bool) -> None:
-    """Let a path that drifts away leave the picture, before the truth becomes a dot in it.
+    """Limit the picture to the surroundings of the truth if a path drifts far away.
 
     :param truth: (n, 2) [m].
     :param equal: a metre is as long across as up.

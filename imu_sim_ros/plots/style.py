@@ -129,7 +129,7 @@ def small_ticks(axes: Axes) -> None:
 
 
 def tidy(axes: Axes) -> None:
-    """Give one panel a light grid and no frame on the right and at the top."""
+    """Draw a light grid, and no frame on the right and at the top of a panel."""
     axes.grid(True, which="major", color="#DDDDDD", linewidth=0.6)
     axes.set_axisbelow(True)
     for side in ("top", "right"):
@@ -149,7 +149,7 @@ def heading(picture: Figure, text: str) -> None:
 def legend_above(
     axes: Axes, ncols: int, title: str | None = None, handles: Sequence[Artist] | None = None
 ) -> Legend:
-    """Put a legend above a panel, at the right.
+    """Add a legend above a panel, at the right.
 
     :param handles: entries; None: everything with a label in the panel.
     """

@@ -125,7 +125,7 @@ def _centre(rare: Mask) -> float:
 
 
 def _running_delay(values: Array, reach: int) -> Array:
-    """Return the median (n,) of each value and of ``reach`` ones on either side, averaged likewise.
+    """Return the running median (n,) over ``reach`` values on either side, then its mean.
 
     The median leaves out late stamps. Of rounded delays, such as those of held poses, which are 0
     or a step of the log, it alternates between two; the mean makes a slow drift of that.

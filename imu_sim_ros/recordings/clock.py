@@ -320,7 +320,7 @@ def _lined_interval(
 
 
 def _line(rows: Integers, heads: Times) -> tuple[float, float]:
-    """Return slope of a line through stamps over their rows, and the range of what is left [ns]."""
+    """Return the slope of stamps over their rows, and the range of the residuals [ns]."""
     k = (rows - rows[0]).astype(np.float64)
     t = (heads - heads[0]).astype(np.float64)
     # Least squares tilt a sawtooth; the line between both ends of it does not.
@@ -361,7 +361,7 @@ class Strip:
     """Range of the lateness of coarsely rounded stamps, which losses alone leave."""
 
     def __init__(self, width: float) -> None:
-        """Begin with the next step.
+        """Initialise without steps.
 
         :param width: range of the errors of rounding, in intervals.
         """
@@ -370,7 +370,7 @@ class Strip:
         """Lateness of the last stamp, the least and the largest of those before, in intervals."""
 
     def add(self, excess: float, longest: float) -> int:
-        """Take the next step; return the samples that are missing in it.
+        """Add the next step; return the samples that are missing in it.
 
         :param excess: its length beyond its readings, in intervals.
         :param longest: so many missing samples are a loss, more are a pause, in which the phase of
@@ -397,7 +397,7 @@ class Losses:
     """Counts the samples that are missing before each stamp, block by block."""
 
     def __init__(self, pattern: StampPattern) -> None:
-        """Begin with the next stamp.
+        """Initialise without stamps.
 
         :param pattern: of the stamps.
         """
@@ -475,7 +475,7 @@ class Losses:
         return missing
 
     def _missing(self, excess: Array) -> Integers:
-        """Return the missing samples of steps, which are so much longer than their readings.
+        """Return the missing samples of steps that exceed the intervals of their readings.
 
         :param excess: (n,) in intervals.
         """
@@ -500,7 +500,7 @@ class Losses:
         return np.array([strip.add(step, self.longest) for step in excess.tolist()], np.int64)
 
     def _follow(self, steps: Integers, samples: Integers) -> None:
-        """Refine the interval by what has passed."""
+        """Refine the interval by the latest steps."""
         regular = samples < self.longest
         self._followed += steps[regular].sum(), samples[regular].sum()
         time, count = self._followed.tolist()
@@ -614,7 +614,7 @@ class Clock:
 
     @property
     def lost(self) -> int:
-        """Samples lost between readings, pauses apart."""
+        """Samples lost between readings, without those of pauses."""
         return int(self.missing.sum())
 
     @property
@@ -762,7 +762,7 @@ def kind_of_stamps(
 
 
 def _events(t_ns: Times, clock: Clock, order: StampOrder, duplicates: Integers) -> list[Trait]:
-    """Return what else the stamps show, worst first."""
+    """Return the other traits of the stamps, worst first."""
     traits = []
 
     def add(kind: str, rows: Integers, text: str, number: int | None = None) -> None:

@@ -23,7 +23,7 @@ class BatchSpreader:
     """
 
     def __init__(self, complain: Callable[[str], None]) -> None:
-        """Begin with the next reading.
+        """Initialise without readings.
 
         :param complain: receives a line when readings share a stamp.
         """
@@ -36,7 +36,7 @@ class BatchSpreader:
         self._has_batches = False
 
     def add(self, reading: LiveReading) -> list[LiveReading]:
-        """Take a reading; return those whose times are known now, in order."""
+        """Add a reading; return the readings whose times are now known, in order."""
         previous, self._previous = self._previous, reading
         if previous is not None and reading.t_ns == previous.t_ns:
             if reading.gyro == previous.gyro and reading.accel == previous.accel:
@@ -50,7 +50,7 @@ class BatchSpreader:
         return [*self._spread(reading.t_ns), reading]
 
     def _tell(self, t_ns: int) -> None:
-        """Say once that there are batches, and for each that has no end."""
+        """Report once that there are batches, and each batch without an end."""
         if not self._has_batches:
             self._has_batches = True
             self._complain(

@@ -29,7 +29,7 @@ class LiveClock:
     """
 
     def __init__(self, max_gap_ns: int = 0) -> None:
-        """Begin with the next stamp.
+        """Initialise without stamps.
 
         :param max_gap_ns: length above which a step is a gap [ns]; 0: by the clock.
         """
@@ -58,7 +58,7 @@ class LiveClock:
         self._change_count = self._pauses = 0
 
     def add(self, t_ns: Times, changes: Mask | None = None) -> None:
-        """Take the next stamps, in the order of their arrival.
+        """Add stamps in the order of their arrival.
 
         :param t_ns: (n,) stamps [ns].
         :param changes: (n,) True where a message has other contents than the one before; None: not
@@ -117,7 +117,7 @@ class LiveClock:
         self.longest = float(steps.max()) * 1e-9 if len(steps) else 0.0
 
     def _pass_on(self, t_ns: Times, changes: Mask | None) -> None:
-        """Take stamps block by block, the first 65,536 of them at once."""
+        """Process stamps block by block, the first 65,536 of them at once."""
         assert self._stream is not None
         values = np.empty((len(t_ns), 0))
         if changes is not None:

@@ -47,7 +47,7 @@ class Spreading(Generic[SeriesT]):
     """
 
     def __init__(self, nominal_ns: float) -> None:
-        """Begin with the next reading.
+        """Initialise without readings.
 
         :param nominal_ns: interval of the readings [ns].
         """
@@ -59,7 +59,7 @@ class Spreading(Generic[SeriesT]):
         """Number of readings whose stamps were changed."""
 
     def take(self, readings: SeriesT) -> None:
-        """Take readings with a stamp of their own each, the last of which may be repeated."""
+        """Note the last of some readings, whose stamp the next one may repeat."""
         self._last, self._last_ns, self._rank = readings, int(readings.t_ns[-1]), 0
 
     def apply(self, readings: SeriesT) -> SeriesT:
@@ -99,7 +99,7 @@ class Order(Generic[SeriesT]):
         left_out: Callable[[int], object] = lambda step_ns: None,
         taken_back: Callable[[int], object] = lambda count: None,
     ) -> None:
-        """Begin with the next reading.
+        """Initialise without readings.
 
         :param left_out: receives of each reading that is left out its step from the last one [ns],
             0 if it repeats the stamp.
@@ -189,7 +189,7 @@ class Gaps:
     """
 
     def __init__(self, nominal_ns: float, longest_ns: float) -> None:
-        """Begin with the next reading.
+        """Initialise without readings.
 
         :param nominal_ns: interval of the readings [ns].
         :param longest_ns: a longer gap is a pause, which leaves out nothing [ns].
@@ -220,12 +220,12 @@ class Gaps:
         return True
 
     def take(self, times: Sequence[int]) -> None:
-        """Take the next stamps [ns], in which there is no gap."""
+        """Add stamps [ns] without a gap."""
         self._recent_ns += times
         del self._recent_ns[:-_LARGEST_BUNCH]
 
     def _split(self, t_ns: Times) -> Iterator[tuple[slice | None, int, int]]:
-        """Yield what :meth:`parts` returns."""
+        """Yield the parts that :meth:`parts` returns."""
         recent_count, next_ns = len(self._recent_ns), t_ns
         t_ns = np.concatenate([np.array(self._recent_ns, np.int64), t_ns])
         self._recent_ns = t_ns[-_LARGEST_BUNCH:].tolist()

@@ -71,7 +71,7 @@ class LiveGap:
     """The longest step that is no gap in a stream, by the stamps so far; see :func:`gap_length`."""
 
     def __init__(self, max_gap: float, shortest: float) -> None:
-        """Take no stamps yet.
+        """Initialise without stamps.
 
         :param max_gap, shortest: as in :func:`gap_length`.
         """
@@ -85,7 +85,7 @@ class LiveGap:
         self._t_ns: int | None = None
 
     def add(self, t_ns: int) -> None:
-        """Take the next stamp."""
+        """Add the next stamp."""
         steps = self._steps
         if steps is None:
             return
@@ -105,7 +105,7 @@ class LiveGap:
 
 
 def longest_loss(interval_ns: float) -> float:
-    """Return how many missing readings in a row are a loss; more of them are a pause.
+    """Return the largest number of consecutive missing readings that is a loss, not a pause.
 
     Ten readings, or a second if that is more.
     """
@@ -113,7 +113,7 @@ def longest_loss(interval_ns: float) -> float:
 
 
 class StampOrder(NamedTuple):
-    """Rows of n stamps, by what their order says."""
+    """Rows of n stamps by their kind: in order, late, stray, after a reset."""
 
     pieces: tuple[Integers, ...]
     """Rows of each stretch of one time, sorted by stamp."""

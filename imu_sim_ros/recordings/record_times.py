@@ -27,7 +27,7 @@ class RecordTimes:
     """
 
     def __init__(self) -> None:
-        """Take no stamps yet."""
+        """Initialise without stamps."""
         self._latest_ns: int | None = None
         self._offset_ns = 0
         """Record time less stamp [ns]."""
@@ -78,7 +78,7 @@ class LiveRecordTimes:
     """
 
     def __init__(self) -> None:
-        """Take no stamps yet."""
+        """Initialise without stamps."""
         self._offset_ns = 0
         self._topics: dict[str, _TopicTime] = {}
 

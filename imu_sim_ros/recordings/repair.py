@@ -176,7 +176,7 @@ def _explained(
     values, columns = _scaled(t, poses, usual, window)
 
     def best(length: int) -> tuple[float, int, float]:
-        """Return what is left without so many poses from a row on (0: with a jump), and the jump.
+        """Return the residual without ``length`` poses (0: with a jump), their row, the jump.
 
         The jump's size is in usual deviations, too.
         """

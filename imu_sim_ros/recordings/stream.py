@@ -49,13 +49,13 @@ class Stretch(NamedTuple):
 
 
 class ClockStream:
-    """Puts the readings of recordings of one sensor in order and counts what is lost.
+    """Orders the readings of recordings of one sensor, and counts the lost ones.
 
     The recordings share a clock: its pattern is found from the first one.
     """
 
     def __init__(self) -> None:
-        """Begin with the first recording."""
+        """Initialise without recordings."""
         self.pattern: StampPattern | None = None
         """Known from the first stretch on."""
         self.strays = self.late = self.resets = self.duplicates = self.pauses = self.lost = 0
@@ -90,7 +90,7 @@ class ClockStream:
         return float(np.sqrt(variance)) * self.pattern.interval_ns
 
     def add(self, t_ns: Times, values: Array, *, last: bool = False) -> Iterator[Stretch]:
-        """Take the next readings; yield those whose order is known.
+        """Add readings; yield those whose order is known.
 
         :param t_ns: (n,) stamps in the order of arrival [ns].
         :param values: (n, k) readings; k = 0: unknown, then stamps alone tell repeated messages.

@@ -201,7 +201,7 @@ class _Pair:
         return float(np.sum(residuals**2)) / self._size
 
     def _fit(self, rates: Array) -> tuple[Array, Array]:
-        """Return what rates (n, 3) in other axes, of other scales, explain, and what they do not.
+        """Return an orthonormal base of rates (n, 3), and the part of the other rates outside it.
 
         Directions in which nothing turns are left out.
         """

@@ -72,7 +72,7 @@ def _topics(path: Path) -> list[TopicInfo]:
 
 
 def _noting(blocks: Iterable[Readings], notes: list[str]) -> Iterator[Readings]:
-    """Yield blocks of readings as they are; their notes are appended."""
+    """Yield blocks of readings unchanged, and append their notes."""
     for block in blocks:
         notes += [note for note in block.notes if note not in notes]
         yield block

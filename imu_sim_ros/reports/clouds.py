@@ -126,7 +126,7 @@ class _Truth(NamedTuple):
 
 
 def _truth(path: Path, name: str) -> _Truth:
-    """Return what the truth says of the points of each scan."""
+    """Return the true kinds and ranges of the points of each scan."""
     stamps, counts, squares = [], [], []
     for t_ns, points in read_clouds(path, name):
         names = points.dtype.names or ()

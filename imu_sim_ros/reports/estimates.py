@@ -45,7 +45,7 @@ _MOVED: Final = (
 
 
 class TruthWithEstimates(NamedTuple):
-    """One truth and the estimates of it."""
+    """One truth with its estimates."""
 
     title: str
     """Subject of its sections: motion, or the topic of odometry with a truth of its own."""
@@ -73,7 +73,7 @@ class ComparedEstimate(NamedTuple):
 
 
 def estimate_sections(path: Path, flights: Sequence[TruthWithEstimates]) -> list[Section]:
-    """Return the sections of truths and estimates: what is compared first, then each in detail."""
+    """Return the sections of truths and estimates: first the comparison, then each one."""
     groups: list[tuple[TruthWithEstimates, list[ComparedEstimate]]] = []
     sections: list[Section] = []
     number = 0

@@ -44,7 +44,7 @@ Item = dict[str, Any]
 
 
 class Section(NamedTuple):
-    """A part of a page, with a link to it."""
+    """A section of a page, with its anchor."""
 
     title: str
     items: list[Item]
@@ -95,7 +95,7 @@ def _shortened(value: float) -> float | int:
 
 
 def column(name: str, values: Iterable[Any]) -> Item:
-    """Return a table's column; what recurs is written once, many numbers as floats."""
+    """Return a table's column; repeated values are stored once, many numbers as floats."""
     entries = list(values)
     if len(entries) > _PACKED:
         usual = max(counted := Counter(entries), key=counted.__getitem__)

@@ -38,7 +38,7 @@ _ESTIMATES: Final = ("estimate.txt", "estimate.csv", "estimate")
 def opened(
     plan: Plan, rows: Sequence[Row], groups: Sequence[Group], folder: Path, metric: str
 ) -> Item:
-    """Return what there is of runs in addition to their numbers, by their places in the rows.
+    """Return details of runs by row.
 
     Logs and folders of those that were kept, the failed ones first; paths of those in the middle
     and of the worst of each group.
@@ -62,7 +62,7 @@ def opened(
 
 
 def repeated(folder: Path) -> Item:
-    """Return a campaign's plan without its gate, grid and seeds: what all of its runs share."""
+    """Return a campaign's plan without gate, grid and seeds: the part common to all runs."""
     import yaml
 
     try:

@@ -311,7 +311,7 @@ def comparison(
 
 
 def column_colour(column: str, number: int) -> str | int:
-    """Return the colour of a column: that of its axis, else that of its number."""
+    """Return the colour of a column: that of its axis, or one by its number."""
     return _AXIS_OF.get(column, number)
 
 
@@ -355,7 +355,7 @@ def _error_plots(
 
 
 def _summary(name: str, error: Array, variance: Array, columns: Sequence[str], unit: str) -> str:
-    """Return the size of errors, and the shares of them within the stated deviations."""
+    """Return the size of errors, and their shares within the stated deviations."""
     sizes = ", ".join(
         f"{size:.3g} {column}"
         for size, column in zip(np.sqrt(np.mean(error**2, axis=0)), columns, strict=True)

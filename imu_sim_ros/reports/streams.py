@@ -159,7 +159,7 @@ def bias_series(path: Path, topics: Sequence[TopicInfo]) -> list[tuple[str, str,
 
 
 def _bias_units() -> dict[str, str]:
-    """Return the units of biases by what their topics are called."""
+    """Return the units of biases by the names of their topics."""
     tables = [sensor.table for sensor in sensors_of_imus()]
     return _UNITS | {
         table.truths[1]: table.quantity.unit for table in tables if table and table.truths
@@ -375,7 +375,7 @@ class _RestShare:
         self._windows, self._resting = 0, 0
 
     def add(self, t_ns: Times, values: Array) -> None:
-        """Take readings (n, 6): gyroscope x y z, accelerometer x y z."""
+        """Add readings (n, 6): gyroscope x y z, accelerometer x y z."""
         self._t_ns = np.concatenate([self._t_ns, t_ns])
         self._values = np.concatenate([self._values, values])
         while len(self._t_ns) >= _JUDGED:

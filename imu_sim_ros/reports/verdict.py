@@ -37,7 +37,7 @@ _MAX_OTHERS: Final = 30
 
 
 def short(labels: dict[str, str], varying: Sequence[str]) -> str:
-    """Return a group's name: what varies; numbers with the last part of their parameter's name."""
+    """Return a group's name by its varying parameters, with the last parts of their names."""
     parts = []
     for name in varying:
         value = labels[name]

@@ -55,7 +55,7 @@ def declared() -> "dict[str, Sensor]":
 
 @cache
 def sensors_of_imus() -> "tuple[Sensor, ...]":
-    """Return the sensors that each IMU has with it."""
+    """Return the sensors that belong to each IMU."""
     return tuple(sensor for sensor in declared().values() if sensor.with_imu)
 
 

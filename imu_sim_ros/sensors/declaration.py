@@ -37,13 +37,13 @@ class Model(Protocol):
     """A sensor whose samples are read in order."""
 
     def configure(self, parameters: Any) -> None:
-        """Take new values of live parameters, from the next sample on.
+        """Apply new values of live parameters, from the next sample on.
 
         :param parameters: what the sensor was made with: those of its IMU, or its own section.
         """
 
     def inject(self, fault: Fault, begin: Fraction) -> None:
-        """Let a fault begin with the first sample not before a time since the start [s]."""
+        """Start a fault at the first sample at or after a time since the start [s]."""
 
     def read(self, window: Window, world: World) -> Samples:
         """Return the samples in a window, which begins where the last one ended."""
@@ -84,7 +84,7 @@ class Mounted(NamedTuple):
         return (self.sensor.parts or (self.name,)) if self.sensor.faults else ()
 
     def takes(self, fault: Fault) -> bool:
-        """Return whether a fault hits it; one that names nothing hits what has parts."""
+        """Return whether a fault hits this sensor; one without a name hits sensors with parts."""
         return fault.triad in self.faulty or (not fault.triad and bool(self.sensor.parts))
 
 
@@ -154,7 +154,7 @@ def mount_of(parameters: Any) -> Array:
 
 
 def on_demand(module: str, name: str) -> Callable[..., Any]:
-    """Return what calls a function of a module, which is imported with the first call.
+    """Return a function that calls one of a module, which is imported with the first call.
 
     Most runs have few sensors, and what makes one is slow to import.
     """

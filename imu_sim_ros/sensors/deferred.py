@@ -34,7 +34,7 @@ class Deferred(Mapping[str, object]):
 
 
 class Completed(Mapping[str, object]):
-    """Values by name; some are there, the others are made together when one of them is needed."""
+    """Values by name; missing ones are computed together when one of them is needed."""
 
     def __init__(
         self, made: dict[str, object], names: Sequence[str], make: Callable[[], Iterable[Any]]
@@ -59,7 +59,7 @@ class Completed(Mapping[str, object]):
 
 
 class Results(Sequence[_Made]):
-    """Results of threads, in order; reading one waits for it."""
+    """Results of threads, in order; access to one waits for it."""
 
     def __init__(self, results: list[Callable[[], _Made]]) -> None:
         """Take what waits for each."""
@@ -81,7 +81,7 @@ class Results(Sequence[_Made]):
 
 
 class Each(Generic[_T]):
-    """A large value of each of n samples, such as an image; several threads may ask for it."""
+    """A large value of each of n samples, such as an image, for several threads."""
 
     def __init__(
         self,

@@ -110,7 +110,7 @@ class AtmosphereParameters:
 
 @dataclass(frozen=True)
 class MagneticFieldParameters:
-    """The magnetic field of the world: the Earth's, and what disturbs it in place and time."""
+    """The magnetic field of the world: the Earth's, and disturbances in space and time."""
 
     model: str = choice(
         "constant",
@@ -227,7 +227,7 @@ class EnvironmentParameters:
     atmosphere: AtmosphereParameters = section(AtmosphereParameters)
 
     def problems(self, prefix: str) -> Iterator[str]:
-        """Say which parameters do not fit each other, a line each."""
+        """Yield a line for each parameter that does not fit another one."""
         if self.curved_earth:
             if self.gravity_model != "wgs84":
                 yield (

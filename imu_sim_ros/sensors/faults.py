@@ -108,7 +108,7 @@ class FaultSchedule:
     _injected: int = 0
 
     def add(self, fault: Fault, first_sample: int, current: int) -> None:
-        """Let a fault begin at a sample; drop those that ended before the sample ``current``."""
+        """Start a fault at a sample; drop faults that ended before the sample ``current``."""
         end = first_sample + fault.duration / self.dt
         stream = generator(self.seed, f"{self.prefix}fault.{self._injected}")
         self._injected += 1

@@ -94,7 +94,7 @@ class OverGround(NamedTuple):
 
 
 class CurvedEarth:
-    """The places of a trajectory on WGS84, and what an IMU senses of them."""
+    """WGS84 along a trajectory: positions, gravity, and rotation for an IMU."""
 
     def __init__(self, environment: EnvironmentParameters) -> None:
         """Take the origin."""

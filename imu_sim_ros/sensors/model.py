@@ -37,10 +37,10 @@ class FixedModel:
 
 
 class SensorModel:
-    """A sensor with a mount of its own: a class derives from it and has :meth:`measure`."""
+    """Base class of sensors with a mount of their own; subclasses define :meth:`measure`."""
 
     def __init__(self, mounted: Mounted, t0_ns: int) -> None:
-        """Start before the first sample.
+        """Initialise before the first sample.
 
         :param t0_ns: time of the start [ns].
         """
@@ -78,7 +78,7 @@ class SensorModel:
         raise NotImplementedError
 
     def complete(self, values: Mapping[str, Array]) -> Mapping[str, Array]:
-        """Return the values with what follows from the readings, after faults."""
+        """Return the values with those derived from the readings, after faults."""
         return values
 
     def sent(self, values: Mapping[str, Array]) -> Mask | None:
@@ -86,12 +86,12 @@ class SensorModel:
         return None
 
     def configure(self, parameters: SensorParameters) -> None:
-        """Take new values of live parameters, from the next sample on."""
+        """Apply new values of live parameters, from the next sample on."""
         self.parameters = parameters
         self._timing.configure(parameters)
 
     def inject(self, fault: Fault, begin: Fraction) -> None:
-        """Let a fault begin with the first sample not before a time since the start [s]."""
+        """Start a fault at the first sample at or after a time since the start [s]."""
         self._timing.inject(fault, begin)
 
     def read(self, window: Window, world: World) -> Samples:
@@ -107,7 +107,7 @@ class SensorModel:
         return block._replace(delivered=block.delivered[sent[block.delivered]])
 
     def _take_faults(self, first: int, values: dict[str, Array]) -> None:
-        """Let faults change the readings."""
+        """Apply faults to the readings."""
         name = next(iter(values))
         reading = values[name]
         count = len(reading)
@@ -158,18 +158,18 @@ class SensorWithImu:
         self.configure(imu)
 
     def configure(self, imu: ImuParameters) -> None:
-        """Take new values of live parameters, from the next sample on."""
+        """Apply new values of live parameters, from the next sample on."""
         self.parameters = imu.sensors[self.name]
         self._reference_temperature = imu.reference_temperature
         self.timing.configure(imu)
         self.triad.configure(unit_of_seed(imu.triad(self.name), self.name, self.seed))
 
     def inject(self, fault: Fault, begin: Fraction) -> None:
-        """Let a fault begin with the first sample not before a time since the start [s]."""
+        """Start a fault at the first sample at or after a time since the start [s]."""
         self.timing.inject(fault, begin)
 
     def ideal(self, t: Array, world: World) -> Array:
-        """Return what a sensor without errors reads (n,) or (n, 3).
+        """Return the readings of a sensor without errors (n,) or (n, 3).
 
         :param t: (n,) since the start [s].
         """
@@ -189,7 +189,7 @@ class SensorWithImu:
         return self._read(samples, self.ideal(samples.t, world), world)
 
     def apply(self, true_t_ns: Times, ideal: Array, world: World) -> Samples:
-        """Return the next n samples of ideal values that somebody gives.
+        """Return the next n samples of ideal values from outside the simulation.
 
         :param true_t_ns: (n,) of the samples [ns].
         :param ideal: (n,) or (n, 3), as :meth:`ideal` returns them.

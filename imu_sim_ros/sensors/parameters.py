@@ -198,7 +198,7 @@ ORTHONORMAL_TOLERANCE = 1e-6
 
 
 def rotation_problems(values: Matrix, name: str) -> Iterator[str]:
-    """Say why nine numbers, row by row, are not a rotation matrix.
+    """Yield a line if nine numbers, row by row, are not a rotation matrix.
 
     :param name: of the parameter, for the message.
     """

@@ -91,7 +91,7 @@ class SampleTiming:
         offset: float = 0.0,
         span: float = 0.0,
     ) -> None:
-        """Start before the first sample.
+        """Initialise before the first sample.
 
         :param name: of the sensor, the first part of its random streams' names; that of an IMU is
             empty.
@@ -115,7 +115,7 @@ class SampleTiming:
         self.configure(timing)
 
     def configure(self, timing: TimingParameters) -> None:
-        """Take new values of live parameters, from the next sample on.
+        """Apply new values of live parameters, from the next sample on.
 
         A lowered latency applies to the next message at once: those still waiting leave first.
         """
@@ -138,11 +138,11 @@ class SampleTiming:
         self._duplicate = timing.duplicate_probability
 
     def inject(self, fault: Fault, begin: Fraction) -> None:
-        """Let a fault begin with the first sample that is not before a time since the start [s]."""
+        """Start a fault at the first sample at or after a time since the start [s]."""
         self.faults.add(fault, max(self.times.index(begin), self.position), self.position)
 
     def given(self, true_t_ns: Times) -> Sampled:
-        """Return the next samples, whose times somebody gives; errors follow the nominal ones.
+        """Return the next samples at times from outside; errors follow the nominal times.
 
         :param true_t_ns: (n,) [ns].
         """
@@ -243,7 +243,7 @@ class SampleTiming:
 
 
 def deviation_before_cut(deviation: float, limit: float) -> float:
-    """Return the deviation s of normal numbers that have the given one after clipping.
+    """Return the deviation of normal numbers that have a given one after clipping.
 
     Numbers beyond ``+-limit`` are set to it. With ``c = limit / s`` what is left has the variance
     ``s^2 (erf(c / sqrt 2) - c sqrt(2 / pi) exp(-c^2 / 2) + c^2 erfc(c / sqrt 2))``, the integral of

@@ -115,7 +115,7 @@ class World:
         return self._make_scene(self)
 
     def shared(self, name: str, make: Callable[[], Any]) -> Any:
-        """Return what several sensors make of the world: the first one makes it."""
+        """Return an object that several sensors use; it is made with the first call."""
         if name not in self._shared:
             self._shared[name] = make()
         return self._shared[name]

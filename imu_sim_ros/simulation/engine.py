@@ -50,7 +50,7 @@ DEFAULT_START_NS: Final = timebase.NANOSECONDS_PER_SECOND
 
 
 class Body:
-    """A world and the sensors of a body in it, by name; their samples come in order."""
+    """A world and the sensors of a body in it, by name, with their samples in order."""
 
     def __init__(
         self,
@@ -144,7 +144,7 @@ class Body:
         return list(dict.fromkeys(lines))
 
     def notes(self, elsewhere: bool = False) -> list[str]:
-        """Return what was made of recorded poses and for sensors, and how large a place is.
+        """Return notes about recorded poses, sensors and the size of a place.
 
         :param elsewhere: as in :meth:`warnings`.
         """
@@ -181,7 +181,7 @@ class Body:
         return self.world.scene.note if has_views else ""
 
     def reset(self) -> None:
-        """Go back to the first sample: the same samples follow again."""
+        """Restart at the first sample: the same samples follow again."""
         self._now = Fraction(0)
         p = self.parameters
         self.world = World(self.trajectory, p, self.t0_ns, self._made_scene, self._threads)
@@ -227,7 +227,7 @@ class Body:
         return copied
 
     def update(self, parameters: SimulationParameters) -> None:
-        """Take new values of live parameters; they apply from the next window on.
+        """Apply new values of live parameters; they apply from the next window on.
 
         :raises ConfigurationError: with a line for every changed parameter that is not live;
             nothing is changed then.
@@ -247,7 +247,7 @@ class Body:
             model.configure(self.sensors[name].own)
 
     def inject(self, fault: Fault, delay: float = 0.0, imu: str = "") -> dict[str, int]:
-        """Let a fault begin.
+        """Start a fault.
 
         :param delay: seconds after the next sample, >= 0.
         :param imu: name of the one IMU that it hits, with the sensors of this IMU; empty: all.

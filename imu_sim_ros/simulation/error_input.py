@@ -177,7 +177,7 @@ class Resampler:
     """
 
     def __init__(self, parameters: ErrorModelParameters) -> None:
-        """Begin with the next reading."""
+        """Initialise without readings."""
         imu, self._rate = parameters.imu, parameters.rate
         self._averaged = imu.sampling == "averaged"
         self._ratio = int(imu.internal_ratio(parameters.rate))
@@ -190,7 +190,7 @@ class Resampler:
         self._begin_ns, self._next, self._kept = None, 0, None
 
     def apply(self, readings: Readings) -> Grid:
-        """Take n readings; return the samples up to the last of them."""
+        """Add n readings; return the samples up to the last one."""
         if self._begin_ns is None:
             self._begin_ns = int(readings.t_ns[0])
         stretch = readings if self._kept is None else concatenated([self._kept, readings])
@@ -257,7 +257,7 @@ class Resampler:
         return with_fields(samples, gyro=gyro, accel=accel)
 
     def _keep(self, stretch: Readings) -> None:
-        """Keep the readings that the next samples need: from the one before the last sample on."""
+        """Keep the readings that the next samples need, from the one before the last sample on."""
         assert self._begin_ns is not None
         reached = self._begin_ns
         if self._next:
@@ -311,7 +311,7 @@ class Differentiator:
     """
 
     def __init__(self, parameters: ErrorModelParameters) -> None:
-        """Begin with the next message."""
+        """Initialise without messages."""
         self.span = parameters.input.odometry_span
         self._in_world = parameters.input.twist_frame != "body"
         self._gravity_w = gravity_vector(parameters)
@@ -327,7 +327,7 @@ class Differentiator:
         self._t_ns, self._rows = np.empty(0, np.int64), np.empty((0, 10))
 
     def apply(self, t_ns: Times, q_wb: Array, velocity: Array, rate: Array) -> Readings:
-        """Take n messages; return the readings that are now known, s messages late.
+        """Add n messages; return the readings that are now known, s messages late.
 
         :param q_wb: (n, 4).
         :param velocity: (n, 3) in the axes of ``input.twist_frame`` [m/s].
@@ -417,7 +417,7 @@ class StartCheck:
     """A comparison of the first 2 s of readings, or of all of fewer, with the declaration."""
 
     def __init__(self, parameters: ErrorModelParameters) -> None:
-        """Begin with the next reading."""
+        """Initialise without readings."""
         self._parameters = parameters
         self._g = math.hypot(*gravity_vector(parameters).tolist())
         self._turned = Conventions(parameters).turned
@@ -431,7 +431,7 @@ class StartCheck:
     def look(
         self, t_ns: Times | int, gyro: Array | Vector[float], accel: Array | Vector[float]
     ) -> list[str]:
-        """Take readings as they came; return the remarks when 2 s are over, before that none.
+        """Add readings as they came; return the remarks after 2 s, none before.
 
         :param t_ns: (n,) or that of one reading [ns].
         :param gyro: (n, 3), or the components of one [rad/s].
@@ -527,7 +527,7 @@ class StartCheck:
             )
 
     def _of_axes(self, up: Array, rests: bool) -> Iterator[str]:
-        """Say where upwards in the input's own axes is not where the declared ones have it.
+        """Yield lines where the input's own axes contradict the declared ones.
 
         In motion this is said only if other axes fit.
         """
@@ -557,7 +557,7 @@ class StartCheck:
         )
 
     def _of_noise(self, t_ns: Times, gyro: Array, accel: Array) -> Iterator[str]:
-        """Say which triads of the input have white noise that adds to the sensor's."""
+        """Yield lines about white noise of the input that adds to the sensor's."""
         imu, rate = self._parameters.imu, self._parameters.rate
         rows = _in_a_row(t_ns, (gyro, accel))
         if len(rows) < _FEWEST:
@@ -598,7 +598,7 @@ class BatchStartCheck:
     """
 
     def __init__(self, parameters: Sequence[ErrorModelParameters], count: int) -> None:
-        """Begin with the next sample.
+        """Initialise without samples.
 
         :param parameters: unit k has those of k modulo their number.
         :param count: of units.
@@ -612,7 +612,7 @@ class BatchStartCheck:
         self.done = not parameters[0].input.check
 
     def look(self, t_ns: int, gyro: Array, accel: Array, held: Mask) -> list[str]:
-        """Take a sample of all units as it came; return the remarks when 2 s are over.
+        """Add a sample of all units as it came; return the remarks after 2 s.
 
         :param t_ns: as given [ns].
         :param gyro: (count, 3) angular rates in the axes of the input [rad/s].

@@ -80,7 +80,7 @@ class GivenImu(GivenSensor[Readings, dict[str, Any]]):
         return bool(self._sensors) or self.parameters.input.gravity == "missing"
 
     def _begin(self, seed: int) -> None:
-        """Begin the errors of a unit with a seed."""
+        """Start the errors of a unit with a seed."""
         super()._begin(seed)
         self._imu: Imu | None = None
         self._pending: ErrorModelParameters | None = None
@@ -130,14 +130,14 @@ class GivenImu(GivenSensor[Readings, dict[str, Any]]):
         return super().read(readings)
 
     def reset(self) -> None:
-        """Begin again with the next reading, with the seed that input.restart gives."""
+        """Restart with the next reading, with the seed that input.restart states."""
         self.finish()
         super().reset()
         for sensor in self._given_others.values():
             sensor.reset()
 
     def update(self, parameters: ErrorModelParameters) -> None:
-        """Take new values of live parameters, from the next multiple of 64 samples on.
+        """Apply new values of live parameters, from the next multiple of 64 samples on.
 
         :raises ConfigurationError: with a line for every changed parameter that is not live;
             nothing is changed then.
@@ -171,7 +171,7 @@ class GivenImu(GivenSensor[Readings, dict[str, Any]]):
         return self
 
     def inject(self, fault: Fault, delay: float = 0.0) -> int:
-        """Let a fault begin; returns the index of the first sample that it hits.
+        """Start a fault; return the index of the first sample that it hits.
 
         :param delay: seconds after the sensor's next sample, >= 0.
         :raises ConfigurationError: for another delay, and a sensor that is not there.
@@ -278,7 +278,7 @@ class GivenImu(GivenSensor[Readings, dict[str, Any]]):
         return imu
 
     def _motion(self, readings: Readings) -> Motion:
-        """Return what is known of the motion: the attitude, and the acceleration with it."""
+        """Return the known motion: the attitude, and the acceleration that follows from it."""
         motion = unknown_motion(len(readings.t_ns))
         if readings.q_wb is None:
             if self._sensors:

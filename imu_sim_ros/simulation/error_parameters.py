@@ -203,7 +203,7 @@ _OF_THE_SIMULATOR: Final = {
 
 
 def layer_error_model(parameters: Mapping[str, object], problems: Problems) -> dict[str, object]:
-    """Return what was given above the preset that it names; what concerns motion is left out.
+    """Return parameters above the preset that they name, without those of motion.
 
     :param problems: receives a line for a preset that cannot be read.
     """
@@ -225,7 +225,7 @@ def load_error_model(
 
 
 def orientation_problems(imu: ImuParameters, prefix: str = "") -> Iterator[str]:
-    """Say why an IMU cannot state an orientation of its own if only readings are given."""
+    """Yield a line for an orientation filter, which lacks a field if only readings come in."""
     if imu.orientation.source == "filter":
         yield (
             f"{prefix}imu.orientation_source = 'filter': must be model in an error model; there "
@@ -240,7 +240,7 @@ def has_mount(imu: ImuParameters) -> bool:
 
 
 def sensor_rotation(parameters: InputParameters) -> np.ndarray | None:
-    """Return what turns the input's vectors into the IMU's axes (3, 3); None: nothing."""
+    """Return the rotation (3, 3) of the input's vectors into the IMU's axes; None: identity."""
     turned = np.reshape(parameters.frame_rotation, (3, 3)) @ AXES_TO_FLU[parameters.axes]
     return None if np.array_equal(turned, np.eye(3)) else turned
 

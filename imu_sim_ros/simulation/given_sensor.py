@@ -64,7 +64,7 @@ class GivenSensor(ABC, Generic[SeriesT, Made]):
         remark: Callable[[str], object],
         what: str = "",
     ) -> None:
-        """Start before the first reading.
+        """Initialise before the first reading.
 
         :param rate: samples per second [Hz].
         :param remark: receives a line for the first irregularities of the stamps of each kind.
@@ -80,7 +80,7 @@ class GivenSensor(ABC, Generic[SeriesT, Made]):
         self._begin(parameters.seed)
 
     def _begin(self, seed: int) -> None:
-        """Begin with the next reading."""
+        """Initialise without readings."""
         self.seed = seed
         """Seed of the errors since the last restart."""
         self.position = 0
@@ -115,7 +115,7 @@ class GivenSensor(ABC, Generic[SeriesT, Made]):
         """Begin again after a pause, with the same errors."""
 
     def reset(self) -> None:
-        """Begin again with the next reading, with the seed that input.restart gives."""
+        """Restart with the next reading, with the seed that input.restart states."""
         self._order = self._new_order()
         self._begin(self._seed_of_restart())
 
@@ -183,7 +183,7 @@ class GivenSensor(ABC, Generic[SeriesT, Made]):
         return windows
 
     def _skip(self, count: int) -> None:
-        """Let the sensor take samples that nobody sees, where it was last."""
+        """Advance the sensor by samples of a gap, at its latest values."""
         if self._held is None:
             return
         latest = self._held.rows(slice(-1, None))
@@ -235,7 +235,7 @@ class GivenOther(GivenSensor[IdealValues, Samples]):
     def __init__(
         self, sensor: Sensor, parameters: ErrorModelParameters, remark: Callable[[str], object]
     ) -> None:
-        """Start before the first value.
+        """Initialise before the first value.
 
         :param sensor: its values are (n,), or (n, 3) in the axes of the readings.
         """
@@ -246,12 +246,12 @@ class GivenOther(GivenSensor[IdealValues, Samples]):
         super().__init__(parameters, rate, remark, sensor.quantity.replace("_", " "))
 
     def _begin(self, seed: int) -> None:
-        """Begin the errors of a unit with a seed."""
+        """Start the errors of a unit with a seed."""
         super()._begin(seed)
         self._model: Any = None
 
     def _look(self, ideal: IdealValues) -> None:
-        """Say if the first value looks like one of another unit."""
+        """Remark if the first value is likely in another unit."""
         if self._looked or not self.parameters.input.check:
             return
         self._looked = True
@@ -261,13 +261,13 @@ class GivenOther(GivenSensor[IdealValues, Samples]):
             self._remark(f"{self._what}{line}")
 
     def configure(self, parameters: ErrorModelParameters) -> None:
-        """Take new values of live parameters, from the next sample on."""
+        """Apply new values of live parameters, from the next sample on."""
         self.parameters = parameters
         if self._model is not None:
             self._model.configure(parameters.imu)
 
     def inject(self, fault: Fault, delay: float) -> int:
-        """Let a fault begin; returns the index of the first sample that it hits.
+        """Start a fault; return the index of the first sample that it hits.
 
         :raises ConfigurationError: for a delay that is none.
         """

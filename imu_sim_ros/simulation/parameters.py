@@ -71,7 +71,7 @@ class SampledParameters(EnvironmentParameters):
     imu: ImuParameters
 
     def problems(self, prefix: str) -> Iterator[str]:
-        """Say which parameters do not fit the rate or each other, a line each."""
+        """Yield a line for each parameter that does not fit the rate or another one."""
         ratio = self.imu.internal_ratio(self.rate)
         if ratio.denominator != 1 or (self.imu.sampling == "oversampled" and ratio < 2):
             yield (
@@ -161,7 +161,7 @@ class SampledParameters(EnvironmentParameters):
         return lines
 
     def _coarse_steps(self, gravity: float) -> Iterator[str]:
-        """Yield a line for each digital step that is larger than what it has to resolve.
+        """Yield a line for each digital step that is too coarse for its input.
 
         :param gravity: magnitude [m/s^2].
         """
@@ -243,7 +243,7 @@ class SimulationParameters(SampledParameters):
     """Cameras and scene; None, if nothing sees one."""
 
     def problems(self, prefix: str) -> Iterator[str]:
-        """Say which parameters do not fit each other, a line each."""
+        """Yield a line for each parameter that does not fit another one."""
         yield from super().problems(prefix)
         for name, simulation in imus(self).items() if self.imus else ():
             yield from simulation.problems(f"{name}.")

@@ -49,7 +49,7 @@ def switches(sensors: Iterable[Sensor]) -> dict[str, type]:
 
 @dataclass(frozen=True)
 class ImuPublishParameters:
-    """Switches of the topics published in addition to an IMU's readings, whoever makes these."""
+    """Switches of the topics published in addition to an IMU's readings."""
 
     ground_truth_imu: bool = flag(False, "publish ground_truth/imu, the readings without errors")
     biases: bool = flag(
@@ -141,7 +141,7 @@ class InjectParameters:
     imu: str = text("", "affected IMU, a name in `imus`; empty: all", live=True)
 
     def unknown_part(self, prefix: str, names: Collection[str]) -> Iterator[str]:
-        """Say whether `triad` is none of the names that are known."""
+        """Yield a line if `triad` is none of the known names."""
         if self.triad not in names:
             yield f"{prefix}inject.triad = {self.triad!r}: {suggestion(self.triad, names)}"
 

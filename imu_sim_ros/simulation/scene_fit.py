@@ -20,7 +20,7 @@ def fitted(
     parameters: Mapping[str, object],
     trajectory_of: Callable[[Mapping[str, object]], TrajectoryParameters],
 ) -> dict[str, object]:
-    """Return parameters by dotted name with the board and the motion that suit what sees.
+    """Return parameters by dotted name with a board and a motion that suit the cameras.
 
     The trajectory ``target`` before the scene ``aprilgrid`` gets a board before the middle of the
     images, the smallest tags that have enough pixels a bit in every place, fewer of them for wide
@@ -50,7 +50,7 @@ def fitted(
 
 
 def _toured(parameters: Mapping[str, object]) -> dict[str, object]:
-    """Return parameters with a tour through the place that sensors see, and that place for it."""
+    """Return parameters with a tour through the place that the sensors see."""
     kind = parameters.get("scene.type", DEFAULT_SCENE)
     if kind == DEFAULT_SCENE:
         kind = parameters.get("trajectory.place", TourParameters.place)
@@ -78,7 +78,7 @@ def _toured(parameters: Mapping[str, object]) -> dict[str, object]:
 
 
 def _free_turns(parameters: Mapping[str, object]) -> list[str] | None:
-    """Return which angles of ``target`` have amplitudes that nobody gave; None: another motion."""
+    """Return the angles of ``target`` without a given amplitude; None: another motion."""
     base = files.load(files.find("trajectories", "target"))
     if parameters.get("trajectory.type") != "target":
         path_names = [k for k in base if k == "trajectory.type" or k.endswith(".angular_frequency")]

@@ -45,7 +45,7 @@ _watcher: ContextVar[Watcher] = ContextVar("watcher", default=Watcher())  # noqa
 
 
 def watcher() -> Watcher:
-    """Return who follows the jobs that begin now."""
+    """Return the receivers of jobs that begin now."""
     return _watcher.get()
 
 
@@ -59,13 +59,13 @@ def check_interrupted() -> None:
 
 
 def watch_thread(follower: Watcher) -> None:
-    """Let somebody follow the jobs of this thread, which does not know who follows its maker."""
+    """Set the receivers of the jobs of this thread, which does not inherit its parent's."""
     _watcher.set(follower)
 
 
 @contextmanager
 def watched_by(follower: Watcher) -> Iterator[None]:
-    """Let somebody follow the jobs in a block."""
+    """Set the receivers of the jobs in a block."""
     token = _watcher.set(follower)
     try:
         yield
@@ -75,7 +75,7 @@ def watched_by(follower: Watcher) -> Iterator[None]:
 
 @contextmanager
 def progress(text: str, total: Callable[[], int], **more: int) -> Iterator[Advance]:
-    """Yield what receives progress.
+    """Yield the function that receives progress.
 
     :param total: returns how much there is to do; called if somebody looks.
     :param more: ``done``, how much there was before.

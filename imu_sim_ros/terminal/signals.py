@@ -68,7 +68,7 @@ def end_process() -> None:
 
 
 def end_at_once(program: str) -> None:
-    """Let a signal end the process on the spot: nothing was begun yet."""
+    """Let a signal end the process immediately: no work has begun."""
 
     def end(number: int, _: FrameType | None) -> None:
         if _begun:  # all that is left is to say what came of it
@@ -81,7 +81,7 @@ def end_at_once(program: str) -> None:
 
 
 def ignore() -> None:
-    """Let no signal change the result of a command that is over."""
+    """Ignore signals after the end of a command: its result stands."""
     for number in SIGNALS:
         signal.signal(number, signal.SIG_IGN)
 

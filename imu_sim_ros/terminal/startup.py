@@ -43,5 +43,5 @@ def load(module: str) -> Any:
 
 
 def needs_ros(error: ImportError) -> str:
-    """Return what is said if ROS 2 is not there."""
+    """Return the message for a missing ROS 2."""
     return f"needs ROS 2, but {error.name} is not installed here (source its setup.bash)"

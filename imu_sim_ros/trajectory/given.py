@@ -49,7 +49,7 @@ _ROUNDING: Final = 1e-3
 
 
 def given_trajectory(motion: Any) -> Trajectory | None:
-    """Return what somebody gives as a motion in a form that is checked whenever it is sampled.
+    """Return a user's motion as a trajectory that checks each sample.
 
     :param motion: an object with ``sample(t)``, which returns a :class:`Motion`, or a function that
         returns positions and attitudes at times t (n,); either may have a ``duration`` [s].
@@ -75,7 +75,7 @@ def _limits(motion: Any) -> tuple[float, float]:
 
 
 class CheckedMotion:
-    """An object's own motion; what it returns is checked."""
+    """Motion of a user's object; its samples are checked."""
 
     def __init__(
         self, sample: Callable[[Array], Any], duration: float, highest_frequency: float
@@ -197,7 +197,7 @@ def _contradiction(
 
 
 class Differentiated:
-    """A function's poses with derivatives from nine of them around each time.
+    """Poses of a function, with derivatives from nine of them around each time.
 
     Position and rotation vector from the attitude at t are followed by the polynomials of degree 8
     through the poses at t - 4 h ... t + 4 h (Fornberg, Math. Comp. 51, 1988): order 8 in h for
@@ -265,7 +265,7 @@ def _weights(s: Array) -> tuple[Array, Array]:
 
 
 def _called(function: Callable[[], Any], name: str) -> Any:
-    """Return what code of a user's returns.
+    """Return the result of a user's function.
 
     :raises ConfigurationError: for whatever it raises, with the line where.
     """
@@ -286,7 +286,7 @@ def _called(function: Callable[[], Any], name: str) -> Any:
 def _checked(
     values_found: Any, quantities: tuple[Quantity, ...], t: Array, name: str, kind: str
 ) -> list[Array]:
-    """Return arrays that are what they must be at each of the times.
+    """Return checked arrays of a user's motion, one for each quantity.
 
     :raises ConfigurationError: for another number of them, other shapes, and values that no body
         has, with the time of the first one.

@@ -58,7 +58,7 @@ _KEPT_TIMES: Final = 100_000
 
 
 class RememberedTrajectory:
-    """A trajectory that keeps what it was sampled at; the arrays it returns are read-only.
+    """A trajectory that keeps its samples; the arrays that it returns are read-only.
 
     A simulation samples the motion at the same times whatever its seed.
     """

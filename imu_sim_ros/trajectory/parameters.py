@@ -715,7 +715,7 @@ def names_a_file(trajectory: str) -> bool:
 
 
 def trajectory_layer(name_or_file: str) -> dict[str, object]:
-    """Return what ``--trajectory``, in a node ``trajectory.type``, stands for.
+    """Return the parameters of ``--trajectory``, or a node's ``trajectory.type``.
 
     :param name_or_file: a name in config/trajectories, a kind of trajectory, a parameter file, a
         route to drive (GPX or KML), or recorded poses: a text file, or a bag.

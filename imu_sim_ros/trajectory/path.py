@@ -140,7 +140,7 @@ class Path:
 def joined_samples(
     splines: Sequence[UniformSpline], joints: Array, u: Array, derivatives: int
 ) -> list[Array]:
-    """Return what splines one after another, which meet at u ``joints``, are at u (n,)."""
+    """Return values and derivatives at u (n,) of splines that follow each other at ``joints``."""
     if len(splines) == 1:
         return splines[0].sample(u, derivatives)
     which = np.searchsorted(joints, u, side="right")
@@ -201,7 +201,7 @@ def find_path(
 
 
 def _check_length(waypoints: Array, radius: float, prefix: str) -> None:
-    """Refuse what would take minutes, with the leg that a wrong waypoint makes long."""
+    """Refuse a path that would take minutes, with its longest leg."""
     legs = np.linalg.norm(np.diff(waypoints, axis=0), axis=1)
     smallest = float(legs.sum()) / (_WIDTHS[0] * _MOST_SEGMENTS)
     if radius < smallest:

@@ -36,7 +36,7 @@ class Phase(NamedTuple):
 
 
 class RateProfile:
-    """Phases one after another: constant rates, and ramps between them.
+    """A sequence of phases: constant rates, and ramps between them.
 
     A ramp follows ``10 x^3 - 15 x^4 + 6 x^5`` of the position x in its phase, whose first two
     derivatives vanish at both ends: the quantity is C3 where neighbouring rates agree.

@@ -207,7 +207,7 @@ def _columns(path: Path, header: list[str]) -> tuple[tuple[int, int, int, int], 
 
 
 def _height(word: str) -> float:
-    """Return a height [m]; nan for none, and for what is no number."""
+    """Return a height [m]; NaN for none, and for a text that is no number."""
     try:
         value = number_of(word.strip())
     except ValueError:
@@ -216,7 +216,7 @@ def _height(word: str) -> float:
 
 
 def _gpx(path: str | Path, bad: BadRows) -> Iterator[_Row]:
-    """Yield the points of all tracks, or else of all routes, or else all waypoints."""
+    """Yield the points of all tracks; without tracks of all routes, without these all waypoints."""
     elements = list(parsed(path).every())
     for tag in ("trkpt", "rtept", "wpt"):
         points = [element for element in elements if _local(element) == tag]
@@ -232,7 +232,7 @@ def _gpx(path: str | Path, bad: BadRows) -> Iterator[_Row]:
 
 
 def _kml(path: str | Path, bad: BadRows) -> Iterator[_Row]:
-    """Yield the points of the first line or track, or else all placemarks' points."""
+    """Yield the points of the first line or track; without any all placemarks' points."""
     elements = list(parsed(path, LARGEST_TEXT).every())
     track = next((element for element in elements if _local(element) == "Track"), None)
     if track is not None:

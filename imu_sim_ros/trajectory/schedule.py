@@ -52,7 +52,7 @@ class Visits(NamedTuple):
 
 
 class _Way(NamedTuple):
-    """A path in n places, with what the vehicle may do there."""
+    """A path at n places, with the limits of the vehicle there."""
 
     u: Array
     s: Array
@@ -122,7 +122,7 @@ def find_schedule(
 
 
 def _below(p: DriveParameters, shares: Array) -> DriveParameters:
-    """Return limits lowered by what smoothing exceeds them: speed, along, across, heading rate."""
+    """Return limits lowered by the shares by which smoothing exceeds them."""
     speed, along, across, turn = (float(share) for share in shares)
     return dataclasses.replace(
         p,

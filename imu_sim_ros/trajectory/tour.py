@@ -43,7 +43,7 @@ def waypoints(parameters: TourParameters) -> WaypointsParameters:
 
 
 def waypoint_parameters(parameters: TourParameters) -> dict[str, Value]:
-    """Return the flight as parameters by dotted name, which a parameter file of it holds.
+    """Return the flight as parameters by dotted name, for a parameter file.
 
     :raises ConfigurationError: for a place without a way through it.
 

@@ -100,7 +100,7 @@ def _groups(lines: _Lines, count: int) -> Iterator[_Lines]:
 
 
 def _add(total: Array, parts: Array) -> None:
-    """Add rows (lines, n) one after the other to a sum (n,) of none or of the lines before."""
+    """Add rows (lines, n) in order to a sum (n,), bit for bit as one by one."""
     if len(parts) == 1:
         total += parts[0]
     elif len(parts):

@@ -174,7 +174,7 @@ def _check_formats(path: Path) -> None:
 
 
 def _load(path: Path, is_binary: bool) -> tuple[dict[str, dict[str, Any]], list[str], str]:
-    """Return the columns of the messages that are read, the names of all, and what was printed."""
+    """Return columns of the known messages, the names of all messages, and printed lines."""
     try:
         from pymavlink.DFReader import DFReader_binary, DFReader_text
     except ImportError:

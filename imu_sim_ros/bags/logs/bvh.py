@@ -55,7 +55,7 @@ _UPRIGHT: Final = 1.5
 
 
 class _Joint(NamedTuple):
-    """A joint with the segment that hangs on it."""
+    """A joint with its segment."""
 
     name: str
     parent: int

@@ -39,7 +39,7 @@ class ColumnTable:
     """A text table with a header: names of its columns, and its rows."""
 
     def __init__(self, source: str, names: Sequence[str], rows: Sequence[bytes], separator: str):
-        """Hold a table.
+        """Initialise from the lines of a table.
 
         :param source: name of the table, for messages.
         :param rows: lines behind the header.

@@ -74,7 +74,7 @@ class LogStream:
 
 @dataclass(frozen=True)
 class Contents:
-    """Topics of a log, and what is wrong with it."""
+    """Topics of a log, and lines about its damage."""
 
     streams: Sequence[LogStream]
     """Topics with messages."""
@@ -456,7 +456,7 @@ def _alone(
 
 @contextmanager
 def printed(lines: list[str]) -> Iterator[None]:
-    """Keep what a library prints about a log from the terminal.
+    """Catch the lines that a library prints about a log.
 
     Compiled code of libraries writes to the descriptor itself.
 

@@ -105,7 +105,7 @@ class _Topic(NamedTuple):
 
     @property
     def stamps(self) -> NDArray[np.uint64]:
-        """(n,) the same in microseconds, as they are logged."""
+        """(n,) the times of :attr:`t_ns` in microseconds, as they are logged."""
         logged = self.columns["timestamp"]
         sampled = self.columns.get("timestamp_sample")
         return logged if sampled is None else np.where(sampled > 0, sampled, logged)

@@ -82,7 +82,7 @@ class Encoder:
     """Method of each encoder: returns n messages of stamps (n,) and columns of values."""
 
     def __init__(self, layout: Layout, **constant: ArrayLike) -> None:
-        """Set up what all messages have in common.
+        """Set up the fields that all messages share.
 
         :param constant: the numbers of fields, (m,) or one.
         """
@@ -161,7 +161,7 @@ class ImuEncoder(Encoder):
         gyro_covariance: ArrayLike = 0.0,
         accel_covariance: ArrayLike = 0.0,
     ) -> None:
-        """Set up what all messages have in common.
+        """Set up the fields that all messages share.
 
         :param gyro_covariance: per sample [(rad/s)^2]: 0 (unknown), three variances, or (3, 3).
         :param accel_covariance: covariance of the accelerometer [(m/s^2)^2].

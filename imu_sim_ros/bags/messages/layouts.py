@@ -146,7 +146,7 @@ class Layout(NamedTuple):
         return int(self.dtype.fields[name][1]) if self.dtype.fields else 0
 
     def unpacker(self, names: Sequence[str]) -> struct.Struct:
-        """Return what unpacks the numbers of some fields of one message, in the message's order."""
+        """Return the struct that unpacks the numbers of some fields, in the message's order."""
         form, end = "<", 0
         for name in sorted(names, key=self.offset):
             numbers = self.dtype[name]

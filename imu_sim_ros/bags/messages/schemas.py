@@ -179,7 +179,7 @@ class Translation:
         self._types, self._encoding = types, encoding
 
     def converter(self, name: str) -> "Callable[[bytes], bytes | memoryview]":
-        """Return what turns a message of a type into its bytes in the other generation."""
+        """Return the function that converts messages of a type to the other generation."""
         source_types, target_types = self._types, self.target_types
         if self._encoding == "ros1":
             if self._has_same_fields(name):

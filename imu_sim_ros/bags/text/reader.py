@@ -278,7 +278,7 @@ class _Table:
         ordered: bool = True,
         beside: _Quantities = MappingProxyType({}),
     ) -> None:
-        """Begin.
+        """Initialise without rows.
 
         :param form: columns of a table whose header is not looked at; None: the header decides, and
             without one the order of the quantities.

@@ -254,7 +254,7 @@ def _describes(spectrum: Spectrum, axis: int, process: float | None) -> bool:
 
 
 def _by_chance(ratio: Array, freedom: Array) -> bool:
-    """Return whether relative misfits are no larger than those of means of so many squares."""
+    """Return whether relative misfits are no larger than chance makes means of squares."""
     if len(ratio) == 0:
         return True
     # The variance of the square of a mean of nu squares, 8 / nu^2 for many, is larger for few.

@@ -240,7 +240,7 @@ class _LineKind:
         )
 
     def doubt(self, parameter: float) -> float:
-        """Return the log-likelihood that makes a line of so many periods possible."""
+        """Return the log-likelihood from which a line with a number of periods is possible."""
         return float(_line_doubt(np.array(parameter)))
 
     def values(self, component: _Component) -> Array:
@@ -735,7 +735,7 @@ def _free(count: int) -> Array:
 
 
 def _line_doubt(periods: Array) -> Array:
-    """Return the log-likelihood that makes a line of so many periods possible."""
+    """Return the log-likelihood from which a line with a number of periods is possible."""
     return np.asarray(_DOUBT[0] + _DOUBT[1] * np.log(np.maximum(periods, 1.0)))
 
 

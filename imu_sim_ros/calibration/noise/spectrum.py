@@ -228,7 +228,7 @@ class SpectrumAccumulator:
         return np.add.reduceat(squares, starts, axis=1)
 
     def _bins(self, count: int) -> _Bins:
-        """Return the bins of the coefficients of so many samples."""
+        """Return the bins of the coefficients of a number of samples."""
         order = np.arange(count)
         bins = np.searchsorted(self._edges, order / (2.0 * count), side="right") - 1
         in_bins = np.flatnonzero((bins >= 0) & (bins < len(self._freedom)))

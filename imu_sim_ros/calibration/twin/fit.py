@@ -210,7 +210,7 @@ class _Sums:
     def _binned(
         self, segment: int, residuals: Array, signals: Array, coefficients: Array
     ) -> Iterator[tuple[int, Array, Array]]:
-        """Yield bin, and the coefficients of residuals (6, m) and Jacobian (6, m, p) in it."""
+        """Yield each bin with its coefficients of residuals (6, m) and Jacobian (6, m, p)."""
         bins = self._bins[segment]
         root = np.sqrt(self._shape[segment]).T
         c = _transformed(residuals, len(bins)).T / root

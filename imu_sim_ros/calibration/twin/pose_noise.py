@@ -41,7 +41,7 @@ _NARROWEST, _WIDTH = 5, 0.3
 
 
 def scatter(poses: States) -> tuple[Array, Array]:
-    """Return times (m,) and what poses scatter by at their highest frequencies (m, 6).
+    """Return times (m,) and the scatter (m, 6) of poses at their highest frequencies.
 
     Divided differences of eighth order, over the factor by which they enlarge white noise: attitude
     [rad] and position [m], both in the body's axes. 0 if these differences are mostly motion.

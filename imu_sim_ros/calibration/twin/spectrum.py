@@ -160,7 +160,7 @@ def _freedom(count: int) -> float:
 
 @cache
 def _shared() -> Array:
-    """Return what all pairs of tapers share at frequencies 0, 1, ... apart; in a long record."""
+    """Return the squared cross-spectra of all pairs of tapers, by distance in frequency bins."""
     angle = np.arange(1, 4097) * np.pi / 4097
     tapers = np.sqrt(2.0 / 4097) * np.sin(np.arange(1, _TAPERS + 1)[:, None] * angle)
     products = np.fft.fft(tapers[:, None] * tapers, axis=-1)
@@ -295,7 +295,7 @@ def _common(power: Array, freedom: Array) -> tuple[float, float]:
 
 
 def above(bands: Bands, white: White) -> Bands:
-    """Return what the bands have above the white floor, without those that have nothing."""
+    """Return the bands less the white floor; bands at the floor are left out."""
     matrix = bands.matrix - np.diag(white.density**2)
     hidden = white.floor
     matrix = np.where(hidden[:, :, None] | hidden[:, None, :], 0.0, matrix)

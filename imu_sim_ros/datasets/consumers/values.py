@@ -163,7 +163,7 @@ def _root_mean_square(axes: Array) -> float:
 
 
 def _is_imu_error(name: str) -> bool:
-    """Return whether a parameter is an error of the IMU's readings, whatever its value."""
+    """Return whether a parameter is an error of the IMU's readings."""
     if name.startswith("vibration."):
         return name in _VIBRATION
     # Stacks do not read the other sensors of an IMU.
@@ -215,7 +215,7 @@ def comment(lines: Iterator[str] | list[str]) -> str:
 
 
 def rows(matrix: Array, indent: str) -> str:
-    """Return a matrix as YAML, a list for each row, all of it floating point."""
+    """Return a matrix as YAML, a list of floating-point numbers for each row."""
     return "".join(f"{indent}- [ {', '.join(map(real, row.tolist()))} ]\n" for row in matrix)
 
 

@@ -169,7 +169,7 @@ class ErrorModelNode(ConfiguredNode[ErrorNodeParameters]):
                 self.outputs.publish({quantity: block}, self.parameters)
 
     def _take_frame(self, batch: list[Taken]) -> None:
-        """Let the readings be in the frame of the first message that has one."""
+        """Set the frame of the readings to that of the first message with one."""
         frame = next(filter(None, (decode.frame_id(payload) for payload, _ in batch)), "")
         if not frame:
             return
@@ -197,7 +197,7 @@ class ErrorModelNode(ConfiguredNode[ErrorNodeParameters]):
     def _decoded(
         self, topic: str, batch: list[Taken], fields: Callable[[bytes], _Decoded]
     ) -> list[_Decoded]:
-        """Return what is in messages; those that cannot be used are refused."""
+        """Return the contents of messages; unusable ones are refused."""
         decoded = []
         for payload, _ in batch:
             try:
@@ -228,7 +228,7 @@ class ErrorModelNode(ConfiguredNode[ErrorNodeParameters]):
         )
 
     def _remark(self, line: str) -> None:
-        """Say what looks like a mistake, not more than a few lines a second."""
+        """Log a probable mistake, at most a few lines a second."""
         time_s = time.monotonic()
         if line.startswith(("input", "rate", "gravity")):  # of the declaration, for good
             self._remarks.append(line)
@@ -238,7 +238,7 @@ class ErrorModelNode(ConfiguredNode[ErrorNodeParameters]):
 
     # ------------------------------------------------------------------------------ control
     def apply(self, parameters: ErrorNodeParameters) -> None:
-        """Take new errors with the next samples, at the latest 64 later.
+        """Apply new errors with the next samples, at the latest 64 later.
 
         :raises ConfigurationError: for an invalid fault.
         """
@@ -260,7 +260,7 @@ class ErrorModelNode(ConfiguredNode[ErrorNodeParameters]):
         self._faults.publish(fault_message(name, fault, "", stamp.to_msg()))
 
     def _reset(self, _: Trigger.Request, response: Trigger.Response) -> Trigger.Response:
-        """Begin again with the first sample, for the service."""
+        """Restart with the first sample, for the service."""
         with self._lock:
             self.model.reset()
             if self._odometry is not None:

@@ -81,7 +81,7 @@ class ErrorModelOutputs:
             self._delayed.send(counter.send, payloads, delays)
 
     def close(self) -> None:
-        """Publish what is still waiting, and end the thread."""
+        """Publish the waiting messages, and end the thread."""
         self._delayed.close()
 
 

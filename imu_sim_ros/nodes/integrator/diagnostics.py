@@ -42,7 +42,7 @@ class TruthComparison:
         return math.sqrt(self._sum_of_squares / self.count) if self.count else 0.0
 
     def add_estimate(self, estimate: LiveState) -> Iterator[PoseError]:
-        """Take an estimate; yields its error if its truth is known already."""
+        """Add an estimate; yield its error if its truth is known already."""
         self.estimates += 1
         truth = self._truths.pop(estimate.t_ns, None)
         if truth is None:
@@ -52,7 +52,7 @@ class TruthComparison:
             yield self._compare(estimate, truth)
 
     def add_truth(self, truth: LiveState) -> Iterator[PoseError]:
-        """Take a truth; yields the error of its estimate if that is known already."""
+        """Add a true state; yield the error of its estimate if that is known already."""
         estimate = self._estimates.pop(truth.t_ns, None)
         if estimate is None:
             _keep(self._truths, truth.t_ns, truth)

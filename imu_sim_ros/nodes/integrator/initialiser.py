@@ -124,7 +124,7 @@ class _FromTruth:
 
 
 class _FromRest:
-    """Averages the readings of ``level_time`` and starts at the last of them."""
+    """Start of dead reckoning at the last of the readings at rest, from their averages."""
 
     def __init__(
         self, parameters: IntegratorParameters, gap: LiveGap, complain: Callable[[str], None]

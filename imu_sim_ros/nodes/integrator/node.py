@@ -91,7 +91,7 @@ class Integrator(ConfiguredNode[IntegratorParameters]):
         self._matched = MatchedInputs(self, self.reader, self._inputs, DEPTH)
 
     def apply(self, parameters: IntegratorParameters) -> None:
-        """Take new biases."""
+        """Apply new biases."""
         with self._lock:
             self.odometer.correct_with(parameters)
 
@@ -129,7 +129,7 @@ class Integrator(ConfiguredNode[IntegratorParameters]):
         self._use_frames((parameters.world_frame, parameters.body_frame))
 
     def _use_frames(self, frames: tuple[str, str]) -> None:
-        """Name the frames of what is published: of the pose, and of the body."""
+        """Set the frames of the published pose and of the body."""
         self._frames = world, body = frames
         self._odometry = OdometryEncoder(world, body)
         self._angles = self._position_error = Vector3StampedEncoder(world)
@@ -156,7 +156,7 @@ class Integrator(ConfiguredNode[IntegratorParameters]):
         return {IMU_TOPIC: Imu, TRUTH_TOPIC: Odometry} if with_truth else {IMU_TOPIC: Imu}
 
     def _take(self, topic: str, batch: list[Taken]) -> None:
-        """Take messages of one topic as they arrive."""
+        """Process messages of one topic as they arrive."""
         self._received[topic] += len(batch)
         with self._lock:
             if not self.sensor.hold(topic, batch):
@@ -184,7 +184,7 @@ class Integrator(ConfiguredNode[IntegratorParameters]):
             self._publish_errors(errors)
 
     def _adopt(self, sensor: Mapping[str, object]) -> None:
-        """Take the noise of the sensor that the readings come from.
+        """Adopt the noise parameters of the sensor that publishes the readings.
 
         :raises ConfigurationError: for invalid values.
         """
@@ -254,7 +254,7 @@ class Integrator(ConfiguredNode[IntegratorParameters]):
         self._diagnostics.publish(self._report.message(stamp, self.odometer, self.comparison))
 
     def _reset(self, _: Trigger.Request, response: Trigger.Response) -> Trigger.Response:
-        """Begin again with the next reading, for the service."""
+        """Restart with the next reading, for the service."""
         with self._lock:
             self.odometer.begin()
             if self._path is not None:

@@ -66,7 +66,7 @@ class LiveIntegrator:
         self.begin()
 
     def begin(self) -> None:
-        """Start again with the next readings."""
+        """Restart with the next readings."""
         self._gap = LiveGap(self.parameters.max_gap, READINGS_GAP)
         self._waiting: list[LiveReading] = []
         """First readings, until it is known which of their steps are gaps."""
@@ -90,7 +90,7 @@ class LiveIntegrator:
         return 1.0 / self._interval if self._interval else 0.0
 
     def correct_with(self, parameters: IntegratorParameters) -> None:
-        """Take new biases; they apply from the next reading on."""
+        """Apply new biases from the next reading on."""
         self.parameters = parameters
         if self._stepper is None:
             self._initialiser = initialiser(parameters, self._gap, self._complain)
@@ -98,13 +98,13 @@ class LiveIntegrator:
             self._stepper.correction = correction_of(parameters)
 
     def add_truth(self, truth: LiveState) -> list[LiveState]:
-        """Take a true state; return the rows of readings that were waiting for it."""
+        """Add a true state; return the rows of readings that waited for it."""
         if self._stepper is None:
             return self._begin_at(self._initialiser.add_truth(truth))
         return []
 
     def add_reading(self, reading: LiveReading) -> list[LiveState]:
-        """Take a reading; return one row, none while waiting, or many after it."""
+        """Add a reading; return one row, none while waiting, or many after the wait."""
         self.totals.readings += 1
         readings = self._batches.add(reading)
         if len(readings) == 1:
@@ -112,7 +112,7 @@ class LiveIntegrator:
         return [row for reading in readings for row in self._take(reading)]
 
     def _take(self, reading: LiveReading) -> list[LiveState]:
-        """Take a reading with a time of its own."""
+        """Add a reading with a time of its own."""
         self._gap.add(reading.t_ns)
         if not self._gap.is_known:
             self._waiting.append(reading)
@@ -123,7 +123,7 @@ class LiveIntegrator:
         return [row for reading in readings for row in self._integrate(reading)]
 
     def _integrate(self, reading: LiveReading) -> list[LiveState]:
-        """Take a reading, with the gaps of the stream known."""
+        """Integrate a reading, with the gaps of the stream known."""
         stepper = self._stepper
         if stepper is not None and stepper.t_ns is not None:
             step_ns = reading.t_ns - stepper.t_ns
@@ -257,7 +257,7 @@ class PathPublisher:
         self._due_ns = 0.0
 
     def add(self, row: LiveState) -> None:
-        """Take a state; most are skipped."""
+        """Add a state to the path; most are skipped."""
         if self._due_ns - self._interval_ns <= row.t_ns < self._due_ns:
             return
         self._due_ns = row.t_ns + self._interval_ns
@@ -269,7 +269,7 @@ class PathPublisher:
         self._poses.append(PoseStamped(header=self._header(row.t_ns), pose=pose))
 
     def use_frame(self, frame_id: str) -> None:
-        """Take the frame of the poses; those in another are forgotten."""
+        """Set the frame of the poses; poses in another one are dropped."""
         if frame_id != self._frame_id:
             self._frame_id = frame_id
             self.clear()

@@ -230,7 +230,7 @@ class RecordedTopic:
 
 
 class BagRecording:
-    """Writes messages into a bag and finishes it properly, whatever happens.
+    """Writes messages into a bag and finishes it at any end.
 
     :param open_bag: opens the bag.
     :param fail: receives the error that ended the writing; earlier messages are kept.

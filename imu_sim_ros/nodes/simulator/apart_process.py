@@ -172,7 +172,7 @@ class SensorNode:
             yield topic, Counter(topic, create(self.node, kind, full, qos))
 
     def publish_latched(self) -> None:
-        """Publish what is kept for later subscribers, before the first sample."""
+        """Publish the latched messages, before the first sample."""
         start = Window(Fraction(0), self._times.time(1))
         for topic, topic_of_sensor in self._offered.items():
             if topic_of_sensor.topic.latched:
@@ -190,7 +190,7 @@ class SensorNode:
         ]
 
     def notes(self) -> list[str]:
-        """Return what was made of the scene, if no other sensor before it sees one."""
+        """Return the scene's note, unless an earlier sensor sees the scene and returns it."""
         first_viewer = next(
             name for name, mounted_sensor in self._sensors.items() if mounted_sensor.sensor.sees
         )
@@ -198,7 +198,7 @@ class SensorNode:
         return [note] if note else []
 
     def publish(self, number: int, true_t_ns: int) -> None:
-        """Publish what there is of a sample."""
+        """Publish the messages of a sample."""
         sample = self.samples.take(number)
         for topic, payload in sample.messages:
             moved = restamped(payload, true_t_ns - sample.true_t_ns)

@@ -91,12 +91,12 @@ class Engine:
             thread.join(_LONGEST_END)
 
     def change(self, change: Callable[[], None]) -> None:
-        """Have a function change what is published, before the next block is computed."""
+        """Call a function that changes the publisher, before the next block is computed."""
         with self._lock:
             self._changes.append(change)
 
     def reset(self) -> None:
-        """Start again with the first sample."""
+        """Restart with the first sample."""
         with self._lock:
             self._run += 1
             self.pacer.interrupt()

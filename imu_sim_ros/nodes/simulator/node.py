@@ -355,7 +355,7 @@ class Simulator(ConfiguredNode[SimulatorParameters]):
 
     # ------------------------------------------------------------------------- control
     def apply(self, parameters: SimulatorParameters) -> None:
-        """Let new parameters take effect with the next block.
+        """Apply new parameters with the next block.
 
         :raises ConfigurationError: for an invalid fault.
         """
@@ -370,7 +370,7 @@ class Simulator(ConfiguredNode[SimulatorParameters]):
                 sensor_description.publish(self._descriptions[name], simulated)
 
     def _inject(self, parameters: SimulatorParameters) -> None:
-        """Let the fault that is asked for begin with the next block.
+        """Start the requested fault with the next block.
 
         :raises ConfigurationError: for one that cannot be, and a sensor that is not published.
         """
@@ -402,7 +402,7 @@ class Simulator(ConfiguredNode[SimulatorParameters]):
         return response
 
     def _on_reset(self, _: Trigger.Request, response: Trigger.Response) -> Trigger.Response:
-        """Begin again with the first sample, for the service."""
+        """Restart with the first sample, for the service."""
         self.engine.reset()
         response.success, response.message = True, "back at the first sample"
         return response
@@ -449,7 +449,7 @@ class Simulator(ConfiguredNode[SimulatorParameters]):
         )
 
     def _drawn(self) -> Mapping[str, str]:
-        """Return what the seeds have drawn; looked up again only after a change of parameters."""
+        """Return the errors drawn by the seeds; computed again after a change of parameters."""
         if self._drawn_of is not self.parameters:
             self._drawn_of = self.parameters
             self._drawn_values = drawn(imus(self.parameters))

@@ -134,7 +134,7 @@ class Pacer:
             return passed
 
     def configure(self, speed: float, catch_up: bool) -> None:
-        """Change the speed and what happens after a stall."""
+        """Change the speed and the behaviour after a stall."""
         with self._condition:
             self._moved |= speed != self._wanted[0]
             self._wanted = (speed, catch_up)
@@ -163,7 +163,7 @@ class Pacer:
     # The waiting thread.
 
     def anchor(self, sim_ns: int, wall_ns: int) -> None:
-        """Let the sample at ``sim_ns`` be due at ``wall_ns`` of the steady clock."""
+        """Set the time ``wall_ns`` on the steady clock at which the sample of ``sim_ns`` is due."""
         self.end_stall()
         self._sim_ns, self._wall_ns = sim_ns, wall_ns
         self._burst = None
@@ -214,7 +214,7 @@ class Pacer:
                 sleep(delay * 1e-9)
 
     def _attend(self, sim_ns: int) -> SampleAction | None:
-        """Follow pause, step and interruption; return what to do, None: wait on."""
+        """Handle pause, step and interruption; return the action, None: continue to wait."""
         with self._condition:
             while self._paused and not self._steps and not self._interrupted:
                 self._idle = True
@@ -234,7 +234,7 @@ class Pacer:
         return None
 
     def _adopt(self) -> None:
-        """Take what is requested."""
+        """Adopt the requested speed and behaviour."""
         self._speed, self._catch_up = self._wanted
 
     def _settle(self) -> None:
@@ -256,7 +256,7 @@ class Pacer:
         return max(due, first_wall_ns + offset_ns)
 
     def _due(self, sim_ns: int, now_ns: int) -> SampleAction:
-        """Return what to do with a sample that is due: publish it, or skip it."""
+        """Return the action for a sample that is due: publish it, or skip it."""
         late = now_ns - self._due_ns(sim_ns)
         if late < _BURST_NS:
             self._burst = None

@@ -138,7 +138,7 @@ class PublishQueue:
 
 
 def _hurried(waiting: Sequence[Piece], fresh: Sequence[Piece]) -> list[Piece]:
-    """Return what waits, due at the latest when the next message of its topic is.
+    """Return waiting messages, due no later than the next message of their topic.
 
     With an unchanged latency that changes nothing, for no message overtakes another. Where it was
     lowered, messages under way arrive before those that now follow sooner.

@@ -55,7 +55,7 @@ class PseudoTerminal:
         return self.path if self._link is None else f"{self._link} ({self.path})"
 
     def send(self, message: bytes) -> None:
-        """Write a message without waiting; count it as lost if the line is full or nobody reads."""
+        """Write a message without waiting; a message that the line or no reader takes is lost."""
         if any(event & select.POLLHUP for _, event in self._poll.poll(0)):
             self._rest = b""
             return
@@ -80,21 +80,21 @@ class PseudoTerminal:
         os.close(self._master)
 
     def _write(self, content: bytes) -> bytes:
-        """Return what did not fit."""
+        """Write bytes; return those that did not fit."""
         try:
             return content[os.write(self._master, content) :]
         except BlockingIOError:
             return content
 
     def _make_link(self, link: Path) -> None:
-        """Replace a link that a run before left; nothing else."""
+        """Replace a link of an earlier run, but no other file."""
         if link.is_symlink():
             link.unlink()
         link.symlink_to(self.path)
 
 
 def messages(serial: Serial) -> Encode:
-    """Return what turns samples into the messages of a serial line: those that are delivered."""
+    """Return the function that turns delivered samples into messages of a serial line."""
 
     def encode(samples: Samples, _: object) -> Messages:
         rows = samples.delivered

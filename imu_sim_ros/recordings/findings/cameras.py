@@ -89,7 +89,7 @@ def distortion_count(camera: CameraRecord) -> Iterator[Evidence]:
 
 
 def distortion_problem(info: CameraInfo) -> str:
-    """Return a text if a model has a wrong number of coefficients; else an empty one."""
+    """Return a text if a model has a wrong number of coefficients; empty if not."""
     counts = COEFFICIENTS.get(info.distortion_model, (len(info.d),))
     if len(info.d) in counts:
         return ""

@@ -38,7 +38,7 @@ class UnitWatch:
     """
 
     def __init__(self, source: str) -> None:
-        """Begin with the next reading.
+        """Initialise without readings.
 
         :param source: name of the topic.
         """
@@ -50,7 +50,7 @@ class UnitWatch:
         """True if no more readings are needed."""
 
     def add(self, reading: LiveReading) -> list[Finding]:
-        """Take a reading; return the findings each time two seconds are over, else none."""
+        """Add a reading; return the findings every two seconds, none in between."""
         if self._begin_ns is None or reading.t_ns < self._begin_ns - self._pause_ns:
             self._begin_ns = reading.t_ns  # also after a reset of the clock
         if reading.t_ns < self._begin_ns:
@@ -82,7 +82,7 @@ class TwistWatch:
     """
 
     def __init__(self, source: str, twist_frame: str) -> None:
-        """Begin with the next message.
+        """Initialise without messages.
 
         :param source: name of the topic.
         :param twist_frame: axes of the twist, body or world.
@@ -98,7 +98,7 @@ class TwistWatch:
         """True if no more messages are needed."""
 
     def add(self, states: Iterable[LiveState]) -> list[Finding]:
-        """Take messages; return the findings about their twist."""
+        """Add messages; return the findings about their twist."""
         findings: list[Finding] = []
         for state in states:
             waiting = self._states

@@ -224,7 +224,7 @@ class ReadingMeasures:
 
     @cached_property
     def swapped(self) -> Gravity | None:
-        """Gravity in the gyroscope's readings, if these are the accelerometer's; else None."""
+        """Gravity in the gyroscope's readings, if triads are swapped; else None."""
         if self.values is None or self.duration < SHORTEST:
             return None
         size = self.mean_force
@@ -387,6 +387,6 @@ class ReadingMeasures:
 
 
 def _typical(density: Array) -> float:
-    """Return the median density of the axes (3,) whose noise can be told from motion; 0: none."""
+    """Return the median density of the axes (3,) whose noise exceeds the motion; 0: none."""
     clear = density[density > 0.0]
     return float(np.median(clear)) if len(clear) else 0.0

@@ -45,7 +45,7 @@ class FindingPolicy:
     """Kinds that make the result wrong or worse; each is told."""
 
     def action(self, kind: str) -> Action:
-        """Return what the job does about a kind of finding; empty: nothing."""
+        """Return the job's action for a kind of finding; empty: none."""
         if kind in self.refuses:
             return "refuses"
         if kind in self.corrects:

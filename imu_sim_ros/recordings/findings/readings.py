@@ -257,7 +257,7 @@ def _vector(values: Array) -> str:
     "{gyro_unit deg/s} converts it; or multiply by pi / 180",
 )
 def gyroscope_degrees(measures: ReadingMeasures) -> Iterator[Evidence]:
-    """Find a gyroscope in deg/s, at rest (by its noise) or in motion (by what gravity does)."""
+    """Find a gyroscope in deg/s, at rest by its noise, in motion by the turn of gravity."""
     if measures.rate_unit.name == "deg/s":
         yield Evidence(measures.rate_unit.text)
 

@@ -25,7 +25,7 @@ class ReadingSurvey:
     """
 
     def __init__(self, find: Find) -> None:
-        """Begin with the next reading.
+        """Initialise without readings.
 
         :param find: finds what is wrong with the readings of a window.
         """
@@ -39,7 +39,7 @@ class ReadingSurvey:
         """True if a window in motion has been judged."""
 
     def add(self, block: Readings) -> list[Finding]:
-        """Take the next readings; return the findings of kinds that no earlier window had."""
+        """Add readings; return the findings of kinds that no earlier window had."""
         self.readings += len(block)
         readings = block if self._waiting is None else concatenated([self._waiting, block])
         findings: list[Finding] = []

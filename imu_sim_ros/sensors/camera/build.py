@@ -102,7 +102,7 @@ def build_scene(
 
 
 def scene_span(parameters: SceneParameters, duration: float) -> float:
-    """Return how much of a trajectory a scene is made for [s]: all of it, if it has an end.
+    """Return the length of trajectory that a scene is made for [s]: all of a finite one.
 
     :param duration: of the trajectory [s]; may be infinite.
     """
@@ -229,7 +229,7 @@ def _office_or_room(p: AutoParameters, passage: Passage) -> Scene:
 
 
 def _crowd(p: PlaceParameters, place: Place, site: Site, passage: Passage) -> Crowd | None:
-    """Return what moves in a place."""
+    """Return the moving bodies of a place."""
     crowd_parameters = p.bodies
     counts = {
         "person": crowd_parameters.people,
@@ -349,7 +349,7 @@ def _cloud(
 
 
 def _check_depths(p: CloudParameters, views: Sequence[View]) -> None:
-    """Refuse a cloud whose points a camera never sees, which no number of them would change.
+    """Refuse a cloud whose points are outside the camera's range of depths.
 
     :raises ConfigurationError: with both ranges.
     """

@@ -205,7 +205,7 @@ def cameras_in(sensors: Mapping[str, Mounted]) -> dict[str, Mounted]:
 
 
 def seeing(rig: RigParameters, parameters: EnvironmentParameters) -> dict[str, Mounted]:
-    """Return the cameras, what is tracked in their frames, and the truth of what they see.
+    """Return the cameras, their tracks, and the truth of the scene, as mounted sensors.
 
     :param parameters: parameters of the simulation.
     """

@@ -71,7 +71,7 @@ class _Ids:
         """The features of the last message."""
 
     def next(self, features: list[_Observed]) -> list[Integers]:
-        """Return the ids (n,) of what each camera sends in the next message."""
+        """Return the ids (n,) of each camera's features in the next message."""
         feature, rows = np.unique(
             np.concatenate([observations.id for observations in features]), return_index=True
         )

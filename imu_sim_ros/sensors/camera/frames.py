@@ -62,7 +62,7 @@ class Camera(FixedModel):
         return self.within(world).view.frames(begin, end - begin)
 
     def within(self, world: World) -> "Camera":
-        """Put it in a world."""
+        """Initialise the sensor's place in a world."""
         self._world = world
         return self
 

@@ -30,7 +30,7 @@ _ROUNDS: Final = 20
 
 
 def mesh_scene(p: MeshParameters, path: Array) -> Scene:
-    """Return a mesh in the world, with landmarks on what is seen from the path.
+    """Return a mesh in the world, with landmarks on its parts that the path sees.
 
     :param path: (n, 3) places of all cameras [m].
     :raises InputError: for a file that cannot be used.
@@ -58,7 +58,7 @@ def mesh_scene(p: MeshParameters, path: Array) -> Scene:
 
 
 def _seen_from(mesh: Mesh, caster: MeshCaster, path: Array, p: MeshParameters) -> Array:
-    """Return landmarks, evenly spread over what some places of the path see; none: nothing."""
+    """Return landmarks spread evenly over the parts visible from the path; maybe none."""
     stream = generator(p.seed, "scene.landmarks")
     eyes = path[np.linspace(0, len(path) - 1, _EYES).astype(np.int64)]
     landmarks: list[Array] = []

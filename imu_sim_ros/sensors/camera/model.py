@@ -211,7 +211,7 @@ class Sphere(NamedTuple):
         return self.alpha * by_d2 / d2[:, None] + (1.0 - self.alpha) * gradient
 
     def _in_front(self, p: Array) -> Mask:
-        """Tell which points (n, 3) the model can see at all: its domain, an open cone."""
+        """Return True for points (n, 3) in the domain of the model, an open cone."""
         norm = _norm(p)
         if self.alpha is None:
             w = self.xi if self.xi <= 1.0 else 1.0 / self.xi
@@ -292,7 +292,7 @@ class CameraModel:
         return Rays(*self.sphere.unproject(d))
 
     def by_point(self, points: ArrayLike) -> Array:
-        """Return the derivative (n, 2, 3) of the pixels by the points (n, 3), all of them seen."""
+        """Return the derivative (n, 2, 3) of the pixels by visible points (n, 3)."""
         p = np.asarray(points, dtype=np.float64)
         if self.kind == "equidistant":
             result = self._equidistant_by_point(p)
@@ -335,7 +335,7 @@ class CameraModel:
         return np.concatenate(parts, axis=2)
 
     def inside(self, uv: Array, border: float = 0.0) -> Mask:
-        """Tell which pixels (n, 2) lie in the image, at least ``border`` [px] from its edge."""
+        """Return True for pixels (n, 2) in the image, at least ``border`` [px] from its edge."""
         u, v = uv[:, 0], uv[:, 1]
         low = border - 0.5
         result: Mask = (

@@ -189,7 +189,7 @@ def rig_problems(rig: RigParameters, simulation: EnvironmentParameters) -> Itera
 
 
 def scene_layer(name_or_file: str) -> dict[str, object]:
-    """Return what ``--scene`` stands for: a name in config/scenes, a kind, or a file.
+    """Return the parameters of ``--scene``: a name in config/scenes, a kind, or a file.
 
     :raises ConfigurationError: for a name that is none of them.
     """

@@ -20,7 +20,7 @@ from imu_sim_ros.places.rays import RayTracer
 
 
 class Scene(NamedTuple):
-    """A scene at rest in the world, and the bodies that move in it."""
+    """A scene at rest in the world, and its moving bodies."""
 
     landmarks: Array
     """(n, 3) p_w [m]; a landmark's id is its row."""
@@ -43,13 +43,13 @@ class Scene(NamedTuple):
     """Description of how the scene was fitted to the path; empty: its size is as configured."""
 
     def hidden(self, eye: Array, points: Array) -> Mask:
-        """Tell which landmarks (n, 3) are behind something, each seen from its eye (n, 3)."""
+        """Return True for landmarks (n, 3) that surfaces hide from their eyes (n, 3)."""
         if self.caster is not None:
             return self.caster.hidden(eye, points)
         return hidden(self.surfaces, eye, points)
 
     def tracer(self, moving: bool = True) -> RayTracer:
-        """Return what meets rays with the surfaces; the sky of a place is none.
+        """Return the ray tracer of the surfaces, without the sky.
 
         :param moving: with the bodies that move.
         """

@@ -405,7 +405,7 @@ TYPES: dict[str, type[SceneParameters]] = {
 
 
 def body_names(scene: SceneParameters) -> list[str]:
-    """Return the names of what moves in a scene; the first has the id 1."""
+    """Return the names of the moving bodies of a scene; the first has the id 1."""
     return scene.bodies.names() if isinstance(scene, PlaceParameters) else []
 
 

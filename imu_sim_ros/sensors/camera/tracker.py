@@ -254,7 +254,7 @@ class Tracker:
     def _shown(
         self, t: Array, eye: Array, points: Array, normals: Array, body: MovingBody | None
     ) -> Mask:
-        """Tell which points (n, 3) face the eye (n, 3) and are behind nothing at times t (n,)."""
+        """Return True for points (n, 3) that face the eye (n, 3) and are not hidden at t (n,)."""
         facing = (normals * (eye - points)).sum(axis=1)
         shown: Mask = (facing > 0.0) | ~normals.any(axis=1)
         rows = np.flatnonzero(shown)

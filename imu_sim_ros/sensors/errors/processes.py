@@ -31,7 +31,7 @@ class ChunkedProcess(ABC):
     """Processes of one unit or of the units of a batch; values do not depend on blocks."""
 
     def __init__(self, length: int, shape: tuple[int, ...]) -> None:
-        """Start with nothing generated.
+        """Initialise without generated values.
 
         :param length: values in a chunk.
         :param shape: (columns,) of one unit, (count, columns) of a batch.
@@ -106,7 +106,7 @@ class GaussMarkovBank(ChunkedProcess):
         self._state = self._streams.next(1)[0]
 
     def begin(self, units: Units) -> None:
-        """Let some units of a batch begin again, from their present seeds."""
+        """Restart some units of a batch from their current seeds."""
         self._streams.begin(units)
         self._state[units] = self._streams.next(1, units)[0]
         self._read[units] = 0
@@ -266,7 +266,7 @@ class FlickerNoise(ChunkedProcess):
         self._state = self._drawn(...)
 
     def begin(self, units: Units) -> None:
-        """Let some units of a batch begin again, from their present seeds."""
+        """Restart some units of a batch from their current seeds."""
         self._streams.begin(units)
         self._state[units] = self._drawn(units)
 
@@ -314,7 +314,7 @@ class Events:
     """
 
     def __init__(self, seed: int, source: str, rate: float, duration: float, dt: float) -> None:
-        """Start before the first event.
+        """Initialise before the first event.
 
         :param source: the first part of the names of its random streams.
         """

@@ -110,7 +110,7 @@ def unit_of_seed(parameters: TriadParameters, triad: str, seed: Seed) -> TriadPa
 
 
 def with_turn_on(section: Any, sensor: str, seed: int, axes: Array | None = None) -> Any:
-    """Return a section of parameters with the turn-on bias and scale in it, and none left to draw.
+    """Return a section with the turn-on bias and scale included, and none left to draw.
 
     With parts c of the scale by temperature and age, ``(1 + s + c) (S x + ...)`` becomes
     ``(1 + c / (1 + s)) ((1 + s) S x + ...)``; readings differ by rounding only.
@@ -160,7 +160,7 @@ def realised_imu(imu: ImuParameters, seed: int) -> ImuParameters:
 
 
 def as_matrix(response: Array) -> dict[str, Any]:
-    """Return the parameters that give S (3, 3) as a matrix, and no part of it in percent."""
+    """Return parameters that state S (3, 3) as a matrix, without percent forms."""
     return {
         "scale_misalignment": tuple(np.ravel(response).tolist()),
         "scale_error_percent": ZERO_VECTOR,

@@ -53,7 +53,7 @@ class TriadEffect:
     def __init__(
         self, triad: str, imu: ImuParameters, seed: Seed, rate: float, parameters: TriadParameters
     ) -> None:
-        """Start before the first reading.
+        """Initialise before the first reading.
 
         :param triad: name of the triad.
         :param imu: has what is not of a single triad, such as the age.
@@ -87,7 +87,7 @@ class TriadEffect:
         """True if the strength is not zero on any axis."""
 
     def begin(self, units: Units) -> None:
-        """Let some units of a batch begin, or begin again, from their present seeds."""
+        """Start or restart some units of a batch from their current seeds."""
         if "streams" in vars(self):
             self.streams.begin(units)
         self.state[units], self.done[units] = 0.0, 0
@@ -222,7 +222,7 @@ class TurnOnScale(TurnOnBias):
 
 
 def turn_on(seed: Seed, source: str, sigma: ArrayLike) -> Array:
-    """Return what differs from run to run (..., 3), drawn from the seed.
+    """Return a constant of one run (..., 3), drawn from the seed.
 
     :param source: of a triad, ``gyroscope.turn_on_bias`` or ``gyroscope.turn_on_scale``.
     :param sigma: (..., 3) its standard deviation.
@@ -274,7 +274,7 @@ class _Process(ErrorTerm):
         raise NotImplementedError
 
     def begin(self, units: Units) -> None:
-        """Let some units of a batch begin again, from their present seeds."""
+        """Restart some units of a batch from their current seeds."""
         if "process" in vars(self):
             self.process.begin(units)
 
@@ -503,5 +503,5 @@ DRIFT_OF_SCALE: Final[tuple[type[ErrorTerm], ...]] = (ThermalScale, AgeingScale)
 
 
 def is_constant(values: Array) -> bool:
-    """Return whether values (n, ...) are one that stands for all times."""
+    """Return whether values (n, ...) are a single one, broadcast over all times."""
     return len(values) > 1 and values.strides[0] == 0

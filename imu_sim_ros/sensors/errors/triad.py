@@ -141,11 +141,11 @@ class LowPass:
             self._groups.append(_Group(axes, sections, signal.sosfilt_zi(sections)))
 
     def begin(self, units: Units) -> None:
-        """Let the filters of some units of a batch start with their next samples."""
+        """Restart the filters of some units of a batch with their next samples."""
         self._fresh[units] = True
 
     def apply(self, values: Array) -> Array:
-        """Filter the next n samples (n, ..., 3) in place; return what that adds."""
+        """Filter the next n samples (n, ..., 3) in place; return filtered minus unfiltered."""
         unfiltered = np.copy(values)
         if len(values) == 0:
             return unfiltered
@@ -179,7 +179,7 @@ class _Digits(NamedTuple):
     maximum: Any
 
     def digital(self, x: Any) -> Any:
-        """Return values as they are read."""
+        """Return values after rounding and saturation."""
         rounded, step, limited, minimum, maximum = self
         if rounded is False:
             return limit(x, minimum, maximum) if limited else x
@@ -327,7 +327,7 @@ class Triad:
         """The last reading, which a sensor that is stuck repeats."""
 
     def configure(self, parameters: TriadParameters) -> None:
-        """Take new values of live parameters, from the next sample on.
+        """Apply new values of live parameters, from the next sample on.
 
         :param parameters: the constants of the unit, or of the units of a batch, are drawn
             (:func:`unit_of_seed`).
@@ -353,7 +353,7 @@ class Triad:
         return effect if isinstance(effect, kind) and effect.active else None
 
     def begin(self, units: Units, unit: TriadParameters | None) -> None:
-        """Let some units of a batch begin again, from their present seeds.
+        """Restart some units of a batch from their current seeds.
 
         :param unit: parameters of new units with their constants; None: they are those they were.
         """
@@ -370,7 +370,7 @@ class Triad:
             self._low_pass.begin(units)
 
     def additions(self, surroundings: Surroundings, units: Units = ...) -> Additions:
-        """Return what the next n readings get, whatever they are.
+        """Return the additive errors of the next n readings.
 
         :param units: those of a batch whose readings these are.
         """
@@ -457,7 +457,7 @@ class Triad:
 
     @property
     def remembers(self) -> bool:
-        """True if a reading depends on earlier readings, apart from its additive errors."""
+        """True if a reading depends on earlier readings beyond its additive errors."""
         return bool(self._low_pass or self._ratio > 1 or self._increments)
 
     def read_numbers(
@@ -482,7 +482,7 @@ class Triad:
         bias: components.Vector[Any],
         noise: components.Vector[Any] | None,
     ) -> tuple[components.Vector[Any], components.Vector[Any] | None]:
-        """Return what reaches the low-pass, and the response error; None: it is 0."""
+        """Return the input of the low-pass, and the response error; None: it is 0."""
         x, y, z = self._response.apply(ideal, force)
         error = None
         if scale is not None:
@@ -499,7 +499,7 @@ class Triad:
         return (x, y, z), error
 
     def _with_jumps(self, start: int, bias: Array, faults: FaultSchedule) -> Array:
-        """Return a bias (n m, 3) with the jumps of faults in it."""
+        """Return a bias (n m, 3) with the jumps of faults."""
         if self._ratio == 1:
             jumped = np.copy(bias)
             faults.add_bias(self._name, start, jumped)

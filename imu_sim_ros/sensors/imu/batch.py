@@ -110,7 +110,7 @@ class ImuBatch:
         return BarometerBatch(self.units)
 
     def begin(self, units: Integers, restart: str) -> None:
-        """Let some units begin again with their next sample.
+        """Restart some units with their next sample.
 
         :param restart: one of ``RESTARTS``.
         """
@@ -148,7 +148,7 @@ class MagnetometerBatch:
     """The magnetometers of the units."""
 
     def __init__(self, units: UnitsOfBatch) -> None:
-        """Set up all of them at their start."""
+        """Initialise all units at their start."""
         self._units = units
         sections = [imu.magnetometer for imu in units.imus]
         check_alike(sections, f"imu.{MAGNETOMETER}", ("rate", "time_offset", "current_profile"))
@@ -159,7 +159,7 @@ class MagnetometerBatch:
         self._near = self._iron(slice(None))
 
     def begin(self, units: Integers, renewed: bool) -> None:
-        """Let some units begin again; arguments as for :meth:`Triads.begin`."""
+        """Restart some units; arguments as for :meth:`Triads.begin`."""
         self._triads.begin(units, renewed)
         if renewed:
             for arrays, renewed_arrays in zip(self._near, self._iron(units), strict=True):
@@ -178,7 +178,7 @@ class MagnetometerBatch:
         return BatchField(t_ns, output["field"][0], output["bias"][0], held)
 
     def _iron(self, units: Units) -> Iron:
-        """Return what is near the magnetometers of some units."""
+        """Return the iron around the magnetometers of some units."""
         seeds = self._units.unit_seeds[units].tolist()
         once = cache(iron)  # most presets have nothing near, or the same for all units
         irons = [
@@ -196,7 +196,7 @@ class BarometerBatch:
     """The barometers of the units."""
 
     def __init__(self, units: UnitsOfBatch) -> None:
-        """Set up all of them at their start."""
+        """Initialise all units at their start."""
         self._units = units
         which = units.which(slice(None))
         sections = [imu.barometer for imu in units.imus]
@@ -212,14 +212,14 @@ class BarometerBatch:
         self._limits = limits[0][which], limits[1][which]
 
     def _draw(self, units: Integers) -> None:
-        """Let the gusts of some units begin; each is a process of its own."""
+        """Start the gusts of some units; each has a process of its own."""
         which = self._units.which(units).tolist()
         for unit, number in zip(units.tolist(), which, strict=True):
             section = self._units.imus[number].barometer
             self._gusts[unit] = gusts(section, int(self._units.seeds[unit]))
 
     def _blow(self, units: Units, _: Integers) -> Array:
-        """Return what gusts add to the next samples (AHEAD, m) [Pa]."""
+        """Return the pressure of gusts at the next samples (AHEAD, m) [Pa]."""
         chosen = np.arange(self._units.count)[units].tolist()
         draws = [
             process.next(AHEAD) if (process := self._gusts[k]) else np.zeros(AHEAD) for k in chosen
@@ -227,7 +227,7 @@ class BarometerBatch:
         return np.stack(draws, axis=1)
 
     def begin(self, units: Integers, renewed: bool) -> None:
-        """Let some units begin again; arguments as for :meth:`Triads.begin`."""
+        """Restart some units; arguments as for :meth:`Triads.begin`."""
         self._draw(units)
         self._triads.begin(units, renewed)
 

@@ -313,7 +313,7 @@ def _add_intrinsics(file: _File, keys: Mapping[str, Any]) -> None:
 
 
 def _triangular(file: _File, key: str, matrix: Array, upper: bool) -> Array:
-    """Return what OpenVINS makes of T_w or T_a (3, 3): the inverse of a triangle of the inverse."""
+    """Return OpenVINS' T_w or T_a (3, 3): the inverse of a triangle of the inverse."""
     if abs(np.linalg.det(matrix)) < _EXACT:
         file.problems.append(f"{key}: must be invertible")
         return matrix

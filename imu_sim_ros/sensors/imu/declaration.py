@@ -49,7 +49,7 @@ class ImuReadings(Readings):
 
 
 def readings(mounted: Mounted, encoding: str, *orientation: str) -> Payloads:
-    """Return what encodes readings with the variances that are valid.
+    """Return the encoder of readings with the valid variances.
 
     :param orientation: names of the samples' orientation and its variance, if there is one.
     """

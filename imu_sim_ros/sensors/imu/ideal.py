@@ -181,7 +181,7 @@ class IdealImu:
 
 
 def size_effect(positions: Array, omega: Array, alpha: Array) -> Array:
-    """Return what three accelerometers read because they do not sit in one point (n, 3) [m/s^2].
+    """Return the effect (n, 3) of three accelerometers at different places [m/s^2].
 
     Axis k of ``alpha x r_k + omega x (omega x r_k)``, r_k the position of accelerometer k (Savage,
     "Strapdown Analytics", "size effect").

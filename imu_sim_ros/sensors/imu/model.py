@@ -99,7 +99,7 @@ class Imu:
         self.configure(imu)
 
     def configure(self, imu: ImuParameters) -> None:
-        """Take new values of live parameters, from the next sample on.
+        """Apply new values of live parameters, from the next sample on.
 
         Of given readings, see :meth:`apply`, with the next chunk.
         """
@@ -115,7 +115,7 @@ class Imu:
         self._timing.configure(imu)
 
     def inject(self, fault: Fault, begin: Fraction) -> None:
-        """Let a fault begin with the first sample not before a time since the start [s]."""
+        """Start a fault at the first sample at or after a time since the start [s]."""
         self._timing.inject(fault, begin)
 
     def read(self, window: Window, world: World) -> Samples:
@@ -134,7 +134,7 @@ class Imu:
     def apply(
         self, true_t_ns: Times, motion: Motion, gyro: Array, accel: Array, world: World
     ) -> Samples:
-        """Return the next n samples of ideal readings that somebody gives.
+        """Return the next n samples of ideal readings from outside the simulation.
 
         Errors that depend on time follow the samples' indices, so that they are those of
         :meth:`read`; stamps, latency and losses are those of the given times. Few samples at a time
@@ -205,9 +205,9 @@ class Imu:
         return self.latest
 
     def _look_ahead(self, start: int, world: World) -> None:
-        """Make what samples from an index on get, up to the next multiple of ``AHEAD``.
+        """Draw the errors of the samples from an index on, up to the next multiple of ``AHEAD``.
 
-        What is there for samples from this index on stays.
+        Errors that were drawn before for these samples stay.
         """
         previous, begin = self._ahead, max(start, self._ahead.end)
         end = begin + AHEAD - begin % AHEAD
@@ -223,7 +223,7 @@ class Imu:
         self._ahead = _Ahead(start, end, temperature, additions, numbers)
 
     def _additions(self, temperature: Array, force: Array | None) -> list[Additions]:
-        """Return what the next readings get at a temperature (n,) [degC]."""
+        """Return the additive errors of the next readings at temperatures (n,) [degC]."""
         surroundings = Surroundings(temperature - self._reference_temperature, force)
         return [triad.additions(surroundings) for triad in self._triads]
 
@@ -234,7 +234,7 @@ class Imu:
         additions: Sequence[Additions],
         vibration: Array | None,
     ) -> list[Reading]:
-        """Return what gyroscope and accelerometer read."""
+        """Return the readings of gyroscope and accelerometer."""
         shaken = (None, None) if vibration is None else (vibration[:, :3], vibration[:, 3:])
         return [
             triad.read(start, triad_input, ideal[1], added, self._timing.faults, shake)
@@ -294,7 +294,7 @@ class Imu:
         ]
 
     def _ideal_readings(self, start: int, t: Array, world: World) -> tuple[Motion, Array, Array]:
-        """Return the motion at times t (n,) and what a perfect IMU reads, (n, 3) twice."""
+        """Return the motion at times t (n,) and the readings of a perfect IMU, (n, 3) twice."""
         if not self._averaged:
             motion = world.motion(t)
             return motion, *self._ideal.read(motion)

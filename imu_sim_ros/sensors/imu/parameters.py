@@ -270,7 +270,7 @@ MOUNT: Final = ("imu.lever_arm", "imu.mounting")
 
 @dataclass(frozen=True)
 class ImuParameters(TimingParameters, BoardParameters, TriadsParameters):
-    """One IMU, with a section for each other sensor with it."""
+    """One IMU, with a section for each sensor that belongs to it."""
 
     preset: str = text("lecture", "file in config/imus, or a path, to start from")
     sampling: str = choice(

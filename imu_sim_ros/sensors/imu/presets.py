@@ -57,7 +57,7 @@ def load_all(paths: Iterable[str | Path], node: str) -> dict[str, object]:
 def sensor_layer(
     name_or_file: str, node: str = "simulator", rate: object = None
 ) -> dict[str, object]:
-    """Return what ``imu.preset`` stands for, above the presets that its file names in turn.
+    """Return the parameters of ``imu.preset``, above those of presets that its file names.
 
     For a model of Gazebo it contains ``imu.preset`` with the name of the sensor that was taken.
 
@@ -88,7 +88,7 @@ def sensor_layer(
 
 
 def layer_imu(parameters: Mapping[str, object], node: str, problems: Problems) -> dict[str, object]:
-    """Return what was given above the preset of an IMU, and above that of its barometer.
+    """Return parameters above the preset of their IMU and of its barometer.
 
     What an included preset says, and the choices of a user leave no place for, is left out; a
     file of one's own is taken at its word.

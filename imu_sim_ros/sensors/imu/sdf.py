@@ -127,7 +127,7 @@ class _Part(NamedTuple):
 
 
 def read(path: str | Path, sensor: str | None = None, rate: object = None) -> Described:
-    """Return the IMU of a model; what has no effect in Gazebo is a remark.
+    """Return the IMU of a model; elements without an effect in Gazebo are remarks.
 
     :param path: of the file, or ``FILE#SENSOR``.
     :param sensor: its name; None: the only one.
@@ -185,7 +185,7 @@ def _parsed(file: str) -> Element:
 
 
 def _refuse_template(file: str) -> None:
-    """Say that a file is a template, if it is one.
+    """Refuse a file that is a template.
 
     :raises InputError: if it is.
     """
@@ -350,7 +350,7 @@ def _of_noise(
 
 
 def _of_rotors(part: _Part, _: float) -> dict[str, object]:
-    """Return an IMU of RotorS; what the model leaves out the plugin has values for."""
+    """Return an IMU of RotorS; the plugin has defaults for missing elements."""
     part.check(tuple(_ROTORS_DEFAULTS))
     values: dict[str, object] = {}
     for key, default in _ROTORS_DEFAULTS.items():

@@ -370,7 +370,7 @@ class TriadParameters:
 
 
 def invertible_problems(values: Matrix, name: str) -> Iterator[str]:
-    """Say that nine numbers, row by row, are no invertible matrix: an axis would be lost.
+    """Yield a line if nine numbers, row by row, are no invertible matrix.
 
     :param name: of the parameter, for the message.
     """

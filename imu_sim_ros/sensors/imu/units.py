@@ -149,7 +149,7 @@ class UnitsOfBatch:
         return values
 
     def begin(self, units: Integers, restart: str) -> bool:
-        """Give some units the seeds with which they begin again; return whether they are new units.
+        """Set the seeds with which some units restart; return whether they are new units.
 
         :param restart: one of ``RESTARTS``.
         """
@@ -186,7 +186,7 @@ class Triads:
         section: OwnRateParameters | EnvironmentParameters,
         sources: Mapping[str, Make] | None = None,
     ) -> None:
-        """Start before the first sample.
+        """Initialise before the first sample.
 
         :param section: parameters with the sample rate.
         :param sources: functions that draw the values of further sensors in advance, by name.
@@ -217,7 +217,7 @@ class Triads:
         return self._triads[name]
 
     def at_times(self, begins: Integers, values: Callable[[Array], Array]) -> Array:
-        """Return what depends on time for the next samples (AHEAD, m) of units.
+        """Return time-dependent values of the next samples (AHEAD, m) of units.
 
         :param begins: (m,) indices of the next samples.
         :param values: returns it at times (n,) [s].
@@ -228,7 +228,7 @@ class Triads:
         return columns
 
     def begin(self, units: Integers, renewed: bool) -> None:
-        """Let some units begin again with their next sample.
+        """Restart some units with their next sample.
 
         :param renewed: they are new units.
         """
@@ -291,7 +291,7 @@ class Triads:
     def _kept(
         self, stored: Array | None, drawn: Array | None, usual: float, units: Units
     ) -> Array | None:
-        """Return what is kept of all units, with what was made of some; None: the usual value."""
+        """Return the stored values of all units, some of them drawn anew; None: usual ones."""
         if drawn is None:
             return stored
         rows = drawn[:1] if is_constant(drawn) else drawn  # what never changes is kept once
@@ -345,7 +345,7 @@ def _spreadable() -> Mapping[str, Parameter]:
 
 
 def _check(imus: Sequence[ImuParameters], spread: Mapping[str, Spread]) -> None:
-    """Make sure that a batch has what is asked of it.
+    """Refuse units and spreads that a batch cannot have.
 
     :raises ConfigurationError: with a line for each thing.
     """
@@ -381,7 +381,7 @@ def _problems(imus: Sequence[ImuParameters]) -> Iterator[str]:
 
 
 def check_alike(sections: Sequence[object], prefix: str, names: Sequence[str]) -> None:
-    """Make sure that what all units of a batch share is the same in all sections.
+    """Refuse sections that differ in parameters which all units of a batch share.
 
     :raises ConfigurationError: with a line for each parameter that is not.
     """

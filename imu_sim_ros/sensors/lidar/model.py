@@ -131,7 +131,7 @@ class Lidar(SensorModel):
         self._bias, self._tilt = bias[ring], np.radians(error_deg)[ring]
 
     def measure(self, t: Array, world: World) -> Mapping[str, Array]:
-        """Return n scans of m rays; what no ray of a scan differs in is there once.
+        """Return n scans of m rays; arrays that are equal in all scans are stored once.
 
         ``range_bias`` (n,) is the reading that faults change.
         """
@@ -233,7 +233,7 @@ class Lidar(SensorModel):
         return moved / np.sqrt(1.0 + up * up + side * side)[:, None]
 
     def _aside(self, beam: Array) -> Array:
-        """Return vectors (m, 3) from the middles of beams, 1 m away, to random places of them."""
+        """Return random vectors (m, 3) from the middles of beams at 1 m to points within them."""
         draw = self._next("beam").random((2, len(beam)))
         radius = 0.5 * math.radians(self.parameters.beam_divergence_deg) * np.sqrt(draw[0])
         angle = 2.0 * math.pi * draw[1]
@@ -298,7 +298,7 @@ class Lidar(SensorModel):
         limit: Array | None,
         on_glass: Callable[[], Mask],
     ) -> None:
-        """Say of which rays nothing returns."""
+        """Mark the rays without a return."""
         p, count = self.parameters, len(range_)
         if limit is not None:
             if p.detection_spread > 0.0:
@@ -314,7 +314,7 @@ class Lidar(SensorModel):
     def _meet_rain(
         self, outcome: NDArray[np.uint8], range_: Array, intensity: Array, distance: Array
     ) -> None:
-        """Put in the rays that meet rain or dust."""
+        """Replace the returns of rays that hit rain or dust."""
         p, count = self.parameters, len(range_)
         if p.false_return_share == 0.0:
             return

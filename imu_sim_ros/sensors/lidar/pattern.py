@@ -30,7 +30,7 @@ class Pattern:
         ring: NDArray[np.uint16],
         directions: Array | Callable[[float], Array],
     ) -> None:
-        """Keep them.
+        """Initialise with the directions and times of the rays.
 
         :param time: (m,) since the start of the scan [s].
         :param directions: (m, 3) unit vectors, or what returns them for the time from the start of

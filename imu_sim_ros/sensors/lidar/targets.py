@@ -17,7 +17,7 @@ if TYPE_CHECKING:
 
 
 class Targets:
-    """A scene, with the bodies that move in it."""
+    """A scene with its moving bodies, for lidars."""
 
     def __init__(self, scene: "Scene", reflectivity: float) -> None:
         """Take a scene.
@@ -39,18 +39,18 @@ class Targets:
         self._mesh = scene.caster is not None
 
     def trace(self, t: Array, origins: Array, directions: Array) -> Traced:
-        """Return what rays meet first; see :meth:`RayTracer.trace`."""
+        """Return the nearest intersections of rays; see :meth:`RayTracer.trace`."""
         return self._tracer.trace(t, origins, directions)
 
     def reflectivity(self, traced: Traced) -> Array:
-        """Return the diffuse reflectivity (n,) of what rays met, at 905 nm."""
+        """Return the diffuse reflectivity (n,) of surfaces at 905 nm."""
         number = self._first[traced.body] + traced.surface
         # A mesh has no materials; its triangles are no rectangles.
         number[(traced.surface < 0) | (self._mesh & (traced.body == 0))] = -1
         return self._reflectivity[number]
 
     def on_glass(self, traced: Traced, origins: Array, directions: Array) -> Mask:
-        """Tell which rays (n,) met glass."""
+        """Return True for rays (n,) that hit glass."""
         result = np.zeros(len(origins), np.bool_)
         if not self._panes:
             return result

@@ -51,7 +51,7 @@ class CellGrid:
     """The cells of an image, and tiles of them."""
 
     def __init__(self, corners: Corners, angle: float) -> None:
-        """Take the corners of all cells.
+        """Initialise with the corners of all cells.
 
         :param angle: across a cell at most [rad]. Rays are longer within a cell than at its corners
             by up to 1 - cos, and the image of a line bends by about an eighth of the angle.
@@ -175,7 +175,7 @@ _LONGEST: Final = np.float32(1e12)
 
 
 def _footprint(steps: Single) -> tuple[Single, Single, Single]:
-    """Return what the ellipse of a pixel's steps is: width^2, length (p,) and long axis (2, p).
+    """Return width^2, length (p,) and long axis (2, p) of the ellipse of a pixel on a texture.
 
     With the steps as the columns of J, they are the singular values of J, and the direction of the
     larger one; the width is at least an eighth of the length.

@@ -75,7 +75,7 @@ class AutoExposure:
         return self._wanted[number]
 
     def _mean(self, seconds: float) -> float:
-        """Return the mean grey value of what the meter sees: an integer over another."""
+        """Return the mean grey value of the meter's image: a ratio of integers."""
         view, total, count = self._view, 0, 0
         response = grey_values(view.parameters.response)
         t = np.array([min(seconds, view.duration)])

@@ -122,7 +122,7 @@ def _projected(
 def _hidden(
     uv: Array, away: Array, valid: Mask, body: int, next_image: tuple[Single, Bytes | None]
 ) -> Mask:
-    """Tell which points are behind all that the four pixels around them see."""
+    """Return True for points behind everything in the four pixels around them."""
     depth, mask = next_image
     result = np.ones(len(uv), np.bool_)
     some = np.flatnonzero(valid)

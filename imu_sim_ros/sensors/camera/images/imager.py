@@ -151,7 +151,7 @@ class Imager:
         return self._centres.depth_and_mask(self._seen_from(number))
 
     def flow(self, number: int) -> Single:
-        """Return where what each pixel sees goes until the next image: steps (h, w, 2) [px].
+        """Return the optical flow (h, w, 2) of each pixel to the next image [px].
 
         From the pixel's centre in the middle of the exposure to the next frame that is delivered.
         NaN for what sees nothing, for what is outside of the next image or hidden there, and
@@ -192,7 +192,7 @@ class Imager:
         return Eyes(poses, [CameraPoses(*body.sees(t, *poses)) for body in bodies])
 
     def exposure(self, number: int) -> float:
-        """Return how long the shutter was open for what a frame shows [s]."""
+        """Return the exposure time of a frame [s]."""
         p = self.view.parameters
         seconds = self._seconds(self._content(number))
         return p.exposure_time * _wave(p.exposure_change, p.exposure_period, seconds)
@@ -216,7 +216,7 @@ class Imager:
         return number
 
     def _light(self, number: int) -> tuple[NDArray[np.uint32] | Bytes, int]:
-        """Return the sum (h, w) of the values of all rays of a pixel, and what one of them counts.
+        """Return the sum (h, w) of all rays of a pixel, and the weight of one ray.
 
         That is their number times the steps of a grey value.
         """
@@ -237,7 +237,7 @@ class Imager:
         return total, count
 
     def _row_times(self, t: Array, rows: Array) -> Array:
-        """Return the time of each row of rays with a rolling shutter, else the one time."""
+        """Return the time of each row of rays with a rolling shutter; else the single time."""
         p = self.view.parameters
         if p.row_time == 0.0:
             return t
@@ -245,7 +245,7 @@ class Imager:
 
 
 def textures(scene: Scene, parameters: SceneParameters, colour: bool) -> Atlas | Look:
-    """Return what a scene looks like, in colour or in grey values.
+    """Return the appearance of a scene, in colour or in grey values.
 
     :raises ConfigurationError: for a scene without surfaces.
     """

@@ -63,7 +63,7 @@ def compiled(function: _Function, part: bool = False) -> _Function:
 
 @cache
 def _tell_before_compiling() -> None:
-    """Let who follows a job know, once, why no image comes: nothing is on the disk yet."""
+    """Tell the job's receiver once that code is compiled before the first image."""
     from numba.core import event
 
     class Notice(event.Listener):  # type: ignore[misc]
@@ -85,5 +85,5 @@ def _tell_before_compiling() -> None:
 
 
 def part(function: _Function) -> _Function:
-    """Return what :func:`compiled` makes of a part of other functions."""
+    """Compile a function that compiled functions call, as :func:`compiled` does."""
     return compiled(function, part=True)

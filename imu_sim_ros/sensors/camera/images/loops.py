@@ -86,7 +86,7 @@ def candidates(
     bent: np.float32,
     slack: np.float32,
 ) -> int:
-    """Put in which cells rectangles may be, by rectangle; return how many there are.
+    """Write the cells in which rectangles may be, by rectangle; return their number.
 
     Of more than there is room for (len(slots),) the first. A rectangle is looked for in tiles of
     cells, and in the cells of those in which it may be.
@@ -129,7 +129,7 @@ def candidates(
 def _edges(
     vectors: Single, start: Single, m: int, k: int, rays: Single, row: int, column: int
 ) -> tuple[np.float32, np.float32, np.float32, np.float32, np.float32]:
-    """Return what is above 0 for a ray that meets a rectangle: 1 / t, and of each edge."""
+    """Return 1 / t of a ray, and its distance inside each edge; all are above 0 for a hit."""
     ray = (rays[0, row, column], rays[1, row, column], rays[2, row, column])
     n = _dot(vectors, m, k, 0, ray)
     s = _dot(vectors, m, k, 1, ray) + start[m, k, 0] * n
@@ -158,7 +158,7 @@ def _candidate(
     bent: np.float32,
     slack: np.float32,
 ) -> bool:
-    """Tell whether a rectangle may be in a cell, and put how near it is there."""
+    """Return whether a rectangle may be in a cell; write its nearness there."""
     pose_above = rows[row] if start.shape[1] > 1 else 0
     pose_below = rows[row + 1] if start.shape[1] > 1 else 0
     a = _edges(vectors, start, m, pose_above, rays, row, column)
@@ -196,7 +196,7 @@ def arrange(
     bent: np.float32,
     apart: np.float32,
 ) -> int:
-    """Put the candidates that are not behind another one by cell; return how many they are.
+    """Write the candidates that no other one hides, by cell; return their number.
 
     Between the corners of a cell 1 / t of two planes differs linearly, but for the bend.
 
@@ -256,7 +256,7 @@ def paint(
     areas: bool,
     space: tuple[Integers, Single],
 ) -> None:
-    """Put into a picture (h, w, colours) what the rays (3, h, w) of a band see.
+    """Draw the view of the rays (3, h, w) of a band into a picture (h, w, colours).
 
     :param origin: row of its first rays in the whole image, and the whole image's last row.
     :param atlas: (height, width, colours) textures.
@@ -328,7 +328,7 @@ def _count(pair_at: Integers, point: int, p: int) -> int:
 
 @part
 def _add(total: Integers, value: Integers, count: int) -> None:
-    """Add a colour so many times to a sum of colours."""
+    """Add ``count`` times a colour to a sum of colours."""
     for c in range(len(total)):
         total[c] += value[c] * count
 
@@ -343,7 +343,7 @@ def measure(
     pairs: Pairs,
     bodies: Bytes,
 ) -> None:
-    """Put the distance along the axis (h, w) [m] of what rays see, and its body (h, w); 0: nothing.
+    """Write depth (h, w) [m] and number of the body (h, w) that rays hit; 0: nothing.
 
     :param origin: as of :func:`paint`.
     :param bodies: (m,) of each rectangle.
@@ -440,7 +440,7 @@ def _at_edge(
     inverse: np.float32,
     hit: int,
 ) -> bool:
-    """Tell whether a pixel may see more than its centre does: pair ``hit`` at 1 / t."""
+    """Return whether a pixel may show more than its centre does: pair ``hit`` at 1 / t."""
     threshold = inverse - patches[hit].depth if hit >= 0 else _ZERO
     for p in range(begin, end):
         patch = patches[p]
@@ -464,7 +464,7 @@ def _see_at_points(
     k: int,
     ray: Ray,
 ) -> None:
-    """Put the number of a pair where it is the nearest at the points of a pixel (8,).
+    """Write the number of a pair at those points (8,) of a pixel at which it is nearest.
 
     Of equals the first.
 
@@ -489,7 +489,7 @@ def _see_at_points(
 def look_up(
     value: Integers, atlas: Bytes, patch: Any, s: np.float32, r: np.float32, doublings: int
 ) -> None:
-    """Put the mean (colours,) of 1, 2, 4, ... points along a pixel's footprint on a texture."""
+    """Write the mean (colours,) of 1, 2, 4, ... points along a pixel's footprint on a texture."""
     count = 1 << doublings
     value[:] = count >> 1
     for j in range(count):
@@ -648,7 +648,7 @@ def shine(
     foot: tuple[np.float32, np.float32],
     height: np.float32,
 ) -> np.float32:
-    """Put what gloss adds to the square of a value (colours,); return what it keeps of it.
+    """Add the gloss to the square of a value (colours,); return the share of the value that stays.
 
     As in :mod:`~imu_sim_ros.places.gloss`.
 
@@ -793,7 +793,7 @@ def paint_mesh(
     modes: tuple[bool, bool],
     space: tuple[Integers, Single],
 ) -> None:
-    """Put what n rays see of a mesh into values (n, colours).
+    """Draw the view of n rays on a mesh into values (n, colours).
 
     :param pitch: (n,) angles between the rays [rad].
     :param textures: as those of :class:`~.texture.Atlas`.
@@ -853,7 +853,7 @@ def _footprint(
     size: Single,
     modes: tuple[bool, bool],
 ) -> tuple[np.float32, np.float32]:
-    """Return what decides the level of a ray's pixel, and how long its footprint is [texels].
+    """Return the size that determines the level of a texture, and the footprint's length [texels].
 
     That is the square of the texels along which the pixel extends at most, ``(density pitch t /
     cos)^2`` with the cosine between the ray and the triangle's normal; for areas that of its width,
@@ -914,7 +914,7 @@ def _repeat(
     level: int,
     share: int,
 ) -> None:
-    """Put the mean (colours,) of 1, 2, 4, ... points along a footprint on a texture that repeats.
+    """Write the mean (colours,) of 1, 2, 4, ... points along a footprint on a repeating texture.
 
     :param corner: (LEVELS, 2) of the levels of the texture.
     """

@@ -25,7 +25,7 @@ _GROUND: Final = 0.25
 
 
 class Look:
-    """The textures of a mesh, and per triangle where on them, and in what colour, a point is.
+    """Textures of a mesh, with the texture coordinates and colours of each triangle.
 
     A value on triangle j at p is ``(coefficients[:3, j] * p).sum() + coefficients[3, j]``, p from
     ``middle`` on.

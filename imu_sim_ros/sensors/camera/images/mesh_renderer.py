@@ -56,7 +56,7 @@ class MeshRenderer:
         self._pitches: dict[int, NDArray[np.float16]] = {}
 
     def pictures(self, eyes: Eyes) -> Iterator[tuple[slice, Bytes]]:
-        """Yield what one pose sees, or one pose for each row of rays, a band at a time.
+        """Yield the image of one pose, or of one pose for each row of rays, band by band.
 
         :returns: rows of the image, and the values (h, w[, 3]) of all their rays.
         """
@@ -81,7 +81,7 @@ class MeshRenderer:
         rays: Single,
         poses_and_rows: tuple[tuple[Array, Array], slice],
     ) -> None:
-        """Give pixels whose neighbours look different the mean of eight rays each.
+        """Draw pixels whose neighbours look different as means of eight rays.
 
         :param rays: (3, h, w) of the picture.
         :param poses_and_rows: the poses, and the rows of the picture.
@@ -115,7 +115,7 @@ class MeshRenderer:
         picture.reshape(-1, *picture.shape[2:])[pixel] = total // len(POINTS)
 
     def _at_edges(self, picture: Bytes, hits: Met, eyes: Array) -> Mask:
-        """Tell which pixels (h w,) differ from a neighbour that sees another surface.
+        """Return True for pixels (h w,) that differ from a neighbour on another surface.
 
         Triangles of one surface are those whose planes go on in each other, at a small angle.
         Without textures any difference between two triangles counts.
@@ -138,7 +138,7 @@ class MeshRenderer:
         return result
 
     def _another(self, hits: Met, eyes: Array, pixels: Integers, neighbours: Integers) -> Mask:
-        """Tell which of n pairs of pixels see two surfaces."""
+        """Return True for pairs (n,) of pixels on two surfaces."""
         first, second = hits.some(pixels), hits.some(neighbours)
         planes = [self._caster.planes.take(side.number, axis=0) for side in (first, second)]
         start = (eyes if len(eyes) == 1 else eyes.take(neighbours, axis=0)) - self._caster.middle
@@ -157,7 +157,7 @@ class MeshRenderer:
         )
 
     def depth(self, eyes: Eyes) -> Single:
-        """Return the distance along the axis (h, w) [m] of what each pixel sees; 0: nothing."""
+        """Return the depth image (h, w) along the axis [m]; 0: nothing is hit."""
         result = np.empty(self._rays.shape, np.float32)
         for _, rows, rays, hits in self._seen(rounded(eyes.world)):
             distance = np.where(hits.nothing, 0.0, hits.distance)
@@ -169,7 +169,7 @@ class MeshRenderer:
         return self.depth(eyes), np.zeros(self._rays.shape, np.uint8)
 
     def _seen(self, poses: tuple[Array, Array]) -> Iterator[tuple[int, slice, Single, Met]]:
-        """Yield each band's number, rows and rays (3, h, w), and what they meet first."""
+        """Yield each band's number, rows and rays (3, h, w), and the nearest intersections."""
         position, r_wc = poses
         for number, band in enumerate(self._rays.bands):
             check_interrupted()

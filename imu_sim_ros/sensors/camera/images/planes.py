@@ -43,7 +43,7 @@ class Planes(NamedTuple):
         return Planes(*(np.concatenate(parts) for parts in zip(*tables, strict=True)))
 
     def none(self) -> "Planes":
-        """Return none of them, for the same poses."""
+        """Return no rectangles, for the same poses."""
         return Planes(self.vectors[:0], self.start[:0])
 
     def seen(self, which: Integers, rows: Integers) -> tuple[Single, Single]:

@@ -44,7 +44,7 @@ class PictureMaker(Protocol):
         ...
 
     def depth(self, eyes: Eyes) -> Single:
-        """Return the distance along the axis (h, w) [m] of what each pixel sees; 0: nothing."""
+        """Return the depth image (h, w) along the axis [m]; 0: nothing is hit."""
         ...
 
     def depth_and_mask(self, eyes: Eyes) -> tuple[Single, Bytes]:
@@ -91,7 +91,7 @@ class Renderer:
         self._cone = self._cone_of_rays()
 
     def pictures(self, eyes: Eyes) -> Iterator[tuple[slice, Bytes]]:
-        """Yield what one pose sees, or one pose for each row of rays, a band at a time.
+        """Yield the image of one pose, or of one pose for each row of rays, band by band.
 
         :returns: rows of the image, and the values (h, w[, 3]) of all their rays.
         """
@@ -134,7 +134,7 @@ class Renderer:
                     yield planes, self._grid.pairs(planes), line
 
     def depth(self, eyes: Eyes) -> Single:
-        """Return the distance along the axis (h, w) [m] of what each pixel sees; 0: nothing."""
+        """Return the depth image (h, w) along the axis [m]; 0: nothing is hit."""
         return self.depth_and_mask(eyes)[0]
 
     def depth_and_mask(self, eyes: Eyes) -> tuple[Single, Bytes]:
@@ -167,7 +167,7 @@ class Renderer:
         return planes, numbers, self._grid.pairs(planes)
 
     def visible(self, eyes: Eyes) -> Visible:
-        """Return what may be in the image, and where."""
+        """Return the surfaces that may be in the image, by cell."""
         planes, numbers, pairs = self._there(eyes)
         rows = self._probes.rows.take(pairs.cell, axis=1)
         intersections = [
@@ -276,7 +276,7 @@ class _Fronts(NamedTuple):
 
 
 def rounded(poses: CameraPoses) -> tuple[Array, Array]:
-    """Return positions (n, 3) and rotations R_wc (n, 3, 3) without the last bits of a sine."""
+    """Return positions (n, 3) and rotations R_wc (n, 3, 3), rounded so that machines agree."""
     position = np.round(poses.position * _GRID) / _GRID
     r_wc = np.round(rotation.to_matrix(poses.q_wc) * _GRID) / _GRID
     return position, r_wc

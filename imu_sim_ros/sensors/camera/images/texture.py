@@ -147,7 +147,7 @@ def assembled(
 
 
 def _put(image: Bytes, level: Bytes, row: int, column: int, repeat: bool) -> None:
-    """Put a level into the atlas, with a texel around it, of its own edge or of the opposite."""
+    """Copy a level into the atlas, with a border of one texel."""
     rows, columns = (length + 2 * _EDGE for length in level.shape[:2])
     region = image[row : row + rows, column : column + columns]
     region[_EDGE:-_EDGE, _EDGE:-_EDGE] = level
@@ -157,7 +157,7 @@ def _put(image: Bytes, level: Bytes, row: int, column: int, repeat: bool) -> Non
 
 
 def _corners(shapes: Sequence[tuple[int, int]]) -> tuple[list[tuple[int, int]], int, int]:
-    """Return row and column of all levels of textures, and height and width of them all."""
+    """Return row and column of all levels of textures, and height and width of the atlas."""
     of_levels = [shape for height, width in shapes for shape in _shapes_of_levels(height, width)]
     corners, height = _packed([(rows + 2 * _EDGE, cols + 2 * _EDGE) for rows, cols in of_levels])
     return corners, height, max(_WIDTH, *(columns + 2 * _EDGE for _, columns in of_levels))
@@ -168,7 +168,7 @@ _EMPTY: Final = 4
 
 
 def _packed(shapes: list[tuple[int, int]]) -> tuple[list[tuple[int, int]], int]:
-    """Return row and column of each rectangle on shelves, and the height of them all."""
+    """Return row and column of each rectangle on shelves, and the height of the shelves."""
     corners: list[tuple[int, int]] = [(0, 0)] * len(shapes)
     row, column, shelf = 0, _EMPTY, _EMPTY
     for k in sorted(range(len(shapes)), key=lambda k: -shapes[k][0]):
@@ -261,7 +261,7 @@ def _coloured(parameters: SceneParameters, number: int, texture: Bytes) -> Bytes
 
 
 def _tag_texels(p: AprilgridParameters) -> tuple[int, int]:
-    """Return the distance between tags, and the gap that is a part of it [texels]."""
+    """Return the distance between tags and the width of the gap in it [texels]."""
     gap = max(1, round(p.tag_spacing * 10 * _TAG_CELL))
     return 10 * _TAG_CELL + gap, gap
 

@@ -60,7 +60,7 @@ class Met(NamedTuple):
     """(n, 3) unit vectors along the rays in the world."""
 
     def some(self, which: Integers) -> "Met":
-        """Return what some of the rays see."""
+        """Return the intersections of some of the rays."""
         return Met(
             self.number.take(which),
             self.nothing.take(which),
