@@ -325,7 +325,9 @@ def _state_messages(
     for states, biases in text_reader.state_blocks(path, skipped=skipped):
         t_ns, position, q_wb = states.t_ns, states.position, states.q_wb
         velocity_b = rotate_inverse(q_wb, states.velocities())
-        rates = np.zeros_like(velocity_b)
+        rates = states.angular_velocity
+        if rates is None:  # EuRoC's states have none
+            rates = np.zeros_like(velocity_b)
         yield [
             Block(truth, t_ns, odometry.encode(t_ns, position, q_wb, velocity_b, rates)),
             Block(gyro, t_ns, vectors.encode(t_ns, biases[:, :3])),

@@ -86,6 +86,11 @@ def test_a_bag_of_the_folder_has_readings_and_truth(folder, tmp_path, capsys, na
     readings, rows = ims.read_imu(target), np.loadtxt(folder / "imu_pose_noise.txt")
     assert np.array_equal(readings.gyro, rows[:, 8:11])
     assert np.array_equal(readings.accel, rows[:, 11:14])
+    states = ims.read_states(target)
+    np.testing.assert_array_equal(
+        states.angular_velocity, np.loadtxt(folder / "imu_pose.txt")[:, 8:11]
+    )
+    assert not any("twist" in finding.kind for finding in ims.inspect(target).findings)
     assert run(dead_reckon, capsys, target)["final_position_error_m"] == pytest.approx(
         run(dead_reckon, capsys, folder)["final_position_error_m"], rel=1e-6
     )

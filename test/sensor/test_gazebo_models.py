@@ -10,6 +10,7 @@ import imu_sim_ros as ims
 from imu_sim_ros.commands import generate
 from imu_sim_ros.core.errors import InputError, Remark
 from imu_sim_ros.core.rotation import from_euler, to_matrix
+from imu_sim_ros.sensors.imu import sdf
 
 
 def model(tmp_path, content, rate="<update_rate>200</update_rate>", imu=True):
@@ -64,6 +65,70 @@ def test_a_noise_of_type_none_without_numbers_is_nothing_to_say(tmp_path, recwar
 def test_typing_errors_are_refused_with_the_nearest_name(tmp_path, content, imu, line):
     with pytest.raises(InputError, match=line):
         ims.from_sdf(model(tmp_path, content, imu=imu))
+
+
+def test_the_type_of_a_noise_is_read_in_either_case(tmp_path):
+    """sdformat compares it in lower case (Noise.cc)."""
+    capital = sdf.read(model(tmp_path, axes(' type="Gaussian"'))).parameters
+    assert capital == sdf.read(model(tmp_path, axes(' type="gaussian"'))).parameters
+    assert "imu.gyroscope_noise_density" in capital
+    with pytest.raises(InputError, match=r"'gausian' is not known; .*did you mean gaussian\?"):
+        sdf.read(model(tmp_path, axes(' type="gausian"')))
+
+
+@pytest.mark.parametrize("element", ["dynamic_bias_stddev", "dynamic_bias_correlation_time"])
+def test_half_a_dynamic_bias_is_named(tmp_path, element):
+    content = axes(' type="gaussian"', f"<stddev>0.01</stddev><{element}>0.1</{element}>")
+    with pytest.warns(Remark, match=r"imu.gyroscope: the dynamic bias of x, y, z has either"):
+        values = sdf.read(model(tmp_path, content)).parameters
+    assert "imu.gyroscope_gauss_markov_density" not in values
+
+
+NESTED = """<sdf version="1.9"><world name="w"><model name="car">
+  <model name="left"><link name="l"><sensor name="imu" type="imu"><update_rate>100</update_rate>
+  </sensor></link></model>
+  <model name="right"><link name="l"><sensor name="imu" type="imu"><update_rate>50</update_rate>
+  </sensor></link></model>
+  <link name="l"><sensor name="other" type="imu"/></link>
+</model></world></sdf>"""
+
+
+def test_sensors_of_one_name_are_told_apart_by_their_models(tmp_path):
+    path = tmp_path / "nested.sdf"
+    path.write_text(NESTED)
+    names = "car::left::imu, car::right::imu, other"
+    with pytest.raises(InputError, match=f"name one of {names}: .*#car::left::imu"):
+        sdf.read(path)
+    assert sdf.read(f"{path}#car::right::imu").parameters["rate"] == 50.0
+    assert sdf.read(path, "other").name == "other"
+    path.write_text(NESTED.replace('name="right"', 'name="left"'))
+    with pytest.raises(InputError, match="several IMUs named car::left::imu; give them other"):
+        sdf.read(path, "car::left::imu")
+
+
+@pytest.mark.parametrize(
+    ("content", "line"),
+    [
+        (
+            '<sdf><model name="m"><include><uri>model://imu</uri></include></model></sdf>',
+            r"<include> is not followed: give the file of 'model://imu'",
+        ),
+        (
+            '<sdf><link name="l"><sensor name="i" type="IMU"/></link></sdf>',
+            r"<sensor type='IMU'>: Gazebo knows 'imu' alone",
+        ),
+        (
+            '<robot xmlns:xacro="http://ros.org/wiki/xacro"><xacro:include filename="imu.xacro"/>'
+            "</robot>",
+            r"is a xacro file: run xacro, and give the result",
+        ),
+    ],
+)
+def test_a_model_without_an_imu_says_what_may_stand_for_it(tmp_path, content, line):
+    path = tmp_path / "model.xml"
+    path.write_text(content)
+    with pytest.raises(InputError, match=line):
+        sdf.read(path)
 
 
 @pytest.mark.parametrize("rate", ["", "<update_rate>0</update_rate>"])

@@ -17,7 +17,7 @@ import numpy as np
 
 from imu_sim_ros.core.conventions import AXES, IMU_FRAME, TRIADS
 from imu_sim_ros.core.errors import InputError, Remark, warn
-from imu_sim_ros.core.names import nearest
+from imu_sim_ros.core.names import nearest, suggestion
 from imu_sim_ros.core.rotation import from_euler, pose_matrix, to_matrix
 from imu_sim_ros.core.spelling import argument
 from imu_sim_ros.core.types import Array
@@ -52,6 +52,8 @@ _NOISE: Final = (
     *("mean", "stddev", "bias_mean", "bias_stddev", "precision"),
     *("dynamic_bias_stddev", "dynamic_bias_correlation_time"),
 )
+_KINDS: Final = ("none", "gaussian", "gaussian_quantized")
+"""Types of noise, which sdformat compares in lower case (Noise.cc)."""
 _OF_A_SENSOR: Final = ("update_rate", "imu", "pose", "gz_frame_id", "ignition_frame_id")
 _OF_CLASSIC: Final = (
     *("gaussianNoise", "updateRateHZ", "updateRate", "frameName", "bodyName"),
@@ -64,6 +66,9 @@ _ALIKE: Final = 0.6
 _NO_SENSOR: Final = "imu-system"
 """Part of the names of gz-sim's own plugins, which run the sensors of a model."""
 _TEMPLATE: Final = ("{%", "{{", "{#")
+_XACRO: Final = "<xacro:"
+_TYPES: Final = ("imu", "imu_sensor")
+"""Types of sensors that are IMUs."""
 
 
 class Described(NamedTuple):
@@ -139,10 +144,7 @@ def read(path: str | Path, sensor: str | None = None, rate: object = None) -> De
     file, _, fragment = str(path).partition("#")
     sensor = sensor or fragment or None
     root = _parsed(file)
-    elements = [
-        (element.attributes.get("name", "imu"), element, values_of)
-        for element, values_of in _imus(root)
-    ]
+    elements = _named(_imus(root))
     have = ", ".join(name for name, *_ in elements) or "none"
     if sensor is not None:
         elements = [imu for imu in elements if imu[0] == sensor]
@@ -150,14 +152,10 @@ def read(path: str | Path, sensor: str | None = None, rate: object = None) -> De
             raise InputError(f"{file}: has no IMU {shortened(sensor)}; it has {have}")
     if not elements:
         _refuse_template(file)
-        plugins = [
-            part for part in root.every() if part.tag == "plugin" and "imu" in _library(part)
-        ]
-        unknown = ", ".join(plugin.attributes["filename"] for plugin in plugins)
-        why = f"; {unknown} is not known" if unknown else ""
-        raise InputError(f"{file}: describes no IMU: no <sensor type='imu'>, no IMU plugin{why}")
+        hints = "".join(f"; {hint}" for hint in _hints(root))
+        raise InputError(f"{file}: describes no IMU: no <sensor type='imu'>, no IMU plugin{hints}")
     name, element, values_of = elements[0]
-    if len({name for name, *_ in elements}) > 1:
+    if len(elements) > 1 and sensor is None:
         raise InputError(f"{file}: has several IMUs, name one of {have}: {file}#{name}")
     if len(elements) > 1:
         raise InputError(f"{file}: has several IMUs named {name}; give them other names")
@@ -170,6 +168,35 @@ def read(path: str | Path, sensor: str | None = None, rate: object = None) -> De
     for line in part.remarks:
         warn(line, Remark)
     return Described(name, {**values, "imu.preset": f"{file}#{name}"})
+
+
+def _named(
+    imus: "Iterator[tuple[str, Element, ValuesOf]]",
+) -> "list[tuple[str, Element, ValuesOf]]":
+    """Return IMUs by name; those that share one have the names of their models before it.
+
+    :param imus: with the names of the models around them, ``outer::left::``, before theirs.
+    """
+    scoped = list(imus)
+    plain = [scope.rpartition("::")[2] for scope, *_ in scoped]
+    return [
+        (scope if plain.count(name) > 1 else name, element, values_of)
+        for name, (scope, element, values_of) in zip(plain, scoped, strict=True)
+    ]
+
+
+def _hints(root: Element) -> Iterator[str]:
+    """Yield what a model without an IMU has that may stand for one."""
+    for element in root.every():
+        kind = element.attributes.get("type", "")
+        if element.tag == "sensor" and kind not in _TYPES and kind.lower() in _TYPES:
+            yield f"<sensor type='{kind}'>: Gazebo knows 'imu' alone, in lower case"
+        elif element.tag == "plugin" and "imu" in _library(element):
+            yield f"{element.attributes['filename']} is not known"
+        elif element.tag == "include":
+            uri = element.child("uri")
+            model = shortened(uri.text.strip()) if uri is not None else "another file"
+            yield f"<include> is not followed: give the file of {model}"
 
 
 def _parsed(file: str) -> Element:
@@ -190,6 +217,8 @@ def _refuse_template(file: str) -> None:
     :raises InputError: if it is.
     """
     text = read_text(Path(file))
+    if _XACRO in text:
+        raise InputError(f"{file}: is a xacro file: run xacro, and give the result") from None
     if any(mark in text for mark in _TEMPLATE):
         raise InputError(
             f"{file}: is a Jinja template, not XML: render it first, and give the result"
@@ -202,21 +231,24 @@ def _library(plugin: Element) -> str:
     return "" if _NO_SENSOR in name else name.removeprefix("lib").removesuffix(".so")
 
 
-def _imus(root: Element) -> Iterator[tuple[Element, "ValuesOf"]]:
-    """Yield each IMU of a model with the function that reads it.
+def _imus(parent: Element, scope: str = "") -> Iterator[tuple[str, Element, "ValuesOf"]]:
+    """Yield each IMU below an element: its name, and the function that reads it.
 
     A plugin within a sensor is a part of it.
+
+    :param scope: names of the models around it, ``outer::left::``.
     """
-    parts: set[int] = set()
-    for element in root.every():
-        if element.tag == "sensor" and element.attributes.get("type") in ("imu", "imu_sensor"):
-            parts |= {id(child) for child in element.children}
-            yield element, _of_sensor
-        elif element.tag == "plugin" and id(element) not in parts:
+    for element in parent.children:
+        name = element.attributes.get("name", "imu")
+        if element.tag == "sensor" and element.attributes.get("type") in _TYPES:
+            yield scope + name, element, _of_sensor
+            continue
+        if element.tag == "plugin":
             if _library(element) in _ROTORS_LIBRARIES or any(map(element.child, _ROTORS_DEFAULTS)):
-                yield element, _of_rotors
+                yield scope + name, element, _of_rotors
             elif _is_classic(element):
-                yield element, _of_classic
+                yield scope + name, element, _of_classic
+        yield from _imus(element, f"{scope}{name}::" if element.tag == "model" else scope)
 
 
 ValuesOf = Callable[[_Part, float], dict[str, object]]
@@ -292,10 +324,13 @@ def _noises(part: _Part, triad: str) -> "list[_Part | None]":
         )
     noises: list[_Part | None] = []
     silent: dict[str, list[str]] = {"type none": [], "without a type": []}
-    for axis, noise, kind in zip(AXES, elements, kinds, strict=True):
-        place = f"{where}: <{quantity}><{axis}><noise>"
-        if kind not in ("", "none", "gaussian", "gaussian_quantized"):
-            raise InputError(f"{place}: noise of type {shortened(kind)} is not known")
+    for axis, noise, written in zip(AXES, elements, kinds, strict=True):
+        place, kind = f"{where}: <{quantity}><{axis}><noise>", written.strip().lower()
+        if kind not in ("", *_KINDS):
+            raise InputError(
+                f"{place}: noise of type {shortened(written)} is not known; "
+                f"{suggestion(kind, _KINDS)}"
+            )
         part_of_axis = None if noise is None else _Part(place, noise, remarks)
         if part_of_axis is not None:
             part_of_axis.check(_NOISE, _ALIKE)
@@ -334,6 +369,14 @@ def _of_noise(
             f"depends on the rate: give {argument('rate')}"
         )
     driving, times = values("dynamic_bias_stddev"), values("dynamic_bias_correlation_time")
+    halves = [a for a, s, t in zip(AXES, driving, times, strict=True) if bool(s) != bool(t)]
+    if halves:
+        part = next(noise for noise in noises if noise is not None)
+        part.remarks.append(
+            f"{where}: {prefix.strip('_')}: the dynamic bias of {', '.join(halves)} has either "
+            "<dynamic_bias_stddev> or <dynamic_bias_correlation_time>, not both: no effect, as in "
+            "Gazebo"
+        )
     steady = zip(values("bias_mean"), values("bias_stddev"), strict=True)
     axes = {
         "noise_density": [d / math.sqrt(rate) if d else 0.0 for d in deviations],
