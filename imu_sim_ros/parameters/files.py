@@ -232,6 +232,8 @@ def read_tree(
         raise ConfigurationError(error.problems) from None
     except ValueError as error:
         raise ConfigurationError(f"{path}: not a YAML file: {error}") from None
+    if tree is None:
+        raise ConfigurationError(f"{path}: is empty, not {expected}")
     if not isinstance(tree, dict):
         raise ConfigurationError(f"{path}: not {expected}")
     return tree

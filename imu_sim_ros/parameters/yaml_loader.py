@@ -13,7 +13,7 @@ from functools import lru_cache
 from typing import Any, ClassVar, Final
 
 import yaml
-from yaml.composer import Composer
+from yaml.composer import Composer, ComposerError
 from yaml.constructor import SafeConstructor
 from yaml.resolver import Resolver
 
@@ -126,11 +126,23 @@ def content(text: str) -> Any:
         finally:
             loader.dispose()
     except yaml.YAMLError as error:
-        raise ValueError(" ".join(str(error).split()).replace(_SOURCE, ",")) from None
+        raise ValueError(_reason(error, text)) from None
     except (ArithmeticError, AttributeError, LookupError, TypeError, ValueError) as error:
         # PyYAML's own constructors trip over !!timestamp 1, !!bool x, 2020-99-99.
         reason = " ".join(str(error).split()) or type(error).__name__
         raise ValueError(reason[:_LONGEST_REASON]) from None
+
+
+def _reason(error: yaml.YAMLError, text: str) -> str:
+    """Return why a text is not YAML, in one line."""
+    mark = error.problem_mark if isinstance(error, yaml.MarkedYAMLError) else None
+    number = 0 if mark is None else mark.line
+    line = (text.splitlines()[number : number + 1] or [""])[0]
+    if "\t" in line[: len(line) - len(line.lstrip())]:
+        return f"line {number + 1} is indented with a tab: YAML needs spaces"
+    if isinstance(error, ComposerError) and "single document" in str(error):
+        return f"another document begins in line {number + 1} (---): keep one of them"
+    return " ".join(str(error).split()).replace(_SOURCE, ",")
 
 
 def _size(node: yaml.Node, sizes: dict[int, int]) -> int:

@@ -79,7 +79,10 @@ def test_every_trajectory_loads_and_round_trips(trajectory, tmp_path):
 @pytest.mark.parametrize(
     ("text", "reason"),
     [
-        ("", "not a ROS 2 parameter file"),
+        ("", "is empty, not a ROS 2 parameter file"),
+        ("# nothing\n---\n", "is empty, not a ROS 2 parameter file"),
+        ("imu0:\n\trate: 1\n", "line 2 is indented with a tab: YAML needs spaces"),
+        ("a: 1\n---\na: 2\n", "another document begins in line 2"),
         ("- 1\n- 2\n", "not a ROS 2 parameter file"),
         ("/**: {ros__parameters: [1, 2]}", "must hold names and values"),
         ("/**:\n  parameters: {}\n", "must hold ros__parameters"),

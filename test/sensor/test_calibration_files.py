@@ -280,6 +280,38 @@ def test_what_cannot_be_used_is_a_line_with_the_file(tmp_path, change, line):
     assert all(text.startswith(str(path)) for text in caught.value.problems)
 
 
+def test_names_beside_those_of_imus_are_named_unless_they_are_keys(tmp_path):
+    """Anchors and cameras have no effect; a noise beside its IMU would be lost."""
+    path = tmp_path / "anchored.yaml"
+    lines = "".join(f"  {name}: {value}\n" for name, value in {**NOISE, **RATE}.items())
+    path.write_text(f"common: &common\n{lines}imu0:\n  <<: *common\n  gyroscope_range: 4.0\n")
+    with pytest.warns(Remark, match=r"not used: common \(not of an IMU\)"):
+        values = presets.load(path)
+    assert values["imu.gyroscope_noise_density"] == NOISE["gyroscope_noise_density"]
+    misplaced = write(tmp_path, {"imu0": NOISE, "update_rate": 200.0, "gyroscope_noise_densty": 1})
+    with pytest.raises(ConfigurationError) as caught:
+        presets.load(misplaced)
+    lines = caught.value.problems
+    assert [line.split(": ")[1] for line in lines] == ["update_rate", "gyroscope_noise_densty"]
+    assert all("must stand below the IMU's name, imu0" in line for line in lines)
+
+
+def test_imus_in_maplabs_list_of_sensors(tmp_path):
+    sigmas = {
+        "gyro_noise_density": 3e-4,
+        "gyro_bias_random_walk_noise_density": 1e-5,
+        "acc_noise_density": 1e-2,
+        "acc_bias_random_walk_noise_density": 1e-3,
+    }
+    imus = [{"sensor_type": "IMU", "sigmas": {**sigmas, "gyro_noise_density": n}} for n in (1, 2)]
+    tree = {"sensors": [imus[0], {"sensor_type": "NCAMERA"}, imus[1]]}
+    with pytest.raises(ConfigurationError, match=r"name one of imu0, imu1: .*#imu0"):
+        presets.load(write(tmp_path, tree))
+    with pytest.warns(Remark, match=r"not used: sensors\[1\], 'NCAMERA' \(not of an IMU\)"):
+        values = presets.load(f"{write(tmp_path, tree)}#imu1")
+    assert values["imu.gyroscope_noise_density"] == 2
+
+
 def test_a_flat_file_may_have_parameters_of_this_package(tmp_path):
     keys = {**NOISE, **RATE, "gyroscope_range": 4.0, "gyroscope_bias": [0.01, 0.0, 0.0]}
     path = write(tmp_path, {**keys, "imu.accelerometer_range": 80.0, "trajectory.type": "static"})

@@ -15,7 +15,7 @@ Each key becomes a parameter, or a remark names it. Readings are those of the to
 Here both are ``w_m = S_g w + G a + b_g`` and ``a_m = S_a a + b_a``.
 """
 
-from collections.abc import Callable, Iterable, Mapping
+from collections.abc import Callable, Iterable, Iterator, Mapping
 from pathlib import Path
 from typing import Any, Final, NamedTuple
 
@@ -89,6 +89,9 @@ _KEYS: Final = (
 _EXACT: Final = 1e-9
 """Largest difference of a matrix that is rounding, smallest determinant."""
 
+_ALIKE: Final = 0.85
+"""Similarity from which on a name beside those of IMUs is a typing error of a key."""
+
 Report = Callable[[str], object]
 """Receives a line."""
 
@@ -140,16 +143,41 @@ class _File(NamedTuple):
 def is_readable(tree: Mapping[Any, Any]) -> bool:
     """Return whether a file without ``ros__parameters`` holds an IMU, or parameters of one."""
     names = (*_KEYS, *parameters(EnvironmentParameters), *parameters(ImuParameters))
-    return estimator_settings.is_readable(tree) or any(
-        name.removeprefix(_IMU) in names
-        or (isinstance(content, Mapping) and (name == "imu" or _names_an_imu(name)))
-        for name, content in ((str(key), content) for key, content in tree.items())
+    return (
+        estimator_settings.is_readable(tree)
+        or bool(_listed_imus(tree))
+        or any(
+            name.removeprefix(_IMU) in names
+            or (isinstance(content, Mapping) and (name == "imu" or _names_an_imu(name)))
+            for name, content in ((str(key), content) for key, content in tree.items())
+        )
     )
 
 
 def _names_an_imu(name: str) -> bool:
     """Return True for a key such as imu0."""
     return name.startswith("imu") and name.removeprefix("imu").isdecimal()
+
+
+def _listed_imus(tree: Mapping[Any, Any]) -> dict[str, Mapping[Any, Any]]:
+    """Return the IMUs in maplab's list of sensors by their names here, imu0, imu1, ..."""
+    sensors = tree.get("sensors")
+    entries = sensors if isinstance(sensors, list) else []
+    imus = [
+        entry
+        for entry in entries
+        if isinstance(entry, Mapping) and str(entry.get("sensor_type")).lower() == "imu"
+    ]
+    return {f"imu{number}": entry for number, entry in enumerate(imus)}
+
+
+def _other_sensors(tree: Mapping[Any, Any]) -> Iterator[str]:
+    """Yield the entries in maplab's list of sensors that are no IMUs, each with its type."""
+    sensors, imus = tree.get("sensors"), _listed_imus(tree).values()
+    for number, entry in enumerate(sensors if isinstance(sensors, list) else []):
+        if not any(entry is imu for imu in imus):
+            kind = entry.get("sensor_type") if isinstance(entry, Mapping) else entry
+            yield f"sensors[{number}], {shown(kind)}"
 
 
 def parameters_of(
@@ -166,7 +194,7 @@ def parameters_of(
     unused: list[str] = []
     if estimator_settings.is_readable(tree):
         tree, unused = estimator_settings.keys_of_imu(tree, path)
-    keys = {str(key): value for key, value in _of_the_imu(tree, path, imu).items()}
+    keys = {str(key): value for key, value in _of_the_imu(tree, path, imu, unused).items()}
     for key in _SIGMAS:
         if isinstance(keys.get(key), Mapping):
             keys |= {str(name): value for name, value in keys.pop(key).items()}
@@ -184,13 +212,16 @@ def parameters_of(
     return file.values
 
 
-def _of_the_imu(tree: Mapping[Any, Any], path: str | Path, imu: str) -> Mapping[Any, Any]:
+def _of_the_imu(
+    tree: Mapping[Any, Any], path: str | Path, imu: str, unused: list[str]
+) -> Mapping[Any, Any]:
     """Return the keys of one IMU: those below its name, or all of a file without such names.
 
-    :raises ConfigurationError: for several IMUs of which none is named, and for one that is not in
-        the file.
+    :param unused: receives the names beside those of IMUs, such as anchors and cameras.
+    :raises ConfigurationError: for several IMUs of which none is named, for one that is not in the
+        file, and for keys of an IMU beside their names.
     """
-    imus = {
+    imus = _listed_imus(tree) or {
         str(name): content
         for name, content in tree.items()
         if _names_an_imu(str(name)) and isinstance(content, Mapping)
@@ -204,11 +235,14 @@ def _of_the_imu(tree: Mapping[Any, Any], path: str | Path, imu: str) -> Mapping[
         raise ConfigurationError(
             f"{path}: has several IMUs, name one of {have}: {path}#{next(iter(imus))}"
         )
-    misplaced = [str(name) for name in tree if str(name) not in imus]
+    neighbours = [str(name) for name in tree if str(name) not in (*imus, "sensors")]
+    misplaced = [name for name in neighbours if nearest(name, _KEYS, _ALIKE)]
     if misplaced:
         raise ConfigurationError(
             [f"{path}: {name}: must stand below the IMU's name, {have}" for name in misplaced]
         )
+    unused += [f"{name} (not of an IMU)" for name in neighbours]
+    unused += [f"{name} (not of an IMU)" for name in _other_sensors(tree)]
     return imus[imu or next(iter(imus))]
 
 
