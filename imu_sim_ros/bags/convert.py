@@ -62,6 +62,8 @@ POSES: Final = "/" + TRUTH_POSE_TOPIC
 TRUTH: Final = "/" + TRUTH_TOPIC
 GYRO_BIAS: Final = "/" + GYROSCOPE_BIAS_TOPIC
 ACCEL_BIAS: Final = "/" + ACCELEROMETER_BIAS_TOPIC
+_NO_RATES: Final = np.diag([0.0, 0.0, 0.0, -1.0, -1.0, -1.0])
+"""Covariance of a twist whose angular half is absent."""
 
 
 def chosen(bag: Bag, names: Collection[str]) -> list[TopicInfo]:
@@ -325,11 +327,14 @@ def _state_messages(
     for states, biases in text_reader.state_blocks(path, skipped=skipped):
         t_ns, position, q_wb = states.t_ns, states.position, states.q_wb
         velocity_b = rotate_inverse(q_wb, states.velocities())
-        rates = states.angular_velocity
+        rates, covariance = states.angular_velocity, None
         if rates is None:  # EuRoC's states have none
-            rates = np.zeros_like(velocity_b)
+            rates, covariance = np.zeros_like(velocity_b), _NO_RATES
+        truth_row = odometry.encode(
+            t_ns, position, q_wb, velocity_b, rates, twist_covariance=covariance
+        )
         yield [
-            Block(truth, t_ns, odometry.encode(t_ns, position, q_wb, velocity_b, rates)),
+            Block(truth, t_ns, truth_row),
             Block(gyro, t_ns, vectors.encode(t_ns, biases[:, :3])),
             Block(accel, t_ns, vectors.encode(t_ns, biases[:, 3:])),
         ]

@@ -62,6 +62,8 @@ _ODOMETRY_FIELDS = (
     *("position", "orientation", "linear", "angular"),
     *("pose_covariance", "twist_covariance"),
 )
+_RATE_VARIANCE = 21
+"""Place of the first variance of the angular rate in the covariance of a twist."""
 _ROUNDING = 1e-12
 """Rounding error of the length of a quaternion that was written as a unit one."""
 
@@ -189,7 +191,10 @@ def odometry_blocks(
     skipped: Skipped | None = None,
     warned: Warned | None = None,
 ) -> Iterator[States]:
-    """Yield the messages of an Odometry topic in blocks; arguments as for :func:`imu_blocks`."""
+    """Yield the messages of an Odometry topic in blocks; arguments as for :func:`imu_blocks`.
+
+    A half of the twist whose covariance begins with -1 is absent.
+    """
     if text_reader.is_text(Path(path)):
         for states, _ in text_reader.state_blocks(Path(path), topic, skipped):
             yield states
@@ -202,12 +207,13 @@ def odometry_blocks(
         with np.errstate(over="ignore", invalid="ignore"):  # what is passed on with a warning
             velocity = rotate(q_wb, linear)
         frame_id, child_frame_id = fields.texts
+        no_velocity, no_rate = ((twist[:, k] == -1.0).all() for k in (0, _RATE_VARIANCE))
         yield States.unchecked(
             t_ns=fields.t_ns,
             position=position,
             q_wb=q_wb,
-            velocity=velocity,
-            angular_velocity=angular,
+            velocity=None if no_velocity else velocity,
+            angular_velocity=None if no_rate else angular,
             covariance=pose.reshape(-1, 6, 6),
             twist_covariance=twist.reshape(-1, 6, 6),
             frame_id=frame_id,

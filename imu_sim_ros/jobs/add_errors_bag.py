@@ -90,6 +90,7 @@ def twist_warnings(bag: Bag, source: TopicInfo, twist_frame: str) -> Iterator[st
 
     :param source: a topic of odometry; its first messages, up to 20,000, are compared.
     :param twist_frame: axes of the twist, body or world.
+    :raises InputError: for a twist whose covariance marks it as absent.
     """
     blocks, count = [], 0
     for states in odometry_blocks(bag.path, source.name, warned=bool):
@@ -98,17 +99,15 @@ def twist_warnings(bag: Bag, source: TopicInfo, twist_frame: str) -> Iterator[st
         if count >= _COMPARED:
             break
     if blocks:
-        compared = with_fields(concatenated(blocks), source=source.name)
+        compared = with_fields(concatenated(blocks), source=f"{bag.path}, {source.name}")
+        halves = compared.velocities(), compared.body_rates()
         if twist_frame == TWIST_FRAMES[1]:  # the blocks are those of a twist in the body's axes
-            turned = (
-                rotate_inverse(compared.q_wb, column)
-                for column in (compared.velocities(), compared.body_rates())
-            )
+            turned = (rotate_inverse(compared.q_wb, half) for half in halves)
             compared = with_fields(
                 compared, **dict(zip(("velocity", "angular_velocity"), turned, strict=True))
             )
         for finding in twist_findings(compared):
-            yield f"{bag.path}: {finding.sentence()}"
+            yield finding.sentence()
 
 
 def names_in(

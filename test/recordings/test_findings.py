@@ -18,6 +18,7 @@ from imu_sim_ros.bags.writer import Block
 from imu_sim_ros.commands import inspect
 from imu_sim_ros.core import rotation
 from imu_sim_ros.core.conventions import STANDARD_GRAVITY
+from imu_sim_ros.core.errors import InputError
 from imu_sim_ros.core.records import States, with_fields
 from imu_sim_ros.recordings.findings.catalogue import (
     KINDS,
@@ -252,6 +253,7 @@ def test_sparse_disordered_and_turned_poses_are_found(poses):
     swapped[[500, 501]] = [501, 500]
     assert pose_kinds(poses.rows(swapped)) == ["poses_disordered"]
     half_turn = rotation.multiply(poses.q_wb, np.array([0.0, 1.0, 0.0, 0.0]))
+    poses = with_fields(poses, angular_velocity=None)
     assert pose_kinds(with_fields(poses, q_wb=half_turn)) == ["z_down"]
     camera = rotation.multiply(poses.q_wb, np.array([0.5, -0.5, 0.5, -0.5]))
     assert pose_kinds(with_fields(poses, q_wb=camera)) == ["axes_camera"]
@@ -330,9 +332,9 @@ def test_poses_held_at_any_rates_are_mended_to_even_times(log, physics, digits):
 
 
 def test_add_errors_tells_of_a_twist_in_the_worlds_axes(tmp_path, poses):
-    def write(name, linear):
+    def write(name, linear, rates):
         path = tmp_path / name
-        fields = (poses.t_ns, poses.position, poses.q_wb, linear, poses.body_rates())
+        fields = (poses.t_ns, poses.position, poses.q_wb, linear, rates)
         with open_writer(path) as writer:
             topic = writer.add_topic("/odom", ODOMETRY)
             rows = OdometryEncoder("odom", "base_link", writer.encoding).encode(*fields)
@@ -344,17 +346,33 @@ def test_add_errors_tells_of_a_twist_in_the_worlds_axes(tmp_path, poses):
         added = ims.add_errors_to_file(path, out, imu="perfect", input_topic="/odom", **more)
         return ims.read_imu(out, "imu/data_raw"), added.warnings
 
-    body, silence = add(write("body.mcap", rotation.rotate_inverse(poses.q_wb, poses.velocity)))
+    q_wb, rates = poses.q_wb, poses.body_rates()
+    body, silence = add(write("body.mcap", rotation.rotate_inverse(q_wb, poses.velocity), rates))
     assert silence == ()
-    world = write("world.mcap", poses.velocity)
+    world = write("world.mcap", poses.velocity, rotation.rotate(q_wb, rates))
     wrong, (line,) = add(world)
     assert "twist_frame='world'" in line
     right, silence = add(world, twist_frame="world")
     assert silence == ()
     assert np.abs(wrong.accel - body.accel).max() > 0.1
     np.testing.assert_allclose(right.accel, body.accel, atol=1e-9)
-    _, (line,) = add(write("unfilled.mcap", 0.0 * poses.velocity))
+    np.testing.assert_allclose(right.gyro, body.gyro, atol=1e-12)
+    _, (line,) = add(write("unfilled.mcap", 0.0 * poses.velocity, rates))
     assert "all velocities are 0" in line
+
+
+def test_angular_rates_that_states_lack_are_absent_in_their_bag(tmp_path, poses):
+    folder, path = tmp_path / "mav0", tmp_path / "states.mcap"
+    ims.generate(folder, format="euroc", trajectory="lecture", duration=2, imu="perfect")
+    ims.convert(folder, path)
+    states = ims.read_states(path)
+    assert states.velocity is not None
+    assert states.angular_velocity is None
+    assert not [f for f in ims.inspect(path).findings if f.kind.startswith("twist")]
+    with pytest.raises(InputError, match="/ground_truth/odom: contains no angular rates"):
+        ims.add_errors_to_file(
+            path, tmp_path / "noisy.mcap", imu="perfect", input_topic="ground_truth/odom"
+        )
 
 
 def test_dead_reckoning_warns_of_units_and_says_what_converts_them(recordings):

@@ -7,8 +7,16 @@ import numpy as np
 import pytest
 
 import imu_sim_ros as ims
-from imu_sim_ros.core.records import LiveReading, LiveState
-from imu_sim_ros.core.rotation import rotate_inverse
+from imu_sim_ros.core.records import LiveReading, LiveState, States, with_fields
+from imu_sim_ros.core.rotation import (
+    exp,
+    from_euler,
+    multiply,
+    normalise,
+    rotate,
+    rotate_inverse,
+)
+from imu_sim_ros.recordings.findings.catalogue import state_findings
 from imu_sim_ros.recordings.findings.live import TwistWatch, UnitWatch
 
 MOVING = ("circle", "figure_eight", "lecture")
@@ -47,8 +55,10 @@ def watched(truth, twist_frame, velocity, rate):
 @pytest.mark.parametrize("declared", FRAMES)
 @pytest.mark.parametrize("sent", FRAMES)
 def test_a_twist_in_other_axes_is_told_within_a_second_of_motion(truth, declared, sent):
-    velocity = in_body(truth) if sent == "body" else truth.velocity
-    kinds, at = watched(truth, declared, velocity, truth.angular_velocity)
+    velocity, rates = in_body(truth), truth.angular_velocity
+    if sent == "world":
+        velocity, rates = truth.velocity, rotate(truth.q_wb, rates)
+    kinds, at = watched(truth, declared, velocity, rates)
     if declared == sent:
         assert kinds == set()
         return
@@ -66,6 +76,38 @@ def test_a_twist_that_is_not_filled_is_told(truth):
     assert watched(truth, "body", zeros, truth.angular_velocity)[0] == {"twist_unfilled"}
     kinds, _ = watched(truth, "body", in_body(truth), zeros)
     assert kinds == {"twist_unfilled"}
+
+
+def turning(rate, noise):
+    """Return a second of a body that turns about an axis across its own, without moving."""
+    t = np.arange(0.0, 1.1, 1.0 / rate)
+    roll, yaw = np.full_like(t, 0.6), 0.8 * t
+    rng = np.random.default_rng(1)
+    q_wb = multiply(from_euler(np.stack([roll, 0.0 * t, yaw], axis=1)),
+                    exp(noise * rng.standard_normal((len(t), 3))))  # fmt: skip
+    t_ns = np.round(t * 1e9).astype(np.int64)
+    rates_w = np.tile([0.0, 0.0, 0.8], (len(t), 1))
+    position = noise * rng.standard_normal((len(t), 3))
+    return States(t_ns, position, q_wb, 0.0 * rates_w, rotate_inverse(q_wb, rates_w))
+
+
+@pytest.mark.parametrize("noise", [0.0, 1e-3])
+@pytest.mark.parametrize("rate", [10, 100, 1000])
+def test_angular_rates_in_the_axes_of_the_world_are_told_without_a_motion(rate, noise):
+    truth = turning(rate, noise)
+    rates_w = rotate(truth.q_wb, truth.angular_velocity)
+    assert watched(truth, "body", truth.velocity, rates_w)[0] == {"twist_world"}
+    assert watched(truth, "world", truth.velocity, truth.angular_velocity)[0] == {"twist_body"}
+    assert watched(truth, "body", truth.velocity, truth.angular_velocity)[0] == set()
+
+
+@pytest.mark.parametrize("rate", [10, 100, 1000])
+def test_noise_of_poses_at_rest_is_no_motion(rate):
+    truth = turning(rate, 5e-3)
+    still = with_fields(truth, q_wb=truth.q_wb[:1] + 1e-3 * truth.position[:, [0, 0, 1, 2]])
+    still = with_fields(still, q_wb=normalise(still.q_wb), angular_velocity=0.0 * truth.velocity)
+    assert watched(still, "body", still.velocity, still.angular_velocity)[0] == set()
+    assert not [f for f in state_findings(still) if f.kind.startswith("twist")]
 
 
 def test_a_body_at_rest_says_nothing_of_its_twist():

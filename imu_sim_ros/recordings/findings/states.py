@@ -3,9 +3,11 @@
 
 """Findings about recorded poses: rate, order, axes, and a twist that contradicts them."""
 
-from collections.abc import Iterator
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator
 from functools import cached_property
-from typing import Final
+from typing import Final, NamedTuple, TypeAlias
 
 import numpy as np
 
@@ -23,12 +25,14 @@ _DIGITS: Final = 3.0
 """Usual step after equal poses over the smallest one, below which rounding makes them equal."""
 _LONG: Final = 3.0
 """Step between poses, over the usual one, across which no velocity is computed."""
-_SPEED: Final = 0.05
-"""Speed below which a twist is not compared with the poses [m/s]."""
+_SPAN: Final = 0.25
+"""Duration of the motion with which a twist is compared [s]."""
+_SLOWEST: Final = 0.02
+"""Speed or angular rate below which a twist is not compared with the poses [m/s, rad/s]."""
+_CLEAR: Final = 5.0
+"""Motion from which on a twist is compared, over the motion that noise of the poses makes."""
 _COMPARED: Final = 8
 """Poses from which on their interval is judged, and a twist is compared with them."""
-_TURNS: Final = 0.05
-"""Angular rate below which that of a twist is not compared with the poses [rad/s]."""
 _AGREES: Final = 0.3
 """Deviation of a velocity from that of the poses, as a share, up to which they agree."""
 _SPARSE: Final = 0.5
@@ -71,27 +75,96 @@ class StateMeasures:
         change = np.diff(self.states.position, axis=0)[self.regular]
         return np.asarray(change / steps[:, None])
 
-    def between(self, column: Array) -> Array:
-        """Return the mean (m, k) of the values (n, k) at both ends of each regular step."""
-        return np.asarray(0.5 * (column[1:] + column[:-1])[self.regular])
-
     @cached_property
-    def speed(self) -> float:
-        """Speed by the positions, root mean square [m/s]."""
-        return _rms(self.velocity)
-
-    @cached_property
-    def moves(self) -> bool:
-        """True if the poses move fast enough for a comparison with their twist."""
-        return len(self.velocity) >= _COMPARED and self.speed >= _SPEED
+    def turns(self) -> Array:
+        """(n - 1, 3) rotation from each pose to the next, in the body frame [rad]."""
+        q = self.states.q_wb
+        return np.asarray(rotation.log(rotation.multiply(rotation.conjugate(q[:-1]), q[1:])))
 
     @cached_property
     def turning(self) -> float:
         """Angular rate by the attitudes over each regular step, root mean square [rad/s]."""
-        q = self.states.q_wb
-        turns = rotation.log(rotation.multiply(rotation.conjugate(q[:-1]), q[1:]))[self.regular]
         steps = np.diff(self.states.t_ns)[self.regular] * 1e-9
-        return _rms(turns / steps[:, None])
+        return _rms(self.turns[self.regular] / steps[:, None])
+
+    @cached_property
+    def spans(self) -> tuple[Integers, Integers, Array]:
+        """First and last rows (m,) of spans of regular steps, and their durations (m, 1) [s].
+
+        Noise of the poses is divided by the duration, which is long at any rate therefore.
+        """
+        t_ns = self.states.t_ns
+        count = max(1, min(round(_SPAN / self.interval), len(t_ns) // 2)) if self.interval else 1
+        irregular = np.append(0, np.cumsum(~self.regular))
+        begin = np.flatnonzero(irregular[count:] == irregular[:-count]).astype(np.int64)
+        end = begin + count
+        seconds = np.asarray((t_ns[end] - t_ns[begin])[:, None] * 1e-9)
+        return begin, end, seconds
+
+    def over_spans(self, steps: Array) -> Array:
+        """Return the rates (m, 3) of change over each span, of changes (n - 1, 3) in each step."""
+        begin, end, seconds = self.spans
+        total = np.concatenate([np.zeros((1, 3)), np.cumsum(steps, axis=0)])
+        return np.asarray((total[end] - total[begin]) / seconds)
+
+    def integrated(self, column: Array) -> Array:
+        """Return the changes (n - 1, 3) by rates (n, 3), taken as linear in each step."""
+        steps = np.diff(self.states.t_ns)[:, None] * 1e-9
+        return np.asarray(0.5 * (column[1:] + column[:-1]) * steps)
+
+    @cached_property
+    def halves(self) -> tuple[TwistHalf, ...]:
+        """Linear and angular half of the twist that the body has, each beside its motion."""
+        states = self.states
+        columns = (
+            ("velocities", "move", "m/s", states.velocity, np.diff(states.position, axis=0)),
+            ("angular rates", "turn", "rad/s", states.angular_velocity, self.turns),
+        )
+        return tuple(
+            TwistHalf(name, verb, unit, column, self.over_spans(steps), self._noise(steps))
+            for name, verb, unit, column, steps in columns
+            if column is not None and len(self.spans[0]) >= _COMPARED
+        )
+
+    def _noise(self, steps: Array) -> float:
+        """Return the rate over a span that noise of the poses with changes (n - 1, 3) makes."""
+        # The third difference of white noise has 1 + 9 + 9 + 1 times its variance; the median
+        # leaves out jumps, and a vector of three axes is 1.126 times as long as its median.
+        thirds = np.linalg.norm(np.diff(steps, n=2, axis=0), axis=1)
+        noise = 1.126 * float(np.median(thirds)) / np.sqrt(20.0) if len(thirds) else 0.0
+        return float(np.sqrt(2.0) * noise / np.median(self.spans[2]))
+
+    @cached_property
+    def moves(self) -> bool:
+        """True if the poses move or turn fast enough for a comparison with their twist."""
+        return any(half.moves for half in self.halves)
+
+
+class TwistHalf(NamedTuple):
+    """Velocities or angular rates of a twist, and those by the poses over spans of time."""
+
+    name: str
+    """Name of the values, for messages."""
+    verb: str
+    """Kind of motion, for messages."""
+    unit: str
+    """Unit of the values."""
+    values: Array
+    """(n, 3) velocities in the world, or angular rates in the body frame."""
+    motion: Array
+    """(m, 3) the same by the poses, over each span."""
+    noise: float
+    """Size of the motion that noise of the poses makes."""
+
+    @property
+    def size(self) -> float:
+        """Size of the motion, root mean square."""
+        return _rms(self.motion)
+
+    @property
+    def moves(self) -> bool:
+        """True if the motion is fast enough for a comparison."""
+        return self.size >= max(_SLOWEST, _CLEAR * self.noise)
 
 
 def _rms(vectors: Array) -> float:
@@ -221,9 +294,29 @@ def axes_camera(measures: StateMeasures) -> Iterator[Evidence]:
         yield Evidence(f"{body[2]:.0%} of the path of {path:.4g} m is along the body's z axis")
 
 
-def _disagreement(measures: StateMeasures, velocity: Array) -> float:
-    """Return the deviation of velocities (n, 3) from those of the poses, over their size."""
-    return _rms(measures.between(velocity) - measures.velocity) / measures.speed
+_Turn: TypeAlias = Callable[[Array, Array], Array]
+
+
+def _contradictions(
+    measures: StateMeasures, turn: _Turn, frames: tuple[str, str]
+) -> Iterator[Evidence]:
+    """Yield the halves of a twist that agree with the poses only if they are turned.
+
+    :param turn: rotation by the attitude.
+    :param frames: axes as which the twist is read, and those that agree.
+    """
+    for half in measures.halves:
+        if not half.moves:
+            continue
+        as_stated, turned = (
+            _rms(measures.over_spans(measures.integrated(values)) - half.motion) / half.size
+            for values in (half.values, turn(measures.states.q_wb, half.values))
+        )
+        if turned < _AGREES and as_stated > 3.0 * turned and as_stated > 0.05:
+            yield Evidence(
+                f"{half.name} differ from those of the poses by {as_stated:.2g} of their size in "
+                f"the {frames[0]}'s axes, by {turned:.2g} in the {frames[1]}'s"
+            )
 
 
 @check(
@@ -232,17 +325,8 @@ def _disagreement(measures: StateMeasures, velocity: Array) -> float:
     "{twist_frame world} (add_errors), or parameter input.twist_frame (error_model)",
 )
 def twist_world(measures: StateMeasures) -> Iterator[Evidence]:
-    """Find a twist in the axes of the world instead of the body."""
-    states = measures.states
-    if states.velocity is None or not measures.moves:
-        return
-    linear = rotation.rotate_inverse(states.q_wb, states.velocity)
-    body, world = (_disagreement(measures, velocity) for velocity in (states.velocity, linear))
-    if world < _AGREES and body > 3.0 * world and body > 0.05:
-        yield Evidence(
-            f"velocities differ from those of the poses by {body:.2g} of their size in the body's "
-            f"axes, by {world:.2g} in the world's"
-        )
+    """Find a twist, or one of its halves, in the axes of the world instead of the body."""
+    yield from _contradictions(measures, rotation.rotate_inverse, ("body", "world"))
 
 
 @check(
@@ -252,17 +336,9 @@ def twist_world(measures: StateMeasures) -> Iterator[Evidence]:
     "velocities of a table into the world",
 )
 def twist_body(measures: StateMeasures) -> Iterator[Evidence]:
-    """Find velocities in the axes of the body where they are stated in the world."""
-    states = measures.states
-    if states.velocity is None or not measures.moves:
-        return
-    turned = rotation.rotate(states.q_wb, states.velocity)
-    world, body = (_disagreement(measures, velocity) for velocity in (states.velocity, turned))
-    if body < _AGREES and world > 3.0 * body and world > 0.05:
-        yield Evidence(
-            f"velocities differ from those of the poses by {world:.2g} of their size in the "
-            f"world's axes, by {body:.2g} in the body's"
-        )
+    """Find velocities or angular rates in the axes of the body that are read as the world's."""
+    if not any(twist_world.find(measures)):
+        yield from _contradictions(measures, rotation.rotate, ("world", "body"))
 
 
 @check(
@@ -272,14 +348,11 @@ def twist_body(measures: StateMeasures) -> Iterator[Evidence]:
 )
 def twist_unfilled(measures: StateMeasures) -> Iterator[Evidence]:
     """Find a twist, or one of its halves, that is zero while the poses move."""
-    states = measures.states
-    if states.velocity is not None and measures.moves and not states.velocity.any():
-        yield Evidence(f"all velocities are 0, the poses move at {measures.speed:.3g} m/s")
-    rates = states.angular_velocity
-    if rates is not None and len(rates) >= _COMPARED and not rates.any():
-        turning = measures.turning
-        if turning > _TURNS:
-            yield Evidence(f"all angular rates are 0, the poses turn at {turning:.3g} rad/s")
+    for half in measures.halves:
+        if half.moves and not half.values.any():
+            yield Evidence(
+                f"all {half.name} are 0, the poses {half.verb} at {half.size:.3g} {half.unit}"
+            )
 
 
 STATES: Final = (
