@@ -36,7 +36,7 @@ from imu_sim_ros.parameters.yaml_text import parse_yaml
 from imu_sim_ros.recordings.cameras import COEFFICIENTS, CameraInfo, CameraRecord
 from imu_sim_ros.recordings.clock import estimate_clock
 from imu_sim_ros.recordings.findings.cameras import distortion_problem
-from imu_sim_ros.sensors.camera.images.files import JPEG, PNG, Size, decoded, examined, png
+from imu_sim_ros.sensors.camera.images.files import JPEG, PNG, Size, decoded, image_size, png
 from imu_sim_ros.sensors.parameters import rotation_problems
 
 DEPTH_FOLDER: Final = "depth"
@@ -401,18 +401,6 @@ def read_image(path: Path) -> tuple[bytes, Size]:
         except OSError as error:
             raise system_error(path, error) from None
         return data, image_size(data)
-
-
-def image_size(data: bytes) -> Size:
-    """Return the size of an encoded image, which is decoded if its header does not tell it.
-
-    :raises InputError: for one that is not.
-    """
-    size = examined(data)[0]
-    if size is None:
-        height, width = decoded(data).shape[:2]
-        size = height, width
-    return size
 
 
 class OneSize:

@@ -33,14 +33,13 @@ from imu_sim_ros.datasets.recorded import (
     Description,
     OneSize,
     as_png,
-    image_size,
     sensor_yaml,
 )
 from imu_sim_ros.datasets.transforms import Transforms, fixed_transforms, to_root
 from imu_sim_ros.recordings.cameras import CameraInfo, CameraRecord
 from imu_sim_ros.recordings.findings.cameras import UNUSABLE
 from imu_sim_ros.recordings.findings.catalogue import camera_findings
-from imu_sim_ros.sensors.camera.images.files import Size, png
+from imu_sim_ros.sensors.camera.images.files import Size, image_size, png
 from imu_sim_ros.sensors.camera.images.libraries import opencv
 
 _DEPTH: Final = "32FC1"

@@ -33,7 +33,7 @@ from imu_sim_ros.core.names import suggestion
 from imu_sim_ros.core.records import Readings, States, concatenated, with_fields
 from imu_sim_ros.core.spelling import argument
 from imu_sim_ros.core.types import Array
-from imu_sim_ros.datasets.recorded import folder_cameras, image_size
+from imu_sim_ros.datasets.recorded import folder_cameras
 from imu_sim_ros.formats import door
 from imu_sim_ros.formats.choice import Choice
 from imu_sim_ros.formats.handling import Handling
@@ -77,6 +77,7 @@ from imu_sim_ros.recordings.time_offsets import (
 )
 from imu_sim_ros.reports.findings import finding_section
 from imu_sim_ros.reports.page import Section, html, table
+from imu_sim_ros.sensors.camera.images.files import image_size
 from imu_sim_ros.terminal.text_tables import TextTable, html_of
 
 _NEAREST: Final = 3

@@ -194,5 +194,5 @@ def common_time(estimate_ns: Times, truth_ns: Times) -> float:
 
 
 def beyond(errors: Array, limit: float) -> Mask | None:
-    """Return which lengths of errors (n, 3) are above a limit; None if it is 0, which is none."""
+    """Return True for errors (n, 3) longer than a limit; None for a limit of 0: no limit."""
     return np.linalg.norm(errors, axis=1) > limit if limit else None

@@ -231,9 +231,9 @@ class SimulatorParameters(SimulationParameters):
 def load_simulator(
     *layers: Mapping[str, object], problems: Problems | None = None
 ) -> SimulatorParameters:
-    """Return everything that layers of parameters give to the simulator, later ones above.
+    """Return the simulator's parameters; later layers override earlier ones.
 
-    :param problems: found before, told with those found here.
+    :param problems: problems found before, raised together with those found here.
     :raises ConfigurationError: with a line for each problem.
     """
     return build_layered(SimulatorParameters, layered, *layers, problems=problems)

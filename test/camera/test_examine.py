@@ -1,18 +1,17 @@
 # Copyright 2026 imu_sim_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Encoded images: what is damaged or too large is refused before anything decodes it."""
+"""Encoded images: damaged ones and too large ones are refused, in silence."""
 
 import io
 import struct
 import zlib
-from types import SimpleNamespace
 
 import numpy as np
 import pytest
 
 from imu_sim_ros.core.errors import InputError
-from imu_sim_ros.sensors.camera.images.files import decoded, examined, png
+from imu_sim_ros.sensors.camera.images.files import decoded, image_size, png
 
 IMAGE = np.random.default_rng(3).integers(0, 256, (17, 23), dtype=np.uint8)
 
@@ -38,46 +37,84 @@ def test_the_size_of_every_kind_of_png_is_known(mode, size):
     image = pytest.importorskip("PIL.Image")
     file = io.BytesIO()
     image.new(mode, size).save(file, "png")
-    dimensions, needed = examined(file.getvalue())
-    assert dimensions == size[::-1]
-    assert examined(needed)[0] == dimensions
-    assert decoded(file.getvalue()).shape[:2] == dimensions
+    assert image_size(file.getvalue()) == size[::-1]
+    assert decoded(file.getvalue()).shape[:2] == size[::-1]
 
 
 def plain(form, width, height):
-    """Return the header of a form that OpenCV alone reads, and no pixels."""
+    """Return the header of an image, and no pixels."""
     if form == "bmp":
         return struct.pack("<2sIIIIiiHHIIiiII", b"BM", 54, 0, 54, 40, width, -height, 1, 24,
                            0, 0, 0, 0, 0, 0)  # fmt: skip
     if form == "pgm":
         return f"P5\n# x\n{width} {height}\n255\n".encode()
     order = "<" if form == "tif" else ">"
-    tags = [(256, 3 if width < 65536 else 4, width), (257, 4, height)]
+    tags = [(256, 3 if width < 65536 else 4, width), (257, 4, height), (258, 3, 8), (262, 3, 1)]
+    tags.append((273, 4, 8))
     rows = [struct.pack(f"{order}HHIHxx" if kind == 3 else f"{order}HHII", tag, kind, 1, value)
             for tag, kind, value in tags]  # fmt: skip
     head = b"II*\0" if form == "tif" else b"MM\0*"
-    return head + struct.pack(f"{order}IH", 8, len(tags)) + b"".join(rows)
+    return head + struct.pack(f"{order}IH", 8, len(tags)) + b"".join(rows) + bytes(4)
 
 
 @pytest.mark.parametrize("size", [(0, 24), (60_000, 60_000), (1 << 20, 1 << 10)])
 @pytest.mark.parametrize("form", ["bmp", "pgm", "tif", "big-endian tif"])
-def test_the_size_of_other_forms_is_bounded_before_they_are_decoded(form, size, monkeypatch):
-    monkeypatch.setattr("imu_sim_ros.sensors.camera.images.files.opencv", SimpleNamespace)
-    with pytest.raises(InputError, match=rf"^an image of {size[0]} x {size[1]} pixels; 1 to"):
-        decoded(plain(form, *size))
+def test_the_size_of_other_forms_is_bounded_before_they_are_decoded(form, size):
+    """There are no pixels behind the headers: decoding them would be another error."""
+    reason = f"an image of {size[0]} x {size[1]} pixels; 1 to"
+    if not size[0]:
+        reason = "a (BMP|PPM|TIFF) that is damaged: its header states no pixels"
+    for read in (decoded, image_size):
+        with pytest.raises(InputError, match=f"^{reason}"):
+            read(plain(form, *size))
 
 
-@pytest.mark.parametrize("data", [b"", b"GIF89a", b"BM", b"P5\n", b"II*\0", b"P5 9 x ", bytes(99)])
+@pytest.mark.parametrize("data", [b"", b"GIF89a", bytes(99)])
 def test_what_is_no_image_says_which_forms_are_read(data):
     with pytest.raises(InputError, match="bytes that are no image; PNG, JPEG, BMP, PGM, PPM and"):
-        examined(data)
+        image_size(data)
 
 
-@pytest.mark.parametrize("form", [".bmp", ".pgm", ".tiff"])
-def test_other_forms_are_decoded(form):
+@pytest.mark.parametrize(
+    ("data", "form"), [(b"BM", "BMP"), (b"P5\n", "PPM"), (b"II*\0", "TIFF"), (b"P5 9 x ", "PPM")]
+)
+def test_a_header_that_is_cut_off_is_damage(data, form):
+    with pytest.raises(InputError, match=f"^a {form} that is damaged: "):
+        image_size(data)
+
+
+@pytest.mark.parametrize("channels", [(), (3,), (4,)])
+@pytest.mark.parametrize("dtype", [np.uint8, np.uint16])
+@pytest.mark.parametrize("form", [".png", ".tiff", ".pgm", ".bmp"])
+def test_pixels_are_those_that_opencv_finds(form, dtype, channels):
+    """8 and 16 bits, grey and in colours, with and without alpha."""
     cv2 = pytest.importorskip("cv2")
-    data = cv2.imencode(form, IMAGE)[1].tobytes()
-    np.testing.assert_array_equal(decoded(data), IMAGE)
+    if (form == ".bmp" and dtype == np.uint16) or (form == ".pgm" and channels == (4,)):
+        return  # there are none
+    image = np.random.default_rng(2).integers(0, np.iinfo(dtype).max, (17, 23, *channels), dtype)
+    data = cv2.imencode(".ppm" if form == ".pgm" and channels else form, image)[1]
+    expected = cv2.imdecode(data, cv2.IMREAD_UNCHANGED)
+    pixels = decoded(data.tobytes())
+    assert pixels.dtype == expected.dtype
+    order = (2, 1, 0, 3)[: expected.shape[2]] if channels else ...
+    np.testing.assert_array_equal(pixels, expected[..., order] if channels else expected)
+    assert image_size(data.tobytes()) == (17, 23)
+
+
+@pytest.mark.parametrize("depth", [1, 2, 4, 8])
+@pytest.mark.parametrize("colour", [0, 3])
+def test_few_bits_and_palettes_are_those_that_opencv_finds(depth, colour):
+    cv2 = pytest.importorskip("cv2")
+    stream = np.random.default_rng(depth)
+    palette = chunk(b"PLTE", stream.integers(0, 256, 3 << depth, np.uint8).tobytes())
+    length = -(-23 * depth // 8)
+    rows = [b"\0" + stream.integers(0, 256, length, np.uint8).tobytes() for _ in range(17)]
+    for transparent in (b"", chunk(b"tRNS", b"\0"))[: 1 + (colour == 3)]:
+        chunks = palette + transparent if colour == 3 else b""
+        data = made(23, 17, b"".join(rows), depth, colour, chunks)
+        expected = cv2.imdecode(np.frombuffer(data, np.uint8), cv2.IMREAD_UNCHANGED)
+        order = (2, 1, 0, 3)[: expected.shape[2]] if colour else ...
+        np.testing.assert_array_equal(decoded(data), expected[..., order] if colour else expected)
 
 
 @pytest.mark.parametrize("colours", [(), (3,)])
@@ -117,31 +154,28 @@ def test_what_pixels_do_not_depend_on_is_not_decoded():
     data = png(IMAGE)
     profile = chunk(b"iCCP", b"x\0\0" + zlib.compress(b"no profile"))
     text = chunk(b"tEXt", b"Comment\0hello")
-    dimensions, needed = examined(data[:33] + profile + text + data[33:])
-    assert (dimensions, needed) == ((17, 23), data)
+    assert image_size(data[:33] + profile + text + data[33:]) == (17, 23)
     np.testing.assert_array_equal(decoded(data[:33] + profile + data[33:]), IMAGE)
 
 
 @pytest.mark.parametrize(
     ("data", "reason"),
     [
-        (made(0, 0, b""), "0 x 0 pixels"),
+        (made(0, 0, b""), "a PNG that is damaged: its header states no pixels"),
         (made(60_000, 60_000, b""), "60000 x 60000 pixels; 1 to"),
-        (made(9000, 9000, b""), "whose pixels are not 9000 x 9000"),
-        (made(4, 4, bytes(19)), "whose pixels are not 4 x 4"),
-        (made(4, 4, bytes(21)), "whose pixels are not 4 x 4"),
-        (made(4, 4, bytes(10**8)), "whose pixels are not 4 x 4"),
-        (made(4, 4, bytes(20), colour=9), "whose pixels are not 4 x 4"),
+        (made(9000, 9000, b""), "a PNG that is damaged: image file is truncated"),
+        (made(4, 4, bytes(19)), "a PNG that is damaged: image file is truncated"),
+        (made(4, 4, bytes(20), colour=9), "a PNG that is damaged: its header states no pixels"),
         (png(IMAGE)[:-12], "cut off after"),
         (png(IMAGE)[:40], "cut off after"),
         (png(IMAGE)[:8], "cut off after 8 bytes"),
-        (b"\x89PNG\r\n\x1a\n" + chunk(b"IEND", b""), "without its header"),
-        (png(IMAGE)[:60] + b"xx" + png(IMAGE)[62:], "the checksum at byte"),
-        (b"\xff\xd8\xff\xd9", "without a frame"),
+        (b"\x89PNG\r\n\x1a\n" + chunk(b"IEND", b""), "damaged: its header states no pixels"),
+        (png(IMAGE)[:60] + b"xx" + png(IMAGE)[62:], "a PNG that is damaged: .*checksum in b'IDAT'"),
+        (b"\xff\xd8\xff\xd9", "a JPEG that is damaged: "),
     ],
 )
 def test_damaged_and_endless_images_are_refused_and_nothing_is_printed(capfd, data, reason):
-    for ask in (examined, decoded):
+    for ask in (image_size, decoded):
         with pytest.raises(InputError, match=reason):
             ask(data)
     assert capfd.readouterr() == ("", "")
@@ -152,8 +186,8 @@ def test_pixels_that_do_not_inflate(capfd):
     body = bytearray(data[41:-16])
     body[20:24] = b"\xff\xff\xff\xff"
     broken = data[:33] + chunk(b"IDAT", bytes(body)) + chunk(b"IEND", b"")
-    with pytest.raises(InputError, match=r"damaged: Error|whose pixels"):
-        examined(broken)
+    with pytest.raises(InputError, match="a PNG that is damaged: "):
+        image_size(broken)
     assert capfd.readouterr().err == ""
 
 
@@ -163,6 +197,12 @@ def test_the_size_of_a_jpeg(progressive):
     file = io.BytesIO()
     image.fromarray(IMAGE).save(file, "jpeg", progressive=progressive, comment=b"x" * 300)
     data = file.getvalue()
-    assert examined(data) == ((17, 23), data)
+    assert image_size(data) == (17, 23)
     with pytest.raises(InputError, match="JPEG that is cut off"):
-        examined(data[:-40])
+        image_size(data[:-40])
+
+
+@pytest.mark.parametrize("extra", [1, 10**8])
+def test_data_behind_the_last_pixel_are_not_read(extra):
+    """They are superfluous in an image that is whole; a hundred million take no memory."""
+    np.testing.assert_array_equal(decoded(made(4, 4, bytes(20 + extra))), np.zeros((4, 4)))

@@ -261,7 +261,7 @@ SWAPPED = [0, 1, 0, 0, 1, 0, 0, 0, 0, 0, 1, 0, 0, 0, 0, 1]
         ),
         (
             {"image": lambda data: data[:8] + data[-12:]},
-            ["1000000000.png: a PNG without its header"],
+            ["1000000000.png: a PNG that is damaged: its header states no pixels"],
         ),
         (
             {"image": lambda data: b""},

@@ -532,7 +532,7 @@ def reading_of(
 
 @lru_cache(maxsize=8)
 def _constant(value: float, shape: tuple[int, ...]) -> Array:
-    """Return an error (n, ..., 3) that a triad does not have; read-only, and without memory."""
+    """Return a constant error (n, ..., 3) of a triad, a read-only view of one number."""
     return np.broadcast_to(value, shape)
 
 
