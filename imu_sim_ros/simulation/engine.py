@@ -49,6 +49,28 @@ BLOCK_SIZE: Final = 8192
 DEFAULT_START_NS: Final = timebase.NANOSECONDS_PER_SECOND
 
 
+class _SceneOfRuns:
+    """The scene around the sensors that see, made when it is first asked for.
+
+    It is the same for all seeds. Worlds refer to it instead of to their body: without a cycle, the
+    arrays of a run are released at once, not by the garbage collector.
+    """
+
+    def __init__(self) -> None:
+        self._scene: Scene | None = None
+
+    def __call__(self, world: World) -> "Scene":
+        """Return the scene.
+
+        :param world: the first that asks has it around its path.
+        """
+        if self._scene is None:
+            from imu_sim_ros.simulation.cameras import scene_around  # most runs have none
+
+            self._scene = scene_around(world)
+        return self._scene
+
+
 class Body:
     """A world and the sensors of a body in it, by name, with their samples in order."""
 
@@ -105,7 +127,7 @@ class Body:
             raise ConfigurationError(
                 f"duration = {duration:g}: must be at most {longest:g} s, the trajectory's length"
             )
-        self._scene: Scene | None = None
+        self._scene = _SceneOfRuns()
         self.rate = max(imu_parameters.rate for imu_parameters in imus(parameters).values())
         """Sample rate of the fastest IMU [Hz]."""
         self.total: int | None = None
@@ -184,9 +206,9 @@ class Body:
         """Restart at the first sample: the same samples follow again."""
         self._now = Fraction(0)
         p = self.parameters
-        self.world = World(self.trajectory, p, self.t0_ns, self._made_scene, self._threads)
+        self.world = World(self.trajectory, p, self.t0_ns, self._scene, self._threads)
         worlds = {
-            name: World(motion, p, self.t0_ns, self._made_scene, self._threads)
+            name: World(motion, p, self.t0_ns, self._scene, self._threads)
             for name, motion in self.segments.items()
         }
         self.sensors = mounted(p)
@@ -201,14 +223,6 @@ class Body:
         self._longest = min(
             getattr(self.sensors[name].own, "longest_window", math.inf) for name in self._shown
         )
-
-    def _made_scene(self, world: World) -> "Scene":
-        """Return the scene around the sensors that see; it stays the same for other seeds."""
-        if self._scene is None:
-            from imu_sim_ros.simulation.cameras import scene_around  # most runs have none
-
-            self._scene = scene_around(world)
-        return self._scene
 
     def with_seed(
         self, seed: int, further_sensors: Collection[str] = (), threads: "Executor | None" = None

@@ -3,6 +3,8 @@
 
 """The front door gives what the rooms behind it give, bit for bit, under names by triad."""
 
+import gc
+
 import numpy as np
 import pytest
 from rosbags.highlevel import AnyReader
@@ -284,3 +286,20 @@ def test_dead_reckoning_of_a_flight_takes_its_world():
     flight = ims.simulate(imu="perfect", trajectory="figure_eight", duration=20, rate=200, **world)
     track = ims.dead_reckon(flight)
     assert ims.evaluate(track, flight.truth).final_position < 0.05
+
+
+def test_memory_of_a_flight_is_free_without_the_garbage_collector():
+    """A cycle of references would keep the samples of each run until the collector finds it."""
+
+    def run():
+        ims.dead_reckon(ims.simulate(imu="mpu6000", duration=1.0, seed=1))
+
+    run()
+    gc.collect()
+    gc.disable()
+    try:
+        run()
+        unreachable_count = gc.collect()
+    finally:
+        gc.enable()
+    assert unreachable_count == 0
