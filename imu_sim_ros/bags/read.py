@@ -14,7 +14,6 @@ from imu_sim_ros.bags.files import open_bag
 from imu_sim_ros.bags.messages import schemas
 from imu_sim_ros.bags.messages.blocks import TopicInfo, as_list
 from imu_sim_ros.bags.messages.decode import (
-    FIRST,
     Decoded,
     MessageGate,
     decode_block,
@@ -27,6 +26,7 @@ from imu_sim_ros.bags.messages.encode import (
     TEMPERATURE,
     VECTOR3_STAMPED,
 )
+from imu_sim_ros.bags.messages.layouts import FIRST
 from imu_sim_ros.bags.reader import Bag, Recover, errors_naming
 from imu_sim_ros.bags.text import reader as text_reader
 from imu_sim_ros.core.bad_rows import Skipped, Warned

@@ -58,9 +58,11 @@ def parser() -> program.Parser:
 
 def run(arguments: argparse.Namespace) -> None:
     """Integrate, compare with the truth, and print the results."""
-    # A node's file may ask for the covariance, which no result of this program states.
+    # A node's file may ask for the covariance, which no result of this program states, and for the
+    # first frame.
+    without_effect = (("covariance", True), ("frame", ""))
     file_parameters, overrides = (
-        {name: value for name, value in layer.items() if (name, value) != ("covariance", True)}
+        {name: value for name, value in layer.items() if (name, value) not in without_effect}
         for layer in (load_all(arguments.params_file, "integrator"), dict(arguments.set))
     )
     with output_and_plot(arguments) as (output, plot):

@@ -21,11 +21,17 @@ from imu_sim_ros.bags.messages.encode_cameras import COMPRESSED_IMAGE, IMAGE
 from imu_sim_ros.bags.read import open_bag, vector_blocks
 from imu_sim_ros.commands import program
 from imu_sim_ros.commands.common import FORCE, outputs
-from imu_sim_ros.core.conventions import LANDMARKS_TOPIC, TF_STATIC_TOPIC, TRIADS
+from imu_sim_ros.core.conventions import (
+    ACCEL_UNITS,
+    GYRO_UNITS,
+    LANDMARKS_TOPIC,
+    TF_STATIC_TOPIC,
+    TRIADS,
+)
 from imu_sim_ros.core.errors import InputError, Problems
 from imu_sim_ros.core.records import States, concatenated
 from imu_sim_ros.datasets.world import fixed_in, frame_of, pose_between
-from imu_sim_ros.formats.choice import ACCEL_UNITS, GYRO_UNITS, Choice
+from imu_sim_ros.formats.choice import Choice
 from imu_sim_ros.formats.door import has_topics, imu_choices, read_trajectory, reading_blocks
 from imu_sim_ros.jobs.recorded import camera_names, read_images
 from imu_sim_ros.jobs.selection import checked_choice, input_lines

@@ -7,6 +7,7 @@ Imports nothing, so that every room may import it. The frames' letters, units an
 package's docstring.
 """
 
+from math import pi
 from typing import Final, Literal
 
 Vector = tuple[float, float, float]
@@ -16,6 +17,14 @@ GRAVITY: Final[Vector] = (0.0, 0.0, -9.81)
 """Default g_w in the world frame, the lecture's value [m/s^2]."""
 STANDARD_GRAVITY: Final = 9.80665
 """The unit g of data sheets (CGPM 1901) [m/s^2]."""
+GYRO_UNITS: Final[dict[str, float]] = {"rad/s": 1.0, "deg/s": pi / 180.0}
+"""Value of each unit of a gyroscope's readings [rad/s]."""
+ACCEL_UNITS: Final[dict[str, float]] = {
+    "m/s^2": 1.0,
+    "g": STANDARD_GRAVITY,
+    "mg": STANDARD_GRAVITY * 1e-3,
+}
+"""Value of each unit of an accelerometer's readings [m/s^2]."""
 
 SEMI_MAJOR_AXIS: Final = 6378137.0
 """Semi-major axis of the ellipsoid WGS84 [m]; the next two belong to it."""

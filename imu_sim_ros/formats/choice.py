@@ -3,21 +3,10 @@
 
 """Choice of what is read from a file: topics, frame and units of the readings."""
 
-from collections.abc import Mapping
 from dataclasses import dataclass
-from math import pi
 from typing import Final
 
-from imu_sim_ros.core.conventions import STANDARD_GRAVITY, TRIADS
-
-GYRO_UNITS: Final[Mapping[str, float]] = {"rad/s": 1.0, "deg/s": pi / 180.0}
-"""Value of each unit of the gyroscope [rad/s]."""
-ACCEL_UNITS: Final[Mapping[str, float]] = {
-    "m/s^2": 1.0,
-    "g": STANDARD_GRAVITY,
-    "mg": STANDARD_GRAVITY * 1e-3,
-}
-"""Value of each unit of the accelerometer [m/s^2]."""
+from imu_sim_ros.core.conventions import ACCEL_UNITS, GYRO_UNITS, TRIADS
 
 
 @dataclass(frozen=True)

@@ -16,12 +16,12 @@ import numpy as np
 
 from imu_sim_ros.bags.reader import Recover
 from imu_sim_ros.core.bad_rows import Skipped, Warned, tell_skipped
-from imu_sim_ros.core.conventions import TRIADS
+from imu_sim_ros.core.conventions import ACCEL_UNITS, GYRO_UNITS, TRIADS
 from imu_sim_ros.core.errors import InputError, Remark, warn
 from imu_sim_ros.core.records import Readings, States, concatenated, with_fields
 from imu_sim_ros.core.spelling import argument, stated
 from imu_sim_ros.formats import bag, text, vio_data_simulation
-from imu_sim_ros.formats.choice import ACCEL_UNITS, AS_RECORDED, GYRO_UNITS, Choice
+from imu_sim_ros.formats.choice import AS_RECORDED, Choice
 from imu_sim_ros.formats.handling import Handling
 from imu_sim_ros.inputs.header import UNITS
 from imu_sim_ros.recordings.pairing import pair

@@ -7,7 +7,8 @@ from collections.abc import Iterator, Sequence
 from typing import Annotated, Final, TypeAlias
 
 from imu_sim_ros.core import arguments
-from imu_sim_ros.formats.choice import ACCEL_UNITS, GYRO_UNITS, Choice
+from imu_sim_ros.core.conventions import ACCEL_UNITS, GYRO_UNITS
+from imu_sim_ros.formats.choice import Choice
 from imu_sim_ros.terminal.signatures import Heading, Text
 
 Selection: TypeAlias = tuple[str | None, str | None, str | None, str | None, str | None]

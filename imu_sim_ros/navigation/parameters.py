@@ -38,7 +38,11 @@ from imu_sim_ros.sensors.imu.triads import (
     invertible_problems,
     triad,
 )
-from imu_sim_ros.sensors.parameters import OwnRateParameters, rotation_problems
+from imu_sim_ros.sensors.parameters import (
+    LiveReadingParameters,
+    OwnRateParameters,
+    rotation_problems,
+)
 
 METHODS = tuple(increments.METHODS)
 ATTITUDE_UPDATES = ("quaternion", "so3", "euler_angles")
@@ -77,7 +81,7 @@ class IntegratorImuParameters(TriadsParameters):
 
 
 @dataclass(frozen=True)
-class IntegratorParameters:
+class IntegratorParameters(LiveReadingParameters):
     """Parameters of the integration of readings to a pose."""
 
     method: str = choice("midpoint", METHODS, "integration of position and velocity")

@@ -19,13 +19,17 @@ import numpy as np
 
 from imu_sim_ros.bags.messages.decode import MessageDecoder
 from imu_sim_ros.bags.messages.encode import FLUID_PRESSURE, IMU, MAGNETIC_FIELD, ODOMETRY
-from imu_sim_ros.bags.messages.layouts import STAMP_OFFSET
+from imu_sim_ros.bags.messages.layouts import FIRST, STAMP_OFFSET
 from imu_sim_ros.bags.messages.transforms import TransformsEncoder
 from imu_sim_ros.core import gate, rotation
 from imu_sim_ros.core.components import Quaternion, Vector
+from imu_sim_ros.core.conventions import ACCEL_UNITS, GYRO_UNITS, TRIADS
 from imu_sim_ros.core.errors import InputError, MissingDependencyError
 from imu_sim_ros.core.records import LiveReading, LiveState
+from imu_sim_ros.core.spelling import argument
 from imu_sim_ros.core.timebase import NANOSECONDS_PER_SECOND
+from imu_sim_ros.formats.choice import Choice
+from imu_sim_ros.sensors.parameters import LiveReadingParameters
 
 _BUILTIN = frozenset(
     [
@@ -158,8 +162,12 @@ _LENGTH: Final = 1e-3
 """Tolerance of the squared length of a quaternion, beyond which it counts as none."""
 _FRAME: Final = 12
 """Place of the frame's length: behind the encapsulation and the stamp."""
-_imu = MessageDecoder(IMU, _READINGS)
-_ideal = MessageDecoder(IMU, ("orientation", "orientation_covariance", *_READINGS))
+_FOREIGN: Final = 100
+"""Messages of another frame in a row after which their publisher is taken for the IMU's."""
+_IMU: Final = (
+    *("orientation", f"orientation_covariance{FIRST}", *_READINGS),
+    *(f"{name}_covariance{FIRST}" for name in _READINGS),
+)
 _odometry = MessageDecoder(ODOMETRY, _STATES)
 _values = {
     MAGNETIC_FIELD: (MessageDecoder(MAGNETIC_FIELD, ("magnetic_field",)), gate.FIELD),
@@ -167,14 +175,100 @@ _values = {
 }
 
 
-def imu_reading(payload: bytes) -> LiveReading:
-    """Return the reading in a sensor_msgs/Imu.
+class ReadingDecoder:
+    """Decoder of the readings of one IMU in SI units from sensor_msgs/Imu messages."""
 
-    :raises InputError: for bytes that are not such a message in little-endian CDR, and for a
-        reading that the gate refuses.
+    def __init__(
+        self,
+        parameters: LiveReadingParameters | None = None,
+        oriented: bool = False,
+    ) -> None:
+        """Initialise without messages.
+
+        :param parameters: frame and units of the messages; None: any frame, SI units.
+        :param oriented: decode the orientation, too.
+        """
+        self._checks_frame, self._oriented = parameters is not None, oriented
+        parameters = LiveReadingParameters() if parameters is None else parameters
+        self._parameters, self._frame = parameters, parameters.frame or None
+        self._factors = GYRO_UNITS[parameters.gyro_unit], ACCEL_UNITS[parameters.accel_unit]
+        self._decoder, self._foreign = MessageDecoder(IMU, _IMU), 0
+
+    def notes(self) -> tuple[str, ...]:
+        """Return a line for the frame and for each unit that is converted."""
+        parameters = self._parameters
+        choice = Choice(
+            frame=parameters.frame or None,
+            gyro_unit=parameters.gyro_unit,
+            accel_unit=parameters.accel_unit,
+        )
+        return choice.notes()
+
+    def reading(self, payload: bytes) -> LiveReading | None:
+        """Return the reading in a message; None for one of a frame that is not chosen.
+
+        :raises InputError: for bytes that are not such a message in little-endian CDR, for a
+            reading that the gate refuses, for a triad that the message lacks (its covariance is
+            -1), and for a second frame where none is chosen.
+        """
+        numbers = self._decoder.numbers(payload)
+        second, nanosecond, x, y, z, w, stated, gx, gy, gz, no_gyro, ax, ay, az, no_accel = numbers
+        if self._checks_frame and not self._is_of_frame(self._decoder.texts[0]):
+            return None
+        if no_gyro == -1.0 or no_accel == -1.0:
+            raise _triad_absent(_stamp(second, nanosecond), no_gyro == -1.0, no_accel == -1.0)
+        k_gyro, k_accel = self._factors
+        if k_gyro != 1.0:
+            gx, gy, gz = k_gyro * gx, k_gyro * gy, k_gyro * gz
+        if k_accel != 1.0:
+            ax, ay, az = k_accel * ax, k_accel * ay, k_accel * az
+        reading = _checked(second, nanosecond, (gx, gy, gz), (ax, ay, az))
+        if (
+            not self._oriented
+            or stated < 0.0
+            or not abs(w * w + x * x + y * y + z * z - 1.0) < _LENGTH
+        ):
+            return reading
+        return reading._replace(q_wb=_unit((w, x, y, z)))
+
+    def _is_of_frame(self, frame: str) -> bool:
+        """Return whether a message is one of the IMU.
+
+        A publisher that starts again with another frame is followed after _FOREIGN messages.
+
+        :raises InputError: for a second frame where none is chosen.
+        """
+        if self._frame is None or self._foreign >= _FOREIGN:
+            self._frame = frame
+        if frame == self._frame:
+            self._foreign = 0
+            return True
+        if self._parameters.frame:
+            return False
+        self._foreign += 1
+        raise InputError(
+            f"readings of two frames, {self._frame!r} and {frame!r}: "
+            f"{argument('frame', self._frame)} chooses one of them"
+        )
+
+
+def _triad_absent(t_ns: int, no_gyro: bool, no_accel: bool) -> InputError:
+    """Return the error of a message without the readings of a triad."""
+    names = [name for name, absent in zip(TRIADS, (no_gyro, no_accel), strict=True) if absent]
+    return InputError(
+        f"{gate.stamp_text(t_ns)}: contains no readings of the {' and the '.join(names)} "
+        "(covariance -1): publish both triads in one message, as drivers do on request"
+    )
+
+
+def imu_reading(payload: bytes) -> LiveReading:
+    """Return the reading in a sensor_msgs/Imu of any frame in SI units.
+
+    :raises InputError: as for :meth:`ReadingDecoder.reading`.
     """
-    second, nanosecond, gx, gy, gz, ax, ay, az = _imu.numbers(payload)
-    return _checked(second, nanosecond, (gx, gy, gz), (ax, ay, az))
+    reading = _decoder.reading(payload)
+    assert reading is not None  # no frame is chosen
+    return reading
 
 
 def ideal_reading(payload: bytes) -> LiveReading:
@@ -182,12 +276,12 @@ def ideal_reading(payload: bytes) -> LiveReading:
 
     :raises InputError: as for :func:`imu_reading`; an orientation of another length is none.
     """
-    second, nanosecond, x, y, z, w, stated, *rest = _ideal.numbers(payload)
-    gx, gy, gz, ax, ay, az = rest[-6:]
-    result = _checked(second, nanosecond, (gx, gy, gz), (ax, ay, az))
-    if stated < 0.0 or not abs(w * w + x * x + y * y + z * z - 1.0) < _LENGTH:
-        return result
-    return result._replace(q_wb=_unit((w, x, y, z)))
+    reading = _oriented_decoder.reading(payload)
+    assert reading is not None  # no frame is chosen
+    return reading
+
+
+_decoder, _oriented_decoder = ReadingDecoder(), ReadingDecoder(oriented=True)
 
 
 def value(type_name: str, payload: bytes) -> tuple[int, tuple[float, ...]]:

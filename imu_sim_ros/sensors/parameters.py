@@ -9,11 +9,13 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from imu_sim_ros.core.conventions import ACCEL_UNITS, GYRO_UNITS
 from imu_sim_ros.core.timebase import LOWEST_RATE
 from imu_sim_ros.parameters.kinds import (
     IDENTITY_MATRIX,
     Matrix,
     Vector,
+    choice,
     matrix,
     number,
     text,
@@ -192,6 +194,23 @@ class SensorParameters(OwnRateParameters, TimingParameters):
                 f"{prefix}jitter = {self.jitter:g}: must be at most a quarter of the "
                 f"interval, {LARGEST_JITTER_SIGMA / self.rate:g} s"
             )
+
+
+@dataclass(frozen=True)
+class LiveReadingParameters:
+    """Frame and units of the readings that a node receives."""
+
+    frame: str = text(
+        "",
+        "frame_id of the readings to use, where a topic has those of several IMUs; empty: that of "
+        "the first message",
+    )
+    gyro_unit: str = choice(
+        "rad/s", tuple(GYRO_UNITS), "unit of the gyroscope in the messages, made rad/s"
+    )
+    accel_unit: str = choice(
+        "m/s^2", tuple(ACCEL_UNITS), "unit of the accelerometer in the messages, made m/s^2"
+    )
 
 
 ORTHONORMAL_TOLERANCE = 1e-6

@@ -28,7 +28,7 @@ from imu_sim_ros.parameters.sections import common_sections, parameters, section
 from imu_sim_ros.sensors import sensors_of_imus
 from imu_sim_ros.sensors.imu.parameters import ImuParameters
 from imu_sim_ros.sensors.imu.presets import layer_imu
-from imu_sim_ros.sensors.parameters import LONGEST, rotation_problems
+from imu_sim_ros.sensors.parameters import LONGEST, LiveReadingParameters, rotation_problems
 from imu_sim_ros.simulation.parameters import SampledParameters
 from imu_sim_ros.simulation.playback import (
     PARTS,
@@ -177,7 +177,7 @@ class ErrorPublishParameters(ImuPublishParameters):
 
 
 @dataclass(frozen=True)
-class ErrorNodeParameters(ErrorModelParameters):
+class ErrorNodeParameters(LiveReadingParameters, ErrorModelParameters):
     """Everything that the node error_model takes."""
 
     odometry: bool = flag(False, "subscribe to odom/ideal (nav_msgs/Odometry) instead of imu/ideal")
@@ -189,6 +189,10 @@ class ErrorNodeParameters(ErrorModelParameters):
         yield from super().problems(prefix)
         if self.publish.sensors["orientation"].orientation:
             yield from orientation_problems(self.imu, prefix)
+        if self.odometry:
+            for field in dataclasses.fields(LiveReadingParameters):
+                if getattr(self, field.name) != field.default:
+                    yield (f"{prefix}{field.name}: has no effect on odometry; it is for imu/ideal")
         yield from self.inject.unknown_part(prefix, PARTS)
         if self.inject.imu:
             yield f"{prefix}inject.imu = {self.inject.imu!r}: must be empty, there is one IMU"

@@ -12,6 +12,7 @@ import numpy as np
 
 from imu_sim_ros.bags.messages.blocks import MessageBlock, Payloads
 from imu_sim_ros.bags.messages.layouts import (
+    FIRST,
     TYPES,
     Layout,
     fields,
@@ -25,8 +26,6 @@ from imu_sim_ros.core.errors import InputError
 from imu_sim_ros.core.timebase import NANOSECONDS_PER_SECOND
 from imu_sim_ros.core.types import Array, Bytes, Integers, Mask, Times
 
-FIRST: Final = "[0]"
-"""Suffix of the name of a field of which the first number alone is read."""
 _INSIDE_ORDER: Final = [3, 0, 1, 2]
 """Indices of (w, x, y, z) in the message's (x, y, z, w)."""
 

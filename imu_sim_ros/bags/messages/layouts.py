@@ -120,6 +120,10 @@ def _suffix(name: str, kind: str) -> str:
     return f"_of_{name.removesuffix('_stamp')}" if kind == "header" and name != "stamp" else ""
 
 
+FIRST: Final = "[0]"
+"""Suffix of the name of a field of which the first number alone is read."""
+
+
 class Layout(NamedTuple):
     """The bytes of one message type in one encoding, for given texts."""
 
@@ -146,13 +150,17 @@ class Layout(NamedTuple):
         return int(self.dtype.fields[name][1]) if self.dtype.fields else 0
 
     def unpacker(self, names: Sequence[str]) -> struct.Struct:
-        """Return the struct that unpacks the numbers of some fields, in the message's order."""
+        """Return the struct that unpacks the numbers of some fields, in the message's order.
+
+        :param names: names of fields; with :data:`FIRST` behind it the first number alone.
+        """
         form, end = "<", 0
-        for name in sorted(names, key=self.offset):
-            numbers = self.dtype[name]
-            count = int(np.prod(numbers.shape, dtype=int))
-            form += f"{self.offset(name) - end}x{count}{numbers.base.char}"
-            end = self.offset(name) + numbers.itemsize
+        for name in sorted(names, key=lambda name: self.offset(name.removesuffix(FIRST))):
+            field = name.removesuffix(FIRST)
+            numbers = self.dtype[field]
+            count = 1 if name != field else int(np.prod(numbers.shape, dtype=int))
+            form += f"{self.offset(field) - end}x{count}{numbers.base.char}"
+            end = self.offset(field) + count * numbers.base.itemsize
         return struct.Struct(form)
 
 

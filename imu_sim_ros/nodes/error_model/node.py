@@ -83,7 +83,9 @@ class ErrorModelNode(ConfiguredNode[ErrorNodeParameters]):
         }
         self.model = GivenImu(parameters, sensors, self._remark)
         oriented = self.model.uses_orientation
-        self._decode = decode.ideal_reading if oriented else decode.imu_reading
+        self._decoder = decode.ReadingDecoder(parameters, oriented)
+        for line in self._decoder.notes():
+            self.get_logger().info(line)
         self._odometry = Differentiator(parameters) if parameters.odometry else None
         compared = parameters.odometry and parameters.input.check
         source = f"input ({self.resolve_topic_name(conventions.INPUT_ODOMETRY_TOPIC)})"
@@ -150,7 +152,8 @@ class ErrorModelNode(ConfiguredNode[ErrorNodeParameters]):
                 self._take_frame(batch)
             try:
                 if self._odometry is None:
-                    self._take_readings(self._decoded(topic, batch, self._decode))
+                    readings = self._decoded(topic, batch, self._decoder.reading)
+                    self._take_readings([reading for reading in readings if reading is not None])
                 else:
                     self._read(self._of_odometry(self._odometry, topic, batch))
             except InputError as error:
@@ -170,7 +173,8 @@ class ErrorModelNode(ConfiguredNode[ErrorNodeParameters]):
 
     def _take_frame(self, batch: list[Taken]) -> None:
         """Set the frame of the readings to that of the first message with one."""
-        frame = next(filter(None, (decode.frame_id(payload) for payload, _ in batch)), "")
+        frames = (decode.frame_id(payload) for payload, _ in batch)
+        frame = self.parameters.frame or next(filter(None, frames), "")
         if not frame:
             return
         self._takes_frame = False

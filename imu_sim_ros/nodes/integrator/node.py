@@ -79,6 +79,9 @@ class Integrator(ConfiguredNode[IntegratorParameters]):
         self._received = {IMU_TOPIC: 0, TRUTH_TOPIC: 0}
         self._add_publishers(parameters)
         self._units = UnitWatch(self.resolve_topic_name(IMU_TOPIC))
+        self._decoder = decode.ReadingDecoder(parameters)
+        for line in self._decoder.notes():
+            self.get_logger().info(line)
         self.sensor = SensorDescription(self, self._adopt, self._integrate, self._lock)
         for line in parameters.warnings():
             self.get_logger().warning(line)
@@ -170,7 +173,9 @@ class Integrator(ConfiguredNode[IntegratorParameters]):
         for payload, _ in batch:
             try:
                 if is_reading:
-                    reading = decode.imu_reading(payload)
+                    reading = self._decoder.reading(payload)
+                    if reading is None:
+                        continue
                     if not self._units.done:
                         INTEGRATOR.judge(self._units.add(reading), self.get_logger().warning)
                     rows += self.odometer.add_reading(reading)
