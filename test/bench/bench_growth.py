@@ -197,7 +197,8 @@ def over_workers(start: float, run: float) -> None:
         return
     print(
         f"a run takes {run * 1e3:.1f} ms, a worker starts in {start:.2f} s, the scheduler needs "
-        f"{dispatch * 1e3:.1f} ms for a task of {TASK} runs"
+        f"{dispatch * 1e3:.1f} ms for a task of {TASK} runs and is the limit from "
+        f"{TASK * run / dispatch:.0f} workers on"
     )
     rows = []
     for runs in SIMULATED_RUNS:

@@ -3,7 +3,8 @@
 
 """Run benchmarks below this folder, one after another, each in a process of its own.
 
-make bench                                    speeds, the live nodes, how cost grows: ten minutes
+make bench                                    speeds, the live nodes, how cost grows: ten minutes;
+                                              manual.py writes its output into the manual
 make bench BASE=1.0.0                          the same, speeds next to those of a revision
 .venv/bin/python test/bench/run.py bags allan  others by name; statistics take up to hours
 """
@@ -13,10 +14,11 @@ import os
 import platform
 import subprocess
 import sys
+import time
 from pathlib import Path
 
 FOLDER = Path(__file__).parent
-USUAL = ("speeds", "error_node", "growth")
+USUAL = ("speeds", "error_node", "recorder", "growth")
 """Benchmarks that are run if none is named."""
 
 
@@ -32,7 +34,8 @@ def main() -> int:
     unknown = [name for name in names if name not in scripts]
     if unknown:
         parser.error(f"no benchmark {', '.join(unknown)}; there are {', '.join(scripts)}")
-    print(f"Python {platform.python_version()}, {os.cpu_count()} cores", flush=True)
+    date = time.strftime("%-d %B %Y")
+    print(f"Python {platform.python_version()}, {os.cpu_count()} cores, {date}", flush=True)
     root = FOLDER.parents[1]
     environment = {**os.environ, "PYTHONPATH": str(root)}
     failed = 0
