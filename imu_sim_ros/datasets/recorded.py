@@ -43,7 +43,7 @@ DEPTH_FOLDER: Final = "depth"
 _TO_EUROC: Final = {
     "plumb_bob": "radial-tangential",
     "rational_polynomial": "radial-tangential8",
-    "equidistant": "equidistant",
+    **dict.fromkeys(("fisheye", "equidistant"), "equidistant"),
 }
 _TO_ROS: Final = {
     **{euroc: ros for ros, euroc in _TO_EUROC.items()},

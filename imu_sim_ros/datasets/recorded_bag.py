@@ -200,8 +200,11 @@ class RecordedImages:
                 warn(finding.sentence())
             if not any(finding.kind in UNUSABLE for finding in findings):
                 info = next(info for info in reversed(infos) if info.k[0, 0] > 0.0).of_image()
+                if not (info.height and info.width):  # not stated
+                    height, width = sizes[topic.name].size or (0, 0)
+                    info = info._replace(height=height, width=width)
             else:
-                warn(f"{name}/sensor.yaml: without intrinsics, which camera_info does not have")
+                warn(f"{name}/sensor.yaml: without intrinsics: those of camera_info do not hold")
         pose = to_root(self._transforms, self._frames.get(camera.base, ""))
         if info is not None and is_rectified(topic.name):
             if pose is not None:

@@ -40,7 +40,7 @@ from imu_sim_ros.core.conventions import (
     IMAGE_TOPIC,
     TF_STATIC_TOPIC,
 )
-from imu_sim_ros.core.errors import InputError, naming, system_error
+from imu_sim_ros.core.errors import InputError, naming, system_error, warn
 from imu_sim_ros.datasets.images import image_name, write_table
 from imu_sim_ros.datasets.recorded import (
     DEPTH_FOLDER,
@@ -54,6 +54,7 @@ from imu_sim_ros.datasets.recorded import (
     read_image,
     sensor_yaml,
 )
+from imu_sim_ros.recordings.findings.cameras import UNUSABLE
 from imu_sim_ros.recordings.findings.catalogue import camera_findings
 from imu_sim_ros.sensors.camera.images.files import Size, decoded
 
@@ -91,8 +92,10 @@ class FolderImages:
         self.cameras = folder_cameras(path, skipped)
         records = [camera.record() for camera in self.cameras]
         findings = [finding for camera in records if camera for finding in camera_findings(camera)]
-        if findings:
+        if any(finding.kind in UNUSABLE for finding in findings):
             raise InputError([finding.sentence() for finding in findings])
+        for finding in findings:
+            warn(finding.sentence())
         jobs = cores()
         self._prefetched = _BATCH + _PREFETCHED * jobs
         self._pool = ThreadPoolExecutor(jobs, thread_name_prefix="images")

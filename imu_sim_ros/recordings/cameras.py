@@ -17,7 +17,7 @@ COEFFICIENTS: Final[dict[str, tuple[int, ...]]] = {
     "none": (0,),
     "plumb_bob": (0, 4, 5),
     "rational_polynomial": (8, 12, 14),
-    "equidistant": (4,),
+    **dict.fromkeys(("equidistant", "fisheye"), (4,)),
     "unified": (1, 5, 6),
     "double_sphere": (2, 6, 7),
 }
@@ -87,7 +87,8 @@ class CameraInfo(NamedTuple):
     def is_equal(self, other: "CameraInfo") -> bool:
         """Return True if both describe the same camera."""
         return (
-            (*self[:4], self.binning, self.region) == (*other[:4], other.binning, other.region)
+            (*self[:3], self.binning, self.region) == (*other[:3], other.binning, other.region)
+            and np.array_equal(self.d, other.d, equal_nan=True)
             and np.array_equal(self.k, other.k)
             and np.array_equal(self.r, other.r)
             and np.array_equal(self.p, other.p)

@@ -41,6 +41,7 @@ FAULTS = {
     "image_size": [GOOD._replace(height=120, width=188)],
     "distortion_count": [GOOD._replace(distortion_model="equidistant")],
 }
+NOT_FINITE = GOOD._replace(d=(np.nan,) * 5)
 FRAMES = 4
 
 
@@ -142,6 +143,33 @@ def test_binning_and_region_are_converted_to_the_images(tmp_path, capsys, name):
     # A point projects to u = fx x + cx in the full image, (u - 10) / 2 in the binned region.
     assert description["intrinsics"] == [28.5, 28.0, 18.5, 13.5]
     assert "binning 2 x 2, region 60 x 40 at (10, 4)" in told
+
+
+def test_models_of_distortion_that_are_not_known_are_told_in_both_directions(tmp_path, capsys):
+    info = GOOD._replace(distortion_model="fov", d=(0.9,))
+    path = write_camera(tmp_path / "seen.mcap", [info])
+    assert kinds_of(path, capsys) == {"distortion_unknown"}
+    _, told = converted(path, tmp_path, capsys)
+    assert "fov with 1 coefficients; name the model as sensor_msgs does" in told
+    folder = next(tmp_path.rglob("cam0")).parent
+    assert convert_bag.main([str(folder), "-o", str(tmp_path / "back.mcap")]) == 0
+    assert "fov with 1 coefficients" in capsys.readouterr().err
+    fisheye = GOOD._replace(distortion_model="fisheye", d=(0.1, 0.0, 0.0, 0.0))
+    assert not camera_findings(CameraRecord("/cam0", (fisheye,), (0,), (60, 94)))
+
+
+def test_coefficients_that_are_not_finite_are_told_and_not_written(tmp_path, capsys):
+    path = write_camera(tmp_path / "seen.mcap", [NOT_FINITE, NOT_FINITE])
+    assert kinds_of(path, capsys) == {"distortion_count"}
+    description, told = converted(path, tmp_path, capsys)
+    assert "intrinsics" not in description
+    assert "coefficients nan, nan, nan, nan, nan: not finite" in told
+
+
+def test_a_size_that_camera_info_does_not_state_is_that_of_the_images(tmp_path, capsys):
+    path = write_camera(tmp_path / "seen.mcap", [GOOD._replace(height=0, width=0)])
+    description, _ = converted(path, tmp_path, capsys)
+    assert description["resolution"] == [94, 60]
 
 
 def test_zeros_before_the_calibration_was_loaded_are_left_out(tmp_path, capsys):

@@ -80,7 +80,7 @@ def image_size(camera: CameraRecord) -> Iterator[Evidence]:
     "write as many coefficients as the distortion model has",
 )
 def distortion_count(camera: CameraRecord) -> Iterator[Evidence]:
-    """Find a camera_info with a wrong number of coefficients for its distortion model."""
+    """Find a camera_info whose coefficients are too few or many for its model, or not finite."""
     for row, info in _calibrated(camera):
         problem = distortion_problem(info)
         if problem:
@@ -89,12 +89,27 @@ def distortion_count(camera: CameraRecord) -> Iterator[Evidence]:
 
 
 def distortion_problem(info: CameraInfo) -> str:
-    """Return a text if a model has a wrong number of coefficients; empty if not."""
+    """Return a text if coefficients are too few or many, or not finite; empty if not."""
+    if not np.isfinite(info.d).all():
+        return f"coefficients {', '.join(f'{value:g}' for value in info.d)}: not finite"
     counts = COEFFICIENTS.get(info.distortion_model, (len(info.d),))
     if len(info.d) in counts:
         return ""
     expected = " or ".join(map(str, counts))
     return f"{len(info.d)} coefficients; {info.distortion_model or 'no model'} has {expected}"
+
+
+@check(
+    "warning",
+    "what reads the coefficients does not know what they mean, or takes them for others",
+    "name the model as sensor_msgs does: plumb_bob, rational_polynomial, equidistant",
+)
+def distortion_unknown(camera: CameraRecord) -> Iterator[Evidence]:
+    """Find a camera_info with coefficients of a distortion model that is not known."""
+    for row, info in _calibrated(camera):
+        if info.d and info.distortion_model not in COEFFICIENTS:
+            yield Evidence(f"{info.distortion_model} with {len(info.d)} coefficients", row)
+            return
 
 
 @check(
@@ -117,6 +132,7 @@ CAMERAS: Final = (
     intrinsics_changed,
     image_size,
     distortion_count,
+    distortion_unknown,
     intrinsics_absent,
     image_part,
 )
