@@ -6,6 +6,7 @@
 Each counts the files that it touches, without its test and its page.
 """
 
+import ast
 import importlib.util
 import json
 import shutil
@@ -42,6 +43,40 @@ class Copy:
         path.write_text(text, encoding="utf-8")
         self.touched.add(file)
 
+    def enlist(self, file: str, name: str, entry: str) -> None:
+        """Add an entry to the tuple or dictionary of a name, whatever other entries are in it."""
+        tree = ast.parse((self.folder / file).read_text(encoding="utf-8"))
+        (value,) = (
+            node.value
+            for node in tree.body
+            if isinstance(node, ast.Assign | ast.AnnAssign) and assigned(node) == name
+        )
+        self._insert(file, value.lineno, value.col_offset + 1, f"\n    {entry},")
+
+    def add_import(self, file: str, line: str) -> None:
+        """Import something next to whatever else is imported; ruff puts it in order."""
+        tree = ast.parse((self.folder / file).read_text(encoding="utf-8"))
+        first = next(node for node in tree.body if isinstance(node, ast.ImportFrom))
+        self._insert(file, first.lineno, 0, f"{line}\n")
+
+    def add_option(self, file: str, function: str, option: str) -> None:
+        """Add a parameter to a job, among whatever others it has."""
+        tree = ast.parse((self.folder / file).read_text(encoding="utf-8"))
+        *_, definition = (  # behind its overloads
+            node
+            for node in tree.body
+            if isinstance(node, ast.FunctionDef) and node.name == function
+        )
+        first = definition.args.kwonlyargs[0]  # it is given by its name: the place is free
+        self._insert(file, first.lineno, first.col_offset, f"{option},\n    ")
+
+    def _insert(self, file: str, line: int, column: int, text: str) -> None:
+        path = self.folder / file
+        lines = path.read_text(encoding="utf-8").splitlines(keepends=True)
+        lines[line - 1] = f"{lines[line - 1][:column]}{text}{lines[line - 1][column:]}"
+        path.write_text("".join(lines), encoding="utf-8")
+        self.touched.add(file)
+
     def write(self, file: str, text: str) -> None:
         """Write a new file."""
         path = self.folder / file
@@ -58,6 +93,8 @@ class Copy:
         shutil.copy(ROOT / "test" / "test_architecture.py", guards)
         shutil.copy(ROOT / "pyproject.toml", self.folder)
         files = [name for name in sorted(self.touched) if name.endswith(".py")]
+        sort = [sys.executable, "-m", "ruff", "check", "--quiet", "--fix", "--select", "I", *files]
+        subprocess.run(sort, cwd=self.folder, check=True)
         spec = importlib.util.spec_from_file_location("guards_of_a_copy", guards)
         module = importlib.util.module_from_spec(spec)
         spec.loader.exec_module(module)
@@ -84,6 +121,11 @@ class Copy:
         )
         assert done.returncode == 0, done.stderr
         return json.loads(done.stdout.splitlines()[-1])
+
+
+def assigned(node: ast.Assign | ast.AnnAssign) -> str:
+    """Return the name on the left of an assignment."""
+    return ast.unparse(node.targets[0] if isinstance(node, ast.Assign) else node.target)
 
 
 @pytest.fixture
@@ -122,11 +164,8 @@ def test_an_error_term(copy: Copy) -> None:
             "class RateRamp(ErrorTerm):",
             f"{SWING}\n\nclass RateRamp(ErrorTerm):",
         ),
-        (
-            "    RateRamp,\n",
-            "    RateRamp,\n    Swing,\n",
-        ),
     )
+    copy.enlist("imu_sim_ros/sensors/errors/terms.py", "BIAS", "Swing")
     copy.guard(2)
     outcome = copy.run(
         """
@@ -166,17 +205,12 @@ def renamed(text: str) -> str:
     return text
 
 
-LISTED = ("imu_sim_ros/sensors/__init__.py", '    "lidar",\n')
-"""The last word in the list of sensors."""
-
-
 def test_a_sensor_of_each_imu(copy: Copy) -> None:
     """A folder of four files like the barometer's, and its name in the list."""
     for path in sorted((ROOT / "imu_sim_ros/sensors/barometer").glob("*.py")):
         place = f"imu_sim_ros/sensors/altimeter/{path.name}"
         copy.write(place, renamed(path.read_text(encoding="utf-8")))
-    file, listed_line = LISTED
-    copy.change(file, (listed_line, listed_line + '    "altimeter",\n'))
+    copy.enlist("imu_sim_ros/sensors/__init__.py", "SENSORS", '"altimeter"')
     copy.guard(5)
     outcome = copy.run(
         """
@@ -222,37 +256,53 @@ def test_a_sensor_with_a_mount_of_its_own(copy: Copy) -> None:
     example = example.replace("from imu_sim_ros import register_sensor, simulate\n", "")
     copy.write("imu_sim_ros/sensors/sonar/__init__.py", '"""The sonar."""\n')
     copy.write("imu_sim_ros/sensors/sonar/declaration.py", example)
-    file, listed_line = LISTED
-    copy.change(file, (listed_line, listed_line + '    "sonar",\n'))
+    copy.enlist("imu_sim_ros/sensors/__init__.py", "SENSORS", '"sonar"')
     copy.guard(3)
     outcome = copy.run(
         """
         import json, imu_sim_ros as ims
+        from pathlib import Path
         from imu_sim_ros.commands import generate, parameter_reference
-        status = generate.main(
-            ["-o", "a.mcap", "--duration", "2s", "--quiet", "--set", "sensors=[sonar]"]
-        )
+        words = "--duration 2s --quiet".split()
+        status = [
+            generate.main(["-o", "a.mcap", *words, "--set", "sensors=[sonar]"]),
+            generate.main(["-o", "b.mcap", *words, "--sonar"]),
+        ]
+        option = generate.parser().format_help().partition("\\n  --sonar ")[2].splitlines()[0]
         print(json.dumps({
             "samples": len(ims.simulate(duration=2, sensors=["sonar"]).sonar), "status": status,
+            "same": Path("a.mcap").stat().st_size == Path("b.mcap").stat().st_size,
             "reference": "`sonar.noise`" in parameter_reference.reference(),
+            "option": option.strip(),
         }))
         """
     )
-    assert outcome == {"samples": 20, "status": 0, "reference": True}
+    assert outcome == {
+        "samples": 20,
+        "status": [0, 0],
+        "same": True,
+        "reference": True,
+        "option": "simulate sonar",  # not a preset: it has none
+    }
 
 
 def test_a_message_type(copy: Copy) -> None:
-    """An encoder; its layout follows from its definition, and rosbags reads what the bags hold."""
+    """An encoder; its layout follows from its definition, and rosbags reads what the bags hold.
+
+    A field that the type has in ROS 2 alone is left out of ROS 1.
+    """
     copy.change(
         "imu_sim_ros/bags/messages/encode.py",
         (
             "class NavSatFixEncoder(",
-            "class RelativeHumidityEncoder(_OfFrame):\n"
-            '    """sensor_msgs/RelativeHumidity."""\n\n'
-            '    type_name = "sensor_msgs/msg/RelativeHumidity"\n\n'
-            "    def pattern(self, t_ns: Times, humidity: ArrayLike) -> RowTemplate:\n"
-            '        """Return n messages of humidities (n,) from 0 to 1."""\n'
-            "        return self._row_template(t_ns, relative_humidity=humidity)\n\n\n"
+            "class RangeEncoder(_OfFrame):\n"
+            '    """sensor_msgs/Range, whose variance ROS 2 alone has."""\n\n'
+            '    type_name = "sensor_msgs/msg/Range"\n\n'
+            "    def pattern(\n"
+            "        self, t_ns: Times, distance: ArrayLike, variance: ArrayLike\n"
+            "    ) -> RowTemplate:\n"
+            '        """Return n messages of distances (n,) [m] with variances (n,) [m^2]."""\n'
+            "        return self._row_template(t_ns, range=distance, variance=variance)\n\n\n"
             "class NavSatFixEncoder(",
         ),
     )
@@ -262,23 +312,30 @@ def test_a_message_type(copy: Copy) -> None:
         import json, numpy as np
         from pathlib import Path
         from rosbags.highlevel import AnyReader
-        from imu_sim_ros.bags.messages.encode import RelativeHumidityEncoder
+        from imu_sim_ros.bags.messages.encode import RangeEncoder
         from imu_sim_ros.bags.create import open_writer
         found = []
         for name in ("a.mcap", "a.bag", "folder"):
             with open_writer(Path(name)) as writer:
-                encoder = RelativeHumidityEncoder("mast", writer.encoding)
-                topic = writer.add_topic("/humidity", encoder.type_name)
-                t_ns = np.array([1_000_000_000, 2_000_000_000])
-                writer.write(topic, t_ns, encoder.encode(t_ns, [0.25, 0.5]))
+                encoder = RangeEncoder("mast", writer.encoding)
+                topic = writer.add_topic("/range", encoder.type_name)
+                for count in (2, 100):  # few messages are made in another way
+                    t_ns = np.arange(1, 1 + count) * 1_000_000_000
+                    values = 0.5 * np.ones(count), 0.25 * np.ones(count)
+                    writer.write(topic, t_ns, encoder.encode(t_ns, *values))
             with AnyReader([Path(name)]) as reader:
                 for connection, _, content in reader.messages():
                     message = reader.deserialize(content, connection.msgtype)
-                    found.append([message.header.frame_id, message.relative_humidity])
+                    variance = getattr(message, "variance", None)
+                    found.append([name, message.header.frame_id, message.range, variance])
         print(json.dumps(found))
         """
     )
-    assert outcome == 3 * [["mast", 0.25], ["mast", 0.5]]
+    assert outcome == [
+        *102 * [["a.mcap", "mast", 0.5, 0.25]],
+        *102 * [["a.bag", "mast", 0.5, None]],
+        *102 * [["folder", "mast", 0.5, 0.25]],
+    ]
 
 
 LOG = '''\
@@ -340,14 +397,8 @@ def states(path: Path, topic: str | None, covariance: bool, handling: Handling) 
 def test_a_format_that_is_read(copy: Copy) -> None:
     """A module and its name in the list; every job takes it."""
     copy.write("imu_sim_ros/formats/log.py", LOG)
-    copy.change(
-        "imu_sim_ros/formats/door.py",
-        (
-            "from imu_sim_ros.formats import bag, text",
-            "from imu_sim_ros.formats import bag, log, text",
-        ),
-        ("= (vio_data", "= (log, vio_data"),
-    )
+    copy.add_import("imu_sim_ros/formats/door.py", "from imu_sim_ros.formats import log")
+    copy.enlist("imu_sim_ros/formats/door.py", "FORMATS", "log")
     copy.guard(2)
     outcome = copy.run(
         """
@@ -399,11 +450,8 @@ def contents(path: Path) -> Contents:
 def test_a_log_of_many_sensors(copy: Copy) -> None:
     """A module and its name in the list; every job takes it, and a bag keeps all sensors."""
     copy.write("imu_sim_ros/bags/logs/buoy.py", MANY)
-    copy.change(
-        "imu_sim_ros/bags/logs/catalogue.py",
-        ("import (\n    ardupilot,", "import (\n    ardupilot,\n    buoy,"),
-        (" = (\n    px4,", " = (\n    buoy,\n    px4,"),
-    )
+    copy.add_import("imu_sim_ros/bags/logs/catalogue.py", "from imu_sim_ros.bags.logs import buoy")
+    copy.enlist("imu_sim_ros/bags/logs/catalogue.py", "LOGS", "buoy")
     copy.guard(2)
     results = copy.run(
         """
@@ -463,8 +511,8 @@ def test_an_integration_method(copy: Copy) -> None:
             "    return _TURNS[attitude](scale(rate[1], h)), scale(force[1], h), None\n\n\n"
             "METHODS: Final",
         ),
-        ('    "rk4": _rk4,\n', '    "rk4": _rk4,\n    "late": _late,\n'),
     )
+    copy.enlist("imu_sim_ros/navigation/increments.py", "METHODS", '"late": _late')
     copy.guard(1)
     outcome = copy.run(
         """
@@ -515,11 +563,8 @@ def test_a_trajectory(copy: Copy) -> None:
             '    acceleration: float = number(1.0, "upwards", unit="m/s^2")\n\n\n'
             "TYPES: dict[",
         ),
-        (
-            '    "static": StaticParameters,\n',
-            '    "static": StaticParameters,\n    "lift": LiftParameters,\n',
-        ),
     )
+    copy.enlist("imu_sim_ros/trajectory/parameters.py", "TYPES", '"lift": LiftParameters')
     copy.change(
         "imu_sim_ros/trajectory/kinds.py",
         (
@@ -541,12 +586,10 @@ def test_a_trajectory(copy: Copy) -> None:
             "        )\n\n\n"
             "class FreeFall(_Endless):",
         ),
-        ("    HarmonicParameters,\n", "    HarmonicParameters,\n    LiftParameters,\n"),
-        (
-            "    StaticParameters: Static,\n",
-            "    StaticParameters: Static,\n    LiftParameters: Lift,\n",
-        ),
     )
+    kinds = "imu_sim_ros/trajectory/kinds.py"
+    copy.add_import(kinds, "from imu_sim_ros.trajectory.parameters import LiftParameters")
+    copy.enlist(kinds, "MOTIONS", "LiftParameters: Lift")
     copy.guard(2)
     outcome = copy.run(
         """
@@ -571,11 +614,6 @@ def test_an_option_of_a_job(copy: Copy) -> None:
     copy.change(
         "imu_sim_ros/jobs/evaluate.py",
         (
-            "    skip_bad_rows: SkipBadRows = False,\n) -> Evaluation",
-            "    skip_bad_rows: SkipBadRows = False,\n"
-            '    lift: Annotated[float, "M"] = 0.0,\n) -> Evaluation',
-        ),
-        (
             "    :param skip_bad_rows: skip and count bad rows of text and bad messages of bags\n",
             "    :param skip_bad_rows: skip and count bad rows of text and bad messages of bags\n"
             "    :param lift: raise the estimate [m]\n",
@@ -592,6 +630,8 @@ def test_an_option_of_a_job(copy: Copy) -> None:
             "    track = with_fields(track, position=raised)\n",
         ),
     )
+    option = 'lift: Annotated[float, "M"] = 0.0'
+    copy.add_option("imu_sim_ros/jobs/evaluate.py", "evaluate", option)
     copy.guard(1)
     outcome = copy.run(
         """
@@ -631,11 +671,6 @@ def test_an_option_of_a_job_that_writes(copy: Copy) -> None:
     copy.change(
         "imu_sim_ros/jobs/generate.py",
         (
-            "    skip_bad_rows: SkipBadRows = False,\n    force",
-            "    skip_bad_rows: SkipBadRows = False,\n"
-            '    hold: Annotated[float, "TIME", OUTPUT] = 0.0,\n    force',
-        ),
-        (
             "    :param force: replace what exists, but never",
             "    :param hold: stand still at first [s]\n"
             "    :param force: replace what exists, but never",
@@ -647,6 +682,8 @@ def test_an_option_of_a_job_that_writes(copy: Copy) -> None:
             "    simulation = load_simulator(layers, problems=problems)\n",
         ),
     )
+    option = 'hold: Annotated[float, "TIME", OUTPUT] = 0.0'
+    copy.add_option("imu_sim_ros/jobs/generate.py", "generate", option)
     copy.guard(1)
     outcome = copy.run(
         """
@@ -688,11 +725,9 @@ def test_a_consumer(copy: Copy) -> None:
         '    text = f"{head}imu_topic: {subject.imu.topic}\\nrate: {subject.imu.rate:g}\\n"\n'
         '    return {"own_stack.yaml": text}\n',
     )
-    copy.change(
-        "imu_sim_ros/datasets/consumers/folder.py",
-        ("    orb_slam3,\n", "    orb_slam3,\n    own_stack,\n"),
-        ("(kalibr, vins,", "(own_stack, kalibr, vins,"),
-    )
+    folder = "imu_sim_ros/datasets/consumers/folder.py"
+    copy.add_import(folder, "from imu_sim_ros.datasets.consumers import own_stack")
+    copy.enlist(folder, "STACKS", "own_stack")
     copy.guard(2)
     outcome = copy.run(
         """

@@ -28,18 +28,32 @@ EXAMPLES: Final = """
 """
 
 
-_SENSORS: Final = {
-    f"--{name} NAME|FILE": {
-        "action": "append",
-        "help": f"simulate {name}: a preset ({', '.join(files.names(name))}) or a file; "
-        f"repeatable, further ones are named {name}1, {name}2, ...",
-        "group": str(OF_SENSORS),
+_SENSORS: Final = (
+    {
+        f"--{name} NAME|FILE": {
+            "action": "append",
+            "help": f"simulate {name}: a preset ({', '.join(files.names(name))}) or a file; "
+            f"repeatable, further ones are named {name}1, {name}2, ...",
+            "group": str(OF_SENSORS),
+        }
+        for name, sensor in named_sensors().items()
+        if sensor.presets
     }
-    for name in named_sensors()
-} | {
-    f"--{switch.name}": {"action": "store_true", "help": switch.text, "group": str(OF_SENSORS)}
-    for switch in switches().values()
-}
+    | {
+        f"--{name}": {
+            "action": "store_const",
+            "const": True,
+            "help": f"simulate {name}",
+            "group": str(OF_SENSORS),
+        }
+        for name, sensor in named_sensors().items()
+        if not sensor.presets
+    }
+    | {
+        f"--{switch.name}": {"action": "store_true", "help": switch.text, "group": str(OF_SENSORS)}
+        for switch in switches().values()
+    }
+)
 
 
 def parser() -> program.Parser:

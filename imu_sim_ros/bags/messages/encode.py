@@ -16,7 +16,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from imu_sim_ros.bags.messages.blocks import Column, RowTemplate, side_by_side
-from imu_sim_ros.bags.messages.layouts import Layout, layout
+from imu_sim_ros.bags.messages.layouts import Layout, fields, layout
 from imu_sim_ros.core.errors import InputError
 from imu_sim_ros.core.timebase import NANOSECONDS_PER_SECOND
 from imu_sim_ros.core.types import Array, Bytes, Times
@@ -87,8 +87,14 @@ class Encoder:
         :param constant: the numbers of fields, (m,) or one.
         """
         self.layout = layout
-        fields = (self.layout.dtype.fields or {}).items()
-        self._fields = {name: (kind, offset) for name, (kind, offset, *_) in fields}
+        entries = (self.layout.dtype.fields or {}).items()
+        self._fields = {name: (kind, offset) for name, (kind, offset, *_) in entries}
+        generations = ("cdr", layout.encoding)
+        of_ros2, present = (
+            {name for name, _, _ in fields(layout.type_name, encoding)} for encoding in generations
+        )
+        self._left_out = of_ros2 - present
+        """Fields that the message has in ROS 2 only, if it is one of ROS 1."""
         self._whole = np.dtype((np.void, self.layout.dtype.itemsize))
         self._template = self.layout.template
         self._template = self._row(constant)
@@ -107,13 +113,19 @@ class Encoder:
     def _row(self, numbers: Mapping[str, ArrayLike]) -> bytes:
         """Return the template with some of its numbers: (m,) or one for each field."""
         row = bytearray(self._template)
-        for name, number in numbers.items():
+        for name, number in self._existing(numbers).items():
             field, offset = self._fields[name]
             values = np.asarray(number, field.base)
             if values.nbytes != field.itemsize:
                 values = np.broadcast_to(values, field.shape)
             row[offset : offset + field.itemsize] = values.tobytes()
         return bytes(row)
+
+    def _existing(self, numbers: Mapping[str, ArrayLike]) -> Mapping[str, ArrayLike]:
+        """Return the numbers of fields that the message has in this generation of ROS."""
+        if not self._left_out:
+            return numbers
+        return {name: number for name, number in numbers.items() if name not in self._left_out}
 
     def _row_template(self, t_ns: Times, **numbers: ArrayLike) -> RowTemplate:
         """Return n messages with texts, stamps and some of their fields; the others are constant.
@@ -127,12 +139,12 @@ class Encoder:
             for k, row_t_ns in enumerate(t_ns.tolist()):
                 _STAMP.pack_into(memory, at + k * len(self._template), *self._stamp(row_t_ns))
             rows = np.frombuffer(memory, self.layout.dtype)
-            for name, numbers_of_field in numbers.items():
+            for name, numbers_of_field in self._existing(numbers).items():
                 rows[name] = numbers_of_field
             return RowTemplate(self._template, [Column(0, rows.view(self._whole))], len(rows))
         stamp = zip(("sec", "nanosec"), seconds(t_ns, self.layout.encoding), strict=True)
         columns, constant = [], {}
-        for name, numbers_of_field in (*stamp, *numbers.items()):
+        for name, numbers_of_field in (*stamp, *self._existing(numbers).items()):
             field, offset = self._fields[name]
             values = np.asarray(numbers_of_field)
             if values.ndim > field.ndim:
