@@ -30,10 +30,11 @@ from imu_sim_ros.bags.messages.layouts import FIRST
 from imu_sim_ros.bags.reader import Bag, Recover, errors_naming
 from imu_sim_ros.bags.text import reader as text_reader
 from imu_sim_ros.core.bad_rows import Skipped, Warned
+from imu_sim_ros.core.conventions import TRIADS
 from imu_sim_ros.core.errors import InputError
 from imu_sim_ros.core.records import Readings, States, concatenated
 from imu_sim_ros.core.rotation import rotate
-from imu_sim_ros.core.types import Array, Times
+from imu_sim_ros.core.types import Array, Mask, Times
 from imu_sim_ros.recordings.findings.catalogue import frame_findings
 from imu_sim_ros.recordings.findings.roles import TopicFrames
 
@@ -119,22 +120,72 @@ def imu_blocks(
     if text_reader.is_text(Path(path)):
         yield from text_reader.imu_blocks(Path(path), topic, skipped)
         return
-    chosen = frame
+    chosen, presence = frame, TriadPresence(path, topic, skipped)
     for block in decoded_blocks(path, IMU, topic, _IMU_FIELDS, recover, skipped, warned):
         fields = block
         chosen = fields.texts[0] if chosen is None else chosen
         if fields.frame_ids != (chosen,):
             fields = _of_frame(path, topic, fields, chosen, frame is not None)
-        gyro, accel, no_gyro, no_accel = fields.numbers.values()
+        gyro, accel, *covariances = fields.numbers.values()
+        unlike = presence.unlike(*covariances)
+        if unlike.any():
+            fields = fields.at(~unlike)
         if not len(fields.t_ns):
             continue
+        gyro, accel, no_gyro, no_accel = fields.numbers.values()
         yield Readings.unchecked(
             t_ns=fields.t_ns,
-            gyro=None if (no_gyro == -1.0).all() else gyro,
-            accel=None if (no_accel == -1.0).all() else accel,
+            gyro=None if no_gyro[0] == -1.0 else gyro,
+            accel=None if no_accel[0] == -1.0 else accel,
             frame_id=chosen,
             source=str(path),
         )
+
+
+class TriadPresence:
+    """Triads that the messages of a topic contain: all the same ones.
+
+    A covariance that begins with -1 means that the triad is absent (sensor_msgs/Imu); its zeros
+    are no readings.
+    """
+
+    def __init__(self, path: str | Path, topic: str | None, skipped: Skipped | None) -> None:
+        """Initialise without messages; arguments as for :func:`imu_blocks`."""
+        self._name = str(path) if topic is None else f"{path}: {topic}"
+        self._skipped, self._count = skipped, 0
+        self._absent = np.zeros(2, np.bool_)
+        """(2,) True for a triad that most messages lack."""
+
+    def unlike(self, gyro_covariance: Array, accel_covariance: Array) -> Mask:
+        """Return (n,) True for messages without the triads of most messages at the start.
+
+        :param gyro_covariance: (n,) first number of the covariance of each message.
+        :param accel_covariance: (n,) the same of the accelerometer.
+        :raises InputError: for such messages, unless bad messages are skipped.
+        """
+        absent = np.stack([gyro_covariance == -1.0, accel_covariance == -1.0], axis=1)
+        if not self._count and len(absent):
+            patterns, counts = np.unique(absent, axis=0, return_counts=True)
+            self._absent = patterns[int(np.argmax(counts))]
+        unlike: Mask = (absent != self._absent).any(axis=1)
+        count, number = int(unlike.sum()), self._count
+        self._count += len(absent)
+        if count and self._skipped is None:
+            row = int(np.argmax(unlike))
+            raise InputError(
+                f"{self._name}: message {number + row} has {_contents(absent[row])} (covariance "
+                f"-1), most messages have {_contents(self._absent)}: record the triads together, "
+                "or on topics of their own"
+            )
+        if count and self._skipped is not None:
+            self._skipped(count)
+        return unlike
+
+
+def _contents(absent: Mask) -> str:
+    """Return the names of the triads that a message contains; absent (2,): True if it does not."""
+    names = [name for name, lacks in zip(TRIADS, absent.tolist(), strict=True) if not lacks]
+    return {2: "both triads", 1: f"the {''.join(names)} alone"}.get(len(names), "no triad")
 
 
 def _of_frame(

@@ -12,7 +12,8 @@ from imu_sim_ros.bags import convert
 from imu_sim_ros.bags.messages.blocks import MessageBlock, TopicInfo
 from imu_sim_ros.bags.messages.decode import Decoded, decode_block, inside_order
 from imu_sim_ros.bags.messages.encode import IMU, ODOMETRY
-from imu_sim_ros.bags.read import mixed_frames, odometry_blocks
+from imu_sim_ros.bags.messages.layouts import FIRST
+from imu_sim_ros.bags.read import TriadPresence, mixed_frames, odometry_blocks
 from imu_sim_ros.bags.reader import Bag, errors_naming
 from imu_sim_ros.bags.threads import prefetch
 from imu_sim_ros.bags.writer import Block, Writer
@@ -41,7 +42,7 @@ from imu_sim_ros.simulation.topics import offered, resolved
 
 USUAL: Final = (IMU_TOPIC, GYROSCOPE_BIAS_TOPIC, ACCELEROMETER_BIAS_TOPIC)
 _READING: Final = ("angular_velocity", "linear_acceleration")
-_COVARIANCES: Final = ("angular_velocity_covariance", "linear_acceleration_covariance")
+_COVARIANCES: Final = tuple(f"{name}_covariance{FIRST}" for name in _READING)
 _ORIENTED: Final = (*_READING, "orientation", "orientation_covariance")
 _STATE: Final = ("orientation", "linear", "angular")
 _FIRST: Final = 2000
@@ -171,6 +172,7 @@ class BagErrors:
         of_imu = _ORIENTED if self.model.uses_orientation else _READING
         self._fields = of_imu if self._odometry is None else _STATE
         self._bad = BadRows(f"{bag.path}: {source.name}", "message")
+        self._presence = TriadPresence(bag.path, source.name, skipped=None)
         self._seen = 0
         self._frame: str | None = None
         """Frame of the readings; None before the first."""
@@ -235,8 +237,7 @@ class BagErrors:
             return []
         decoded = _decoded(self._bag, block, self._fields)
         if self._odometry is None:
-            if self._frame is None:
-                self._check_triads(block)
+            self._check_triads(block)
             self._frame = decoded.frame_ids[0] if self._frame is None else self._frame
             if decoded.frame_ids != (self._frame,):
                 raise mixed_frames(self._bag.path, self._source.name)
@@ -253,15 +254,16 @@ class BagErrors:
         return blocks
 
     def _check_triads(self, block: MessageBlock) -> None:
-        """Refuse a topic whose first messages mark a triad as absent.
+        """Refuse messages that mark a triad as absent.
 
         :raises InputError: with what helps.
         """
         columns = _decoded(self._bag, block, _COVARIANCES).numbers
+        self._presence.unlike(*columns.values())
         absent = [
             triad
-            for triad, name in zip(TRIADS, _COVARIANCES, strict=True)
-            if np.all(columns[name][:, 0] == -1.0)
+            for triad, numbers in zip(TRIADS, columns.values(), strict=True)
+            if np.all(numbers == -1.0)
         ]
         if absent:
             raise InputError(
