@@ -17,9 +17,10 @@ from imu_sim_ros.core.errors import InputError
 from imu_sim_ros.core.records import States
 from imu_sim_ros.core.types import Array, Mask, Times
 from imu_sim_ros.navigation.association import align, common_rows, poses_at
-from imu_sim_ros.recordings.findings.catalogue import pose_findings
+from imu_sim_ros.recordings.findings.catalogue import pair_findings, pose_findings
 from imu_sim_ros.recordings.findings.finding import Finding
 from imu_sim_ros.recordings.findings.policy import CAMPAIGN
+from imu_sim_ros.recordings.findings.roles import PosePairs
 
 _ROUNDING_NS: Final = 1_000_000
 """Stamps of text are rounded: a pose outside the truth by no more is at its end."""
@@ -54,6 +55,8 @@ def estimate_findings(poses: States, truth: States, alignment: str) -> list[str]
         rows = common_rows(poses.t_ns, truth.t_ns)
         estimate = poses.rows(rows)
         reference = poses_at(truth, estimate.t_ns)
+        pairs = PosePairs.of("estimate", estimate, truth, reference)
+        lines += [_line(finding) for finding in pair_findings(pairs)]
         lines += _repetitions(estimate, reference)
         aligned = align(estimate.position, reference.position, alignment)
         extent = float(

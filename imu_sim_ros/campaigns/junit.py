@@ -45,7 +45,7 @@ def write_junit(path: Path, name: str, judgement: Judgement) -> None:
             suite.failed(case, "failure", f"{prefix}: {line}")
         else:
             suite.output(case, f"{effect.verdict}: {line}")
-    for line in (*judgement.unmatched, *judgement.unproven):
+    for line in (*judgement.unmatched, *judgement.unproven, *judgement.copies):
         suite.failed(suite.case(line), "failure", line)
     suite = _Suite(root, "runs")
     for standing in judgement.standings:

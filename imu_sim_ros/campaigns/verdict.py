@@ -62,12 +62,15 @@ from imu_sim_ros.campaigns.summary import (
     unmet_lines,
 )
 from imu_sim_ros.core.types import Array, Mask
+from imu_sim_ros.recordings.findings.roles import estimate_equals_truth
 
 WITHOUT_ERRORS: Final = "perfect"
 """Preset of a sensor without errors."""
 _NUMBER: Final = re.compile(r"(?<![\w.])\d+(\.\d+)?(e[-+]?\d+)?\b")
 _ALL_PAIRS: Final = 30
 """Members of a contest up to which all pairs are compared; above, the best with each other."""
+_COPY: Final = f"[{estimate_equals_truth.kind}]"
+"""End of the finding about an estimate that is its truth."""
 _MAX_SEEDS: Final = 20
 """Largest number of seeds listed for a failure."""
 
@@ -253,6 +256,8 @@ class Judgement:
     """A line for each group that is worse than in the baseline, or not proven not to be."""
     unproven: list[str]
     """A line for each group without a run in the baseline, if non-inferiority is asked."""
+    copies: list[str]
+    """A line for each group with estimates that are their truth, if there is a gate."""
 
     @property
     def problems(self) -> list[str]:
@@ -262,7 +267,7 @@ class Judgement:
     @property
     def other_problems(self) -> list[str]:
         """Lines of ``problems`` other than those of unmet requirements."""
-        return [*self.unmatched, *self.worse, *self.unproven]
+        return [*self.unmatched, *self.worse, *self.unproven, *self.copies]
 
     @property
     def headline(self) -> list[Contest]:
@@ -272,7 +277,7 @@ class Judgement:
     def to_dict(self) -> dict[str, Any]:
         """Return it as plain values for JSON; intervals are ``{value, low, high}``."""
         plain_fields = {name: _plain(value) for name, value in asdict(self).items()}
-        for name in ("unmet", "unmatched", "worse", "unproven"):
+        for name in ("unmet", "unmatched", "worse", "unproven", "copies"):
             del plain_fields[name]
         return {**plain_fields, "problems": self.problems}
 
@@ -329,6 +334,14 @@ def judge(
         compared = {effect.a for effect in baseline_effects}
         missing_names = [name for name in map(_full_name, groups) if name not in compared]
         unproven = [f"not proven, the baseline has no such run: {name}" for name in missing_names]
+    mistakes = estimate_findings(groups)
+    copies = [
+        f"{mistake.cell}; {mistake.estimator}: {mistake.runs} runs: {mistake.finding}: "
+        "their errors "
+        "say nothing about the estimator"
+        for mistake in mistakes
+        if (plan.require or baseline is not None) and mistake.finding.endswith(_COPY)
+    ]
     return Judgement(
         metric=metric,
         better=rule.better,
@@ -340,13 +353,14 @@ def judge(
         standings=[_standing(group, rule) for group in groups],
         contests=contests,
         failures=failures(groups),
-        findings=estimate_findings(groups),
+        findings=mistakes,
         requirements=requirements,
         baseline=baseline_effects,
         unmet=unmet_lines(plan.require, requirements),
         unmatched=unmatched,
         worse=worse,
         unproven=unproven,
+        copies=copies,
     )
 
 

@@ -17,6 +17,7 @@ import numpy as np
 from imu_sim_ros.core.arguments import (
     BAG_OR_FILE,
     array,
+    name_of,
     number,
     one_of,
     refuse,
@@ -57,9 +58,9 @@ from imu_sim_ros.navigation.evaluation import (
     statistics,
 )
 from imu_sim_ros.navigation.time_offset import time_offset as time_offset_of
-from imu_sim_ros.recordings.findings.catalogue import pose_findings, use_findings
+from imu_sim_ros.recordings.findings.catalogue import pair_findings, pose_findings, use_findings
 from imu_sim_ros.recordings.findings.policy import EVALUATE
-from imu_sim_ros.recordings.findings.roles import TrajectoryUse
+from imu_sim_ros.recordings.findings.roles import PosePairs, TrajectoryUse
 from imu_sim_ros.sensors.camera.model import reprojection_errors
 from imu_sim_ros.terminal.text_tables import TextTable, html_of
 
@@ -430,6 +431,14 @@ def evaluate(
         track_folder = None if folder is None else _read_tracks(folder)
     problems.tell()
     trajectory_errors = evaluation(track, true, align, max_gap, time_offset)
+    if getattr(estimate, "role", "") != "estimate":
+        pairs = PosePairs.of(
+            f"estimate: {name_of(estimate) if isinstance(estimate, str | Path) else estimate!r}",
+            trajectory_errors.unaligned,
+            true,
+            trajectory_errors.truth,
+        )
+        EVALUATE.judge(pair_findings(pairs), warn)
     if track_folder is not None:
         reprojection = _reprojection(track_folder, str(folder), trajectory_errors.estimate, true)
         trajectory_errors = replace(trajectory_errors, reprojection=reprojection)

@@ -328,12 +328,12 @@ rows = [row.split(",") for row in open(data + "/mav0/state_groundtruth_estimate0
 with open(out, "w") as file:
     for row in rows:
         w, x, y, z = row[4:8]
-        print(int(row[0]) * 1e-9, *row[1:4], x, y, z, w, file=file)
+        print(int(row[0]) * 1e-9, float(row[1]) + SHIFT, *row[2:4], x, y, z, w, file=file)
 """
 
 
 def test_runs_that_crash_fail_the_gate_in_status_json_junit_and_page(plan_file, campaign, tmp_path):
-    (tmp_path / "crashes.py").write_text(CRASHES)
+    (tmp_path / "crashes.py").write_text(CRASHES.replace("SHIFT", "0.01"))
     statistics = ("mean", "median", "min", "p95", "max")
     require = [f"ate_rmse_m.{name} < 5" for name in statistics]
     require += ["ate_rmse_m.max of done < 5", "coverage.min >= 0", "success >= 0.5"]
@@ -358,6 +358,21 @@ def test_runs_that_crash_fail_the_gate_in_status_json_junit_and_page(plan_file, 
         requirement["comment"].endswith("over 1 of 3 runs; 2 runs have no value")
         for requirement in missed[:5]
     )
+
+
+@pytest.mark.parametrize("require", [["ate_rmse_m.mean < 5"], []])
+def test_a_gate_refuses_an_estimate_that_is_its_truth(plan_file, campaign, tmp_path, require):
+    """Without a gate it is told."""
+    (tmp_path / "copies.py").write_text(CRASHES.replace("SHIFT", "0.0"))
+    command = "{python} {plan}/copies.py {dataset} {estimate} {seed}"
+    path = plan_file(require=require, estimators={"mine": {"command": command}}, seeds=[0])
+    junit = tmp_path / "junit.xml"
+    status, result, lines = campaign(path, "-o", tmp_path / "out", "--junit", junit)
+    (mistake,) = result["judgement"]["findings"]
+    assert mistake["finding"].endswith("[estimate_equals_truth]")
+    assert (status, len(lines)) == ((3, 1) if require else (0, 0))
+    assert all("say nothing about the estimator" in line for line in lines)
+    assert ("say nothing about the estimator" in junit.read_text()) == bool(require)
 
 
 def test_power_says_how_many_seeds_it_takes(plan_file, capsys):

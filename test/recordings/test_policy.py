@@ -183,6 +183,48 @@ def test_units_that_later_motion_shows_are_judged_the_same_by_all(tmp_path):
     assert ims.inspect(right).findings == ()
 
 
+def rounded(values, form):
+    return np.vectorize(lambda value: float(format(value, form)))(values)
+
+
+COPIES = {
+    "bits": lambda truth: (truth.position, truth.q_wb),
+    "millimetres": lambda truth: (truth.position.round(3), truth.q_wb.round(3)),
+    "digits": lambda truth: (rounded(truth.position, ".6g"), rounded(truth.q_wb, ".6g")),
+    "32 bits": lambda truth: (
+        truth.position.astype(np.float32).astype(float),
+        truth.q_wb.astype(np.float32).astype(float),
+    ),
+}
+
+
+@pytest.mark.parametrize("name", COPIES)
+def test_an_estimate_that_is_its_truth_is_told(flights, name):
+    """Also at a tenth of the rate, with stamps of whole milliseconds, and aligned."""
+    truth = flights["motion"].truth
+    position, q_wb = COPIES[name](truth)
+    plain = ims.States(truth.t_ns, truth.position, truth.q_wb)
+    for rows, late_ns, align in ((1, 0, "none"), (10, 400_000, "se3")):
+        copy = ims.States(truth.t_ns[::rows] + late_ns, position[::rows], q_wb[::rows])
+        with pytest.warns(InputWarning, match=r"\[estimate_equals_truth\]"):
+            ims.evaluate(copy, plain, align=align)
+
+
+@pytest.mark.parametrize("decimals", [3, 12])
+def test_a_good_estimate_is_not_taken_for_its_truth(flights, decimals):
+    """A tenth of a millimetre of noise, in rounded numbers or not; and a body at rest."""
+    truth = flights["motion"].truth
+    noise = 1e-4 * np.random.default_rng(1).normal(size=(len(truth), 3))
+    estimate = ims.States(truth.t_ns, (truth.position + noise).round(decimals), truth.q_wb)
+    still = ims.States(
+        truth.t_ns, np.zeros((len(truth), 3)), np.tile(truth.q_wb[0], (len(truth), 1))
+    )
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")
+        ims.evaluate(estimate, ims.States(truth.t_ns, truth.position, truth.q_wb))
+        ims.evaluate(still, still)
+
+
 def test_trajectories_in_the_wrong_place_are_refused(flights):
     flight = flights["motion"]
     track = ims.dead_reckon(flight)

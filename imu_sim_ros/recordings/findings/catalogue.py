@@ -20,8 +20,10 @@ from imu_sim_ros.recordings.findings.measures import ReadingMeasures
 from imu_sim_ros.recordings.findings.readings import READINGS, UNIT_CHECKS
 from imu_sim_ros.recordings.findings.roles import (
     FRAMES,
+    PAIRS,
     REST,
     USES,
+    PosePairs,
     RestRecord,
     TopicFrames,
     TrajectoryUse,
@@ -39,7 +41,7 @@ GROUPS: Final[dict[str, tuple[FaultCheck[Any], ...]]] = {
     "Clouds": CLOUDS,
     "Counts of devices": CLIPPING,
     "Temperatures": TEMPERATURES,
-    "Topics and arguments": (*FRAMES, *USES, *REST),
+    "Topics and arguments": (*FRAMES, *USES, *PAIRS, *REST),
 }
 """All checks, by the part of a recording that they look at."""
 _JUDGED: Final = 200_000
@@ -141,6 +143,11 @@ def frame_findings(topic: TopicFrames) -> list[Finding]:
 def use_findings(use: TrajectoryUse) -> list[Finding]:
     """Return the finding about a trajectory in the wrong place."""
     return list(_findings(USES, use, use.source))
+
+
+def pair_findings(pairs: PosePairs) -> list[Finding]:
+    """Return the finding about an estimate that is its truth."""
+    return list(_findings(PAIRS, pairs, pairs.source))
 
 
 def rest_findings(record: RestRecord) -> list[Finding]:

@@ -94,12 +94,14 @@ INTEGRATOR: Final = FindingPolicy(tells=UNITS)
 ERROR_MODEL: Final = FindingPolicy(tells=(*UNITS, *TWIST))
 EVALUATE: Final = FindingPolicy(
     refuses=("poses_disordered", *ROLES),
-    tells=POSES,
+    tells=(*POSES, "estimate_equals_truth"),
 )
 RECORDER: Final = FindingPolicy(
     tells=(*UNITS, *BROKEN_CLOCK, *UNEVEN_CLOCK, "stamps_jitter"),
 )
-CAMPAIGN: Final = FindingPolicy(tells=("quaternion_order", "poses_held", "z_down", "axes_camera"))
+CAMPAIGN: Final = FindingPolicy(
+    tells=("quaternion_order", "poses_held", "z_down", "axes_camera", "estimate_equals_truth")
+)
 RECORDED_MOTION: Final = FindingPolicy(tells=(*POSES, *DISTURBED_POSES))
 JOBS: Final = {
     "add_errors, error_model": ERROR_MODEL,
