@@ -433,7 +433,7 @@ def evaluate(
     trajectory_errors = evaluation(track, true, align, max_gap, time_offset)
     if getattr(estimate, "role", "") != "estimate":
         pairs = PosePairs.of(
-            f"estimate: {name_of(estimate) if isinstance(estimate, str | Path) else estimate!r}",
+            f"estimate: {name_of(Path(estimate)) if isinstance(estimate, str | Path) else estimate!r}",
             trajectory_errors.unaligned,
             true,
             trajectory_errors.truth,
