@@ -432,8 +432,9 @@ def evaluate(
     problems.tell()
     trajectory_errors = evaluation(track, true, align, max_gap, time_offset)
     if getattr(estimate, "role", "") != "estimate":
+        name = name_of(Path(estimate)) if isinstance(estimate, str | Path) else repr(estimate)
         pairs = PosePairs.of(
-            f"estimate: {name_of(Path(estimate)) if isinstance(estimate, str | Path) else estimate!r}",
+            f"estimate: {name}",
             trajectory_errors.unaligned,
             true,
             trajectory_errors.truth,
