@@ -34,6 +34,8 @@ _POINTS: Final = 5000
 """Number of windows that are compared, at most."""
 _STEPS: Final = (0.1, 0.01)
 """Steps of the finer grids, in windows, each around the best offset of the grid before."""
+_DIFFERENCE: Final = np.array([-0.1, 0.0, 0.1])
+"""Shifts, in windows, between which the slope of the residuals is taken."""
 _TURNING: Final = 0.01
 """Deviation of angular rates below which there is no motion to compare [rad/s]."""
 _COHERENT: Final = 0.5
@@ -67,8 +69,24 @@ class TurnAngles(NamedTuple):
     """(n, 3) integrals of the angular rate in the axes of the body [rad]."""
 
     def at(self, t: Array) -> Array:
-        """Return the angles (m, 3) at times (m,) since the first."""
-        return np.column_stack([np.interp(t, self.t, axis) for axis in self.angle.T])
+        """Return the angles (m, 3) at times (m,) since the first, by a cubic B-spline.
+
+        Its control points are the angles: noise is averaged alike at any time. Linear interpolation
+        averages it most half way between two stamps, to which it would draw the offset.
+        """
+        place = np.interp(t, self.t, np.arange(len(self.t), dtype=np.float64))
+        begin = np.floor(place).astype(np.intp)
+        f = (place - begin)[:, None]
+        weights = (
+            (1.0 - f) ** 3,
+            3.0 * f**3 - 6.0 * f**2 + 4.0,
+            3.0 * (f + f**2 - f**3) + 1.0,
+            f**3,
+        )
+        angles = np.zeros((len(t), 3))
+        for k, weight in enumerate(weights):
+            angles += weight * self.angle[np.clip(begin + k - 1, 0, len(self.t) - 1)]
+        return angles / 6.0
 
 
 def turn_angles_of_readings(measures: ReadingMeasures) -> TurnAngles | None:
@@ -159,13 +177,17 @@ class _Pair:
     at their stamps, and the gyroscope is shifted.
     """
 
-    def __init__(self, reference: TurnAngles, ends: Array, rates: Array) -> None:
-        """Take the rates (n, 3) of the other recording.
+    def __init__(self, reference: TurnAngles, ends: Array, rates: Array, slopes: Array) -> None:
+        """Take the rates of the other recording.
 
         :param reference: angles by the gyroscope.
         :param ends: (2, n) begin and end of each window, after the first time of the reference [s].
+        :param rates: (n, 3) mean angular rates in these windows [rad/s].
+        :param slopes: (n, 3) their changes over a window, half of it before and half of it behind
+            [rad/s^2].
         """
         self._reference, self._ends, self._rates = reference, ends, _centred(rates)
+        self._slopes = slopes
         self._length = ends[1] - ends[0]
         self.window = float(np.mean(self._length))
         self._size = float(np.sum(self._rates**2))
@@ -177,16 +199,20 @@ class _Pair:
         steps = math.ceil(max(_WINDOW, 2.0 * max(intervals)) / intervals[1])
         t = moved.t + (moved.t_ns - reference.t_ns) * 1e-9
         ends = np.stack([t[:-steps], t[steps:]])
+        half = steps // 2
         common = (ends[0] >= LARGEST) & (ends[1] <= float(reference.t[-1]) - LARGEST)
+        common[:half] = common[len(common) - half :] = False
         rows = np.flatnonzero(common)
         rows = rows[:: max(-(-len(rows) // _POINTS), steps // 2, 1)]
         if steps * intervals[1] > _LONGEST_WINDOW or len(rows) < _FEWEST:
             return None
         if t[rows[-1]] - t[rows[0]] < _SHORTEST:
             return None
-        ends = ends[:, rows]
-        turned = moved.angle[rows + steps] - moved.angle[rows]
-        pair = cls(reference, ends, turned / (ends[1] - ends[0])[:, None])
+        rates = (moved.angle[steps:] - moved.angle[:-steps]) / (ends[1] - ends[0])[:, None]
+        middles = ends.mean(axis=0)
+        changes = rates[rows + half] - rates[rows - half]
+        slopes = changes / (middles[rows + half] - middles[rows - half])[:, None]
+        pair = cls(reference, ends[:, rows], rates[rows], slopes)
         sizes = (pair._size, float(np.sum(pair._shifted(0.0) ** 2)))
         return pair if min(sizes) > len(rows) * _TURNING**2 else None
 
@@ -216,15 +242,25 @@ class _Pair:
 
         What other axes and scales explain of the effect of a shift does not count.
         """
-        step = 0.1 * self.window
-        earlier, rates, later = (self._shifted(shift + s) for s in (-step, 0.0, step))
+        earlier, rates, later = (self._shifted(shift + s) for s in self.window * _DIFFERENCE)
         axes, residuals = self._fit(rates)
-        slopes = (later - earlier) / (2.0 * step)
-        slopes = slopes @ np.linalg.lstsq(rates, self._rates, rcond=None)[0]
-        effect = slopes - axes @ (axes.T @ slopes)
-        parts = np.sum(residuals * effect, axis=1)
+        mounting = np.linalg.lstsq(rates, self._rates, rcond=None)[0]
+
+        def effect(slopes: Array) -> Array:
+            return np.asarray(slopes - axes @ (axes.T @ slopes))
+
+        step = 2.0 * self.window * _DIFFERENCE[-1]
+        parts = np.sum(residuals * effect((later - earlier) @ mounting / step), axis=1)
+        # The noise of both recordings is independent: the slopes of both tell those of the motion.
+        before, behind = (self._shifted(shift + s) for s in (-0.5 * self.window, 0.5 * self.window))
+        slopes = effect((behind - before) @ mounting / self.window)
+        information = float(np.sum(slopes * effect(self._slopes)))
+        squares = np.sum(slopes**2, axis=1)
+        if information <= 0.0:
+            return np.inf
         t = self._ends[0] - self._ends[0, 0]
-        return half_interval(t, parts, np.sum(effect**2, axis=1), _CORRELATED)
+        scale = information / max(float(np.sum(squares)), 1e-300)
+        return half_interval(t, parts, scale * squares, _CORRELATED)
 
 
 def half_interval(t: Array, parts: Array, slopes: Array, correlated: float) -> float:
