@@ -6,12 +6,12 @@
 from __future__ import annotations
 
 import textwrap
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import suppress
 from dataclasses import dataclass, replace
 from os import PathLike
 from pathlib import Path
-from typing import Annotated, Any, Final
+from typing import Annotated, Any, Final, TypeVar
 
 import numpy as np
 
@@ -71,6 +71,7 @@ from imu_sim_ros.recordings.findings.states import StateMeasures
 from imu_sim_ros.recordings.findings.temperatures import TemperatureRecord
 from imu_sim_ros.recordings.time_offsets import (
     TurnAngles,
+    UnknownOffsetError,
     time_offset_of_turns,
     turn_angles_of_poses,
     turn_angles_of_readings,
@@ -181,13 +182,25 @@ class SensorOffset:
     source: str
     """Name of the IMU or trajectory whose stamps are off."""
     reference: str
-    """Name of the IMU whose stamps are the reference."""
+    """Name of the IMU or trajectory whose stamps are the reference."""
     offset_s: float
     """Time to add to the stamps of the source [s]."""
     low_s: float
     """Lower end of the 95 % interval [s]."""
     high_s: float
     """Upper end of the 95 % interval [s]."""
+
+
+@dataclass(frozen=True)
+class UnknownOffset:
+    """Recording whose time offset is not told, and why."""
+
+    source: str
+    """Name of the IMU, trajectory or camera."""
+    reference: str
+    """Name of the recording whose stamps are the reference."""
+    reason: str
+    """Cause in words."""
 
 
 @dataclass(frozen=True)
@@ -203,7 +216,9 @@ class Inspection:
     temperatures: tuple[TemperatureContents, ...]
     """Temperatures of sensors."""
     offsets: tuple[SensorOffset, ...]
-    """Time offsets to the first IMU, where the motion tells them."""
+    """Time offsets to the first IMU, else to the first trajectory, where the motion tells them."""
+    unknown_offsets: tuple[UnknownOffset, ...]
+    """Recordings whose time offsets are not told."""
     findings: tuple[Finding, ...]
     """Faults, worst first."""
 
@@ -250,6 +265,7 @@ class Inspection:
             "trajectories": [vars(poses) for poses in self.trajectories],
             "temperatures": [vars(temperatures) for temperatures in self.temperatures],
             "offsets": [vars(offset) for offset in self.offsets],
+            "unknown_offsets": [vars(offset) for offset in self.unknown_offsets],
             "findings": [finding.to_dict() for finding in self.findings],
         }
 
@@ -277,13 +293,16 @@ class Inspection:
             yield from ("", f"temperatures: {degrees.source}")
             span = f"{degrees.lowest:.4g} to {degrees.highest:.4g} degC"
             yield from _aligned([["readings", f"{degrees.temperatures:,}"], ["range", span]])
-        if self.offsets:
+        if self.offsets or self.unknown_offsets:
             yield from ("", "time offsets, with their 95 % intervals")
             for offset in self.offsets:
                 half = 0.5 * (offset.high_s - offset.low_s)
                 size = f"{plus_minus(1e3 * offset.offset_s, 1e3 * half)} ms"
                 text = f"to add to the stamps of {offset.source}, for those of {offset.reference}"
                 yield from _wrapped(f"  {size}  ", text)
+            for unknown in self.unknown_offsets:
+                text = f"{unknown.source}, for {unknown.reference}: {unknown.reason}"
+                yield from _wrapped("  unknown  ", text)
 
     def tables(self) -> Iterator[tuple[str, list[str], list[list[Any]]]]:
         """Yield title, header and rows of the tables of contents."""
@@ -344,6 +363,11 @@ class Inspection:
                 [o.source, o.reference, 1e3 * o.offset_s, 1e3 * o.low_s, 1e3 * o.high_s]
                 for o in self.offsets
             ],
+        )
+        yield (
+            "Unknown time offsets",
+            ["source", "reference", "reason"],
+            [list(vars(offset).values()) for offset in self.unknown_offsets],
         )
 
     def save(self, path: str | Path, *, force: bool = False) -> Path:
@@ -451,6 +475,7 @@ Record = (
 )
 """Readings, poses, counts of clipping, a camera's description, clouds, frames on a topic, or
 temperatures."""
+MeasuresT = TypeVar("MeasuresT", ReadingMeasures, StateMeasures)
 Source = str | PathLike[str] | Readings | States | Flight
 """A file, or a record in memory."""
 
@@ -519,10 +544,12 @@ def inspect(
     trajectories: list[PoseContents] = []
     temperatures: list[TemperatureContents] = []
     findings: list[Finding] = []
-    turns: list[tuple[str, TurnAngles]] = []
+    turns: list[tuple[str, TurnAngles | UnknownOffsetError]] = []
+    cameras: list[str] = []
     bodies: dict[str, str] = {}
     for record in records:
         if isinstance(record, CameraRecord):
+            cameras.append(record.source)
             findings += camera_findings(record)
         elif isinstance(record, ClippingCounts):
             findings += clipping_findings(record)
@@ -539,42 +566,69 @@ def inspect(
                 temperatures += _temperatures(TemperatureRecord(record.source, record.temperature))
             sensors.append(_sensor(measures))
             findings += reading_findings(record, measures)
-            angles = turn_angles_of_readings(measures)
-            if angles is not None:
-                turns.insert(len(sensors) - 1, (record.source, angles))
+            angles = _turn_angles(turn_angles_of_readings, measures)
+            turns.insert(len(sensors) - 1, (record.source, angles))
         else:
             trajectories.append(_poses(record))
             findings += state_findings(record)
             if record.source.endswith(f"/{TRUTH_TOPIC}") and record.child_frame_id:
                 bodies[record.source.removesuffix(TRUTH_TOPIC)] = record.child_frame_id
-            angles = turn_angles_of_poses(StateMeasures(record))
-            if angles is not None:
-                turns.append((record.source, angles))
+            angles = _turn_angles(turn_angles_of_poses, StateMeasures(record))
+            turns.append((record.source, angles))
+    offsets = list(_offsets(turns, cameras, bodies))
     return Inspection(
         tuple(topics),
         tuple(sensors),
         tuple(trajectories),
         tuple(temperatures),
-        tuple(_offsets(turns, bodies) if sensors else ()),
+        tuple(offset for offset in offsets if isinstance(offset, SensorOffset)),
+        tuple(offset for offset in offsets if isinstance(offset, UnknownOffset)),
         tuple(by_severity(findings)),
     )
 
 
-def _offsets(
-    turns: Sequence[tuple[str, TurnAngles]], bodies: Mapping[str, str]
-) -> Iterator[SensorOffset]:
-    """Yield the time offsets of recordings to the first one, where the motion shows them.
+def _turn_angles(
+    measure: Callable[[MeasuresT], TurnAngles], measures: MeasuresT
+) -> TurnAngles | UnknownOffsetError:
+    """Return the angles that a body has turned, or why they are not known."""
+    try:
+        return measure(measures)
+    except UnknownOffsetError as error:
+        return error
 
+
+def _offsets(
+    turns: Sequence[tuple[str, TurnAngles | UnknownOffsetError]],
+    cameras: Sequence[str],
+    bodies: Mapping[str, str],
+) -> Iterator[SensorOffset | UnknownOffset]:
+    """Yield the time offsets of recordings to the first whose rotation is known.
+
+    :param turns: rotations of IMUs, then of trajectories.
+    :param cameras: names of cameras, whose images tell no rotation.
     :param bodies: frames of bodies by the namespace of their truth; recordings of two bodies, such
         as segments of a person, are not compared.
     """
-    for source, angles in turns[1 : _COMPARED + 1]:
-        reference, angles_of_reference = turns[0]
-        if _body_of(source, bodies) != _body_of(reference, bodies):
+    places = [k for k, (_, angles) in enumerate(turns) if isinstance(angles, TurnAngles)]
+    reference, angles_of_reference = turns[places[0] if places else 0] if turns else ("", None)
+    for source, angles in turns[: _COMPARED + 1]:
+        is_reference = angles is angles_of_reference
+        if is_reference or _body_of(source, bodies) != _body_of(reference, bodies):
             continue
-        offset = time_offset_of_turns(angles_of_reference, angles)
-        if offset is not None:
+        try:
+            for value in (angles_of_reference, angles):
+                if isinstance(value, UnknownOffsetError):
+                    raise value
+            assert isinstance(angles_of_reference, TurnAngles)
+            assert isinstance(angles, TurnAngles)
+            offset = time_offset_of_turns(angles_of_reference, angles)
             yield SensorOffset(source, reference, *offset)
+        except UnknownOffsetError as error:
+            yield UnknownOffset(source, reference, str(error))
+    for source in cameras if turns else ():
+        yield UnknownOffset(
+            source, reference, "images tell no rotation here; a topic of the camera's poses does"
+        )
 
 
 def _body_of(source: str, bodies: Mapping[str, str]) -> str:

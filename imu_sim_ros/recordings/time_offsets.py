@@ -16,6 +16,8 @@ from typing import Final, NamedTuple
 import numpy as np
 
 from imu_sim_ros.core import rotation
+from imu_sim_ros.core.conventions import STANDARD_GRAVITY
+from imu_sim_ros.core.errors import InputError
 from imu_sim_ros.core.types import Array, Mask
 from imu_sim_ros.recordings.findings.measures import ReadingMeasures
 from imu_sim_ros.recordings.findings.states import StateMeasures
@@ -36,6 +38,8 @@ _STEPS: Final = (0.1, 0.01)
 """Steps of the finer grids, in windows, each around the best offset of the grid before."""
 _DIFFERENCE: Final = np.array([-0.1, 0.0, 0.1])
 """Shifts, in windows, between which the slope of the residuals is taken."""
+_BASES: Final = np.array([0.5, 1.5])
+"""Distances of two windows from their middle, in windows, whose difference is a slope."""
 _TURNING: Final = 0.01
 """Deviation of angular rates below which there is no motion to compare [rad/s]."""
 _COHERENT: Final = 0.5
@@ -46,8 +50,21 @@ _WIDEST: Final = 0.02
 """Largest half of a 95 % interval that is a result: a fiftieth of the search [s]."""
 _CORRELATED: Final = 2.0 * _LONGEST_WINDOW
 """Shortest block of time whose sum is nearly independent of that of its neighbours [s]."""
+_TAPER: Final = math.sqrt(1.2)
+"""Deviation of the sum of a block of white noise over that of a block whose edges rise and fall
+over half of its length: the mean square of such a block is 1/2 + 2 (1/2)/3 = 1/1.2."""
 _BLOCKS: Final = (4, 30)
 """Fewest and most blocks."""
+
+
+_G_SENSITIVITY: Final = 3.3e-5
+"""Angular rate per acceleration [rad/s/(m/s^2)]: a third of 0.06 deg/s/g, which data sheets have,
+goes with the effect of an offset."""
+_SHORT: Final = "it is too short without a pause"
+
+
+class UnknownOffsetError(InputError):
+    """Recordings do not tell their time offset; the line says why."""
 
 
 class OffsetInterval(NamedTuple):
@@ -67,6 +84,8 @@ class TurnAngles(NamedTuple):
     """(n,) times since then [s]."""
     angle: Array
     """(n, 3) integrals of the angular rate in the axes of the body [rad]."""
+    disturbance: float = 0.0
+    """Half of a 95 % interval of what a gyroscope measures of accelerations [rad/s]."""
 
     def at(self, t: Array) -> Array:
         """Return the angles (m, 3) at times (m,) since the first, by a cubic B-spline.
@@ -89,29 +108,44 @@ class TurnAngles(NamedTuple):
         return angles / 6.0
 
 
-def turn_angles_of_readings(measures: ReadingMeasures) -> TurnAngles | None:
-    """Return the angles by a gyroscope, over its longest piece without a pause; None: too short."""
+def turn_angles_of_readings(measures: ReadingMeasures) -> TurnAngles:
+    """Return the angles by a gyroscope, over its longest piece without a pause.
+
+    :raises UnknownOffsetError: for readings whose times or rates are unknown.
+    """
     clock = measures.clock
-    if clock is None or measures.values is None or measures.swapped is not None:
-        return None
+    if clock is None:
+        raise UnknownOffsetError("its stamps have no rate")
+    if measures.values is None or measures.swapped is not None:
+        raise UnknownOffsetError("it has too few readings of both triads, or they are swapped")
     piece = max(clock.pieces, key=lambda rows: rows.stop - rows.start)
     times = clock.times_ns()[piece]
     rate = measures.values[0] * measures.rate_unit.scale
-    return _angles(int(times[0]), (times - times[0]) * 1e-9, 0.5 * (rate[1:] + rate[:-1]))
+    if len(times) < 3:
+        raise UnknownOffsetError(_SHORT)
+    angles = _angles(int(times[0]), (times - times[0]) * 1e-9, 0.5 * (rate[1:] + rate[:-1]))
+    force = measures.values[1] * (STANDARD_GRAVITY / max(measures.mean_force, 1e-300))
+    spread = float(np.linalg.norm(force.std(axis=0)))
+    return angles._replace(disturbance=_G_SENSITIVITY * spread)
 
 
-def turn_angles_of_poses(measures: StateMeasures) -> TurnAngles | None:
-    """Return the angles by attitudes, over the longest run without a gap; None: too short."""
+def turn_angles_of_poses(measures: StateMeasures) -> TurnAngles:
+    """Return the angles by attitudes, over the longest run without a gap.
+
+    :raises UnknownOffsetError: for poses that are too few, or out of order.
+    """
     states = measures.states
     starts, _ = measures.runs
-    if len(starts) < 3 or np.any(np.diff(states.t_ns) <= 0):
-        return None
+    if np.any(np.diff(states.t_ns) <= 0):
+        raise UnknownOffsetError("its stamps do not increase")
+    if len(starts) < 3:
+        raise UnknownOffsetError("its poses stay the same")
     # Poses that are held have moved only where the next one begins.
     distinct = StateMeasures(states.rows(starts)) if len(starts) < len(states) else measures
     rows = _longest_run(distinct.regular)
     states = distinct.states.rows(rows)
     if len(states) < 3:
-        return None
+        raise UnknownOffsetError(_SHORT)
     q_wb = states.q_wb
     steps = rotation.log(rotation.multiply(rotation.conjugate(q_wb[:-1]), q_wb[1:]))
     t = states.t
@@ -131,24 +165,24 @@ def _longest_run(regular: Mask) -> slice:
     return slice(int(edges[k]), int(edges[k + 1]))
 
 
-def time_offset_of_turns(reference: TurnAngles, moved: TurnAngles) -> OffsetInterval | None:
+def time_offset_of_turns(reference: TurnAngles, moved: TurnAngles) -> OffsetInterval:
     """Return the offset to add to the stamps of ``moved``, so that it turns with ``reference``.
 
-    :param reference: angles by a gyroscope.
-    :param moved: angles by another gyroscope, or by poses.
-    :returns: None: too little time in common or motion, a motion that repeats itself, or two
-        bodies.
+    :param reference: angles by a gyroscope or by poses.
+    :param moved: angles by another gyroscope, or by other poses.
+    :raises UnknownOffsetError: for too little time in common or motion, a motion that repeats
+        itself, and two bodies.
     """
     pair = _Pair.of(reference, moved)
-    if pair is None:
-        return None
     step = 0.5 * pair.window
     count = round(LARGEST / step)
     shifts = np.linspace(-count * step, count * step, 2 * count + 1)
     residuals = np.array([pair.residual(shift) for shift in shifts])
     best = int(np.argmin(residuals))
-    if not 0 < best < len(shifts) - 1 or residuals[best] > 1.0 - _COHERENT**2:
-        return None
+    if residuals[best] > 1.0 - _COHERENT**2:
+        raise UnknownOffsetError("their rotations have nothing in common: two bodies, or two times")
+    if not 0 < best < len(shifts) - 1:
+        raise UnknownOffsetError(f"no offset within {LARGEST:g} s brings their rotations together")
     shift, remains = float(shifts[best]), float(residuals[best])
     for share in _STEPS:
         fine = shift + share * pair.window * np.arange(-10, 11)
@@ -163,10 +197,12 @@ def time_offset_of_turns(reference: TurnAngles, moved: TurnAngles) -> OffsetInte
     dips = (residuals[1:-1] <= residuals[:-2]) & (residuals[1:-1] <= residuals[2:])
     distant = np.abs(np.arange(1, len(shifts) - 1) - best) > 2
     if np.any(residuals[1:-1][dips & distant] < _DISTINCT * remains):
-        return None
+        raise UnknownOffsetError("the rotation repeats itself: several offsets fit alike")
     half = pair.half_interval(shift)
     if half > _WIDEST:
-        return None
+        raise UnknownOffsetError(
+            "the rotation does not tell it to 20 ms: a uniform turn, or one of a single frequency"
+        )
     return OffsetInterval(shift, shift - half, shift + half)
 
 
@@ -177,44 +213,50 @@ class _Pair:
     at their stamps, and the gyroscope is shifted.
     """
 
-    def __init__(self, reference: TurnAngles, ends: Array, rates: Array, slopes: Array) -> None:
+    def __init__(
+        self, reference: TurnAngles, ends: Array, rates: Array, disturbance: float
+    ) -> None:
         """Take the rates of the other recording.
 
-        :param reference: angles by the gyroscope.
+        :param reference: angles by the first recording.
         :param ends: (2, n) begin and end of each window, after the first time of the reference [s].
         :param rates: (n, 3) mean angular rates in these windows [rad/s].
-        :param slopes: (n, 3) their changes over a window, half of it before and half of it behind
-            [rad/s^2].
+        :param disturbance: of both recordings together [rad/s].
         """
+        self._disturbance = disturbance
         self._reference, self._ends, self._rates = reference, ends, _centred(rates)
-        self._slopes = slopes
         self._length = ends[1] - ends[0]
         self.window = float(np.mean(self._length))
         self._size = float(np.sum(self._rates**2))
 
     @classmethod
-    def of(cls, reference: TurnAngles, moved: TurnAngles) -> "_Pair | None":
-        """Return the pair over the time in common; None: it is too short, or nothing moves."""
+    def of(cls, reference: TurnAngles, moved: TurnAngles) -> "_Pair":
+        """Return the pair over the time in common.
+
+        :raises UnknownOffsetError: if it is too short, or nothing turns.
+        """
         intervals = [float(angles.t[-1]) / (len(angles.t) - 1) for angles in (reference, moved)]
         steps = math.ceil(max(_WINDOW, 2.0 * max(intervals)) / intervals[1])
         t = moved.t + (moved.t_ns - reference.t_ns) * 1e-9
         ends = np.stack([t[:-steps], t[steps:]])
-        half = steps // 2
         common = (ends[0] >= LARGEST) & (ends[1] <= float(reference.t[-1]) - LARGEST)
-        common[:half] = common[len(common) - half :] = False
         rows = np.flatnonzero(common)
         rows = rows[:: max(-(-len(rows) // _POINTS), steps // 2, 1)]
-        if steps * intervals[1] > _LONGEST_WINDOW or len(rows) < _FEWEST:
-            return None
-        if t[rows[-1]] - t[rows[0]] < _SHORTEST:
-            return None
-        rates = (moved.angle[steps:] - moved.angle[:-steps]) / (ends[1] - ends[0])[:, None]
-        middles = ends.mean(axis=0)
-        changes = rates[rows + half] - rates[rows - half]
-        slopes = changes / (middles[rows + half] - middles[rows - half])[:, None]
-        pair = cls(reference, ends[:, rows], rates[rows], slopes)
+        if steps * intervals[1] > _LONGEST_WINDOW:
+            raise UnknownOffsetError("the rates of both are too low: 4 Hz at least are needed")
+        if len(rows) < _FEWEST or t[rows[-1]] - t[rows[0]] < _SHORTEST:
+            raise UnknownOffsetError(
+                f"too little time in common: {_SHORTEST + 2.0 * LARGEST:g} s without a pause are "
+                "needed"
+            )
+        ends = ends[:, rows]
+        turned = moved.angle[rows + steps] - moved.angle[rows]
+        disturbance = float(np.hypot(reference.disturbance, moved.disturbance))
+        pair = cls(reference, ends, turned / (ends[1] - ends[0])[:, None], disturbance)
         sizes = (pair._size, float(np.sum(pair._shifted(0.0) ** 2)))
-        return pair if min(sizes) > len(rows) * _TURNING**2 else None
+        if min(sizes) <= len(rows) * _TURNING**2:
+            raise UnknownOffsetError("the body does not turn, or turns uniformly")
+        return pair
 
     def _shifted(self, shift: float) -> Array:
         """Return the rates (n, 3) of the gyroscope in windows that are later by a shift [s]."""
@@ -231,9 +273,8 @@ class _Pair:
 
         Directions in which nothing turns are left out.
         """
-        values, axes = np.linalg.eigh(rates.T @ rates)
-        turning = values > len(rates) * _TURNING**2
-        axes = rates @ axes[:, turning] / np.sqrt(values[turning])
+        axes = rates @ _turning(rates)
+        axes = axes / np.linalg.norm(axes, axis=0)
         explained = axes @ (axes.T @ self._rates)
         return axes, self._rates - explained
 
@@ -244,23 +285,40 @@ class _Pair:
         """
         earlier, rates, later = (self._shifted(shift + s) for s in self.window * _DIFFERENCE)
         axes, residuals = self._fit(rates)
-        mounting = np.linalg.lstsq(rates, self._rates, rcond=None)[0]
+        turning = _turning(rates)
+        mounting = turning @ np.linalg.lstsq(rates @ turning, self._rates, rcond=None)[0]
 
         def effect(slopes: Array) -> Array:
             return np.asarray(slopes - axes @ (axes.T @ slopes))
 
         step = 2.0 * self.window * _DIFFERENCE[-1]
         parts = np.sum(residuals * effect((later - earlier) @ mounting / step), axis=1)
-        # The noise of both recordings is independent: the slopes of both tell those of the motion.
-        before, behind = (self._shifted(shift + s) for s in (-0.5 * self.window, 0.5 * self.window))
-        slopes = effect((behind - before) @ mounting / self.window)
-        information = float(np.sum(slopes * effect(self._slopes)))
+        # Two slopes of the motion over windows without common time, whose noise is independent.
+        slopes, wide = (
+            effect((self._shifted(shift + s) - self._shifted(shift - s)) @ mounting / (2.0 * s))
+            for s in self.window * _BASES
+        )
+        information = float(np.sum(slopes * wide))
         squares = np.sum(slopes**2, axis=1)
         if information <= 0.0:
             return np.inf
         t = self._ends[0] - self._ends[0, 0]
         scale = information / max(float(np.sum(squares)), 1e-300)
-        return half_interval(t, parts, scale * squares, _CORRELATED)
+        disturbed = self._disturbance / np.sqrt(information / len(t))
+        half = half_interval(t, _tapered(t, parts), scale * squares, _CORRELATED)
+        return float(np.hypot(half, disturbed))
+
+
+def _tapered(t: Array, parts: Array) -> Array:
+    """Return parts (n,) of a sum averaged over half a block, so that sums of blocks have no edges.
+
+    The noise of an attitude is in two windows with opposite signs: it is in the sum of a block only
+    if an edge of the block is between them, but not in the sum of all blocks.
+    """
+    from scipy.ndimage import uniform_filter1d  # loaded when two recordings are compared
+
+    size = max(round(0.5 * _CORRELATED * (len(t) - 1) / float(t[-1])), 1)
+    return np.asarray(_TAPER * uniform_filter1d(parts, size, mode="reflect"))
 
 
 def half_interval(t: Array, parts: Array, slopes: Array, correlated: float) -> float:
@@ -290,6 +348,12 @@ def half_interval(t: Array, parts: Array, slopes: Array, correlated: float) -> f
     share = factor * leverage**2
     freedom = 1.0 / (np.sum(leverage**2) + np.sum(share) ** 2 - np.sum(share**2))
     return float(stdtrit(freedom, 0.975) * np.sqrt(variance)) / slope
+
+
+def _turning(rates: Array) -> Array:
+    """Return the directions (3, m), orthonormal, about which rates (n, 3) turn."""
+    values, directions = np.linalg.eigh(rates.T @ rates)
+    return np.asarray(directions[:, values > len(rates) * _TURNING**2])
 
 
 def _centred(rates: Array) -> Array:

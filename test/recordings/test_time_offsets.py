@@ -54,7 +54,11 @@ def test_the_offset_of_two_imus_is_told_to_a_fraction_of_a_sample():
 def test_a_motion_that_does_not_tell_an_offset_says_nothing(trajectory):
     """At rest, in a uniform turn, and at a single frequency, where misalignment looks alike."""
     flight = flown(trajectory, 1)
-    assert ims.inspect([flight.readings, tracked(flight.truth, 0.1, 1)]).offsets == ()
+    inspection = ims.inspect([flight.readings, tracked(flight.truth, 0.1, 1)])
+    assert inspection.offsets == ()
+    (unknown,) = inspection.unknown_offsets
+    assert unknown.source == "tracker"
+    assert "turn" in unknown.reason or "rotation" in unknown.reason
 
 
 def test_two_bodies_and_two_times_have_no_offset():
@@ -62,3 +66,35 @@ def test_two_bodies_and_two_times_have_no_offset():
     assert ims.inspect([flight.readings, tracked(other.truth, 0.0, 1)]).offsets == ()
     apart = tracked(flight.truth, 1000.0, 1)
     assert ims.inspect([flight.readings, apart]).offsets == ()
+    (unknown,) = ims.inspect([flight.readings, apart]).unknown_offsets
+    assert "too little time in common" in unknown.reason
+
+
+def test_clean_flights_have_no_offset():
+    """White noise draws no offset to the middle between two stamps: 0 is in its interval.
+
+    A 95 % interval misses three or more of twelve in 2 % of the cases.
+    """
+    misses = 0
+    for trajectory in ("figure_eight", "excitation"):
+        for seed in range(6):
+            flight = flown(trajectory, seed)
+            (interval,) = ims.inspect([flight.readings, flight.truth]).offsets
+            assert interval.high_s - interval.low_s < 5e-3
+            misses += not interval.low_s <= 0.0 <= interval.high_s
+    assert misses <= 2
+
+
+def test_the_offset_of_two_trajectories_is_in_its_interval():
+    """Two trackers of one body, without an IMU; two of four 95 % intervals miss in 1.4 %."""
+    misses = 0
+    for seed in range(4):
+        truth, offset = flown("excitation", seed).truth, 0.03 * (seed - 1.3)
+        pair = tracked(truth, 0.0, seed, 2), tracked(truth, offset, seed + 9, 5)
+        first, second = (
+            with_fields(poses, source=name) for poses, name in zip(pair, "ab", strict=True)
+        )
+        (interval,) = ims.inspect([first, second]).offsets
+        assert (interval.source, interval.reference) == ("b", "a")
+        misses += not interval.low_s <= offset <= interval.high_s
+    assert misses <= 1
