@@ -16,7 +16,7 @@ from imu_sim_ros.bags.read import decoded_messages, open_bag
 from imu_sim_ros.bags.reader import Bag, errors_naming
 from imu_sim_ros.core.errors import InputError
 from imu_sim_ros.core.gate import stamp_ns
-from imu_sim_ros.core.types import Array
+from imu_sim_ros.core.types import AnyArray, Array
 from imu_sim_ros.recordings.cameras import TIME_FIELDS, CloudRecord
 
 _FIRST: Final = 10
@@ -82,7 +82,7 @@ def cloud_records(bag: Bag, source: str) -> Iterator[CloudRecord]:
     for topic in bag.topics:
         if topic.type != POINT_CLOUD2 or not topic.count or is_truth(topic.name):
             continue
-        times: dict[str, list[NDArray[Any]]] = {}
+        times: dict[str, list[AnyArray]] = {}
         fields: tuple[str, ...] = ()
         organised = False
         for _, cloud in islice(decoded_messages(bag, [topic.name]), _FIRST):

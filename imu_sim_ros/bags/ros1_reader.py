@@ -6,7 +6,7 @@
 import re
 import struct
 from collections.abc import Iterator, Mapping, Sequence
-from typing import Any, Final, NamedTuple
+from typing import Final, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -405,7 +405,7 @@ class Rosbag1Bag(ChunkedBag[_Chunk]):
 
     def _indexed(self, position: int) -> dict[int, NDArray[np.void]]:
         """Return the index records that follow a chunk, by connection."""
-        entries_by_connection: dict[int, list[Any]] = {}
+        entries_by_connection: dict[int, list[NDArray[np.void]]] = {}
         while position < self._end:
             record = self._record(position)
             if record.op != OP_INDEX:

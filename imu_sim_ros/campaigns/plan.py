@@ -337,7 +337,7 @@ def read_plan(tree: Mapping[str, object]) -> Plan:
     """
     problems = Problems()
 
-    def attempt(read: Callable[[], Any], otherwise: Any) -> Any:
+    def attempt(read: Callable[[], object], otherwise: Any) -> Any:
         try:
             return read()
         except ConfigurationError as error:

@@ -17,17 +17,18 @@ import math
 import os
 import re
 import shutil
-from collections.abc import Collection, Iterable, Iterator, Mapping, Sequence
+from collections.abc import Collection, Iterable, Iterator, Sequence
 from pathlib import Path
 from typing import Any, Final, TextIO
 
 from imu_sim_ros.campaigns.metrics import COVERED
 from imu_sim_ros.core.errors import InputError, system_error
 from imu_sim_ros.core.spelling import argument
+from imu_sim_ros.core.types import JsonObject
 from imu_sim_ros.inputs.rows import is_present, open_regular
 from imu_sim_ros.terminal.json_text import as_json
 
-Row = dict[str, Any]
+Row = JsonObject
 Key = tuple[str, int, str, str]
 """Digest of the parameters, seed, estimator and cell."""
 
@@ -57,7 +58,7 @@ _PART: Final = re.compile(r"plan\.\d+\.yaml|\.[a-z.]+\.part")
 """Earlier plans, and the incomplete tables of a killed program."""
 
 
-def key_of(row: Mapping[str, Any]) -> Key:
+def key_of(row: Row) -> Key:
     """Return the key that identifies a run."""
     return str(row["digest"]), int(row["seed"]), str(row["estimator"]), str(row["cell"])
 
@@ -320,7 +321,7 @@ def _write_parquet(
     return True
 
 
-def _arrow(name: str, rows: Sequence[Row], metrics: Collection[str]) -> tuple[list[Any], str]:
+def _arrow(name: str, rows: Sequence[Row], metrics: Collection[str]) -> tuple[list[object], str]:
     """Return a column's values and its type, which depends on the plan alone.
 
     Metrics are numbers even if no run has one; a grid's axis may mix kinds of values, which are

@@ -61,7 +61,7 @@ from imu_sim_ros.campaigns.summary import (
     group_runs,
     unmet_lines,
 )
-from imu_sim_ros.core.types import Array, Mask
+from imu_sim_ros.core.types import Array, JsonObject, Mask
 from imu_sim_ros.recordings.findings.roles import estimate_equals_truth
 
 WITHOUT_ERRORS: Final = "perfect"
@@ -274,7 +274,7 @@ class Judgement:
         """The contests of the factor that the campaign is about."""
         return [contest for contest in self.contests if contest.factor == self.factor]
 
-    def to_dict(self) -> dict[str, Any]:
+    def to_dict(self) -> JsonObject:
         """Return it as plain values for JSON; intervals are ``{value, low, high}``."""
         plain_fields = {name: _plain(value) for name, value in asdict(self).items()}
         for name in ("unmet", "unmatched", "worse", "unproven", "copies"):

@@ -7,9 +7,12 @@ import argparse
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from pathlib import Path
-from typing import Any, Final
+from typing import TYPE_CHECKING, Final
 
 from imu_sim_ros.bags.outputs import Outputs
+
+if TYPE_CHECKING:
+    from imu_sim_ros.plots.style import Figure
 
 PICTURES: Final = (".png", ".svg", ".pdf")
 """Allowed endings of the name of a picture."""
@@ -34,7 +37,7 @@ def output_and_plot(arguments: argparse.Namespace) -> Iterator[tuple[Path | None
         yield output, plot
 
 
-def save_plot(plot: Path | None, draw: Callable[[], Any]) -> None:
+def save_plot(plot: Path | None, draw: "Callable[[], Figure]") -> None:
     """Write a picture, if the arguments name a path for it.
 
     :param draw: returns the figure.

@@ -8,7 +8,7 @@ import shutil
 import sys
 from collections.abc import Sequence
 from functools import partial
-from typing import TYPE_CHECKING, Any, Final, TextIO
+from typing import TYPE_CHECKING, Final, TextIO
 
 from imu_sim_ros.commands import program
 from imu_sim_ros.core.errors import ConfigurationError, InputError
@@ -37,10 +37,15 @@ def _value(text: str) -> list[float]:
     """Return three numbers; a single one applies to all axes."""
     try:
         value = parse_yaml(text)
-        numbers = value if isinstance(value, list) else [value] * 3
-        if len(numbers) == 3 and not any(isinstance(entry, bool | str) for entry in numbers):
-            return [float(entry) for entry in numbers]
-    except (ValueError, TypeError, OverflowError):
+        entries = value if isinstance(value, list) else [value] * 3
+        numbers = [
+            float(entry)
+            for entry in entries
+            if isinstance(entry, int | float) and not isinstance(entry, bool)
+        ]
+        if len(numbers) == len(entries) == 3:
+            return numbers
+    except (ValueError, OverflowError):
         pass
     raise argparse.ArgumentTypeError(f"{text!r} must be a number or a list such as [0.1, 0, 0]")
 
@@ -57,7 +62,7 @@ _SHARED: Final = {
     },
 }
 _INJECT: Final = parameters(InjectParameters)
-_ACTIONS: Final[dict[str, tuple[str, dict[str, Any]]]] = {
+_ACTIONS: Final[dict[str, tuple[str, dict[str, object]]]] = {
     "pause": ("stop the simulated time", {}),
     "resume": ("continue; also starts a simulator that waits with autostart false", {}),
     "reset": ("go back to the first sample", {}),
@@ -142,10 +147,12 @@ def _changes(arguments: list[str]) -> dict[str, bool | int | float | str]:
         except ValueError as error:
             problems.append(f"{name}: {error}")
             continue
-        plain = isinstance(value, bool | float) or (
+        if isinstance(value, bool | float) or (
             isinstance(value, int) and abs(value) <= _LARGEST_INTEGER
-        )
-        changes[name] = value if plain else text  # a node reads a list from its text
+        ):
+            changes[name] = value
+        else:
+            changes[name] = text  # a node reads a list from its text
     if problems:
         raise ConfigurationError(problems)
     return changes

@@ -21,6 +21,7 @@ from imu_sim_ros.core import timebase
 from imu_sim_ros.core.errors import InputWarning, Remark, explain
 from imu_sim_ros.core.names import unknown
 from imu_sim_ros.core.spelling import spelled_for
+from imu_sim_ros.core.types import Keywords
 from imu_sim_ros.terminal import signals
 from imu_sim_ros.terminal.json_text import as_json
 from imu_sim_ros.terminal.progress import Watcher, terminal_bar, watched_by
@@ -42,7 +43,7 @@ JSON_AND_QUIET: Final = {
 }
 
 
-def add_options(parser: argparse._ActionsContainer, options: Mapping[str, Any]) -> None:
+def add_options(parser: argparse._ActionsContainer, options: Mapping[str, object]) -> None:
     """Add arguments to a parser or to one of its groups.
 
     :param options: by names and metavariable, ``-o --output FILE``, which a switch does not have:
@@ -50,24 +51,22 @@ def add_options(parser: argparse._ActionsContainer, options: Mapping[str, Any]) 
         ``group``, the heading in the help under which it stands.
     """
     groups = {group.title: group for group in parser._action_groups}
-    for option, keywords_or_help in options.items():
+    for option, description in options.items():
         parts = option.split()
         names = [word for word in parts if word.startswith("-")] or parts[:1]
-        keywords: dict[str, Any] = {}
+        keywords: Keywords = {}
         if len(names) < len(parts):
             keywords = {"metavar": parts[-1], "type": _KINDS.get(parts[-1], str)}
-        elif isinstance(keywords_or_help, str):
+        elif isinstance(description, str):
             keywords = {"action": "store_true"}
-        keywords |= (
-            {"help": keywords_or_help} if isinstance(keywords_or_help, str) else keywords_or_help
-        )
+        keywords |= description if isinstance(description, Mapping) else {"help": description}
         title = keywords.pop("group", None)
         if title is not None and title not in groups:
             groups[title] = parser.add_argument_group(title)
         groups.get(title, parser).add_argument(*names, **keywords)
 
 
-def given(arguments: argparse.Namespace, *names: str) -> dict[str, Any]:
+def given(arguments: argparse.Namespace, *names: str) -> dict[str, object]:
     """Return the arguments of these names that are given."""
     values = vars(arguments)
     return {name: values[name] for name in names if values[name] is not None}
@@ -150,7 +149,7 @@ class Parser(argparse.ArgumentParser):
         prog: str | None = None,
         *,
         examples: str = "",
-        arguments: Mapping[str, Any] | None = None,
+        arguments: Mapping[str, object] | None = None,
         **options: Any,
     ) -> None:
         """Set up the parser.
@@ -323,7 +322,7 @@ def add_subcommand(
     command: str,
     text: str,
     examples: str,
-    arguments: Mapping[str, Any],
+    arguments: Mapping[str, object],
 ) -> Parser:
     """Add the parser of a subcommand such as ``calibrate turntable``; returns it.
 
@@ -332,7 +331,7 @@ def add_subcommand(
     command_examples = [
         line for line in examples.splitlines() if f"{line.strip()} ".startswith(f"{command} ")
     ]
-    options: dict[str, Any] = {"examples": "\n".join(command_examples), "arguments": arguments}
+    options: Keywords = {"examples": "\n".join(command_examples), "arguments": arguments}
     return actions.add_parser(command.split()[-1], help=text, description=text, **options)
 
 

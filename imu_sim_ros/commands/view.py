@@ -30,6 +30,7 @@ from imu_sim_ros.core.conventions import (
 )
 from imu_sim_ros.core.errors import InputError, Problems
 from imu_sim_ros.core.records import States, concatenated
+from imu_sim_ros.core.types import JsonObject
 from imu_sim_ros.datasets.world import fixed_in, frame_of, pose_between
 from imu_sim_ros.formats.choice import Choice
 from imu_sim_ros.formats.door import has_topics, imu_choices, read_trajectory, reading_blocks
@@ -118,7 +119,7 @@ def _fill(
     arguments: argparse.Namespace,
     truth: str | None,
     paths: Mapping[str, States],
-) -> dict[str, Any]:
+) -> JsonObject:
     """Add all that the inputs hold; returns how much it is.
 
     :param truth, paths: as :func:`_paths` returns them.

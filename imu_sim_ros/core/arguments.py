@@ -12,12 +12,11 @@ from pathlib import Path
 from typing import Any, Final, NoReturn, ParamSpec, TypeVar
 
 import numpy as np
-from numpy.typing import NDArray
 
 from imu_sim_ros.core.errors import ArgumentTypeError, ConfigurationError
 from imu_sim_ros.core.names import printable, shown, suggestion
 from imu_sim_ros.core.spelling import stated
-from imu_sim_ros.core.types import Array, Integers
+from imu_sim_ros.core.types import AnyArray, Array, Integers
 
 _P = ParamSpec("_P")
 _R = TypeVar("_R")
@@ -230,7 +229,7 @@ def _allowed(shape: tuple[int | None, ...]) -> str:
     return f"finite numbers of the shape ({sizes}{',' if len(shape) == 1 else ''})"
 
 
-def _plain(name: str, value: Any, allowed: str) -> NDArray[Any]:
+def _plain(name: str, value: Any, allowed: str) -> AnyArray:
     """Return an array or array-like as a plain array; masked values are missing, and refused."""
     if type(value) is np.ndarray:  # for it alone, NumPy's masked arrays need not be loaded
         return value

@@ -21,7 +21,7 @@ from imu_sim_ros.core.arguments import array, number, refuse, stamps, text, whol
 from imu_sim_ros.core.components import Quaternion, Vector
 from imu_sim_ros.core.errors import InputError, MissingDependencyError
 from imu_sim_ros.core.timebase import seconds_since, span
-from imu_sim_ros.core.types import Array, Integers, Mask, Times
+from imu_sim_ros.core.types import AnyArray, Array, Integers, Keywords, Mask, Times
 
 if TYPE_CHECKING:
     from typing_extensions import Self
@@ -32,16 +32,27 @@ SeriesT = TypeVar("SeriesT", bound="TimeSeries")
 MOST_ROWS: Final = 2**62
 
 
+class RecordColumn(NamedTuple):
+    """Array of a record with a row for each stamp."""
+
+    shape: tuple[int, ...]
+    """Shape of a row."""
+    quantity: gate.Quantity | None
+    """Quantity that the gate checks; None: any finite numbers."""
+    prefix: str | None
+    """Prefix of the column's names in a data frame; None: the name of the field."""
+
+
 def column(
     shape: tuple[int, ...], quantity: gate.Quantity | None, prefix: str | None = None
-) -> Mapping[str, Any]:
+) -> Mapping[str, RecordColumn]:
     """Return the metadata of a column of a record.
 
     :param shape: shape of a row: ``(3,)`` for a vector, ``()`` for a number.
     :param quantity: quantity that the gate checks; None: any finite numbers.
     :param prefix: prefix of the column's names in a data frame; None: the name of the field.
     """
-    return {"shape": shape, "quantity": quantity, "prefix": prefix}
+    return {"column": RecordColumn(shape, quantity, prefix)}
 
 
 @dataclass(frozen=True, repr=False, eq=False)
@@ -63,14 +74,14 @@ class TimeSeries:
         source = text("source", self.source, "a name")
         default = {entry.name: entry.default for entry in fields(self)}["source"]
         prefix = "" if source == default else f"{source}."
-        columns: dict[str, NDArray[Any]] = {"t_ns": stamps(f"{prefix}t_ns", self.t_ns)}
+        columns: dict[str, AnyArray] = {"t_ns": stamps(f"{prefix}t_ns", self.t_ns)}
         quantities: list[tuple[gate.Quantity, Array]] = []
-        for name, metadata in self.columns().items():
+        for name, declaration in self.columns().items():
             values = getattr(self, name)
             if values is None:
                 continue
-            quantity: gate.Quantity | None = metadata["quantity"]
-            shape = (len(columns["t_ns"]), *metadata["shape"])
+            quantity = declaration.quantity
+            shape = (len(columns["t_ns"]), *declaration.shape)
             if name.endswith("t_ns"):
                 columns[name] = stamps(f"{prefix}{name}", values)
                 continue
@@ -109,9 +120,13 @@ class TimeSeries:
             """(n,) lines of the text file, from 1; None: the source is no text."""
 
     @classmethod
-    def columns(cls) -> dict[str, Mapping[str, Any]]:
-        """Return the metadata of the columns next to the stamps, by name."""
-        return {entry.name: entry.metadata for entry in fields(cls) if "shape" in entry.metadata}
+    def columns(cls) -> dict[str, RecordColumn]:
+        """Return the columns next to the stamps, by name."""
+        return {
+            entry.name: entry.metadata["column"]
+            for entry in fields(cls)
+            if "column" in entry.metadata
+        }
 
     @property
     def t(self) -> Array:
@@ -175,9 +190,9 @@ class TimeSeries:
     def _frame_columns(self) -> dict[str, Array]:
         """Return the columns of :meth:`to_frame` (n,) or (n, k) by name."""
         return {
-            metadata["prefix"] or name: getattr(self, name)
-            for name, metadata in self.columns().items()
-            if getattr(self, name) is not None and len(metadata["shape"]) < 2
+            declaration.prefix or name: getattr(self, name)
+            for name, declaration in self.columns().items()
+            if getattr(self, name) is not None and len(declaration.shape) < 2
         }
 
 
@@ -347,7 +362,7 @@ class _Fields(NamedTuple):
     names: Set[str]
     arrays: tuple[str, ...]
     """Fields that have a row for each stamp."""
-    defaults: dict[str, Any]
+    defaults: Keywords
 
 
 _FIELDS: Final[dict[type[TimeSeries], _Fields]] = {}
@@ -364,7 +379,7 @@ def _fields_of(cls: type[TimeSeries]) -> _Fields:
     return known
 
 
-def _values(record: TimeSeries) -> dict[str, Any]:
+def _values(record: TimeSeries) -> Keywords:
     """Return the values of a record's fields by name."""
     values, names = record.__dict__, _fields_of(type(record)).names
     if len(values) == len(names):
@@ -372,7 +387,7 @@ def _values(record: TimeSeries) -> dict[str, Any]:
     return {name: values[name] for name in names}  # without cached properties
 
 
-def _record(cls: type[SeriesT], values: Mapping[str, Any]) -> SeriesT:
+def _record(cls: type[SeriesT], values: Mapping[str, object]) -> SeriesT:
     """Return a record of values by the names of the fields, which are not checked."""
     record = object.__new__(cls)
     record.__dict__.update(values)  # frozen

@@ -4,7 +4,7 @@
 """Arrays by the names that the whole package has for them; each use states shape and unit."""
 
 from collections.abc import Mapping
-from typing import Any
+from typing import Any, TypeAlias
 
 import numpy as np
 from numpy.typing import NDArray
@@ -23,6 +23,12 @@ Mask = NDArray[np.bool_]
 """True for selected elements."""
 Bytes = NDArray[np.uint8]
 """Bytes of messages and of images."""
+AnyArray: TypeAlias = NDArray[Any]
+"""Array whose element type depends on its source: pixels of any depth, columns of a table."""
+Keywords: TypeAlias = dict[str, Any]
+"""Arguments of one call by name; type checkers cannot tell their types apart behind ``**``."""
+JsonObject: TypeAlias = dict[str, Any]
+"""A JSON object of results: numbers, texts, lists and objects by name, as ``json`` has them."""
 
 
 def shapes(rows: Any, more: Mapping[str, object] = {}) -> str:

@@ -11,14 +11,14 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from imu_sim_ros.bags.outputs import OutputFile
 from imu_sim_ros.bags.text import decimals
 from imu_sim_ros.core.errors import system_error
+from imu_sim_ros.core.types import AnyArray
 from imu_sim_ros.terminal.progress import watcher
 
-Column = NDArray[Any]
+Column = AnyArray
 
 _ROWS = 4096
 

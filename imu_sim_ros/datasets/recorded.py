@@ -10,7 +10,6 @@ from pathlib import Path
 from typing import Any, Final, NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
 from imu_sim_ros.bags.text import reader as text_reader
 from imu_sim_ros.bags.text.decimals import decimal
@@ -23,7 +22,7 @@ from imu_sim_ros.core.bad_rows import (
 )
 from imu_sim_ros.core.errors import InputError, naming, system_error
 from imu_sim_ros.core.rotation import inverse_pose
-from imu_sim_ros.core.types import Array, Integers
+from imu_sim_ros.core.types import AnyArray, Array, Integers
 from imu_sim_ros.inputs.rows import (
     is_present,
     names_in,
@@ -134,7 +133,7 @@ def read_camchain(path: Path, camera: str) -> Description:
     return keys.finished(info, None if t_ci is None else inverse_pose(t_ci))
 
 
-def _mapping(path: Path) -> dict[str, Any]:
+def _mapping(path: Path) -> dict[str, object]:
     """Return the content of a YAML file, also one with OpenCV's header."""
     lines = read_text(path).splitlines(keepends=True)
     if lines and lines[0].startswith("%YAML:"):  # OpenCV's header, which is not YAML
@@ -151,7 +150,7 @@ def _mapping(path: Path) -> dict[str, Any]:
 class _Keys:
     """The values of a description, and their problems."""
 
-    def __init__(self, path: Path, tree: dict[str, Any], prefix: str = "") -> None:
+    def __init__(self, path: Path, tree: dict[str, object], prefix: str = "") -> None:
         self.tree = tree
         self._name, self._problems = f"{path}: {prefix}", list[str]()
 
@@ -172,9 +171,13 @@ class _Keys:
     def numbers(self, key: str, counts: Sequence[int]) -> list[float]:
         """Return finite numbers, as many as one of the counts says; without counts, any."""
         value = self.tree.get(key)
-        entries: list[Any] = value if isinstance(value, list) else [value]
+        entries = [*value] if isinstance(value, list) else [value]
         try:
-            numbers = [float(entry) for entry in entries if not isinstance(entry, bool)]
+            numbers = [
+                float(entry)
+                for entry in entries
+                if isinstance(entry, int | float | str) and not isinstance(entry, bool)
+            ]
         except (TypeError, ValueError):
             numbers = []
         fits = len(numbers) == len(entries) and (not counts or len(numbers) in counts)
@@ -211,7 +214,7 @@ class _Keys:
         if not all(1 <= side <= _LARGEST and side == int(side) for side in (width, height)):
             self._refuse("resolution", self.tree.get("resolution"), "must be width, height [px]")
         stated = self.tree.get("distortion_model", "none")
-        kind = _TO_ROS.get(stated, stated if isinstance(stated, str) else "")
+        kind = _TO_ROS.get(stated, stated) if isinstance(stated, str) else ""
         d = self.numbers(coefficients, ()) if self.tree.get(coefficients) else []
         if kind == "plumb_bob" and len(d) in COEFFICIENTS[kind]:
             d = [*d, *[0.0] * (_PLUMB_BOB - len(d))]
@@ -448,7 +451,7 @@ def compressed_image(data: bytes) -> tuple[str, str, bytes]:
     return ("jpeg", pixels, data) if data.startswith(JPEG) else ("png", pixels, png(image))
 
 
-def pixel_encoding(image: NDArray[Any]) -> str:
+def pixel_encoding(image: AnyArray) -> str:
     """Return the encoding of sensor_msgs/Image for an image (h, w) or (h, w, channels).
 
     :raises InputError: for pixels that it has no name for.

@@ -13,7 +13,6 @@ from pathlib import Path
 from typing import Any, Final
 
 import numpy as np
-from numpy.typing import NDArray
 
 from imu_sim_ros.bags.cameras import RecordedCamera, base_of, camera_info, is_rectified
 from imu_sim_ros.bags.messages.blocks import TopicInfo
@@ -26,7 +25,7 @@ from imu_sim_ros.bags.threads import cores
 from imu_sim_ros.core.conventions import CAMERA_INFO_TOPIC, TF_STATIC_TOPIC
 from imu_sim_ros.core.errors import InputError, naming, system_error
 from imu_sim_ros.core.gate import stamp_ns
-from imu_sim_ros.core.types import Array
+from imu_sim_ros.core.types import AnyArray, Array
 from imu_sim_ros.datasets.images import image_name, millimetres, write_table
 from imu_sim_ros.datasets.recorded import (
     DEPTH_FOLDER,
@@ -247,7 +246,7 @@ def _write(topic: TopicInfo, message: Any, path: Path) -> Size:
     return size
 
 
-def pixels(topic: str, message: Any) -> NDArray[Any]:
+def pixels(topic: str, message: Any) -> AnyArray:
     """Return the image of a sensor_msgs/Image: (h, w), or (h, w, 3) in red, green and blue.
 
     :raises InputError: for an encoding that is not known, and sizes that contradict each other.
@@ -266,7 +265,7 @@ def pixels(topic: str, message: Any) -> NDArray[Any]:
             f"in {len(message.data)} bytes"
         )
     rows = np.asarray(message.data, np.uint8)[: step * height].reshape(height, step)[:, :row]
-    values: NDArray[Any] = np.ascontiguousarray(rows).view(dtype).astype(dtype.newbyteorder("="))
+    values: AnyArray = np.ascontiguousarray(rows).view(dtype).astype(dtype.newbyteorder("="))
     if count == 1:
         return values
     values = values.reshape(height, width, count)[..., :3]

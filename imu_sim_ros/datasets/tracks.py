@@ -5,12 +5,12 @@
 
 from collections.abc import Callable, Mapping
 from pathlib import Path
-from typing import Any, Final, NamedTuple
+from typing import Final, NamedTuple
 
 import numpy as np
 
 from imu_sim_ros.core.errors import ImuSimError, InputError, system_error
-from imu_sim_ros.core.types import Array, Integers, Mask
+from imu_sim_ros.core.types import AnyArray, Array, Integers, Mask
 from imu_sim_ros.datasets.bodies import add_tables
 from imu_sim_ros.datasets.columns import Column, Tables
 from imu_sim_ros.inputs.rows import open_regular
@@ -233,7 +233,7 @@ def read_track_folder(folder: Path) -> TrackFolder:
     return TrackFolder(cameras, landmarks, **columns)
 
 
-def _arrays(path: Path) -> dict[str, Any]:
+def _arrays(path: Path) -> dict[str, AnyArray]:
     """Return the arrays of a file of tracks."""
     try:
         with open_regular(path) as file, np.load(file, allow_pickle=False) as archive:

@@ -26,7 +26,7 @@ from imu_sim_ros.core.conventions import (
 )
 from imu_sim_ros.core.errors import ConfigurationError, InputError, Problems, warn
 from imu_sim_ros.core.records import LiveReading, Readings
-from imu_sim_ros.core.types import Array, Integers, Mask, Times
+from imu_sim_ros.core.types import Array, Integers, Keywords, Mask, Times
 from imu_sim_ros.jobs.flight import Flight, Source
 from imu_sim_ros.jobs.readings import delivered_of
 from imu_sim_ros.jobs.simulate import imu_parameters, keyword_parameters, sensor_name
@@ -83,12 +83,12 @@ def add_errors(
     orientation: ArrayLike | None = None,
     magnetic_field: tuple[ArrayLike, ArrayLike] | None = None,
     pressure: tuple[ArrayLike, ArrayLike] | None = None,
-    imu: str | Path | Mapping[str, Any] | None = None,
+    imu: str | Path | Mapping[str, object] | None = None,
     rate: float | None = None,
     seed: int | None = None,
     params_file: str | Path | None = None,
-    input: Mapping[str, Any] | None = None,
-    **parameters: Any,
+    input: Mapping[str, object] | None = None,
+    **parameters: object,
 ) -> Flight:
     """Add a sensor's errors to ideal readings, such as those of another simulator.
 
@@ -196,11 +196,11 @@ class ErrorModel:
         *,
         rate: float,
         count: None = ...,
-        imu: str | Path | Mapping[str, Any] | None = ...,
+        imu: str | Path | Mapping[str, object] | None = ...,
         seed: int | None = ...,
         params_file: str | Path | None = ...,
-        input: Mapping[str, Any] | None = ...,
-        **parameters: Any,
+        input: Mapping[str, object] | None = ...,
+        **parameters: object,
     ) -> ErrorModel: ...
 
     @overload
@@ -209,12 +209,12 @@ class ErrorModel:
         *,
         rate: float,
         count: int,
-        imu: str | Path | Mapping[str, Any] | Sequence[Any] | None = ...,
+        imu: str | Path | Mapping[str, object] | Sequence[object] | None = ...,
         seed: int | None = ...,
         params_file: str | Path | None = ...,
-        input: Mapping[str, Any] | None = ...,
-        spread: Mapping[str, Any] | None = ...,
-        **parameters: Any,
+        input: Mapping[str, object] | None = ...,
+        spread: Mapping[str, object] | None = ...,
+        **parameters: object,
     ) -> ErrorModelBatch: ...
 
     def __new__(  # type: ignore[misc]  # with __init__, type checkers would know one class alone
@@ -222,16 +222,25 @@ class ErrorModel:
         *,
         rate: float,
         count: int | None = None,
-        imu: Any = None,
+        imu: str | Path | Mapping[str, object] | Sequence[object] | None = None,
         seed: int | None = None,
         params_file: str | Path | None = None,
-        input: Mapping[str, Any] | None = None,
-        **parameters: Any,
+        input: Mapping[str, object] | None = None,
+        spread: Mapping[str, object] | None = None,
+        **parameters: object,
     ) -> ErrorModel | ErrorModelBatch:
         """Set up the sensor, or a batch of ``count``."""
         if count is not None:
-            batch_arguments = {"imu": imu, "seed": seed, "params_file": params_file, "input": input}
-            return ErrorModelBatch(rate=rate, count=count, **batch_arguments, **parameters)
+            return ErrorModelBatch(
+                rate=rate,
+                count=count,
+                imu=imu,
+                seed=seed,
+                params_file=params_file,
+                input=input,
+                spread=spread,
+                **parameters,
+            )
         self = super().__new__(cls)
         layers = layers_of(imu, seed, params_file, input, parameters, rate)
         self._model = GivenImu(load_error_model(layers), OTHERS, warn)
@@ -324,7 +333,7 @@ class ErrorModel:
         readings: PressureReadings = _delivered(self._model.other("pressure"), ideal_values)
         return readings
 
-    def update(self, **parameters: Any) -> None:
+    def update(self, **parameters: object) -> None:
         """Change live parameters by their ROS names, ``imu={"gyroscope_bias": [0.1, 0, 0]}``.
 
         They take effect with the next multiple of 64 samples.
@@ -409,12 +418,12 @@ class ErrorModelBatch:
         *,
         count: int,
         rate: float,
-        imu: str | Path | Mapping[str, Any] | Sequence[Any] | None = None,
+        imu: str | Path | Mapping[str, object] | Sequence[object] | None = None,
         seed: int | None = None,
         params_file: str | Path | None = None,
-        input: Mapping[str, Any] | None = None,
-        spread: Mapping[str, Any] | None = None,
-        **parameters: Any,
+        input: Mapping[str, object] | None = None,
+        spread: Mapping[str, object] | None = None,
+        **parameters: object,
     ) -> None:
         """Set up the sensors.
 
@@ -457,7 +466,7 @@ class ErrorModelBatch:
         """The seed of each environment's present run (count,)."""
         return self._batch.units.seeds.copy()
 
-    def unit(self, k: int) -> dict[str, Any]:
+    def unit(self, k: int) -> Keywords:
         """Return the arguments of the one ``ErrorModel`` that reads the same, all but ``rate``.
 
         ``imu`` has the preset and whatever differs from it, ``seed`` is the unit's, and further
@@ -478,7 +487,7 @@ class ErrorModelBatch:
             for name, value in flatten(sensor).items()
             if value != usual[name] and name not in ("rate", "seed")
         }
-        model_arguments: dict[str, Any] = {
+        model_arguments: Keywords = {
             "imu": {"preset": sensor.imu.preset},
             "seed": int(units.seeds[k]),
         }
@@ -665,7 +674,7 @@ def _spread(name: str, value: object) -> Spread:
 
 
 @suggest_keywords
-def from_sdf(file: str | Path, sensor: str | None = None) -> dict[str, Any]:
+def from_sdf(file: str | Path, sensor: str | None = None) -> dict[str, object]:
     """Return the parameters of an IMU from a model file of Gazebo.
 
     Three forms are read: SDF's ``<noise>``, the IMU plugin of Gazebo classic, and the plugin of
@@ -705,7 +714,7 @@ def from_sdf(file: str | Path, sensor: str | None = None) -> dict[str, Any]:
 def _no_samples(position: int) -> Samples:
     """Return empty samples, for a block without readings."""
     times, vectors = np.empty(0, np.int64), np.empty((0, 3))
-    values: dict[str, Any] = dict.fromkeys(
+    values: dict[str, object] = dict.fromkeys(
         ("gyro", "accel", "ideal_gyro", "ideal_accel", *ERROR_TOPICS.values()), vectors
     )
     values |= {"temperature": np.empty(0), "motion": unknown_motion(0)}
@@ -801,7 +810,7 @@ def _delivered(sensor: GivenOther, ideal_values: IdealValues) -> Any:
         return delivered_of(windows, quantity, readings)
     none = ideal_values.rows(slice(0))
     assert readings is not None
-    values: dict[str, Any] = {field.name: none.values for field in dataclasses.fields(readings)}
+    values: Keywords = {field.name: none.values for field in dataclasses.fields(readings)}
     return readings(**{**values, "t_ns": none.t_ns, "true_t_ns": none.t_ns})
 
 
@@ -809,8 +818,8 @@ def layers_of(
     imu: object,
     seed: int | None,
     params_file: str | Path | Sequence[str | Path] | None,
-    input: Mapping[str, Any] | None,
-    parameters: Mapping[str, Any],
+    input: Mapping[str, object] | None,
+    parameters: Mapping[str, object],
     rate: float | None,
 ) -> dict[str, object]:
     """Return the parameters that arguments of :func:`add_errors` give, by dotted name.

@@ -13,7 +13,7 @@ from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
-from typing import Annotated, Any, Final
+from typing import Annotated, Final
 
 from imu_sim_ros.bags import convert as streams
 from imu_sim_ros.bags.create import open_writer
@@ -27,6 +27,7 @@ from imu_sim_ros.core.conventions import IMU_TOPIC, TWIST_FRAMES
 from imu_sim_ros.core.errors import InputError, Problems
 from imu_sim_ros.core.names import unknown
 from imu_sim_ros.core.records import Readings, with_fields
+from imu_sim_ros.core.types import JsonObject
 from imu_sim_ros.formats.choice import Choice
 from imu_sim_ros.formats.door import has_topics, reading_blocks
 from imu_sim_ros.formats.handling import Handling
@@ -102,7 +103,7 @@ class ErrorsAdded:
     notes: tuple[str, ...] = ()
     """Choices and conversions of reading, a line each."""
 
-    def to_dict(self) -> dict[str, Any]:
+    def to_dict(self) -> JsonObject:
         """Return the content of ``--json``."""
         return {
             "output": str(self.output),

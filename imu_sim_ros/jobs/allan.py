@@ -25,7 +25,7 @@ from imu_sim_ros.core.conventions import AXES, TRIADS
 from imu_sim_ros.core.digits import interval_texts, upper_bound
 from imu_sim_ros.core.errors import InputError, Problems
 from imu_sim_ros.core.records import Readings
-from imu_sim_ros.core.types import Array, Mask
+from imu_sim_ros.core.types import Array, JsonObject, Mask
 from imu_sim_ros.jobs.flight import Flight, readings_of
 from imu_sim_ros.jobs.selection import (
     AccelTopic,
@@ -154,7 +154,7 @@ class Noise:
 
         return pictures.figure(self.result, self.name)
 
-    def to_dict(self) -> dict[str, Any]:
+    def to_dict(self) -> JsonObject:
         """Return rate, parameters, timing and warnings in plain types, as ``--json`` prints them.
 
         A value that the data cannot distinguish from zero is None, as is all of an axis that is not

@@ -14,7 +14,7 @@ import numpy as np
 from imu_sim_ros.core.arguments import array, refuse, stamps
 from imu_sim_ros.core.records import States
 from imu_sim_ros.core.rotation import multiply, normalise
-from imu_sim_ros.core.types import Array, Times
+from imu_sim_ros.core.types import Array, JsonObject, Times
 from imu_sim_ros.navigation.association import common_rows, poses_at
 from imu_sim_ros.navigation.coverage import Coverage, coverage, coverage_line
 from imu_sim_ros.navigation.evaluation import (
@@ -76,7 +76,7 @@ class AttitudeEvaluation:
         """Root mean square of the heading errors [rad]."""
         return float(np.sqrt(np.mean(np.square(self.heading))))
 
-    def to_dict(self) -> dict[str, Any]:
+    def to_dict(self) -> JsonObject:
         """Return all errors in plain types, as ``evaluate --json`` prints them."""
         return {
             **({"topic": self.topic} if self.topic else {}),

@@ -42,7 +42,7 @@ from imu_sim_ros.core.conventions import GRAVITY, STANDARD_GRAVITY
 from imu_sim_ros.core.errors import InputError, Problems, naming
 from imu_sim_ros.core.records import Readings, with_fields
 from imu_sim_ros.core.spelling import stated
-from imu_sim_ros.core.types import Array, Times
+from imu_sim_ros.core.types import Array, JsonObject, Times
 from imu_sim_ros.formats import door
 from imu_sim_ros.jobs.calibration_text import calibration_lines
 from imu_sim_ros.jobs.flight import Flight, readings_of
@@ -109,7 +109,7 @@ class Calibration:
     """``six_position``, ``turntable``, ``temperature`` or ``magnetometer``."""
     parameters: correction.Parameters
     """Every parameter that the run determines, by its name below ``imu.``."""
-    facts: dict[str, Any]
+    facts: Mapping[str, object]
     """Statistics of the run: stretches, rates, temperatures, residuals."""
     picture: Callable[[], Figure]
     name: str
@@ -161,7 +161,7 @@ class Calibration:
             correction.turn_to_upper_triangular(result)
         return result
 
-    def to_dict(self, imu: str | Path | None = None) -> dict[str, Any]:
+    def to_dict(self, imu: str | Path | None = None) -> JsonObject:
         """Return parameters and facts in plain types, as ``--json`` prints them.
 
         :param imu: as for :meth:`true_values`; adds the truth of each parameter.
@@ -392,7 +392,7 @@ class _Run:
         self,
         kind: str,
         parameters: correction.Parameters,
-        facts: dict[str, Any],
+        facts: Mapping[str, object],
         picture: Callable[[], Figure],
     ) -> Calibration:
         """Return the result."""
@@ -536,7 +536,7 @@ def calibrate_turntable(
         steady, rate = run.steady(imu, rates, truth_topic)
         fit = turntable(steady, rate, gravity)
         run.warn_of_scale("gyroscope", np.diag(fit.scale_misalignment), _WRONG_RATE)
-    facts: dict[str, Any] = {
+    facts: dict[str, object] = {
         "stretches": steady.stretches,
         "rates": sorted({round(float(r), 6) for r in np.abs(rate).max(axis=1)}),
         "rms_residual": _rms(fit.residuals),

@@ -43,7 +43,7 @@ _UNITS = {
 
 def calibration_lines(
     values: correction.Parameters,
-    facts: dict[str, object],
+    facts: Mapping[str, object],
     true: Mapping[str, Array],
 ) -> Iterator[str | TextTable]:
     """Yield a calibration's facts and parameters."""

@@ -13,7 +13,7 @@ from collections.abc import Collection, Iterator, Sequence
 from dataclasses import dataclass
 from os import PathLike
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any, Final, NamedTuple
+from typing import TYPE_CHECKING, Annotated, Final, NamedTuple
 
 from imu_sim_ros.campaigns import campaign as runs
 from imu_sim_ros.campaigns import engine as engines
@@ -39,6 +39,7 @@ from imu_sim_ros.core.digits import interval_texts
 from imu_sim_ros.core.errors import InputError, system_error
 from imu_sim_ros.core.names import shown, suggestion
 from imu_sim_ros.core.spelling import argument, stated
+from imu_sim_ros.core.types import JsonObject
 from imu_sim_ros.jobs.report import write_campaign_page
 from imu_sim_ros.navigation.evaluation import anees_band
 from imu_sim_ros.terminal.progress import progress, watcher
@@ -82,7 +83,7 @@ class Campaign:
         """One line for each requirement that is not met and each result worse than the baseline."""
         return self.judgement.problems
 
-    def to_dict(self) -> dict[str, Any]:
+    def to_dict(self) -> JsonObject:
         """Return the content of ``--json``."""
         return {
             "runs": len(self.runs),
@@ -387,7 +388,7 @@ class Power:
             share: seeds_needed(share ** (1.0 / together), *sizes) for share in (0.5, 0.8, 0.95)
         }
 
-    def to_dict(self) -> dict[str, Any]:
+    def to_dict(self) -> JsonObject:
         """Return the content of ``--json``."""
         return {
             "difference": self.difference.value,

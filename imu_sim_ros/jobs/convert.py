@@ -11,7 +11,7 @@ from collections.abc import Collection, Iterator, Mapping, Sequence
 from contextlib import AbstractContextManager
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any, Final
+from typing import TYPE_CHECKING, Annotated, Final
 
 import numpy as np
 
@@ -39,6 +39,7 @@ from imu_sim_ros.core.conventions import IMU_TOPIC
 from imu_sim_ros.core.errors import ConfigurationError, InputError
 from imu_sim_ros.core.records import Readings, States, with_fields
 from imu_sim_ros.core.spelling import argument, stated
+from imu_sim_ros.core.types import JsonObject
 from imu_sim_ros.formats.choice import AS_RECORDED, Choice
 from imu_sim_ros.formats.door import has_topics, read_states, reading_blocks
 from imu_sim_ros.formats.handling import Handling
@@ -114,7 +115,7 @@ class Converted:
     notes: tuple[str, ...] = ()
     """Choices and conversions of reading, a line each."""
 
-    def to_dict(self) -> dict[str, Any]:
+    def to_dict(self) -> JsonObject:
         """Return the content of ``--json``."""
         result = {
             "output": str(self.output),

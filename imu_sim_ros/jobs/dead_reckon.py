@@ -24,7 +24,7 @@ from imu_sim_ros.core.records import Readings, States, with_fields
 from imu_sim_ros.core.rotation import to_euler
 from imu_sim_ros.core.spelling import argument, stated
 from imu_sim_ros.core.timebase import span
-from imu_sim_ros.core.types import Array, Mask, Times
+from imu_sim_ros.core.types import Array, JsonObject, Mask, Times
 from imu_sim_ros.datasets import world as worlds
 from imu_sim_ros.datasets.world import KnownWorld, world_of_simulation
 from imu_sim_ros.formats.door import has_topics, read_states, truth_file
@@ -106,7 +106,7 @@ class Track(States):
     def __repr__(self) -> str:
         return f"<Track {self.method}, {self.attitude_update}: {span(self.t_ns)}>"
 
-    def to_dict(self) -> dict[str, Any]:
+    def to_dict(self) -> JsonObject:
         """Return length and errors, as ``--json`` prints them; None for errors without a truth.
 
         ``truth_coverage`` is the share of the readings' time for which there is a truth, which
@@ -119,7 +119,7 @@ class Track(States):
         if self.truth is not None:
             compared = common_time(self.t_ns, self.truth.t_ns)
             coverage = compared / duration if duration else 1.0
-        result: dict[str, Any] = {
+        result: JsonObject = {
             "method": self.method,
             "attitude_update": self.attitude_update,
             "initial_state": self.initial_state,
@@ -222,7 +222,7 @@ def dead_reckon(
     accel_unit: AccelUnit = None,
     skip_bad_rows: SkipBadRows = False,
     covariance: bool = False,
-    **parameters: Any,
+    **parameters: object,
 ) -> Track:
     """Integrate readings into a trajectory.
 
@@ -291,7 +291,7 @@ def dead_reckon_all(
     accel_topic: str | None = None,
     gyro_unit: str | None = None,
     accel_unit: str | None = None,
-    **parameters: Any,
+    **parameters: object,
 ) -> list[Track]:
     """Integrate readings by all methods with all attitude updates; arguments as `dead_reckon`."""
     topics = (imu_topic, truth_topic)
@@ -309,7 +309,7 @@ def dead_reckon_all(
 
 def _begun(
     readings: Flight | Readings | str | Path,
-    parameters: Mapping[str, Any],
+    parameters: Mapping[str, object],
     initial: str | NavigationState,
     calibration: str | Path | None,
     topics: tuple[str | None, str | None],
@@ -612,12 +612,12 @@ def _covariance(source: object, track: Track, start: InitialCondition, mount: Im
     return covariance[:, _POSE[:, None], _POSE]
 
 
-def _plain(values: Mapping[str, Any]) -> dict[str, object]:
+def _plain(values: Mapping[str, object]) -> dict[str, object]:
     """Return values with lists in place of arrays, for JSON."""
     return {n: v.tolist() if hasattr(v, "tolist") else v for n, v in values.items()}
 
 
-def lines(summaries: Sequence[Mapping[str, Any]]) -> Iterator[str | TextTable]:
+def lines(summaries: Sequence[JsonObject]) -> Iterator[str | TextTable]:
     """Yield the text of tracks of one recording: their dictionaries in a line and a table."""
     first_summary = summaries[0]
     yield from input_lines(first_summary["notes"])

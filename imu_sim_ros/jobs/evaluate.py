@@ -31,7 +31,7 @@ from imu_sim_ros.core.conventions import TRUTH_TOPIC
 from imu_sim_ros.core.digits import interval_texts
 from imu_sim_ros.core.errors import InputError, Problems, warn
 from imu_sim_ros.core.records import States, with_fields
-from imu_sim_ros.core.types import Array, Integers, Mask, Times
+from imu_sim_ros.core.types import Array, Integers, JsonObject, Mask, Times
 from imu_sim_ros.formats.door import has_topics, read_trajectory
 from imu_sim_ros.inputs.poses import write_tum
 from imu_sim_ros.inputs.tables import Table
@@ -144,7 +144,7 @@ class Evaluation(Comparison):
         """Return the text of the result as HTML, for notebooks."""
         return html_of(self.lines())
 
-    def to_dict(self, deltas: Sequence[tuple[float, str]] = ()) -> dict[str, Any]:
+    def to_dict(self, deltas: Sequence[tuple[float, str]] = ()) -> JsonObject:
         """Return all errors in plain types, as ``--json`` prints them.
 
         :param deltas: those of :meth:`relative`; by default :attr:`rpe`.
@@ -186,7 +186,7 @@ class Evaluation(Comparison):
         parts = _FRACTIONS if self.distance > 0.0 else ()
         return [*second, *((fraction * self.distance, "m") for fraction in parts)]
 
-    def _relative_dict(self, delta: float, unit: str) -> dict[str, Any]:
+    def _relative_dict(self, delta: float, unit: str) -> dict[str, object]:
         """Return the relative errors over one length, for JSON."""
         errors = self.relative(delta, unit)
         moved = errors.length > 0.0
@@ -571,7 +571,7 @@ def _track(
     return with_fields(poses, velocity=speed, covariance=stated)
 
 
-def _lines(result: Mapping[str, Any]) -> Iterator[str | TextTable]:
+def _lines(result: JsonObject) -> Iterator[str | TextTable]:
     """Yield the text of an evaluation: its dictionary in lines and tables."""
     yield (
         f"{result['poses']} poses, {result['duration_s']:.6g} s, {result['distance_m']:.6g} m, "
@@ -616,7 +616,7 @@ def _lines(result: Mapping[str, Any]) -> Iterator[str | TextTable]:
         yield from _reprojection_lines(result["reprojection"])
 
 
-def _left_out_line(entry: Mapping[str, Any]) -> str:
+def _left_out_line(entry: JsonObject) -> str:
     """Return how many pairs of the RPE are too long to compare."""
     total = entry["pairs"] + entry["pairs_left_out"]
     return (

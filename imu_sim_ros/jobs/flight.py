@@ -26,7 +26,7 @@ from imu_sim_ros.jobs.readings import check_simulated, delivered_of
 from imu_sim_ros.jobs.selection import NOTHING, Selection, checked_choice
 from imu_sim_ros.parameters.sections import flatten
 from imu_sim_ros.sensors.imu.declaration import NAME as IMU
-from imu_sim_ros.sensors.samples import joined
+from imu_sim_ros.sensors.samples import Samples, joined
 from imu_sim_ros.simulation.engine import Body
 from imu_sim_ros.simulation.parameters import SampledParameters
 from imu_sim_ros.simulation.sensors import mounted
@@ -146,7 +146,7 @@ class Flight:
     def __init__(
         self,
         source: Body | Source,
-        windows: Sequence[Mapping[str, Any]],
+        windows: Sequence[Mapping[str, Samples]],
         name: str,
         topics: tuple[str, ...] = (),
     ) -> None:

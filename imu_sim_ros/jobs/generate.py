@@ -11,7 +11,7 @@ from collections.abc import Collection, Iterator, Mapping, Sequence
 from contextlib import ExitStack, closing, nullcontext
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any, Final
+from typing import TYPE_CHECKING, Annotated, Final
 
 from imu_sim_ros.bags.outputs import Outputs, Target
 from imu_sim_ros.bags.threads import cores, prefetch, threads
@@ -21,6 +21,7 @@ from imu_sim_ros.core.conventions import IMU_TOPIC, TRUTH_TOPIC
 from imu_sim_ros.core.errors import ConfigurationError, Problems
 from imu_sim_ros.core.records import States
 from imu_sim_ros.core.spelling import stated
+from imu_sim_ros.core.types import JsonObject
 from imu_sim_ros.datasets import truth_files
 from imu_sim_ros.datasets.forms import (
     FORMATS,
@@ -103,7 +104,7 @@ class Generated:
     notes: tuple[str, ...] = ()
     """Parameters without effect, and how poses, axes of cameras and the place were interpreted."""
 
-    def to_dict(self) -> dict[str, Any]:
+    def to_dict(self) -> JsonObject:
         """Return the content of ``--json``."""
         return {
             "output": str(self.output),

@@ -32,7 +32,7 @@ from imu_sim_ros.core.errors import ConfigurationError, InputError, Problems
 from imu_sim_ros.core.names import suggestion
 from imu_sim_ros.core.records import Readings, States, concatenated, with_fields
 from imu_sim_ros.core.spelling import argument
-from imu_sim_ros.core.types import Array
+from imu_sim_ros.core.types import Array, JsonObject
 from imu_sim_ros.datasets.recorded import folder_cameras
 from imu_sim_ros.formats import door
 from imu_sim_ros.formats.choice import Choice
@@ -229,6 +229,7 @@ class Inspection:
 
     def _repr_html_(self) -> str:
         """Return findings and contents as HTML, for notebooks."""
+        tables: list[tuple[str, list[str], Sequence[Sequence[object]]]]
         tables = [("Findings", *_findings_table(self.findings)), *self.tables()]
         shown = [
             TextTable(header, [[_cell(cell) for cell in row] for row in rows], title)
@@ -257,7 +258,7 @@ class Inspection:
             if finding.kind in kinds or SEVERITIES.index(finding.severity) <= worst
         ]
 
-    def to_dict(self) -> dict[str, Any]:
+    def to_dict(self) -> JsonObject:
         """Return the content of ``--json``."""
         return {
             "topics": [vars(topic) for topic in self.topics],
@@ -304,7 +305,7 @@ class Inspection:
                 text = f"{unknown.source}, for {unknown.reference}: {unknown.reason}"
                 yield from _wrapped("  unknown  ", text)
 
-    def tables(self) -> Iterator[tuple[str, list[str], list[list[Any]]]]:
+    def tables(self) -> Iterator[tuple[str, list[str], Sequence[Sequence[object]]]]:
         """Yield title, header and rows of the tables of contents."""
         axes = [f"{triad} {axis}" for triad in TRIADS for axis in AXES]
         yield (

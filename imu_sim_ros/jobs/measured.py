@@ -8,7 +8,6 @@ from __future__ import annotations
 from collections.abc import Iterator
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 
@@ -18,7 +17,7 @@ from imu_sim_ros.bags.sensor_tables import TableRows, read_table
 from imu_sim_ros.core import rotation
 from imu_sim_ros.core.bad_rows import tell_skipped
 from imu_sim_ros.core.errors import InputError, Problems
-from imu_sim_ros.core.types import Array, Times
+from imu_sim_ros.core.types import Array, JsonObject, Times
 from imu_sim_ros.formats.door import has_topics, read_trajectory
 from imu_sim_ros.inputs.tables import Table
 from imu_sim_ros.jobs.attitude import (
@@ -70,7 +69,7 @@ class ReadingsEvaluation:
             f"{rms} {self.unit} rms>"
         )
 
-    def to_dict(self) -> dict[str, Any]:
+    def to_dict(self) -> JsonObject:
         """Return all errors in plain types, as ``evaluate --json`` prints them."""
         free = self.error_without_bias
         return {

@@ -26,6 +26,7 @@ from imu_sim_ros.recordings.findings.catalogue import reading_findings
 from imu_sim_ros.recordings.findings.measures import ReadingMeasures
 from imu_sim_ros.recordings.findings.policy import FindingPolicy
 from imu_sim_ros.sensors import find_sensor, kind_of, named_sensors, registered, sensors_of_imus
+from imu_sim_ros.sensors.samples import Samples
 
 if TYPE_CHECKING:
     from imu_sim_ros.sensors.declaration import SensorReadings
@@ -253,7 +254,7 @@ def checked_sensors(names: Collection[str], parameters: Mapping[str, object]) ->
     return frozenset(chosen)
 
 
-def check_simulated(windows: Sequence[Mapping[str, Any]], name: str) -> None:
+def check_simulated(windows: Sequence[Mapping[str, Samples]], name: str) -> None:
     """Refuse a sensor on the body that has no samples.
 
     :raises ConfigurationError: with what to give.
@@ -265,7 +266,7 @@ def check_simulated(windows: Sequence[Mapping[str, Any]], name: str) -> None:
 
 
 def delivered_of(
-    windows: Sequence[Mapping[str, Any]],
+    windows: Sequence[Mapping[str, Samples]],
     name: str,
     readings: type[SensorReadings | TimeSeries] | None,
 ) -> Any:

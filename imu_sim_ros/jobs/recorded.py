@@ -10,19 +10,19 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from imu_sim_ros.core import arguments
 from imu_sim_ros.core.arguments import BAG_OR_FILE, suggest_keywords
 from imu_sim_ros.core.errors import InputError, naming
 from imu_sim_ros.core.gate import stamp_ns
+from imu_sim_ros.core.types import AnyArray
 
 if TYPE_CHECKING:
     from imu_sim_ros.datasets.recorded import RecordedFrames
 
 
 @suggest_keywords
-def read_images(path: str | Path, topic: str | None = None) -> Iterator[tuple[int, NDArray[Any]]]:
+def read_images(path: str | Path, topic: str | None = None) -> Iterator[tuple[int, AnyArray]]:
     """Yield the images of a camera in a bag, or in a EuRoC, TUM VI or kalibr_bagcreater folder.
 
     :param path: the bag or the folder.
@@ -82,7 +82,7 @@ def _cameras(path: Path) -> dict[str, RecordedFrames] | None:
     }
 
 
-def _of_camera(frames: RecordedFrames) -> Iterator[tuple[int, NDArray[Any]]]:
+def _of_camera(frames: RecordedFrames) -> Iterator[tuple[int, AnyArray]]:
     """Yield stamps and pixels of the images in a camera's folder."""
     from imu_sim_ros.datasets.recorded import read_image
     from imu_sim_ros.sensors.camera.images.files import decoded
@@ -93,7 +93,7 @@ def _of_camera(frames: RecordedFrames) -> Iterator[tuple[int, NDArray[Any]]]:
             yield t_ns, np.asarray(decoded(data))
 
 
-def _images(path: Path, name: str) -> Iterator[tuple[int, NDArray[Any]]]:
+def _images(path: Path, name: str) -> Iterator[tuple[int, AnyArray]]:
     """Yield stamps and pixels of a topic of images."""
     from imu_sim_ros.bags.messages import schemas
     from imu_sim_ros.bags.messages.blocks import as_list
@@ -122,7 +122,7 @@ def _images(path: Path, name: str) -> Iterator[tuple[int, NDArray[Any]]]:
 
 
 @suggest_keywords
-def read_points(path: str | Path, topic: str | None = None) -> Iterator[tuple[int, NDArray[Any]]]:
+def read_points(path: str | Path, topic: str | None = None) -> Iterator[tuple[int, AnyArray]]:
     """Yield the clouds that a bag holds.
 
     :param path: the bag.

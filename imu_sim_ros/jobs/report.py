@@ -10,7 +10,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass, field
 from os import PathLike
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any, Final
+from typing import TYPE_CHECKING, Annotated, Final
 
 from imu_sim_ros import __version__
 from imu_sim_ros.bags.outputs import named
@@ -20,6 +20,7 @@ from imu_sim_ros.core.bad_rows import tell_skipped
 from imu_sim_ros.core.errors import InputError, Problems
 from imu_sim_ros.core.records import States, with_fields
 from imu_sim_ros.core.spelling import stated
+from imu_sim_ros.core.types import JsonObject
 from imu_sim_ros.formats.choice import AS_RECORDED, Choice
 from imu_sim_ros.formats.door import has_topics, read_trajectory
 from imu_sim_ros.jobs.selection import (
@@ -88,7 +89,7 @@ class Report:
     notes: tuple[str, ...] = ()
     """Choices and conversions of reading, a line each."""
 
-    def to_dict(self) -> dict[str, Any]:
+    def to_dict(self) -> JsonObject:
         """Return the content of ``--json``."""
         return {
             "output": str(self.output),

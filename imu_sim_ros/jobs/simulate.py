@@ -14,7 +14,6 @@ from pathlib import Path
 from typing import Any, Final, NamedTuple, TypeAlias, overload
 
 import numpy as np
-from numpy.typing import NDArray
 
 from imu_sim_ros.core import arguments, timebase
 from imu_sim_ros.core.arguments import number, refuse
@@ -22,7 +21,7 @@ from imu_sim_ros.core.errors import ConfigurationError, InputError, Problems, wa
 from imu_sim_ros.core.names import nearest
 from imu_sim_ros.core.records import States
 from imu_sim_ros.core.spelling import argument, stated
-from imu_sim_ros.core.types import Array
+from imu_sim_ros.core.types import AnyArray, Array
 from imu_sim_ros.jobs.flight import Flight, Source
 from imu_sim_ros.jobs.readings import checked_poses, checked_sensors, poses_of_rows
 from imu_sim_ros.jobs.segments import Segments, segment_layer
@@ -47,7 +46,7 @@ from imu_sim_ros.trajectory.parameters import GIVEN, PoseReader, trajectory_laye
 Poses: TypeAlias = Callable[[Array], tuple[Array, Array]]
 """A function that returns positions (n, 3) [m] and attitudes q_wb (n, 4) at times (n,) [s]."""
 Moving: TypeAlias = (
-    str | Path | Mapping[str, Any] | States | NDArray[Any] | Trajectory | Poses | None
+    str | Path | Mapping[str, object] | States | AnyArray | Trajectory | Poses | None
 )
 """Types that are accepted as a trajectory."""
 
@@ -56,14 +55,14 @@ Moving: TypeAlias = (
 def simulate(
     *,
     segments: None = None,
-    imu: str | Path | Mapping[str, Any] | None = None,
+    imu: str | Path | Mapping[str, object] | None = None,
     trajectory: Moving = None,
     duration: float | str | None = None,
     rate: float | None = None,
     seed: int | None = None,
     params_file: str | Path | None = None,
     sensors: Collection[str] | None = None,
-    **parameters: Any,
+    **parameters: object,
 ) -> Flight: ...
 
 
@@ -71,28 +70,28 @@ def simulate(
 def simulate(
     *,
     segments: Segments,
-    imu: str | Path | Mapping[str, Any] | None = None,
+    imu: str | Path | Mapping[str, object] | None = None,
     trajectory: Moving = None,
     duration: float | str | None = None,
     rate: float | None = None,
     seed: int | None = None,
     params_file: str | Path | None = None,
     sensors: Collection[str] | None = None,
-    **parameters: Any,
+    **parameters: object,
 ) -> dict[str, Flight]: ...
 
 
 def simulate(
     *,
     segments: Segments | None = None,
-    imu: str | Path | Mapping[str, Any] | None = None,
+    imu: str | Path | Mapping[str, object] | None = None,
     trajectory: Moving = None,
     duration: float | str | None = None,
     rate: float | None = None,
     seed: int | None = None,
     params_file: str | Path | None = None,
     sensors: Collection[str] | None = None,
-    **parameters: Any,
+    **parameters: object,
 ) -> Flight | dict[str, Flight]:
     """Simulate an IMU on a moving body, with the same samples as ``generate`` and the node.
 
@@ -153,7 +152,7 @@ def simulate(
         )
     motion = body.parameters.trajectory.type
     if isinstance(trajectory, Mapping):
-        motion = trajectory.get("type", motion)
+        motion = str(trajectory.get("type", motion))
     elif isinstance(trajectory, str | Path):
         motion = Path(trajectory).stem
     blocks = [first_block, *windows]
@@ -185,7 +184,7 @@ def _flight_of(
 
 def blocks(
     *,
-    imu: str | Path | Mapping[str, Any] | None = None,
+    imu: str | Path | Mapping[str, object] | None = None,
     trajectory: Moving = None,
     duration: float | str | None = None,
     rate: float | None = None,
@@ -193,7 +192,7 @@ def blocks(
     params_file: str | Path | None = None,
     sensors: Collection[str] | None = None,
     block_size: int = BLOCK_SIZE,
-    **parameters: Any,
+    **parameters: object,
 ) -> Iterator[Samples]:
     """Yield the samples of a simulation in blocks, in memory that does not grow with the duration.
 
@@ -237,7 +236,7 @@ def _body(
     params_file: str | Path | None,
     sensors: Collection[str] | None,
     segments: object,
-    parameters: Mapping[str, Any],
+    parameters: Mapping[str, object],
 ) -> tuple[Body, dict[str, str]]:
     """Return the body of the arguments of :func:`simulate`, and its segments by IMU.
 
@@ -318,7 +317,7 @@ def argument_layers(
     duration: float | str | None,
     rate: float | None,
     seed: int | None,
-    parameters: Mapping[str, Any],
+    parameters: Mapping[str, object],
     problems: Problems,
 ) -> tuple[dict[str, object], dict[str, object], GivenMotion]:
     """Return the parameters that the arguments of :func:`simulate` give, by dotted name.
@@ -457,7 +456,7 @@ def imu_parameters(imu: object) -> dict[str, object]:
 
 
 def keyword_parameters(
-    parameters: Mapping[str, Any],
+    parameters: Mapping[str, object],
 ) -> tuple[dict[str, object], dict[str, object]]:
     """Return keyword arguments by dotted name, and those in ``parameters={...}``, which win."""
     overrides = parameters.get("parameters", {})

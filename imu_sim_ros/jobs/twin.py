@@ -39,7 +39,7 @@ from imu_sim_ros.core.errors import InputError, Problems, system_error
 from imu_sim_ros.core.records import Readings
 from imu_sim_ros.core.rotation import from_matrix, log
 from imu_sim_ros.core.spelling import stated
-from imu_sim_ros.core.types import Array, Mask
+from imu_sim_ros.core.types import Array, JsonObject, Mask
 from imu_sim_ros.jobs.calibrate import Calibrated
 from imu_sim_ros.jobs.calibration_text import twin_lines
 from imu_sim_ros.jobs.flight import Flight
@@ -238,12 +238,12 @@ class Twin:
             self.check,
         )
 
-    def to_dict(self) -> dict[str, Any]:
+    def to_dict(self) -> JsonObject:
         """Return all numbers by name, in plain types; None for those that are not finite."""
         analysis, noise = self.analysis, self.source.noise
         white, bands, lines = analysis.white, analysis.bands, analysis.lines
         density = np.where(bands.freedom < _LEAST_FREEDOM, np.nan, bands.density)
-        result: dict[str, Any] = plain(
+        result: dict[str, object] = plain(
             {
                 "rate_hz": self.source.recording.rate,
                 "seconds": self.source.seconds,

@@ -6,7 +6,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Any, Final, NamedTuple
+from typing import Final, NamedTuple
 
 import numpy as np
 
@@ -17,7 +17,7 @@ from imu_sim_ros.calibration.twin.fit import Fit, Recording
 from imu_sim_ros.calibration.twin.model import Errors
 from imu_sim_ros.calibration.twin.pose_noise import noise_over, scatter
 from imu_sim_ros.core import rotation, timebase
-from imu_sim_ros.core.types import Array
+from imu_sim_ros.core.types import Array, JsonObject
 from imu_sim_ros.jobs.twin_recording import TwinRecording, moving
 from imu_sim_ros.navigation.dead_reckoning import dead_reckon
 from imu_sim_ros.navigation.mount import mount_at
@@ -96,7 +96,7 @@ class Check:
             f"{100.0 * self.real_told_apart:.0f} %>"
         )
 
-    def to_dict(self) -> dict[str, Any]:
+    def to_dict(self) -> JsonObject:
         """Return the numbers by name; None if there is none."""
         return plain(
             {

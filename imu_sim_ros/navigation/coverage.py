@@ -6,13 +6,12 @@
 Errors are means over the existing poses: an estimator that stops in time has small ones.
 """
 
-from collections.abc import Mapping
-from typing import Any, Final, NamedTuple
+from typing import Final, NamedTuple
 
 import numpy as np
 
 from imu_sim_ros.core.spelling import argument
-from imu_sim_ros.core.types import Array, Integers, Mask, Times
+from imu_sim_ros.core.types import Array, Integers, JsonObject, Mask, Times
 from imu_sim_ros.recordings.order import POSES_GAP, gap_length, longest_step_ns
 
 LEAST: Final = 0.9
@@ -64,7 +63,7 @@ class Coverage(NamedTuple):
         }
 
 
-def coverage_line(coverage_values: Mapping[str, Any]) -> str:
+def coverage_line(coverage_values: JsonObject) -> str:
     """Return the numbers of :meth:`Coverage.to_dict`, and their meaning for the errors."""
     text = (
         f"coverage: {100.0 * coverage_values['coverage']:.4g} %, "
@@ -88,7 +87,7 @@ def coverage_line(coverage_values: Mapping[str, Any]) -> str:
     )
 
 
-def truth_line(values: Mapping[str, Any]) -> str | None:
+def truth_line(values: JsonObject) -> str | None:
     """Return the share of an estimate with a truth, and its meaning for the errors.
 
     None: all of it, apart from an interval at an end.

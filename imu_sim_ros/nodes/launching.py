@@ -102,7 +102,7 @@ def flag(values: Mapping[str, str], name: str) -> bool:
 
 
 def description(
-    declared: Sequence[Argument], make: Callable[[Mapping[str, str]], Sequence[Any]]
+    declared: Sequence[Argument], make: Callable[[Mapping[str, str]], Sequence[object]]
 ) -> Any:
     """Return the launch description with these arguments.
 
@@ -112,7 +112,7 @@ def description(
     from launch.launch_description import LaunchDescription
     from launch.substitutions import LaunchConfiguration
 
-    def actions(context: Any) -> Sequence[Any]:
+    def actions(context: Any) -> Sequence[object]:
         return make({a.name: LaunchConfiguration(a.name).perform(context) for a in declared})
 
     entries = [

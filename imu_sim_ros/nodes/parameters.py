@@ -157,12 +157,15 @@ class ConfiguredNode(Node, Generic[_Section]):
         """Declare the parameters that the node has not declared yet."""
         declared = self._known
         empty = [name for name, value in values.items() if value == ()]
-        entries: list[Any] = [
-            (name, _to_ros(values[name]), describe(parameter))
-            for name, parameter in declared.items()
-            if name not in empty
-        ]
-        self.declare_parameters("", entries, ignore_override=True)
+        self.declare_parameters(
+            "",
+            [
+                (name, _to_ros(values[name]), describe(parameter))
+                for name, parameter in declared.items()
+                if name not in empty
+            ],
+            ignore_override=True,
+        )
         for name in empty:  # ROS could not infer their type
             self.declare_parameter(
                 name, "", ParameterDescriptor(dynamic_typing=True), ignore_override=True

@@ -12,7 +12,7 @@ import os
 from collections.abc import Callable, Iterator, Mapping
 from functools import cache
 from pathlib import Path
-from typing import Any, Final, TypeVar
+from typing import Any, Final, TypeGuard, TypeVar
 
 from imu_sim_ros.core.errors import ConfigurationError, InputError, Problems
 from imu_sim_ros.core.names import printable, unknown
@@ -20,7 +20,7 @@ from imu_sim_ros.core.spelling import argument
 from imu_sim_ros.inputs.rows import is_present, read_text
 from imu_sim_ros.parameters.kinds import Value
 from imu_sim_ros.parameters.sections import build, flatten
-from imu_sim_ros.parameters.yaml_text import parse_yaml
+from imu_sim_ros.parameters.yaml_text import YamlMapping, parse_yaml
 
 _T = TypeVar("_T")
 
@@ -139,12 +139,12 @@ def has_sections(tree: object) -> bool:
     return _PARAMETERS in tree or any(map(has_sections, tree.values()))
 
 
-def is_of_chain(content: object) -> bool:
+def is_of_chain(content: object) -> TypeGuard[Mapping[str, object]]:
     """Return True for a camera in a chain (kalibr_common/ConfigReader.py)."""
     return isinstance(content, Mapping) and {"camera_model", "intrinsics"} <= set(content)
 
 
-def parameters_of(tree: Mapping[Any, Any], path: Path, node: str) -> dict[str, object]:
+def parameters_of(tree: YamlMapping, path: Path, node: str) -> dict[str, object]:
     """Return the parameters of a node in the content of a ROS 2 parameter file, by dotted name.
 
     Wildcards are applied first, as ROS does. Any namespace will do, but the same one for all.
@@ -167,7 +167,7 @@ def parameters_of(tree: Mapping[Any, Any], path: Path, node: str) -> dict[str, o
         content = {} if content is None else content
         values = dotted(content, f"{path}: {name}: {_PARAMETERS}")
         result.update({key: placed(key, value, path) for key, value in values.items()})
-    cameras = [name for name, content in tree.items() if is_of_chain(content)]
+    cameras = [str(name) for name, content in tree.items() if is_of_chain(content)]
     if not sections and cameras:
         raise ConfigurationError(
             f"{path}: a camera chain of kalibr or OpenVINS ({', '.join(cameras)}): give it as "
@@ -179,7 +179,7 @@ def parameters_of(tree: Mapping[Any, Any], path: Path, node: str) -> dict[str, o
 
 
 def _sections(
-    tree: Mapping[Any, Any], path: Path, node: str, namespace: str = ""
+    tree: YamlMapping, path: Path, node: str, namespace: str = ""
 ) -> Iterator[tuple[str, object]]:
     """Yield the full name and the parameters of each node of a ROS 2 parameter file.
 
@@ -220,7 +220,7 @@ def placed(name: str, value: object, path: Path) -> object:
 
 def read_tree(
     path: Path, expected: str = "a ROS 2 parameter file (no /**: ros__parameters:)"
-) -> dict[Any, Any]:
+) -> YamlMapping:
     """Return the content of a YAML file with names and values.
 
     :param expected: description of the expected file, for the message.
@@ -254,7 +254,7 @@ def dotted(tree: object, where: str, prefix: str = "") -> dict[str, object]:
     return result
 
 
-def _leaves(tree: Mapping[Any, Any], prefix: str) -> Iterator[tuple[str, Any]]:
+def _leaves(tree: YamlMapping, prefix: str) -> Iterator[tuple[str, object]]:
     """Yield the dotted name and the value of all that is not a section."""
     for key, value in tree.items():
         if isinstance(value, Mapping):

@@ -457,7 +457,7 @@ class _Building:
         :param declarations: declarations by dotted name; None: those of the class.
         :param is_relevant: True if the section exists even though none of its parameters is set.
         """
-        position, arguments, values = len(self.sections), dict[str, Any](), self.values
+        position, arguments, values = len(self.sections), dict[str, object](), self.values
         plan = _plan(cast(Any, cls), prefix)
         declared = plan.parameters
         if declarations is not None:

@@ -94,7 +94,7 @@ class _PythonLoader(_Rules, yaml.SafeLoader):
 
 
 LOADERS: list[Any] = [_PythonLoader]
-"""The first one is used."""
+"""Classes of loaders, the preferred one first; that of libyaml has no types."""
 if yaml.__with_libyaml__:
     from yaml._yaml import CParser
 
@@ -110,7 +110,7 @@ if yaml.__with_libyaml__:
 
 
 @lru_cache(maxsize=32)
-def content(text: str) -> Any:
+def content(text: str) -> object:
     """Return the content of a text; presets are read for every run of a study.
 
     :raises ValueError: with the reason in one line.

@@ -10,8 +10,11 @@ and the time grows with them only: a few seconds at most.
 
 import copy
 import re
-from typing import Any, Final
+from collections.abc import Mapping
+from typing import Any, Final, TypeAlias
 
+YamlMapping: TypeAlias = Mapping[Any, object]
+"""Content of a YAML file by name, or by number in files of other tools; values are unchecked."""
 _LARGEST: Final = 4 << 20
 """Largest text [letters]; the metadata.yaml of a bag of 10,000 files has 2 million."""
 _REMEMBERED: Final = 1 << 16
@@ -23,7 +26,7 @@ _OPENCV: Final = re.compile(r"\s*%YAML:1")
 """Start of a file of OpenCV, whose first line is no directive of YAML."""
 
 
-def parse_yaml(text: str) -> Any:
+def parse_yaml(text: str) -> object:
     """Return the content of a YAML text, read safely and with numbers as ROS reads them.
 
     YAML 1.1 takes ``5e-4`` for a string because it has no point, and ``-.2`` because no digit is
@@ -42,7 +45,7 @@ def parse_yaml(text: str) -> Any:
     return _copy(content(text)) if len(text) < _REMEMBERED else content.__wrapped__(text)
 
 
-def _copy(tree: Any) -> Any:
+def _copy(tree: Any) -> object:
     """Return a copy of a tree, whose mappings and lists can be changed."""
     kind = type(tree)
     if kind is dict:

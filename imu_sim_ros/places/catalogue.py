@@ -5,14 +5,13 @@
 
 import math
 from collections.abc import Iterator, Sequence
-from typing import Any, Final, NamedTuple
+from typing import Final, NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
 from imu_sim_ros.core.errors import ConfigurationError
 from imu_sim_ros.core.spelling import argument
-from imu_sim_ros.core.types import Array
+from imu_sim_ros.core.types import AnyArray, Array
 from imu_sim_ros.places.corridor import corridor
 from imu_sim_ros.places.machine_hall import machine_hall
 from imu_sim_ros.places.office import office
@@ -40,7 +39,7 @@ class Kind(NamedTuple):
     fits: tuple[float, float, float] = (math.inf, math.inf, math.inf)
     """Largest size around a path: beyond it would be something else [m]."""
 
-    def sides(self, values: Sequence[Any] | Array, extent: Sequence[float] | Array) -> NDArray[Any]:
+    def sides(self, values: Sequence[object] | Array, extent: Sequence[float] | Array) -> AnyArray:
         """Return values of its sides in the order x, y, z, as it lies in an extent (3,) [m]."""
         turned = self.long and extent[1] > extent[0]
         return np.asarray(values)[[1, 0, 2] if turned else [0, 1, 2]]

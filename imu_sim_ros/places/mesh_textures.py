@@ -8,12 +8,15 @@ import math
 import warnings
 from collections.abc import Sequence
 from pathlib import Path
-from typing import Any, Final
+from typing import TYPE_CHECKING, Final
 
 import numpy as np
 
 from imu_sim_ros.core.errors import InputError
 from imu_sim_ros.core.types import Bytes
+
+if TYPE_CHECKING:
+    from PIL.Image import Image
 
 LARGEST: Final = 1 << 26
 """Texels of a texture in a file, 8192 x 8192; while it is decoded each takes four bytes."""
@@ -57,7 +60,7 @@ def _check_size(size: tuple[int, int], what: str) -> None:
 class Textures:
     """The distinct textures of a mesh's parts."""
 
-    def __init__(self, path: Path, images: Sequence[Any], triangles: int) -> None:
+    def __init__(self, path: Path, images: "Sequence[Image]", triangles: int) -> None:
         """Look at the sizes of Pillow's images, of which the same one may come several times.
 
         :raises InputError: for one that is too large.
@@ -70,7 +73,7 @@ class Textures:
             _check_size(size, f"{path}: a texture")
         self._steps = _steps(sizes, max(0, MOST_TEXELS - _OF_A_TRIANGLE * triangles))
 
-    def number(self, image: Any) -> int:
+    def number(self, image: "Image") -> int:
         """Return which of :meth:`decoded` an image is."""
         return self._numbers[id(image)]
 
@@ -81,7 +84,7 @@ class Textures:
         """
         return tuple(map(self._decoded, self._images, self._steps))
 
-    def _decoded(self, image: Any, step: int) -> Bytes:
+    def _decoded(self, image: "Image", step: int) -> Bytes:
         """Return the means of squares of texels; a band at a time, as Pillow's copies are large."""
         width, height = image.size[0] // step, image.size[1] // step
         result = np.empty((height, width, 3), np.uint8)

@@ -12,12 +12,11 @@ from pathlib import Path
 from typing import Any, Final
 
 import numpy as np
-from numpy.typing import NDArray
 
 from imu_sim_ros.core.conventions import AXIS_COLOURS, SERIES_COLOURS, WORLD_FRAME
 from imu_sim_ros.core.errors import MissingDependencyError
 from imu_sim_ros.core.records import States
-from imu_sim_ros.core.types import Array, Times
+from imu_sim_ros.core.types import AnyArray, Array, Times
 
 
 def _rgb(colour: str) -> tuple[int, int, int]:
@@ -128,7 +127,7 @@ class FlightView:
         scalars = self._rr.Scalars.columns(scalars=values)
         self._columns(name, t_ns, scalars)
 
-    def images(self, name: str, frames: Iterable[tuple[int, NDArray[Any]]]) -> None:
+    def images(self, name: str, frames: Iterable[tuple[int, AnyArray]]) -> None:
         """Add the images (h, w) or (h, w, 3) of a camera."""
         for t_ns, image in frames:
             self._recording.set_time(_TIME, timestamp=np.datetime64(t_ns, "ns"))
@@ -138,7 +137,7 @@ class FlightView:
     def clouds(
         self,
         name: str,
-        scans: Iterable[tuple[int, NDArray[Any]]],
+        scans: Iterable[tuple[int, AnyArray]],
         frame: tuple[str, Array] | None = None,
     ) -> None:
         """Add the scans of a sensor; structured arrays with x, y, z [m], grey by their intensity.

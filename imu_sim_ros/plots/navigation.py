@@ -4,13 +4,13 @@
 """Pictures of trajectories, their errors, and what evaluation says of them."""
 
 from collections.abc import Mapping, Sequence
-from typing import Any, Final
+from typing import Final
 
 import numpy as np
 from matplotlib.axes import Axes
 
 from imu_sim_ros.core.conventions import AXIS_COLOURS, SERIES_COLOURS, TRUTH_COLOUR
-from imu_sim_ros.core.types import Array
+from imu_sim_ros.core.types import Array, Keywords
 from imu_sim_ros.plots import style
 from imu_sim_ros.plots.style import Figure
 
@@ -118,7 +118,7 @@ def _view(
     axis: Axes,
     paths: Mapping[str, Array],
     truth: Array | None,
-    looks: Mapping[str, dict[str, Any]],
+    looks: Mapping[str, Keywords],
     across: int,
     up: int,
 ) -> None:
@@ -175,7 +175,7 @@ def _keep_in_view(axis: Axes, truth: Array, equal: bool) -> None:
 def _errors(
     axis: Axes,
     errors: Mapping[str, Series],
-    looks: Mapping[str, dict[str, Any]],
+    looks: Mapping[str, Keywords],
     label: str,
     scale: float,
 ) -> None:
@@ -194,7 +194,7 @@ def _errors(
     axis.set_ylabel(label)
 
 
-def _looks(names: Sequence[str]) -> dict[str, dict[str, Any]]:
+def _looks(names: Sequence[str]) -> dict[str, Keywords]:
     """Return colour, width and dashes by name; names that begin alike up to a comma share a colour.
 
     Each further group is thinner than the one before and drawn over it, so that lines that coincide

@@ -5,12 +5,11 @@
 
 from collections.abc import Mapping
 from dataclasses import dataclass
-from typing import Any, Final, NamedTuple
+from typing import Final, NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
-from imu_sim_ros.core.types import Array
+from imu_sim_ros.core.types import AnyArray, Array
 
 COEFFICIENTS: Final[dict[str, tuple[int, ...]]] = {
     "": (0,),
@@ -119,7 +118,7 @@ class CloudRecord:
     """Names of the fields of a point."""
     organised: bool
     """True for the rows and columns of an image, as depth cameras send them."""
-    times: Mapping[str, tuple[NDArray[Any], ...]]
+    times: Mapping[str, tuple[AnyArray, ...]]
     """Times of the points of each cloud, by the name of the field."""
 
 

@@ -5,7 +5,7 @@
 
 from collections.abc import Sequence
 from pathlib import Path
-from typing import Any, Final
+from typing import Final
 
 import numpy as np
 
@@ -264,8 +264,10 @@ def _sensors(plan: Plan, groups: Sequence[Group]) -> list[Item]:
         return []
     by_cell = {}
     for cell in plan.cells():
-        imu: dict[str, Any] = dict(flatten(plan.simulation(cell)))
-        by_cell[cell.name] = {name: float(np.mean(imu[f"imu.{name}"])) for name in _SENSORS}
+        imu = flatten(plan.simulation(cell))
+        by_cell[cell.name] = {
+            name: float(np.mean(np.asarray(imu[f"imu.{name}"], np.float64))) for name in _SENSORS
+        }
     result = []
     for name, unit in _SENSORS.items():
         values = [by_cell[group.cell][name] if group.cell in by_cell else None for group in groups]
@@ -317,10 +319,10 @@ def _cells(plan: Plan, groups: Sequence[Group], metrics: Sequence[str], chosen: 
     header = ["no.", *plan.grid_names, "estimator", "done", "runs"]
     for name in shown:
         header += [f"{name} {part}" for part in ("median", "low", "high", "p95")]
-    rows: list[list[Any]] = []
+    rows: list[list[object]] = []
     for number, group in enumerate(groups, 1):
         labels = group.labels
-        row: list[Any] = [number, *(labels[name] for name in plan.grid_names), group.estimator]
+        row: list[object] = [number, *(labels[name] for name in plan.grid_names), group.estimator]
         row += [group.done, len(group.rows)]
         for name in shown:
             values = group.values(name)

@@ -6,16 +6,15 @@
 import base64
 from contextlib import suppress
 from pathlib import Path
-from typing import Any, Final, NamedTuple
+from typing import Final, NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
 from imu_sim_ros.bags.clouds import measured_clouds, read_clouds
 from imu_sim_ros.bags.messages.blocks import TopicInfo
 from imu_sim_ros.bags.read import open_bag
 from imu_sim_ros.core.errors import ImuSimError, InputError
-from imu_sim_ros.core.types import Array, Bytes
+from imu_sim_ros.core.types import AnyArray, Array, Bytes
 from imu_sim_ros.recordings.clock import estimate_clock
 from imu_sim_ros.reports.page import Item, Section, plot
 from imu_sim_ros.reports.sensors import truth_of
@@ -160,7 +159,7 @@ def _ranges(name: str, histogram: Array, edges: Array) -> Item:
     return plot(f"{name}: ranges", "range [m]", "[1/m]", series, caption=caption)
 
 
-def _pictures(name: str, scans: list[tuple[int, Array, NDArray[Any]]], first_ns: int) -> list[Item]:
+def _pictures(name: str, scans: list[tuple[int, Array, AnyArray]], first_ns: int) -> list[Item]:
     """Return scans seen from above, as bright as their intensity."""
     flat = [np.abs(positions[:, :2]).max(axis=1) for _, positions, _ in scans]
     reaches = np.concatenate(flat)
@@ -178,7 +177,7 @@ def _pictures(name: str, scans: list[tuple[int, Array, NDArray[Any]]], first_ns:
     return [{"kind": "strip", "title": text, "frames": frames}]
 
 
-def _from_above(positions: Array, points: NDArray[Any], half: float) -> Bytes:
+def _from_above(positions: Array, points: AnyArray, half: float) -> Bytes:
     """Return a picture (_PIXELS, _PIXELS) of a scan; of points in one pixel the brightest."""
     grey = np.full(len(positions), 255.0)
     if "intensity" in (points.dtype.names or ()) and len(positions):

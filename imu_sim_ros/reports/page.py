@@ -21,6 +21,7 @@ import numpy as np
 
 from imu_sim_ros.core.conventions import AXIS_COLOURS, SERIES_COLOURS
 from imu_sim_ros.core.names import printable
+from imu_sim_ros.core.types import JsonObject
 from imu_sim_ros.terminal.json_text import as_json as to_json
 
 _SCRIPTS: Final = (
@@ -39,7 +40,7 @@ _USUAL: Final = 0.9
 _PACKED: Final = 500
 """Numbers from which a column is written as floats: 5.3 letters each, not some 8."""
 
-Item = dict[str, Any]
+Item = JsonObject
 """``kind``: a key of ``builders`` in main.js; the rest as that takes it."""
 
 

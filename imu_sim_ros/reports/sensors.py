@@ -194,7 +194,7 @@ def _numbers(
         }
         return np.concatenate([block.t_ns for block in blocks]), columns
     stamps: list[int] = []
-    rows: dict[str, list[Any]] = {}
+    rows: dict[str, list[float | Array]] = {}
     # Message by message: types that the package does not write itself are those of slow sensors.
     with open_bag(path) as bag:
         info = bag.topic(type_name, topic)
@@ -220,7 +220,7 @@ def _numbers(
     }
 
 
-def _fields(message: Any, prefix: str = "") -> Iterator[tuple[str, Any]]:
+def _fields(message: Any, prefix: str = "") -> Iterator[tuple[str, float | Array]]:
     """Yield the names and values of all real numbers in a message."""
     for name in getattr(message, "__dataclass_fields__", ()):
         value = getattr(message, name)

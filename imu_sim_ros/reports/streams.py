@@ -66,7 +66,7 @@ class _TopicStatistics:
         self.ends = (start_ns, int(block.t_ns[-1]))
         self.clock.add(block.t_ns)
 
-    def row(self) -> list[Any]:
+    def row(self) -> list[object]:
         """Return the row of the topic in the table of topics."""
         duration = (self.ends[1] - self.ends[0]) * 1e-9 if self.ends else 0.0
         clock = self.clock

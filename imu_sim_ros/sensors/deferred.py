@@ -17,8 +17,8 @@ _Made = TypeVar("_Made")
 class Deferred(Mapping[str, object]):
     """Values by name, each made when it is first asked for."""
 
-    def __init__(self, **makers: Callable[[], Any]) -> None:
-        self._makers, self.made = makers, dict[str, Any]()
+    def __init__(self, **makers: Callable[[], object]) -> None:
+        self._makers, self.made = makers, dict[str, object]()
         """Values made so far, by name."""
 
     def __getitem__(self, name: str) -> Any:

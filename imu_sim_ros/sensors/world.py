@@ -114,7 +114,7 @@ class World:
             raise ConfigurationError("scene: no sensor of this simulation declares that it sees")
         return self._make_scene(self)
 
-    def shared(self, name: str, make: Callable[[], Any]) -> Any:
+    def shared(self, name: str, make: Callable[[], object]) -> Any:
         """Return an object that several sensors use; it is made with the first call."""
         if name not in self._shared:
             self._shared[name] = make()

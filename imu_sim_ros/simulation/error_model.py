@@ -35,7 +35,7 @@ from imu_sim_ros.simulation.sensors import models, mounted
 from imu_sim_ros.trajectory.motion import Motion
 
 
-class GivenImu(GivenSensor[Readings, dict[str, Any]]):
+class GivenImu(GivenSensor[Readings, dict[str, Samples]]):
     """An IMU whose ideal readings are given, and its readings with every true error."""
 
     def __init__(
@@ -118,7 +118,7 @@ class GivenImu(GivenSensor[Readings, dict[str, Any]]):
         self.counts.samples += len(times)
         return samples
 
-    def read(self, readings: Readings) -> list[dict[str, Any]]:
+    def read(self, readings: Readings) -> list[dict[str, Samples]]:
         """Return the samples that readings give; see :class:`GivenSensor`."""
         if self._latest is not None:
             t_ns, gyro, accel, _ = self._latest
@@ -186,7 +186,7 @@ class GivenImu(GivenSensor[Readings, dict[str, Any]]):
             self._imu.inject(fault, self.begin_of(first_sample))
         return first_sample
 
-    def _count(self, window: dict[str, Any]) -> int:
+    def _count(self, window: dict[str, Samples]) -> int:
         """Return the number of samples in a window."""
         return len(window[IMU].true_t_ns)
 
@@ -214,7 +214,7 @@ class GivenImu(GivenSensor[Readings, dict[str, Any]]):
         """Return readings in the conventions of the simulation."""
         return self._conventions.apply(readings)
 
-    def _sampled(self, readings: Readings) -> list[dict[str, Any]]:
+    def _sampled(self, readings: Readings) -> list[dict[str, Samples]]:
         """Return the samples of readings where the IMU is mounted."""
         internal = readings.triads()
         if self._resampler is not None:
@@ -251,7 +251,7 @@ class GivenImu(GivenSensor[Readings, dict[str, Any]]):
             done += step
         return blocks
 
-    def _apply(self, imu: Imu, readings: Readings, gyro: Array, accel: Array) -> dict[str, Any]:
+    def _apply(self, imu: Imu, readings: Readings, gyro: Array, accel: Array) -> dict[str, Samples]:
         """Return the next samples, which are those of readings (n m, 3) inside the sensor."""
         begin, self.position = self.position, self.position + len(readings.t_ns)
         samples = {IMU: imu.apply(readings.t_ns, self._motion(readings), gyro, accel, self._world)}

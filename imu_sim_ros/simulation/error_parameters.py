@@ -24,7 +24,7 @@ from imu_sim_ros.parameters.kinds import (
     matrix,
     number,
 )
-from imu_sim_ros.parameters.sections import common_sections, parameters, section
+from imu_sim_ros.parameters.sections import common_sections, flatten, parameters, section
 from imu_sim_ros.sensors import sensors_of_imus
 from imu_sim_ros.sensors.imu.parameters import ImuParameters
 from imu_sim_ros.sensors.imu.presets import layer_imu
@@ -166,7 +166,7 @@ class ErrorPublishParameters(ImuPublishParameters):
     Those of the sensors whose ideal values can be given, and of what is stated with the readings.
     """
 
-    sensors: Mapping[str, Any] = common_sections(
+    sensors: Mapping[str, object] = common_sections(
         lambda: switches(
             sensor
             for sensor in sensors_of_imus()
@@ -187,7 +187,7 @@ class ErrorNodeParameters(LiveReadingParameters, ErrorModelParameters):
     def problems(self, prefix: str) -> Iterator[str]:
         """Say what cannot be published."""
         yield from super().problems(prefix)
-        if self.publish.sensors["orientation"].orientation:
+        if flatten(self.publish)["orientation"]:
             yield from orientation_problems(self.imu, prefix)
         if self.odometry:
             for field in dataclasses.fields(LiveReadingParameters):

@@ -6,7 +6,7 @@
 import math
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, fields
-from typing import TYPE_CHECKING, Any, Final
+from typing import TYPE_CHECKING, Any, Final, overload
 
 import numpy as np
 
@@ -302,7 +302,17 @@ def _of_camera(camera: str, name: str) -> str | None:
     return f"did you mean {single}camera.{suggestion}{' for all cameras' if camera else ''}?"
 
 
-def imus(parameters: SampledParameters) -> dict[str, Any]:
+@overload
+def imus(parameters: SimulationParameters) -> dict[str, SimulationParameters]: ...
+
+
+@overload
+def imus(parameters: SampledParameters) -> dict[str, SampledParameters]: ...
+
+
+def imus(
+    parameters: SampledParameters,
+) -> dict[str, SimulationParameters] | dict[str, SampledParameters]:
     """Return the parameters of each IMU with the world around it, by its name.
 
     That of a single one is empty, and its parameters are all there are. The body frame of one on a

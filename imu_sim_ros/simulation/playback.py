@@ -6,7 +6,7 @@
 import dataclasses
 from collections.abc import Collection, Iterable, Iterator, Mapping
 from dataclasses import dataclass
-from typing import Any, Final
+from typing import Final
 
 from imu_sim_ros.core import timebase
 from imu_sim_ros.core.conventions import TRIADS
@@ -94,7 +94,7 @@ class PublishParameters(ImuPublishParameters):
     tf_static: bool = flag(
         True, "publish the IMUs' lever arms and mountings in body_frame on /tf_static"
     )
-    sensors: Mapping[str, Any] = common_sections(lambda: switches(sensors_of_imus()), joint=None)
+    sensors: Mapping[str, object] = common_sections(lambda: switches(sensors_of_imus()), joint=None)
 
 
 @dataclass(frozen=True)

@@ -27,7 +27,7 @@ import re
 from argparse import ArgumentTypeError, Namespace
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from pathlib import Path
-from typing import Annotated, Any, TypeVar, get_args, get_origin
+from typing import Annotated, TypeVar, get_args, get_origin
 
 from imu_sim_ros.core import timebase
 from imu_sim_ros.core.errors import ImuSimError
@@ -48,7 +48,7 @@ _NONE: Mapping[str, object] = {}
 _REST = inspect.Parameter.VAR_KEYWORD
 
 
-def arguments_of(job: Callable[..., object]) -> dict[str, dict[str, Any]]:
+def arguments_of(job: Callable[..., object]) -> dict[str, dict[str, object]]:
     """Return the arguments of a job's program, as ``add_options`` of the programs takes them.
 
     A value that is not given is None, so that the job's own default holds.

@@ -264,7 +264,7 @@ def _weights(s: Array) -> tuple[Array, Array]:
     return d1, d2
 
 
-def _called(function: Callable[[], Any], name: str) -> Any:
+def _called(function: Callable[[], object], name: str) -> Any:
     """Return the result of a user's function.
 
     :raises ConfigurationError: for whatever it raises, with the line where.

@@ -6,7 +6,7 @@
 import itertools
 import math
 from collections.abc import Callable, Mapping, Sequence
-from typing import Any, Final, NamedTuple
+from typing import TYPE_CHECKING, Any, Final, NamedTuple
 
 import numpy as np
 
@@ -22,6 +22,9 @@ from imu_sim_ros.trajectory.parameters import (
     TrajectoryParameters,
     WaypointsParameters,
 )
+
+if TYPE_CHECKING:
+    from scipy.interpolate import CubicSpline
 
 
 class _Endless:
@@ -242,7 +245,7 @@ class Waypoints:
         return Motion(position, velocity, acceleration, *_heading(*table[:, :, 3]))
 
 
-def _splines(times: Array, coordinates: Array) -> list[Any]:
+def _splines(times: Array, coordinates: Array) -> "list[CubicSpline]":
     """Return the interpolating spline of coordinates (n, k) and its first two derivatives."""
     from scipy.interpolate import make_interp_spline
 

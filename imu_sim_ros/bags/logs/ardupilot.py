@@ -13,10 +13,9 @@ import mmap
 import re
 from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, Final, NamedTuple
+from typing import TYPE_CHECKING, Final, NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
 from imu_sim_ros.bags.logs import axes, log
 from imu_sim_ros.bags.logs.log import Contents, LogStream, LogTriad
@@ -25,7 +24,7 @@ from imu_sim_ros.core.conventions import TRIADS, TRUTH_TOPIC
 from imu_sim_ros.core.errors import InputError, MissingDependencyError
 from imu_sim_ros.core.geodesy import tangent_plane
 from imu_sim_ros.core.rotation import from_euler
-from imu_sim_ros.core.types import Array, Mask, Times
+from imu_sim_ros.core.types import AnyArray, Array, Mask, Times
 from imu_sim_ros.inputs.rows import open_regular
 from imu_sim_ros.recordings.findings.clipping import ClippingCounts
 
@@ -97,7 +96,7 @@ class _Table(NamedTuple):
     """Name of the message without the number of the instance."""
     instance: int
     """Number of the instance, from 0."""
-    columns: Mapping[str, NDArray[Any]]
+    columns: Mapping[str, AnyArray]
     """(n,) numbers by name of the field, or (n, 32) of batches."""
 
     @property
@@ -173,7 +172,7 @@ def _check_formats(path: Path) -> None:
                 raise InputError(f"{path}: damaged: defines {name} with {definition[2][0]} bytes")
 
 
-def _load(path: Path, is_binary: bool) -> tuple[dict[str, dict[str, Any]], list[str], str]:
+def _load(path: Path, is_binary: bool) -> tuple[dict[str, dict[str, AnyArray]], list[str], str]:
     """Return columns of the known messages, the names of all messages, and printed lines."""
     try:
         from pymavlink.DFReader import DFReader_binary, DFReader_text
@@ -199,7 +198,7 @@ def _load(path: Path, is_binary: bool) -> tuple[dict[str, dict[str, Any]], list[
     return columns, names, lines[0] if lines else ""
 
 
-def _binary_columns(log_file: "DFReader_binary") -> dict[str, dict[str, Any]]:
+def _binary_columns(log_file: "DFReader_binary") -> dict[str, dict[str, AnyArray]]:
     """Return the columns of a binary log by message and field."""
     content = np.frombuffer(log_file.data_map, np.uint8)
     tables = {}
@@ -225,7 +224,7 @@ def _binary_columns(log_file: "DFReader_binary") -> dict[str, dict[str, Any]]:
     return tables
 
 
-def _text_columns(log_file: "DFReader_text") -> dict[str, dict[str, Any]]:
+def _text_columns(log_file: "DFReader_text") -> dict[str, dict[str, AnyArray]]:
     """Return the columns of a text log by message and field."""
     rows: dict[str, list[list[object]]] = {}
     fields: dict[str, list[str]] = {}
@@ -245,7 +244,7 @@ def _text_columns(log_file: "DFReader_text") -> dict[str, dict[str, Any]]:
     }
 
 
-def _tables(columns: Mapping[str, Mapping[str, Any]], remarks: list[str]) -> Tables:
+def _tables(columns: Mapping[str, Mapping[str, AnyArray]], remarks: list[str]) -> Tables:
     """Return a table for each instance of a message.
 
     Instances have numbers in the name (IMU, IMU2) or in a field (I).

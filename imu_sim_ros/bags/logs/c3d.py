@@ -20,7 +20,7 @@ import sys
 import tempfile
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from pathlib import Path
-from typing import Any, Final, NamedTuple
+from typing import Final, NamedTuple
 
 import numpy as np
 
@@ -63,7 +63,7 @@ _USUAL_AXIS: Final = "z"
 class _File(NamedTuple):
     """Parameters and arrays of a file."""
 
-    parameters: Mapping[str, Mapping[str, Sequence[object]]]
+    parameters: Mapping[str, Mapping[str, Sequence[str | float]]]
     """Values of the parameters by group and name."""
     points: Array
     """(4, m, n) x, y, z and 1 of the markers in each frame; NaN: not visible."""
@@ -156,7 +156,7 @@ def _load(path: Path) -> _File:
         return _File(json.loads(text), *arrays)
 
 
-def _parameter(file: _File, group: str, name: str) -> list[Any]:
+def _parameter(file: _File, group: str, name: str) -> list[str | float]:
     """Return the values of a parameter; none if it does not exist."""
     return [*file.parameters.get(group, {}).get(name, [])]
 

@@ -12,7 +12,7 @@ from contextlib import contextmanager, redirect_stderr, redirect_stdout
 from dataclasses import dataclass, field
 from pathlib import Path
 from types import MappingProxyType
-from typing import Any, Final, Protocol
+from typing import Final, Protocol
 
 import numpy as np
 
@@ -227,7 +227,7 @@ class _ImuOfTriads(ImuEncoder):
 
     def __init__(self, frame_id: str, has_gyro: bool, has_accel: bool) -> None:
         super().__init__(frame_id)
-        absent: dict[str, Any] = {}
+        absent: dict[str, tuple[float, ...]] = {}
         if not has_gyro:
             absent["angular_velocity_covariance"] = _ABSENT
         if not has_accel:

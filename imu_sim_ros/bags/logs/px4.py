@@ -12,7 +12,7 @@ import struct
 from collections import Counter
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, Final, NamedTuple
+from typing import TYPE_CHECKING, Final, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -30,7 +30,7 @@ from imu_sim_ros.bags.messages.encode import (
 from imu_sim_ros.core.conventions import AXES, TRIADS, TRUTH_TOPIC, WORLD_FRAME
 from imu_sim_ros.core.errors import InputError, MissingDependencyError
 from imu_sim_ros.core.rotation import to_matrix
-from imu_sim_ros.core.types import Array, Mask, Times
+from imu_sim_ros.core.types import AnyArray, Array, Mask, Times
 from imu_sim_ros.inputs.rows import open_regular
 from imu_sim_ros.recordings.findings.clipping import ClippingCounts
 
@@ -81,7 +81,7 @@ class _Topic(NamedTuple):
     """Number of the instance."""
     alone: bool
     """True if the topic has no other instance."""
-    columns: Mapping[str, NDArray[Any]]
+    columns: Mapping[str, AnyArray]
     """(n,) numbers by name of the field; those of an array are ``name[0]``, ..."""
 
     @property

@@ -5,13 +5,13 @@
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Any, NamedTuple, TypeAlias
+from typing import NamedTuple, TypeAlias
 
 import numpy as np
 from numpy.typing import NDArray
 
 from imu_sim_ros.bags.messages.schemas import Qos, Schema, parse_qos
-from imu_sim_ros.core.types import Bytes, Times
+from imu_sim_ros.core.types import AnyArray, Bytes, Times
 
 
 class Column(NamedTuple):
@@ -61,7 +61,7 @@ def side_by_side(patterns: Sequence[RowTemplate], rows: slice = slice(None)) -> 
         for offset, values in pattern.columns:
             values_of_rows = values[rows]
             strides = (size, values_of_rows.itemsize)[: values_of_rows.ndim]
-            cells: NDArray[Any] = np.ndarray(
+            cells: AnyArray = np.ndarray(
                 values_of_rows.shape, values_of_rows.dtype, table, row_start + offset, strides
             )
             cells[...] = values_of_rows

@@ -7,7 +7,7 @@ import threading
 import time
 from collections import deque
 from collections.abc import Callable, Mapping, Sequence
-from typing import Any, Final, NamedTuple
+from typing import Final, NamedTuple
 
 from rclpy.node import Node
 from rclpy.qos import QoSProfile
@@ -15,6 +15,7 @@ from rclpy.qos import QoSProfile
 from imu_sim_ros.bags.messages.blocks import as_list
 from imu_sim_ros.nodes.lifetime import Fail, SupervisedThread
 from imu_sim_ros.nodes.publishing import Counter, create
+from imu_sim_ros.sensors.samples import Samples
 from imu_sim_ros.simulation.error_parameters import ErrorNodeParameters
 from imu_sim_ros.simulation.sensors import mounted
 from imu_sim_ros.simulation.topics import (
@@ -59,7 +60,7 @@ class ErrorModelOutputs:
             for counter in self.counters
         ]
 
-    def publish(self, samples: Mapping[str, Any], parameters: ErrorNodeParameters) -> None:
+    def publish(self, samples: Mapping[str, Samples], parameters: ErrorNodeParameters) -> None:
         """Publish the messages of samples by sensor; readings with the delay that they have.
 
         A window has the IMU's, or those of another sensor.

@@ -5,7 +5,9 @@
 
 from collections.abc import Callable, Iterator
 from dataclasses import asdict, dataclass
-from typing import Any, Final, Generic, Literal, NamedTuple, TypeVar
+from typing import Final, Generic, Literal, NamedTuple, TypeVar
+
+from imu_sim_ros.core.types import JsonObject
 
 RecordT = TypeVar("RecordT")
 Severity = Literal["error", "warning", "note"]
@@ -69,7 +71,7 @@ class Finding:
         place = f", from {self.place()} on" if self.row else ""
         return f"{self.source}{place}: " if self.source else ""
 
-    def to_dict(self) -> dict[str, Any]:
+    def to_dict(self) -> JsonObject:
         """Return the fields by name."""
         return asdict(self)
 

@@ -23,7 +23,7 @@ import re
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from functools import partial
 from pathlib import Path
-from typing import Any, Final
+from typing import Final
 
 import numpy as np
 
@@ -119,7 +119,7 @@ _ORB_LENS: Final = re.compile(r"Camera[12]?\.(fx|fy|cx|cy|k[1-6]|p[12])\Z")
 class _Camera:
     """The keys of one camera, on their way to parameters."""
 
-    def __init__(self, path: Path, name: str, tree: Mapping[str, Any]) -> None:
+    def __init__(self, path: Path, name: str, tree: Mapping[str, object]) -> None:
         self.tree = tree
         self.values: dict[str, object] = {}
         self.problems: list[str] = []
@@ -557,15 +557,17 @@ _Reader = Callable[[_Camera], None]
 """Sets the parameters of a camera from its keys."""
 
 
-def _cameras(tree: Mapping[str, Any], path: Path) -> dict[str, tuple[Mapping[str, Any], _Reader]]:
+def _cameras(
+    tree: Mapping[str, object], path: Path
+) -> dict[str, tuple[Mapping[str, object], _Reader]]:
     """Return keys and reader of each camera in a file of another tool, by name; empty: none is."""
-    chain = [name for name, content in tree.items() if files.is_of_chain(content)]
+    chain = {name: keys for name, keys in tree.items() if files.is_of_chain(keys)}
     if chain:
-        cameras: dict[str, tuple[Mapping[str, Any], _Reader]] = {}
+        cameras: dict[str, tuple[Mapping[str, object], _Reader]] = {}
         pose = None
-        for name in chain:
-            cameras[name] = (tree[name], partial(_chain_camera, previous=pose))
-            pose = _chain_mount(_Camera(path, name, tree[name]), pose)
+        for name, keys in chain.items():
+            cameras[name] = (keys, partial(_chain_camera, previous=pose))
+            pose = _chain_mount(_Camera(path, name, keys), pose)
         return cameras
     for key, reader in (
         ("camera_model", _euroc_camera),
@@ -588,7 +590,7 @@ def _cameras(tree: Mapping[str, Any], path: Path) -> dict[str, tuple[Mapping[str
     return {name: (tree, partial(_orb_camera, prefix=f"{name}.")) for name in names}
 
 
-def _fusion_keys(tree: Mapping[str, Any], path: Path, number: int) -> dict[str, Any]:
+def _fusion_keys(tree: Mapping[str, object], path: Path, number: int) -> dict[str, object]:
     """Return the keys of a camera of VINS-Fusion, with those of its file next to the settings."""
     keys = {
         key: value
@@ -600,14 +602,14 @@ def _fusion_keys(tree: Mapping[str, Any], path: Path, number: int) -> dict[str, 
     return keys | _tree(path.parent / str(tree[f"cam{number}_calib"]))
 
 
-def _ncamera_keys(entry: Mapping[str, Any]) -> dict[str, Any]:
+def _ncamera_keys(entry: Mapping[str, object]) -> dict[str, object]:
     """Return the keys of a camera in maplab's list, those of its mount among them."""
     camera = entry.get("camera")
     mount = {key: value for key, value in entry.items() if key != "camera"}
     return {**camera, **mount} if isinstance(camera, Mapping) else mount
 
 
-def _basalt_keys(content: Mapping[str, Any], number: int) -> dict[str, Any]:
+def _basalt_keys(content: Mapping[str, object], number: int) -> dict[str, object]:
     """Return Basalt's keys with the entries of one camera in place of the lists of all."""
     keys = dict(content)
     for key in ("T_imu_cam", "intrinsics", "resolution", "vignette"):
@@ -619,7 +621,7 @@ def _basalt_keys(content: Mapping[str, Any], number: int) -> dict[str, Any]:
     return keys
 
 
-def _tree(path: Path) -> dict[str, Any]:
+def _tree(path: Path) -> dict[str, object]:
     """Return the content of a camera's file."""
     tree = files.read_tree(path, "a camera's file")
     return {str(key): value for key, value in tree.items()}

@@ -4,13 +4,13 @@
 """AprilGrids: how cameras see their tags, and the board and motion that suit a lens."""
 
 import dataclasses
-from collections.abc import Collection, Iterable, Iterator, Mapping, Sequence
+from collections.abc import Collection, Iterable, Iterator, Sequence
 from typing import Any, Final, NamedTuple
 
 import numpy as np
 
 from imu_sim_ros.core import rotation
-from imu_sim_ros.core.types import Array
+from imu_sim_ros.core.types import Array, Keywords
 from imu_sim_ros.sensors.camera.build import aprilgrid_corners
 from imu_sim_ros.sensors.camera.scene_parameters import AprilgridParameters, SceneParameters
 from imu_sim_ros.sensors.camera.view import View
@@ -127,7 +127,7 @@ def suiting(
 
 
 def _boards(
-    views: Sequence[View], motion: TrajectoryParameters, settings: Mapping[str, Any]
+    views: Sequence[View], motion: TrajectoryParameters, settings: Keywords
 ) -> Iterator[AprilgridParameters]:
     """Yield boards upright and square to the body's x axis, most and smallest tags first.
 
@@ -187,7 +187,7 @@ def _turned(
         short = [angle for angle in turns if cover[TURNS[angle]] < _MARGIN]
         if not short or bits < _MARGIN:
             break
-        changes: dict[str, Any] = {angle: _more(getattr(motion, angle)) for angle in short}
+        changes: Keywords = {angle: _more(getattr(motion, angle)) for angle in short}
         motion = dataclasses.replace(motion, **changes)
     return motion, score
 

@@ -15,7 +15,7 @@ import numpy as np
 
 from imu_sim_ros.core.conventions import TRIADS
 from imu_sim_ros.core.random_streams import Seed, Streams, by_axis
-from imu_sim_ros.core.types import Array
+from imu_sim_ros.core.types import Array, Keywords
 from imu_sim_ros.parameters.kinds import ZERO_VECTOR
 from imu_sim_ros.parameters.sections import parameters as declared
 from imu_sim_ros.sensors import sensors_of_imus
@@ -57,7 +57,7 @@ def with_constants(section: _Section, sensor: str, seed: Seed) -> _Section:
 
     :param sensor: as in the streams' names.
     """
-    changed: dict[str, Any] = {}
+    changed: Keywords = {}
     drawn = [one for one in _constants(type(section)) if is_set(getattr(section, one.sigma))]
     if not drawn:
         return section
@@ -73,7 +73,7 @@ def with_constants(section: _Section, sensor: str, seed: Seed) -> _Section:
     return dataclasses.replace(section, **changed)
 
 
-def _fields(seed: Seed, **values: Array) -> dict[str, Any]:
+def _fields(seed: Seed, **values: Array) -> Keywords:
     """Return values of parameters: tuples for one unit, arrays (count, k) for those of a batch."""
     if not np.ndim(seed):
         return {name: tuple(np.ravel(value).tolist()) for name, value in values.items()}
@@ -121,7 +121,7 @@ def with_turn_on(section: Any, sensor: str, seed: int, axes: Array | None = None
     bias = turn_on(seed, f"{sensor}.turn_on_bias", section.turn_on_bias_sigma)
     scale = 1.0 + turn_on(seed, f"{sensor}.turn_on_scale", section.turn_on_scale_sigma)
     gain = np.diag(scale) if axes is None else axes @ np.diag(scale) @ axes.T
-    changed: dict[str, Any] = {"bias": np.asarray(section.bias) + bias}
+    changed: Keywords = {"bias": np.asarray(section.bias) + bias}
     for name, parameter in declared(type(section)).items():
         value = np.asarray(getattr(section, name)) if parameter.turn_on_scale else np.empty(0)
         if parameter.turn_on_scale == "multiplies":
@@ -149,7 +149,7 @@ def realised_imu(imu: ImuParameters, seed: int) -> ImuParameters:
     parameters it multiplies and which it divides, their declarations say (``turn_on_scale``).
     Readings of the result differ from those of the seed by rounding only.
     """
-    realised: dict[str, Any] = {
+    realised: Keywords = {
         **{name: realised_triad(imu.triad(name), name, seed) for name in TRIADS},
         "sensors": {
             one.name: one.realised(imu.sensors[one.name], seed, one.name)
@@ -159,7 +159,7 @@ def realised_imu(imu: ImuParameters, seed: int) -> ImuParameters:
     return dataclasses.replace(imu, **realised)
 
 
-def as_matrix(response: Array) -> dict[str, Any]:
+def as_matrix(response: Array) -> Keywords:
     """Return parameters that state S (3, 3) as a matrix, without percent forms."""
     return {
         "scale_misalignment": tuple(np.ravel(response).tolist()),

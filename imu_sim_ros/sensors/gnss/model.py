@@ -5,13 +5,13 @@
 
 import math
 from collections.abc import Mapping
-from typing import Any, Final
+from typing import Final
 
 import numpy as np
 
 from imu_sim_ros.core import rotation
 from imu_sim_ros.core.random_streams import Streams
-from imu_sim_ros.core.types import Array, Integers, Mask
+from imu_sim_ros.core.types import AnyArray, Array, Integers, Mask
 from imu_sim_ros.sensors.declaration import Mounted
 from imu_sim_ros.sensors.errors.processes import Events, GaussMarkovBank
 from imu_sim_ros.sensors.gnss.observations import Observer
@@ -55,7 +55,7 @@ class Receiver(SensorModel):
             sky, raw = self._sky, p.raw
             self._observer = Observer(raw, environment, sky.broadcast, sky.start, name, dt)
 
-    def measure(self, t: Array, world: World) -> Mapping[str, Array]:
+    def measure(self, t: Array, world: World) -> Mapping[str, AnyArray]:
         """Return measured position and velocity of the antenna, and their truth."""
         p, motion = self.parameters, world.motion(t)
         ideal = self.position(motion)
@@ -173,7 +173,7 @@ class Receiver(SensorModel):
         return out
 
 
-def _without_satellites(count: int) -> dict[str, Any]:
+def _without_satellites(count: int) -> Mapping[str, AnyArray]:
     """Return empty raw measurements, and their truth, for n times."""
     return {
         "tag_ns": np.zeros(count, np.int64),

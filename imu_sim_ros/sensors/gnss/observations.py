@@ -14,7 +14,7 @@ rotation on the way; the Doppler has no rates of the atmosphere, at most about 1
 """
 
 from collections.abc import Mapping
-from typing import Any, Final, NamedTuple
+from typing import Final, NamedTuple
 
 import numpy as np
 
@@ -22,7 +22,7 @@ from imu_sim_ros.core.geodesy import earth_fixed, east_north_up
 from imu_sim_ros.core.gps_time import WEEK, GpsTime
 from imu_sim_ros.core.random_streams import generator, generator_at
 from imu_sim_ros.core.timebase import NANOSECONDS_PER_SECOND
-from imu_sim_ros.core.types import Array, Integers, Mask
+from imu_sim_ros.core.types import AnyArray, Array, Integers, Mask
 from imu_sim_ros.sensors.environment import EnvironmentParameters
 from imu_sim_ros.sensors.gnss.parameters import RawParameters
 from imu_sim_ros.sensors.gnss.satellites import (
@@ -215,7 +215,7 @@ class Observer:
 
     def measure(
         self, t: Array, position: Array, velocity: Array, used: Integers
-    ) -> Mapping[str, Any]:
+    ) -> Mapping[str, AnyArray]:
         """Return the measurements of the next n times, and their truth.
 
         The receiver measures when its clock shows the times, in ticks of RINEX.

@@ -7,7 +7,7 @@ import math
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from datetime import datetime, timedelta
 from pathlib import Path
-from typing import Any, Final, NamedTuple, TextIO
+from typing import Final, NamedTuple, TextIO
 
 import numpy as np
 
@@ -147,7 +147,7 @@ def write_navigation(
             )
 
 
-def _ephemeris(numbers: Mapping[str, Any]) -> str:
+def _ephemeris(numbers: Mapping[str, float]) -> str:
     """Return the record of an ephemeris in RINEX."""
     when, _ = _calendar(int((numbers["week"] * WEEK + int(numbers["toc"])) * _TICKS))
     extra = {"codes": 1.0, "l2p": 0.0, "accuracy": 2.0, "health": 0.0, "iodc": numbers["iode"]}

@@ -17,7 +17,7 @@ Here both are ``w_m = S_g w + G a + b_g`` and ``a_m = S_a a + b_a``.
 
 from collections.abc import Callable, Iterable, Iterator, Mapping
 from pathlib import Path
-from typing import Any, Final, NamedTuple
+from typing import Final, NamedTuple
 
 import numpy as np
 
@@ -28,6 +28,7 @@ from imu_sim_ros.core.rotation import inverse_pose, rigid_motion
 from imu_sim_ros.core.types import Array
 from imu_sim_ros.parameters.files import dotted
 from imu_sim_ros.parameters.sections import parameters
+from imu_sim_ros.parameters.yaml_text import YamlMapping
 from imu_sim_ros.sensors.environment import EnvironmentParameters
 from imu_sim_ros.sensors.imu import estimator_settings
 from imu_sim_ros.sensors.imu.parameters import ImuParameters
@@ -140,7 +141,7 @@ class _File(NamedTuple):
         return suggested is not None
 
 
-def is_readable(tree: Mapping[Any, Any]) -> bool:
+def is_readable(tree: YamlMapping) -> bool:
     """Return whether a file without ``ros__parameters`` holds an IMU, or parameters of one."""
     names = (*_KEYS, *parameters(EnvironmentParameters), *parameters(ImuParameters))
     return (
@@ -159,7 +160,7 @@ def _names_an_imu(name: str) -> bool:
     return name.startswith("imu") and name.removeprefix("imu").isdecimal()
 
 
-def _listed_imus(tree: Mapping[Any, Any]) -> dict[str, Mapping[Any, Any]]:
+def _listed_imus(tree: YamlMapping) -> dict[str, YamlMapping]:
     """Return the IMUs in maplab's list of sensors by their names here, imu0, imu1, ..."""
     sensors = tree.get("sensors")
     entries = sensors if isinstance(sensors, list) else []
@@ -171,7 +172,7 @@ def _listed_imus(tree: Mapping[Any, Any]) -> dict[str, Mapping[Any, Any]]:
     return {f"imu{number}": entry for number, entry in enumerate(imus)}
 
 
-def _other_sensors(tree: Mapping[Any, Any]) -> Iterator[str]:
+def _other_sensors(tree: YamlMapping) -> Iterator[str]:
     """Yield the entries in maplab's list of sensors that are no IMUs, each with its type."""
     sensors, imus = tree.get("sensors"), _listed_imus(tree).values()
     for number, entry in enumerate(sensors if isinstance(sensors, list) else []):
@@ -181,7 +182,7 @@ def _other_sensors(tree: Mapping[Any, Any]) -> Iterator[str]:
 
 
 def parameters_of(
-    tree: Mapping[Any, Any], path: str | Path, imu: str, remark: Report
+    tree: YamlMapping, path: str | Path, imu: str, remark: Report
 ) -> dict[str, object]:
     """Return the parameters of an IMU's file by dotted name.
 
@@ -196,8 +197,10 @@ def parameters_of(
         tree, unused = estimator_settings.keys_of_imu(tree, path)
     keys = {str(key): value for key, value in _of_the_imu(tree, path, imu, unused).items()}
     for key in _SIGMAS:
-        if isinstance(keys.get(key), Mapping):
-            keys |= {str(name): value for name, value in keys.pop(key).items()}
+        section = keys.get(key)
+        if isinstance(section, Mapping):
+            del keys[key]
+            keys |= {str(name): value for name, value in section.items()}
     file = _File(str(path), {}, [], unused)
     for key, value in keys.items():
         _convert(file, key, value)
@@ -212,9 +215,7 @@ def parameters_of(
     return file.values
 
 
-def _of_the_imu(
-    tree: Mapping[Any, Any], path: str | Path, imu: str, unused: list[str]
-) -> Mapping[Any, Any]:
+def _of_the_imu(tree: YamlMapping, path: str | Path, imu: str, unused: list[str]) -> YamlMapping:
     """Return the keys of one IMU: those below its name, or all of a file without such names.
 
     :param unused: receives the names beside those of IMUs, such as anchors and cameras.
@@ -246,7 +247,7 @@ def _of_the_imu(
     return imus[imu or next(iter(imus))]
 
 
-def _convert(file: _File, key: str, value: Any) -> None:
+def _convert(file: _File, key: str, value: object) -> None:
     """Set the parameter of a key that needs no other one, which those of the intrinsics do."""
     name = key.removeprefix(_IMU)
     if value is None:
@@ -294,7 +295,7 @@ def _add_pose(file: _File, key: str, value: object) -> None:
         file.set(f"{_IMU}mounting", np.ravel(pose[:3, :3]).tolist(), key)
 
 
-def _add_intrinsics(file: _File, keys: Mapping[str, Any]) -> None:
+def _add_intrinsics(file: _File, keys: Mapping[str, object]) -> None:
     """Set scale, misalignment, g-sensitivity and size effect from kalibr's or OpenVINS' keys."""
     model = keys.get("model", "kalibr")
     if model not in _MODELS:

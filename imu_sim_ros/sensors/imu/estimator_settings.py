@@ -12,7 +12,7 @@
 
 from collections.abc import Mapping
 from pathlib import Path
-from typing import Any, Final
+from typing import Final
 
 import numpy as np
 
@@ -20,6 +20,7 @@ from imu_sim_ros.core.errors import ConfigurationError
 from imu_sim_ros.core.names import nearest, shown
 from imu_sim_ros.core.types import Array
 from imu_sim_ros.parameters.files import dotted
+from imu_sim_ros.parameters.yaml_text import YamlMapping
 
 _DENSITIES: Final = {
     # ORB_SLAM3
@@ -65,12 +66,12 @@ _SIMILAR: Final = 0.85
 """Similarity from which on an unknown name is a typing error."""
 
 
-def is_readable(tree: Mapping[Any, Any]) -> bool:
+def is_readable(tree: YamlMapping) -> bool:
     """Return True if a tree holds the IMU's noise in an estimator's terms."""
     return any(_key(name) in (*_DENSITIES, *_PER_SAMPLE) for name in _names(tree))
 
 
-def _names(tree: Mapping[Any, Any], prefix: str = "") -> list[str]:
+def _names(tree: YamlMapping, prefix: str = "") -> list[str]:
     """Return the paths of all values in a tree."""
     names = []
     for name, value in tree.items():
@@ -84,7 +85,7 @@ def _key(name: str) -> str:
     return name if name in _DENSITIES else name.rpartition(".")[2]
 
 
-def keys_of_imu(tree: Mapping[Any, Any], path: str | Path) -> tuple[dict[str, object], list[str]]:
+def keys_of_imu(tree: YamlMapping, path: str | Path) -> tuple[dict[str, object], list[str]]:
     """Return the keys of an IMU's file for the settings of an estimator, and the unused names.
 
     :param tree: content of the settings.

@@ -6,7 +6,7 @@
 import dataclasses
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from functools import cache
-from typing import Any, Final, NamedTuple
+from typing import Final, NamedTuple
 
 import numpy as np
 
@@ -14,7 +14,7 @@ from imu_sim_ros.core.conventions import TRIADS
 from imu_sim_ros.core.errors import ConfigurationError
 from imu_sim_ros.core.names import suggestion
 from imu_sim_ros.core.random_streams import Streams, Units
-from imu_sim_ros.core.types import Array, Integers
+from imu_sim_ros.core.types import Array, Integers, Keywords
 from imu_sim_ros.parameters.kinds import Parameter
 from imu_sim_ros.parameters.sections import parameters as declared
 from imu_sim_ros.sensors.environment import EnvironmentParameters
@@ -89,7 +89,7 @@ class UnitsOfBatch:
         :param name: of the triad, or of another sensor as if it were one.
         """
         sections = [imu.triad(name) for imu in self.imus]
-        values: dict[str, Any] = {}
+        values: Keywords = {}
         for field in dataclasses.fields(sections[0]):
             if field.name not in _COMMON:
                 rows = [
@@ -133,12 +133,14 @@ class UnitsOfBatch:
             values = {name: tuple(rows[k].tolist()) for name, rows in changed.items()}
             yield dataclasses.replace(sections[number], **values) if values else sections[number]
 
-    def unit(self, k: int) -> dict[str, Any]:
+    def unit(self, k: int) -> Keywords:
         """Return the parameters of unit k, by name: those of one IMU that reads the same."""
         imu, units = self.imus[k % len(self.imus)], slice(k, k + 1)
-        sections: dict[str, Any] = {name: self.triad(name, units) for name in TRIADS}
-        sections[_MAGNETOMETER] = next(self.magnetometers(units))
-        values: dict[str, Any] = {}
+        sections: dict[str, TriadParameters | MagnetometerParameters] = {
+            **{name: self.triad(name, units) for name in TRIADS},
+            _MAGNETOMETER: next(self.magnetometers(units)),
+        }
+        values: Keywords = {}
         for name, section in sections.items():
             for field in dataclasses.fields(section):
                 value = np.asarray(getattr(section, field.name)).ravel().tolist()

@@ -19,7 +19,7 @@ of the power, as the second part of n. A point is the range times the nominal di
 import dataclasses
 import math
 from collections.abc import Callable, Mapping
-from typing import Any, Final
+from typing import Final
 
 import numpy as np
 from numpy.random import Generator
@@ -28,7 +28,7 @@ from numpy.typing import NDArray
 from imu_sim_ros.core import rotation
 from imu_sim_ros.core.errors import ConfigurationError
 from imu_sim_ros.core.random_streams import generator
-from imu_sim_ros.core.types import Array, Integers, Mask, Single
+from imu_sim_ros.core.types import AnyArray, Array, Integers, Mask, Single
 from imu_sim_ros.places.rays import Traced
 from imu_sim_ros.sensors.camera.rig_parameters import rig_parameters_of
 from imu_sim_ros.sensors.camera.scene_parameters import has_surfaces
@@ -139,7 +139,7 @@ class Lidar(SensorModel):
             self._targets = Targets(world.scene, self.parameters.reflectivity)
         scans = [self._scan(start, world, self._targets) for start in t.tolist()]
         count, rays = len(t), len(self._pattern.time)
-        values: dict[str, NDArray[Any]] = {"range_bias": np.full(count, self.parameters.range_bias)}
+        values: dict[str, AnyArray] = {"range_bias": np.full(count, self.parameters.range_bias)}
         for name, kind, shape in _ARRAYS:
             empty = np.empty((0, rays, *shape), kind)
             values[name] = np.stack([scan[name] for scan in scans]) if scans else empty
@@ -155,7 +155,7 @@ class Lidar(SensorModel):
         moved = {name: values[name] + added[:, None].astype(np.float32) for name in _OF_THE_BIAS}
         return {**values, **moved}
 
-    def _scan(self, start: float, world: World, targets: Targets) -> dict[str, NDArray[Any]]:
+    def _scan(self, start: float, world: World, targets: Targets) -> dict[str, AnyArray]:
         """Return the values of one scan, (m,) or (m, 3)."""
         p, pattern = self.parameters, self._pattern
         end, t = min(start + p.span, world.trajectory.duration), start + pattern.time

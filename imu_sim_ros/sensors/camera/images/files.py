@@ -11,12 +11,12 @@ import importlib
 import io
 from collections.abc import Iterator
 from contextlib import contextmanager
-from typing import TYPE_CHECKING, Any, Final
+from typing import TYPE_CHECKING, Final
 
 import numpy as np
-from numpy.typing import NDArray
 
 from imu_sim_ros.core.errors import InputError
+from imu_sim_ros.core.types import AnyArray
 from imu_sim_ros.sensors.camera.images.libraries import opencv
 
 if TYPE_CHECKING:
@@ -49,7 +49,7 @@ Size = tuple[int, int]
 """Height and width [px]."""
 
 
-def png(image: NDArray[Any]) -> bytes:
+def png(image: AnyArray) -> bytes:
     """Return an image (h, w), or (h, w, 3) in red, green and blue, as the bytes of a PNG.
 
     OpenCV's own settings find runs of equal differences only. In images with noise there is little
@@ -80,7 +80,7 @@ def image_size(data: bytes) -> Size:
     return image.height, image.width
 
 
-def decoded(data: bytes) -> NDArray[Any]:
+def decoded(data: bytes) -> AnyArray:
     """Return the pixels of an encoded image: (h, w), or (h, w, 3 or 4) in red, green, blue, alpha.
 
     Single bits are 0 and 255; palettes become colours, and grey values with alpha colours with it.
@@ -103,7 +103,7 @@ def decoded(data: bytes) -> NDArray[Any]:
     return np.asarray(image if image.mode == mode else image.convert(mode))
 
 
-def _pixels_of_opencv(data: bytes) -> NDArray[Any]:
+def _pixels_of_opencv(data: bytes) -> AnyArray:
     """Return the pixels (h, w, 3 or 4) of a complete image."""
     cv2 = opencv()
     image = cv2.imdecode(np.frombuffer(data, np.uint8), cv2.IMREAD_UNCHANGED)
