@@ -5,13 +5,14 @@
 
 import re
 from collections.abc import Callable, Iterator, Sequence
-from typing import Any, Final, NamedTuple
+from typing import Final, NamedTuple
 
 import numpy as np
 
 from imu_sim_ros.bags.messages import schemas
 from imu_sim_ros.bags.messages.blocks import TopicInfo, as_list
 from imu_sim_ros.bags.messages.encode_cameras import CAMERA_INFO, COMPRESSED_IMAGE, IMAGE
+from imu_sim_ros.bags.messages.schemas import Message
 from imu_sim_ros.bags.read import decoded_messages
 from imu_sim_ros.bags.reader import Bag, errors_naming
 from imu_sim_ros.core.conventions import (
@@ -80,7 +81,7 @@ def base_of(topic: str) -> str:
     return topic.rpartition("/")[0]
 
 
-def camera_info(message: Any) -> CameraInfo:
+def camera_info(message: Message) -> CameraInfo:
     """Return a message of CameraInfo, of ROS 1 or ROS 2, as values."""
     d, k, r, p = (
         np.asarray(
@@ -138,8 +139,7 @@ def camera_records(
 
 def _changes(bag: Bag, topic: TopicInfo) -> tuple[tuple[int, ...], tuple[CameraInfo, ...]]:
     """Return numbers and contents of the messages that differ from the one before."""
-    types = schemas.typestore([(topic.type, topic.schema)], bag.encoding)
-    decode = types.deserialize_cdr if bag.encoding == "cdr" else types.deserialize_ros1
+    decode = schemas.decoder([(topic.type, topic.schema)], bag.encoding)
     previous, row = b"", 0
     rows, infos = [], []
     for group in bag.groups({topic.name}):

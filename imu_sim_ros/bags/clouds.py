@@ -6,12 +6,13 @@
 from collections.abc import Iterator
 from itertools import islice
 from pathlib import Path
-from typing import Any, Final
+from typing import Final
 
 import numpy as np
 from numpy.typing import NDArray
 
 from imu_sim_ros.bags.messages.encode_cameras import POINT_CLOUD2, POINT_TYPES
+from imu_sim_ros.bags.messages.schemas import Message
 from imu_sim_ros.bags.read import decoded_messages, open_bag
 from imu_sim_ros.bags.reader import Bag, errors_naming
 from imu_sim_ros.core.errors import InputError
@@ -100,13 +101,13 @@ def cloud_records(bag: Bag, source: str) -> Iterator[CloudRecord]:
             yield CloudRecord(f"{source}, {topic.name}", fields, organised, columns)
 
 
-def _has_positions(cloud: Any) -> bool:
+def _has_positions(cloud: Message) -> bool:
     """Return True for a message with x, y and z as floating-point numbers."""
     types = {field.name: int(field.datatype) for field in cloud.fields}
     return all(types.get(axis) in (7, 8) for axis in "xyz")
 
 
-def _points(cloud: Any, name: str) -> NDArray[np.void]:
+def _points(cloud: Message, name: str) -> NDArray[np.void]:
     """Return the points (n,) of a message with all of its fields."""
     kinds = {number: kind for kind, number in POINT_TYPES.items()}
     order = ">" if cloud.is_bigendian else "<"

@@ -6,7 +6,7 @@
 from collections import Counter
 from collections.abc import Collection, Iterator
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 
@@ -27,6 +27,7 @@ from imu_sim_ros.bags.messages.encode import (
     VECTOR3_STAMPED,
 )
 from imu_sim_ros.bags.messages.layouts import FIRST
+from imu_sim_ros.bags.messages.schemas import Message
 from imu_sim_ros.bags.reader import Bag, Recover, errors_naming
 from imu_sim_ros.bags.text import reader as text_reader
 from imu_sim_ros.core.bad_rows import Skipped, Warned
@@ -78,7 +79,7 @@ class TemperatureMessages(NamedTuple):
     """(n,) degC."""
 
 
-def decoded_messages(bag: Bag, names: Collection[str]) -> Iterator[tuple[TopicInfo, Any]]:
+def decoded_messages(bag: Bag, names: Collection[str]) -> Iterator[tuple[TopicInfo, Message]]:
     """Yield the messages of topics in the order of time, decoded one by one.
 
     For large ones, images for instance; readings have faster ways.
@@ -87,8 +88,7 @@ def decoded_messages(bag: Bag, names: Collection[str]) -> Iterator[tuple[TopicIn
     """
     topics = [topic for topic in bag.topics if topic.name in names]
     with errors_naming(bag.path):
-        types = schemas.typestore([(topic.type, topic.schema) for topic in topics], bag.encoding)
-    decode = types.deserialize_cdr if bag.encoding == "cdr" else types.deserialize_ros1
+        decode = schemas.decoder([(topic.type, topic.schema) for topic in topics], bag.encoding)
     for group in bag.groups({topic.name for topic in topics}):
         for block in group:
             for payload in as_list(block.payloads) if block.topic in topics else ():

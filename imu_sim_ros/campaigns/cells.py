@@ -12,7 +12,7 @@ import itertools
 import math
 from collections import Counter
 from collections.abc import Iterator, Mapping, Sequence
-from typing import Any, Final, NamedTuple
+from typing import Final, NamedTuple
 
 import numpy as np
 
@@ -173,7 +173,7 @@ def _values(where: str, content: object) -> list[object]:
     )
 
 
-def _spaced(where: str, logarithmic: bool, limits: Any) -> list[float]:
+def _spaced(where: str, logarithmic: bool, limits: object) -> list[float]:
     """Return the numbers of a range [first, last, count], evenly or logarithmically spaced."""
     limits_text = "two numbers above 0" if logarithmic else "two finite numbers"
     error = ConfigurationError(

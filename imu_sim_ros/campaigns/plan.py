@@ -337,7 +337,7 @@ def read_plan(tree: Mapping[str, object]) -> Plan:
     """
     problems = Problems()
 
-    def attempt(read: Callable[[], object], otherwise: Any) -> Any:
+    def attempt(read: Callable[[], object], otherwise: object) -> Any:
         try:
             return read()
         except ConfigurationError as error:
@@ -496,7 +496,7 @@ def _estimators(content: object) -> tuple[dict[str, Estimator], dict[str, dict[s
     return estimators, environment
 
 
-def _template(name: object) -> dict[Any, Any]:
+def _template(name: object) -> dict[str, object]:
     """Return the content of a file in config/estimators."""
     return dict(files.read_tree(files.find("estimators", str(name))))
 

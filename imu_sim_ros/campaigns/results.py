@@ -19,7 +19,7 @@ import re
 import shutil
 from collections.abc import Collection, Iterable, Iterator, Sequence
 from pathlib import Path
-from typing import Any, Final, TextIO
+from typing import Final, TextIO
 
 from imu_sim_ros.campaigns.metrics import COVERED
 from imu_sim_ros.core.errors import InputError, system_error
@@ -237,7 +237,7 @@ def read_log(path: Path) -> Iterator[Row]:
     """Yield the rows of a log; equal names and strings share memory."""
     if not is_present(path):
         return
-    interned: dict[Any, Any] = {}
+    interned: dict[str, str] = {}
     with path.open(encoding="utf-8", errors="replace") as file:
         for line in file:
             try:

@@ -9,9 +9,10 @@ import os
 import sys
 from collections.abc import Callable, Collection, Mapping
 from pathlib import Path
-from typing import Any, Final, NoReturn, ParamSpec, TypeVar
+from typing import Final, NoReturn, ParamSpec, TypeVar
 
 import numpy as np
+from numpy.typing import ArrayLike
 
 from imu_sim_ros.core.errors import ArgumentTypeError, ConfigurationError
 from imu_sim_ros.core.names import printable, shown, suggestion
@@ -197,7 +198,7 @@ def array(name: str, value: object, shape: tuple[int | None, ...], finite: bool 
     return result
 
 
-def vectors(name: str, value: Any, length: int) -> Array:
+def vectors(name: str, value: ArrayLike, length: int) -> Array:
     """Return vectors (n, length) of any numbers; one (length,) is a row.
 
     :raises ConfigurationError: for anything else.
@@ -229,14 +230,13 @@ def _allowed(shape: tuple[int | None, ...]) -> str:
     return f"finite numbers of the shape ({sizes}{',' if len(shape) == 1 else ''})"
 
 
-def _plain(name: str, value: Any, allowed: str) -> AnyArray:
+def _plain(name: str, value: object, allowed: str) -> AnyArray:
     """Return an array or array-like as a plain array; masked values are missing, and refused."""
     if type(value) is np.ndarray:  # for it alone, NumPy's masked arrays need not be loaded
         return value
-    masked = np.count_nonzero(getattr(value, "mask", 0)) if np.ma.isMaskedArray(value) else 0
-    if masked:
+    if isinstance(value, np.ma.MaskedArray) and (masked := np.count_nonzero(value.mask)):
         raise ConfigurationError(
-            f"{stated(name)}: {masked} of {np.size(value)} values are masked: leave these rows out"
+            f"{stated(name)}: {masked} of {value.size} values are masked: leave these rows out"
         )
     try:
         if hasattr(value, "__dlpack__") and not hasattr(value, "__array__"):

@@ -24,6 +24,8 @@ from imu_sim_ros.core.types import Array, Mask
 Component = TypeVar("Component", float, Array)
 Vector: TypeAlias = tuple[Component, Component, Component]
 """(x, y, z)"""
+AnyVector: TypeAlias = tuple[Any, Any, Any]
+"""(x, y, z) of floats or arrays in code that serves one reading and blocks alike."""
 Quaternion: TypeAlias = tuple[Component, Component, Component, Component]
 """(w, x, y, z)"""
 Matrix: TypeAlias = tuple[
@@ -77,7 +79,7 @@ def float_matrix(values: ArrayLike) -> Matrix[float]:
     return a, b, c, d, e, f, g, h, i
 
 
-def split(vectors: Array) -> Vector[Any]:
+def split(vectors: Array) -> AnyVector:
     """Return the components of vectors (n, ..., 3): floats of a single one (1, 3), else arrays."""
     if vectors.shape == (1, 3):
         ((x, y, z),) = vectors.tolist()
@@ -85,7 +87,7 @@ def split(vectors: Array) -> Vector[Any]:
     return vectors[..., 0], vectors[..., 1], vectors[..., 2]
 
 
-def together(components: Vector[Any], shape: tuple[int, ...]) -> Array:
+def together(components: AnyVector, shape: tuple[int, ...]) -> Array:
     """Return components, floats or arrays, as vectors of a shape (n, ..., 3), a new array."""
     if shape == (1, 3):
         return np.array((components,))
@@ -148,13 +150,13 @@ def rint(x: Component) -> Component:
     return math.copysign(round(x), x) if type(x) is float else np.rint(x)
 
 
-def quantise(x: Any, step: Any, least: Any, most: Any) -> Any:
+def quantise(x: Component, step: Component, least: Component, most: Component) -> Component:
     """Return x in whole steps, from ``least`` to ``most`` of them. The sign of a zero stays."""
     if type(x) is float:
         x /= step
         count = round(x)
-        count = least if count < least else most if count > most else count
-        return math.copysign(count, x) * step
+        bounded = least if count < least else most if count > most else count
+        return math.copysign(bounded, x) * step
     return np.minimum(np.maximum(np.rint(x / step), least), most) * step
 
 
@@ -163,7 +165,7 @@ def whole(x: Any) -> Any:
     return round(x) if type(x) is float else np.rint(x).astype(np.int64)
 
 
-def limit(x: Any, least: Any, most: Any) -> Any:
+def limit(x: Component, least: Component | float, most: Component | float) -> Component:
     """Return x within limits."""
     if type(x) is float:
         return least if x < least else most if x > most else x

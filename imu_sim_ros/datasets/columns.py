@@ -6,9 +6,9 @@
 import math
 import shutil
 import zipfile
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from pathlib import Path
-from typing import Any
+from typing import TypeAlias
 
 import numpy as np
 
@@ -21,6 +21,8 @@ from imu_sim_ros.terminal.progress import watcher
 Column = AnyArray
 
 _ROWS = 4096
+_Shape: TypeAlias = "tuple[np.dtype[np.generic], tuple[int, ...], int]"
+"""Type and shape of a row of an array, and the number of rows."""
 
 
 class CsvTable:
@@ -48,14 +50,14 @@ class CsvTable:
         # One assignment: a signal handler sees both or neither.
         self._counted = (self.file.position, self.rows + count)
 
-    @property
-    def state(self) -> Any:
-        """State for :meth:`back`, which drops everything written afterwards."""
-        return self._counted
+    def checkpoint(self) -> Callable[[], None]:
+        """Return a function that drops the rows written after this call."""
+        counted = self._counted
 
-    def back(self, state: Any) -> None:
-        """Drop the rows written since a state."""
-        self._counted = state
+        def drop_rows() -> None:
+            self._counted = counted
+
+        return drop_rows
 
     def close(self, error: BaseException | None) -> None:
         """Give the file its final name, or leave it partial, with the counted rows."""
@@ -79,7 +81,7 @@ class NpzTable:
         import tempfile  # few outputs need it
 
         self._folder = Path(tempfile.mkdtemp(prefix=".columns-", dir=path.parent))
-        self._shapes: dict[str, tuple[np.dtype[Any], tuple[int, ...], int]] = {}
+        self._shapes: dict[str, _Shape] = {}
 
     def write(self, columns: Mapping[str, Column]) -> None:
         """Append rows; the same names each time."""
@@ -92,14 +94,14 @@ class NpzTable:
                 raise system_error(self._path, error) from None
             self._shapes[name] = (values.dtype, values.shape[1:], count + len(values))
 
-    @property
-    def state(self) -> Any:
-        """State for :meth:`back`, which drops everything written afterwards."""
-        return dict(self._shapes)
+    def checkpoint(self) -> Callable[[], None]:
+        """Return a function that drops the rows written after this call."""
+        shapes = dict(self._shapes)
 
-    def back(self, state: Any) -> None:
-        """Drop the rows written since a state."""
-        self._shapes = state
+        def drop_rows() -> None:
+            self._shapes = shapes
+
+        return drop_rows
 
     def close(self, error: BaseException | None) -> None:
         """Join the arrays, or leave nothing."""
@@ -135,7 +137,7 @@ class Tables:
 
     def __init__(self) -> None:
         self.open: list[CsvTable | NpzTable] = []
-        self._whole: list[object] | None = None
+        self._checkpoints: list[Callable[[], None]] | None = None
 
     def csv(self, path: Path, header: str) -> CsvTable:
         """Open a CSV file."""
@@ -151,15 +153,15 @@ class Tables:
 
     def mark_complete(self) -> None:
         """State that all tables hold the same rows; an interruption later leaves them as now."""
-        self._whole = [table.state for table in self.open]
+        self._checkpoints = [table.checkpoint() for table in self.open]
 
     def __enter__(self) -> "Tables":
         return self
 
     def __exit__(self, kind: object, error: BaseException | None, trace: object) -> None:
-        if error is not None and self._whole is not None:
-            for table, state in zip(self.open, self._whole, strict=True):
-                table.back(state)
+        if error is not None and self._checkpoints is not None:
+            for drop_rows in self._checkpoints:
+                drop_rows()
         with watcher().undisturbed():
             for table in self.open:
                 table.close(error)

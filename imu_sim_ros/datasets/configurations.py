@@ -5,7 +5,7 @@
 
 from collections.abc import Collection, Iterable, Mapping
 from pathlib import Path
-from typing import Any, Final
+from typing import Final
 
 import numpy as np
 
@@ -19,6 +19,7 @@ from imu_sim_ros.datasets.consumers.rig import BadStart, InitialMotion, RigValue
 from imu_sim_ros.datasets.consumers.values import ImuValues
 from imu_sim_ros.inputs.tables import Table
 from imu_sim_ros.sensors.declaration import Mounted
+from imu_sim_ros.sensors.environment import EnvironmentParameters
 from imu_sim_ros.sensors.errors.realised import realised_imu
 from imu_sim_ros.simulation.engine import Body
 from imu_sim_ros.simulation.parameters import SimulationParameters, imus
@@ -121,11 +122,12 @@ def bagcreater_topics(imus: Iterable[str]) -> dict[str, str]:
     return {f"{imu}/{IMU_TOPIC}".lstrip("/"): f"imu{k}" for k, imu in enumerate(imus)}
 
 
-def write_tum_vi_calibration(folder: Path, parameters: Any) -> None:
+def write_tum_vi_calibration(folder: Path, parameters: EnvironmentParameters) -> None:
     """Write camchain.yaml and imu_config.yaml of a TUM VI sequence, in kalibr's form.
 
     :param parameters: parameters of the simulation.
     """
+    assert isinstance(parameters, SimulationParameters)
     values = imu_values(parameters, "/imu0")
     rig = rig_values(values, parameters, {})
     assert rig is not None

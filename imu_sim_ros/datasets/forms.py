@@ -37,6 +37,7 @@ from imu_sim_ros.inputs.tables import Table
 from imu_sim_ros.sensors.declaration import Mounted
 from imu_sim_ros.sensors.deferred import Results
 from imu_sim_ros.sensors.pose.declaration import NAME as POSE
+from imu_sim_ros.sensors.samples import Samples
 from imu_sim_ros.sensors.world import World
 from imu_sim_ros.simulation.playback import SimulatorParameters
 from imu_sim_ros.simulation.sensors import all_tables, imus_in
@@ -335,7 +336,7 @@ class DatasetTarget:
             self._camera_files.write(read)
 
 
-def _states(read: Any) -> tuple[States, Array | None]:
+def _states(read: Samples) -> tuple[States, Array | None]:
     """Return the true states at an IMU's samples, and its biases (n, 6); None: a pose has none."""
     motion = read.values.get("motion", read)
     states = States.unchecked(

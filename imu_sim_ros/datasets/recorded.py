@@ -231,7 +231,7 @@ class _Keys:
             self._refuse(coefficients, self.tree.get(coefficients), problem)
         return info
 
-    def _refuse(self, key: str, value: Any, allowed: str) -> None:
+    def _refuse(self, key: str, value: object, allowed: str) -> None:
         """Note a key with a missing or wrong value."""
         text = "missing" if value is None else repr(value)
         short = text if len(text) <= 60 else text[:57] + "..."

@@ -10,13 +10,14 @@ from collections import Counter, deque
 from collections.abc import Callable, Mapping, Sequence
 from concurrent.futures import Future, ThreadPoolExecutor
 from pathlib import Path
-from typing import Any, Final
+from typing import Final
 
 import numpy as np
 
 from imu_sim_ros.bags.cameras import RecordedCamera, base_of, camera_info, is_rectified
 from imu_sim_ros.bags.messages.blocks import TopicInfo
 from imu_sim_ros.bags.messages.encode_cameras import CAMERA_INFO, COMPRESSED_IMAGE
+from imu_sim_ros.bags.messages.schemas import Message
 from imu_sim_ros.bags.messages.transforms import TF_MESSAGE
 from imu_sim_ros.bags.outputs import write_bytes
 from imu_sim_ros.bags.read import decoded_messages
@@ -160,7 +161,7 @@ class RecordedImages:
         }
         return {*self._folders, *(announced if self._euroc else ())}
 
-    def _learn(self, topic: TopicInfo, message: Any) -> None:
+    def _learn(self, topic: TopicInfo, message: Message) -> None:
         """Note a message that describes cameras: camera_info or a transform."""
         if topic.type != CAMERA_INFO:
             self._transforms.update(fixed_transforms(message))
@@ -229,7 +230,7 @@ def _turned_back(rectification: Array) -> Array:
     return matrix
 
 
-def _write(topic: TopicInfo, message: Any, path: Path) -> Size:
+def _write(topic: TopicInfo, message: Message, path: Path) -> Size:
     """Write the image of a message as PNG, and return its size.
 
     An image that is PNG already is unchanged.
@@ -246,7 +247,7 @@ def _write(topic: TopicInfo, message: Any, path: Path) -> Size:
     return size
 
 
-def pixels(topic: str, message: Any) -> AnyArray:
+def pixels(topic: str, message: Message) -> AnyArray:
     """Return the image of a sensor_msgs/Image: (h, w), or (h, w, 3) in red, green and blue.
 
     :raises InputError: for an encoding that is not known, and sizes that contradict each other.

@@ -3,10 +3,9 @@
 
 """Constant transforms between frames, as in a bag's /tf_static."""
 
-from typing import Any
-
 import numpy as np
 
+from imu_sim_ros.bags.messages.schemas import Message
 from imu_sim_ros.core import rotation
 from imu_sim_ros.core.types import Array
 
@@ -14,7 +13,7 @@ Transforms = dict[str, tuple[str, Array]]
 """Parent frame and T_parent_child (4, 4), by child frame."""
 
 
-def fixed_transforms(message: Any) -> Transforms:
+def fixed_transforms(message: Message) -> Transforms:
     """Return the transforms of a message of /tf_static."""
     transforms: Transforms = {}
     for t in message.transforms:

@@ -5,7 +5,7 @@
 
 from collections.abc import Iterator
 from pathlib import Path
-from typing import Any, Final
+from typing import Final
 
 import numpy as np
 
@@ -18,6 +18,7 @@ from imu_sim_ros.bags.messages.encode import (
     POSE_WITH_COVARIANCE,
     TRANSFORM_STAMPED,
 )
+from imu_sim_ros.bags.messages.schemas import Message
 from imu_sim_ros.bags.messages.transforms import TF_MESSAGE
 from imu_sim_ros.bags.pose_topics import POSE_TYPES, pose_topic
 from imu_sim_ros.bags.read import (
@@ -173,14 +174,14 @@ def _of_messages(bag: Bag, name: str, frames: tuple[str, str] | None, source: st
     )
 
 
-def _stamp(header: Any) -> int:
+def _stamp(header: Message) -> int:
     """Return the stamp of a header [ns]."""
     return int(header.stamp.sec) * NANOSECONDS_PER_SECOND + int(header.stamp.nanosec)
 
 
-def _xyz(vector: Any) -> tuple[float, ...]:
+def _xyz(vector: Message) -> tuple[float, ...]:
     return vector.x, vector.y, vector.z
 
 
-def _wxyz(q: Any) -> tuple[float, ...]:
+def _wxyz(q: Message) -> tuple[float, ...]:
     return q.w, q.x, q.y, q.z

@@ -28,7 +28,7 @@ from imu_sim_ros.core.errors import ConfigurationError, InputError, Problems, wa
 from imu_sim_ros.core.records import LiveReading, Readings
 from imu_sim_ros.core.types import Array, Integers, Keywords, Mask, Times
 from imu_sim_ros.jobs.flight import Flight, Source
-from imu_sim_ros.jobs.readings import delivered_of
+from imu_sim_ros.jobs.readings import ReadingsT, delivered_of
 from imu_sim_ros.jobs.simulate import imu_parameters, keyword_parameters, sensor_name
 from imu_sim_ros.jobs.writing import parameter_files
 from imu_sim_ros.parameters import files
@@ -302,8 +302,7 @@ class ErrorModel:
         (1, 3)
         """
         ideal_values = _given_values("magnetic_field", t_ns, field)
-        readings: MagneticReadings = _delivered(self._model.other("magnetic_field"), ideal_values)
-        return readings
+        return _delivered(self._model.other("magnetic_field"), ideal_values, MagneticReadings)
 
     def read_pressure(
         self,
@@ -330,8 +329,7 @@ class ErrorModel:
         """
         values = _pressures(self.parameters, pressure, altitude)
         ideal_values = _given_values("pressure", t_ns, values)
-        readings: PressureReadings = _delivered(self._model.other("pressure"), ideal_values)
-        return readings
+        return _delivered(self._model.other("pressure"), ideal_values, PressureReadings)
 
     def update(self, **parameters: object) -> None:
         """Change live parameters by their ROS names, ``imu={"gyroscope_bias": [0.1, 0, 0]}``.
@@ -772,9 +770,9 @@ def _given_values(name: str, t_ns: object, values: ArrayLike) -> IdealValues:
     return IdealValues.unchecked(t_ns=times, values=np.array(readings))
 
 
-def _several(values: ArrayLike) -> Any:
+def _several(values: ArrayLike) -> ArrayLike:
     """Return a single number as a list of one."""
-    return [values] if isinstance(values, int | float | np.number) else values
+    return np.reshape(values, 1) if isinstance(values, int | float | np.number) else values
 
 
 def _pressures(
@@ -802,14 +800,15 @@ def _one_of(**values: ArrayLike | None) -> tuple[str, ArrayLike]:
     return pairs[0]
 
 
-def _delivered(sensor: GivenOther, ideal_values: IdealValues) -> Any:
+def _delivered(
+    sensor: GivenOther, ideal_values: IdealValues, readings: type[ReadingsT]
+) -> ReadingsT:
     """Return the samples of ideal values that are delivered, as a flight has them."""
-    quantity, readings = sensor.declared.quantity, sensor.declared.readings
+    quantity = sensor.declared.quantity
     windows = [{quantity: block} for block in sensor.read(ideal_values)]
     if windows:
         return delivered_of(windows, quantity, readings)
     none = ideal_values.rows(slice(0))
-    assert readings is not None
     values: Keywords = {field.name: none.values for field in dataclasses.fields(readings)}
     return readings(**{**values, "t_ns": none.t_ns, "true_t_ns": none.t_ns})
 

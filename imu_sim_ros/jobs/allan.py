@@ -306,6 +306,7 @@ def allan(
         from imu_sim_ros.formats.door import reading_blocks
         from imu_sim_ros.formats.handling import Handling
 
+        # A checker takes a flight, whose attributes are those of its sensors, for a path as well.
         sources: Any = [source] if isinstance(source, str | PathLike) else source
         paths = [arguments.path("source", entry, BAG_OR_FILE) for entry in sources]
         if not paths:

@@ -12,7 +12,7 @@ from contextlib import contextmanager
 from dataclasses import dataclass
 from os import PathLike
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any, Final, NamedTuple
+from typing import TYPE_CHECKING, Annotated, Final, NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -225,7 +225,7 @@ class _Run:
         selection: Selection = NOTHING,
     ) -> None:
         """Check the arguments that every calibration has."""
-        self._given: Any = readings
+        self._given: object = readings
         self.path = None
         if isinstance(readings, str | PathLike):
             self.path = arguments.path("readings", readings, BAG_OR_FILE)

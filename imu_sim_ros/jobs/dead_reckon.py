@@ -11,7 +11,7 @@ from dataclasses import dataclass, replace
 from functools import cache, wraps
 from os import PathLike
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any, Final, NamedTuple
+from typing import TYPE_CHECKING, Annotated, Final, NamedTuple
 
 import numpy as np
 
@@ -278,7 +278,7 @@ def dead_reckon(
 
 @wraps(dead_reckon, assigned=())
 def dead_reckon_all(
-    readings: Any,
+    readings: Flight | Readings | str | Path,
     *,
     initial: str = "truth",
     calibration: str | Path | None = None,

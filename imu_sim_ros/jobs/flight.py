@@ -96,7 +96,7 @@ class Truth(States):
 
 def readings_of(
     name: str,
-    source: Flight | Readings | str | Path,
+    source: object,
     topic: str | None = None,
     topic_name: str = "topic",
     skip_bad_rows: bool = False,
@@ -207,10 +207,9 @@ class Flight:
         """
         if not name.startswith("_"):
             mount = self._sensors.get(name)
-            if mount is not None:
-                readings = self.__dict__[name] = delivered_of(
-                    self._windows, name, mount.sensor.readings
-                )
+            if mount is not None and mount.sensor.readings is not None:
+                readings = delivered_of(self._windows, name, mount.sensor.readings)
+                self.__dict__[name] = readings
                 return readings
         raise AttributeError(f"{type(self).__name__!r} object has no attribute {name!r}")
 

@@ -8,7 +8,7 @@ from __future__ import annotations
 from collections.abc import Collection, Mapping, Sequence
 from dataclasses import fields
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, Final, Protocol
+from typing import TYPE_CHECKING, Final, Protocol, TypeVar
 
 import numpy as np
 
@@ -27,6 +27,8 @@ from imu_sim_ros.recordings.findings.measures import ReadingMeasures
 from imu_sim_ros.recordings.findings.policy import FindingPolicy
 from imu_sim_ros.sensors import find_sensor, kind_of, named_sensors, registered, sensors_of_imus
 from imu_sim_ros.sensors.samples import Samples
+
+ReadingsT = TypeVar("ReadingsT", bound="SensorReadings | TimeSeries")
 
 if TYPE_CHECKING:
     from imu_sim_ros.sensors.declaration import SensorReadings
@@ -268,8 +270,8 @@ def check_simulated(windows: Sequence[Mapping[str, Samples]], name: str) -> None
 def delivered_of(
     windows: Sequence[Mapping[str, Samples]],
     name: str,
-    readings: type[SensorReadings | TimeSeries] | None,
-) -> Any:
+    readings: type[ReadingsT],
+) -> ReadingsT:
     """Return the delivered samples of a sensor from all windows.
 
     :param name: of the sensor on the body.
@@ -278,7 +280,6 @@ def delivered_of(
     """
     check_simulated(windows, name)
     parts = [window[name] for window in windows]
-    assert readings is not None
     names = [field.name for field in fields(readings)]
     if issubclass(readings, TimeSeries):
         names = [name for name in names if name in ("t_ns", "true_t_ns", *parts[0].values)]

@@ -7,7 +7,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -105,15 +105,14 @@ def _images(path: Path, name: str) -> Iterator[tuple[int, AnyArray]]:
 
     with open_bag(path) as bag:
         topic = next(info for info in bag.topics if info.name == name)
-        types = schemas.typestore([(topic.type, topic.schema)], bag.encoding)
-        decode = types.deserialize_cdr if bag.encoding == "cdr" else types.deserialize_ros1
+        decode = schemas.decoder([(topic.type, topic.schema)], bag.encoding)
         for group in bag.groups():
             for block in group:
                 if block.topic.name != name:
                     continue
                 for payload in as_list(block.payloads):
                     with errors_naming(path, f" ({name})"):
-                        message: Any = decode(payload, topic.type)
+                        message = decode(payload, topic.type)
                         stamp = message.header.stamp
                         t_ns = stamp_ns(int(stamp.sec), int(stamp.nanosec))
                         raw = topic.type == IMAGE

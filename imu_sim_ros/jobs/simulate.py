@@ -11,7 +11,7 @@ from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from os import PathLike
 from pathlib import Path
-from typing import Any, Final, NamedTuple, TypeAlias, overload
+from typing import Final, NamedTuple, TypeAlias, overload
 
 import numpy as np
 
@@ -381,11 +381,13 @@ def _of_file(path: Path) -> tuple[dict[str, object], frozenset[str]]:
     )
 
 
-def _poses_of_any_file(path: str | Path, *options: Any) -> States:
+def _poses_of_any_file(
+    path: str | Path, topic: str | None = None, skip_bad_rows: bool = False
+) -> States:
     """Return the poses of a file of any format."""
     from imu_sim_ros.formats.door import read_states  # of which most trajectories have no need
 
-    return read_states(path, *options)
+    return read_states(path, topic, skip_bad_rows)
 
 
 class GivenMotion(NamedTuple):

@@ -8,9 +8,10 @@ from __future__ import annotations
 from collections.abc import Iterator
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any, Final, NamedTuple
+from typing import TYPE_CHECKING, Annotated, Final, NamedTuple
 
 import numpy as np
+from numpy.typing import ArrayLike
 
 from imu_sim_ros.calibration.twin import model, spectrum
 from imu_sim_ros.calibration.twin.analysis import (
@@ -570,9 +571,9 @@ def _errors(fit: Fit, reported: Mask) -> dict[str, Calibrated]:
     sigma = np.where(reported, fit.sigma, np.nan)
     offset_sigma = np.sqrt(span @ covariance[:2, :2] @ span) if reported[:2].all() else np.nan
 
-    def of(value: Any, sigmas: Any) -> Calibrated:
-        sigmas = np.ravel(sigmas).astype(np.float64)
-        return Calibrated(np.where(np.isnan(sigmas), np.nan, np.ravel(value)), sigmas)
+    def of(value: ArrayLike, sigmas: ArrayLike) -> Calibrated:
+        flat = np.ravel(sigmas).astype(np.float64)
+        return Calibrated(np.where(np.isnan(flat), np.nan, np.ravel(value)), flat)
 
     upper = np.zeros((3, 3))
     upper[model.UPPER] = sigma[model.ACCELEROMETER]

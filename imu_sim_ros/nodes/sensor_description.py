@@ -7,7 +7,7 @@ import json
 import threading
 import time
 from collections.abc import Callable, Mapping
-from typing import Any, Final
+from typing import Final
 
 from rclpy.clock import Clock, ClockType
 from rclpy.node import Node
@@ -70,7 +70,7 @@ def decode(text: str) -> dict[str, object]:
     :raises InputError: for a string of another form; the values are not checked.
     """
     try:
-        tree: Any = json.loads(text)
+        tree = json.loads(text)
         imu = tree["/**"][_PARAMETERS]["imu"]
         return {f"imu.{name}": value for name, value in imu.items()}
     except (ValueError, RecursionError, KeyError, TypeError, AttributeError):

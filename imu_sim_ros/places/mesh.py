@@ -4,7 +4,7 @@
 """A mesh in the world: where it stands, the rays that meet it, points on it, and its defects."""
 
 from collections.abc import Iterator
-from typing import Any, Final, NamedTuple
+from typing import Final, NamedTuple
 
 import numpy as np
 
@@ -101,7 +101,7 @@ class MeshCaster:
         self.middle: Array = 0.5 * (low + high)
         """(3,) origin of the coordinates, so that single precision suffices [m]."""
         local = mesh.vertices - self.middle
-        self._scene: Any = EmbreeScene(robust=True)
+        self._scene = EmbreeScene(robust=True)
         self._built = TriangleMesh(
             self._scene,
             np.ascontiguousarray(local, np.float32),

@@ -14,16 +14,21 @@ from base64 import b64decode
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from pathlib import Path
-from typing import Any, Final, NamedTuple
+from types import ModuleType
+from typing import TYPE_CHECKING, Final, NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
+from numpy.typing import ArrayLike, NDArray
 
 from imu_sim_ros.core.errors import InputError, MissingDependencyError, system_error
 from imu_sim_ros.core.types import Array, Bytes, Single
 from imu_sim_ros.inputs.rows import open_regular
 from imu_sim_ros.places.mesh_textures import Textures, examine
 from imu_sim_ros.places.neighbours import Neighbours
+
+if TYPE_CHECKING:
+    from PIL.Image import Image
+    from trimesh import Trimesh
 
 Numbers = NDArray[np.int32]
 
@@ -235,7 +240,7 @@ def _check_gltf(path: Path, content: bytes) -> None:
         examine(picture, f"{path}: a texture")
 
 
-def _trimesh() -> Any:
+def _trimesh() -> ModuleType:
     """Return trimesh's module.
 
     :raises MissingDependencyError: if it is not installed.
@@ -266,7 +271,7 @@ def _quiet() -> Iterator[None]:
         log.setLevel(level)
 
 
-def _loaded(path: Path, content: bytes) -> list[tuple[Array, Any]]:
+def _loaded(path: Path, content: bytes) -> "list[tuple[Array, Trimesh]]":
     """Return each part's place (4, 4) in the file, and trimesh's mesh.
 
     :raises InputError: for what trimesh cannot read, or files next to it that are missing.
@@ -316,7 +321,7 @@ class _Part(NamedTuple):
     painted: bool
 
     @classmethod
-    def of(cls, path: Path, place: Array, part: Any, textures: Textures) -> "_Part":
+    def of(cls, path: Path, place: Array, part: "Trimesh", textures: Textures) -> "_Part":
         """Return a part of a mesh with its vertices in the world.
 
         :param place: (4, 4) pose of the part.
@@ -349,7 +354,9 @@ class _Part(NamedTuple):
         return cls(vertices, faces, places, number, colours, painted)
 
 
-def _look(path: Path, part: Any, faces: Numbers, image: Any) -> tuple[Single, Bytes, bool]:
+def _look(
+    path: Path, part: "Trimesh", faces: Numbers, image: "Image | None"
+) -> tuple[Single, Bytes, bool]:
     """Return u and v and colours of the corners, and whether it is painted."""
     visual = part.visual
     count = len(faces)
@@ -381,7 +388,7 @@ def _look(path: Path, part: Any, faces: Numbers, image: Any) -> tuple[Single, By
     return places, colours, False
 
 
-def _bytes(colours: Any) -> Bytes:
+def _bytes(colours: ArrayLike) -> Bytes:
     """Return colours of any type as bytes."""
     values = np.asarray(colours)
     if values.dtype.kind == "f":
@@ -391,7 +398,7 @@ def _bytes(colours: Any) -> Bytes:
     return values.astype(np.uint8)
 
 
-def _image(part: Any) -> Any:
+def _image(part: "Trimesh") -> "Image | None":
     """Return the texture of one of trimesh's meshes, as Pillow's image, or None."""
     if part.visual.kind != "texture":
         return None
@@ -400,15 +407,16 @@ def _image(part: Any) -> Any:
     return getattr(material, "image", None) if image is None else image
 
 
-def _factor(material: Any, image: Any) -> Bytes:
+def _factor(material: object, image: "Image | None") -> Bytes:
     """Return the colour (3,) by which a material's texture is multiplied, in sRGB."""
     factor = getattr(material, "baseColorFactor", None)
     if factor is not None:
         linear = np.asarray(_bytes(factor)[:3], np.float64) / 255.0  # glTF 2.0, 3.9.2
         encoded = np.where(linear <= 0.0031308, 12.92 * linear, 1.055 * linear ** (1 / 2.4) - 0.055)
         return np.rint(255.0 * encoded).astype(np.uint8)
-    if image is None and getattr(material, "diffuse", None) is not None:
-        return _bytes(material.diffuse)[:3]
+    diffuse = getattr(material, "diffuse", None)
+    if image is None and diffuse is not None:
+        return _bytes(diffuse)[:3]
     return np.full(3, 255, np.uint8)
 
 

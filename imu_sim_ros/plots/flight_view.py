@@ -9,6 +9,7 @@ import sys
 import sysconfig
 from collections.abc import Iterable
 from pathlib import Path
+from types import ModuleType
 from typing import Any, Final
 
 import numpy as np
@@ -40,7 +41,7 @@ _MAX_POINTS: Final = 20_000
 _OTHERWISE: Final = "--save FILE writes what rerun opens elsewhere"
 
 
-def rerun() -> Any:
+def rerun() -> ModuleType:
     """Return the library.
 
     :raises MissingDependencyError: if it is not installed.

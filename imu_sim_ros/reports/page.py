@@ -15,7 +15,7 @@ import html as markup
 from collections import Counter
 from collections.abc import Iterable, Mapping, Sequence
 from importlib import resources
-from typing import Any, Final, NamedTuple
+from typing import Final, NamedTuple
 
 import numpy as np
 
@@ -95,7 +95,7 @@ def _shortened(value: float) -> float | int:
     return int(short) if short.is_integer() and abs(short) < 1e15 else short
 
 
-def column(name: str, values: Iterable[Any]) -> Item:
+def column(name: str, values: Iterable[object]) -> Item:
     """Return a table's column; repeated values are stored once, many numbers as floats."""
     entries = list(values)
     if len(entries) > _PACKED:
@@ -110,7 +110,7 @@ def column(name: str, values: Iterable[Any]) -> Item:
         and all(isinstance(v, str) or v is None for v in entries)
     ):
         order = {word: k for k, word in enumerate(texts)}
-        index = [None if value is None else order[value] for value in entries]
+        index = [order[value] if isinstance(value, str) else None for value in entries]
         return {"name": name, "words": texts, "index": index}
     if len(entries) > _PACKED and any(type(v) is float for v in entries) and _are_many(entries):
         packed = np.array([np.nan if v is None else v for v in entries], dtype="<f4")

@@ -5,7 +5,7 @@
 
 from collections.abc import Sequence
 from pathlib import Path
-from typing import Any, Final
+from typing import Final
 
 import numpy as np
 
@@ -99,7 +99,9 @@ def _typical(groups: Sequence[Group], metric: str) -> list[Row]:
     return [rows[(len(rows) - 1) // 2] for rows in full] + [rows[-1] for rows in full]
 
 
-def _paths(plan: Plan, rows: Sequence[Row], shown: Sequence[int], folder: Path) -> dict[int, Any]:
+def _paths(
+    plan: Plan, rows: Sequence[Row], shown: Sequence[int], folder: Path
+) -> dict[int, list[Item]]:
     """Return the true and estimated paths of some runs by row."""
     cells = {cell.name: cell for cell in plan.cells()}
     simulated: dict[str, SimulatedCell] = {}

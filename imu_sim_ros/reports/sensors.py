@@ -11,7 +11,7 @@ Every error is measured minus true.
 import itertools
 from collections.abc import Iterator, Sequence
 from pathlib import Path
-from typing import Any, Final, NamedTuple
+from typing import Final, NamedTuple
 
 import numpy as np
 
@@ -20,6 +20,7 @@ from imu_sim_ros.bags.messages.blocks import TopicInfo, as_list
 from imu_sim_ros.bags.messages.encode import IMU, NAV_SAT_FIX, ODOMETRY
 from imu_sim_ros.bags.messages.encode_cameras import POINT_CLOUD2
 from imu_sim_ros.bags.messages.layouts import TYPES, fields
+from imu_sim_ros.bags.messages.schemas import Message
 from imu_sim_ros.bags.read import decoded_blocks, open_bag
 from imu_sim_ros.bags.reader import errors_naming
 from imu_sim_ros.bags.sensor_tables import read_table
@@ -160,13 +161,12 @@ def _quantities(
 def _joint_names(path: Path, info: TopicInfo) -> tuple[str, ...]:
     """Return the names of the joints in the first message of a topic."""
     with open_bag(path) as bag:
-        types = schemas.typestore([(info.type, info.schema)], bag.encoding)
-        decode = types.deserialize_cdr if bag.encoding == "cdr" else types.deserialize_ros1
+        decode = schemas.decoder([(info.type, info.schema)], bag.encoding)
         for group in bag.groups({info.name}):
             for block in group:
                 for payload in as_list(block.payloads[:1]):
                     with errors_naming(path, f" ({info.name})"):
-                        message: Any = decode(payload, info.type)
+                        message = decode(payload, info.type)
                     return tuple(map(str, message.name))
     return ()
 
@@ -198,13 +198,12 @@ def _numbers(
     # Message by message: types that the package does not write itself are those of slow sensors.
     with open_bag(path) as bag:
         info = bag.topic(type_name, topic)
-        types = schemas.typestore([(info.type, info.schema)], bag.encoding)
-        decode = types.deserialize_cdr if bag.encoding == "cdr" else types.deserialize_ros1
+        decode = schemas.decoder([(info.type, info.schema)], bag.encoding)
         for group in bag.groups({info.name}):
             for block in group:
                 for payload, recorded in zip(as_list(block.payloads), block.t_ns, strict=True):
                     with errors_naming(path, f" ({info.name})"):
-                        message: Any = decode(payload, info.type)
+                        message = decode(payload, info.type)
                         stamp = getattr(getattr(message, "header", None), "stamp", None)
                         whole = stamp and stamp_ns(stamp.sec, stamp.nanosec)
                     stamps.append(int(recorded) if whole is None else whole)
@@ -220,7 +219,7 @@ def _numbers(
     }
 
 
-def _fields(message: Any, prefix: str = "") -> Iterator[tuple[str, float | Array]]:
+def _fields(message: Message, prefix: str = "") -> Iterator[tuple[str, float | Array]]:
     """Yield the names and values of all real numbers in a message."""
     for name in getattr(message, "__dataclass_fields__", ()):
         value = getattr(message, name)

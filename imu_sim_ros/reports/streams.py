@@ -7,7 +7,7 @@ import base64
 import itertools
 from collections.abc import Iterable, Iterator, Sequence
 from pathlib import Path
-from typing import Any, Final, NamedTuple
+from typing import Final, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -16,6 +16,7 @@ from imu_sim_ros.bags.messages import schemas
 from imu_sim_ros.bags.messages.blocks import MessageBlock, TopicInfo, as_list
 from imu_sim_ros.bags.messages.encode import VECTOR3_STAMPED
 from imu_sim_ros.bags.messages.encode_cameras import COMPRESSED_IMAGE, IMAGE
+from imu_sim_ros.bags.messages.schemas import Message
 from imu_sim_ros.bags.read import open_bag, vector_blocks
 from imu_sim_ros.bags.reader import Bag, errors_naming
 from imu_sim_ros.calibration.noise.deviation import Deviation, DeviationAccumulator
@@ -105,8 +106,7 @@ def topic_items(path: Path, topics: Sequence[TopicInfo]) -> list[Item]:
 def _strip(bag: Bag, camera: _TopicStatistics) -> Item:
     """Return small images of a camera over time, or the reason why they cannot be decoded."""
     topic, (first_ns, _) = camera.topic, camera.images[0]
-    types = schemas.typestore([(topic.type, topic.schema)], bag.encoding)
-    decode = types.deserialize_cdr if bag.encoding == "cdr" else types.deserialize_ros1
+    decode = schemas.decoder([(topic.type, topic.schema)], bag.encoding)
     frames: list[Item] = []
     try:
         for t_ns, payload in camera.images:
@@ -119,7 +119,7 @@ def _strip(bag: Bag, camera: _TopicStatistics) -> Item:
     return {"kind": "strip", "title": topic.name, "frames": frames}
 
 
-def _small(topic: TopicInfo, message: Any) -> Bytes:
+def _small(topic: TopicInfo, message: Message) -> Bytes:
     """Return the image of a message, 8 bits deep, its pixels averaged to a small width."""
     from imu_sim_ros.datasets.recorded_bag import pixels
 

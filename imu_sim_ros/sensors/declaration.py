@@ -16,7 +16,6 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any, NamedTuple, Protocol
 
 import numpy as np
-from numpy.typing import ArrayLike
 
 from imu_sim_ros.core.records import TimeSeries
 from imu_sim_ros.core.rotation import pose_matrix
@@ -117,7 +116,7 @@ def topic(
     name: str,
     type_name: str,
     encoder: str,
-    values: Callable[[Samples, Rows, Any], Sequence[ArrayLike]],
+    values: Callable[[Samples, Rows, Any], Sequence[object]],
     *flags: str,
     truth: bool = False,
     foreign: bool = False,

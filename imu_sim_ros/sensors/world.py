@@ -6,7 +6,7 @@
 from collections.abc import Callable
 from fractions import Fraction
 from functools import cached_property
-from typing import TYPE_CHECKING, Any, NamedTuple
+from typing import TYPE_CHECKING, Any, NamedTuple, TypeVar
 
 import numpy as np
 
@@ -19,6 +19,8 @@ if TYPE_CHECKING:
     from concurrent.futures import Executor
 
     from imu_sim_ros.sensors.camera.scene import Scene
+
+_T = TypeVar("_T")
 
 
 class Window(NamedTuple):
@@ -99,7 +101,7 @@ class World:
         :param threads: make what takes long, such as images; None: whoever asks for it does.
         """
         self._make_scene, self.threads = scene, threads
-        self._shared: dict[str, object] = {}
+        self._shared: dict[str, Any] = {}
         self.trajectory, self.environment, self.t0_ns = trajectory, environment, t0_ns
         self.temperature = TemperatureProfile(environment.temperature)
         self._known: tuple[Array, Motion] | None = None
@@ -114,7 +116,7 @@ class World:
             raise ConfigurationError("scene: no sensor of this simulation declares that it sees")
         return self._make_scene(self)
 
-    def shared(self, name: str, make: Callable[[], object]) -> Any:
+    def shared(self, name: str, make: Callable[[], _T]) -> _T:
         """Return an object that several sensors use; it is made with the first call."""
         if name not in self._shared:
             self._shared[name] = make()

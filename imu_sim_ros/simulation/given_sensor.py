@@ -7,7 +7,7 @@ import dataclasses
 from abc import ABC, abstractmethod
 from collections.abc import Callable
 from fractions import Fraction
-from typing import Any, Final, Generic, TypeVar
+from typing import Final, Generic, TypeVar
 
 import numpy as np
 
@@ -19,6 +19,7 @@ from imu_sim_ros.sensors import sensors_of_imus
 from imu_sim_ros.sensors.declaration import Sensor
 from imu_sim_ros.sensors.faults import Fault
 from imu_sim_ros.sensors.imu.model import NOWHERE
+from imu_sim_ros.sensors.model import SensorWithImu
 from imu_sim_ros.sensors.samples import Samples
 from imu_sim_ros.sensors.world import World
 from imu_sim_ros.simulation.error_input import Conventions, IdealValues
@@ -248,7 +249,7 @@ class GivenOther(GivenSensor[IdealValues, Samples]):
     def _begin(self, seed: int) -> None:
         """Start the errors of a unit with a seed."""
         super()._begin(seed)
-        self._model: Any = None
+        self._model: SensorWithImu | None = None
 
     def _look(self, ideal: IdealValues) -> None:
         """Remark if the first value is likely in another unit."""
@@ -292,12 +293,13 @@ class GivenOther(GivenSensor[IdealValues, Samples]):
             t0_ns = int(ideal.t_ns[0])
             self._world = World(NOWHERE, environment, t0_ns)
             quantity = self.declared.quantity
-            self._model = models(mounted(environment), [quantity], t0_ns)[quantity]
+            model = models(mounted(environment), [quantity], t0_ns)[quantity]
+            assert isinstance(model, SensorWithImu), "OTHERS are sensors of IMUs"
+            self._model = model
             for fault, first_sample in self._faults:
                 self._model.inject(fault, self.begin_of(first_sample))
         self.position += len(ideal.t_ns)
-        block: Samples = self._model.apply(ideal.t_ns, ideal.values, self._world)
-        return [block]
+        return [self._model.apply(ideal.t_ns, ideal.values, self._world)]
 
     def _count(self, window: Samples) -> int:
         """Return the number of samples in a window."""

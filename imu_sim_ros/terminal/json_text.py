@@ -12,20 +12,26 @@ from pathlib import Path
 from typing import Any
 
 
-def as_json(value: Any, number: Callable[[float], object] = float, **options: Any) -> str:
+def as_json(
+    value: object,
+    number: Callable[[float], object] = float,
+    indent: int | None = None,
+    separators: tuple[str, str] | None = None,
+) -> str:
     """Return a value as JSON; a number that is not finite becomes null.
 
     :param value: of plain types, arrays, paths, and what holds them; keys become strings.
     :param number: shortens finite numbers.
-    :param options: of ``json.dumps``.
+    :param indent: spaces before the entries of a level; None: all in one line.
+    :param separators: between entries, and behind keys; None: those of ``json.dumps``.
     :raises TypeError: for anything else.
     """
     import json  # most runs print none
 
-    return json.dumps(plain(value, number), allow_nan=False, **options)
+    return json.dumps(plain(value, number), allow_nan=False, indent=indent, separators=separators)
 
 
-def plain(value: Any, number: Callable[[float], object] = float) -> Any:
+def plain(value: object, number: Callable[[float], object] = float) -> Any:
     """Return a value in plain types; arguments as for :func:`as_json`."""
     if isinstance(value, str | bool | int) or value is None:
         return value

@@ -20,10 +20,12 @@ import time
 from collections.abc import Callable, Iterable, Iterator
 from contextlib import contextmanager, suppress
 from types import FrameType
-from typing import Any, Final
+from typing import Final, TypeAlias
 
 SIGNALS: Final = (signal.SIGINT, signal.SIGTERM, signal.SIGHUP)
-_Handler = Callable[[int, FrameType | None], Any]
+_Handler: TypeAlias = Callable[[int, FrameType | None], object]
+_Disposition: TypeAlias = _Handler | int | signal.Handlers | None
+"""A handler, or what the system does with a signal."""
 
 
 _received: list[int] = []
@@ -176,9 +178,9 @@ def collected() -> Iterator[None]:
         raise Interrupted
 
 
-def _handle(handler: _Handler, numbers: Iterable[int] = SIGNALS) -> dict[int, Any]:
+def _handle(handler: _Handler, numbers: Iterable[int] = SIGNALS) -> dict[int, _Disposition]:
     """Install a handler; returns those before it, none if this is not the main thread."""
-    before: dict[int, Any] = {}
+    before: dict[int, _Disposition] = {}
     try:
         for number in numbers:
             # What nohup lets be ignored stays ignored.
@@ -189,7 +191,7 @@ def _handle(handler: _Handler, numbers: Iterable[int] = SIGNALS) -> dict[int, An
     return before
 
 
-def _restore(handlers: dict[int, Any]) -> None:
+def _restore(handlers: dict[int, _Disposition]) -> None:
     """Restore handlers of signals."""
     for number, handler in handlers.items():
         signal.signal(number, handler)

@@ -8,7 +8,7 @@ import importlib
 import os
 import sys
 import warnings
-from typing import Any
+from types import ModuleType
 
 
 def open_standard_streams() -> None:
@@ -23,7 +23,7 @@ def open_standard_streams() -> None:
             setattr(sys, name, open(os.devnull, mode, encoding="utf-8"))  # noqa: SIM115
 
 
-def load(module: str) -> Any:
+def load(module: str) -> ModuleType:
     """Import the module that a program is about.
 
     OpenBLAS would start a thread for each processor, which spins for 50 ms; no matrix of ours is

@@ -5,7 +5,7 @@
 
 import math
 from collections.abc import Callable
-from typing import Any, Final
+from typing import Final, TypeVar
 
 import numpy as np
 
@@ -17,6 +17,7 @@ from imu_sim_ros.core.types import Array
 from imu_sim_ros.recordings.repair import beyond_any_body
 from imu_sim_ros.trajectory.motion import Motion, Trajectory
 
+_T = TypeVar("_T")
 STEP: Final = 2.0**-9
 """Step between the nine poses for the derivatives of a function [s]."""
 _NODES: Final = np.arange(-4.0, 5.0)
@@ -48,7 +49,7 @@ _ROUNDING: Final = 1e-3
 """Differences far above rounding [m/s, m/s^2, rad/s, rad/s^2]."""
 
 
-def given_trajectory(motion: Any) -> Trajectory | None:
+def given_trajectory(motion: object) -> Trajectory | None:
     """Return a user's motion as a trajectory that checks each sample.
 
     :param motion: an object with ``sample(t)``, which returns a :class:`Motion`, or a function that
@@ -58,12 +59,13 @@ def given_trajectory(motion: Any) -> Trajectory | None:
     """
     if isinstance(motion, type):
         return None
-    if callable(getattr(motion, "sample", None)):
-        return CheckedMotion(motion.sample, *_limits(motion))
+    sample = getattr(motion, "sample", None)
+    if callable(sample):
+        return CheckedMotion(sample, *_limits(motion))
     return Differentiated(motion, *_limits(motion)) if callable(motion) else None
 
 
-def _limits(motion: Any) -> tuple[float, float]:
+def _limits(motion: object) -> tuple[float, float]:
     """Return duration [s] and highest frequency [Hz]."""
     duration = _called(lambda: getattr(motion, "duration", math.inf), "trajectory.duration")
     highest = _called(lambda: getattr(motion, "highest_frequency", 0.0), "highest_frequency")
@@ -78,7 +80,7 @@ class CheckedMotion:
     """Motion of a user's object; its samples are checked."""
 
     def __init__(
-        self, sample: Callable[[Array], Any], duration: float, highest_frequency: float
+        self, sample: Callable[[Array], object], duration: float, highest_frequency: float
     ) -> None:
         self._sample = sample
         self.duration = duration
@@ -206,7 +208,7 @@ class Differentiated:
     """
 
     def __init__(
-        self, poses: Callable[[Array], Any], duration: float, highest_frequency: float
+        self, poses: Callable[[Array], object], duration: float, highest_frequency: float
     ) -> None:
         if duration < 8.0 * STEP:
             raise ConfigurationError(
@@ -264,7 +266,7 @@ def _weights(s: Array) -> tuple[Array, Array]:
     return d1, d2
 
 
-def _called(function: Callable[[], object], name: str) -> Any:
+def _called(function: Callable[[], _T], name: str) -> _T:
     """Return the result of a user's function.
 
     :raises ConfigurationError: for whatever it raises, with the line where.
@@ -284,7 +286,7 @@ def _called(function: Callable[[], object], name: str) -> Any:
 
 
 def _checked(
-    values_found: Any, quantities: tuple[Quantity, ...], t: Array, name: str, kind: str
+    values_found: object, quantities: tuple[Quantity, ...], t: Array, name: str, kind: str
 ) -> list[Array]:
     """Return checked arrays of a user's motion, one for each quantity.
 

@@ -10,7 +10,7 @@ it. Inside, quaternions are (w, x, y, z); the messages hold (x, y, z, w).
 
 import struct
 from collections.abc import Callable, Iterable, Mapping
-from typing import Any, Final
+from typing import Final
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -99,7 +99,7 @@ class Encoder:
         self._template = self.layout.template
         self._template = self._row(constant)
 
-    def encode(self, *columns: Any, **keywords: object) -> Bytes:
+    def encode(self, *columns: ArrayLike, **keywords: object) -> Bytes:
         """Return messages (n, size) as bytes; the arguments are those of ``pattern``."""
         return side_by_side([self.pattern(*columns, **keywords)])
 

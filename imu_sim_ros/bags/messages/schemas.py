@@ -8,7 +8,7 @@ import struct
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from functools import cache
 from types import SimpleNamespace
-from typing import TYPE_CHECKING, Any, Final, NamedTuple
+from typing import TYPE_CHECKING, Any, Final, NamedTuple, TypeAlias
 
 import numpy as np
 
@@ -18,6 +18,9 @@ from imu_sim_ros.parameters.yaml_text import parse_yaml
 
 if TYPE_CHECKING:
     from rosbags.typesys.store import Typestore
+
+Message: TypeAlias = Any
+"""Message as rosbags decodes it, of a class generated from its definition, or a part of one."""
 
 
 class Schema(NamedTuple):
@@ -122,6 +125,18 @@ def definitions(type_name: str, encoding: str) -> dict[str, str]:
         "": main_text,
         **{part: text for part, _, text in (o.partition("\n") for o in dependencies)},
     }
+
+
+def decoder(
+    schemas: Iterable[tuple[str, Schema]], encoding: str
+) -> Callable[[bytes, str], Message]:
+    """Return the function that decodes a message, given its bytes and the name of its type.
+
+    :param schemas: names of types in the form of ROS 2, with their definitions.
+    :param encoding: ``cdr`` or ``ros1``.
+    """
+    types = typestore(schemas, encoding)
+    return types.deserialize_cdr if encoding == "cdr" else types.deserialize_ros1
 
 
 def typestore(schemas: Iterable[tuple[str, Schema]], encoding: str) -> "Typestore":

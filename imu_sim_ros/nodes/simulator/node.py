@@ -459,13 +459,13 @@ class Simulator(ConfiguredNode[SimulatorParameters]):
 _OF_THE_NODE: Final = ("inject", "real_time_factor", "catch_up", "step_samples")
 
 
-def _read_poses(path: str, *options: Any) -> States:
+def _read_poses(path: str, topic: str | None = None) -> States:
     """Return the poses of a file of any format."""
     from imu_sim_ros.formats.door import (
         read_states,
     )  # readers of all bags, which few trajectories need
 
-    return read_states(path, *options)
+    return read_states(path, topic)
 
 
 def main() -> int:

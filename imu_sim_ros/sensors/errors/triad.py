@@ -58,8 +58,8 @@ class Response:
         """True if the response returns its input."""
 
     def apply(
-        self, ideal: components.Vector[Any], force: components.Vector[Any]
-    ) -> components.Vector[Any]:
+        self, ideal: components.AnyVector, force: components.AnyVector
+    ) -> components.AnyVector:
         """Return the response to inputs of the triad and specific forces [m/s^2]."""
         if self.is_perfect:
             return ideal
@@ -77,7 +77,7 @@ class Response:
         return x, y, z
 
 
-def _entries(values: Array) -> components.Vector[Any]:
+def _entries(values: Array) -> components.AnyVector:
     """Return parameters (..., 3) by axis: numbers of one unit, contiguous arrays of a batch."""
     if values.ndim == 1:
         x, y, z = values.tolist()
@@ -208,7 +208,7 @@ class Digitiser:
             )
         ]
 
-    def apply(self, values: components.Vector[Any]) -> components.Vector[Any]:
+    def apply(self, values: components.AnyVector) -> components.AnyVector:
         """Return values saturated and rounded."""
         if self._is_perfect:
             return values
@@ -264,7 +264,7 @@ class Reading(NamedTuple):
 
 
 NumberAdditions: TypeAlias = tuple[
-    components.Vector[Any] | None, components.Vector[Any], components.Vector[Any] | None
+    components.AnyVector | None, components.AnyVector, components.AnyVector | None
 ]
 """Scale, bias and noise of one reading: :class:`Additions` of one."""
 
@@ -323,7 +323,7 @@ class Triad:
         if cutoffs.any():
             self._low_pass = LowPass(cutoffs, imu.bandwidth_order, self._rate, np.shape(seed))
         self._made: dict[type[TriadEffect], TriadEffect] = {}
-        self._last: Array | components.Vector[Any] | None = None
+        self._last: Array | components.AnyVector | None = None
         """The last reading, which a sensor that is stuck repeats."""
 
     def configure(self, parameters: TriadParameters) -> None:
@@ -462,10 +462,10 @@ class Triad:
 
     def read_numbers(
         self,
-        ideal: components.Vector[Any],
-        force: components.Vector[Any],
+        ideal: components.AnyVector,
+        force: components.AnyVector,
         additions: NumberAdditions,
-    ) -> tuple[components.Vector[Any], components.Vector[Any] | None]:
+    ) -> tuple[components.AnyVector, components.AnyVector | None]:
         """Return one reading without faults of a triad that remembers none, and its response error.
 
         The numbers are those of :meth:`read`.
@@ -476,12 +476,12 @@ class Triad:
 
     def _analogue(
         self,
-        ideal: components.Vector[Any],
-        force: components.Vector[Any],
-        scale: components.Vector[Any] | None,
-        bias: components.Vector[Any],
-        noise: components.Vector[Any] | None,
-    ) -> tuple[components.Vector[Any], components.Vector[Any] | None]:
+        ideal: components.AnyVector,
+        force: components.AnyVector,
+        scale: components.AnyVector | None,
+        bias: components.AnyVector,
+        noise: components.AnyVector | None,
+    ) -> tuple[components.AnyVector, components.AnyVector | None]:
         """Return the input of the low-pass, and the response error; None: it is 0."""
         x, y, z = self._response.apply(ideal, force)
         error = None

@@ -5,7 +5,7 @@
 
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any, Final
+from typing import Final
 
 import numpy as np
 
@@ -138,7 +138,7 @@ _EXTENDED_STATUS: Final = np.array([0, 18, 20, 19, -1])
 _WITHIN: Final = (1.960, 2.448, 2.796)
 
 
-def _extended(samples: Samples, rows: Rows, _: object) -> tuple[Any, ...]:
+def _extended(samples: Samples, rows: Rows, _: object) -> tuple[object, ...]:
     """Return the fields of gps_msgs/GPSFix; errors contain 95 %, and are NaN without a fix."""
     latitude, longitude, altitude, status, stated = _fix(samples, rows, _)
     variance = samples.variance[rows]

@@ -5,7 +5,7 @@
 
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any, Final
+from typing import Final
 
 import numpy as np
 
@@ -54,7 +54,7 @@ def _table_encoder(frame: str, encoding: str) -> Encode:
     return MagneticFieldEncoder(frame, encoding).encode
 
 
-def _realised(parameters: MagnetometerParameters, seed: int, _: str) -> Any:
+def _realised(parameters: MagnetometerParameters, seed: int, _: str) -> MagnetometerParameters:
     """Return the parameters with the errors drawn for this unit."""
     if parameters == MagnetometerParameters():
         return parameters

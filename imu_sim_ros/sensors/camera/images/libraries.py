@@ -6,6 +6,7 @@
 import os
 from collections.abc import Callable
 from functools import cache
+from types import ModuleType
 from typing import Any, TypeVar
 
 from imu_sim_ros.core.errors import MissingDependencyError
@@ -14,7 +15,7 @@ from imu_sim_ros.terminal.progress import watcher
 _Function = TypeVar("_Function", bound=Callable[..., Any])
 
 
-def opencv() -> Any:
+def opencv() -> ModuleType:
     """Return OpenCV's module.
 
     :raises MissingDependencyError: if it is not installed.
@@ -30,7 +31,7 @@ def opencv() -> Any:
     return cv2
 
 
-def numba() -> Any:
+def numba() -> ModuleType:
     """Return numba's module, which will tell before it compiles.
 
     :raises MissingDependencyError: if it is not installed.
