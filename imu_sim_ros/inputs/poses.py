@@ -5,21 +5,21 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
 from pathlib import Path
 from typing import Final
 
 import numpy as np
 
 from imu_sim_ros.core import gate, rotation
-from imu_sim_ros.core.bad_rows import NUMBERS, STAMPS, BadRows
+from imu_sim_ros.core.bad_rows import NUMBERS, STAMPS
 from imu_sim_ros.core.errors import InputError
 from imu_sim_ros.core.records import States, concatenated, with_fields
 from imu_sim_ros.core.timebase import NANOSECONDS_PER_SECOND
 from imu_sim_ros.core.types import Array, Mask
 from imu_sim_ros.inputs import header
 from imu_sim_ros.inputs.layout import TableForm, TableLayout, layout_of
-from imu_sim_ros.inputs.rows import Row, number_of, row_blocks, shortened
+from imu_sim_ros.inputs.row_reader import NumberRows, RowReader
+from imu_sim_ros.inputs.rows import Row, number_of, shortened
 
 
 def _alternatives(counts: tuple[int, ...]) -> str:
@@ -54,8 +54,7 @@ _FORMS: Final = {
     ),
 }
 _WITH_COVARIANCE: Final = frozenset(count + _TRIANGLES for count in _EUROC_PLAIN)
-_MAX_LISTED: Final = 8
-"""So few lines are looked at one by one."""
+_COVARIANCE_NAME: Final = "covariance"
 _SAME: Final = 1.0 - 1e-15
 _WHAT: Final = "a text file of poses"
 
@@ -87,87 +86,81 @@ def read_poses(
     return _Reading(path, skip_bad_rows, covariance).poses()
 
 
-class _Reading:
-    """State of reading one file: its layout, and its bad rows."""
+class _Reading(RowReader):
+    """A text file of poses."""
 
     def __init__(self, path: Path, skip: bool, covariance: bool) -> None:
-        self._path, self._skip, self._covariance = path, skip, covariance
-        self._layout: TableLayout | None = None
-        self._comments: list[bytes] = []
-        self._bad = BadRows(path)
+        super().__init__(path, _WHAT, _COLUMNS)
+        self._skip, self._covariance = skip, covariance
         self._dropped = 0
         self._last: States | None = None
 
     def poses(self) -> States:
         """Return all poses, or raise with a line for every problem."""
-        blocks = [
-            block
-            for rows in row_blocks(self._path, _WHAT, self._comments)
-            for block in self._block(rows)
-        ]
+        pieces = [self._good(rows) for block in self.blocks() for rows in block]
         if not self._skip:
-            self._bad.complain()
-        count = sum(len(block.t_ns) for block in blocks)
-        if self._layout is None:
-            raise InputError(f"{self._path}: contains no poses")
+            self.bad.complain()
+        if self.layout is None:
+            raise InputError(f"{self.path}: contains no poses")
+        blocks = [poses for poses in pieces if len(poses)]
+        count = sum(map(len, blocks))
         if count < 2:
             what = "one pose" if count else "no usable pose"
-            raise InputError(f"{self._path}: contains {what}; a trajectory needs two or more")
+            raise InputError(f"{self.path}: contains {what}; a trajectory needs two or more")
         return with_fields(
             concatenated(blocks),
-            source=str(self._path),
-            skipped=self._bad.rows,
+            source=str(self.path),
+            skipped=self.bad.rows,
             repeated=self._dropped,
         )
 
-    def _block(self, rows: list[Row]) -> Iterator[States]:
-        """Yield the good poses of some rows."""
-        if not rows:
-            return
-        if self._layout is None:
-            self._layout = layout_of(self._path, self._comments, rows, _FORMS, _POSE)
-            for name in _POSE:
-                if name not in self._layout.columns:
-                    raise InputError(
-                        f"{self._path}: the header has no {name}; known are {header.KNOWN[name]}"
-                    )
-        for poses in self._converted(self._layout, rows):
-            good = self._in_order(self._valid(poses))
-            self._bad.good += len(good.t_ns)
-            if len(good.t_ns):
-                yield good
+    def layout_of(self, rows: list[Row]) -> TableLayout:
+        """Return the layout of the file, and remove its header from its first rows."""
+        layout = layout_of(self.path, self.comments, rows, _FORMS, _POSE)
+        for name in _POSE:
+            if name not in layout.columns:
+                raise InputError(
+                    f"{self.path}: the header has no {name}; known are {header.KNOWN[name]}"
+                )
+        return layout
 
-    def _converted(self, layout: TableLayout, rows: list[Row]) -> Iterator[States]:
-        """Yield poses of rows that are numbers; note those that are not."""
-        waiting = [rows] if rows else []
-        while waiting:
-            part = waiting.pop()
-            try:
-                yield self._parsed(layout, part)
-            except (ValueError, OverflowError):
-                if len(part) > _MAX_LISTED:
-                    half = len(part) // 2
-                    waiting += [part[half:], part[:half]]
-                    continue
-                good = [row for row in part if self._is_sound(layout, *row)]
-                self._bad.give_up()
-                if good:
-                    yield self._parsed(layout, good)
-
-    def _parsed(self, layout: TableLayout, rows: list[Row]) -> States:
-        """Return the poses of rows, all converted at once.
+    def parse(self, layout: TableLayout, rows: list[Row]) -> NumberRows:
+        """Return poses as numbers, with their covariances (n, 6, 6) if all of them have some.
 
         :raises ValueError, OverflowError: if one of them cannot be converted.
         """
-        t_ns, values = layout.parse(rows, _COLUMNS)
-        return States.unchecked(
-            t_ns=t_ns,
-            position=values[header.POSITION],
-            q_wb=values[header.ORIENTATION],
-            velocity=values.get(header.VELOCITY),
-            covariance=self._covariances(layout, rows),
-            lines=np.array([number for number, _ in rows], dtype=np.int64),
+        poses = super().parse(layout, rows)
+        covariance = self._covariances(layout, rows)
+        return (
+            poses
+            if covariance is None
+            else poses._replace(values={**poses.values, _COVARIANCE_NAME: covariance})
         )
+
+    def note(self, layout: TableLayout, line: int, text: bytes) -> None:
+        """Note why a row is no pose."""
+        super().note(layout, line, text)
+        cells = layout.row_format.cells(text)
+        if self._covariance and len(cells) in _WITH_COVARIANCE:
+            for cell in cells[-_TRIANGLES:]:
+                field = cell.strip().decode("utf-8", "replace")
+                if not _is_finite(field):
+                    reason = f"{shortened(field)} is not a finite number of a covariance"
+                    self.bad.note(NUMBERS, line, reason)
+
+    def _good(self, rows: NumberRows) -> States:
+        """Return the poses that are possible and in order."""
+        poses = States.unchecked(
+            t_ns=rows.t_ns,
+            position=rows.values[header.POSITION],
+            q_wb=rows.values[header.ORIENTATION],
+            velocity=rows.values.get(header.VELOCITY),
+            covariance=rows.values.get(_COVARIANCE_NAME),
+            lines=rows.lines,
+        )
+        good = self._in_order(self._valid(poses))
+        self.bad.good += len(good)
+        return good
 
     def _covariances(self, layout: TableLayout, rows: list[Row]) -> Array | None:
         """Return the covariances (n, 6, 6) of position and of rotation about the body's axes.
@@ -191,25 +184,10 @@ class _Reading:
         covariance[:, 3:, 3:] = triangles[:, :6][:, _UPPER]
         return covariance
 
-    def _is_sound(self, layout: TableLayout, number: int, text: bytes) -> bool:
-        """Return whether a row consists of numbers; note the problems of any other."""
-        previous_count = self._bad.count
-        layout.note(self._bad, number, text, _COLUMNS)
-        cells = layout.row_format.cells(text)
-        if self._covariance and len(cells) in _WITH_COVARIANCE:
-            for cell in cells[-_TRIANGLES:]:
-                field = cell.strip().decode("utf-8", "replace")
-                if not _is_finite(field):
-                    reason = f"{shortened(field)} is not a finite number of a covariance"
-                    self._bad.note(NUMBERS, number, reason)
-        sound = self._bad.count == previous_count
-        self._bad.rows += not sound
-        return sound
-
     def _valid(self, poses: States) -> States:
         """Return the poses that the gate passes, their quaternions made exact."""
         verdict = gate.poses(poses.t_ns, poses.position, poses.q_wb, poses.velocity)
-        verdict.note(self._bad, poses.lines)
+        verdict.note(self.bad, poses.lines)
         valid = poses.rows(verdict.good)
         q_wb, covariance = rotation.normalise(valid.q_wb), valid.covariance
         if covariance is not None:
@@ -248,8 +226,8 @@ class _Reading:
                 reason = f"the stamp is {-step * 1e-9:.9g} s before that of line {previous_line}"
             else:
                 reason = f"the stamp of line {previous_line} with a different pose"
-            self._bad.note(STAMPS, line, reason)
-            self._bad.rows += 1
+            self.bad.note(STAMPS, line, reason)
+            self.bad.rows += 1
         return keep
 
 

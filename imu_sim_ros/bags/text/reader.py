@@ -15,13 +15,14 @@ from imu_sim_ros.bags.logs.catalogue import is_log
 from imu_sim_ros.bags.text import vio_data_simulation
 from imu_sim_ros.bags.text.writer import POSES_OF_TABLES, TEXT_SUFFIXES
 from imu_sim_ros.core import gate
-from imu_sim_ros.core.bad_rows import NUMBERS, STAMPS, BadRows, Skipped
+from imu_sim_ros.core.bad_rows import STAMPS, Skipped
 from imu_sim_ros.core.errors import InputError, Remark
 from imu_sim_ros.core.records import Readings, States
 from imu_sim_ros.core.rotation import normalise
 from imu_sim_ros.core.types import Array, Mask, Times
 from imu_sim_ros.inputs import header
 from imu_sim_ros.inputs.layout import TableForm, TableLayout, layout_of
+from imu_sim_ros.inputs.row_reader import NumberRows, RowReader
 from imu_sim_ros.inputs.rows import Row, is_present, names_in, row_blocks
 from imu_sim_ros.inputs.tables import Table, Tables
 from imu_sim_ros.recordings.order import RESET_READINGS, RESTART_NS
@@ -267,8 +268,8 @@ _Quantities = Mapping[str, gate.Quantity]
 """Quantities of a table by name."""
 
 
-class _Table:
-    """A text table of stamps and numbers during reading, and its bad rows so far."""
+class _Table(RowReader):
+    """A text table of measurements."""
 
     def __init__(
         self,
@@ -285,12 +286,9 @@ class _Table:
         :param ordered: True: a row whose stamp is before that of an earlier row is a bad row.
         :param beside: quantities that a header may have in addition.
         """
-        self.bad = BadRows(path)
-        self.comments: list[bytes] = []
-        self._path, self._quantities, self._form = path, quantities, form
-        self._ordered = ordered
+        self._quantities, self._form, self._ordered = quantities, form, ordered
         self._columns = {**quantities, **beside}
-        self._layout: TableLayout | None = None
+        super().__init__(path, _WHAT, self._columns)
         self._last_ns = _EARLIEST
         self._is_reset = False
         """True behind a reset of the clock, which is told once."""
@@ -298,7 +296,7 @@ class _Table:
     @property
     def notes(self) -> tuple[str, ...]:
         """Line about the units that are converted because the header states them."""
-        return () if self._layout is None else self._layout.notes
+        return () if self.layout is None else self.layout.notes
 
     def read(self, skipped: Skipped | None) -> Iterator[tuple[Times, dict[str, Array]]]:
         """Yield stamps (n,) and the quantities (n, m) that the table has, in blocks.
@@ -308,34 +306,23 @@ class _Table:
             class of bad rows.
         """
         count = 0
-        for rows in row_blocks(self._path, _WHAT, self.comments):
-            for t_ns, values in self.blocks(rows):
-                count += len(t_ns)
-                yield t_ns, values
+        for block in self.blocks():
+            pieces = [piece for piece in map(self._good_rows, block) if len(piece.t_ns)]
+            if not pieces:
+                continue
+            _, times, columns = zip(*pieces, strict=True)
+            t_ns: Times = np.concatenate(times)
+            count += len(t_ns)
+            yield (
+                t_ns,
+                {name: np.concatenate([values[name] for values in columns]) for name in columns[0]},
+            )
         if skipped is None:
             self.bad.complain()
         elif self.bad.rows:
             skipped(self.bad.rows)
         if not count:
-            raise InputError(f"{self._path}: contains no {'usable ' * bool(self.bad.rows)}rows")
-
-    def blocks(self, rows: list[Row]) -> Iterator[tuple[Times, dict[str, Array]]]:
-        """Yield the good rows of some lines; record the problems of the others."""
-        if not rows:
-            return
-        if self._layout is None:
-            self._layout = self.layout_of(rows)
-        parts = list(self._parts(self._layout, rows))
-        if len(parts) == 1:
-            yield parts[0]
-        elif parts:
-            yield (
-                np.concatenate([t_ns for t_ns, _ in parts]),
-                {
-                    name: np.concatenate([values[name] for _, values in parts])
-                    for name in parts[0][1]
-                },
-            )
+            raise InputError(f"{self.path}: contains no {'usable ' * bool(self.bad.rows)}rows")
 
     def layout_of(self, rows: list[Row]) -> TableLayout:
         """Return the layout of the table, and remove its header from its first rows."""
@@ -346,38 +333,16 @@ class _Table:
         numbers = sum(map(len, columns.values()))
         form = TableForm(columns, (numbers + 1,), 0, f"expected nanoseconds and {numbers} numbers")
         needed = [] if self._form else list(self._quantities)
-        return layout_of(self._path, self.comments, rows, {",": form}, needed)
+        return layout_of(self.path, self.comments, rows, {",": form}, needed)
 
-    def _parts(
-        self, layout: TableLayout, rows: list[Row]
-    ) -> Iterator[tuple[Times, dict[str, Array]]]:
-        """Yield the good rows, in pieces: what cannot be converted at once is halved."""
-        waiting = [rows] if rows else []
-        while waiting:
-            part = waiting.pop()
-            try:
-                t_ns, values = layout.parse(part, self._columns)
-            except (ValueError, OverflowError):
-                if len(part) > 1:
-                    half = len(part) // 2
-                    waiting += [part[half:], part[:half]]
-                else:
-                    self._note(layout, *part[0])
-                    self.bad.give_up()
-                continue
-            good = self._good(np.array([number for number, _ in part]), t_ns, values)
-            if good.all():
-                yield t_ns, values
-            elif good.any():
-                yield t_ns[good], {name: column[good] for name, column in values.items()}
-
-    def _note(self, layout: TableLayout, line: int, text: bytes) -> None:
-        """Record why a row cannot be converted to numbers."""
-        self.bad.rows += 1
-        count = self.bad.count
-        layout.note(self.bad, line, text, self._columns)
-        if self.bad.count == count:
-            self.bad.note(NUMBERS, line, "cannot be read as numbers")
+    def _good_rows(self, rows: NumberRows) -> NumberRows:
+        """Return the rows that pass; note the problems of the others."""
+        lines, t_ns, values = rows
+        good = self._good(lines, t_ns, values)
+        if good.all():
+            return rows
+        passed = {name: column[good] for name, column in values.items()}
+        return NumberRows(lines[good], t_ns[good], passed)
 
     def _good(self, lines: Times, t_ns: Times, values: Mapping[str, Array]) -> Mask:
         """Return True for rows that the gate passes, and in order if the table must be in order."""
