@@ -145,10 +145,10 @@ def compare(
     :raises InputError: if both do not overlap in time, or cannot be aligned.
     """
     rows = common_rows(estimate.t_ns, truth.t_ns, max_gap)
-    unaligned = estimate.rows(rows)
+    unaligned = estimate if len(rows) == len(estimate) else estimate.rows(rows)
     true = poses_at(truth, unaligned.t_ns)
     alignment = align(unaligned.position, true.position, align_by)
-    aligned = alignment.apply(unaligned)
+    aligned = unaligned if align_by == "none" else alignment.apply(unaligned)
     position, attitude = absolute_errors(aligned, true)
     velocity = None
     if aligned.velocity is not None and true.velocity is not None:
