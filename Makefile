@@ -117,6 +117,8 @@ HAS_FLOOR := $(PYTHON) -c 'import sys; sys.exit(sys.version_info >= (3, 13))'
 	@echo "make: installing the oldest supported versions into .venv-floor"
 	$(CLEAN) $(PYTHON) -m venv .venv-floor
 	touch .venv-floor/COLCON_IGNORE
+	# lz4 4.0.2 has no wheel for Python 3.11 and later: it is compiled, as quickly as that goes.
+	export CFLAGS=-O0
 	$(call install,.venv-floor,-r .ci/requirements-floor.txt,--no-compile)
 	# Not installed, and yet there for the scripts that tests start elsewhere.
 	echo "$$PWD" > "$$(.venv-floor/bin/python -c 'import sysconfig; print(sysconfig.get_path("purelib"))')/imu_sim_ros.pth"

@@ -30,14 +30,27 @@ CAN_BE_INSTALLED = {
 LONGEST = tuple(
     Path("test", name)
     for name in (
-        *("test_lint.py", "nodes/simulator/test_cameras.py", "api/test_twin.py"),
-        *("test_examples.py", "test_tutorials.py", "nodes/live/test_recorder_node.py"),
-        *("camera/test_bodies.py", "camera/test_images.py", "camera/test_mesh.py"),
-        *("campaign/test_dask.py", "camera/test_places.py", "bags/test_containers.py"),
-        *("nodes/simulator/test_control.py", "calibration/test_analysis.py"),
-        *("nodes/live/test_integrator_node.py", "commands/test_library_lines.py"),
-        *("campaign/test_runs.py", "test_platforms.py", "report/test_browser.py"),
-        *("calibration/test_estimate.py", "examples/test_gtsam_image_vio.py"),
+        *("test_lint.py", "nodes/simulator/test_cameras.py"),
+        *("calibration/test_analysis.py", "test_tutorials.py"),
+        *("camera/test_images.py", "test_examples.py"),
+        *("nodes/simulator/test_control.py", "recordings/test_policy.py"),
+        *("campaign/test_commands.py", "nodes/live/test_recorder_node.py"),
+        *("campaign/test_runs.py", "campaign/test_dask.py", "commands/test_allan.py"),
+        *("simulation/test_error_model.py", "api/test_twin.py"),
+        *("camera/test_bodies.py", "nodes/live/test_integrator_node.py"),
+        *("report/test_browser.py", "campaign/test_command_cameras.py"),
+        *("campaign/test_common_time.py", "camera/test_places.py"),
+        *("calibration/test_estimate.py", "test_recipes.py"),
+        *("nodes/integrator/test_sensor.py", "api/test_formats.py"),
+        *("nodes/test_error_model_node.py", "bags/test_containers.py"),
+        *("report/test_page.py", "api/test_results.py"),
+        *("nodes/simulator/test_stream.py", "camera/test_mesh.py"),
+        *("commands/generate/test_interrupted_cameras.py",),
+        *("examples/test_gtsam_image_vio.py", "nodes/simulator/test_transforms.py"),
+        *("test_platforms.py", "nodes/test_launch_handover.py"),
+        *("calibration/test_slow_signals.py", "sensor/lidar/test_estimators.py"),
+        *("commands/test_view.py", "navigation/test_pyins_filter.py"),
+        *("commands/test_library_lines.py",),
     )
 )
 """Files that take longest, the longest first."""

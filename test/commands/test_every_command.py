@@ -11,7 +11,6 @@ import sys
 from collections import Counter
 from pathlib import Path
 
-import pytest
 import yaml
 
 from imu_sim_ros import __version__
@@ -96,10 +95,31 @@ def test_each_runs_once(tmp_path, monkeypatch, capsys):
         assert (tmp_path / name).stat().st_size > 0, name
 
 
-@pytest.mark.parametrize(
-    "module", ["imu_sim_ros", *(f"imu_sim_ros.commands.{p}" for p in PROGRAMS)]
-)
-def test_python_runs_each_program_as_a_module(module):
-    argv = [sys.executable, "-m", module, "--version"]
+AS_MODULES = """
+import runpy, sys
+for name in sys.argv[1:]:
+    sys.argv = [name, "--version"]
+    try:
+        runpy.run_module(name, run_name="__main__", alter_sys=True)
+    except SystemExit as end:
+        assert not end.code, name
+    else:
+        raise AssertionError(f"{name} did nothing")
+    # What another program has loaded would be run a second time, of which Python warns.
+    for loaded in [key for key in sys.modules if key.startswith("imu_sim_ros.commands")]:
+        del sys.modules[loaded]
+"""
+
+
+def test_python_runs_each_program_as_a_module():
+    """What ``python -m`` does, for all in one process."""
+    modules = [f"imu_sim_ros.commands.{program}" for program in PROGRAMS]
+    argv = [sys.executable, "-c", AS_MODULES, *modules]
+    output = subprocess.run(argv, capture_output=True, text=True, check=True, timeout=120).stdout
+    assert [line.split()[-1] for line in output.splitlines()] == [__version__] * len(modules)
+
+
+def test_python_runs_the_package_as_a_module():
+    argv = [sys.executable, "-m", "imu_sim_ros", "--version"]
     output = subprocess.run(argv, capture_output=True, text=True, check=True, timeout=120).stdout
     assert output.split()[-1] == __version__

@@ -17,6 +17,7 @@ from pathlib import Path
 from typing import Any
 
 import pytest
+from fork_server import Forked, ForkServer
 from programs import PATIENCE
 
 from imu_sim_ros.nodes.fast_dds import remove_torn_segments
@@ -64,35 +65,9 @@ def domains() -> Iterator[tuple[int, int]]:
 class NodeProcess:
     """A node in a process of its own."""
 
-    def __init__(
-        self,
-        name: str,
-        arguments: list[str],
-        domain: int,
-        log: Path,
-        installed: str = "",
-        as_module: bool = False,
-    ) -> None:
-        executable = Path(sys.executable).with_name(name)
-        start = (
-            [str(executable)]
-            if executable.exists() and not as_module
-            else [sys.executable, "-m", f"imu_sim_ros.nodes.{name}.node"]
-        )
-        environment = {
-            **os.environ,
-            "PYTHONPATH": os.pathsep.join(
-                filter(None, [str(REPOSITORY), installed, os.environ.get("PYTHONPATH")])
-            ),
-            "ROS_DOMAIN_ID": str(domain),
-            "ROS_AUTOMATIC_DISCOVERY_RANGE": "LOCALHOST",
-            "ROS_PYTHON_CHECK_FIELDS": "1",
-        }
+    def __init__(self, process: "subprocess.Popen[bytes] | Forked", log: Path) -> None:
+        self.process = process
         self._log = log
-        with log.open("w") as output:
-            self.process = subprocess.Popen(
-                [*start, *arguments], stdout=output, stderr=subprocess.STDOUT, env=environment
-            )
 
     @property
     def output(self) -> str:
@@ -122,13 +97,26 @@ def tf2_msgs(monkeypatch: pytest.MonkeyPatch) -> None:
         monkeypatch.setenv("PYTHONPATH", str(WHEELS_PREFIX))
 
 
+@pytest.fixture(scope="session")
+def fork_servers() -> Iterator[dict[str, ForkServer]]:
+    """Return the processes that fork for a start of a node, by its name."""
+    servers: dict[str, ForkServer] = {}
+    yield servers
+    for server in servers.values():
+        server.close()
+
+
 @pytest.fixture
 def start(
-    domains: tuple[int, int], tmp_path: Path, no_torn_segments: None
+    domains: tuple[int, int],
+    tmp_path: Path,
+    no_torn_segments: None,
+    fork_servers: dict[str, ForkServer],
 ) -> Iterator[Callable[..., NodeProcess]]:
     """Start nodes: ``start("simulator", rate=100, ...)``; they end with the test.
 
-    ``installed`` is a folder with packages of other people; ``as_module``: by ``python -m``.
+    ``installed`` is a folder with packages of other people; ``program``: by the program that the
+    build installs, ``as_module``: by ``python -m``. Else a process that has loaded the node forks.
     """
     started: list[NodeProcess] = []
 
@@ -137,6 +125,7 @@ def start(
         *arguments: str,
         domain: int | None = None,
         installed: Any = "",
+        program: bool = False,
         as_module: bool = False,
         **parameters: Any,
     ) -> Any:
@@ -147,8 +136,31 @@ def start(
             shown = str(value).lower() if isinstance(value, bool) else str(value)
             program_arguments += ["-p", f"{key.replace('__', '.')}:={shown}"]
         log = tmp_path / f"node{len(started)}.log"
-        place = domain or domains[0]
-        started.append(NodeProcess(name, program_arguments, place, log, str(installed), as_module))
+        paths = [str(REPOSITORY), str(installed), os.environ.get("PYTHONPATH")]
+        environment = {
+            **os.environ,
+            "PYTHONPATH": os.pathsep.join(filter(None, paths)),
+            "ROS_DOMAIN_ID": str(domain or domains[0]),
+            "ROS_AUTOMATIC_DISCOVERY_RANGE": "LOCALHOST",
+            "ROS_PYTHON_CHECK_FIELDS": "1",
+        }
+        if program or as_module or environment["PYTHONPATH"] != str(REPOSITORY):
+            executable = Path(sys.executable).with_name(name)
+            words = [str(executable)]
+            if as_module or not executable.exists():
+                words = [sys.executable, "-m", f"imu_sim_ros.nodes.{name}.node"]
+            with log.open("w") as output:
+                process: subprocess.Popen[bytes] | Forked = subprocess.Popen(
+                    [*words, *program_arguments],
+                    stdout=output,
+                    stderr=subprocess.STDOUT,
+                    env=environment,
+                )
+        else:
+            if name not in fork_servers:
+                fork_servers[name] = ForkServer(name, environment)
+            process = fork_servers[name].start(program_arguments, environment, log)
+        started.append(NodeProcess(process, log))
         return started[-1]
 
     yield run

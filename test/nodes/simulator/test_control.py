@@ -49,7 +49,9 @@ def imu(listener: Any) -> Any:
 def test_signals_end_it_with_status_0(
     start: Any, imu: Any, number: int, settings: dict[str, Any]
 ) -> None:
-    node = start("simulator", rate=1, **settings)  # it sleeps for a second between samples
+    node = start(
+        "simulator", program=True, rate=1, **settings
+    )  # it sleeps for a second between samples
     imu.wait_for(IMU, 0 if settings else 1)
     if settings:
         from rcl_interfaces.srv import ListParameters
@@ -69,7 +71,7 @@ def test_a_signal_while_the_process_ends_changes_nothing(
     start: Any, number: int, as_module: bool
 ) -> None:
     """Launch sends SIGINT to every node when the first has ended, also to one that ends itself."""
-    node = start("simulator", as_module=as_module, duration=0.1)
+    node = start("simulator", program=not as_module, as_module=as_module, duration=0.1)
     end = time.monotonic() + PATIENCE
     while node.process.poll() is None and time.monotonic() < end:
         if "messages on ground_truth/odom" in node.output:  # the last thing that it prints
