@@ -9,13 +9,14 @@ signals, streams and an exit status of its own; rclpy is initialised in it, afte
 As a program, with the descriptor of a socket and the node's name: a line of JSON in, one out.
 """
 
-import gc
+import atexit
 import json
 import os
 import signal
 import socket
 import subprocess
 import sys
+import threading
 import time
 from pathlib import Path
 from typing import Any
@@ -41,6 +42,7 @@ class ForkServer:
 
     def start(self, arguments: list[str], environment: dict[str, str], log: Path) -> "Forked":
         """Start the node, with its output in a file, in the working folder of this process."""
+        log.touch()
         request = {"arguments": arguments, "environment": environment, "folder": os.getcwd()}
         return Forked(self, self.ask(**request, log=str(log)))
 
@@ -86,7 +88,6 @@ def serve(descriptor: int, name: str) -> int:
 
     for module in ("help", f"{name}.node"):
         startup.load(f"imu_sim_ros.nodes.{module}")
-    gc.freeze()
     with socket.socket(fileno=descriptor) as connection, connection.makefile("rw") as stream:
         for line in stream:
             request = json.loads(line)
@@ -110,4 +111,13 @@ def serve(descriptor: int, name: str) -> int:
 
 
 if __name__ == "__main__":
-    sys.exit(serve(int(sys.argv[1]), sys.argv[2]))
+    status = serve(int(sys.argv[1]), sys.argv[2])
+    for thread in threading.enumerate():
+        if thread is not threading.current_thread() and not thread.daemon:
+            thread.join()
+    atexit._run_exitfuncs()
+    sys.stdout.flush()
+    sys.stderr.flush()
+    # Destructors of C++ libraries that were loaded before the fork crash behind it; they are
+    # tested where tests start the program itself.
+    os._exit(status)

@@ -83,7 +83,7 @@ def test_bad_arguments_and_files(refused: Any, tmp_path: Path) -> None:
 
 def test_the_program_ends_with_a_line_for_each_problem(start: Any) -> None:
     arguments, lines = REFUSED[0]
-    node = start("simulator", "--ros-args", *arguments)
+    node = start("simulator", "--ros-args", *arguments, program=True)
     assert node.status() == 2, node.output
     for line, expected in zip(node.output.splitlines(), lines, strict=True):
         assert line.startswith(f"simulator: {expected}")
