@@ -327,6 +327,15 @@ class LiveReading(NamedTuple):
     """
 
 
+class LiveValue(NamedTuple):
+    """Measurement of another sensor of an IMU as it arrives, such as a magnetometer's."""
+
+    t_ns: int
+    """Stamp [ns]."""
+    components: tuple[float, ...]
+    """Components of the measurement, one for a scalar, in its SI unit."""
+
+
 class LiveState(NamedTuple):
     """State of a body at one time, as it arrives or leaves: a row of :class:`States` in numbers.
 

@@ -865,11 +865,14 @@ def tell_strays(t_ns: Times, is_first: bool, source: str, remark: Callable[[str]
 
     :param t_ns: (n,) stamps in the order of arrival [ns].
     :param is_first: True for the first block of a recording.
+    :raises ConfigurationError: for stamps that are no nanoseconds.
     """
     stray = np.zeros(len(t_ns), np.bool_)
     if len(t_ns) < _FEWEST_ORDERED:
         return stray
     rows = order_stamps(t_ns).strays
+    if is_first:
+        check_unit(np.delete(t_ns, rows))
     begin = 0 if is_first else RESET_READINGS
     rows = rows[(rows >= begin) & (rows < len(t_ns) - RESET_READINGS)]
     stray[rows] = True
@@ -879,6 +882,17 @@ def tell_strays(t_ns: Times, is_first: bool, source: str, remark: Callable[[str]
             f"{int(t_ns[rows[0]])} ns: those readings get no errors [stamps_stray]"
         )
     return stray
+
+
+def check_unit(t_ns: Times) -> None:
+    """Refuse stamps (n,) that are no nanoseconds.
+
+    :raises ConfigurationError: for these.
+    """
+    if len(t_ns) > 1 and (np.diff(t_ns) > 0).any():
+        unit = estimate_clock(t_ns).trait("unit")
+        if unit is not None:
+            raise ConfigurationError(f"stamps are not in nanoseconds: {unit.text} [stamps_unit]")
 
 
 def rate_of(t_ns: Integers) -> float:
@@ -891,10 +905,8 @@ def rate_of(t_ns: Integers) -> float:
     """
     if len(t_ns) < 2 or not (np.diff(t_ns) > 0).any():
         raise ConfigurationError("rate: two readings, or the rate, must be given")
+    check_unit(t_ns)
     clock = estimate_clock(t_ns)
-    unit = clock.trait("unit")
-    if unit is not None:
-        raise ConfigurationError(f"stamps are not in nanoseconds: {unit.text}")
     rate = float(f"{clock.rate:.6g}")
     nearest = float(round(rate))
     return nearest if nearest and abs(rate - nearest) < 2e-5 * nearest else rate

@@ -25,7 +25,7 @@ from imu_sim_ros.core import gate, rotation
 from imu_sim_ros.core.components import Quaternion, Vector
 from imu_sim_ros.core.conventions import ACCEL_UNITS, GYRO_UNITS, TRIADS
 from imu_sim_ros.core.errors import InputError, MissingDependencyError
-from imu_sim_ros.core.records import LiveReading, LiveState
+from imu_sim_ros.core.records import LiveReading, LiveState, LiveValue
 from imu_sim_ros.core.spelling import argument
 from imu_sim_ros.core.timebase import NANOSECONDS_PER_SECOND
 from imu_sim_ros.formats.choice import Choice
@@ -284,8 +284,8 @@ def ideal_reading(payload: bytes) -> LiveReading:
 _decoder, _oriented_decoder = ReadingDecoder(), ReadingDecoder(oriented=True)
 
 
-def value(type_name: str, payload: bytes) -> tuple[int, tuple[float, ...]]:
-    """Return stamp and value of a sensor_msgs/MagneticField or sensor_msgs/FluidPressure.
+def value(type_name: str, payload: bytes) -> LiveValue:
+    """Return the measurement in a sensor_msgs/MagneticField or sensor_msgs/FluidPressure.
 
     :raises InputError: as for :func:`imu_reading`.
     """
@@ -294,7 +294,7 @@ def value(type_name: str, payload: bytes) -> tuple[int, tuple[float, ...]]:
     t_ns = _stamp(second, nanosecond)
     if not gate.Verdict(np.array([t_ns]), [(quantity, np.array([numbers]))]).good.all():
         raise _refused(t_ns, (quantity, tuple(numbers)))
-    return t_ns, tuple(numbers)
+    return LiveValue(t_ns, tuple(numbers))
 
 
 def frame_id(payload: bytes) -> str:

@@ -131,7 +131,7 @@ def find_pattern(t_ns: Times) -> StampPattern:
     t_ns = t_ns[:_SAMPLE]
     if len(t_ns) < 2 or t_ns[0] == t_ns[-1]:
         raise InputError("fewer than two different stamps: no rate")
-    bunch_ns = _bunch(t_ns)
+    bunch_ns = bunch_limit(t_ns)
     pattern = StampPattern(1.0, 0.0, bunch_ns, False, False)
     rows = pattern.heads(t_ns)
     heads = t_ns[rows]
@@ -195,7 +195,7 @@ def find_pattern(t_ns: Times) -> StampPattern:
     return StampPattern(interval, unit_ns, bunch_ns, False, rounded)
 
 
-def _bunch(t_ns: Times) -> float:
+def bunch_limit(t_ns: Times) -> float:
     """Return the longest step within a batch [ns]; -1: none are in batches."""
     steps = np.diff(t_ns)
     positive = steps[steps > 0]
@@ -229,8 +229,8 @@ def _unit(steps: Integers) -> float:
     values = np.unique(steps)
     middle = float(np.median(steps))
     if values[-1] - values[0] <= 2:
-        return 0.0 if values[0] % 1_000_000 else float(_decimal(values))
-    unit = float(_decimal(values))
+        return 0.0 if values[0] % 1_000_000 else float(decimal_unit(values))
+    unit = float(decimal_unit(values))
     if unit >= _FINE * middle:
         return unit
     starts = np.flatnonzero(np.diff(values, prepend=values[0] - 10) > 4)
@@ -248,8 +248,8 @@ def _unit(steps: Integers) -> float:
     return divisor if divisor >= _FINE * middle else 0.0
 
 
-def _decimal(values: Integers) -> int:
-    """Return the largest power of ten that divides all values."""
+def decimal_unit(values: Integers) -> int:
+    """Return the largest power of ten up to 1e9 of which all values are multiples."""
     unit = 1
     while unit < 1_000_000_000 and not np.any(values % (10 * unit)):
         unit *= 10

@@ -14,13 +14,15 @@ import numpy as np
 
 from imu_sim_ros.core.records import SeriesT, TimeSeries, concatenated, with_fields
 from imu_sim_ros.core.types import Mask, Times
-from imu_sim_ros.recordings.clock import SHORT
+from imu_sim_ros.recordings.clock import SHORT, decimal_unit
 from imu_sim_ros.recordings.order import RESET_READINGS, RESTART_NS
 
 _LOOKED_BACK: Final = 4
 """Intervals in which a burst of readings may make up for a long one."""
 _LARGEST_BUNCH: Final = 64
 """Readings of a bunch; where stamps come in bunches, so many intervals are looked back."""
+_COARSE: Final = 0.25
+"""Intervals in a unit of the stamps from which on rounding can look like a loss."""
 _FEW: Final = 8
 """Readings for which Python's numbers take less time than NumPy's arrays."""
 
@@ -228,15 +230,17 @@ class Gaps:
         """Yield the parts that :meth:`parts` returns."""
         recent_count, next_ns = len(self._recent_ns), t_ns
         t_ns = np.concatenate([np.array(self._recent_ns, np.int64), t_ns])
-        self._recent_ns = t_ns[-_LARGEST_BUNCH:].tolist()
         since = max(recent_count, 1)
         long = t_ns[since:] - t_ns[since - 1 : -1] > self._without_gap_ns
-        begin = missing = pause = 0
+        begin = missing = pause = start = 0
         for k in (np.flatnonzero(long) + since).tolist() if long.any() else ():
             if k > recent_count:
                 yield slice(begin, k - recent_count), missing, pause
             begin = k - recent_count
-            missing, pause = self._gap(t_ns[: k + 1])
+            missing, pause = self._gap(t_ns[start : k + 1])
+            if missing or pause:
+                start = k
+        self._recent_ns = t_ns[max(start, len(t_ns) - _LARGEST_BUNCH) :].tolist()
         yield (slice(begin, len(next_ns)) if begin else None), missing, pause
 
     def _gap(self, t_ns: Times) -> tuple[int, int]:
@@ -245,6 +249,12 @@ class Gaps:
         if step_ns > self._longest_ns:
             return 0, step_ns
         previous_ns = t_ns[-_LARGEST_BUNCH - 1 : -1][::-1]
+        unit_ns = decimal_unit(np.diff(t_ns[-_LARGEST_BUNCH - 1 :]))
+        if unit_ns > _COARSE * self._nominal_ns and self._nominal_ns % unit_ns:
+            # Rounding shortens a step by less than a unit.
+            intervals = (t_ns[-1] - previous_ns - unit_ns) / self._nominal_ns - _COARSE
+            fewest = np.ceil(intervals).astype(np.int64)
+            return max(int((fewest - np.arange(1, len(previous_ns) + 1)).max()), 0), 0
         short = np.count_nonzero(previous_ns[:-1] - previous_ns[1:] < SHORT * self._nominal_ns)
         if 2 * short < len(previous_ns) - 1:
             previous_ns = previous_ns[:_LOOKED_BACK]

@@ -84,6 +84,11 @@ class LiveGap:
         self._steps: deque[int] | None = None if max_gap else deque(maxlen=_RECENT_STEPS)
         self._t_ns: int | None = None
 
+    @property
+    def usual_step_ns(self) -> float:
+        """Median of the latest steps [ns]; 0: there is none, or the gap is stated."""
+        return sorted(self._steps)[len(self._steps) // 2] if self._steps else 0.0
+
     def add(self, t_ns: int) -> None:
         """Add the next stamp."""
         steps = self._steps
@@ -95,7 +100,7 @@ class LiveGap:
             return
         steps.append(step)
         if step > self._shortest_ns or not self.is_known:
-            gap = _usual_gap(sorted(steps)[len(steps) // 2], self._shortest)
+            gap = _usual_gap(self.usual_step_ns, self._shortest)
             self.longest_step_ns = longest_step_ns(gap)
             self.is_known = len(steps) >= _FEWEST_STEPS
 
@@ -160,14 +165,15 @@ def order_stamps(t_ns: Times, step_ns: float | None = None) -> StampOrder:
     none = np.empty(0, dtype=np.int64)
     if not len(breaks):
         return StampOrder((np.arange(len(t_ns)),) if len(t_ns) else (), none, none, none, none)
-    return _Sorting(t_ns, [0, *breaks.tolist(), len(t_ns)], limit).order()
+    return _Sorting(t_ns, [0, *breaks.tolist(), len(t_ns)], step_ns, limit).order()
 
 
 class _Sorting:
     """Assigns the runs between unusual steps to stretches of one time."""
 
-    def __init__(self, t_ns: Times, edges: list[int], limit: float) -> None:
+    def __init__(self, t_ns: Times, edges: list[int], step_ns: float, limit: float) -> None:
         self._t_ns, self._edges, self._limit = t_ns, edges, limit
+        self._usual_ns = _USUAL_STEPS * step_ns
         self._first_ns = [int(t_ns[edge]) for edge in edges[:-1]]
         self._pieces: list[list[tuple[int, int]]] = []
         self._latest_ns = 0
@@ -208,8 +214,11 @@ class _Sorting:
             if run + 1 == final or edges[-1] - begin <= 4 * STRAY_READINGS:
                 return 0
             end = edges[run + 1]
-            step = self._first_ns[run + 1] - int(self._t_ns[end - 1])
-            return int(step < -RESTART_NS or step > LONGEST_PAUSE_NS)
+            last_ns = int(self._t_ns[end - 1])
+            step = self._first_ns[run + 1] - last_ns
+            is_far = step < -RESTART_NS or step > LONGEST_PAUSE_NS
+            ahead = step < 0 and last_ns > self._t_ns[end : end + RESET_READINGS].max()
+            return int(is_far or ahead)
         step = self._first_ns[run] - self._latest_ns
         if self._follows(self._latest_ns, self._first_ns[run]) or -RESTART_NS <= step < 0:
             return 0
@@ -231,15 +240,45 @@ class _Sorting:
             return
         if self._pieces and -RESTART_NS <= step < 0:
             earlier = int(np.searchsorted(self._t_ns[begin:end], self._latest_ns))
-            first_of_piece = int(self._t_ns[self._pieces[-1][0][0]])
-            if earlier < RESET_READINGS and first_ns > first_of_piece:
+            start, stop = self._pieces[-1][0][0], self._pieces[-1][-1][1]
+            goes_on = first_ns > self._t_ns[start] or stop - start <= STRAY_READINGS
+            if earlier < RESET_READINGS and goes_on:
                 self._late += range(begin, begin + earlier)
                 self._pieces[-1].append((begin, end))
                 self._latest_ns = max(self._latest_ns, last_ns)
                 return
+        if self._pieces and step < 0 and self._leave_out(begin, end):
+            self._latest_ns = last_ns
+            return
         if self._pieces and step < 0:
             self._resets.append(begin)
         elif self._pieces and step > CLOCK_CHANGE_NS:
             self._changes.append(begin)
         self._pieces.append([(begin, end)])
         self._latest_ns = last_ns
+
+    def _leave_out(self, begin: int, end: int) -> bool:
+        """Leave out strays on one side of a step back; return False if there are none.
+
+        Strays by less than the longest loss have an unusual step on their other side, in a run.
+        """
+        t_ns, (start, stop) = self._t_ns, self._pieces[-1][-1]
+        for count in range(1, STRAY_READINGS + 1):
+            ahead, behind = stop - count, begin + count
+            if (
+                ahead > start
+                and t_ns[ahead] - t_ns[ahead - 1] > self._usual_ns
+                and self._follows(int(t_ns[ahead - 1]), int(t_ns[begin]))
+            ):
+                self._strays += range(ahead, stop)
+                self._pieces[-1][-1:] = [(start, ahead), (begin, end)]
+                return True
+            if (
+                behind < end
+                and t_ns[behind] - t_ns[behind - 1] > self._usual_ns
+                and self._follows(int(t_ns[stop - 1]), int(t_ns[behind]))
+            ):
+                self._strays += range(begin, behind)
+                self._pieces[-1].append((behind, end))
+                return True
+        return False

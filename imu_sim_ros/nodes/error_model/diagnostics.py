@@ -30,6 +30,7 @@ class ErrorModelReport:
         stamp: Time,
         counts: Counts,
         refused: int,
+        strays: int,
         remarks: Sequence[str],
         counters: Sequence[Counter],
         drawn: Mapping[str, object],
@@ -37,6 +38,7 @@ class ErrorModelReport:
         """Return the message.
 
         :param refused: messages so far that were no readings.
+        :param strays: messages so far that were left out for their stray stamps.
         :param remarks: what contradicts the declaration of the input.
         :param drawn: seed and what it drew.
         """
@@ -57,6 +59,7 @@ class ErrorModelReport:
         values = {
             "readings per second": f"{new_readings / PERIOD:.1f}",
             "refused messages": refused,
+            "stray stamps": strays,
             **dataclasses.asdict(counts),
             **{f"{counter.topic} published": counter.count for counter in counters},
             **drawn,

@@ -8,7 +8,7 @@ import sys
 import threading
 import time
 from collections import Counter, deque
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from functools import partial
 from typing import Final, TypeVar
 
@@ -24,7 +24,7 @@ from std_srvs.srv import Trigger
 
 from imu_sim_ros.core import conventions
 from imu_sim_ros.core.errors import InputError
-from imu_sim_ros.core.records import LiveReading, Readings
+from imu_sim_ros.core.records import LiveReading, LiveState, LiveValue, Readings
 from imu_sim_ros.nodes import messages as decode
 from imu_sim_ros.nodes import run, sensor_description, signals
 from imu_sim_ros.nodes.diagnostics import PERIOD, drawn, fault_message
@@ -33,7 +33,9 @@ from imu_sim_ros.nodes.error_model.output import DEPTH, ErrorModelOutputs, wante
 from imu_sim_ros.nodes.parameters import ConfiguredNode
 from imu_sim_ros.nodes.publishing import check_overrides, create
 from imu_sim_ros.nodes.subscriptions import MatchedInputs, RawSubscriptions, Taken
-from imu_sim_ros.recordings.findings.live import TwistWatch
+from imu_sim_ros.nodes.warnings import Refusals
+from imu_sim_ros.recordings.findings.live import StampWatch, TwistWatch
+from imu_sim_ros.recordings.live_strays import RELEASE_PERIOD, LiveStrays
 from imu_sim_ros.sensors.imu.declaration import NAME as IMU
 from imu_sim_ros.simulation.error_input import Differentiator, IdealValues
 from imu_sim_ros.simulation.error_model import GivenImu
@@ -46,12 +48,12 @@ from imu_sim_ros.simulation.error_parameters import (
 from imu_sim_ros.simulation.given_sensor import OTHERS
 
 _Decoded = TypeVar("_Decoded")
+_StampedT = TypeVar("_StampedT", LiveReading, LiveState, LiveValue)
 _READ_PERIOD: Final = 0.003
 """[s] How long readings wait for each other, and about the longest that one waits. At 1 kHz four
 come at a time, for a quarter of the wakes of one by one."""
 _FEW: Final = 8
 """Readings that take less time as numbers than as arrays."""
-_REFUSAL_PERIOD: Final = 10.0
 _REMARKS_A_SECOND: Final = 5
 _ACKNOWLEDGEMENT: Final = Duration(nanoseconds=300_000_000)
 """Longest wait for subscribers at shutdown; a signal must end the node within a second."""
@@ -66,7 +68,7 @@ class ErrorModelNode(ConfiguredNode[ErrorNodeParameters]):
         self._lock = threading.Lock()
         """Readings are taken in the reader's thread; everything else runs in the executor's."""
         self._received: Counter[str] = Counter()
-        self.refused = 0
+        self._refusals = Refusals(self.get_logger())
         self._unit_of: tuple[ErrorNodeParameters, int] | None = None
         self._unit: Mapping[str, str] = {}
         """Parameters drawn from the seed."""
@@ -86,6 +88,11 @@ class ErrorModelNode(ConfiguredNode[ErrorNodeParameters]):
         self._decoder = decode.ReadingDecoder(parameters, oriented)
         for line in self._decoder.notes():
             self.get_logger().info(line)
+        main = next(iter(self._inputs()))
+        self._stamps = StampWatch()
+        self._reading_strays = self._strays(LiveReading, main)
+        self._state_strays = self._strays(LiveState, main)
+        self._value_strays = {name: self._strays(LiveValue, name) for name in self._values}
         self._odometry = Differentiator(parameters) if parameters.odometry else None
         compared = parameters.odometry and parameters.input.check
         source = f"input ({self.resolve_topic_name(conventions.INPUT_ODOMETRY_TOPIC)})"
@@ -112,12 +119,12 @@ class ErrorModelNode(ConfiguredNode[ErrorNodeParameters]):
         self.create_service(Trigger, "~/reset", self._reset)
         steady = Clock(clock_type=ClockType.STEADY_TIME)
         self.create_timer(PERIOD, self._diagnose, clock=steady)
-        topic = next(iter(self._inputs()))
+        self.create_timer(RELEASE_PERIOD, self._release, clock=steady)
         self.get_logger().info(
             f"{parameters.imu.preset} at {parameters.rate:g} Hz, seed {parameters.seed}, "
-            f"on {self.resolve_topic_name(topic)}"
+            f"on {self.resolve_topic_name(main)}"
         )
-        self.reader = RawSubscriptions(self, self._take, self.lifetime.fail, _READ_PERIOD, topic)
+        self.reader = RawSubscriptions(self, self._take, self.lifetime.fail, _READ_PERIOD, main)
         self._matched = MatchedInputs(self, self.reader, self._inputs, DEPTH)
 
     def _inputs(self) -> dict[str, type]:
@@ -130,6 +137,7 @@ class ErrorModelNode(ConfiguredNode[ErrorNodeParameters]):
     def close(self) -> None:
         """Process what has arrived, wait for the subscribers, and print the counts."""
         self.reader.close()
+        self._pass_on(finish=True)
         self.model.finish()
         self.outputs.close()
         for counter in self.outputs.counters:
@@ -150,22 +158,57 @@ class ErrorModelNode(ConfiguredNode[ErrorNodeParameters]):
                 return
             if self._takes_frame:
                 self._take_frame(batch)
+            if self._odometry is None:
+                decoded = self._decoded(topic, batch, self._decoder.reading)
+                readings = [reading for reading in decoded if reading is not None]
+                self._add_readings(self._reading_strays.apply(readings))
+            else:
+                states = self._decoded(topic, batch, decode.truth)
+                self._add_states(self._odometry, self._state_strays.apply(states))
+
+    def _release(self) -> None:
+        """Add errors to messages that waited for others to tell whether their stamps are stray."""
+        with self._lock:
+            self._pass_on()
+
+    def _pass_on(self, finish: bool = False) -> None:
+        """Add errors to messages in doubt: at the end to all of them, else after a silence."""
+        for topic, strays in self._value_strays.items():
+            self._add_values(topic, strays.finish() if finish else strays.release())
+        readings = self._reading_strays
+        self._add_readings(readings.finish() if finish else readings.release())
+        if self._odometry is not None:
+            states = self._state_strays
+            self._add_states(self._odometry, states.finish() if finish else states.release())
+
+    def _strays(self, kind: type[_StampedT], topic: str) -> LiveStrays[_StampedT]:
+        """Return what leaves out messages of a topic with stray stamps."""
+        return LiveStrays[_StampedT](lambda line: self._remark(f"{topic}: {line}"))
+
+    def _of_nanoseconds(self, messages: list[_StampedT]) -> list[_StampedT]:
+        """Return messages of the main input whose stamps are a time; others are refused."""
+        if self._stamps.done:
+            return messages
+        sound: list[_StampedT] = []
+        for message in messages:
             try:
-                if self._odometry is None:
-                    readings = self._decoded(topic, batch, self._decoder.reading)
-                    self._take_readings([reading for reading in readings if reading is not None])
-                else:
-                    self._read(self._of_odometry(self._odometry, topic, batch))
+                self._stamps.add(message.t_ns)
+                sound.append(message)
             except InputError as error:
-                self._refuse(topic, error, len(batch))
+                self._refusals.add(next(iter(self._inputs())), error)
+        return sound
 
     def _take_values(self, topic: str, batch: list[Taken]) -> None:
         """Add errors to ideal values of another sensor, and publish them."""
-        quantity, kind = self._values[topic]
-        stamped_values = self._decoded(topic, batch, partial(decode.value, kind))
-        if stamped_values:
-            t_ns = np.array([stamp_ns for stamp_ns, _ in stamped_values], np.int64)
-            values = np.array([numbers for _, numbers in stamped_values])
+        decoded = self._decoded(topic, batch, partial(decode.value, self._values[topic][1]))
+        self._add_values(topic, self._value_strays[topic].apply(decoded))
+
+    def _add_values(self, topic: str, measurements: Sequence[LiveValue]) -> None:
+        """Add errors to measurements in order, and publish them."""
+        quantity = self._values[topic][0]
+        if measurements:
+            t_ns = np.array([measurement.t_ns for measurement in measurements], np.int64)
+            values = np.array([measurement.components for measurement in measurements])
             values = values if values.shape[1] > 1 else values[:, 0]
             ideal = IdealValues.unchecked(t_ns=t_ns, values=values)
             for block in self.model.other(quantity).read(ideal):
@@ -183,13 +226,16 @@ class ErrorModelNode(ConfiguredNode[ErrorNodeParameters]):
             self.model.parameters = self.parameters
             self.outputs.encode_for(self.parameters)
 
-    def _take_readings(self, readings: list[LiveReading]) -> None:
-        """Add errors to readings."""
-        samples = None
+    def _add_readings(self, readings: list[LiveReading]) -> None:
+        """Add errors to readings in order, and publish them."""
+        readings, samples = self._of_nanoseconds(readings), None
         if 0 < len(readings) <= _FEW and all(reading.q_wb is None for reading in readings):
             samples = self.model.read_few(readings)
         if samples is None:
-            self._read(_record(readings))
+            try:
+                self._read(_record(readings))
+            except InputError as error:
+                self._refusals.add(next(iter(self._inputs())), error, len(readings))
         else:
             self.outputs.publish({IMU: samples}, self.parameters)
 
@@ -207,29 +253,27 @@ class ErrorModelNode(ConfiguredNode[ErrorNodeParameters]):
             try:
                 decoded.append(fields(payload))
             except InputError as error:
-                self._refuse(topic, error)
+                self._refusals.add(topic, error)
         return decoded
 
-    def _of_odometry(self, odometry: Differentiator, topic: str, batch: list[Taken]) -> Readings:
-        """Return the ideal readings that poses and velocities imply."""
-        states = self._decoded(topic, batch, decode.truth)
+    def _add_states(self, odometry: Differentiator, states: list[LiveState]) -> None:
+        """Add errors to the readings that odometry in order tells, and publish them."""
+        states = self._of_nanoseconds(states)
+        if not states:
+            return
         if self._twist is not None and not self._twist.done:
             for finding in self._twist.add(states):
                 self._remark(finding.sentence())
-        return odometry.apply(
+        readings = odometry.apply(
             np.array([state.t_ns for state in states], np.int64),
             np.array([state.q_wb for state in states]).reshape(-1, 4),
             np.array([state.velocity_b for state in states]).reshape(-1, 3),
             np.array([state.angular_velocity_b for state in states]).reshape(-1, 3),
         )
-
-    def _refuse(self, topic: str, error: InputError, count: int = 1) -> None:
-        """Count messages that cannot be used; the first of many says why, with its stamp."""
-        self.refused += count
-        self.get_logger().warning(
-            f"{topic}: refused: {error} ({self.refused} refused so far)",
-            throttle_duration_sec=_REFUSAL_PERIOD,
-        )
+        try:
+            self._read(readings)
+        except InputError as error:
+            self._refusals.add(next(iter(self._inputs())), error, len(states))
 
     def _remark(self, line: str) -> None:
         """Log a probable mistake, at most a few lines a second."""
@@ -267,6 +311,11 @@ class ErrorModelNode(ConfiguredNode[ErrorNodeParameters]):
         """Restart with the first sample, for the service."""
         with self._lock:
             self.model.reset()
+            self._stamps.begin()
+            self._reading_strays.begin()
+            self._state_strays.begin()
+            for strays in self._value_strays.values():
+                strays.begin()
             if self._odometry is not None:
                 self._odometry.begin()
             if self._twist is not None:
@@ -283,8 +332,11 @@ class ErrorModelNode(ConfiguredNode[ErrorNodeParameters]):
             unit = dataclasses.replace(self.parameters, seed=self.model.seed)
             self._unit = drawn({"": unit})
         counters = self.outputs.counters
+        strays = self._reading_strays.count + self._state_strays.count
         self._diagnostics.publish(
-            self._report.message(stamp, counts, self.refused, self._remarks, counters, self._unit)
+            self._report.message(
+                stamp, counts, self._refusals.count, strays, self._remarks, counters, self._unit
+            )
         )
 
 

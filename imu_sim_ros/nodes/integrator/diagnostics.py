@@ -87,20 +87,29 @@ class IntegratorReport:
         self._compared = 0
 
     def message(
-        self, stamp: Time, odometer: LiveIntegrator, comparison: TruthComparison | None
+        self,
+        stamp: Time,
+        odometer: LiveIntegrator,
+        comparison: TruthComparison | None,
+        refused: int,
+        strays: int,
     ) -> DiagnosticArray:
-        """Return the message, with the error if there is a comparison with the truth."""
+        """Return the message, with the error if there is a comparison with the truth.
+
+        :param refused: messages so far that the gate did not pass, of readings and of the truth.
+        :param strays: readings so far that were left out for their stray stamps.
+        """
         totals = odometer.totals
         counts = dataclasses.asdict(totals.steps)
         irregular = sum(counts.values())
         new_readings, new_irregular = totals.readings - self._before[0], irregular - self._before[1]
-        refused = totals.refused - self._before[2]
-        self._before = (totals.readings, irregular, totals.refused)
+        new_refused = refused - self._before[2]
+        self._before = (totals.readings, irregular, refused)
         compared = 0 if comparison is None else comparison.count
         no_truth = comparison is not None and compared == self._compared
         self._compared = compared
-        if refused:
-            level, message = DiagnosticStatus.WARN, f"{refused} messages refused"
+        if new_refused:
+            level, message = DiagnosticStatus.WARN, f"{new_refused} messages refused"
         elif not new_readings:
             level, message = DiagnosticStatus.STALE, "no readings arrive"
         elif odometer.waiting:
@@ -114,9 +123,10 @@ class IntegratorReport:
         values: dict[str, object] = {
             "readings": totals.readings,
             "readings per second": f"{new_readings / PERIOD:.1f}",
-            "refused messages": totals.refused,
+            "refused messages": refused,
             "starts": totals.starts,
             "imu.preset": odometer.parameters.imu.preset,
+            "stray stamps": strays,
             **{name.replace("_", " "): count for name, count in counts.items()},
         }
         if comparison is not None:

@@ -29,7 +29,7 @@ from imu_sim_ros.core.conventions import (
     TRUTH_TOPIC,
 )
 from imu_sim_ros.core.errors import InputError
-from imu_sim_ros.core.records import LiveState
+from imu_sim_ros.core.records import LiveReading, LiveState
 from imu_sim_ros.core.rotation import to_euler
 from imu_sim_ros.navigation.mount import ALIGNED, mount_of
 from imu_sim_ros.navigation.parameters import (
@@ -53,14 +53,15 @@ from imu_sim_ros.nodes.parameters import ConfiguredNode
 from imu_sim_ros.nodes.publishing import Counter
 from imu_sim_ros.nodes.sensor_description import SensorDescription
 from imu_sim_ros.nodes.subscriptions import DEPTH, MatchedInputs, RawSubscriptions, Taken
+from imu_sim_ros.nodes.warnings import Refusals, Warnings
 from imu_sim_ros.parameters.kinds import IDENTITY_MATRIX
-from imu_sim_ros.recordings.findings.live import UnitWatch
+from imu_sim_ros.recordings.findings.live import StampWatch, UnitWatch
 from imu_sim_ros.recordings.findings.policy import INTEGRATOR
+from imu_sim_ros.recordings.live_strays import RELEASE_PERIOD, LiveStrays
 
 _READ_PERIOD = 0.002
 """Longest time for which readings wait for each other [s]."""
 _COMPLAINT_PERIOD = 1.0
-_REFUSAL_PERIOD = 10.0
 _ACKNOWLEDGEMENT = Duration(nanoseconds=300_000_000)
 """Longest wait for subscribers at shutdown; a signal must end the node within a second."""
 
@@ -72,13 +73,21 @@ class Integrator(ConfiguredNode[IntegratorParameters]):
         super().__init__("integrator", IntegratorParameters, layer_integrator, **arguments)
         parameters = self.parameters
         self._sources: frozenset[bytes] = frozenset()
-        self.odometer = LiveIntegrator(parameters, self._complain, self._is_new_source)
+        complain = Warnings(self.get_logger(), _COMPLAINT_PERIOD).add
+        self.odometer = LiveIntegrator(parameters, complain, self._is_new_source)
         self.comparison = TruthComparison() if parameters.error else None
+        self._refusals = Refusals(self.get_logger())
         self._lock = threading.Lock()
         """Integrate readings in the reader's thread; everything else runs in the executor's."""
         self._received = {IMU_TOPIC: 0, TRUTH_TOPIC: 0}
         self._add_publishers(parameters)
-        self._units = UnitWatch(self.resolve_topic_name(IMU_TOPIC))
+        source = self.resolve_topic_name(IMU_TOPIC)
+        self._units, self._stamps = UnitWatch(source), StampWatch()
+        tell = self.get_logger().warning
+        self._reading_strays = LiveStrays[LiveReading](lambda line: tell(f"{IMU_TOPIC}: {line}"))
+        self._truth_strays = LiveStrays[LiveState](lambda line: tell(f"{TRUTH_TOPIC}: {line}"))
+        steady = Clock(clock_type=ClockType.STEADY_TIME)
+        self.create_timer(RELEASE_PERIOD, self._release, clock=steady)
         self._decoder = decode.ReadingDecoder(parameters)
         for line in self._decoder.notes():
             self.get_logger().info(line)
@@ -102,6 +111,7 @@ class Integrator(ConfiguredNode[IntegratorParameters]):
         """Process the messages so far, wait for the subscribers, and print the counts."""
         self.reader.close()
         self.sensor.settle()
+        self._add(self._reading_strays.finish(), self._truth_strays.finish())
         self._odometry_out.publisher.wait_for_all_acked(_ACKNOWLEDGEMENT)
         for topic, count in self._received.items():
             print(f"integrator: received {count} messages on {topic}", flush=True)
@@ -167,26 +177,47 @@ class Integrator(ConfiguredNode[IntegratorParameters]):
 
     def _integrate(self, topic: str, batch: list[Taken]) -> None:
         """Integrate messages of one topic and publish the results; the lock is held."""
-        is_reading = topic == IMU_TOPIC
-        rows: list[LiveState] = []
-        errors: list[PoseError] = []
+        readings: list[LiveReading] = []
+        truths: list[LiveState] = []
         for payload, _ in batch:
             try:
-                if is_reading:
+                if topic == IMU_TOPIC:
                     reading = self._decoder.reading(payload)
-                    if reading is None:
-                        continue
-                    if not self._units.done:
-                        INTEGRATOR.judge(self._units.add(reading), self.get_logger().warning)
-                    rows += self.odometer.add_reading(reading)
+                    if reading is not None:
+                        readings += self._reading_strays.apply([reading])
                 else:
-                    self._take_truth(decode.truth(payload), rows, errors)
+                    truths.append(decode.truth(payload))
             except InputError as error:
-                self._refuse(topic, error)
+                self._refusals.add(topic, error)
+        self._add(readings, self._truth_strays.apply(truths))
+
+    def _add(self, readings: Sequence[LiveReading], truths: Sequence[LiveState]) -> None:
+        """Integrate readings in order, compare truths, and publish the results."""
+        rows: list[LiveState] = []
+        errors: list[PoseError] = []
+        for reading in readings:
+            try:
+                if not self._stamps.done:
+                    self._stamps.add(reading.t_ns)
+            except InputError as error:
+                self._refusals.add(IMU_TOPIC, error)
+                continue
+            if not self._units.done:
+                INTEGRATOR.judge(self._units.add(reading), self.get_logger().warning)
+            rows += self.odometer.add_reading(reading)
+        for truth in truths:
+            rows += self.odometer.add_truth(truth)
+            if self.comparison is not None:
+                errors += self.comparison.add_truth(truth)
         if rows:
             self._publish(rows)
         if errors:
             self._publish_errors(errors)
+
+    def _release(self) -> None:
+        """Integrate readings that waited for others to tell whether their stamps are stray."""
+        with self._lock:
+            self._add(self._reading_strays.release(), self._truth_strays.release())
 
     def _adopt(self, sensor: Mapping[str, object]) -> None:
         """Adopt the noise parameters of the sensor that publishes the readings.
@@ -213,12 +244,6 @@ class Integrator(ConfiguredNode[IntegratorParameters]):
         left_out = outside_covariance(self.parameters, self.given, sensor)
         if left_out:
             self.get_logger().info(f"the covariance does not include {', '.join(left_out)}")
-
-    def _take_truth(self, truth: LiveState, rows: list[LiveState], errors: list[PoseError]) -> None:
-        """Compare a true state with the estimate, or start with it."""
-        rows += self.odometer.add_truth(truth)
-        if self.comparison is not None:
-            errors += self.comparison.add_truth(truth)
 
     # ----------------------------------------------------------------------------- results
     def _publish(self, rows: list[LiveState]) -> None:
@@ -256,12 +281,18 @@ class Integrator(ConfiguredNode[IntegratorParameters]):
     def _diagnose(self) -> None:
         """Publish the state of the integration as diagnostics."""
         stamp = self.get_clock().now().to_msg()
-        self._diagnostics.publish(self._report.message(stamp, self.odometer, self.comparison))
+        counts = self._refusals.count, self._reading_strays.count
+        self._diagnostics.publish(
+            self._report.message(stamp, self.odometer, self.comparison, *counts)
+        )
 
     def _reset(self, _: Trigger.Request, response: Trigger.Response) -> Trigger.Response:
         """Restart with the next reading, for the service."""
         with self._lock:
-            self.odometer.begin()
+            self.odometer.reset()
+            self._stamps.begin()
+            self._reading_strays.begin()
+            self._truth_strays.begin()
             if self._path is not None:
                 self._path.clear()
             if self.comparison is not None:
@@ -269,18 +300,6 @@ class Integrator(ConfiguredNode[IntegratorParameters]):
         response.success = True
         response.message = f"starting again, initial_state = {self.parameters.initial_state}"
         return response
-
-    def _complain(self, text: str) -> None:
-        """Log a warning, at most once in a period."""
-        self.get_logger().warning(text, throttle_duration_sec=_COMPLAINT_PERIOD)
-
-    def _refuse(self, topic: str, error: InputError) -> None:
-        """Count a message that cannot be used; the first of many says why, with its stamp."""
-        self.odometer.totals.refused += 1
-        self.get_logger().warning(
-            f"{topic}: refused: {error} ({self.odometer.totals.refused} refused so far)",
-            throttle_duration_sec=_REFUSAL_PERIOD,
-        )
 
     def _is_new_source(self) -> bool:
         """Return whether a publisher of readings has appeared since the last call."""

@@ -38,8 +38,6 @@ class Totals:
     """Counts since the start of the node."""
 
     readings: int = 0
-    refused: int = 0
-    """Messages that the gate did not pass, of readings and of the truth."""
     starts: int = 0
     steps: StepperCounts = field(default_factory=StepperCounts)
 
@@ -62,7 +60,11 @@ class LiveIntegrator:
         self.frames = (parameters.world_frame, parameters.body_frame)
         """Frames of the pose and of the body: those of the odometry that it started from."""
         self._complain, self._is_new_source = complain, is_new_source
-        self._batches = BatchSpreader(complain)
+        self.reset()
+
+    def reset(self) -> None:
+        """Forget all readings, and start again with the next ones."""
+        self._batches = BatchSpreader(self._complain)
         self.begin()
 
     def begin(self) -> None:

@@ -10,6 +10,7 @@ import numpy as np
 
 from imu_sim_ros.core.records import Readings, States, TimeSeries
 from imu_sim_ros.core.spelling import spelled
+from imu_sim_ros.core.types import Times
 from imu_sim_ros.recordings.cameras import CameraRecord, CloudRecord
 from imu_sim_ros.recordings.clock import Clock
 from imu_sim_ros.recordings.findings.cameras import CAMERAS, CLOUDS
@@ -17,7 +18,7 @@ from imu_sim_ros.recordings.findings.clipping import CLIPPING, ClippingCounts
 from imu_sim_ros.recordings.findings.disturbances import DISTURBANCES, DisturbedPoses
 from imu_sim_ros.recordings.findings.finding import SEVERITIES, FaultCheck, Finding, RecordT
 from imu_sim_ros.recordings.findings.measures import ReadingMeasures
-from imu_sim_ros.recordings.findings.readings import READINGS, UNIT_CHECKS
+from imu_sim_ros.recordings.findings.readings import READINGS, UNIT_CHECKS, stamps_equal
 from imu_sim_ros.recordings.findings.roles import (
     FRAMES,
     PAIRS,
@@ -74,6 +75,12 @@ def temperature_findings(record: TemperatureRecord) -> list[Finding]:
 def stamp_findings(clock: Clock, source: str) -> list[Finding]:
     """Return the findings about the clock behind stamps, worst first."""
     return by_severity(_findings(STAMPS, clock, source))
+
+
+def equality_findings(t_ns: Times) -> list[Finding]:
+    """Return the finding about stamps (n,) [ns] that are all equal."""
+    readings = Readings.unchecked(t_ns=t_ns, gyro=None, accel=None, source="")
+    return list(_findings((stamps_equal,), ReadingMeasures(readings), readings))
 
 
 def unit_findings(readings: Readings, measures: ReadingMeasures | None = None) -> list[Finding]:

@@ -10,8 +10,15 @@ import numpy as np
 
 from imu_sim_ros.core import rotation
 from imu_sim_ros.core.conventions import TWIST_FRAMES
+from imu_sim_ros.core.errors import InputError
 from imu_sim_ros.core.records import LiveReading, LiveState, Readings, States
-from imu_sim_ros.recordings.findings.catalogue import twist_findings, unit_findings
+from imu_sim_ros.recordings.clock import estimate_clock
+from imu_sim_ros.recordings.findings.catalogue import (
+    equality_findings,
+    stamp_findings,
+    twist_findings,
+    unit_findings,
+)
 from imu_sim_ros.recordings.findings.finding import Finding
 from imu_sim_ros.recordings.findings.measures import ReadingMeasures
 from imu_sim_ros.recordings.findings.states import StateMeasures
@@ -20,6 +27,8 @@ START_NS: Final = 2_000_000_000
 """Time over which readings are judged together, first from the first one on [ns]."""
 FEWEST: Final = 32
 """Readings from which on they are judged."""
+_LARGEST_BATCH: Final = 1024
+"""Readings with one stamp from which on they are no batch."""
 _COMPARED_NS: Final = 500_000_000
 """Time of the messages whose twist is compared with their poses [ns]."""
 _STEPS: Final = 100
@@ -73,6 +82,46 @@ class UnitWatch:
         findings = unit_findings(window, measures)
         self.done = bool(findings) or measures.moves
         return findings
+
+
+class StampWatch:
+    """Refuses readings whose stamps are all equal, or are no nanoseconds, until that ends."""
+
+    def __init__(self) -> None:
+        """Begin with the next reading."""
+        self.begin()
+
+    def begin(self) -> None:
+        """Forget the stamps so far."""
+        self._stamps: list[int] = []
+        self._reason = ""
+        self._is_equal = False
+        self.done = False
+        """True if the stamps are nanoseconds, so that no more are needed."""
+
+    def add(self, t_ns: int) -> None:
+        """Take a stamp [ns].
+
+        :raises InputError: for each reading as long as there is no time in the stamps.
+        """
+        stamps = self._stamps
+        if self._is_equal and t_ns != stamps[-1]:
+            self.begin()
+            stamps = self._stamps
+        if not self._is_equal:
+            stamps.append(t_ns)
+        if len(stamps) == _LARGEST_BATCH and stamps[0] == stamps[-1]:
+            window = np.array(stamps, np.int64)
+            self._reason = equality_findings(window)[0].sentence()
+            self._is_equal, self._stamps = True, stamps[-1:]
+        elif len(stamps) >= FEWEST and stamps[0] != stamps[-1]:
+            clock = estimate_clock(np.array(stamps, np.int64))
+            findings = stamp_findings(clock, "")
+            reasons = [f.sentence() for f in findings if f.kind == "stamps_unit"]
+            self._reason, self._stamps = next(iter(reasons), ""), []
+            self.done = not reasons
+        if self._reason:
+            raise InputError(self._reason)
 
 
 class TwistWatch:

@@ -90,8 +90,14 @@ CALIBRATE_TEMPERATURE: Final = FindingPolicy(
     tells=(*CALIBRATE.tells, "temperature_fahrenheit"),
 )
 CONVERT: Final = FindingPolicy(tells=UNITS)
-INTEGRATOR: Final = FindingPolicy(tells=UNITS)
-ERROR_MODEL: Final = FindingPolicy(tells=(*UNITS, *TWIST))
+INTEGRATOR: Final = FindingPolicy(
+    refuses=("stamps_equal", "stamps_unit"),
+    corrects=("stamps_stray", "stamps_bunched", "stamps_shared"),
+    tells=UNITS,
+)
+ERROR_MODEL: Final = FindingPolicy(
+    refuses=("stamps_unit",), corrects=("stamps_stray",), tells=(*UNITS, *TWIST)
+)
 EVALUATE: Final = FindingPolicy(
     refuses=("poses_disordered", *ROLES),
     tells=(*POSES, "estimate_equals_truth"),
