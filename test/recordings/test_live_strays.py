@@ -100,6 +100,17 @@ def test_stamps_in_another_unit_are_refused_until_they_are_nanoseconds(divisor, 
     assert passed > 200
 
 
+def test_equal_stamps_are_refused_behind_another_until_they_differ():
+    watch = StampWatch()
+    for stamp in [5, *[0] * 1023]:
+        watch.add(stamp)
+    with pytest.raises(InputError, match="all 1,024 stamps are 0 ns"):
+        watch.add(0)
+    for stamp in even(200.0)[:32].tolist():
+        watch.add(stamp)
+    assert watch.done
+
+
 @pytest.mark.parametrize("rate", [300.7, 700.0, 950.0, 997.0, 1003.0, 1700.0])
 def test_whole_milliseconds_are_no_losses(rate):
     t_ns = np.unique(even(rate, 4000) // 1_000_000 * 1_000_000)

@@ -115,13 +115,21 @@ class StampWatch:
             self._reason = equality_findings(window)[0].sentence()
             self._is_equal, self._stamps = True, stamps[-1:]
         elif len(stamps) >= FEWEST and stamps[0] != stamps[-1]:
-            clock = estimate_clock(np.array(stamps, np.int64))
-            findings = stamp_findings(clock, "")
-            reasons = [f.sentence() for f in findings if f.kind == "stamps_unit"]
-            self._reason, self._stamps = next(iter(reasons), ""), []
-            self.done = not reasons
+            self._judge(stamps)
         if self._reason:
             raise InputError(self._reason)
+
+    def _judge(self, stamps: list[int]) -> None:
+        """Judge the unit of different stamps [ns]."""
+        try:
+            clock = estimate_clock(np.array(stamps, np.int64))
+        except InputError:  # other stamps before equal ones
+            self._stamps = [t_ns for t_ns in stamps if t_ns == stamps[-1]]
+            return
+        findings = stamp_findings(clock, "")
+        reasons = [f.sentence() for f in findings if f.kind == "stamps_unit"]
+        self._reason, self._stamps = next(iter(reasons), ""), []
+        self.done = not reasons
 
 
 class TwistWatch:

@@ -64,7 +64,7 @@ PAUSES = ("pause of an hour", "boot to UTC")
 REFUSED = {
     "microseconds": (even(200.0) // 1000, "they are in us: 200 Hz"),
     "milliseconds": (even(200.0) // 1_000_000, "they are in ms: 200 Hz"),
-    "all equal": (np.full(1100, 0), "stamps are 0 ns"),
+    "all equal": (np.full(1400, 0), "stamps are 0 ns"),
 }
 
 
