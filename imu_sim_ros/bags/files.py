@@ -14,7 +14,7 @@ from imu_sim_ros.bags.mcap_reader import McapBag
 from imu_sim_ros.bags.outputs import active_path, is_being_written, is_locked, unfinished
 from imu_sim_ros.bags.reader import Bag, Recover, errors_naming
 from imu_sim_ros.bags.ros1_reader import Rosbag1Bag
-from imu_sim_ros.bags.rosbag2_reader import Rosbag2Folder, SqliteBag
+from imu_sim_ros.bags.rosbag2_reader import SQLITE, Rosbag2Folder, SqliteBag
 from imu_sim_ros.bags.sharing import shared_bags
 from imu_sim_ros.bags.text.writer import TEXT_SUFFIXES
 from imu_sim_ros.core.errors import InputError
@@ -22,6 +22,8 @@ from imu_sim_ros.inputs.rows import open_regular
 
 _ROS1: Final = b"#ROSBAG V"
 _MCAP: Final = b"\x89MCAP"
+_ENDINGS: Final = frozenset({".mcap", ".bag", ".db3"})
+"""Endings of the names of bags, which tell the container of one whose first bytes are damaged."""
 _ADVICE: Final = "convert_bag --recover recovers the complete messages"
 
 
@@ -128,10 +130,21 @@ def _open_plain(path: Path, file: BinaryIO, magic: bytes, recover: Recover) -> B
     if magic.startswith((_ROS1, _MCAP)):
         kind = Rosbag1Bag if magic.startswith(_ROS1) else McapBag
         return kind(path, os.fdopen(os.dup(file.fileno()), "rb"), recover)
-    if magic.startswith(b"SQLite format 3\0"):
+    if magic.startswith(SQLITE):
         return SqliteBag(path, recover)
     log = open_log(path, magic, recover)
     if log is not None:
         return log
+    endings = _ENDINGS.intersection(path.suffixes)
+    if endings and magic:
+        if not recover:
+            raise InputError(f"{path}: its first bytes are not those of a bag; {_ADVICE}")
+        if ".db3" in endings:
+            return SqliteBag(path, recover)
+        reader = Rosbag1Bag if ".bag" in endings else McapBag
+        bag = reader(path, os.fdopen(os.dup(file.fileno()), "rb"), recover)
+        if bag.topics:
+            return bag
+        bag.release()
     no_bag = f"not a bag; the name of a text file ends in {' or '.join(TEXT_SUFFIXES)}"
     raise InputError(f"{path}: {no_bag if magic else 'an empty file'}")

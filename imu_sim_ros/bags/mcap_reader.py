@@ -102,8 +102,7 @@ class McapBag(ChunkedBag[_Chunk]):
         self._schemas: dict[int, SchemaRecord] = {}
         self._summary_channels: frozenset[int] = frozenset()
         """Channels that the summary names, in recovery: they tell messages from other bytes."""
-        if self._read_at(0, len(MAGIC)) != MAGIC:
-            raise InputError(f"{self.path}: not an MCAP file")
+        self._check_start(MAGIC, "an MCAP file")
         counts = None
         try:
             counts = self._read_summary()
@@ -175,7 +174,7 @@ class McapBag(ChunkedBag[_Chunk]):
         counts: dict[int, int] = {}
         self._summary_channels = frozenset(self._channels)
         self._channels, self._schemas, self._chunks = {}, {}, []
-        position, opcode = len(MAGIC), 0
+        position, opcode = self._start, 0
         try:
             while position < self._end and opcode != _FOOTER:
                 record = self._record_at(position)

@@ -327,6 +327,8 @@ class ChunkedBag(Bag, Generic[_Chunk]):
         self._end = os.fstat(file.fileno()).st_size
         self._chunks: list[_Chunk] = []
         self._latest_range: LostRange | None = None
+        self._start = 0
+        """Offset of the first record in the file."""
         self._topic_of: dict[int, TopicInfo] = {}
         """Topics by number of the channel or connection that messages name."""
         try:
@@ -342,6 +344,20 @@ class ChunkedBag(Bag, Generic[_Chunk]):
     @abstractmethod
     def _blocks(self, chunk: _Chunk, topics_by_id: Mapping[int, TopicInfo]) -> list[MessageBlock]:
         """Return the messages of a chunk, in blocks of one topic each."""
+
+    def _check_start(self, magic: bytes, kind: str) -> None:
+        """Look at the first bytes of the file; in recovery, others than usual are damage.
+
+        :param magic: first bytes of every such file.
+        :param kind: name of the container with its article, for messages.
+        :raises InputError: for a file of another kind.
+        """
+        if self._read_at(0, len(magic)) == magic:
+            self._start = len(magic)
+        elif self._recover:
+            self.found.append("its first bytes are damaged")
+        else:
+            raise InputError(f"{self.path}: not {kind}")
 
     def _read_at(self, position: int, size: int) -> bytes:
         """Return a part of the file, or less at its end; several threads may read at a time.

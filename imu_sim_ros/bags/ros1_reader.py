@@ -108,8 +108,7 @@ class Rosbag1Bag(ChunkedBag[_Chunk]):
     def _open(self) -> None:
         """Read the index at the end of the bag; in recovery, scan the file."""
         self._connections: dict[int, tuple[str, str, Schema, bool]] = {}
-        if self._read_at(0, len(MAGIC)) != MAGIC:
-            raise InputError(f"{self.path}: not a ROS 1 bag of format 2.0")
+        self._check_start(MAGIC, "a ROS 1 bag of format 2.0")
         try:
             self._name_topics(self._scan() if self._recover else self._read_index())
         except DAMAGE:
@@ -153,7 +152,7 @@ class Rosbag1Bag(ChunkedBag[_Chunk]):
         What is no record is left out up to the next place where one begins for sure.
         """
         counts: dict[int, int] = {}
-        position, indexed = len(MAGIC), False
+        position, indexed = self._start, False
         try:
             while position < self._end:
                 record = self._record_at(position)

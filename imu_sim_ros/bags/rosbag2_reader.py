@@ -24,6 +24,8 @@ from imu_sim_ros.core.types import Bytes
 from imu_sim_ros.inputs.rows import is_present, open_regular, read_text
 from imu_sim_ros.parameters.yaml_text import parse_yaml
 
+SQLITE: Final = b"SQLite format 3\0"
+"""First bytes of a database."""
 _ROWS: Final = 4096
 _MAX_TOPICS: Final = 10_000
 OpenFile: TypeAlias = Callable[[Path, Recover], Bag]
@@ -67,19 +69,26 @@ class SqliteBag(Bag):
     def _recoverable(self) -> tuple[Path, str]:
         """Return the file to open, and how, so that the original stays as it was found.
 
-        Without a journal it is itself. SQLite rolls one back by writing: that needs a copy of both
-        in the folder for temporary files, because the disk of the original may be full.
+        Without a journal and with sound first bytes it is itself. SQLite rolls a journal back by
+        writing: that needs a copy of both in the folder for temporary files, because the disk of
+        the original may be full.
         """
-        open_regular(self.path).close()
+        with open_regular(self.path) as file:
+            is_damaged = file.read(len(SQLITE)) != SQLITE
         sources = [self.path.with_name(self.path.name + suffix) for suffix in ("-journal", "-wal")]
         journals = [source for source in sources if is_present(source) and source.stat().st_size]
-        if not journals:
+        if not journals and not is_damaged:
             return self.path, "immutable=1"
-        self.found.append(f"{journals[0].name}: a transaction that did not end is rolled back")
+        if journals:
+            self.found.append(f"{journals[0].name}: a transaction that did not end is rolled back")
         try:
             folder = Path(self._stack.enter_context(tempfile.TemporaryDirectory()))
             for source in (self.path, *journals):
                 shutil.copyfile(source, folder / source.name)
+            if is_damaged:
+                self.found.append("its first bytes are damaged")
+                with (folder / self.path.name).open("r+b") as copy:
+                    copy.write(SQLITE)
         except OSError as error:
             self._stack.close()
             raise MachineError(

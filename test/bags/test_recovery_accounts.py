@@ -24,11 +24,11 @@ RANGE = re.compile(r"(\d+) bytes from byte (\d+) on")
 INSERTED = 5
 
 
-def written(path, compression):
+def written(path, compression, storage=None):
     """Write chunks of random readings; return their begins in the file, and the stamps."""
     rng = np.random.default_rng(11)
     t_ns = 10**9 + 5_000_000 * np.arange(CHUNKS * MESSAGES)
-    with open_writer(path, BagOptions(None, compression)) as writer:
+    with open_writer(path, BagOptions(storage, compression)) as writer:
         encoder = ImuEncoder("imu_link", writer.encoding)
         topic = writer.add_topic("/imu/data_raw", IMU)
         for k in range(CHUNKS):
@@ -36,6 +36,8 @@ def written(path, compression):
             gyro, accel = rng.standard_normal((2, MESSAGES, 3))
             writer.write(topic, t_ns[rows], encoder.encode(t_ns[rows], gyro, accel))
             writer.flush()
+    if storage == "sqlite3":
+        return np.empty(0), t_ns
     with open_bag(path) as bag:
         return np.array(sorted(chunk.position for chunk in bag._chunks)), t_ns
 
@@ -177,3 +179,33 @@ def test_a_chunk_with_one_damaged_message_is_kept_if_asked(tmp_path, capsys, com
 def test_keep_damaged_without_recover_is_refused(tmp_path, capsys):
     assert convert_bag.main(["a.mcap", "-o", str(tmp_path / "b.mcap"), "--keep-damaged"]) == 2
     assert "give --recover, too" in capsys.readouterr().err
+
+
+@pytest.mark.parametrize(
+    ("name", "damage"),
+    [
+        *(
+            (name, damage)
+            for name in ("a.mcap", "a.bag")
+            for damage in (_insert, _delete, _overwrite)
+        ),
+        ("a.db3", _overwrite),  # lost or inserted bytes shift all pages of a database
+    ],
+)
+def test_damaged_first_bytes_cost_no_message(tmp_path, capsys, name, damage):
+    if name.endswith(".db3"):
+        folder = tmp_path / "folder"
+        _, t_ns = written(folder, None, "sqlite3")
+        path = next(folder.glob("*.db3")).rename(tmp_path / name)
+    else:
+        path = tmp_path / name
+        _, t_ns = written(path, None)
+    data = bytearray(path.read_bytes())
+    damage(data, 2, np.random.default_rng(3))
+    path.write_bytes(data)
+    assert convert_bag.main([str(path), "-o", str(tmp_path / "no.mcap")]) == 2
+    assert "--recover" in capsys.readouterr().err
+    with open_bag(path, recover=True) as bag:
+        assert "its first bytes are damaged" in bag.found
+        stamps = np.concatenate([block.t_ns for group in bag.groups() for block in group])
+    np.testing.assert_array_equal(stamps, t_ns)
