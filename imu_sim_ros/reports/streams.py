@@ -247,28 +247,39 @@ def analyse(blocks: Iterable[Readings], count: int) -> StreamPlots | None:
                 interval = clock.pattern.interval_ns * 1e-9
                 analysis = _Analysis(int(stretch.t_ns[0]), interval, max(1, -(-count // PARTS)))
             analysis.add(stretch)
-    except _NoRateError:  # a finding tells it
+    except _NoPlotsError:  # a finding tells it
         return None
     return None if analysis is None else analysis.result()
 
 
-class _NoRateError(Exception):
-    """Stamps that have no rate, or are no nanoseconds."""
+class _NoPlotsError(Exception):
+    """Stamps that have no rate, or are no nanoseconds, or an absent triad."""
 
 
 def _stretches(blocks: Iterable[Readings], clock: ClockStream) -> Iterator[Stretch]:
     """Yield the readings (n, 6) of blocks in the order of their stamps, without strays.
 
-    :raises _NoRateError: for stamps without a rate; what cannot be read keeps its own error.
+    :raises _NoPlotsError: for stamps without a rate, and readings of one triad; what cannot be read
+        keeps its own error.
     """
-    parts = ((block.t_ns, np.column_stack(block.triads()), False) for block in blocks if len(block))
+    parts = ((block.t_ns, _axes(block), False) for block in blocks if len(block))
     end = (np.empty(0, np.int64), np.empty((0, 6)), True)
     for t_ns, values, last in itertools.chain(parts, [end]):
         try:
             stretches = list(clock.add(t_ns, values, last=last))
         except InputError as error:
-            raise _NoRateError from error
+            raise _NoPlotsError from error
         yield from stretches
+
+
+def _axes(readings: Readings) -> Array:
+    """Return the readings (n, 6) of gyroscope and accelerometer.
+
+    :raises _NoPlotsError: if one of them is absent.
+    """
+    if readings.gyro is None or readings.accel is None:
+        raise _NoPlotsError
+    return np.column_stack([readings.gyro, readings.accel])
 
 
 class _Analysis:

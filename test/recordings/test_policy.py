@@ -305,6 +305,8 @@ def test_add_errors_refuses_a_topic_of_one_triad(flights, tmp_path):
         writer.write_blocks([Block(topic, readings.t_ns, rows)])
     with pytest.raises(InputError, match=r"merge two topics \[accelerometer_absent\]"):
         ims.add_errors_to_file(tmp_path / "gyro.mcap", tmp_path / "noisy.mcap", imu="perfect")
+    ims.report(tmp_path / "gyro.mcap", tmp_path / "page.html")  # which tells all findings
+    assert "accelerometer_absent" in (tmp_path / "page.html").read_text()
 
 
 @pytest.fixture(scope="module")

@@ -29,6 +29,7 @@ from imu_sim_ros.core.geodesy import tangent_plane
 from imu_sim_ros.core.rotation import from_euler, from_matrix, multiply
 from imu_sim_ros.core.rotation import log as rotation_vector
 from imu_sim_ros.core.types import Array, Integers, Times
+from imu_sim_ros.recordings.clock import estimate_clock
 
 MEMORY = 7
 """Memory that reading takes, in sizes of the file."""
@@ -151,7 +152,7 @@ class _Export:
             return np.column_stack([table[field] for field in fields])
 
         parts = {name: vector(*fields) for name, fields in needed.items()}
-        seconds = float(np.median(np.diff(t_ns))) * 1e-9 if len(t_ns) > 1 else 1.0 / _USUAL_RATE
+        seconds = _interval(t_ns)
         if "velocity" in parts:
             parts["accel"] = parts["velocity"] / seconds
         if "turn" in parts:
@@ -239,6 +240,14 @@ class _Export:
         if self._world == "NWU":
             return multiply(_NORTH_IS_X, q_li)
         return q_li if self._world == "ENU" else axes.q_enu_of_ned(q_li)
+
+
+def _interval(t_ns: Times) -> float:
+    """Return the time between two samples [s]: of the clock, since stamps may be rounded."""
+    try:
+        return 1.0 / estimate_clock(t_ns).rate
+    except InputError:  # a sample alone
+        return 1.0 / _USUAL_RATE
 
 
 def _unwrapped(numbers: Integers, period: int) -> Integers:

@@ -138,6 +138,16 @@ def test_xsens_by_increments_counter_and_matrix(tmp_path, flight):
         ims.read_readings(bare)
 
 
+def test_increments_are_divided_by_the_interval_of_the_clock(tmp_path):
+    """Stamps of 300 Hz in units of 0.1 ms are 3.3 or 3.4 ms apart, 3.3333 ms on average."""
+    flight = ims.simulate(imu="bmi088", trajectory="circle", rate=300, duration=4, seed=1)
+    export = device_logs.xsens(tmp_path / "sdi.csv", flight, increments=True)
+    readings = ims.read_readings(export)
+    # Half a unit at either end of 4 s.
+    np.testing.assert_allclose(readings.accel, flight.readings.accel, rtol=1e-4 / 4.0)
+    np.testing.assert_allclose(readings.gyro, flight.readings.gyro, rtol=1e-4 / 4.0)
+
+
 def test_xsens_dot_has_degrees_and_microseconds(tmp_path, flight):
     head = "sep=,\nDeviceTag:,Xsens DOT"
     export = device_logs.xsens(tmp_path / "dot.csv", flight, ",", head=head, ticks=10**6)
