@@ -248,8 +248,8 @@ class Movement(NamedTuple):
 class RestCheck:
     """Filter of pieces of readings that passes on those at rest.
 
-    It stays apart from the findings, which judge readings that are in memory: a record at rest may be
-    of any length, and single disturbances are cut out of it. Its movements become the finding
+    It stays apart from the findings, which judge readings that are in memory: a record at rest may
+    be of any length, and single disturbances are cut out of it. Its movements become the finding
     ``motion_at_rest``.
     """
 
