@@ -6,20 +6,20 @@ const sectionIds = new Map();  // by title, for links between sections
 const DASHES = ["", "6 3", "2 2", "8 3 2 3"];
 
 function element(name, attributes = {}, ...content) {
-  const made = document.createElement(name);
+  const node = document.createElement(name);
   for (const [key, value] of Object.entries(attributes)) {
-    if (key.startsWith("on")) made.addEventListener(key.slice(2), value);
-    else if (value !== null && value !== undefined) made.setAttribute(key, value);
+    if (key.startsWith("on")) node.addEventListener(key.slice(2), value);
+    else if (value !== null && value !== undefined) node.setAttribute(key, value);
   }
-  made.append(...content.filter((part) => part !== null));
-  return made;
+  node.append(...content.filter((part) => part !== null));
+  return node;
 }
 
 function drawing(name, attributes = {}, text = null) {
-  const made = document.createElementNS("http://www.w3.org/2000/svg", name);
-  for (const [key, value] of Object.entries(attributes)) made.setAttribute(key, value);
-  if (text !== null) made.textContent = text;
-  return made;
+  const node = document.createElementNS("http://www.w3.org/2000/svg", name);
+  for (const [key, value] of Object.entries(attributes)) node.setAttribute(key, value);
+  if (text !== null) node.textContent = text;
+  return node;
 }
 
 // A number is that of a series, a string an axis; the truth and what belongs to no estimator have
@@ -59,21 +59,21 @@ function intervalInWords(value, low, high) {
   const numbers = [value, low, high], half = 0.5 * (high - low);
   if (numbers.some((number) => typeof number !== "number") || !(half > 1e-9 * Math.max(...numbers.map(Math.abs))) || !isFinite(half)) return numbers.map((number) => inWords(number));
   const first = 1 - Number(half.toExponential(1).split("e")[1]);
-  let words = [];
+  let texts = [];
   for (let place = first; place < first + 10; place++) {
     const largest = Math.max(...numbers.map(Math.abs)), rounded = Number(fixed(largest, place, 0));
     const power = powerOf(rounded || largest), shown = power < -4 || power > 5 ? power : 0;
-    words = numbers.map((number) => fixed(number, place, shown));
-    if ((low === value || words[1] !== words[0]) && (high === value || words[2] !== words[0])) break;
+    texts = numbers.map((number) => fixed(number, place, shown));
+    if ((low === value || texts[1] !== texts[0]) && (high === value || texts[2] !== texts[0])) break;
   }
-  return words;
+  return texts;
 }
 
 // Ticks in as few digits as say them exactly: neighbours that hardly differ are told apart.
 function ticksInWords(ticks, digits) {
   for (; digits < 12; digits++) {
-    const words = ticks.map((tick) => inWords(tick, digits));
-    if (words.every((word, k) => Number(word) === ticks[k])) return words;
+    const texts = ticks.map((tick) => inWords(tick, digits));
+    if (texts.every((text, k) => Number(text) === ticks[k])) return texts;
   }
   return ticks.map(String);
 }
@@ -124,11 +124,11 @@ class Scale {
     if (this.log && Math.log10(high / low) >= 1) return this.decades(low, high, wanted);
     const rough = (high - low) / Math.max(wanted, 1), power = 10 ** Math.floor(Math.log10(rough));
     const step = power * [1, 2, 5, 10].find((factor) => factor * power >= rough * 0.999);
-    const found = [];
+    const positions = [];
     for (let k = Math.ceil(low / step - 1e-9); k * step <= high + step * 1e-9; k++) {
-      found.push(Number((k * step).toPrecision(12)));
+      positions.push(Number((k * step).toPrecision(12)));
     }
-    return found;
+    return positions;
   }
   // Powers of ten, between which there is room for 3, or for 2 and 5.
   decades(low, high, wanted) {

@@ -31,16 +31,16 @@ const builders = {
 };
 
 function built(item) {
-  const made = builders[item.kind](item);
-  if (item.wide) made.classList.add("wide");
-  return made;
+  const node = builders[item.kind](item);
+  if (item.wide) node.classList.add("wide");
+  return node;
 }
 
 // A plot beside which there is none takes the whole width.
 function rowsFilled(grid) {
   let half = null;
-  for (const one of [...grid.children, null]) {
-    if (one && !one.classList.contains("wide")) half = half ? null : one;
+  for (const child of [...grid.children, null]) {
+    if (child && !child.classList.contains("wide")) half = half ? null : child;
     else if (half) { half.classList.add("wide"); half = null; }
   }
   return grid;

@@ -12,7 +12,7 @@ class Path {
     this.turn = { azimuth: VIEWS[0][0], elevation: VIEWS[0][1], size: 1 };
     this.hidden = new Set();
     this.holder = element("div");
-    const tool = (sign, words, action) => element("button", { type: "button", title: words, "aria-label": words, onclick: () => { action(); this.draw(); } }, sign);
+    const tool = (sign, label, action) => element("button", { type: "button", title: label, "aria-label": label, onclick: () => { action(); this.draw(); } }, sign);
     const look = (azimuth, elevation) => () => Object.assign(this.turn, { azimuth, elevation, size: 1 });
     this.figure = element("figure", { "data-plot": spec.title },
       element("div", { class: "head" }, element("h3", {}, spec.title),
@@ -27,24 +27,24 @@ class Path {
   }
 
   drawLegend() {
-    this.legend.replaceChildren(...this.spec.series.map((one) => {
+    this.legend.replaceChildren(...this.spec.series.map((track) => {
       const sign = drawing("svg", { viewBox: "0 0 22 10", "aria-hidden": "true" });
-      sign.append(drawing("line", { x1: 0, x2: 22, y1: 5, y2: 5, stroke: colour(one.colour), "stroke-width": one.colour === null ? 1.5 : 2.5, "stroke-dasharray": dash(one.colour) }));
-      const turn = () => { if (!this.hidden.delete(one.name)) this.hidden.add(one.name); this.drawLegend(); };
-      return element("button", { type: "button", "aria-pressed": String(!this.hidden.has(one.name)), onclick: turn }, sign, one.name);
+      sign.append(drawing("line", { x1: 0, x2: 22, y1: 5, y2: 5, stroke: colour(track.colour), "stroke-width": track.colour === null ? 1.5 : 2.5, "stroke-dasharray": dash(track.colour) }));
+      const turn = () => { if (!this.hidden.delete(track.name)) this.hidden.add(track.name); this.drawLegend(); };
+      return element("button", { type: "button", "aria-pressed": String(!this.hidden.has(track.name)), onclick: turn }, sign, track.name);
     }));
     this.measure();
     this.draw();
   }
 
-  shown() { return this.spec.series.filter((one) => !this.hidden.has(one.name)); }
+  shown() { return this.spec.series.filter((track) => !this.hidden.has(track.name)); }
 
   measure() {
     this.ends = ["x", "y", "z"].map((axis) => {
       let range = null;
-      for (const one of this.shown()) {
-        const found = extent(one[axis]);
-        if (found) range = range ? [Math.min(range[0], found[0]), Math.max(range[1], found[1])] : found;
+      for (const track of this.shown()) {
+        const bounds = extent(track[axis]);
+        if (bounds) range = range ? [Math.min(range[0], bounds[0]), Math.max(range[1], bounds[1])] : bounds;
       }
       return range || [0, 1];
     });
@@ -77,13 +77,13 @@ class Path {
     this.axes(svg);
     // The truth is thin and lies over the estimates, which would hide it.
     const order = [...this.shown()].sort((a, b) => (a.colour === null) - (b.colour === null));
-    for (const one of order) {
-      const line = one.x.map((x, k) => this.at(x, one.y[k], one.z[k]).map((value) => value.toFixed(1)).join(" "));
-      const look = { stroke: colour(one.colour), fill: "none", "stroke-width": one.colour === null ? 1.1 : 1.8, "stroke-dasharray": dash(one.colour) };
+    for (const track of order) {
+      const line = track.x.map((x, k) => this.at(x, track.y[k], track.z[k]).map((value) => value.toFixed(1)).join(" "));
+      const look = { stroke: colour(track.colour), fill: "none", "stroke-width": track.colour === null ? 1.1 : 1.8, "stroke-dasharray": dash(track.colour) };
       if (line.length > 1) svg.append(drawing("path", { d: `M${line.join("L")}`, class: "track", ...look }));
-      const [first, last] = [line[0], line[line.length - 1]].map((words) => words.split(" ").map(Number));
-      svg.append(drawing("circle", { cx: first[0], cy: first[1], r: 4, fill: colour(one.colour) }),
-        drawing("rect", { x: last[0] - 3.5, y: last[1] - 3.5, width: 7, height: 7, fill: colour(one.colour) }));
+      const [first, last] = [line[0], line[line.length - 1]].map((point) => point.split(" ").map(Number));
+      svg.append(drawing("circle", { cx: first[0], cy: first[1], r: 4, fill: colour(track.colour) }),
+        drawing("rect", { x: last[0] - 3.5, y: last[1] - 3.5, width: 7, height: 7, fill: colour(track.colour) }));
     }
     this.holder.replaceChildren(svg);
     this.figure.dataset.drawn = svg.querySelectorAll("path.track").length;

@@ -43,8 +43,8 @@ class Plot {
     }).observe(this.holder);
   }
 
-  tool(sign, words, action) {
-    return element("button", { type: "button", title: words, "aria-label": words, onclick: action }, sign);
+  tool(sign, label, action) {
+    return element("button", { type: "button", title: label, "aria-label": label, onclick: action }, sign);
   }
 
   show(spec) {
@@ -55,29 +55,29 @@ class Plot {
     this.draw();
   }
 
-  shown() { return this.spec.series.filter((one) => !this.hidden.has(one.name)); }
+  shown() { return this.spec.series.filter((series) => !this.hidden.has(series.name)); }
 
   // The legend shows each series as it is drawn: a band, a line, a band with its line, or points.
-  sign(one) {
+  sign(series) {
     const sign = drawing("svg", { viewBox: "0 0 22 10", "aria-hidden": "true" });
-    const points = one.mode === "points" || one.mode === "bars" || one.shape, fill = colour(one.colour);
-    if (one.low && !points && one.mode !== "rows") sign.append(drawing("rect", { class: "band", x: 0, y: 0, width: 22, height: 10, fill, "fill-opacity": BAND_OPACITY }));
-    if (points) sign.append(mark(one.shape, 11, 5, 4, { fill }));
-    else if (one.y) sign.append(drawing("line", { x1: 0, x2: 22, y1: 5, y2: 5, stroke: fill, "stroke-width": one.thin ? 1.5 : 2.5, "stroke-dasharray": dash(one.colour) }));
-    else if (one.mode === "rows") {
-      if (one.x && !one.bare) sign.append(drawing("line", { x1: 0, x2: 22, y1: 5, y2: 5, stroke: fill, "stroke-width": 2 }));
-      if (one.x) sign.append(mark(one.shape, 11, 5, one.bare ? 2.5 : 4, { fill, "fill-opacity": one.bare ? 0.35 : 1 }));
+    const points = series.mode === "points" || series.mode === "bars" || series.shape, fill = colour(series.colour);
+    if (series.low && !points && series.mode !== "rows") sign.append(drawing("rect", { class: "band", x: 0, y: 0, width: 22, height: 10, fill, "fill-opacity": BAND_OPACITY }));
+    if (points) sign.append(mark(series.shape, 11, 5, 4, { fill }));
+    else if (series.y) sign.append(drawing("line", { x1: 0, x2: 22, y1: 5, y2: 5, stroke: fill, "stroke-width": series.thin ? 1.5 : 2.5, "stroke-dasharray": dash(series.colour) }));
+    else if (series.mode === "rows") {
+      if (series.x && !series.bare) sign.append(drawing("line", { x1: 0, x2: 22, y1: 5, y2: 5, stroke: fill, "stroke-width": 2 }));
+      if (series.x) sign.append(mark(series.shape, 11, 5, series.bare ? 2.5 : 4, { fill, "fill-opacity": series.bare ? 0.35 : 1 }));
       else sign.append(drawing("rect", { class: "band", x: 1, y: 1, width: 20, height: 8, fill, "fill-opacity": 0.25, stroke: fill }));
     }
     return sign;
   }
 
   drawLegend() {
-    const named = this.spec.series.filter((one) => one.name && !one.unlisted);
-    this.legend.replaceChildren(...(named.length > 1 || this.spec.legend ? named : []).map((one) => {
-      const button = element("button", { type: "button", "aria-pressed": String(!this.hidden.has(one.name)) }, this.sign(one), one.name);
+    const listed = this.spec.series.filter((series) => series.name && !series.unlisted);
+    this.legend.replaceChildren(...(listed.length > 1 || this.spec.legend ? listed : []).map((series) => {
+      const button = element("button", { type: "button", "aria-pressed": String(!this.hidden.has(series.name)) }, this.sign(series), series.name);
       button.addEventListener("click", () => {
-        if (!this.hidden.delete(one.name)) this.hidden.add(one.name);
+        if (!this.hidden.delete(series.name)) this.hidden.add(series.name);
         this.drawLegend();
         this.draw();
       });
@@ -87,12 +87,12 @@ class Plot {
 
   usable(axis) {
     const all = [];
-    for (const one of this.shown()) {
+    for (const series of this.shown()) {
       for (const key of axis === "x" ? ["x"] : ["y", "low", "high"]) {
-        for (const value of one[key] || []) if (!this.spec[axis].log || value > 0) all.push(value);
+        for (const value of series[key] || []) if (!this.spec[axis].log || value > 0) all.push(value);
       }
-      if (axis === "x" && one.mode === "rows") for (const value of [...one.low, ...one.high]) if (!this.spec.x.log || value > 0) all.push(value);
-      if (axis === "x" && one.boxes) for (const box of one.boxes) all.push(box.low, box.q1, box.median, box.q3, box.high);
+      if (axis === "x" && series.mode === "rows") for (const value of [...series.low, ...series.high]) if (!this.spec.x.log || value > 0) all.push(value);
+      if (axis === "x" && series.boxes) for (const box of series.boxes) all.push(box.low, box.q1, box.median, box.q3, box.high);
     }
     return all;
   }
@@ -108,7 +108,7 @@ class Plot {
     const { spec } = this;
     const width = this.width = Math.max(this.paper || this.holder.clientWidth || 600, spec.small ? 200 : 260);
     const rows = spec.categories ? spec.categories.length : 0;
-    const labelled = spec.series.some((one) => one.labels);
+    const labelled = spec.series.some((series) => series.labels);
     const pitch = this.pitch = !this.paper ? 22 : rows > 48 ? 7 : rows > 12 ? 9 : 12;
     this.figure.classList.toggle("tall", rows > TALL);
     const height = this.height = rows ? 60 + rows * pitch : Math.min(labelled && !this.paper ? 520 : 340, (spec.small ? 110 : 160) + width * (this.paper ? 0.15 : 0.3));
@@ -117,7 +117,7 @@ class Plot {
     this.sy = new Scale(rangeY, Boolean(spec.y && spec.y.log), bottom, top);
     const levels = rows ? [] : this.sy.ticks(Math.max(3, Math.floor((bottom - top) / 45)));
     const heights = ticksInWords(levels, 3);
-    const numbers = Math.max(62, 34 + 6.8 * Math.max(0, ...heights.map((words) => words.length)));
+    const numbers = Math.max(62, 34 + 6.8 * Math.max(0, ...heights.map((text) => text.length)));
     const longest = rows ? Math.min(width * 0.42, 14 + (pitch < 18 ? 4.6 : 6.8) * Math.max(...spec.categories.map((name) => name.length))) : numbers;
     this.box = { left: longest, right: width - 12, top, bottom };
     this.sx = new Scale(rangeX, spec.x.log, this.box.left, this.box.right);
@@ -130,9 +130,9 @@ class Plot {
     const marks = drawing("g", { "clip-path": `url(#${clip})` });
     this.taken = [];
     this.labels = [];
-    for (const one of this.shown()) this.series(marks, one);
-    const named = new Set();
-    for (const label of this.labels) this.label(marks, named, ...label);
+    for (const series of this.shown()) this.series(marks, series);
+    const placed = new Set();
+    for (const label of this.labels) this.label(marks, placed, ...label);
     svg.append(path, marks, drawing("rect", { class: "frame", x: left, y: top, width: right - left, height: bottom - top }));
     this.pointer(svg);
     this.holder.replaceChildren(svg);
@@ -142,15 +142,15 @@ class Plot {
   axes(svg, margin, levels, heights) {
     const { left, right, top, bottom } = this.box, { spec } = this;
     const ticks = this.sx.ticks(Math.max(3, Math.floor((right - left) / 90)));
-    const named = spec.x.names, shown = named ? ticks.filter(Number.isInteger) : ticks;
-    const words = named ? shown.map((tick) => named[tick] || "") : ticksInWords(shown, 4);
+    const names = spec.x.names, shown = names ? ticks.filter(Number.isInteger) : ticks;
+    const texts = names ? shown.map((tick) => names[tick] || "") : ticksInWords(shown, 4);
     let end = -Infinity;  // of the label before: one that has no room is left out
     shown.forEach((tick, k) => {
-      const x = this.sx.at(tick), half = 3.6 * words[k].length;
+      const x = this.sx.at(tick), half = 3.6 * texts[k].length;
       svg.append(drawing("line", { class: "grid", x1: x, x2: x, y1: top, y2: bottom }));
       if (x - half < end + 3) return;
       end = x + half;
-      svg.append(drawing("text", { class: "tick", x, y: bottom + 16, "text-anchor": "middle" }, words[k]));
+      svg.append(drawing("text", { class: "tick", x, y: bottom + 16, "text-anchor": "middle" }, texts[k]));
     });
     svg.append(drawing("text", { x: (left + right) / 2, y: bottom + 34, "text-anchor": "middle" }, spec.x.label));
     if (spec.categories) {
@@ -158,8 +158,8 @@ class Plot {
         const room = Math.floor((margin - 10) / (this.pitch < 18 ? 4.4 : 6.2));
         // The end of a name tells neighbours apart: the estimator of a cell.
         const head = Math.floor(room / 3), tail = room - 1 - head;
-        const words = name.length > room ? `${name.slice(0, head)}\u2026${name.slice(-tail)}` : name;
-        const text = drawing("text", { class: this.pitch < 9 ? "tiny" : this.pitch < 18 ? "small" : "", x: left - 6, y: this.sy.at(k) + this.pitch * 0.18, "text-anchor": "end" }, words);
+        const shortened = name.length > room ? `${name.slice(0, head)}\u2026${name.slice(-tail)}` : name;
+        const text = drawing("text", { class: this.pitch < 9 ? "tiny" : this.pitch < 18 ? "small" : "", x: left - 6, y: this.sy.at(k) + this.pitch * 0.18, "text-anchor": "end" }, shortened);
         text.append(drawing("title", {}, name));
         svg.append(text);
       });
@@ -174,95 +174,95 @@ class Plot {
     svg.append(drawing("text", { x: 12, y: middle, transform: `rotate(-90 12 ${middle})`, "text-anchor": "middle" }, spec.y.label));
   }
 
-  place(one, k, key = "y") {
-    const x = one.x[k], y = one[key][k];
+  place(series, k, key = "y") {
+    const x = series.x[k], y = series[key][k];
     if (x === null || y === null || x === undefined || y === undefined) return null;
     if ((this.spec.x.log && x <= 0) || (this.spec.y.log && y <= 0)) return null;
     return [this.sx.at(x), this.sy.at(y)];
   }
 
-  series(marks, one) {
-    const look = { stroke: colour(one.colour), "stroke-dasharray": dash(one.colour), fill: "none", "stroke-width": one.thin ? 1 : 1.6 };
-    if (one.boxes) return this.boxes(marks, one);
-    if (one.mode === "rows") return this.rows(marks, one);
-    if (one.low && one.mode !== "bars") this.band(marks, one);
-    if (one.mode === "points" || one.mode === "bars") return this.points(marks, one);
-    if (!one.y) return;
+  series(marks, series) {
+    const look = { stroke: colour(series.colour), "stroke-dasharray": dash(series.colour), fill: "none", "stroke-width": series.thin ? 1 : 1.6 };
+    if (series.boxes) return this.boxes(marks, series);
+    if (series.mode === "rows") return this.rows(marks, series);
+    if (series.low && series.mode !== "bars") this.band(marks, series);
+    if (series.mode === "points" || series.mode === "bars") return this.points(marks, series);
+    if (!series.y) return;
     let path = "", before = null;
-    for (let k = 0; k < one.x.length; k++) {
-      const at = this.place(one, k);
-      if (at === null) { before = null; continue; }
-      const [x, y] = at.map((value) => value.toFixed(1));
+    for (let k = 0; k < series.x.length; k++) {
+      const point = this.place(series, k);
+      if (point === null) { before = null; continue; }
+      const [x, y] = point.map((value) => value.toFixed(1));
       if (before === null) path += `M${x} ${y}`;
-      else path += one.mode === "step" ? `H${x}V${y}` : `L${x} ${y}`;
-      before = at;
+      else path += series.mode === "step" ? `H${x}V${y}` : `L${x} ${y}`;
+      before = point;
     }
     if (path) marks.append(drawing("path", { d: path, ...look }));
   }
 
-  band(marks, one) {
+  band(marks, series) {
     const up = [], down = [];
-    for (let k = 0; k < one.x.length; k++) {
-      const high = this.place(one, k, "high"), low = this.place(one, k, "low");
+    for (let k = 0; k < series.x.length; k++) {
+      const high = this.place(series, k, "high"), low = this.place(series, k, "low");
       if (high === null || low === null) continue;
       up.push(high.map((value) => value.toFixed(1)).join(" "));
       down.unshift(low.map((value) => value.toFixed(1)).join(" "));
     }
-    if (up.length > 1) marks.append(drawing("path", { d: `M${[...up, ...down].join("L")}Z`, fill: colour(one.colour), "fill-opacity": BAND_OPACITY }));
+    if (up.length > 1) marks.append(drawing("path", { d: `M${[...up, ...down].join("L")}Z`, fill: colour(series.colour), "fill-opacity": BAND_OPACITY }));
   }
 
-  points(marks, one) {
-    for (let k = 0; k < one.x.length; k++) {
-      const at = this.place(one, k);
-      if (at === null) continue;
-      const [x, y] = at, fill = colour(one.colour);
-      if (one.mode === "bars" && one.low[k] !== null && one.high[k] !== null) {
-        const low = this.place(one, k, "low"), high = this.place(one, k, "high");
+  points(marks, series) {
+    for (let k = 0; k < series.x.length; k++) {
+      const point = this.place(series, k);
+      if (point === null) continue;
+      const [x, y] = point, fill = colour(series.colour);
+      if (series.mode === "bars" && series.low[k] !== null && series.high[k] !== null) {
+        const low = this.place(series, k, "low"), high = this.place(series, k, "high");
         if (low && high) marks.append(drawing("line", { x1: x, x2: x, y1: low[1], y2: high[1], stroke: fill, "stroke-width": 1.5 }));
       }
-      marks.append(drawing("circle", { cx: x, cy: y, r: one.size || 4, fill }));
-      if (!one.labels) continue;
+      marks.append(drawing("circle", { cx: x, cy: y, r: series.size || 4, fill }));
+      if (!series.labels) continue;
       this.taken.push([x - 4, y - 4, x + 4, y + 4]);
-      this.labels.push([one.labels[k], x, y]);
+      this.labels.push([series.labels[k], x, y]);
     }
   }
 
   // Several lines have points of one name at one x: the name stands once.
-  label(marks, named, words, x, y) {
-    const once = `${words} ${x.toFixed(1)}`;
-    if (named.has(once)) return;
-    const wide = words.length * 6.5 + 4;
+  label(marks, placed, text, x, y) {
+    const key = `${text} ${x.toFixed(1)}`;
+    if (placed.has(key)) return;
+    const wide = text.length * 6.5 + 4;
     const [right, left, middle] = [7, -7 - wide, -wide / 2];
     for (const [dx, dy] of [[right, 4], [left, 4], [middle, -9], [middle, 17], [right, -5], [left, -5], [right, 12], [left, 12]]) {
       const box = [x + dx, y + dy - 10, x + dx + wide, y + dy + 3];
-      const free = this.taken.every((other) => box[0] > other[2] || box[2] < other[0] || box[1] > other[3] || box[3] < other[1]);
+      const free = this.taken.every((taken) => box[0] > taken[2] || box[2] < taken[0] || box[1] > taken[3] || box[3] < taken[1]);
       if (!free || box[0] < this.box.left || box[2] > this.box.right) continue;
       this.taken.push(box);
-      named.add(once);
-      marks.append(drawing("text", { class: "label", x: x + dx, y: y + dy }, words));
+      placed.add(key);
+      marks.append(drawing("text", { class: "label", x: x + dx, y: y + dy }, text));
       return;
     }
   }
 
   // Values of categories with their intervals, which an end that is null leaves open; without
   // values, a band of each.
-  rows(marks, one) {
+  rows(marks, series) {
     const { left, right } = this.box;
-    one.at.forEach((row, k) => {
-      const y = this.sy.at(row + (one.shift || 0)), x = one.x && one.x[k], fill = colour(one.colours ? one.colours[k] : one.colour);
+    series.at.forEach((row, k) => {
+      const y = this.sy.at(row + (series.shift || 0)), x = series.x && series.x[k], fill = colour(series.colours ? series.colours[k] : series.colour);
       const end = (value, open) => (value === null || (this.spec.x.log && value <= 0) ? open : this.sx.at(value));
-      const low = end(one.low[k], left), high = end(one.high[k], right);
-      if (!one.x) marks.append(drawing("rect", { x: low, y: y - this.pitch * 0.45, width: Math.max(high - low, 1), height: this.pitch * 0.9, fill, "fill-opacity": 0.25, stroke: fill }));
+      const low = end(series.low[k], left), high = end(series.high[k], right);
+      if (!series.x) marks.append(drawing("rect", { x: low, y: y - this.pitch * 0.45, width: Math.max(high - low, 1), height: this.pitch * 0.9, fill, "fill-opacity": 0.25, stroke: fill }));
       else if (x !== null && !(this.spec.x.log && x <= 0)) {
-        if (!one.bare) marks.append(drawing("line", { x1: low, x2: high, y1: y, y2: y, stroke: fill, "stroke-width": 2 }));
-        marks.append(mark(one.shape, this.sx.at(x), y, (one.size || 4.5) * (this.pitch < 18 ? 0.6 : 1), { fill, "fill-opacity": one.bare ? 0.35 : 1 }));
+        if (!series.bare) marks.append(drawing("line", { x1: low, x2: high, y1: y, y2: y, stroke: fill, "stroke-width": 2 }));
+        marks.append(mark(series.shape, this.sx.at(x), y, (series.size || 4.5) * (this.pitch < 18 ? 0.6 : 1), { fill, "fill-opacity": series.bare ? 0.35 : 1 }));
       }
     });
-    if (one.line !== undefined) marks.append(drawing("line", { x1: this.sx.at(one.line), x2: this.sx.at(one.line), y1: this.box.top, y2: this.box.bottom, stroke: "var(--ink)", "stroke-dasharray": "4 3" }));
+    if (series.line !== undefined) marks.append(drawing("line", { x1: this.sx.at(series.line), x2: this.sx.at(series.line), y1: this.box.top, y2: this.box.bottom, stroke: "var(--ink)", "stroke-dasharray": "4 3" }));
   }
 
-  boxes(marks, one) {
-    one.boxes.forEach((box, k) => {
+  boxes(marks, series) {
+    series.boxes.forEach((box, k) => {
       const y = this.sy.at(k), at = (value) => (Number.isFinite(value) ? this.sx.at(this.spec.x.log ? Math.max(value, 1e-300) : value) : value > 0 ? this.box.right : this.box.left);
       const ink = { stroke: colour(box.colour), "stroke-width": 1.5 }, half = this.pitch * 0.32;
       const group = drawing("g", { class: "box", "data-name": box.name });
@@ -322,7 +322,7 @@ class Plot {
   }
 
   hover([x, y]) {
-    const lines = this.spec.categories ? this.told(Math.round(this.sy.value(y))) : this.nearest(x, y);
+    const lines = this.spec.categories ? this.linesOfRow(Math.round(this.sy.value(y))) : this.nearest(x, y);
     this.tip.hidden = !lines.length;
     if (!lines.length) return;
     this.tip.textContent = lines.slice(0, 12).join("\n");
@@ -331,16 +331,16 @@ class Plot {
     this.tip.style.top = `${this.holder.offsetTop + y * scale + 14}px`;
   }
 
-  told(row) {
+  linesOfRow(row) {
     const boxed = this.spec.series[0] && this.spec.series[0].boxes, box = boxed && boxed[row];
     if (box) return [box.name, `median ${inWords(box.median)}`, `quartiles ${inWords(box.q1)} ${inWords(box.q3)}`, `${box.count} runs`];
     const lines = [];
-    for (const one of this.shown()) {
-      const k = one.mode === "rows" && !one.bare ? one.at.indexOf(row) : -1;
+    for (const series of this.shown()) {
+      const k = series.mode === "rows" && !series.bare ? series.at.indexOf(row) : -1;
       if (k < 0) continue;
-      const [middle, low, high] = one.pointed ? [inWords(one.x[k])] : intervalInWords(one.x ? one.x[k] : one.low[k], one.low[k], one.high[k]);
+      const [middle, low, high] = series.pointed ? [inWords(series.x[k])] : intervalInWords(series.x ? series.x[k] : series.low[k], series.low[k], series.high[k]);
       const between = `${low || "open"} to ${high || "open"}`;
-      lines.push(one.x ? `${one.name ? `${one.name}: ` : ""}${middle}${one.pointed ? "" : ` (${between})`}` : `${one.name}: ${between}`);
+      lines.push(series.x ? `${series.name ? `${series.name}: ` : ""}${middle}${series.pointed ? "" : ` (${between})`}` : `${series.name}: ${between}`);
     }
     return lines.length ? [this.spec.categories[row], ...lines] : [];
   }
@@ -348,20 +348,20 @@ class Plot {
   nearest(x, y) {
     const lines = [];
     let head = null;
-    for (const one of this.shown()) {
-      if (!one.y) continue;
+    for (const series of this.shown()) {
+      if (!series.y) continue;
       let best = null, gap = Infinity;
-      for (let k = 0; k < one.x.length; k++) {
-        const at = this.place(one, k);
-        if (at === null) continue;
-        const away = Math.abs(at[0] - x) + (one.labels ? Math.abs(at[1] - y) : 0);
+      for (let k = 0; k < series.x.length; k++) {
+        const point = this.place(series, k);
+        if (point === null) continue;
+        const away = Math.abs(point[0] - x) + (series.labels ? Math.abs(point[1] - y) : 0);
         if (away < gap) { gap = away; best = k; }
       }
       if (best === null || gap > 40) continue;
-      head = head || `${this.spec.x.label}: ${inWords(one.x[best])}`;
-      const bounded = one.low && one.low[best] !== null && one.high[best] !== null;
-      const [middle, low, high] = bounded ? intervalInWords(one.y[best], one.low[best], one.high[best]) : [inWords(one.y[best])];
-      lines.push(`${one.labels ? `${one.labels[best]}, ` : ""}${one.name || this.spec.y.label}: ${middle}${bounded ? ` (${low} to ${high})` : ""}`);
+      head = head || `${this.spec.x.label}: ${inWords(series.x[best])}`;
+      const bounded = series.low && series.low[best] !== null && series.high[best] !== null;
+      const [middle, low, high] = bounded ? intervalInWords(series.y[best], series.low[best], series.high[best]) : [inWords(series.y[best])];
+      lines.push(`${series.labels ? `${series.labels[best]}, ` : ""}${series.name || this.spec.y.label}: ${middle}${bounded ? ` (${low} to ${high})` : ""}`);
     }
     return head ? [head, ...lines] : lines;
   }

@@ -9,7 +9,7 @@ class Campaign {
   // data: {metrics, grid, columns, groups, sensors, opened, plan}
   constructor(data, host) {
     this.data = data;
-    this.metric = data.metrics.find((one) => one.name === data.metric) || data.metrics[0];
+    this.metric = data.metrics.find((metric) => metric.name === data.metric) || data.metrics[0];
     this.table = new Table(data.columns, {
       name: "runs", search: true, shown: data.shown,
       bad: (row, table) => table.column("status")[row] !== "done",
@@ -37,31 +37,31 @@ class Campaign {
   detail(row) {
     const { opened, cells } = this.data, cell = this.values("cell")[row], estimator = this.values("estimator")[row];
     const more = opened[row] || {}, parts = [];
-    const told = this.table.columns.filter((one) => one.values[row] !== null).map((one) => element("div", {}, element("span", { class: "faint" }, one.name), ` ${inWords(one.values[row], 6)}`));
-    parts.push(element("div", { class: "fields" }, ...told));
+    const fields = this.table.columns.filter((column) => column.values[row] !== null).map((column) => element("div", {}, element("span", { class: "faint" }, column.name), ` ${inWords(column.values[row], 6)}`));
+    parts.push(element("div", { class: "fields" }, ...fields));
     if (more.folder) parts.push(element("p", {}, "Kept in ", element("code", {}, more.folder)));
     if (more.log) parts.push(element("h3", {}, "End of its output and errors"), element("pre", { tabindex: "0" }, more.log));
     if (more.path) parts.push(new Path({ title: "Path", series: more.path }).figure);
-    const one = { ...this.data.plan, grid: Object.fromEntries(Object.entries(cells[cell] || {}).map(([name, value]) => [name, [value]])), seeds: [this.values("seed")[row]], keep: "all" };
-    if (one.estimators && !Array.isArray(one.estimators)) one.estimators = { [estimator]: one.estimators[estimator] };
-    else one.estimators = [estimator];
-    if (!Object.keys(one.grid).length) delete one.grid;
+    const plan = { ...this.data.plan, grid: Object.fromEntries(Object.entries(cells[cell] || {}).map(([name, value]) => [name, [value]])), seeds: [this.values("seed")[row]], keep: "all" };
+    if (plan.estimators && !Array.isArray(plan.estimators)) plan.estimators = { [estimator]: plan.estimators[estimator] };
+    else plan.estimators = [estimator];
+    if (!Object.keys(plan.grid).length) delete plan.grid;
     parts.push(element("h3", {}, "To repeat this run, in the folder of the plan"),
-      element("pre", { tabindex: "0", class: "repeat" }, `cat > run.yaml <<'END'\n${JSON.stringify(one)}\nEND\nimu_sim campaign run.yaml -o run --workers 1`));
+      element("pre", { tabindex: "0", class: "repeat" }, `cat > run.yaml <<'END'\n${JSON.stringify(plan)}\nEND\nimu_sim campaign run.yaml -o run --workers 1`));
     return element("div", {}, ...parts);
   }
 
-  choice(words, options, chosen, onchange) {
-    const select = element("select", { "aria-label": words, onchange: () => onchange(select.value) },
+  choice(label, options, chosen, onchange) {
+    const select = element("select", { "aria-label": label, onchange: () => onchange(select.value) },
       ...options.map(([value, text]) => element("option", { value, selected: value === chosen ? "" : null }, text)));
-    return element("label", {}, `${words} `, select);
+    return element("label", {}, `${label} `, select);
   }
 
   controls(host) {
     const divisions = [["", "cell and estimator"], ["estimator", "estimator"], ...this.data.grid.map((name) => [name, name])];
     host.append(element("div", { class: "controls" },
-      this.choice("metric", this.data.metrics.map((one) => [one.name, one.label]), this.metric.name, (name) => {
-        this.metric = this.data.metrics.find((one) => one.name === name);
+      this.choice("metric", this.data.metrics.map((metric) => [metric.name, metric.label]), this.metric.name, (name) => {
+        this.metric = this.data.metrics.find((metric) => metric.name === name);
         this.follow();
         this.summarised();
       }),
@@ -88,7 +88,7 @@ class Campaign {
     if (this.data.trend) add(this.data.trend);
     if (this.data.consistency) add(this.data.consistency, this.data.consistency.categories.length > 10);
     if (this.data.sensors.length) this.sensorPage(grid);
-    if (success) { this.metric = this.data.metrics.find((one) => one.name === "success"); this.follow(); this.summarised(); }
+    if (success) { this.metric = this.data.metrics.find((metric) => metric.name === "success"); this.follow(); this.summarised(); }
     rowsFilled(grid);
     grid.querySelectorAll("figure").forEach((figure) => figure.setAttribute("data-campaign", ""));
   }
@@ -111,10 +111,10 @@ class Campaign {
   coloured(lines, estimatorOf) {
     const count = new Map();
     return lines.map((line, k) => {
-      const own = estimatorOf(line), place = this.colourOf(own);
+      const estimator = estimatorOf(line), place = this.colourOf(estimator);
       if (place === null) return k;
-      const before = count.get(own) || 0;
-      count.set(own, before + 1);
+      const before = count.get(estimator) || 0;
+      count.set(estimator, before + 1);
       return place + SERIES_COLOURS * before;
     });
   }
@@ -128,22 +128,22 @@ class Campaign {
   // Failed runs are the worst: at the end, infinite; where lower is not better, at the beginning.
   // How long a trajectory lasts is known of them, too.
   divided() {
-    const numbers = this.values(this.metric.name), found = new Map(), worst = this.metric.better === "higher" ? -Infinity : Infinity;
+    const numbers = this.values(this.metric.name), groupsByName = new Map(), worst = this.metric.better === "higher" ? -Infinity : Infinity;
     const names = this.by ? this.values(this.by) : null, cells = this.values("cell"), estimators = this.values("estimator");
     const states = this.values("status");
     for (const row of [...this.rows].sort((a, b) => a - b)) {
       const done = states[row] === "done";
       if (done && numbers[row] === null) continue;
-      const known = done || (this.metric.of_failed && numbers[row] !== null);
-      const own = this.group.get(`${cells[row]}\n${estimators[row]}`);
-      const name = names ? `${this.by} = ${inWords(names[row], 6)}` : own ? own.label : cells[row];
-      if (!found.has(name)) found.set(name, { name, numbers: [], failed: 0, row, estimator: estimators[row], place: own ? own.place : name });
-      const group = found.get(name);
+      const counts = done || (this.metric.of_failed && numbers[row] !== null);
+      const plotted = this.group.get(`${cells[row]}\n${estimators[row]}`);
+      const name = names ? `${this.by} = ${inWords(names[row], 6)}` : plotted ? plotted.label : cells[row];
+      if (!groupsByName.has(name)) groupsByName.set(name, { name, numbers: [], failed: 0, row, estimator: estimators[row], place: plotted ? plotted.place : name });
+      const group = groupsByName.get(name);
       if (group.estimator !== estimators[row]) group.estimator = null;
-      group.numbers.push(known ? numbers[row] : worst);
+      group.numbers.push(counts ? numbers[row] : worst);
       if (!done) group.failed += 1;
     }
-    const groups = [...found.values()].filter((group) => group.numbers.some(Number.isFinite));
+    const groups = [...groupsByName.values()].filter((group) => group.numbers.some(Number.isFinite));
     for (const group of groups) {
       group.numbers.sort((a, b) => a - b);
       if (group.failed) group.name += ` (${group.numbers.length - group.failed} of ${group.numbers.length} done)`;
@@ -177,8 +177,8 @@ class Campaign {
   boxSpec() {
     const { groups, log, rest, by } = this.scaled(), { label } = this.metric;
     const boxes = groups.map((group, k) => {
-      const at = (p) => quantile(group.numbers, p), own = this.colourOf(group.estimator);
-      return { name: group.name, count: group.numbers.length, low: at(0.05), q1: at(0.25), median: at(0.5), q3: at(0.75), high: at(0.95), colour: own === null && groups.length <= MOST_LINES ? k : own };
+      const at = (p) => quantile(group.numbers, p), place = this.colourOf(group.estimator);
+      return { name: group.name, count: group.numbers.length, low: at(0.05), q1: at(0.25), median: at(0.5), q3: at(0.75), high: at(0.95), colour: place === null && groups.length <= MOST_LINES ? k : place };
     });
     return { title: `${label}, by ${by}`, x: { label, log }, categories: boxes.map((box) => box.name), series: [{ name: "", boxes, x: [], colour: 0 }],
       caption: `Median, quartiles, 5th and 95th percentile. Failed runs count as worse than any number; a box with failed runs reaches the frame.${rest}`, onpick: (k) => this.pick(groups[k]) };
@@ -236,22 +236,22 @@ class Campaign {
         if (!lines.has(name)) lines.set(name, []);
         lines.get(name).push([group.values[parameter], ...summary, group.estimator]);
       }
-      const drawn = [...lines].slice(0, MOST_LINES), colours = this.coloured(drawn, ([, points]) => points[0].at(-1));
-      const series = drawn.map(([name, points], k) => {
+      const visible = [...lines].slice(0, MOST_LINES), colours = this.coloured(visible, ([, points]) => points[0].at(-1));
+      const series = visible.map(([name, points], k) => {
         points.sort((a, b) => a[0] - b[0]);
         return { name, colour: colours[k], x: points.map((p) => p[0]), y: points.map((p) => p[1]), low: points.map((p) => p[2]), high: points.map((p) => p[3]) };
       });
       const log = groups.every((group) => group.values[parameter] > 0);
-      const tall = series.every((one) => one.y.every((value) => value > 0));
-      const [least, most] = extent(series.flatMap((one) => one.y)) || [1, 1], wide = most > 5 * least;
-      const slopes = this.data.slopes.filter((one) => one.metric === metric && one.parameter === parameter)
-        .map((one) => {
-          const [slope, low, high] = intervalInWords(one.slope, one.low, one.high);
-          return `${one.estimator}: ${slope} (${low} to ${high})`;
+      const tall = series.every((line) => line.y.every((value) => value > 0));
+      const [least, most] = extent(series.flatMap((line) => line.y)) || [1, 1], wide = most > 5 * least;
+      const slopes = this.data.slopes.filter((fit) => fit.metric === metric && fit.parameter === parameter)
+        .map((fit) => {
+          const [slope, low, high] = intervalInWords(fit.slope, fit.low, fit.high);
+          return `${fit.estimator}: ${slope} (${low} to ${high})`;
         });
-      const told = slopes.length ? ` Slope of the logarithms, 95 %: ${slopes.join("; ")}.` : "";
+      const slopeText = slopes.length ? ` Slope of the logarithms, 95 %: ${slopes.join("; ")}.` : "";
       const missing = lines.size > MOST_LINES ? ` The first ${MOST_LINES} of ${lines.size} lines.` : "";
-      return { title: `${label} over ${parameter}`, x: { label: parameter, log }, y: { label, log: tall && wide }, legend: true, series, caption: `Median with its 95 % interval.${told}${missing}` };
+      return { title: `${label} over ${parameter}`, x: { label: parameter, log }, y: { label, log: tall && wide }, legend: true, series, caption: `Median with its 95 % interval.${slopeText}${missing}` };
     });
   }
 
@@ -259,7 +259,7 @@ class Campaign {
     this.property = this.data.sensors[0].name;
     this.sensor = new Plot(this.sensorSpec());
     this.sensor.figure.classList.add("wide");
-    const choice = element("div", { class: "controls wide" }, this.choice("Which IMU? Error over its", this.data.sensors.map((one) => [one.name, one.label]), this.property, (name) => {
+    const choice = element("div", { class: "controls wide" }, this.choice("Which IMU? Error over its", this.data.sensors.map((sensor) => [sensor.name, sensor.label]), this.property, (name) => {
       this.property = name;
       this.sensor.show(this.sensorSpec());
     }));
@@ -268,7 +268,7 @@ class Campaign {
 
   sensorSpec() {
     const { groups, grid } = this.data, { name: metric, label } = this.metric;
-    const property = this.data.sensors.find((one) => one.name === this.property);
+    const property = this.data.sensors.find((sensor) => sensor.name === this.property);
     const lines = new Map();
     groups.forEach((group, k) => {
       const summary = group.metrics[metric], x = property.values[k];
@@ -279,12 +279,12 @@ class Campaign {
       if (!lines.has(name)) lines.set(name, []);
       lines.get(name).push([x, ...summary, String(group.values.imu), group.estimator]);
     });
-    const drawn = [...lines].slice(0, MOST_LINES), colours = this.coloured(drawn, ([, points]) => points[0].at(-1));
-    const series = drawn.map(([name, points], k) => {
+    const visible = [...lines].slice(0, MOST_LINES), colours = this.coloured(visible, ([, points]) => points[0].at(-1));
+    const series = visible.map(([name, points], k) => {
       const column = (place) => points.map((point) => point[place]);
       return { name, mode: "bars", colour: colours[k], x: column(0), y: column(1), low: column(2), high: column(3), labels: column(4) };
     });
-    const tall = series.every((one) => one.y.every((value) => value > 0));
+    const tall = series.every((line) => line.y.every((value) => value > 0));
     return { title: `${label} over ${property.label}`, x: { label: property.label, log: true }, y: { label, log: tall }, legend: true, series,
       caption: "Each point is a preset: median with its 95 % interval. Presets without this error are left out." };
   }

@@ -10,19 +10,19 @@ const PRINTED = 10;  // rows on paper, where nobody turns over; a table may ask 
 // the base64 of little-endian floats, NaN for what is missing.
 function unpacked(column) {
   if (column.others) {
-    const found = Array(column.count).fill(column.usual);
-    for (const [row, value] of column.others) found[row] = value;
-    return found;
+    const values = Array(column.count).fill(column.usual);
+    for (const [row, value] of column.others) values[row] = value;
+    return values;
   }
   if (column.words) return column.index.map((k) => (k === null ? null : column.words[k]));
   if (!column.f4) return column.values;
   const bytes = Uint8Array.from(atob(column.f4), (letter) => letter.charCodeAt(0));
-  const view = new DataView(bytes.buffer), found = [];
+  const view = new DataView(bytes.buffer), values = [];
   for (let at = 0; at < bytes.length; at += 4) {
     const value = view.getFloat32(at, true);
-    found.push(Number.isNaN(value) ? null : Number(value.toPrecision(6)));
+    values.push(Number.isNaN(value) ? null : Number(value.toPrecision(6)));
   }
-  return found;
+  return values;
 }
 
 // The search: words that all must occur; name=part, name="whole", name<number, name>number. A part
@@ -30,15 +30,15 @@ function unpacked(column) {
 function matcher(query, columns, text) {
   const problems = [];
   const tests = (query.match(/(?:[^\s"]|"[^"]*(?:"|$))+/g) || []).map((part) => {
-    const bare = (words) => words.replaceAll('"', "").toLowerCase();
-    const found = part.match(/^([^=<>"]+)(<=|>=|=|<|>)(.*)$/);
-    if (!found) { const wanted = bare(part); return (row) => text(row).includes(wanted); }
-    const [, name, sign, words] = found, wanted = bare(words), number = Number(wanted);
-    const column = named(name.toLowerCase(), columns, problems);
+    const bare = (quoted) => quoted.replaceAll('"', "").toLowerCase();
+    const match = part.match(/^([^=<>"]+)(<=|>=|=|<|>)(.*)$/);
+    if (!match) { const wanted = bare(part); return (row) => text(row).includes(wanted); }
+    const [, name, sign, operand] = match, wanted = bare(operand), number = Number(wanted);
+    const column = columnByName(name.toLowerCase(), columns, problems);
     if (!column) return () => false;
     const { values } = column;
     if (sign === "=") {
-      const whole = words.startsWith('"');
+      const whole = operand.startsWith('"');
       return (row) => {
         const value = values[row];
         if (value === null) return false;
@@ -54,12 +54,12 @@ function matcher(query, columns, text) {
   return { fits: (row) => tests.every((test) => test(row)), problems };
 }
 
-function named(name, columns, problems) {
-  const exact = columns.find((one) => one.name.toLowerCase() === name);
+function columnByName(name, columns, problems) {
+  const exact = columns.find((column) => column.name.toLowerCase() === name);
   if (exact) return exact;
-  const parts = columns.filter((one) => one.name.toLowerCase().includes(name));
+  const parts = columns.filter((column) => column.name.toLowerCase().includes(name));
   if (parts.length === 1) return parts[0];
-  const names = (parts.length ? parts : columns).map((one) => one.name).join(", ");
+  const names = (parts.length ? parts : columns).map((column) => column.name).join(", ");
   problems.push(parts.length ? `${name}: several columns have this in their name: ${names}` : `no column ${name}; there are ${names}`);
   return null;
 }
@@ -67,8 +67,8 @@ function named(name, columns, problems) {
 class Table {
   // columns: [{name, values}]; options: {name, search, onfilter, bad, shown, detail, printed, links, digits, intervals}
   constructor(columns, options = {}) {
-    this.columns = columns.map((one) => ({ ...one, values: unpacked(one), hidden: Boolean(options.shown) && !options.shown.includes(one.name) }));
-    this.columns.forEach((one) => { one.number = one.values.some((v) => typeof v === "number") && one.values.every((v) => v === null || typeof v === "number"); });
+    this.columns = columns.map((column) => ({ ...column, values: unpacked(column), hidden: Boolean(options.shown) && !options.shown.includes(column.name) }));
+    this.columns.forEach((column) => { column.number = column.values.some((v) => typeof v === "number") && column.values.every((v) => v === null || typeof v === "number"); });
     this.options = options;
     this.count = this.columns.length ? this.columns[0].values.length : 0;
     this.order = { column: null, down: false };
@@ -82,23 +82,23 @@ class Table {
     window.addEventListener("afterprint", () => this.draw());
   }
 
-  column(name) { return this.columns.find((one) => one.name === name).values; }
+  column(name) { return this.columns.find((column) => column.name === name).values; }
 
   text(row) {
-    if (this.texts[row] === undefined) this.texts[row] = this.columns.map((one) => one.values[row]).join("\n").toLowerCase();
+    if (this.texts[row] === undefined) this.texts[row] = this.columns.map((column) => column.values[row]).join("\n").toLowerCase();
     return this.texts[row];
   }
 
   build() {
     const { search, shown, name } = this.options;
     this.input = element("input", { type: "search", placeholder: "search: words, name=part, name>1", "aria-label": `search ${name || "table"}`, oninput: () => this.filter(this.input.value) });
-    this.told = element("span", { class: "faint", role: "status" });
-    const bar = element("div", { class: "controls" }, this.input, this.told);
+    this.status = element("span", { class: "faint", role: "status" });
+    const bar = element("div", { class: "controls" }, this.input, this.status);
     if (!search) this.input.remove();
     if (shown) bar.append(this.chooser());
     this.head = element("tr");
     this.body = element("tbody");
-    const turn = (words, by) => element("button", { type: "button", onclick: () => { this.page += by; this.draw(); } }, words);
+    const turn = (label, by) => element("button", { type: "button", onclick: () => { this.page += by; this.draw(); } }, label);
     this.back = turn("\u2039 back", -1);
     this.next = turn("next \u203a", 1);
     this.pager = element("div", { class: "controls pager" }, this.back, this.next);
@@ -133,7 +133,7 @@ class Table {
   }
 
   heads() {
-    const { column: sorted, down } = this.order, shown = this.columns.filter((one) => !one.hidden);
+    const { column: sorted, down } = this.order, shown = this.columns.filter((column) => !column.hidden);
     for (const column of shown) {
       column.button = column.button || element("button", { type: "button", onclick: () => this.sort(column) });
       column.head = column.head || element("th", { class: column.number ? "number" : null, scope: "col", "data-name": column.name }, column.button);
@@ -141,7 +141,7 @@ class Table {
       column.button.textContent = column.name + (column !== sorted ? "" : down ? " \u25bc" : " \u25b2");
     }
     const there = [...this.head.children];  // one that stays keeps the focus
-    if (there.length !== shown.length || shown.some((one, k) => one.head !== there[k])) this.head.replaceChildren(...shown.map((one) => one.head));
+    if (there.length !== shown.length || shown.some((column, k) => column.head !== there[k])) this.head.replaceChildren(...shown.map((column) => column.head));
   }
 
   arrange() {
@@ -152,9 +152,9 @@ class Table {
       const { values, number } = column, sign = down ? -1 : 1;
       const order = number ? (a, b) => a - b : (a, b) => String(a).localeCompare(String(b), "en", { numeric: true });
       this.rows.sort((a, b) => {
-        const one = values[a], other = values[b];
-        if (one === null || other === null) return (one === null) - (other === null);  // what is missing comes last
-        return sign * order(one, other) || a - b;
+        const left = values[a], right = values[b];
+        if (left === null || right === null) return (left === null) - (right === null);  // what is missing comes last
+        return sign * order(left, right) || a - b;
       });
     }
     this.draw();
@@ -167,9 +167,9 @@ class Table {
     this.back.disabled = this.page === 0;
     this.next.disabled = this.page >= pages - 1;
     const part = pages > 1 ? `, ${first + 1} to ${Math.min(first + size, this.rows.length)} shown` : "";
-    this.told.textContent = this.problems.length ? this.problems.join("; ") : `${this.rows.length} of ${this.count} rows${part}`;
-    this.told.hidden = pages === 1 && !this.options.search;
-    this.told.classList.toggle("failed", this.problems.length > 0);
+    this.status.textContent = this.problems.length ? this.problems.join("; ") : `${this.rows.length} of ${this.count} rows${part}`;
+    this.status.hidden = pages === 1 && !this.options.search;
+    this.status.classList.toggle("failed", this.problems.length > 0);
     this.host.dataset.rows = this.rows.length;
   }
 
@@ -183,11 +183,11 @@ class Table {
   }
 
   line(row) {
-    const { bad, detail } = this.options, shown = this.columns.filter((one) => !one.hidden);
+    const { bad, detail } = this.options, shown = this.columns.filter((column) => !column.hidden);
     const cells = shown.map((column) => {
-      const words = this.words(column, row);
+      const text = this.words(column, row);
       const target = this.options.links && sectionIds.get(this.options.links[column.values[row]]);
-      return element("td", { class: column.number ? "number" : words.length > 60 ? "long" : null }, target ? element("a", { href: `#${target}` }, words) : words);
+      return element("td", { class: column.number ? "number" : text.length > 60 ? "long" : null }, target ? element("a", { href: `#${target}` }, text) : text);
     });
     const line = element("tr", { class: bad && bad(row, this) ? "bad" : null }, ...cells);
     if (!detail || !cells.length) return [line];

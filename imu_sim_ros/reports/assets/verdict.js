@@ -7,11 +7,11 @@ const MOST_ACROSS = 12;  // columns of the overview
 const MOST_OF_MATRIX = 30;
 const MOST_OF_A_COLUMN = 8;  // members of a matrix beside which there is room for a plot
 
-function runsLink(campaign, query, words) {
+function runsLink(campaign, query, label) {
   return element("a", { href: "#", onclick: (event) => {
     event.preventDefault();
     campaigns.get(campaign).find(query);
-  } }, words);
+  } }, label);
 }
 
 class Verdict {
@@ -23,7 +23,7 @@ class Verdict {
     this.host.append(...this.requirements());
     if (item.judged.length > 1) {
       const select = element("select", { "aria-label": "verdict on", onchange: () => this.show(Number(select.value)) },
-        ...item.judged.map((one, k) => element("option", { value: k }, one.factor ? `which ${one.factor}: ${one.label}` : one.label)));
+        ...item.judged.map((judgement, k) => element("option", { value: k }, judgement.factor ? `which ${judgement.factor}: ${judgement.label}` : judgement.label)));
       this.host.append(element("div", { class: "controls" }, element("label", {}, "verdict on ", select)));
     }
     this.host.append(this.body, ...this.failures(), ...this.findings());
@@ -33,19 +33,19 @@ class Verdict {
   requirements() {
     const { requirements, campaign, problems } = this.item;
     if (!requirements.count && !problems.length) return [];
-    const missed = requirements.missed.map((one) => element("li", {}, `${one.requirement}${one.place ? ` with ${one.place}` : ""}: `,
-      element("b", {}, one.comment), " ", runsLink(campaign, one.query, "its runs")));
+    const missed = requirements.missed.map((requirement) => element("li", {}, `${requirement.requirement}${requirement.place ? ` with ${requirement.place}` : ""}: `,
+      element("b", {}, requirement.comment), " ", runsLink(campaign, requirement.query, "its runs")));
     const lines = [...missed, ...problems.map((line) => element("li", {}, line))];
     if (!lines.length) return [element("p", { class: "passed" }, `\u2713 ${requirements.count === 1 ? "the requirement is" : `all ${requirements.count} requirements are`} met`)];
-    const words = missed.length ? `\u2717 ${requirements.texts} of ${requirements.count} requirements not met` : "\u2717 the gate fails";
+    const headline = missed.length ? `\u2717 ${requirements.texts} of ${requirements.count} requirements not met` : "\u2717 the gate fails";
     const rest = lines.length > 10 ? [element("details", {}, element("summary", {}, `${lines.length - 10} more`), element("ul", {}, ...lines.splice(10)))] : [];
-    return [element("div", { class: "failed box", role: "alert" }, element("b", {}, words), element("ul", {}, ...lines), ...rest)];
+    return [element("div", { class: "failed box", role: "alert" }, element("b", {}, headline), element("ul", {}, ...lines), ...rest)];
   }
 
   failures() {
     const { failures, campaign } = this.item;
     if (!failures.length) return [];
-    const lines = failures.map((one) => element("li", {}, `${one.runs} runs: ${one.reason} (${one.place}) `, runsLink(campaign, one.query, "these runs")));
+    const lines = failures.map((failure) => element("li", {}, `${failure.runs} runs: ${failure.reason} (${failure.place}) `, runsLink(campaign, failure.query, "these runs")));
     const rest = lines.length > 8 ? [element("details", {}, element("summary", {}, `${lines.length - 8} more`), element("ul", {}, ...lines.splice(8)))] : [];
     return [element("h3", {}, "Failed runs"), element("ul", { class: "failures", "data-failures": failures.length }, ...lines), ...rest];
   }
@@ -53,7 +53,7 @@ class Verdict {
   findings() {
     const { findings, campaign } = this.item;
     if (!findings.length) return [];
-    const lines = findings.map((one) => element("li", {}, `${one.runs} runs: ${one.finding} (${one.place}) `, runsLink(campaign, one.query, "its runs")));
+    const lines = findings.map((finding) => element("li", {}, `${finding.runs} runs: ${finding.finding} (${finding.place}) `, runsLink(campaign, finding.query, "its runs")));
     const rest = lines.length > 8 ? [element("details", {}, element("summary", {}, `${lines.length - 8} more`), element("ul", {}, ...lines.splice(8)))] : [];
     return [element("h3", {}, "Findings in the estimates"), element("ul", { class: "failures", "data-findings": findings.length }, ...lines), ...rest];
   }
@@ -66,7 +66,7 @@ class Verdict {
     this.plotHost = element("div");
     const choice = this.choice = element("select", { "aria-label": "where", onchange: () => this.contest(judged, choice.value) });
     if (judged.contests.length > 1) choice.append(element("option", { value: "" }, `all ${judged.contests.length}: how often`));
-    judged.contests.forEach((one, n) => choice.append(element("option", { value: n }, one.place || "all runs")));
+    judged.contests.forEach((contest, n) => choice.append(element("option", { value: n }, contest.place || "all runs")));
     if (judged.contests.length > 1) this.body.append(this.overview(judged));
     const wide = this.fullest(judged).ranking.length > MOST_OF_A_COLUMN;
     const matrix = element("div", { class: wide ? "wide" : null }, element("h3", {}, `Who is better: ${judged.label}`),
@@ -78,11 +78,11 @@ class Verdict {
 
   // Who is best, by how much and how sure that is; for one contest of several a table.
   headline(judged) {
-    const all = this.item.judged.filter((one) => one.label === judged.label && one.contests.length);
+    const all = this.item.judged.filter((judgement) => judgement.label === judged.label && judgement.contests.length);
     const shown = all.length ? all : [judged];
-    const parts = shown.map((one) => {
-      const sure = one.contests.some((contest) => contest.best !== null);
-      return element("p", { class: "headline" }, element("b", { class: one.contests.length ? (sure ? "best" : "faint") : null }, one.lead), one.rest ? `: ${one.rest.replaceAll(" = ", "\u00a0=\u00a0")}` : "");
+    const parts = shown.map((judgement) => {
+      const sure = judgement.contests.some((contest) => contest.best !== null);
+      return element("p", { class: "headline" }, element("b", { class: judgement.contests.length ? (sure ? "best" : "faint") : null }, judgement.lead), judgement.rest ? `: ${judgement.rest.replaceAll(" = ", "\u00a0=\u00a0")}` : "");
     });
     if (judged.table) parts.push(new Table(judged.table.columns, {}).host);
     return parts;
@@ -91,21 +91,21 @@ class Verdict {
   // The winner of each contest and its lead over the next: the last varying name goes across.
   overview(judged) {
     const { contests, names } = judged, keys = Object.keys(contests[0].where);
-    const values = (key) => [...new Set(contests.map((one) => one.where[key]))];
+    const values = (key) => [...new Set(contests.map((contest) => contest.where[key]))];
     const across = [...keys].reverse().find((key) => values(key).length <= MOST_ACROSS && keys.length > 1), down = keys.filter((key) => key !== across);
     const heads = across ? values(across) : [""], rows = new Map();
-    const named = (key, value) => (Number.isNaN(Number(value)) ? value : `${key.split(".").pop()} ${value}`);
-    contests.forEach((one, n) => {
-      const name = down.map((key) => named(key, one.where[key])).join(", ");
+    const valueText = (key, value) => (Number.isNaN(Number(value)) ? value : `${key.split(".").pop()} ${value}`);
+    contests.forEach((contest, n) => {
+      const name = down.map((key) => valueText(key, contest.where[key])).join(", ");
       if (!rows.has(name)) rows.set(name, new Map());
-      rows.get(name).set(across ? one.where[across] : "", n);
+      rows.get(name).set(across ? contest.where[across] : "", n);
     });
     const field = (n) => {
       if (n === undefined) return element("td", {}, "");
-      const one = contests[n], words = one.best !== null ? [element("b", {}, one.best), ` ${one.size}`] : [one.equal ? "equal" : "undecided"];
-      const made = element("td", { class: one.best === null && one.equal ? "equal" : null }, element("button", { type: "button", title: one.line, onclick: () => this.choose(n) }, ...words));
-      if (one.best !== null) made.style.background = `color-mix(in srgb, ${colour(names.indexOf(one.best))} 25%, transparent)`;
-      return made;
+      const contest = contests[n], content = contest.best !== null ? [element("b", {}, contest.best), ` ${contest.size}`] : [contest.equal ? "equal" : "undecided"];
+      const node = element("td", { class: contest.best === null && contest.equal ? "equal" : null }, element("button", { type: "button", title: contest.line, onclick: () => this.choose(n) }, ...content));
+      if (contest.best !== null) node.style.background = `color-mix(in srgb, ${colour(names.indexOf(contest.best))} 25%, transparent)`;
+      return node;
     };
     const body = [...rows].map(([name, of]) => element("tr", {}, element("th", { scope: "row" }, name), ...heads.map((head) => field(of.get(head)))));
     const head = across ? [element("thead", {}, element("tr", {}, element("th", {}, across.split(".").pop()), ...heads.map((value) => element("th", { scope: "col" }, value))))] : [];
@@ -121,39 +121,39 @@ class Verdict {
   }
 
   contest(judged, choice) {
-    const one = choice === "" ? null : judged.contests[Number(choice)];
-    const names = (one || this.fullest(judged)).ranking.slice(0, MOST_OF_MATRIX);
-    const cell = one ? (a, b) => effectCell(one, a, b) : (a, b) => countCell(judged.contests, a, b);
+    const contest = choice === "" ? null : judged.contests[Number(choice)];
+    const names = (contest || this.fullest(judged)).ranking.slice(0, MOST_OF_MATRIX);
+    const cell = contest ? (a, b) => effectCell(contest, a, b) : (a, b) => countCell(judged.contests, a, b);
     const heads = names.map((name) => element("th", { scope: "col" }, element("span", {}, name)));
     const rows = names.map((a) => element("tr", {}, element("th", { scope: "row" }, a), ...names.map((b) => (a === b ? element("td", { class: "same" }, "") : cell(a, b)))));
-    const told = one ? "Row against column on the same seeds: green is better, red worse, beyond the tolerance; grey is equal within it; white is undecided. Hold the pointer over a field for its interval."
+    const explanation = contest ? "Row against column on the same seeds: green is better, red worse, beyond the tolerance; grey is equal within it; white is undecided. Hold the pointer over a field for its interval."
       : `In how many of ${judged.contests.length} comparisons the row is better than the column.`;
     this.matrixHost.replaceChildren(element("div", { class: "scroll", tabindex: "0" }, element("table", { class: "matrix" }, element("thead", {}, element("tr", {}, element("td"), ...heads)), element("tbody", {}, ...rows))),
-      one && judged.contests.length > 1 ? element("p", {}, one.line) : "", element("p", { class: "caption" }, told));
-    const drawn = one || judged.contests[0];
-    this.plotHost.replaceChildren(...(drawn.plot ? [new Plot(drawn.plot).figure] : []));
+      contest && judged.contests.length > 1 ? element("p", {}, contest.line) : "", element("p", { class: "caption" }, explanation));
+    const plotted = contest || judged.contests[0];
+    this.plotHost.replaceChildren(...(plotted.plot ? [new Plot(plotted.plot).figure] : []));
   }
 
   fullest(judged) { return judged.contests.reduce((a, b) => (b.ranking.length > a.ranking.length ? b : a)); }
 }
 
 function effectOf(contest, a, b) {
-  const found = contest.effects.find((one) => one.a === a && one.b === b);
-  if (found) return { verdict: found.verdict, words: found.short, line: found.line };
-  const other = contest.effects.find((one) => one.a === b && one.b === a);
-  if (!other) return null;
+  const effect = contest.effects.find((entry) => entry.a === a && entry.b === b);
+  if (effect) return { verdict: effect.verdict, words: effect.short, line: effect.line };
+  const reverse = contest.effects.find((entry) => entry.a === b && entry.b === a);
+  if (!reverse) return null;
   const turned = { better: "worse", worse: "better" };
-  return { verdict: turned[other.verdict] || other.verdict, words: other.turned, line: other.line };
+  return { verdict: turned[reverse.verdict] || reverse.verdict, words: reverse.turned, line: reverse.line };
 }
 
 function effectCell(contest, a, b) {
-  const found = effectOf(contest, a, b);
-  if (!found) return element("td", {}, "");
-  return element("td", { class: found.verdict, title: found.line }, found.words);
+  const effect = effectOf(contest, a, b);
+  if (!effect) return element("td", {}, "");
+  return element("td", { class: effect.verdict, title: effect.line }, effect.words);
 }
 
 function countCell(contests, a, b) {
-  const found = contests.map((one) => effectOf(one, a, b)).filter(Boolean);
-  const won = found.filter((one) => one.verdict === "better").length, lost = found.filter((one) => one.verdict === "worse").length;
-  return element("td", { class: won > lost ? "better" : lost > won ? "worse" : "undecided", title: `${a}: better than ${b} in ${won}, worse in ${lost} of ${found.length}` }, found.length === contests.length ? String(won) : `${won} of ${found.length}`);
+  const effects = contests.map((contest) => effectOf(contest, a, b)).filter(Boolean);
+  const won = effects.filter((effect) => effect.verdict === "better").length, lost = effects.filter((effect) => effect.verdict === "worse").length;
+  return element("td", { class: won > lost ? "better" : lost > won ? "worse" : "undecided", title: `${a}: better than ${b} in ${won}, worse in ${lost} of ${effects.length}` }, effects.length === contests.length ? String(won) : `${won} of ${effects.length}`);
 }
