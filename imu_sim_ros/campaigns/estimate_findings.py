@@ -20,7 +20,7 @@ from imu_sim_ros.navigation.association import align, common_rows, poses_at
 from imu_sim_ros.recordings.findings.catalogue import pair_findings, pose_findings
 from imu_sim_ros.recordings.findings.finding import Finding
 from imu_sim_ros.recordings.findings.policy import CAMPAIGN
-from imu_sim_ros.recordings.findings.roles import PosePairs
+from imu_sim_ros.recordings.findings.roles import TruthPairs
 
 _ROUNDING_NS: Final = 1_000_000
 """Stamps of text are rounded: a pose outside the truth by no more is at its end."""
@@ -55,7 +55,7 @@ def estimate_findings(poses: States, truth: States, alignment: str) -> list[str]
         rows = common_rows(poses.t_ns, truth.t_ns)
         estimate = poses.rows(rows)
         reference = poses_at(truth, estimate.t_ns)
-        pairs = PosePairs.of("estimate", estimate, truth, reference)
+        pairs = TruthPairs.of("estimate", estimate, truth, reference)
         lines += [_line(finding) for finding in pair_findings(pairs)]
         lines += _repetitions(estimate, reference)
         aligned = align(estimate.position, reference.position, alignment)

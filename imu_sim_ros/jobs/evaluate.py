@@ -60,7 +60,7 @@ from imu_sim_ros.navigation.evaluation import (
 from imu_sim_ros.navigation.time_offset import time_offset as time_offset_of
 from imu_sim_ros.recordings.findings.catalogue import pair_findings, pose_findings, use_findings
 from imu_sim_ros.recordings.findings.policy import EVALUATE
-from imu_sim_ros.recordings.findings.roles import PosePairs, TrajectoryUse
+from imu_sim_ros.recordings.findings.roles import TrajectoryUse, TruthPairs
 from imu_sim_ros.sensors.camera.model import reprojection_errors
 from imu_sim_ros.terminal.text_tables import TextTable, html_of
 
@@ -433,7 +433,7 @@ def evaluate(
     trajectory_errors = evaluation(track, true, align, max_gap, time_offset)
     if getattr(estimate, "role", "") != "estimate":
         name = name_of(Path(estimate)) if isinstance(estimate, str | Path) else repr(estimate)
-        pairs = PosePairs.of(
+        pairs = TruthPairs.of(
             f"estimate: {name}",
             trajectory_errors.unaligned,
             true,

@@ -24,10 +24,10 @@ from imu_sim_ros.recordings.findings.roles import (
     PAIRS,
     REST,
     USES,
-    PosePairs,
     RestRecord,
     TopicFrames,
     TrajectoryUse,
+    TruthPairs,
 )
 from imu_sim_ros.recordings.findings.stamps import STAMPS
 from imu_sim_ros.recordings.findings.states import STATES, TWIST, StateMeasures, poses_disordered
@@ -152,7 +152,7 @@ def use_findings(use: TrajectoryUse) -> list[Finding]:
     return list(_findings(USES, use, use.source))
 
 
-def pair_findings(pairs: PosePairs) -> list[Finding]:
+def pair_findings(pairs: TruthPairs) -> list[Finding]:
     """Return the finding about an estimate that is its truth."""
     return list(_findings(PAIRS, pairs, pairs.source))
 

@@ -40,7 +40,7 @@ class TrajectoryUse(NamedTuple):
     """Argument that it was given as."""
 
 
-class PosePairs(NamedTuple):
+class TruthPairs(NamedTuple):
     """An estimate next to its truth, before any alignment."""
 
     source: str
@@ -129,7 +129,7 @@ def estimate_as_truth(use: TrajectoryUse) -> Iterator[Evidence]:
     "errors are 0, and say nothing about an estimator",
     "name the estimator's own output as the estimate",
 )
-def estimate_equals_truth(pairs: PosePairs) -> Iterator[Evidence]:
+def estimate_equals_truth(pairs: TruthPairs) -> Iterator[Evidence]:
     """Find an estimate that is its truth, also a rounded one."""
     count = len(pairs.estimate)
     if count >= _LEAST_POSES and any(map(pairs.equal, (pairs.nearest, pairs.interpolated))):
