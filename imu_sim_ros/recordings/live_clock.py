@@ -57,6 +57,10 @@ class LiveClock:
         self._last_ns: int | None = None
         self._change_count = self._pauses = 0
 
+    def restarted(self) -> "LiveClock":
+        """Return a clock with the same gap before its first stamp."""
+        return LiveClock(self._max_gap_ns)
+
     def add(self, t_ns: Times, changes: Mask | None = None) -> None:
         """Add stamps in the order of their arrival.
 

@@ -82,6 +82,11 @@ class LiveRecordTimes:
         self._offset_ns = 0
         self._topics: dict[str, _TopicTime] = {}
 
+    def latest(self, topic: str) -> int | None:
+        """Return the record time of the latest message of a topic, None if there is none."""
+        time = self._topics.get(topic)
+        return None if time is None else time.latest_ns
+
     def of(self, topic: str, stamp_ns: int) -> int:
         """Return the record time of the next message of a topic, which is its stamp in order."""
         time = self._topics.get(topic)

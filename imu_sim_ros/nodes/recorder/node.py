@@ -181,7 +181,6 @@ class Recorder(ConfiguredNode[RecorderParameters]):
                 offered_qos(publishers),
                 definition(types[0]),
                 type_hash(types[0]),
-                offset is not None,
                 LiveClock(round(self.parameters.max_gap * 1e9)),
                 units=UnitWatch(name) if types[0] == IMU else None,
             )
@@ -297,6 +296,12 @@ class Recorder(ConfiguredNode[RecorderParameters]):
         else:
             print(f"{where}: no message was recorded", flush=True)
         for topic in recording.topics.values():
+            if topic.stamped and topic.unset:
+                print(
+                    f"recorder: {topic.name}: {topic.unset} of {topic.messages} messages have no "
+                    "stamp that was set: they are recorded with the message before them",
+                    file=sys.stderr,
+                )
             RECORDER.judge(topic.findings, lambda line: print(f"recorder: {line}", file=sys.stderr))
         if recording.dropped:
             print(
@@ -347,9 +352,9 @@ def _row(topic: RecordedTopic) -> tuple[str, ...]:
     """Return the row of a topic in the report at the end."""
     clock = topic.clock
     if not topic.stamped:  # times of reception tell nothing about the source
-        return topic.name, str(clock.messages), f"{clock.rate:.2f}", "-", "-", "-", "-"
-    counts = (clock.gaps, clock.missing, clock.duplicates, clock.out_of_order)
-    return topic.name, str(clock.messages), f"{clock.rate:.2f}", *map(str, counts)
+        return topic.name, str(topic.messages), f"{clock.rate:.2f}", "-", "-", "-", "-"
+    counts = (clock.gaps, clock.missing, clock.duplicates, clock.out_of_order + topic.unset)
+    return topic.name, str(topic.messages), f"{clock.rate:.2f}", *map(str, counts)
 
 
 def plain_arguments(arguments: Sequence[str]) -> list[str]:

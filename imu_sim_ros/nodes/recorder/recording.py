@@ -70,11 +70,13 @@ class Timestamps:
         result: list[Message] = []
         for payload, info in batch:
             stamp_ns = _stamp_ns(payload, offset)
-            t_ns = stamp_ns
-            if t_ns is None or self._by_reception:
+            if self._by_reception:
                 t_ns = self._now(info)
+            elif stamp_ns is None:
+                latest_ns = self._record_times.latest(topic)
+                t_ns = self._now(info) if latest_ns is None else latest_ns
             else:
-                t_ns = self._record_times.of(topic, t_ns)
+                t_ns = self._record_times.of(topic, stamp_ns)
             result.append(Message(topic, t_ns, payload, stamp_ns))
         return result
 
@@ -182,10 +184,14 @@ class RecordedTopic:
     qos: tuple[Qos, ...]
     definition: str
     digest: str
-    stamped: bool
-    """True if every message so far had a stamp that was set."""
     clock: LiveClock
-    """Clock behind its stamps."""
+    """Clock behind its stamps; behind the times of reception until a stamp is set."""
+    stamped: bool = False
+    """True if a message so far had a stamp that was set."""
+    unset: int = 0
+    """Messages whose stamp was not set."""
+    messages: int = 0
+    """Messages written."""
     convert: Callable[[bytes], bytes] = bytes
     unseen: list[int] = field(default_factory=list)
     """Stamps that the clock has not taken yet."""
@@ -197,21 +203,28 @@ class RecordedTopic:
     """Findings about its readings so far."""
     _latest: bytes = b""
 
-    def take(self, t_ns: int, payload: bytes) -> None:
-        """Take the stamp [ns] and the bytes of a message that is written."""
+    def take(self, t_ns: int, stamp_ns: int | None, payload: bytes) -> None:
+        """Take a message that is written.
+
+        :param t_ns: its record time [ns].
+        :param stamp_ns: its stamp [ns]; None: there is none, or it was not set.
+        """
+        self.messages += 1
+        self.unset += stamp_ns is None
+        if stamp_ns is not None and not self.stamped:
+            self.stamped, self.clock = True, self.clock.restarted()
+            self.unseen.clear()
+            self.changes.clear()
+        if stamp_ns is None and self.stamped:
+            return
         # The stamp of the header stands first; of large messages it is compared, too.
         contents = payload[_CONTENTS:] if len(payload) <= _COMPARED else payload
         self.changes.append(contents != self._latest)
         self._latest = contents
-        self.unseen.append(t_ns)
+        self.unseen.append(t_ns if stamp_ns is None else stamp_ns)
         if self.units is not None and not self.units.done:
             with suppress(InputError):  # the bag keeps what no program can read
                 self.findings += self.units.add(imu_reading(payload))
-
-    @property
-    def messages(self) -> int:
-        """Messages written."""
-        return self.clock.messages + len(self.unseen)
 
     def look(self) -> None:
         """Pass the accumulated stamps on to the clock."""
@@ -369,8 +382,7 @@ class BagRecording:
             times, payloads = received.setdefault(self._written[name], ([], []))
             times.append(t_ns)
             payloads.append(converted)
-            topic.stamped &= stamp_ns is not None
-            topic.take(t_ns if stamp_ns is None else stamp_ns, payload)
+            topic.take(t_ns, stamp_ns, payload)
         self._bag.write_blocks(
             [Block(topic, np.array(times), many) for topic, (times, many) in received.items()]
         )

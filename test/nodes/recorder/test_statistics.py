@@ -6,9 +6,11 @@
 import numpy as np
 import pytest
 
+from imu_sim_ros.nodes.recorder.recording import RecordedTopic
 from imu_sim_ros.recordings.live_clock import LiveClock
 
 PERIOD_NS = 5_000_000
+IMU = "sensor_msgs/msg/Imu"
 
 
 def stamps(count: int = 1000) -> np.ndarray:
@@ -80,3 +82,23 @@ def test_random_losses_are_all_found():
     received[[0, -1]] = True
     t_ns = stamps(20000)[received]
     assert seen(t_ns).missing == 20000 - received.sum()
+
+
+@pytest.mark.parametrize("rows", [[0], [500], [0, 1, 700]], ids=str)
+def test_a_stamp_that_was_not_set_leaves_the_statistics_of_the_others(rows):
+    topic = RecordedTopic("/imu", IMU, (), "", "", LiveClock())
+    for k, stamp_ns in enumerate(stamps().tolist()):
+        reception_ns = 10**18 + k
+        topic.take(reception_ns, None if k in rows else stamp_ns, bytes(12) + bytes([k % 251]))
+    topic.finish()
+    assert (topic.stamped, topic.messages, topic.unset) == (True, 1000, len(rows))
+    assert topic.clock.rate == pytest.approx(200.0, rel=1e-9)
+
+
+def test_messages_without_a_stamp_have_the_rate_of_their_reception():
+    topic = RecordedTopic("/text", "std_msgs/msg/String", (), "", "", LiveClock())
+    for t_ns in stamps().tolist():
+        topic.take(t_ns, None, b"the same")
+    topic.finish()
+    assert (topic.stamped, topic.messages) == (False, 1000)
+    assert topic.clock.rate == pytest.approx(200.0, rel=1e-9)

@@ -101,7 +101,7 @@ def test_a_type_without_any_definition_fits_mcap_but_not_ros1():
 
 def topic(name: str, type_name: str = "sensor_msgs/msg/Imu") -> RecordedTopic:
     text = message_types.definition(type_name) if type_name != WHEEL else ""
-    return RecordedTopic(name, type_name, (), text, "", True, LiveClock())
+    return RecordedTopic(name, type_name, (), text, "", LiveClock())
 
 
 def test_messages_beyond_the_buffer_are_dropped_and_counted(tmp_path):
