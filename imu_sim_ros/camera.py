@@ -27,6 +27,7 @@ from imu_sim_ros.sensors.camera.rig_parameters import (
 )
 from imu_sim_ros.sensors.camera.tracker import Tracker, Tracks
 from imu_sim_ros.sensors.declaration import Mounted
+from imu_sim_ros.sensors.parameters import MountedParameters
 from imu_sim_ros.sensors.world import World
 from imu_sim_ros.simulation.cameras import scene_around
 from imu_sim_ros.simulation.engine import Body
@@ -48,7 +49,7 @@ _NAME = "cam0"
 class Rig:
     """The cameras of one simulation, as its body has them, and the scene that they see."""
 
-    def __init__(self, sensors: Mapping[str, Mounted], world: World) -> None:
+    def __init__(self, sensors: Mapping[str, Mounted[MountedParameters]], world: World) -> None:
         """Set up cameras and scene.
 
         :param sensors: of the body.

@@ -21,6 +21,8 @@ from imu_sim_ros.inputs.tables import Table
 from imu_sim_ros.sensors.declaration import Mounted
 from imu_sim_ros.sensors.environment import EnvironmentParameters
 from imu_sim_ros.sensors.errors.realised import realised_imu
+from imu_sim_ros.sensors.imu.parameters import ImuParameters
+from imu_sim_ros.sensors.parameters import MountedParameters, RatedParameters
 from imu_sim_ros.simulation.engine import Body
 from imu_sim_ros.simulation.parameters import SimulationParameters, imus
 from imu_sim_ros.simulation.sensors import all_tables, imus_in
@@ -139,7 +141,7 @@ def describe(
     folder: Path,
     states: bool,
     tables: Collection[tuple[Table, int]],
-    sensors: Mapping[str, Mounted],
+    sensors: Mapping[str, Mounted[MountedParameters]],
 ) -> None:
     """Write the sensor.yaml files of a EuRoC folder.
 
@@ -150,8 +152,9 @@ def describe(
     comments = {}
     for index, name in enumerate(imus_in(sensors)):
         imu = sensors[name]
-        parameters, pose = imu.environment, imu.sensor.mount(imu.own)
+        parameters, pose = imu.environment, imu.own.mount()
         assert isinstance(parameters, SimulationParameters)
+        assert isinstance(imu.own, ImuParameters)
         comment = f"simulated by imu_sim_ros, preset {imu.own.preset}, seed {parameters.seed}"
         comments[imu.space] = comment
         text_writer.write_euroc_descriptions(
@@ -167,13 +170,10 @@ def describe(
     for table, number, _, sensor in all_tables(sensors):
         if (table, number) not in tables:
             continue
-        sensor_parameters = (
-            getattr(sensor.own, sensor.name) if sensor.sensor.with_imu else sensor.own
-        )
-        rate, pose = (
-            sensor_parameters.rate or sensor.environment.rate,
-            sensor.sensor.mount(sensor.own),
-        )
+        own, pose = sensor.own, sensor.own.mount()
+        section = own.sensors[sensor.name] if isinstance(own, ImuParameters) else own
+        assert isinstance(section, RatedParameters)
+        rate = section.rate or sensor.environment.rate
         comment = comments.get(sensor.space, next(iter(comments.values())))
         text_writer.write_euroc_table(
             folder, table, number, rate, pose[:3, :3], pose[:3, 3], comment

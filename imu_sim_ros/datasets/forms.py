@@ -36,6 +36,7 @@ from imu_sim_ros.core.types import Array
 from imu_sim_ros.inputs.tables import Table
 from imu_sim_ros.sensors.declaration import Mounted
 from imu_sim_ros.sensors.deferred import Results
+from imu_sim_ros.sensors.parameters import MountedParameters
 from imu_sim_ros.sensors.pose.declaration import NAME as POSE
 from imu_sim_ros.sensors.samples import Samples
 from imu_sim_ros.sensors.world import World
@@ -62,7 +63,9 @@ FORMATS: Final = (*TEXT_FORMATS, *CAMERA_FORMATS)
 """All formats of datasets."""
 
 
-def check_form(form: str | None, path: Path, sensors: Mapping[str, Mounted]) -> None:
+def check_form(
+    form: str | None, path: Path, sensors: Mapping[str, Mounted[MountedParameters]]
+) -> None:
     """Refuse cameras and IMUs that a format cannot hold, and a format without the cameras it needs.
 
     :raises InputError: with the arguments to give.
@@ -85,7 +88,7 @@ def check_form(form: str | None, path: Path, sensors: Mapping[str, Mounted]) -> 
 
 
 def _usual_topics(
-    sensors: Mapping[str, Mounted], form: str | None, path: Path, imu_only: bool
+    sensors: Mapping[str, Mounted[MountedParameters]], form: str | None, path: Path, imu_only: bool
 ) -> list[str]:
     """Return the topics that are written by default: those that a node usually publishes.
 
@@ -136,7 +139,7 @@ def _has_messages(offer: Offered) -> bool:
 
 
 def chosen_topics(
-    sensors: Mapping[str, Mounted],
+    sensors: Mapping[str, Mounted[MountedParameters]],
     form: str | None,
     path: Path,
     topics: Sequence[str] = (),
@@ -179,7 +182,7 @@ def chosen_topics(
 
 
 def dataset_tables(
-    names: Iterable[str], form: str, sensors: Mapping[str, Mounted]
+    names: Iterable[str], form: str, sensors: Mapping[str, Mounted[MountedParameters]]
 ) -> list[tuple[Table, int]]:
     """Return the tables of sensors in a dataset, each with the number of the IMU.
 
@@ -231,7 +234,10 @@ class BagTarget:
     """Output of samples into a bag."""
 
     def __init__(
-        self, writer: Writer, sensors: Mapping[str, Mounted], names: Mapping[str, str]
+        self,
+        writer: Writer,
+        sensors: Mapping[str, Mounted[MountedParameters]],
+        names: Mapping[str, str],
     ) -> None:
         """Add the topics to the bag.
 
@@ -285,7 +291,10 @@ class DatasetTarget:
     """Output of samples into text tables, with tracks or images of cameras."""
 
     def __init__(
-        self, dataset: Dataset, sensors: Mapping[str, Mounted], camera_files: OpenOutput | None
+        self,
+        dataset: Dataset,
+        sensors: Mapping[str, Mounted[MountedParameters]],
+        camera_files: OpenOutput | None,
     ) -> None:
         """Connect the sensors of a body with the files of a dataset.
 
@@ -352,7 +361,7 @@ def open_output(
     form: str | None,
     output: Path,
     names: Mapping[str, str],
-    sensors: Mapping[str, Mounted],
+    sensors: Mapping[str, Mounted[MountedParameters]],
     world: World | None = None,
     jobs: int = 1,
     warn: Warn = lambda line: None,
@@ -403,7 +412,7 @@ def open_output(
 def _camera_files(
     form: str,
     folder: Path,
-    sensors: Mapping[str, Mounted],
+    sensors: Mapping[str, Mounted[MountedParameters]],
     world: World | None,
     jobs: int,
     warn: Warn,

@@ -25,7 +25,6 @@ from imu_sim_ros.bags.text.decimals import decimal
 from imu_sim_ros.bags.writer import amount
 from imu_sim_ros.core.conventions import DEPTH_TOPIC, FLOW_TOPIC, IMAGE_TOPIC
 from imu_sim_ros.core.errors import InputError, system_error
-from imu_sim_ros.core.rotation import pose_matrix
 from imu_sim_ros.core.types import Bytes, Single
 from imu_sim_ros.datasets.bodies import add_tables
 from imu_sim_ros.datasets.columns import Tables
@@ -40,6 +39,7 @@ from imu_sim_ros.sensors.camera.rig_parameters import rig_parameters_of
 from imu_sim_ros.sensors.camera.scene_parameters import check_surfaces
 from imu_sim_ros.sensors.camera.view import view_of
 from imu_sim_ros.sensors.declaration import Mounted
+from imu_sim_ros.sensors.parameters import MountedParameters
 from imu_sim_ros.sensors.samples import Samples
 from imu_sim_ros.sensors.world import World
 from imu_sim_ros.simulation.topics import Read
@@ -73,7 +73,7 @@ class ImageFolders:
     def __init__(
         self,
         folder: Path,
-        sensors: Mapping[str, Mounted],
+        sensors: Mapping[str, Mounted[MountedParameters]],
         world: World,
         form: str,
         jobs: int,
@@ -311,7 +311,7 @@ def in_16_bits(image: Bytes) -> NDArray[np.uint16]:
 def _sensor_yaml(camera: CameraParameters, comment: str) -> str:
     """Return EuRoC's description of a camera."""
     model = CameraModel(camera)
-    matrix = pose_matrix(*camera.pose())
+    matrix = camera.mount()
     k = (*camera.distortion, 0.0, 0.0, 0.0, 0.0)[: max(4, len(camera.distortion))]
     intrinsics = ", ".join(decimal(x) for x in (model.fx, model.fy, model.cx, model.cy))
     shape = {"unified": f"xi: {decimal(camera.xi)}\n"}.get(camera.model, "")

@@ -23,6 +23,7 @@ from imu_sim_ros.sensors.camera.scene import read_points
 from imu_sim_ros.sensors.camera.tracker import TrackedLines, Tracks
 from imu_sim_ros.sensors.camera.view import view_of
 from imu_sim_ros.sensors.declaration import Mounted
+from imu_sim_ros.sensors.parameters import MountedParameters
 from imu_sim_ros.sensors.world import World
 from imu_sim_ros.simulation.topics import Read
 
@@ -69,7 +70,7 @@ class TrackFiles:
     def __init__(
         self,
         folder: Path,
-        sensors: Mapping[str, Mounted],
+        sensors: Mapping[str, Mounted[MountedParameters]],
         world: World,
         warn: Callable[[str], object],
     ) -> None:

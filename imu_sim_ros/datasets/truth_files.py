@@ -19,6 +19,7 @@ from imu_sim_ros.parameters.sections import flatten
 from imu_sim_ros.sensors.declaration import Mounted
 from imu_sim_ros.sensors.errors.realised import realised_imu
 from imu_sim_ros.sensors.imu.parameters import MOUNT
+from imu_sim_ros.sensors.parameters import MountedParameters
 from imu_sim_ros.simulation.parameters import (
     SimulationParameters,
     imus,
@@ -35,7 +36,9 @@ def configs(output: Path) -> Path:
     return output.parent / f"{output.name}_configs"
 
 
-def companions(output: Path, sensors: Mapping[str, Mounted]) -> dict[str, list[Path]]:
+def companions(
+    output: Path, sensors: Mapping[str, Mounted[MountedParameters]]
+) -> dict[str, list[Path]]:
     """Return the companion files of a body's sensors next to an output, by sensor."""
     paths = {}
     for name, mount in sensors.items():
@@ -141,7 +144,7 @@ def _siblings(output: Path) -> Iterator[Path]:
             yield path
 
 
-def _sensor_text(mount: Mounted, world: Mapping[str, Value]) -> str:
+def _sensor_text(mount: Mounted[MountedParameters], world: Mapping[str, Value]) -> str:
     """Return the parameters of a sensor of this run, as ``--params-file`` takes them.
 
     :param world: parameters that differ from the defaults.

@@ -35,6 +35,7 @@ from imu_sim_ros.sensors.camera.parameters import CameraParameters
 from imu_sim_ros.sensors.declaration import Mounted
 from imu_sim_ros.sensors.imu.declaration import NAME as IMU
 from imu_sim_ros.sensors.imu.parameters import ImuParameters
+from imu_sim_ros.sensors.parameters import MountedParameters
 from imu_sim_ros.sensors.samples import Samples
 from imu_sim_ros.sensors.world import World
 from imu_sim_ros.simulation.topics import Read, delivered, resolved
@@ -54,7 +55,7 @@ class TumVi:
     def __init__(
         self,
         folder: Path,
-        sensors: Mapping[str, Mounted],
+        sensors: Mapping[str, Mounted[MountedParameters]],
         world: World,
         jobs: int,
         warn: Callable[[str], object],
@@ -67,7 +68,8 @@ class TumVi:
         :param warn: receives a line for each camera of which nothing is written.
         """
         make_folder(folder)
-        imu: ImuParameters = sensors[IMU].own
+        imu = sensors[IMU].own
+        assert isinstance(imu, ImuParameters)
         self.path = folder
         self.rows, self._last_ns = {"imu": 0, "poses": 0}, -1
         self._q_bi = rotation.from_matrix(np.reshape(imu.mounting, (3, 3)))

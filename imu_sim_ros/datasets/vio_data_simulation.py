@@ -30,6 +30,7 @@ from imu_sim_ros.sensors.camera.declaration import cameras_in
 from imu_sim_ros.sensors.camera.view import View, view_of
 from imu_sim_ros.sensors.declaration import Mounted
 from imu_sim_ros.sensors.imu.declaration import NAME as IMU
+from imu_sim_ros.sensors.parameters import MountedParameters
 from imu_sim_ros.sensors.samples import Samples
 from imu_sim_ros.sensors.world import World
 from imu_sim_ros.simulation.topics import Read
@@ -108,7 +109,7 @@ class VioDataSimulation:
     def __init__(
         self,
         folder: Path,
-        sensors: Mapping[str, Mounted],
+        sensors: Mapping[str, Mounted[MountedParameters]],
         world: World,
         warn: Callable[[str], object],
     ) -> None:

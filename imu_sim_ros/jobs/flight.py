@@ -26,6 +26,7 @@ from imu_sim_ros.jobs.readings import check_simulated, delivered_of
 from imu_sim_ros.jobs.selection import NOTHING, Selection, checked_choice
 from imu_sim_ros.parameters.sections import flatten
 from imu_sim_ros.sensors.imu.declaration import NAME as IMU
+from imu_sim_ros.sensors.parameters import MountedParameters
 from imu_sim_ros.sensors.samples import Samples, joined
 from imu_sim_ros.simulation.engine import Body
 from imu_sim_ros.simulation.parameters import SampledParameters
@@ -218,7 +219,7 @@ class Flight:
         return sorted({*super().__dir__(), *self._sensors})
 
     @property
-    def _sensors(self) -> dict[str, Mounted]:
+    def _sensors(self) -> dict[str, Mounted[MountedParameters]]:
         """Sensors whose readings a flight keeps; images and clouds take too much room."""
         sensors = mounted(self.parameters)
         return {name: mount for name, mount in sensors.items() if mount.sensor.readings is not None}

@@ -58,6 +58,7 @@ from imu_sim_ros.parameters.sections import flatten
 from imu_sim_ros.sensors import named_sensors, switches
 from imu_sim_ros.sensors.declaration import Companion, Mounted
 from imu_sim_ros.sensors.imu.presets import load_all
+from imu_sim_ros.sensors.parameters import MountedParameters, RatedParameters
 from imu_sim_ros.sensors.pose.declaration import NAME as POSE
 from imu_sim_ros.simulation.engine import Body
 from imu_sim_ros.simulation.parameters import (
@@ -320,7 +321,7 @@ def _output_files(
     path: Path,
     dataset: str | None,
     simulation: SimulationParameters,
-    sensors: Mapping[str, Mounted],
+    sensors: Mapping[str, Mounted[MountedParameters]],
     with_configs: bool,
 ) -> _OutputFiles:
     """Add a bag or dataset, and the files next to it, to the staged outputs.
@@ -355,7 +356,7 @@ def _possible_inputs(values: Mapping[str, object]) -> Iterator[object]:
 
 
 def _needed_sensors(
-    sensors: Mapping[str, Mounted], names: Mapping[str, str], dataset: str | None
+    sensors: Mapping[str, Mounted[MountedParameters]], names: Mapping[str, str], dataset: str | None
 ) -> set[str]:
     """Return the names of the sensors whose samples are written, and of the true pose.
 
@@ -406,7 +407,7 @@ def _body(
 
 def _write_samples(
     body: Body,
-    sensors: Mapping[str, Mounted],
+    sensors: Mapping[str, Mounted[MountedParameters]],
     needed: Collection[str],
     output_files: _OutputFiles,
     form: Form,
@@ -458,8 +459,9 @@ def _write_samples(
             advance(max(lengths))
     for name, count in frame_counts.items():
         if not count:
-            rate = sensors[name].own.rate
-            journal.warn(f"{name}: not a single frame in the whole run, at {rate:g} Hz")
+            own = sensors[name].own
+            assert isinstance(own, RatedParameters)
+            journal.warn(f"{name}: not a single frame in the whole run, at {own.rate:g} Hz")
     return target.counts, samples
 
 

@@ -14,7 +14,7 @@ points are looked up only for a name that is not known otherwise, and for ``--he
 import re
 from functools import cache
 from importlib import import_module
-from typing import TYPE_CHECKING, Any, Final
+from typing import TYPE_CHECKING, Final
 
 from imu_sim_ros.core import arguments
 from imu_sim_ros.core.errors import ConfigurationError, Problems
@@ -27,6 +27,7 @@ if TYPE_CHECKING:
 
     from imu_sim_ros.inputs.tables import Table
     from imu_sim_ros.sensors.declaration import Sensor, Switch
+    from imu_sim_ros.sensors.parameters import MountedParameters
 
 SENSORS: Final = (
     "magnetometer",
@@ -44,23 +45,23 @@ CAMERAS: Final = (
 """Description of the parameter ``cameras``."""
 ENTRY_POINTS: Final = "imu_sim_ros.sensors"
 _NAME: Final = re.compile(r"[a-z][a-z0-9_]*")
-_REGISTERED: Final[dict[str, "Sensor"]] = {}
+_REGISTERED: Final[dict[str, "Sensor[MountedParameters]"]] = {}
 
 
 @cache
-def declared() -> "dict[str, Sensor]":
+def declared() -> "dict[str, Sensor[MountedParameters]]":
     """Return the declarations of all sensors in the list, by name, imported when first used."""
     return {name: import_module(f"{__name__}.{name}.declaration").SENSOR for name in SENSORS}
 
 
 @cache
-def sensors_of_imus() -> "tuple[Sensor, ...]":
+def sensors_of_imus() -> "tuple[Sensor[MountedParameters], ...]":
     """Return the sensors that belong to each IMU."""
     return tuple(sensor for sensor in declared().values() if sensor.with_imu)
 
 
 @cache
-def named_sensors() -> "dict[str, Sensor]":
+def named_sensors() -> "dict[str, Sensor[MountedParameters]]":
     """Return the sensors that the parameter ``sensors`` switches on, by name."""
     return {name: sensor for name, sensor in declared().items() if not sensor.with_imu}
 
@@ -80,7 +81,7 @@ def known_tables() -> "dict[str, Table]":
     return {table.name: table for table in tables if table is not None}
 
 
-def register_sensor(sensor: Any) -> None:
+def register_sensor(sensor: object) -> None:
     """Register a sensor of your own under its name, for ``simulate(sensors=[NAME])``.
 
     A second sensor with the same name replaces the first.
@@ -103,12 +104,12 @@ def register_sensor(sensor: Any) -> None:
     _REGISTERED[_checked(sensor, "sensor").name] = sensor
 
 
-def registered() -> "tuple[Sensor, ...]":
+def registered() -> "tuple[Sensor[MountedParameters], ...]":
     """Return the sensors of other packages that were registered or loaded."""
     return tuple(_REGISTERED.values())
 
 
-def find_sensor(name: str) -> "Sensor":
+def find_sensor(name: str) -> "Sensor[MountedParameters]":
     """Return a sensor by name: one that is registered, one of ours, or an entry point's.
 
     :raises ConfigurationError: for a name that does not exist, or cannot be loaded.
@@ -133,12 +134,12 @@ def kind_of(name: str, parameters: "Mapping[str, object]") -> str:
     return str(parameters.get(f"{name}.type") or name)
 
 
-def all_sensors() -> "tuple[list[Sensor], list[str]]":
+def all_sensors() -> "tuple[list[Sensor[MountedParameters]], list[str]]":
     """Return all sensors that `sensors` can name, and a line for each that cannot be loaded.
 
     This looks up all entry points.
     """
-    sensors: list[Sensor] = []
+    sensors: list[Sensor[MountedParameters]] = []
     problems = Problems()
     for name in dict.fromkeys([*named_sensors(), *_REGISTERED, *sorted(_offered())]):
         with problems.gathered():
@@ -158,7 +159,7 @@ def _offered() -> "dict[str, EntryPoint]":
     return {point.name: point for point in entry_points(group=ENTRY_POINTS)}
 
 
-def _loaded(name: str, point: "EntryPoint") -> "Sensor":
+def _loaded(name: str, point: "EntryPoint") -> "Sensor[MountedParameters]":
     """Return the sensor of an entry point: a declaration, or a module that has one as SENSOR."""
     try:
         target = point.load()
@@ -175,7 +176,7 @@ def _loaded(name: str, point: "EntryPoint") -> "Sensor":
     return sensor
 
 
-def _checked(sensor: Any, what: str) -> "Sensor":
+def _checked(sensor: object, what: str) -> "Sensor[MountedParameters]":
     """Return a declaration of another package, checked.
 
     :raises ConfigurationError: with a line for each problem.
@@ -183,8 +184,7 @@ def _checked(sensor: Any, what: str) -> "Sensor":
     from imu_sim_ros.sensors.declaration import Sensor
     from imu_sim_ros.sensors.parameters import SensorParameters
 
-    candidate: object = sensor
-    if not isinstance(candidate, Sensor):
+    if not isinstance(sensor, Sensor):
         raise ConfigurationError(f"{what}: {shown(sensor)} is not a Sensor")
     problems = []
     of_imus = [companion.name for companion in sensors_of_imus()]

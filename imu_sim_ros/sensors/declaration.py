@@ -13,17 +13,17 @@ from dataclasses import dataclass
 from fractions import Fraction
 from importlib import import_module
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, NamedTuple, Protocol
+from typing import TYPE_CHECKING, Any, Generic, Literal, NamedTuple, Protocol, TypeVar
 
 import numpy as np
 
 from imu_sim_ros.core.records import TimeSeries
-from imu_sim_ros.core.rotation import pose_matrix
 from imu_sim_ros.core.timebase import span
 from imu_sim_ros.core.types import Array, Mask, Times
 from imu_sim_ros.inputs.tables import Table
 from imu_sim_ros.sensors.environment import EnvironmentParameters
 from imu_sim_ros.sensors.faults import Fault
+from imu_sim_ros.sensors.parameters import MountedParameters
 from imu_sim_ros.sensors.samples import Rows, Samples
 from imu_sim_ros.sensors.world import Window, World
 
@@ -51,19 +51,26 @@ class Model(Protocol):
 Payloads = Callable[[Samples, Rows, Any], "RowTemplate | list[bytes] | Results[bytes]"]
 """Turns samples and the rows of them that are sent into messages.
 
-The last argument are the parameters valid for the samples: those of a simulation, with ``imu`` and
-``rate``, for a sensor that an IMU has with it, else the sensor's own section.
+The last argument are the parameters valid for the samples, :attr:`Mounted.valid`, whose type is the
+sensor's.
+"""
+P_co = TypeVar("P_co", bound=MountedParameters, covariant=True)
+"""Parameters that a sensor's model is made with: those of its IMU, or its own section.
+
+Covariant, so that sensors of all kinds stand in one table: each function of a declaration is called
+only with a sensor that is mounted by the same declaration.
 """
 
 
-class Mounted(NamedTuple):
+@dataclass(frozen=True)
+class Mounted(Generic[P_co]):
     """A sensor on a body."""
 
     name: str
     """Name in its parameters, faults and random streams: the kind of sensor, or another name if
     there are several of a kind."""
-    sensor: "Sensor"
-    own: Any
+    sensor: "Sensor[P_co]"
+    own: P_co
     """The parameters that its model is made with: those of its IMU, or its own section."""
     environment: EnvironmentParameters
     """The parameters of its simulation: world, cameras, and the rate and seed of its IMU."""
@@ -73,18 +80,19 @@ class Mounted(NamedTuple):
     """Namespace of its topics, with a slash, if there are several of a kind."""
 
     @property
-    def valid(self) -> Any:
+    def valid(self) -> MountedParameters:
         """The parameters that its messages depend on: those of the simulation, if an IMU has it."""
         return self.environment if self.sensor.with_imu else self.own
 
     @property
     def faulty(self) -> tuple[str, ...]:
         """Names of its targets of faults: its parts, or itself; none if no fault can hit it."""
-        return (self.sensor.parts or (self.name,)) if self.sensor.faults else ()
+        parts = self.sensor.faulty_parts
+        return (self.name,) if parts is None else parts
 
     def takes(self, fault: Fault) -> bool:
         """Return whether a fault hits this sensor; one without a name hits sensors with parts."""
-        return fault.triad in self.faulty or (not fault.triad and bool(self.sensor.parts))
+        return fault.triad in self.faulty or (not fault.triad and bool(self.sensor.faulty_parts))
 
 
 @dataclass(frozen=True)
@@ -96,7 +104,7 @@ class Topic:
     flags: tuple[str, ...] | None
     """The parameters ``publish.*`` that must all be true for the node to publish it; none for what
     is always published. None: only a bag has it, on request."""
-    payloads: Callable[[Mounted, str], Payloads]
+    payloads: Callable[[Mounted[Any], str], Payloads]
     """Makes the encoder for a sensor and an encoding, ``cdr`` or ``ros1``."""
     truth: bool = False
     """True if messages bear the true times of all samples, lost ones too; else only delivered
@@ -106,7 +114,7 @@ class Topic:
     publishes it if it can."""
     sent: Callable[[Samples], Mask] | None = None
     """Returns for which samples (n,) there is a message at all; None: for all."""
-    exists: Callable[[Mounted], bool] = lambda _: True
+    exists: Callable[[Mounted[Any]], bool] = lambda _: True
     """Returns True if a sensor with these parameters has the topic."""
     latched: bool = False
     """True if the last message is kept for later subscribers."""
@@ -133,7 +141,7 @@ def topic(
         of the sensor's frame.
     """
 
-    def make(mounted: Mounted, encoding: str) -> Payloads:
+    def make(mounted: Mounted[MountedParameters], encoding: str) -> Payloads:
         encode: Any = import_module("imu_sim_ros.bags.messages.encode")
         frame = mounted.environment.world_frame if in_world else mounted.frame
         messages = getattr(encode, encoder)(frame, encoding)
@@ -145,11 +153,6 @@ def topic(
         return payloads
 
     return Topic(name, type_name, flags, make, truth, foreign, sent)
-
-
-def mount_of(parameters: Any) -> Array:
-    """Return the pose T_bs (4, 4) that ``lever_arm`` and ``mounting`` describe."""
-    return pose_matrix(np.reshape(parameters.mounting, (3, 3)), parameters.lever_arm)
 
 
 def on_demand(module: str, name: str) -> Callable[..., Any]:
@@ -180,28 +183,64 @@ class Switch(NamedTuple):
     """Description in ``--help``."""
 
 
-class Companions(NamedTuple):
+@dataclass(frozen=True)
+class Companions(Generic[P_co]):
     """Files that a sensor's own programs read, next to a bag or a dataset."""
 
-    suffixes: Callable[[Any], tuple[str, ...]]
+    suffixes: Callable[[P_co], tuple[str, ...]]
     """Returns of its section what the files' names end in; empty: none is wanted."""
-    open: Callable[[Any, EnvironmentParameters, int, Sequence[Path]], Companion]
+    open: Callable[[P_co, EnvironmentParameters, int, Sequence[Path]], Companion]
     """Takes its section, the environment, the time of the IMU's sample 0 [ns], and the files."""
     switch: Switch | None = None
-    """Switch that asks for the files; None: the section's parameters alone do."""
+    """None: its parameters alone ask for them."""
 
 
-class Serial(NamedTuple):
+@dataclass(frozen=True)
+class Serial(Generic[P_co]):
     """Output of a sensor on a serial line: in a node, a pseudo-terminal."""
 
-    where: Callable[[Any], str]
+    where: Callable[[P_co], str]
     """Returns of its section where the terminal is linked; ``pty``: nowhere; empty: it has none."""
     lines: Callable[[Samples, Rows], list[str]]
     """Returns a text in ASCII for each of some rows of samples."""
 
 
 @dataclass(frozen=True)
-class Sensor:
+class NativeOutputs(Generic[P_co]):
+    """Outputs in the formats of a sensor's own programs."""
+
+    companions: Companions[P_co] | None = None
+    serial: Serial[P_co] | None = None
+
+
+class WithImu(NamedTuple):
+    """Declaration of a sensor that each IMU has, with the IMU's clock, transport and mount."""
+
+    switches: type | None = None
+    """Frozen dataclass of the flags that are the sensor's own parameters ``publish.*``."""
+    unit_hint: Callable[[Array], str] | None = None
+    """Check of the ideal values from another simulator, for a model that has ``apply``: returns a
+    line if the first value, () or (3,), seems to be in another unit, or else nothing. None: the
+    sensor takes no ideal values."""
+
+
+@dataclass(frozen=True)
+class Rendering(Generic[P_co]):
+    """Declaration of frames and what follows from them, for which a node has other processes."""
+
+    datasets: tuple[str, ...]
+    """Formats of datasets with a dedicated place for its quantity, which always contain it."""
+    notes: Callable[[Mounted[P_co]], list[str]] = lambda _: []
+    """Returns a line for each thing that was decided for it, and that users may want to know."""
+
+
+def _no_needs(_: MountedParameters) -> tuple[str, ...]:
+    """Return the needs of a sensor that reads without any other."""
+    return ()
+
+
+@dataclass(frozen=True)
+class Sensor(Generic[P_co]):
     """All that the rest of the package has to know of a sensor."""
 
     name: str
@@ -212,57 +251,73 @@ class Sensor:
     section: type
     """Frozen dataclass of the parameters; that of a sensor that ``sensors`` names derives from
     :class:`~imu_sim_ros.sensors.parameters.SensorParameters`."""
-    model: Callable[[Mounted, int, Mapping[str, Model]], Model]
-    """Makes it of how it is mounted, the time of the start [ns], and the sensors before it by
-    quantity."""
+    model: Callable[[Mounted[P_co], int, Mapping[str, Any]], Model]
+    """Makes it of how it is mounted, the time of the start [ns], and the models of the sensors
+    before it by quantity."""
     topics: tuple[Topic, ...]
     """The readings first."""
     readings: "type[SensorReadings | TimeSeries] | None"
     """Frozen dataclass of arrays of the samples, returned for a flight in Python. None: the samples
     are too large."""
-    with_imu: bool = False
-    """Each IMU has it: its parameters are ``imu.NAME_...``, and it shares clock, transport and
-    mount of the IMU. Else ``sensors`` names it, and all these are its own."""
-    given: Callable[[Array], str] | None = None
-    """Check of the ideal values from another simulator, for a model that has ``apply``: returns a
-    line if the first value, () or (3,), seems to be in another unit, or else nothing. None: the
-    sensor takes no ideal values."""
+    with_imu: WithImu | Literal[False] = False
+    """False: it has parameters ``NAME.*``, and a clock, transport and mount of its own."""
     table: Table | None = None
     """The readings in datasets of text; None: these have a form of their own, or none, for it."""
     values: Callable[[Samples], Array] = np.asarray
     """The numbers (n, columns) of the table, of all n samples."""
-    switches: type | None = None
-    """Frozen dataclass of the flags that are the sensor's own parameters ``publish.*``."""
-    needs: Callable[[Any], tuple[str, ...]] = lambda _: ()
+    needs: Callable[[P_co], tuple[str, ...]] = _no_needs
     """Returns of its section, or of its IMU, the sensors without which it cannot read: their
     quantities, or their names."""
     realised: Callable[[Any, int, str], Any] = lambda parameters, seed, name: parameters
-    """Returns the parameters for a seed and a name, with nothing left to draw but the noise."""
+    """Returns a section of its parameters for a seed and a name, with nothing left to draw but the
+    noise."""
     sees: bool = False
     """True if it sees or ranges: the world then has a scene, which leaves its path free."""
-    faults: bool = True
-    parts: tuple[str, ...] = ()
-    """Names of the parts that faults hit instead of the sensor as a whole."""
-    text: str = ""
-    """Description in one line of ``--help``."""
-    mount: Callable[[Any], Array] = mount_of
-    """Returns of its section the pose T_bs (4, 4), which maps its coordinates to the body."""
-    warnings: Callable[[Mounted, World, float], list[str]] = lambda *_: []
-    """Returns a line for each way in which a world, or a motion of this length [s], is not for
-    this sensor, or raises a ConfigurationError if it cannot read there at all."""
-    in_sight: Callable[[Mounted, World, Array], Mask] | None = None
+    in_sight: Callable[[Mounted[P_co], World, Array], Mask] | None = None
     """Returns at which times (n,) since the start [s] a sensor that sees has anything of the scene
     in its field of view (n,); None: whenever the scene has surfaces."""
-    notes: Callable[[Mounted], list[str]] = lambda _: []
-    """Returns a line for each thing that was decided for it, and that users may want to know."""
-    apart: bool = False
-    """A sample takes so long that a node makes it in a process of its own."""
-    datasets: tuple[str, ...] = ()
-    """Formats of datasets with a dedicated place for its quantity, which always contain it."""
-    serial: Serial | None = None
-    companions: Companions | None = None
+    warnings: Callable[[Mounted[P_co], World, float], list[str]] = lambda *_: []
+    """Returns a line for each way in which a world, or a motion of this length [s], is not for
+    this sensor, or raises a ConfigurationError if it cannot read there at all."""
+    faulty_parts: tuple[str, ...] | None = None
+    """Names of the parts that faults hit; empty: no fault hits it; None: the sensor as a whole."""
+    text: str = ""
+    """Description in one line of ``--help``."""
     presets: str = ""
     """The folder in config/ of the files that ``NAME.preset`` names; empty: it has none."""
+    rendering: Rendering[P_co] | None = None
+    outputs: NativeOutputs[P_co] | None = None
+    """Files and lines for its own programs; None: it has none."""
+
+    @property
+    def faults(self) -> bool:
+        """True if faults can hit it, or its parts."""
+        return self.faulty_parts != ()
+
+    @property
+    def switches(self) -> type | None:
+        """Dataclass of the flags that are its own parameters ``publish.*``; None: it has none."""
+        return self.with_imu.switches if self.with_imu else None
+
+    @property
+    def apart(self) -> bool:
+        """True if a node makes its samples in a process of their own."""
+        return self.rendering is not None
+
+    @property
+    def datasets(self) -> tuple[str, ...]:
+        """Formats of datasets with a dedicated place for its quantity."""
+        return () if self.rendering is None else self.rendering.datasets
+
+    @property
+    def companions(self) -> Companions[P_co] | None:
+        """Files next to an output; None: it has none."""
+        return None if self.outputs is None else self.outputs.companions
+
+
+def takes_ideal_values(sensor: Sensor[MountedParameters]) -> bool:
+    """Return True for a sensor of an IMU whose ideal values another simulator can give."""
+    return sensor.with_imu is not False and sensor.with_imu.unit_hint is not None
 
 
 @dataclass(frozen=True, repr=False)

@@ -20,6 +20,7 @@ from imu_sim_ros.parameters.kinds import (
     vector,
 )
 from imu_sim_ros.parameters.sections import section
+from imu_sim_ros.sensors.parameters import MountedParameters
 
 ABSOLUTE_ZERO = -273.15
 
@@ -168,7 +169,7 @@ LARGEST_LATITUDE = 85.0
 
 
 @dataclass(frozen=True)
-class EnvironmentParameters:
+class EnvironmentParameters(MountedParameters):
     """Everything that decides the samples but the motion and the sensors themselves."""
 
     rate: float = number(

@@ -5,7 +5,7 @@
 
 from collections.abc import Mapping
 from fractions import Fraction
-from typing import Any
+from typing import Generic, TypeVar
 
 import numpy as np
 from numpy.random import Generator
@@ -19,27 +19,29 @@ from imu_sim_ros.sensors.errors.terms import Surroundings
 from imu_sim_ros.sensors.errors.triad import Additions, Triad
 from imu_sim_ros.sensors.faults import Fault
 from imu_sim_ros.sensors.imu.parameters import ImuParameters
-from imu_sim_ros.sensors.parameters import SensorParameters
+from imu_sim_ros.sensors.parameters import MountedParameters, SensorParameters
 from imu_sim_ros.sensors.samples import Samples
 from imu_sim_ros.sensors.timing import Sampled, SampleTiming
 from imu_sim_ros.sensors.world import Window, World
 from imu_sim_ros.trajectory.motion import Motion
 
+SectionT = TypeVar("SectionT", bound=SensorParameters)
+
 
 class FixedModel:
     """A sensor without faults, of whose parameters none is live."""
 
-    def configure(self, parameters: Any) -> None:
+    def configure(self, parameters: MountedParameters) -> None:
         """Do nothing."""
 
     def inject(self, fault: Fault, begin: Fraction) -> None:
         """Do nothing."""
 
 
-class SensorModel:
+class SensorModel(Generic[SectionT]):
     """Base class of sensors with a mount of their own; subclasses define :meth:`measure`."""
 
-    def __init__(self, mounted: Mounted, t0_ns: int) -> None:
+    def __init__(self, mounted: Mounted[SectionT], t0_ns: int) -> None:
         """Initialise before the first sample.
 
         :param t0_ns: time of the start [ns].
@@ -85,7 +87,7 @@ class SensorModel:
         """Return which samples the sensor sends (n,); None: all."""
         return None
 
-    def configure(self, parameters: SensorParameters) -> None:
+    def configure(self, parameters: SectionT) -> None:
         """Apply new values of live parameters, from the next sample on."""
         self.parameters = parameters
         self._timing.configure(parameters)
@@ -141,7 +143,7 @@ class SensorWithImu:
     latest: Samples
     """Samples of the last call of ``read``."""
 
-    def __init__(self, mounted: Mounted, t0_ns: int, _: object = None) -> None:
+    def __init__(self, mounted: Mounted[ImuParameters], t0_ns: int, _: object = None) -> None:
         """Set up all errors at their start.
 
         :param t0_ns: time of the start [ns].

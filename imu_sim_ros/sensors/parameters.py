@@ -10,7 +10,9 @@ from dataclasses import dataclass
 import numpy as np
 
 from imu_sim_ros.core.conventions import ACCEL_UNITS, GYRO_UNITS
+from imu_sim_ros.core.rotation import pose_matrix
 from imu_sim_ros.core.timebase import LOWEST_RATE
+from imu_sim_ros.core.types import Array
 from imu_sim_ros.parameters.kinds import (
     IDENTITY_MATRIX,
     Matrix,
@@ -31,8 +33,28 @@ LONGEST = 1e6
 """Largest time, well within the range of stamps [s]."""
 
 
+class MountedParameters:
+    """Base of the parameters that a sensor's model is made with."""
+
+    @property
+    def longest_window(self) -> float:
+        """Longest window that may be read at once [s], if samples are large."""
+        return math.inf
+
+    def mount(self) -> Array:
+        """Return the pose T_bs (4, 4) of the sensor; that of the body itself by default."""
+        return np.eye(4)
+
+
+class RatedParameters(MountedParameters):
+    """Base of the parameters of a sensor with a rate of its own."""
+
+    rate: float
+    """Samples per second [Hz]."""
+
+
 @dataclass(frozen=True)
-class OwnRateParameters:
+class OwnRateParameters(RatedParameters):
     """Rate and stamp grid of a sensor."""
 
     rate: float = number(
@@ -54,11 +76,6 @@ class OwnRateParameters:
     def span(self) -> float:
         """Duration of a sample [s]; it is in the window of time in which it is complete."""
         return 0.0
-
-    @property
-    def longest_window(self) -> float:
-        """Longest window that may be read at once [s], if samples are large."""
-        return math.inf
 
     def problems(self, prefix: str) -> Iterator[str]:
         """Say whether the first sample comes too late."""
@@ -167,6 +184,10 @@ class SensorParameters(OwnRateParameters, TimingParameters):
     )
     lever_arm: Vector = vector(0.0, "position of the sensor in the body frame", unit="m")
     mounting: Matrix = matrix(IDENTITY_MATRIX, "rotation R_bs of the sensor in the body")
+
+    def mount(self) -> Array:
+        """Return the pose T_bs (4, 4) of ``lever_arm`` and ``mounting``."""
+        return pose_matrix(np.reshape(self.mounting, (3, 3)), self.lever_arm)
 
     def own_frame(self, name: str, body_frame: str) -> str:
         """Return the frame of its messages.

@@ -176,7 +176,8 @@ class Body:
             texts = [*recorded.repairs, fit] if lines else [*recorded.repairs, span, fit]
             lines += [f"{label}{line}" for line in (texts if label else [*texts, peaks])]
         for sensor in self.sensors.values():
-            lines += sensor.sensor.notes(sensor)
+            if sensor.sensor.rendering is not None:
+                lines += sensor.sensor.rendering.notes(sensor)
         note = self.note_of_scene(elsewhere)
         return [*lines, note] if note else lines
 
@@ -220,9 +221,7 @@ class Body:
         self._models = models(self.sensors, self._wanted, self.t0_ns)
         shown = self._wanted.union(imus_in(self.sensors))
         self._shown = [name for name in self._models if name in shown]
-        self._longest = min(
-            getattr(self.sensors[name].own, "longest_window", math.inf) for name in self._shown
-        )
+        self._longest = min(self.sensors[name].own.longest_window for name in self._shown)
 
     def with_seed(
         self, seed: int, further_sensors: Collection[str] = (), threads: "Executor | None" = None

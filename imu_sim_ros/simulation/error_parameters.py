@@ -26,6 +26,7 @@ from imu_sim_ros.parameters.kinds import (
 )
 from imu_sim_ros.parameters.sections import common_sections, flatten, parameters, section
 from imu_sim_ros.sensors import sensors_of_imus
+from imu_sim_ros.sensors.declaration import takes_ideal_values
 from imu_sim_ros.sensors.imu.parameters import ImuParameters
 from imu_sim_ros.sensors.imu.presets import layer_imu
 from imu_sim_ros.sensors.parameters import LONGEST, LiveReadingParameters, rotation_problems
@@ -170,7 +171,7 @@ class ErrorPublishParameters(ImuPublishParameters):
         lambda: switches(
             sensor
             for sensor in sensors_of_imus()
-            if sensor.given is not None or (sensor.table is not None and sensor.table.of_readings)
+            if takes_ideal_values(sensor) or (sensor.table is not None and sensor.table.of_readings)
         ),
         joint=None,
     )

@@ -16,10 +16,11 @@ from imu_sim_ros.core.errors import ConfigurationError
 from imu_sim_ros.core.records import SeriesT, with_fields
 from imu_sim_ros.recordings.live_order import Gaps, Order, Spreading
 from imu_sim_ros.sensors import sensors_of_imus
-from imu_sim_ros.sensors.declaration import Sensor
+from imu_sim_ros.sensors.declaration import Sensor, takes_ideal_values
 from imu_sim_ros.sensors.faults import Fault
 from imu_sim_ros.sensors.imu.model import NOWHERE
 from imu_sim_ros.sensors.model import SensorWithImu
+from imu_sim_ros.sensors.parameters import MountedParameters
 from imu_sim_ros.sensors.samples import Samples
 from imu_sim_ros.sensors.world import World
 from imu_sim_ros.simulation.error_input import Conventions, IdealValues
@@ -27,7 +28,7 @@ from imu_sim_ros.simulation.error_parameters import ErrorModelParameters
 from imu_sim_ros.simulation.sensors import models, mounted
 
 OTHERS: Final = {
-    sensor.quantity: sensor for sensor in sensors_of_imus() if sensor.given is not None
+    sensor.quantity: sensor for sensor in sensors_of_imus() if takes_ideal_values(sensor)
 }
 """The other sensors of an IMU that take ideal values, by what they measure."""
 _SAMPLES_AT_ONCE: Final = 65536
@@ -234,7 +235,10 @@ class GivenOther(GivenSensor[IdealValues, Samples]):
     """Another sensor of an IMU, one of ``OTHERS``: each ideal value is a sample at its rate."""
 
     def __init__(
-        self, sensor: Sensor, parameters: ErrorModelParameters, remark: Callable[[str], object]
+        self,
+        sensor: Sensor[MountedParameters],
+        parameters: ErrorModelParameters,
+        remark: Callable[[str], object],
     ) -> None:
         """Initialise before the first value.
 
@@ -256,8 +260,10 @@ class GivenOther(GivenSensor[IdealValues, Samples]):
         if self._looked or not self.parameters.input.check:
             return
         self._looked = True
-        assert self.declared.given is not None
-        line = self.declared.given(ideal.values[0])
+        declared = self.declared.with_imu
+        assert declared
+        assert declared.unit_hint is not None
+        line = declared.unit_hint(ideal.values[0])
         if line:
             self._remark(f"{self._what}{line}")
 

@@ -26,10 +26,13 @@ from imu_sim_ros.parameters.sections import common_sections, is_of_ros, section
 from imu_sim_ros.sensors import find_sensor, sensors_of_imus
 from imu_sim_ros.sensors.declaration import Sensor
 from imu_sim_ros.sensors.faults import Fault
-from imu_sim_ros.sensors.parameters import LARGEST_LATENCY, LONGEST
+from imu_sim_ros.sensors.parameters import LARGEST_LATENCY, LONGEST, MountedParameters
 from imu_sim_ros.simulation.parameters import SimulationParameters, imus, layered
 
-PARTS: Final = (*TRIADS, *(sensor.name for sensor in sensors_of_imus() if sensor.faults))
+PARTS: Final = (
+    *TRIADS,
+    *(sensor.name for sensor in sensors_of_imus() if sensor.faults),
+)
 """Targets of the faults of an IMU and of the sensors with it."""
 FAULTS = ("none", "bias_jump", "saturation", "stuck", "dropout", "latency")
 
@@ -42,7 +45,7 @@ def _biases() -> str:
     return " and ".join(names)
 
 
-def switches(sensors: Iterable[Sensor]) -> dict[str, type]:
+def switches(sensors: Iterable[Sensor[MountedParameters]]) -> dict[str, type]:
     """Return the switches of sensors of IMUs that have some, by name."""
     return {sensor.name: sensor.switches for sensor in sensors if sensor.switches is not None}
 

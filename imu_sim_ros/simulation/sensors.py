@@ -17,6 +17,7 @@ from imu_sim_ros.inputs.tables import Table
 from imu_sim_ros.sensors import find_sensor, sensors_of_imus
 from imu_sim_ros.sensors.declaration import Model, Mounted
 from imu_sim_ros.sensors.imu import declaration as imu
+from imu_sim_ros.sensors.parameters import MountedParameters
 from imu_sim_ros.sensors.pose import declaration as pose
 from imu_sim_ros.sensors.world import World
 from imu_sim_ros.simulation.parameters import (
@@ -27,14 +28,14 @@ from imu_sim_ros.simulation.parameters import (
 )
 
 
-def mounted(parameters: SampledParameters) -> dict[str, Mounted]:
+def mounted(parameters: SampledParameters) -> dict[str, Mounted[MountedParameters]]:
     """Return all sensors of a body by name; a sensor that another one needs comes before it.
 
     What they measure is their name, behind that of the IMU if there are several: ``imu``,
     ``magnetic_field``, ``pose``, ``gnss``, ``left/imu``, ``left/pressure``. An IMU on a segment has
     the pose of the segment with it: ``left/pose``.
     """
-    sensors: dict[str, Mounted] = {}
+    sensors: dict[str, Mounted[MountedParameters]] = {}
     on_segments = segments(parameters)
     for name, imu_parameters in imus(parameters).items():
         space = f"{name}/" if name else ""
@@ -54,7 +55,8 @@ def mounted(parameters: SampledParameters) -> dict[str, Mounted]:
             )
     frame = parameters.body_frame
     sensors[pose.NAME] = Mounted(pose.NAME, pose.SENSOR, parameters, parameters, frame)
-    extra_sensors, cameras = dict[str, Mounted](), dict[str, Mounted]()
+    extra_sensors: dict[str, Mounted[MountedParameters]] = {}
+    cameras: dict[str, Mounted[MountedParameters]] = {}
     sections = parameters.each_sensor if isinstance(parameters, SimulationParameters) else {}
     for name, section in sections.items():
         sensor = find_sensor(section.type or name)
@@ -71,7 +73,7 @@ def mounted(parameters: SampledParameters) -> dict[str, Mounted]:
         reserved = {
             part
             for mounted_sensor in sensors.values()
-            for part in (mounted_sensor.name, *mounted_sensor.sensor.parts)
+            for part in (mounted_sensor.name, *mounted_sensor.faulty)
         }
         problems = [
             f"{listed}: {name!r}: is another sensor, or what one measures"
@@ -84,12 +86,14 @@ def mounted(parameters: SampledParameters) -> dict[str, Mounted]:
     return sensors
 
 
-def imus_in(sensors: Mapping[str, Mounted]) -> list[str]:
+def imus_in(sensors: Mapping[str, Mounted[MountedParameters]]) -> list[str]:
     """Return the names of the IMUs among the sensors."""
     return [name for name, sensor in sensors.items() if sensor.sensor is imu.SENSOR]
 
 
-def models(sensors: Mapping[str, Mounted], names: Collection[str], t0_ns: int) -> dict[str, Model]:
+def models(
+    sensors: Mapping[str, Mounted[MountedParameters]], names: Collection[str], t0_ns: int
+) -> dict[str, Model]:
     """Return the IMUs, the wanted sensors and those that these need, at their start.
 
     :param t0_ns: time of the start [ns].
@@ -113,7 +117,9 @@ def models(sensors: Mapping[str, Mounted], names: Collection[str], t0_ns: int) -
     return models
 
 
-def sensor_warnings(mounted: Mounted, world: World, duration: float) -> list[str]:
+def sensor_warnings(
+    mounted: Mounted[MountedParameters], world: World, duration: float
+) -> list[str]:
     """Return a line for each way in which a world or a motion is not for a sensor.
 
     :param duration: length of the motion [s]; may be infinite.
@@ -127,7 +133,7 @@ def sensor_warnings(mounted: Mounted, world: World, duration: float) -> list[str
     return lines
 
 
-def mounts(sensors: Mapping[str, Mounted]) -> dict[tuple[str, str], Array]:
+def mounts(sensors: Mapping[str, Mounted[MountedParameters]]) -> dict[tuple[str, str], Array]:
     """Return the poses T_bf (4, 4) of frames on bodies; one maps coordinates in f to its body b.
 
     What coincides with the body's own frame needs none.
@@ -138,8 +144,7 @@ def mounts(sensors: Mapping[str, Mounted]) -> dict[tuple[str, str], Array]:
     for mounted_sensor in sensors.values():
         body_frame, frame = mounted_sensor.environment.body_frame, mounted_sensor.frame
         if frame != body_frame:
-            pose_of_sensor = mounted_sensor.sensor.mount(mounted_sensor.own)
-            poses.setdefault((body_frame, frame), pose_of_sensor)
+            poses.setdefault((body_frame, frame), mounted_sensor.own.mount())
     return poses
 
 
@@ -150,10 +155,10 @@ class InTable(NamedTuple):
     number: int
     """Index of its IMU among the IMUs, or of the sensor among those of its kind."""
     name: str
-    mounted: Mounted
+    mounted: Mounted[MountedParameters]
 
 
-def all_tables(sensors: Mapping[str, Mounted]) -> list[InTable]:
+def all_tables(sensors: Mapping[str, Mounted[MountedParameters]]) -> list[InTable]:
     """Return the tables of the sensors that have one of their own in a dataset."""
     numbers: Counter[str] = Counter()
     tables = []

@@ -26,6 +26,7 @@ from imu_sim_ros.parameters.sections import flatten
 from imu_sim_ros.sensors.declaration import Mounted, Payloads, Topic
 from imu_sim_ros.sensors.deferred import Results
 from imu_sim_ros.sensors.orientation.declaration import TOPIC as ORIENTATION_TOPIC
+from imu_sim_ros.sensors.parameters import MountedParameters
 from imu_sim_ros.sensors.pose.declaration import NAME as POSE
 from imu_sim_ros.sensors.samples import Rows, Samples, all_rows
 from imu_sim_ros.simulation.playback import ImuPublishParameters
@@ -66,7 +67,7 @@ class Offered(NamedTuple):
 
     name: str
     """Name of the sensor."""
-    mounted: Mounted
+    mounted: Mounted[MountedParameters]
     topic: Topic
 
     def encoder(self, encoding: str = "cdr") -> Encode:
@@ -94,7 +95,7 @@ class Offered(NamedTuple):
         return encode
 
 
-def offered(sensors: Mapping[str, Mounted]) -> dict[str, Offered]:
+def offered(sensors: Mapping[str, Mounted[MountedParameters]]) -> dict[str, Offered]:
     """Return all topics of the sensors of a body, as the node names them.
 
     Several IMUs have a namespace each.
@@ -106,14 +107,14 @@ def offered(sensors: Mapping[str, Mounted]) -> dict[str, Offered]:
         if topic.exists(mounted)
     }
 
-    def make(_: Mounted, encoding: str) -> Payloads:
+    def make(_: Mounted[MountedParameters], encoding: str) -> Payloads:
         return _mounts(sensors, encoding)
 
     topic = Topic(MOUNTS, TF_MESSAGE, None, make, truth=True, latched=True)
     return {**topics, MOUNTS: Offered(POSE, sensors[POSE], topic)}
 
 
-def _mounts(sensors: Mapping[str, Mounted], encoding: str) -> Payloads:
+def _mounts(sensors: Mapping[str, Mounted[MountedParameters]], encoding: str) -> Payloads:
     """Return the encoder of the transforms from bodies to their sensors.
 
     They are one message, with the first sample's time.
@@ -132,7 +133,9 @@ def _mounts(sensors: Mapping[str, Mounted], encoding: str) -> Payloads:
     return payloads
 
 
-def published(sensors: Mapping[str, Mounted], publish: ImuPublishParameters) -> dict[str, Offered]:
+def published(
+    sensors: Mapping[str, Mounted[MountedParameters]], publish: ImuPublishParameters
+) -> dict[str, Offered]:
     """Return the topics that a node publishes, as :func:`offered` has them.
 
     :param publish: its section ``publish``; a switch that it does not have is off.

@@ -10,13 +10,12 @@ from typing import Final, NamedTuple
 import numpy as np
 
 from imu_sim_ros.bags.text.decimals import decimal
-from imu_sim_ros.core.rotation import inverse_pose, pose_matrix
+from imu_sim_ros.core.rotation import inverse_pose
 from imu_sim_ros.core.types import Array
 from imu_sim_ros.datasets.consumers.values import SAME_TIME, ImuValues, real
 from imu_sim_ros.parameters.sections import parameters
 from imu_sim_ros.sensors.camera.parameters import CameraParameters
 from imu_sim_ros.sensors.camera.scene_parameters import SceneParameters
-from imu_sim_ros.sensors.declaration import mount_of
 
 
 @dataclass(frozen=True)
@@ -37,7 +36,7 @@ class RigValues:
 
     def imu_camera(self, name: str) -> Array:
         """Return T_ic (4, 4), which maps coordinates from a camera to the IMU."""
-        return inverse_pose(mount_of(self.imu.imu)) @ pose_matrix(*self.cameras[name].pose())
+        return inverse_pose(self.imu.imu.mount()) @ self.cameras[name].mount()
 
     def between(self, target: str, source: str) -> Array:
         """Return T (4, 4), which maps coordinates from the source camera to the target camera."""

@@ -32,6 +32,7 @@ from imu_sim_ros.nodes.simulator.publish_queue import Send
 from imu_sim_ros.parameters.kinds import Value
 from imu_sim_ros.parameters.sections import flatten
 from imu_sim_ros.sensors.declaration import Mounted
+from imu_sim_ros.sensors.parameters import MountedParameters
 from imu_sim_ros.sensors.samples import Samples
 from imu_sim_ros.simulation.playback import SimulatorParameters
 from imu_sim_ros.simulation.sensors import mounted
@@ -216,7 +217,7 @@ def requests(samples: Samples, _: object) -> Messages:
     return Messages(samples.t_ns[rows], samples.release_t_ns[rows], packed)
 
 
-def groups_apart(sensors: Mapping[str, Mounted]) -> dict[str, list[str]]:
+def groups_apart(sensors: Mapping[str, Mounted[MountedParameters]]) -> dict[str, list[str]]:
     """Return which sensors have processes of their own, and those that share each.
 
     One that cannot read without another one is in the process of that.

@@ -35,6 +35,7 @@ from imu_sim_ros.nodes.publishing import Counter, create
 from imu_sim_ros.nodes.simulator.apart import MARKERS, TOKEN, ProcessStart
 from imu_sim_ros.nodes.simulator.markers import markers
 from imu_sim_ros.parameters.sections import build
+from imu_sim_ros.sensors.parameters import RatedParameters
 from imu_sim_ros.sensors.samples import Samples
 from imu_sim_ros.sensors.timing import SampleTimes
 from imu_sim_ros.sensors.world import Window, World
@@ -163,7 +164,9 @@ class SensorNode:
 
     def _publishers(self, names: dict[str, str]) -> Iterator[tuple[str, Counter]]:
         """Yield a publisher for each topic of this process."""
-        depth = max(20, round(4 * self._sensors[self.name].own.rate))
+        own = self._sensors[self.name].own
+        assert isinstance(own, RatedParameters)
+        depth = max(20, round(4 * own.rate))
         for topic, full in names.items():
             topic_of_sensor = self._offered.get(topic)
             kind = topic_of_sensor.topic.type if topic_of_sensor else MARKERS

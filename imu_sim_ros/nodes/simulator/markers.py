@@ -16,6 +16,7 @@ from imu_sim_ros.places.geometry import Surfaces
 from imu_sim_ros.sensors.camera.declaration import cameras_in
 from imu_sim_ros.sensors.camera.model import CameraModel
 from imu_sim_ros.sensors.declaration import Mounted
+from imu_sim_ros.sensors.parameters import MountedParameters
 from imu_sim_ros.sensors.world import World
 
 _SIZE: Final = 0.03
@@ -30,7 +31,7 @@ _COLORS: Final = {
 }
 
 
-def markers(sensors: Mapping[str, Mounted], world: World) -> MarkerArray:
+def markers(sensors: Mapping[str, Mounted[MountedParameters]], world: World) -> MarkerArray:
     """Return landmarks, lines and the edges of surfaces in the world, and each camera's view."""
     scene, world_frame = world.scene, world.environment.world_frame
     shapes = [

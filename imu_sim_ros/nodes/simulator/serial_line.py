@@ -12,6 +12,7 @@ from typing import Final
 
 from imu_sim_ros.core.errors import InputError
 from imu_sim_ros.sensors.declaration import Serial
+from imu_sim_ros.sensors.parameters import MountedParameters
 from imu_sim_ros.sensors.samples import Samples
 from imu_sim_ros.simulation.topics import Encode, Messages
 
@@ -93,7 +94,7 @@ class PseudoTerminal:
         link.symlink_to(self.path)
 
 
-def messages(serial: Serial) -> Encode:
+def messages(serial: Serial[MountedParameters]) -> Encode:
     """Return the function that turns delivered samples into messages of a serial line."""
 
     def encode(samples: Samples, _: object) -> Messages:

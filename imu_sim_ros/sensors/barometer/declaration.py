@@ -12,7 +12,7 @@ from imu_sim_ros.core.gate import PRESSURE
 from imu_sim_ros.core.types import Array
 from imu_sim_ros.inputs.tables import Encode, Table
 from imu_sim_ros.sensors.barometer.parameters import BarometerParameters, BarometerSwitches
-from imu_sim_ros.sensors.declaration import Sensor, SensorReadings, on_demand, topic
+from imu_sim_ros.sensors.declaration import Sensor, SensorReadings, WithImu, on_demand, topic
 from imu_sim_ros.sensors.errors.realised import realised_triad
 from imu_sim_ros.sensors.imu.parameters import ImuParameters
 from imu_sim_ros.sensors.imu.triads import as_triad
@@ -88,11 +88,11 @@ TABLE: Final = Table(
     bias_type=TYPE,
 )
 
-SENSOR = Sensor(
+SENSOR: Final[Sensor[ImuParameters]] = Sensor(
     name="barometer",
     quantity="pressure",
     section=BarometerParameters,
-    with_imu=True,
+    with_imu=WithImu(BarometerSwitches, _unit_hint),
     model=on_demand("imu_sim_ros.sensors.barometer.model", "Barometer"),
     topics=(
         topic(
@@ -117,8 +117,6 @@ SENSOR = Sensor(
             truth=True,
         ),
     ),
-    switches=BarometerSwitches,
-    given=_unit_hint,
     table=TABLE,
     values=lambda samples: samples.pressure[:, None],
     readings=PressureReadings,

@@ -18,6 +18,7 @@ from imu_sim_ros.sensors.declaration import Mounted
 from imu_sim_ros.sensors.environment import AtmosphereParameters
 from imu_sim_ros.sensors.errors.triad import Additions, Triad
 from imu_sim_ros.sensors.faults import FaultSchedule
+from imu_sim_ros.sensors.imu.parameters import ImuParameters
 from imu_sim_ros.sensors.model import SensorWithImu
 from imu_sim_ros.sensors.timing import Sampled
 from imu_sim_ros.sensors.world import World
@@ -144,7 +145,7 @@ class Barometer(SensorWithImu):
 
     parameters: BarometerParameters
 
-    def __init__(self, mounted: Mounted, t0_ns: int, _: object = None) -> None:
+    def __init__(self, mounted: Mounted[ImuParameters], t0_ns: int, _: object = None) -> None:
         """Set up all errors at their start.
 
         :param t0_ns: time of the start [ns].

@@ -4,7 +4,7 @@
 """A camera as the rest of the package sees it: topics of its frames, one message for each."""
 
 from collections.abc import Callable, Iterable, Mapping
-from typing import TYPE_CHECKING, Final, TypeAlias, TypeVar
+from typing import TYPE_CHECKING, Final, TypeAlias, TypeGuard, TypeVar
 
 import numpy as np
 
@@ -26,8 +26,9 @@ from imu_sim_ros.sensors.camera.parameters import CameraParameters
 from imu_sim_ros.sensors.camera.rig_parameters import RigParameters, rig_parameters_of
 from imu_sim_ros.sensors.camera.scene_parameters import body_names, check_surfaces
 from imu_sim_ros.sensors.camera.truths import DATASETS, LANDMARKS, moving_body
-from imu_sim_ros.sensors.declaration import Mounted, Payloads, Sensor, Topic, on_demand
+from imu_sim_ros.sensors.declaration import Mounted, Payloads, Rendering, Sensor, Topic, on_demand
 from imu_sim_ros.sensors.environment import EnvironmentParameters
+from imu_sim_ros.sensors.parameters import MountedParameters
 from imu_sim_ros.sensors.samples import Rows, Samples
 
 if TYPE_CHECKING:
@@ -50,7 +51,7 @@ def _of_pixels(
     kind: str,
     pixels: "Callable[[Samples], Each[_Pixels]]",
     exists: Callable[[CameraParameters], bool],
-    encoder: Callable[[Mounted, str], Encode[_Pixels]],
+    encoder: Callable[[Mounted[CameraParameters], str], Encode[_Pixels]],
     moving: bool = False,
 ) -> Topic:
     """Return a topic with a message for each frame of a camera.
@@ -62,7 +63,7 @@ def _of_pixels(
     :param moving: True if the topic exists only in scenes in which something moves.
     """
 
-    def make(mounted: Mounted, encoding: str) -> Payloads:
+    def make(mounted: Mounted[CameraParameters], encoding: str) -> Payloads:
         opencv()
         numba()
         check_surfaces(rig_parameters_of(mounted.environment).scene)
@@ -76,7 +77,7 @@ def _of_pixels(
 
         return payloads
 
-    def there(mounted: Mounted) -> bool:
+    def there(mounted: Mounted[CameraParameters]) -> bool:
         still = moving and not body_names(rig_parameters_of(mounted.environment).scene)
         return exists(mounted.own) and not still
 
@@ -89,7 +90,7 @@ def _numbers(readings: Samples, rows: Rows) -> Iterable[int]:
 
 
 def _image_encoder(
-    mounted: Mounted, pixel_encoding: str, encoding: str
+    mounted: Mounted[CameraParameters], pixel_encoding: str, encoding: str
 ) -> Callable[[int, Bytes | Single], bytes]:
     """Return the encoder of images in a pixel encoding."""
     from imu_sim_ros.bags.messages.encode_cameras import ImageEncoder
@@ -98,12 +99,12 @@ def _image_encoder(
     return ImageEncoder(mounted.frame, p.height, p.width, pixel_encoding, encoding).encode
 
 
-def _raw(mounted: Mounted, encoding: str) -> Encode[Bytes]:
+def _raw(mounted: Mounted[CameraParameters], encoding: str) -> Encode[Bytes]:
     """Return the encoder of raw images."""
     return _image_encoder(mounted, mounted.own.encoding, encoding)
 
 
-def _compressed(mounted: Mounted, encoding: str) -> Encode[Bytes]:
+def _compressed(mounted: Mounted[CameraParameters], encoding: str) -> Encode[Bytes]:
     """Return the encoder of compressed images."""
     from imu_sim_ros.bags.messages.encode_cameras import CompressedImageEncoder
 
@@ -111,13 +112,13 @@ def _compressed(mounted: Mounted, encoding: str) -> Encode[Bytes]:
     return lambda t_ns, image: messages.encode(t_ns, png(image))
 
 
-def _depth(mounted: Mounted, encoding: str) -> Encode[_DepthAndMask]:
+def _depth(mounted: Mounted[CameraParameters], encoding: str) -> Encode[_DepthAndMask]:
     """Return the encoder of depth images."""
     encode = _image_encoder(mounted, "32FC1", encoding)
     return lambda t_ns, depth_and_mask: encode(t_ns, depth_and_mask[0])
 
 
-def _mask(mounted: Mounted, encoding: str) -> Encode[_DepthAndMask]:
+def _mask(mounted: Mounted[CameraParameters], encoding: str) -> Encode[_DepthAndMask]:
     """Return the encoder of masks."""
     encode = _image_encoder(mounted, "mono8", encoding)
 
@@ -129,12 +130,12 @@ def _mask(mounted: Mounted, encoding: str) -> Encode[_DepthAndMask]:
     return message
 
 
-def _flow(mounted: Mounted, encoding: str) -> Encode[Single]:
+def _flow(mounted: Mounted[CameraParameters], encoding: str) -> Encode[Single]:
     """Return the encoder of optical flow."""
     return _image_encoder(mounted, "32FC2", encoding)
 
 
-def _info(mounted: Mounted, encoding: str) -> Payloads:
+def _info(mounted: Mounted[CameraParameters], encoding: str) -> Payloads:
     """Return the encoder of camera_info."""
     from imu_sim_ros.bags.messages.encode_cameras import CameraInfoEncoder
 
@@ -163,7 +164,7 @@ def info_of_camera(camera: CameraParameters) -> "CameraInfo":
     return CameraInfo(camera.height, camera.width, kind, d, k, np.eye(3), p)
 
 
-SENSOR = Sensor(
+SENSOR: Final[Sensor[CameraParameters]] = Sensor(
     name="camera",
     quantity="camera",
     section=CameraParameters,
@@ -187,29 +188,35 @@ SENSOR = Sensor(
         Topic(CAMERA_INFO_TOPIC, "sensor_msgs/msg/CameraInfo", (), _info),
     ),
     readings=None,
-    mount=on_demand(_MODULE, "mount"),
     sees=True,
-    faults=False,
+    faulty_parts=(),
     text="camera: its frames, with the errors of lens, shutter, exposure and pixels",
     warnings=on_demand(_MODULE, "warnings"),
     in_sight=on_demand(_MODULE, "in_sight"),
-    notes=on_demand(_MODULE, "notes"),
-    apart=True,
-    datasets=DATASETS,
+    rendering=Rendering(DATASETS, on_demand(_MODULE, "notes")),
 )
 
 
-def cameras_in(sensors: Mapping[str, Mounted]) -> dict[str, Mounted]:
+def _is_camera(sensor: Mounted[MountedParameters]) -> TypeGuard[Mounted[CameraParameters]]:
+    """Return True for a camera."""
+    return sensor.sensor is SENSOR
+
+
+def cameras_in(
+    sensors: Mapping[str, Mounted[MountedParameters]],
+) -> dict[str, Mounted[CameraParameters]]:
     """Return the cameras among sensors."""
-    return {name: camera for name, camera in sensors.items() if camera.sensor is SENSOR}
+    return {name: sensor for name, sensor in sensors.items() if _is_camera(sensor)}
 
 
-def seeing(rig: RigParameters, parameters: EnvironmentParameters) -> dict[str, Mounted]:
+def seeing(
+    rig: RigParameters, parameters: EnvironmentParameters
+) -> dict[str, Mounted[MountedParameters]]:
     """Return the cameras, their tracks, and the truth of the scene, as mounted sensors.
 
     :param parameters: parameters of the simulation.
     """
-    cameras = {
+    cameras: dict[str, Mounted[MountedParameters]] = {
         name: Mounted(name, SENSOR, camera_parameters, parameters, rig.frame(name), f"{name}/")
         for name, camera_parameters in rig.camera_parameters().items()
     }

@@ -16,7 +16,7 @@ from imu_sim_ros.sensors.camera.rig_parameters import RigParameters
 from imu_sim_ros.sensors.camera.scene_parameters import body_names
 from imu_sim_ros.sensors.camera.tracker import Tracker, Tracks
 from imu_sim_ros.sensors.camera.truths import DATASETS, AtFrames
-from imu_sim_ros.sensors.declaration import Mounted, Payloads, Sensor, Topic
+from imu_sim_ros.sensors.declaration import Mounted, Payloads, Rendering, Sensor, Topic
 from imu_sim_ros.sensors.deferred import Deferred
 from imu_sim_ros.sensors.samples import Rows, Samples
 from imu_sim_ros.sensors.world import Window, World
@@ -196,7 +196,9 @@ def _speed(current: _Observed, previous: _Observed | None) -> tuple[Array, Mask]
 class Features(AtFrames):
     """The tracked features, at the frames of the first camera."""
 
-    def __init__(self, mounted: Mounted, t0_ns: int, cameras: Mapping[str, object]) -> None:
+    def __init__(
+        self, mounted: Mounted[RigParameters], t0_ns: int, cameras: Mapping[str, object]
+    ) -> None:
         super().__init__(mounted, t0_ns, cameras)
         self._stream: FeatureStream | None = None
 
@@ -226,11 +228,11 @@ class Features(AtFrames):
         return [message.values for message in self._stream.next(count)]
 
 
-def _clouds(mounted: Mounted, encoding: str) -> Payloads:
+def _clouds(mounted: Mounted[RigParameters], encoding: str) -> Payloads:
     """Return the encoder of tracked features as PointCloud."""
     from imu_sim_ros.bags.messages.encode_cameras import PointCloudEncoder
 
-    rig: RigParameters = mounted.own
+    rig = mounted.own
     channels = (*CHANNELS[rig.features.layout], *[BODY_CHANNEL] * bool(body_names(rig.scene)))
     encoder = PointCloudEncoder(mounted.environment.world_frame, channels, encoding)
 
@@ -242,7 +244,7 @@ def _clouds(mounted: Mounted, encoding: str) -> Payloads:
     return payloads
 
 
-FEATURES: Final = Sensor(
+FEATURES: Final[Sensor[RigParameters]] = Sensor(
     name="features",
     quantity=FEATURES_TOPIC,
     section=RigParameters,
@@ -250,9 +252,7 @@ FEATURES: Final = Sensor(
     topics=(Topic(FEATURES_TOPIC, "sensor_msgs/msg/PointCloud", (), _clouds),),
     readings=None,
     needs=lambda rig: tuple(together(rig.camera_parameters())),
-    mount=lambda _: np.eye(4),
-    faults=False,
+    faulty_parts=(),
     text="features that are tracked in the frames of the cameras",
-    apart=True,
-    datasets=DATASETS,
+    rendering=Rendering(DATASETS),
 )

@@ -13,7 +13,6 @@ from typing import TYPE_CHECKING, Final, TypeVar
 import numpy as np
 
 from imu_sim_ros.core import rotation
-from imu_sim_ros.core.rotation import pose_matrix
 from imu_sim_ros.core.types import Array, Mask
 from imu_sim_ros.parameters.kinds import IDENTITY_MATRIX
 from imu_sim_ros.sensors.camera.images.libraries import opencv
@@ -47,7 +46,9 @@ _GRID: Final = 17
 class Camera(FixedModel):
     """The frames of a camera; any window may be read at any time."""
 
-    def __init__(self, mounted: Mounted, t0_ns: int, _: Mapping[str, Model]) -> None:
+    def __init__(
+        self, mounted: Mounted[CameraParameters], t0_ns: int, _: Mapping[str, Model]
+    ) -> None:
         self.mounted = mounted
         self.times = SampleTimes(mounted.own.rate, t0_ns, mounted.own.phase)
         self._world: World | None = None
@@ -118,19 +119,14 @@ class Camera(FixedModel):
         return Imager(self.view, scene, look, world.trajectory)
 
 
-def mount(p: CameraParameters) -> Array:
-    """Return the pose T_bc (4, 4) of a camera."""
-    return pose_matrix(*p.pose())
-
-
-def warnings(mounted: Mounted, world: World, _: float) -> list[str]:
+def warnings(mounted: Mounted[CameraParameters], world: World, _: float) -> list[str]:
     """Return a line if a camera sees too little of the board that it was put before."""
     view, scene = view_of(mounted, world), rig_parameters_of(mounted.environment).scene
     lines = target_warning(scene, view, world.trajectory)
     return [f"{mounted.name}: {line}" for line in lines]
 
 
-def in_sight(mounted: Mounted, world: World, t: Array) -> Mask:
+def in_sight(mounted: Mounted[CameraParameters], world: World, t: Array) -> Mask:
     """Return at which times (n,) [s] a camera has a landmark or a surface in its image."""
     view, scene = view_of(mounted, world), world.scene
     described = rig_parameters_of(mounted.environment).scene
@@ -168,9 +164,9 @@ def _meets_surfaces(view: View, world: World, t: Array) -> Mask:
     return rows
 
 
-def notes(mounted: Mounted) -> list[str]:
+def notes(mounted: Mounted[CameraParameters]) -> list[str]:
     """Return which axes the body has, for a camera whose device has others."""
-    p: CameraParameters = mounted.own
+    p = mounted.own
     if p.rig_mounting == IDENTITY_MATRIX:
         return []
     if p.body_axes == "flu":

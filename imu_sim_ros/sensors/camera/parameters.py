@@ -10,6 +10,7 @@ from typing import Final
 
 import numpy as np
 
+from imu_sim_ros.core.rotation import pose_matrix
 from imu_sim_ros.core.timebase import LOWEST_RATE
 from imu_sim_ros.core.types import Array
 from imu_sim_ros.parameters.kinds import (
@@ -25,7 +26,13 @@ from imu_sim_ros.parameters.kinds import (
     text,
     vector,
 )
-from imu_sim_ros.sensors.parameters import LARGEST_LATENCY, LONGEST, rotation_problems
+from imu_sim_ros.sensors.parameters import (
+    LARGEST_LATENCY,
+    LONGEST,
+    MountedParameters,
+    RatedParameters,
+    rotation_problems,
+)
 
 COUNTS: Final[dict[str, tuple[int, ...]]] = {"none": (0,), "radtan": (4, 5), "equidistant": (4,)}
 """Numbers of coefficients that each distortion model takes: k1 k2 p1 p2 (k3), k1 k2 k3 k4."""
@@ -296,7 +303,7 @@ class CameraModelParameters:
 
 
 @dataclass(frozen=True)
-class CameraMountParameters:
+class CameraMountParameters(MountedParameters):
     """Pose of the camera on the body. Camera axes: x to the right, y down, z along the view."""
 
     lever_arm: Vector = vector(0.0, "position of the camera in the body frame, p_bc", unit="m")
@@ -329,9 +336,13 @@ class CameraMountParameters:
         turn = np.reshape(self.rig_mounting, (3, 3))
         return turn @ r, turn @ p
 
+    def mount(self) -> Array:
+        """Return the pose T_bc (4, 4) of :meth:`pose`."""
+        return pose_matrix(*self.pose())
+
 
 @dataclass(frozen=True)
-class CameraTimingParameters:
+class CameraTimingParameters(RatedParameters):
     """Frame times, exposure, and errors of the stamps."""
 
     rate: float = number(20.0, "frames per second", unit="Hz", minimum=LOWEST_RATE, maximum=1000.0)

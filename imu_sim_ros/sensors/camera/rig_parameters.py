@@ -30,6 +30,7 @@ from imu_sim_ros.sensors.camera.scene_parameters import (
     known_scenes,
 )
 from imu_sim_ros.sensors.environment import EnvironmentParameters
+from imu_sim_ros.sensors.parameters import MountedParameters
 
 DEFAULT_CAMERA: Final = "vio_data_simulation"
 DEFAULT_SCENE: Final = "auto"
@@ -58,7 +59,7 @@ class FeatureParameters:
 
 
 @dataclass(frozen=True)
-class RigParameters:
+class RigParameters(MountedParameters):
     """All cameras of a body; each has a section of its own name."""
 
     cameras: tuple[str, ...] = texts((), CAMERAS)

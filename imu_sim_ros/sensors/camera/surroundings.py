@@ -16,6 +16,7 @@ from imu_sim_ros.sensors.camera.rig_parameters import rig_parameters_of
 from imu_sim_ros.sensors.camera.scene import Scene
 from imu_sim_ros.sensors.camera.scene_parameters import has_surfaces
 from imu_sim_ros.sensors.declaration import Mounted
+from imu_sim_ros.sensors.parameters import MountedParameters
 from imu_sim_ros.sensors.world import World
 
 _CLEARANCE: Final = 0.1
@@ -48,7 +49,7 @@ class _Path(NamedTuple):
     """(n, 3) p_ws [m]."""
 
 
-def scene_warnings(mounted: Mounted, world: World, duration: float) -> list[str]:
+def scene_warnings(mounted: Mounted[MountedParameters], world: World, duration: float) -> list[str]:
     """Return a line for each way in which a sensor's path or view does not suit the scene.
 
     The path goes through surfaces, leaves the scene or comes close to it, there is nothing around
@@ -60,7 +61,7 @@ def scene_warnings(mounted: Mounted, world: World, duration: float) -> list[str]
     longest = min(duration, world.trajectory.duration, _LONGEST)
     t = np.linspace(0.0, longest, _POSITIONS)
     motion = world.trajectory.sample(t)
-    arm = sensor.mount(mounted.own)[:3, 3]
+    arm = mounted.own.mount()[:3, 3]
     position = motion.position + rotation.rotate(motion.q_wb, arm[None])
     kind = rig_parameters_of(mounted.environment).scene.type
     path = _Path(scene, "mesh" if scene.mesh is not None else f"scene {kind}", t, position)
@@ -74,7 +75,7 @@ def scene_warnings(mounted: Mounted, world: World, duration: float) -> list[str]
     return [*(f"scene: {line}" for line in remarks), *(f"{mounted.name}: {line}" for line in lines)]
 
 
-def _blind_lines(in_sight: Mask, t: Array, mounted: Mounted) -> Iterator[str]:
+def _blind_lines(in_sight: Mask, t: Array, mounted: Mounted[MountedParameters]) -> Iterator[str]:
     """Yield a line if a sensor has nothing in its field of view at some moments.
 
     :param in_sight: (n,) false: nothing.

@@ -12,7 +12,7 @@ from imu_sim_ros.core import rotation
 from imu_sim_ros.core.conventions import BODIES_TOPIC, LANDMARKS_TOPIC
 from imu_sim_ros.core.records import States
 from imu_sim_ros.sensors.camera.rig_parameters import RigParameters
-from imu_sim_ros.sensors.declaration import Mounted, Payloads, Sensor, Topic
+from imu_sim_ros.sensors.declaration import Mounted, Payloads, Rendering, Sensor, Topic
 from imu_sim_ros.sensors.deferred import Deferred
 from imu_sim_ros.sensors.model import FixedModel
 from imu_sim_ros.sensors.samples import Rows, Samples
@@ -29,7 +29,9 @@ DATASETS: Final = ("euroc", "csv", "tracks", "tum_vi", "vio_data_simulation")
 class AtFrames(FixedModel):
     """Ground truth at the frames of cameras."""
 
-    def __init__(self, mounted: Mounted, t0_ns: int, cameras: Mapping[str, Any]) -> None:
+    def __init__(
+        self, mounted: Mounted[RigParameters], t0_ns: int, cameras: Mapping[str, Any]
+    ) -> None:
         self.mounted = mounted
         self.cameras: list[Camera] = [cameras[name] for name in mounted.sensor.needs(mounted.own)]
         """Cameras whose frames set the times."""
@@ -38,7 +40,9 @@ class AtFrames(FixedModel):
 class Landmarks(AtFrames):
     """All landmarks at rest, once: at the start."""
 
-    def __init__(self, mounted: Mounted, t0_ns: int, cameras: Mapping[str, Any]) -> None:
+    def __init__(
+        self, mounted: Mounted[RigParameters], t0_ns: int, cameras: Mapping[str, Any]
+    ) -> None:
         super().__init__(mounted, t0_ns, cameras)
         self._t0_ns = t0_ns
 
@@ -73,7 +77,7 @@ class BodyTruth(AtFrames):
         return Samples(t_ns, t_ns, release_t_ns, numbers, Deferred(states=states))
 
 
-def _cloud(mounted: Mounted, encoding: str) -> Payloads:
+def _cloud(mounted: Mounted[RigParameters], encoding: str) -> Payloads:
     """Return the encoder of the landmarks in the world as PointCloud2."""
     from imu_sim_ros.bags.messages.encode_cameras import PointCloud2Encoder
 
@@ -93,7 +97,7 @@ def _cloud(mounted: Mounted, encoding: str) -> Payloads:
     return payloads
 
 
-def _odometry(mounted: Mounted, encoding: str) -> Payloads:
+def _odometry(mounted: Mounted[RigParameters], encoding: str) -> Payloads:
     """Return the encoder of a moving body's true motion as Odometry."""
     from imu_sim_ros.bags.messages.encode import OdometryEncoder
 
@@ -108,7 +112,7 @@ def _odometry(mounted: Mounted, encoding: str) -> Payloads:
     return payloads
 
 
-LANDMARKS: Final = Sensor(
+LANDMARKS: Final[Sensor[RigParameters]] = Sensor(
     name="landmarks",
     quantity=LANDMARKS_TOPIC,
     section=RigParameters,
@@ -116,15 +120,13 @@ LANDMARKS: Final = Sensor(
     needs=lambda rig: rig.cameras[:1],
     topics=(Topic(LANDMARKS_TOPIC, "sensor_msgs/msg/PointCloud2", (), _cloud, latched=True),),
     readings=None,
-    mount=lambda _: np.eye(4),
-    faults=False,
+    faulty_parts=(),
     text="landmarks at rest that cameras see",
-    apart=True,
-    datasets=DATASETS,
+    rendering=Rendering(DATASETS),
 )
 
 
-def moving_body(name: str) -> Sensor:
+def moving_body(name: str) -> Sensor[RigParameters]:
     """Return the true motion of a body of a scene as a sensor."""
     topic = f"{BODIES_TOPIC}/{name}"
     return Sensor(
@@ -135,9 +137,7 @@ def moving_body(name: str) -> Sensor:
         topics=(Topic(topic, "nav_msgs/msg/Odometry", (), _odometry),),
         readings=None,
         needs=lambda rig: rig.cameras[:1],
-        mount=lambda _: np.eye(4),
-        faults=False,
+        faulty_parts=(),
         text="true motion of a body that moves in the scene",
-        apart=True,
-        datasets=DATASETS,
+        rendering=Rendering(DATASETS),
     )

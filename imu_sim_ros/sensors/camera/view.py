@@ -113,7 +113,9 @@ class View:
         return CameraPoses(position, rotation.multiply(motion.q_wb, self.q_bc))
 
 
-def view_of(mounted: Mounted, world: World, duration: float | None = None) -> View:
+def view_of(
+    mounted: Mounted[CameraParameters], world: World, duration: float | None = None
+) -> View:
     """Return a camera on a simulation's body.
 
     :param duration: how long it takes frames [s]; None: until the simulation ends.

@@ -15,6 +15,7 @@ from imu_sim_ros.core.types import Array, Integers, Times
 from imu_sim_ros.inputs.tables import Table
 from imu_sim_ros.sensors.declaration import (
     Companions,
+    NativeOutputs,
     Sensor,
     SensorReadings,
     Serial,
@@ -165,7 +166,7 @@ def _extended(samples: Samples, rows: Rows, _: object) -> tuple[object, ...]:
     return _EXTENDED_STATUS[samples.mode[rows]], samples.satellites[rows], numbers, stated
 
 
-SENSOR = Sensor(
+SENSOR: Final[Sensor[GnssParameters]] = Sensor(
     name="gnss",
     quantity="gnss",
     section=GnssParameters,
@@ -210,15 +211,17 @@ SENSOR = Sensor(
     ),
     readings=GnssReadings,
     text="GNSS receiver with fixes and velocities of an antenna, with outages and modes",
-    serial=Serial(lambda parameters: str(parameters.nmea), _sentences),
-    companions=Companions(
-        lambda parameters: (".obs", ".nav") if parameters.raw.rinex else (),
-        _rinex,
-        Switch(
-            "rinex",
-            "raw.rinex",
-            "write raw GNSS measurements as RINEX next to the output: NAME.obs, NAME.nav",
+    outputs=NativeOutputs(
+        Companions(
+            lambda parameters: (".obs", ".nav") if parameters.raw.rinex else (),
+            _rinex,
+            Switch(
+                "rinex",
+                "raw.rinex",
+                "write raw GNSS measurements as RINEX next to the output: NAME.obs, NAME.nav",
+            ),
         ),
+        Serial(lambda parameters: str(parameters.nmea), _sentences),
     ),
     presets="gnss",
     warnings=on_demand("imu_sim_ros.sensors.gnss.model", "nowhere"),

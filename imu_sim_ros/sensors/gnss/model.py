@@ -27,12 +27,12 @@ STATUS: Final = (0, 1, 2, 2)
 """Status of sensor_msgs/NavSatStatus for each mode: FIX, SBAS_FIX, GBAS_FIX."""
 
 
-class Receiver(SensorModel):
+class Receiver(SensorModel[GnssParameters]):
     """Fixes and velocities of one antenna."""
 
     parameters: GnssParameters
 
-    def __init__(self, mounted: Mounted, t0_ns: int, _: object) -> None:
+    def __init__(self, mounted: Mounted[GnssParameters], t0_ns: int, _: object) -> None:
         """Set up all errors at their start."""
         super().__init__(mounted, t0_ns)
         name, environment, p = mounted.name, mounted.environment, self.parameters
@@ -185,7 +185,7 @@ def _without_satellites(count: int) -> Mapping[str, AnyArray]:
     }
 
 
-def nowhere(mounted: Mounted, world: World, _: float) -> list[str]:
+def nowhere(mounted: Mounted[GnssParameters], world: World, _: float) -> list[str]:
     """Return a line if the location of the world on the Earth is not stated."""
     origin = mounted.environment
     if origin.latitude_deg or origin.longitude_deg:

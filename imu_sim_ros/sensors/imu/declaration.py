@@ -25,6 +25,7 @@ from imu_sim_ros.sensors.declaration import (
     Payloads,
     Sensor,
     Topic,
+    WithImu,
     on_demand,
     topic,
 )
@@ -48,7 +49,7 @@ class ImuReadings(Readings):
     """(n,) true times of the samples [ns]."""
 
 
-def readings(mounted: Mounted, encoding: str, *orientation: str) -> Payloads:
+def readings(mounted: Mounted[ImuParameters], encoding: str, *orientation: str) -> Payloads:
     """Return the encoder of readings with the valid variances.
 
     :param orientation: names of the samples' orientation and its variance, if there is one.
@@ -72,7 +73,7 @@ def readings(mounted: Mounted, encoding: str, *orientation: str) -> Payloads:
 def _increments(name: str, means: str, flag: str, truth: bool = False) -> Topic:
     """Return a topic of increments: mean readings times the nominal interval."""
 
-    def make(mounted: Mounted, encoding: str) -> Payloads:
+    def make(mounted: Mounted[ImuParameters], encoding: str) -> Payloads:
         from imu_sim_ros.bags.messages.encode import Vector3StampedEncoder
 
         sampling, interval = mounted.own.sampling, 1.0 / mounted.environment.rate
@@ -97,11 +98,11 @@ def _error(name: str, column: str) -> Topic:
     )
 
 
-SENSOR = Sensor(
+SENSOR: Final[Sensor[ImuParameters]] = Sensor(
     name=NAME,
     quantity=NAME,
     section=ImuParameters,
-    with_imu=True,
+    with_imu=WithImu(),
     model=on_demand("imu_sim_ros.sensors.imu.model", "Imu"),
     topics=(
         Topic(IMU_TOPIC, TYPE, (), readings),
@@ -124,7 +125,7 @@ SENSOR = Sensor(
         _increments(IDEAL_DELTA_VELOCITY_TOPIC, "ideal_accel", "ground_truth_increments", True),
     ),
     readings=ImuReadings,
-    parts=TRIADS,
+    faulty_parts=TRIADS,
     text="gyroscope and accelerometer",
     warnings=on_demand("imu_sim_ros.sensors.imu.model", "exceeded"),
 )

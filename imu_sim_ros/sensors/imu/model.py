@@ -78,7 +78,7 @@ class Imu:
     latest: Samples
     """Samples of the most recent read."""
 
-    def __init__(self, mounted: Mounted, t0_ns: int, _: object = None) -> None:
+    def __init__(self, mounted: Mounted[ImuParameters], t0_ns: int, _: object = None) -> None:
         """Set up all errors at their start.
 
         :param t0_ns: time of sample 0 [ns].
@@ -335,7 +335,7 @@ def _truth(
     yield motion
 
 
-def exceeded(mounted: Mounted, world: World, duration: float) -> list[str]:
+def exceeded(mounted: Mounted[ImuParameters], world: World, duration: float) -> list[str]:
     """Return a line for each triad whose range the motion exceeds when it is read.
 
     At most the first hour is examined, at 100,000 times or fewer.

@@ -14,7 +14,8 @@ import numpy as np
 
 from imu_sim_ros.core import timebase
 from imu_sim_ros.core.conventions import TRIADS
-from imu_sim_ros.core.types import Complex
+from imu_sim_ros.core.rotation import pose_matrix
+from imu_sim_ros.core.types import Array, Complex
 from imu_sim_ros.parameters.kinds import (
     IDENTITY_MATRIX,
     ZERO_MATRIX,
@@ -31,7 +32,13 @@ from imu_sim_ros.parameters.kinds import (
 from imu_sim_ros.parameters.sections import common_sections, section
 from imu_sim_ros.sensors import sensors_of_imus
 from imu_sim_ros.sensors.imu.triads import TriadsParameters
-from imu_sim_ros.sensors.parameters import LONGEST, TimingParameters, rotation_problems
+from imu_sim_ros.sensors.parameters import (
+    LONGEST,
+    MountedParameters,
+    OwnRateParameters,
+    TimingParameters,
+    rotation_problems,
+)
 
 DEFAULT_IMU: Final = "lecture"
 AXES_READ = 6
@@ -269,7 +276,7 @@ MOUNT: Final = ("imu.lever_arm", "imu.mounting")
 
 
 @dataclass(frozen=True)
-class ImuParameters(TimingParameters, BoardParameters, TriadsParameters):
+class ImuParameters(MountedParameters, TimingParameters, BoardParameters, TriadsParameters):
     """One IMU, with a section for each sensor that belongs to it."""
 
     preset: str = text("lecture", "file in config/imus, or a path, to start from")
@@ -297,7 +304,7 @@ class ImuParameters(TimingParameters, BoardParameters, TriadsParameters):
         2, "order of the low-pass filters (Butterworth)", minimum=1, maximum=8
     )
     vibration: BoardVibrationParameters = section(BoardVibrationParameters)
-    sensors: Mapping[str, object] = common_sections(
+    sensors: Mapping[str, OwnRateParameters] = common_sections(
         lambda: {sensor.name: sensor.section for sensor in sensors_of_imus()}, joint="_"
     )
     """``imu.magnetometer`` is ``imu.sensors["magnetometer"]``."""
@@ -308,6 +315,10 @@ class ImuParameters(TimingParameters, BoardParameters, TriadsParameters):
         if name in sensors:
             return sensors[name]
         raise AttributeError(f"{type(self).__name__!r} object has no attribute {name!r}")
+
+    def mount(self) -> Array:
+        """Return the pose T_bi (4, 4) of ``lever_arm`` and ``mounting``."""
+        return pose_matrix(np.reshape(self.mounting, (3, 3)), self.lever_arm)
 
     def internal_ratio(self, rate: float) -> Fraction:
         """Return how many readings inside the sensor make one sample.

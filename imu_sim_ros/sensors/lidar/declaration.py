@@ -14,6 +14,7 @@ from imu_sim_ros.core.types import Array, Single
 from imu_sim_ros.sensors.declaration import (
     Companions,
     Mounted,
+    NativeOutputs,
     Payloads,
     Sensor,
     SensorReadings,
@@ -128,7 +129,7 @@ def _topic(
 ) -> Topic:
     """Return a topic of a message for each scan."""
 
-    def make(mounted: Mounted, encoding: str) -> Payloads:
+    def make(mounted: Mounted[LidarParameters], encoding: str) -> Payloads:
         from imu_sim_ros.bags.messages import encode_cameras
 
         messages = getattr(encode_cameras, kind[1])(mounted.frame, encoding)
@@ -158,7 +159,7 @@ def _truth(readings: Samples, scans: Iterable[int], _: object) -> Rays:
     return ((int(readings.true_t_ns[k]), _true_points(readings, k)) for k in scans)
 
 
-SENSOR = Sensor(
+SENSOR: Final[Sensor[LidarParameters]] = Sensor(
     name="lidar",
     quantity="lidar",
     section=LidarParameters,
@@ -173,9 +174,11 @@ SENSOR = Sensor(
     sees=True,
     in_sight=on_demand(_MODEL, "in_sight"),
     text="LiDAR scans, each ray cast from the sensor's pose at its time, with range errors",
-    companions=Companions(
-        lambda parameters: ("_scans",) if parameters.files != "none" else (),
-        on_demand("imu_sim_ros.sensors.lidar.files", "ScanFiles"),
+    outputs=NativeOutputs(
+        Companions(
+            lambda parameters: ("_scans",) if parameters.files != "none" else (),
+            on_demand("imu_sim_ros.sensors.lidar.files", "ScanFiles"),
+        )
     ),
     presets="lidar",
 )

@@ -86,12 +86,12 @@ def realised_lidar(p: LidarParameters, seed: int, name: str) -> LidarParameters:
     return dataclasses.replace(p, ring_bias=bias, ring_elevation_error_deg=error_deg)
 
 
-def in_sight(mounted: Mounted, world: World, t: Array) -> Mask:
+def in_sight(mounted: Mounted[LidarParameters], world: World, t: Array) -> Mask:
     """Return at which times (n,) [s] a scan of a LiDAR that starts then has a point.
 
     A share of the rays is traced first, and all of them where none of these returns.
     """
-    p: LidarParameters = mounted.own
+    p = mounted.own
     if not has_surfaces(rig_parameters_of(mounted.environment).scene):
         return np.zeros(len(t), np.bool_)
     lidar, pattern = Lidar(mounted, world.t0_ns, {}), build_pattern(p)
@@ -113,16 +113,18 @@ def in_sight(mounted: Mounted, world: World, t: Array) -> Mask:
     return np.array([returns(k, some) or returns(k, all_rays) for k in range(len(t))])
 
 
-class Lidar(SensorModel):
+class Lidar(SensorModel[LidarParameters]):
     """A LiDAR on a body."""
 
-    def __init__(self, mounted: Mounted, t0_ns: int, _: Mapping[str, Model]) -> None:
+    def __init__(
+        self, mounted: Mounted[LidarParameters], t0_ns: int, _: Mapping[str, Model]
+    ) -> None:
         """Set up its rays.
 
         :raises InputError: for a table of directions that cannot be used.
         """
         super().__init__(mounted, t0_ns)
-        p: LidarParameters = mounted.own
+        p = mounted.own
         self._pattern = build_pattern(p)
         self._streams: dict[str, Generator] = {}
         self._targets: Targets | None = None
@@ -281,7 +283,7 @@ class Lidar(SensorModel):
             return None
         return p.detection_range * np.sqrt(power / p.detection_reflectivity)
 
-    def _range_noise(self, range_: Array, limit: Array | None) -> Array | None:
+    def _range_noise(self, range_: Array, limit: Array | None) -> AnyArray | None:
         """Return the noise of ranges (n,); None: there is none."""
         p = self.parameters
         if limit is None or p.range_noise_at_limit == 0.0:

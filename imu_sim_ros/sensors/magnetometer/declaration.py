@@ -13,7 +13,7 @@ from imu_sim_ros.core.conventions import Vector
 from imu_sim_ros.core.gate import FIELD
 from imu_sim_ros.core.types import Array
 from imu_sim_ros.inputs.tables import Encode, Table
-from imu_sim_ros.sensors.declaration import Sensor, SensorReadings, on_demand, topic
+from imu_sim_ros.sensors.declaration import Sensor, SensorReadings, WithImu, on_demand, topic
 from imu_sim_ros.sensors.imu.parameters import ImuParameters
 from imu_sim_ros.sensors.magnetometer.parameters import MagnetometerParameters, MagnetometerSwitches
 from imu_sim_ros.sensors.recorded import RecordedSamples, read_samples
@@ -90,11 +90,11 @@ TABLE: Final = Table(
     bias_type=BIAS_TYPE,
 )
 
-SENSOR = Sensor(
+SENSOR: Final[Sensor[ImuParameters]] = Sensor(
     name="magnetometer",
     quantity="magnetic_field",
     section=MagnetometerParameters,
-    with_imu=True,
+    with_imu=WithImu(MagnetometerSwitches, _unit_hint),
     model=on_demand("imu_sim_ros.sensors.magnetometer.model", "Magnetometer"),
     topics=(
         topic(
@@ -118,8 +118,6 @@ SENSOR = Sensor(
             truth=True,
         ),
     ),
-    switches=MagnetometerSwitches,
-    given=_unit_hint,
     table=TABLE,
     values=lambda samples: samples.field,
     readings=MagneticReadings,

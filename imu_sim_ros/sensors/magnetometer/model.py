@@ -17,6 +17,7 @@ from imu_sim_ros.sensors.environment import EnvironmentParameters
 from imu_sim_ros.sensors.errors.realised import with_constants, with_turn_on
 from imu_sim_ros.sensors.errors.triad import Additions, Triad
 from imu_sim_ros.sensors.faults import FaultSchedule
+from imu_sim_ros.sensors.imu.parameters import ImuParameters
 from imu_sim_ros.sensors.magnetometer.parameters import MagnetometerParameters
 from imu_sim_ros.sensors.model import SensorWithImu
 from imu_sim_ros.sensors.timing import Sampled
@@ -177,7 +178,7 @@ class Magnetometer(SensorWithImu):
 
     parameters: MagnetometerParameters
 
-    def __init__(self, mounted: Mounted, t0_ns: int, _: object = None) -> None:
+    def __init__(self, mounted: Mounted[ImuParameters], t0_ns: int, _: object = None) -> None:
         """Set up all errors at their start.
 
         :param t0_ns: time of the start [ns].

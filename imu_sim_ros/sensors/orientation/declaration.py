@@ -16,6 +16,7 @@ from imu_sim_ros.sensors.declaration import (
     Sensor,
     SensorReadings,
     Topic,
+    WithImu,
     on_demand,
 )
 from imu_sim_ros.sensors.imu.declaration import readings
@@ -40,7 +41,7 @@ class Orientations(SensorReadings):
     """(n, 4) true orientation."""
 
 
-def _readings(mounted: Mounted, encoding: str) -> Payloads:
+def _readings(mounted: Mounted[ImuParameters], encoding: str) -> Payloads:
     """Return the encoder of Imu messages with orientation."""
     return readings(mounted, encoding, "q_wi", "variance")
 
@@ -64,19 +65,18 @@ TABLE: Final = Table(
     of_readings=True,
 )
 
-SENSOR = Sensor(
+SENSOR: Final[Sensor[ImuParameters]] = Sensor(
     name="orientation",
     quantity="orientation",
     section=OrientationParameters,
-    with_imu=True,
+    with_imu=WithImu(OrientationSwitches),
     model=on_demand("imu_sim_ros.sensors.orientation.model", "Orientation"),
     topics=(Topic(TOPIC, TYPE, ("orientation",), _readings),),
-    switches=OrientationSwitches,
     table=TABLE,
     values=lambda samples: samples.q_wi,
     readings=Orientations,
     needs=_needs,
-    faults=False,
+    faulty_parts=(),
 )
 
 

@@ -129,7 +129,9 @@ class _Correction:
 class Orientation(FixedModel):
     """Orientations at the IMU's samples, or at every m-th of them."""
 
-    def __init__(self, mounted: Mounted, _: int, models: Mapping[str, Model]) -> None:
+    def __init__(
+        self, mounted: Mounted[ImuParameters], _: int, models: Mapping[str, Model]
+    ) -> None:
         """Set up the model or the filter.
 
         :param models: the IMU, and for the filter its magnetometer; they are read

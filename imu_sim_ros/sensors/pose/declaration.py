@@ -40,7 +40,7 @@ _TRANSFORMS: Final = "tf2_msgs/msg/TFMessage"
 class Pose(FixedModel):
     """The body's motion at the rate of the simulation."""
 
-    def __init__(self, mounted: Mounted, t0_ns: int, _: object) -> None:
+    def __init__(self, mounted: Mounted[EnvironmentParameters], t0_ns: int, _: object) -> None:
         self._times = SampleTimes(mounted.environment.rate, t0_ns)
 
     def read(self, window: Window, world: World) -> Samples:
@@ -58,7 +58,7 @@ class Poses(States):
     """(n,) true times, equal to the stamps [ns]."""
 
 
-def _odometry(mounted: Mounted, encoding: str) -> Payloads:
+def _odometry(mounted: Mounted[EnvironmentParameters], encoding: str) -> Payloads:
     """Return the encoder of the true pose as Odometry."""
     from imu_sim_ros.bags.messages.encode import OdometryEncoder
 
@@ -73,7 +73,7 @@ def _odometry(mounted: Mounted, encoding: str) -> Payloads:
     return payloads
 
 
-def _fix(mounted: Mounted, encoding: str) -> Payloads:
+def _fix(mounted: Mounted[EnvironmentParameters], encoding: str) -> Payloads:
     """Return the encoder of the true position as NavSatFix."""
     from imu_sim_ros.bags.messages.encode import NavSatFixEncoder
 
@@ -84,7 +84,7 @@ def _fix(mounted: Mounted, encoding: str) -> Payloads:
     )
 
 
-def _pose(mounted: Mounted, encoding: str) -> Payloads:
+def _pose(mounted: Mounted[EnvironmentParameters], encoding: str) -> Payloads:
     """Return the encoder of the true pose as PoseStamped."""
     from imu_sim_ros.bags.messages.encode import PoseStampedEncoder
 
@@ -92,7 +92,7 @@ def _pose(mounted: Mounted, encoding: str) -> Payloads:
     return lambda samples, *_: messages.pattern(samples.true_t_ns, samples.position, samples.q_wb)
 
 
-def _transforms(mounted: Mounted, encoding: str) -> Payloads:
+def _transforms(mounted: Mounted[EnvironmentParameters], encoding: str) -> Payloads:
     """Return the encoder of the true pose as a transform."""
     from imu_sim_ros.bags.messages.blocks import as_row_template
     from imu_sim_ros.bags.messages.transforms import TransformsEncoder
@@ -104,7 +104,7 @@ def _transforms(mounted: Mounted, encoding: str) -> Payloads:
     )
 
 
-SENSOR = Sensor(
+SENSOR: Final[Sensor[EnvironmentParameters]] = Sensor(
     name=NAME,
     quantity=NAME,
     section=EnvironmentParameters,
@@ -118,7 +118,6 @@ SENSOR = Sensor(
         Topic(TRUTH_POSE_TOPIC, "geometry_msgs/msg/PoseStamped", None, _pose, truth=True),
     ),
     readings=Poses,
-    mount=lambda _: np.eye(4),
-    faults=False,
+    faulty_parts=(),
     text="true pose and motion of the body",
 )

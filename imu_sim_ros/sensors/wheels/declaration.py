@@ -82,7 +82,7 @@ class WheelsReadings(SensorReadings):
 def _joints(name: str, position: str, velocity: str, truth: bool = False) -> Topic:
     """Return the topic of the wheels' angles and rates, JointState."""
 
-    def make(_: Mounted, encoding: str) -> Payloads:
+    def make(_: Mounted[WheelsParameters], encoding: str) -> Payloads:
         from imu_sim_ros.bags.messages.transforms import JointStateEncoder
 
         def payloads(samples: Samples, rows: Rows, parameters: WheelsParameters) -> "RowTemplate":
@@ -100,7 +100,7 @@ def _joints(name: str, position: str, velocity: str, truth: bool = False) -> Top
 def _odometry(name: str, truth: bool = False) -> Topic:
     """Return the topic of the wheels' odometry."""
 
-    def make(mounted: Mounted, encoding: str) -> Payloads:
+    def make(mounted: Mounted[WheelsParameters], encoding: str) -> Payloads:
         from imu_sim_ros.bags.messages.encode import OdometryEncoder
 
         def payloads(samples: Samples, rows: Rows, parameters: WheelsParameters) -> "RowTemplate":
@@ -144,7 +144,7 @@ def _planar(measured: Array) -> Array:
     return covariance
 
 
-SENSOR = Sensor(
+SENSOR: Final[Sensor[WheelsParameters]] = Sensor(
     name="wheels",
     quantity="wheels",
     section=WheelsParameters,

@@ -87,12 +87,12 @@ def point_twist(motion: Motion, lever_arm: Array, q_bs: Array) -> tuple[Array, A
     )
 
 
-class Odometer(SensorModel):
+class Odometer(SensorModel[WheelsParameters]):
     """Encoders of all wheels, and the odometry that a robot computes from them."""
 
     parameters: WheelsParameters
 
-    def __init__(self, mounted: Mounted, t0_ns: int, _: object) -> None:
+    def __init__(self, mounted: Mounted[WheelsParameters], t0_ns: int, _: object) -> None:
         """Set up all errors at their start; the angles and the pose are 0 at the first reading."""
         super().__init__(mounted, t0_ns)
         name, environment, p = mounted.name, mounted.environment, self.parameters
@@ -293,9 +293,11 @@ class Odometer(SensorModel):
         return poses
 
 
-def unmeasured_motion(mounted: Mounted, world: World, duration: float) -> list[str]:
+def unmeasured_motion(
+    mounted: Mounted[WheelsParameters], world: World, duration: float
+) -> list[str]:
     """Return a line with the unmeasured motion, if it is not that of such a vehicle."""
-    p: WheelsParameters = mounted.own
+    p = mounted.own
     trajectory = world.trajectory
     q_bs = rotation.from_matrix(np.reshape(p.mounting, (3, 3)))
     longest = min(duration, trajectory.duration, _LONGEST_LOOK)
