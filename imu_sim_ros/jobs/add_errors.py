@@ -241,6 +241,8 @@ class ErrorModel:
                 spread=spread,
                 **parameters,
             )
+        if spread is not None:
+            parameters["spread"] = spread  # refused: a single sensor has no such parameter
         self = super().__new__(cls)
         layers = layers_of(imu, seed, params_file, input, parameters, rate)
         self._model = GivenImu(load_error_model(layers), OTHERS, warn)
