@@ -22,6 +22,7 @@ from imu_sim_ros.core.conventions import (
     IMAGE_TOPIC,
     MASK_TOPIC,
 )
+from imu_sim_ros.core.types import field_values
 from imu_sim_ros.recordings.cameras import CameraInfo, CameraRecord
 
 _ENDINGS: Final = (
@@ -83,12 +84,8 @@ def base_of(topic: str) -> str:
 
 def camera_info(message: Message) -> CameraInfo:
     """Return a message of CameraInfo, of ROS 1 or ROS 2, as values."""
-    d, k, r, p = (
-        np.asarray(
-            getattr(message, name) if hasattr(message, name) else getattr(message, name.upper())
-        )
-        for name in "dkrp"
-    )
+    values = {name.lower(): value for name, value in field_values(message).items()}
+    d, k, r, p = (np.asarray(values[name]) for name in "dkrp")
     roi = message.roi
     return CameraInfo(
         int(message.height),

@@ -144,7 +144,8 @@ def statistic(values: Array, name: str) -> ConfidenceInterval:
     if name == "mean":
         return mean(values)
     if name in ("min", "max"):
-        value = float(getattr(np, name)(values)) if len(values) else None
+        extreme = np.min if name == "min" else np.max
+        value = float(extreme(values)) if len(values) else None
         return ConfidenceInterval(value, None, None)
     return quantile(values, 0.5 if name == "median" else float(name[1:]) / 100.0)
 

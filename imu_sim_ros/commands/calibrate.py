@@ -73,7 +73,7 @@ def calibrate(arguments: argparse.Namespace) -> None:
     folder = arguments.output or Path(arguments.kind)
     names = ["imu.yaml", "correction.yaml", f"{arguments.kind}.png"]
     staging = None if arguments.no_files else written.add_files(folder, names)
-    rates = getattr(arguments, "rates", None)
+    rates = vars(arguments).get("rates")
     with written.staged():
         problems = Problems()
         with problems.gathered():

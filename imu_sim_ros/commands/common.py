@@ -50,7 +50,7 @@ def save_plot(plot: Path | None, draw: "Callable[[], Figure]") -> None:
 
 def _named_files(arguments: argparse.Namespace) -> Iterator[Path]:
     """Yield every argument that is the name of something that exists, but outputs and words."""
-    no_inputs = _WRITTEN | getattr(arguments, "words", frozenset())
+    no_inputs = _WRITTEN | vars(arguments).get("words", frozenset())
     for name, value in vars(arguments).items():
         if name not in no_inputs:
             yield from _files_in(value)

@@ -116,7 +116,7 @@ def parser() -> program.Parser:
 
 def control(arguments: argparse.Namespace) -> None:
     """Carry out the action."""
-    samples = getattr(arguments, "samples", None)
+    samples = vars(arguments).get("samples")
     if samples is not None and not 1 <= samples <= 1_000_000:
         raise ConfigurationError(f"step {samples}: must be 1 to 1000000 samples")
     changes = _changes(arguments.changes) if arguments.action == "set" else {}

@@ -130,8 +130,9 @@ _LISTS: Final = {
 
 def generate(arguments: argparse.Namespace) -> None:
     """Write the requested output."""
+    options = vars(arguments)
     names = [*named_sensors(), *(switch.name for switch in switches().values())]
-    sensors = {name: enabled for name in names if (enabled := getattr(arguments, name))}
+    sensors = {name: enabled for name in names if (enabled := options[name])}
     program.show(arguments, call(job, arguments, defaults=sensors))
 
 

@@ -235,7 +235,7 @@ class Parser(argparse.ArgumentParser):
     def _with_choices(self, namespace: argparse.Namespace) -> argparse.Namespace:
         """Note the options with choices, whose values are no names of files."""
         choices = {action.dest for action in self._actions if action.choices is not None}
-        namespace.words = getattr(namespace, "words", frozenset()) | choices
+        namespace.words = vars(namespace).get("words", frozenset()) | choices
         return namespace
 
     def _unknown_options(self, arguments: Sequence[str]) -> Iterator[str]:
@@ -357,8 +357,9 @@ def main(
         return 1
     except Exception as error:  # an argument of an unforeseen kind
         return _report_error(program_parser.prog, error, debug=False)
-    debug = getattr(arguments, "debug", False)
-    quiet = any(getattr(arguments, name, False) for name in ("quiet", "json"))
+    switches = vars(arguments)
+    debug = switches.get("debug", False)
+    quiet = any(switches.get(name, False) for name in ("quiet", "json"))
     written: list[Path] = []
     with watched_by(_watcher(program_parser.prog, quiet, written.append)):
         return run(program_parser.prog, lambda: command(arguments), debug, written)

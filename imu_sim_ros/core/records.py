@@ -76,8 +76,9 @@ class TimeSeries:
         prefix = "" if source == default else f"{source}."
         columns: dict[str, AnyArray] = {"t_ns": stamps(f"{prefix}t_ns", self.t_ns)}
         quantities: list[tuple[gate.Quantity, Array]] = []
+        given = _values(self)
         for name, declaration in self.columns().items():
-            values = getattr(self, name)
+            values = given[name]
             if values is None:
                 continue
             quantity = declaration.quantity
@@ -90,14 +91,13 @@ class TimeSeries:
                 quantities.append((quantity, columns[name]))
         if self.lines is not None:
             columns["lines"] = stamps(f"{prefix}lines", self.lines)
-        for entry in fields(self):
-            value = getattr(self, entry.name)
-            if entry.name.endswith("frame_id"):
-                text(f"{prefix}{entry.name}", value, "a name", empty=True)
-            elif entry.name in ("skipped", "repeated"):
-                whole(f"{prefix}{entry.name}", value, "a count of rows", 0, MOST_ROWS)
-            elif entry.name == "notes":
-                words(f"{prefix}{entry.name}", value)
+        for name, value in given.items():
+            if name.endswith("frame_id"):
+                text(f"{prefix}{name}", value, "a name", empty=True)
+            elif name in ("skipped", "repeated"):
+                whole(f"{prefix}{name}", value, "a count of rows", 0, MOST_ROWS)
+            elif name == "notes":
+                words(f"{prefix}{name}", value)
         self._check(gate.Verdict(columns["t_ns"], quantities), source)
         for name, values in columns.items():
             object.__setattr__(self, name, values)  # frozen
@@ -189,10 +189,11 @@ class TimeSeries:
 
     def _frame_columns(self) -> dict[str, Array]:
         """Return the columns of :meth:`to_frame` (n,) or (n, k) by name."""
+        values = _values(self)
         return {
-            declaration.prefix or name: getattr(self, name)
+            declaration.prefix or name: values[name]
             for name, declaration in self.columns().items()
-            if getattr(self, name) is not None and len(declaration.shape) < 2
+            if values[name] is not None and len(declaration.shape) < 2
         }
 
 
@@ -275,8 +276,8 @@ class States(TimeSeries):
 
     def __post_init__(self) -> None:
         """Check every column; arguments and errors as for :class:`TimeSeries`."""
-        for name, width in (("position", 3), ("q_wb", 4)):
-            if getattr(self, name) is None:
+        for name, values, width in (("position", self.position, 3), ("q_wb", self.q_wb, 4)):
+            if values is None:
                 refuse(name, None, f"an array (n, {width})", wrong_type=True)
         super().__post_init__()
         object.__setattr__(self, "q_wb", gate.at_unit_length(self.q_wb))
@@ -419,9 +420,9 @@ def concatenated(records: Sequence[SeriesT]) -> SeriesT:
     head = records[0]
     if len(records) == 1:
         return head
-    values = _values(head)
+    values, blocks = _values(head), [_values(block) for block in records]
     for name in _fields_of(type(head)).arrays:
-        parts = [getattr(block, name) for block in records]
+        parts = [block[name] for block in blocks]
         values[name] = None if any(part is None for part in parts) else np.concatenate(parts)
     return _record(type(head), values)
 

@@ -4,10 +4,14 @@
 """Arrays by the names that the whole package has for them; each use states shape and unit."""
 
 from collections.abc import Mapping
-from typing import Any, TypeAlias
+from dataclasses import fields
+from typing import TYPE_CHECKING, Any, TypeAlias
 
 import numpy as np
 from numpy.typing import NDArray
+
+if TYPE_CHECKING:
+    from _typeshed import DataclassInstance
 
 Array = NDArray[np.float64]
 """Numbers."""
@@ -29,6 +33,11 @@ Keywords: TypeAlias = dict[str, Any]
 """Arguments of one call by name; type checkers cannot tell their types apart behind ``**``."""
 JsonObject: TypeAlias = dict[str, Any]
 """A JSON object of results: numbers, texts, lists and objects by name, as ``json`` has them."""
+
+
+def field_values(instance: "DataclassInstance") -> Keywords:
+    """Return the values of a dataclass's fields by name, those of its sections as they are."""
+    return {field.name: getattr(instance, field.name) for field in fields(instance)}
 
 
 def shapes(rows: Any, more: Mapping[str, object] = {}) -> str:

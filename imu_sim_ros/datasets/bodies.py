@@ -41,8 +41,10 @@ def add_tables(tables: Tables, folder: Path, view: View, scene: Scene) -> None:
         states = [body.states(t_ns, view.seconds(t_ns)) for body in crowd.each]
         number = np.tile(np.arange(count), len(index))
         position, q_wb, velocity, rate = (
-            np.stack([getattr(state, name) for state in states], axis=1).reshape(len(number), -1)
-            for name in ("position", "q_wb", "velocity", "angular_velocity")
+            np.stack(columns, axis=1).reshape(len(number), -1)
+            for columns in zip(
+                *((s.position, s.q_wb, s.velocities(), s.body_rates()) for s in states), strict=True
+            )
         )
         rows = (number + 1, names[number], position, q_wb, velocity, rate)
         table.write(t_ns.repeat(count), *rows)

@@ -7,11 +7,13 @@ import contextlib
 import dataclasses
 import glob
 from collections.abc import Iterator, Mapping
+from dataclasses import fields
 from pathlib import Path
 from typing import Final
 
 from imu_sim_ros.bags.outputs import named
 from imu_sim_ros.core.errors import InputError
+from imu_sim_ros.core.types import field_values
 from imu_sim_ros.inputs.rows import is_present
 from imu_sim_ros.parameters import files
 from imu_sim_ros.parameters.kinds import Value
@@ -97,11 +99,9 @@ def new_truths(output: Path, parameters: SimulationParameters) -> dict[Path, str
 
     :raises InputError: if another output of this name has another sensor.
     """
-    world = {
-        name: getattr(parameters, name)
-        for name in _WORLD
-        if getattr(parameters, name) != getattr(SimulationParameters, name)
-    }
+    values = field_values(parameters)
+    defaults = {field.name: field.default for field in fields(SimulationParameters)}
+    world = {name: values[name] for name in _WORLD if values[name] != defaults[name]}
     texts = {name: _imu_text(imu, world) for name, imu in imus(parameters).items()}
     sensors = mounted(parameters)
     texts |= {name: _sensor_text(sensors[name], world) for name in parameters.each_sensor}

@@ -236,12 +236,12 @@ def read_states(
     states = with_fields(states, skipped=sum(counts))
     if warned is not None:
         return states
-    unknown = {  # all zeros (REP-145)
-        name: None
-        for name in ("covariance", "twist_covariance")
-        if not np.any(getattr(states, name))
-    }
-    states = with_fields(states, **unknown)
+    # All zeros: unknown (REP-145).
+    states = with_fields(
+        states,
+        covariance=states.covariance if np.any(states.covariance) else None,
+        twist_covariance=states.twist_covariance if np.any(states.twist_covariance) else None,
+    )
     return states.in_order() if ordered else states
 
 

@@ -186,9 +186,10 @@ def evaluate_attitude(estimate: Any, truth: States, max_gap: float) -> AttitudeE
     t_ns = stamps("estimate.t_ns", estimate.t_ns)
     if (t_ns[1:] <= t_ns[:-1]).any():
         refuse("estimate.t_ns", estimate.t_ns, "strictly increasing")
-    q_wb = array(f"estimate.{name}", getattr(estimate, name), (len(t_ns), 4))
+    stated = getattr(estimate, name)
+    q_wb = array(f"estimate.{name}", stated, (len(t_ns), 4))
     if (np.linalg.norm(q_wb, axis=1) < 0.5).any():
-        refuse(f"estimate.{name}", getattr(estimate, name), "unit quaternions (w, x, y, z)")
+        refuse(f"estimate.{name}", stated, "unit quaternions (w, x, y, z)")
     return compared_attitudes(t_ns, q_wb, truth, max_gap)
 
 

@@ -6,7 +6,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cache, wraps
 from os import PathLike
@@ -131,10 +131,17 @@ class Track(States):
             "truth_until_s": drift and self._seconds(drift.t_ns[-1]),
             "notes": list(self.notes),
         }
-        for name, unit in (("position", "m"), ("velocity", "m_s"), ("attitude", "rad")):
-            for kind in ("final", "rms"):
-                error = None if drift is None else getattr(drift, f"{kind}_{name}")
-                result[f"{kind}_{name}_error_{unit}"] = error
+        errors: dict[str, tuple[float | None, float | None]] = dict.fromkeys(
+            ("position_error_m", "velocity_error_m_s", "attitude_error_rad"), (None, None)
+        )
+        if drift is not None:
+            errors = {
+                "position_error_m": (drift.final_position, drift.rms_position),
+                "velocity_error_m_s": (drift.final_velocity, drift.rms_velocity),
+                "attitude_error_rad": (drift.final_attitude, drift.rms_attitude),
+            }
+        for name, (final, rms) in errors.items():
+            result |= {f"final_{name}": final, f"rms_{name}": rms}
         for kind in ("final", "rms"):
             error = result[f"{kind}_position_error_m"]
             has_path = error is not None and length > 0.0
@@ -187,13 +194,17 @@ def plot_named_tracks(shown: Mapping[str, Track], title: str) -> Figure:
     from imu_sim_ros.plots import navigation as pictures
 
     drifts = {name: track.drift() for name, track in shown.items()}
+    kinds: dict[str, Callable[[Comparison], Array]] = {
+        "position": lambda drift: drift.position,
+        "attitude": lambda drift: drift.attitude,
+    }
     errors = {
         kind: {
-            name: ((d.t_ns - d.t_ns[0]) * 1e-9, np.linalg.norm(getattr(d, kind), axis=1))
+            name: ((d.t_ns - d.t_ns[0]) * 1e-9, np.linalg.norm(vectors_of(d), axis=1))
             for name, d in drifts.items()
             if d is not None
         }
-        for kind in ("position", "attitude")
+        for kind, vectors_of in kinds.items()
     }
     truth = next(iter(shown.values())).truth
     return pictures.trajectories(

@@ -8,7 +8,7 @@ from __future__ import annotations
 import os
 import re
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass, fields, replace
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any, Final, NamedTuple, Protocol, TypedDict, overload
 
@@ -31,7 +31,7 @@ from imu_sim_ros.core.conventions import TRUTH_TOPIC
 from imu_sim_ros.core.digits import interval_texts
 from imu_sim_ros.core.errors import InputError, Problems, warn
 from imu_sim_ros.core.records import States, with_fields
-from imu_sim_ros.core.types import Array, Integers, JsonObject, Mask, Times
+from imu_sim_ros.core.types import Array, Integers, JsonObject, Mask, Times, field_values
 from imu_sim_ros.formats.door import has_topics, read_trajectory
 from imu_sim_ros.inputs.poses import write_tum
 from imu_sim_ros.inputs.tables import Table
@@ -538,8 +538,7 @@ def evaluation(
     if offset is not None:
         estimate = with_fields(estimate, t_ns=estimate.t_ns + round(offset.value_s * 1e9))
     errors = compare(estimate, truth, align, max_gap)
-    columns = {column.name: getattr(errors, column.name) for column in fields(errors)}
-    return Evaluation(**columns, time_offset=offset)
+    return Evaluation(**field_values(errors), time_offset=offset)
 
 
 def _time_offset(estimate: States, truth: States, align: str, max_gap: float) -> TimeOffset:

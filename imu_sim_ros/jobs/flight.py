@@ -6,7 +6,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, fields
+from dataclasses import dataclass
 from functools import cached_property
 from os import PathLike
 from pathlib import Path
@@ -21,7 +21,7 @@ from imu_sim_ros.core.conventions import ERROR_TOPICS
 from imu_sim_ros.core.errors import InputError
 from imu_sim_ros.core.records import Readings, States, data_frame, with_fields
 from imu_sim_ros.core.timebase import seconds_since, span
-from imu_sim_ros.core.types import Array, Integers
+from imu_sim_ros.core.types import Array, Integers, field_values
 from imu_sim_ros.jobs.readings import check_simulated, delivered_of
 from imu_sim_ros.jobs.selection import NOTHING, Selection, checked_choice
 from imu_sim_ros.parameters.sections import flatten
@@ -89,9 +89,9 @@ class Truth(States):
     def _frame_columns(self) -> dict[str, Array]:
         """Return motion, ideal readings and every true error by name."""
         return super()._frame_columns() | {
-            field.name: getattr(self, field.name)
-            for field in fields(Truth)
-            if field.name not in States.__dataclass_fields__
+            name: values
+            for name, values in field_values(self).items()
+            if name not in States.__dataclass_fields__
         }
 
 
@@ -170,7 +170,7 @@ class Flight:
 
     def _joined(self, name: str) -> Array:
         """Return an array of all blocks, of delivered samples."""
-        return np.concatenate([getattr(block, name)[block.delivered] for block in self._blocks])
+        return np.concatenate([block.values[name][block.delivered] for block in self._blocks])
 
     @cached_property
     def t_ns(self) -> Integers:

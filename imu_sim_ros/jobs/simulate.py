@@ -222,9 +222,9 @@ def _bytes(block: object) -> int:
         block = tuple(block.values())
     if isinstance(block, tuple):
         return sum(map(_bytes, block))
-    if 0 in getattr(block, "strides", ()):  # one number for all: an error that is not there
-        return 0
-    return int(getattr(block, "nbytes", 0))
+    if not isinstance(block, np.ndarray) or 0 in block.strides:
+        return 0  # a number, or one for all samples: an error that is not there
+    return block.nbytes
 
 
 def _body(
@@ -264,11 +264,13 @@ def _body(
     layers = {**file_values, **segment_values, **values}
     with with_poses(layers, motion, segments is not None):
         built = load_simulation(layers, problems=problems)
-    for listing, supported in (("imus", "one IMU"), ("cameras", "no cameras: see camera.images")):
-        if getattr(built, listing) and not (listing == "imus" and imu_names):
-            names = list(getattr(built, listing))
+    for listing, names, supported in (
+        ("imus", () if imu_names else built.imus, "one IMU"),
+        ("cameras", built.cameras, "no cameras: see camera.images"),
+    ):
+        if names:
             raise ConfigurationError(
-                f"{listing} = {names}: simulate() and blocks() have {supported}"
+                f"{listing} = {list(names)}: simulate() and blocks() have {supported}"
             )
     moving = None
     if not imu_names:

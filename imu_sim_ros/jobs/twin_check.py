@@ -234,9 +234,7 @@ def _simulated(
     true = np.concatenate([b.true_t_ns for b in blocks])
     times = timebase.seconds_since(true, engine.t0_ns)
     overlap = (times >= t[0]) & (times <= t[-1])
-    readings = np.concatenate(
-        [np.concatenate([getattr(b, name) for b in blocks]) for name in ("gyro", "accel")], axis=1
-    )[overlap]
+    readings = np.concatenate([np.hstack([block.gyro, block.accel]) for block in blocks])[overlap]
     times = times[overlap]
     motion_at = source.truth.noisy[seed % len(source.noisy)] if source.noisy else source.body_motion
     residuals = readings - model.readings(errors, motion_at(times))

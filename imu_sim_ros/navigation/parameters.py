@@ -29,7 +29,7 @@ from imu_sim_ros.parameters.kinds import (
     text,
     vector,
 )
-from imu_sim_ros.parameters.sections import parameters, section
+from imu_sim_ros.parameters.sections import flatten, parameters, section
 from imu_sim_ros.sensors.imu.parameters import DEFAULT_IMU, MOUNT, ImuParameters
 from imu_sim_ros.sensors.imu.presets import sensor_layer
 from imu_sim_ros.sensors.imu.triads import (
@@ -257,13 +257,10 @@ def outside_covariance(
         **(sensor_layer(integrator.imu.preset) if sensor is None else sensor),
         **values,
     }
-    integrator_parameters = parameters(IntegratorParameters)
+    integrator_parameters, given = parameters(IntegratorParameters), flatten(integrator)
     corrected = {"gyroscope_bias"} if integrator.initial_state == "level" else set()
     for name in integrator_parameters:
-        if (
-            name.startswith(TRIADS)
-            and getattr(integrator, name) != integrator_parameters[name].default
-        ):
+        if name.startswith(TRIADS) and given[name] != integrator_parameters[name].default:
             corrected.add(name)
     return [
         f"imu.{name}"

@@ -17,7 +17,7 @@ from imu_sim_ros.core.arguments import array, refuse
 from imu_sim_ros.core.components import Component, stack, transform, vector
 from imu_sim_ros.core.components import Vector as Components
 from imu_sim_ros.core.records import States
-from imu_sim_ros.core.types import Array, Integers, Keywords
+from imu_sim_ros.core.types import Array, Integers, field_values
 from imu_sim_ros.parameters.kinds import IDENTITY_MATRIX, ZERO_MATRIX, ZERO_VECTOR, Matrix, Vector
 
 if TYPE_CHECKING:
@@ -142,5 +142,5 @@ _NAMES = tuple(field.name for field in fields(Correction))
 
 def correction_of(parameters: IntegratorParameters) -> Correction:
     """Return the correction that the parameters of an integrator describe."""
-    values: Keywords = {name: getattr(parameters, name) for name in _NAMES}
-    return Correction(**values)
+    values = field_values(parameters)
+    return Correction(**{name: values[name] for name in _NAMES})

@@ -13,7 +13,7 @@ from typing import Final, Generic
 import numpy as np
 
 from imu_sim_ros.core.records import SeriesT, TimeSeries, concatenated, with_fields
-from imu_sim_ros.core.types import Mask, Times
+from imu_sim_ros.core.types import Mask, Times, field_values
 from imu_sim_ros.recordings.clock import SHORT, decimal_unit
 from imu_sim_ros.recordings.order import RESET_READINGS, RESTART_NS
 
@@ -32,7 +32,8 @@ def _changes(series: TimeSeries) -> Mask:
 
     An orientation does not count: it need not be that of the reading's message.
     """
-    columns = [getattr(series, name) for name in series.columns() if name != "q_wb"]
+    values_by_name = field_values(series)
+    columns = [values_by_name[name] for name in series.columns() if name != "q_wb"]
     changes = np.zeros(len(series.t_ns) - 1, dtype=np.bool_)
     for values in columns:
         if values is not None:

@@ -213,8 +213,9 @@ def _trend(
             if key in campaign
         ]
         line = {"name": short(group.labels, varying), "colour": colour, "x": [k for k, _ in points]}
-        for name in ("value", "low", "high"):
-            line["y" if name == "value" else name] = [getattr(p, name) for _, p in points]
+        line["y"] = [interval.value for _, interval in points]
+        line["low"] = [interval.low for _, interval in points]
+        line["high"] = [interval.high for _, interval in points]
         series.append(line)
     rest = f" The first {_MAX_TRENDS} of {len(groups)} lines." if len(groups) > _MAX_TRENDS else ""
     return {

@@ -29,7 +29,7 @@ from imu_sim_ros.core.conventions import AXES
 from imu_sim_ros.core.errors import InputError
 from imu_sim_ros.core.gate import stamp_ns
 from imu_sim_ros.core.records import States
-from imu_sim_ros.core.types import Array, Times
+from imu_sim_ros.core.types import Array, Keywords, Times, field_values
 from imu_sim_ros.formats.door import read_states
 from imu_sim_ros.navigation.association import common_rows, poses_at
 from imu_sim_ros.navigation.evaluation import attitude_errors
@@ -204,7 +204,7 @@ def _numbers(
                 for payload, recorded in zip(as_list(block.payloads), block.t_ns, strict=True):
                     with errors_naming(path, f" ({info.name})"):
                         message = decode(payload, info.type)
-                        stamp = getattr(getattr(message, "header", None), "stamp", None)
+                        stamp = message.header.stamp if hasattr(message, "header") else None
                         whole = stamp and stamp_ns(stamp.sec, stamp.nanosec)
                     stamps.append(int(recorded) if whole is None else whole)
                     for name, value in _fields(message):
@@ -219,10 +219,14 @@ def _numbers(
     }
 
 
+def _values(message: Message) -> Keywords:
+    """Return the values of a message's fields; those of a number or a text are none."""
+    return field_values(message) if hasattr(message, "__dataclass_fields__") else {}
+
+
 def _fields(message: Message, prefix: str = "") -> Iterator[tuple[str, float | Array]]:
     """Yield the names and values of all real numbers in a message."""
-    for name in getattr(message, "__dataclass_fields__", ()):
-        value = getattr(message, name)
+    for name, value in _values(message).items():
         if isinstance(value, float) or (isinstance(value, np.ndarray) and value.dtype.kind == "f"):
             yield prefix + name, value
         elif name != "header":

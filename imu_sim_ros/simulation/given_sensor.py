@@ -247,7 +247,7 @@ class GivenOther(GivenSensor[IdealValues, Samples]):
         self.declared = sensor
         self._conventions = Conventions(parameters)
         self._looked = False
-        rate: float = getattr(parameters.imu, sensor.name).rate
+        rate = parameters.imu.sensors[sensor.name].rate
         super().__init__(parameters, rate, remark, sensor.quantity.replace("_", " "))
 
     def _begin(self, seed: int) -> None:

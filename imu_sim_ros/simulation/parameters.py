@@ -14,6 +14,7 @@ from imu_sim_ros.core.conventions import TRIADS
 from imu_sim_ros.core.errors import ConfigurationError, Problems
 from imu_sim_ros.core.names import nearest
 from imu_sim_ros.core.timebase import exact_rate
+from imu_sim_ros.core.types import field_values
 from imu_sim_ros.parameters import files
 from imu_sim_ros.parameters.files import build_layered
 from imu_sim_ros.parameters.kinds import Value, gravity_warnings, like, text, texts
@@ -320,11 +321,12 @@ def imus(
     """
     if not isinstance(parameters, SimulationParameters) or not parameters.imus:
         return {"": parameters}
-    shared = {field.name: getattr(parameters, field.name) for field in fields(SimulationParameters)}
+    names, values = fields(SimulationParameters), field_values(parameters)
+    shared = {field.name: values[field.name] for field in names}
     shared |= {"imus": (), "each_imu": {}, "cameras": (), "rig": None}
     result = {}
     for name, imu in parameters.each_imu.items():
-        overrides = {field.name: getattr(imu, field.name) for field in fields(imu)}
+        overrides = field_values(imu)
         segment = overrides.pop("segment")
         if segment:
             overrides["body_frame"] = segment

@@ -73,7 +73,8 @@ def call(
     :raises ImuSimError: of the job; its lines name the options.
     """
     job_parameters = list(_parameters(job))
-    values = {parameter.name: getattr(arguments, parameter.name) for parameter in job_parameters}
+    options_and_inputs = vars(arguments)
+    values = {parameter.name: options_and_inputs[parameter.name] for parameter in job_parameters}
     values |= {
         parameter.name: dict(values[parameter.name] or ())
         for parameter in job_parameters

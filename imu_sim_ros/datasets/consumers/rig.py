@@ -11,7 +11,7 @@ import numpy as np
 
 from imu_sim_ros.bags.text.decimals import decimal
 from imu_sim_ros.core.rotation import inverse_pose
-from imu_sim_ros.core.types import Array
+from imu_sim_ros.core.types import Array, field_values
 from imu_sim_ros.datasets.consumers.values import SAME_TIME, ImuValues, real
 from imu_sim_ros.parameters.sections import parameters
 from imu_sim_ros.sensors.camera.parameters import CameraParameters
@@ -118,12 +118,12 @@ def _simulated(camera: CameraParameters, expressed: Collection[str]) -> Iterator
         yield f"distortion = [{', '.join(map(decimal, camera.distortion))}]"
     elif any(camera.distortion[4:]) and (sphere or "k3" not in expressed):
         yield f"k3 = {decimal(camera.distortion[4])}"
-    perfect = CameraParameters()
+    values, perfect = field_values(camera), field_values(CameraParameters())
     for name, parameter in parameters(CameraParameters).items():
-        value = getattr(camera, name)
+        value = values[name]
         if isinstance(value, str | bool):  # a choice, such as the encoding, is no error
             continue
-        if name in _NO_TERMS or name in expressed or value == getattr(perfect, name):
+        if name in _NO_TERMS or name in expressed or value == perfect[name]:
             continue
         unit = f" {parameter.unit}" if parameter.unit not in ("", "1") else ""
         rolling = " (rolling shutter)" if name == "row_time" else ""

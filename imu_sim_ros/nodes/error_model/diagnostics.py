@@ -10,6 +10,7 @@ from typing import Final
 from builtin_interfaces.msg import Time
 from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus
 
+from imu_sim_ros.core.types import field_values
 from imu_sim_ros.nodes.diagnostics import PERIOD, diagnostics
 from imu_sim_ros.nodes.publishing import Counter
 from imu_sim_ros.simulation.given_sensor import Counts
@@ -45,7 +46,8 @@ class ErrorModelReport:
         previous, self._before = self._before, dataclasses.replace(counts)
         new_refused, self._refused = refused - self._refused, refused
         new_readings = counts.readings - previous.readings
-        irregular = [n for n in _IRREGULAR if getattr(counts, n) > getattr(previous, n)]
+        now, before = field_values(counts), field_values(previous)
+        irregular = [name for name in _IRREGULAR if now[name] > before[name]]
         if new_refused:
             level, text = DiagnosticStatus.WARN, f"{new_refused} messages refused"
         elif not new_readings:

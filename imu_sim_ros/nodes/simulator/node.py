@@ -58,6 +58,7 @@ from imu_sim_ros.simulation.parameters import DEFAULT_TRAJECTORY, imus, layered
 from imu_sim_ros.simulation.playback import SimulatorParameters
 from imu_sim_ros.simulation.sensors import mounted, mounts
 from imu_sim_ros.trajectory.motion import Trajectory
+from imu_sim_ros.trajectory.parameters import DriveParameters, PosesParameters
 
 if TYPE_CHECKING:
     from imu_sim_ros.nodes.simulator.apart import RemoteCounter, SensorsApart
@@ -291,8 +292,9 @@ class Simulator(ConfiguredNode[SimulatorParameters]):
             for name, p in imus(parameters).items()
         )
         cameras = f"; cameras {', '.join(parameters.cameras)}" if parameters.cameras else ""
-        of_file = getattr(parameters.trajectory, "file", "")
-        motion = of_file or self.given.get("trajectory.type", DEFAULT_TRAJECTORY)
+        trajectory = parameters.trajectory
+        file = trajectory.file if isinstance(trajectory, PosesParameters | DriveParameters) else ""
+        motion = file or self.given.get("trajectory.type", DEFAULT_TRAJECTORY)
         return f"{described}; trajectory {motion}{cameras}"
 
     # ------------------------------------------------------------------------- the run

@@ -322,8 +322,8 @@ class CameraMountParameters(MountedParameters):
 
     def problems(self, prefix: str) -> Iterator[str]:
         """Yield a line for each matrix that is not a rotation."""
-        for name in ("mounting", "rig_mounting"):
-            yield from rotation_problems(getattr(self, name), f"{prefix}{name}")
+        yield from rotation_problems(self.mounting, f"{prefix}mounting")
+        yield from rotation_problems(self.rig_mounting, f"{prefix}rig_mounting")
 
     def pose(self) -> tuple[np.ndarray, np.ndarray]:
         """Return R_bc (3, 3) and p_bc (3,) [m] with the rig turned as body_axes says.

@@ -4,10 +4,11 @@
 """Parameters of what cameras see, one section for each ``scene.type``."""
 
 from collections.abc import Iterator
-from dataclasses import dataclass, fields, replace
+from dataclasses import dataclass, replace
 
 from imu_sim_ros.core.errors import ConfigurationError
 from imu_sim_ros.core.names import suggestion
+from imu_sim_ros.core.types import field_values
 from imu_sim_ros.parameters.files import names
 from imu_sim_ros.parameters.kinds import (
     IDENTITY_MATRIX,
@@ -345,8 +346,7 @@ class AutoParameters(OfficeParameters):
     @property
     def office(self) -> OfficeParameters:
         """The same of an office."""
-        values = {field.name: getattr(self, field.name) for field in fields(self)}
-        return OfficeParameters(**{**values, "type": "office"})
+        return OfficeParameters(**{**field_values(self), "type": "office"})
 
     @property
     def room(self) -> RoomParameters | None:

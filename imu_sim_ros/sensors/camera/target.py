@@ -5,12 +5,12 @@
 
 import dataclasses
 from collections.abc import Collection, Iterable, Iterator, Sequence
-from typing import Any, Final, NamedTuple
+from typing import Final, NamedTuple
 
 import numpy as np
 
 from imu_sim_ros.core import rotation
-from imu_sim_ros.core.types import Array, Keywords
+from imu_sim_ros.core.types import Array, Keywords, field_values
 from imu_sim_ros.sensors.camera.build import aprilgrid_corners
 from imu_sim_ros.sensors.camera.scene_parameters import AprilgridParameters, SceneParameters
 from imu_sim_ros.sensors.camera.view import View
@@ -115,7 +115,8 @@ def suiting(
     :param fixed: names of the board's parameters that stay as they are in the scene.
     :param turns: the angles of the motion that may grow.
     """
-    board_settings = {name: getattr(scene, name) for name in _BOARD if name in fixed}
+    scene_values = field_values(scene)
+    board_settings = {name: scene_values[name] for name in _BOARD if name in fixed}
     best, values = -1.0, dict[str, object]()
     for board in _boards(views, motion, board_settings):
         turned, score = _turned(board, views, motion, turns)
@@ -187,7 +188,8 @@ def _turned(
         short = [angle for angle in turns if cover[TURNS[angle]] < _MARGIN]
         if not short or bits < _MARGIN:
             break
-        changes: Keywords = {angle: _more(getattr(motion, angle)) for angle in short}
+        series = field_values(motion)
+        changes: Keywords = {angle: _more(series[angle]) for angle in short}
         motion = dataclasses.replace(motion, **changes)
     return motion, score
 
@@ -198,9 +200,12 @@ def _more(series: SeriesParameters) -> SeriesParameters:
     return dataclasses.replace(series, amplitude=larger)
 
 
-def _values(board: AprilgridParameters, motion: Any, turns: Iterable[str]) -> dict[str, object]:
+def _values(
+    board: AprilgridParameters, motion: TrajectoryParameters, turns: Iterable[str]
+) -> dict[str, object]:
     """Return the parameters of a motion in front of a board."""
-    values = {f"scene.{name}": getattr(board, name) for name in _BOARD}
+    board_values, series = field_values(board), field_values(motion)
+    values = {f"scene.{name}": board_values[name] for name in _BOARD}
     for angle in turns:
-        values[f"trajectory.{angle}.amplitude"] = getattr(motion, angle).amplitude
+        values[f"trajectory.{angle}.amplitude"] = series[angle].amplitude
     return {k: list(v) if isinstance(v, tuple) else v for k, v in values.items()}

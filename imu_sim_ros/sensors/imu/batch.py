@@ -119,8 +119,9 @@ class ImuBatch:
         renewed = self.units.begin(units, restart)
         self._triads.begin(units, renewed)
         for name in ("magnetometers", "barometers"):
-            if name in self.__dict__:
-                getattr(self, name).begin(units, renewed)
+            sensors_so_far = self.__dict__.get(name)
+            if sensors_so_far is not None:
+                sensors_so_far.begin(units, renewed)
 
     def read(self, t_ns: int, gyro: Array, accel: Array, held: Mask) -> BatchSamples:
         """Return the next sample of each unit.
@@ -205,11 +206,9 @@ class BarometerBatch:
         self._draw(np.arange(units.count))
         flows = {"gust": self._blow} if any(section.gust_rate for section in sections) else {}
         self._triads = Triads(units, [BAROMETER], sections[0], flows)
-        limits = [
-            np.array([getattr(section, name) for section in sections])
-            for name in ("minimum", "maximum")
-        ]
-        self._limits = limits[0][which], limits[1][which]
+        minimum = np.array([section.minimum for section in sections])
+        maximum = np.array([section.maximum for section in sections])
+        self._limits = minimum[which], maximum[which]
 
     def _draw(self, units: Integers) -> None:
         """Start the gusts of some units; each has a process of its own."""

@@ -14,7 +14,7 @@ from imu_sim_ros.core.conventions import TRIADS
 from imu_sim_ros.core.errors import ConfigurationError
 from imu_sim_ros.core.names import suggestion
 from imu_sim_ros.core.random_streams import Streams, Units
-from imu_sim_ros.core.types import Array, Integers, Keywords
+from imu_sim_ros.core.types import Array, Integers, Keywords, field_values
 from imu_sim_ros.parameters.kinds import Parameter
 from imu_sim_ros.parameters.sections import parameters as declared
 from imu_sim_ros.sensors.environment import EnvironmentParameters
@@ -25,7 +25,7 @@ from imu_sim_ros.sensors.errors.triad import Additions, Triad
 from imu_sim_ros.sensors.imu.parameters import ImuParameters
 from imu_sim_ros.sensors.imu.triads import TriadParameters, names_as_in_triads
 from imu_sim_ros.sensors.magnetometer.parameters import MagnetometerParameters
-from imu_sim_ros.sensors.parameters import OwnRateParameters
+from imu_sim_ros.sensors.parameters import MountedParameters, OwnRateParameters
 from imu_sim_ros.sensors.timing import SampleTimes
 from imu_sim_ros.sensors.world import TemperatureProfile
 
@@ -89,12 +89,11 @@ class UnitsOfBatch:
         :param name: of the triad, or of another sensor as if it were one.
         """
         sections = [imu.triad(name) for imu in self.imus]
+        tables = [field_values(section) for section in sections]
         values: Keywords = {}
         for field in dataclasses.fields(sections[0]):
             if field.name not in _COMMON:
-                rows = [
-                    np.asarray(getattr(section, field.name), np.float64) for section in sections
-                ]
+                rows = [np.asarray(table[field.name], np.float64) for table in tables]
                 spread = name in TRIADS or field.name in names_as_in_triads(MagnetometerParameters)
                 full = f"{name}_{field.name}" if spread else ""
                 values[field.name] = self._of_units(rows, full, units)
@@ -120,9 +119,10 @@ class UnitsOfBatch:
     def magnetometers(self, units: Units) -> Iterator[MagnetometerParameters]:
         """Yield the parameters of magnetometers, before constants are drawn."""
         sections = [imu.magnetometer for imu in self.imus]
+        tables = [field_values(section) for section in sections]
         changed = {
             field.name: self._of_units(
-                [np.asarray(getattr(section, field.name)) for section in sections],
+                [np.asarray(table[field.name]) for table in tables],
                 f"{_MAGNETOMETER}_{field.name}",
                 units,
             )
@@ -142,12 +142,12 @@ class UnitsOfBatch:
         }
         values: Keywords = {}
         for name, section in sections.items():
-            for field in dataclasses.fields(section):
-                value = np.asarray(getattr(section, field.name)).ravel().tolist()
-                of_imu = imu.triad(name) if name in TRIADS else imu.magnetometer
-                usual = np.ravel(getattr(of_imu, field.name)).tolist()
+            of_imu = field_values(imu.triad(name) if name in TRIADS else imu.magnetometer)
+            for parameter, of_unit in field_values(section).items():
+                value = np.asarray(of_unit).ravel().tolist()
+                usual = np.ravel(of_imu[parameter]).tolist()
                 if value[: len(usual)] != usual:
-                    values[f"{name}_{field.name}"] = value
+                    values[f"{name}_{parameter}"] = value
         return values
 
     def begin(self, units: Integers, restart: str) -> bool:
@@ -194,7 +194,8 @@ class Triads:
         :param sources: functions that draw the values of further sensors in advance, by name.
         """
         self._units, count = units, units.count
-        self._times = SampleTimes(section.rate, 0, getattr(section, "time_offset", 0.0))
+        offset = section.time_offset if isinstance(section, OwnRateParameters) else 0.0
+        self._times = SampleTimes(section.rate, 0, offset)
         self._index = np.zeros(count, np.int64)
         """(count,) index of the next sample of each unit since it began."""
         self._in_phase = True
@@ -368,12 +369,14 @@ def _problems(imus: Sequence[ImuParameters]) -> Iterator[str]:
             yield f"imu.sampling = {imu.sampling!r}: must be instantaneous in a batch"
         if imu.vibration.there:
             yield "imu.vibration: not in a batch"
+        imu_values = field_values(imu)
         for name in _OF_MESSAGES:
-            if getattr(imu, name, 0.0):
+            if imu_values.get(name):
                 yield f"imu.{name}: not in a batch, whose samples have no stamps or messages"
         for triad in TRIADS:
+            triad_values = field_values(imu.triad(triad))
             for name in _NOT_IN_BATCHES:
-                if any(getattr(imu.triad(triad), name)):
+                if any(triad_values[name]):
                     yield f"imu.{triad}_{name}: not in a batch"
             if imu.triad(triad).bandwidth != reference.triad(triad).bandwidth:
                 yield f"imu.{triad}_bandwidth: must be the same for all units of a batch"
@@ -382,7 +385,7 @@ def _problems(imus: Sequence[ImuParameters]) -> Iterator[str]:
         )
 
 
-def check_alike(sections: Sequence[object], prefix: str, names: Sequence[str]) -> None:
+def check_alike(sections: Sequence[MountedParameters], prefix: str, names: Sequence[str]) -> None:
     """Refuse sections that differ in parameters which all units of a batch share.
 
     :raises ConfigurationError: with a line for each parameter that is not.
@@ -394,7 +397,9 @@ def check_alike(sections: Sequence[object], prefix: str, names: Sequence[str]) -
         raise ConfigurationError(problems)
 
 
-def _unlike(reference: object, section: object, prefix: str, names: Sequence[str]) -> Iterator[str]:
+def _unlike(
+    reference: MountedParameters, section: MountedParameters, prefix: str, names: Sequence[str]
+) -> Iterator[str]:
     """Yield a problem for each parameter that differs from the first unit's."""
     for name in names:
         if getattr(reference, name) != getattr(section, name):

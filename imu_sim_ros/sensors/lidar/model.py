@@ -62,11 +62,10 @@ def drawn_rings(p: LidarParameters, seed: int, name: str, rings: int) -> tuple[A
     :raises ConfigurationError: if those that are given are not as many.
     """
     per_ring = []
-    for key, sigma in (
-        ("ring_bias", p.ring_bias_sigma),
-        ("ring_elevation_error_deg", p.ring_elevation_sigma_deg),
+    for key, numbers, sigma in (
+        ("ring_bias", p.ring_bias, p.ring_bias_sigma),
+        ("ring_elevation_error_deg", p.ring_elevation_error_deg, p.ring_elevation_sigma_deg),
     ):
-        numbers = getattr(p, key)
         if numbers and len(numbers) != rings:
             raise ConfigurationError(
                 f"{name}.{key}: has {len(numbers)} numbers; must be empty or have {rings}"

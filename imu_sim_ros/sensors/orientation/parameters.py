@@ -7,6 +7,7 @@ from collections.abc import Iterator
 from dataclasses import dataclass
 from typing import Final
 
+from imu_sim_ros.core.types import field_values
 from imu_sim_ros.parameters.kinds import Vector, choice, flag, number, vector
 
 MODEL_ERRORS: Final = ("turn_on_sigma", "drift_sigma", "noise", "acceleration_sensitivity")
@@ -93,12 +94,10 @@ class OrientationParameters:
     def problems(self, prefix: str) -> Iterator[str]:
         """Yield the errors that belong to the other source."""
         if self.source == "filter":
+            values = field_values(self)
             for name in MODEL_ERRORS:
-                if any(getattr(self, name)):
-                    yield (
-                        f"{prefix}{name} = {getattr(self, name)}: must be 0 if "
-                        f"{prefix}source is filter"
-                    )
+                if any(values[name]):
+                    yield f"{prefix}{name} = {values[name]}: must be 0 if {prefix}source is filter"
 
 
 @dataclass(frozen=True)
