@@ -19,7 +19,7 @@ from imu_sim_ros.sensors.errors.terms import Surroundings
 from imu_sim_ros.sensors.errors.triad import Additions, Triad
 from imu_sim_ros.sensors.faults import Fault
 from imu_sim_ros.sensors.imu.parameters import ImuParameters
-from imu_sim_ros.sensors.parameters import MountedParameters, SensorParameters
+from imu_sim_ros.sensors.parameters import MountedParameters, OwnRateParameters, SensorParameters
 from imu_sim_ros.sensors.samples import Samples
 from imu_sim_ros.sensors.timing import Sampled, SampleTiming
 from imu_sim_ros.sensors.world import Window, World
@@ -151,6 +151,7 @@ class SensorWithImu:
         self.name: str = mounted.sensor.name
         self.seed: int = mounted.environment.seed
         imu, section = mounted.own, mounted.own.sensors[self.name]
+        assert isinstance(section, OwnRateParameters)
         self.lever_arm_b: Array = np.array(imu.lever_arm)
         """(3,) position of the IMU in the body [m]."""
         self.triad = Triad(self.name, imu, self.seed, section.rate)

@@ -35,7 +35,7 @@ from imu_sim_ros.sensors.imu.triads import TriadsParameters
 from imu_sim_ros.sensors.parameters import (
     LONGEST,
     MountedParameters,
-    OwnRateParameters,
+    RatedParameters,
     TimingParameters,
     rotation_problems,
 )
@@ -304,7 +304,7 @@ class ImuParameters(MountedParameters, TimingParameters, BoardParameters, Triads
         2, "order of the low-pass filters (Butterworth)", minimum=1, maximum=8
     )
     vibration: BoardVibrationParameters = section(BoardVibrationParameters)
-    sensors: Mapping[str, OwnRateParameters] = common_sections(
+    sensors: Mapping[str, RatedParameters] = common_sections(
         lambda: {sensor.name: sensor.section for sensor in sensors_of_imus()}, joint="_"
     )
     """``imu.magnetometer`` is ``imu.sensors["magnetometer"]``."""

@@ -9,6 +9,7 @@ from typing import Final
 
 from imu_sim_ros.core.types import field_values
 from imu_sim_ros.parameters.kinds import Vector, choice, flag, number, vector
+from imu_sim_ros.sensors.parameters import RatedParameters
 
 MODEL_ERRORS: Final = ("turn_on_sigma", "drift_sigma", "noise", "acceleration_sensitivity")
 """Parameters of the source ``model`` alone."""
@@ -16,7 +17,7 @@ _AXES = "about the world's east, north and up"
 
 
 @dataclass(frozen=True)
-class OrientationParameters:
+class OrientationParameters(RatedParameters):
     """Orientation in imu/data: the truth with an error model, or a filter's."""
 
     source: str = choice(
