@@ -7,7 +7,7 @@ import re
 from collections.abc import Iterator, Sequence
 from contextlib import suppress
 from pathlib import Path
-from typing import Any, Final, NamedTuple
+from typing import Final, NamedTuple
 
 import numpy as np
 
@@ -21,7 +21,6 @@ from imu_sim_ros.core.bad_rows import (
     Skipped,
 )
 from imu_sim_ros.core.errors import InputError, naming, system_error
-from imu_sim_ros.core.rotation import inverse_pose
 from imu_sim_ros.core.types import AnyArray, Array, Integers
 from imu_sim_ros.inputs.rows import (
     is_present,
@@ -31,12 +30,10 @@ from imu_sim_ros.inputs.rows import (
     row_blocks,
     shortened,
 )
-from imu_sim_ros.parameters.yaml_text import parse_yaml
-from imu_sim_ros.recordings.cameras import COEFFICIENTS, CameraInfo, CameraRecord
+from imu_sim_ros.recordings.cameras import PLUMB_BOB, CameraInfo, CameraRecord
 from imu_sim_ros.recordings.clock import estimate_clock
-from imu_sim_ros.recordings.findings.cameras import distortion_problem
+from imu_sim_ros.sensors.camera import calibration_files
 from imu_sim_ros.sensors.camera.images.files import JPEG, PNG, Size, decoded, image_size, png
-from imu_sim_ros.sensors.parameters import rotation_problems
 
 DEPTH_FOLDER: Final = "depth"
 _TO_EUROC: Final = {
@@ -44,18 +41,8 @@ _TO_EUROC: Final = {
     "rational_polynomial": "radial-tangential8",
     **dict.fromkeys(("fisheye", "equidistant"), "equidistant"),
 }
-_TO_ROS: Final = {
-    **{euroc: ros for ros, euroc in _TO_EUROC.items()},
-    "none": "plumb_bob",
-    "radtan": "plumb_bob",
-    "radtan8": "rational_polynomial",
-}
 _SHAPES: Final = {"pinhole": (), "unified": ("xi",), "double_sphere": ("xi", "alpha")}
 """Numbers of each camera model in addition to the intrinsics of a pinhole."""
-_KALIBR: Final = {"pinhole": "pinhole", "omni": "unified", "ds": "double_sphere"}
-_LARGEST: Final = 1 << 20
-"""Largest number of pixels along a side."""
-_PLUMB_BOB: Final = 5
 
 
 class Description(NamedTuple):
@@ -89,7 +76,7 @@ def sensor_yaml(camera: Description, stamps: Sequence[int], comment: str) -> str
         model, kind = info.distortion_model, "radial-tangential" if len(d) > len(names) else "none"
     shape = "".join(f"{name}: {decimal(value)}\n" for name, value in zip(names, d, strict=False))
     d = d[len(names) :] or (0.0,) * (4 if names else 0)
-    if info.distortion_model == "plumb_bob" and len(d) == _PLUMB_BOB and d[4] == 0.0:
+    if info.distortion_model == "plumb_bob" and len(d) == PLUMB_BOB and d[4] == 0.0:
         d = d[:4]
     if not d:
         kind, d = "none", (0.0,) * 4
@@ -99,143 +86,6 @@ def sensor_yaml(camera: Description, stamps: Sequence[int], comment: str) -> str
         f"intrinsics: [{numbers}] # fu, fv, cu, cv\ndistortion_model: {kind}\n"
         f"distortion_coefficients: [{', '.join(decimal(float(value)) for value in d)}]\n"
     )
-
-
-def read_sensor_yaml(path: Path) -> Description:
-    """Return the properties of a camera from a EuRoC folder's sensor.yaml.
-
-    :raises InputError: with a line for each value that cannot be used.
-    """
-    keys = _Keys(path, _mapping(path))
-    pose = keys.pose("T_BS", "data")
-    if "intrinsics" not in keys.tree:
-        return keys.finished(None, pose)
-    model = keys.one_of("camera_model", tuple(_SHAPES))
-    shape = [keys.numbers(name, (1,))[0] for name in _SHAPES[model]]
-    focal = keys.numbers("intrinsics", (4,))
-    return keys.finished(keys.info(model, shape, focal, "distortion_coefficients"), pose)
-
-
-def read_camchain(path: Path, camera: str) -> Description:
-    """Return the description of a camera in kalibr's camchain; the body is the IMU.
-
-    :raises InputError: with a line for each value that cannot be used.
-    """
-    tree = _mapping(path).get(camera)
-    if not isinstance(tree, dict):
-        return Description()
-    keys = _Keys(path, tree, f"{camera}: ")
-    t_ci = keys.pose("T_cam_imu")
-    model = _KALIBR[keys.one_of("camera_model", tuple(_KALIBR))]
-    count = len(_SHAPES[model])
-    numbers = keys.numbers("intrinsics", (count + 4,))
-    info = keys.info(model, numbers[:count], numbers[count:], "distortion_coeffs")
-    return keys.finished(info, None if t_ci is None else inverse_pose(t_ci))
-
-
-def _mapping(path: Path) -> dict[str, object]:
-    """Return the content of a YAML file, also one with OpenCV's header."""
-    lines = read_text(path).splitlines(keepends=True)
-    if lines and lines[0].startswith("%YAML:"):  # OpenCV's header, which is not YAML
-        lines = lines[1:]
-    try:
-        tree = parse_yaml("".join(lines))
-    except ValueError as error:
-        raise InputError(f"{path}: not YAML: {error}") from None
-    if not isinstance(tree, dict):
-        raise InputError(f"{path}: must hold names and values")
-    return tree
-
-
-class _Keys:
-    """The values of a description, and their problems."""
-
-    def __init__(self, path: Path, tree: dict[str, object], prefix: str = "") -> None:
-        self.tree = tree
-        self._name, self._problems = f"{path}: {prefix}", list[str]()
-
-    def finished(self, info: CameraInfo | None, pose: Array | None) -> Description:
-        """Return the description; an error if any key was refused."""
-        if self._problems:
-            raise InputError(self._problems)
-        return Description(info, pose)
-
-    def one_of(self, key: str, allowed: Sequence[str]) -> str:
-        """Return the value of a key that must be one of some words."""
-        value = self.tree.get(key)
-        if value in allowed:
-            return str(value)
-        self._refuse(key, value, f"must be one of {', '.join(allowed)}")
-        return allowed[0]
-
-    def numbers(self, key: str, counts: Sequence[int]) -> list[float]:
-        """Return finite numbers, as many as one of the counts says; without counts, any."""
-        value = self.tree.get(key)
-        entries = [*value] if isinstance(value, list) else [value]
-        try:
-            numbers = [
-                float(entry)
-                for entry in entries
-                if isinstance(entry, int | float | str) and not isinstance(entry, bool)
-            ]
-        except (TypeError, ValueError):
-            numbers = []
-        fits = len(numbers) == len(entries) and (not counts or len(numbers) in counts)
-        if fits and np.isfinite(numbers).all():
-            return numbers
-        allowed = f"{' or '.join(map(str, counts))} finite numbers" if counts else "finite numbers"
-        self._refuse(key, value, f"must be {allowed}")
-        return [0.0] * (counts[0] if counts else 0)
-
-    def pose(self, key: str, subkey: str = "") -> Array | None:
-        """Return a transform (4, 4) from 16 numbers or four rows; None if there is none."""
-        value = self.tree.get(key)
-        if value is not None and subkey:
-            value = value.get(subkey) if isinstance(value, dict) else value
-        if value is None:
-            return None
-        try:
-            matrix = np.array(value, dtype=np.float64).reshape(4, 4)
-        except (TypeError, ValueError):
-            self._refuse(key, value, "must be a matrix of 4 x 4 numbers")
-            return None
-        if not np.isfinite(matrix).all() or not np.allclose(matrix[3], (0, 0, 0, 1)):
-            self._refuse(key, value, "must be finite, its last row 0, 0, 0, 1")
-            return None
-        nine: Any = tuple(matrix[:3, :3].ravel().tolist())
-        self._problems += rotation_problems(nine, f"{self._name}{key}")
-        return matrix
-
-    def info(
-        self, model: str, shape: Sequence[float], focal: Sequence[float], coefficients: str
-    ) -> CameraInfo:
-        """Return the model in the terms of sensor_msgs/CameraInfo."""
-        width, height = self.numbers("resolution", (2,))
-        if not all(1 <= side <= _LARGEST and side == int(side) for side in (width, height)):
-            self._refuse("resolution", self.tree.get("resolution"), "must be width, height [px]")
-        stated = self.tree.get("distortion_model", "none")
-        kind = _TO_ROS.get(stated, stated) if isinstance(stated, str) else ""
-        d = self.numbers(coefficients, ()) if self.tree.get(coefficients) else []
-        if kind == "plumb_bob" and len(d) in COEFFICIENTS[kind]:
-            d = [*d, *[0.0] * (_PLUMB_BOB - len(d))]
-        if model != "pinhole":
-            kind, d = model, [*shape, *(d if stated != "none" else [])]
-        fx, fy, cx, cy = focal
-        k = np.array([[fx, 0.0, cx], [0.0, fy, cy], [0.0, 0.0, 1.0]])
-        p = np.column_stack([k, np.zeros(3)])
-        info = CameraInfo(int(height), int(width), kind, tuple(d), k, np.eye(3), p)
-        if not self._problems and not (fx > 0.0 and fy > 0.0):
-            self._refuse("intrinsics", self.tree.get("intrinsics"), "fx and fy must be above 0 px")
-        problem = distortion_problem(info)
-        if problem:
-            self._refuse(coefficients, self.tree.get(coefficients), problem)
-        return info
-
-    def _refuse(self, key: str, value: object, allowed: str) -> None:
-        """Note a key with a missing or wrong value."""
-        text = "missing" if value is None else repr(value)
-        short = text if len(text) <= 60 else text[:57] + "..."
-        self._problems.append(f"{self._name}{key} = {short}: {allowed}")
 
 
 _CONTENT: Final = "a table of stamps and file names"
@@ -385,11 +235,11 @@ def _read_description(path: Path, folder: Path) -> tuple[Description, str]:
     """Return the properties of a camera in a dataset, and the text of its sensor.yaml."""
     file = folder / "sensor.yaml"
     if is_present(file):
-        return read_sensor_yaml(file), read_text(file)
+        return Description(*calibration_files.description(file)), read_text(file)
     for root in (path, path.parent) if path.name == "mav0" else (path,):
         chain = root / "dso" / "camchain.yaml"
         if is_present(chain):
-            return read_camchain(chain, folder.name), ""
+            return Description(*calibration_files.description(chain, folder.name)), ""
     return Description(), ""
 
 

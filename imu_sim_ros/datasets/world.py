@@ -15,10 +15,10 @@ from imu_sim_ros.bags.text.reader import imu_file, is_text, state_file
 from imu_sim_ros.core.conventions import GRAVITY, TF_STATIC_TOPIC
 from imu_sim_ros.core.rotation import inverse_pose
 from imu_sim_ros.core.types import Array
-from imu_sim_ros.datasets.recorded import read_sensor_yaml
 from imu_sim_ros.datasets.transforms import Transforms, ancestors, fixed_transforms, to_root
 from imu_sim_ros.datasets.truth_files import simulation_of
 from imu_sim_ros.inputs.rows import is_present
+from imu_sim_ros.sensors.camera.calibration_files import description
 from imu_sim_ros.sensors.gravity import earth_rate_vector, gravity_vector
 from imu_sim_ros.simulation.parameters import SampledParameters
 
@@ -112,7 +112,7 @@ def _dataset_mount(path: Path, imu_name: str | None, with_truth: bool) -> _Recor
 def _folder_mount(folder: Path) -> Array | None:
     """Return the pose (4, 4) of a sensor in a EuRoC folder; None if none is stated."""
     file = folder / "sensor.yaml"
-    return read_sensor_yaml(file).pose if is_present(file) else None
+    return description(file)[1] if is_present(file) else None
 
 
 def _bag_mount(

@@ -23,6 +23,9 @@ COEFFICIENTS: Final[dict[str, tuple[int, ...]]] = {
 """Numbers of coefficients of each distortion model (OpenCV, calib3d); those of the spheres with xi,
 or xi and alpha, in front. Other models are not known."""
 
+PLUMB_BOB: Final = 5
+"""Number of coefficients that ROS writes for its model plumb_bob."""
+
 
 class CameraInfo(NamedTuple):
     """A camera's model in the terms of sensor_msgs/CameraInfo."""

@@ -153,6 +153,25 @@ def test_a_vignette_of_another_form_is_fitted_and_named(tmp_path: Path) -> None:
         read(str(path))
 
 
+def test_a_recorded_camera_without_its_own_pose_has_that_of_the_chain(tmp_path: Path) -> None:
+    """T_cn_cnm1 alone, as kalibr's calibration of cameras without an IMU writes it for cam1."""
+    _, texts = configurations("radtan")
+    (tmp_path / "whole.yaml").write_text(texts["camchain.yaml"], encoding="utf-8")
+    lines = texts["camchain.yaml"].splitlines()
+    begin = max(k for k, line in enumerate(lines) if line.startswith("  T_cam_imu"))
+    shorter = "\n".join(lines[:begin] + lines[begin + 5 :])
+    (tmp_path / "chain.yaml").write_text(shorter, encoding="utf-8")
+    whole_info, whole_pose = calibration_files.description(tmp_path / "whole.yaml", "cam1")
+    info, pose = calibration_files.description(tmp_path / "chain.yaml", "cam1")
+    assert info is not None
+    assert whole_info is not None
+    assert info.is_equal(whole_info)
+    assert pose is not None
+    assert whole_pose is not None
+    np.testing.assert_allclose(pose, whole_pose, atol=1e-9)
+    assert calibration_files.description(tmp_path / "whole.yaml", "cam2") == (None, None)
+
+
 FILES = {
     "camchain.yaml#cam1": tuple(LENSES),
     "kalibr_imucam_chain.yaml#cam1": ("radtan", "none", "equidistant"),
@@ -248,7 +267,7 @@ def test_chain_without_the_second_mount(tmp_path: Path) -> None:
             "T_imu_cam.*contradicts T_cam_imu",
         ),
         ("0.002", "late", "timeshift_cam_imu = 'late'"),
-        ("[640, 480]\n  timeshift", "[640.5, 480]\n  timeshift", "whole numbers"),
+        ("[640, 480]\n  timeshift", "[640.5, 480]\n  timeshift", "a whole number of pixels"),
     ],
 )
 def test_bad_values_of_a_chain_are_named(

@@ -271,22 +271,26 @@ SWAPPED = [0, 1, 0, 0, 1, 0, 0, 0, 0, 0, 1, 0, 0, 0, 0, 1]
             {"sensor": {**SENSOR, "intrinsics": [1, 2, 3], "resolution": [8, -6]}},
             [
                 "cam0/sensor.yaml: intrinsics = [1, 2, 3]: must be 4 finite numbers",
-                "cam0/sensor.yaml: resolution = [8, -6]: must be width, height [px]",
+                "cam0/sensor.yaml: resolution = -6.0: must be a whole number of pixels from 1",
             ],
         ),
         (
             {"sensor": {**SENSOR, "T_BS": {"rows": 4, "cols": 4, "data": SWAPPED}}},
-            ["sensor.yaml: T_BS: must be a rotation matrix; this one is a reflection"],
+            ["sensor.yaml: T_BS: must be a rigid motion: a rotation, and 0 0 0 1 below"],
         ),
         (
             {"sensor": {**SENSOR, "T_BS": [1.0, 2.0]}},
-            ["sensor.yaml: T_BS = [1.0, 2.0]: must be a matrix of 4 x 4 numbers"],
+            ["sensor.yaml: T_BS = [1.0, 2.0]: must be 16 or 12 finite numbers"],
         ),
         (
             {"sensor": {**SENSOR, "camera_model": "eye"}},
-            ["camera_model = 'eye': must be one of pinhole, unified, double_sphere"],
+            ["camera_model = 'eye': this projection is none of the models here: pinhole, unified"],
         ),
-        ({"sensor": [1, 2]}, ["sensor.yaml: must hold names and values"]),
+        ({"sensor": [1, 2]}, ["sensor.yaml: not a camera's file"]),
+        (
+            {"sensor": {**{k: v for k, v in SENSOR.items() if k != "resolution"}, "resolutin": 1}},
+            ["resolutin: unknown key; did you mean resolution?", "resolution = missing"],
+        ),
     ],
 )
 @pytest.mark.parametrize("to", ["a.mcap", "out"])

@@ -28,11 +28,13 @@ from typing import Final
 import numpy as np
 
 from imu_sim_ros.core import rotation
-from imu_sim_ros.core.errors import ConfigurationError, Remark, warn
+from imu_sim_ros.core.errors import ConfigurationError, InputError, Remark, warn
 from imu_sim_ros.core.names import nearest, shown, suggestion
 from imu_sim_ros.core.rotation import inverse_pose, rigid_motion
 from imu_sim_ros.core.types import Array
 from imu_sim_ros.parameters import files
+from imu_sim_ros.recordings.cameras import COEFFICIENTS, PLUMB_BOB, CameraInfo
+from imu_sim_ros.recordings.findings.cameras import distortion_problem
 
 _CAMERA: Final = "camera."
 _MODELS: Final = {
@@ -67,6 +69,15 @@ _TOLERANCE: Final = 1e-3
 """Largest difference between two transforms that state the same mount."""
 _VIGNETTE_ERROR: Final = 0.01
 """Largest difference of a vignette from a quadratic one that is not named."""
+_LARGEST: Final = 1 << 20
+"""Largest number of pixels along a side."""
+_ROS_MODELS: Final = {
+    "radtan": "plumb_bob",
+    "radtan8": "rational_polynomial",
+    "equidistant": "equidistant",
+    "none": "plumb_bob",
+}
+"""ROS' names of the distortion models."""
 _FORWARD: Final = 0.5
 """Smallest component along x of the view of a camera that looks forward."""
 
@@ -213,11 +224,15 @@ class _Camera:
     def set_size(self, key: str, sides: Iterable[object]) -> None:
         """Set width and height [px], which must be whole numbers."""
         for name, side in zip(("width", "height"), sides, strict=True):
+            if isinstance(side, float) and np.isnan(side):
+                continue  # refused where it was read
             number = self.number(key, side)
-            if number == int(number if np.isfinite(number) else 0):
+            if np.isnan(number):
+                continue
+            if number == int(number) and 1 <= number <= _LARGEST:
                 self.set(name, int(number))
-            elif np.isfinite(number):
-                self.refuse(key, side, "must be whole numbers of pixels")
+            else:
+                self.refuse(key, side, f"must be a whole number of pixels from 1 to {_LARGEST}")
 
     def model(self, key: str, value: object, names: Sequence[str]) -> str:
         """Return the projection model; a pinhole, with a problem, for one that there is not.
@@ -288,6 +303,42 @@ class _Camera:
             return
         self.set("distortion_model", kind)
         self.set("distortion", coefficients)
+
+
+class _RecordedCamera(_Camera):
+    """The keys of a camera that has recorded images, on their way to its description."""
+
+    def __init__(self, path: Path, name: str, tree: Mapping[str, object]) -> None:
+        super().__init__(path, name, tree)
+        self._distortion: tuple[str, str, list[float]] = ("", "none", [])
+
+    def set_distortion(self, key: str, model: object, coefficients: list[float]) -> None:
+        """Note the distortion; models that are not simulated are allowed."""
+        self._distortion = key, str(model), coefficients
+
+    def info(self) -> CameraInfo | None:
+        """Return the model in the terms of sensor_msgs/CameraInfo; None, if there are problems."""
+        values = {name.removeprefix(_CAMERA): value for name, value in self.values.items()}
+        if self.problems:
+            return None
+        fx, fy, cx, cy = np.asarray(values["intrinsics"], dtype=np.float64).tolist()
+        if not (fx > 0.0 and fy > 0.0):
+            self.refuse("intrinsics", self.tree["intrinsics"], "fx and fy must be above 0 px")
+        key, stated, d = self._distortion
+        kind = _ROS_MODELS.get(_DISTORTIONS.get(stated, ""), stated)
+        if kind == "plumb_bob" and len(d) in COEFFICIENTS[kind]:
+            d = [*d, *[0.0] * (PLUMB_BOB - len(d))]
+        model = str(values["model"])
+        if model != "pinhole":
+            shape = [float(str(values[name])) for name in ("xi", "alpha") if name in values]
+            kind, d = model, [*shape, *(d if stated != "none" else [])]
+        k = np.array([[fx, 0.0, cx], [0.0, fy, cy], [0.0, 0.0, 1.0]])
+        p = np.column_stack([k, np.zeros(3)])
+        height, width = (int(str(values[name])) for name in ("height", "width"))
+        info = CameraInfo(height, width, kind, tuple(d), k, np.eye(3), p)
+        if problem := distortion_problem(info):
+            self.refuse(key, self.tree.get(key), problem)
+        return info
 
 
 def _chain_camera(camera: _Camera, previous: Array | None) -> None:
@@ -625,6 +676,30 @@ def _tree(path: Path) -> dict[str, object]:
     """Return the content of a camera's file."""
     tree = files.read_tree(path, "a camera's file")
     return {str(key): value for key, value in tree.items()}
+
+
+def description(path: Path, name: str = "") -> tuple[CameraInfo | None, Array | None]:
+    """Return model and pose T_bc (4, 4) of a camera that has recorded images; None if unknown.
+
+    :param path: EuRoC's sensor.yaml, or a chain of kalibr, whose body is the IMU.
+    :param name: of the camera in a chain; empty: EuRoC's.
+    :raises InputError: with a line for each value that cannot be used.
+    """
+    try:
+        tree = _tree(path)
+        cameras = _cameras(tree, path) if name else {"": (tree, _euroc_camera)}
+    except ConfigurationError as error:
+        raise InputError(error.problems) from None
+    keys, reader = cameras.get(name, ({}, _euroc_camera))
+    camera, info = _RecordedCamera(path, name, keys), None
+    if "intrinsics" in keys:
+        reader(camera)
+        info = camera.info()
+    elif "T_BS" in keys:
+        camera.set_mount(camera.matrix("T_BS", keys["T_BS"]))
+    if camera.problems:
+        raise InputError(camera.problems)
+    return info, camera.t_ic
 
 
 def load(name_or_file: str) -> dict[str, object]:
