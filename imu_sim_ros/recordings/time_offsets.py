@@ -40,6 +40,9 @@ _DIFFERENCE: Final = np.array([-0.1, 0.0, 0.1])
 """Shifts, in windows, between which the slope of the residuals is taken."""
 _BASES: Final = np.array([0.5, 1.5])
 """Distances of two windows from their middle, in windows, whose difference is a slope."""
+_LEAST_SIGNAL: Final = 0.2
+"""Smallest share of the motion in the slopes of the rates; in more noise the offset is that of a
+chance resemblance, which the interval does not know."""
 _TURNING: Final = 0.01
 """Deviation of angular rates below which there is no motion to compare [rad/s]."""
 _COHERENT: Final = 0.5
@@ -300,8 +303,8 @@ class _Pair:
         )
         information = float(np.sum(slopes * wide))
         squares = np.sum(slopes**2, axis=1)
-        if information <= 0.0:
-            return np.inf
+        if information < _LEAST_SIGNAL * float(np.sum(squares)):
+            raise UnknownOffsetError("noise of the angular rates hides it")
         t = self._ends[0] - self._ends[0, 0]
         scale = information / max(float(np.sum(squares)), 1e-300)
         disturbed = self._disturbance / np.sqrt(information / len(t))

@@ -61,6 +61,13 @@ def test_a_motion_that_does_not_tell_an_offset_says_nothing(trajectory):
     assert "turn" in unknown.reason or "rotation" in unknown.reason
 
 
+def test_noise_that_hides_the_motion_is_the_reason():
+    """Rates of 0.3 rad/s below a noise of 0.1: the best offset is a chance resemblance."""
+    flight = flown("figure_eight", 1, "lecture")
+    (unknown,) = ims.inspect([flight.readings, flight.truth]).unknown_offsets
+    assert "noise" in unknown.reason
+
+
 def test_two_bodies_and_two_times_have_no_offset():
     flight, other = flown("excitation", 1), flown("tour", 1)
     assert ims.inspect([flight.readings, tracked(other.truth, 0.0, 1)]).offsets == ()
