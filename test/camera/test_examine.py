@@ -204,5 +204,5 @@ def test_the_size_of_a_jpeg(progressive):
 
 @pytest.mark.parametrize("extra", [1, 10**8])
 def test_data_behind_the_last_pixel_are_not_read(extra):
-    """They are superfluous in an image that is whole; a hundred million take no memory."""
+    """Superfluous bytes leave an image whole; a hundred million take no memory."""
     np.testing.assert_array_equal(decoded(made(4, 4, bytes(20 + extra))), np.zeros((4, 4)))

@@ -112,7 +112,7 @@ for name in sys.argv[1:]:
 
 
 def test_python_runs_each_program_as_a_module():
-    """What ``python -m`` does, for all in one process."""
+    """Run all programs as ``python -m`` does, in one process."""
     modules = [f"imu_sim_ros.commands.{program}" for program in PROGRAMS]
     argv = [sys.executable, "-c", AS_MODULES, *modules]
     output = subprocess.run(argv, capture_output=True, text=True, check=True, timeout=120).stdout

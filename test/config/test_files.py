@@ -170,7 +170,7 @@ def test_presets_in_a_circle_are_said(tmp_path):
 
 
 def test_a_file_of_all_parameters_is_a_sensors_file_too(tmp_path):
-    """Its motion counts where no other is named, and is left out where one is."""
+    """The motion of a preset counts where no other is named, and is left out where one is."""
     whole = load_simulation({"trajectory.type": "coning", "imu.preset": "bmi088"})
     files.dump(whole, tmp_path / "whole.yaml")
     path = str(tmp_path / "whole.yaml")

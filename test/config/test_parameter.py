@@ -257,7 +257,7 @@ def test_problems_of_two_sections_bear_their_names():
 
 
 def test_the_largest_seed_is_a_seed():
-    """As a float it would be one too large."""
+    """A large integer as a float would be one too large."""
     assert load_simulation({"seed": 2**63 - 1}).seed == 2**63 - 1
     for seed in (2**63, -1, 1.5, True, float("nan"), float("inf"), 10**400):
         with pytest.raises(ConfigurationError, match="seed = "):

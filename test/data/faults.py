@@ -11,7 +11,7 @@ from imu_sim_ros.core.records import with_fields
 
 FRD = np.diag([1.0, -1.0, -1.0])
 CAMERA = np.array([[0.0, -1.0, 0.0], [0.0, 0.0, -1.0], [1.0, 0.0, 0.0]])
-"""From forward-left-up to right-down-forward."""
+"""Rotation from forward-left-up to right-down-forward."""
 
 
 def stuck(readings):

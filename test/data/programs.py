@@ -1,7 +1,7 @@
 # Copyright 2026 imu_sim_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""How tests start programs of the package in processes of their own, and wait for them."""
+"""Programs of the package in processes of their own: start and end in tests."""
 
 import sys
 import time

@@ -79,7 +79,7 @@ def test_a_covariance_four_times_too_small_shows(example):
 
 
 def test_the_program_of_a_campaign_reads_the_folder(tmp_path):
-    """What the estimator template runs, against the same drive in memory to a millimetre."""
+    """The run of the estimator template, against the same drive in memory to a millimetre."""
     pytest.importorskip("gtsam")
     from imu_sim_ros.campaigns.plan import load_plan
     from imu_sim_ros.campaigns.runs import CellRuns

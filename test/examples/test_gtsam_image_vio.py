@@ -71,7 +71,7 @@ def test_a_tour_in_dim_light_is_estimated_within_its_covariance(
     at the start is exact, though trusted to 1 mm and 1 mrad: no lower limit near 1. Corners
     followed without checks, with a noise of 1 px, give 14 and 0.17 m over 8 s of large images.
     """
-    words = (
+    arguments = (
         f"-o {tmp_path}/tour/mav0 --format euroc --imu adis16448 --trajectory tour --duration 6s "
         "--set trajectory.place=corridor --set trajectory.rest_before=2 --scene corridor "
         "--camera euroc_cam0 --set camera.body_axes=flu --set camera.rate=10 "
@@ -80,11 +80,13 @@ def test_a_tour_in_dim_light_is_estimated_within_its_covariance(
         "--set scene.texture=blank --set scene.light=dim --set camera.read_noise=2 "
         "--set camera.shot_noise=4 --set camera.auto_exposure=90 --with-configs --quiet"
     )
-    assert generate.main(words.split()) == 0
+    assert generate.main(arguments.split()) == 0
     folder, path = tmp_path / "tour", tmp_path / "estimate.tum"
     configuration = folder / "mav0_configs/simulation.yaml"
-    words = f"{folder} --configuration {configuration} -o {path} --metrics {tmp_path}/metrics.json"
-    monkeypatch.setattr(sys, "argv", ["gtsam_image_vio.py", *words.split()])
+    arguments = (
+        f"{folder} --configuration {configuration} -o {path} --metrics {tmp_path}/metrics.json"
+    )
+    monkeypatch.setattr(sys, "argv", ["gtsam_image_vio.py", *arguments.split()])
     example.main()
     summary = json.loads((tmp_path / "metrics.json").read_text(encoding="utf-8"))
     assert json.loads(capsys.readouterr().out) == summary
@@ -105,13 +107,13 @@ def test_a_flight_without_a_rest_starts_by_itself(example, tmp_path):
     bias, 0.2 m/s^2 on each axis, is a tilt of 20 mrad; three times that of two axes is allowed. The
     NEES is that of a run with few independent values, which are less certain than above.
     """
-    words = (
+    arguments = (
         f"-o {tmp_path}/tour/mav0 --format euroc --imu adis16448 --trajectory tour --duration 6s "
         "--set trajectory.place=corridor --scene corridor --camera euroc_cam0 "
         "--set camera.body_axes=flu --set camera.rate=10 --set scene.texture=rich --seed 2 "
         "--with-configs --quiet"
     )
-    assert generate.main(words.split()) == 0
+    assert generate.main(arguments.split()) == 0
     configuration = tmp_path / "tour/mav0_configs/simulation.yaml"
     truth = files.load(tmp_path / "tour/mav0_truth.yaml")
     assert np.linalg.norm(truth["imu.gyroscope_bias"]) > 0.003
@@ -126,10 +128,10 @@ def test_a_flight_without_a_rest_starts_by_itself(example, tmp_path):
 
 
 def test_a_camera_that_never_moves_starts_nothing(example, tmp_path):
-    words = (
+    arguments = (
         f"-o {tmp_path}/still/mav0 --format euroc --trajectory static --duration 2s "
         "--scene room --camera euroc_cam0 --with-configs --quiet --set camera.rate=4"
     )
-    assert generate.main(words.split()) == 0
+    assert generate.main(arguments.split()) == 0
     with pytest.raises(SystemExit, match="^no start: in 8 images the camera never moved"):
         example.run(tmp_path / "still", tmp_path / "still/mav0_configs/simulation.yaml")

@@ -35,12 +35,12 @@ def load_example():
 
 
 def flight(folder, seed, *more, imu="adis16448", duration="8s"):
-    words = (
+    arguments = (
         f"-o {folder} --format tracks --imu {imu} --trajectory figure_eight --duration {duration} "
         f"--camera euroc_cam0 --scene room --set camera.body_axes=flu --set camera.max_features=60 "
         f"--set scene.seed={seed} --seed {seed} --with-configs --quiet"
     )
-    assert generate.main([*words.split(), *more]) == 0
+    assert generate.main([*arguments.split(), *more]) == 0
     simulation = load_simulation(files.load(Path(f"{folder}_configs") / "simulation.yaml"))
     return simulation, simulation.rig.camera("cam0")
 
@@ -139,7 +139,7 @@ def test_errors_that_gtsam_does_not_know_are_in_its_covariance(example, tmp_path
 
 
 def test_an_estimate_that_has_run_away_is_one_line(example):
-    """As on MH_05 without a rest before it, whose covariance became singular at key frame 301."""
+    """A flight like MH_05 without a rest before it, whose covariance became singular at key frame 301."""
     known = np.diag([1e-4] * 3 + [0.04] * 3)
     example.stop_if_lost(known, 80)
     for lost in (np.diag([1e-4] * 3 + [1e4] * 3), np.full((6, 6), np.nan)):

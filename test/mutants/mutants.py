@@ -1,7 +1,7 @@
 # Copyright 2026 imu_sim_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Whether the tests notice a wrong formula: ``make mutants``.
+"""A check that the tests notice wrong formulas: ``make mutants``.
 
 Each mutant changes one line of a copy of the tree. The tests named with it pass before and must
 fail after; if they pass, they let the wrong formula through. ``mutants.py WORD`` runs the mutants
@@ -32,9 +32,9 @@ class Mutant(NamedTuple):
     """A wrong line, and the tests that must notice it."""
 
     file: str
-    """In ``imu_sim_ros/``."""
+    """Path in ``imu_sim_ros/``."""
     line: str
-    """As it stands in the file, once, without its indentation."""
+    """Text of the line, which the file has once, without its indentation."""
     wrong: str
     tests: tuple[str, ...]
     """Arguments of pytest, in ``test/``."""

@@ -1,7 +1,7 @@
 # Copyright 2026 imu_sim_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""What all pictures have in common."""
+"""Properties common to all pictures."""
 
 import numpy as np
 import pytest

@@ -76,11 +76,11 @@ def write_camera(path, infos, shape=(60, 94), jpeg=False, topic="image_raw"):
 
 
 def converted(path, tmp_path, capsys):
-    """Return the description of cam0 in the folder that a bag becomes, and what was told."""
-    words = [str(path), "-o", str(tmp_path / "out"), "--format", "euroc", "--force"]
-    assert convert_bag.main(words) == 0
-    told = capsys.readouterr()
-    return yaml.safe_load((tmp_path / "out" / "cam0" / "sensor.yaml").read_text()), told.err
+    """Return the description of cam0 in the folder that a bag becomes, and standard error."""
+    arguments = [str(path), "-o", str(tmp_path / "out"), "--format", "euroc", "--force"]
+    assert convert_bag.main(arguments) == 0
+    captured = capsys.readouterr()
+    return yaml.safe_load((tmp_path / "out" / "cam0" / "sensor.yaml").read_text()), captured.err
 
 
 def kinds_of(path, capsys):
@@ -98,20 +98,20 @@ def test_a_description_that_contradicts_images_is_told_and_not_written(
 ):
     path = write_camera(tmp_path / name, FAULTS[kind])
     assert kinds_of(path, capsys) == {kind}
-    description, told = converted(path, tmp_path, capsys)
+    description, error_text = converted(path, tmp_path, capsys)
     assert "intrinsics" not in description
     assert "resolution" not in description
-    assert f"{name}, /cam0/camera_info" in told
-    assert "cam0/sensor.yaml: without intrinsics" in told
+    assert f"{name}, /cam0/camera_info" in error_text
+    assert "cam0/sensor.yaml: without intrinsics" in error_text
 
 
 @pytest.mark.parametrize("jpeg", [False, True])
 def test_a_description_that_fits_is_written_without_a_word(tmp_path, capsys, jpeg):
     path = write_camera(tmp_path / "seen.mcap", [GOOD], jpeg=jpeg)
     assert kinds_of(path, capsys) == set()
-    description, told = converted(path, tmp_path, capsys)
+    description, error_text = converted(path, tmp_path, capsys)
     assert description["intrinsics"] == [57.0, 56.0, 47.0, 31.0]
-    assert "camera_info" not in told
+    assert "camera_info" not in error_text
     wrong = write_camera(tmp_path / "wrong.mcap", [GOOD], (30, 47), jpeg)
     assert kinds_of(wrong, capsys) == {"image_size"}
 
@@ -122,15 +122,15 @@ def test_rectified_images_have_the_intrinsics_of_p(tmp_path, capsys, topic, jpeg
     """camera_info has K and D of the raw images; image_proc rectifies them to P."""
     p = P @ np.diag([0.9, 0.9, 1.0, 1.0])
     path = write_camera(tmp_path / "r.mcap", [GOOD._replace(p=p)], jpeg=jpeg, topic=topic)
-    description, told = converted(path, tmp_path, capsys)
+    description, error_text = converted(path, tmp_path, capsys)
     np.testing.assert_allclose(description["intrinsics"], [p[0, 0], p[1, 1], p[0, 2], p[1, 2]])
     assert not any(description["distortion_coefficients"])
-    assert f"/cam0/{topic}" in told
-    assert "is rectified: intrinsics of P" in told
+    assert f"/cam0/{topic}" in error_text
+    assert "is rectified: intrinsics of P" in error_text
     path = write_camera(tmp_path / "z.mcap", [GOOD._replace(p=0.0 * P)], jpeg=jpeg, topic=topic)
-    description, told = converted(path, tmp_path, capsys)
+    description, error_text = converted(path, tmp_path, capsys)
     assert "intrinsics" not in description
-    assert "P of /cam0/camera_info has no focal length" in told
+    assert "P of /cam0/camera_info has no focal length" in error_text
 
 
 @pytest.mark.parametrize("name", ["seen.bag", "seen.mcap"])
@@ -138,19 +138,19 @@ def test_binning_and_region_are_converted_to_the_images(tmp_path, capsys, name):
     info = GOOD._replace(binning=(2, 2), region=(10, 4, 40, 60))
     path = write_camera(tmp_path / name, [info], (20, 30))
     assert kinds_of(path, capsys) == {"image_part"}
-    description, told = converted(path, tmp_path, capsys)
+    description, error_text = converted(path, tmp_path, capsys)
     assert description["resolution"] == [30, 20]
     # A point projects to u = fx x + cx in the full image, (u - 10) / 2 in the binned region.
     assert description["intrinsics"] == [28.5, 28.0, 18.5, 13.5]
-    assert "binning 2 x 2, region 60 x 40 at (10, 4)" in told
+    assert "binning 2 x 2, region 60 x 40 at (10, 4)" in error_text
 
 
 def test_models_of_distortion_that_are_not_known_are_told_in_both_directions(tmp_path, capsys):
     info = GOOD._replace(distortion_model="fov", d=(0.9,))
     path = write_camera(tmp_path / "seen.mcap", [info])
     assert kinds_of(path, capsys) == {"distortion_unknown"}
-    _, told = converted(path, tmp_path, capsys)
-    assert "fov with 1 coefficients; name the model as sensor_msgs does" in told
+    _, error_text = converted(path, tmp_path, capsys)
+    assert "fov with 1 coefficients; name the model as sensor_msgs does" in error_text
     folder = next(tmp_path.rglob("cam0")).parent
     assert convert_bag.main([str(folder), "-o", str(tmp_path / "back.mcap")]) == 0
     assert "fov with 1 coefficients" in capsys.readouterr().err
@@ -161,9 +161,9 @@ def test_models_of_distortion_that_are_not_known_are_told_in_both_directions(tmp
 def test_coefficients_that_are_not_finite_are_told_and_not_written(tmp_path, capsys):
     path = write_camera(tmp_path / "seen.mcap", [NOT_FINITE, NOT_FINITE])
     assert kinds_of(path, capsys) == {"distortion_count"}
-    description, told = converted(path, tmp_path, capsys)
+    description, error_text = converted(path, tmp_path, capsys)
     assert "intrinsics" not in description
-    assert "coefficients nan, nan, nan, nan, nan: not finite" in told
+    assert "coefficients nan, nan, nan, nan, nan: not finite" in error_text
 
 
 def test_a_size_that_camera_info_does_not_state_is_that_of_the_images(tmp_path, capsys):
@@ -207,9 +207,9 @@ def test_a_folder_whose_description_contradicts_its_images_is_refused(
     assert old in text, text
     file.write_text(text.replace(old, new))
     assert convert_bag.main([str(tmp_path / "out"), "-o", str(tmp_path / "back.mcap")]) == 2
-    told = capsys.readouterr().err.strip()
-    assert message in told
-    assert len(told.splitlines()) == 1
+    error_text = capsys.readouterr().err.strip()
+    assert message in error_text
+    assert len(error_text.splitlines()) == 1
 
 
 FIELDS = [("x", "<f4"), ("y", "<f4"), ("z", "<f4"), ("intensity", "<f4")]
@@ -238,17 +238,17 @@ def test_clouds_without_times_of_points_are_told(tmp_path, capsys, name, field, 
 
 
 def test_depth_without_images_is_written_and_read(tmp_path, capsys):
-    words = ["--camera", "euroc_cam0", "--scene", "aprilgrid", "--trajectory", "target"]
+    arguments = ["--camera", "euroc_cam0", "--scene", "aprilgrid", "--trajectory", "target"]
     small = {"width": "94", "height": "60", "intrinsics": "[57.3,57.2,45.9,31.0]"}
     settings = {**small, "depth": "true", "images": "none"}
     for key, value in settings.items():
-        words += ["--set", f"camera.{key}={value}"]
-    words += ["--duration", "0.2s", "--quiet"]
+        arguments += ["--set", f"camera.{key}={value}"]
+    arguments += ["--duration", "0.2s", "--quiet"]
     folder, bag = tmp_path / "mav0", tmp_path / "seen.mcap"
-    assert generate.main(["-o", str(folder), "--format", "euroc", *words]) == 0
+    assert generate.main(["-o", str(folder), "--format", "euroc", *arguments]) == 0
     names = sorted(path.name for path in (folder / "cam0" / "depth").iterdir())
     assert len(names) == 4
-    assert generate.main(["-o", str(bag), *words]) == 0
+    assert generate.main(["-o", str(bag), *arguments]) == 0
     for source, output in ((bag, "from_bag"), (folder, "copy")):
         out = tmp_path / output
         assert convert_bag.main([str(source), "-o", str(out), "--format", "euroc"]) == 0
@@ -261,21 +261,21 @@ def test_depth_without_images_is_written_and_read(tmp_path, capsys):
 
 
 def test_a_run_without_a_frame_says_so(tmp_path, capsys):
-    words = ["-o", str(tmp_path / "none"), "--camera", "euroc_cam0", "--duration", "0.1s"]
-    assert generate.main([*words, "--format", "euroc", "--set", "camera.images=none"]) == 0
-    told = capsys.readouterr().err
-    assert "cam0: images, depth and flow are switched off: nothing of it is written" in told
+    arguments = ["-o", str(tmp_path / "none"), "--camera", "euroc_cam0", "--duration", "0.1s"]
+    assert generate.main([*arguments, "--format", "euroc", "--set", "camera.images=none"]) == 0
+    error_text = capsys.readouterr().err
+    assert "cam0: images, depth and flow are switched off: nothing of it is written" in error_text
 
 
 @pytest.mark.parametrize("output", ["none.mcap", "none"])
 def test_a_run_that_ends_before_the_first_frame_says_so(tmp_path, capsys, output):
-    words = ["-o", str(tmp_path / output), "--camera", "euroc_cam0", "--duration", "0.1s"]
-    words += ["--set", "camera.phase=0.5", *([] if "." in output else ["--format", "euroc"])]
-    assert generate.main(words) == 0
+    arguments = ["-o", str(tmp_path / output), "--camera", "euroc_cam0", "--duration", "0.1s"]
+    arguments += ["--set", "camera.phase=0.5", *([] if "." in output else ["--format", "euroc"])]
+    assert generate.main(arguments) == 0
     assert "cam0: not a single frame in the whole run, at 20 Hz" in capsys.readouterr().err
 
 
 def test_a_run_that_ends_before_the_first_cloud_says_so(tmp_path, capsys):
-    words = ["-o", str(tmp_path / "none.mcap"), "--lidar", "avia", "--duration", "0.05s"]
-    assert generate.main([*words, "--set", "scene.type=ground"]) == 0
+    arguments = ["-o", str(tmp_path / "none.mcap"), "--lidar", "avia", "--duration", "0.05s"]
+    assert generate.main([*arguments, "--set", "scene.type=ground"]) == 0
     assert "lidar: not a single frame in the whole run, at 10 Hz" in capsys.readouterr().err

@@ -52,7 +52,7 @@ def test_the_offset_of_two_imus_is_told_to_a_fraction_of_a_sample():
 
 @pytest.mark.parametrize("trajectory", ["static", "circle", "lecture"])
 def test_a_motion_that_does_not_tell_an_offset_says_nothing(trajectory):
-    """At rest, in a uniform turn, and at a single frequency, where misalignment looks alike."""
+    """A rest, a uniform turn and a single frequency, where misalignment looks alike."""
     flight = flown(trajectory, 1)
     inspection = ims.inspect([flight.readings, tracked(flight.truth, 0.1, 1)])
     assert inspection.offsets == ()

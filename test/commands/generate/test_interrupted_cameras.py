@@ -130,7 +130,7 @@ def interrupted_while_compiling(folder):
 
 
 def test_compiling_is_not_waited_for(tmp_path):
-    """It takes up to 15 s of processor time and cannot be interrupted: nothing of it is kept.
+    """Compilation takes up to 15 s and cannot be interrupted: nothing of it is kept.
 
     On a busy machine the signal may come after the last function was compiled, but not each time.
     """
