@@ -139,7 +139,7 @@ def test_errors_that_gtsam_does_not_know_are_in_its_covariance(example, tmp_path
 
 
 def test_an_estimate_that_has_run_away_is_one_line(example):
-    """A flight like MH_05 without a rest before it, whose covariance became singular at key frame 301."""
+    """On MH_05 without a rest before it the covariance became singular at key frame 301."""
     known = np.diag([1e-4] * 3 + [0.04] * 3)
     example.stop_if_lost(known, 80)
     for lost in (np.diag([1e-4] * 3 + [1e4] * 3), np.full((6, 6), np.nan)):
