@@ -11,6 +11,7 @@ import numpy as np
 from imu_sim_ros.core.errors import InputError
 from imu_sim_ros.core.types import Mask, Times
 from imu_sim_ros.recordings.clock import Clock, estimate_clock
+from imu_sim_ros.recordings.order import longest_step_ns
 from imu_sim_ros.recordings.stream import ClockStream, Stretch
 
 _HELD: Final = 65536
@@ -28,10 +29,10 @@ class LiveClock:
     those of the one before; :meth:`finish` brings them up to date.
     """
 
-    def __init__(self, max_gap_ns: int = 0) -> None:
+    def __init__(self, max_gap: float = 0.0) -> None:
         """Initialise without stamps.
 
-        :param max_gap_ns: length above which a step is a gap [ns]; 0: by the clock.
+        :param max_gap: length above which a step is a gap [s]; 0: by the clock.
         """
         self.messages = 0
         """Number of stamps."""
@@ -49,7 +50,7 @@ class LiveClock:
         """Longest step between two stamps in order [s]."""
         self.clock: Clock | None = None
         """Clock behind the first 65,536 stamps, as of the latest estimate; None: without a rate."""
-        self._max_gap_ns = max_gap_ns
+        self._max_gap, self._longest_ns = max_gap, longest_step_ns(max_gap)
         self._stamps: list[Times] = []
         self._changes: list[Mask] = []
         self._due = _FEWEST
@@ -59,7 +60,7 @@ class LiveClock:
 
     def restarted(self) -> "LiveClock":
         """Return a clock with the same gap before its first stamp."""
-        return LiveClock(self._max_gap_ns)
+        return LiveClock(self._max_gap)
 
     def add(self, t_ns: Times, changes: Mask | None = None) -> None:
         """Add stamps in the order of their arrival.
@@ -116,8 +117,8 @@ class LiveClock:
         steps = np.diff(clock.stamps_ns)
         pauses = numbers.get("pause", 0)
         self.gaps = int(np.count_nonzero(clock.missing)) + pauses
-        if self._max_gap_ns:
-            self.gaps = int(np.count_nonzero(steps > self._max_gap_ns))
+        if self._max_gap:
+            self.gaps = int(np.count_nonzero(steps > self._longest_ns))
         self.longest = float(steps.max()) * 1e-9 if len(steps) else 0.0
 
     def _pass_on(self, t_ns: Times, changes: Mask | None) -> None:
@@ -142,12 +143,12 @@ class LiveClock:
             self._last_ns = int(stamps[-1])
             steps = np.diff(stamps)
             self.longest = max(self.longest, float(steps.max(initial=0)) * 1e-9)
-            if self._max_gap_ns:
-                gaps += int(np.count_nonzero(steps > self._max_gap_ns))
+            if self._max_gap:
+                gaps += int(np.count_nonzero(steps > self._longest_ns))
             else:
                 gaps += int(np.count_nonzero(stretch.missing))
         self.gaps += gaps
-        if not self._max_gap_ns:
+        if not self._max_gap:
             self.gaps += stream.pauses - self._pauses
             self._pauses = stream.pauses
         if stream.pattern is not None:

@@ -29,6 +29,8 @@ LONGEST_LOSS: Final = 10.0
 
 _LONGEST_GAP: Final = 1e10
 """Length of a gap [s] above which every step between two stamps is allowed."""
+_ROUNDING: Final = 1e-3
+"""Error of a product that is a whole number of nanoseconds [ns]."""
 READINGS_GAP: Final = 0.1
 """Longest step between readings that is no gap at any rate [s]."""
 POSES_GAP: Final = 0.5
@@ -44,8 +46,11 @@ _RECENT_STEPS: Final = 99
 
 
 def longest_step_ns(max_gap: float) -> float:
-    """Return the longest step that is no gap [ns], in whole nanoseconds if it is finite."""
-    return round(max_gap * 1e9) if max_gap < _LONGEST_GAP else math.inf
+    """Return the longest step that is no gap [ns], in whole nanoseconds if it is finite.
+
+    Stamps are rounded to nanoseconds: steps of 300 Hz are a third of one shorter or longer.
+    """
+    return math.ceil(max_gap * 1e9 - _ROUNDING) if max_gap < _LONGEST_GAP else math.inf
 
 
 def gap_length(max_gap: float, shortest: float, t_ns: Times) -> float:

@@ -181,7 +181,7 @@ class Recorder(ConfiguredNode[RecorderParameters]):
                 offered_qos(publishers),
                 definition(types[0]),
                 type_hash(types[0]),
-                LiveClock(round(self.parameters.max_gap * 1e9)),
+                LiveClock(self.parameters.max_gap),
                 units=UnitWatch(name) if types[0] == IMU else None,
             )
             self.recording.add_topic(topic)

@@ -7,12 +7,14 @@ import numpy as np
 import pytest
 
 import imu_sim_ros as ims
+from imu_sim_ros.campaigns.common_time import covered_spans
 from imu_sim_ros.core import gate, rotation
 from imu_sim_ros.core.records import LiveReading, LiveState, Readings
 from imu_sim_ros.navigation.dead_reckoning import dead_reckon
 from imu_sim_ros.navigation.parameters import load_integrator
 from imu_sim_ros.navigation.state import NavigationState
 from imu_sim_ros.nodes.integrator.odometer import LiveIntegrator
+from imu_sim_ros.recordings.live_clock import LiveClock
 
 STEP_NS = 5_000_000
 LEVEL = (0.0, 0.0, 9.81)
@@ -143,6 +145,26 @@ def test_slow_readings_are_integrated_as_offline(rate, state):
     strict = Harness(**values | {"initial_state": "parameters", "max_gap": 0.05})
     strict.feed(stream)
     assert strict.odometer.totals.steps.gaps == len(stream) - 1
+
+
+@pytest.mark.parametrize("rate", [3.0, 10.0, 30.0, 300.0, 700.0])
+def test_a_step_of_exactly_the_gap_is_none_everywhere(rate):
+    """Also where step and gap are no whole nanoseconds."""
+    max_gap = 1.0 / rate
+    t_ns = 10**9 + np.round(np.arange(40) * 1e9 / rate).astype(np.int64)
+    harness = Harness(max_gap=max_gap, initial_velocity=[1.0, 0.0, 0.0])
+    rows = harness.feed([LiveReading(t, STILL, LEVEL) for t in t_ns.tolist()])
+    assert (harness.odometer.totals.steps.gaps, harness.complaints) == (0, [])
+    record = Readings(t_ns, np.tile(STILL, (40, 1)), np.tile(LEVEL, (40, 1)))
+    offline = ims.dead_reckon(
+        record, initial="parameters", initial_velocity=[1.0, 0.0, 0.0], max_gap=max_gap
+    )
+    np.testing.assert_allclose(rows[-1].position, offline.position[-1], atol=1e-12)
+    clock = LiveClock(max_gap)
+    clock.add(t_ns)
+    clock.finish()
+    assert clock.gaps == 0
+    assert len(covered_spans(t_ns, max_gap)) == 1
 
 
 def test_a_reading_of_long_ago_is_not_integrated_from():

@@ -17,8 +17,8 @@ def stamps(count: int = 1000) -> np.ndarray:
     return 1_000_000_000 + PERIOD_NS * np.arange(count, dtype=np.int64)
 
 
-def seen(t_ns: np.ndarray, batch: int = 100, max_gap_ns: int = 0) -> LiveClock:
-    statistics = LiveClock(max_gap_ns)
+def seen(t_ns: np.ndarray, batch: int = 100, max_gap: float = 0.0) -> LiveClock:
+    statistics = LiveClock(max_gap)
     for start in range(0, len(t_ns), batch):
         statistics.add(t_ns[start : start + batch])
     statistics.finish()
@@ -73,7 +73,7 @@ def test_jitter_below_half_an_interval_is_no_gap():
 
 def test_a_given_limit_takes_the_place_of_the_usual_distance():
     t_ns = np.delete(stamps(), [300, 500, 501, 502])
-    assert seen(t_ns, max_gap_ns=3 * PERIOD_NS).gaps == 1
+    assert seen(t_ns, max_gap=3e-9 * PERIOD_NS).gaps == 1
 
 
 def test_random_losses_are_all_found():
