@@ -109,7 +109,7 @@ def _lengths(
 
 
 def _missed(predict: Array, rows: Integers, since: Array, values: Array, poses: Integers) -> Array:
-    """Return prediction less value (n, a), neighbour by neighbour.
+    """Return the predictions of poses by their neighbours minus the poses (n, a).
 
     All are relative to a line through the pose itself, so that distance from the origin and speed
     have no effect, which the ridge would take for a deviation.

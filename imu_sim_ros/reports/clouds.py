@@ -125,7 +125,7 @@ class _Truth(NamedTuple):
 
 
 def _truth(path: Path, name: str) -> _Truth:
-    """Return the true kinds and ranges of the points of each scan."""
+    """Return the number of points by true kind, and the RMS range error, of each scan."""
     stamps, counts, squares = [], [], []
     for t_ns, points in read_clouds(path, name):
         names = points.dtype.names or ()
