@@ -138,7 +138,7 @@ def _open_plain(path: Path, file: BinaryIO, magic: bytes, recover: Recover) -> B
     endings = _ENDINGS.intersection(path.suffixes)
     if endings and magic:
         if not recover:
-            raise InputError(f"{path}: its first bytes are not those of a bag; {_ADVICE}")
+            raise InputError(f"{path}: not a bag, or its first bytes are damaged; {_ADVICE}")
         if ".db3" in endings:
             return SqliteBag(path, recover)
         reader = Rosbag1Bag if ".bag" in endings else McapBag
