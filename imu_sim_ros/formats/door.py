@@ -184,7 +184,9 @@ def _merged(path: Path, choice: Choice, handling: Handling) -> Readings:
         triad = "gyroscope" if gyroscope.gyro is None else "accelerometer"
         raise InputError(f"{path}: {topic} contains no readings of the {triad}")
     try:
-        paired = pair(gyroscope.t_ns, accelerometer.t_ns, accelerometer.accel, TRIADS)
+        paired = pair(
+            gyroscope.t_ns, gyroscope.gyro, accelerometer.t_ns, accelerometer.accel, TRIADS
+        )
     except InputError as error:
         source = f"{path}: {choice.gyro_topic} and {choice.accel_topic}"
         raise InputError([f"{source}: {line}" for line in error.problems]) from None

@@ -708,6 +708,13 @@ def estimate_clock(t_ns: Times, equal: Mask | None = None) -> Clock:
     return dataclasses.replace(clock, traits=traits)
 
 
+def repeats(values: Array) -> Mask:
+    """Return True (n,) where a reading (n, m) has the values of the one before it."""
+    equal = np.zeros(len(values), np.bool_)
+    equal[1:] = np.all(values[1:] == values[:-1], axis=1)
+    return equal
+
+
 def without_duplicates(
     t_ns: Times, pieces: tuple[Integers, ...], equal: Mask | None
 ) -> tuple[list[Integers], Integers]:

@@ -10,7 +10,7 @@ import numpy as np
 from imu_sim_ros.core.errors import InputError
 from imu_sim_ros.core.timebase import seconds_since
 from imu_sim_ros.core.types import Array, Integers, Mask, Times
-from imu_sim_ros.recordings.clock import estimate_clock
+from imu_sim_ros.recordings.clock import estimate_clock, repeats
 
 
 class Paired(NamedTuple):
@@ -24,18 +24,25 @@ class Paired(NamedTuple):
     """Lines about the loss of bandwidth, and about readings that are left out."""
 
 
-def pair(t_ns: Times, companion_ns: Times, values: Array, names: tuple[str, str]) -> Paired:
+def pair(
+    t_ns: Times,
+    triad_values: Array,
+    companion_ns: Times,
+    values: Array,
+    names: tuple[str, str],
+) -> Paired:
     """Return the readings of a triad that lie between two of a companion, which is interpolated.
 
     Times before and after the readings of the companion, and in its gaps, are left out.
 
     :param t_ns: (n,) stamps of the triad that gives the times.
+    :param triad_values: (n, 3) its readings; the same stamp and values are one message twice.
     :param companion_ns: (m,) stamps of the companion, which increase.
     :param values: (m, 3) readings of the companion.
     :param names: names of triad and companion, for the notes.
     :raises InputError: if the stamps do not increase, or have no time in common.
     """
-    triad, companion = _timed(t_ns), _timed(companion_ns)
+    triad, companion = _timed(t_ns, triad_values), _timed(companion_ns, values)
     knots_ns, times_ns = companion.t_ns, triad.t_ns
     if np.any(np.diff(knots_ns) <= 0):
         raise InputError("the stamps do not increase: not merged")
@@ -78,11 +85,11 @@ class _Timed(NamedTuple):
     """Time between two samples [ns]; 0: a single reading."""
 
 
-def _timed(t_ns: Times) -> _Timed:
-    """Return the times of readings by the clock behind their stamps (n,) [ns]."""
+def _timed(t_ns: Times, values: Array) -> _Timed:
+    """Return the times of readings (n, 3) by the clock behind their stamps (n,) [ns]."""
     if len(t_ns) < 2:
         return _Timed(np.arange(len(t_ns)), t_ns, np.zeros(len(t_ns), np.bool_), 0.0)
-    clock = estimate_clock(t_ns)
+    clock = estimate_clock(t_ns, repeats(values))
     lost = clock.missing > 0
     lost[[piece.start for piece in clock.pieces]] = True
     return _Timed(clock.rows, clock.times_ns(), lost, clock.interval_ns)

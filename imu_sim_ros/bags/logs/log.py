@@ -426,7 +426,7 @@ def pair(
     for triad, companion in ((gyro, accel), (accel, gyro)):
         names = TRIADS if triad is gyro else TRIADS[::-1]
         try:
-            paired = pair_triads(triad.t_ns, companion.t_ns, companion.values, names)
+            paired = pair_triads(triad.t_ns, triad.values, companion.t_ns, companion.values, names)
         except InputError as error:
             remarks.append(f"{triad.topic}: {error}; it has no {names[1]}")
             yield _alone(triad, triad is gyro, orientations)

@@ -15,7 +15,7 @@ from imu_sim_ros.core.conventions import STANDARD_GRAVITY
 from imu_sim_ros.core.errors import InputError
 from imu_sim_ros.core.records import Readings
 from imu_sim_ros.core.types import Array, Integers, Mask
-from imu_sim_ros.recordings.clock import Clock, estimate_clock
+from imu_sim_ros.recordings.clock import Clock, estimate_clock, repeats
 
 _FEWEST: Final = 32
 """Readings below which values are not judged."""
@@ -116,8 +116,7 @@ class ReadingMeasures:
         triads = [x for x in (self.readings.gyro, self.readings.accel) if x is not None]
         if not triads or not len(self.readings):
             return None
-        steps = np.diff(np.hstack(triads), axis=0)
-        return np.append(False, np.all(steps == 0.0, axis=1))
+        return repeats(np.hstack(triads))
 
     @property
     def interval(self) -> float:
