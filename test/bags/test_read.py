@@ -81,12 +81,14 @@ def test_several_topics_are_listed(tmp_path, content):
 
 def test_inputs_that_are_no_bags(tmp_path):
     (tmp_path / "empty.bag").write_bytes(b"")
-    (tmp_path / "words.bag").write_text("some words, more than sixteen bytes")
+    for name in ("words.bag", "words.txt.xyz"):
+        (tmp_path / name).write_text("some words, more than sixteen bytes")
     (tmp_path / "folder").mkdir()
     for name, reason in (
         ("missing.bag", "No such file"),
         ("empty.bag", "an empty file"),
-        ("words.bag", r"not a bag; the name of a text file ends in \.csv or \.tum or \.txt"),
+        ("words.bag", "not a bag, or its first bytes are damaged; convert_bag --recover"),
+        ("words.txt.xyz", r"not a bag; the name of a text file ends in \.csv or \.tum or \.txt"),
         ("folder", r"no metadata\.yaml"),
     ):
         with pytest.raises(InputError, match=reason):
