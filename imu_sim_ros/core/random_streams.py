@@ -12,11 +12,13 @@ import ctypes
 import itertools
 import math
 import zlib
-from typing import Any, Final, TypeAlias
+from functools import lru_cache
+from typing import Any, Final, TypeAlias, cast
 
 import numpy as np
 from numpy.random import SFC64, Generator, SeedSequence
-from numpy.typing import NDArray
+from numpy.random.bit_generator import ISeedSequence
+from numpy.typing import DTypeLike, NDArray
 
 from imu_sim_ros.core.conventions import AXES
 from imu_sim_ros.core.types import Array, Integers
@@ -59,7 +61,15 @@ def generator_at(seed: int, source: str, index: int) -> Generator:
 
 def axis_generators(seed: int, source: str) -> list[Generator]:
     """Return the streams of the three axes of one source."""
-    return [generator(seed, f"{source}.{axis}") for axis in AXES]
+    return _generators(seed, (source,))
+
+
+def _generators(seed: int, sources: tuple[str, ...]) -> list[Generator]:
+    """Return the streams of the three axes of each of some sources."""
+    states = _seed_words(_seed_pool_of_unit(seed), _axis_hashes(sources))
+    # The stub of NumPy names one class of seed sequences, SFC64 takes each.
+    sequences = (cast("SeedSequence", _SeedWords(state)) for state in states)
+    return [Generator(SFC64(sequence)) for sequence in sequences]
 
 
 def _key(source: str) -> int:
@@ -67,9 +77,10 @@ def _key(source: str) -> int:
     return zlib.crc32(source.encode())
 
 
-# NumPy seeds one stream at a time, and a batch has a hundred thousand of them. The following is
-# SeedSequence(entropy=seed, spawn_key=(key,)) over arrays of seeds and keys: M. E. O'Neill,
-# "Developing a seed_seq alternative", 2015, with the constants of numpy/random/bit_generator.pyx.
+# NumPy seeds one stream at a time, and a unit has fifty of them, a batch a hundred thousand. The
+# following is SeedSequence(entropy=seed, spawn_key=(key,)) over arrays of seeds and keys: M. E.
+# O'Neill, "Developing a seed_seq alternative", 2015, with the constants of
+# numpy/random/bit_generator.pyx.
 _WORD: Final = 0xFFFFFFFF
 _XSHIFT: Final = 16
 _INIT_A, _MULT_A = 0x43B0D7E5, 0x931E8875
@@ -79,21 +90,25 @@ _POOL: Final = 4
 """Number of words in the pool of entropy."""
 
 
-def _constants(start: int, factor: int, count: int) -> list[tuple[int, int]]:
-    """Return the constant that each of successive hashes adds, and that by which it multiplies."""
+def _constants(start: int, factor: int, count: int) -> Words:
+    """Return the constants (2, count) of successive hashes: addends and factors."""
     values = [start]
     for _ in range(count):
         values.append(values[-1] * factor & _WORD)
-    return list(itertools.pairwise(values))
+    return np.array([values[:-1], values[1:]], np.uint64)
 
 
-_SEED_CONSTANTS: Final = _constants(_INIT_A, _MULT_A, _POOL * _POOL + _POOL)
-"""Constants of the hashes of a seed (16), then of a key (4)."""
+_POOL_CONSTANTS, _KEY_CONSTANTS = np.split(
+    _constants(_INIT_A, _MULT_A, _POOL * _POOL + _POOL), [_POOL * _POOL], axis=1
+)
+"""Constants of the hashes of a seed (2, 16), and of a key (2, 4)."""
 _STATE_CONSTANTS: Final = _constants(_INIT_B, _MULT_B, 6)
+_STATE_WORDS: Final = np.arange(6) % _POOL
+"""Indices of the pool's words in a state."""
 
 
-def _hash(word: Words, constants: tuple[int, int]) -> Words:
-    """Return the hashes of words of 32 bits."""
+def _hash(word: Words, constants: Words) -> Words:
+    """Return the hashes of words of 32 bits by constants (2,) or, for words (..., k), (2, k)."""
     addend, factor = constants
     word = (word ^ addend) * factor & _WORD
     return word ^ word >> _XSHIFT
@@ -105,16 +120,51 @@ def _mix(x: Words, y: Words) -> Words:
     return word ^ word >> _XSHIFT
 
 
-def _seed_words(seeds: Words, keys: Words) -> tuple[Words, Words, Words]:
-    """Return the three words of 64 bits from which SFC64 starts, for seeds and keys broadcast."""
-    constants = iter(_SEED_CONSTANTS)
+def _seed_pool(seeds: Words) -> Words:
+    """Return the pools of entropy (..., 4) of seeds (...)."""
+    constants = iter(_POOL_CONSTANTS.T)
     zero = np.zeros_like(seeds)
     pool = [_hash(word, next(constants)) for word in (seeds & _WORD, seeds >> 32, zero, zero)]
     for source, target in itertools.permutations(range(_POOL), 2):
         pool[target] = _mix(pool[target], _hash(pool[source], next(constants)))
-    a, b, c, d = (_mix(word, _hash(keys, next(constants))) for word in pool)
-    u, v, w, x, y, z = map(_hash, (a, b, c, d, a, b), _STATE_CONSTANTS)
-    return u | v << 32, w | x << 32, y | z << 32
+    return np.stack(pool, axis=-1)
+
+
+@lru_cache(maxsize=8)
+def _seed_pool_of_unit(seed: int) -> Words:
+    """Return the pool of entropy (4,) of one seed, from which all streams of a unit begin."""
+    return SeedSequence(seed).pool.astype(np.uint64)
+
+
+@lru_cache(maxsize=256)
+def _axis_hashes(sources: tuple[str, ...]) -> Words:
+    """Return the hashes (3 m, 4) of the names of m sources' axes, which no seed is in."""
+    keys = [_key(f"{source}.{axis}") for source in sources for axis in AXES]
+    return _hash(np.array(keys, np.uint64)[:, None], _KEY_CONSTANTS)
+
+
+def _seed_words(pool: Words, hashes: Words) -> Words:
+    """Return the three words (..., 3) of 64 bits from which SFC64 starts.
+
+    :param pool: (..., 4) of seeds.
+    :param hashes: (..., 4) of names.
+    """
+    halves = _hash(_mix(pool, hashes).take(_STATE_WORDS, axis=-1), _STATE_CONSTANTS)
+    return halves[..., ::2] | halves[..., 1::2] << 32
+
+
+class _SeedWords(ISeedSequence):
+    """The words from which one stream starts, as NumPy's generators take them."""
+
+    def __init__(self, state: Words) -> None:
+        self._state = state
+
+    def generate_state(
+        self, n_words: int, dtype: DTypeLike = np.uint64
+    ) -> NDArray[np.uint32 | np.uint64]:
+        """Return the words (3,) of 64 bits that SFC64 asks for."""
+        assert n_words == len(self._state)
+        return np.ascontiguousarray(self._state, dtype)
 
 
 _ROUNDS: Final = 12
@@ -125,8 +175,8 @@ _BYTES: Final = 32
 
 def initial_states(seeds: Integers, *sources: str) -> Words:
     """Return the states (count, 3 m, 4) of :func:`axis_generators` of m sources for each seed."""
-    keys = [_key(f"{source}.{axis}") for source in sources for axis in AXES]
-    a, b, c = _seed_words(np.asarray(seeds, np.uint64)[..., None], np.array(keys, np.uint64))
+    pool = _seed_pool(np.asarray(seeds, np.uint64))[..., None, :]
+    a, b, c = np.moveaxis(_seed_words(pool, _axis_hashes(sources)), -1, 0)
     counter = np.ones(a.shape, np.uint64)
     for _ in range(_ROUNDS):
         value = a + b + counter
@@ -152,13 +202,14 @@ class Streams:
         :param numbers: method of the generator: ``standard_normal``, or ``random``, from 0 to 1.
         """
         self._seed, self._sources, self._numbers = seed, sources, numbers
-        shape = (*np.shape(seed), len(AXES) * len(sources))
-        self._indices = np.arange(math.prod(shape)).reshape(shape)
-        """Indices (*units, 3 m) of the streams in the list of states."""
-        self._states = [b""] * self._indices.size if np.ndim(seed) else []
         self._generators: list[Generator] = []
         """Generators (3 m) of one unit; none for a batch."""
-        self._prepare()
+        if np.ndim(seed):
+            shape = (*np.shape(seed), len(AXES) * len(sources))
+            self._indices = np.arange(math.prod(shape)).reshape(shape)
+            """Indices (*units, 3 m) of the streams in the list of states of a batch."""
+            self._states = [b""] * self._indices.size
+            self._prepare()
         self.begin(...)
 
     def _prepare(self) -> None:
@@ -183,10 +234,7 @@ class Streams:
     def begin(self, units: Units) -> None:
         """Begin the streams of some units, from their present seeds."""
         if not np.ndim(self._seed):
-            seed = int(self._seed)
-            self._generators = [
-                stream for source in self._sources for stream in axis_generators(seed, source)
-            ]
+            self._generators = _generators(int(self._seed), self._sources)
             self._prepare()
             return
         seeds = np.asarray(self._seed)[units]

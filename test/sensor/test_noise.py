@@ -8,6 +8,7 @@ Thresholds are five standard deviations of the estimate unless said otherwise (o
 a variance by 100 % or 50 %.
 """
 
+import copy
 import zlib
 
 import numpy as np
@@ -301,7 +302,12 @@ def test_every_source_has_a_stream_of_its_own() -> None:
 
 @pytest.mark.parametrize("seed", [0, 7, 2**32 - 1, 2**32 + 5, 2**63 - 1])
 def test_streams_are_those_of_numpys_seed_sequence(seed):
-    name = "gyroscope.white_noise.x"
-    sequence = np.random.SeedSequence(entropy=seed, spawn_key=(zlib.crc32(name.encode()),))
-    expected = np.random.Generator(np.random.SFC64(sequence)).standard_normal(5)
-    np.testing.assert_array_equal(generator(seed, name).standard_normal(5), expected)
+    source = "gyroscope.white_noise"
+    streams = dict(zip("xyz", axis_generators(seed, source), strict=True))
+    for axis, stream in streams.items():
+        name = f"{source}.{axis}"
+        sequence = np.random.SeedSequence(entropy=seed, spawn_key=(zlib.crc32(name.encode()),))
+        expected = np.random.Generator(np.random.SFC64(sequence)).standard_normal(5)
+        np.testing.assert_array_equal(generator(seed, name).standard_normal(5), expected)
+        np.testing.assert_array_equal(copy.deepcopy(stream).standard_normal(5), expected)
+        np.testing.assert_array_equal(stream.standard_normal(5), expected)
