@@ -15,10 +15,10 @@ from imu_sim_ros.bags.outputs import active_path, is_being_written, is_locked, u
 from imu_sim_ros.bags.reader import Bag, Recover, errors_naming
 from imu_sim_ros.bags.ros1_reader import Rosbag1Bag
 from imu_sim_ros.bags.rosbag2_reader import SQLITE, Rosbag2Folder, SqliteBag
-from imu_sim_ros.bags.sharing import shared_bags
 from imu_sim_ros.bags.text.writer import TEXT_SUFFIXES
 from imu_sim_ros.core.errors import InputError
 from imu_sim_ros.inputs.rows import open_regular
+from imu_sim_ros.inputs.sharing import shared_files
 
 _ROS1: Final = b"#ROSBAG V"
 _MCAP: Final = b"\x89MCAP"
@@ -38,10 +38,10 @@ def open_bag(path: str | Path, recover: Recover = False) -> Bag:
         if NAME does not exist; ``"keep_damaged"`` also keeps chunks whose checksum is wrong.
     :raises InputError: for a path that is missing, no bag, or a bag that is not whole.
     """
-    bags = None if recover else shared_bags()
-    if bags is None:
+    files = None if recover else shared_files()
+    if files is None:
         return _open_ready(Path(path), recover)
-    return bags.get(Path(path), _open_ready)
+    return files.get(Bag, Path(path), _open_ready)  # type: ignore[type-abstract]  # a key only
 
 
 def _open_ready(path: Path, recover: Recover = False) -> Bag:

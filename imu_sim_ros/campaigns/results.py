@@ -11,6 +11,7 @@ ordered by cell, seed and estimator.
 import contextlib
 import csv
 import fcntl
+import io
 import itertools
 import json
 import math
@@ -19,13 +20,13 @@ import re
 import shutil
 from collections.abc import Collection, Iterable, Iterator, Sequence
 from pathlib import Path
-from typing import Final, TextIO
+from typing import BinaryIO, Final, TextIO
 
 from imu_sim_ros.campaigns.metrics import COVERED
 from imu_sim_ros.core.errors import InputError, system_error
 from imu_sim_ros.core.spelling import argument
 from imu_sim_ros.core.types import JsonObject
-from imu_sim_ros.inputs.rows import is_present, open_regular
+from imu_sim_ros.inputs.rows import is_present, open_shared
 from imu_sim_ros.terminal.json_text import as_json
 
 Row = JsonObject
@@ -126,13 +127,15 @@ class Store:
         A different plan there gets a free name, plan.1.yaml and so on: it may be the user's.
         """
         copy = self.folder / PLAN
+        with open_shared(path) as file:
+            plan = file.read()
         if is_present(copy):
-            if copy.samefile(path) or copy.read_bytes() == path.read_bytes():
+            if copy.samefile(path) or copy.read_bytes() == plan:
                 return
             names = (copy.with_name(f"plan.{k}.yaml") for k in itertools.count(1))
             copy.rename(next(name for name in names if not os.path.lexists(name)))
         with replaced(copy) as part:
-            shutil.copyfile(path, part)
+            part.write_bytes(plan)
 
     def rows(self) -> Iterator[Row]:
         """Yield the rows that are there; a truncated line is skipped."""
@@ -347,9 +350,9 @@ def read_results(path: Path) -> list[Row]:
     """
     if path.is_dir():
         path = path / TABLE
-    open_regular(path).close()  # a device, of which one may read for ever
     try:
-        rows = _read_parquet(path) if path.suffix == ".parquet" else _read_csv(path)
+        with open_shared(path) as file:
+            rows = _read_parquet(path, file) if path.suffix == ".parquet" else _read_csv(file)
     except (OSError, ValueError, csv.Error) as error:
         raise InputError(f"{path}: cannot be read: {error}") from None
     for name in ("cell", "seed", "estimator", "status"):
@@ -361,24 +364,24 @@ def read_results(path: Path) -> list[Row]:
     return rows
 
 
-def _read_parquet(path: Path) -> list[Row]:
-    """Return the rows of a Parquet file."""
+def _read_parquet(path: Path, file: BinaryIO) -> list[Row]:
+    """Return the rows of a Parquet file, which bears a name in messages."""
     try:
         import pyarrow.parquet
     except ImportError:
         raise InputError(
             f"{path}: needs pyarrow: pip install pyarrow; or name the results.csv next to it"
         ) from None
-    return pyarrow.parquet.read_table(path).to_pylist()
+    return pyarrow.parquet.read_table(io.BytesIO(file.read())).to_pylist()
 
 
-def _read_csv(path: Path) -> list[Row]:
+def _read_csv(file: BinaryIO) -> list[Row]:
     """Return the rows of a CSV file, with numbers in place of their texts."""
-    with path.open(encoding="utf-8", newline="") as file:
-        return [
-            {name: _value(name, text) for name, text in row.items() if name}
-            for row in csv.DictReader(file)
-        ]
+    lines = io.TextIOWrapper(file, encoding="utf-8", newline="")
+    return [
+        {name: _value(name, text) for name, text in row.items() if name}
+        for row in csv.DictReader(lines)
+    ]
 
 
 def _value(name: str, text: str | None) -> object:

@@ -15,13 +15,13 @@ from pathlib import Path
 from typing import Any, Final, NoReturn, Protocol
 
 from imu_sim_ros import __version__
-from imu_sim_ros.bags.sharing import bags_opened_once
 from imu_sim_ros.commands.completion import complete
 from imu_sim_ros.core import timebase
 from imu_sim_ros.core.errors import InputWarning, Remark, explain
 from imu_sim_ros.core.names import unknown
 from imu_sim_ros.core.spelling import spelled_for
 from imu_sim_ros.core.types import Keywords
+from imu_sim_ros.inputs.sharing import opened_once
 from imu_sim_ros.terminal import signals
 from imu_sim_ros.terminal.json_text import as_json
 from imu_sim_ros.terminal.progress import Watcher, terminal_bar, watched_by
@@ -414,8 +414,8 @@ def run(
     :param written: the outputs that are complete so far.
     """
     try:
-        opened_once, spelling = bags_opened_once(), spelled_for("program")
-        with signals.raised(), _remarks(program), opened_once, spelling:
+        files, spelling = opened_once(), spelled_for("program")
+        with signals.raised(), _remarks(program), files, spelling:
             command()
             sys.stdout.flush()
     except BrokenPipeError:  # `| head` closed standard output

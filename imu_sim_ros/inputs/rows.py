@@ -3,6 +3,7 @@
 
 """Files opened for reading, of bounded size, and the problems of their rows."""
 
+import io
 import os
 import re
 import stat
@@ -11,6 +12,7 @@ from pathlib import Path
 from typing import BinaryIO, Final
 
 from imu_sim_ros.core.errors import InputError, system_error
+from imu_sim_ros.inputs.sharing import shared_files
 
 LARGEST_TEXT: Final = 16 << 20
 """Largest file that is read as a whole [bytes]; those of this package have some 10 kB."""
@@ -35,6 +37,62 @@ def open_regular(path: str | Path) -> BinaryIO:
         os.close(descriptor)
         raise
     return os.fdopen(descriptor, "rb")
+
+
+class _OpenFile:
+    """An open file whose users read at places of their own."""
+
+    def __init__(self, path: Path) -> None:
+        self._file = open_regular(path)
+        self._users = 0
+
+    def hold(self) -> None:
+        """Keep the file open until :meth:`release`."""
+        self._users += 1
+
+    def release(self) -> None:
+        """Close the file if nobody else uses it."""
+        self._users -= 1
+        if self._users <= 0:
+            self._file.close()
+
+    def read_at(self, offset: int, size: int) -> bytes:
+        """Return at most some bytes from an offset on; none at the end of the file."""
+        return os.pread(self._file.fileno(), size, offset)
+
+
+class _View(io.RawIOBase):
+    """Binary stream of an open file from its start, with a position of its own."""
+
+    def __init__(self, file: _OpenFile) -> None:
+        super().__init__()
+        file.hold()
+        self._file, self._offset = file, 0
+
+    def readable(self) -> bool:
+        """Return True."""
+        return True
+
+    def readinto(self, buffer: memoryview) -> int:  # type: ignore[override]  # of bytes
+        """Fill a buffer with the bytes that follow; returns their number."""
+        content = self._file.read_at(self._offset, len(buffer))
+        buffer[: len(content)] = content
+        self._offset += len(content)
+        return len(content)
+
+    def close(self) -> None:
+        """Let the file be closed when nobody else uses it."""
+        if not self.closed:
+            self._file.release()
+        super().close()
+
+
+def open_shared(path: str | Path) -> BinaryIO:
+    """Open a file from its start as :func:`open_regular` does; a program opens it only once."""
+    files = shared_files()
+    if files is None:
+        return open_regular(path)
+    return io.BufferedReader(_View(files.get(_OpenFile, Path(path), _OpenFile)))
 
 
 def is_present(path: str | Path) -> bool:
@@ -105,7 +163,7 @@ def read_text(path: str | Path) -> str:
 
     :raises InputError: for a file that is not text in UTF-8, or too large.
     """
-    with open_regular(path) as file:
+    with open_shared(path) as file:
         try:
             content = file.read(LARGEST_TEXT + 1)
         except OSError as error:
@@ -146,7 +204,7 @@ def row_blocks(
     :raises InputError: for a file that is not text.
     """
     line, rest, newline = 0, b"", b"\n"
-    with open_regular(path) as file:
+    with open_shared(path) as file:
         while True:
             chunk = file.read(_CHUNK_BYTES)
             if not line and not rest:

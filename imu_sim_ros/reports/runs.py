@@ -18,6 +18,7 @@ from imu_sim_ros.campaigns.summary import Group
 from imu_sim_ros.core.errors import ImuSimError
 from imu_sim_ros.core.types import Array
 from imu_sim_ros.formats.door import read_trajectory
+from imu_sim_ros.inputs.rows import read_text
 from imu_sim_ros.navigation.comparison import compare
 from imu_sim_ros.navigation.state import state_of_row
 from imu_sim_ros.reports.page import Item
@@ -66,8 +67,8 @@ def repeated(folder: Path) -> Item:
     import yaml
 
     try:
-        content = yaml.safe_load((folder / PLAN).read_text(encoding="utf-8"))
-    except (OSError, ValueError, yaml.YAMLError):
+        content = yaml.safe_load(read_text(folder / PLAN))
+    except (ImuSimError, yaml.YAMLError):
         return {}
     left_out = ("require", "grid", "seeds")
     return {str(key): value for key, value in content.items() if key not in left_out}

@@ -23,7 +23,7 @@ from imu_sim_ros.bags.logs.archive import Archive
 from imu_sim_ros.bags.logs.log import Contents, LogBag, LogFormat
 from imu_sim_ros.bags.reader import Recover
 from imu_sim_ros.core.errors import MachineError, Remark, warn
-from imu_sim_ros.inputs.rows import open_regular
+from imu_sim_ros.inputs.rows import open_shared
 
 LOGS: Final[tuple[LogFormat, ...]] = (
     px4,
@@ -70,7 +70,7 @@ def _is_log(path: Path, changed_ns: int, size: int) -> bool:
     :param changed_ns: time of its last change [ns].
     :param size: size [bytes].
     """
-    with open_regular(path) as file:
+    with open_shared(path) as file:
         magic = file.read(MAGIC_BYTES)
     return _kind(path, magic) is not None
 

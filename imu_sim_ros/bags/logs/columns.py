@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 from imu_sim_ros.core.errors import InputError
 from imu_sim_ros.core.types import Array, Mask, Times
 from imu_sim_ros.inputs.layout import STAMP_BYTES, nanosecond, nanoseconds
-from imu_sim_ros.inputs.rows import number_of, open_regular
+from imu_sim_ros.inputs.rows import number_of, open_shared
 
 HEAD_BYTES: Final = 1 << 14
 """Length of the start of a file by which its kind is recognised [bytes]."""
@@ -172,7 +172,7 @@ def head_of(path: Path, magic: bytes) -> bytes:
     """
     if not magic or b"\0" in magic or path.suffix.lower() not in _TEXT_SUFFIXES:
         return b""
-    with open_regular(path) as file:
+    with open_shared(path) as file:
         content = file.read(HEAD_BYTES)
     return b"" if b"\0" in content else content.removeprefix(_BYTE_ORDER_MARK)
 
@@ -182,7 +182,7 @@ def read_lines(path: Path) -> list[bytes]:
 
     :raises InputError: for a file that is no text.
     """
-    with open_regular(path) as file:
+    with open_shared(path) as file:
         return lines_of(str(path), file.read())
 
 

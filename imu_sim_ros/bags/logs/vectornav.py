@@ -30,7 +30,7 @@ from imu_sim_ros.core.gps_time import GPS_EPOCH, WEEK, leap_seconds
 from imu_sim_ros.core.rotation import from_euler
 from imu_sim_ros.core.types import Array, Bytes, Mask, Times
 from imu_sim_ros.inputs.layout import nanosecond
-from imu_sim_ros.inputs.rows import number_of, open_regular
+from imu_sim_ros.inputs.rows import number_of, open_shared
 
 MEMORY = 8
 """Memory that reading takes, in sizes of the file."""
@@ -109,7 +109,7 @@ def holds(path: Path, magic: bytes) -> bool:
 
 def contents(path: Path) -> Contents:
     """Return the topics of a log; see :class:`imu_sim_ros.bags.logs.log.LogFormat`."""
-    with open_regular(path) as file:
+    with open_shared(path) as file:
         content = file.read()
     damage: list[str] = []
     remarks: list[str] = []

@@ -1,0 +1,90 @@
+# Copyright 2026 imu_sim_ros maintainers
+# SPDX-License-Identifier: Apache-2.0
+
+"""Bags and text files that a program opens once, however many of its parts read them."""
+
+import os
+from collections.abc import Callable, Hashable, Iterator
+from contextlib import contextmanager
+from contextvars import ContextVar
+from pathlib import Path
+from typing import Final, Protocol, TypeVar
+
+_MOST: Final = 16
+"""Files of a kind that stay open; those that were used longest ago are closed first."""
+
+
+class Shareable(Protocol):
+    """An open file that stays open until its last user releases it."""
+
+    def hold(self) -> None:
+        """Keep it open until :meth:`release`."""
+
+    def release(self) -> None:
+        """Close it if nobody else uses it."""
+
+
+Kind = TypeVar("Kind", bound=Shareable)
+
+
+class SharedFiles:
+    """Open files by their kind, path and identity, in the order of use."""
+
+    def __init__(self) -> None:
+        self._files: dict[tuple[type[Shareable], Hashable], Shareable] = {}
+
+    def get(self, kind: type[Kind], path: Path, open_new: Callable[[Path], Kind]) -> Kind:
+        """Return the file at a path; it is opened if it is not open, or has changed.
+
+        :param kind: class of the open file.
+        :param open_new: opens it.
+        """
+        state = _state(path)
+        if state is None:
+            return open_new(path)
+        file = self._files.pop((kind, state), None)
+        if not isinstance(file, kind):
+            file = open_new(path)
+            file.hold()
+        self._files[kind, state] = file
+        keys = [key for key in self._files if key[0] is kind]
+        if len(keys) > _MOST:
+            self._files.pop(keys[0]).release()
+        return file
+
+    def close(self) -> None:
+        """Close all files that nobody uses any more; the others are closed after use."""
+        while self._files:
+            self._files.popitem()[1].release()
+
+
+_shared: Final[ContextVar[SharedFiles | None]] = ContextVar("files", default=None)
+
+
+def shared_files() -> SharedFiles | None:
+    """Return the files that the running program shares; None outside of :func:`opened_once`."""
+    return _shared.get()
+
+
+@contextmanager
+def opened_once() -> Iterator[None]:
+    """Open each file only once until the end; threads that begin within have their own files."""
+    files = SharedFiles()
+    token = _shared.set(files)
+    try:
+        yield
+    finally:
+        _shared.reset(token)
+        files.close()
+
+
+def _state(path: Path) -> Hashable | None:
+    """Return the identity of a file or folder and of its content; None if it cannot be read."""
+    try:
+        entries = sorted(path.iterdir()) if path.is_dir() else []
+        states = [file.stat() for file in (path, *entries)]
+    except (OSError, ValueError):
+        return None
+    identities = ((s.st_dev, s.st_ino, s.st_size, s.st_mtime_ns) for s in states)
+    # A process that inherits open files opens its own.
+    return os.getpid(), str(path), *entries, *identities
