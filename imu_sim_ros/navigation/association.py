@@ -74,6 +74,8 @@ def common_rows(estimate_ns: Times, truth_ns: Times, max_gap: float = 0.0) -> ND
     """
     if len(truth_ns) < 2:
         raise InputError(f"{len(truth_ns)} poses of the truth: at least two are needed")
+    if np.array_equal(estimate_ns, truth_ns):
+        return np.arange(len(truth_ns))
     in_truth = (estimate_ns >= truth_ns[0]) & (estimate_ns <= truth_ns[-1])
     index, part = _intervals(truth_ns, estimate_ns)
     max_gap = gap_length(max_gap, POSES_GAP, truth_ns)

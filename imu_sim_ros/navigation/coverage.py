@@ -127,6 +127,8 @@ class TruthTime:
 
     def at(self, t_ns: Times) -> Integers:
         """Return the truth's time at stamps (m,) [ns]; before and after it, that of its ends."""
+        if np.array_equal(t_ns, self._stamps):
+            return self._at_stamps
         clipped = np.clip(t_ns, self._stamps[0], self._stamps[-1])
         index = np.searchsorted(self._stamps, clipped, side="right") - 1
         index = np.minimum(index, len(self._covered) - 1)
@@ -161,7 +163,6 @@ def coverage(
     steps = np.diff(estimate_ns)
     longest_ns = longest_step_ns(gap_length(max_gap, POSES_GAP, estimate_ns))
     continues: Mask = steps <= longest_ns
-    usual = float(np.median(steps)) if len(steps) else 0.0
     estimated = int(np.sum(np.diff(at_ns)[continues]))
     first_ns = int(at_ns[0]) if len(at_ns) else clock.whole_ns
     allowed = min(first_ns, round(allowance * 1e9), int(LARGEST_ALLOWANCE * clock.whole_ns))
@@ -171,7 +172,10 @@ def coverage(
     # A pose before or after the truth stands for none of its time.
     lies_in = (estimate_ns >= truth_ns[0]) & (estimate_ns <= truth_ns[-1])
     failure = int(at_ns[np.argmax(breaks)]) if lies_in.any() else 0
-    sparse = usual if len(steps) >= _FEWEST_STEPS and usual > longest_ns else 0.0
+    sparse = 0.0
+    if len(steps) >= _FEWEST_STEPS and not continues.all():
+        usual = float(np.median(steps))
+        sparse = usual if usual > longest_ns else 0.0
     return Coverage(
         share=estimated / (clock.whole_ns - allowed),
         estimated_s=1e-9 * estimated,

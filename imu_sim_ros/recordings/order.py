@@ -64,7 +64,12 @@ def gap_length(max_gap: float, shortest: float, t_ns: Times) -> float:
     """
     if max_gap:
         return max_gap
-    return _usual_gap(usual_step(t_ns) if len(t_ns) > _FEWEST_STEPS else 0.0, shortest)
+    if len(t_ns) <= _FEWEST_STEPS:
+        return _usual_gap(0.0, shortest)
+    largest_step = float(np.diff(t_ns[:_USUAL]).max())
+    if largest_step > 0.0 and _usual_gap(largest_step, shortest) == shortest:
+        return shortest  # whatever the median is
+    return _usual_gap(usual_step(t_ns), shortest)
 
 
 def _usual_gap(step_ns: float, shortest: float) -> float:

@@ -6,7 +6,8 @@
 import numpy as np
 import pytest
 
-from imu_sim_ros.navigation.coverage import Coverage, coverage, coverage_line
+from imu_sim_ros.navigation.coverage import Coverage, TruthTime, coverage, coverage_line
+from imu_sim_ros.recordings.order import POSES_GAP, gap_length
 
 SECOND = 1_000_000_000
 TRUTH = np.arange(2001) * SECOND // 100  # 20 s at 100 Hz
@@ -106,3 +107,29 @@ def test_sparse_poses_have_the_option_that_counts_the_time_between_them():
     assert "max_gap=3.8 counts it" in coverage_line(covered.to_dict())
     counted = coverage(truth[::250], truth, max_gap=3.8)
     assert (round(counted.share, 2), counted.sparse_s) == (0.96, 0.0)
+
+
+@pytest.mark.parametrize("gaps", [[], [700], [1999]])
+def test_the_truths_time_at_all_its_stamps_is_that_at_each(gaps):
+    truth_ns = TRUTH + sum((np.arange(2001) > gap) * 3 * SECOND for gap in gaps)
+    clock = TruthTime(truth_ns, 0.0)
+    expected = [int(clock.at(truth_ns[k : k + 1])[0]) for k in range(2001)]
+    assert clock.at(truth_ns).tolist() == expected
+    assert expected[-1] == (2000 - len(gaps)) * SECOND // 100
+
+
+@pytest.mark.parametrize(
+    ("steps_s", "expected"),
+    [
+        ([0.01] * 9, POSES_GAP),
+        # One long step among short ones: the median decides.
+        ([0.01] * 8 + [3.0], POSES_GAP),
+        ([0.4] * 9, 1.0),
+        ([0.4] * 5 + [0.01] * 4, 1.0),
+        ([5.0] * 9, 2.0),
+        ([0.0] * 9, POSES_GAP),
+    ],
+)
+def test_a_gap_is_two_and_a_half_usual_steps_within_limits(steps_s, expected):
+    t_ns = np.cumsum([0, *(round(1e9 * step) for step in steps_s)])
+    assert gap_length(0.0, POSES_GAP, t_ns) == pytest.approx(expected)
