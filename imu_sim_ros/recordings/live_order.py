@@ -97,18 +97,8 @@ class Order(Generic[SeriesT]):
     in a row increase. Readings that may still be either wait for the next ones.
     """
 
-    def __init__(
-        self,
-        left_out: Callable[[int], object] = lambda step_ns: None,
-        taken_back: Callable[[int], object] = lambda count: None,
-    ) -> None:
-        """Initialise without readings.
-
-        :param left_out: receives of each reading that is left out its step from the last one [ns],
-            0 if it repeats the stamp.
-        :param taken_back: receives how many of these belong to a simulator that was reset.
-        """
-        self._left_out, self._taken_back = left_out, taken_back
+    def __init__(self) -> None:
+        """Initialise without readings."""
         self._first_ns: int | None = None
         self.last_ns = 0
         """Stamp of the last reading that was passed on."""
@@ -123,10 +113,19 @@ class Order(Generic[SeriesT]):
             previous_ns = t_ns
         return self._waiting is None
 
-    def parts(self, readings: SeriesT) -> Iterable[tuple[SeriesT, int]]:
+    def parts(
+        self,
+        readings: SeriesT,
+        left_out: Callable[[int], object] = lambda step_ns: None,
+        taken_back: Callable[[int], object] = lambda count: None,
+    ) -> Iterable[tuple[SeriesT, int]]:
         """Return stretches of readings whose stamps increase.
 
         With each comes how far its stamps have jumped back before it [ns]; 0: it follows.
+
+        :param left_out: receives of each reading that is left out its step from the last one [ns],
+            0 if it repeats the stamp.
+        :param taken_back: receives how many of these belong to a simulator that was reset.
         """
         waiting_count = 0 if self._waiting is None else len(self._waiting.t_ns)
         if self._waiting is not None:
@@ -140,15 +139,21 @@ class Order(Generic[SeriesT]):
         if t_ns[0] > self.last_ns and increase:
             self.last_ns = t_ns[-1]
             return ((readings, 0),)
-        return self._sorted_out(readings, t_ns, waiting_count)
+        return self._sorted_out(readings, t_ns, waiting_count, left_out, taken_back)
 
     def _sorted_out(
-        self, readings: SeriesT, t_ns: Sequence[int], waiting_count: int
+        self,
+        readings: SeriesT,
+        t_ns: Sequence[int],
+        waiting_count: int,
+        left_out: Callable[[int], object],
+        taken_back: Callable[[int], object],
     ) -> Iterator[tuple[SeriesT, int]]:
         """Yield stretches of readings some of which are late, repeated, or after a reset.
 
         :param t_ns: (n,) their stamps [ns].
         :param waiting_count: readings at the beginning that had waited.
+        :param left_out, taken_back: as of :meth:`parts`.
         """
         assert self._first_ns is not None
         keep = np.zeros(len(t_ns), dtype=np.bool_)
@@ -158,7 +163,7 @@ class Order(Generic[SeriesT]):
                 keep[k], self.last_ns, run = True, stamp_ns, []
                 continue
             if stamp_ns == self.last_ns or (run and stamp_ns == t_ns[run[-1]]):
-                self._left_out(0)
+                left_out(0)
                 continue
             again = (
                 self.last_ns > self._first_ns >= stamp_ns or stamp_ns < self.last_ns - RESTART_NS
@@ -167,10 +172,10 @@ class Order(Generic[SeriesT]):
                 run = []
             run.append(k)
             if not again and k >= waiting_count:
-                self._left_out(stamp_ns - self.last_ns)
+                left_out(stamp_ns - self.last_ns)
             if not again and len(run) < RESET_READINGS:
                 continue
-            self._taken_back(0 if again else len(run))
+            taken_back(0 if again else len(run))
             if keep[begin:].any():
                 yield readings.rows(slice(begin, None)).rows(keep[begin:]), back
             begin, self._first_ns = run[0], t_ns[run[0]]

@@ -77,7 +77,7 @@ class GivenSensor(ABC, Generic[SeriesT, Made]):
         self._rate, self._remark = rate, remark
         self._what = f"{what}: " if what else ""
         self._nominal_ns = 1e9 / rate
-        self._order = self._new_order()
+        self._order: Order[SeriesT] = Order()
         self._spreading: Spreading[SeriesT] = Spreading(self._nominal_ns)
         self._begin(parameters.seed)
 
@@ -118,12 +118,8 @@ class GivenSensor(ABC, Generic[SeriesT, Made]):
 
     def reset(self) -> None:
         """Restart with the next reading, with the seed that input.restart states."""
-        self._order = self._new_order()
+        self._order = Order()
         self._begin(self._seed_of_restart())
-
-    def _new_order(self) -> Order[SeriesT]:
-        """Return the order that stamps are checked against."""
-        return Order(self._leave_out, self._take_back)
 
     def _seed_of_restart(self) -> int:
         """Return the seed of the unit after a restart of the stamps."""
@@ -158,7 +154,8 @@ class GivenSensor(ABC, Generic[SeriesT, Made]):
         """
         self.counts.readings += len(readings.t_ns)
         windows: list[Made] = []
-        for part, back_ns in self._order.parts(self._spreading.apply(readings)):
+        spread = self._spreading.apply(readings)
+        for part, back_ns in self._order.parts(spread, self._leave_out, self._take_back):
             windows += self._in_order(part, back_ns)
         for window in windows:
             self.counts.samples += self._count(window)

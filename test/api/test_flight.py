@@ -288,12 +288,24 @@ def test_dead_reckoning_of_a_flight_takes_its_world():
     assert ims.evaluate(track, flight.truth).final_position < 0.05
 
 
-def test_memory_of_a_flight_is_free_without_the_garbage_collector():
+def _simulate():
+    ims.dead_reckon(ims.simulate(imu="mpu6000", duration=1.0, seed=1))
+
+
+def _read_one_by_one():
+    model = ims.ErrorModel(imu="mpu6000", rate=200.0)
+    for k in (0, 1, 2, 1, 3):
+        model.read(k * 5_000_000, np.zeros(3), np.array([0.0, 0.0, 9.81]))
+
+
+def _add_errors():
+    t_ns = np.arange(50) * 5_000_000
+    ims.add_errors(t_ns, np.zeros((50, 3)), np.tile([0.0, 0.0, 9.81], (50, 1)), imu="bmi088")
+
+
+@pytest.mark.parametrize("run", [_simulate, _read_one_by_one, _add_errors])
+def test_memory_of_simulated_readings_is_free_without_the_garbage_collector(run):
     """A cycle of references would keep the samples of each run until the collector finds it."""
-
-    def run():
-        ims.dead_reckon(ims.simulate(imu="mpu6000", duration=1.0, seed=1))
-
     run()
     gc.collect()
     gc.disable()
