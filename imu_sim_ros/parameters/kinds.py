@@ -145,6 +145,21 @@ class Parameter:
                 allowed = suggestion(value, self.choices)
         raise ConfigurationError(f"{stated(name, shown(value))}: {allowed}")
 
+    def unquoted(self, value: object) -> object:
+        """Return a number in quotes, alone or in a list, as the number if the kind has numbers."""
+        if _KINDS[self.kind].entry not in (float, int):
+            return value
+        if isinstance(value, list):
+            return [self.unquoted(entry) for entry in value]
+        if not isinstance(value, str):
+            return value
+        try:
+            number = parse_yaml(value)
+        except ValueError:
+            return value
+        is_number = isinstance(number, _NUMBERS) and not isinstance(number, bool)
+        return number if is_number else value
+
     def _entry(self, value: object) -> float | bool | str:
         """Return a checked single value, or entry of a list. :raises ValueError: for any other."""
         entry = _KINDS[self.kind].entry

@@ -271,6 +271,13 @@ def test_a_missing_noise_is_named(tmp_path, name):
         ({"sensor_type": "camera"}, "sensor_type = 'camera': must be imu"),
         ({"update_rate": None}, "update_rate: a value is missing"),
         ({"rate_hz": 200}, "rate_hz: rate is given twice"),
+        (
+            {"accelerometer_random_walk": "much"},
+            "accelerometer_random_walk = 'much': must be",
+        ),
+        ({"gyroscope_noise_density": -1.0}, "gyroscope_noise_density = -1.0: must be a finite"),
+        ({"imu": {"gyroscope_bias": [0, 1]}}, r"imu.gyroscope_bias = \[0, 1\]: must be a finite"),
+        ({"update_rate": "fast"}, "update_rate = 'fast': must be a finite number above 0"),
     ],
 )
 def test_what_cannot_be_used_is_a_line_with_the_file(tmp_path, change, line):
@@ -278,6 +285,47 @@ def test_what_cannot_be_used_is_a_line_with_the_file(tmp_path, change, line):
     with pytest.raises(ConfigurationError, match=line) as caught:
         presets.load(path)
     assert all(text.startswith(str(path)) for text in caught.value.problems)
+
+
+def test_numbers_in_quotes_are_numbers(tmp_path):
+    """Files of other tools, flat ones and ROS 2 parameter files of an IMU give the same."""
+    quoted = {
+        **{key: str(value) for key, value in NOISE.items()},
+        "gyroscope_bias": ["0.1", "0", 0],
+    }
+    bare = {**NOISE, "gyroscope_bias": [0.1, 0, 0]}
+    expected = presets.sensor_layer(str(write(tmp_path, {**bare, **RATE})))
+    rate = {key: str(value) for key, value in RATE.items()}
+    assert presets.sensor_layer(str(write(tmp_path, {**quoted, **rate}))) == expected
+    ros = {"rate": "200", "imu": quoted}
+    path = write(tmp_path, {"/**": {"ros__parameters": ros}}, "ros.yaml")
+    assert presets.sensor_layer(str(path)) == expected
+
+
+@pytest.mark.parametrize(
+    ("text", "lines"),
+    [
+        (
+            "gyroscope_noise_density: 'much'\n      gyroscope_bias: [1]\n      gyroscope_biass: 0",
+            [
+                "{path}: imu.gyroscope_noise_density = 'much': must be a finite number",
+                "{path}: imu.gyroscope_bias = [1]: must be a finite number",
+                "imu.gyroscope_biass: unknown parameter",
+            ],
+        ),
+        ("gyroscope_noise_density: -1", ["{path}: imu.gyroscope_noise_density = -1: must be"]),
+    ],
+)
+def test_bad_values_of_a_ros_file_of_an_imu_name_the_file(tmp_path, text, lines):
+    path = tmp_path / "imu.yaml"
+    path.write_text(f"/**:\n  ros__parameters:\n    imu:\n      {text}\n")
+    successor = tmp_path / "successor.yaml"
+    successor.write_text(f"/**:\n  ros__parameters:\n    imu.preset: {path}\n")
+    for name in (path, successor):
+        with pytest.raises(ConfigurationError) as caught:
+            ims.simulate(imu=str(name), duration=0.1)
+        for line, problem in zip(lines, caught.value.problems, strict=True):
+            assert problem.startswith(line.format(path=path))
 
 
 def test_names_beside_those_of_imus_are_named_unless_they_are_keys(tmp_path):

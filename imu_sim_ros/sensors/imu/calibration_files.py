@@ -16,6 +16,7 @@ Here both are ``w_m = S_g w + G a + b_g`` and ``a_m = S_a a + b_a``.
 """
 
 from collections.abc import Callable, Iterable, Iterator, Mapping
+from functools import lru_cache
 from pathlib import Path
 from typing import Final, NamedTuple
 
@@ -27,6 +28,7 @@ from imu_sim_ros.core.names import nearest, shown, suggestion
 from imu_sim_ros.core.rotation import inverse_pose, rigid_motion
 from imu_sim_ros.core.types import Array
 from imu_sim_ros.parameters.files import dotted
+from imu_sim_ros.parameters.kinds import Parameter
 from imu_sim_ros.parameters.sections import parameters
 from imu_sim_ros.parameters.yaml_text import YamlMapping
 from imu_sim_ros.sensors.environment import EnvironmentParameters
@@ -109,12 +111,19 @@ class _File(NamedTuple):
     """Keys without an effect, with the reason."""
 
     def set(self, name: str, value: object, key: str) -> None:
-        """Set a parameter.
+        """Set a parameter; a number may be in quotes.
 
         :param key: that gives it.
         """
         if name in self.values:
             self.problems.append(f"{key}: {name} is given twice")
+        if name in checked_parameters():
+            declaration = checked_parameters()[name]
+            value = declaration.unquoted(value)
+            try:
+                declaration.parse(key, value)
+            except ConfigurationError as error:
+                self.problems.extend(error.problems)
         self.values[name] = value
 
     def array(self, key: str, value: object, shape: tuple[int, ...]) -> Array | None:
@@ -139,6 +148,16 @@ class _File(NamedTuple):
         if suggested is not None:
             self.problems.append(f"{key}: unknown key; did you mean {suggested}?")
         return suggested is not None
+
+
+@lru_cache(maxsize=1)
+def checked_parameters() -> Mapping[str, Parameter]:
+    """Return the parameters by dotted name whose values are checked where a file is read."""
+    of_environment = parameters(EnvironmentParameters)
+    return {
+        **parameters(ImuParameters, prefix=_IMU),
+        **{name: of_environment[name] for name in ("rate", "gravity")},
+    }
 
 
 def is_readable(tree: YamlMapping) -> bool:

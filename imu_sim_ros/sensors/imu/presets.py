@@ -4,12 +4,14 @@
 """Files that describe an IMU: presets, parameter files, files of other tools, Gazebo's models."""
 
 from collections.abc import Iterable, Mapping
+from contextlib import nullcontext
 from pathlib import Path
 from typing import Final
 
 from imu_sim_ros.core.errors import ConfigurationError, InputError, Problems, Remark, warn
 from imu_sim_ros.parameters import files
 from imu_sim_ros.parameters.files import find, is_included
+from imu_sim_ros.parameters.sections import bad_values
 from imu_sim_ros.sensors.imu import calibration_files, estimator_settings, sdf
 from imu_sim_ros.sensors.imu.parameters import DEFAULT_IMU
 from imu_sim_ros.sensors.orientation.parameters import MODEL_ERRORS
@@ -55,7 +57,10 @@ def load_all(paths: Iterable[str | Path], node: str) -> dict[str, object]:
 
 
 def sensor_layer(
-    name_or_file: str, node: str = "simulator", rate: object = None
+    name_or_file: str,
+    node: str = "simulator",
+    rate: object = None,
+    problems: Problems | None = None,
 ) -> dict[str, object]:
     """Return the parameters of ``imu.preset``, above those of presets that its file names.
 
@@ -64,6 +69,7 @@ def sensor_layer(
     :param name_or_file: a name in config/imus, a parameter file, an IMU's file of another tool,
         or a model of Gazebo, ``model.sdf`` or ``model.sdf#SENSOR``.
     :param rate: samples per second [Hz], for a model that states none; None: not known.
+    :param problems: receives a line for each bad value, which is left out; None: it is raised.
     :raises ConfigurationError: for a preset that cannot be read, or that leads back to itself.
     """
     if Path(name_or_file.partition("#")[0]).suffix.lower() in _OF_MODELS:
@@ -73,6 +79,7 @@ def sensor_layer(
             raise ConfigurationError(error.problems) from None
     result: dict[str, object] = {}
     passed: list[Path] = []
+    bad = Problems()
     while True:
         file, imu = files.split_part(name_or_file)
         path = find("imus", str(file))
@@ -81,8 +88,17 @@ def sensor_layer(
         passed.append(path)
         values = load(f"{path}#{imu}" if imu else path, node)
         base = values.pop("imu.preset", None)
+        if not is_included("imus", file):
+            declared = calibration_files.checked_parameters()
+            for name in declared.keys() & values.keys():
+                values[name] = declared[name].unquoted(values[name])
+            for name, line in bad_values(declared, values).items():
+                bad.append(f"{path}: {line}")
+                del values[name]
         result = {**values, **result}
         if base is None:
+            with nullcontext() if problems is None else problems.gathered():
+                bad.tell()
             return result
         name_or_file = str(base)
 
@@ -99,7 +115,7 @@ def layer_imu(parameters: Mapping[str, object], node: str, problems: Problems) -
     overrides = {"imu.preset": DEFAULT_IMU, **parameters}
     preset, file = dict[str, object](), dict[str, object]()
     with problems.gathered():
-        preset = sensor_layer(str(overrides["imu.preset"]), node, parameters.get("rate"))
+        preset = sensor_layer(str(overrides["imu.preset"]), node, parameters.get("rate"), problems)
     overrides["imu.preset"] = preset.pop("imu.preset", overrides["imu.preset"])
     barometer = {**preset, **parameters}.get(_BAROMETER)
     with problems.gathered():
