@@ -24,6 +24,7 @@ from imu_sim_ros.formats import bag, text, vio_data_simulation
 from imu_sim_ros.formats.choice import AS_RECORDED, Choice
 from imu_sim_ros.formats.handling import Handling
 from imu_sim_ros.inputs.header import UNITS
+from imu_sim_ros.recordings.findings.pose_order import in_order
 from imu_sim_ros.recordings.pairing import pair
 
 
@@ -224,27 +225,27 @@ def read_states(
     :param warned: receives what is wrong with messages, which are passed on as they are.
     :param recover: read a damaged bag as far as possible.
     :param least: smallest number of poses.
-    :param ordered: refuse stamps that do not increase.
-    :raises InputError: for what cannot be read, stamps that do not increase, too few poses.
+    :param ordered: put the poses into the order of time, see :func:`in_order`.
+    :raises InputError: for what cannot be read, a clock that goes back, too few poses.
     """
     path = Path(path)
     counts: list[int] = []
     handling = Handling(counts.append if skip_bad_rows else None, warned, recover)
     states = format_of(path).states(path, topic, covariance, handling)
-    """Returns poses, with velocities and covariances where the source has them."""
+    states = with_fields(states, skipped=sum(counts))
+    if ordered and warned is None:
+        states = in_order(states, skip_bad_rows)
     if len(states) < least:
         name = str(path) if topic is None else f"{path}, {topic}"
         raise InputError(f"{name}: {len(states)} poses; a trajectory needs two or more")
-    states = with_fields(states, skipped=sum(counts))
     if warned is not None:
         return states
     # All zeros: unknown (REP-145).
-    states = with_fields(
+    return with_fields(
         states,
         covariance=states.covariance if np.any(states.covariance) else None,
         twist_covariance=states.twist_covariance if np.any(states.twist_covariance) else None,
     )
-    return states.in_order() if ordered else states
 
 
 def read_trajectory(

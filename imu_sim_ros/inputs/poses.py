@@ -11,11 +11,11 @@ from typing import Final
 import numpy as np
 
 from imu_sim_ros.core import gate, rotation
-from imu_sim_ros.core.bad_rows import NUMBERS, STAMPS
+from imu_sim_ros.core.bad_rows import NUMBERS
 from imu_sim_ros.core.errors import InputError
 from imu_sim_ros.core.records import States, concatenated, with_fields
 from imu_sim_ros.core.timebase import NANOSECONDS_PER_SECOND
-from imu_sim_ros.core.types import Array, Mask
+from imu_sim_ros.core.types import Array
 from imu_sim_ros.inputs import header
 from imu_sim_ros.inputs.layout import TableForm, TableLayout, layout_of
 from imu_sim_ros.inputs.row_reader import NumberRows, RowReader
@@ -55,7 +55,6 @@ _FORMS: Final = {
 }
 _WITH_COVARIANCE: Final = frozenset(count + _TRIANGLES for count in _EUROC_PLAIN)
 _COVARIANCE_NAME: Final = "covariance"
-_SAME: Final = 1.0 - 1e-15
 _WHAT: Final = "a text file of poses"
 
 
@@ -72,8 +71,8 @@ def read_poses(
     OpenVINS writes. EuRoC: nanoseconds, position, quaternion w x y z, then perhaps velocity and
     biases. Either may end in the 12 columns of covariance that OpenVINS writes (``ov_eval``): the
     upper triangles, row by row, of the covariance of the rotation about the body's axes [rad^2] and
-    of the position [m^2]. Lines that start with # are comments. A pose that occurs twice is taken
-    once.
+    of the position [m^2]. Lines that start with # are comments.
+    Stamps may go back, as on a topic of a bag.
 
     :param topic: must be None; for readers that know bags as well.
     :param skip_bad_rows: skip bad rows and count them.
@@ -92,8 +91,6 @@ class _Reading(RowReader):
     def __init__(self, path: Path, skip: bool, covariance: bool) -> None:
         super().__init__(path, _WHAT, _COLUMNS)
         self._skip, self._covariance = skip, covariance
-        self._dropped = 0
-        self._last: States | None = None
 
     def poses(self) -> States:
         """Return all poses, or raise with a line for every problem."""
@@ -111,7 +108,6 @@ class _Reading(RowReader):
             concatenated(blocks),
             source=str(self.path),
             skipped=self.bad.rows,
-            repeated=self._dropped,
         )
 
     def layout_of(self, rows: list[Row]) -> TableLayout:
@@ -149,7 +145,7 @@ class _Reading(RowReader):
                     self.bad.note(NUMBERS, line, reason)
 
     def _good(self, rows: NumberRows) -> States:
-        """Return the poses that are possible and in order."""
+        """Return the poses that are possible."""
         poses = States.unchecked(
             t_ns=rows.t_ns,
             position=rows.values[header.POSITION],
@@ -158,7 +154,7 @@ class _Reading(RowReader):
             covariance=rows.values.get(_COVARIANCE_NAME),
             lines=rows.lines,
         )
-        good = self._in_order(self._valid(poses))
+        good = self._valid(poses)
         self.bad.good += len(good)
         return good
 
@@ -194,42 +190,6 @@ class _Reading(RowReader):
             covariance = _about_world(covariance, q_wb)
         return with_fields(valid, q_wb=q_wb, covariance=covariance)
 
-    def _in_order(self, poses: States) -> States:
-        """Return the poses whose stamps are after the one before; those that occur twice once."""
-        if not len(poses.t_ns):
-            return poses
-        begin = 0
-        if self._last is not None:
-            poses = concatenated([self._last, poses])
-            begin = 1
-        repeated = _repeated(poses)
-        keep = np.concatenate([[True], np.diff(poses.t_ns) > 0])
-        if not keep.all():
-            keep = self._increasing(poses, repeated)
-        self._dropped += int(np.count_nonzero(repeated & ~keep))
-        rows = np.flatnonzero(keep)
-        self._last = poses.rows(rows[-1:])
-        return poses.rows(rows[rows >= begin])
-
-    def _increasing(self, poses: States, repeated: Mask) -> Mask:
-        """Return which stamps are after all before them; note those that are not, nor repeated."""
-        latest = np.maximum.accumulate(poses.t_ns)
-        keep = np.concatenate([[True], poses.t_ns[1:] > latest[:-1]])
-        lines = poses.lines
-        assert lines is not None
-        for k in np.flatnonzero(~keep & ~repeated):
-            # Compared with the last stamp that stands, not with another bad one.
-            previous = int(np.flatnonzero(keep[:k])[-1])
-            step = int(poses.t_ns[k] - poses.t_ns[previous])
-            line, previous_line = int(lines[k]), lines[previous]
-            if step < 0:
-                reason = f"the stamp is {-step * 1e-9:.9g} s before that of line {previous_line}"
-            else:
-                reason = f"the stamp of line {previous_line} with a different pose"
-            self.bad.note(STAMPS, line, reason)
-            self.bad.rows += 1
-        return keep
-
 
 def _is_finite(field: str) -> bool:
     """Return True for a cell with a finite number."""
@@ -248,14 +208,6 @@ def _about_world(covariance: Array, q_wb: Array) -> Array:
     turned = covariance.copy()
     turned[:, 3:, 3:] = r_wb @ covariance[:, 3:, 3:] @ np.swapaxes(r_wb, 1, 2)
     return turned
-
-
-def _repeated(poses: States) -> Mask:
-    """Return True for rows that repeat the row before them."""
-    same_pose = (np.diff(poses.position, axis=0) == 0).all(axis=-1) & (
-        np.abs(np.sum(poses.q_wb[1:] * poses.q_wb[:-1], axis=-1)) > _SAME
-    )
-    return np.concatenate([[False], (np.diff(poses.t_ns) == 0) & same_pose])
 
 
 def write_tum(path: str | Path, poses: States) -> None:

@@ -59,6 +59,7 @@ from imu_sim_ros.recordings.findings.catalogue import (
     clipping_findings,
     cloud_findings,
     frame_findings,
+    order_poses,
     reading_findings,
     state_findings,
     temperature_findings,
@@ -570,11 +571,12 @@ def inspect(
             angles = _turn_angles(turn_angles_of_readings, measures)
             turns.insert(len(sensors) - 1, (record.source, angles))
         else:
-            trajectories.append(_poses(record))
+            poses = order_poses(record).poses
+            trajectories.append(_poses(poses))
             findings += state_findings(record)
             if record.source.endswith(f"/{TRUTH_TOPIC}") and record.child_frame_id:
                 bodies[record.source.removesuffix(TRUTH_TOPIC)] = record.child_frame_id
-            angles = _turn_angles(turn_angles_of_poses, StateMeasures(record))
+            angles = _turn_angles(turn_angles_of_poses, StateMeasures(poses))
             turns.append((record.source, angles))
     offsets = list(_offsets(turns, cameras, bodies))
     return Inspection(
@@ -729,7 +731,9 @@ def _read_text(path: Path, choice: Choice, skip: bool) -> Iterator[Record]:
         yield with_fields(door.read_readings(path, choice, skipped), source=name_of(path))
     except InputError as error:
         try:
-            states = door.read_trajectory(path, topic, False, skip)
+            states = door.read_states(path, topic, skip, least=2, ordered=False)
+            if states.skipped:
+                tell_skipped(path)(states.skipped)
             yield with_fields(states, source=name_of(path))
         except InputError:
             raise error from None

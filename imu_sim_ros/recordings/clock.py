@@ -792,8 +792,8 @@ def _events(t_ns: Times, clock: Clock, order: StampOrder, duplicates: Integers) 
     begins = begins[~elsewhere]
     gap = clock.stamps_ns[begins] - clock.stamps_ns[begins - 1]
     add("pause", clock.rows[begins], "no readings for " + _seconds(gap))
-    add("late", order.late, f"{len(order.late)} readings came after later ones")
-    add("duplicate", duplicates, f"{len(duplicates)} readings came twice")
+    add("late", order.late, f"{len(order.late)} samples came after later ones")
+    add("duplicate", duplicates, f"{len(duplicates)} samples came twice")
     lossy = np.flatnonzero(clock.missing)
     text = f"{clock.lost} samples are lost in {len(lossy)} places"
     add("loss", clock.rows[lossy], text, clock.lost)

@@ -15,6 +15,7 @@ from imu_sim_ros.core.records import States
 from imu_sim_ros.core.types import Array
 from imu_sim_ros.recordings.findings.catalogue import disturbance_findings, pose_findings
 from imu_sim_ros.recordings.findings.policy import RECORDED_MOTION
+from imu_sim_ros.recordings.findings.pose_order import in_order
 from imu_sim_ros.recordings.order import longest_step_ns, usual_step
 from imu_sim_ros.recordings.repair import beyond_any_body, mended
 from imu_sim_ros.trajectory.bspline import PoseSpline, UniformKnots
@@ -101,6 +102,7 @@ class RecordedMotion:
 
         :raises InputError: for poses that are too few or too far apart in time.
         """
+        poses = in_order(poses)
         _check(poses, parameters)
         spacing = _knot_spacing(poses, parameters)
         self.t0_ns = int(poses.t_ns[0])

@@ -107,15 +107,13 @@ def test_states_of_euroc_are_told_alike(tmp_path):
     path = folder / "state_groundtruth_estimate0" / "data.csv"
     lines = path.read_text().splitlines()
     lines[7], lines[9] = "1,2,3", lines[9].replace(",", ",nan,", 1).rpartition(",")[0]
-    lines[12], lines[13] = lines[13], lines[12]
     path.write_text("\n".join(lines))
     with pytest.raises(InputError) as failed:
         read_odometry(folder)
-    assert len(failed.value.problems) == 3
-    assert "line 14: the stamp is 0.005 s before that of an earlier line" in str(failed.value)
+    assert len(failed.value.problems) == 2
     counts = []
-    assert len(read_odometry(folder, skipped=counts.append).t_ns) == 197
-    assert counts == [3]
+    assert len(read_odometry(folder, skipped=counts.append).t_ns) == 198
+    assert counts == [2]
 
 
 @pytest.mark.parametrize("row", ["x,1,2,3,4,5,6", "1", "hello world foo bar a b c d"])

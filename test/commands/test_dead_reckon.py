@@ -283,8 +283,8 @@ def test_bad_stamps(tmp_path, capsys, order, message):
 @pytest.mark.parametrize(
     ("order", "remark"),
     [
-        ([0, 2, 1, *range(3, 40)], "1 readings came after later ones"),
-        ([*range(20), *range(19, 40)], "1 readings came twice"),
+        ([0, 2, 1, *range(3, 40)], "1 samples came after later ones"),
+        ([*range(20), *range(19, 40)], "1 samples came twice"),
     ],
 )
 def test_late_and_repeated_readings_change_nothing(tmp_path, capsys, order, remark):

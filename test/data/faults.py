@@ -76,7 +76,9 @@ def held(states):
 POSES = {
     "poses_held": held,
     "poses_sparse": lambda s: s.rows(slice(None, None, 60)),
-    "poses_disordered": lambda s: s.rows(np.r_[0:500, 501, 500, 502 : len(s)]),
+    "poses_contradictory": lambda s: with_fields(
+        s, t_ns=np.r_[s.t_ns[:500], s.t_ns[499], s.t_ns[501:]]
+    ),
     "quaternion_order": lambda s: with_fields(s, q_wb=s.q_wb[:, [1, 2, 3, 0]]),
     "z_down": lambda s: with_fields(
         s, q_wb=rotation.multiply(s.q_wb, np.array([0.0, 1.0, 0.0, 0.0]))

@@ -154,7 +154,7 @@ def state_blocks(
         states = vio_data_simulation.read_states(state_file(path), skipped)
         yield states, np.zeros((len(states), 6))
         return
-    for t_ns, values in _Table(state_file(path), _STATE).read(skipped):
+    for t_ns, values in _Table(state_file(path), _STATE, ordered=False).read(skipped):
         zero = np.zeros((len(t_ns), 3))
         biases = [values.get(name, zero) for name in (header.GYRO_BIAS, header.ACCEL_BIAS)]
         states = States.unchecked(

@@ -4,19 +4,26 @@
 """The list of all checks, and the findings of a recording, worst first."""
 
 from collections.abc import Iterable, Iterator
-from typing import Any, Final
+from dataclasses import replace
+from typing import Any, Final, NamedTuple
 
 import numpy as np
 
-from imu_sim_ros.core.records import Readings, States, TimeSeries
+from imu_sim_ros.core.records import Readings, States, TimeSeries, with_fields
 from imu_sim_ros.core.spelling import spelled
-from imu_sim_ros.core.types import Times
+from imu_sim_ros.core.types import Mask, Times
 from imu_sim_ros.recordings.cameras import CameraRecord, CloudRecord
-from imu_sim_ros.recordings.clock import Clock
+from imu_sim_ros.recordings.clock import Clock, estimate_clock
 from imu_sim_ros.recordings.findings.cameras import CAMERAS, CLOUDS
 from imu_sim_ros.recordings.findings.clipping import CLIPPING, ClippingCounts
 from imu_sim_ros.recordings.findings.disturbances import DISTURBANCES, DisturbedPoses
-from imu_sim_ros.recordings.findings.finding import SEVERITIES, FaultCheck, Finding, RecordT
+from imu_sim_ros.recordings.findings.finding import (
+    SEVERITIES,
+    Evidence,
+    FaultCheck,
+    Finding,
+    RecordT,
+)
 from imu_sim_ros.recordings.findings.measures import ReadingMeasures
 from imu_sim_ros.recordings.findings.readings import READINGS, UNIT_CHECKS, stamps_equal
 from imu_sim_ros.recordings.findings.roles import (
@@ -30,8 +37,9 @@ from imu_sim_ros.recordings.findings.roles import (
     TruthPairs,
 )
 from imu_sim_ros.recordings.findings.stamps import STAMPS
-from imu_sim_ros.recordings.findings.states import STATES, TWIST, StateMeasures, poses_disordered
+from imu_sim_ros.recordings.findings.states import STATES, TWIST, StateMeasures, poses_contradictory
 from imu_sim_ros.recordings.findings.temperatures import TEMPERATURES, TemperatureRecord
+from imu_sim_ros.recordings.order import order_stamps
 from imu_sim_ros.recordings.repair import Disturbances, mended
 
 GROUPS: Final[dict[str, tuple[FaultCheck[Any], ...]]] = {
@@ -49,6 +57,12 @@ _JUDGED: Final = 200_000
 """Poses whose motion is examined."""
 KINDS: Final = {check.kind: check for checks in GROUPS.values() for check in checks}
 """All checks by the kind of their findings."""
+_ORDER: Final = tuple(
+    KINDS[kind] for kind in ("clock_reset", "clock_change", "stamps_stray", "stamps_late")
+)
+"""Checks of the order of poses."""
+_SAME: Final = 1.0 - 1e-15
+"""Product of two unit quaternions from which on they are the same attitude."""
 
 
 def reading_findings(readings: Readings, measures: ReadingMeasures | None = None) -> list[Finding]:
@@ -99,27 +113,76 @@ def twist_findings(states: States, measures: StateMeasures | None = None) -> lis
 def pose_findings(states: States) -> list[Finding]:
     """Return the findings about poses and their twist, without jumps, which estimates may have.
 
-    The order of all poses is looked at, everything else in the first 200,000.
+    The first 200,000 poses are examined.
+
+    :param states: poses in the order of time.
     """
     if not len(states):
         return []
     head = states.rows(slice(_JUDGED))
-    findings = list(_findings((poses_disordered,), StateMeasures(states), states))
-    checks = [check for check in STATES if check is not poses_disordered]
-    return by_severity([*findings, *_findings(checks, StateMeasures(head), head)])
+    return by_severity(_findings(STATES, StateMeasures(head), head))
 
 
 def state_findings(states: States) -> list[Finding]:
-    """Return the findings about poses and their twist, worst first.
+    """Return the findings about poses, their order and their twist, worst first.
 
     Jumps are looked for in the first 200,000 poses.
+
+    :param states: poses in the order of arrival.
     """
-    findings = pose_findings(states)
-    if len(states) and np.all(np.diff(states.t_ns) > 0):
-        head = states.rows(slice(_JUDGED))
+    order = order_poses(states)
+    poses = order.poses
+    findings = [*order.findings, *pose_findings(poses)]
+    if len(poses) and np.all(np.diff(poses.t_ns) > 0):
+        head = poses.rows(slice(_JUDGED))
         disturbances = mended(head).disturbances
         findings += disturbance_findings(head, disturbances)
     return by_severity(findings)
+
+
+class PoseOrder(NamedTuple):
+    """Poses in the order of time, and the findings about the order of their source."""
+
+    poses: States
+    """Without stray and repeated ones; time begins anew where the clock was reset."""
+    findings: list[Finding]
+
+
+def order_poses(states: States) -> PoseOrder:
+    """Return poses in the order of time, and the findings about their order.
+
+    :param states: poses in the order of arrival.
+    """
+    t_ns = states.t_ns
+    order = order_stamps(t_ns)
+    increase = bool(np.all(np.diff(t_ns) > 0))
+    if increase and not len(order.strays) and not len(order.changes):
+        return PoseOrder(states, [])
+    has_rate = bool(np.any(t_ns != t_ns[0]))
+    findings = list(_findings(_ORDER, estimate_clock(t_ns), states)) if has_rate else []
+    rows = np.concatenate(order.pieces)
+    repeated = _repeated(states.rows(rows))
+    number = int(np.count_nonzero(repeated))
+    if number:
+        evidence = Evidence(f"{number:,} poses came twice", int(rows[repeated].min()), number)
+        check = replace(KINDS["messages_repeated"], find=lambda _: iter([evidence]))
+        findings += _findings((check,), states, states)
+    return PoseOrder(with_fields(states.rows(rows[~repeated]), repeated=number), findings)
+
+
+def contradictions(states: States) -> list[Finding]:
+    """Return the finding about different poses of one time.
+
+    :param states: poses in the order of time.
+    """
+    return list(_findings((poses_contradictory,), StateMeasures(states), states))
+
+
+def _repeated(poses: States) -> Mask:
+    """Return (n,) True for poses that repeat the one before, stamp included."""
+    equal = np.all(np.diff(poses.position, axis=0) == 0.0, axis=1)
+    equal &= np.abs(np.sum(poses.q_wb[1:] * poses.q_wb[:-1], axis=1)) > _SAME
+    return np.append(False, equal & (np.diff(poses.t_ns) == 0))
 
 
 def disturbance_findings(states: States, disturbances: Disturbances) -> list[Finding]:

@@ -67,7 +67,7 @@ class FindingPolicy:
 
 
 DEAD_RECKON: Final = FindingPolicy(
-    refuses=(*ABSENT, "stamps_equal", *BROKEN_CLOCK),
+    refuses=(*ABSENT, "stamps_equal", *BROKEN_CLOCK, "poses_contradictory"),
     corrects=UNEVEN_CLOCK,
     tells=(*UNITS, "triad_zeros", "gravity_absent", "gravity_size", "axes_down", *POSES, *TWIST),
 )
@@ -77,7 +77,9 @@ PREINTEGRATE: Final = FindingPolicy(
     tells=(*UNITS, "triad_zeros"),
 )
 TWIN: Final = FindingPolicy(
-    refuses=(*ABSENT, "stamps_equal", *BROKEN_CLOCK, *UNITS), corrects=UNEVEN_CLOCK, tells=POSES
+    refuses=(*ABSENT, "stamps_equal", *BROKEN_CLOCK, *UNITS, "poses_contradictory"),
+    corrects=UNEVEN_CLOCK,
+    tells=POSES,
 )
 ALLAN: Final = FindingPolicy(
     refuses=(*ABSENT, "stamps_equal", "stamps_unit", "motion_at_rest"),
@@ -98,17 +100,28 @@ INTEGRATOR: Final = FindingPolicy(
 ERROR_MODEL: Final = FindingPolicy(
     refuses=("stamps_unit",), corrects=("stamps_stray",), tells=(*UNITS, *TWIST)
 )
+READ_STATES: Final = FindingPolicy(
+    refuses=("clock_reset", "clock_change", "poses_contradictory"),
+    corrects=("stamps_stray", "stamps_late", "messages_repeated"),
+)
 EVALUATE: Final = FindingPolicy(
-    refuses=("poses_disordered", *ROLES),
+    refuses=(*READ_STATES.refuses, *ROLES),
+    corrects=READ_STATES.corrects,
     tells=(*POSES, "estimate_equals_truth"),
 )
 RECORDER: Final = FindingPolicy(
     tells=(*UNITS, *BROKEN_CLOCK, *UNEVEN_CLOCK, "stamps_jitter"),
 )
 CAMPAIGN: Final = FindingPolicy(
-    tells=("quaternion_order", "poses_held", "z_down", "axes_camera", "estimate_equals_truth")
+    refuses=READ_STATES.refuses,
+    corrects=READ_STATES.corrects,
+    tells=("quaternion_order", "poses_held", "z_down", "axes_camera", "estimate_equals_truth"),
 )
-RECORDED_MOTION: Final = FindingPolicy(tells=(*POSES, *DISTURBED_POSES))
+RECORDED_MOTION: Final = FindingPolicy(
+    refuses=READ_STATES.refuses,
+    corrects=READ_STATES.corrects,
+    tells=(*POSES, *DISTURBED_POSES),
+)
 JOBS: Final = {
     "add_errors, error_model": ERROR_MODEL,
     "allan": ALLAN,
@@ -121,6 +134,7 @@ JOBS: Final = {
     "generate, simulator": RECORDED_MOTION,
     "integrator": INTEGRATOR,
     "preintegrate": PREINTEGRATE,
+    "read_states": READ_STATES,
     "recorder": RECORDER,
     "twin": TWIN,
 }

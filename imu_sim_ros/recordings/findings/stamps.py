@@ -62,7 +62,7 @@ STAMPS: Final = (
         *("stamps_stray", "stray", "warning"),
         (
             "single stamps far from those of their neighbours",
-            "without these readings a short gap is left",
+            "without them a short gap is left",
             "nothing: every program leaves them out",
         ),
     ),
@@ -109,7 +109,7 @@ STAMPS: Final = (
     _trait_check(
         *("stamps_late", "late", "warning"),
         (
-            "readings that come after later ones",
+            "samples that come after later ones",
             "a live consumer drops them",
             "nothing: programs that read files put them in their places",
         ),

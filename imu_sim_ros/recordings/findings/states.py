@@ -198,14 +198,15 @@ def poses_held(measures: StateMeasures) -> Iterator[Evidence]:
 
 @check(
     "error",
-    "intervals are negative or zero",
-    "sort the poses by stamp, and keep one of each time",
+    "which of them holds is not known",
+    "keep one pose of each time",
 )
-def poses_disordered(measures: StateMeasures) -> Iterator[Evidence]:
-    """Find poses whose stamps do not increase."""
-    rows = np.flatnonzero(np.diff(measures.states.t_ns) <= 0) + 1
+def poses_contradictory(measures: StateMeasures) -> Iterator[Evidence]:
+    """Find different poses with the same stamp."""
+    rows = np.flatnonzero(np.diff(measures.states.t_ns) == 0) + 1
     if len(rows):
-        yield Evidence(f"{len(rows):,} stamps do not increase", int(rows[0]), len(rows))
+        text = f"{len(rows):,} poses have the stamp of the one before, and differ from it"
+        yield Evidence(text, int(rows[0]), len(rows))
 
 
 @check(
@@ -356,7 +357,7 @@ def twist_unfilled(measures: StateMeasures) -> Iterator[Evidence]:
 
 
 STATES: Final = (
-    poses_disordered,
+    poses_contradictory,
     twist_world,
     twist_body,
     twist_unfilled,

@@ -1,0 +1,134 @@
+# Copyright 2026 imu_sim_ros maintainers
+# SPDX-License-Identifier: Apache-2.0
+
+"""Poses whose stamps go back: strays, late poses, repeats and resets, in every container."""
+
+import warnings
+
+import numpy as np
+import pytest
+
+import imu_sim_ros as ims
+from imu_sim_ros.bags.create import open_writer
+from imu_sim_ros.bags.messages.encode import ODOMETRY, OdometryEncoder
+from imu_sim_ros.bags.writer import BagOptions
+from imu_sim_ros.core.errors import InputError, InputWarning
+from imu_sim_ros.core.records import States, with_fields
+from imu_sim_ros.inputs.poses import write_tum
+
+START_NS = 1_700_000_000_000_000_000
+COUNT = 240
+MIDDLE = COUNT // 2
+
+
+def poses(rate):
+    """Return a smooth motion; its frequency is a fortieth of the rate."""
+    k = np.arange(COUNT)
+    phase = 2.0 * np.pi * k / 40.0
+    position = np.stack([3.0 * np.cos(phase), 2.0 * np.sin(phase), np.sin(phase)], axis=1)
+    q_wb = np.stack([np.cos(0.1 * phase), 0 * phase, 0 * phase, np.sin(0.1 * phase)], axis=1)
+    t_ns = START_NS + np.rint(k * 1e9 / rate).astype(np.int64)
+    return States(t_ns, position, q_wb)
+
+
+def restamped(states, rows, step_ns):
+    t_ns = states.t_ns.copy()
+    t_ns[rows] += step_ns
+    return with_fields(states, t_ns=t_ns)
+
+
+CORRECTED = {
+    "stamps_stray": (lambda s: restamped(s, MIDDLE, -(10**18)), np.delete(range(COUNT), MIDDLE)),
+    "stamps_late": (lambda s: s.rows(np.r_[0:50, 51, 50, 52:COUNT]), np.arange(COUNT)),
+    "messages_repeated": (lambda s: s.rows(np.sort(np.r_[0:COUNT, 50, 51])), np.arange(COUNT)),
+}
+REFUSED = {
+    "clock_reset": lambda s: restamped(s, slice(MIDDLE, None), s.t_ns[0] - s.t_ns[MIDDLE]),
+    "clock_change": lambda s: restamped(s, slice(MIDDLE, None), 3 * 10**17),
+    "poses_contradictory": lambda s: restamped(s, MIDDLE, s.t_ns[MIDDLE - 1] - s.t_ns[MIDDLE]),
+}
+
+
+def write(folder, kind, states):
+    """Return the path of poses in the order in which they stand."""
+    if kind == "tum":
+        write_tum(folder / "poses.txt", states)
+        return folder / "poses.txt"
+    if kind in ("csv", "euroc"):
+        path = folder / "poses.csv"
+        if kind == "euroc":
+            path = folder / "mav0" / "state_groundtruth_estimate0" / "data.csv"
+            path.parent.mkdir(parents=True)
+        rows = np.column_stack([states.position, states.q_wb, 0.0 * states.position])
+        lines = ["#timestamp [ns],p_x,p_y,p_z,q_w,q_x,q_y,q_z,v_x,v_y,v_z"]
+        lines += [
+            f"{t},{','.join(map(repr, row))}"
+            for t, row in zip(states.t_ns.tolist(), rows.tolist(), strict=True)
+        ]
+        path.write_text("\n".join(lines) + "\n")
+        return path if kind == "csv" else folder
+    path = folder / {"mcap": "poses.mcap", "sqlite3": "poses", "ros1": "poses.bag"}[kind]
+    with open_writer(path, BagOptions(kind)) as writer:
+        encoder = OdometryEncoder("world", "base_link", writer.encoding)
+        topic = writer.add_topic("/odom", ODOMETRY)
+        zero = np.zeros((len(states), 3))
+        payloads = encoder.encode(states.t_ns, states.position, states.q_wb, zero, zero)
+        record_ns = START_NS + 10**7 * np.arange(len(states))
+        writer.write(topic, record_ns, payloads)
+    return path
+
+
+def kinds_told(call):
+    """Return what a call returns, and the kinds of findings that it tells."""
+    with warnings.catch_warnings(record=True) as caught:
+        warnings.simplefilter("always")
+        value = call()
+    lines = [str(entry.message) for entry in caught if issubclass(entry.category, InputWarning)]
+    return value, [line.rpartition("[")[2].rstrip("]") for line in lines]
+
+
+@pytest.mark.parametrize("container", ["tum", "csv", "euroc", "mcap", "sqlite3", "ros1"])
+def test_the_order_of_poses_is_corrected_or_refused_in_every_container(tmp_path, container):
+    states = poses(20.0)
+    for kind, (fault, rows) in CORRECTED.items():
+        folder = tmp_path / kind
+        folder.mkdir()
+        path = write(folder, container, fault(states))
+        actual, kinds = kinds_told(lambda path=path: ims.read_states(path))
+        assert kinds == [kind]
+        np.testing.assert_array_equal(actual.t_ns, states.t_ns[rows])
+        np.testing.assert_allclose(actual.position, states.position[rows], atol=1e-9)
+    for kind, fault in REFUSED.items():
+        folder = tmp_path / kind
+        folder.mkdir()
+        with pytest.raises(InputError, match=rf"\[{kind}\]"):
+            ims.read_states(write(folder, container, fault(states)))
+
+
+@pytest.mark.parametrize("rate", [1.0, 10.0, 100.0])
+def test_every_job_takes_late_and_stray_poses(tmp_path, rate):
+    states = poses(rate)
+    for kind in ("stamps_stray", "stamps_late"):
+        fault, rows = CORRECTED[kind]
+        folder = tmp_path / kind
+        folder.mkdir()
+        path = write(folder, "tum", fault(states))
+        evaluation, kinds = kinds_told(lambda path=path: ims.evaluate(path, states, max_gap=3.0))
+        assert kind in kinds
+        assert len(evaluation.t_ns) == len(rows)
+        assert evaluation.rms_position < 1e-9
+        flight, kinds = kinds_told(
+            lambda path=path: ims.simulate(trajectory=path, duration=1, rate=100)
+        )
+        assert kind in kinds
+        assert len(flight.truth) == 100
+        findings = ims.inspect(path).findings
+        assert kind in [finding.kind for finding in findings]
+
+
+def test_inspect_tells_a_reset_of_poses(tmp_path):
+    for container in ("tum", "mcap"):
+        folder = tmp_path / container
+        folder.mkdir()
+        path = write(folder, container, REFUSED["clock_reset"](poses(20.0)))
+        assert "clock_reset" in [finding.kind for finding in ims.inspect(path).findings]
