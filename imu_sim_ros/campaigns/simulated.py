@@ -12,7 +12,7 @@ from imu_sim_ros.campaigns.cells import Cell
 from imu_sim_ros.campaigns.plan import Plan
 from imu_sim_ros.core.errors import ConfigurationError
 from imu_sim_ros.core.records import Readings, States
-from imu_sim_ros.formats.door import read_states
+from imu_sim_ros.formats.poses import poses_of_any_file
 from imu_sim_ros.sensors.imu.declaration import NAME as IMU
 from imu_sim_ros.sensors.pose.declaration import NAME as POSE
 from imu_sim_ros.sensors.samples import Samples
@@ -35,7 +35,7 @@ class SimulatedCell:
         """
         self.plan, self.cell = plan, cell
         self.parameters = plan.simulation(cell)
-        self._base = Body(self.parameters, pose_reader=read_states)
+        self._base = Body(self.parameters, pose_reader=poses_of_any_file)
         if self._base.total is None:
             raise ConfigurationError(
                 f"cell {cell.name}: duration = 0: this trajectory has no end; give a duration in "

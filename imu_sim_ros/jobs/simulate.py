@@ -22,6 +22,7 @@ from imu_sim_ros.core.names import nearest
 from imu_sim_ros.core.records import States
 from imu_sim_ros.core.spelling import argument, stated
 from imu_sim_ros.core.types import AnyArray, Array
+from imu_sim_ros.formats.poses import poses_of_any_file
 from imu_sim_ros.jobs.flight import Flight, Source
 from imu_sim_ros.jobs.readings import checked_poses, checked_sensors, poses_of_rows
 from imu_sim_ros.jobs.segments import Segments, segment_layer
@@ -383,20 +384,11 @@ def _of_file(path: Path) -> tuple[dict[str, object], frozenset[str]]:
     )
 
 
-def _poses_of_any_file(
-    path: str | Path, topic: str | None = None, skip_bad_rows: bool = False
-) -> States:
-    """Return the poses of a file of any format."""
-    from imu_sim_ros.formats.door import read_states  # of which most trajectories have no need
-
-    return read_states(path, topic, skip_bad_rows)
-
-
 class GivenMotion(NamedTuple):
     """The meaning of a trajectory argument."""
 
     parameters: Mapping[str, object]
-    pose_reader: PoseReader = _poses_of_any_file
+    pose_reader: PoseReader = poses_of_any_file
     trajectory: Trajectory | None = None
 
 

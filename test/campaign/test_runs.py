@@ -11,6 +11,7 @@ import re
 import resource
 import signal
 import subprocess
+import sys
 import threading
 import time
 from contextlib import closing
@@ -698,3 +699,13 @@ def test_runs_are_made_in_the_order_of_the_plan(plan_file):
     # The first tasks are small: they tell soon how long all of them take.
     growing = [len(task.seeds) for task in driver.tasks(plan, set(), 3, first_batch=1)]
     assert growing == [1, 2, 3, 3, 3]
+
+
+def test_a_worker_needs_no_reader_of_bags():
+    """The readers are most of the time that a worker takes to start."""
+    code = (
+        "import sys, imu_sim_ros.campaigns.runs\n"
+        "readers = {'imu_sim_ros.formats.door', 'imu_sim_ros.bags.read'}\n"
+        "sys.exit(bool(readers & set(sys.modules)))"
+    )
+    assert subprocess.run([sys.executable, "-c", code], check=False).returncode == 0
