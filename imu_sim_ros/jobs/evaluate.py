@@ -42,7 +42,7 @@ from imu_sim_ros.jobs.attitude import (
     statistics_table,
 )
 from imu_sim_ros.jobs.measured import ReadingsEvaluation, evaluate_measured, sensor_of
-from imu_sim_ros.jobs.readings import HasPoses, checked_poses
+from imu_sim_ros.jobs.readings import HasPoses, unordered_poses
 from imu_sim_ros.jobs.tracks import has_truth, odometry_topics
 from imu_sim_ros.jobs.tracks import truth_topic as truth_topic_of
 from imu_sim_ros.jobs.writing import SkipBadRows, saved
@@ -60,6 +60,7 @@ from imu_sim_ros.navigation.evaluation import (
 from imu_sim_ros.navigation.time_offset import time_offset as time_offset_of
 from imu_sim_ros.recordings.findings.catalogue import pair_findings, pose_findings, use_findings
 from imu_sim_ros.recordings.findings.policy import EVALUATE
+from imu_sim_ros.recordings.findings.pose_order import in_order
 from imu_sim_ros.recordings.findings.roles import TrajectoryUse, TruthPairs
 from imu_sim_ros.sensors.camera.model import reprojection_errors
 from imu_sim_ros.terminal.text_tables import TextTable, html_of
@@ -561,13 +562,13 @@ def _track(
             findings = [finding for finding in findings if finding.kind != "poses_sparse"]
         EVALUATE.judge(findings, warn)
         return states
-    poses = checked_poses(name, trajectory)
+    poses = unordered_poses(name, trajectory)
     speed, stated = getattr(trajectory, "velocity", None), getattr(trajectory, "covariance", None)
     if speed is not None:
         speed = array(f"{name}.velocity", speed, (len(poses.t_ns), 3))
     if stated is not None and name == "estimate":
         stated = array("estimate.covariance", stated, (len(poses.t_ns), 6, 6))
-    return with_fields(poses, velocity=speed, covariance=stated)
+    return in_order(with_fields(poses, velocity=speed, covariance=stated))
 
 
 def _lines(result: JsonObject) -> Iterator[str | TextTable]:

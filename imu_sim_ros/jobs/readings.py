@@ -25,6 +25,7 @@ from imu_sim_ros.jobs.selection import checked_choice
 from imu_sim_ros.recordings.findings.catalogue import reading_findings
 from imu_sim_ros.recordings.findings.measures import ReadingMeasures
 from imu_sim_ros.recordings.findings.policy import FindingPolicy
+from imu_sim_ros.recordings.findings.pose_order import in_order
 from imu_sim_ros.sensors import find_sensor, kind_of, named_sensors, registered, sensors_of_imus
 from imu_sim_ros.sensors.samples import Samples
 
@@ -176,12 +177,17 @@ def read_odometry(path: str | Path, topic: str | None = None) -> States:
 
 
 def checked_poses(name: str, poses: HasPoses) -> States:
-    """Return poses whose stamps increase; other objects than States are checked.
+    """Return poses in the order of time; other objects than States are checked.
 
     :param name: of the argument.
     :raises ConfigurationError: for arrays of another type or shape.
-    :raises InputError: as :class:`States` does, and if there are none.
+    :raises InputError: as :class:`States` does, if there are none, and as :func:`in_order`.
     """
+    return in_order(unordered_poses(name, poses))
+
+
+def unordered_poses(name: str, poses: HasPoses) -> States:
+    """Return poses as they are given; arguments and errors as for :func:`checked_poses`."""
     if not all(hasattr(poses, attribute) for attribute in ("t_ns", "position", "q_wb")):
         refuse(name, poses, "a Track, an Odometry or another object with poses", True)
     if isinstance(poses, States):
@@ -191,7 +197,7 @@ def checked_poses(name: str, poses: HasPoses) -> States:
     if not len(states):
         raise InputError(f"{name}: contains no poses")
     gate.poses(states.t_ns, states.position, states.q_wb).complain(name)  # computed ones too
-    return states.in_order()
+    return states
 
 
 _ROUNDED: Final = 1e-3
@@ -227,7 +233,7 @@ def poses_of_rows(trajectory: Array) -> States:
                 f"trajectory: row {row}: a quaternion of length {lengths[row]:.4g}: must be 1, "
                 f"or rounded within {_ROUNDED:g}"
             )
-    return States(t_ns.astype(np.int64), rows[:, 1:4], q_wb, source="trajectory").in_order()
+    return in_order(States(t_ns.astype(np.int64), rows[:, 1:4], q_wb, source="trajectory"))
 
 
 def checked_sensors(names: Collection[str], parameters: Mapping[str, object]) -> frozenset[str]:

@@ -151,14 +151,16 @@ def test_poses_out_of_order_are_refused_in_every_door_by_its_name(flight):
     t, position, q_wb = poses()
     t_ns = (t * 1e9).astype(int)[::-1]
     back = SimpleNamespace(t_ns=t_ns, position=position, q_wb=q_wb)
-    message_pattern = r"49 stamps do not increase, the first is number 1 \(4800000000 ns\)$"
+    message_pattern = (
+        r".*\) on: the clock went back by 0\.1 s; cut the recording there.*\[clock_reset\]$"
+    )
     rows = np.column_stack([t[::-1], position, q_wb])
     for name, call in (
         ("trajectory", lambda: ims.simulate(trajectory=rows)),
         ("truth", lambda: ims.evaluate(ims.dead_reckon(flight), back)),
         ("estimate", lambda: ims.evaluate(back, flight.truth)),
     ):
-        with pytest.raises(ims.InputError, match=f"^{name}: {message_pattern}"):
+        with pytest.raises(ims.InputError, match=f"^{name}, from{message_pattern}"):
             call()
 
 

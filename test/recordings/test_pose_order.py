@@ -78,11 +78,11 @@ def write(folder, kind, states):
     return path
 
 
-def kinds_told(call):
+def kinds_told(call, *arguments, **options):
     """Return what a call returns, and the kinds of findings that it tells."""
     with warnings.catch_warnings(record=True) as caught:
         warnings.simplefilter("always")
-        value = call()
+        value = call(*arguments, **options)
     lines = [str(entry.message) for entry in caught if issubclass(entry.category, InputWarning)]
     return value, [line.rpartition("[")[2].rstrip("]") for line in lines]
 
@@ -94,7 +94,7 @@ def test_the_order_of_poses_is_corrected_or_refused_in_every_container(tmp_path,
         folder = tmp_path / kind
         folder.mkdir()
         path = write(folder, container, fault(states))
-        actual, kinds = kinds_told(lambda path=path: ims.read_states(path))
+        actual, kinds = kinds_told(ims.read_states, path)
         assert kinds == [kind]
         np.testing.assert_array_equal(actual.t_ns, states.t_ns[rows])
         np.testing.assert_allclose(actual.position, states.position[rows], atol=1e-9)
@@ -113,17 +113,38 @@ def test_every_job_takes_late_and_stray_poses(tmp_path, rate):
         folder = tmp_path / kind
         folder.mkdir()
         path = write(folder, "tum", fault(states))
-        evaluation, kinds = kinds_told(lambda path=path: ims.evaluate(path, states, max_gap=3.0))
+        evaluation, kinds = kinds_told(ims.evaluate, path, states, max_gap=3.0)
         assert kind in kinds
         assert len(evaluation.t_ns) == len(rows)
         assert evaluation.rms_position < 1e-9
-        flight, kinds = kinds_told(
-            lambda path=path: ims.simulate(trajectory=path, duration=1, rate=100)
-        )
+        flight, kinds = kinds_told(ims.simulate, trajectory=path, duration=1, rate=100)
         assert kind in kinds
         assert len(flight.truth) == 100
         findings = ims.inspect(path).findings
         assert kind in [finding.kind for finding in findings]
+
+
+def test_poses_in_python_are_taken_as_those_of_files(flight_of_poses):
+    states, flight = flight_of_poses
+    for kind, (fault, rows) in CORRECTED.items():
+        evaluation, kinds = kinds_told(ims.evaluate, fault(states), flight)
+        assert kind in kinds
+        np.testing.assert_array_equal(evaluation.t_ns, states.t_ns[rows])
+        evaluation, kinds = kinds_told(ims.evaluate, states, fault(states))
+        assert kind in kinds
+        assert evaluation.rms_position < 0.01
+    for kind, fault in REFUSED.items():
+        with pytest.raises(InputError, match=rf"\[{kind}\]"):
+            ims.evaluate(fault(states), flight)
+        with pytest.raises(InputError, match=rf"\[{kind}\]"):
+            ims.simulate(trajectory=fault(states))
+
+
+@pytest.fixture
+def flight_of_poses():
+    """Return poses, and a truth that differs from them by a millimetre."""
+    states = poses(20.0)
+    return states, with_fields(states, position=states.position + 1e-3)
 
 
 def test_inspect_tells_a_reset_of_poses(tmp_path):
