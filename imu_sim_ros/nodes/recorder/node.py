@@ -29,6 +29,7 @@ from imu_sim_ros.nodes.recorder.recording import (
     RecordedTopic,
     Timestamps,
 )
+from imu_sim_ros.nodes.recorder.stops import TopicStops
 from imu_sim_ros.nodes.subscriptions import (
     MessageCounter,
     RawSubscriptions,
@@ -51,6 +52,7 @@ _CHECK_PERIOD = 0.02
 _STATUS_PERIOD = 0.5
 _SILENCE = 3.0
 """Time after which requested topics without a message are reported [s]."""
+_STOP_PERIOD = 1.0
 
 
 class Recorder(ConfiguredNode[RecorderParameters]):
@@ -72,6 +74,7 @@ class Recorder(ConfiguredNode[RecorderParameters]):
         """Counters by topic and type that is not recorded; None for a type not installed."""
         self._refused: dict[str, str] = {}
         """Reasons by the names of the topics that cannot be recorded."""
+        self._stops = TopicStops()
         self._began_at = 0.0
         self._shown = 0
         self._live_line = parameters.status and sys.stderr.isatty()
@@ -91,6 +94,7 @@ class Recorder(ConfiguredNode[RecorderParameters]):
         steady = Clock(clock_type=ClockType.STEADY_TIME)
         self.create_timer(_DISCOVERY_PERIOD, self._discover, clock=steady)
         self._silence_timer = self.create_timer(_SILENCE, self._report_silence, clock=steady)
+        self.create_timer(_STOP_PERIOD, self._report_stops, clock=steady)
         if parameters.duration or parameters.max_size:
             self.create_timer(_CHECK_PERIOD, self._check_end, clock=steady)
         if self._live_line:
@@ -230,6 +234,14 @@ class Recorder(ConfiguredNode[RecorderParameters]):
             source = "message" if name in self._qos else "publisher"
             self.get_logger().warning(f"waiting for a {source} of {name}")
 
+    def _report_stops(self) -> None:
+        """Warn of topics that stop while others go on, and say when they go on."""
+        begun, ended = self._stops.changes()
+        for stop in begun:
+            self.get_logger().warning(f"{stop.topic}: no message for {stop.silence:.1f} s")
+        for topic in ended:
+            self.get_logger().info(f"{topic}: messages arrive again")
+
     def _silent_topics(self) -> list[str]:
         """Return the requested topics of which no message is recorded, without refused ones."""
         topics = self.recording.topics
@@ -239,6 +251,7 @@ class Recorder(ConfiguredNode[RecorderParameters]):
 
     def _put(self, topic: str, batch: list[Taken]) -> None:
         """Pass messages of one topic on to be written, in the reader's thread."""
+        self._stops.add(topic, len(batch), time.monotonic())
         messages = self._timestamps.messages(topic, batch)
         within = self._limit.take(messages, time.monotonic())
         if within:
@@ -319,6 +332,11 @@ class Recorder(ConfiguredNode[RecorderParameters]):
         for name in self._silent_topics():
             reason = "its publisher sent no message" if name in self._qos else "it had no publisher"
             print(f"recorder: {name} was not recorded: {reason}", file=sys.stderr)
+        for stop in self._stops.all():
+            print(
+                f"recorder: {stop.topic} stopped {stop.silence:.1f} s before the last message",
+                file=sys.stderr,
+            )
         for (name, other_type), counter in self._other_types.items():
             count = "messages" if counter is None else f"{counter.messages} messages"
             print(
