@@ -28,7 +28,7 @@ from imu_sim_ros.sensors.camera.images.visible import Met, Triangles, Visible
 
 Ray: TypeAlias = tuple[np.float32, np.float32, np.float32]
 
-FROM_ELSEWHERE: Final = "daf013889a12"
+FROM_ELSEWHERE: Final = "9d9ff0a72b8a"
 """Digest of what is compiled here and written in other files. numba keeps what it compiled until
 this file changes, so it has to change with them; test/camera/test_images.py has what to write."""
 LEVELS: Final = 8
