@@ -33,7 +33,7 @@ from imu_sim_ros.jobs.simulate import imu_parameters, keyword_parameters, sensor
 from imu_sim_ros.jobs.writing import parameter_files
 from imu_sim_ros.parameters import files
 from imu_sim_ros.parameters.sections import build, flatten
-from imu_sim_ros.recordings.clock import estimate_clock
+from imu_sim_ros.recordings.clock import Clock, estimate_clock
 from imu_sim_ros.recordings.order import RESET_READINGS, order_stamps
 from imu_sim_ros.sensors.barometer.declaration import PressureReadings
 from imu_sim_ros.sensors.barometer.model import Atmosphere
@@ -69,6 +69,8 @@ ROWS_AT_ONCE: Final = 8192
 MOST_ENVIRONMENTS: Final = 1_000_000
 _LARGEST_SEED: Final = 2**62
 """Largest seed of a batch: its units count up from it, and further with each reset."""
+_UNIT_STAMPS: Final = 1 << 16
+"""Stamps by which their unit is judged."""
 _FEWEST_ORDERED: Final = 32
 """Readings of a block from which on stray stamps are told from a pause."""
 _TOLD: Final = 3
@@ -874,7 +876,9 @@ def tell_strays(t_ns: Times, is_first: bool, source: str, remark: Callable[[str]
         return stray
     rows = order_stamps(t_ns).strays
     if is_first:
-        check_unit(np.delete(t_ns, rows))
+        beginning = np.delete(t_ns, rows)[:_UNIT_STAMPS]
+        if (np.diff(beginning) > 0).any():
+            check_unit(estimate_clock(beginning))
     begin = 0 if is_first else RESET_READINGS
     rows = rows[(rows >= begin) & (rows < len(t_ns) - RESET_READINGS)]
     stray[rows] = True
@@ -886,15 +890,14 @@ def tell_strays(t_ns: Times, is_first: bool, source: str, remark: Callable[[str]
     return stray
 
 
-def check_unit(t_ns: Times) -> None:
-    """Refuse stamps (n,) that are no nanoseconds.
+def check_unit(clock: Clock) -> None:
+    """Refuse the clock of stamps that are no nanoseconds.
 
     :raises ConfigurationError: for these.
     """
-    if len(t_ns) > 1 and (np.diff(t_ns) > 0).any():
-        unit = estimate_clock(t_ns).trait("unit")
-        if unit is not None:
-            raise ConfigurationError(f"stamps are not in nanoseconds: {unit.text} [stamps_unit]")
+    unit = clock.trait("unit")
+    if unit is not None:
+        raise ConfigurationError(f"stamps are not in nanoseconds: {unit.text} [stamps_unit]")
 
 
 def rate_of(t_ns: Integers) -> float:
@@ -907,8 +910,8 @@ def rate_of(t_ns: Integers) -> float:
     """
     if len(t_ns) < 2 or not (np.diff(t_ns) > 0).any():
         raise ConfigurationError("rate: two readings, or the rate, must be given")
-    check_unit(t_ns)
     clock = estimate_clock(t_ns)
+    check_unit(clock)
     rate = float(f"{clock.rate:.6g}")
     nearest = float(round(rate))
     return nearest if nearest and abs(rate - nearest) < 2e-5 * nearest else rate
