@@ -31,6 +31,7 @@ from imu_sim_ros.campaigns.estimate_findings import estimate_findings
 from imu_sim_ros.campaigns.metrics import Metrics
 from imu_sim_ros.campaigns.parameters import CommandEstimator
 from imu_sim_ros.campaigns.plan import program
+from imu_sim_ros.campaigns.results import run_folder_of
 from imu_sim_ros.campaigns.run_files import write_config, write_dataset
 from imu_sim_ros.campaigns.simulated import SimulatedCell
 from imu_sim_ros.core.errors import ImuSimError, InputError
@@ -51,7 +52,8 @@ _PR_SET_PDEATHSIG: Final = 1
 _PR_SET_CHILD_SUBREAPER: Final = 36
 _PROGRAM_LOCK: Final = threading.Lock()
 """Held while a program runs: its orphans cannot be told from those of a second program."""
-_ESTIMATE: Final = {"tum": "estimate.txt", "euroc": "estimate.csv", "bag": "estimate"}
+ESTIMATES: Final = {"tum": "estimate.txt", "euroc": "estimate.csv", "bag": "estimate"}
+"""File or folder of the estimated trajectory by format."""
 
 
 class ProgramEnd(NamedTuple):
@@ -80,7 +82,7 @@ def run_command(
     :raises InputError: if there is no usable trajectory, with the reason.
     """
     # Absolute: the program works in its own folder, where a relative name would lead elsewhere.
-    run_folder = folder.absolute() / "runs" / f"{cell.cell.number:06d}" / str(seed) / name
+    run_folder = run_folder_of(folder.absolute(), cell.cell.number, seed, name)
     shutil.rmtree(run_folder, ignore_errors=True)
     keep = cell.plan.options.keep
     failed, metrics = True, outcome.metrics
@@ -127,7 +129,7 @@ def _command(
         "python": sys.executable,
         "share": str(files.config_folder().parent),
         "plan": str(cell.plan.folder),
-        "estimate": str(run_folder / _ESTIMATE[estimator.estimate]),
+        "estimate": str(run_folder / ESTIMATES[estimator.estimate]),
         "dataset": "",
         "config": "",
     }
@@ -403,7 +405,7 @@ def _custom_metrics(names: Collection[str], path: Path) -> Metrics:
 
 def _estimate_path(estimator: CommandEstimator, run_folder: Path) -> Path | None:
     """Return the trajectory that the program wrote; None: there is none."""
-    path = run_folder / _ESTIMATE[estimator.estimate]
+    path = run_folder / ESTIMATES[estimator.estimate]
     if estimator.estimate == "bag":
         bags = [
             p for p in run_folder.glob("estimate*") if p.is_dir() or p.suffix in (".mcap", ".bag")

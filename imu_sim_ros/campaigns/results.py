@@ -59,6 +59,14 @@ _PART: Final = re.compile(r"plan\.\d+\.yaml|\.[a-z.]+\.part")
 """Earlier plans, and the incomplete tables of a killed program."""
 
 
+def run_folder_of(folder: Path, cell: int, seed: int, estimator: str) -> Path:
+    """Return the folder of a run's files in the folder of its campaign.
+
+    :param cell: number of the cell.
+    """
+    return folder / _RUNS / f"{cell:06d}" / str(seed) / estimator
+
+
 def key_of(row: Row) -> Key:
     """Return the key that identifies a run."""
     return str(row["digest"]), int(row["seed"]), str(row["estimator"]), str(row["cell"])

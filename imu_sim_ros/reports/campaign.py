@@ -12,7 +12,7 @@ import numpy as np
 from imu_sim_ros.campaigns.baseline import differences, identities_of_rows, plan_mismatch
 from imu_sim_ros.campaigns.metrics import COVERED, SUCCESS, Tolerance, better
 from imu_sim_ros.campaigns.plan import Plan, load_plan
-from imu_sim_ros.campaigns.results import LOG, TABLE, Row, read_results
+from imu_sim_ros.campaigns.results import LOG, PLAN, TABLE, Row, read_results
 from imu_sim_ros.campaigns.statistics import quantile
 from imu_sim_ros.campaigns.summary import Group, group_runs, slopes
 from imu_sim_ros.campaigns.verdict import judge, varying_names
@@ -24,7 +24,7 @@ from imu_sim_ros.inputs.rows import is_present, read_text
 from imu_sim_ros.navigation.evaluation import LARGEST_SIGMA, anees_band
 from imu_sim_ros.parameters.sections import flatten
 from imu_sim_ros.reports.page import Item, Section, column, table
-from imu_sim_ros.reports.runs import PLAN, opened, repeated
+from imu_sim_ros.reports.runs import opened, repeated
 from imu_sim_ros.reports.verdict import against_baseline, short, verdict_section
 
 _SENSORS: Final = {

@@ -18,7 +18,7 @@ from imu_sim_ros.core.types import AnyArray, Array, Bytes
 from imu_sim_ros.recordings.clock import estimate_clock
 from imu_sim_ros.reports.page import Item, Section, plot
 from imu_sim_ros.reports.sensors import truth_of
-from imu_sim_ros.reports.streams import extremes
+from imu_sim_ros.reports.streams import curve
 from imu_sim_ros.sensors.camera.images.files import png
 
 _PICTURES: Final = 3
@@ -82,7 +82,7 @@ def _items(path: Path, info: TopicInfo, topics: list[TopicInfo]) -> list[Item]:
         f"{number.max():,.0f}"
     )
     plots = [
-        plot(f"{info.name}: points in a scan", "time [s]", "", [_line("", 0, t_s, number)]),
+        plot(f"{info.name}: points in a scan", "time [s]", "", [curve("", 0, t_s, number)]),
         _ranges(info.name, histogram, edges),
     ]
     true_name = truth_of(info, topics)
@@ -91,9 +91,9 @@ def _items(path: Path, info: TopicInfo, topics: list[TopicInfo]) -> list[Item]:
         if truth.error_m is not None:
             text += f"; RMS error of the ranges (measured - true): {truth.error_m:.3g} m"
             title = f"{info.name}: RMS error of the ranges in each scan"
-            plots.append(plot(title, "time [s]", "[m]", [_line("", 0, *truth.errors)]))
+            plots.append(plot(title, "time [s]", "[m]", [curve("", 0, *truth.errors)]))
             plots[-1]["caption"] = "Of points of one surface."
-        lines = [_line(kind, k, *series) for k, (kind, series) in enumerate(truth.counts.items())]
+        lines = [curve(kind, k, *series) for k, (kind, series) in enumerate(truth.counts.items())]
         if lines:
             title = f"{info.name}: points that are not of one surface at rest"
             plots.append(plot(title, "time [s]", "", lines, legend=True))
@@ -105,12 +105,6 @@ def _items(path: Path, info: TopicInfo, topics: list[TopicInfo]) -> list[Item]:
         *_pictures(info.name, scans, stamps[0]),
         {"kind": "plots", "items": plots},
     ]
-
-
-def _line(name: str, colour: int, t_s: Array, values: Array) -> Item:
-    """Return a curve, thinned to the extremes that show."""
-    rows = extremes(values)
-    return {"name": name, "colour": colour, "x": t_s[rows], "y": values[rows]}
 
 
 class _Truth(NamedTuple):

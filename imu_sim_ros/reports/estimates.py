@@ -23,7 +23,7 @@ from imu_sim_ros.navigation.comparison import Comparison, compare
 from imu_sim_ros.navigation.evaluation import anees_band, gauge_at, invertible, nees, statistics
 from imu_sim_ros.recordings.order import POSES_GAP
 from imu_sim_ros.reports.page import Item, Section, plot, table
-from imu_sim_ros.reports.streams import extremes
+from imu_sim_ros.reports.streams import curve, extremes, track
 
 NOT_MEASURED: Final = 1e5
 """Variance from which a number is not measured: odometry of wheels states 1e6 of its height."""
@@ -261,15 +261,14 @@ def _relative_error(comparison: Comparison) -> float | None:
 
 def _path(flight: TruthWithEstimates, estimates: Sequence[ComparedEstimate]) -> Item:
     """Return the paths of a truth and its estimates."""
-    series = [] if flight.truth is None else [_track(flight.truth, None)]
-    series += [_track(estimate.states, estimate.colour) for estimate in estimates]
+    series = (
+        [] if flight.truth is None else [track(flight.truth.source, None, flight.truth.position)]
+    )
+    series += [
+        track(estimate.states.source, estimate.colour, estimate.states.position)
+        for estimate in estimates
+    ]
     return {"kind": "path", "title": "Path", "series": series}
-
-
-def _track(states: States, colour: int | None) -> Item:
-    """Return a path, thinned to the extremes that show."""
-    x, y, z = states.position[extremes(states.position)].T
-    return {"name": states.source, "colour": colour, "x": x, "y": y, "z": z}
 
 
 def _overlays(
@@ -286,13 +285,13 @@ def _overlays(
             t_s = _seconds(comparison.t_ns, _start(flight))
             for part, errors in enumerate((comparison.position, comparison.attitude)):
                 size = np.linalg.norm(errors, axis=1)
-                lengths[part].append(_line(estimate.name, estimate.colour, t_s, size))
+                lengths[part].append(curve(estimate.name, estimate.colour, t_s, size))
                 nees_of_part = _nees(comparison, part)
                 if nees_of_part is not None:
                     usable = nees_of_part.usable
                     drawn = np.maximum(nees_of_part.values, _LEAST_NEES)
                     consistency[part].append(
-                        _line(estimate.name, estimate.colour, t_s[usable], drawn)
+                        curve(estimate.name, estimate.colour, t_s[usable], drawn)
                     )
     plots = []
     for (name, unit), series in zip(_PARTS, lengths, strict=True):
@@ -306,12 +305,6 @@ def _overlays(
             label = "NEES, 3 expected"
             plots.append(plot(title, "time [s]", label, series, "y", legend=True, link=link))
     return plots
-
-
-def _line(name: str, colour: int, t_s: Array, values: Array) -> Item:
-    """Return a curve, thinned to the extremes that show."""
-    rows = extremes(values)
-    return {"name": name, "colour": colour, "x": t_s[rows], "y": values[rows]}
 
 
 def _nees_band(ends: Sequence[float]) -> Item:

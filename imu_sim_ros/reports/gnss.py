@@ -16,7 +16,7 @@ from imu_sim_ros.core.geodesy import tangent_plane
 from imu_sim_ros.core.types import Array, Times
 from imu_sim_ros.reports.page import Item, Section
 from imu_sim_ros.reports.sensors import TRUTH, MeasuredQuantity, comparison, truth_of
-from imu_sim_ros.reports.streams import extremes
+from imu_sim_ros.reports.streams import track
 
 _DIRECTIONS: Final = ("east", "north", "up")
 
@@ -52,12 +52,12 @@ def _fixes(path: Path, name: str, true_name: str | None) -> list[Item]:
         return [{"kind": "text", "text": text}]
     origin = geodetic[fixed][0]
     measured = _quantity("m", t_ns[fixed], tangent_plane(geodetic[fixed], origin), variance[fixed])
-    tracks = [_track(name, 0, measured.values)]
+    tracks = [track(name, 0, measured.values)]
     truth = None
     if true_name is not None:
         true_ns, true_geodetic, no_variance, _ = _read_fixes(path, true_name)
         truth = _quantity("m", true_ns, tangent_plane(true_geodetic, origin), no_variance)
-        tracks.insert(0, _track(true_name, None, truth.values))
+        tracks.insert(0, track(true_name, None, truth.values))
     text += f"; metres east, north and up of {origin[0]:.7f}, {origin[1]:.7f} deg"
     items: list[Item] = [
         {"kind": "text", "text": text},
@@ -76,12 +76,6 @@ def _velocities(path: Path, name: str, true_name: str | None) -> list[Item]:
 def _quantity(unit: str, t_ns: Times, values: Array, variance: Array) -> MeasuredQuantity:
     """Return values east, north and up with their variances."""
     return MeasuredQuantity("", unit, _DIRECTIONS, t_ns, values, variance)
-
-
-def _track(name: str, colour: int | None, positions: Array) -> Item:
-    """Return a path, thinned to the extremes that show."""
-    x, y, z = positions[extremes(positions)].T
-    return {"name": name, "colour": colour, "x": x, "y": y, "z": z}
 
 
 def _read_fixes(path: Path, name: str) -> tuple[Times, Array, Array, Array]:

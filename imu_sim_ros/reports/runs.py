@@ -9,10 +9,11 @@ from typing import Final
 
 import numpy as np
 
+from imu_sim_ros.campaigns.command_estimator import ESTIMATES, OUTPUT
 from imu_sim_ros.campaigns.parameters import CommandEstimator, DeadReckonEstimator
 from imu_sim_ros.campaigns.plan import Plan
 from imu_sim_ros.campaigns.reckoning import dead_reckoned_states
-from imu_sim_ros.campaigns.results import Row
+from imu_sim_ros.campaigns.results import PLAN, Row, run_folder_of
 from imu_sim_ros.campaigns.simulated import SimulatedCell
 from imu_sim_ros.campaigns.summary import Group
 from imu_sim_ros.core.errors import ImuSimError
@@ -22,7 +23,7 @@ from imu_sim_ros.inputs.rows import read_text
 from imu_sim_ros.navigation.comparison import compare
 from imu_sim_ros.navigation.state import state_of_row
 from imu_sim_ros.reports.page import Item
-from imu_sim_ros.reports.streams import extremes
+from imu_sim_ros.reports.streams import track
 
 _MAX_LOGS: Final = 100
 _MAX_PATHS: Final = 24
@@ -31,9 +32,6 @@ _LONGEST: Final = 100_000
 _LOG_BYTES: Final = 1500
 _POINTS: Final = 60
 """Columns of a path, each with its extremes."""
-PLAN: Final = "plan.yaml"
-_OUTPUT: Final = "output.txt"
-_ESTIMATES: Final = ("estimate.txt", "estimate.csv", "estimate")
 
 
 def opened(
@@ -53,7 +51,7 @@ def opened(
             result[str(k)] = {"folder": str(run_folder.relative_to(folder))}
             if len(result) == _MAX_LOGS:
                 break
-            if (log := _tail(run_folder / _OUTPUT)) != "":
+            if (log := _tail(run_folder / OUTPUT)) != "":
                 result[str(k)]["log"] = log
     indices = {id(row): k for k, row in enumerate(rows)}
     shown = [indices[id(row)] for row in _typical(groups, metric)[:_MAX_PATHS]]
@@ -77,7 +75,7 @@ def repeated(folder: Path) -> Item:
 def _kept(row: Row, numbers: dict[str, int], folder: Path) -> Path:
     """Return the folder of a run's files."""
     number = numbers.get(str(row["cell"]), -1)
-    return folder / "runs" / f"{number:06d}" / str(row["seed"]) / str(row["estimator"])
+    return run_folder_of(folder, number, row["seed"], str(row["estimator"]))
 
 
 def _tail(path: Path) -> str:
@@ -115,16 +113,15 @@ def _paths(
         try:
             if name not in simulated:
                 simulated[name] = SimulatedCell(plan, cells[name])
-            run_folder = (
-                folder / "runs" / f"{cells[name].number:06d}" / str(row["seed"]) / estimator
-            )
-            tracks = _tracks(simulated[name], estimator, int(row["seed"]), run_folder)
+            seed = int(row["seed"])
+            run_folder = run_folder_of(folder, cells[name].number, seed, estimator)
+            tracks = _tracks(simulated[name], estimator, seed, run_folder)
         except ImuSimError:
             continue  # the page shows what it can
         if tracks is not None:
             colours = None, list(plan.estimators).index(estimator)
             result[k] = [
-                _line(title, colour, positions)
+                track(title, colour, positions, _POINTS)
                 for colour, (title, positions) in zip(colours, tracks, strict=True)
             ]
     return result
@@ -135,7 +132,7 @@ def _tracks(
 ) -> list[tuple[str, Array]] | None:
     """Return the true path of a run and the estimated one, aligned as in the comparison."""
     estimator = cell.plan.estimators[name]
-    files = [folder / file for file in _ESTIMATES if (folder / file).exists()]
+    files = [folder / file for file in ESTIMATES.values() if (folder / file).exists()]
     if cell.total is None or cell.total > _LONGEST:
         return None
     block = cell.block(seed)
@@ -151,9 +148,3 @@ def _tracks(
         return None
     errors = compare(estimate, truth, str(cell.plan.alignment(name)))
     return [("truth", truth.position), (name, errors.estimate.position)]
-
-
-def _line(name: str, colour: int | None, position: Array) -> Item:
-    """Return a path, thinned to the extremes that show."""
-    x, y, z = position[extremes(position, _POINTS)].T
-    return {"name": name, "colour": colour, "x": x, "y": y, "z": z}

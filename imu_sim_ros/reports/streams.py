@@ -233,6 +233,18 @@ def extremes(values: Array, columns: int = PARTS) -> NDArray[np.intp]:
     return np.unique(np.concatenate([[0, len(table) - 1], *rows]))
 
 
+def curve(name: str, colour: int, t_s: Array, values: Array) -> Item:
+    """Return the curve of values (n,) over times (n,) [s], thinned to its extremes."""
+    rows = extremes(values)
+    return {"name": name, "colour": colour, "x": t_s[rows], "y": values[rows]}
+
+
+def track(name: str, colour: int | None, positions: Array, columns: int = PARTS) -> Item:
+    """Return a path of positions (n, 3) [m], thinned to its extremes in each column."""
+    x, y, z = positions[extremes(positions, columns)].T
+    return {"name": name, "colour": colour, "x": x, "y": y, "z": z}
+
+
 def analyse(blocks: Iterable[Readings], count: int) -> StreamPlots | None:
     """Return the data for the plots of a stream; None with fewer than two readings.
 
