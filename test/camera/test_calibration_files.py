@@ -134,20 +134,25 @@ def test_vignetting_and_rows_come_back_from_the_files_that_have_them(tmp_path: P
 def test_a_vignette_of_another_form_is_fitted_and_named(tmp_path: Path) -> None:
     """The centre of the published TUM VI calibration: dark in the middle, black at the corners."""
     shares = [0.99, 0.993, 0.998, 0.997, 0.996, 0.98, 0.94, 0.88, 0.8, 0.5, 0.03, 0.01, 0.01]
+    spline: dict[str, object] = {
+        "value0": 0,
+        "value1": 50_000_000_000,
+        "value2": [[share] for share in shares],
+    }
     calibration = {
         "T_imu_cam": [],
         "intrinsics": [
             {"camera_type": "pinhole", "intrinsics": {"fx": 200, "fy": 200, "cx": 256, "cy": 256}}
         ],
         "resolution": [[512, 512]],
-        "vignette": [{"value0": 0, "value1": 50_000_000_000, "value2": [[x] for x in shares]}],
+        "vignette": [spline],
     }
     path = tmp_path / "calibration.json"
     path.write_text(json.dumps({"value0": calibration}), encoding="utf-8")
     camera, remarks = read(str(path))
     assert 0.1 < camera.vignetting < 0.9
     assert "vignette beyond vignetting" in remarks
-    del calibration["vignette"][0]["value1"]  # type: ignore[attr-defined]
+    del spline["value1"]
     path.write_text(json.dumps({"value0": calibration}), encoding="utf-8")
     with pytest.raises(ConfigurationError, match=r"vignette.value1 = missing"):
         read(str(path))

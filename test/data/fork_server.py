@@ -3,37 +3,40 @@
 
 """A process that has loaded a node's modules and forks for each start of the node.
 
-Nine tenths of a node's start are imports. What it forks is a process like any other, with a PID,
-signals, streams and an exit status of its own; rclpy is initialised in it, after the fork.
+Nine tenths of a node's start are imports. A forked process has a PID, signals, streams and an exit
+status of its own; rclpy is initialised in it, after the fork.
 
-As a program, with the descriptor of a socket and the node's name: a line of JSON in, one out.
+Run as a program with the descriptor of a socket and the node's name, this file answers each line
+of JSON with one.
 """
 
 import atexit
 import json
 import os
+import select
 import signal
 import socket
 import subprocess
 import sys
 import threading
-import time
 from pathlib import Path
 from typing import Any
 
+from programs import PATIENCE
+
 
 class ForkServer:
-    """The process of one node, as the tests see it."""
+    """Process of a node's modules, which forks for the tests."""
 
     def __init__(self, name: str, environment: dict[str, str]) -> None:
-        mine, theirs = socket.socketpair()
-        with theirs:
+        self._socket, remote = socket.socketpair()
+        with remote:
             self._process = subprocess.Popen(
-                [sys.executable, __file__, str(theirs.fileno()), name],
-                pass_fds=[theirs.fileno()],
+                [sys.executable, __file__, str(remote.fileno()), name],
+                pass_fds=[remote.fileno()],
                 env=environment,
             )
-        self._socket, self._stream = mine, mine.makefile("rw")
+        self._stream = self._socket.makefile("rw")
 
     def ask(self, **request: Any) -> Any:
         """Send a request; return the answer."""
@@ -47,13 +50,14 @@ class ForkServer:
         return Forked(self, self.ask(**request, log=str(log)))
 
     def close(self) -> None:
+        """End the process and wait for it."""
         self._stream.close()
         self._socket.close()
         self._process.wait()
 
 
 class Forked:
-    """The part of ``subprocess.Popen`` that the tests use, for a process that a server forked."""
+    """Process that a server forked, with the part of ``subprocess.Popen`` that the tests use."""
 
     def __init__(self, server: ForkServer, pid: int) -> None:
         self._server = server
@@ -61,28 +65,39 @@ class Forked:
         self.returncode: int | None = None
 
     def poll(self) -> int | None:
+        """Return the exit status; None while the process runs."""
         if self.returncode is None:
             self.returncode = self._server.ask(pid=self.pid)
         return self.returncode
 
-    def wait(self, timeout: float = 60.0) -> int:
-        end = time.monotonic() + timeout
-        while (status := self.poll()) is None:
-            if time.monotonic() > end:
+    def wait(self, timeout: float = PATIENCE) -> int:
+        """Return the exit status once the process has ended.
+
+        :param timeout: longest wait [s].
+        :raises subprocess.TimeoutExpired: if the process still runs then.
+        """
+        if (status := self.poll()) is None:
+            descriptor = os.pidfd_open(self.pid)  # of a child of the server, which collects it
+            try:
+                select.select([descriptor], [], [], timeout)
+            finally:
+                os.close(descriptor)
+            if (status := self.poll()) is None:
                 raise subprocess.TimeoutExpired(str(self.pid), timeout)
-            time.sleep(0.01)
         return status
 
     def send_signal(self, number: int) -> None:
+        """Send a signal to the process if it still runs."""
         if self.poll() is None:
             os.kill(self.pid, number)
 
     def kill(self) -> None:
+        """Kill the process."""
         self.send_signal(signal.SIGKILL)
 
 
 def serve(descriptor: int, name: str) -> int:
-    """Answer requests to their end; in a fork, run the node and return its status."""
+    """Answer requests until the socket closes; in a forked process, return the node's status."""
     from imu_sim_ros.nodes import start
     from imu_sim_ros.terminal import startup
 
@@ -118,6 +133,7 @@ if __name__ == "__main__":
     atexit._run_exitfuncs()
     sys.stdout.flush()
     sys.stderr.flush()
-    # Destructors of C++ libraries that were loaded before the fork crash behind it; they are
-    # tested where tests start the program itself.
+    # Threads and exit functions end as those of any program. Destructors of C++ libraries do not
+    # run: in a forked process, those of libraries loaded before the fork crash. Tests that start
+    # the program itself run them.
     os._exit(status)

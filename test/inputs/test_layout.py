@@ -58,13 +58,12 @@ def test_the_header_decides_columns_axes_and_units(tmp_path, header, columns, st
 
 
 def table(header, stamps, *columns, separator=",", quote="", comma=False, newline="\n"):
-    """Return a table as bytes; numbers with quotes around them, or with decimal commas."""
+    """Return the text of a table; numbers in quotes, or with decimal commas."""
     rows = [[str(stamp), *(f"{x:.12g}" for x in np.concatenate(row))]
             for stamp, *row in zip(stamps, *columns, strict=True)]  # fmt: skip
-    lines = [separator.join(f"{quote}{cell}{quote}" for cell in row) for row in rows]
     if comma:
-        lines = [separator.join(f"{quote}{cell.replace('.', ',')}{quote}" for cell in row)
-                 for row in rows]  # fmt: skip
+        rows = [[cell.replace(".", ",") for cell in row] for row in rows]
+    lines = [separator.join(f"{quote}{cell}{quote}" for cell in row) for row in rows]
     return newline.join([*header, *lines, ""])
 
 
@@ -106,7 +105,7 @@ def test_tables_of_other_programs_and_languages(tmp_path, text, encoding):
 
 
 @pytest.mark.parametrize(
-    ("text", "words"),
+    ("text", "reason"),
     [
         (table([NAMES.replace("stamp", "stamp [ns]")], T_NS / 1e9, GYRO, ACCEL),
          "the header says ns, and the stamps increase by 0.005:"),
@@ -116,10 +115,10 @@ def test_tables_of_other_programs_and_languages(tmp_path, text, encoding):
          "the stamps are dates: '2024-05-01 10:00:00.000'; write them as seconds"),
     ],
 )  # fmt: skip
-def test_stamps_that_contradict_the_header_are_refused(tmp_path, text, words):
+def test_stamps_that_contradict_the_header_are_refused(tmp_path, text, reason):
     path = tmp_path / "imu.csv"
     path.write_text(text)
-    with pytest.raises(InputError, match=words):
+    with pytest.raises(InputError, match=reason):
         read_imu(path)
 
 

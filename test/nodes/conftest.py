@@ -146,12 +146,12 @@ def start(
         }
         if program or as_module or environment["PYTHONPATH"] != str(REPOSITORY):
             executable = Path(sys.executable).with_name(name)
-            words = [str(executable)]
+            command = [str(executable)]
             if as_module or not executable.exists():
-                words = [sys.executable, "-m", f"imu_sim_ros.nodes.{name}.node"]
+                command = [sys.executable, "-m", f"imu_sim_ros.nodes.{name}.node"]
             with log.open("w") as output:
                 process: subprocess.Popen[bytes] | Forked = subprocess.Popen(
-                    [*words, *program_arguments],
+                    [*command, *program_arguments],
                     stdout=output,
                     stderr=subprocess.STDOUT,
                     env=environment,

@@ -49,9 +49,8 @@ def imu(listener: Any) -> Any:
 def test_signals_end_it_with_status_0(
     start: Any, imu: Any, number: int, settings: dict[str, Any]
 ) -> None:
-    node = start(
-        "simulator", program=True, rate=1, **settings
-    )  # it sleeps for a second between samples
+    # The node sleeps for a second between samples.
+    node = start("simulator", program=True, rate=1, **settings)
     imu.wait_for(IMU, 0 if settings else 1)
     if settings:
         from rcl_interfaces.srv import ListParameters
