@@ -1,7 +1,7 @@
 # Copyright 2026 imu_sim_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Tables of the manual that ``make bench`` measures are those that it prints, of one run."""
+"""Tables of the manual that ``make bench`` measures are those that it prints."""
 
 import importlib.util
 import re
@@ -68,9 +68,6 @@ stale
 <!-- end -->
 <!-- make bench: run -->
 <!-- end -->
-<!-- make bench: recorder -->
-as it was
-<!-- end -->
 """
 
 
@@ -118,12 +115,27 @@ Simulated campaign: time:
 Python 3.12.1, 2 cores, 1 December 2026.
 
 <!-- end -->
-<!-- make bench: recorder -->
-as it was
-<!-- end -->
 """
     assert page == expected
     assert manual.filled(page, manual.sections(log)) == page
+
+
+RECORDER = "<!-- make bench: recorder -->\nas it was\n<!-- end -->\n"
+
+
+def test_a_page_of_another_run_is_not_filled_in_part():
+    printed = manual.sections(LOG.replace("4000 Hz     4.75", "4000 Hz     4.75    7.20"))
+    assert manual.filled(RECORDER, printed) == RECORDER
+    page = manual.filled(PAGE, printed) + RECORDER
+    assert manual.filled(page, printed) == page
+    with pytest.raises(ValueError, match="is of another run, and this one has no recorder"):
+        manual.filled(page.replace("December", "November"), printed)
+
+
+def test_a_table_that_was_not_printed_is_named():
+    printed = manual.sections(LOG.partition("simulated")[0].replace("    4.75", "    4.75  7.20"))
+    with pytest.raises(ValueError, match="growth has printed no simulated"):
+        manual.filled(PAGE, printed)
 
 
 def test_a_row_without_a_cell_is_refused():

@@ -1,12 +1,13 @@
 # Copyright 2026 imu_sim_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Write the tables of one run of the benchmarks into the manual.
+"""Write the tables of a run of benchmarks into the manual.
 
     make bench > bench.log && .venv/bin/python test/bench/manual.py bench.log
 
 A table stands on a page between ``<!-- make bench: NAME -->``, or ``<!-- make bench: NAME, TITLE
--->`` for those parts of a benchmark whose title begins with TITLE, and ``<!-- end -->``.
+-->`` for those parts of a benchmark whose title begins with TITLE, and ``<!-- end -->``. A run of
+some of a page's benchmarks fills it only if machine and date are those on the page.
 """
 
 import argparse
@@ -84,33 +85,45 @@ def sections(log: str) -> dict[str, list[Part]]:
 
 
 def filled(page: str, printed: dict[str, list[Part]]) -> str:
-    """Return a page with the parts of a run in its blocks; what was not run stays as it is."""
+    """Return a page with the parts of a run in its blocks; blocks of other benchmarks stay.
+
+    :raises ValueError: for a block whose part the run has not printed, and for a page with tables
+        of another run that this one does not replace.
+    """
+    names = {block["name"] for block in BLOCK.finditer(page)}
+    absent = sorted(names - set(printed))
+    if RUN in names and absent and not all(part.markdown() in page for part in printed[RUN]):
+        raise ValueError(f"is of another run, and this one has no {', '.join(absent)}")
 
     def text(block: re.Match[str]) -> str:
-        title = block["title"] or ""
-        chosen = [p for p in printed.get(block["name"], ()) if p.title.startswith(title)]
-        if not chosen:
+        name, title = block["name"], block["title"] or ""
+        if name not in printed:
             return block[0]
+        chosen = [part for part in printed[name] if part.title.startswith(title)]
+        if not chosen:
+            raise ValueError(f"{name} has printed no {title or 'table'}")
         return "\n".join([block["begin"], *(part.markdown() for part in chosen), block["end"]])
 
     return BLOCK.sub(text, page)
 
 
 def main() -> int:
-    """Fill all pages of the manual."""
+    """Fill all pages of the manual; return 1 if one is left as it is."""
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument("log", type=Path, help="output of make bench")
     printed = sections(parser.parse_args().log.read_text(encoding="utf-8"))
+    status = 0
     for path in sorted(MANUAL.rglob("*.md")):
         page = path.read_text(encoding="utf-8")
         names = {block["name"] for block in BLOCK.finditer(page)}
-        if not names:
-            continue
-        path.write_text(filled(page, printed), encoding="utf-8")
-        absent = sorted(names - set(printed))
-        print(f"{path.relative_to(MANUAL)}: {', '.join(sorted(names & set(printed)))}", end="")
-        print(f"; not in the log: {', '.join(absent)}" if absent else "")
-    return 0
+        if names & set(printed):
+            try:
+                path.write_text(filled(page, printed), encoding="utf-8")
+                line = ", ".join(sorted(names & set(printed)))
+            except ValueError as error:
+                line, status = f"not filled: {error}", 1
+            print(f"{path.relative_to(MANUAL)}: {line}")
+    return status
 
 
 if __name__ == "__main__":
