@@ -3,7 +3,7 @@
 
 """Descriptions of cameras and clouds in a recording: the terms of sensor_msgs."""
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Final, NamedTuple
 
@@ -25,6 +25,12 @@ or xi and alpha, in front. Other models are not known."""
 
 PLUMB_BOB: Final = 5
 """Number of coefficients that ROS writes for its model plumb_bob."""
+ROS_DISTORTIONS: Final = {
+    **dict.fromkeys(("none", "radtan"), "plumb_bob"),
+    "radtan8": "rational_polynomial",
+    "equidistant": "equidistant",
+}
+"""Names in image_geometry by those of kalibr, as in its converters."""
 
 
 class CameraInfo(NamedTuple):
@@ -49,6 +55,23 @@ class CameraInfo(NamedTuple):
     region: tuple[int, int, int, int] = (0, 0, 0, 0)
     """Offset along x and y, height and width of the region of interest in the full image [px];
     a size of 0: all of it."""
+
+    @classmethod
+    def of_lens(
+        cls, size: tuple[int, int], intrinsics: Sequence[float], model: str, d: Sequence[float]
+    ) -> "CameraInfo":
+        """Return the description of a camera whose images are not rectified: R is I, P is [K 0].
+
+        :param size: height and width [px].
+        :param intrinsics: fx, fy, cx, cy [px].
+        :param model: name of the distortion model.
+        :param d: its parameters; those of plumb_bob are filled up with zeros, as ROS writes them.
+        """
+        fx, fy, cx, cy = intrinsics
+        k = np.array([[fx, 0.0, cx], [0.0, fy, cy], [0.0, 0.0, 1.0]])
+        if model == "plumb_bob" and len(d) in COEFFICIENTS[model]:
+            d = (*d, *[0.0] * (PLUMB_BOB - len(d)))
+        return cls(*size, model, tuple(d), k, np.eye(3), np.column_stack([k, np.zeros(3)]))
 
     @property
     def image_size(self) -> tuple[int, int]:

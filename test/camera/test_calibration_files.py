@@ -222,6 +222,18 @@ def test_what_is_written_is_the_same_camera(lens: str, tmp_path: Path) -> None:
             assert camera.time_offset == pytest.approx(shift + 0.005, abs=1e-9), file
 
 
+@pytest.mark.parametrize("lens", ["radtan", "radtan5", "none", "equidistant", "unified_radtan"])
+def test_a_recorded_camera_has_the_camera_info_of_the_simulated_one(
+    lens: str, tmp_path: Path
+) -> None:
+    cameras, texts = configurations(lens)
+    path = tmp_path / "sensor.yaml"
+    path.write_text(texts["sensor_cam1.yaml"], encoding="utf-8")
+    info, _ = calibration_files.description(path)
+    assert info is not None
+    assert info.is_equal(info_of_camera(cameras["cam1"])), (info, info_of_camera(cameras["cam1"]))
+
+
 CHAIN = """cam0:
   T_cam_imu: [[0, -1, 0, 0.1], [0, 0, -1, 0.2], [1, 0, 0, 0.3], [0, 0, 0, 1]]
   camera_model: pinhole

@@ -33,7 +33,7 @@ from imu_sim_ros.core.names import nearest, shown, suggestion
 from imu_sim_ros.core.rotation import inverse_pose, rigid_motion
 from imu_sim_ros.core.types import Array
 from imu_sim_ros.parameters import files
-from imu_sim_ros.recordings.cameras import COEFFICIENTS, PLUMB_BOB, CameraInfo
+from imu_sim_ros.recordings.cameras import ROS_DISTORTIONS, CameraInfo
 from imu_sim_ros.recordings.findings.cameras import distortion_problem
 
 _CAMERA: Final = "camera."
@@ -71,13 +71,6 @@ _VIGNETTE_ERROR: Final = 0.01
 """Largest difference of a vignette from a quadratic one that is not named."""
 _LARGEST: Final = 1 << 20
 """Largest number of pixels along a side."""
-_ROS_MODELS: Final = {
-    "radtan": "plumb_bob",
-    "radtan8": "rational_polynomial",
-    "equidistant": "equidistant",
-    "none": "plumb_bob",
-}
-"""ROS' names of the distortion models."""
 _FORWARD: Final = 0.5
 """Smallest component along x of the view of a camera that looks forward."""
 
@@ -321,21 +314,18 @@ class _RecordedCamera(_Camera):
         values = {name.removeprefix(_CAMERA): value for name, value in self.values.items()}
         if self.problems:
             return None
-        fx, fy, cx, cy = np.asarray(values["intrinsics"], dtype=np.float64).tolist()
+        intrinsics = np.asarray(values["intrinsics"], dtype=np.float64).tolist()
+        fx, fy, *_ = intrinsics
         if not (fx > 0.0 and fy > 0.0):
             self.refuse("intrinsics", self.tree["intrinsics"], "fx and fy must be above 0 px")
         key, stated, d = self._distortion
-        kind = _ROS_MODELS.get(_DISTORTIONS.get(stated, ""), stated)
-        if kind == "plumb_bob" and len(d) in COEFFICIENTS[kind]:
-            d = [*d, *[0.0] * (PLUMB_BOB - len(d))]
+        kind = ROS_DISTORTIONS.get(_DISTORTIONS.get(stated, ""), stated)
         model = str(values["model"])
         if model != "pinhole":
             shape = [float(str(values[name])) for name in ("xi", "alpha") if name in values]
             kind, d = model, [*shape, *(d if stated != "none" else [])]
-        k = np.array([[fx, 0.0, cx], [0.0, fy, cy], [0.0, 0.0, 1.0]])
-        p = np.column_stack([k, np.zeros(3)])
-        height, width = (int(str(values[name])) for name in ("height", "width"))
-        info = CameraInfo(height, width, kind, tuple(d), k, np.eye(3), p)
+        size = int(str(values["height"])), int(str(values["width"]))
+        info = CameraInfo.of_lens(size, intrinsics, kind, d)
         if problem := distortion_problem(info):
             self.refuse(key, self.tree.get(key), problem)
         return info

@@ -17,7 +17,7 @@ from imu_sim_ros.core.conventions import (
     MASK_TOPIC,
 )
 from imu_sim_ros.core.types import Bytes, Single
-from imu_sim_ros.recordings.cameras import CameraInfo
+from imu_sim_ros.recordings.cameras import ROS_DISTORTIONS, CameraInfo
 from imu_sim_ros.sensors.camera.features import FEATURES
 from imu_sim_ros.sensors.camera.images.files import png
 from imu_sim_ros.sensors.camera.images.libraries import numba, opencv
@@ -32,13 +32,10 @@ from imu_sim_ros.sensors.parameters import MountedParameters
 from imu_sim_ros.sensors.samples import Rows, Samples
 
 if TYPE_CHECKING:
-    from imu_sim_ros.recordings.cameras import CameraInfo
     from imu_sim_ros.sensors.deferred import Each, Results
 
 _MODULE: Final = "imu_sim_ros.sensors.camera.frames"
 _IMAGE: Final = "sensor_msgs/msg/Image"
-_DISTORTIONS: Final = {"none": "plumb_bob", "radtan": "plumb_bob", "equidistant": "equidistant"}
-"""The names in image_geometry and kalibr's converters."""
 
 _Pixels = TypeVar("_Pixels")
 Encode: TypeAlias = Callable[[int, _Pixels], bytes]
@@ -145,23 +142,19 @@ def _info(mounted: Mounted[CameraParameters], encoding: str) -> Payloads:
     ]
 
 
-def info_of_camera(camera: CameraParameters) -> "CameraInfo":
+def info_of_camera(camera: CameraParameters) -> CameraInfo:
     """Return a camera's model in the terms of sensor_msgs/CameraInfo.
 
     D is xi and the distortion for a unified sphere, xi and alpha for a double one; ROS has no
     names for the two, so they have ours.
     """
     model = CameraModel(camera)
-    k = np.array([[model.fx, 0.0, model.cx], [0.0, model.fy, model.cy], [0.0, 0.0, 1.0]])
-    p = np.column_stack([k, np.zeros(3)])
-    kind, d = _DISTORTIONS[camera.distortion_model], camera.distortion
-    if kind == "plumb_bob":
-        d = (*d, *[0.0] * (5 - len(d)))
+    kind, d = ROS_DISTORTIONS[camera.distortion_model], camera.distortion
     if camera.model != "pinhole":
-        kind = camera.model
-        intrinsics = (camera.xi,) if camera.model == "unified" else (camera.xi, camera.alpha)
-        d = (*intrinsics, *camera.distortion)
-    return CameraInfo(camera.height, camera.width, kind, d, k, np.eye(3), p)
+        shape = (camera.xi,) if camera.model == "unified" else (camera.xi, camera.alpha)
+        kind, d = camera.model, (*shape, *d)
+    size, intrinsics = (camera.height, camera.width), (model.fx, model.fy, model.cx, model.cy)
+    return CameraInfo.of_lens(size, intrinsics, kind, d)
 
 
 SENSOR: Final[Sensor[CameraParameters]] = Sensor(
