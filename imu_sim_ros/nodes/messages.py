@@ -186,7 +186,7 @@ class ReadingDecoder:
         """Initialise without messages.
 
         :param parameters: frame and units of the messages; None: any frame, SI units.
-        :param oriented: decode the orientation, too.
+        :param oriented: decode the orientation, too; one of another length than 1 is none.
         """
         self._checks_frame, self._oriented = parameters is not None, oriented
         parameters = LiveReadingParameters() if parameters is None else parameters
@@ -271,17 +271,7 @@ def imu_reading(payload: bytes) -> LiveReading:
     return reading
 
 
-def ideal_reading(payload: bytes) -> LiveReading:
-    """Return the reading in a sensor_msgs/Imu, with its orientation if it has one.
-
-    :raises InputError: as for :func:`imu_reading`; an orientation of another length is none.
-    """
-    reading = _oriented_decoder.reading(payload)
-    assert reading is not None  # no frame is chosen
-    return reading
-
-
-_decoder, _oriented_decoder = ReadingDecoder(), ReadingDecoder(oriented=True)
+_decoder = ReadingDecoder()
 
 
 def value(type_name: str, payload: bytes) -> LiveValue:

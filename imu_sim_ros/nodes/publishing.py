@@ -6,6 +6,7 @@
 from collections.abc import Callable, Sequence
 from typing import Final
 
+from rclpy.duration import Duration
 from rclpy.node import Node
 from rclpy.publisher import Publisher
 from rclpy.qos import QoSPolicyKind, QoSProfile
@@ -14,6 +15,8 @@ from rclpy.qos_overriding_options import QoSOverridingOptions
 from imu_sim_ros.core.errors import ConfigurationError
 from imu_sim_ros.nodes.messages import message_class
 
+ACKNOWLEDGEMENT: Final = Duration(nanoseconds=300_000_000)
+"""Longest wait for subscribers at shutdown; a signal must end the node within a second."""
 _POLICIES: Final = (
     QoSPolicyKind.HISTORY,
     QoSPolicyKind.DEPTH,

@@ -5,12 +5,16 @@
 
 import re
 import time
-from typing import Final
+from collections.abc import Sequence
+from typing import Final, TypeVar
 
 from rclpy.impl.rcutils_logger import RcutilsLogger
 
 from imu_sim_ros.core.errors import InputError
+from imu_sim_ros.recordings.findings.live import StampWatch
+from imu_sim_ros.recordings.live_strays import Stamped
 
+_StampedT = TypeVar("_StampedT", bound=Stamped)
 _PERIOD: Final = 10.0
 """Time after which the reason of a refusal is told again [s]."""
 _NUMBERS: Final = re.compile(r"[-+.\d]+")
@@ -53,3 +57,18 @@ class Refusals:
         """Count messages of a topic that are refused for the same reason."""
         self.count += count
         self._warnings.add(f"{topic}: refused: {error} ({self.count} refused so far)")
+
+    def timed(
+        self, topic: str, stamps: StampWatch, messages: Sequence[_StampedT]
+    ) -> Sequence[_StampedT]:
+        """Return the messages of a topic whose stamps are a time; others are refused."""
+        if stamps.done:
+            return messages
+        passed: list[_StampedT] = []
+        for message in messages:
+            try:
+                stamps.add(message.t_ns)
+                passed.append(message)
+            except InputError as error:
+                self.add(topic, error)
+        return passed

@@ -68,7 +68,7 @@ def test_a_live_message_with_such_a_stamp_is_refused():
     readings, states = (overflowing(payloads[BAD], "cdr") for payloads in rows("cdr"))
     for decode, payload in (
         (live.imu_reading, readings),
-        (live.ideal_reading, readings),
+        (live.ReadingDecoder(oriented=True).reading, readings),
         (live.truth, states),
     ):
         with pytest.raises(InputError, match=REASON):

@@ -16,7 +16,6 @@ import numpy as np
 from diagnostic_msgs.msg import DiagnosticArray
 from nav_msgs.msg import Odometry
 from rclpy.clock import Clock, ClockType
-from rclpy.duration import Duration
 from rclpy.qos import DurabilityPolicy, QoSProfile
 from rclpy.time import Time
 from sensor_msgs.msg import Imu
@@ -31,7 +30,7 @@ from imu_sim_ros.nodes.diagnostics import PERIOD, drawn, fault_message
 from imu_sim_ros.nodes.error_model.diagnostics import ErrorModelReport
 from imu_sim_ros.nodes.error_model.output import DEPTH, ErrorModelOutputs, wanted
 from imu_sim_ros.nodes.parameters import ConfiguredNode
-from imu_sim_ros.nodes.publishing import check_overrides, create
+from imu_sim_ros.nodes.publishing import ACKNOWLEDGEMENT, check_overrides, create
 from imu_sim_ros.nodes.subscriptions import MatchedInputs, RawSubscriptions, Taken
 from imu_sim_ros.nodes.warnings import Refusals
 from imu_sim_ros.recordings.findings.live import StampWatch, TwistWatch
@@ -48,15 +47,12 @@ from imu_sim_ros.simulation.error_parameters import (
 from imu_sim_ros.simulation.given_sensor import OTHERS
 
 _Decoded = TypeVar("_Decoded")
-_StampedT = TypeVar("_StampedT", LiveReading, LiveState, LiveValue)
 _READ_PERIOD: Final = 0.003
 """[s] How long readings wait for each other, and about the longest that one waits. At 1 kHz four
 come at a time, for a quarter of the wakes of one by one."""
 _FEW: Final = 8
 """Readings that take less time as numbers than as arrays."""
 _REMARKS_A_SECOND: Final = 5
-_ACKNOWLEDGEMENT: Final = Duration(nanoseconds=300_000_000)
-"""Longest wait for subscribers at shutdown; a signal must end the node within a second."""
 
 
 class ErrorModelNode(ConfiguredNode[ErrorNodeParameters]):
@@ -88,11 +84,13 @@ class ErrorModelNode(ConfiguredNode[ErrorNodeParameters]):
         self._decoder = decode.ReadingDecoder(parameters, oriented)
         for line in self._decoder.notes():
             self.get_logger().info(line)
-        main = next(iter(self._inputs()))
+        self._main = main = next(iter(self._inputs()))
         self._stamps = StampWatch()
-        self._reading_strays = self._strays(LiveReading, main)
-        self._state_strays = self._strays(LiveState, main)
-        self._value_strays = {name: self._strays(LiveValue, name) for name in self._values}
+        self._reading_strays = LiveStrays[LiveReading](self._remark_about(main))
+        self._state_strays = LiveStrays[LiveState](self._remark_about(main))
+        self._value_strays = {
+            name: LiveStrays[LiveValue](self._remark_about(name)) for name in self._values
+        }
         self._odometry = Differentiator(parameters) if parameters.odometry else None
         compared = parameters.odometry and parameters.input.check
         source = f"input ({self.resolve_topic_name(conventions.INPUT_ODOMETRY_TOPIC)})"
@@ -141,7 +139,7 @@ class ErrorModelNode(ConfiguredNode[ErrorNodeParameters]):
         self.model.finish()
         self.outputs.close()
         for counter in self.outputs.counters:
-            counter.publisher.wait_for_all_acked(_ACKNOWLEDGEMENT)
+            counter.publisher.wait_for_all_acked(ACKNOWLEDGEMENT)
         for topic in self._inputs():
             count = self._received[topic]
             print(f"error_model: received {count} messages on {topic}", flush=True)
@@ -181,23 +179,6 @@ class ErrorModelNode(ConfiguredNode[ErrorNodeParameters]):
             states = self._state_strays
             self._add_states(self._odometry, states.finish() if finish else states.release())
 
-    def _strays(self, kind: type[_StampedT], topic: str) -> LiveStrays[_StampedT]:
-        """Return what leaves out messages of a topic with stray stamps."""
-        return LiveStrays[_StampedT](lambda line: self._remark(f"{topic}: {line}"))
-
-    def _of_nanoseconds(self, messages: list[_StampedT]) -> list[_StampedT]:
-        """Return messages of the main input whose stamps are a time; others are refused."""
-        if self._stamps.done:
-            return messages
-        sound: list[_StampedT] = []
-        for message in messages:
-            try:
-                self._stamps.add(message.t_ns)
-                sound.append(message)
-            except InputError as error:
-                self._refusals.add(next(iter(self._inputs())), error)
-        return sound
-
     def _take_values(self, topic: str, batch: list[Taken]) -> None:
         """Add errors to ideal values of another sensor, and publish them."""
         decoded = self._decoded(topic, batch, partial(decode.value, self._values[topic][1]))
@@ -226,16 +207,16 @@ class ErrorModelNode(ConfiguredNode[ErrorNodeParameters]):
             self.model.parameters = self.parameters
             self.outputs.encode_for(self.parameters)
 
-    def _add_readings(self, readings: list[LiveReading]) -> None:
+    def _add_readings(self, readings: Sequence[LiveReading]) -> None:
         """Add errors to readings in order, and publish them."""
-        readings, samples = self._of_nanoseconds(readings), None
+        readings, samples = self._refusals.timed(self._main, self._stamps, readings), None
         if 0 < len(readings) <= _FEW and all(reading.q_wb is None for reading in readings):
             samples = self.model.read_few(readings)
         if samples is None:
             try:
                 self._read(_record(readings))
             except InputError as error:
-                self._refusals.add(next(iter(self._inputs())), error, len(readings))
+                self._refusals.add(self._main, error, len(readings))
         else:
             self.outputs.publish({IMU: samples}, self.parameters)
 
@@ -256,9 +237,9 @@ class ErrorModelNode(ConfiguredNode[ErrorNodeParameters]):
                 self._refusals.add(topic, error)
         return decoded
 
-    def _add_states(self, odometry: Differentiator, states: list[LiveState]) -> None:
+    def _add_states(self, odometry: Differentiator, states: Sequence[LiveState]) -> None:
         """Add errors to the readings that odometry in order tells, and publish them."""
-        states = self._of_nanoseconds(states)
+        states = self._refusals.timed(self._main, self._stamps, states)
         if not states:
             return
         if self._twist is not None and not self._twist.done:
@@ -273,7 +254,11 @@ class ErrorModelNode(ConfiguredNode[ErrorNodeParameters]):
         try:
             self._read(readings)
         except InputError as error:
-            self._refusals.add(next(iter(self._inputs())), error, len(states))
+            self._refusals.add(self._main, error, len(states))
+
+    def _remark_about(self, topic: str) -> Callable[[str], None]:
+        """Return a receiver of lines about a topic."""
+        return lambda line: self._remark(f"{topic}: {line}")
 
     def _remark(self, line: str) -> None:
         """Log a probable mistake, at most a few lines a second."""
@@ -333,6 +318,7 @@ class ErrorModelNode(ConfiguredNode[ErrorNodeParameters]):
             self._unit = drawn({"": unit})
         counters = self.outputs.counters
         strays = self._reading_strays.count + self._state_strays.count
+        strays += sum(strays_of_values.count for strays_of_values in self._value_strays.values())
         self._diagnostics.publish(
             self._report.message(
                 stamp, counts, self._refusals.count, strays, self._remarks, counters, self._unit
@@ -340,7 +326,7 @@ class ErrorModelNode(ConfiguredNode[ErrorNodeParameters]):
         )
 
 
-def _record(readings: list[LiveReading]) -> Readings:
+def _record(readings: Sequence[LiveReading]) -> Readings:
     """Return readings as arrays; their orientations if each has one."""
     q_wb = [reading.q_wb for reading in readings if reading.q_wb is not None]
     return Readings.unchecked(

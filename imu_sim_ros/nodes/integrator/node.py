@@ -12,7 +12,6 @@ from diagnostic_msgs.msg import DiagnosticArray
 from geometry_msgs.msg import Vector3Stamped
 from nav_msgs.msg import Odometry, Path
 from rclpy.clock import Clock, ClockType
-from rclpy.duration import Duration
 from rclpy.publisher import Publisher
 from rclpy.qos_overriding_options import QoSOverridingOptions
 from sensor_msgs.msg import Imu
@@ -50,7 +49,7 @@ from imu_sim_ros.nodes.integrator.diagnostics import (
 )
 from imu_sim_ros.nodes.integrator.odometer import LiveIntegrator, PathPublisher
 from imu_sim_ros.nodes.parameters import ConfiguredNode
-from imu_sim_ros.nodes.publishing import Counter
+from imu_sim_ros.nodes.publishing import ACKNOWLEDGEMENT, Counter
 from imu_sim_ros.nodes.sensor_description import SensorDescription
 from imu_sim_ros.nodes.subscriptions import DEPTH, MatchedInputs, RawSubscriptions, Taken
 from imu_sim_ros.nodes.warnings import Refusals, Warnings
@@ -62,12 +61,10 @@ from imu_sim_ros.recordings.live_strays import RELEASE_PERIOD, LiveStrays
 _READ_PERIOD = 0.002
 """Longest time for which readings wait for each other [s]."""
 _COMPLAINT_PERIOD = 1.0
-_ACKNOWLEDGEMENT = Duration(nanoseconds=300_000_000)
-"""Longest wait for subscribers at shutdown; a signal must end the node within a second."""
 
 
 class Integrator(ConfiguredNode[IntegratorParameters]):
-    """Topics, services and parameters around an :class:`Odometer`."""
+    """Topics, services and parameters around a :class:`LiveIntegrator`."""
 
     def __init__(self, **arguments: object) -> None:
         super().__init__("integrator", IntegratorParameters, layer_integrator, **arguments)
@@ -112,7 +109,7 @@ class Integrator(ConfiguredNode[IntegratorParameters]):
         self.reader.close()
         self.sensor.settle()
         self._add(self._reading_strays.finish(), self._truth_strays.finish())
-        self._odometry_out.publisher.wait_for_all_acked(_ACKNOWLEDGEMENT)
+        self._odometry_out.publisher.wait_for_all_acked(ACKNOWLEDGEMENT)
         for topic, count in self._received.items():
             print(f"integrator: received {count} messages on {topic}", flush=True)
         sent = self._odometry_out.count
@@ -184,24 +181,18 @@ class Integrator(ConfiguredNode[IntegratorParameters]):
                 if topic == IMU_TOPIC:
                     reading = self._decoder.reading(payload)
                     if reading is not None:
-                        readings += self._reading_strays.apply([reading])
+                        readings.append(reading)
                 else:
                     truths.append(decode.truth(payload))
             except InputError as error:
                 self._refusals.add(topic, error)
-        self._add(readings, self._truth_strays.apply(truths))
+        self._add(self._reading_strays.apply(readings), self._truth_strays.apply(truths))
 
     def _add(self, readings: Sequence[LiveReading], truths: Sequence[LiveState]) -> None:
         """Integrate readings in order, compare truths, and publish the results."""
         rows: list[LiveState] = []
         errors: list[PoseError] = []
-        for reading in readings:
-            try:
-                if not self._stamps.done:
-                    self._stamps.add(reading.t_ns)
-            except InputError as error:
-                self._refusals.add(IMU_TOPIC, error)
-                continue
+        for reading in self._refusals.timed(IMU_TOPIC, self._stamps, readings):
             if not self._units.done:
                 INTEGRATOR.judge(self._units.add(reading), self.get_logger().warning)
             rows += self.odometer.add_reading(reading)

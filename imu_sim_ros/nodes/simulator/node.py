@@ -175,7 +175,7 @@ class Simulator(ConfiguredNode[SimulatorParameters]):
             if not topic.mounted.sensor.apart and self._can_publish(topic.topic):
                 outputs.append((topic.name, topic.encoder(), self._counted(name, topic.topic.type)))
         for name, sensor in sensors.items():
-            serial = sensor.sensor.outputs.serial if sensor.sensor.outputs else None
+            serial = sensor.sensor.serial
             if serial and (where := serial.where(sensor.own)):
                 terminal = PseudoTerminal(where)
                 self._terminals.append(terminal)
