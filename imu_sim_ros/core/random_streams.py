@@ -37,7 +37,7 @@ def generator(seed: int, source: str) -> Generator:
     :param seed: the simulation's seed, 0 to 2^63 - 1.
     :param source: a stable name such as ``gyroscope.white_noise.x``.
     """
-    return Generator(SFC64(SeedSequence(entropy=seed, spawn_key=(_key(source),))))
+    return _stream(seed, _key(source))
 
 
 def seed_of_node(name: str) -> int:
@@ -55,7 +55,11 @@ def generator_at(seed: int, source: str, index: int) -> Generator:
 
     :param index: number of the element, >= 0.
     """
-    key = (_key(source), index)
+    return _stream(seed, _key(source), index)
+
+
+def _stream(seed: int, *key: int) -> Generator:
+    """Return the random stream of a key, the numbers that set it apart from others of the seed."""
     return Generator(SFC64(SeedSequence(entropy=seed, spawn_key=key)))
 
 

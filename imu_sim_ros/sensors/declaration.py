@@ -314,6 +314,11 @@ class Sensor(Generic[P_co]):
         """Files next to an output; None: it has none."""
         return None if self.outputs is None else self.outputs.companions
 
+    @property
+    def serial(self) -> Serial[P_co] | None:
+        """Lines on a serial line; None: it has none."""
+        return None if self.outputs is None else self.outputs.serial
+
 
 def takes_ideal_values(sensor: Sensor[MountedParameters]) -> bool:
     """Return True for a sensor of an IMU whose ideal values another simulator can give."""

@@ -13,6 +13,7 @@ import numpy as np
 from imu_sim_ros.core.conventions import TWIST_FRAMES
 from imu_sim_ros.core.errors import Problems
 from imu_sim_ros.core.timebase import exact_rate
+from imu_sim_ros.core.types import field_values
 from imu_sim_ros.parameters.files import build_layered
 from imu_sim_ros.parameters.kinds import (
     IDENTITY_MATRIX,
@@ -191,8 +192,9 @@ class ErrorNodeParameters(LiveReadingParameters, ErrorModelParameters):
         if flatten(self.publish)["orientation"]:
             yield from orientation_problems(self.imu, prefix)
         if self.odometry:
+            values = field_values(self)
             for field in dataclasses.fields(LiveReadingParameters):
-                if getattr(self, field.name) != field.default:
+                if values[field.name] != field.default:
                     yield (f"{prefix}{field.name}: has no effect on odometry; it is for imu/ideal")
         yield from self.inject.unknown_part(prefix, PARTS)
         if self.inject.imu:

@@ -161,8 +161,7 @@ def read(path: str | Path, sensor: str | None = None, rate: object = None) -> De
         raise InputError(f"{file}: has several IMUs named {name}; give them other names")
     part = _Part(f"{file}: {element.tag} {shortened(name)}", element, [])
     values = values_of(part, float(rate) if isinstance(rate, int | float) and rate > 0 else 0.0)
-    declared = {f"imu.{key}": parameter for key, parameter in parameters(ImuParameters).items()}
-    problems = bad_values(declared, values).values()
+    problems = bad_values(parameters(ImuParameters, prefix="imu."), values).values()
     if problems:
         raise InputError([f"{file}: {name}: {line}" for line in problems])
     for line in part.remarks:
