@@ -441,9 +441,10 @@ def _compare(
         estimate = read_trajectory(path, estimator.estimate_topic or None, covariance=True)
         outcome.track = estimate
         outcome.metrics.update(coverage_metrics(estimate.t_ns, block.true_t_ns, estimator))
-        outcome.findings += estimate_findings(estimate, cell.truth(block), alignment)
+        truth = cell.truth(block)
+        outcome.findings += estimate_findings(estimate, truth, alignment)
         options = (alignment, cell.plan.relative, estimator, cell.plan.options.diverged_above)
-        outcome.metrics.update(estimate_metrics(estimate, block, *options))
+        outcome.metrics.update(estimate_metrics(estimate, truth, *options))
     except ImuSimError as error:
         # Without the run's own folder, so that the same failure of many runs reads the same.
         message = error.problems[0].removeprefix(f"{path}: ").replace(f"{run_folder}/", "")

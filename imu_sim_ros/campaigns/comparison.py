@@ -26,7 +26,6 @@ from imu_sim_ros.navigation.evaluation import (
     nees,
     remainder,
 )
-from imu_sim_ros.sensors.samples import Samples
 
 
 @dataclass
@@ -60,21 +59,19 @@ def coverage_metrics(
 
 def estimate_metrics(
     estimate: States,
-    block: Samples,
+    truth: States,
     alignment: str,
     relative: tuple[Relative, ...],
     estimator: TrajectoryEstimator,
     diverged_above: float,
 ) -> Metrics:
-    """Return the metrics of an estimate of the motion of a block of samples.
+    """Return the metrics of an estimate.
 
     :param alignment: alignment of the estimate with the truth. There is a NEES with ``none`` and
             with ``yaw``, which fixes the gauge at one pose for it.
     :param diverged_above: position error above which the estimate has failed [m]; 0: no limit.
     :raises ImuSimError: if both do not overlap in time, or cannot be aligned.
     """
-    motion = block.motion
-    truth = States(block.true_t_ns, motion.position, motion.q_wb, motion.velocity, source="truth")
     errors = compare(estimate, truth, alignment)
     metrics = pose_metrics(errors, relative)
     failed = beyond(errors.position, diverged_above)
@@ -82,7 +79,7 @@ def estimate_metrics(
     with contextlib.suppress(ImuSimError):
         scale = align(errors.unaligned.position, errors.truth.position, "sim3").scale
         metrics["scale_error"] = scale - 1.0
-    metrics["initialisation_s"] = float(estimate.t_ns[0] - block.true_t_ns[0]) * 1e-9
+    metrics["initialisation_s"] = float(estimate.t_ns[0] - truth.t_ns[0]) * 1e-9
     if errors.velocity is not None:
         metrics["final_velocity_error_m_s"] = errors.final_velocity
     if alignment in ("none", "yaw"):

@@ -97,7 +97,7 @@ class DeadReckoning:
         states = dead_reckoned_states(self._cell, estimator, block, readings, start)
         if not at_stamps:
             how = (alignment, plan.relative, estimator, plan.options.diverged_above)
-            return estimate_metrics(states, block, *how), states
+            return estimate_metrics(states, truth, *how), states
         errors = compare(states, truth, alignment)
         metrics = pose_metrics(errors, plan.relative)
         failed = beyond(errors.position, plan.options.diverged_above)

@@ -70,7 +70,8 @@ class CellRuns:
                     if outcome.track is not None:
                         tracks[name] = outcome.track
             if len(tracks) > 1:
-                for name, column in self._common_time(tracks, block()).items():
+                truth = self.simulated.truth(block())
+                for name, column in self._common_time(tracks, truth).items():
                     rows[name][COMMON_TIME] = column
             yield from rows.values()
 
@@ -80,7 +81,7 @@ class CellRuns:
             return RunOutcome(dict.fromkeys(COVERED, 0.0))
         return RunOutcome()
 
-    def _common_time(self, tracks: Mapping[str, States], block: Samples) -> dict[str, str]:
+    def _common_time(self, tracks: Mapping[str, States], truth: States) -> dict[str, str]:
         """Return the metrics over the time that estimators have in common, by estimator."""
         estimators = self.plan.estimators
 
@@ -88,14 +89,14 @@ class CellRuns:
             estimator = estimators[name]
             assert isinstance(estimator, TrajectoryEstimator)
             alignment = str(self.plan.alignment(name))
-            return estimate_metrics(track, block, alignment, self.plan.relative, estimator, 0.0)
+            return estimate_metrics(track, truth, alignment, self.plan.relative, estimator, 0.0)
 
         gaps = {
             name: (track, estimator.max_gap)
             for name, track in tracks.items()
             if isinstance(estimator := estimators[name], TrajectoryEstimator)
         }
-        return common_time(gaps, block.true_t_ns, metrics)
+        return common_time(gaps, truth.t_ns, metrics)
 
     def _estimate(
         self,
