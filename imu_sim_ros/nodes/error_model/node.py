@@ -48,11 +48,12 @@ from imu_sim_ros.simulation.given_sensor import OTHERS
 
 _Decoded = TypeVar("_Decoded")
 _READ_PERIOD: Final = 0.003
-"""[s] How long readings wait for each other, and about the longest that one waits. At 1 kHz four
-come at a time, for a quarter of the wakes of one by one."""
+"""Longest time for which readings wait for each other [s]. At 1 kHz four come at a time, for a
+quarter of the wakes of one by one."""
 _FEW: Final = 8
 """Readings that take less time as numbers than as arrays."""
 _REMARKS_A_SECOND: Final = 5
+"""Lines of remarks in a second, at most."""
 
 
 class ErrorModelNode(ConfiguredNode[ErrorNodeParameters]):

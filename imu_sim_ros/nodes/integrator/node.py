@@ -6,6 +6,7 @@
 import sys
 import threading
 from collections.abc import Mapping, Sequence
+from typing import Final
 
 import numpy as np
 from diagnostic_msgs.msg import DiagnosticArray
@@ -58,9 +59,10 @@ from imu_sim_ros.recordings.findings.live import StampWatch, UnitWatch
 from imu_sim_ros.recordings.findings.policy import INTEGRATOR
 from imu_sim_ros.recordings.live_strays import RELEASE_PERIOD, LiveStrays
 
-_READ_PERIOD = 0.002
+_READ_PERIOD: Final = 0.002
 """Longest time for which readings wait for each other [s]."""
-_COMPLAINT_PERIOD = 1.0
+_COMPLAINT_PERIOD: Final = 1.0
+"""Time after which a line about an irregular reading is told again [s]."""
 
 
 class Integrator(ConfiguredNode[IntegratorParameters]):
