@@ -56,8 +56,8 @@ class Copy:
     def add_import(self, file: str, line: str) -> None:
         """Import something next to whatever else is imported; ruff puts it in order."""
         tree = ast.parse((self.folder / file).read_text(encoding="utf-8"))
-        first = next(node for node in tree.body if isinstance(node, ast.ImportFrom))
-        self._insert(file, first.lineno, 0, f"{line}\n")
+        statement = next(node for node in tree.body if isinstance(node, ast.ImportFrom))
+        self._insert(file, statement.lineno, 0, f"{line}\n")
 
     def add_option(self, file: str, function: str, option: str) -> None:
         """Add a parameter to a job, among whatever others it has."""
@@ -67,8 +67,8 @@ class Copy:
             for node in tree.body
             if isinstance(node, ast.FunctionDef) and node.name == function
         )
-        first = definition.args.kwonlyargs[0]  # it is given by its name: the place is free
-        self._insert(file, first.lineno, first.col_offset, f"{option},\n    ")
+        parameter = definition.args.kwonlyargs[0]  # it is given by its name: the place is free
+        self._insert(file, parameter.lineno, parameter.col_offset, f"{option},\n    ")
 
     def _insert(self, file: str, line: int, column: int, text: str) -> None:
         path = self.folder / file

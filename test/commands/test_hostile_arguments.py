@@ -92,7 +92,7 @@ def test_arguments_without_measure_are_short_lines(tmp_path, monkeypatch, capsys
 
 
 @pytest.mark.parametrize(
-    ("command", "words", "said"),
+    ("command", "arguments", "parts"),
     [
         (
             generate,
@@ -106,19 +106,19 @@ def test_arguments_without_measure_are_short_lines(tmp_path, monkeypatch, capsys
         (calibrate, ["turnt", "--rates", "5"], ["unknown run 'turnt'"]),
     ],
 )
-def test_every_problem_of_a_command_line_is_a_line(capsys, command, words, said):
+def test_every_problem_of_a_command_line_is_a_line(capsys, command, arguments, parts):
     with pytest.raises(SystemExit) as ended:
-        command.main(words)
+        command.main(arguments)
     assert ended.value.code == 2
     lines = capsys.readouterr().err.splitlines()
-    assert len(lines) == len(said)
-    for line, part in zip(lines, said, strict=True):
+    assert len(lines) == len(parts)
+    for line, part in zip(lines, parts, strict=True):
         assert part in line
         assert line.endswith(" (--help lists the arguments)")
 
 
 @pytest.mark.parametrize(
-    ("words", "said"),
+    ("arguments", "parts"),
     [
         (
             "--imu mpu600 --trajectory cirle --rate 0 --duration nan --gnss x --wheels y --lidar z",
@@ -151,11 +151,11 @@ def test_every_problem_of_a_command_line_is_a_line(capsys, command, words, said)
         ),
     ],
 )
-def test_every_name_that_does_not_exist_is_a_line(tmp_path, capsys, words, said):
-    assert generate.main(["-o", str(tmp_path / "x.mcap"), *words.split()]) == 2
+def test_every_name_that_does_not_exist_is_a_line(tmp_path, capsys, arguments, parts):
+    assert generate.main(["-o", str(tmp_path / "x.mcap"), *arguments.split()]) == 2
     lines = capsys.readouterr().err.splitlines()
-    assert len(lines) == len(said), lines
-    for line, part in zip(lines, said, strict=True):
+    assert len(lines) == len(parts), lines
+    for line, part in zip(lines, parts, strict=True):
         assert part in line
     assert not list(tmp_path.iterdir())
 
@@ -164,7 +164,7 @@ GONE = ": No such file"
 
 
 @pytest.mark.parametrize(
-    ("words", "said"),
+    ("command_line", "parts"),
     [
         ("evaluate a b --tracks c", ["a" + GONE, "b" + GONE, "c/cameras.yaml" + GONE]),
         ("evaluate empty.txt no.bag", ["empty.txt: contains no poses", "no.bag: not a bag"]),
@@ -190,16 +190,18 @@ GONE = ": No such file"
         ),
     ],
 )
-def test_every_input_that_cannot_be_read_is_a_line(tmp_path, monkeypatch, capsys, words, said):
+def test_every_input_that_cannot_be_read_is_a_line(
+    tmp_path, monkeypatch, capsys, command_line, parts
+):
     monkeypatch.chdir(tmp_path)
     (tmp_path / "empty.txt").touch()
     (tmp_path / "no.bag").write_text("words")
     assert generate.main(["-o", "flight.mcap", "--rate", "50", "--duration", "1s", "--quiet"]) == 0
-    program, *argv = words.split()
+    program, *argv = command_line.split()
     assert importlib.import_module(f"imu_sim_ros.commands.{program}").main(argv) == 2
     lines = capsys.readouterr().err.splitlines()
-    assert len(lines) == len(said), lines
-    for part in said:
+    assert len(lines) == len(parts), lines
+    for part in parts:
         assert any(part in line for line in lines), lines
 
 
@@ -219,14 +221,14 @@ def test_every_output_is_checked_before_any_is_written(tmp_path, monkeypatch, ca
     rows = "".join(f"{k}.0 {k} {k % 3} 0 0 0 0 1\n" for k in range(20))
     (tmp_path / "truth.txt").write_text(rows)
     (tmp_path / "there.png").write_text("mine")
-    for more, words in (
+    for options, message in (
         (["-o", "a.txt", "--plot", "there.png"], "there.png: already exists"),
         (["-o", "a.png", "--plot", "a.png"], "two outputs would have this name"),
         (["-o", "a.txt", "--plot", "/dev/null"], "must end in .png or .svg or .pdf"),
         (["-o", "truth.txt", "--force"], "is the input truth.txt"),
     ):
-        assert evaluate.main(["truth.txt", "truth.txt", *more]) == 2
-        assert words in capsys.readouterr().err
+        assert evaluate.main(["truth.txt", "truth.txt", *options]) == 2
+        assert message in capsys.readouterr().err
     assert sorted(os.listdir(tmp_path)) == ["there.png", "truth.txt"]
     assert (tmp_path / "truth.txt").read_text() == rows
     assert evaluate.main(["truth.txt", "truth.txt", "-o", "new/folder/a.txt", "--quiet"]) == 0
@@ -270,29 +272,33 @@ def test_bad_rows_are_skipped_on_request_and_counted(tmp_path, monkeypatch, caps
 
 
 @pytest.mark.parametrize("name", ["", ".", "..", "/"])
-@pytest.mark.parametrize("more", [[], ["--with-configs"]])
-def test_an_output_without_a_name_is_one_line(tmp_path, monkeypatch, capsys, name, more):
+@pytest.mark.parametrize("options", [[], ["--with-configs"]])
+def test_an_output_without_a_name_is_one_line(tmp_path, monkeypatch, capsys, name, options):
     monkeypatch.chdir(tmp_path)
-    assert generate.main(["-o", name, "--duration", "1s", *more]) == 2
+    assert generate.main(["-o", name, "--duration", "1s", *options]) == 2
     (line,) = capsys.readouterr().err.splitlines()
     assert line.endswith("is not a file name")
     assert list(tmp_path.iterdir()) == []
 
 
 @pytest.mark.parametrize(
-    "words", [["generate", "--help"], ["imu_sim", "--help"], ["imu_sim", "--version"]], ids=str
+    "command_line",
+    [["generate", "--help"], ["imu_sim", "--help"], ["imu_sim", "--version"]],
+    ids=str,
 )
-def test_a_help_that_cannot_be_printed_is_one_line(words):
-    program = f"import sys; from imu_sim_ros.commands import start; sys.exit(start.{words[0]}())"
+def test_a_help_that_cannot_be_printed_is_one_line(command_line):
+    program = (
+        f"import sys; from imu_sim_ros.commands import start; sys.exit(start.{command_line[0]}())"
+    )
     with open("/dev/full", "w") as full:
         result = subprocess.run(
-            [sys.executable, "-c", program, *words[1:]],
+            [sys.executable, "-c", program, *command_line[1:]],
             stdout=full,
             stderr=subprocess.PIPE,
             text=True,
         )
     assert result.returncode == 1
-    assert result.stderr == f"{words[0]}: No space left on device\n"
+    assert result.stderr == f"{command_line[0]}: No space left on device\n"
 
 
 def test_a_parameter_set_to_nothing_is_an_empty_string(tmp_path, capsys):

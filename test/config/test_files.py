@@ -134,14 +134,14 @@ def test_an_unknown_preset_hides_no_other_problem():
 
 def chain(tmp_path):
     """Return a sensor's file whose preset is a file whose preset is a name."""
-    first = written(
+    inner_path = written(
         tmp_path,
         "/**:\n  ros__parameters:\n    imu: {preset: mpu6000, gyroscope_bias: [0.1, 0.2, 0.3]}\n",
         "first.yaml",
     )
     return written(
         tmp_path,
-        f"/**:\n  ros__parameters:\n    imu: {{preset: {first}, accelerometer_bias: 0.5}}\n",
+        f"/**:\n  ros__parameters:\n    imu: {{preset: {inner_path}, accelerometer_bias: 0.5}}\n",
         "second.yaml",
     )
 
@@ -158,8 +158,8 @@ def test_a_sensor_file_lies_above_the_preset_that_it_names(tmp_path):
 
 
 def test_the_integrator_takes_the_noise_of_a_chain_of_presets(tmp_path):
-    taken = load_integrator({"imu.preset": str(chain(tmp_path))})
-    assert taken.imu.gyroscope.noise_density == (6.1707e-5,) * 3
+    parameters = load_integrator({"imu.preset": str(chain(tmp_path))})
+    assert parameters.imu.gyroscope.noise_density == (6.1707e-5,) * 3
 
 
 def test_presets_in_a_circle_are_said(tmp_path):
@@ -182,7 +182,7 @@ def test_a_file_of_all_parameters_is_a_sensors_file_too(tmp_path):
 
 
 @pytest.mark.parametrize(
-    ("text", "words"),
+    ("text", "reason"),
     [
         ("/**:\n  ros__parameters: {rate: 1.0, rate: 2.0}\n", "'rate' is given twice"),
         ("/**:\n  ros__parameters: {rate: 1.0}\n/**:\n  ros__parameters: {}\n", "is given twice"),
@@ -203,8 +203,8 @@ def test_a_file_of_all_parameters_is_a_sensors_file_too(tmp_path):
         ("a: !!python/object/apply:os.system [ls]", "could not determine a constructor"),
     ],
 )
-def test_what_hides_or_explodes_is_refused(tmp_path, text, words):
-    with pytest.raises(ConfigurationError, match=words) as caught:
+def test_what_hides_or_explodes_is_refused(tmp_path, text, reason):
+    with pytest.raises(ConfigurationError, match=reason) as caught:
         files.load(written(tmp_path, text))
     assert len(caught.value.problems) == 1
     assert len(str(caught.value)) < 500

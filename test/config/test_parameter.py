@@ -189,21 +189,21 @@ def test_ros_gives_an_empty_list_as_a_text():
 
 
 @pytest.mark.parametrize(
-    ("words", "expected"),
+    ("text", "expected"),
     [
         ("[0.1, 0, 0]", (0.1, 0.0, 0.0)),
         (" [1,2,3]", (1.0, 2.0, 3.0)),
         ("[5e-4, 0, 0]", (5e-4, 0, 0)),
     ],
 )
-def test_a_list_may_come_as_a_string(words, expected):
-    assert Parameter("vector", ZERO_VECTOR, "").parse("bias", words) == expected
+def test_a_list_may_come_as_a_string(text, expected):
+    assert Parameter("vector", ZERO_VECTOR, "").parse("bias", text) == expected
 
 
-@pytest.mark.parametrize("words", ["[1, 2", "[[1], 2, 3]", "[1, 2, .nan]", "1, 2, 3", "[a: b]", ""])
-def test_a_malformed_list_in_a_string_is_refused(words):
+@pytest.mark.parametrize("text", ["[1, 2", "[[1], 2, 3]", "[1, 2, .nan]", "1, 2, 3", "[a: b]", ""])
+def test_a_malformed_list_in_a_string_is_refused(text):
     with pytest.raises(ConfigurationError, match=r"^bias = .*: must be a finite number or a list"):
-        Parameter("vector", ZERO_VECTOR, "").parse("bias", words)
+        Parameter("vector", ZERO_VECTOR, "").parse("bias", text)
 
 
 @dataclass(frozen=True)
@@ -245,9 +245,9 @@ def test_one_description_serves_two_sections():
 
 
 def test_problems_of_two_sections_bear_their_names():
-    given = {"sides.left_offset": -1.0, "sides.right_tilt": 1.0}
+    values = {"sides.left_offset": -1.0, "sides.right_tilt": 1.0}
     with pytest.raises(ConfigurationError) as caught:
-        build(Owner, given)
+        build(Owner, values)
     assert list(caught.value.problems) == [
         "sides.right_tilt: unknown parameter; did you mean sides.left_tilt?",
         "sides.left_offset = -1.0: must be a finite number or a list of three, each at least 0 [m]",
@@ -284,10 +284,10 @@ def test_a_number_that_no_quantity_of_its_unit_has_is_refused(unit, possible, im
         parameter.parse("bias", impossible)
 
 
-def nested(one):
+def nested(instance):
     """Yield the sections in a section, and those in them."""
-    for field in fields(one):
-        value = getattr(one, field.name)
+    for field in fields(instance):
+        value = getattr(instance, field.name)
         for inner in value.values() if isinstance(value, dict) else [value]:
             if is_dataclass(inner):
                 yield inner

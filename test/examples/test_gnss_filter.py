@@ -42,11 +42,11 @@ def run_drives(example):
 
 def mean_nees(drives, second):
     """Return the mean NEES of all drives at a key frame."""
-    found = []
+    normalised_errors = []
     for result, truth in drives:
         row = int(np.searchsorted(result.t_ns - result.t_ns[0], second * 1e9 - 1e6))
-        found.append(result.position_nees(truth)[row])
-    return float(np.mean(found))
+        normalised_errors.append(result.position_nees(truth)[row])
+    return float(np.mean(normalised_errors))
 
 
 @pytest.mark.parametrize("second", [10.0, 14.0, 44.0, 50.0])
@@ -56,17 +56,17 @@ def test_gtsam_is_consistent_before_in_and_after_an_outage(drives, second):
 
 def test_errors_in_an_outage_grow_as_the_covariance_says(drives):
     """The ratio of mean squares at the end has at least the scatter of 30 numbers, not of 90."""
-    stated, found = [], []
+    stated, mean_squares = [], []
     for result, truth in drives:
         t = (result.t_ns - result.t_ns[0]) * 1e-9
-        before, end = np.searchsorted(t, [13.9, 43.9])
+        begin, end = np.searchsorted(t, [13.9, 43.9])
         variance = np.trace(result.position_covariance(), axis1=1, axis2=2)
-        stated.append(variance[[before, end]])
-        found.append((result.errors(truth)[[before, end]] ** 2).sum(axis=1))
-    stated, found = np.mean(stated, axis=0), np.mean(found, axis=0)
+        stated.append(variance[[begin, end]])
+        mean_squares.append((result.errors(truth)[[begin, end]] ** 2).sum(axis=1))
+    stated, mean_squares = np.mean(stated, axis=0), np.mean(mean_squares, axis=0)
     assert stated[1] > 2.0 * stated[0]
     low, high = chi2.ppf([0.0005, 0.9995], SEEDS) / SEEDS
-    assert low < found[1] / stated[1] < high
+    assert low < mean_squares[1] / stated[1] < high
 
 
 def test_a_covariance_four_times_too_small_shows(example):

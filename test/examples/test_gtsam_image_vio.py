@@ -43,22 +43,22 @@ def test_corners_follow_the_image_and_those_of_another_are_dropped(example):
     """The left half moves by (-4, 3) pixels, the right half becomes something else."""
     camera = CameraParameters(width=320, height=240, intrinsics=(200.0, 200.0, 160.0, 120.0))
     tracker = example.CornerTracker(CameraModel(camera), 200.0)
-    before = speckled(1)
-    after = np.roll(before, (3, -4), axis=(0, 1))
-    after[:, 160:] = speckled(2)[:, 160:]
-    tracker.look(before)
+    image = speckled(1)
+    successor = np.roll(image, (3, -4), axis=(0, 1))
+    successor[:, 160:] = speckled(2)[:, 160:]
+    tracker.look(image)
     start = dict(zip(tracker.ids.tolist(), tracker.uv.tolist(), strict=True))
     assert len(start) > 60
-    tracker.look(after)
-    old = [(start[k], uv) for k, uv in zip(tracker.ids.tolist(), tracker.uv, strict=True)
+    tracker.look(successor)
+    tracks = [(start[k], uv) for k, uv in zip(tracker.ids.tolist(), tracker.uv, strict=True)
            if k in start]  # fmt: skip
-    moved = np.array([end - np.array(begin) for begin, end in old])
+    moved = np.array([end - np.array(begin) for begin, end in tracks])
     assert np.abs(np.median(moved, axis=0) - [-4.0, 3.0]).max() < 0.05
-    assert (np.array([begin for begin, _ in old])[:, 0] < 165.0).mean() > 0.9
-    assert tracker.counts == [len(old)]
-    known = len(tracker.ids)
+    assert (np.array([begin for begin, _ in tracks])[:, 0] < 165.0).mean() > 0.9
+    assert tracker.counts == [len(tracks)]
+    corner_count = len(tracker.ids)
     tracker.drop(set(tracker.ids[:5].tolist()))
-    assert len(tracker.ids) == known - 5
+    assert len(tracker.ids) == corner_count - 5
 
 
 def test_a_tour_in_dim_light_is_estimated_within_its_covariance(

@@ -34,13 +34,13 @@ def load_example():
     return module
 
 
-def flight(folder, seed, *more, imu="adis16448", duration="8s"):
+def flight(folder, seed, *options, imu="adis16448", duration="8s"):
     arguments = (
         f"-o {folder} --format tracks --imu {imu} --trajectory figure_eight --duration {duration} "
         f"--camera euroc_cam0 --scene room --set camera.body_axes=flu --set camera.max_features=60 "
         f"--set scene.seed={seed} --seed {seed} --with-configs --quiet"
     )
-    assert generate.main([*arguments.split(), *more]) == 0
+    assert generate.main([*arguments.split(), *options]) == 0
     simulation = load_simulation(files.load(Path(f"{folder}_configs") / "simulation.yaml"))
     return simulation, simulation.rig.camera("cam0")
 
@@ -90,8 +90,10 @@ def test_what_is_older_than_the_lag_is_marginalised(example, tmp_path, monkeypat
     monkeypatch.setattr(example.Estimator, "look", watched)
     summary = example.run(tmp_path / "flight", *flight(tmp_path / "flight", 3)).summary()
     assert max(sizes) <= 10
-    assert max(inside for inside, _, _ in landmarks) < 0.7 * landmarks[-1][2]
-    assert all(known <= inside for inside, known, _ in landmarks)
+    assert max(landmark_count for landmark_count, _, _ in landmarks) < 0.7 * landmarks[-1][2]
+    assert all(
+        initialised_count <= landmark_count for landmark_count, initialised_count, _ in landmarks
+    )
     assert summary["position_rmse_m"] < 0.15
     assert summary["nees_position_per_dof"] < 3.8
 
@@ -130,8 +132,8 @@ def test_errors_that_gtsam_does_not_know_are_in_its_covariance(example, tmp_path
     limit.
     """
     rest = ("--set", "trajectory.rest_before=1.0")
-    made = flight(tmp_path / "flight", 2, *rest, imu="mpu6000", duration="6s")
-    summary = example.run(tmp_path / "flight", *made).summary()
+    configuration = flight(tmp_path / "flight", 2, *rest, imu="mpu6000", duration="6s")
+    summary = example.run(tmp_path / "flight", *configuration).summary()
     print(summary)
     assert summary["keyframes"] == 20
     assert summary["nees_position_per_dof"] < 3.0
@@ -140,8 +142,8 @@ def test_errors_that_gtsam_does_not_know_are_in_its_covariance(example, tmp_path
 
 def test_an_estimate_that_has_run_away_is_one_line(example):
     """On MH_05 without a rest before it the covariance became singular at key frame 301."""
-    known = np.diag([1e-4] * 3 + [0.04] * 3)
-    example.stop_if_lost(known, 80)
+    covariance = np.diag([1e-4] * 3 + [0.04] * 3)
+    example.stop_if_lost(covariance, 80)
     for lost in (np.diag([1e-4] * 3 + [1e4] * 3), np.full((6, 6), np.nan)):
         with pytest.raises(SystemExit, match="^lost: at key frame 80 the position has a standard"):
             example.stop_if_lost(lost, 80)

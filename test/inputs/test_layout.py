@@ -166,7 +166,7 @@ def test_units_of_a_header_are_told(tmp_path):
 
 
 @pytest.mark.parametrize(
-    ("header", "words"),
+    ("header", "reason"),
     [
         ("timestamp,ax,ay,az,gx,gy", "has no gyroscope z"),
         ("timestamp,ax,ax,az,gx,gy,gz", "ax and ax are both accelerometer x"),
@@ -176,9 +176,9 @@ def test_units_of_a_header_are_told(tmp_path):
         ("timestamp,ax,ay,az,gx,gy,gz,mx", "the header names 8 columns, line 2 has 7"),
     ],
 )
-def test_unknown_and_contradictory_headers_are_refused(tmp_path, header, words):
+def test_unknown_and_contradictory_headers_are_refused(tmp_path, header, reason):
     path = write(tmp_path / "imu.csv", header, T_NS, GYRO, ACCEL)
-    with pytest.raises(InputError, match=words):
+    with pytest.raises(InputError, match=reason):
         read_imu(path)
 
 
@@ -193,9 +193,9 @@ def test_a_table_of_one_triad_has_no_other(tmp_path):
         read_imu(write(tmp_path / "log.csv", header, T_NS, *columns))
 
 
-@pytest.mark.parametrize("first", [-5_000_000, T0])
-def test_a_first_row_of_numbers_is_no_header(tmp_path, first):
-    stamps = first + 5_000_000 * np.arange(N)
+@pytest.mark.parametrize("start_ns", [-5_000_000, T0])
+def test_a_first_row_of_numbers_is_no_header(tmp_path, start_ns):
+    stamps = start_ns + 5_000_000 * np.arange(N)
     readings = read_imu(write(tmp_path / "imu.csv", "", stamps, GYRO, ACCEL))
     assert readings.t_ns.tolist() == stamps.tolist()
 
@@ -242,7 +242,7 @@ def test_numbers_of_rows_are_no_stamps(tmp_path):
 
 
 @pytest.mark.parametrize(
-    ("row", "words"),
+    ("row", "reason"),
     [
         ("1.5,1,2,3,4,5,6", "'1.5' is not a stamp in whole nanoseconds"),
         ("1e18,1,2,3,4,5,6", "'1e18' is not a stamp in whole nanoseconds"),
@@ -252,12 +252,12 @@ def test_numbers_of_rows_are_no_stamps(tmp_path):
         ('""', "1 columns"),
     ],
 )
-def test_a_bad_row_among_whole_nanoseconds_is_named(tmp_path, row, words):
+def test_a_bad_row_among_whole_nanoseconds_is_named(tmp_path, row, reason):
     header = "timestamp,gx,gy,gz,ax,ay,az"
     path = write(tmp_path / "imu.csv", header, T_NS, GYRO, ACCEL)
     with path.open("a") as file:
         file.write(row + "\n")
-    with pytest.raises(InputError, match=f"line {N + 2}: .*{words}"):
+    with pytest.raises(InputError, match=f"line {N + 2}: .*{reason}"):
         read_imu(path)
 
 
@@ -268,17 +268,17 @@ def test_a_bad_row_among_whole_nanoseconds_is_named(tmp_path, row, words):
 )  # fmt: skip
 @pytest.mark.parametrize("swapped", [False, True])
 def test_seconds_and_nanoseconds_are_one_stamp(tmp_path, seconds, part, swapped):
-    whole, below = np.divmod(T_NS + 300_000_000 * np.arange(N) + 7, 10**9)
-    names, stamps = [seconds, part], np.stack([whole, below])
+    whole, remainder_ns = np.divmod(T_NS + 300_000_000 * np.arange(N) + 7, 10**9)
+    names, stamps = [seconds, part], np.stack([whole, remainder_ns])
     if swapped:
         names, stamps = names[::-1], stamps[::-1]
     header = ",".join([*names, *(f"gyro_{a}" for a in "xyz"), *(f"accel_{a}" for a in "xyz")])
     texts = [f"{a},{b}" for a, b in stamps.T.tolist()]
     readings = read_imu(write(tmp_path / "imu.csv", header, texts, GYRO, ACCEL))
-    assert readings.t_ns.tolist() == (whole * 10**9 + below).tolist()
+    assert readings.t_ns.tolist() == (whole * 10**9 + remainder_ns).tolist()
     np.testing.assert_allclose(readings.accel, ACCEL, rtol=1e-11)
-    text = (tmp_path / "imu.csv").read_text().replace(f",{below[7]},", ",1000000000,", 1)
-    text = text if not swapped else text.replace(f"\n{below[7]},", "\n1000000000,", 1)
+    text = (tmp_path / "imu.csv").read_text().replace(f",{remainder_ns[7]},", ",1000000000,", 1)
+    text = text if not swapped else text.replace(f"\n{remainder_ns[7]},", "\n1000000000,", 1)
     (tmp_path / "imu.csv").write_text(text)
     with pytest.raises(
         InputError, match="line 9: '1000000000' is not nanoseconds from 0 to 9999999"

@@ -374,10 +374,10 @@ def copied(folder: Path) -> Path:
 
 def tested(tree: Path, tests: tuple[str, ...]) -> subprocess.CompletedProcess[str]:
     """Return how the tests of a tree end, with its own package."""
-    first, *others = tests
-    words = [sys.executable, "-m", "pytest", "-q", "-x", "-p", "no:cacheprovider"]
+    path, *options = tests
+    command = [sys.executable, "-m", "pytest", "-q", "-x", "-p", "no:cacheprovider"]
     return subprocess.run(
-        [*words, f"test/{first}", *others],
+        [*command, f"test/{path}", *options],
         cwd=tree,
         # Byte code of the right line could pass for that of a wrong one as long, a second later.
         env={**os.environ, "PYTHONPATH": str(tree), "PYTHONDONTWRITEBYTECODE": "1"},
@@ -425,10 +425,10 @@ def main() -> int:
         surviving = [pool.submit(in_a_tree, partial(survives, mutant=m)) for m in chosen]
         failed = 0
         for mutant, future in zip(chosen, surviving, strict=True):
-            before = passing[mutant.tests].result()
+            reference = passing[mutant.tests].result()
             verdict = "SURVIVES" if future.result() else "dies"
-            if before.returncode:
-                verdict = f"its tests fail without it:\n{before.stdout[-2000:]}"
+            if reference.returncode:
+                verdict = f"its tests fail without it:\n{reference.stdout[-2000:]}"
             failed += verdict != "dies"
             print(f"{verdict:8} {mutant.file}: {mutant.wrong}", flush=True)
     print(f"{len(chosen)} mutants, {failed} that the tests do not notice")

@@ -65,8 +65,8 @@ def test_a_saved_picture_is_as_savefig_writes_it(tmp_path):
             assert figure.dpi == 100.0
         else:
             figure.savefig(path, dpi=130)
-    own, theirs = (path.read_bytes() for path in paths)
-    assert own == theirs
+    saved, expected = (path.read_bytes() for path in paths)
+    assert saved == expected
 
 
 @pytest.mark.parametrize("ending", ["svg", "pdf", "png"])

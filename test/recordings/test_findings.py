@@ -184,8 +184,8 @@ def test_a_program_can_fail_on_kinds(tmp_path, capsys):
     assert printed.startswith("error: g.csv: at rest the accelerometer reads")
     assert max(map(len, printed.splitlines())) <= 80
     assert inspect.main([str(path), "--fail-on", "gyroscope_degrees,samples_lost"]) == 0
-    for wanted in ("error", "warning", "accelerometer_g"):
-        assert inspect.main([str(path), "--fail-on", wanted]) == 3
+    for kind in ("error", "warning", "accelerometer_g"):
+        assert inspect.main([str(path), "--fail-on", kind]) == 3
     capsys.readouterr()
     assert inspect.main([str(path), "--fail-on", "accelerometer_G"]) == 2
     assert "did you mean accelerometer_g?" in capsys.readouterr().err
@@ -225,8 +225,8 @@ def test_poses_of_every_trajectory_have_no_finding():
 
 def test_held_poses_are_found_with_the_true_rate(poses):
     rows = np.arange(len(poses)) // 4 * 4
-    held = with_fields(poses, position=poses.position[rows], q_wb=poses.q_wb[rows], velocity=None)
-    (finding,) = state_findings(held)
+    steps = with_fields(poses, position=poses.position[rows], q_wb=poses.q_wb[rows], velocity=None)
+    (finding,) = state_findings(steps)
     assert finding.kind == "poses_held"
     assert "25 Hz, not 100" in finding.evidence
 
@@ -279,10 +279,10 @@ def test_smooth_poses_are_mended_nowhere_however_far_and_fast():
 def test_poses_that_are_held_at_late_stamps_are_one_finding(poses):
     """A physics of 50 Hz, logged at 200 Hz with a phase that drifts: no jumps, no outliers."""
     rows = (np.arange(len(poses)) * 0.25 * 1.003).astype(int).clip(max=len(poses) // 4 - 1) * 4
-    held = with_fields(poses, position=poses.position[rows], q_wb=poses.q_wb[rows], velocity=None)
-    assert pose_kinds(held) == ["poses_held"]
-    jumped = held.position + np.where(np.arange(len(held)) > 1000, 1.0, 0.0)[:, None]
-    assert pose_kinds(with_fields(held, position=jumped)) == ["poses_held", "poses_jump"]
+    steps = with_fields(poses, position=poses.position[rows], q_wb=poses.q_wb[rows], velocity=None)
+    assert pose_kinds(steps) == ["poses_held"]
+    jumped = steps.position + np.where(np.arange(len(steps)) > 1000, 1.0, 0.0)[:, None]
+    assert pose_kinds(with_fields(steps, position=jumped)) == ["poses_held", "poses_jump"]
 
 
 def test_steps_that_the_noise_crosses_are_no_finding():
@@ -316,9 +316,11 @@ def test_poses_held_at_any_rates_are_mended_to_even_times(log, physics, digits):
     """A pose stands in the log from the first step after it on; rounding makes it a step late."""
     seconds = np.arange(0.0, 20.0, 1.0 / log)
     # As C++ programs do it: rounding makes half of the poses a step of the log late.
-    taken = seconds // (1.0 / physics) * (1.0 / physics)
-    position = np.stack([2.0 * np.sin(0.5 * taken), 1.5 * np.sin(0.8 * taken), 0.1 * taken], 1)
-    yaw = 0.9 * np.sin(0.6 * taken)
+    physics_s = seconds // (1.0 / physics) * (1.0 / physics)
+    position = np.stack(
+        [2.0 * np.sin(0.5 * physics_s), 1.5 * np.sin(0.8 * physics_s), 0.1 * physics_s], 1
+    )
+    yaw = 0.9 * np.sin(0.6 * physics_s)
     q_wb = rotation.from_euler(np.stack([0.0 * yaw, 0.0 * yaw, yaw], 1))
     rounded = rotation.normalise(np.round(q_wb, digits))
     t_ns = np.round(seconds * 1e9).astype(np.int64)
@@ -341,9 +343,9 @@ def test_add_errors_tells_of_a_twist_in_the_worlds_axes(tmp_path, poses):
             writer.write_blocks([Block(topic, poses.t_ns, rows)])
         return path
 
-    def add(path, **more):
-        out = tmp_path / f"{path.stem}_{len(more)}.mcap"
-        added = ims.add_errors_to_file(path, out, imu="perfect", input_topic="/odom", **more)
+    def add(path, **options):
+        out = tmp_path / f"{path.stem}_{len(options)}.mcap"
+        added = ims.add_errors_to_file(path, out, imu="perfect", input_topic="/odom", **options)
         return ims.read_imu(out, "imu/data_raw"), added.warnings
 
     q_wb, rates = poses.q_wb, poses.body_rates()
@@ -352,11 +354,11 @@ def test_add_errors_tells_of_a_twist_in_the_worlds_axes(tmp_path, poses):
     world = write("world.mcap", poses.velocity, rotation.rotate(q_wb, rates))
     wrong, (line,) = add(world)
     assert "twist_frame='world'" in line
-    right, silence = add(world, twist_frame="world")
+    converted, silence = add(world, twist_frame="world")
     assert silence == ()
     assert np.abs(wrong.accel - body.accel).max() > 0.1
-    np.testing.assert_allclose(right.accel, body.accel, atol=1e-9)
-    np.testing.assert_allclose(right.gyro, body.gyro, atol=1e-12)
+    np.testing.assert_allclose(converted.accel, body.accel, atol=1e-9)
+    np.testing.assert_allclose(converted.gyro, body.gyro, atol=1e-12)
     _, (line,) = add(write("unfilled.mcap", 0.0 * poses.velocity, rates))
     assert "all velocities are 0" in line
 

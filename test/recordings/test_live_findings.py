@@ -58,7 +58,7 @@ def test_a_twist_in_other_axes_is_told_within_a_second_of_motion(truth, declared
     velocity, rates = in_body(truth), truth.angular_velocity
     if sent == "world":
         velocity, rates = truth.velocity, rotate(truth.q_wb, rates)
-    kinds, at = watched(truth, declared, velocity, rates)
+    kinds, time_s = watched(truth, declared, velocity, rates)
     if declared == sent:
         assert kinds == set()
         return
@@ -68,7 +68,7 @@ def test_a_twist_in_other_axes_is_told_within_a_second_of_motion(truth, declared
     speed = np.linalg.norm(truth.velocity, axis=1)
     differs = (turned > 0.5 * speed) & (speed > 0.1)
     begins = float(truth.t[np.argmax(differs)])
-    assert at < begins + 1.1
+    assert time_s < begins + 1.1
 
 
 def test_a_twist_that_is_not_filled_is_told(truth):
@@ -147,11 +147,11 @@ def test_a_unit_that_motion_alone_shows_is_told_when_it_moves():
     )
     gyro = np.degrees(np.concatenate([still.gyro, moving.gyro])).tolist()
     accel = np.concatenate([still.accel, moving.accel]).tolist()
-    watch, found = UnitWatch("imu"), []
+    watch, kind_rows = UnitWatch("imu"), []
     for row, (w, f) in enumerate(zip(gyro, accel, strict=True)):
         if not watch.done:
             reading = LiveReading(row * 10_000_000, tuple(w), tuple(f))
-            found += [(finding.kind, row) for finding in watch.add(reading)]
-    ((kind, row),) = found
+            kind_rows += [(finding.kind, row) for finding in watch.add(reading)]
+    ((kind, row),) = kind_rows
     assert kind == "gyroscope_degrees"
     assert 2000 < row < 3800

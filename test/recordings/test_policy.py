@@ -155,8 +155,8 @@ def test_evaluate_does_as_it_declares(circle, tmp_path, role):
         except InputError as error:
             lines, problems = [], error.problems
         assert bool(problems) == (action == "refuses"), (kind, problems)
-        told = action == "tells" and (kind, role) != ("poses_sparse", "estimate")
-        assert any(f"[{kind}]" in line for line in lines) == told, (kind, lines)
+        expects_line = action == "tells" and (kind, role) != ("poses_sparse", "estimate")
+        assert any(f"[{kind}]" in line for line in lines) == expects_line, (kind, lines)
 
 
 def test_units_that_later_motion_shows_are_judged_the_same_by_all(tmp_path):
@@ -179,8 +179,8 @@ def test_units_that_later_motion_shows_are_judged_the_same_by_all(tmp_path):
     survey = ReadingSurvey(unit_findings)  # that of allan, which reads block by block
     blocks = [readings.rows(slice(begin, begin + 777)) for begin in range(0, len(t_ns), 777)]
     assert [finding.kind for block in blocks for finding in survey.add(block)] == [kind]
-    right = ims.Readings(t_ns, np.radians(gyro), accel)
-    assert ims.inspect(right).findings == ()
+    converted = ims.Readings(t_ns, np.radians(gyro), accel)
+    assert ims.inspect(converted).findings == ()
 
 
 def rounded(values, form):
@@ -237,9 +237,9 @@ def test_trajectories_in_the_wrong_place_are_refused(flights):
 
 def test_declarations_name_kinds_that_exist_once():
     for name, policy in JOBS.items():
-        every = [*policy.refuses, *policy.corrects, *policy.tells]
-        assert set(every) <= set(KINDS), name
-        assert len(set(every)) == len(every), name
+        kinds = [*policy.refuses, *policy.corrects, *policy.tells]
+        assert set(kinds) <= set(KINDS), name
+        assert len(set(kinds)) == len(kinds), name
 
 
 @pytest.mark.parametrize("name", ["two.bag", "two.mcap"])

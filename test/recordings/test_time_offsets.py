@@ -17,10 +17,10 @@ def flown(trajectory, seed, imu="bmi088"):
     return ims.simulate(imu=imu, trajectory=trajectory, duration=23, rate=200, seed=seed)
 
 
-def tracked(truth, offset, seed, every=4):
+def tracked(truth, offset, seed, step=4):
     """Return poses of a tracker that is turned against the body, with noise and late stamps."""
     rng = np.random.default_rng(seed)
-    rows = truth.rows(slice(None, None, every))
+    rows = truth.rows(slice(None, None, step))
     q_wb = rotation.multiply(rows.q_wb, rotation.exp(2e-3 * rng.standard_normal((len(rows), 3))))
     q_wb = rotation.multiply(q_wb, MOUNT)
     t_ns = rows.t_ns - round(offset * 1e9)
@@ -42,9 +42,9 @@ def test_the_offset_of_a_tracker_is_in_its_interval():
 
 
 def test_the_offset_of_two_imus_is_told_to_a_fraction_of_a_sample():
-    flight, other = flown("excitation", 1), flown("excitation", 2, "mpu6000").readings
-    gyro = rotation.rotate_inverse(MOUNT, other.gyro)
-    late = with_fields(other, t_ns=other.t_ns + 7_300_000, gyro=gyro, source="second")
+    flight, readings = flown("excitation", 1), flown("excitation", 2, "mpu6000").readings
+    gyro = rotation.rotate_inverse(MOUNT, readings.gyro)
+    late = with_fields(readings, t_ns=readings.t_ns + 7_300_000, gyro=gyro, source="second")
     (interval,) = ims.inspect([flight.readings, late]).offsets
     assert interval.low_s <= -0.0073 <= interval.high_s
     assert interval.high_s - interval.low_s < 1e-3
@@ -69,8 +69,8 @@ def test_noise_that_hides_the_motion_is_the_reason():
 
 
 def test_two_bodies_and_two_times_have_no_offset():
-    flight, other = flown("excitation", 1), flown("tour", 1)
-    assert ims.inspect([flight.readings, tracked(other.truth, 0.0, 1)]).offsets == ()
+    flight, tour = flown("excitation", 1), flown("tour", 1)
+    assert ims.inspect([flight.readings, tracked(tour.truth, 0.0, 1)]).offsets == ()
     apart = tracked(flight.truth, 1000.0, 1)
     assert ims.inspect([flight.readings, apart]).offsets == ()
     (unknown,) = ims.inspect([flight.readings, apart]).unknown_offsets
@@ -98,10 +98,10 @@ def test_the_offset_of_two_trajectories_is_in_its_interval():
     for seed in range(4):
         truth, offset = flown("excitation", seed).truth, 0.03 * (seed - 1.3)
         pair = tracked(truth, 0.0, seed, 2), tracked(truth, offset, seed + 9, 5)
-        first, second = (
+        reference, tracker = (
             with_fields(poses, source=name) for poses, name in zip(pair, "ab", strict=True)
         )
-        (interval,) = ims.inspect([first, second]).offsets
+        (interval,) = ims.inspect([reference, tracker]).offsets
         assert (interval.source, interval.reference) == ("b", "a")
         misses += not interval.low_s <= offset <= interval.high_s
     assert misses <= 1
