@@ -4,7 +4,7 @@
 """Conversion between bags and datasets, block by block."""
 
 from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
-from functools import cache
+from functools import cache, partial
 from pathlib import Path
 from types import MappingProxyType
 from typing import Final
@@ -21,6 +21,7 @@ from imu_sim_ros.bags.messages.encode import (
     IMU,
     ODOMETRY,
     POSE_STAMPED,
+    POSE_WITH_COVARIANCE,
     TEMPERATURE,
     VECTOR3_STAMPED,
     ImuEncoder,
@@ -56,14 +57,23 @@ from imu_sim_ros.inputs.tables import Table, Tables
 from imu_sim_ros.recordings.record_times import RecordTimes
 
 More = Callable[[MessageBlock], Sequence[Block]]
+Observe = Callable[[str, Times, Times | None], object]
+"""Receives the name of a source, stamps (n,) [ns], and the record times that order them; None:
+they are in order."""
 READINGS: Final = "/" + IMU_TOPIC
 TEMPERATURES: Final = "/" + TEMPERATURE_TOPIC
 POSES: Final = "/" + TRUTH_POSE_TOPIC
 TRUTH: Final = "/" + TRUTH_TOPIC
 GYRO_BIAS: Final = "/" + GYROSCOPE_BIAS_TOPIC
 ACCEL_BIAS: Final = "/" + ACCELEROMETER_BIAS_TOPIC
+_ORDERED: Final = (IMU, ODOMETRY, POSE_STAMPED, POSE_WITH_COVARIANCE)
+"""Types of messages with readings or poses that have a stamp."""
 _NO_RATES: Final = np.diag([0.0, 0.0, 0.0, -1.0, -1.0, -1.0])
 """Covariance of a twist whose angular half is absent."""
+
+
+def nothing(source: str, t_ns: Times, record_ns: Times | None) -> None:
+    """Do nothing with stamps."""
 
 
 def chosen(bag: Bag, names: Collection[str]) -> list[TopicInfo]:
@@ -96,6 +106,7 @@ def bag_to_bag(
     additional: More | None = None,
     ungated: str = "",
     edit: ImuEdit | None = None,
+    observe: Observe = nothing,
 ) -> list[str]:
     """Copy topics of any type; bytes are unchanged if the encoding is.
 
@@ -105,6 +116,7 @@ def bag_to_bag(
     :param additional: makes further messages for each block of messages, in a thread of its own.
     :param ungated: a topic whose messages are checked elsewhere.
     :param edit: units and frame of Imu messages; None: they are copied as they are.
+    :param observe: receives the stamps of readings and poses.
     :returns: a line for each topic and type whose fields differ in the other generation of ROS.
     """
     without_schema = [info for info in topics if not info.type and info.count]
@@ -132,7 +144,16 @@ def bag_to_bag(
         )
         if info.count:
             lines += [f"{name}: {line}" for line in translate.differences(info)]
-    gates = {info: MessageGate(bag.path, info.name, warned is not None) for info in topics}
+    is_open = warned is not None
+    gates = {
+        info: MessageGate(
+            bag.path,
+            info.name,
+            is_open,
+            partial(observe, f"{bag.path}: {info.name}") if info.type in _ORDERED else None,
+        )
+        for info in topics
+    }
     groups = bag.groups({info.name for info in topics})
     for group, beside_it in _with_more(groups, additional):
         copied = [block for block in group if block.topic in handles]
@@ -232,6 +253,7 @@ def text_to_bag(
     skipped: Skipped | None = None,
     frames: Sequence[Iterator[list[Block]]] = (),
     tables: Tables = MappingProxyType({}),
+    observe: Observe = nothing,
 ) -> None:
     """Copy a EuRoC folder or a CSV file: readings, and the other tables of a folder.
 
@@ -246,19 +268,20 @@ def text_to_bag(
     :param frames: more streams in time order, of cameras; the blocks of one item have the same
         times.
     :param tables: those of other sensors that are looked for.
+    :param observe: receives the stamps of readings, states and poses.
     """
     names = text_reader.imu_names(path)
     streams = [
-        _reading_messages(read_imu(name, True), writer, renamed, name)
+        _reading_messages(read_imu(name, True), writer, renamed, name, observe)
         for name in (names if len(names) > 1 else [None])
     ]
     streams += sensor_tables.streams_of_tables(
         path, read_imu, writer, renamed, names, skipped, tables
     )
     if text_reader.has_states(path):
-        streams.append(_state_messages(path, writer, renamed, skipped))
+        streams.append(_state_messages(path, writer, renamed, skipped, observe))
     elif (poses := text_reader.pose_file(path)) is not None:
-        streams.append(_pose_messages(poses, writer, renamed, skipped))
+        streams.append(_pose_messages(poses, writer, renamed, skipped, observe))
     for blocks in _interleaved([*streams, *frames]):
         writer.write_blocks(blocks)
         advance(sum(len(block.t_ns) for block in blocks))
@@ -284,7 +307,11 @@ def poses_to_bag(
 
 
 def _reading_messages(
-    blocks: Iterator[Readings], writer: Writer, renamed: Mapping[str, str], imu: str | None
+    blocks: Iterator[Readings],
+    writer: Writer,
+    renamed: Mapping[str, str],
+    imu: str | None,
+    observe: Observe,
 ) -> Iterator[list[Block]]:
     """Yield readings and, if the table has them, temperatures of the sensor."""
     space, frame = ("", IMU_FRAME) if imu is None else (f"/{imu}", f"{imu}_link")
@@ -294,6 +321,9 @@ def _reading_messages(
     topic = writer.add_topic(renamed.get(readings_name, readings_name), IMU)
     temperature_topic = None
     for readings in blocks:
+        observe(
+            readings.source if imu is None else f"{readings.source}: {imu}", readings.t_ns, None
+        )
         payloads = encoder.encode(readings.t_ns, *readings.triads())
         times_ns = record_times.of(readings.t_ns)
         messages = [Block(topic, times_ns, payloads)]
@@ -311,7 +341,11 @@ def _reading_messages(
 
 
 def _state_messages(
-    path: Path, writer: Writer, renamed: Mapping[str, str], skipped: Skipped | None
+    path: Path,
+    writer: Writer,
+    renamed: Mapping[str, str],
+    skipped: Skipped | None,
+    observe: Observe,
 ) -> Iterator[list[Block]]:
     """Yield the true states of a folder or file as Odometry, and the biases as vectors."""
     odometry = OdometryEncoder(WORLD_FRAME, BODY_FRAME, writer.encoding)
@@ -326,6 +360,7 @@ def _state_messages(
     )
     for states, biases in text_reader.state_blocks(path, skipped=skipped):
         t_ns, position, q_wb = states.t_ns, states.position, states.q_wb
+        observe(f"{path}: {TRUTH}", t_ns, None)
         velocity_b = rotate_inverse(q_wb, states.velocities())
         rates, covariance = states.angular_velocity, None
         if rates is None:  # EuRoC's states have none
@@ -341,12 +376,17 @@ def _state_messages(
 
 
 def _pose_messages(
-    path: Path, writer: Writer, renamed: Mapping[str, str], skipped: Skipped | None
+    path: Path,
+    writer: Writer,
+    renamed: Mapping[str, str],
+    skipped: Skipped | None,
+    observe: Observe,
 ) -> Iterator[list[Block]]:
     """Yield the poses of a text file as messages of PoseStamped."""
     poses = read_poses(path, skip_bad_rows=skipped is not None)
     if skipped is not None and poses.skipped:
         skipped(poses.skipped)
+    observe(str(path), poses.t_ns, None)
     encoder = PoseStampedEncoder(WORLD_FRAME, writer.encoding)
     topic = writer.add_topic(renamed.get(POSES, POSES), POSE_STAMPED)
     payloads = encoder.encode(poses.t_ns, poses.position, poses.q_wb)
@@ -383,6 +423,7 @@ def to_dataset(
     skipped: Skipped | None = None,
     tables: Sequence[tuple[Table, str]] = (),
     warned: Warned | None = None,
+    observe: Observe = nothing,
 ) -> None:
     """Copy readings, other tables and truth of a bag or a dataset into text.
 
@@ -393,9 +434,11 @@ def to_dataset(
     :param advance: receives the number of rows after each block.
     :param tables: other tables, each with its topic in the bag or its name in the dataset.
     :param skipped, warned: as for :func:`imu_sim_ros.bags.read.imu_blocks`.
+    :param observe: receives the stamps of readings and truth.
     """
     if dataset.imu is not None:
         for readings in imu:
+            observe(readings.source, readings.t_ns, None)
             dataset.write_imu(readings.t_ns, *readings.triads())
             advance(len(readings.t_ns))
     for table, name in tables:
@@ -404,6 +447,7 @@ def to_dataset(
             advance(len(measured.t_ns))
     if dataset.truth is not None:
         for states, biases in _states(path, truth, recover, skipped, warned):
+            observe(f"{path}: {truth or TRUTH}", states.t_ns, None)
             dataset.write_states(states, biases)
             advance(len(states.t_ns))
 

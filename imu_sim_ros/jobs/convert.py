@@ -39,7 +39,7 @@ from imu_sim_ros.core.conventions import IMU_TOPIC
 from imu_sim_ros.core.errors import ConfigurationError, InputError
 from imu_sim_ros.core.records import Readings, States, with_fields
 from imu_sim_ros.core.spelling import argument, stated
-from imu_sim_ros.core.types import JsonObject
+from imu_sim_ros.core.types import JsonObject, Times
 from imu_sim_ros.formats.choice import AS_RECORDED, Choice
 from imu_sim_ros.formats.door import has_topics, read_states, reading_blocks
 from imu_sim_ros.formats.handling import Handling
@@ -71,7 +71,7 @@ from imu_sim_ros.jobs.writing import (
     outputs,
 )
 from imu_sim_ros.recordings.clock import estimate_clock
-from imu_sim_ros.recordings.findings.catalogue import unit_findings
+from imu_sim_ros.recordings.findings.catalogue import order_findings, unit_findings
 from imu_sim_ros.recordings.findings.finding import Finding
 from imu_sim_ros.recordings.findings.policy import CONVERT
 from imu_sim_ros.recordings.findings.survey import ReadingSurvey
@@ -220,10 +220,52 @@ def convert(
     choice = checked_choice(None, *selection, of_a_file=True)
     if form.dataset != "tum":
         _tell_units(path, choice, journal)
+    stamps = CopiedStamps()
     converted = write(
-        path, target, form, written, journal, images=images, recover=recovery, choice=choice
+        path,
+        target,
+        form,
+        written,
+        journal,
+        images=images,
+        recover=recovery,
+        choice=choice,
+        stamps=stamps,
     )
+    CONVERT.judge(stamps.findings(), journal.remark)
     return dataclasses.replace(converted, warnings=tuple(journal.lines))
+
+
+class CopiedStamps:
+    """Stamps of readings and poses that a conversion copies in the order of their source."""
+
+    def __init__(self) -> None:
+        """Initialise without stamps."""
+        self._stamps: dict[str, list[Times]] = {}
+        self._record_times: dict[str, list[Times]] = {}
+
+    def add(self, source: str, t_ns: Times, record_ns: Times | None = None) -> None:
+        """Add the next stamps (n,) of a source [ns].
+
+        :param record_ns: record times, in whose order readers take the stamps [ns]; None: they are
+            in order.
+        """
+        # A view would keep the messages of its block in memory.
+        self._stamps.setdefault(source, []).append(t_ns.copy())
+        if record_ns is not None:
+            self._record_times.setdefault(source, []).append(record_ns.copy())
+
+    def findings(self) -> list[Finding]:
+        """Return the findings about the order of the stamps of each source."""
+        findings = []
+        for source, blocks in self._stamps.items():
+            t_ns = np.concatenate(blocks)
+            if source in self._record_times:
+                # Files of a recovery follow each other by their names.
+                record_ns = np.concatenate(self._record_times[source])
+                t_ns = t_ns[np.argsort(record_ns, kind="stable")]
+            findings += order_findings(t_ns, source)
+        return findings
 
 
 def _tell_units(source: Path, choice: Choice, journal: Journal) -> None:
@@ -250,12 +292,14 @@ def write(
     recover: Recover = False,
     shown: bool = True,
     choice: Choice = AS_RECORDED,
+    stamps: CopiedStamps | None = None,
 ) -> Converted:
     """Convert a source into an output; arguments as for :func:`convert`.
 
     :param written: receives the output.
     :param choice: frame, topics and units of the readings.
     :param shown: whether progress is.
+    :param stamps: receives the stamps of readings and poses.
     :raises InputError: for a source that cannot be read, and an output that cannot be written.
     """
     is_text, dataset = not has_topics(source), form.dataset
@@ -270,14 +314,16 @@ def write(
     if poses_only and not choice.is_plain:
         raise InputError(f"{source}: frame, topics and units are those of readings, not of poses")
     comment = f"converted from {source.name} by imu_sim_ros"
-    output = _Output(target, form, shown, comment, choice)
+    output = _Output(target, form, shown, comment, choice, stamps or CopiedStamps())
     with written.staged():
         if not is_text:
             return _from_bag(source, output, journal, recover)
         if form.topics:
             raise InputError(f"{source}: text has no topics to choose from")
         if dataset == "tum":
-            return output.converted(*_to_tum(_poses(source, journal), output, streams.TRUTH))
+            return output.converted(
+                *_to_tum(_poses(source, output, journal), output, streams.TRUTH)
+            )
         if dataset:
             return _text_to_dataset(source, output, journal, images)
         return _text_to_bag(source, output, journal, images)
@@ -295,6 +341,8 @@ class _Output:
     """Comment at the head of the descriptions."""
     choice: Choice
     """Frame, topics and units of the readings."""
+    stamps: CopiedStamps
+    """Stamps of readings and poses so far."""
     notes: list[str] = dataclasses.field(default_factory=list)
     """Choices and conversions of reading so far."""
 
@@ -378,7 +426,7 @@ def _from_bag(source: Path, output: _Output, journal: Journal, recover: Recover)
             counts, last_ns = _bag_to_bag(bag, topics, output, journal, recover)
         elif form.dataset == "tum":
             topic_name = topics[0].name if form.topics and len(topics) == 1 else None
-            poses = _poses(bag.path, journal, topic_name, recover)
+            poses = _poses(bag.path, output, journal, topic_name, recover)
             counts, last_ns = _to_tum(poses, output, pose_topic(bag, topic_name)[0])
         else:
             counts, last_ns = _bag_to_dataset(bag, topics, output, journal, recover)
@@ -461,7 +509,14 @@ def _bag_to_bag(
         if choice.merges:
             _write_merged(bag.path, output, writer, Handling(*refused, recover))
         lines = streams.bag_to_bag(
-            bag, writer, topics, output.renamed, advance, *refused, edit=edit
+            bag,
+            writer,
+            topics,
+            output.renamed,
+            advance,
+            *refused,
+            edit=edit,
+            observe=output.stamps.add,
         )
     counts, last_ns = _tally(writer)
     if (
@@ -500,6 +555,7 @@ def _write_merged(source: Path, output: _Output, writer: Writer, handling: Handl
     """Write gyroscope and accelerometer of two topics as one topic."""
     topic = writer.add_topic(output.renamed.get(streams.READINGS, streams.READINGS), IMU)
     for readings in output.readings(source, None, handling):
+        output.stamps.add(readings.source, readings.t_ns)
         encoder = ImuEncoder(readings.frame_id, writer.encoding)
         payloads = encoder.encode(readings.t_ns, *readings.triads())
         writer.write(topic, readings.t_ns, payloads)
@@ -550,6 +606,7 @@ def _bag_to_dataset(
                 journal.skipped,
                 _described(names),
                 journal.passed_on,
+                output.stamps.add,
             )
             if images:
                 images.write(advance, output.comment, journal.remark)
@@ -574,7 +631,11 @@ def _images(bag: Bag, topics: Sequence[TopicInfo], output: _Output) -> RecordedI
 
 
 def _poses(
-    source: Path, journal: Journal, topic: str | None = None, recover: Recover = False
+    source: Path,
+    output: _Output,
+    journal: Journal,
+    topic: str | None = None,
+    recover: Recover = False,
 ) -> States:
     """Return the poses of a bag, a text file or a folder."""
     file = None if has_topics(source) else text_reader.pose_file(source)
@@ -582,6 +643,7 @@ def _poses(
     poses = read_states(file or source, topic, skipped is not None, warned=warned, recover=recover)
     if skipped is not None and poses.skipped:
         skipped(poses.skipped)
+    output.stamps.add(poses.source, poses.t_ns)
     return poses
 
 
@@ -600,7 +662,7 @@ def _text_to_bag(source: Path, output: _Output, journal: Journal, images: str | 
     renamed, skipped, tables_by_kind = output.renamed, journal.skipped, known_tables()
     if streams.holds_poses(source):
         with output.bag() as writer, output.progress(0) as advance:
-            streams.poses_to_bag(_poses(source, journal), writer, renamed, advance)
+            streams.poses_to_bag(_poses(source, output, journal), writer, renamed, advance)
         return output.converted(*_tally(writer))
     with (
         _folder_images(source, images, skipped) as image_folder,
@@ -613,7 +675,17 @@ def _text_to_bag(source: Path, output: _Output, journal: Journal, images: str | 
             of_bad_rows = skipped if counted or skipped is None else bool
             return output.readings(source, name, Handling(of_bad_rows))
 
-        streams.text_to_bag(source, read, writer, renamed, advance, skipped, frames, tables_by_kind)
+        streams.text_to_bag(
+            source,
+            read,
+            writer,
+            renamed,
+            advance,
+            skipped,
+            frames,
+            tables_by_kind,
+            output.stamps.add,
+        )
         kinds = text_reader.table_names(source, tables_by_kind)
         lost = [name for name, kind in kinds.items() if not tables_by_kind[kind].is_converted]
     return output.converted(*_tally(writer), lost)
@@ -637,7 +709,16 @@ def _text_to_dataset(
         output.progress(0) as advance,
     ):
         imu = output.readings(source, None, Handling(skipped))
-        streams.to_dataset(source, imu, dataset, None, advance, False, skipped, _described(names))
+        streams.to_dataset(
+            source,
+            imu,
+            dataset,
+            None,
+            advance,
+            skipped=skipped,
+            tables=_described(names),
+            observe=output.stamps.add,
+        )
         image_counts = {}
         if folder and output.target.path.is_dir():
             form = str(output.form.dataset)

@@ -51,6 +51,7 @@ REFUSED = {
 
 def write(folder, kind, states):
     """Return the path of poses in the order in which they stand."""
+    folder.mkdir(exist_ok=True)
     if kind == "tum":
         write_tum(folder / "poses.txt", states)
         return folder / "poses.txt"
@@ -145,6 +146,30 @@ def flight_of_poses():
     """Return poses, and a truth that differs from them by a millimetre."""
     states = poses(20.0)
     return states, with_fields(states, position=states.position + 1e-3)
+
+
+@pytest.mark.parametrize("container", ["tum", "euroc", "mcap", "ros1"])
+def test_convert_tells_the_order_of_poses_and_keeps_it(tmp_path, container):
+    states = poses(20.0)
+    late, stray = (CORRECTED[kind][0] for kind in ("stamps_late", "stamps_stray"))
+    faults = {"": lambda s: s, "stamps_late": late, "stamps_stray": stray}
+    faults |= {kind: REFUSED[kind] for kind in ("clock_reset", "clock_change")}
+    forms = ("copy.mcap", "copy") if container == "euroc" else ("copy.mcap", "copy.bag", "copy.tum")
+    for kind, fault in faults.items():
+        path = write(tmp_path / (kind or "right"), container, fault(states))
+        if container == "euroc":
+            table = path / "mav0" / "imu0" / "data.csv"
+            table.parent.mkdir()
+            table.write_text("".join(f"{t},0,0,0,0,0,9.8\n" for t in states.t_ns.tolist()))
+        for form in forms:
+            options = {} if "." in form else {"format": "euroc"}
+            converted = ims.convert(path, tmp_path / form, force=True, **options)
+            kinds = [line.rpartition("[")[2].rstrip("]") for line in converted.warnings]
+            assert kinds == [kind] * bool(kind), (form, converted.warnings)
+            assert COUNT in converted.messages.values()
+            if form == "copy.tum":
+                rows = np.loadtxt(tmp_path / form)
+                np.testing.assert_allclose(rows[:, 1:4], fault(states).position, atol=1e-8)
 
 
 def test_inspect_tells_a_reset_of_poses(tmp_path):

@@ -4,7 +4,7 @@
 """The messages of a topic as arrays, with those that the gate refuses."""
 
 import struct
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import Any, Final, NamedTuple
 
@@ -271,11 +271,18 @@ class MessageGate:
 
     :param path: path of the bag.
     :param open_to_all: count them, but let them pass.
+    :param observe: receives stamps and record times (n,) of the messages that pass [ns].
     """
 
-    def __init__(self, path: str | Path, topic: str, open_to_all: bool = False) -> None:
+    def __init__(
+        self,
+        path: str | Path,
+        topic: str,
+        open_to_all: bool = False,
+        observe: Callable[[Times, Times], object] | None = None,
+    ) -> None:
         self.bad = BadRows(f"{path}: {topic}", "message")
-        self._open, self._row_count = open_to_all, 0
+        self._open, self._observe, self._row_count = open_to_all, observe, 0
 
     def good(self, decoded: Decoded) -> Mask | None:
         """Return which of the next messages (n,) pass; None: all of them."""
@@ -298,10 +305,16 @@ class MessageGate:
     def passed(self, block: MessageBlock, encoding: str) -> MessageBlock:
         """Return the messages of the next block that pass, unchanged."""
         names = gated_fields(block.topic.type)
+        if not names:
+            return block
         try:
-            good = self.good(decode_block(block, encoding, names)) if names else None
+            decoded = decode_block(block, encoding, names)
+            good = self.good(decoded)
         except InputError:  # they are not of their type, which a copy of them does not mind
-            good = None
+            return block
+        if self._observe is not None:
+            rows = slice(None) if good is None else good
+            self._observe(decoded.t_ns[rows], block.t_ns[rows])
         if good is None:
             return block
         payloads = block.payloads

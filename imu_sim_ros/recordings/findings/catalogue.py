@@ -4,11 +4,13 @@
 """The list of all checks, and the findings of a recording, worst first."""
 
 from collections.abc import Iterable, Iterator
+from contextlib import suppress
 from dataclasses import replace
 from typing import Any, Final, NamedTuple
 
 import numpy as np
 
+from imu_sim_ros.core.errors import InputError
 from imu_sim_ros.core.records import Readings, States, TimeSeries, with_fields
 from imu_sim_ros.core.spelling import spelled
 from imu_sim_ros.core.types import Mask, Times
@@ -25,6 +27,7 @@ from imu_sim_ros.recordings.findings.finding import (
     RecordT,
 )
 from imu_sim_ros.recordings.findings.measures import ReadingMeasures
+from imu_sim_ros.recordings.findings.policy import ORDER
 from imu_sim_ros.recordings.findings.readings import READINGS, UNIT_CHECKS, stamps_equal
 from imu_sim_ros.recordings.findings.roles import (
     FRAMES,
@@ -39,7 +42,7 @@ from imu_sim_ros.recordings.findings.roles import (
 from imu_sim_ros.recordings.findings.stamps import STAMPS
 from imu_sim_ros.recordings.findings.states import STATES, TWIST, StateMeasures, poses_contradictory
 from imu_sim_ros.recordings.findings.temperatures import TEMPERATURES, TemperatureRecord
-from imu_sim_ros.recordings.order import order_stamps
+from imu_sim_ros.recordings.order import StampOrder, order_stamps
 from imu_sim_ros.recordings.repair import Disturbances, mended
 
 GROUPS: Final[dict[str, tuple[FaultCheck[Any], ...]]] = {
@@ -57,10 +60,8 @@ _JUDGED: Final = 200_000
 """Poses whose motion is examined."""
 KINDS: Final = {check.kind: check for checks in GROUPS.values() for check in checks}
 """All checks by the kind of their findings."""
-_ORDER: Final = tuple(
-    KINDS[kind] for kind in ("clock_reset", "clock_change", "stamps_stray", "stamps_late")
-)
-"""Checks of the order of poses."""
+_ORDER: Final = tuple(KINDS[kind] for kind in ORDER)
+"""Checks of the order of stamps."""
 _SAME: Final = 1.0 - 1e-15
 """Product of two unit quaternions from which on they are the same attitude."""
 
@@ -158,8 +159,7 @@ def order_poses(states: States) -> PoseOrder:
     increase = bool(np.all(np.diff(t_ns) > 0))
     if increase and not len(order.strays) and not len(order.changes):
         return PoseOrder(states, [])
-    has_rate = bool(np.any(t_ns != t_ns[0]))
-    findings = list(_findings(_ORDER, estimate_clock(t_ns), states)) if has_rate else []
+    findings = _order_findings(states, order)
     rows = np.concatenate(order.pieces)
     repeated = _repeated(states.rows(rows))
     number = int(np.count_nonzero(repeated))
@@ -168,6 +168,26 @@ def order_poses(states: States) -> PoseOrder:
         check = replace(KINDS["messages_repeated"], find=lambda _: iter([evidence]))
         findings += _findings((check,), states, states)
     return PoseOrder(with_fields(states.rows(rows[~repeated]), repeated=number), findings)
+
+
+def order_findings(t_ns: Times, source: str) -> list[Finding]:
+    """Return the findings about stamps (n,) that are late, stray, or those of several times.
+
+    Stamps without a rate, such as two that go back, have none.
+
+    :param t_ns: stamps in the order of arrival [ns].
+    """
+    readings = Readings.unchecked(t_ns=t_ns, gyro=None, accel=None, source=source)
+    with suppress(InputError):
+        return _order_findings(readings, order_stamps(t_ns))
+    return []
+
+
+def _order_findings(series: TimeSeries, order: StampOrder) -> list[Finding]:
+    """Return the findings about the order of rows as they arrive."""
+    if not any(map(len, order[1:])):
+        return []
+    return list(_findings(_ORDER, estimate_clock(series.t_ns), series))
 
 
 def contradictions(states: States) -> list[Finding]:

@@ -21,6 +21,8 @@ UNEVEN_CLOCK: Final = (
     *("messages_repeated", "stamps_rounded"),
 )
 """Kinds of stamps whose true times the clock tells."""
+ORDER: Final = ("clock_reset", "clock_change", "stamps_stray", "stamps_late")
+"""Kinds of stamps that are late, stray, or those of several times."""
 TWIST: Final = ("twist_world", "twist_body", "twist_unfilled")
 """Kinds of a twist that contradicts the poses beside it."""
 AXES: Final = ("quaternion_order", "z_down", "axes_camera")
@@ -91,7 +93,7 @@ CALIBRATE_TEMPERATURE: Final = FindingPolicy(
     refuses=(*CALIBRATE.refuses, "temperature_unit"),
     tells=(*CALIBRATE.tells, "temperature_fahrenheit"),
 )
-CONVERT: Final = FindingPolicy(tells=UNITS)
+CONVERT: Final = FindingPolicy(tells=(*UNITS, *ORDER))
 INTEGRATOR: Final = FindingPolicy(
     refuses=("stamps_equal", "stamps_unit"),
     corrects=("stamps_stray", "stamps_bunched", "stamps_shared"),

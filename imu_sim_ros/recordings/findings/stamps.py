@@ -63,7 +63,7 @@ STAMPS: Final = (
         (
             "single stamps far from those of their neighbours",
             "without them a short gap is left",
-            "nothing: every program leaves them out",
+            "nothing: programs that compute leave them out",
         ),
     ),
     _trait_check(
@@ -111,7 +111,7 @@ STAMPS: Final = (
         (
             "samples that come after later ones",
             "a live consumer drops them",
-            "nothing: programs that read files put them in their places",
+            "nothing: programs that compute from files put them in their places",
         ),
     ),
     _trait_check(
@@ -119,7 +119,7 @@ STAMPS: Final = (
         (
             "messages that come twice",
             "a consumer that does not drop them sees intervals of zero",
-            "nothing: every program drops them",
+            "nothing: programs that compute drop them",
         ),
     ),
     _trait_check(
