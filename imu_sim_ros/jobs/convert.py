@@ -220,7 +220,7 @@ def convert(
     choice = checked_choice(None, *selection, of_a_file=True)
     if form.dataset != "tum":
         _tell_units(path, choice, journal)
-    stamps = CopiedStamps()
+    stamps = CopiedStamps(bool(recovery))
     converted = write(
         path,
         target,
@@ -239,29 +239,33 @@ def convert(
 class CopiedStamps:
     """Stamps of readings and poses that a conversion copies in the order of their source."""
 
-    def __init__(self) -> None:
-        """Initialise without stamps."""
+    def __init__(self, recovery: bool = False) -> None:
+        """Initialise without stamps.
+
+        :param recovery: put messages in the order of their record times: files of a recovery follow
+            each other by their names.
+        """
+        self._recovery = recovery
         self._stamps: dict[str, list[Times]] = {}
         self._record_times: dict[str, list[Times]] = {}
 
     def add(self, source: str, t_ns: Times, record_ns: Times | None = None) -> None:
         """Add the next stamps (n,) of a source [ns].
 
-        :param record_ns: record times, in whose order readers take the stamps [ns]; None: they are
-            in order.
+        :param record_ns: record times [ns]; None: there are none, the stamps are in order.
         """
         # A view would keep the messages of its block in memory.
         self._stamps.setdefault(source, []).append(t_ns.copy())
-        if record_ns is not None:
+        if self._recovery and record_ns is not None:
             self._record_times.setdefault(source, []).append(record_ns.copy())
 
     def findings(self) -> list[Finding]:
         """Return the findings about the order of the stamps of each source."""
         findings = []
-        for source, blocks in self._stamps.items():
-            t_ns = np.concatenate(blocks)
+        while self._stamps:
+            source = next(iter(self._stamps))
+            t_ns = np.concatenate(self._stamps.pop(source))
             if source in self._record_times:
-                # Files of a recovery follow each other by their names.
                 record_ns = np.concatenate(self._record_times[source])
                 t_ns = t_ns[np.argsort(record_ns, kind="stable")]
             findings += order_findings(t_ns, source)
