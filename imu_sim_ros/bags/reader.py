@@ -8,7 +8,7 @@ import re
 import sqlite3
 import struct
 import sys
-from abc import ABC, abstractmethod
+from abc import abstractmethod
 from collections.abc import Collection, Iterable, Iterator, Mapping, Sequence
 from contextlib import AbstractContextManager, ExitStack, contextmanager
 from pathlib import Path
@@ -35,6 +35,7 @@ from imu_sim_ros.core.conventions import IDEAL_IMU_TOPIC
 from imu_sim_ros.core.errors import ImuSimError, InputError, MissingDependencyError, system_error
 from imu_sim_ros.core.names import suggestion
 from imu_sim_ros.core.types import Bytes, Times
+from imu_sim_ros.inputs.sharing import Shareable
 from imu_sim_ros.recordings.findings.clipping import ClippingCounts
 
 DAMAGE: Final = (
@@ -148,7 +149,7 @@ def errors_naming(path: Path, hint: str = "") -> Iterator[None]:
         raise InputError(f"{path}: damaged: {text}{hint}") from error
 
 
-class Bag(AbstractContextManager["Bag"], ABC):
+class Bag(AbstractContextManager["Bag"], Shareable):
     """An open bag; use as a context manager."""
 
     encoding: str
@@ -171,7 +172,6 @@ class Bag(AbstractContextManager["Bag"], ABC):
         """Messages of those parts, as far as something counts them."""
         self._stack = ExitStack()
         """Closes the files."""
-        self._users = 0
 
     def __enter__(self) -> "Bag":
         """Keep the files open for one more user."""
@@ -182,15 +182,9 @@ class Bag(AbstractContextManager["Bag"], ABC):
         """Close the files after the last user."""
         self.release()
 
-    def hold(self) -> None:
-        """Keep the files open until :meth:`release`."""
-        self._users += 1
-
-    def release(self) -> None:
-        """Close the files if nobody else uses them."""
-        self._users -= 1
-        if self._users <= 0:
-            self._stack.close()
+    def _close_files(self) -> None:
+        """Close the files."""
+        self._stack.close()
 
     def close_with(self, stack: ExitStack) -> None:
         """Close a stack, of temporary files for instance, with the bag."""

@@ -3,16 +3,21 @@
 
 """Files opened for reading, of bounded size, and the problems of their rows."""
 
+from __future__ import annotations
+
 import io
 import os
 import re
 import stat
 from collections.abc import Iterator
 from pathlib import Path
-from typing import BinaryIO, Final
+from typing import TYPE_CHECKING, BinaryIO, Final
 
 from imu_sim_ros.core.errors import InputError, system_error
-from imu_sim_ros.inputs.sharing import shared_files
+from imu_sim_ros.inputs.sharing import Shareable, shared_files
+
+if TYPE_CHECKING:
+    from _typeshed import WriteableBuffer
 
 LARGEST_TEXT: Final = 16 << 20
 """Largest file that is read as a whole [bytes]; those of this package have some 10 kB."""
@@ -39,22 +44,15 @@ def open_regular(path: str | Path) -> BinaryIO:
     return os.fdopen(descriptor, "rb")
 
 
-class _OpenFile:
+class _OpenFile(Shareable):
     """An open file whose users read at places of their own."""
 
     def __init__(self, path: Path) -> None:
         self._file = open_regular(path)
-        self._users = 0
 
-    def hold(self) -> None:
-        """Keep the file open until :meth:`release`."""
-        self._users += 1
-
-    def release(self) -> None:
-        """Close the file if nobody else uses it."""
-        self._users -= 1
-        if self._users <= 0:
-            self._file.close()
+    def _close_files(self) -> None:
+        """Close the file."""
+        self._file.close()
 
     def read_at(self, offset: int, size: int) -> bytes:
         """Return at most some bytes from an offset on; none at the end of the file."""
@@ -73,10 +71,11 @@ class _View(io.RawIOBase):
         """Return True."""
         return True
 
-    def readinto(self, buffer: memoryview) -> int:  # type: ignore[override]  # of bytes
+    def readinto(self, buffer: WriteableBuffer) -> int:
         """Fill a buffer with the bytes that follow; returns their number."""
-        content = self._file.read_at(self._offset, len(buffer))
-        buffer[: len(content)] = content
+        view = memoryview(buffer).cast("B")
+        content = self._file.read_at(self._offset, len(view))
+        view[: len(content)] = content
         self._offset += len(content)
         return len(content)
 
@@ -99,8 +98,7 @@ def is_present(path: str | Path) -> bool:
     """Return whether a file exists that another file, or the form of a folder, names.
 
     Only a missing file is absent. An entry that cannot be that file is an error, so that no part of
-    a
-    dataset is ignored silently.
+    a dataset is ignored silently.
 
     :raises InputError: for a broken link, a loop of links, a folder, a device or a pipe.
     :raises MachineError: if the system cannot read it.
@@ -178,7 +176,6 @@ def read_text(path: str | Path) -> str:
         raise InputError(f"{path}: not a text file in UTF-8 (byte {error.start})") from None
 
 
-"""Classes of problems; the first lines of each are shown."""
 _CHUNK_BYTES: Final = 4 << 20
 _LONGEST_LINE: Final = 1 << 16
 _LONGEST_WORD: Final = 48

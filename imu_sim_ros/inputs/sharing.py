@@ -4,24 +4,35 @@
 """Bags and text files that a program opens once, however many of its parts read them."""
 
 import os
+from abc import ABC, abstractmethod
 from collections.abc import Callable, Hashable, Iterator
 from contextlib import contextmanager
 from contextvars import ContextVar
 from pathlib import Path
-from typing import Final, Protocol, TypeVar
+from typing import Final, TypeVar
 
 _MOST: Final = 16
 """Files of a kind that stay open; those that were used longest ago are closed first."""
 
 
-class Shareable(Protocol):
+class Shareable(ABC):
     """An open file that stays open until its last user releases it."""
+
+    _users = 0
 
     def hold(self) -> None:
         """Keep it open until :meth:`release`."""
+        self._users += 1
 
     def release(self) -> None:
         """Close it if nobody else uses it."""
+        self._users -= 1
+        if self._users <= 0:
+            self._close_files()
+
+    @abstractmethod
+    def _close_files(self) -> None:
+        """Close it, whoever uses it."""
 
 
 Kind = TypeVar("Kind", bound=Shareable)
