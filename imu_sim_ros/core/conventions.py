@@ -26,6 +26,11 @@ ACCEL_UNITS: Final[dict[str, float]] = {
 }
 """Value of each unit of an accelerometer's readings [m/s^2]."""
 
+ABSOLUTE_ZERO: Final = -273.15
+"""The temperature at 0 K [degC]."""
+FAHRENHEIT: Final = (1.0 / 1.8, -32.0 / 1.8)
+"""Size of a degree of Fahrenheit [K], and the temperature at 0 degF [degC]."""
+
 SEMI_MAJOR_AXIS: Final = 6378137.0
 """Semi-major axis of the ellipsoid WGS84 [m]; the next two belong to it."""
 FLATTENING: Final = 1.0 / 298.257223563

@@ -14,7 +14,7 @@ from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Final
 
-from imu_sim_ros.core.conventions import AXES, STANDARD_GRAVITY
+from imu_sim_ros.core.conventions import ABSOLUTE_ZERO, AXES, FAHRENHEIT, STANDARD_GRAVITY
 
 GYRO: Final = "gyroscope"
 ACCEL: Final = "accelerometer"
@@ -96,7 +96,7 @@ _MILLIKELVIN: Final = ("mk", "millikelvin")
 _TEMPERATURE_UNITS: Final = {
     **dict.fromkeys(_CELSIUS, 1.0),
     **dict.fromkeys(_KELVIN, 1.0),
-    **dict.fromkeys(_FAHRENHEIT, 1.0 / 1.8),
+    **dict.fromkeys(_FAHRENHEIT, FAHRENHEIT[0]),
     **dict.fromkeys(("mdegc", "mdeg", "m°c", "mc", "millicelsius", "millidegc"), 1e-3),
     **dict.fromkeys(("millideg", "millidegree", "millidegrees", "millidegreesc"), 1e-3),
     **dict.fromkeys(("cdegc", "cdeg", "centidegc", "centidegrees", "c°c"), 1e-2),
@@ -104,8 +104,8 @@ _TEMPERATURE_UNITS: Final = {
     **dict.fromkeys(_MILLIKELVIN, 1e-3),
 }
 ZEROS: Final[Mapping[str, float]] = {
-    **dict.fromkeys((*_KELVIN, *_MILLIKELVIN), -273.15),
-    **dict.fromkeys(_FAHRENHEIT, -32.0 / 1.8),
+    **dict.fromkeys((*_KELVIN, *_MILLIKELVIN), ABSOLUTE_ZERO),
+    **dict.fromkeys(_FAHRENHEIT, FAHRENHEIT[1]),
 }
 """Temperature at the zero of a unit that does not begin at 0 degC [degC]."""
 UNITS: Final[Mapping[str, Mapping[str, float]]] = {

@@ -38,7 +38,7 @@ from imu_sim_ros.calibration.noise.truth import load_truth
 from imu_sim_ros.core import arguments, gate
 from imu_sim_ros.core.arguments import BAG_OR_FILE, name_of, number, suggest_keywords
 from imu_sim_ros.core.bad_rows import Skipped
-from imu_sim_ros.core.conventions import GRAVITY, STANDARD_GRAVITY
+from imu_sim_ros.core.conventions import ABSOLUTE_ZERO, GRAVITY, STANDARD_GRAVITY
 from imu_sim_ros.core.errors import InputError, Problems, naming
 from imu_sim_ros.core.records import Readings, with_fields
 from imu_sim_ros.core.spelling import stated
@@ -609,7 +609,8 @@ def calibrate_temperature(
         readings, topic, skip_bad_rows, (frame, gyro_topic, accel_topic, gyro_unit, accel_unit)
     )
     gravity = _gravity(gravity)
-    number("reference", reference, "a temperature from -273.15 to 1000 degC", -273.15, 1000.0)
+    allowed = f"a temperature from {ABSOLUTE_ZERO:g} to 1000 degC"
+    number("reference", reference, allowed, ABSOLUTE_ZERO, 1000.0)
     imu = run.imu()
     with run.naming():
         measured = run.temperature(imu, temperature, temperature_topic)

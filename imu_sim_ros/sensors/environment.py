@@ -7,7 +7,7 @@ from collections.abc import Iterator
 from dataclasses import dataclass
 from itertools import pairwise
 
-from imu_sim_ros.core.conventions import BODY_FRAME, GRAVITY, IMU_FRAME, WORLD_FRAME
+from imu_sim_ros.core.conventions import ABSOLUTE_ZERO, BODY_FRAME, GRAVITY, IMU_FRAME, WORLD_FRAME
 from imu_sim_ros.parameters import kinds
 from imu_sim_ros.parameters.kinds import (
     Vector,
@@ -21,8 +21,6 @@ from imu_sim_ros.parameters.kinds import (
 )
 from imu_sim_ros.parameters.sections import section
 from imu_sim_ros.sensors.parameters import MountedParameters
-
-ABSOLUTE_ZERO = -273.15
 
 
 @dataclass(frozen=True)

@@ -8,6 +8,7 @@ from typing import Final, NamedTuple
 
 import numpy as np
 
+from imu_sim_ros.core.conventions import ABSOLUTE_ZERO, FAHRENHEIT
 from imu_sim_ros.core.types import Array
 from imu_sim_ros.recordings.findings.finding import Evidence, check
 
@@ -17,15 +18,13 @@ _HOTTEST: Final = 200.0
 """Highest temperature of a sensor, above that which silicon survives for long [degC]."""
 _SPECIFIED: Final = 85.0
 """Highest temperature for which most IMUs are specified [degC]."""
-_ZERO: Final = 273.15
-"""0 degC in Kelvin [K]."""
 _UNITS: Final = (
-    ("Kelvin", 1.0, _ZERO),
-    ("Fahrenheit", 1.0 / 1.8, 32.0 / 1.8),
+    ("Kelvin", 1.0, ABSOLUTE_ZERO),
+    ("Fahrenheit", *FAHRENHEIT),
     ("millidegrees", 1e-3, 0.0),
-    ("millikelvin", 1e-3, _ZERO),
+    ("millikelvin", 1e-3, ABSOLUTE_ZERO),
 )
-"""Units that temperatures may have by mistake: name, size [K], and 0 degC in kelvins."""
+"""Units that temperatures may have by mistake: name, size [K], and the unit's zero [degC]."""
 
 
 class TemperatureRecord(NamedTuple):
@@ -45,7 +44,7 @@ class TemperatureRecord(NamedTuple):
     def fits(self, scale: float, zero: float) -> bool:
         """Return True if a sensor can have these temperatures in a unit."""
         low, high = self.extremes
-        return not (low * scale - zero < _LOWEST or high * scale - zero > _HOTTEST)
+        return not (low * scale + zero < _LOWEST or high * scale + zero > _HOTTEST)
 
 
 @check(
@@ -74,11 +73,12 @@ def temperature_unit(record: TemperatureRecord) -> Iterator[Evidence]:
 def temperature_fahrenheit(record: TemperatureRecord) -> Iterator[Evidence]:
     """Find temperatures above what sensors are specified for, which may be in Fahrenheit."""
     low, high = record.extremes
+    size, zero = FAHRENHEIT
     if record.fits(1.0, 0.0) and high > _SPECIFIED:
         yield Evidence(
             f"temperatures from {low:.6g} to {high:.6g} degC: most IMUs are specified up to "
             f"{_SPECIFIED:g} degC; in Fahrenheit they are "
-            f"{(low - 32.0) / 1.8:.4g} to {(high - 32.0) / 1.8:.4g} degC"
+            f"{low * size + zero:.4g} to {high * size + zero:.4g} degC"
         )
 
 

@@ -9,7 +9,7 @@ from typing import Final
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from imu_sim_ros.core.conventions import STANDARD_GRAVITY
+from imu_sim_ros.core.conventions import ABSOLUTE_ZERO, STANDARD_GRAVITY
 from imu_sim_ros.core.random_streams import generator
 from imu_sim_ros.core.rotation import rotate
 from imu_sim_ros.core.types import Array
@@ -27,7 +27,6 @@ EARTH_RADIUS: Final = 6356766.0
 """Radius of the Earth for the geopotential height [m]."""
 _GAS_CONSTANT: Final = 8.31432 / 0.0289644
 """Specific gas constant of dry air, with the constants of 1976 [J/(kg K)]."""
-_ZERO_CELSIUS: Final = 273.15
 _BASES: Final = np.array([0.0, 11e3, 20e3, 32e3, 47e3, 51e3, 71e3, 84852.0])
 """Geopotential height at which each layer begins [m]; the first extends below 0 as well."""
 _LAPSE: Final = np.array([-6.5e-3, 0.0, 1e-3, 2.8e-3, 0.0, -2.8e-3, -2e-3, 0.0])
@@ -39,7 +38,7 @@ class Atmosphere:
 
     def __init__(self, parameters: AtmosphereParameters) -> None:
         steps = np.diff(_BASES) * _LAPSE[:-1]
-        warmth = parameters.sea_level_temperature + _ZERO_CELSIUS
+        warmth = parameters.sea_level_temperature - ABSOLUTE_ZERO
         self._temperature = warmth + np.concatenate([[0.0], np.cumsum(steps)])
         self._pressure = np.full(len(_BASES), parameters.sea_level_pressure)
         for k in range(1, len(_BASES)):

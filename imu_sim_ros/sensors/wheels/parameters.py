@@ -8,6 +8,7 @@ from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from typing import Final
 
+from imu_sim_ros.core.conventions import ABSOLUTE_ZERO
 from imu_sim_ros.core.timebase import LOWEST_RATE
 from imu_sim_ros.parameters.kinds import choice, integer, number, numbers, text, texts
 from imu_sim_ros.sensors.parameters import SensorParameters
@@ -96,7 +97,7 @@ class WheelsParameters(SensorParameters):
         maximum=0.01,
     )
     reference_temperature: float = number(
-        25.0, "temperature at which the true radii apply", unit="degC", minimum=-273.15
+        25.0, "temperature at which the true radii apply", unit="degC", minimum=ABSOLUTE_ZERO
     )
     temperature_time_constant: float = number(
         0.0,
