@@ -86,6 +86,10 @@ if TYPE_CHECKING:
 _JUDGED: Final = 262_144
 """Readings at the start of a recording in which its units are looked for while it is at rest."""
 IMAGES: Final = ("raw", "compressed", "both", "none")
+_PIECE: Final = 1 << 18
+"""Number of stamps of a source whose order is judged at a time."""
+_OVERLAP: Final = 16
+"""Number of stamps that are judged with the next piece, too: runs of strays are shorter."""
 _SHOWN_DAMAGE: Final = 10
 Counts = tuple[dict[str, int], int]
 """Messages or rows by topic, and the last stamp [ns]; -1 without any."""
@@ -237,39 +241,77 @@ def convert(
 
 
 class CopiedStamps:
-    """Stamps of readings and poses that a conversion copies in the order of their source."""
+    """Stamps of readings and poses that a conversion copies in the order of their source.
+
+    They are judged in pieces, so that long recordings do not need more memory. Only those of a
+    recovery are kept to the end: its files follow each other by their names, and the messages are
+    put in the order of their record times first.
+    """
 
     def __init__(self, recovery: bool = False) -> None:
         """Initialise without stamps.
 
-        :param recovery: put messages in the order of their record times: files of a recovery follow
-            each other by their names.
+        :param recovery: the messages are those of a recovery.
         """
         self._recovery = recovery
-        self._stamps: dict[str, list[Times]] = {}
-        self._record_times: dict[str, list[Times]] = {}
+        self._sources: dict[str, _SourceStamps] = {}
 
     def add(self, source: str, t_ns: Times, record_ns: Times | None = None) -> None:
         """Add the next stamps (n,) of a source [ns].
 
         :param record_ns: record times [ns]; None: there are none, the stamps are in order.
         """
-        # A view would keep the messages of its block in memory.
-        self._stamps.setdefault(source, []).append(t_ns.copy())
-        if self._recovery and record_ns is not None:
-            self._record_times.setdefault(source, []).append(record_ns.copy())
+        stamps = self._sources.setdefault(source, _SourceStamps(source))
+        stamps.add(t_ns, record_ns if self._recovery else None)
+        if stamps.count >= _PIECE and not self._recovery:
+            stamps.judge()
 
     def findings(self) -> list[Finding]:
         """Return the findings about the order of the stamps of each source."""
-        findings = []
-        while self._stamps:
-            source = next(iter(self._stamps))
-            t_ns = np.concatenate(self._stamps.pop(source))
-            if source in self._record_times:
-                record_ns = np.concatenate(self._record_times[source])
-                t_ns = t_ns[np.argsort(record_ns, kind="stable")]
-            findings += order_findings(t_ns, source)
-        return findings
+        for stamps in self._sources.values():
+            stamps.judge()
+        return [finding for stamps in self._sources.values() for finding in stamps.findings]
+
+
+class _SourceStamps:
+    """Stamps of one source that are not judged yet, and the findings about those before."""
+
+    def __init__(self, source: str) -> None:
+        self.count = 0
+        """Number of stamps that are not judged yet."""
+        self.findings: list[Finding] = []
+        self._source = source
+        self._blocks: list[Times] = []
+        self._record_blocks: list[Times] = []
+        self._start_ns: int | None = None
+        self._judged = 0
+        """Number of rows in front of the blocks."""
+
+    def add(self, t_ns: Times, record_ns: Times | None) -> None:
+        """Add the next stamps (n,), and their record times if these order them [ns]."""
+        # A view would keep the messages of its block in memory.
+        self._blocks.append(t_ns.copy())
+        self.count += len(t_ns)
+        if record_ns is not None:
+            self._record_blocks.append(record_ns.copy())
+
+    def judge(self) -> None:
+        """Judge the order of the stamps; the last ones are judged with the next ones again."""
+        if not self.count:
+            return
+        t_ns = np.concatenate(self._blocks)
+        if self._record_blocks:
+            t_ns = t_ns[np.argsort(np.concatenate(self._record_blocks), kind="stable")]
+        if self._start_ns is None:
+            self._start_ns = int(t_ns[0])
+        earlier_s = (int(t_ns[0]) - self._start_ns) * 1e-9
+        for finding in order_findings(t_ns, self._source):
+            row = None if finding.row is None else finding.row + self._judged
+            t = None if finding.t is None else finding.t + earlier_s
+            self.findings.append(dataclasses.replace(finding, row=row, t=t))
+        rest = t_ns[-_OVERLAP:].copy()
+        self._judged += len(t_ns) - len(rest)
+        self._blocks, self._record_blocks, self.count = [rest], [], 0
 
 
 def _tell_units(source: Path, choice: Choice, journal: Journal) -> None:

@@ -3,6 +3,7 @@
 
 """Poses whose stamps go back: strays, late poses, repeats and resets, in every container."""
 
+import pickle
 import warnings
 
 import numpy as np
@@ -15,6 +16,7 @@ from imu_sim_ros.bags.writer import BagOptions
 from imu_sim_ros.core.errors import InputError, InputWarning
 from imu_sim_ros.core.records import States, with_fields
 from imu_sim_ros.inputs.poses import write_tum
+from imu_sim_ros.jobs.convert import CopiedStamps
 
 START_NS = 1_700_000_000_000_000_000
 COUNT = 240
@@ -178,3 +180,20 @@ def test_inspect_tells_a_reset_of_poses(tmp_path):
         folder.mkdir()
         path = write(folder, container, REFUSED["clock_reset"](poses(20.0)))
         assert "clock_reset" in [finding.kind for finding in ims.inspect(path).findings]
+
+
+def test_stamps_of_long_recordings_are_judged_in_pieces():
+    """A late stamp in each of two pieces has its row and time; stamps are kept for a piece only."""
+    count, step_ns, late_rows = 3_000_000, 1_000_000, (200_000, 2_700_000)
+    stamps = CopiedStamps()
+    t_ns = np.arange(count) * step_ns
+    for row in late_rows:
+        t_ns[[row - 1, row]] = t_ns[[row, row - 1]]
+    for block in np.split(t_ns, 30):
+        stamps.add("imu", block)
+    findings = stamps.findings()
+    assert [finding.kind for finding in findings] == ["stamps_late", "stamps_late"]
+    assert [finding.row for finding in findings] == list(late_rows)
+    times = [finding.t for finding in findings]
+    np.testing.assert_allclose(times, [(row - 1) * 1e-3 for row in late_rows], rtol=1e-12)
+    assert len(pickle.dumps(stamps)) < 8 * 1.1 * 2**18
