@@ -146,5 +146,5 @@ def _open_plain(path: Path, file: BinaryIO, magic: bytes, recover: Recover) -> B
         if bag.topics:
             return bag
         bag.release()
-    no_bag = f"not a bag; the name of a text file ends in {' or '.join(TEXT_SUFFIXES)}"
+    no_bag = f"not a bag; the name of a text file ends in one of {', '.join(TEXT_SUFFIXES)}"
     raise InputError(f"{path}: {no_bag if magic else 'an empty file'}")

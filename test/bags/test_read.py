@@ -88,7 +88,7 @@ def test_inputs_that_are_no_bags(tmp_path):
         ("missing.bag", "No such file"),
         ("empty.bag", "an empty file"),
         ("words.bag", "not a bag, or its first bytes are damaged; convert_bag --recover"),
-        ("words.txt.xyz", r"not a bag; the name of a text file ends in \.csv or \.tum or \.txt"),
+        ("words.txt.xyz", r"not a bag; the name of a text file ends in one of \.csv, \.tum, \.txt"),
         ("folder", r"no metadata\.yaml"),
     ):
         with pytest.raises(InputError, match=reason):
