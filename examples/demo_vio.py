@@ -33,38 +33,38 @@ TAIL = 5
 WHITE = (255, 255, 255)
 
 
-def run(*words: str | Path) -> None:
+def run(*command: str | Path) -> None:
     """Print a command, and run it."""
-    print("demo-vio:", *(Path(words[0]).name, *words[1:]), flush=True)
-    done = subprocess.run([str(word) for word in words], check=False)
-    if done.returncode:
-        sys.exit(f"demo-vio: {Path(words[0]).name} ended with status {done.returncode}")
+    print("demo-vio:", *(Path(command[0]).name, *command[1:]), flush=True)
+    process = subprocess.run([str(word) for word in command], check=False)
+    if process.returncode:
+        sys.exit(f"demo-vio: {Path(command[0]).name} ended with status {process.returncode}")
 
 
 def contact_sheet(tracks: Path, images: Path, output: Path) -> None:
     """Draw the features of some frames of the first camera, with where each was before."""
     columns = np.load(tracks / "tracks.npz")
-    ours = columns["camera"] == 0
-    t_ns, ids, uv = (columns[name][ours] for name in ("t_ns", "id", "uv"))
+    of_camera = columns["camera"] == 0
+    t_ns, ids, uv = (columns[name][of_camera] for name in ("t_ns", "id", "uv"))
     frames = np.unique(t_ns)
-    chosen = frames[np.linspace(TAIL, len(frames) - 1, SHOWN).astype(int)]
+    sheet_frames = frames[np.linspace(TAIL, len(frames) - 1, SHOWN).astype(int)]
     pictures = []
-    for now in chosen.tolist():
-        picture = cv2.imread(str(images / f"{now:019d}.png"), cv2.IMREAD_COLOR)
-        at = int(np.searchsorted(frames, now))
+    for frame_ns in sheet_frames.tolist():
+        picture = cv2.imread(str(images / f"{frame_ns:019d}.png"), cv2.IMREAD_COLOR)
+        frame_index = int(np.searchsorted(frames, frame_ns))
         traces = [
             dict(zip(ids[t_ns == t].tolist(), uv[t_ns == t], strict=True))
-            for t in frames[at - TAIL : at + 1]
+            for t in frames[frame_index - TAIL : frame_index + 1]
         ]
         for identity, pixel in traces[-1].items():
-            trace = [seen[identity] for seen in traces if identity in seen]
+            trace = [pixels[identity] for pixels in traces if identity in pixels]
             line = np.rint(trace).astype(np.int32).reshape(-1, 1, 2)
             cv2.polylines(picture, [line], False, (0, 160, 255), 2, cv2.LINE_AA)
             center = tuple(np.rint(pixel).astype(int).tolist())
             cv2.circle(picture, center, 5, (60, 220, 60), 2, cv2.LINE_AA)
         small = cv2.resize(picture, None, fx=0.5, fy=0.5, interpolation=cv2.INTER_AREA)
         framed = cv2.copyMakeBorder(small, 24, 3, 3, 3, cv2.BORDER_CONSTANT, value=WHITE)
-        pictures.append(labelled(framed, f"{(now - frames[0]) * 1e-9:.2f} s"))
+        pictures.append(labelled(framed, f"{(frame_ns - frames[0]) * 1e-9:.2f} s"))
     rows = [np.hstack(pictures[k : k + 4]) for k in range(0, SHOWN, 4)]
     title = np.full((30, rows[0].shape[1], 3), 255, np.uint8)
     text = f"cam0: features (green) and where each was in the last {TAIL} frames (orange)"

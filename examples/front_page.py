@@ -91,11 +91,11 @@ def draw(dark: bool, path: Path) -> None:
     up = np.cross(side, forward)
     depth = points @ forward
     order = np.argsort(-depth)
-    inside = order[points[order, 2] < np.percentile(points[:, 2], 97) - 0.3]
+    below_ceiling = order[points[order, 2] < np.percentile(points[:, 2], 97) - 0.3]
     lidar.scatter(
-        points[inside] @ side,
-        points[inside] @ up,
-        c=points[inside, 2],
+        points[below_ceiling] @ side,
+        points[below_ceiling] @ up,
+        c=points[below_ceiling, 2],
         s=0.35,
         cmap="turbo",
         vmin=points[:, 2].min() - 0.6,  # the darkest colours would vanish on a dark page

@@ -53,20 +53,22 @@ DRIVE = {
 
 @dataclass
 class Fixes:
-    """What a receiver says at n times."""
+    """Fixes of a GNSS receiver at n times, in the world frame."""
 
     t_ns: np.ndarray
     position: np.ndarray
     """(n, 3) east, north, up [m]."""
     variance: np.ndarray
-    """(n, 3) stated [m^2]."""
+    """(n, 3) stated variance of the position [m^2]."""
     velocity: np.ndarray
+    """(n, 3) east, north, up [m/s]."""
     velocity_variance: np.ndarray
+    """(n, 3) stated [m^2/s^2]."""
 
 
 @dataclass
 class Result:
-    """Key frames of one drive."""
+    """Estimates at the n key frames of one drive."""
 
     t_ns: np.ndarray
     pose: list
@@ -99,8 +101,8 @@ class Result:
             for t, pose, triangles in zip(self.t_ns.tolist(), self.pose, sigma, strict=True):
                 q = pose.rotation().toQuaternion()
                 numbers = [*pose.translation(), q.x(), q.y(), q.z(), q.w(), *triangles]
-                words = (f"{value:.12g}" for value in numbers)
-                print(f"{t // 10**9}.{t % 10**9:09d}", *words, file=file)
+                cells = (f"{value:.12g}" for value in numbers)
+                print(f"{t // 10**9}.{t % 10**9:09d}", *cells, file=file)
 
 
 def estimate(parameters, t_ns, gyro, accel, fixes, pose, velocity) -> Result:
@@ -111,7 +113,7 @@ def estimate(parameters, t_ns, gyro, accel, fixes, pose, velocity) -> Result:
     :param pose: at the first reading, known as well as START says.
     """
     noise = gtsam_noise.imu_noise(parameters)
-    whole = gtsam.PreintegratedCombinedMeasurements(noise)
+    preintegrated = gtsam.PreintegratedCombinedMeasurements(noise)
     settings = gtsam.ISAM2Params()
     settings.relinearizeSkip = 1
     settings.setFactorization("QR")  # Cholesky stops with an indeterminate system
@@ -127,20 +129,20 @@ def estimate(parameters, t_ns, gyro, accel, fixes, pose, velocity) -> Result:
     isam.update(graph, values)
     arm = np.asarray(parameters.gnss.lever_arm)
     state, row = gtsam.NavState(pose, velocity), 0
-    found = [(int(t_ns[0]), pose, velocity, isam.marginalCovariance(X(0)))]
-    for k, (now, fix) in enumerate(moments(t_ns, fixes), start=1):
-        end = int(np.searchsorted(t_ns, now))
+    estimates = [(int(t_ns[0]), pose, velocity, isam.marginalCovariance(X(0)))]
+    for k, (t_key, fix) in enumerate(moments(t_ns, fixes), start=1):
+        end = int(np.searchsorted(t_ns, t_key))
         mean = 0.5 * (
             np.hstack([accel, gyro])[row:end] + np.hstack([accel, gyro])[row + 1 : end + 1]
         )
-        for values_, dt in zip(mean, np.diff(t_ns[row : end + 1]) * 1e-9, strict=True):
-            whole.integrateMeasurement(values_[:3], values_[3:], float(dt))
+        for reading, dt in zip(mean, np.diff(t_ns[row : end + 1]) * 1e-9, strict=True):
+            preintegrated.integrateMeasurement(reading[:3], reading[3:], float(dt))
         row = end
         graph, values = gtsam.NonlinearFactorGraph(), gtsam.Values()
         graph.push_back(
-            gtsam.CombinedImuFactor(X(k - 1), V(k - 1), X(k), V(k), B(k - 1), B(k), whole)
+            gtsam.CombinedImuFactor(X(k - 1), V(k - 1), X(k), V(k), B(k - 1), B(k), preintegrated)
         )
-        predicted = whole.predict(state, bias)
+        predicted = preintegrated.predict(state, bias)
         if fix is not None:
             place = sigmas(np.sqrt(fixes.variance[fix]))
             graph.push_back(gtsam.GPSFactorArm(X(k), fixes.position[fix], arm, place))
@@ -156,35 +158,35 @@ def estimate(parameters, t_ns, gyro, accel, fixes, pose, velocity) -> Result:
         pose, velocity = isam.calculateEstimatePose3(X(k)), isam.calculateEstimateVector(V(k))
         bias = isam.calculateEstimateConstantBias(B(k))
         state = gtsam.NavState(pose, velocity)
-        whole.resetIntegrationAndSetBias(bias)
-        found.append((now, pose, velocity, isam.marginalCovariance(X(k))))
-    times, poses, velocities, covariances = zip(*found, strict=True)
+        preintegrated.resetIntegrationAndSetBias(bias)
+        estimates.append((t_key, pose, velocity, isam.marginalCovariance(X(k))))
+    times, poses, velocities, covariances = zip(*estimates, strict=True)
     return Result(np.array(times), list(poses), np.array(velocities), np.array(covariances))
 
 
 def moments(t_ns, fixes):
     """Yield the times of key frames [ns], each with the number of its fix, or None."""
-    last, step = int(t_ns[0]), round(SILENCE * 1e9)
+    t_key, step = int(t_ns[0]), round(SILENCE * 1e9)
     for number, t in enumerate([*fixes.t_ns.tolist(), int(t_ns[-1])]):
-        while t - last > 1.5 * step:
-            last += step
-            yield int(t_ns[np.searchsorted(t_ns, last)]), None
-        if last < t <= t_ns[-1]:
-            last = t
+        while t - t_key > 1.5 * step:
+            t_key += step
+            yield int(t_ns[np.searchsorted(t_ns, t_key)]), None
+        if t_key < t <= t_ns[-1]:
+            t_key = t
             yield t, number if number < len(fixes.t_ns) else None
 
 
 def simulated(seed: int, **parameters) -> tuple[Result, np.ndarray]:
     """Return the estimate of a simulated drive, and the true positions of its key frames."""
     flight = ims.simulate(seed=seed, **{**DRIVE, **parameters})
-    read, truth = flight.gnss, flight.truth
-    fixes = Fixes(read.t_ns, read.position, read.variance, read.velocity, read.velocity_variance)
-    # The start is known to START: draw what is not known.
+    gnss, truth = flight.gnss, flight.truth
+    fixes = Fixes(gnss.t_ns, gnss.position, gnss.variance, gnss.velocity, gnss.velocity_variance)
+    # The initial pose and velocity are known to within START: draw their errors.
     draw = np.random.default_rng(seed).standard_normal(9)
-    true = gtsam.Pose3(gtsam.Rot3(rotation.to_matrix(truth.q_wb[0])), truth.position[0])
-    begin = true.retract(START["pose"] * draw[:6])
+    true_pose = gtsam.Pose3(gtsam.Rot3(rotation.to_matrix(truth.q_wb[0])), truth.position[0])
+    initial_pose = true_pose.retract(START["pose"] * draw[:6])
     velocity = truth.velocity[0] + START["velocity"] * draw[6:]
-    arguments = flight.t_ns, flight.gyro, flight.accel, fixes, begin, velocity
+    arguments = flight.t_ns, flight.gyro, flight.accel, fixes, initial_pose, velocity
     result = estimate(flight.parameters, *arguments)
     return result, truth.position[np.searchsorted(truth.t_ns, result.t_ns)]
 
@@ -194,8 +196,8 @@ def of_folder(folder: Path, configuration: Path) -> Result:
     parameters = load_simulation(files.load(configuration))
     imu = np.loadtxt(folder / "mav0/imu0/data.csv", delimiter=",", skiprows=1)
     gps = np.loadtxt(folder / "mav0/gps0/data.csv", delimiter=",", skiprows=1, ndmin=2)
-    first = folder / "mav0/state_groundtruth_estimate0/data.csv"
-    start = np.loadtxt(first, delimiter=",", skiprows=1, max_rows=1)
+    truth_file = folder / "mav0/state_groundtruth_estimate0/data.csv"
+    start = np.loadtxt(truth_file, delimiter=",", skiprows=1, max_rows=1)
     (imu_t, gps_t) = (
         np.loadtxt(folder / name, delimiter=",", skiprows=1, usecols=0, dtype=np.int64, ndmin=1)
         for name in ("mav0/imu0/data.csv", "mav0/gps0/data.csv")
@@ -244,7 +246,7 @@ def draw(folder: Path, seeds: int) -> None:
     for factor, colour, name in ((1.0, "black", "honest"), (0.25, "tab:red", "a quarter of it")):
         runs = [simulated(seed, **{"gnss.covariance_factor": factor}) for seed in range(seeds)]
         t = (runs[0][0].t_ns - runs[0][0].t_ns[0]) * 1e-9
-        found = np.array([result.position_nees(truth) for result, truth in runs])
+        run_nees = np.array([result.position_nees(truth) for result, truth in runs])
         rms = np.sqrt(
             np.mean([(result.errors(truth) ** 2).sum(axis=1) for result, truth in runs], axis=0)
         )
@@ -254,11 +256,11 @@ def draw(folder: Path, seeds: int) -> None:
         if factor == 1.0:
             errors.plot(t, rms, color=colour, label=f"RMS of {seeds} drives")
             errors.plot(t, sigma, "--", color="tab:blue", label="as gtsam says")
-        nees.plot(t, found.mean(axis=0), color=colour, label=f"stated covariance: {name}")
+        nees.plot(t, run_nees.mean(axis=0), color=colour, label=f"stated covariance: {name}")
         end = int(np.searchsorted(t, sum(OUTAGE) - 1.5))  # the last second without a fix
         print(
             f"{name}: {rms[end]:.2f} m at the end of the outage, {sigma[end]:.2f} m stated; "
-            f"NEES {found[:, end].mean():.2f}, at the end {found[:, -1].mean():.2f} of 3, "
+            f"NEES {run_nees[:, end].mean():.2f}, at the end {run_nees[:, -1].mean():.2f} of 3, "
             f"band {low:.2f} to {high:.2f}"
         )
     errors.set(

@@ -52,13 +52,15 @@ OUTLIER = 3.0  # standard deviations
 STOP = (cv2.TERM_CRITERIA_EPS + cv2.TERM_CRITERIA_COUNT, 30, 0.01)
 
 
-def _flow(before: np.ndarray, after: np.ndarray, uv: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+def _flow(
+    image: np.ndarray, next_image: np.ndarray, uv: np.ndarray
+) -> tuple[np.ndarray, np.ndarray]:
     """Follow pixels (n, 2) into another image; return them and which (n,) were found."""
-    found, status, _ = cv2.calcOpticalFlowPyrLK(
-        before, after, uv, None, winSize=(21, 21), maxLevel=3, criteria=STOP,
+    next_uv, status, _ = cv2.calcOpticalFlowPyrLK(
+        image, next_image, uv, None, winSize=(21, 21), maxLevel=3, criteria=STOP,
         minEigThreshold=LEAST_SLOPE,
     )  # fmt: skip
-    return found, status[:, 0] > 0
+    return next_uv, status[:, 0] > 0
 
 
 class CornerTracker:
@@ -89,19 +91,19 @@ class CornerTracker:
     def _follow(self, image: np.ndarray) -> None:
         if not len(self.uv):
             return
-        uv, found = _flow(self._before, image, self.uv)
+        uv, tracked = _flow(self._before, image, self.uv)
         back, returned = _flow(image, self._before, uv)
         size = np.array(image.shape[::-1]) - 1
-        good = found & returned & ((uv > 0) & (uv < size)).all(axis=1)
+        good = tracked & returned & ((uv > 0) & (uv < size)).all(axis=1)
         good &= np.linalg.norm(back - self.uv, axis=1) < RETURN
         if good.sum() >= 8:
             planes = []
-            for part in (self.uv[good], uv[good]):
-                ray = self._model.unproject(part.astype(np.float64)).direction
+            for pixels in (self.uv[good], uv[good]):
+                ray = self._model.unproject(pixels.astype(np.float64)).direction
                 planes.append(ray[:, :2] / ray[:, 2:])
-            _, inside = cv2.findFundamentalMat(*planes, cv2.FM_RANSAC, self._threshold, 0.99)
-            if inside is not None:
-                good[np.flatnonzero(good)[inside[:, 0] == 0]] = False
+            _, inliers = cv2.findFundamentalMat(*planes, cv2.FM_RANSAC, self._threshold, 0.99)
+            if inliers is not None:
+                good[np.flatnonzero(good)[inliers[:, 0] == 0]] = False
         self.lifetimes += self.ages[~good].tolist()
         self.uv, self.ids, self.ages = uv[good], self.ids[good], self.ages[good] + 1
 
@@ -111,21 +113,21 @@ class CornerTracker:
         for u, v in self.uv.astype(int).tolist():
             cv2.circle(free, (u, v), APART, 0, -1)
         height, width = (n // k for n, k in zip(image.shape, CELLS, strict=True))
-        each = 1 + (FEATURES - len(self.ids)) // (CELLS[0] * CELLS[1])
-        new = []
+        corners_per_cell = 1 + (FEATURES - len(self.ids)) // (CELLS[0] * CELLS[1])
+        corner_pixels = []
         for row, column in np.ndindex(*CELLS):
             y, x = row * height, column * width
-            part = image[y : y + height, x : x + width]
-            found = self._fast.detect(part, free[y : y + height, x : x + width])
-            taken = 0
-            for corner in sorted(found, key=lambda each: -each.response):
+            cell = image[y : y + height, x : x + width]
+            corners = self._fast.detect(cell, free[y : y + height, x : x + width])
+            added = 0
+            for corner in sorted(corners, key=lambda candidate: -candidate.response):
                 u, v = int(corner.pt[0]) + x, int(corner.pt[1]) + y
-                if taken < each and free[v, u]:
+                if added < corners_per_cell and free[v, u]:
                     cv2.circle(free, (u, v), APART, 0, -1)
-                    new.append((corner.pt[0] + x, corner.pt[1] + y))
-                    taken += 1
-        if new:
-            uv = np.array(new, np.float32).reshape(-1, 1, 2)
+                    corner_pixels.append((corner.pt[0] + x, corner.pt[1] + y))
+                    added += 1
+        if corner_pixels:
+            uv = np.array(corner_pixels, np.float32).reshape(-1, 1, 2)
             uv = cv2.cornerSubPix(image, uv, (5, 5), (-1, -1), STOP)[:, 0]
             self.uv = np.concatenate([self.uv, uv])
             self.ids = np.concatenate([self.ids, self._next + np.arange(len(uv))])
@@ -134,9 +136,9 @@ class CornerTracker:
 
     def drop(self, refused: set[int]) -> None:
         """Forget corners."""
-        kept = np.array([each not in refused for each in self.ids.tolist()], bool)
-        self.lifetimes += self.ages[~kept].tolist()
-        self.uv, self.ids, self.ages = self.uv[kept], self.ids[kept], self.ages[kept]
+        remaining = np.array([identity not in refused for identity in self.ids.tolist()], bool)
+        self.lifetimes += self.ages[~remaining].tolist()
+        self.uv, self.ids, self.ages = self.uv[remaining], self.ids[remaining], self.ages[remaining]
 
     def oldest(self) -> tuple[np.ndarray, np.ndarray]:
         """Return ids (n,) and pixels (n, 2) of those that were followed longest."""
@@ -167,18 +169,18 @@ class ImageEstimator(gtsam_vio.Estimator):
 
     def look(self, ids: np.ndarray, uv: np.ndarray, cameras: np.ndarray | None = None) -> None:
         """Close a key frame with its corners: ids (n,), pixels (n, 2)."""
-        kept = np.array([each not in self.refused for each in ids.tolist()], bool)
-        ids, uv = ids[kept], uv[kept]
-        guess = self.state.pose()
+        accepted = np.array([identity not in self.refused for identity in ids.tolist()], bool)
+        ids, uv = ids[accepted], uv[accepted]
+        predicted_pose = self.state.pose()
         if self._preintegration.deltaTij() > 0.0:
-            guess = self._preintegration.predict(self.state, self.bias).pose()
+            predicted_pose = self._preintegration.predict(self.state, self.bias).pose()
         # Against the prediction only in relation to each other: its own error moves all of them.
-        misses = self._misses(guess, ids, uv)
+        misses = self._misses(predicted_pose, ids, uv)
         if len(misses) >= 5:
             middle = np.median(list(misses.values()), axis=0)
             self._refuse({k: miss - middle for k, miss in misses.items()}, 2.0 * OUTLIER)
-        kept = np.array([each not in self.refused for each in ids.tolist()], bool)
-        ids, uv = ids[kept], uv[kept]
+        accepted = np.array([identity not in self.refused for identity in ids.tolist()], bool)
+        ids, uv = ids[accepted], uv[accepted]
         super().look(ids, uv)
         misses = self._misses(self.state.pose(), ids, uv)
         if len(misses) >= 10:
@@ -195,17 +197,17 @@ class ImageEstimator(gtsam_vio.Estimator):
 
     def _misses(self, pose: gtsam.Pose3, ids: np.ndarray, uv: np.ndarray) -> dict[int, np.ndarray]:
         """Return how far (2,) known landmarks are from their pixels."""
-        camera, found = self._cameras[0], {}
+        camera, misses = self._cameras[0], {}
         eye = pose.compose(camera.body_camera)
         for identity, pixel in zip(ids.tolist(), uv, strict=True):
             if identity in self._known:
                 local = eye.transformTo(self.place(identity))
                 if local[2] > 0.1:
                     place = camera.calibration.uncalibrate(local[:2] / local[2])
-                    found[identity] = place - pixel
+                    misses[identity] = place - pixel
                 else:
                     self.refused.add(identity)
-        return found
+        return misses
 
     def _refuse(self, misses: dict[int, np.ndarray], sigmas: float) -> None:
         limit = sigmas * WANDERING * self.noise
@@ -221,45 +223,49 @@ def run(folder: Path, configuration: Path, rate: float = 4.0) -> tuple[gtsam_vio
     estimator = ImageEstimator(parameters, camera)
     tables = [folder / "mav0" / name / "data.csv" for name in ("imu0", "cam0")]
     imu_t, image_t = (
-        np.loadtxt(each, np.int64, delimiter=",", skiprows=1, usecols=0) for each in tables
+        np.loadtxt(table, np.int64, delimiter=",", skiprows=1, usecols=0) for table in tables
     )
     imu = np.loadtxt(tables[0], delimiter=",", skiprows=1)
-    first = folder / "mav0" / "state_groundtruth_estimate0" / "data.csv"
-    true_t = np.loadtxt(first, np.int64, delimiter=",", skiprows=1, usecols=0)
-    truth = np.loadtxt(first, delimiter=",", skiprows=1)
+    truth_file = folder / "mav0" / "state_groundtruth_estimate0" / "data.csv"
+    true_t = np.loadtxt(truth_file, np.int64, delimiter=",", skiprows=1, usecols=0)
+    truth = np.loadtxt(truth_file, delimiter=",", skiprows=1)
     motion = parameters.trajectory
     begin = imu_t[0] + round((motion.lead_in.rest or motion.rest_before) * 1e9)
     image_t = image_t[(image_t >= begin) & (image_t <= min(imu_t[-1], true_t[-1]))]
     tracker = CornerTracker(CameraModel(camera), camera.intrinsics[0])
-    stride, found, keys = max(1, round(camera.rate / rate)), [], []
-    rested, last, trues = bool(begin > imu_t[0]), None, []
-    window = None if rested else gtsam_start.Window(parameters, estimator.camera)
-    for k, now in enumerate(image_t.tolist()):
-        name = folder / "mav0" / "cam0" / "data" / f"{now:019d}.png"
+    stride, columns_of_keys, keys = max(1, round(camera.rate / rate)), [], []
+    at_rest, previous_row, true_poses = bool(begin > imu_t[0]), None, []
+    window = None if at_rest else gtsam_start.Window(parameters, estimator.camera)
+    for k, frame_ns in enumerate(image_t.tolist()):
+        name = folder / "mav0" / "cam0" / "data" / f"{frame_ns:019d}.png"
         tracker.look(cv2.imread(str(name), cv2.IMREAD_GRAYSCALE))
         if k % stride:
             continue
-        row, at = int(np.searchsorted(imu_t, now)), int(np.searchsorted(true_t, now))
-        true = gtsam.Pose3(gtsam.Rot3(rotation.to_matrix(truth[at, 4:8])), truth[at, 1:4])
-        readings, last = _between(imu, imu_t, row if last is None else last, row), row
+        row = int(np.searchsorted(imu_t, frame_ns))
+        truth_row = int(np.searchsorted(true_t, frame_ns))
+        true_pose = gtsam.Pose3(
+            gtsam.Rot3(rotation.to_matrix(truth[truth_row, 4:8])), truth[truth_row, 1:4]
+        )
+        readings = _between(imu, imu_t, row if previous_row is None else previous_row, row)
+        previous_row = row
         if window is not None:
             window.add(readings, *tracker.oldest())
-            trues = [*trues, true][-len(window.frames) :]
-            started = window.start(trues[0])
+            true_poses = [*true_poses, true_pose][-len(window.frames) :]
+            started = window.start(true_poses[0])
             if started is None:
                 continue
             estimator.begin(started)
             window = None
         else:
-            if not keys and rested:
-                estimator.rest(true, imu[imu_t < begin, 1:])
-                estimator.start(true, truth[at, 8:11])
+            if not keys and at_rest:
+                estimator.rest(true_pose, imu[imu_t < begin, 1:])
+                estimator.start(true_pose, truth[truth_row, 8:11])
             for values in readings:
                 estimator.integrate(values[:3], values[3:6], float(values[6]))
             estimator.look(*tracker.oldest())
         tracker.drop(estimator.refused)
-        keys.append(now)
-        found.append(gtsam_vio.compared(estimator, true))
+        keys.append(frame_ns)
+        columns_of_keys.append(gtsam_vio.compared(estimator, true_pose))
     if not keys:
         raise SystemExit(
             f"no start: in {len(image_t)} images the camera never moved for "
@@ -267,7 +273,7 @@ def run(folder: Path, configuration: Path, rate: float = 4.0) -> tuple[gtsam_vio
             "flight gives them (trajectory.lead_in.rest=2)"
         )
     result = gtsam_vio.Result(
-        np.array(keys), *(np.array(column) for column in zip(*found, strict=True))
+        np.array(keys), *(np.array(column) for column in zip(*columns_of_keys, strict=True))
     )
     lifetimes = [age for age in tracker.lifetimes + tracker.ages.tolist() if age > 1]
     summary = {
@@ -283,11 +289,13 @@ def run(folder: Path, configuration: Path, rate: float = 4.0) -> tuple[gtsam_vio
     return result, summary
 
 
-def _between(imu: np.ndarray, imu_t: np.ndarray, first: int, last: int) -> np.ndarray:
+def _between(imu: np.ndarray, imu_t: np.ndarray, start_row: int, end_row: int) -> np.ndarray:
     """Return the means of neighbouring readings (n, 7): force, rate, time between them [s]."""
-    part = imu[first : last + 1, 1:]
-    mean = 0.5 * (part[1:] + part[:-1])
-    return np.column_stack([mean[:, 3:], mean[:, :3], np.diff(imu_t[first : last + 1]) * 1e-9])
+    readings = imu[start_row : end_row + 1, 1:]
+    mean = 0.5 * (readings[1:] + readings[:-1])
+    return np.column_stack(
+        [mean[:, 3:], mean[:, :3], np.diff(imu_t[start_row : end_row + 1]) * 1e-9]
+    )
 
 
 def main() -> None:

@@ -74,9 +74,9 @@ def _variance_of_mean(triad: TriadParameters, seconds: float) -> np.ndarray:
 def bias_sigma(parameters: SimulationParameters) -> np.ndarray:
     """Return how well the biases (6,) are known at the start: accelerometer, gyroscope."""
     imu = parameters.imu
-    both = (imu.accelerometer.turn_on_bias_sigma, imu.gyroscope.turn_on_bias_sigma)
-    others = _slow_errors(imu, RATE_CHANGE, float(np.linalg.norm(parameters.gravity)))
-    return np.maximum(np.hypot(np.concatenate(both), np.concatenate(others)), 1e-6)
+    turn_on = (imu.accelerometer.turn_on_bias_sigma, imu.gyroscope.turn_on_bias_sigma)
+    slow_errors = _slow_errors(imu, RATE_CHANGE, float(np.linalg.norm(parameters.gravity)))
+    return np.maximum(np.hypot(np.concatenate(turn_on), np.concatenate(slow_errors)), 1e-6)
 
 
 def biases_of_rest(

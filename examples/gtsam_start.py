@@ -55,15 +55,15 @@ class Frame(NamedTuple):
 
 
 @dataclass
-class Started:
-    """What is known after a start, for each key frame of the window."""
+class InitialEstimate:
+    """Initial estimate of the key frames of a window and of the corners seen in them."""
 
     values: gtsam.Values
     """X, V and B of each key frame, from 0 on, and L of each corner, by its id."""
     graph: gtsam.NonlinearFactorGraph
     """All but the factors of corners."""
     times: list[float]
-    """Of the key frames, from 0 on [s]."""
+    """Times of the key frames from the first one on [s]."""
     sights: dict[int, list[tuple[int, np.ndarray]]]
     """Key frame and pixel of each corner, by its id."""
 
@@ -82,19 +82,21 @@ class Window:
         self._camera = camera
         self.frames: list[Frame] = []
         self.span = 0.0
-        """From the first key frame to the last [s]."""
+        """Time between the oldest and the latest key frame [s]."""
 
     def add(self, readings: np.ndarray, ids: np.ndarray, uv: np.ndarray) -> None:
         """Take the next key frame; leave out those at rest, and those that are too long ago.
 
         :param readings: as those of :class:`Frame`; of the first one they do not matter.
         """
-        rays = np.array([self._camera.calibration.calibrate(each) for each in uv]).reshape(-1, 2)
+        rays = np.array([self._camera.calibration.calibrate(pixel) for pixel in uv]).reshape(-1, 2)
         frame = Frame(readings, ids, uv, rays)
         if self.frames:
-            before, now = _common(self.frames[-1], frame)
-            moved = np.linalg.norm(frame.uv[now] - self.frames[-1].uv[before], axis=1)
-            if len(moved) < LEAST_CORNERS or np.median(moved) < STILL:
+            previous_rows, rows = _common(self.frames[-1], frame)
+            pixel_motion = np.linalg.norm(
+                frame.uv[rows] - self.frames[-1].uv[previous_rows], axis=1
+            )
+            if len(pixel_motion) < LEAST_CORNERS or np.median(pixel_motion) < STILL:
                 self.frames.clear()
         self.frames.append(frame)
         while self._span() > LONGEST:
@@ -104,7 +106,7 @@ class Window:
     def _span(self) -> float:
         return float(sum(frame.readings[:, 6].sum() for frame in self.frames[1:]))
 
-    def start(self, true: gtsam.Pose3) -> Started | None:
+    def start(self, true: gtsam.Pose3) -> InitialEstimate | None:
         """Return what the window says; None if it is too short or says too little.
 
         :param true: pose of the first key frame, of which position and heading are taken.
@@ -115,13 +117,15 @@ class Window:
         bias = gtsam.imuBias.ConstantBias(np.zeros(3), gyro_bias)
         parts = [self._preintegrated([frame], bias) for frame in self.frames[1:]]
         wholes = [self._preintegrated(self.frames[1:k], bias) for k in range(1, self._count + 1)]
-        found = self._linear(wholes)
-        if found is None:
+        solution = self._linear(wholes)
+        if solution is None:
             return None
-        velocity, gravity, points = found
+        velocity, gravity, points = solution
         level = _heading_of(true, _upright(gravity))
-        first = gtsam.NavState(gtsam.Pose3(level, true.translation()), level.rotate(velocity))
-        return self._refined(first, bias, parts, wholes, points)
+        initial_state = gtsam.NavState(
+            gtsam.Pose3(level, true.translation()), level.rotate(velocity)
+        )
+        return self._refined(initial_state, bias, parts, wholes, points)
 
     @property
     def _count(self) -> int:
@@ -140,25 +144,27 @@ class Window:
         pairs = []
         for step in PAIRS:
             for k in range(self._count - step):
-                before, after = self.frames[k], self.frames[k + step]
-                a, b = _common(before, after)
-                if len(a) >= LEAST_CORNERS:
-                    both = [
+                start_frame, end_frame = self.frames[k], self.frames[k + step]
+                start_rows, end_rows = _common(start_frame, end_frame)
+                if len(start_rows) >= LEAST_CORNERS:
+                    rays_in_body = [
                         _unit(_upgraded(frame.rays[rows])) @ r_bc.T
-                        for frame, rows in ((before, a), (after, b))
+                        for frame, rows in ((start_frame, start_rows), (end_frame, end_rows))
                     ]
-                    pairs.append((k, k + step, *both))
+                    pairs.append((k, k + step, *rays_in_body))
 
         def disagreement(bias: np.ndarray) -> float:
-            known = gtsam.imuBias.ConstantBias(np.zeros(3), 1e-2 * bias)
-            turns = [self._preintegrated([f], known).deltaRij().matrix() for f in self.frames[1:]]
+            scaled_bias = gtsam.imuBias.ConstantBias(np.zeros(3), 1e-2 * bias)
+            turns = [
+                self._preintegrated([f], scaled_bias).deltaRij().matrix() for f in self.frames[1:]
+            ]
             total = 0.0
-            for first, last, here, there in pairs:
+            for start, end, start_rays, end_rays in pairs:
                 turn = np.eye(3)
-                for k in range(first, last):
+                for k in range(start, end):
                     turn = turn @ turns[k]
-                normals = np.cross(here, there @ turn.T)
-                total += np.linalg.eigvalsh(normals.T @ normals)[0] / len(here)
+                normals = np.cross(start_rays, end_rays @ turn.T)
+                total += np.linalg.eigvalsh(normals.T @ normals)[0] / len(start_rays)
             return 1e6 * total
 
         if not pairs:
@@ -172,7 +178,7 @@ class Window:
         for k, frame in enumerate(self.frames):
             for row, identity in enumerate(frame.ids.tolist()):
                 sights.setdefault(identity, []).append((k, row))
-        return {identity: seen for identity, seen in sights.items() if len(seen) >= 3}
+        return {identity: views for identity, views in sights.items() if len(views) >= 3}
 
     def _linear(self, wholes: list) -> tuple[np.ndarray, np.ndarray, dict[int, np.ndarray]] | None:
         """Return velocity, gravity, and places of corners in the axes of the first body.
@@ -188,10 +194,10 @@ class Window:
         solution = None
         for _ in range(4):
             # Each corner is eliminated by what is orthogonal to its own columns.
-            left, right, own = [], [], {}
-            for identity, seen in sights.items():
+            reduced_a, reduced_b, equations = [], [], {}
+            for identity, views in sights.items():
                 rows, of_point, value = [], [], []
-                for k, row in seen:
+                for k, row in views:
                     whole = wholes[k]
                     t, turn = whole.deltaTij(), whole.deltaRij().matrix().T
                     x, y = self.frames[k].rays[row]
@@ -202,19 +208,19 @@ class Window:
                     value.append(along @ whole.deltaPij() + line @ r_cb @ p_bc)
                 a, f, b = np.vstack(rows), np.vstack(of_point), np.concatenate(value)
                 q, _ = np.linalg.qr(f, mode="complete")
-                left.append(q[:, 3:].T @ a)
-                right.append(q[:, 3:].T @ b)
-                own[identity] = a, f, b
-            if len(own) < LEAST_CORNERS:
+                reduced_a.append(q[:, 3:].T @ a)
+                reduced_b.append(q[:, 3:].T @ b)
+                equations[identity] = a, f, b
+            if len(equations) < LEAST_CORNERS:
                 return None
-            solution = _with_gravity(np.vstack(left), np.concatenate(right), self._gravity)
+            solution = _with_gravity(np.vstack(reduced_a), np.concatenate(reduced_b), self._gravity)
             points = {
                 k: np.linalg.lstsq(f, b - a @ solution, rcond=None)[0]
-                for k, (a, f, b) in own.items()
+                for k, (a, f, b) in equations.items()
             }
             # Pixels, instead of metres: each equation by its depth; far misses count less.
-            for identity, seen in list(sights.items()):
-                for k, row in seen:
+            for identity, views in list(sights.items()):
+                for k, row in views:
                     local = self._local(points[identity], solution, wholes[k], r_cb, p_bc)
                     depth = max(float(local[2]), 0.1)
                     miss = np.linalg.norm(local[:2] / depth - self.frames[k].rays[row])
@@ -227,39 +233,46 @@ class Window:
         place = solution[:3] * t + 0.5 * t * t * solution[3:] + whole.deltaPij()
         return r_cb @ (whole.deltaRij().matrix().T @ (point - place) - p_bc)
 
-    def _refined(self, first, bias, parts: list, wholes: list, points: dict) -> Started | None:
+    def _refined(
+        self, initial_state, bias, parts: list, wholes: list, points: dict
+    ) -> InitialEstimate | None:
         """Return all of the window by gtsam; None if it does not determine the velocity."""
         graph, values = gtsam.NonlinearFactorGraph(), gtsam.Values()
-        r_wb = first.pose().rotation().matrix()
+        r_wb = initial_state.pose().rotation().matrix()
         turn = r_wb.T @ np.diag(np.square([TILT, TILT, KNOWN])) @ r_wb
         covariance = np.zeros((6, 6))
         covariance[:3, :3], covariance[3:, 3:] = turn, KNOWN**2 * np.eye(3)
-        graph.addPriorPose3(X(0), first.pose(), gtsam.noiseModel.Gaussian.Covariance(covariance))
+        graph.addPriorPose3(
+            X(0), initial_state.pose(), gtsam.noiseModel.Gaussian.Covariance(covariance)
+        )
         sigmas = gtsam.noiseModel.Diagonal.Sigmas(self._bias_sigma)
         graph.addPriorConstantBias(B(0), gtsam.imuBias.ConstantBias(), sigmas)
         for k, part in enumerate(parts):
             graph.push_back(gtsam.CombinedImuFactor(X(k), V(k), X(k + 1), V(k + 1), B(k), B(k + 1),
                                                     part))  # fmt: skip
-        states = [whole.predict(first, bias) if k else first for k, whole in enumerate(wholes)]
+        states = [
+            whole.predict(initial_state, bias) if k else initial_state
+            for k, whole in enumerate(wholes)
+        ]
         for k, state in enumerate(states):
             values.insert(X(k), state.pose())
             values.insert(V(k), state.velocity())
             values.insert(B(k), bias)
         sights = {}
-        for identity, seen in self._sights().items():
-            place = first.pose().transformFrom(points[identity])
-            eyes = [states[k].pose().compose(self._camera.body_camera) for k, _ in seen]
+        for identity, views in self._sights().items():
+            place = initial_state.pose().transformFrom(points[identity])
+            eyes = [states[k].pose().compose(self._camera.body_camera) for k, _ in views]
             rays = _unit(np.array([place - eye.translation() for eye in eyes]))
             deep = all(eye.transformTo(place)[2] > 0.2 for eye in eyes)
             if deep and np.arccos(np.clip((rays @ rays.T).min(), -1, 1)) > LEAST_PARALLAX:
-                sights[identity] = [(k, self.frames[k].uv[row]) for k, row in seen]
+                sights[identity] = [(k, self.frames[k].uv[row]) for k, row in views]
                 values.insert(L(identity), place)
         for limit in (10.0 * LARGEST_MISS, LARGEST_MISS, LARGEST_MISS):
             if len(sights) < LEAST_CORNERS:
                 return None
             whole = gtsam.NonlinearFactorGraph(graph)
-            for identity, seen in sights.items():
-                for k, uv in seen:
+            for identity, pixels in sights.items():
+                for k, uv in pixels:
                     whole.push_back(self._camera.factor(uv, k, identity))
             try:
                 values = gtsam.LevenbergMarquardtOptimizer(whole, values).optimize()
@@ -271,35 +284,35 @@ class Window:
         if len(sights) < LEAST_CORNERS:
             return None
         whole = gtsam.NonlinearFactorGraph(graph)
-        for identity, seen in sights.items():
-            for k, uv in seen:
+        for identity, pixels in sights.items():
+            for k, uv in pixels:
                 whole.push_back(self._camera.factor(uv, k, identity))
-        last = V(self._count - 1)
+        velocity_key = V(self._count - 1)
         try:
-            spread = gtsam.Marginals(whole, values).marginalCovariance(last)
+            spread = gtsam.Marginals(whole, values).marginalCovariance(velocity_key)
         except RuntimeError:
             return None
         if np.sqrt(np.linalg.eigvalsh(spread)[-1]) > LARGEST_SPEED_ERROR:
             return None
-        return Started(values, graph, [whole.deltaTij() for whole in wholes], sights)
+        return InitialEstimate(values, graph, [whole.deltaTij() for whole in wholes], sights)
 
-    def _miss(self, values: gtsam.Values, identity: int, seen: list) -> float:
+    def _miss(self, values: gtsam.Values, identity: int, pixels: list) -> float:
         """Return the largest distance of a corner's landmark from its pixels [px]."""
         largest = 0.0
-        for k, uv in seen:
+        for k, uv in pixels:
             eye = values.atPose3(X(k)).compose(self._camera.body_camera)
             local = eye.transformTo(values.atPoint3(L(identity)))
             if local[2] < 0.2:
                 return np.inf
-            there = self._camera.calibration.uncalibrate(local[:2] / local[2])
-            largest = max(largest, float(np.linalg.norm(there - uv)))
+            projected = self._camera.calibration.uncalibrate(local[:2] / local[2])
+            largest = max(largest, float(np.linalg.norm(projected - uv)))
         return largest
 
 
-def _common(before: Frame, after: Frame) -> tuple[np.ndarray, np.ndarray]:
+def _common(frame: Frame, other_frame: Frame) -> tuple[np.ndarray, np.ndarray]:
     """Return the rows of the corners that two frames share."""
-    _, a, b = np.intersect1d(before.ids, after.ids, return_indices=True)
-    return a, b
+    _, rows, other_rows = np.intersect1d(frame.ids, other_frame.ids, return_indices=True)
+    return rows, other_rows
 
 
 def _upgraded(rays: np.ndarray) -> np.ndarray:

@@ -77,11 +77,11 @@ class Estimator:
         self._known: dict[int, int] = {}
         """Number in the problem of each landmark; one that comes back after the lag has another."""
         self._seen: dict[int, float] = {}
-        """When each of them was last seen [s]."""
+        """Time of the latest observation of each landmark in the problem, by its id [s]."""
         self._landmarks = 0
         self._poses: list[gtsam.Pose3] = []
         self._times: list[float] = []
-        """Of the key frames, from the first one on [s]."""
+        """Times of the key frames from the first one on [s]."""
         self.state = gtsam.NavState()
         self.bias = gtsam.imuBias.ConstantBias()
         self.key = -1
@@ -112,19 +112,19 @@ class Estimator:
         self._poses.append(pose)
         self._times.append(0.0)
 
-    def begin(self, started: gtsam_start.Started) -> None:
+    def begin(self, initial: gtsam_start.InitialEstimate) -> None:
         """Begin with what a window of key frames has shown, at the time of its last one."""
-        graph, values, times = gtsam.NonlinearFactorGraph(started.graph), gtsam.Values(), {}
-        known = started.values
-        for k, now in enumerate(started.times):
-            self._poses.append(known.atPose3(X(k)))
+        graph, values, times = gtsam.NonlinearFactorGraph(initial.graph), gtsam.Values(), {}
+        initial_values = initial.values
+        for k, time in enumerate(initial.times):
+            self._poses.append(initial_values.atPose3(X(k)))
             values.insert(X(k), self._poses[-1])
-            values.insert(V(k), known.atVector(V(k)))
-            values.insert(B(k), known.atConstantBias(B(k)))
-            times |= {key(k): now for key in (X, V, B)}
-        self._times, self.key = list(started.times), len(started.times) - 1
-        for identity, sights in started.sights.items():
-            point = known.atPoint3(L(identity))
+            values.insert(V(k), initial_values.atVector(V(k)))
+            values.insert(B(k), initial_values.atConstantBias(B(k)))
+            times |= {key(k): time for key in (X, V, B)}
+        self._times, self.key = list(initial.times), len(initial.times) - 1
+        for identity, sights in initial.sights.items():
+            point = initial_values.atPoint3(L(identity))
             self._insert(graph, values, times, identity, point, [(k, 0, uv) for k, uv in sights])
         self.smoother.update(graph, values, times)
         self._read()
@@ -135,30 +135,30 @@ class Estimator:
 
     def look(self, ids: np.ndarray, uv: np.ndarray, cameras: np.ndarray | None = None) -> None:
         """Close a key frame with its features: ids (n,), pixels (n, 2), numbers of cameras (n,)."""
-        which = np.zeros(len(ids), dtype=int) if cameras is None else cameras
+        camera_numbers = np.zeros(len(ids), dtype=int) if cameras is None else cameras
         graph, values, times = gtsam.NonlinearFactorGraph(), gtsam.Values(), {}
         if self._preintegration.deltaTij() > 0.0:
             self._advance(graph, values, times)
-        now = self._times[-1]
-        for identity, pixel, camera in zip(ids.tolist(), uv, which.tolist(), strict=True):
+        time = self._times[-1]
+        for identity, pixel, camera in zip(ids.tolist(), uv, camera_numbers.tolist(), strict=True):
             if identity in self._known:
                 number = self._known[identity]
                 graph.push_back(self._cameras[camera].factor(pixel, self.key, number))
-                times[L(number)] = self._seen[identity] = now
+                times[L(number)] = self._seen[identity] = time
             else:
                 sights = self._waiting.setdefault(identity, Landmark()).sights
                 sights.append((self.key, camera, pixel))
         self.smoother.update(graph, values, times)
-        self._forget(now - LAG)
+        self._forget(time - LAG)
         self._read()
         self._admit(set(ids.tolist()))
 
     def _forget(self, end: float) -> None:
         """Forget what is marginalised: landmarks that were last seen by then, and sights."""
-        for identity in [k for k, seen in self._seen.items() if seen <= end]:
+        for identity in [k for k, time_seen in self._seen.items() if time_seen <= end]:
             del self._known[identity], self._seen[identity]
         for identity, landmark in list(self._waiting.items()):
-            landmark.sights = [each for each in landmark.sights if self._times[each[0]] > end]
+            landmark.sights = [sight for sight in landmark.sights if self._times[sight[0]] > end]
             if not landmark.sights:
                 del self._waiting[identity]
 
@@ -193,10 +193,10 @@ class Estimator:
         self.bias = self.smoother.calculateEstimateConstantBias(B(k))
         self._preintegration.resetIntegrationAndSetBias(self.bias)
 
-    def _admit(self, seen: set[int]) -> None:
+    def _admit(self, visible: set[int]) -> None:
         """Add landmarks to the problem that are seen now and can be triangulated."""
         graph, values, times = gtsam.NonlinearFactorGraph(), gtsam.Values(), {}
-        for identity in sorted(seen & set(self._waiting)):
+        for identity in sorted(visible & set(self._waiting)):
             sights = self._waiting[identity].sights
             point = self._triangulated(sights)
             if point is None:
@@ -335,47 +335,51 @@ def run(
     parameters: SimulationParameters,
     *cameras: CameraParameters,
     rate: float = 4.0,
-    first: int = 0,
+    first_frame: int = 0,
 ) -> Result:
     """Return the :class:`Result` on a folder that ``generate --format tracks`` wrote.
 
     :param cameras: the first ones of the folder.
     :param rate: of key frames [Hz].
-    :param first: frame to begin with.
+    :param first_frame: frame to begin with.
     """
     imu = np.loadtxt(folder / "imu0.csv", delimiter=",", skiprows=1)
     imu_t = np.loadtxt(folder / "imu0.csv", delimiter=",", skiprows=1, usecols=0, dtype=np.int64)
     truth = read_poses(folder / "groundtruth.tum")
     tracks = np.load(folder / "tracks.npz")
-    ours = tracks["camera"] < len(cameras)
-    t_ns, ids, uv, which = (tracks[name][ours] for name in ("t_ns", "id", "uv", "camera"))
+    of_cameras = tracks["camera"] < len(cameras)
+    t_ns, ids, uv, camera_numbers = (
+        tracks[name][of_cameras] for name in ("t_ns", "id", "uv", "camera")
+    )
     stride = max(1, round(cameras[0].rate / rate))
     motion = parameters.trajectory
     begin = imu_t[0] + round((motion.lead_in.rest or motion.rest_before) * 1e9)
     frames = np.unique(t_ns)
-    frames = frames[(frames >= begin) & (frames <= imu_t[-1])][first::stride]
+    frames = frames[(frames >= begin) & (frames <= imu_t[-1])][first_frame::stride]
     estimator = Estimator(parameters, *cameras)
-    rows, found = [], []
-    for k, now in enumerate(frames.tolist()):
-        row = int(np.searchsorted(truth.t_ns, now))
-        true = gtsam.Pose3(gtsam.Rot3(rotation.to_matrix(truth.q_wb[row])), truth.position[row])
+    rows, columns_of_keys = [], []
+    for k, frame_ns in enumerate(frames.tolist()):
+        row = int(np.searchsorted(truth.t_ns, frame_ns))
+        true_pose = gtsam.Pose3(
+            gtsam.Rot3(rotation.to_matrix(truth.q_wb[row])), truth.position[row]
+        )
         if k == 0:
             if begin > imu_t[0]:
-                estimator.rest(true, imu[imu_t < begin, 1:])
+                estimator.rest(true_pose, imu[imu_t < begin, 1:])
             step = (truth.position[row + 1] - truth.position[row]) * parameters.rate
             # Half a step further is the mean velocity's time: back by half an acceleration.
             ahead = (truth.position[row + 2] - truth.position[row + 1]) * parameters.rate
-            estimator.start(true, 1.5 * step - 0.5 * ahead)
+            estimator.start(true_pose, 1.5 * step - 0.5 * ahead)
         else:
             span = slice(rows[-1], row + 1)
             mean = 0.5 * (imu[span][1:, 1:] + imu[span][:-1, 1:])
             for values, dt in zip(mean, np.diff(imu_t[span]) * 1e-9, strict=True):
                 estimator.integrate(values[3:], values[:3], float(dt))
-        seen = t_ns == now
-        estimator.look(ids[seen], uv[seen], which[seen])
+        in_frame = t_ns == frame_ns
+        estimator.look(ids[in_frame], uv[in_frame], camera_numbers[in_frame])
         rows.append(row)
-        found.append(compared(estimator, true))
-    return Result(frames, *(np.array(column) for column in zip(*found, strict=True)))
+        columns_of_keys.append(compared(estimator, true_pose))
+    return Result(frames, *(np.array(column) for column in zip(*columns_of_keys, strict=True)))
 
 
 def stop_if_lost(covariance: np.ndarray, key: int) -> None:

@@ -62,7 +62,7 @@ class VioNode(Node):
         self._times: list[int] = []
         self._heard = False
         self.busy = time.monotonic()
-        """When the last message had been processed."""
+        """Monotonic time at which the latest message was processed [s]."""
         self._path = self.create_publisher(Odometry, "vio/odom", 100)
         self.create_subscription(Imu, "imu/data_raw", self._on_imu, DEEP)
         self.create_subscription(Odometry, "ground_truth/odom", self._on_truth, DEEP)
@@ -90,38 +90,38 @@ class VioNode(Node):
         """Close the key frames whose readings and truth are all there."""
         self.busy = time.monotonic()
         while self._frames:
-            now, values = self._frames[0]
-            if now not in self._imu or now not in self._truth:
+            frame_ns, values = self._frames[0]
+            if frame_ns not in self._imu or frame_ns not in self._truth:
                 return
             self._frames.pop(0)
-            true = _pose(self._truth[now])
+            true = _pose(self._truth[frame_ns])
             if self._last is None:
-                velocity = self._truth[now].twist.twist.linear
+                velocity = self._truth[frame_ns].twist.twist.linear
                 in_body = np.array([velocity.x, velocity.y, velocity.z])
                 self._estimator.start(true, true.rotation().rotate(in_body))
             else:
-                self._integrate(now)
+                self._integrate(frame_ns)
             cameras = len(self._cameras)
-            identity, which = np.divmod(values[:, 0].astype(np.int64), cameras)
-            self._estimator.look(identity, values[:, 1:3].astype(float), which)
-            self._last = now
-            self._times.append(now)
+            identity, camera_numbers = np.divmod(values[:, 0].astype(np.int64), cameras)
+            self._estimator.look(identity, values[:, 1:3].astype(float), camera_numbers)
+            self._last = frame_ns
+            self._times.append(frame_ns)
             self._rows.append(compared(self._estimator, true))
-            self._publish(now)
-            self._imu = {t: row for t, row in self._imu.items() if t >= now}
-            self._truth = {t: row for t, row in self._truth.items() if t >= now}
+            self._publish(frame_ns)
+            self._imu = {t: row for t, row in self._imu.items() if t >= frame_ns}
+            self._truth = {t: row for t, row in self._truth.items() if t >= frame_ns}
             self.busy = time.monotonic()
 
-    def _integrate(self, now: int) -> None:
-        times = sorted(t for t in self._imu if self._last <= t <= now)
-        for before, after in itertools.pairwise(times):
-            mean = 0.5 * (self._imu[before] + self._imu[after])
-            self._estimator.integrate(mean[3:], mean[:3], (after - before) * 1e-9)
+    def _integrate(self, end_ns: int) -> None:
+        times = sorted(t for t in self._imu if self._last <= t <= end_ns)
+        for start, end in itertools.pairwise(times):
+            mean = 0.5 * (self._imu[start] + self._imu[end])
+            self._estimator.integrate(mean[3:], mean[:3], (end - start) * 1e-9)
 
-    def _publish(self, now: int) -> None:
+    def _publish(self, stamp_ns: int) -> None:
         position, q, *_, covariance = self._rows[-1]
         message = Odometry()
-        message.header.stamp.sec, message.header.stamp.nanosec = divmod(now, 10**9)
+        message.header.stamp.sec, message.header.stamp.nanosec = divmod(stamp_ns, 10**9)
         message.header.frame_id, message.child_frame_id = "world", "base_link"
         place, turn = message.pose.pose.position, message.pose.pose.orientation
         place.x, place.y, place.z = position.tolist()

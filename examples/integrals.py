@@ -45,10 +45,12 @@ def integrate(h, delta_angle, delta_velocity, position, velocity, q_wb):
     """Return the last position, velocity and attitude from those at the start of n intervals."""
     dphi, dv, dp = increments(h, delta_angle, delta_velocity)
     turns = rotation.exp(dphi)
-    for turn, gained, moved in zip(turns, dv, dp, strict=True):
-        after = velocity + np.array(GRAVITY) * h + rotation.rotate(q_wb, gained)
-        position = position + 0.5 * h * (velocity + after) + rotation.rotate(q_wb, moved)
-        velocity, q_wb = after, rotation.normalise(rotation.multiply(q_wb, turn))
+    for turn, velocity_step, position_step in zip(turns, dv, dp, strict=True):
+        next_velocity = velocity + np.array(GRAVITY) * h + rotation.rotate(q_wb, velocity_step)
+        position = (
+            position + 0.5 * h * (velocity + next_velocity) + rotation.rotate(q_wb, position_step)
+        )
+        velocity, q_wb = next_velocity, rotation.normalise(rotation.multiply(q_wb, turn))
     return position, velocity, q_wb
 
 

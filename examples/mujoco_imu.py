@@ -91,23 +91,23 @@ def draw(folder, t, ideal, gyro, accel, truth, track):
 
     figure = plt.figure(figsize=(9, 7), constrained_layout=True)
     grid = figure.add_gridspec(3, 3)
-    some, peak = slice(0, 10_000), slice(1350, 1410)
+    beginning, peak = slice(0, 10_000), slice(1350, 1410)
     rows = ((gyro, ideal[:, :3], "rate x [rad/s]"), (accel, ideal[:, 3:6], "force x [m/s²]"))
-    for row, (read, true, label) in enumerate(rows):
+    for row, (measured, true, label) in enumerate(rows):
         whole, close = figure.add_subplot(grid[row, :2]), figure.add_subplot(grid[row, 2])
-        for axis, part in ((whole, some), (close, peak)):
+        for axis, part in ((whole, beginning), (close, peak)):
             axis.plot(t[part], true[part, 0], lw=4.0, color="0.7", label="MuJoCo")
-            axis.plot(t[part], read[part, 0], lw=0.9, label="ADIS16470")
+            axis.plot(t[part], measured[part, 0], lw=0.9, label="ADIS16470")
         whole.set_ylabel(label)
         close.set_title("60 ms of it", fontsize=9)
         if row == 0:
             whole.set_ylim(bottom=-5.0)
             whole.legend(loc="lower right", ncols=2)
-    last = figure.add_subplot(grid[2, :])
+    error_axes = figure.add_subplot(grid[2, :])
     distance = np.linalg.norm(track.position - truth.position, axis=1)
-    last.plot(t[some], distance[some])
-    last.set_ylabel("position error of\ndead reckoning [m]")
-    last.set_xlabel("time [s]")
+    error_axes.plot(t[beginning], distance[beginning])
+    error_axes.set_ylabel("position error of\ndead reckoning [m]")
+    error_axes.set_xlabel("time [s]")
     figure.suptitle("A pendulum in MuJoCo: ideal readings, and those of an ADIS16470")
     figure.savefig(folder / "mujoco_imu.png", dpi=110)
 

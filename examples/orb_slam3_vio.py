@@ -47,28 +47,28 @@ def follow(slam: pyorbslam3.Slam, folder: Path, stereo: bool) -> int:
     """Track all frames; return how many had a pose."""
     readings = np.loadtxt(folder / "imu0" / "data.csv", delimiter=",")
     readings[:, 0] *= 1e-9
-    left = read_frames(folder, "cam0")
-    right = read_frames(folder, "cam1") if stereo else left
-    begun, used, tracked = time.monotonic(), 0, 0
-    for (t_ns, image), (_, other) in zip(left, right, strict=True):
+    left_frames = read_frames(folder, "cam0")
+    right_frames = read_frames(folder, "cam1") if stereo else left_frames
+    begin, used, tracked = time.monotonic(), 0, 0
+    for (t_ns, image), (_, right_image) in zip(left_frames, right_frames, strict=True):
         t = t_ns * 1e-9
-        time.sleep(max(0.0, begun + (t_ns - left[0][0]) * 1e-9 - time.monotonic()))
+        time.sleep(max(0.0, begin + (t_ns - left_frames[0][0]) * 1e-9 - time.monotonic()))
         until = int(np.searchsorted(readings[:, 0], t, side="right"))
         imu, used = readings[used:until, :7], until
         if stereo:
-            result = slam.track_stereo(grey(image), grey(other), t, imu=imu)
+            tracking = slam.track_stereo(grey(image), grey(right_image), t, imu=imu)
         else:
-            result = slam.track_monocular(grey(image), t, imu=imu)
-        tracked += bool(result.ok)
+            tracking = slam.track_monocular(grey(image), t, imu=imu)
+        tracked += bool(tracking.ok)
     return tracked
 
 
 def write_tum(slam: pyorbslam3.Slam, path: Path) -> int:
     """Write the path of the IMU in TUM form; return its length in poses."""
     with tempfile.TemporaryDirectory() as folder:
-        own = Path(folder) / "path.txt"
-        slam.save_trajectory_euroc(str(own))  # rows of t [ns], position, quaternion x y z w
-        rows = [row.split() for row in own.read_text(encoding="utf-8").splitlines()]
+        euroc_file = Path(folder) / "path.txt"
+        slam.save_trajectory_euroc(str(euroc_file))  # rows of t [ns], position, quaternion x y z w
+        rows = [row.split() for row in euroc_file.read_text(encoding="utf-8").splitlines()]
     lines = [" ".join([f"{float(row[0]) * 1e-9:.9f}", *row[1:]]) for row in rows if len(row) == 8]
     path.write_text("".join(f"{line}\n" for line in lines), encoding="utf-8")
     return len(lines)
@@ -81,19 +81,19 @@ def main() -> None:
     parser.add_argument("configuration", type=Path, help="folder with orb_slam3_*_inertial.yaml")
     parser.add_argument("output", type=Path, help="file for the path, TUM")
     parser.add_argument("--mono", action="store_true", help="the first camera only")
-    words = parser.parse_args()
-    settings = words.configuration / "orb_slam3_stereo_inertial.yaml"
-    stereo = settings.exists() and not words.mono
+    arguments = parser.parse_args()
+    settings = arguments.configuration / "orb_slam3_stereo_inertial.yaml"
+    stereo = settings.exists() and not arguments.mono
     if not stereo:
-        settings = words.configuration / "orb_slam3_mono_inertial.yaml"
+        settings = arguments.configuration / "orb_slam3_mono_inertial.yaml"
     sensor = pyorbslam3.Sensor.IMU_STEREO if stereo else pyorbslam3.Sensor.IMU_MONOCULAR
     slam = pyorbslam3.Slam(pyorbslam3.vocabulary_path(), settings, sensor)
-    tracked = follow(slam, words.dataset / "mav0", stereo)
+    tracked = follow(slam, arguments.dataset / "mav0", stereo)
     initialised = slam.imu_initialized()
     slam.shutdown()
     if not (tracked and initialised):
         raise SystemExit("ORB_SLAM3 was not initialised: it needs motion in all directions")
-    print(f"{tracked} frames tracked, {write_tum(slam, words.output)} poses", file=sys.stderr)
+    print(f"{tracked} frames tracked, {write_tum(slam, arguments.output)} poses", file=sys.stderr)
 
 
 if __name__ == "__main__":

@@ -35,7 +35,7 @@ class SonarParameters(SensorParameters):
 
 @dataclass(frozen=True, repr=False)
 class SonarReadings(SensorReadings):
-    """What a flight has as its ``sonar``."""
+    """Readings of the sonar and their truth: the attribute ``sonar`` of a flight."""
 
     range: Array  # (n,) as read [m]
     ideal: Array  # (n,) [m]
@@ -45,7 +45,7 @@ class SonarReadings(SensorReadings):
 class Sonar(SensorModel):
     """The model: motion in, readings and their truth out."""
 
-    def __init__(self, mounted, t0_ns, others):
+    def __init__(self, mounted, t0_ns, other_models):
         super().__init__(mounted, t0_ns)
         self.noise = self.stream("noise")  # a random stream of its own
         self.bias = self.parameters.bias_sigma * self.stream("bias").normal()
@@ -66,11 +66,11 @@ HEADERS = {"csv": "timestamp,range", "euroc": "#timestamp [ns],range [m]"}
 SENSOR = Sensor(
     *("sonar", "sonar", SonarParameters, Sonar),
     topics=(
-        topic("sonar/beam", *VECTOR, lambda read, rows, _: [read.range[rows, None] * DOWN]),
+        topic("sonar/beam", *VECTOR, lambda sonar, rows, _: [sonar.range[rows, None] * DOWN]),
         topic("ground_truth/sonar", *VECTOR, lambda r, n, _: [r.ideal[n, None] * DOWN], truth=True),
     ),
     table=Table("sonar", "Sonar", gate.POSITION, HEADERS, VECTOR3_STAMPED, "sonar/beam"),
-    values=lambda read: read.range[:, None],
+    values=lambda sonar: sonar.range[:, None],
     readings=SonarReadings,
     text="sonar altimeter: the distance to level ground along -z",
 )

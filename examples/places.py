@@ -25,8 +25,8 @@ folder.mkdir(parents=True, exist_ok=True)
 for place in sys.argv[2:] or MOMENTS:
     moment = MOMENTS[place]
     tour = {"trajectory.type": "tour", "scene.type": place, "duration": moment + 0.5}
-    first = {"cameras": ["cam0"], "camera.rate": 1.0, "camera.phase": moment}
-    rig = ims.camera.build_rig({**CAMERA, **first, **tour})
+    tour_camera = {"cameras": ["cam0"], "camera.rate": 1.0, "camera.phase": moment}
+    rig = ims.camera.build_rig({**CAMERA, **tour_camera, **tour})
     _, image = next(rig.images("cam0"))
     name = folder / f"place_{place}.png"
     name.write_bytes(png(image))

@@ -26,9 +26,9 @@ print(f"{len(predicted.alpha)} intervals in {1e3 * (time.perf_counter() - starte
 # Brute force: the spread of alpha and beta over many seeds.
 alpha, beta = [], []
 for seed in range(runs):
-    found = ims.preintegrate(ims.simulate(imu="lecture", seed=seed, **setup), every=0.5)
-    alpha.append(found.alpha - exact.alpha)
-    beta.append(found.beta - exact.beta)
+    deltas = ims.preintegrate(ims.simulate(imu="lecture", seed=seed, **setup), every=0.5)
+    alpha.append(deltas.alpha - exact.alpha)
+    beta.append(deltas.beta - exact.beta)
 for name, errors, place in (("alpha", alpha, slice(0, 3)), ("beta", beta, slice(6, 9))):
     counted = np.mean(np.square(errors))
     variances = np.diagonal(predicted.covariance, axis1=1, axis2=2)[:, place]

@@ -1,7 +1,7 @@
 # Copyright 2026 imu_sim_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""What the degree and the knots of a spline do to the IMU that is simulated along it.
+"""Effect of a spline's degree and knots on the IMU that is simulated along it.
 
 python examples/splines.py [PICTURE]
 """
@@ -61,25 +61,27 @@ def pose(time: float) -> np.ndarray:
 halfway = pose(0.0) @ expm(0.5 * logm(np.linalg.inv(pose(0.0)) @ pose(0.1)).real)
 print(f"\nSE(3), knots 0.1 s apart: the origin leaves its line by {1e3 * halfway[1, 3]:.2f} mm")
 
-figure, (left, right) = plt.subplots(1, 2, figsize=(10, 3.6), layout="constrained")
-shown = (t > 6) & (t < 9)
+figure, (curve_axes, error_axes) = plt.subplots(1, 2, figsize=(10, 3.6), layout="constrained")
+extract = (t > 6) & (t < 9)
 styles = {2: ("#E69F00", 1.2), 3: ("#CC79A7", 1.2), 5: ("#0072B2", 1.6)}
 for degree, (colour, width) in styles.items():
     label = f"degree {degree}, C{degree - 1}"
-    left.plot(t[shown], curves[0.4, degree][shown], colour, linewidth=width, label=label)
-    right.loglog(SPACINGS, errors[degree], "o-", color=colour, markersize=4, label=label)
-left.plot(t[shown], truth.acceleration[shown, 2], "#1A1A1A", linewidth=0.8, label="equations")
-left.set(xlabel="time [s]", ylabel="acceleration along z [m/s²]", title="Poses every 0.4 s")
-right.set(
+    curve_axes.plot(t[extract], curves[0.4, degree][extract], colour, linewidth=width, label=label)
+    error_axes.loglog(SPACINGS, errors[degree], "o-", color=colour, markersize=4, label=label)
+curve_axes.plot(
+    t[extract], truth.acceleration[extract, 2], "#1A1A1A", linewidth=0.8, label="equations"
+)
+curve_axes.set(xlabel="time [s]", ylabel="acceleration along z [m/s²]", title="Poses every 0.4 s")
+error_axes.set(
     xlabel="interval of the poses [s]",
     ylabel="RMS error of the acceleration [m/s²]",
     title="Order of convergence: degree − 1",
 )
-right.set_xticks(SPACINGS, [f"{spacing:g}" for spacing in SPACINGS], minor=False)
-right.xaxis.set_minor_locator(NullLocator())
-for axes in (left, right):
+error_axes.set_xticks(SPACINGS, [f"{spacing:g}" for spacing in SPACINGS], minor=False)
+error_axes.xaxis.set_minor_locator(NullLocator())
+for axes in (curve_axes, error_axes):
     axes.grid(color="#EEEEEE")
     axes.spines[["top", "right"]].set_visible(False)
-left.legend(loc="upper center", bbox_to_anchor=(0.5, -0.2), ncols=2, frameon=False)
-right.legend(frameon=False)
+curve_axes.legend(loc="upper center", bbox_to_anchor=(0.5, -0.2), ncols=2, frameon=False)
+error_axes.legend(frameon=False)
 figure.savefig(sys.argv[1] if len(sys.argv) > 1 else "splines.png", dpi=130)

@@ -113,21 +113,21 @@ def _by_first(
     turn: Array,
 ) -> Array:
     to_body = rotation.to_matrix(first.q_wb).swapaxes(1, 2)
-    result = np.zeros((len(moved), SIZE, SIZE))
-    result[:, ALPHA, ALPHA] = -to_body
-    result[:, ALPHA, THETA] = rotation.skew(moved)
-    result[:, ALPHA, BETA] = -to_body * pre.duration[:, None, None]
-    result[:, BETA, THETA] = rotation.skew(gained)
-    result[:, BETA, BETA] = -to_body
+    jacobian = np.zeros((len(moved), SIZE, SIZE))
+    jacobian[:, ALPHA, ALPHA] = -to_body
+    jacobian[:, ALPHA, THETA] = rotation.skew(moved)
+    jacobian[:, ALPHA, BETA] = -to_body * pre.duration[:, None, None]
+    jacobian[:, BETA, THETA] = rotation.skew(gained)
+    jacobian[:, BETA, BETA] = -to_body
     for bias in (ACCEL_BIAS, GYRO_BIAS):
-        result[:, ALPHA, bias] = -pre.jacobian[:, ALPHA, bias]
-        result[:, BETA, bias] = -pre.jacobian[:, BETA, bias]
-        result[:, bias, bias] = -_EYE
-    result[:, THETA, THETA] = -_product_block(back, between)
+        jacobian[:, ALPHA, bias] = -pre.jacobian[:, ALPHA, bias]
+        jacobian[:, BETA, bias] = -pre.jacobian[:, BETA, bias]
+        jacobian[:, bias, bias] = -_EYE
+    jacobian[:, THETA, THETA] = -_product_block(back, between)
     by_bias = pre.jacobian[:, THETA, GYRO_BIAS]
     shift = (by_bias @ (first.gyro_bias - pre.gyro_bias)[..., None])[..., 0]
-    result[:, THETA, GYRO_BIAS] = -_right(turn) @ rotation.right_jacobian(shift) @ by_bias
-    return result
+    jacobian[:, THETA, GYRO_BIAS] = -_right(turn) @ rotation.right_jacobian(shift) @ by_bias
+    return jacobian
 
 
 def _left(q: Array) -> Array:
@@ -253,8 +253,8 @@ def main() -> None:
     zero = np.zeros((len(rows), 3))
     states = States(truth.position[rows], truth.q_wb[rows], truth.velocity[rows], zero, zero)
     first, second = (States(*(v[part] for v in states)) for part in (slice(-1), slice(1, None)))
-    found = imu_residual(pre, first, second, (0.0, 0.0, -9.81))
-    print(f"residual between true states: {np.abs(found.residual).max():.1e}")
+    evaluation = imu_residual(pre, first, second, (0.0, 0.0, -9.81))
+    print(f"residual between true states: {np.abs(evaluation.residual).max():.1e}")
     step, worst = 1e-5, 0.0
     for column in range(15):
         ahead, behind = (
@@ -262,7 +262,7 @@ def main() -> None:
             for size in (step, -step)
         )
         numeric = (ahead - behind) / (2.0 * step)
-        worst = max(worst, np.abs(found.by_first[:, :, column] - numeric).max())
+        worst = max(worst, np.abs(evaluation.by_first[:, :, column] - numeric).max())
     print(f"derivatives less differences: {worst:.1e}")
 
 

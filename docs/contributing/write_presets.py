@@ -67,8 +67,8 @@ def imus() -> Iterator[Imu]:
     for name, text in catalogue.descriptions("imus").items():
         grade = text.partition(",")[0].lower()
         file = files.find("imus", name).read_text(encoding="utf-8")
-        found = re.findall(r"^# (\[\d\] .+(?:\n#     .+)*)", file, re.MULTILINE)
-        sources = [source.replace("\n#     ", " ") for source in found]
+        references = re.findall(r"^# (\[\d\] .+(?:\n#     .+)*)", file, re.MULTILINE)
+        sources = [source.replace("\n#     ", " ") for source in references]
         yield Imu(name, grade, text, sources)
 
 
@@ -122,8 +122,8 @@ def _bandwidth(preset: str, triad: str) -> str:
 def _number(values: Array) -> str:
     if not values.any():
         return "–"
-    words = [f"{value:.3g}" for value in values]
-    return words[0] if len(set(words)) == 1 else "/".join(words)
+    numbers = [f"{value:.3g}" for value in values]
+    return numbers[0] if len(set(numbers)) == 1 else "/".join(numbers)
 
 
 if __name__ == "__main__":

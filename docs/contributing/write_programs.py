@@ -91,13 +91,13 @@ def _row(action: argparse.Action) -> str:
     else:
         name = ", ".join(f"`{option}`" for option in action.option_strings)
         name += f" `{value}`" if value else ""
-    words = (action.help or "") % {**vars(action), "prog": ""}
-    return f"| {name.replace('|', chr(92) + '|')} | {_plain(words)} |"
+    description = (action.help or "") % {**vars(action), "prog": ""}
+    return f"| {name.replace('|', chr(92) + '|')} | {_plain(description)} |"
 
 
-def _plain(words: str) -> str:
+def _plain(text: str) -> str:
     """Return words that Markdown leaves as they are."""
-    return words.replace("|", "\\|").replace("<", "\\<").replace("*", "\\*").replace("``", "`")
+    return text.replace("|", "\\|").replace("<", "\\<").replace("*", "\\*").replace("``", "`")
 
 
 if __name__ == "__main__":

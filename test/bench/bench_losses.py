@@ -71,17 +71,17 @@ def kept(rng: np.random.Generator, n: int, share: float, burst: int) -> NDArray[
     return ~lost
 
 
-class Held(TypedDict):
+class Coverage(TypedDict):
     """Coverage of the truth by the intervals of one axis."""
 
     losses: str
     axis: int
     seed: int
-    held: list[bool]
-    found: list[Estimate]
+    covered: list[bool]
+    estimates: list[Estimate]
 
 
-def held(seed: int) -> Iterator[Held]:
+def coverage(seed: int) -> Iterator[Coverage]:
     """Yield for each kind of loss and axis which intervals hold the truth."""
     n = int(SECONDS * RATE)
     y = readings(np.random.default_rng([seed, 1]), n)
@@ -95,22 +95,22 @@ def held(seed: int) -> Iterator[Held]:
                 "losses": name,
                 "axis": axis,
                 "seed": seed,
-                "held": [
+                "covered": [
                     bool(interval.covers(terms.get(key, 0.0)))
                     for interval, key in zip(estimates, KEYS, strict=True)
                 ],
-                "found": estimates,
+                "estimates": estimates,
             }
 
 
-def table(rows: Sequence[Held]) -> None:
+def table(rows: Sequence[Coverage]) -> None:
     """Print the shares that hold the truth, and the band that 95 % stays in by chance."""
     from scipy.stats import binom
 
     lines = []
     for name in LOSSES:
         for axis in [*range(len(AXES)), None]:
-            some = [r["held"] for r in rows if r["losses"] == name and axis in (r["axis"], None)]
+            some = [r["covered"] for r in rows if r["losses"] == name and axis in (r["axis"], None)]
             if not some:
                 continue
             shares = [f"{100 * share:.1f}" for share in np.mean(some, axis=0)]
@@ -126,12 +126,12 @@ def main(argv: Sequence[str] | None = None) -> None:
     parser.add_argument("--seeds", type=int, default=2)
     parser.add_argument("--results", type=Path, help="is appended to, and continued from")
     arguments = parser.parse_args(argv)
-    rows: list[Held] = []
+    rows: list[Coverage] = []
     if arguments.results and arguments.results.exists():
         rows = [json.loads(line) for line in arguments.results.read_text().splitlines()]
     done = {row["seed"] for row in rows}
     for seed in sorted(set(range(arguments.seeds)) - done):
-        new_rows = list(held(seed))
+        new_rows = list(coverage(seed))
         rows += new_rows
         if arguments.results:
             with arguments.results.open("a", encoding="utf-8") as file:

@@ -40,18 +40,21 @@ def rates(form: str, minutes: float, cores: int, folder: Path) -> list[float]:
     command = [str(Path(sys.executable).with_name("generate")), "-o", str(folder / name)]
     command += ["--compression", compression, "--imu-only", "--trajectory", "static"]
     command += ["--imu", "lecture", "--rate", str(RATE), "--duration", f"{minutes}min", "--quiet"]
-    found = []
+    throughputs = []
     for _ in range(REPEATS):
         shutil.rmtree(folder, ignore_errors=True)
         folder.mkdir()
         started = time.perf_counter()
         subprocess.run(command, check=True, preexec_fn=lambda: os.sched_setaffinity(0, allowed))
-        found.append(RATE * 60.0 * minutes / (time.perf_counter() - started))
-    return sorted(found)
+        throughputs.append(RATE * 60.0 * minutes / (time.perf_counter() - started))
+    return sorted(throughputs)
 
 
-def _cells(found: Sequence[float]) -> list[str]:
-    return [f"{rate / 1e3:,.0f}" for rate in (found[0], statistics.median(found), found[-1])]
+def _cells(throughputs: Sequence[float]) -> list[str]:
+    return [
+        f"{rate / 1e3:,.0f}"
+        for rate in (throughputs[0], statistics.median(throughputs), throughputs[-1])
+    ]
 
 
 def plot(
@@ -63,20 +66,22 @@ def plot(
     mpl.use("Agg")
     from matplotlib import pyplot as plt
 
-    figure, (left, right) = plt.subplots(1, 2, figsize=(9.0, 3.6), constrained_layout=True)
-    for form, found in by_cores.items():
-        middle = [statistics.median(values) / 1e6 for values in found.values()]
-        left.plot(list(found), middle, "o-", label=form)
-    left.set(
+    figure, (cores_axes, duration_axes) = plt.subplots(
+        1, 2, figsize=(9.0, 3.6), constrained_layout=True
+    )
+    for form, throughputs in by_cores.items():
+        middle = [statistics.median(values) / 1e6 for values in throughputs.values()]
+        cores_axes.plot(list(throughputs), middle, "o-", label=form)
+    cores_axes.set(
         xlabel="cores", ylabel="million messages/s", xticks=list(next(iter(by_cores.values())))
     )
-    left.set_ylim(bottom=0.0)
-    left.legend(fontsize="small")
+    cores_axes.set_ylim(bottom=0.0)
+    cores_axes.legend(fontsize="small")
     middle = [statistics.median(values) / 1e6 for values in by_minutes.values()]
-    right.plot(list(by_minutes), middle, "o-", label="mcap lz4")
-    right.set(xlabel="recording [min]", xscale="log")
-    right.set_ylim(bottom=0.0)
-    right.legend(fontsize="small")
+    duration_axes.plot(list(by_minutes), middle, "o-", label="mcap lz4")
+    duration_axes.set(xlabel="recording [min]", xscale="log")
+    duration_axes.set_ylim(bottom=0.0)
+    duration_axes.legend(fontsize="small")
     figure.savefig(path, dpi=120)
 
 
@@ -98,12 +103,14 @@ def main(argv: Sequence[str] | None = None) -> None:
         by_minutes = {minutes: rates("mcap lz4", minutes, available, folder) for minutes in MINUTES}
     header = ["lowest k/s", "median", "highest"]
     rows = [
-        [form, str(cores), *_cells(values)]
-        for form, found in by_cores.items()
-        for cores, values in found.items()
+        [form, str(cores), *_cells(throughputs)]
+        for form, throughputs_of_form in by_cores.items()
+        for cores, throughputs in throughputs_of_form.items()
     ]
     print_table(["generate", "cores", *header], rows, "Throughput over cores")
-    rows = [[f"{minutes:g} min", *_cells(values)] for minutes, values in by_minutes.items()]
+    rows = [
+        [f"{minutes:g} min", *_cells(throughputs)] for minutes, throughputs in by_minutes.items()
+    ]
     print_table(["mcap lz4", *header], rows, f"Throughput over duration at {RATE} Hz")
     if arguments.plot:
         plot(arguments.plot, by_cores, by_minutes)

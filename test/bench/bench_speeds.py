@@ -308,7 +308,7 @@ def compare(names: list[str], base: str | None, seconds: float) -> None:
         row = [name, CASES[name].unit, *map(spread, columns)]
         if base is not None:
             pairs = zip(*columns, strict=False)
-            ratios = [here / before for here, before in pairs]
+            ratios = [tree_time / base_time for tree_time, base_time in pairs]
             row.append(spread(ratios))
             if ratios and statistics.median(ratios) > _SLOWER:
                 slower.append(f"{name}: {statistics.median(ratios):.2f} times {base}")

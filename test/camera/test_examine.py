@@ -64,9 +64,9 @@ def test_the_size_of_other_forms_is_bounded_before_they_are_decoded(form, size):
     reason = f"an image of {size[0]} x {size[1]} pixels; 1 to"
     if not size[0]:
         reason = "a (BMP|PPM|TIFF) that is damaged: its header states no pixels"
-    for read in (decoded, image_size):
+    for reader in (decoded, image_size):
         with pytest.raises(InputError, match=f"^{reason}"):
-            read(plain(form, *size))
+            reader(plain(form, *size))
 
 
 @pytest.mark.parametrize("data", [b"", b"GIF89a", bytes(99)])

@@ -149,15 +149,15 @@ def test_the_rest_of_a_bag_stays_byte_for_byte(folder: Path, tmp_path: Path, cap
     assert add_errors.main([str(source), "-o", str(target), *SENSOR, "--json"]) == 0
     result = json.loads(capsys.readouterr().out)
     assert (result["readings"], result["samples"], result["missing"]) == (300, 300, 0)
-    before, after = messages(source), messages(target)
-    assert after["/ground_truth/odom"] == before["/ground_truth/odom"]
-    assert after["/ground_truth/imu"] == before["/imu/data_raw"]  # renamed: the name is taken
+    ideal, noisy = messages(source), messages(target)
+    assert noisy["/ground_truth/odom"] == ideal["/ground_truth/odom"]
+    assert noisy["/ground_truth/imu"] == ideal["/imu/data_raw"]  # renamed: the name is taken
     repeated = tmp_path / "same.mcap"
     topics = "imu/data_raw,ground_truth/gyroscope_bias,ground_truth/accelerometer_bias"
     argv = ["-o", str(repeated), *SENSOR, "--topics", topics, *COMMON[:-1]]
     assert generate.main(["--quiet", *argv]) == 0
     for name, expected in messages(repeated).items():  # what generate writes
-        assert after[name] == expected, name
+        assert noisy[name] == expected, name
 
 
 def test_readings_recorded_late_are_so_by_as_much(tmp_path: Path) -> None:
@@ -168,9 +168,9 @@ def test_readings_recorded_late_are_so_by_as_much(tmp_path: Path) -> None:
         writer.write(topic, t_ns + 10**18, ImuEncoder("x").encode(t_ns, 0.0 * level, level))
     argv = [str(tmp_path / "late.mcap"), "-o", str(tmp_path / "n.mcap"), "--imu", "perfect"]
     assert add_errors.main([*argv, "--quiet"]) == 0
-    found = messages(tmp_path / "n.mcap")
-    assert [t for t, _ in found["/imu/data_raw"]] == (t_ns + 10**18).tolist()
-    assert found["/imu"][7][0] == t_ns[7] + 10**18
+    by_topic = messages(tmp_path / "n.mcap")
+    assert [t for t, _ in by_topic["/imu/data_raw"]] == (t_ns + 10**18).tolist()
+    assert by_topic["/imu"][7][0] == t_ns[7] + 10**18
 
 
 def test_topics_are_chosen_renamed_and_left_out(folder: Path, tmp_path: Path, capsys) -> None:
@@ -233,12 +233,12 @@ def test_bad_readings(folder: Path, tmp_path: Path, capsys) -> None:
     assert not (tmp_path / "n.mcap").exists()
     assert add_errors.main([*argv, "--skip-bad-rows"]) == 0
     assert "1 bad rows skipped" in capsys.readouterr().err
-    found = messages(tmp_path / "n.mcap")
-    assert (len(found["/imu"]), len(found["/imu/data_raw"])) == (50, 49)
+    by_topic = messages(tmp_path / "n.mcap")
+    assert (len(by_topic["/imu"]), len(by_topic["/imu/data_raw"])) == (50, 49)
 
 
 @pytest.mark.parametrize(
-    ("words", "line"),
+    ("arguments", "line"),
     [
         (["none.mcap"], "none.mcap: No such file"),
         (["IN", "--imu", "bmi08"], "bmi08"),
@@ -251,8 +251,10 @@ def test_bad_readings(folder: Path, tmp_path: Path, capsys) -> None:
         (["IN", "--format", "euroc", "--storage", "mcap"], "--storage: does not apply"),
     ],
 )
-def test_bad_arguments_are_a_line(words, line: str, folder: Path, tmp_path: Path, capsys) -> None:
-    argv = [str(folder / "ideal.mcap") if word == "IN" else word for word in words]
+def test_bad_arguments_are_a_line(
+    arguments, line: str, folder: Path, tmp_path: Path, capsys
+) -> None:
+    argv = [str(folder / "ideal.mcap") if word == "IN" else word for word in arguments]
     assert add_errors.main([*argv, "-o", str(tmp_path / "n.mcap")]) == 2
     captured = capsys.readouterr().err
     assert line in captured

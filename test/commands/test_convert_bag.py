@@ -211,10 +211,10 @@ def _foreign(path: Path, encoding: str) -> None:
     else:
         writer = Writer2(path, version=9, storage_plugin=StoragePlugin.MCAP)
     with writer:
-        names = writer.add_connection("/words", "std_msgs/msg/String", typestore=store)
+        texts = writer.add_connection("/words", "std_msgs/msg/String", typestore=store)
         joints = writer.add_connection("/joints", "sensor_msgs/msg/JointState", typestore=store)
         for k in range(200):
-            words = types["std_msgs/msg/String"](data="w" * (k % 9))
+            text = types["std_msgs/msg/String"](data="w" * (k % 9))
             stamp = (time(sec=k, nanosec=k), "frame" + "x" * (k % 5))
             joint = types["sensor_msgs/msg/JointState"](
                 header=header(k, *stamp) if encoding == "ros1" else header(*stamp),
@@ -223,7 +223,7 @@ def _foreign(path: Path, encoding: str) -> None:
                 velocity=np.zeros(0),
                 effort=np.ones(k % 3),
             )
-            for connection, message in ((names, words), (joints, joint)):
+            for connection, message in ((texts, text), (joints, joint)):
                 raw = getattr(store, f"serialize_{encoding}")(message, connection.msgtype)
                 writer.write(connection, 10**9 + k, bytes(raw))
 
@@ -271,7 +271,7 @@ def test_recovery_says_how_many_and_up_to_when(sources, tmp_path, capsys):
 
 
 @pytest.mark.parametrize(
-    ("arguments", "words"),
+    ("arguments", "message"),
     [
         (["missing.bag", "-o", "x.mcap"], "No such file"),
         (["{a}", "-o", "x.mcap", "--topics", "/nothing"], "has no topic /nothing; it has /imu"),
@@ -281,13 +281,13 @@ def test_recovery_says_how_many_and_up_to_when(sources, tmp_path, capsys):
         (["{a}", "-o", "x", "--format", "euroc", "--topics", "/imu/temperature"], "none of them"),
     ],
 )
-def test_refusals(sources, tmp_path, monkeypatch, capsys, arguments, words):
+def test_refusals(sources, tmp_path, monkeypatch, capsys, arguments, message):
     monkeypatch.chdir(tmp_path)
     Path("there.bag").write_text("words, more than sixteen of them")
     filled = [argument.replace("{a}", str(sources["a.mcap"])) for argument in arguments]
     assert convert_bag.main(filled) == 2
     error = capsys.readouterr().err
-    assert words in error
+    assert message in error
     assert len(error.splitlines()) == 1
 
 
@@ -316,8 +316,8 @@ def test_topics_without_a_place_in_a_dataset_are_named_whatever_was_loaded(tmp_p
     bag = tmp_path / "a.bag"
     assert generate.main(["-o", str(bag), "--duration", "2s", "--gnss", "ublox_m8", "--quiet"]) == 0
     topic_options = []
-    for before in ("", "from imu_sim_ros.sensors import all_sensors; all_sensors(); "):
-        program = f"{before}from imu_sim_ros.commands.convert_bag import main; main()"
+    for preamble in ("", "from imu_sim_ros.sensors import all_sensors; all_sensors(); "):
+        program = f"{preamble}from imu_sim_ros.commands.convert_bag import main; main()"
         output = tmp_path / f"out{len(topic_options)}"
         argv = [str(bag), "-o", str(output), "--format", "csv", "--json"]
         done = subprocess.run(

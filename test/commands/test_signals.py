@@ -123,7 +123,7 @@ def test_a_signal_after_the_output_has_its_name_does_not_deny_it(tmp_path, monke
 
 
 @pytest.mark.parametrize(
-    ("staged", "names", "told"),
+    ("staged", "names", "message"),
     [
         (False, ["x.partial.mcap", "x.partial_truth.yaml"], "x.partial.mcap: 200 messages "),
         (True, ["x.mcap", "x_truth.yaml"], "x.mcap is complete\n"),
@@ -131,7 +131,7 @@ def test_a_signal_after_the_output_has_its_name_does_not_deny_it(tmp_path, monke
     ids=["in the staging folder", "out of it"],
 )
 def test_a_signal_while_an_output_gets_its_name_ends_the_program_after_it(
-    tmp_path, monkeypatch, capsys, staged, names, told
+    tmp_path, monkeypatch, capsys, staged, names, message
 ):
     rename = Path.rename
 
@@ -145,7 +145,7 @@ def test_a_signal_while_an_output_gets_its_name_ends_the_program_after_it(
     monkeypatch.setattr(Path, "rename", interrupted)
     assert generate.main(arguments) == 143
     assert sorted(path.name for path in tmp_path.iterdir()) == names
-    assert capsys.readouterr().err.startswith(f"generate: interrupted; {told}")
+    assert capsys.readouterr().err.startswith(f"generate: interrupted; {message}")
 
 
 @pytest.mark.parametrize(

@@ -145,10 +145,10 @@ def test_a_time_left_that_is_not_known_is_not_shown():
 
 
 @pytest.mark.parametrize(
-    ("speed", "words"), [(None, ""), (2.5, "2.5/s"), (656.4, "656/s"), (69e3, "69 k/s")]
+    ("speed", "text"), [(None, ""), (2.5, "2.5/s"), (656.4, "656/s"), (69e3, "69 k/s")]
 )
-def test_a_speed_has_few_digits(speed, words):
-    assert progress.speed_in_words(speed) == words
+def test_a_speed_has_few_digits(speed, text):
+    assert progress.speed_in_words(speed) == text
 
 
 def test_an_interval_that_no_few_seeds_have_says_how_many_it_needs():

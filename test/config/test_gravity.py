@@ -29,13 +29,15 @@ def loaded(values):
 @pytest.mark.parametrize("value", [9.7, 10, "[0, 0, -9.7]", [0.0, 0.0, -9.7], np.float32(9.75)])
 def test_a_number_is_the_magnitude_downwards_at_every_door(value):
     magnitude = 9.7 if isinstance(value, str | list) else float(value)
-    assert {one.gravity for one in loaded({"gravity": value})} == {(0.0, 0.0, -magnitude)}
+    assert {configuration.gravity for configuration in loaded({"gravity": value})} == {
+        (0.0, 0.0, -magnitude)
+    }
 
 
 def test_every_parameter_called_gravity_is_of_the_same_kind():
     simulation = load_simulation({"trajectory.type": "free_fall", "trajectory.gravity": 1.62})
     assert simulation.trajectory.gravity == (0.0, 0.0, -1.62)
-    kinds = {parameters(type(one))["gravity"].kind for one in loaded({})}
+    kinds = {parameters(type(configuration))["gravity"].kind for configuration in loaded({})}
     assert kinds == {"gravity"}
 
 
@@ -43,34 +45,34 @@ def test_every_parameter_called_gravity_is_of_the_same_kind():
 def test_what_is_no_gravity_is_refused_at_every_door(value):
     for load in (
         load_simulation,
-        lambda given: load_error_model({"rate": 200.0, **given}),
-        lambda given: build(IntegratorParameters, given),
+        lambda values: load_error_model({"rate": 200.0, **values}),
+        lambda values: build(IntegratorParameters, values),
     ):
         with pytest.raises(ims.ConfigurationError, match="gravity = .*a magnitude"):
             load({"gravity": value})
 
 
 def test_an_upward_vector_is_a_warning_at_every_door(tmp_path, capsys):
-    given = {"gravity": [0, 0, 9.81]}
+    upward_vector = {"gravity": [0, 0, 9.81]}
     with pytest.warns(UserWarning, match=UPWARDS):
-        flight = ims.simulate(**REST, **given)
+        flight = ims.simulate(**REST, **upward_vector)
     with pytest.warns(UserWarning, match=UPWARDS):
-        next(ims.blocks(**REST, **given))
+        next(ims.blocks(**REST, **upward_vector))
     with pytest.warns(UserWarning, match=UPWARDS):
         ims.dead_reckon(flight)
     with pytest.warns(UserWarning, match=UPWARDS):
-        ims.add_errors(flight.t_ns, flight.gyro, flight.accel, imu="perfect", **given)
+        ims.add_errors(flight.t_ns, flight.gyro, flight.accel, imu="perfect", **upward_vector)
     with pytest.warns(UserWarning, match=UPWARDS):
-        ims.ErrorModel(rate=200.0, **given)
-    found = ims.generate(tmp_path / "up.mcap", **REST, **given)
-    assert any("does not point downwards" in line for line in found.warnings)
+        ims.ErrorModel(rate=200.0, **upward_vector)
+    summary = ims.generate(tmp_path / "up.mcap", **REST, **upward_vector)
+    assert any("does not point downwards" in line for line in summary.warnings)
     upwards, bag = ["--set", "gravity=[0,0,9.81]"], str(tmp_path / "up.mcap")
-    for main, words in (
+    for main, arguments in (
         (generate.main, ["--duration", "1s", "-o", str(tmp_path / "a.mcap"), *upwards]),
         (dead_reckon.main, [bag]),
         (add_errors.main, [bag, "-o", str(tmp_path / "b.mcap"), *upwards]),
     ):
-        assert main(words) == 0
+        assert main(arguments) == 0
         assert "does not point downwards" in capsys.readouterr().err
 
 

@@ -24,12 +24,12 @@ FINE = {"imu.gyroscope_resolution": [0.0, 5.0, 0.0], "imu.gyroscope_range": 4.0}
 COARSE = {"imu.accelerometer_resolution": 200.0, "imu.accelerometer_range": 160.0}
 
 
-def warnings_of(**given):
-    return load_simulation({**STATIC, **given}).warnings()
+def warnings_of(**values):
+    return load_simulation({**STATIC, **values}).warnings()
 
 
 @pytest.mark.parametrize(
-    ("given", "line"),
+    ("values", "line"),
     [
         ({"gravity": 981.0}, "gravity: 981 m/s^2 is more than on any planet"),
         ({"gravity": [0.0, 0.0, -981.0]}, "gravity: 981 m/s^2 is more than on any planet"),
@@ -44,8 +44,8 @@ def warnings_of(**given):
         ({"imu.gyroscope_resolution": 16.4}, "imu.gyroscope_resolution = 16.4: larger than the ra"),
     ],
 )
-def test_what_is_probably_not_meant_is_told(given, line):
-    (warning,) = warnings_of(**given)
+def test_what_is_probably_not_meant_is_told(values, line):
+    (warning,) = warnings_of(**values)
     assert warning.startswith(line)
 
 
@@ -85,5 +85,5 @@ def test_the_same_value_twice_is_no_contradiction(tmp_path):
 
 
 def test_all_topics_are_those_that_help_lists(tmp_path):
-    made = ims.generate(tmp_path / "all.mcap", trajectory="static", duration=1, topics="all")
-    assert {"/imu/data_raw", "/ground_truth/gyroscope_noise", "/imu/mag"} <= set(made.messages)
+    summary = ims.generate(tmp_path / "all.mcap", trajectory="static", duration=1, topics="all")
+    assert {"/imu/data_raw", "/ground_truth/gyroscope_noise", "/imu/mag"} <= set(summary.messages)

@@ -91,8 +91,8 @@ def test_every_reader_of_datasets_and_bags_says_so(tmp_path, capsys):
     assert generate.main(["-o", str(bag), "--duration", "1s", "--quiet"]) == 0
     (bag / "metadata.yaml").write_text(LARGE)
     folder = tmp_path / "set"
-    words = ["-o", str(folder), "--format", "euroc", "--duration", "1s", "--quiet"]
-    assert generate.main(words) == 0
+    arguments = ["-o", str(folder), "--format", "euroc", "--duration", "1s", "--quiet"]
+    assert generate.main(arguments) == 0
     (folder / "cam0").mkdir()
     (folder / "cam0" / "data.csv").write_text("#timestamp [ns],filename\n")
     (folder / "cam0" / "sensor.yaml").write_text(LARGE)

@@ -192,9 +192,9 @@ def phyphox(folder, flight, separator=",", decimal=".", linear=False, names=None
         ("START", middle, start + middle + pause_s),
         ("PAUSE", t[-1], start + t[-1] + pause_s),
     ]
-    lines = [separator.join([f'"{event}"', f"{at:.9E}".replace(".", decimal),
+    lines = [separator.join([f'"{event}"', f"{experiment_time:.9E}".replace(".", decimal),
                              f"{system:.3f}".replace(".", decimal), '"2023-11-14 UTC"'])
-             for event, at, system in events]  # fmt: skip
+             for event, experiment_time, system in events]  # fmt: skip
     head = separator.join(f'"{n}"' for n in ("event", "experiment time", "system time", "text"))
     table(folder, "meta/time.csv", head, lines)
     table(folder, "meta/device.csv", separator.join(('"property"', '"value"')), [])
@@ -229,8 +229,8 @@ def nclt(folder, flight):
     t = stamps(readings.t_ns, unit=1000)
     field = np.tile([0.2, 0.05, 0.45], (len(t), 1))
     values = np.hstack([field, readings.accel * DOWN_AXES, readings.gyro * DOWN_AXES])
-    first, *rest = rows(t, *map(numbers, values.T))
-    table(folder, "sensor_data/ms25.csv", first, rest)
+    pose_row, *rest = rows(t, *map(numbers, values.T))
+    table(folder, "sensor_data/ms25.csv", pose_row, rest)
     pose = np.hstack([ulog.ned(truth.position), rotation.to_euler(ulog.q_ned_frd(truth.q_wb))])
     lines = rows(t, *map(numbers, pose.T))
     table(

@@ -12,8 +12,8 @@ TUM = HERE / "tum_freiburg1_xyz_groundtruth.txt"
 
 def elsewhere(name: str) -> Path:
     """Return where a recording is that a user has put here, or next to the repository."""
-    beside = HERE.parents[2].parent / "shared/data" / name
-    return beside if beside.is_file() and not (HERE / name).is_file() else HERE / name
+    shared_file = HERE.parents[2].parent / "shared/data" / name
+    return shared_file if shared_file.is_file() and not (HERE / name).is_file() else HERE / name
 
 
 EUROC = elsewhere("euroc_V1_02_medium_groundtruth.csv")

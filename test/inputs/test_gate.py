@@ -43,8 +43,8 @@ def test_a_bad_row_is_refused_and_the_others_pass(make, column, value):
     assert verdict.good.tolist() == [True, True, True, False, True]
     assert verdict.bad.tolist() == [3]
     assert any(
-        words in verdict.why(3)
-        for words in ("a value that is not finite", "at most", "of length", "outside the years")
+        reason in verdict.why(3)
+        for reason in ("a value that is not finite", "at most", "of length", "outside the years")
     )
 
 
@@ -52,23 +52,23 @@ def test_a_bad_row_is_refused_and_the_others_pass(make, column, value):
 def test_one_row_in_plain_floats_has_the_same_verdict(make, column, value):
     columns = make()
     columns[column][3] = columns[column][3] * 0 + np.asarray(value).astype(columns[column].dtype)
-    one = gate.is_reading if make is readings else gate.is_pose
+    is_good = gate.is_reading if make is readings else gate.is_pose
 
-    said = [one(*(column[k].tolist() for column in columns)) for k in range(5)]
+    verdicts = [is_good(*(column[k].tolist() for column in columns)) for k in range(5)]
 
-    assert said == [True, True, True, False, True]
+    assert verdicts == [True, True, True, False, True]
 
 
 def test_the_limits_themselves_pass():
     t_ns = np.array([gate.FIRST_STAMP, gate.LAST_STAMP])
     rate, force = np.full((2, 3), gate.RATE.largest), np.full((2, 3), -gate.FORCE.largest)
-    far, turned = (
+    positions, quaternions = (
         np.full((2, 3), gate.POSITION.largest),
         np.array([[0, 0.951, 0, 0], [0, 0, 0, 1.049]]),
     )
 
     assert gate.readings(t_ns, rate, force).good.all()
-    assert gate.poses(t_ns, far, turned).good.all()
+    assert gate.poses(t_ns, positions, quaternions).good.all()
     assert not gate.readings(t_ns, np.nextafter(rate, np.inf), force).good.any()
 
 
@@ -85,14 +85,16 @@ def test_the_report_names_source_row_stamp_value_and_the_count_of_the_rest():
     with pytest.raises(InputError) as caught:
         gate.readings(t_ns, gyro, accel).complain("flight.bag: /imu")
 
-    first, second, *_, last = caught.value.problems
-    assert first == (
+    gyro_line, accel_line, *_, count_line = caught.value.problems
+    assert gyro_line == (
         "flight.bag: /imu: number 7: stamp 0.035000000 s: a value that is not finite: "
         f"angular velocity [{gyro[7, 0]:.6g}, nan, {gyro[7, 2]:.6g}]"
     )
-    assert second.startswith("flight.bag: /imu: number 9: stamp 0.045000000 s: linear acceleration")
-    assert second.endswith("1e+300]: at most 1e+07 m/s^2 is possible")
-    assert last == "flight.bag: /imu: and 13 more such numbers"
+    assert accel_line.startswith(
+        "flight.bag: /imu: number 9: stamp 0.045000000 s: linear acceleration"
+    )
+    assert accel_line.endswith("1e+300]: at most 1e+07 m/s^2 is possible")
+    assert count_line == "flight.bag: /imu: and 13 more such numbers"
 
 
 def test_a_negative_stamp_is_said_as_it_is():

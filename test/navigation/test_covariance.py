@@ -328,16 +328,16 @@ def test_pose_and_twist_blocks():
     np.testing.assert_allclose(np.diag(twist)[3:], [10, 11, 12] + np.square(0.1 * AXES) * 200)
 
 
-@pytest.mark.parametrize("at", [(0,), (0, 100, -1), (400,)])
-def test_propagate_gives_the_rows_that_are_asked_for(record, at):
+@pytest.mark.parametrize("row_numbers", [(0,), (0, 100, -1), (400,)])
+def test_propagate_gives_the_rows_that_are_asked_for(record, row_numbers):
     motion = record("lecture", 200.0, 2.0)
     noise = TriadsParameters(
         *[TriadParameters(noise_density=np.full(3, 1e-3), random_walk=np.full(3, 1e-3))] * 2
     )
     states = dead_reckon(motion.t_ns, motion.gyro, motion.accel, motion.initial)
-    covariance = propagate(states, motion.accel, noise, row_numbers=at)
+    covariance = propagate(states, motion.accel, noise, row_numbers=row_numbers)
     whole = propagate(states, motion.accel, noise, row_numbers=range(401))
-    np.testing.assert_array_equal(covariance, whole[list(at)])
+    np.testing.assert_array_equal(covariance, whole[list(row_numbers)])
 
 
 def areas(sigma, turn_rate, duration, runs=4000):

@@ -68,8 +68,8 @@ def test_a_batch_equals_single_intervals(readings, method):
             readings.accel[k : k + 1, : count + 1],
         )
         alone = preintegrate(single, ANISOTROPIC, 0.01, 0.1, method)
-        for one, all_of_them in zip(alone, together, strict=True):
-            np.testing.assert_allclose(all_of_them[k], one[0], rtol=1e-12, atol=1e-18)
+        for single_field, batch_field in zip(alone, together, strict=True):
+            np.testing.assert_allclose(batch_field[k], single_field[0], rtol=1e-12, atol=1e-18)
 
 
 def test_readings_are_interpolated_at_the_edges(record):

@@ -128,8 +128,8 @@ def velocities_of_bag(flight, path):
         vector, frame = np.array([v.x, v.y, v.z]), header.frame_id
         while parents[frame]:
             steps = parents[frame]
-            at = (header.stamp.sec, header.stamp.nanosec)
-            frame, turn = steps[at] if at in steps else next(iter(steps.values()))
+            time = (header.stamp.sec, header.stamp.nanosec)
+            frame, turn = steps[time] if time in steps else next(iter(steps.values()))
             vector = turn @ vector
         messages.append(vector)
     return np.array(messages)

@@ -187,7 +187,7 @@ def test_cameras_of_all_presets_fit_their_images():
 
 
 @pytest.mark.parametrize(
-    ("old", "new", "message"),
+    ("entry", "contradiction", "message"),
     [
         ("resolution: [94, 60]", "resolution: [47, 30]", "described are 47 x 30 pixels, images"),
         ("[57, 56, 47, 31]", "[0, 56, 47, 31]", "fx and fy must be above 0 px"),
@@ -196,16 +196,16 @@ def test_cameras_of_all_presets_fit_their_images():
     ],
 )
 def test_a_folder_whose_description_contradicts_its_images_is_refused(
-    tmp_path, capsys, old, new, message
+    tmp_path, capsys, entry, contradiction, message
 ):
     info = GOOD._replace(d=(0.1, 0.0, 0.0, 0.0))
     converted(write_camera(tmp_path / "seen.mcap", [info]), tmp_path, capsys)
     file = tmp_path / "out" / "cam0" / "sensor.yaml"
     text = file.read_text()
-    if "equidistant" in new:
+    if "equidistant" in contradiction:
         text = text.replace("[0.1, 0, 0, 0]", "[0.1, 0, 0, 0, 0.2]")
-    assert old in text, text
-    file.write_text(text.replace(old, new))
+    assert entry in text, text
+    file.write_text(text.replace(entry, contradiction))
     assert convert_bag.main([str(tmp_path / "out"), "-o", str(tmp_path / "back.mcap")]) == 2
     error_text = capsys.readouterr().err.strip()
     assert message in error_text

@@ -38,9 +38,9 @@ def test_losses_among_whole_milliseconds_are_counted(rate):
     clock = estimate_clock(rounded(t_ns[rows]))
     assert clock.rate == pytest.approx(rate, rel=1e-3)
     assert clock.lost == pytest.approx(26000 - len(rows), rel=0.02)
-    one = estimate_clock(rounded(np.delete(t_ns, 13000)))
-    assert one.rate == pytest.approx(rate, rel=1e-3)
-    assert one.lost == 1
+    single_loss = estimate_clock(rounded(np.delete(t_ns, 13000)))
+    assert single_loss.rate == pytest.approx(rate, rel=1e-3)
+    assert single_loss.lost == 1
     burst = estimate_clock(rounded(np.delete(t_ns, slice(5000, 5020))))
     assert burst.lost == 20
 

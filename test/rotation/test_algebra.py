@@ -27,10 +27,10 @@ TIGHT = 4e-15
 def call(name, *rows):
     """Return what a function of the module gives; in either order of memory it is the same."""
     function = getattr(rotation, name)
-    found = function(*rows)
-    by_columns = function(*(np.asfortranarray(each) for each in rows))
-    np.testing.assert_array_equal(found, by_columns)
-    return found
+    rotated = function(*rows)
+    by_columns = function(*(np.asfortranarray(row) for row in rows))
+    np.testing.assert_array_equal(rotated, by_columns)
+    return rotated
 
 
 def scipy_rotation(q):
@@ -74,8 +74,8 @@ def test_the_inverse_rotation_turns_back():
 
 
 def test_the_conjugate_is_the_inverse():
-    one = np.tile(rotation.IDENTITY, (N, 1))
-    same(call("multiply", Q, call("conjugate", Q)), one)
+    identity = np.tile(rotation.IDENTITY, (N, 1))
+    same(call("multiply", Q, call("conjugate", Q)), identity)
 
 
 @pytest.mark.parametrize("factor", [1e-100, 1.0 - 1e-12, 1.0, 3.0, 1e100])
@@ -116,8 +116,8 @@ def test_a_matrix_is_applied_alike_to_few_and_to_many():
         np.testing.assert_array_equal(many, np.concatenate(few))
         # A matrix for each of the second axis's places, the same bits.
         batch = np.broadcast_to(V[:, None], (N, 4, 3))
-        each = rotation.transform(np.tile(matrix, (4, 1, 1)), batch)
-        np.testing.assert_array_equal(each, np.broadcast_to(many[:, None], (N, 4, 3)))
+        transformed_batch = rotation.transform(np.tile(matrix, (4, 1, 1)), batch)
+        np.testing.assert_array_equal(transformed_batch, np.broadcast_to(many[:, None], (N, 4, 3)))
 
 
 def test_results_have_the_same_bits_in_blocks_of_any_size():

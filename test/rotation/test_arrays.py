@@ -76,8 +76,8 @@ def test_yaw_turns_the_body_left():
 def test_euler_rates_give_the_body_rate():
     """Lecture eq. 37 against the central difference of the attitude, whose error is h^2."""
     angles, rates, h = np.array([0.3, -0.7, 1.1]), np.array([0.5, -0.2, 0.9]), 1e-5
-    before, after = (rotation.from_euler(angles + s * h * rates) for s in (-1, 1))
-    omega = rotation.log(rotation.multiply(rotation.conjugate(before), after)) / (2 * h)
+    q_start, q_end = (rotation.from_euler(angles + s * h * rates) for s in (-1, 1))
+    omega = rotation.log(rotation.multiply(rotation.conjugate(q_start), q_end)) / (2 * h)
     np.testing.assert_allclose(rotation.euler_rates_to_body_rates(angles) @ rates, omega, atol=1e-9)
     product = rotation.euler_rates_to_body_rates(angles) @ rotation.body_rates_to_euler_rates(
         angles
@@ -121,11 +121,11 @@ def test_cumulative_product_is_the_loop(n):
 def test_cumulative_product_rounds_as_products_do():
     """One after the other within a row, and by the product before it: the same bits."""
     q = rotation.normalise(np.random.default_rng(4).normal(size=(100, 4)))
-    rows = [[first] for first in q.reshape(10, 10, 4)[:, 0]]
+    rows = [[start] for start in q.reshape(10, 10, 4)[:, 0]]
     start, expected = rotation.IDENTITY, []
     for row, quaternions in zip(rows, q.reshape(10, 10, 4), strict=True):
-        for one in quaternions[1:]:
-            row.append(rotation.multiply(row[-1], one))
+        for quaternion in quaternions[1:]:
+            row.append(rotation.multiply(row[-1], quaternion))
         expected += [rotation.multiply(start, product) for product in row]
         start = rotation.multiply(start, row[-1])
     assert np.array_equal(rotation.cumulative_product(q), np.array(expected))

@@ -92,8 +92,8 @@ def noise_entries(preset: str) -> dict[str, tuple[str, str]]:
     """Return the source's statement of each noise density, and the expression, by parameter."""
     entries = ENTRY.findall(files.find("imus", preset).read_text(encoding="utf-8"))
     return {
-        name: (words, expression)
-        for _, words, expression, name, _ in entries
+        name: (statement, expression)
+        for _, statement, expression, name, _ in entries
         if name.endswith("noise_density")
     }
 
@@ -251,10 +251,10 @@ SIZES = {"deg/s": UNITS["deg"], "mdeg/s": 1e-3 * UNITS["deg"], "mg": 1e-3 * UNIT
 STATED = [
     (preset, name.split("_")[0], float(stated[1]) * SIZES[stated[2]], float(stated[3]))
     for preset in PRESETS
-    for _, words, _, name, _ in ENTRY.findall(
+    for _, statement, _, name, _ in ENTRY.findall(
         (files.config_folder() / "imus" / f"{preset}.yaml").read_text()
     )
-    if (stated := RMS.search(words))
+    if (stated := RMS.search(statement))
 ]
 """Preset, triad, RMS and bandwidth [Hz]."""
 

@@ -89,11 +89,11 @@ def test_beams_end_on_the_walls_of_a_room() -> None:
         GIVEN, **{"scene.type": "room", "scene.size": [60.0, 50.0, 40.0], "scene.boxes": 0}
     )
     for name, axis in (("beam", 0), ("side", 1)):
-        one = samples[name]
-        motion = body.trajectory.sample((one.true_t_ns - body.t0_ns) * 1e-9)
+        beam = samples[name]
+        motion = body.trajectory.sample((beam.true_t_ns - body.t0_ns) * 1e-9)
         arm = np.array([[0.1, 0.2, 0.3]]) if name == "side" else np.zeros((1, 3))
         start = motion.position + rotation.rotate(motion.q_wb, arm)
-        end = start + one.ideal[:, None] * rotation.to_matrix(motion.q_wb)[:, :, axis]
+        end = start + beam.ideal[:, None] * rotation.to_matrix(motion.q_wb)[:, :, axis]
         off = np.abs(np.abs(end) - [30.0, 25.0, 20.0]).min(axis=1)
         assert off.max() < 1e-9
     assert np.std(samples["beam"].distance - samples["beam"].ideal) == pytest.approx(0.01, rel=0.3)

@@ -332,7 +332,7 @@ def test_a_bad_reading_is_held_and_the_others_go_on() -> None:
 
 
 @pytest.mark.parametrize(
-    ("given", "line"),
+    ("arguments", "line"),
     [
         ({"count": 0}, "count = 0: must be a whole number from 1 to 1000000"),
         ({"count": 1_000_000_000}, "count = 1000000000: must be a whole number"),
@@ -351,9 +351,11 @@ def test_a_bad_reading_is_held_and_the_others_go_on() -> None:
         ({"input": {"place": "body"}}, "without place and rate in a batch"),
     ],
 )
-def test_what_a_batch_cannot_be_is_refused_with_a_line(given: dict[str, Any], line: str) -> None:
+def test_what_a_batch_cannot_be_is_refused_with_a_line(
+    arguments: dict[str, Any], line: str
+) -> None:
     with pytest.raises(ConfigurationError) as caught:
-        ims.ErrorModel(**{"rate": RATE, "count": 3, **given})
+        ims.ErrorModel(**{"rate": RATE, "count": 3, **arguments})
     assert any(line in problem for problem in caught.value.problems), caught.value.problems
 
 
@@ -582,11 +584,13 @@ def test_memory_does_not_grow_with_steps_and_episodes() -> None:
     tracemalloc.start()
     try:
         model = ims.ErrorModel(imu=imu, rate=RATE, seed=3, count=COUNT)
-        before = run(200)
-        after = run(300)
+        memory_after_200_steps = run(200)
+        memory_after_500_steps = run(300)
     finally:
         tracemalloc.stop()
-    assert after - before < 300 * 16  # a single number a step would be more
+    assert (
+        memory_after_500_steps - memory_after_200_steps < 300 * 16
+    )  # a single number a step would be more
 
 
 def test_memory_of_a_unit_is_below_20_kilobytes() -> None:

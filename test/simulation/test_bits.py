@@ -103,15 +103,15 @@ def test_reset_gives_the_same_samples_again() -> None:
         assert np.array_equal(a, b)
 
 
-@pytest.mark.parametrize(("first", "second"), [*itertools.combinations(RANDOM_TERMS, 2)])
-def test_switching_one_term_on_changes_no_other(first: str, second: str) -> None:
+@pytest.mark.parametrize(("term", "other_term"), [*itertools.combinations(RANDOM_TERMS, 2)])
+def test_switching_one_term_on_changes_no_other(term: str, other_term: str) -> None:
     """The ideal rate at rest is 0, so two terms read their exact sum; addition commutes."""
-    rates = perfect(RANDOM_TERMS[first]).next(SAMPLES)["imu"].gyro
-    two = perfect(RANDOM_TERMS[second]).next(SAMPLES)["imu"].gyro
-    both = perfect({**RANDOM_TERMS[first], **RANDOM_TERMS[second]}).next(SAMPLES)["imu"].gyro
+    rates = perfect(RANDOM_TERMS[term]).next(SAMPLES)["imu"].gyro
+    other_rates = perfect(RANDOM_TERMS[other_term]).next(SAMPLES)["imu"].gyro
+    both = perfect({**RANDOM_TERMS[term], **RANDOM_TERMS[other_term]}).next(SAMPLES)["imu"].gyro
     assert rates.any()
-    assert two.any()
-    assert np.array_equal(both, rates + two)
+    assert other_rates.any()
+    assert np.array_equal(both, rates + other_rates)
 
 
 def test_other_triad_and_timing_change_no_noise() -> None:

@@ -183,7 +183,7 @@ def test_the_files_of_vio_data_simulation(tmp_path):
 
 
 @pytest.mark.parametrize(
-    ("words", "message"),
+    ("options", "message"),
     [
         ("--format tracks", "format tracks: needs a camera"),
         ("--format tracks --camera nothing", "unknown camera 'nothing'; neither a file nor one of"),
@@ -214,9 +214,9 @@ def test_the_files_of_vio_data_simulation(tmp_path):
         ),
     ],
 )
-def test_bad_input_is_one_line_and_leaves_nothing(tmp_path, capsys, words, message):
+def test_bad_input_is_one_line_and_leaves_nothing(tmp_path, capsys, options, message):
     target = tmp_path / "out"
-    status = generate.main(["-o", str(target), "--duration", "1s", *words.split()])
+    status = generate.main(["-o", str(target), "--duration", "1s", *options.split()])
     error = capsys.readouterr().err.strip()
     assert status == 2
     assert message in error

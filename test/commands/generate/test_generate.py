@@ -155,7 +155,7 @@ def test_configurations_of_the_consumers(tmp_path):
 
 
 @pytest.mark.parametrize(
-    ("arguments", "words"),
+    ("arguments", "message"),
     [
         (["-o", "new.mcap", "--trajectory", "static"], "duration"),
         (["-o", "there.mcap", "--duration", "1s"], "already exists"),
@@ -173,12 +173,12 @@ def test_configurations_of_the_consumers(tmp_path):
         ),
     ],
 )
-def test_refusals(tmp_path, monkeypatch, capsys, arguments, words):
+def test_refusals(tmp_path, monkeypatch, capsys, arguments, message):
     monkeypatch.chdir(tmp_path)
     Path("there.mcap").write_text("mine")
     assert main(arguments) == 2
     error = capsys.readouterr().err
-    assert words in error
+    assert message in error
     assert len(error.splitlines()) == 1
     assert os.listdir() == ["there.mcap"]
 

@@ -146,15 +146,15 @@ def test_the_folder_of_kalibr_bagcreater(tmp_path):
 
 
 @pytest.mark.parametrize(
-    ("words", "message"),
+    ("options", "message"),
     [
         ("--format euroc --scene cloud", "nothing to make images of"),
         ("--format euroc --jobs 0", "--jobs 0: must be from 1 to 1024"),
         ("--format tum", "--camera: need a bag, or a folder and --format"),
     ],
 )
-def test_bad_input_is_one_line_and_leaves_nothing(tmp_path, capsys, words, message):
-    assert generate.main(["-o", str(tmp_path / "out"), *RIG, *words.split()]) == 2
+def test_bad_input_is_one_line_and_leaves_nothing(tmp_path, capsys, options, message):
+    assert generate.main(["-o", str(tmp_path / "out"), *RIG, *options.split()]) == 2
     error = capsys.readouterr().err.strip()
     assert message in error
     assert len(error.splitlines()) == 1

@@ -89,9 +89,9 @@ def test_images_under_way_are_not_waited_for(tmp_path, monkeypatch, capsys):
     make, released, expired = ImageFolders._make, threading.Event(), []
     complete = threading.Semaphore(0)
 
-    def hold(self, frame, seen, path):
+    def hold(self, frame, samples, path):
         if frame.number < 3:
-            make(self, frame, seen, path)
+            make(self, frame, samples, path)
             complete.release()
             return
         if frame.number == 3:

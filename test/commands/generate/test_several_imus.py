@@ -173,16 +173,16 @@ def test_cameras_follow_the_body_whatever_imus_it_carries(place):
     """Tracks with two IMUs are those with one that the body's rate has."""
     options = ["--format", "tracks", "--camera", "euroc_cam0", "--duration", "0.2s", "--quiet"]
     common = ["--set=rate=100", "--set=trajectory.type=figure_eight", "--seed", "11"]
-    one, two = place / "one_tracks", place / "two_tracks"
-    assert generate.main([*common, *options, "-o", str(one)]) == 0
-    assert generate.main([*OPTIONS, *options, "--set=duration=0.2", "-o", str(two)]) == 0
+    tracks_of_one, tracks_of_two = place / "one_tracks", place / "two_tracks"
+    assert generate.main([*common, *options, "-o", str(tracks_of_one)]) == 0
+    assert generate.main([*OPTIONS, *options, "--set=duration=0.2", "-o", str(tracks_of_two)]) == 0
     for name in ("tracks.csv", "landmarks.csv", "groundtruth.tum"):
-        assert filecmp.cmp(one / name, two / name, shallow=False), name
-    assert (one / "tracks.csv").stat().st_size > 1000
+        assert filecmp.cmp(tracks_of_one / name, tracks_of_two / name, shallow=False), name
+    assert (tracks_of_one / "tracks.csv").stat().st_size > 1000
 
 
 @pytest.mark.parametrize(
-    ("options", "words"),
+    ("options", "message"),
     [
         (["--topic", "imu/data_raw=/imu0"], "unknown topic 'imu/data_raw'; did you mean left/"),
         (["--topic", "left/imu/data_raw=/i", "--topic", "right/imu/data_raw=/i"],
@@ -197,17 +197,17 @@ def test_cameras_follow_the_body_whatever_imus_it_carries(place):
         (["-o", "x", "--format", "euroc", "--topics", "left/imu/temperature"], "does not exist"),
     ],
 )  # fmt: skip
-def test_what_does_not_fit_is_one_line(tmp_path, monkeypatch, capsys, options, words):
+def test_what_does_not_fit_is_one_line(tmp_path, monkeypatch, capsys, options, message):
     monkeypatch.chdir(tmp_path)
     assert generate.main([*OPTIONS, "-o", "y.mcap", "--quiet", *options]) == 2
     lines = capsys.readouterr().err.splitlines()
     assert len(lines) == 1, lines
-    assert words in lines[0]
+    assert message in lines[0]
     assert list(tmp_path.iterdir()) == []
 
 
 @pytest.mark.parametrize(
-    ("given", "line"),
+    ("assignments", "line"),
     [
         (["imus=[gnss]", "sensors=[gnss]"], "sensors: 'gnss': is a name in imus"),
         (["imus=[cam0]", "cameras=[cam0]"], "cameras: 'cam0': is a name in imus"),
@@ -215,11 +215,11 @@ def test_what_does_not_fit_is_one_line(tmp_path, monkeypatch, capsys, options, w
         (["sensors=[gyroscope]", "gyroscope.type=gnss"], "sensors: 'gyroscope': is another"),
     ],
 )
-def test_a_name_is_that_of_one_sensor(tmp_path, capsys, given, line):
-    options = [word for assignment in given for word in ("--set", assignment)]
+def test_a_name_is_that_of_one_sensor(tmp_path, capsys, assignments, line):
+    options = [word for assignment in assignments for word in ("--set", assignment)]
     assert generate.main(["-o", str(tmp_path / "x.mcap"), "--duration", "1s", *options]) == 2
-    (found,) = capsys.readouterr().err.splitlines()
-    assert found.startswith(f"generate: {line}")
+    (error_line,) = capsys.readouterr().err.splitlines()
+    assert error_line.startswith(f"generate: {line}")
 
 
 def test_a_topic_of_one_imu_and_new_names(place):

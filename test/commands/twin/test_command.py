@@ -69,7 +69,7 @@ def test_what_aids_the_imu_is_named_and_not_fitted(tmp_path, capsys):
 
 
 @pytest.mark.parametrize(
-    ("extra", "words"),
+    ("extra", "message"),
     [
         (["--gravity", "nan"], "--gravity nan: must be between 1 and 30 m/s^2"),
         (["--cutoff", "-1"], "--cutoff -1.0: must be between 0.5 and 1000 Hz"),
@@ -77,11 +77,11 @@ def test_what_aids_the_imu_is_named_and_not_fitted(tmp_path, capsys):
         (["--truth-topic", "/nothing"], "/nothing"),
     ],
 )
-def test_bad_arguments_end_with_a_line_and_status_2(bag, extra, words, tmp_path, capsys):
+def test_bad_arguments_end_with_a_line_and_status_2(bag, extra, message, tmp_path, capsys):
     truth = ["--truth", str(bag), "--truth-topic", "/ground_truth/odom"]
     assert main([str(bag), *truth, "-o", str(tmp_path / "twin"), *extra]) == 2
     lines = capsys.readouterr().err.splitlines()
-    assert any(words in line for line in lines)
+    assert any(message in line for line in lines)
     assert all(line.startswith("twin: ") for line in lines)
     assert not (tmp_path / "twin").exists()
 

@@ -102,10 +102,10 @@ def test_the_truth_is_without_distortion():
     scans, lidar = flight.lidar, flight.parameters.lidar
     _, place, q_ws = poses(flight, lidar)
     shape = scans.true_point.shape
-    met = place + rotation.rotate(q_ws, scans.points.reshape(-1, 3))
+    hit_points = place + rotation.rotate(q_ws, scans.points.reshape(-1, 3))
     starts = (a.reshape(*shape[:2], -1)[:, :1] for a in (place, q_ws))
     start_position, q_first = starts
-    expected = rotation.rotate_inverse(q_first, met.reshape(shape) - start_position)
+    expected = rotation.rotate_inverse(q_first, hit_points.reshape(shape) - start_position)
     assert np.nanmax(np.abs(expected - scans.true_point)) < TENTH_OF_A_MM
     assert np.abs(scans.range_error).max() == 0.0
 
@@ -452,7 +452,7 @@ def test_bags_have_the_fields_of_drivers(tmp_path, layout, name):
     assert len(fields) == len(scans) == 3
     kinds = {"u1": 2, "u2": 4, "u4": 6, "f4": 7, "f8": 8}
     for k, message in enumerate(fields):
-        expected = [(n, at, kinds[kind[1:]]) for n, kind, at in LAYOUTS[layout].fields]
+        expected = [(n, offset, kinds[kind[1:]]) for n, kind, offset in LAYOUTS[layout].fields]
         assert [(f.name, f.offset, f.datatype) for f in message.fields] == expected
         assert message.is_dense
         assert message.header.frame_id == "lidar"
@@ -745,8 +745,8 @@ def test_who_knows_of_lidars():
         for path in package.rglob("*.py")
         if "lidar" in path.read_text(encoding="utf-8").lower()
     }
-    others = {name for name in mentions if not name.startswith("sensors/lidar/")}
-    assert {name for name in others if not name.startswith("datasets/consumers/")} == {
+    outside_room = {name for name in mentions if not name.startswith("sensors/lidar/")}
+    assert {name for name in outside_room if not name.startswith("datasets/consumers/")} == {
         "bags/messages/encode_cameras.py",
         "jobs/recorded.py",
         "sensors/__init__.py",
