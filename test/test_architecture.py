@@ -375,6 +375,12 @@ def test_no_heavy_import_at_the_top_of_what_a_node_starts_with(path):
     assert not names & HEAVY
 
 
+@over(modules())
+def test_distributions_are_of_scipy_special(path):
+    """``scipy.stats`` has the same numbers and takes half a second to import."""
+    assert not {name for name in imports(parsed(path)) if name.startswith("scipy.stats")}
+
+
 NOT_FOR_OTHERS = {"campaigns/plan.py"}  # the text of which a digest is made
 
 

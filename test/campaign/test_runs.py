@@ -617,6 +617,33 @@ def test_parquet_holds_what_csv_holds(plan_file, campaign, tmp_path):
     assert types["ate_rmse_m"] == types["scale_error"] == types["rate"] == "double"
 
 
+def test_parquet_has_all_kinds_of_values_without_pandas(tmp_path):
+    """``pyarrow.array`` would load pandas, which takes as long as the import of all the rest."""
+    parquet = pytest.importorskip("pyarrow.parquet")
+    code = f"""
+import sys
+from pathlib import Path
+from imu_sim_ros.campaigns.results import write_tables
+rows = [
+    {{"n": 2**62, "x": 1, "b": True, "s": "ä", "m": None, "mixed": 1}},
+    {{"n": None, "x": 0.1, "b": None, "s": None, "m": None, "mixed": "a"}},
+    {{"n": -1, "x": None, "b": False, "s": "", "m": None, "mixed": None}},
+]
+write_tables(Path({str(tmp_path)!r}), rows, list(rows[0]), {{"m"}})
+assert "pandas" not in sys.modules
+"""
+    subprocess.run([sys.executable, "-c", code], check=True)
+    table = parquet.read_table(tmp_path / "results.parquet")
+    table.validate(full=True)
+    kinds = ["int64", "double", "bool", "string", "double", "string"]
+    assert [str(field.type) for field in table.schema] == kinds
+    assert table.to_pylist() == [
+        {"n": 2**62, "x": 1.0, "b": True, "s": "ä", "m": None, "mixed": "1"},
+        {"n": None, "x": 0.1, "b": None, "s": None, "m": None, "mixed": "a"},
+        {"n": -1, "x": None, "b": False, "s": "", "m": None, "mixed": None},
+    ]
+
+
 def test_the_folder_holds_plan_versions_and_page(plan_file, tmp_path, capsys):
     path = plan_file(name="two words.yaml")
     folder = tmp_path / "out"

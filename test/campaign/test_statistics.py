@@ -84,19 +84,32 @@ def test_success_is_wilsons_interval():
     assert success(45, 50) == pytest.approx((0.9, centre - half, centre + half), rel=1e-12)
     assert success(0, 0).value is None
     assert success(50, 50).high == pytest.approx(1.0)
+    for runs in (1, 7, 40):
+        for done in range(runs + 1):
+            ends = scipy.stats.binomtest(done, runs).proportion_ci(0.95, method="wilson")
+            assert success(done, runs)[1:] == pytest.approx((ends.low, ends.high), abs=1e-15)
 
 
-def test_the_mean_has_the_interval_of_scipys_bootstrap():
-    """Both ends within what 9999 resamples let them scatter: some 2 % of the interval."""
-    values = np.random.default_rng(3).lognormal(0.0, 0.6, 40)
+@pytest.mark.parametrize("n", [6, 40, 1000])
+def test_the_mean_has_the_interval_of_scipys_bootstrap(n):
+    """The same resamples are drawn: both ends are equal but for rounding."""
+    values = np.random.default_rng(3).lognormal(0.0, 0.6, n)
     theirs = scipy.stats.bootstrap(
-        (values,), np.mean, n_resamples=20000, method="BCa", random_state=1
+        (values,),
+        np.mean,
+        n_resamples=4999,
+        batch=max(1_000_000 // n, 1),
+        method="BCa",
+        random_state=20_240_611,
     ).confidence_interval
-    ours = mean(values)
-    width = theirs.high - theirs.low
-    assert ours.value == pytest.approx(values.mean())
-    assert ours.low == pytest.approx(theirs.low, abs=0.06 * width)
-    assert ours.high == pytest.approx(theirs.high, abs=0.06 * width)
+    assert mean(values) == pytest.approx((values.mean(), theirs.low, theirs.high), rel=1e-13)
+
+
+@pytest.mark.parametrize(("value", "step"), [(1.0, 2.3e-16), (0.0, 1e-200), (1.0, 1e200)])
+def test_values_of_any_size_have_a_finite_interval(value, step):
+    """One value differs by the rounding of the others, or is nearly all of their sum."""
+    estimate = mean(np.array([value] * 5 + [value + step]))
+    assert estimate.low <= estimate.value <= estimate.high < np.inf
 
 
 def test_many_means_have_the_intervals_of_each_alone():
@@ -271,6 +284,9 @@ def test_shares_are_compared_exactly():
     few = np.arange(60) < 5
     assert share_difference(~few, b)[1] is None  # 5 pairs: at best p = 0.0625
     assert share_difference(b, b)[0].value == 0.0
+    for wins in (0, 3, 10, 11, 20):
+        a = np.arange(20) < wins
+        assert share_difference(a, ~a)[1] == pytest.approx(scipy.stats.binomtest(wins, 20).pvalue)
 
 
 def test_a_failed_run_is_worse_than_any_number():
@@ -575,6 +591,12 @@ def test_sensitivity_finds_the_exponent():
     assert fit.slope.low < 0.5 < fit.slope.high
     assert fit.slope.high - fit.slope.low < 0.1
     assert sensitivity(np.ones(4), np.ones(4), np.arange(4)) is None
+    x, y = x.reshape(30, 9), (np.sqrt(x) * common).reshape(30, 9)
+    y *= rng.lognormal(0, 0.2, y.shape)
+    slopes = np.array([np.polyfit(np.log(x[k]), np.log(y[k]), 1)[0] for k in range(30)])
+    ends = scipy.stats.t.interval(0.95, 29, slopes.mean(), slopes.std(ddof=1) / np.sqrt(30))
+    slope = sensitivity(x.ravel(), y.ravel(), seed).slope
+    assert slope == pytest.approx((slopes.mean(), *ends), rel=1e-10)
 
 
 @pytest.mark.parametrize(
