@@ -26,6 +26,7 @@ from rclpy.topic_endpoint_info import TopicEndpointInfo
 from imu_sim_ros.bags.messages.schemas import Qos
 from imu_sim_ros.nodes.lifetime import Fail, SupervisedThread
 from imu_sim_ros.nodes.parameters import ConfiguredNode
+from imu_sim_ros.recordings.live_strays import RELEASE_PERIOD
 
 DEPTH: Final = 5000
 """Messages that wait in the middleware: 2.5 s at 2 kHz, while the machine does other things."""
@@ -132,6 +133,8 @@ class RawSubscriptions:
     :param period: between looks for messages [s].
     :param leading: a topic in step with which messages are looked for if they arrive regularly,
         see :class:`PollTimer`; None: none.
+    :param release: is called every :data:`RELEASE_PERIOD` in the reader's thread, once there is a
+        subscription; None: nothing is.
     """
 
     def __init__(
@@ -141,11 +144,12 @@ class RawSubscriptions:
         fail: Fail,
         period: float,
         leading: str | None = None,
+        release: Callable[[], None] | None = None,
     ) -> None:
         self.first_at = 0.0
         """Time at which the first message was taken, on the steady clock [s]; 0 before."""
         self._node, self._deliver, self._period = node, deliver, period
-        self._leading, self._pace = leading, PollTimer(period)
+        self._leading, self._pace, self._release = leading, PollTimer(period), release
         self._group = _OutsideTheExecutor()
         self._sources: dict[str, _Source] = {}
         self._lock = threading.Lock()
@@ -182,11 +186,14 @@ class RawSubscriptions:
     def _run(self) -> None:
         """Take the messages of all topics until the end; runs in a thread."""
         self._subscribed.wait()
-        delay = self._period
+        delay, release_s = self._period, time.monotonic()
         while not self._ended.is_set():
             # Waiting for the event would take longer; the end waits for this instead.
             time.sleep(delay)
             leading = self._look()
+            if self._release is not None and time.monotonic() >= release_s:
+                release_s = time.monotonic() + RELEASE_PERIOD
+                self._release()
             if self._leading is not None:
                 last_ns = leading[-1][1]["received_timestamp"] if leading else 0
                 delay = self._pace.wait(len(leading), last_ns, time.time_ns())

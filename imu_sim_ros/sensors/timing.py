@@ -4,7 +4,7 @@
 """A sensor in time: when it samples, what its clock says of that, how its messages travel."""
 
 import math
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from fractions import Fraction
 from typing import Final, NamedTuple
 
@@ -136,6 +136,11 @@ class SampleTiming:
         self._burst = -np.expm1(-timing.dropout_burst_rate * self._dt)
         self._burst_samples = timing.dropout_burst_duration / self._dt
         self._duplicate = timing.duplicate_probability
+        self._is_steady = not (
+            (self._skew or self._drift or self._jitter_ns)
+            or (self._span_ns or self._latency_ns or self._latency_jitter_ns)
+            or (self._dropout or self._burst or self._duplicate)
+        )
 
     def inject(self, fault: Fault, begin: Fraction) -> None:
         """Start a fault at the first sample at or after a time since the start [s]."""
@@ -165,6 +170,20 @@ class SampleTiming:
             first,
             self._span_ns,
         )
+
+    def steady_stamps(self, start: int, times: Sequence[int]) -> list[int] | None:
+        """Return the stamps of the next samples, which leave the driver at once and once each.
+
+        :param start: index of the first of them.
+        :param times: their true times, at least one [ns].
+        :returns: the stamps of :meth:`samples`; None where the clock drifts or jitters, or the
+            transport delays, loses or repeats messages: nothing has changed then.
+        """
+        steady = self._is_steady and not self.faults.windows and self._burst_end <= start
+        if not steady or times[0] < self._last_release_ns:
+            return None
+        self.position, self._last_release_ns = start + len(times), times[-1]
+        return [t_ns + self._offset_ns for t_ns in times]
 
     def _stream(self, source: str) -> Generator:
         """Return the random stream of a source, which begins when it is first needed."""

@@ -89,7 +89,7 @@ class GivenImu(GivenSensor[Readings, dict[str, Samples]]):
         self._as_it_is = self._conventions.nothing and self._resampler is None and not self._sensors
         """True if a reading is that of the mounted sensor, and no other sensor needs it."""
         self._latest: LiveReading | None = None
-        """The last reading, if it came by :meth:`read_few`."""
+        """The last reading, if its sample was made in numbers."""
 
     def read_few(self, readings: Sequence[LiveReading]) -> Samples | None:
         """Return the samples of a few readings, at least one, in numbers; None: it takes read.
@@ -97,15 +97,34 @@ class GivenImu(GivenSensor[Readings, dict[str, Samples]]):
         It takes that where more is to be done than to add errors: at the start, after a gap or a
         jump of the stamps, on another place of the body.
         """
-        imu = self._imu
-        if imu is None or self._pending is not None or not self._as_it_is:
-            return None
-        times = [reading.t_ns for reading in readings]
-        if not (self._order.follow(times) and self._gaps.none_in(times)):
+        imu, times = self._imu, [reading.t_ns for reading in readings]
+        if imu is None or not self._follow(times):
             return None
         samples = imu.apply_few(times, readings, unknown_motion(len(times)), self._world)
-        if samples is None:
+        if samples is not None:
+            self._pass(times, readings)
+        return samples
+
+    def read_numbers(self, readings: Sequence[LiveReading]) -> list[LiveReading] | None:
+        """Return a few readings, at least one, with errors, without their truth, as delivered.
+
+        None: it takes :meth:`read_few` or :meth:`read`.
+        """
+        imu, times = self._imu, [reading.t_ns for reading in readings]
+        if imu is None or not self._follow(times):
             return None
+        samples = imu.read_numbers(times, readings, self._world)
+        if samples is not None:
+            self._pass(times, readings)
+        return samples
+
+    def _follow(self, times: Sequence[int]) -> bool:
+        """Return whether stamps [ns] are those of the next samples, with no more to be done."""
+        as_it_is = self._as_it_is and self._pending is None
+        return as_it_is and self._order.follow(times) and self._gaps.none_in(times)
+
+    def _pass(self, times: Sequence[int], readings: Sequence[LiveReading]) -> None:
+        """Take note of readings whose samples have been made in numbers."""
         if not self._check.done:
             for reading in readings:
                 for line in self._check.look(*reading[:3]):
@@ -116,7 +135,6 @@ class GivenImu(GivenSensor[Readings, dict[str, Samples]]):
         self.position += len(times)
         self.counts.readings += len(times)
         self.counts.samples += len(times)
-        return samples
 
     def read(self, readings: Readings) -> list[dict[str, Samples]]:
         """Return the samples that readings give; see :class:`GivenSensor`."""

@@ -228,6 +228,79 @@ def test_a_few_readings_are_numbers_wherever_the_next_errors_begin() -> None:
     assert_same(samples, expected.at(0, len(samples.t_ns)))
 
 
+PLAIN: dict[str, object] = {
+    "imu.preset": "mpu6000",
+    "imu.stamp_offset": 0.002,
+}
+NOT_STEADY: dict[str, dict[str, object]] = {
+    "latency": {"imu.latency": 0.003},
+    "losses": {"imu.dropout_probability": 0.2},
+    "bursts": {"imu.dropout_burst_rate": 2.0, "imu.dropout_burst_duration": 0.05},
+    "duplicates": {"imu.duplicate_probability": 0.2},
+    "jitter": {"imu.jitter": 0.0005},
+    "skew": {"imu.clock_skew_ppm": 50.0},
+    "filter": {"imu.gyroscope_bandwidth": 20.0},
+}
+"""Parameters with which more is to be done than to add errors to readings."""
+
+
+@pytest.mark.parametrize("name", ["plain", *NOT_STEADY])
+def test_readings_alone_are_those_of_the_samples(name: str) -> None:
+    """Readings alone are those of a node without truth; in turn with blocks, some after a gap."""
+    values = {**PLAIN, **NOT_STEADY.get(name, {})}
+    readings = given_of(truth_of(values))
+    keep = np.ones(len(readings.t_ns), dtype=bool)
+    keep[300:310] = False
+    readings = readings.rows(keep)
+    samples = read_in(model_of(values), readings, [len(readings.t_ns)])
+    model, rows, alone, sizes = model_of(values), list[tuple[object, ...]](), 0, [1, 2, 40, 3, 5]
+    begin = k = 0
+    while begin < len(readings.t_ns):
+        part = readings.rows(slice(begin, begin + sizes[k % len(sizes)]))
+        columns = (part.t_ns.tolist(), part.gyro.tolist(), part.accel.tolist())
+        few = [LiveReading(*row) for row in zip(*columns, strict=True)]
+        numbers = model.read_numbers(few) if len(few) < 8 and k % 3 else None
+        if numbers is not None:
+            rows += [(t_ns, *gyro, *accel) for t_ns, gyro, accel, _ in numbers]
+            alone += 1
+        else:
+            few_samples = model.read_few(few) if len(few) < 8 else None
+            block = joined(model.read(part) if few_samples is None else [few_samples])
+            sent = block.delivered
+            stamps = block.t_ns[sent].tolist()
+            table = np.hstack([block.gyro[sent], block.accel[sent]]).tolist()
+            rows += [(t_ns, *row) for t_ns, row in zip(stamps, table, strict=True)]
+        begin, k = begin + len(part.t_ns), k + 1
+    # What nobody sent during the gap is in the samples of a block, not in its messages.
+    sent = samples.delivered
+    table = np.hstack([samples.gyro[sent], samples.accel[sent]]).tolist()
+    assert rows == [
+        (t_ns, *row) for t_ns, row in zip(samples.t_ns[sent].tolist(), table, strict=True)
+    ]
+    assert bool(alone) == (name == "plain")
+
+
+@pytest.mark.parametrize("preset", ["lecture", "mpu6000"])
+def test_a_reading_alone_takes_few_calls(preset: str) -> None:
+    """Numbers without their truth take fewer calls than samples, which have arrays."""
+    model = model_of({"imu.preset": preset, "rate": 1000.0, "input.check": False})
+    level = np.array([[0.0, 0.0, 9.81]])
+    model.read(series(np.zeros(1, np.int64), level * 0.0, level))
+    readings = [LiveReading(k * 1_000_000, (0.0, 0.0, 0.0), (0.0, 0.0, 9.81)) for k in range(1, 9)]
+    for reading in readings[:-1]:
+        assert model.read_numbers([reading]) is not None
+    calls = 0
+
+    def count(_: object, event: str, __: object) -> None:
+        nonlocal calls
+        calls += event in ("call", "c_call")
+
+    sys.setprofile(count)
+    model.read_numbers(readings[-1:])
+    sys.setprofile(None)
+    assert calls < 60
+
+
 @pytest.mark.parametrize("preset", ["lecture", "mpu6000", "tactical", "icm42688p", "bno055"])
 def test_one_reading_takes_few_calls(preset: str) -> None:
     """Numbers take half as many calls as arrays of one row, which take some 140.

@@ -47,6 +47,7 @@ _SOURCE_DOPPLER: Final = 4
 _FEW: Final = 16
 """Most messages that are made as whole rows."""
 _STAMP: Final = struct.Struct("<II")
+_VECTOR: Final = struct.Struct("<3d")
 _POSE: Final = struct.Struct("<7d")
 _TWIST: Final = struct.Struct("<6d")
 ROS_ORDER: Final = [1, 2, 3, 0]
@@ -215,6 +216,17 @@ class ImuEncoder(Encoder):
             angular_velocity=gyro,
             linear_acceleration=accel,
         )
+
+    def message(self, t_ns: int, gyro: Iterable[float], accel: Iterable[float]) -> bytes:
+        """Return one message without orientation, with the bytes that :meth:`encode` gives it.
+
+        The arguments are rows of those of :meth:`pattern`.
+        """
+        row, fields_of_row = bytearray(self._template), self._fields
+        _STAMP.pack_into(row, fields_of_row["sec"][1], *self._stamp(t_ns))
+        _VECTOR.pack_into(row, fields_of_row["angular_velocity"][1], *gyro)
+        _VECTOR.pack_into(row, fields_of_row["linear_acceleration"][1], *accel)
+        return bytes(row)
 
 
 class OdometryEncoder(Encoder):

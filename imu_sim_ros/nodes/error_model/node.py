@@ -34,7 +34,7 @@ from imu_sim_ros.nodes.publishing import ACKNOWLEDGEMENT, check_overrides, creat
 from imu_sim_ros.nodes.subscriptions import MatchedInputs, RawSubscriptions, Taken
 from imu_sim_ros.nodes.warnings import Refusals
 from imu_sim_ros.recordings.findings.live import StampWatch, TwistWatch
-from imu_sim_ros.recordings.live_strays import RELEASE_PERIOD, LiveStrays
+from imu_sim_ros.recordings.live_strays import LiveStrays
 from imu_sim_ros.sensors.imu.declaration import NAME as IMU
 from imu_sim_ros.simulation.error_input import Differentiator, IdealValues
 from imu_sim_ros.simulation.error_model import GivenImu
@@ -118,12 +118,13 @@ class ErrorModelNode(ConfiguredNode[ErrorNodeParameters]):
         self.create_service(Trigger, "~/reset", self._reset)
         steady = Clock(clock_type=ClockType.STEADY_TIME)
         self.create_timer(PERIOD, self._diagnose, clock=steady)
-        self.create_timer(RELEASE_PERIOD, self._release, clock=steady)
         self.get_logger().info(
             f"{parameters.imu.preset} at {parameters.rate:g} Hz, seed {parameters.seed}, "
             f"on {self.resolve_topic_name(main)}"
         )
-        self.reader = RawSubscriptions(self, self._take, self.lifetime.fail, _READ_PERIOD, main)
+        self.reader = RawSubscriptions(
+            self, self._take, self.lifetime.fail, _READ_PERIOD, main, self._release
+        )
         self._matched = MatchedInputs(self, self.reader, self._inputs, DEPTH)
 
     def _inputs(self) -> dict[str, type]:
@@ -210,16 +211,21 @@ class ErrorModelNode(ConfiguredNode[ErrorNodeParameters]):
 
     def _add_readings(self, readings: Sequence[LiveReading]) -> None:
         """Add errors to readings in order, and publish them."""
-        readings, samples = self._refusals.timed(self._main, self._stamps, readings), None
+        readings = self._refusals.timed(self._main, self._stamps, readings)
         if 0 < len(readings) <= _FEW and all(reading.q_wb is None for reading in readings):
+            if self.outputs.has_readings_alone:
+                numbers = self.model.read_numbers(readings)
+                if numbers is not None:
+                    self.outputs.publish_readings(numbers, self.parameters)
+                    return
             samples = self.model.read_few(readings)
-        if samples is None:
-            try:
-                self._read(_record(readings))
-            except InputError as error:
-                self._refusals.add(self._main, error, len(readings))
-        else:
-            self.outputs.publish({IMU: samples}, self.parameters)
+            if samples is not None:
+                self.outputs.publish({IMU: samples}, self.parameters)
+                return
+        try:
+            self._read(_record(readings))
+        except InputError as error:
+            self._refusals.add(self._main, error, len(readings))
 
     def _read(self, readings: Readings) -> None:
         """Add errors to readings and publish the samples."""

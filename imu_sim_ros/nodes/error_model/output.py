@@ -13,8 +13,11 @@ from rclpy.node import Node
 from rclpy.qos import QoSProfile
 
 from imu_sim_ros.bags.messages.blocks import as_list
+from imu_sim_ros.core.conventions import IMU_TOPIC
+from imu_sim_ros.core.records import LiveReading
 from imu_sim_ros.nodes.lifetime import Fail, SupervisedThread
 from imu_sim_ros.nodes.publishing import Counter, create
+from imu_sim_ros.sensors.imu.declaration import reading_encoder
 from imu_sim_ros.sensors.samples import Samples
 from imu_sim_ros.simulation.error_parameters import ErrorNodeParameters
 from imu_sim_ros.simulation.sensors import mounted
@@ -51,6 +54,9 @@ class ErrorModelOutputs:
         ]
         self._delayed = Delayed(fail)
         self.encode_for(parameters)
+        (output, *others) = self._outputs
+        self.has_readings_alone = not others and output.offered.topic.name == IMU_TOPIC
+        """True if the readings are all that is published."""
 
     def encode_for(self, parameters: ErrorNodeParameters) -> None:
         """Encode messages in the frame of parameters from now on."""
@@ -59,6 +65,20 @@ class ErrorModelOutputs:
             _Output(offers[counter.topic], offers[counter.topic].encoder(), counter)
             for counter in self.counters
         ]
+        self._valid: ErrorNodeParameters | None = None
+        """Parameters of the encoder of single readings."""
+
+    def publish_readings(
+        self, readings: Sequence[LiveReading], parameters: ErrorNodeParameters
+    ) -> None:
+        """Publish readings that leave the driver at once, the messages of :meth:`publish`."""
+        offer, _, counter = self._outputs[0]
+        if parameters is not self._valid:
+            self._valid = parameters
+            self._encoder = reading_encoder(offer.mounted.frame, parameters)
+        message = self._encoder.message
+        payloads = [message(t_ns, gyro, accel) for t_ns, gyro, accel, _ in readings]
+        self._delayed.send(counter.send, payloads, ())
 
     def publish(self, samples: Mapping[str, Samples], parameters: ErrorNodeParameters) -> None:
         """Publish the messages of samples by sensor; readings with the delay that they have.

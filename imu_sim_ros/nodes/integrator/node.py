@@ -57,7 +57,7 @@ from imu_sim_ros.nodes.warnings import Refusals, Warnings
 from imu_sim_ros.parameters.kinds import IDENTITY_MATRIX
 from imu_sim_ros.recordings.findings.live import StampWatch, UnitWatch
 from imu_sim_ros.recordings.findings.policy import INTEGRATOR
-from imu_sim_ros.recordings.live_strays import RELEASE_PERIOD, LiveStrays
+from imu_sim_ros.recordings.live_strays import LiveStrays
 
 _READ_PERIOD: Final = 0.002
 """Longest time for which readings wait for each other [s]."""
@@ -85,8 +85,6 @@ class Integrator(ConfiguredNode[IntegratorParameters]):
         tell = self.get_logger().warning
         self._reading_strays = LiveStrays[LiveReading](lambda line: tell(f"{IMU_TOPIC}: {line}"))
         self._truth_strays = LiveStrays[LiveState](lambda line: tell(f"{TRUTH_TOPIC}: {line}"))
-        steady = Clock(clock_type=ClockType.STEADY_TIME)
-        self.create_timer(RELEASE_PERIOD, self._release, clock=steady)
         self._decoder = decode.ReadingDecoder(parameters)
         for line in self._decoder.notes():
             self.get_logger().info(line)
@@ -97,7 +95,7 @@ class Integrator(ConfiguredNode[IntegratorParameters]):
             self._tell_what_is_left_out()
         self.create_service(Trigger, "~/reset", self._reset)
         self.reader = RawSubscriptions(
-            self, self._take, self.lifetime.fail, _READ_PERIOD, IMU_TOPIC
+            self, self._take, self.lifetime.fail, _READ_PERIOD, IMU_TOPIC, self._release
         )
         self._matched = MatchedInputs(self, self.reader, self._inputs, DEPTH)
 

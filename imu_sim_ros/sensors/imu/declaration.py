@@ -35,6 +35,7 @@ from imu_sim_ros.sensors.samples import Rows, Samples
 
 if TYPE_CHECKING:
     from imu_sim_ros.bags.messages.blocks import RowTemplate
+    from imu_sim_ros.bags.messages.encode import ImuEncoder
 
 NAME: Final = "imu"
 TYPE: Final = "sensor_msgs/msg/Imu"
@@ -49,21 +50,26 @@ class ImuReadings(Readings):
     """(n,) true times of the samples [ns]."""
 
 
+def reading_encoder(frame_id: str, valid: Any, encoding: str = "cdr") -> "ImuEncoder":
+    """Return the encoder of messages with the variances that valid parameters give a reading."""
+    from imu_sim_ros.bags.messages.encode import ImuEncoder
+
+    variances = (variance_discrete(valid.imu, triad, valid.rate) for triad in TRIADS)
+    return ImuEncoder(frame_id, encoding, *variances)
+
+
 def readings(mounted: Mounted[ImuParameters], encoding: str, *orientation: str) -> Payloads:
     """Return the encoder of readings with the valid variances.
 
     :param orientation: names of the samples' orientation and its variance, if there is one.
     """
-    from imu_sim_ros.bags.messages.encode import ImuEncoder
-
     cached: Any = None
     messages: ImuEncoder
 
     def payloads(samples: Samples, rows: Rows, valid: Any) -> "RowTemplate":
         nonlocal cached, messages
         if valid is not cached:
-            variances = (variance_discrete(valid.imu, triad, valid.rate) for triad in TRIADS)
-            cached, messages = valid, ImuEncoder(mounted.frame, encoding, *variances)
+            cached, messages = valid, reading_encoder(mounted.frame, valid, encoding)
         columns = (samples.values[name][rows] for name in ("gyro", "accel", *orientation))
         return messages.pattern(samples.t_ns[rows], *columns)
 

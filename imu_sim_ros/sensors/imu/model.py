@@ -187,22 +187,55 @@ class Imu:
         """
         if not self._plain or self._timing.faults.windows:
             return None
-        start, count = self._timing.position, len(readings)
-        while self._ahead.end < start + count:
-            self._look_ahead(start, world)
-        ahead = self._ahead
-        row, end = start - ahead.start, start - ahead.start + count
-        of_gyro, of_accel = self._triads
-        results = []
-        for (_, gyro, accel, _), added in zip(readings, ahead.numbers[row:end], strict=True):
-            results.append(of_gyro.read_numbers(gyro, accel, added[0]))
-            results.append(of_accel.read_numbers(accel, accel, added[1]))
+        start = self._timing.position
+        results, rows = self._numbers(start, readings, world)
         table = np.array([reading for reading, _ in results])
         rates, forces = table[::2], table[1::2]
-        truth = partial(_truth, (rates, forces), results, ahead, slice(row, end), readings, motion)
+        truth = partial(_truth, (rates, forces), results, self._ahead, rows, readings, motion)
         values = Completed({"gyro": rates, "accel": forces}, _VALUES, truth)
         self.latest = self._timing.samples(start, np.array(times), values)
         return self.latest
+
+    def read_numbers(
+        self, times: Sequence[int], readings: Sequence[LiveReading], world: World
+    ) -> list[LiveReading] | None:
+        """Return the next samples of a few ideal readings, with their stamps, without their truth.
+
+        The numbers are those of :meth:`apply`, and all of them are delivered at once.
+
+        :param times: stamps of the readings, at least one [ns].
+        :returns: None where it takes :meth:`apply_few` or :meth:`apply`.
+        """
+        start = self._timing.position
+        stamps = self._timing.steady_stamps(start, times) if self._plain else None
+        if stamps is None:
+            return None
+        results, _ = self._numbers(start, readings, world)
+        return [
+            LiveReading(t_ns, results[2 * k][0], results[2 * k + 1][0])
+            for k, t_ns in enumerate(stamps)
+        ]
+
+    def _numbers(
+        self, start: int, readings: Sequence[LiveReading], world: World
+    ) -> tuple[list[tuple[Vector[float], Vector[float] | None]], slice]:
+        """Return the readings of both triads in turn, with their response errors.
+
+        The second result are the rows of these samples in what is made ahead.
+
+        :param start: index of the first sample.
+        """
+        count = len(readings)
+        while self._ahead.end < start + count:
+            self._look_ahead(start, world)
+        ahead = self._ahead
+        rows = slice(start - ahead.start, start - ahead.start + count)
+        of_gyro, of_accel = self._triads
+        results = []
+        for (_, gyro, accel, _), added in zip(readings, ahead.numbers[rows], strict=True):
+            results.append(of_gyro.read_numbers(gyro, accel, added[0]))
+            results.append(of_accel.read_numbers(accel, accel, added[1]))
+        return results, rows
 
     def _look_ahead(self, start: int, world: World) -> None:
         """Draw the errors of the samples from an index on, up to the next multiple of ``AHEAD``.

@@ -215,6 +215,24 @@ def test_one_odometry_message_has_the_bytes_of_a_block_of_one(encoding, frames):
             assert encoder.message(t_ns, *plain) == expected
 
 
+@pytest.mark.parametrize("encoding", ["cdr", "ros1"])
+@pytest.mark.parametrize("frame", FRAMES)
+def test_one_imu_message_has_the_bytes_of_a_block_of_one(encoding, frame):
+    rng = np.random.default_rng(7)
+    encoder = encode.ImuEncoder(frame, encoding, rng.standard_normal((3, 3)), (1.0, 2.0, 3.0))
+    gyro, accel = rng.standard_normal((2, 3))
+    gyro[:2] = -0.0, np.nan
+    for t_ns in (0, 1_234_567_890_123_456_789):
+        expected = encoder.encode(np.array([t_ns]), gyro[None], accel[None])[0].tobytes()
+        assert encoder.message(t_ns, tuple(gyro.tolist()), tuple(accel.tolist())) == expected
+
+
+@pytest.mark.parametrize("t_ns", [-1, 2**31 * 10**9])
+def test_one_imu_message_refuses_a_stamp_as_a_block_does(t_ns):
+    with pytest.raises(InputError, match="a message holds 0 to"):
+        encode.ImuEncoder("imu_link").message(t_ns, (0.0, 0.0, 0.0), (0.0, 0.0, 9.81))
+
+
 @pytest.mark.parametrize("t_ns", [-1, 2**31 * 10**9])
 def test_one_odometry_message_refuses_a_stamp_as_a_block_does(t_ns):
     encoder = encode.OdometryEncoder("world", "base_link")
