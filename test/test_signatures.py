@@ -39,7 +39,7 @@ def job(
     :param align: a word
     :param rpe: repeatable
     :param robust: a switch
-    :param page: write no page
+    :param page: write no page, with ``strength`` or ``none``
     :param imu: a name
     :param hidden: not an argument
     """
@@ -92,6 +92,7 @@ def test_help_has_the_texts_and_defaults() -> None:
     assert "--count N a number (default: 3)" in text
     assert "--align {none,yaw} a word (default: none)" in text
     assert "--field T a field [T] --count" in text
+    assert "--no-page write no page, with --field or none" in text
     assert "hidden" not in text
 
 

@@ -9,8 +9,9 @@ from typing import Annotated
 import pytest
 
 import imu_sim_ros as ims
+from imu_sim_ros.commands import dead_reckon
 from imu_sim_ros.core.arguments import number
-from imu_sim_ros.core.spelling import argument, spelled, spelled_for, stated
+from imu_sim_ros.core.spelling import argument, job_argument, spelled, spelled_for, stated
 from imu_sim_ros.terminal.signatures import call
 
 
@@ -50,6 +51,32 @@ def test_recommended_arguments(door, gap, switch, unit, topic, renamed):
         assert argument("rename", {"/imu": "NEW"}) == renamed
         assert spelled("{accel_unit g} or {truth_topic}") == f"{unit} or {topic}"
     assert stated("max_gap", "0.5") == "max_gap = 0.5"  # Python's again
+
+
+@pytest.mark.parametrize(
+    ("door", "advice"),
+    [
+        ("python", "convert(..., recover=True)"),
+        ("program", "convert_bag --recover"),
+        ("node", "convert_bag --recover"),
+    ],
+)
+def test_recommended_jobs(door, advice):
+    with spelled_for(door):
+        assert job_argument("convert", "recover") == advice
+
+
+def test_a_damaged_bag_is_recovered_by_a_call_in_python_and_by_a_program_at_the_terminal(
+    tmp_path, capsys
+):
+    path = tmp_path / "cut.mcap"
+    ims.generate(path, duration=1.0, rate=100.0, seed=1)
+    path.write_bytes(path.read_bytes()[:-300])
+    with pytest.raises(ims.InputError, match=r"convert\(\.\.\., recover=True\) recovers") as caught:
+        ims.dead_reckon(path)
+    assert "--" not in str(caught.value)
+    assert dead_reckon.main([str(path)]) == 2
+    assert "; convert_bag --recover recovers the complete messages" in capsys.readouterr().err
 
 
 def _job(max_gap: Annotated[float, "TIME"] = 0.5) -> float:

@@ -12,11 +12,12 @@ from imu_sim_ros.bags.compressed_files import compression_of, unpack
 from imu_sim_ros.bags.logs.catalogue import MAGIC_BYTES, open_log
 from imu_sim_ros.bags.mcap_reader import McapBag
 from imu_sim_ros.bags.outputs import active_path, is_being_written, is_locked, unfinished
-from imu_sim_ros.bags.reader import Bag, Recover, errors_naming
+from imu_sim_ros.bags.reader import Bag, Recover, errors_naming, recovery_advice
 from imu_sim_ros.bags.ros1_reader import Rosbag1Bag
 from imu_sim_ros.bags.rosbag2_reader import SQLITE, Rosbag2Folder, SqliteBag
 from imu_sim_ros.bags.text.writer import TEXT_SUFFIXES
 from imu_sim_ros.core.errors import InputError
+from imu_sim_ros.core.spelling import job_argument
 from imu_sim_ros.inputs.rows import open_regular
 from imu_sim_ros.inputs.sharing import shared_files
 
@@ -24,7 +25,6 @@ _ROS1: Final = b"#ROSBAG V"
 _MCAP: Final = b"\x89MCAP"
 _ENDINGS: Final = frozenset({".mcap", ".bag", ".db3"})
 """Endings of the names of bags, which tell the container of one whose first bytes are damaged."""
-_ADVICE: Final = "convert_bag --recover recovers the complete messages"
 
 
 def open_bag(path: str | Path, recover: Recover = False) -> Bag:
@@ -41,7 +41,7 @@ def open_bag(path: str | Path, recover: Recover = False) -> Bag:
     files = None if recover else shared_files()
     if files is None:
         return _open_ready(Path(path), recover)
-    return files.get(Bag, Path(path), _open_ready)  # type: ignore[type-abstract]  # a key only
+    return files.get(Path(path), _open_ready)
 
 
 def _open_ready(path: Path, recover: Recover = False) -> Bag:
@@ -52,7 +52,7 @@ def _open_ready(path: Path, recover: Recover = False) -> Bag:
         active = next(filter(is_being_written, (active_path(path), unfinished(path) or path)), None)
         if active is not None:
             raise _unready(path)
-    with errors_naming(path, "" if recover else f"; {_ADVICE}"):
+    with errors_naming(path, "" if recover else f"; {recovery_advice()}"):
         if path.is_dir():
             is_written = is_being_written(path)
             if is_written and not recover:
@@ -74,7 +74,7 @@ def _unready(path: Path) -> InputError:
     """Return the error of a bag that another program is writing."""
     return InputError(
         f"{path}: another program is writing it; read it when that has ended, or "
-        "convert_bag --recover takes the messages so far"
+        f"{job_argument('convert', 'recover')} takes the messages so far"
     )
 
 
@@ -84,7 +84,7 @@ def _regular(path: Path) -> BinaryIO:
         return open_regular(path)
     except InputError as error:
         rest = unfinished(path)
-        hint = f"; {rest} is an unfinished one, {_ADVICE}" if rest else ""
+        hint = f"; {rest} is an unfinished one, {recovery_advice()}" if rest else ""
         raise InputError(f"{error}{hint}") from None
 
 
@@ -107,7 +107,9 @@ def _open_content(path: Path, file: BinaryIO, recover: Recover) -> Bag:
     with ExitStack() as stack:
         unpacked = unpack(path, file, compression, stack)
         if unpacked.torn and not recover:
-            raise InputError(f"{path}: its {compression} data are damaged or end early; {_ADVICE}")
+            raise InputError(
+                f"{path}: its {compression} data are damaged or end early; {recovery_advice()}"
+            )
         with open_regular(unpacked.path) as content:
             magic = content.read(MAGIC_BYTES)
             try:
@@ -138,7 +140,9 @@ def _open_plain(path: Path, file: BinaryIO, magic: bytes, recover: Recover) -> B
     endings = _ENDINGS.intersection(path.suffixes)
     if endings and magic:
         if not recover:
-            raise InputError(f"{path}: not a bag, or its first bytes are damaged; {_ADVICE}")
+            raise InputError(
+                f"{path}: not a bag, or its first bytes are damaged; {recovery_advice()}"
+            )
         if ".db3" in endings:
             return SqliteBag(path, recover)
         reader = Rosbag1Bag if ".bag" in endings else McapBag

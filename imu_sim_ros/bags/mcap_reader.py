@@ -29,6 +29,7 @@ from imu_sim_ros.bags.reader import (
     ContradictionError,
     decompress,
     gather,
+    recovery_advice,
 )
 from imu_sim_ros.core.errors import InputError
 from imu_sim_ros.core.spelling import argument
@@ -147,8 +148,7 @@ class McapBag(ChunkedBag[_Chunk]):
                 raise ValueError("the summary is that of another file")
         except (McapError, *DAMAGE):
             raise InputError(
-                f"{self.path}: no valid end (interrupted or damaged); "
-                "convert_bag --recover recovers the complete messages"
+                f"{self.path}: no valid end (interrupted or damaged); {recovery_advice()}"
             ) from None
         if statistics is None or (statistics.chunk_count == 0 and statistics.message_count):
             return None

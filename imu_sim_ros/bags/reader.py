@@ -34,6 +34,7 @@ from imu_sim_ros.bags.threads import prefetch
 from imu_sim_ros.core.conventions import IDEAL_IMU_TOPIC
 from imu_sim_ros.core.errors import ImuSimError, InputError, MissingDependencyError, system_error
 from imu_sim_ros.core.names import suggestion
+from imu_sim_ros.core.spelling import job_argument
 from imu_sim_ros.core.types import Bytes, Times
 from imu_sim_ros.inputs.sharing import Shareable
 from imu_sim_ros.recordings.findings.clipping import ClippingCounts
@@ -116,6 +117,11 @@ def _is_of_package(error: Exception) -> bool:
 def _is_own_module(name: object) -> bool:
     """Return True for the name of a module of this package."""
     return isinstance(name, str) and name.partition(".")[0] == _PACKAGE
+
+
+def recovery_advice() -> str:
+    """Return the advice for a bag that is interrupted or damaged."""
+    return f"{job_argument('convert', 'recover')} recovers the complete messages"
 
 
 @contextmanager
@@ -403,7 +409,7 @@ class ChunkedBag(Bag, Generic[_Chunk]):
             except DAMAGE as error:
                 raise InputError(
                     f"{self.path}: chunk at byte {chunk.position}: {error}; "
-                    "convert_bag --recover skips it"
+                    f"{job_argument('convert', 'recover')} skips it"
                 ) from None
 
 

@@ -20,6 +20,7 @@ from imu_sim_ros.bags.reader import (
     ContradictionError,
     decompress,
     gather,
+    recovery_advice,
 )
 from imu_sim_ros.bags.ros1_writer import (
     INDEX_ENTRY,
@@ -112,7 +113,7 @@ class Rosbag1Bag(ChunkedBag[_Chunk]):
         try:
             self._name_topics(self._scan() if self._recover else self._read_index())
         except DAMAGE:
-            hint = "" if self._recover else "; convert_bag --recover recovers the complete messages"
+            hint = "" if self._recover else f"; {recovery_advice()}"
             raise InputError(f"{self.path}: the index is damaged{hint}") from None
 
     def _read_index(self) -> Mapping[int, int]:
@@ -124,8 +125,7 @@ class Rosbag1Bag(ChunkedBag[_Chunk]):
         position = header.number("index_pos")
         if not position or position > self._end:
             raise InputError(
-                f"{self.path}: not indexed (interrupted or damaged); "
-                "convert_bag --recover recovers the complete messages"
+                f"{self.path}: not indexed (interrupted or damaged); {recovery_advice()}"
             )
         while position < self._end:
             record = self._record(position)

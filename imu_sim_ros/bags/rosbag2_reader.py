@@ -16,7 +16,7 @@ import numpy as np
 from imu_sim_ros.bags.compressed_files import SUFFIXES, stem
 from imu_sim_ros.bags.messages.blocks import MessageBlock, TopicInfo
 from imu_sim_ros.bags.messages.schemas import Schema
-from imu_sim_ros.bags.reader import Bag, Recover, Timed, errors_naming
+from imu_sim_ros.bags.reader import Bag, Recover, Timed, errors_naming, recovery_advice
 from imu_sim_ros.bags.sqlite_pages import MessagePages
 from imu_sim_ros.bags.writer import METADATA_FILE
 from imu_sim_ros.core.errors import InputError, MachineError
@@ -62,7 +62,7 @@ class SqliteBag(Bag):
             self._topics = self._read_topics()
         except sqlite3.Error as error:
             self._stack.close()
-            hint = "" if recover else " (convert_bag --recover recovers the complete messages)"
+            hint = "" if recover else f" ({recovery_advice()})"
             raise InputError(f"{path}: {error}{hint}") from None
         self.topics = list(self._topics.values())
 
@@ -212,9 +212,7 @@ class SqliteBag(Bag):
             while rows := cursor.fetchmany(_ROWS):
                 yield Timed(rows[-1][1], self._blocks(rows))
         except sqlite3.Error as error:
-            raise InputError(
-                f"{self.path}: {error} (convert_bag --recover recovers the complete messages)"
-            ) from None
+            raise InputError(f"{self.path}: {error} ({recovery_advice()})") from None
 
     def _blocks(self, rows: Sequence[tuple[int, object, object]]) -> list[MessageBlock]:
         """Return rows of the table of messages, in blocks of one topic each."""
@@ -283,7 +281,7 @@ class Rosbag2Folder(Bag):
         try:
             listed = set(read_metadata(self.path))
         except InputError as error:
-            self.found += [line.partition("; convert_bag --recover")[0] for line in error.problems]
+            self.found += error.problems
             return files
         existing = set(files)
         self.damage += [
@@ -297,7 +295,8 @@ class Rosbag2Folder(Bag):
 
     def _files_listed(self) -> list[Path]:
         """Return the files that metadata.yaml lists; each must exist once."""
-        files = read_metadata(self.path)
+        advice = f"; {recovery_advice()}" if _files_found(self.path) else ""
+        files = read_metadata(self.path, advice)
         if len(set(files)) != len(files):
             raise InputError(f"{self.path}: metadata.yaml lists a file twice")
         missing = [file for file in files if not is_present(file)]
@@ -320,19 +319,17 @@ class Rosbag2Folder(Bag):
                 )
 
 
-def read_metadata(folder: Path) -> list[Path]:
+def read_metadata(folder: Path, advice: str = "") -> list[Path]:
     """Return the files that metadata.yaml lists.
 
     A file that was compressed or unpacked since then counts as the listed one.
 
+    :param advice: end of the line about a folder without metadata.yaml.
     :raises InputError: if it is missing or has another form.
     """
     file = folder / METADATA_FILE
     if not is_present(file):
-        hint = (
-            "; convert_bag --recover recovers the complete messages" if _files_found(folder) else ""
-        )
-        raise InputError(f"{folder}: no metadata.yaml, so not a whole rosbag2 bag{hint}")
+        raise InputError(f"{folder}: no metadata.yaml, so not a whole rosbag2 bag{advice}")
     try:
         content = parse_yaml(read_text(file))
     except ValueError as error:

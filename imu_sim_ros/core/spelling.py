@@ -29,6 +29,8 @@ class _Spelling:
 
 
 _current: list[_Spelling] = [_Spelling()]
+_PROGRAMS: Final = {"convert": "convert_bag"}
+"""Programs with another name than the function of their job."""
 _MENTION: Final = re.compile(r"\{(\w+)(?: ([^}]+))?\}")
 
 
@@ -70,6 +72,19 @@ def argument(
     if spelling.door == "node":
         return f"{name}:={str(value).lower() if value is True else number}"
     return f"{name}={number}" if isinstance(value, float) else f"{name}={value!r}"
+
+
+def job_argument(job: str, name: str) -> str:
+    """Return a job with a switch that a line recommends.
+
+    Python: ``convert(..., recover=True)``; elsewhere: ``convert_bag --recover``.
+
+    :param job: name of the job's function.
+    :param name: name of the switch.
+    """
+    if _current[-1].door == "python":
+        return f"{job}(..., {name}=True)"
+    return f"{_PROGRAMS.get(job, job)} --{name.replace('_', '-')}"
 
 
 def stated(name: str, value: str = "") -> str:

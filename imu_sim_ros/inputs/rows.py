@@ -91,7 +91,7 @@ def open_shared(path: str | Path) -> BinaryIO:
     files = shared_files()
     if files is None:
         return open_regular(path)
-    return io.BufferedReader(_View(files.get(_OpenFile, Path(path), _OpenFile)))
+    return io.BufferedReader(_View(files.get(Path(path), _OpenFile)))
 
 
 def is_present(path: str | Path) -> bool:

@@ -9,7 +9,7 @@ from collections.abc import Callable, Hashable, Iterator
 from contextlib import contextmanager
 from contextvars import ContextVar
 from pathlib import Path
-from typing import Final, TypeVar
+from typing import Final, TypeVar, cast
 
 _MOST: Final = 16
 """Files of a kind that stay open; those that were used longest ago are closed first."""
@@ -35,30 +35,29 @@ class Shareable(ABC):
         """Close it, whoever uses it."""
 
 
-Kind = TypeVar("Kind", bound=Shareable)
+File = TypeVar("File", bound=Shareable)
 
 
 class SharedFiles:
-    """Open files by their kind, path and identity, in the order of use."""
+    """Open files by the function that opened them, path and identity, in the order of use."""
 
     def __init__(self) -> None:
-        self._files: dict[tuple[type[Shareable], Hashable], Shareable] = {}
+        self._files: dict[tuple[object, Hashable], Shareable] = {}
 
-    def get(self, kind: type[Kind], path: Path, open_new: Callable[[Path], Kind]) -> Kind:
+    def get(self, path: Path, open_new: Callable[[Path], File]) -> File:
         """Return the file at a path; it is opened if it is not open, or has changed.
 
-        :param kind: class of the open file.
-        :param open_new: opens it.
+        :param open_new: function that opens a file of this kind.
         """
         state = _state(path)
         if state is None:
             return open_new(path)
-        file = self._files.pop((kind, state), None)
-        if not isinstance(file, kind):
+        file = cast("File | None", self._files.pop((open_new, state), None))
+        if file is None:
             file = open_new(path)
             file.hold()
-        self._files[kind, state] = file
-        keys = [key for key in self._files if key[0] is kind]
+        self._files[open_new, state] = file
+        keys = [key for key in self._files if key[0] is open_new]
         if len(keys) > _MOST:
             self._files.pop(keys[0]).release()
         return file

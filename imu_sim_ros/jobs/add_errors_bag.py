@@ -268,8 +268,8 @@ class BagErrors:
         if absent:
             raise InputError(
                 f"{self._bag.path}: {self._source.name}: contains no readings of the {triad} (a "
-                "covariance of -1); --gyro-topic and --accel-topic merge two topics "
-                f"[{triad}_absent]"
+                f"covariance of -1); {argument('gyro_topic')} and "
+                f"{argument('accel_topic')} merge two topics [{triad}_absent]"
                 for triad in absent
             )
 

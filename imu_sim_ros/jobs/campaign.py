@@ -146,7 +146,7 @@ def campaign(
     :param worker_timeout: time to wait for a worker of a cluster that has none [s]
     :param resume: continue with the results in the folder
     :param force: start over, discarding the results in the folder
-    :param retry_failed: with --resume: repeat failed runs
+    :param retry_failed: with ``resume``: repeat failed runs
     :param batch: seeds per task; default: 50 for built-in estimators, 1 for programs
     :param metric: metric of the tables and of the baseline, or success; default: ate_rmse_m, or
         the plan's first
@@ -156,7 +156,7 @@ def campaign(
         simulation, alignment or limits differ
     :param tolerance: difference that does not matter: 5%, or a number in the metric's unit;
         default: the plan's, 2%
-    :param non_inferiority: with --baseline: each result that is not proven to be less than this
+    :param non_inferiority: with ``baseline``: each result that is not proven to be less than this
         share worse is a problem, too: 5%, or a number in the metric's unit; with --power: the
         number of seeds that this proof needs
     :param report: write report.html.

@@ -184,9 +184,9 @@ def convert(
     :param source: ROS 1 bag, .mcap, rosbag2 folder, EuRoC folder, CSV or TUM file
     :param topics: topics to convert (default: all)
     :param images: messages for a folder's images (default: raw); select a bag's images with
-        --topics
+        ``topics``
     :param recover: recover all complete messages of an interrupted or damaged bag
-    :param keep_damaged: with --recover: keep the messages of chunks whose checksum is wrong and
+    :param keep_damaged: with ``recover``: keep the messages of chunks whose checksum is wrong and
         whose records are in sequence; any of them may have wrong values
     :param frame: frame of the readings to convert, if a topic carries several IMUs
     :param gyro_topic: topic of the gyroscope; the output has the merged readings, imu/data_raw

@@ -82,11 +82,10 @@ def _included(kind: str, name: str) -> str | None:
     return path if "/" not in name and os.path.isfile(path) else None
 
 
-def find(kind: str, name_or_file: str, option: str = "") -> Path:
+def find(kind: str, name_or_file: str) -> Path:
     """Return the parameter file of a name in config/, or the given file.
 
     :param kind: a folder in config/, for instance ``imus`` or ``trajectories``.
-    :param option: name of the option, for the message; empty if the kind is enough.
     :raises ConfigurationError: if there is neither, with the nearest name or all names.
     """
     included = _included(kind, name_or_file)
@@ -98,13 +97,14 @@ def find(kind: str, name_or_file: str, option: str = "") -> Path:
     except InputError as error:
         raise ConfigurationError(error.problems) from None
     presets = names(kind)
-    line = unknown(
-        _KINDS.get(kind, kind),
-        name_or_file,
-        presets,
-        f"neither a file nor one of {', '.join(presets)}",
+    raise ConfigurationError(
+        unknown(
+            _KINDS.get(kind, kind),
+            name_or_file,
+            presets,
+            f"neither a file nor one of {', '.join(presets)}",
+        )
     )
-    raise ConfigurationError(f"{option}: {line}" if option else line)
 
 
 def split_part(path: str | Path) -> tuple[Path, str]:

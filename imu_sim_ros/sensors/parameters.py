@@ -15,6 +15,7 @@ from imu_sim_ros.core.timebase import LOWEST_RATE
 from imu_sim_ros.core.types import Array
 from imu_sim_ros.parameters.kinds import (
     IDENTITY_MATRIX,
+    ZERO_VECTOR,
     Matrix,
     Vector,
     choice,
@@ -36,14 +37,19 @@ LONGEST = 1e6
 class MountedParameters:
     """Base of the parameters that a sensor's model is made with."""
 
+    lever_arm: Vector = ZERO_VECTOR
+    """Position of the sensor in the body frame [m]."""
+    mounting: Matrix = IDENTITY_MATRIX
+    """Rotation R_bs of the sensor in the body, row by row."""
+
     @property
     def longest_window(self) -> float:
         """Longest window that may be read at once [s], if samples are large."""
         return math.inf
 
     def mount(self) -> Array:
-        """Return the pose T_bs (4, 4) of the sensor; that of the body itself by default."""
-        return np.eye(4)
+        """Return the pose T_bs (4, 4) of ``lever_arm`` and ``mounting``."""
+        return pose_matrix(np.reshape(self.mounting, (3, 3)), self.lever_arm)
 
 
 class RatedParameters(MountedParameters):
@@ -184,10 +190,6 @@ class SensorParameters(OwnRateParameters, TimingParameters):
     )
     lever_arm: Vector = vector(0.0, "position of the sensor in the body frame", unit="m")
     mounting: Matrix = matrix(IDENTITY_MATRIX, "rotation R_bs of the sensor in the body")
-
-    def mount(self) -> Array:
-        """Return the pose T_bs (4, 4) of ``lever_arm`` and ``mounting``."""
-        return pose_matrix(np.reshape(self.mounting, (3, 3)), self.lever_arm)
 
     def own_frame(self, name: str, body_frame: str) -> str:
         """Return the frame of its messages.

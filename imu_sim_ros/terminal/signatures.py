@@ -25,9 +25,9 @@ type of its own, with a :class:`Text`; a :class:`Heading` puts arguments togethe
 import inspect
 import re
 from argparse import ArgumentTypeError, Namespace
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
-from typing import Annotated, TypeVar, get_args, get_origin
+from typing import Annotated, Final, TypeVar, get_args, get_origin
 
 from imu_sim_ros.core import timebase
 from imu_sim_ros.core.errors import ImuSimError
@@ -45,7 +45,10 @@ class Heading(str):
 
 Result = TypeVar("Result")
 _NONE: Mapping[str, object] = {}
-_REST = inspect.Parameter.VAR_KEYWORD
+_PARAM: Final = re.compile(r"^:param (\w+): (.*?)(?=^:|^$|\Z)", re.MULTILINE | re.DOTALL)
+"""Description of a parameter in the docstring of a job."""
+_LITERAL: Final = re.compile(r"``(.*?)``")
+"""Literal text in a description; the name of a parameter becomes its option."""
 
 
 def arguments_of(job: Callable[..., object]) -> dict[str, dict[str, object]]:
@@ -53,57 +56,51 @@ def arguments_of(job: Callable[..., object]) -> dict[str, dict[str, object]]:
 
     A value that is not given is None, so that the job's own default holds.
     """
-    texts = _texts(job)
+    arguments = _arguments(job)
+    options = _options(arguments)
+    descriptions = {
+        name: _LITERAL.sub(lambda literal: options.get(literal[1], literal[1]), text)
+        for name, text in _PARAM.findall(inspect.getdoc(job) or "")
+    }
     return {
-        _written(parameter): _keywords(parameter, texts.get(parameter.name, ""))
-        for parameter in _parameters(job)
+        argument.form: argument.keywords(" ".join(descriptions.get(argument.name, "").split()))
+        for argument in arguments
     }
 
 
 def call(
     job: Callable[..., Result],
-    arguments: Namespace,
+    namespace: Namespace,
     defaults: Mapping[str, object] = _NONE,
     overrides: Mapping[str, object] = _NONE,
 ) -> Result:
     """Return the result of a job, called with the arguments of its program.
 
+    :param namespace: values from the parser of the program.
     :param defaults: parameters by name, such as those of files, over which the arguments win.
     :param overrides: parameters that win over the arguments, such as those of ``--set``.
     :raises ImuSimError: of the job; its lines name the options.
     """
-    job_parameters = list(_parameters(job))
-    options_and_inputs = vars(arguments)
-    values = {parameter.name: options_and_inputs[parameter.name] for parameter in job_parameters}
-    values |= {
-        parameter.name: dict(values[parameter.name] or ())
-        for parameter in job_parameters
-        if _has_pairs(parameter)
-    }
-    arguments_by_name = {name: value for name, value in values.items() if value not in (None, {})}
-    options = {
-        parameter.name: [word for word in _written(parameter).split() if word[:2] == "--"][-1]
-        for parameter in job_parameters
-        if _is_option(parameter)
-    }
+    arguments, values_by_name = _arguments(job), vars(namespace)
+    options = _options(arguments)
     # A parameter of ROS has the name of the option: initial_state for --initial-state.
     names = {option.strip("-").replace("-", "_"): name for name, option in options.items()}
     defaults, overrides = (
         {names.get(name, name): value for name, value in layer.items()}
         for layer in (defaults, overrides)
     )
-    overridden = {
-        *overrides,
-        *(
-            name
-            for parameter in job_parameters
-            if parameter.kind is _REST
-            for name in values[parameter.name]
-        ),
-    }
-    typed = (arguments_by_name.keys() & options.keys()) - overridden
+    values, overridden = dict[str, object](), set(overrides)
+    for argument in arguments:
+        value = values_by_name[argument.name]
+        if argument.is_mapping:
+            value = dict(value or ())
+        if argument.is_rest:
+            overridden |= value.keys()
+        if value not in (None, {}):
+            values[argument.name] = value
+    typed = (values.keys() & options.keys()) - overridden
     with spelled_for("program", options, typed):
-        return job(**{**defaults, **arguments_by_name, **overrides})
+        return job(**{**defaults, **values, **overrides})
 
 
 def assignment(text: str) -> tuple[str, object]:
@@ -120,82 +117,115 @@ def assignment(text: str) -> tuple[str, object]:
         raise ValueError(f"{name}: {error}") from None
 
 
-def _parameters(job: Callable[..., object]) -> Iterator[inspect.Parameter]:
-    """Yield the parameters of a job that are arguments of its program."""
-    for parameter in inspect.signature(job, eval_str=True).parameters.values():
-        if get_origin(parameter.annotation) is Annotated:
-            yield parameter
+class _Argument:
+    """Argument of a program, as a parameter of its job declares it."""
+
+    def __init__(self, parameter: inspect.Parameter) -> None:
+        """Read an annotated parameter."""
+        self.name, self._default = parameter.name, parameter.default
+        self._type, *self._marks = get_args(parameter.annotation)
+        form = next((mark for mark in self._marks if type(mark) is str), "")
+        self.is_option = form.startswith("-") or self._default is not parameter.empty
+        """True if its name is written before its value: ``--skip 2s``."""
+        if not form.startswith("-"):
+            name = self.name.replace("_", "-")
+            form = f"--{name} {form}" if self.is_option else f"{self.name} {form}"
+        self.form = form
+        """Names and metavariable: ``estimate ESTIMATE``, ``-o --output FILE``, ``--json``."""
+        self._metavariable = form.split()[-1]
+        self.is_mapping = "=" in form
+        """True if its value is a dictionary, written ``NAME=VALUE``."""
+        self.is_rest = parameter.kind is parameter.VAR_KEYWORD
+        """True if its value is a dictionary of further parameters of the job."""
+        self._is_required = self._default is parameter.empty and not self.is_rest
+
+    @property
+    def option(self) -> str:
+        """The long name of an option: ``--output``."""
+        return [name for name in self.form.split() if name.startswith("--")][-1]
+
+    def keywords(self, description: str) -> dict[str, object]:
+        """Return its keywords for argparse, and ``group``, the heading above it in the help.
+
+        :param description: its description in the docstring of the job.
+        """
+        keywords: dict[str, object] = {"dest": self.name} if self.is_option else {}
+        heading = next((mark for mark in self._marks if isinstance(mark, Heading)), None)
+        if heading is not None:
+            keywords["group"] = heading
+        text = next((mark for mark in self._marks if isinstance(mark, Text)), description)
+        if isinstance(self._default, bool):
+            action = "store_false" if self._default else "store_true"
+            keywords |= {"action": action, "default": None}
+        else:
+            keywords |= {**self._occurrence(), **self._values()}
+            text = self._with_default(text)
+        return {**keywords, "help": text.rstrip(".").replace("%", "%%")}
+
+    def _occurrence(self) -> dict[str, object]:
+        """Return the keywords for how often it occurs."""
+        keywords: dict[str, object] = {}
+        if self.is_option and self._is_required:
+            keywords["required"] = True
+        alternatives = (self._type, *get_args(self._type))
+        is_sequence = any(get_origin(alternative) is Sequence for alternative in alternatives)
+        if (is_sequence and not self._is_list) or self.is_mapping:
+            keywords |= {"action": "append"} if self.is_option else {"nargs": "+"}
+        return keywords
+
+    def _values(self) -> dict[str, object]:
+        """Return the keywords for the values that it takes."""
+        for mark in self._marks:
+            if isinstance(mark, tuple | list):
+                return {"choices": mark, "metavar": None}
+        functions = [mark for mark in self._marks if callable(mark)]
+        parse = _names if self._is_list else functions[0] if functions else self._parser_of_type()
+        return {"type": reader(parse)}
+
+    @property
+    def _is_list(self) -> bool:
+        """True for several names in one value: ``--topics imu,gps``."""
+        return self._metavariable.endswith(",...")
+
+    def _parser_of_type(self) -> Callable[[str], object]:
+        """Return the function that parses a value of its type."""
+        types = [
+            part
+            for alternative in (self._type, *get_args(self._type))
+            for part in (alternative, *get_args(alternative))
+        ]
+        if self._metavariable == "TIME" and str not in types:  # texts are left to the job
+            return timebase.parse_duration
+        if Path in types and "NAME" not in self._metavariable:
+            return Path
+        return next((kind for kind in (float, int) if kind in types and str not in types), str)
+
+    def _with_default(self, text: str) -> str:
+        """Return a help text with the default of the job's signature, unless it states one."""
+        default = self._default
+        if not isinstance(default, str | int | float) or default == "" or "default" in text:
+            return text
+        if not isinstance(default, str):
+            default = f"{default:g}{'s' if self._metavariable == 'TIME' else ''}"
+        return f"{text.removesuffix(' [s]')} (default: {default})"
 
 
-def _texts(job: Callable[..., object]) -> dict[str, str]:
-    """Return the texts of a docstring by the names of its parameters, each in a line."""
-    descriptions = re.findall(
-        r"^:param (\w+): (.*?)(?=^:|^$|\Z)", inspect.getdoc(job) or "", re.MULTILINE | re.DOTALL
-    )
-    return {name: " ".join(text.replace("``", "").split()) for name, text in descriptions}
+def _arguments(job: Callable[..., object]) -> list[_Argument]:
+    """Return the arguments of a job's program, in the order of the signature."""
+    parameters = inspect.signature(job, eval_str=True).parameters.values()
+    return [
+        _Argument(parameter)
+        for parameter in parameters
+        if get_origin(parameter.annotation) is Annotated
+    ]
 
 
-def _is_option(parameter: inspect.Parameter) -> bool:
-    """Return whether an argument begins with dashes."""
-    return parameter.default is not parameter.empty or _mark(parameter).startswith("-")
+def _options(arguments: Sequence[_Argument]) -> dict[str, str]:
+    """Return the long names of options by the names of the job's parameters."""
+    return {argument.name: argument.option for argument in arguments if argument.is_option}
 
 
-def _mark(parameter: inspect.Parameter) -> str:
-    """Return the form of an argument on the command line, from its annotation."""
-    return next((m for m in parameter.annotation.__metadata__ if type(m) is str), "")
-
-
-def _written(parameter: inspect.Parameter) -> str:
-    """Return names and metavariable: ``estimate ESTIMATE``, ``-o --output FILE``, ``--json``."""
-    form = _mark(parameter)
-    if form.startswith("-"):
-        return form
-    name = parameter.name.replace("_", "-")
-    return f"--{name} {form}" if _is_option(parameter) else f"{parameter.name} {form}"
-
-
-def _has_pairs(parameter: inspect.Parameter) -> bool:
-    """Return whether an argument is a dictionary, written ``NAME=VALUE``."""
-    return "=" in _mark(parameter)
-
-
-def _keywords(parameter: inspect.Parameter, text: str) -> dict[str, object]:
-    """Return the keywords of argparse for a parameter.
-
-    :param text: description of the parameter in the docstring.
-    """
-    hint, *marks = get_args(parameter.annotation)
-    default, option = parameter.default, _is_option(parameter)
-    metavar = _written(parameter).split()[-1]
-    keywords: dict[str, object] = {"dest": parameter.name} if option else {}
-    if (group := next((m for m in marks if isinstance(m, Heading)), None)) is not None:
-        keywords["group"] = group
-    text = next((m for m in marks if isinstance(m, Text)), text)
-    if isinstance(default, bool):
-        action = "store_false" if default else "store_true"
-        return {**keywords, "action": action, "default": None, "help": _help(text)}
-    if option and default is parameter.empty and parameter.kind is not _REST:
-        keywords["required"] = True
-    in_one = metavar.endswith(",...")
-    several = (
-        any(get_origin(annotation) is Sequence for annotation in (hint, *get_args(hint)))
-        and not in_one
-    )
-    if several or _has_pairs(parameter):
-        keywords |= {"action": "append"} if option else {"nargs": "+"}
-    if (choices := next((m for m in marks if isinstance(m, tuple | list)), None)) is not None:
-        keywords |= {"choices": choices, "metavar": None}
-    else:
-        convert = _words if in_one else next((m for m in marks if callable(m)), None)
-        keywords["type"] = reader(convert or _kind(hint, metavar))
-    if isinstance(default, str | int | float) and default != "" and "default" not in text:
-        number = "" if isinstance(default, str) else f"{default:g}"
-        unit = "s" if number and metavar == "TIME" else ""
-        text = f"{text.removesuffix(' [s]')} (default: {number or default}{unit})"
-    return {**keywords, "help": _help(text)}
-
-
-def _words(text: str) -> list[str]:
+def _names(text: str) -> list[str]:
     """Return the names in ``NAME,...``.
 
     :raises ValueError: if there is none.
@@ -204,25 +234,6 @@ def _words(text: str) -> list[str]:
     if not names:
         raise ValueError("must be at least one name")
     return names
-
-
-def _help(text: str) -> str:
-    """Return a docstring's text as argparse takes it."""
-    return text.rstrip(".").replace("%", "%%")
-
-
-def _kind(hint: object, metavar: str) -> Callable[[str], object]:
-    """Return the function that parses an argument of a type."""
-    kinds = [
-        part
-        for annotation in (hint, *get_args(hint))
-        for part in (annotation, *get_args(annotation))
-    ]
-    if metavar == "TIME" and str not in kinds:  # a job that takes words reads them itself
-        return timebase.parse_duration
-    if Path in kinds and "NAME" not in metavar:
-        return Path
-    return next((kind for kind in (float, int) if kind in kinds and str not in kinds), str)
 
 
 def reader(parse: Callable[[str], object]) -> Callable[[str], object]:

@@ -110,7 +110,7 @@ def test_a_compressed_file_that_ends_early(tmp_path, ending):
     path = tmp_path / f"a.mcap.{ending}"
     data = COMPRESSIONS[ending](whole)
     path.write_bytes(data[: int(0.7 * len(data))])
-    with pytest.raises(InputError, match=rf"a\.mcap\.{ending}: .*convert_bag --recover"):
+    with pytest.raises(InputError, match=rf"a\.mcap\.{ending}: .*convert\(\.\.\., recover=True\)"):
         open_bag(path)
     with open_bag(path, recover=True) as opened:
         assert opened.path == path

@@ -87,7 +87,10 @@ def test_inputs_that_are_no_bags(tmp_path):
     for name, reason in (
         ("missing.bag", "No such file"),
         ("empty.bag", "an empty file"),
-        ("words.bag", "not a bag, or its first bytes are damaged; convert_bag --recover"),
+        (
+            "words.bag",
+            r"not a bag, or its first bytes are damaged; convert\(\.\.\., recover=True\)",
+        ),
         ("words.txt.xyz", r"not a bag; the name of a text file ends in one of \.csv, \.tum, \.txt"),
         ("folder", r"no metadata\.yaml"),
     ):

@@ -45,7 +45,7 @@ def load_truth(path: str) -> ImuParameters:
     """
     from imu_sim_ros.simulation.parameters import load_simulation  # only analyses with a truth
 
-    return load_simulation({"imu.preset": str(files.find("imus", path, "--truth"))}).imu
+    return load_simulation({"imu.preset": str(files.find("imus", path))}).imu
 
 
 def true_noise(imu: ImuParameters, rate: float) -> dict[str, Array]:

@@ -78,7 +78,7 @@ _CHAIN: Final = {
     **dict.fromkeys(("camera_model", "intrinsics", "distortion_model", "distortion_coeffs"), ""),
     **dict.fromkeys(("resolution", "T_cam_imu", "T_imu_cam", "T_cn_cnm1"), ""),
     **dict.fromkeys(("timeshift_cam_imu", "line_delay"), ""),
-    "rostopic": "topics are renamed by --topic",
+    "rostopic": "the topic of the calibrated recording, not of the output",
     "cam_overlaps": "landmarks decide which cameras share a view",
 }
 """Keys of a camera in a chain; those without an effect have a reason."""

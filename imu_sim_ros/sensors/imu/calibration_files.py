@@ -69,8 +69,8 @@ _POSES: Final = ("T_i_b", "T_BS", "T_B_S")
 _OF_THE_CAMERAS: Final = "a property of the cameras here, camera.time_offset"
 _OF_THE_ESTIMATOR: Final = "a setting of the estimator"
 _UNUSED: Final = {
-    "rostopic": "topics are renamed by --topic",
-    "topic": "topics are renamed by --topic",
+    "rostopic": "the topic of the calibrated recording, not of the output",
+    "topic": "the topic of the calibrated recording, not of the output",
     **dict.fromkeys(("comment", "id", "hardware_id", "label", "description"), "a description"),
     "base_sensor_id": "the body is the base",
     **dict.fromkeys(("imu_time_shift", "imu_shift"), _OF_THE_CAMERAS),

@@ -14,8 +14,7 @@ import numpy as np
 
 from imu_sim_ros.core import timebase
 from imu_sim_ros.core.conventions import TRIADS
-from imu_sim_ros.core.rotation import pose_matrix
-from imu_sim_ros.core.types import Array, Complex
+from imu_sim_ros.core.types import Complex
 from imu_sim_ros.parameters.kinds import (
     IDENTITY_MATRIX,
     ZERO_MATRIX,
@@ -315,10 +314,6 @@ class ImuParameters(MountedParameters, TimingParameters, BoardParameters, Triads
         if name in sensors:
             return sensors[name]
         raise AttributeError(f"{type(self).__name__!r} object has no attribute {name!r}")
-
-    def mount(self) -> Array:
-        """Return the pose T_bi (4, 4) of ``lever_arm`` and ``mounting``."""
-        return pose_matrix(np.reshape(self.mounting, (3, 3)), self.lever_arm)
 
     def internal_ratio(self, rate: float) -> Fraction:
         """Return how many readings inside the sensor make one sample.
