@@ -3,27 +3,17 @@
 
 """Tables of the manual that ``make bench`` measures are those that it prints."""
 
-import importlib.util
 import re
-import sys
 from pathlib import Path
 
 import pytest
+from scripts import load_script
 
 ROOT = Path(__file__).parents[1]
 BENCH = ROOT / "test/bench"
 
 
-def load(name):
-    """Return a script of the benchmarks as a module."""
-    spec = importlib.util.spec_from_file_location(name, BENCH / f"{name}.py")
-    module = importlib.util.module_from_spec(spec)
-    sys.modules[name] = module  # dataclasses and named tuples look for it there
-    spec.loader.exec_module(module)
-    return module
-
-
-manual = load("manual")
+manual = load_script(BENCH / "manual.py")
 PAGES = {
     "explanation/benchmarks.md": [
         *(("run", None), ("speeds", "median"), ("speeds", "allan")),
@@ -162,4 +152,4 @@ def test_blocks_have_the_form_that_the_benchmarks_print():
                     assert f'"{text}' in source, f"{match['name']}: {column}"
     (page,) = [m for m in blocks()["explanation/benchmarks.md"] if m["title"] == "median"]
     rows = re.findall(r"^\| ([^|]+) \|", page["text"], re.M)[1:]
-    assert rows == list(load("bench_speeds").CASES)
+    assert rows == list(load_script(BENCH / "bench_speeds.py").CASES)

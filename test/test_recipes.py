@@ -7,7 +7,6 @@ Each counts the files that it touches, without its test and its page.
 """
 
 import ast
-import importlib.util
 import json
 import shutil
 import subprocess
@@ -17,6 +16,7 @@ from pathlib import Path
 from typing import Any
 
 import pytest
+from scripts import load_script
 
 ROOT = Path(__file__).parents[1]
 
@@ -95,9 +95,7 @@ class Copy:
         files = [name for name in sorted(self.touched) if name.endswith(".py")]
         sort = [sys.executable, "-m", "ruff", "check", "--quiet", "--fix", "--select", "I", *files]
         subprocess.run(sort, cwd=self.folder, check=True)
-        spec = importlib.util.spec_from_file_location("guards_of_a_copy", guards)
-        module = importlib.util.module_from_spec(spec)
-        spec.loader.exec_module(module)
+        module = load_script(guards, "guards_of_a_copy")
         assert self.folder == module.ROOT
         for name in files:
             for checker in (

@@ -3,21 +3,17 @@
 
 """Files of an earlier version are read as before, and written as before."""
 
-import importlib.util
 from pathlib import Path
 
 import numpy as np
 import pytest
+from scripts import load_script
 
 from imu_sim_ros.bags.read import read_imu, read_odometry
 from imu_sim_ros.formats.door import read_states
 
 DATA = Path(__file__).parents[1] / "data" / "bags"
-specification = importlib.util.spec_from_file_location(
-    "golden", Path(__file__).with_name("golden.py")
-)
-golden = importlib.util.module_from_spec(specification)
-specification.loader.exec_module(golden)
+golden = load_script(Path(__file__).with_name("golden.py"))
 
 
 # The folders of 17 digits are older: their numbers have more digits than they need.

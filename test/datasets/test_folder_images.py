@@ -10,6 +10,7 @@ import cv2
 import numpy as np
 import pytest
 import yaml
+from ros_messages import stamp_ns
 from rosbags.highlevel import AnyReader
 from rosbags.typesys import Stores, get_typestore
 
@@ -103,7 +104,7 @@ def test_others_read_pixels_models_and_places(sequence, tmp_path, name):
             expected = image if image.ndim == 2 else image[..., ::-1]
             assert (raw.height, raw.width, raw.encoding) == (60, 94, pixels)
             assert raw.header.frame_id == f"{camera}_optical_frame"
-            assert raw.header.stamp.sec * 10**9 + raw.header.stamp.nanosec == t_ns
+            assert stamp_ns(raw) == t_ns
             assert np.array_equal(raw.data, expected.ravel())
             assert small.data.tobytes() == path.read_bytes()
             assert small.format == f"{pixels}; png compressed {'bgr8' * (pixels == 'rgb8')}"

@@ -10,6 +10,7 @@ import cv2
 import numpy as np
 import pytest
 import yaml
+from ros_messages import stamp_ns
 from rosbags.rosbag1 import Writer as Writer1
 from rosbags.rosbag2 import StoragePlugin
 from rosbags.rosbag2 import Writer as Writer2
@@ -173,7 +174,7 @@ def write_other_cameras(path, ros1):
         for name, message in messages:
             if name not in topics:
                 topics[name] = writer.add_connection(name, message.__msgtype__, typestore=store)
-            t_ns = message.header.stamp.sec * 10**9 + message.header.stamp.nanosec
+            t_ns = stamp_ns(message)
             writer.write(topics[name], t_ns + 7, encode(message, message.__msgtype__))
 
 

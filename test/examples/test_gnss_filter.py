@@ -7,7 +7,6 @@ Over n independent seeds the sum of a NEES of d degrees of freedom is chi-square
 99.9 % of it. gtsam takes the lever arm, preintegrated readings and an outage of 30 s.
 """
 
-import importlib.util
 import subprocess
 import sys
 from pathlib import Path
@@ -15,6 +14,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 from scipy.stats import chi2
+from scripts import load_script
 
 EXAMPLE = Path(__file__).parents[2] / "examples/gnss_filter.py"
 SEEDS = 30
@@ -24,12 +24,7 @@ LOW, HIGH = chi2.ppf([0.0005, 0.9995], 3 * SEEDS) / SEEDS
 @pytest.fixture(scope="module", name="example")
 def load_example():
     pytest.importorskip("gtsam")
-    sys.path.insert(0, str(EXAMPLE.parent))
-    spec = importlib.util.spec_from_file_location("gnss_filter", EXAMPLE)
-    module = importlib.util.module_from_spec(spec)
-    sys.modules["gnss_filter"] = module
-    spec.loader.exec_module(module)
-    return module
+    return load_script(EXAMPLE)
 
 
 @pytest.fixture(scope="module", name="drives")

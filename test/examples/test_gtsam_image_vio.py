@@ -3,13 +3,13 @@
 
 """Odometry on images: what the corner tracker follows, and that gtsam's errors are as it says."""
 
-import importlib
 import json
 import sys
 from pathlib import Path
 
 import numpy as np
 import pytest
+from scripts import load_script
 
 from imu_sim_ros.commands import generate
 from imu_sim_ros.inputs.poses import read_poses
@@ -24,9 +24,7 @@ EXAMPLES = Path(__file__).parents[2] / "examples"
 def load_example():
     pytest.importorskip("gtsam")
     pytest.importorskip("cv2")
-    sys.path.insert(0, str(EXAMPLES))
-    yield importlib.import_module("gtsam_image_vio")
-    sys.path.remove(str(EXAMPLES))
+    return load_script(EXAMPLES / "gtsam_image_vio.py")
 
 
 def speckled(seed, size=(240, 320)):

@@ -4,12 +4,11 @@
 """A real estimator on what we simulate: gtsam's errors are as large as gtsam itself says."""
 
 import dataclasses
-import importlib.util
-import sys
 from pathlib import Path
 
 import numpy as np
 import pytest
+from scripts import load_script
 
 from imu_sim_ros.commands import generate
 from imu_sim_ros.core.conventions import TRIADS
@@ -26,12 +25,7 @@ SEEDS = range(1, 6)
 @pytest.fixture(scope="module", name="example")
 def load_example():
     pytest.importorskip("gtsam")
-    sys.path.insert(0, str(EXAMPLE.parent))
-    spec = importlib.util.spec_from_file_location("gtsam_vio", EXAMPLE)
-    module = importlib.util.module_from_spec(spec)
-    sys.modules["gtsam_vio"] = module
-    spec.loader.exec_module(module)
-    return module
+    return load_script(EXAMPLE)
 
 
 def flight(folder, seed, *options, imu="adis16448", duration="8s"):

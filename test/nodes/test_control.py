@@ -12,6 +12,7 @@ from typing import Any
 
 import pytest
 from programs import PATIENCE, program
+from ros_messages import stamps_ns
 
 from imu_sim_ros.commands.control import main
 
@@ -65,10 +66,6 @@ def ask(domains: tuple[int, int], monkeypatch: pytest.MonkeyPatch, capfd: Any) -
     return run
 
 
-def stamps(messages: list[Any]) -> list[int]:
-    return [m.header.stamp.sec * 10**9 + m.header.stamp.nanosec for m in messages]
-
-
 def test_pause_step_resume_and_reset(start: Any, listener: Any, ask: Any) -> None:
     from sensor_msgs.msg import Imu
 
@@ -96,7 +93,7 @@ def test_pause_step_resume_and_reset(start: Any, listener: Any, ask: Any) -> Non
     assert ask("reset") == (0, "back at the first sample\n", "")
     assert ask("step", "2")[0] == 0
     listener.wait_for(IMU, paused_count + 2)
-    received_stamps = stamps(listener.messages(IMU))
+    received_stamps = stamps_ns(listener.messages(IMU))
     assert received_stamps[:paused_count] == [
         5 * 10**9 + 10_000_000 * k for k in range(paused_count)
     ]

@@ -10,6 +10,7 @@ from geometry_msgs.msg import Vector3Stamped
 from nav_msgs.msg import Odometry
 from rclpy.parameter import Parameter
 from rclpy.qos import QoSProfile
+from ros_messages import stamps_ns
 from sensor_msgs.msg import FluidPressure, Imu, MagneticField, Temperature
 from std_srvs.srv import Trigger
 
@@ -84,10 +85,7 @@ def test_live_readings_are_those_of_the_simulation(start, listener, flight):
     for topic in [*names][:-1]:
         listener.wait_for(topic, len(flight))
     imu_messages = listener.messages("imu/data_raw")
-    stamps = [
-        message.header.stamp.sec * 10**9 + message.header.stamp.nanosec for message in imu_messages
-    ]
-    assert np.array_equal(stamps, flight.t_ns)
+    assert np.array_equal(stamps_ns(imu_messages), flight.t_ns)
     assert np.array_equal(vectors(imu_messages, "angular_velocity"), flight.gyro)
     assert np.array_equal(vectors(imu_messages, "linear_acceleration"), flight.accel)
     bias = listener.messages("ground_truth/accelerometer_bias")

@@ -10,6 +10,7 @@ from xml.etree import ElementTree
 
 import pytest
 import yaml
+from scripts import load_script
 
 from imu_sim_ros.bags.recorder_parameters import RecorderParameters
 from imu_sim_ros.core.conventions import (
@@ -50,10 +51,7 @@ def name_of(path: Path) -> str:
 
 def arguments_of(path: Path) -> list[launching.Argument]:
     """Return a launch file's arguments; only its description needs ``launch``."""
-    spec = importlib.util.spec_from_file_location("a_launch_file", path)
-    module = importlib.util.module_from_spec(spec)
-    spec.loader.exec_module(module)
-    return module.ARGUMENTS
+    return load_script(path, "launch_file").ARGUMENTS
 
 
 def test_there_are_these_launch_files():

@@ -3,7 +3,6 @@
 
 """Nodes accept the arguments of a real launch, captured in test/data/launch."""
 
-import importlib.util
 import json
 from pathlib import Path
 from typing import Any
@@ -11,6 +10,7 @@ from typing import Any
 import numpy as np
 import pytest
 import yaml
+from scripts import load_script
 
 from imu_sim_ros.bags.recorder_parameters import RecorderParameters
 from imu_sim_ros.core.errors import ConfigurationError
@@ -53,10 +53,7 @@ def arguments_of(entry: dict[str, Any], tmp_path: Path) -> list[str]:
 
 def launch_file(name: str) -> Any:
     """Import a launch file; it needs ``launch`` only to make its description."""
-    spec = importlib.util.spec_from_file_location("a_launch_file", REPOSITORY / "launch" / name)
-    module = importlib.util.module_from_spec(spec)
-    spec.loader.exec_module(module)
-    return module
+    return load_script(REPOSITORY / "launch" / name, "launch_file")
 
 
 @pytest.mark.parametrize("node", list(SECTIONS))

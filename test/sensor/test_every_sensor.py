@@ -4,14 +4,14 @@
 """Properties of every sensor but the IMU: those in the list, and the one of the example."""
 
 import dataclasses
-import importlib.util
-import sys
 from dataclasses import fields
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pytest
+from dotted_names import nested
+from scripts import load_script
 
 import imu_sim_ros as ims
 from imu_sim_ros import sensors
@@ -36,13 +36,8 @@ def sensor(request: Any, monkeypatch: Any) -> Sensor:
     if request.param in SENSORS:
         return declared()[request.param]
     if request.param == "sonar":
-        spec = importlib.util.spec_from_file_location("sonar", ROOT / "examples/own_sensor.py")
-        assert spec is not None
-        assert spec.loader is not None
-        module = importlib.util.module_from_spec(spec)
-        monkeypatch.setitem(sys.modules, "sonar", module)  # dataclasses look there
-        spec.loader.exec_module(module)
-        ims.register_sensor(module.SENSOR)
+        example = load_script(ROOT / "examples/own_sensor.py", "sonar_example")
+        ims.register_sensor(example.SENSOR)
     return find_sensor(request.param)
 
 
@@ -126,7 +121,7 @@ def test_truth_is_complete_and_python_returns_it(sensor: Sensor) -> None:
 
 @pytest.mark.parametrize("name", ["all.mcap", "all.bag"])
 def test_messages_there_and_back(sensor: Sensor, tmp_path: Path, name: str) -> None:
-    flight = ims.simulate(**nested(given(sensor)), sensors=[sensor.quantity])
+    flight = ims.simulate(**{**nested(given(sensor)), "sensors": [sensor.quantity]})
     topics = ["imu/data_raw", *(topic.name for topic in sensor.topics)]
     path = flight.save(tmp_path / name, topics=topics)
     if sensor.table is None or not sensor.table.is_converted:  # its messages are no rows of one
@@ -140,7 +135,7 @@ def test_messages_there_and_back(sensor: Sensor, tmp_path: Path, name: str) -> N
 
 @pytest.mark.parametrize("form", ["euroc", "csv"])
 def test_text_there_and_back(sensor: Sensor, tmp_path: Path, form: str) -> None:
-    flight = ims.simulate(**nested(given(sensor)), sensors=[sensor.quantity])
+    flight = ims.simulate(**{**nested(given(sensor)), "sensors": [sensor.quantity]})
     topics = ["imu/data_raw", sensor.topics[0].name]
     if sensor.table is None:
         with pytest.raises(ims.InputError, match=f"does not exist in {form}"):
@@ -211,19 +206,6 @@ def test_it_is_in_the_manual(sensor: Sensor) -> None:
         reference = (ROOT / "docs/reference/parameters.md").read_text(encoding="utf-8")
         for name in parameters(sensor.section):
             assert f"`{prefix(sensor)}{name}`" in reference, name
-
-
-def nested(values: dict[str, Any]) -> dict[str, Any]:
-    """Return parameters as the arguments of ``simulate``; ``sensors`` is an argument of its own."""
-    result: dict[str, Any] = {}
-    for name, value in values.items():
-        *sections, parameter_name = name.split(".")
-        place = result
-        for part in sections:
-            place = place.setdefault(part, {})
-        place[parameter_name] = value
-    result.pop("sensors", None)
-    return result
 
 
 def test_sections_are_frozen(sensor: Sensor) -> None:

@@ -6,7 +6,6 @@
 The live node is in test/nodes/simulator/test_own_sensor.py.
 """
 
-import importlib.util
 import subprocess
 import sys
 from collections.abc import Callable
@@ -15,6 +14,7 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+import own_package
 import pytest
 
 import imu_sim_ros as ims
@@ -30,7 +30,6 @@ from imu_sim_ros.simulation.parameters import load_simulation
 from imu_sim_ros.simulation.playback import load_simulator
 from imu_sim_ros.simulation.sensors import mounted
 
-PLACE = Path(__file__).with_name("own_package.py")
 OWN = {
     "sonar.rate": 12.5,
     "sonar.time_offset": 0.013,
@@ -60,15 +59,6 @@ NESTED: dict[str, Any] = {
 }
 
 
-def own_package() -> Any:
-    spec = importlib.util.spec_from_file_location("own_package", PLACE)
-    assert spec is not None
-    assert spec.loader is not None
-    module = importlib.util.module_from_spec(spec)
-    spec.loader.exec_module(module)
-    return module
-
-
 @pytest.fixture
 def installed(tmp_path: Path, monkeypatch: Any) -> Callable[..., Path]:
     """Install the example; what it registers is forgotten after the test."""
@@ -79,8 +69,7 @@ def installed(tmp_path: Path, monkeypatch: Any) -> Callable[..., Path]:
         folder = tmp_path / "installed"
         folder.mkdir()
         monkeypatch.syspath_prepend(folder)
-        installed_path: Path = own_package().install(folder, *entry_point)
-        return installed_path
+        return own_package.install(folder, *entry_point)
 
     return install
 
@@ -90,7 +79,7 @@ def flight() -> Any:
 
 
 def test_the_example_is_short_and_runs() -> None:
-    example = own_package().EXAMPLE
+    example = own_package.EXAMPLE
     assert len(example.read_text().splitlines()) <= 80
     done = subprocess.run([sys.executable, example], capture_output=True, text=True, check=True)
     assert done.stdout == "<SonarReadings: 100 at 10 Hz, 9.9 s>\n"

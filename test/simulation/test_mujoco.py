@@ -3,13 +3,13 @@
 
 """Errors on MuJoCo's accelerometer and gyroscope: what goes in is recovered from what comes out."""
 
-import importlib.util
-import types
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
 from scipy import stats
+from scripts import load_script
 
 import imu_sim_ros as ims
 
@@ -33,13 +33,8 @@ SIX = [  # +x, -x, +y, -y, +z, -z upwards
 
 
 @pytest.fixture(scope="module")
-def example() -> types.ModuleType:
-    spec = importlib.util.spec_from_file_location("mujoco_imu", EXAMPLE)
-    assert spec is not None
-    assert spec.loader is not None
-    module = importlib.util.module_from_spec(spec)
-    spec.loader.exec_module(module)
-    return module
+def example() -> Any:
+    return load_script(EXAMPLE)
 
 
 def resting(q: str, seconds: float) -> np.ndarray:
@@ -60,7 +55,7 @@ def stamps(count: int) -> np.ndarray:
     return np.arange(count, dtype=np.int64) * 1_000_000
 
 
-def test_one_step_at_a_time_is_all_at_once(example: types.ModuleType) -> None:
+def test_one_step_at_a_time_is_all_at_once(example: Any) -> None:
     """Over 6000 steps, more than a block of any kind has."""
     ideal, blocks = example.simulate(6.0, "mpu6000", 7)
     gyro, bias = np.concatenate([block.gyro for block in blocks]), blocks[-1].gyro_bias[0]
@@ -107,9 +102,7 @@ def test_calibrate_recovers_bias_scale_and_misalignment_of_six_positions() -> No
 
 
 @pytest.mark.parametrize("seconds", [2, pytest.param(60, marks=pytest.mark.slow)])
-def test_the_errors_of_dead_reckoning_are_as_large_as_stated(
-    example: types.ModuleType, seconds: int
-) -> None:
+def test_the_errors_of_dead_reckoning_are_as_large_as_stated(example: Any, seconds: int) -> None:
     """NEES at the end, of many seeds: chi squared of 3 runs in its 99.9 % band.
 
     Within a run it is correlated over time, so that only the seeds count. After 60 s the attitude

@@ -9,6 +9,7 @@ import dataflash
 import numpy as np
 import pytest
 import ulog
+from refusals import problems_of
 
 import imu_sim_ros as ims
 from imu_sim_ros.bags.read import open_bag
@@ -276,15 +277,6 @@ def test_foreign_logs_and_a_missing_library(tmp_path, flight, monkeypatch):
     log = dataflash.write(tmp_path / "copy.bin", {"CPU": stamps(flight.readings.t_ns[:6])})
     with pytest.raises(MissingDependencyError, match="pip install pymavlink"):
         ims.read_readings(log)
-
-
-def problems_of(reader, path):
-    """Return the lines of an error; nothing but errors of the input is raised."""
-    try:
-        reader(path)
-    except InputError as error:
-        return error.problems
-    return ()
 
 
 def test_damaged_and_cut_files_are_told_in_lines(path, capfd):

@@ -7,6 +7,7 @@ import device_logs
 import numpy as np
 import pytest
 from device_logs import EPOCH, HEIGHT, LATITUDE, LONGITUDE, G
+from refusals import problems_of
 
 import imu_sim_ros as ims
 from imu_sim_ros.core import rotation
@@ -176,15 +177,6 @@ def test_a_flight_of_a_phone_goes_through_the_jobs(tmp_path, flight):
     assert len(track.position) >= len(flight.readings) - 1
 
 
-def problems_of(path):
-    """Return the lines of an error; nothing but errors of the input is raised."""
-    try:
-        ims.read_readings(path)
-    except InputError as error:
-        return error.problems
-    return ()
-
-
 def test_damaged_and_cut_recordings_are_told_in_lines(tmp_path, flight, capfd):
     rng = np.random.default_rng(4)
     short = ims.simulate(imu="bmi088", duration=0.3, rate=100, seed=1)
@@ -198,7 +190,7 @@ def test_damaged_and_cut_recordings_are_told_in_lines(tmp_path, flight, capfd):
             for position in rng.integers(0, len(data), rng.integers(1, 30)):
                 data[position] = rng.integers(0, 256)
             copy.write_bytes(data[: rng.integers(4, len(data))] if number % 2 else data)
-            assert all("copy.zip" in line for line in problems_of(copy))
+            assert all("copy.zip" in line for line in problems_of(ims.read_readings, copy))
         names = sorted(file for file in folder.rglob("*.csv"))
         for number in range(60):
             file = names[number % len(names)]
@@ -207,6 +199,6 @@ def test_damaged_and_cut_recordings_are_told_in_lines(tmp_path, flight, capfd):
             for position in rng.integers(0, len(data), rng.integers(1, 30)):
                 data[position] = rng.integers(0, 256)
             file.write_bytes(data[: rng.integers(0, len(data))] if number % 2 else data)
-            assert all(folder.name in line for line in problems_of(folder))
+            assert all(folder.name in line for line in problems_of(ims.read_readings, folder))
             file.write_bytes(intact)
     assert capfd.readouterr() == ("", "")

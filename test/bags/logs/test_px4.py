@@ -9,6 +9,7 @@ import sys
 import numpy as np
 import pytest
 import ulog
+from refusals import problems_of
 
 import imu_sim_ros as ims
 from imu_sim_ros.bags.logs import catalogue, px4
@@ -393,15 +394,6 @@ def test_the_memory_for_a_large_log_is_told(folder, flown, monkeypatch):
     copy.write_bytes(flown.read_bytes() + b" ")
     with pytest.raises(MachineError, match="large.ulg: is read as a whole, which takes up to"):
         ims.read_readings(copy)
-
-
-def problems_of(reader, path):
-    """Return the lines of an error; nothing but errors of the input is raised."""
-    try:
-        reader(path)
-    except InputError as error:
-        return error.problems
-    return ()
 
 
 def test_cut_files_are_read_as_far_as_they_go(folder, flown):

@@ -9,6 +9,7 @@ import device_logs
 import numpy as np
 import pytest
 from device_logs import EPOCH, HEIGHT, LATITUDE, LONGITUDE
+from refusals import problems_of
 
 import imu_sim_ros as ims
 from imu_sim_ros.bags.logs import kitti, nclt, phyphox, sensor_logger, vectornav, xsens
@@ -309,15 +310,6 @@ def test_memory_is_within_what_is_stated(tmp_path, flight):
         peak = tracemalloc.get_traced_memory()[1]
         tracemalloc.stop()
         assert peak < module.MEMORY * size + 200_000, (path, peak / size)
-
-
-def problems_of(reader, path):
-    """Return the lines of an error; nothing but errors of the input is raised."""
-    try:
-        reader(path)
-    except InputError as error:
-        return error.problems
-    return ()
 
 
 def test_damaged_and_cut_logs_are_told_in_lines(tmp_path, capfd):

@@ -13,6 +13,7 @@ import cv2
 import numpy as np
 import pytest
 from mcap.reader import make_reader
+from ros_messages import stamp_ns
 from rosbags.highlevel import AnyReader
 from rosbags.typesys import Stores, get_typestore
 
@@ -92,10 +93,6 @@ def contents(path):
     return messages
 
 
-def stamp(message):
-    return message.header.stamp.sec * 10**9 + message.header.stamp.nanosec
-
-
 @pytest.mark.parametrize("form", FORMS)
 def test_images_in_a_bag_are_those_of_the_camera(folder, pictures, form):
     messages = contents(folder / form)
@@ -107,7 +104,7 @@ def test_images_in_a_bag_are_those_of_the_camera(folder, pictures, form):
         for (t_ns, image), (record, message), (_, small), (_, info) in zip(
             expected, raw, png, infos, strict=True
         ):
-            assert record == stamp(message) == stamp(small) == stamp(info) == t_ns
+            assert record == stamp_ns(message) == stamp_ns(small) == stamp_ns(info) == t_ns
             assert message.header.frame_id == info.header.frame_id == f"{name}_optical_frame"
             assert np.array_equal(message.data.reshape(image.shape), image)
             assert message.encoding == {2: "mono8", 3: "rgb8"}[image.ndim]
@@ -125,7 +122,7 @@ def test_depth_is_in_the_bag_where_it_is_asked_for(folder, rig, form):
     for (t_ns, depth), (_, message) in zip(
         expected, messages["/cam1/depth/image_raw"], strict=True
     ):
-        assert (stamp(message), message.encoding, message.step) == (t_ns, "32FC1", 4 * 94)
+        assert (stamp_ns(message), message.encoding, message.step) == (t_ns, "32FC1", 4 * 94)
         assert np.array_equal(message.data.view("<f4").reshape(depth.shape), depth)
     assert 0.3 < expected[0][1].max() < 10.0
 
@@ -144,7 +141,7 @@ def test_features_are_the_tracks_as_vins_fusion_reads_them(folder, rig, form):
     """Message by message against a slow plain loop over the tracks."""
     messages = [message for _, message in contents(folder / form)["/feature_tracker/feature"]]
     expected = list(plain_features(rig))
-    assert [stamp(message) for message in messages] == [t_ns for t_ns, _ in expected]
+    assert [stamp_ns(message) for message in messages] == [t_ns for t_ns, _ in expected]
     assert len(messages) > 10
     for message, (_, rows) in zip(messages, expected, strict=True):
         assert message.header.frame_id == "world"

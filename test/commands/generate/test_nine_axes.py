@@ -8,6 +8,7 @@ from typing import Any
 
 import numpy as np
 import pytest
+from dotted_names import nested
 from rosbags.highlevel import AnyReader
 from rosbags.typesys import Stores, get_typestore
 
@@ -212,18 +213,6 @@ def test_the_front_door_has_the_same(tmp_path: Path, block: dict[str, Any]) -> N
     assert both[0] == both[1]
     flight.save(tmp_path / "z", format="euroc", topics=["imu/data_raw", "imu/mag"])
     assert (tmp_path / "z/mag0/data.csv").is_file()
-
-
-def nested(values: dict[str, Any]) -> dict[str, Any]:
-    """Return the arguments of simulate for parameters by dotted name."""
-    result: dict[str, Any] = {}
-    for name, value in values.items():
-        section, dot, rest = name.partition(".")
-        if dot:
-            result.setdefault(section, {})[rest] = value
-        else:
-            result[section] = value
-    return result
 
 
 def test_what_was_not_simulated_is_refused(tmp_path: Path) -> None:

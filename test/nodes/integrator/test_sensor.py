@@ -8,6 +8,7 @@ from typing import Any
 
 import numpy as np
 import pytest
+from ros_messages import stamp_ns
 
 from imu_sim_ros.parameters.files import load
 from imu_sim_ros.simulation.parameters import load_simulation
@@ -30,7 +31,7 @@ def covariance(message: Any) -> np.ndarray:
 
 
 def by_stamp(messages: list[Any]) -> dict[int, Any]:
-    return {m.header.stamp.sec * 10**9 + m.header.stamp.nanosec: m for m in messages}
+    return {stamp_ns(message): message for message in messages}
 
 
 def test_the_readmes_trio_is_consistent(start: Any, listener: Any) -> None:

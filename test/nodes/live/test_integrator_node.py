@@ -9,6 +9,7 @@ import time
 
 import numpy as np
 import pytest
+from ros_messages import stamps_ns
 
 from imu_sim_ros.bags.messages.encode import ImuEncoder, OdometryEncoder
 from imu_sim_ros.core import rotation
@@ -47,10 +48,6 @@ def wait_for_value(listener, key: str, value: str) -> dict[str, str]:
 
     listener.wait_until(lambda: values().get(key) == value, f"{key} {value}")
     return values()
-
-
-def stamps_ns(messages) -> list[int]:
-    return [m.header.stamp.sec * 10**9 + m.header.stamp.nanosec for m in messages]
 
 
 def xyz(vectors) -> np.ndarray:

@@ -8,6 +8,7 @@ import warnings
 
 import numpy as np
 import pytest
+from ros_messages import stamps_ns
 from std_srvs.srv import Trigger
 
 import imu_sim_ros as ims
@@ -80,10 +81,6 @@ def messages(t_ns: np.ndarray) -> list[bytes]:
     return [row.tobytes() for row in ImuEncoder("imu_link").encode(t_ns, *moving(t_ns))]
 
 
-def stamps(rows) -> list[int]:
-    return [row.header.stamp.sec * 10**9 + row.header.stamp.nanosec for row in rows]
-
-
 def position(row) -> list[float]:
     point = row.pose.pose.position
     return [point.x, point.y, point.z]
@@ -154,7 +151,7 @@ def test_stamps_as_people_have_them_give_the_result_of_a_file(nodes, listener):
         listener.wait_for(ERRORS, len(expected))
         listener.wait_for(ODOMETRY, COUNT - strays - rest)
         rows = listener.messages(ERRORS)
-        assert stamps(rows) == expected.t_ns.tolist(), name
+        assert stamps_ns(rows) == expected.t_ns.tolist(), name
         force = [row.linear_acceleration for row in rows]
         assert np.array_equal([[a.x, a.y, a.z] for a in force], expected.accel), name
         rows = listener.messages(ODOMETRY)

@@ -9,6 +9,7 @@ from typing import Any
 
 import numpy as np
 import pytest
+from dotted_names import nested
 
 import imu_sim_ros as ims
 
@@ -53,12 +54,3 @@ def test_live_clouds_are_those_of_a_bag(start: Any, listener: Any, tmp_path: Pat
             assert np.asarray(message.data).tobytes() == points.tobytes()
     missing = importlib.util.find_spec("livox_ros_driver2") is None
     assert ("livox/lidar is not published: livox_ros_driver2" in node.output) == missing
-
-
-def nested(values: dict[str, Any]) -> dict[str, Any]:
-    """Return parameters by dotted name as arguments."""
-    result: dict[str, Any] = {}
-    for name, value in values.items():
-        section, _, key = name.rpartition(".")
-        (result.setdefault(section, {}) if section else result)[key] = value
-    return result

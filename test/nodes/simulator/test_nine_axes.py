@@ -7,6 +7,7 @@ from typing import Any
 
 import numpy as np
 import pytest
+from ros_messages import stamps_ns
 
 from imu_sim_ros.simulation.engine import Body
 from imu_sim_ros.simulation.parameters import load_simulation
@@ -32,10 +33,6 @@ PARAMETERS: dict[str, Any] = {
     "imu.orientation_rate": 100.0,
 }
 SENSORS = ("magnetic_field", "pressure", "orientation")
-
-
-def stamps(messages: list[Any]) -> list[int]:
-    return [m.header.stamp.sec * 10**9 + m.header.stamp.nanosec for m in messages]
 
 
 def test_live_samples_are_those_of_the_simulation(start: Any, listener: Any) -> None:
@@ -69,7 +66,7 @@ def test_live_samples_are_those_of_the_simulation(start: Any, listener: Any) -> 
     )
     assert listener.wait_for_end(node) == 0, node.output
     block = Body(load_simulation(PARAMETERS), sensors=SENSORS).next(10**6)
-    assert stamps(listener.messages("imu/data_raw")) == block["imu"].t_ns.tolist()
+    assert stamps_ns(listener.messages("imu/data_raw")) == block["imu"].t_ns.tolist()
     same_field(listener, block)
     same_pressure(listener, block)
     same_orientation(listener, block)
@@ -79,10 +76,10 @@ def same_field(listener: Any, block: dict[str, Any]) -> None:
     field = block["magnetic_field"]
     assert field is not None
     field_messages = listener.messages("imu/mag")
-    assert stamps(field_messages) == field.t_ns.tolist()
+    assert stamps_ns(field_messages) == field.t_ns.tolist()
     values = [[getattr(m.magnetic_field, axis) for axis in "xyz"] for m in field_messages]
     assert np.array_equal(values, field.field)
-    assert stamps(listener.messages("ground_truth/mag")) == field.true_t_ns.tolist()
+    assert stamps_ns(listener.messages("ground_truth/mag")) == field.true_t_ns.tolist()
     truth = [m.vector for m in listener.messages("ground_truth/magnetometer_bias")]
     assert np.array_equal([[v.x, v.y, v.z] for v in truth], field.bias)
 
@@ -91,7 +88,7 @@ def same_pressure(listener: Any, block: dict[str, Any]) -> None:
     air = block["pressure"]
     assert air is not None
     pressure_messages = listener.messages("imu/pressure")
-    assert stamps(pressure_messages) == air.t_ns.tolist()
+    assert stamps_ns(pressure_messages) == air.t_ns.tolist()
     assert [m.fluid_pressure for m in pressure_messages] == air.pressure.tolist()
     still = listener.messages("ground_truth/pressure")
     assert [m.fluid_pressure for m in still] == air.ideal_pressure.tolist()
@@ -103,7 +100,7 @@ def same_orientation(listener: Any, block: dict[str, Any]) -> None:
     stated = block["orientation"]
     assert stated is not None
     imu_messages = listener.messages("imu/data")
-    assert stamps(imu_messages) == stated.t_ns.tolist()
+    assert stamps_ns(imu_messages) == stated.t_ns.tolist()
     q = [[getattr(m.orientation, part) for part in "wxyz"] for m in imu_messages]
     assert np.array_equal(q, stated.q_wi)
 

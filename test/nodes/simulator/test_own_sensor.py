@@ -3,26 +3,14 @@
 
 """The sonar of examples/own_sensor.py in the live node, found by its entry point."""
 
-import importlib.util
 from pathlib import Path
 from typing import Any
 
+import own_package
 import pytest
+from ros_messages import stamps_ns
 
 pytestmark = pytest.mark.ros
-
-PLACE = Path(__file__).parents[2] / "sensor" / "own_package.py"
-
-
-def installed(folder: Path) -> Path:
-    """Install the example into a folder."""
-    spec = importlib.util.spec_from_file_location("own_package", PLACE)
-    assert spec is not None
-    assert spec.loader is not None
-    module = importlib.util.module_from_spec(spec)
-    spec.loader.exec_module(module)
-    sensor_path: Path = module.install(folder)
-    return sensor_path
 
 
 def test_it_is_published_with_its_truth(start: Any, listener: Any, tmp_path: Path) -> None:
@@ -39,7 +27,7 @@ def test_it_is_published_with_its_truth(start: Any, listener: Any, tmp_path: Pat
     node = start(
         "simulator",
         *("--sensors", "[sonar]", "--trajectory", "figure_eight", "--ros-args"),
-        installed=installed(tmp_path),
+        installed=own_package.install(tmp_path),
         **sonar_settings,
         **common_settings,
         wait_for_subscribers=1,
@@ -51,7 +39,7 @@ def test_it_is_published_with_its_truth(start: Any, listener: Any, tmp_path: Pat
     )
     assert listener.wait_for_end(node) == 0, node.output
     beams = listener.messages("sonar/beam")
-    stamps = [m.header.stamp.sec * 10**9 + m.header.stamp.nanosec for m in beams]
+    stamps = stamps_ns(beams)
     assert stamps == [1_234_500_000_000 + k * 80_000_000 for k in range(25)]
     assert beams[0].header.frame_id == "base_link"
     truth = [-m.vector.z for m in listener.messages("ground_truth/sonar")]
@@ -63,7 +51,7 @@ def test_it_is_published_with_its_truth(start: Any, listener: Any, tmp_path: Pat
 def test_a_fault_of_a_sensor_that_is_not_there_is_refused(start: Any, tmp_path: Path) -> None:
     node = start(
         "simulator",
-        installed=installed(tmp_path),
+        installed=own_package.install(tmp_path),
         inject__kind="dropout",
         inject__triad="sonar",
     )

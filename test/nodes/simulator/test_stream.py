@@ -7,6 +7,7 @@ from typing import Any
 
 import numpy as np
 import pytest
+from ros_messages import stamps_ns
 
 from imu_sim_ros.core.rotation import rotate_inverse
 from imu_sim_ros.sensors.gravity import geodetic
@@ -17,10 +18,6 @@ pytestmark = pytest.mark.ros
 
 IMU, TRUTH = "imu/data_raw", "ground_truth/odom"
 READY = {"wait_for_subscribers": 1, "wait_for_truth_subscribers": 1}
-
-
-def stamps(messages: list[Any]) -> list[int]:
-    return [m.header.stamp.sec * 10**9 + m.header.stamp.nanosec for m in messages]
 
 
 def xyz(vectors: list[Any]) -> np.ndarray:
@@ -60,11 +57,11 @@ def test_readings_equal_those_of_the_stream(
     block = Body(parameters).next(10**6)["imu"]
     rows = block.delivered
     readings = listener.messages(IMU)
-    assert stamps(readings) == block.t_ns[rows].tolist()
+    assert stamps_ns(readings) == block.t_ns[rows].tolist()
     np.testing.assert_array_equal(xyz([m.angular_velocity for m in readings]), block.gyro[rows])
     np.testing.assert_array_equal(xyz([m.linear_acceleration for m in readings]), block.accel[rows])
     truth = listener.messages(TRUTH)
-    assert stamps(truth) == block.true_t_ns.tolist()
+    assert stamps_ns(truth) == block.true_t_ns.tolist()
     motion = block.motion
     np.testing.assert_array_equal(xyz([m.pose.pose.position for m in truth]), motion.position)
     np.testing.assert_array_equal(
@@ -99,7 +96,7 @@ def test_frames_covariances_and_the_truth_beside_the_readings(start: Any, listen
     node = start("simulator", imu_frame="sensor", **chosen, **publish_settings, **READY)
     assert listener.wait_for_end(node) == 0, node.output
     (imu_message, *_), (true_message, *_) = listener.messages(IMU), listener.messages(TRUTH)
-    assert np.diff(stamps(listener.messages(IMU))).tolist() == [10_000_000] * 99
+    assert np.diff(stamps_ns(listener.messages(IMU))).tolist() == [10_000_000] * 99
     assert imu_message.header.frame_id == "sensor"
     assert imu_message.orientation_covariance[0] == -1.0
     assert (true_message.header.frame_id, true_message.child_frame_id) == ("world", "base_link")
@@ -154,7 +151,7 @@ def test_increments_are_those_of_the_stream_in_whole_steps(start: Any, listener:
         heard = listener.messages(topic)
         np.testing.assert_array_equal(xyz([m.vector for m in heard]), means * 0.01)
         assert {m.header.frame_id for m in heard} == {"imu_link"}
-        assert stamps(heard) == (block.t_ns if topic in topics[:2] else block.true_t_ns).tolist()
+        assert stamps_ns(heard) == (block.t_ns if topic in topics[:2] else block.true_t_ns).tolist()
     counted = xyz([m.vector for m in listener.messages(topics[0])]) / step
     assert np.ptp(counted) > 10.0
     np.testing.assert_allclose(counted, np.round(counted), atol=1e-9)
@@ -187,12 +184,12 @@ def test_several_imus_share_one_truth(start: Any, listener: Any) -> None:
         block = Body(parameters).next(1000)["imu"]
         messages = listener.messages(f"{name}/imu/data_raw")
         np.testing.assert_array_equal(xyz([m.linear_acceleration for m in messages]), block.accel)
-        assert stamps(messages) == block.t_ns.tolist()
+        assert stamps_ns(messages) == block.t_ns.tolist()
         assert messages[0].header.frame_id == f"{name}_imu_link"
     truth = listener.messages(TRUTH)
     block = Body(load_simulation(common)).next(1000)["imu"]
     np.testing.assert_array_equal(xyz([m.pose.pose.position for m in truth]), block.motion.position)
-    assert stamps(truth) == block.t_ns.tolist()
+    assert stamps_ns(truth) == block.t_ns.tolist()
 
 
 def test_namespaces_and_domains_do_not_mix(

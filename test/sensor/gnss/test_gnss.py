@@ -11,6 +11,7 @@ from typing import Any
 
 import numpy as np
 import pytest
+from ros_messages import stamps_ns
 
 import imu_sim_ros as ims
 from imu_sim_ros.commands import generate
@@ -182,7 +183,7 @@ def test_without_a_fix_nothing_of_the_motion_is_told(tmp_path: Path) -> None:
         assert [np.isnan(getattr(m, name)) for m in extended] == lost.tolist(), name
     assert extended[0].time == 1767225600.0 + flight.t0_ns * 1e-9
     velocities = by_topic["/gps/velocity"]
-    stamps = [m.header.stamp.sec * 10**9 + m.header.stamp.nanosec for m in velocities]
+    stamps = stamps_ns(velocities)
     assert stamps == gnss.t_ns[~lost].tolist()
     assert {m.header.frame_id for m in velocities} == {"world"}
     with gnss.save_nmea(tmp_path / "a.nmea").open("rb") as file:
