@@ -66,6 +66,8 @@ from imu_sim_ros.sensors.camera.model import reprojection_errors
 from imu_sim_ros.terminal.text_tables import TextTable, html_of
 
 if TYPE_CHECKING:
+    from typing_extensions import Unpack
+
     from imu_sim_ros.datasets.tracks import TrackFolder
     from imu_sim_ros.plots.style import Figure
 
@@ -288,20 +290,26 @@ class HasAttitude(Protocol):
         """(n,) [ns]."""
 
 
+class _Options(TypedDict, total=False):
+    """Keyword arguments of :func:`evaluate` for every kind of estimate."""
+
+    align: str
+    max_gap: float
+    truth_topic: str | None
+    time_offset: bool
+    tracks: str | Path | None
+    rpe: Sequence[str | tuple[float, str]]
+    skip_bad_rows: bool
+
+
 @overload
 def evaluate(  # the topic decides what it is
     estimate: str | Path,
     truth: HasPoses | str | Path,
     *,
     estimate_topic: str,
-    align: str = ...,
-    max_gap: float = ...,
-    truth_topic: str | None = ...,
-    time_offset: bool = ...,
-    tracks: str | Path | None = ...,
     imu: str | Path | None = ...,
-    rpe: Sequence[str | tuple[float, str]] = ...,
-    skip_bad_rows: bool = ...,
+    **options: Unpack[_Options],
 ) -> Any: ...
 
 
@@ -310,14 +318,8 @@ def evaluate(  # type: ignore[overload-overlap]  # what has positions is compare
     estimate: HasPoses | str | Path,
     truth: HasPoses | str | Path,
     *,
-    align: str = ...,
-    max_gap: float = ...,
     estimate_topic: str | None = ...,
-    truth_topic: str | None = ...,
-    time_offset: bool = ...,
-    tracks: str | Path | None = ...,
-    rpe: Sequence[str | tuple[float, str]] = ...,
-    skip_bad_rows: bool = ...,
+    **options: Unpack[_Options],
 ) -> Evaluation: ...
 
 
@@ -326,14 +328,8 @@ def evaluate(
     estimate: HasAttitude,
     truth: HasPoses | str | Path,
     *,
-    align: str = ...,
-    max_gap: float = ...,
     estimate_topic: str | None = ...,
-    truth_topic: str | None = ...,
-    time_offset: bool = ...,
-    tracks: str | Path | None = ...,
-    rpe: Sequence[str | tuple[float, str]] = ...,
-    skip_bad_rows: bool = ...,
+    **options: Unpack[_Options],
 ) -> AttitudeEvaluation: ...
 
 

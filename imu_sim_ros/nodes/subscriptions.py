@@ -46,6 +46,8 @@ _LONGEST_NS: Final = 10_000_000
 """No look is farther away than this: another topic may have something."""
 _MATCHING_PERIOD: Final = 0.02
 """Period of looking for publishers of the inputs, until each has one [s]."""
+_COUNTING_PERIOD: Final = 0.1
+"""Time between looks for messages that are only counted [s]."""
 _CHANGE_PERIOD: Final = 0.5
 """Period of looking for publishers afterwards [s]."""
 
@@ -233,12 +235,10 @@ class MessageCounter:
         message: type,
         qos: QoSProfile,
         fail: Fail,
-        period: float = 0.1,
     ) -> None:
         """Begin to count.
 
         :param node: its domain is used, and its name, by which it knows itself in the graph.
-        :param period: between looks for messages [s].
         """
         self.messages = 0
         """Messages received."""
@@ -252,7 +252,7 @@ class MessageCounter:
             enable_rosout=False,
             start_parameter_services=False,
         )
-        self._reader = RawSubscriptions(self._node, self._count, fail, period)
+        self._reader = RawSubscriptions(self._node, self._count, fail, _COUNTING_PERIOD)
         self._reader.subscribe(topic, message, qos)
 
     def close(self) -> None:

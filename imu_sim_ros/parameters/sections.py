@@ -543,18 +543,18 @@ class _Building:
         return None
 
 
-def flatten(instance: object, prefix: str = "") -> dict[str, Value]:
+def flatten(instance: object) -> dict[str, Value]:
     """Return all values of a section by dotted name; :func:`build` of it gives an equal section."""
     result: dict[str, Value] = {}
     for dataclass_field in fields(cast(Any, instance)):
         value = getattr(instance, dataclass_field.name)
         if METADATA in dataclass_field.metadata:
-            result[prefix + dataclass_field.name] = value
+            result[dataclass_field.name] = value
             continue
         nesting: _Nesting = dataclass_field.metadata[_NESTED]
         sections = value if nesting.is_mapping else {} if value is None else {"": value}
         for name, inner in sections.items():
-            inner_prefix = prefix + nesting.prefix(dataclass_field.name, name)
+            inner_prefix = nesting.prefix(dataclass_field.name, name)
             values = flatten(inner)
             names = values if nesting.declarations is None else nesting.declarations
             result.update({inner_prefix + parameter: values[parameter] for parameter in names})

@@ -19,6 +19,10 @@ Place3 = Sequence[float]
 DAYLIGHT: Final = (0.93, 0.97, 1.0)
 LAMP: Final = (1.0, 0.96, 0.88)
 SUN: Final = (1.0, 0.93, 0.8)
+_LAMP_PITCH: Final = 2.4
+"""Distance of ceiling lamps, about [m]."""
+_LAMP_SIZE: Final = (1.2, 0.6)
+"""Size of a ceiling lamp along x and y [m]."""
 
 
 def _moved(origin: Place3, turn: float, x: float, y: float, z: float) -> tuple[float, float, float]:
@@ -339,13 +343,11 @@ def windows(
     return lit
 
 
-def ceiling_lamps(
-    b: PlaceBuilder, pitch: float = 2.4, size: tuple[float, float] = (1.2, 0.6)
-) -> None:
+def ceiling_lamps(b: PlaceBuilder) -> None:
     """Hang a grid of flat lamps under the ceiling; in dim light one in five shines."""
     x0, y0, _ = b.site.low.tolist()
     x1, y1, z1 = b.site.high.tolist()
-    columns, rows = (max(1, round(length / pitch)) for length in (x1 - x0, y1 - y0))
+    columns, rows = (max(1, round(length / _LAMP_PITCH)) for length in (x1 - x0, y1 - y0))
     strength = {"day": 2.6, "lamps": 5.0, "dim": 3.0}[b.site.light]
     for i in range(rows):
         for j in range(columns):
@@ -355,4 +357,4 @@ def ceiling_lamps(
                 y0 + (i + 0.5) * (y1 - y0) / rows,
                 z1 - 0.005,
             )
-            b.lamp(center, size, LAMP, strength if lit else 0.0)
+            b.lamp(center, _LAMP_SIZE, LAMP, strength if lit else 0.0)

@@ -119,10 +119,10 @@ def _grouped(header: Sequence[str], rows: Sequence[Sequence[str]], headings: int
     return lines
 
 
-def stacked(header: Sequence[str], rows: Sequence[Sequence[str]], title: str = "") -> list[str]:
+def stacked(header: Sequence[str], rows: Sequence[Sequence[str]]) -> list[str]:
     """Return a table as lines: a block for each row, a line for each further column."""
     width = max((len(name) for name in header[1:]), default=0)
-    lines = [title] if title else []
+    lines = []
     for row in rows:
         lines.append(f"{header[0]}: {row[0]}" if header[0] else row[0])
         pairs = zip(header[1:], row[1:], strict=True)

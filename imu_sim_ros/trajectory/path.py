@@ -116,12 +116,12 @@ class Path:
         odd = np.searchsorted(self._turns_at, u, side="right") % 2
         return np.where(odd, -self._first_direction, self._first_direction)
 
-    def bends(self, per_segment: int = _SAMPLES) -> Bends:
+    def bends(self) -> Bends:
         """Return speed and curvature everywhere, a few places in each segment."""
         ends = [*self._turns_at, self.length]
         parts, start = [], 0.0
         for spline, end in zip(self.splines, ends, strict=True):
-            count = spline.segments * per_segment
+            count = spline.segments * _SAMPLES
             steps: Array = np.arange(count + 1, dtype=np.float64)
             parts.append(start + steps[: count + (end == ends[-1])] * ((end - start) / count))
             start = float(end)

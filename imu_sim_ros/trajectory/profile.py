@@ -42,15 +42,12 @@ class RateProfile:
     derivatives vanish at both ends: the quantity is C3 where neighbouring rates agree.
     """
 
-    def __init__(self, phases: Sequence[Phase], start: float = 0.0) -> None:
-        """Join the phases.
-
-        :param start: value at time 0.
-        """
+    def __init__(self, phases: Sequence[Phase]) -> None:
+        """Join the phases; the value at time 0 is 0."""
         lengths = np.array([phase.length for phase in phases])
         changes = np.array([phase.change for phase in phases])
         self._times = np.concatenate([[0.0], np.cumsum(lengths[:-1])])
-        self._values = start + np.concatenate([[0.0], np.cumsum(changes[:-1])])
+        self._values = np.concatenate([[0.0], np.cumsum(changes[:-1])])
         self._first_rates = np.array([phase.first_rate for phase in phases])
         self._changes = np.array([phase.last_rate - phase.first_rate for phase in phases])
         # A phase of one rate has no ramp to place a time in; it may be endless.

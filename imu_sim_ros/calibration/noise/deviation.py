@@ -10,6 +10,8 @@ import numpy as np
 
 from imu_sim_ros.core.types import Array, Integers
 
+_PER_DECADE: Final = 17
+"""Cluster sizes in a decade."""
 _CHUNK: Final = 1 << 13
 """Number of terms handled at once: they fit the processor's cache, and BLAS stays in one thread."""
 _SHORT: Final = 1024
@@ -37,7 +39,7 @@ class Deviation(NamedTuple):
     """(m,) number of averaged second differences."""
 
 
-def cluster_sizes(samples: int, per_decade: int = 17) -> Integers:
+def cluster_sizes(samples: int) -> Integers:
     """Return log-spaced cluster sizes up to a third of a record.
 
     Sizes from 128 on are rounded to seven significant bits: a record of which only every
@@ -48,8 +50,8 @@ def cluster_sizes(samples: int, per_decade: int = 17) -> Integers:
     largest = samples // 3
     if largest < 1:
         return np.empty(0, dtype=np.int64)
-    count = int(np.log10(largest) * per_decade) + 1
-    size = np.round(10.0 ** (np.arange(count) / per_decade)).astype(np.int64)
+    count = int(np.log10(largest) * _PER_DECADE) + 1
+    size = np.round(10.0 ** (np.arange(count) / _PER_DECADE)).astype(np.int64)
     step = 1 << np.maximum(np.log2(size).astype(np.int64) - 6, 0)
     size = (size + step // 2) // step * step
     return np.unique(size[size <= largest])

@@ -28,6 +28,8 @@ GAUSS_MARKOV_KEYS: Final = (*(term.key for term in TERMS), SIGMA, CORRELATION_TI
 """Keys of the parameters of this model."""
 _EVIDENCE: Final = 4.6
 """Log-likelihood that the process must gain with its two parameters: 1 % of chi-square(2)."""
+_ROOT_TOLERANCE: Final = 1e-4
+"""Tolerance of a root, as a share of the interval that contains it."""
 _GRID: Final = 30
 
 
@@ -136,12 +138,10 @@ def _bracket(excess: Callable[[float], float], best: float, step: float) -> floa
     return max(value, 0.0)
 
 
-def _root(
-    excess: Callable[[float], float], low: float, high: float, tolerance: float = 1e-4
-) -> float:
+def _root(excess: Callable[[float], float], low: float, high: float) -> float:
     """Return the zero of a function between two points; the nearer end if none is bracketed."""
     from scipy.optimize import brentq
 
     if excess(low) * excess(high) >= 0.0:  # a plateau within rounding
         return low if abs(excess(low)) < abs(excess(high)) else high
-    return float(brentq(excess, low, high, xtol=tolerance * (high - low), rtol=1e-8))
+    return float(brentq(excess, low, high, xtol=_ROOT_TOLERANCE * (high - low), rtol=1e-8))

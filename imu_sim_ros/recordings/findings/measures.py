@@ -90,12 +90,10 @@ class ReadingMeasures:
     def __init__(
         self,
         readings: Readings,
-        clock: Clock | None = None,
         gravity: float = STANDARD_GRAVITY,
     ) -> None:
         """Take the readings.
 
-        :param clock: their clock; None: it is estimated.
         :param gravity: size of gravity at the place of the recording [m/s^2].
         """
         self.readings = readings
@@ -103,13 +101,12 @@ class ReadingMeasures:
         """Size of gravity at the place of the recording [m/s^2]."""
         self.no_clock = ""
         """Reason for which the stamps have no rate; empty: they have one."""
-        if clock is None:
-            try:
-                clock = estimate_clock(readings.t_ns, self._equal())
-            except InputError as error:  # only whole columns are judged
-                self.no_clock = str(error)
-        self.clock = clock
+        self.clock: Clock | None = None
         """Clock of the readings; None: their stamps have no rate."""
+        try:
+            self.clock = estimate_clock(readings.t_ns, self._equal())
+        except InputError as error:  # only whole columns are judged
+            self.no_clock = str(error)
 
     def _equal(self) -> Mask | None:
         """Return True (n,) where a reading repeats the previous one; None without readings."""
