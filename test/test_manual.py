@@ -88,6 +88,7 @@ def test_the_messages_of_the_troubleshooting_page_are_those_of_the_programs():
     text = "\n".join(path.read_text(encoding="utf-8") for path in sources)
     text = re.sub(r'"\s*\n\s*f?"', "", text)  # strings that go on in the next line
     text = re.sub(r"\{argument\('(\w+)'.*?\)\}", r"--\1", text)  # as a command's user writes it
+    text = re.sub(r"\{job_argument\('convert', '(\w+)'\)\}", r"convert_bag --\1", text)
     foreign = ("New subscription discovered", "requesting incompatible QoS", "XMLPARSER Error")
     headings = re.findall(r"^### (`.*)$", page, re.M)
     assert len(headings) > 10

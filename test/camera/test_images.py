@@ -707,7 +707,7 @@ def test_compiled_loops_are_compiled_anew_when_a_formula_of_theirs_changes():
         inspect.getsource(function) for function in (gloss.reflectance, gloss.mirrored, compiled)
     ]
     digest = hashlib.sha256("".join(sources).encode()).hexdigest()[:12]
-    assert digest == loops.FROM_ELSEWHERE
+    assert digest == loops.FORMULAS_DIGEST
     # Nothing else of the package is compiled there.
     home = inspect.getfile(loops)
     parts = {function.py_func for function in vars(loops).values() if hasattr(function, "py_func")}

@@ -28,9 +28,11 @@ from imu_sim_ros.sensors.camera.images.visible import Met, Triangles, Visible
 
 Ray: TypeAlias = tuple[np.float32, np.float32, np.float32]
 
-FROM_ELSEWHERE: Final = "9d9ff0a72b8a"
-"""Digest of what is compiled here and written in other files. numba keeps what it compiled until
-this file changes, so it has to change with them; test/camera/test_images.py has what to write."""
+FORMULAS_DIGEST: Final = "9d9ff0a72b8a"
+"""Digest of the formulas that are compiled here and stand in other files.
+
+numba reuses compiled code until the file of the calling function changes; a new digest is such a
+change. test/camera/test_images.py computes it."""
 LEVELS: Final = 8
 """Mip levels of a texture."""
 CELL: Final = 8
