@@ -21,9 +21,11 @@ BIN := .venv/bin
 # Four processes for two cores: the tests with real nodes mostly wait (test/conftest.py).
 # A test that hangs is named after ten minutes, instead of the whole run being ended.
 # Small matrices gain nothing from threads of BLAS: two that wait for each other double the cost.
+# Hypothesis's plugin reads the whole library at the end of a run, also of one without its tests.
 PROCESSES := 4
 PYTEST = python -m pytest -q -n $(PROCESSES) --dist loadfile --no-loadscope-reorder \
          --timeout 600 --timeout-method thread
+NO_FUZZ := -m "not slow" --ignore test/fuzz -p no:hypothesispytest
 ONE_THREAD := OMP_NUM_THREADS=1 OPENBLAS_NUM_THREADS=1
 # The run on the oldest versions has what those versions can change: arithmetic of NumPy and SciPy,
 # random streams, bags and datasets there and back, YAML, pictures, cameras, each command once.
@@ -152,7 +154,7 @@ test-installed: build
 test-prepared: test-installed
 	@images=$$(mktemp -d)
 	{
-	  $(CLEAN) $(BIN)/python -m pytest -q --collect-only -m "not slow" --ignore test/fuzz || true
+	  $(CLEAN) $(BIN)/python -m pytest -q --collect-only $(NO_FUZZ) || true
 	  $(CLEAN) $(BIN)/generate -o "$$images/office" --format euroc --camera euroc_cam0 \
 	    --scene office --trajectory static --duration 0.1s || true
 	  rm -rf "$$images"
@@ -163,7 +165,7 @@ test-prepared: test-installed
 test: test-prepared
 	@echo "make: all tests"
 	# All of test/fuzz is slow; each process would import it, and Hypothesis read the whole package.
-	$(CLEAN) $(ONE_THREAD) $(BIN)/$(PYTEST) -m "not slow" --ignore test/fuzz
+	$(CLEAN) $(ONE_THREAD) $(BIN)/$(PYTEST) $(NO_FUZZ)
 
 # As well the tests marked slow: statistics over many runs, and hostile inputs in full.
 test-all: test-prepared

@@ -99,11 +99,14 @@ def pytest_collection_modifyitems(config: pytest.Config, items: list[pytest.Item
     The last part only computes, and in each kind the longest files come first, then those with
     most tests, so that the processes end together.
     """
-    kinds: dict[bool, dict[Path, list[pytest.Item]]] = {True: {}, False: {}}
+    tests: dict[Path, list[pytest.Item]] = {}
     for item in items:
-        path = item.path.relative_to(config.rootpath)
+        tests.setdefault(item.path, []).append(item)
+    kinds: dict[bool, dict[Path, list[pytest.Item]]] = {True: {}, False: {}}
+    for full_path, tests_of_file in tests.items():
+        path = full_path.relative_to(config.rootpath)
         waits = any(path.is_relative_to(place) for place in _REAL_PROCESSES)
-        kinds[waits].setdefault(path, []).append(item)
+        kinds[waits][path] = tests_of_file
     placed: list[tuple[float, list[pytest.Item]]] = []
     for waits, files in kinds.items():
         share = _LAST_WAITING if waits else 1.0
