@@ -32,7 +32,8 @@ def partly(tmp_path):
     script.write_text(PARTLY, encoding="utf-8")
 
     def estimator_entry(begin_share, end_share, suffix="", **options):
-        estimator_line = f"{{python}} -S {script} {{dataset}} {{estimate}} {begin_share} {end_share}"
+        shares = f"{begin_share} {end_share}"
+        estimator_line = f"{{python}} -S {script} {{dataset}} {{estimate}} {shares}"
         if suffix:
             options["shell"] = True
         return {"command": f"{estimator_line}{suffix}", "align": "none", **options}
