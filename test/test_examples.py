@@ -54,7 +54,7 @@ def test_there_are_at_least_five_scripts_and_two_notebooks():
     assert len(list(EXAMPLES.glob("*.ipynb"))) == 2
 
 
-def test_lecture(run, tmp_path):
+def test_lecture_has_the_errors_of_euler_and_midpoint(run, tmp_path):
     """Euler ends 0.906 m off and midpoint 1.29 mm: the lecture's trajectory without noise."""
     euler, midpoint, noisy, *_ = run(EXAMPLES / "lecture.py").splitlines()
     assert numbers(euler)[0] == pytest.approx(0.906, abs=0.001)
@@ -63,7 +63,7 @@ def test_lecture(run, tmp_path):
     assert {path.name for path in tmp_path.iterdir()} == {"lecture_path.png", "lecture_allan.png"}
 
 
-def test_vio_residuals(tmp_path):
+def test_vio_residuals_vanish_between_true_states(tmp_path):
     """True states have no residual but the midpoint rule's; derivatives equal differences.
 
     In a process of its own, as a user starts it.
@@ -76,7 +76,7 @@ def test_vio_residuals(tmp_path):
     assert numbers(off)[-1] < 1e-8
 
 
-def test_integrals(run):
+def test_integrals_are_of_a_higher_order_than_the_midpoint_rule(run):
     """Midpoint is of order 2, integrals with coning and sculling corrected of order 3."""
     _, *rows = run(EXAMPLES / "integrals.py").splitlines()
     table = np.array([numbers(row) for row in rows])
@@ -84,14 +84,14 @@ def test_integrals(run):
     assert np.abs(orders - [2.0, 3.0]).max() < 0.05
 
 
-def test_vio_dataset(run, tmp_path):
+def test_vio_dataset_writes_three_flights_of_readings_and_noise(run, tmp_path):
     out = run(EXAMPLES / "vio_dataset.py")
     assert out.count("6000 at 200 Hz") == 3
     assert (tmp_path / "mav0/imu0/data.csv").is_file()
     assert "gyroscope_noise_density" in (tmp_path / "imu.yaml").read_text()
 
 
-def test_places(run, tmp_path):
+def test_places_draws_a_corridor_in_colour(run, tmp_path):
     """A corridor: bright walls and ceiling above a darker floor, in colour."""
     from imu_sim_ros.sensors.camera.images.files import decoded
 
@@ -102,7 +102,7 @@ def test_places(run, tmp_path):
 
 
 @pytest.mark.slow
-def test_front_page(run, tmp_path):
+def test_front_page_draws_four_panels_light_and_dark(run, tmp_path):
     """Both strips have the four panels of the README; the machine hall's image is in colour."""
     run(EXAMPLES / "front_page.py")
     light, dark = (plt.imread(tmp_path / f"front_page_{page}.png") for page in ("light", "dark"))
@@ -114,7 +114,7 @@ def test_front_page(run, tmp_path):
         assert 0.01 < np.mean(panel[..., 3] > 0) < 0.9  # ink on a transparent page
 
 
-def test_town_drive(run, tmp_path):
+def test_town_drive_follows_slopes_with_outages(run, tmp_path):
     """On a slope of 3 percent, 1.72 degrees, at up to 50 km/h; 20 s of 133 s are without a fix."""
     way, lean, wheels = run(EXAMPLES / "town_drive.py").splitlines()
     assert numbers(way) == [133.0, pytest.approx(708.0, abs=3.0), 50.0]
@@ -123,7 +123,7 @@ def test_town_drive(run, tmp_path):
     assert {path.name for path in tmp_path.iterdir()} >= {"town.mcap", "town_drive.png"}
 
 
-def test_digital_twin(run):
+def test_digital_twin_has_the_noise_of_its_original(run):
     """The white noise of 20 min at 200 Hz is known to 1 / sqrt(2 * 240,000) = 0.14 %, twice."""
     lines = run(EXAMPLES / "digital_twin.py").splitlines()
     for line in lines[-2:]:
@@ -131,7 +131,7 @@ def test_digital_twin(run):
             assert ratio == pytest.approx(1.0, abs=0.01)
 
 
-def test_mujoco_imu(run, tmp_path):
+def test_mujoco_imu_draws_readings_of_each_step(run, tmp_path):
     """An ADIS16470 for 12 s at 1 kHz, a sample at each of MuJoCo's steps."""
     pytest.importorskip("mujoco")
     readings, evaluation, bias = run(EXAMPLES / "mujoco_imu.py").splitlines()
@@ -141,7 +141,7 @@ def test_mujoco_imu(run, tmp_path):
     assert (tmp_path / "mujoco_imu.png").is_file()
 
 
-def test_gymnasium_imu(run):
+def test_gymnasium_imu_balances_pendulums_that_biases_tilt(run):
     """The policy balances all pendulums; biases of the IMUs tilt them."""
     pytest.importorskip("mujoco")
     pytest.importorskip("gymnasium")
@@ -151,7 +151,7 @@ def test_gymnasium_imu(run):
     assert 0.0 < 2.0 * ideal < real < 0.3
 
 
-def test_legged_imus(run):
+def test_legged_imus_have_the_turn_on_biases_of_the_data_sheet(run):
     """Turn-on bias of the data sheet, 0.01745 rad/s, over 192 axes known to 1 / sqrt(384) = 5 %."""
     gyro, accel, cost = run(EXAMPLES / "legged_imus.py").splitlines()
     assert numbers(gyro)[0] == pytest.approx(0.01745, rel=0.2)
@@ -174,7 +174,7 @@ def test_preintegration():
         assert numbers(line)[0] == pytest.approx(1.0, abs=0.07)
 
 
-def test_monte_carlo(run):
+def test_monte_carlo_ranks_tactical_below_navigation_grade(run):
     tactical, navigation = run(EXAMPLES / "monte_carlo.py").splitlines()
     assert numbers(tactical)[0] > 3.0 * numbers(navigation)[0]
 

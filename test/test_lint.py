@@ -24,7 +24,7 @@ TOOLS = {
 
 
 @pytest.mark.parametrize("arguments", TOOLS.values(), ids=TOOLS)
-def test_nothing_is_found(arguments):
+def test_linters_and_type_checker_find_nothing(arguments):
     command = [sys.executable, *arguments]
     result = subprocess.run(command, cwd=ROOT, capture_output=True, text=True, check=False)
     assert result.returncode == 0, result.stdout + result.stderr

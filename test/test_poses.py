@@ -35,7 +35,7 @@ def wrong(read_lines, *lines):
     return [problem.split("poses.txt: ", 1)[1] for problem in caught.value.problems]
 
 
-def test_tum_form(read_lines):
+def test_tum_files_are_read_to_the_nanosecond(read_lines):
     half = np.sqrt(0.5)
     poses = read_lines(
         "# timestamp tx ty tz qx qy qz qw",
@@ -48,7 +48,7 @@ def test_tum_form(read_lines):
     np.testing.assert_allclose(poses.q_wb, [[half, 0, 0, half], [half, half, 0, 0]], atol=1e-15)
 
 
-def test_euroc_form(read_lines):
+def test_euroc_files_are_read_to_the_nanosecond(read_lines):
     poses = read_lines(
         "#timestamp, p_RS_R_x [m], p_RS_R_y [m], p_RS_R_z [m], q_RS_w [], q_RS_x [], ...",
         "1403715524907143168,0.5,1.9,0.9,0.6,0.8,0,0," + ",".join(["0"] * 9),
@@ -101,11 +101,11 @@ def test_different_poses_of_one_time_are_refused(read_lines):
 
 
 @pytest.mark.parametrize("lines", [[], ["# only", "# comments"], ["", "   "]])
-def test_empty_file(read_lines, lines):
+def test_a_file_without_poses_is_refused(read_lines, lines):
     assert wrong(read_lines, *lines) == ["contains no poses"]
 
 
-def test_one_line(read_lines):
+def test_a_single_pose_is_refused(read_lines):
     assert wrong(read_lines, GOOD[0]) == ["contains one pose; a trajectory needs two or more"]
 
 
@@ -277,7 +277,7 @@ def test_a_text_file_has_no_topics(tmp_path):
     [(EUROC, 16702, 83.505), (KAIST, 9882, 211.44057), (TUM, 3000, 30.0896)],
     ids=["euroc", "kaist", "tum"],
 )
-def test_real_files(path, count, seconds):
+def test_recorded_datasets_are_read_with_all_their_poses(path, count, seconds):
     if not path.is_file():
         pytest.skip(missing(path))
     poses = read_poses(path)

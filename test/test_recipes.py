@@ -144,7 +144,7 @@ class Swing(ErrorTerm):
 '''
 
 
-def test_an_error_term(copy: Copy) -> None:
+def test_an_error_term_is_a_field_and_a_formula(copy: Copy) -> None:
     """A field and a formula suffice: command, Python, truth file and reference follow."""
     copy.change(
         "imu_sim_ros/sensors/imu/triads.py",
@@ -284,7 +284,7 @@ def test_a_sensor_with_a_mount_of_its_own(copy: Copy) -> None:
     }
 
 
-def test_a_message_type(copy: Copy) -> None:
+def test_a_message_type_is_an_encoder(copy: Copy) -> None:
     """An encoder; its layout follows from its definition, and rosbags reads what the bags hold.
 
     A field that the type has in ROS 2 alone is left out of ROS 1.
@@ -469,7 +469,7 @@ def test_a_log_of_many_sensors(copy: Copy) -> None:
     assert results == [500, [0.1, -0.2, 0.0, 0.0, 0.0, 9.81], {"/imu": 500, "/water": 500}]
 
 
-def test_a_preset(copy: Copy) -> None:
+def test_a_preset_is_one_file(copy: Copy) -> None:
     """One file: ``--imu``, Python and the list of sensors have it."""
     copy.write(
         "config/imus/own.yaml",
@@ -496,7 +496,7 @@ def test_a_preset(copy: Copy) -> None:
     assert outcome["status"] == 0
 
 
-def test_an_integration_method(copy: Copy) -> None:
+def test_an_integration_method_is_a_formula_and_a_line(copy: Copy) -> None:
     """A formula and a line in the table suffice for command, Python and the node's stepper."""
     copy.change(
         "imu_sim_ros/navigation/increments.py",
@@ -548,7 +548,7 @@ def test_an_integration_method(copy: Copy) -> None:
     assert (outcome["status"], outcome["all"]) == (0, 0)
 
 
-def test_a_trajectory(copy: Copy) -> None:
+def test_a_trajectory_is_a_section_a_motion_and_their_lines(copy: Copy) -> None:
     """A section, a motion and their lines in tables suffice for ``--trajectory`` and Python."""
     copy.change(
         "imu_sim_ros/trajectory/parameters.py",
@@ -710,7 +710,7 @@ def test_an_option_of_a_job_that_writes(copy: Copy) -> None:
     }
 
 
-def test_a_consumer(copy: Copy) -> None:
+def test_a_consumer_is_a_module_and_a_line(copy: Copy) -> None:
     """A module and a line in ``folder.py``: ``--with-configs`` writes its file."""
     copy.write(
         "imu_sim_ros/datasets/consumers/own_stack.py",

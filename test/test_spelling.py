@@ -44,7 +44,7 @@ from imu_sim_ros.terminal.signatures import call
         ),
     ],
 )
-def test_recommended_arguments(door, gap, switch, unit, topic, renamed):
+def test_arguments_in_messages_are_spelled_for_their_user(door, gap, switch, unit, topic, renamed):
     with spelled_for(door):
         assert argument("max_gap", 0.5, "s") == gap
         assert argument("robust", True) == switch
@@ -61,7 +61,7 @@ def test_recommended_arguments(door, gap, switch, unit, topic, renamed):
         ("node", "convert_bag --recover"),
     ],
 )
-def test_recommended_jobs(door, advice):
+def test_advice_names_the_function_in_python_and_the_program_elsewhere(door, advice):
     with spelled_for(door):
         assert job_argument("convert", "recover") == advice
 

@@ -148,7 +148,7 @@ def test_a_faster_input_gives_no_sample_at_most_calls() -> None:
     assert [k for k, count in enumerate(counts) if count] == [0, 10, 20, 30]
 
 
-def test_remarks_are_warnings() -> None:
+def test_gravity_missing_in_readings_at_rest_is_a_warning() -> None:
     t_ns = np.arange(600) * 5_000_000
     zero = np.zeros((600, 3))
     with pytest.warns(UserWarning, match=r"input\.gravity = included: at rest .* is missing"):
@@ -219,7 +219,7 @@ def write(folder: Path, text: str, name: str = "model.sdf") -> Path:
     return path
 
 
-def test_sdf_noise(tmp_path: Path) -> None:
+def test_noise_of_an_sdf_sensor_becomes_parameters_of_the_imu(tmp_path: Path) -> None:
     path = write(tmp_path, SDF.format(axes="".join(AXIS.format(a=a) for a in "xyz")))
     noise_parameters = ims.from_sdf(path)
     assert noise_parameters["gyroscope_noise_density"] == pytest.approx(

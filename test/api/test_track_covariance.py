@@ -36,7 +36,7 @@ def test_the_covariance_of_a_track_is_that_of_its_errors():
         assert 1.9 < np.mean(values) < 4.4
 
 
-def test_alignments():
+def test_the_nees_is_left_out_where_the_alignment_removes_a_part_of_the_error():
     flight = ims.simulate(**FLIGHT, seed=1)
     track = ims.dead_reckon(flight, covariance=True)
     assert ims.evaluate(track, flight.truth, align="yaw").nees["gauge"] == "first pose"

@@ -21,7 +21,7 @@ TEXT = ("golden_euroc", "golden_csv", "golden_euroc_17_digits", "golden_csv_17_d
 
 
 @pytest.mark.parametrize("name", [*golden.FORMS, *TEXT])
-def test_golden_readings(name):
+def test_readings_of_earlier_files_are_read_bit_for_bit(name):
     imu = read_imu(DATA / name)
     np.testing.assert_array_equal(imu.t_ns, golden.T_NS)
     np.testing.assert_array_equal(imu.gyro, golden.GYRO)
@@ -29,13 +29,13 @@ def test_golden_readings(name):
 
 
 @pytest.mark.parametrize("name", list(golden.FORMS))
-def test_golden_truth(name):
+def test_truth_of_earlier_bags_is_read_bit_for_bit(name):
     truth = read_odometry(DATA / name)
     np.testing.assert_array_equal(truth.position, golden.POSITION)
     np.testing.assert_array_equal(truth.q_wb, golden.Q_WB)
 
 
-def test_golden_poses():
+def test_poses_of_an_earlier_text_file_are_read_bit_for_bit():
     poses = read_states(DATA / "golden_csv" / "groundtruth.tum")
     np.testing.assert_array_equal(poses.t_ns, golden.T_NS)
     np.testing.assert_array_equal(poses.position, golden.POSITION)

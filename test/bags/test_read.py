@@ -3,6 +3,9 @@
 
 """Bags as arrays."""
 
+import os
+from pathlib import Path
+
 import numpy as np
 import pytest
 
@@ -39,7 +42,7 @@ def test_arrays_are_what_was_written(bags, form, content):
     np.testing.assert_array_equal(read_temperature(bags[form]).temperature, content.temperature)
 
 
-def test_topics_and_counts(bags, form, content):
+def test_a_bag_lists_its_topics_with_their_message_counts(bags, form, content):
     with open_bag(bags[form]) as bag:
         assert {topic.name: topic.count for topic in bag.topics} == dict.fromkeys(
             ("/imu/data_raw", "/ground_truth/odom", "/imu/temperature", "/vector"),
@@ -57,6 +60,7 @@ def test_a_reader_that_is_left_early_ends(bags):
     blocks = imu_blocks(bags["none.bag"])
     next(blocks)
     blocks.close()
+    assert str(bags["none.bag"]) not in map(os.path.realpath, Path("/proc/self/fd").iterdir())
 
 
 def test_several_topics_are_listed(tmp_path, content):

@@ -107,7 +107,7 @@ def test_a_folder_without_metadata(bags, tmp_path, content):
         np.testing.assert_array_equal(_recovered(folder)[0], content.t_ns)
 
 
-def test_a_torn_database(bags, tmp_path, content):
+def test_a_torn_database_is_recovered_as_far_as_it_goes_and_left_as_it_was(bags, tmp_path, content):
     data = next(bags["folder_sqlite3"].glob("*.db3")).read_bytes()
     path = tmp_path / "torn.db3"
     path.write_bytes(data[: len(data) // 2])
@@ -175,7 +175,7 @@ def test_what_a_killed_command_left_is_found(tmp_path):
     assert np.all(np.diff(t_ns) == 5_000_000)
 
 
-def test_durable_flush(tmp_path, content):
+def test_messages_before_a_durable_flush_can_be_recovered(tmp_path, content):
     for name, storage in (("x.mcap", "mcap"), ("y", "sqlite3"), ("x.bag", "ros1")):
         with open_writer(tmp_path / name, BagOptions(storage)) as writer:
             topic = writer.add_topic("/imu/data_raw", IMU)

@@ -89,7 +89,7 @@ def test_headers_are_those_of_the_consumers(tmp_path, states):
     assert kalibr[0] == "timestamp,omega_x,omega_y,omega_z,alpha_x,alpha_y,alpha_z"
 
 
-def test_sensor_descriptions(tmp_path, states):
+def test_euroc_descriptions_state_rate_noise_and_mount(tmp_path, states):
     import yaml
 
     _write(tmp_path / "e", "euroc", states)

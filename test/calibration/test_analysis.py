@@ -24,7 +24,7 @@ def right(result: AllanResult) -> None:
     assert noise(result) == pytest.approx([1e-3] * 3 + [0.01] * 3, rel=0.021)
 
 
-def test_a_clean_record(rest):
+def test_a_clean_record_gives_noise_and_timing_without_unusual_warnings(rest):
     result = analyse([rest.blocks()])
     right(result)
     assert result.timing.rate == pytest.approx(100.0, rel=1e-9)

@@ -133,7 +133,7 @@ def test_the_last_frame_has_none_and_what_leaves_the_image_has_none():
     assert (target[valid] <= (187.5, 119.5)).all()
 
 
-def test_kittis_form():
+def test_flow_images_of_kitti_hold_64ths_of_a_pixel_and_validity():
     steps = np.array([[[3.25, -7.0], [np.nan, np.nan]], [[600.0, 0.0], [0.0, 0.0]]], np.float32)
     png = kitti_flow(steps).astype(float)
     valid = png[..., 2] > 0

@@ -464,7 +464,7 @@ def test_no_shell_unless_it_is_asked_for(run, plan_file, tmp_path):
         assert target.exists() == shell
 
 
-def test_environment_and_places(run, plan_file, tmp_path):
+def test_a_command_gets_its_environment_seed_and_folder(run, plan_file, tmp_path):
     script = "import os, sys; print(os.environ['GREETING'], *sys.argv[1:]); sys.exit(1)"
     options = {
         "command": f'{{python}} -c "{script}" {{seed}} {{folder}}',

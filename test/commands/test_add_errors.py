@@ -219,7 +219,9 @@ def test_a_model_of_gazebo_and_conventions(folder: Path, tmp_path: Path, capsys)
     assert abs(spread / 0.1 - 1.0) < 4.0 / np.sqrt(2 * 300)
 
 
-def test_bad_readings(folder: Path, tmp_path: Path, capsys) -> None:
+def test_a_bad_reading_is_refused_or_skipped_on_request(
+    folder: Path, tmp_path: Path, capsys
+) -> None:
     source = tmp_path / "bad.mcap"
     t_ns = np.arange(50) * 10_000_000
     accel = np.tile([0.0, 0.0, 9.81], (50, 1))

@@ -24,6 +24,8 @@ from imu_sim_ros.simulation.parameters import SimulationParameters, load_simulat
 from imu_sim_ros.terminal.progress import Watcher, watched_by
 
 RATE, SECONDS = 100, 300
+# 30,000 readings know the deviation of white noise to 1 / sqrt(60,000) = 0.41 %: bounds of 2 and
+# 2.1 % are five of these, of 3 % six of the 0.5 % of the shortest Allan deviation.
 
 
 def make(path: Path, *arguments: str) -> Path:
@@ -106,7 +108,7 @@ def test_other_formats_give_the_same(noise, tmp_path, capsys, name):
         )
 
 
-def test_files(written):
+def test_the_files_hold_picture_table_and_parameters_of_the_noise(written):
     folder, printed = written
     assert "rad/s/sqrt(Hz)" in printed
     assert "deg/sqrt(h)" in printed
@@ -167,7 +169,7 @@ def test_a_twin_of_the_sensor_can_be_simulated(written, tmp_path):
     assert build(SimulationParameters, values).rate == RATE
 
 
-def test_truth_is_compared(bag, capsys):
+def test_intervals_contain_the_true_noise_and_not_that_of_another_sensor(bag, capsys):
     result = analysed(capsys, str(bag), "--no-files", "--truth", "lecture")
     noise = [c for c in result["truth"] if c["parameter"] == "noise_density"]
     assert [c["truth"] for c in noise] == [0.015] * 3 + [0.019] * 3
@@ -182,7 +184,7 @@ def test_truth_is_compared(bag, capsys):
     assert max(len(line.rstrip()) for line in tables) <= 90
 
 
-def test_gauss_markov_model(bag, capsys):
+def test_the_gauss_markov_model_adds_correlation_times(bag, capsys):
     result = analysed(capsys, str(bag), "--no-files", "--model", "gauss_markov")
     assert result["model"] == "gauss_markov"
     assert len(result["gyroscope"]["correlation_time"]["value"]) == 3

@@ -64,7 +64,9 @@ def _same(path: Path, expected_path: Path) -> None:
 
 @pytest.mark.parametrize("target", list(FORMS))
 @pytest.mark.parametrize("source", list(FORMS))
-def test_bags_into_bags(sources, source, target, tmp_path, capsys):
+def test_bags_of_every_form_convert_into_every_other_without_change(
+    sources, source, target, tmp_path, capsys
+):
     output = tmp_path / target
     result = _convert(capsys, sources[source], "-o", output, *FORMS[target])
     assert result == {
@@ -176,7 +178,7 @@ def test_bad_rows_beside_the_imu(nine_axes, tmp_path, capsys):
     assert result["messages"]["/imu/pressure"] == rows["pressure"]
 
 
-def test_csv_and_tum(sources, tmp_path, capsys):
+def test_csv_and_tum_files_keep_readings_and_poses_exactly(sources, tmp_path, capsys):
     _convert(capsys, sources["b.bag"], "-o", tmp_path / "imu.csv")
     np.testing.assert_array_equal(
         read_imu(tmp_path / "imu.csv").accel, read_imu(sources["b.bag"]).accel
@@ -281,7 +283,7 @@ def test_recovery_says_how_many_and_up_to_when(sources, tmp_path, capsys):
         (["{a}", "-o", "x", "--format", "euroc", "--topics", "/imu/temperature"], "none of them"),
     ],
 )
-def test_refusals(sources, tmp_path, monkeypatch, capsys, arguments, message):
+def test_bad_arguments_are_one_line(sources, tmp_path, monkeypatch, capsys, arguments, message):
     monkeypatch.chdir(tmp_path)
     Path("there.bag").write_text("words, more than sixteen of them")
     filled = [argument.replace("{a}", str(sources["a.mcap"])) for argument in arguments]
@@ -304,7 +306,7 @@ def test_two_imus_and_none_named(tmp_path, capsys):
     assert convert_bag.main([str(source), "-o", str(tmp_path / "e"), *options, "--quiet"]) == 0
 
 
-def test_a_real_flight(tmp_path, capsys):
+def test_a_flight_along_recorded_poses_converts_with_all_its_readings(tmp_path, capsys):
     options = ["--trajectory", str(TUM), "--duration", "5s", "--format", "euroc", "--quiet"]
     assert generate.main(["-o", str(tmp_path / "mav0"), *options]) == 0
     result = _convert(capsys, tmp_path / "mav0", "-o", tmp_path / "x.bag")

@@ -177,7 +177,7 @@ def test_levelling_from_rest(tmp_path, capsys):
     assert np.abs(poses.position).max() < 1e-9
 
 
-def test_a_turning_earth(tmp_path, capsys):
+def test_the_earths_rate_can_be_corrected_for(tmp_path, capsys):
     block = block_of(duration=20.0, earth_rotation=True, latitude_deg=50.0)
     bag = write(tmp_path / "earth", block)
     latitude = np.radians(50.0)
@@ -211,7 +211,7 @@ def test_a_truth_a_little_late_starts_the_integration(tmp_path, capsys):
     assert result(capsys, bag)["samples"] == 991
 
 
-def test_skip(tmp_path, capsys):
+def test_skip_begins_that_much_later(tmp_path, capsys):
     bag = write(tmp_path / "late", block_of(), truth=slice(400, None))
     assert result(capsys, bag, "--skip", "2s")["samples"] == 601
 
@@ -223,7 +223,7 @@ def complain(capsys, *arguments):
     return errors
 
 
-def test_no_truth(tmp_path, capsys):
+def test_without_truth_an_initial_state_is_needed_and_no_error_is_stated(tmp_path, capsys):
     bag = write(tmp_path / "bare", block_of(), topics=())
     (line,) = complain(capsys, bag)
     assert "no truth to start from" in line
@@ -257,7 +257,7 @@ def test_truth_that_starts_much_later(tmp_path, capsys):
     assert "--skip 2s" in line
 
 
-def test_no_overlap(tmp_path, capsys):
+def test_readings_and_truth_of_different_times_are_refused(tmp_path, capsys):
     bag = write(tmp_path / "apart", block_of(), truth=slice(0, 300), imu=slice(400, None))
     (line,) = complain(capsys, bag)
     assert "readings and truth do not overlap in time" in line
@@ -274,7 +274,7 @@ def test_no_overlap(tmp_path, capsys):
         ),
     ],
 )
-def test_bad_stamps(tmp_path, capsys, order, message):
+def test_bad_stamps_are_refused_with_a_line(tmp_path, capsys, order, message):
     bag = write(tmp_path / "bad", block_of(), imu=order)
     (line,) = complain(capsys, bag)
     assert message in line
@@ -296,7 +296,7 @@ def test_late_and_repeated_readings_change_nothing(tmp_path, capsys, order, rema
     assert remark in line
 
 
-def test_not_a_number(tmp_path, capsys):
+def test_a_reading_that_is_not_finite_is_refused_with_its_stamp(tmp_path, capsys):
     block = block_of()
     block.gyro[7] = np.nan
     (line,) = complain(capsys, write(tmp_path / "nan", block))
@@ -314,13 +314,13 @@ def test_not_a_number(tmp_path, capsys):
         (["--plot", "/dev/null"], "/dev/null: must end in .png or .svg or .pdf"),
     ],
 )
-def test_bad_arguments(bag, capsys, arguments, message):
+def test_a_bad_argument_is_one_line(bag, capsys, arguments, message):
     errors = complain(capsys, bag, *arguments, "--quiet")
     assert len(errors) == 1
     assert message in errors[0]
 
 
-def test_missing_bag(tmp_path, capsys):
+def test_a_missing_bag_is_one_line(tmp_path, capsys):
     assert len(complain(capsys, tmp_path / "none")) == 1
 
 

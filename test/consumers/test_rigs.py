@@ -135,7 +135,7 @@ def kalibr_lens(entry):
             return sphere(k[2:], k[0], k[1])
 
 
-def test_kalibr(case):
+def test_kalibr_gets_the_rigs_poses_lenses_topics_and_target(case):
     rig, folder = case
     chain = yaml.safe_load((folder / "camchain.yaml").read_text())
     for name, topic in rig.topics.items():
@@ -198,7 +198,7 @@ def skip_unless(path, rig, models):
     return True
 
 
-def test_openvins(case):
+def test_openvins_gets_the_rigs_poses_lenses_and_gravity(case):
     rig, folder = case
     path = folder / "kalibr_imucam_chain.yaml"
     if skip_unless(path, rig, ("radtan", "equidistant")):
@@ -238,7 +238,7 @@ def camodocal(document):
             return sphere(k, document.getNode("mirror_parameters").getNode("xi").real())
 
 
-def test_vins(case):
+def test_vins_mono_and_fusion_get_the_rigs_poses_lenses_and_topics(case):
     rig, folder = case
     models = ("radtan", "equidistant", "unified")
     if skip_unless(folder / "vins_mono.yaml", rig, models):
@@ -264,7 +264,7 @@ def test_vins(case):
         assert fusion.getNode(f"image{k}_topic").string() == topic
 
 
-def test_orb_slam3(case):
+def test_orb_slam3_gets_the_rigs_poses_lenses_and_noise(case):
     rig, folder = case
     path = folder / "orb_slam3_stereo_inertial.yaml"
     if skip_unless(path, rig, ("radtan", "equidistant")):
@@ -298,7 +298,7 @@ def orb_lens(document, number):
     return opencv(k, read("k1", "k2", "k3", "k4"), True)
 
 
-def test_basalt(case):
+def test_basalt_gets_the_rigs_poses_lenses_and_time_offset(case):
     rig, folder = case
     calibration = json.loads((folder / "basalt_calibration.json").read_text())["value0"]
     assert calibration["cam_time_offset_ns"] == 4_000_000

@@ -150,7 +150,7 @@ def test_a_folder_into_another_folder(sequence, tmp_path):
     assert "/cam0/camera_info" not in messages
 
 
-def test_what_is_chosen(sequence, tmp_path, capsys):
+def test_images_and_topics_of_a_folder_can_be_chosen_and_renamed(sequence, tmp_path, capsys):
     arguments = [sequence, "-o", tmp_path / "a.mcap", "--images", "none", "--json"]
     assert run(*arguments) == 0
     assert json.loads(capsys.readouterr().out)["messages"].keys() == {

@@ -84,7 +84,7 @@ def test_nothing_outlives_the_fuzzer(number):
     suppress_health_check=list(HealthCheck),
 )
 @given(number=st.integers(0, 10**6))
-def test_hostile_inputs(fuzzer, number):
+def test_hostile_inputs_end_without_faults_or_unexpected_errors(fuzzer, number):
     fuzzer.stdin.write(f"{number}\n")
     fuzzer.stdin.flush()
     kind, arguments, status, faults, error = json.loads(fuzzer.stdout.readline())

@@ -72,7 +72,7 @@ def test_the_limits_themselves_pass():
     assert not gate.readings(t_ns, np.nextafter(rate, np.inf), force).good.any()
 
 
-def test_no_rows_pass():
+def test_arrays_without_rows_pass():
     assert len(gate.readings(*readings(0)).good) == 0
     gate.poses(*poses(0)).complain("nothing")
 

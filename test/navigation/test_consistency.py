@@ -163,14 +163,14 @@ def test_errors_grow_as_the_closed_forms_say(noise, velocity_law, position_law):
         np.testing.assert_allclose(errors / law(t), 1.0, atol=SAMPLING + 0.01)
 
 
-def test_band():
+def test_the_anees_band_is_that_of_the_chi_square_table():
     """Against the table of chi-square: 2.5 % and 97.5 % of 60 degrees of freedom, over 20 runs."""
     low, high = anees_band(3, 20)
     assert low * 20 == pytest.approx(40.482, abs=1e-3)
     assert high * 20 == pytest.approx(83.298, abs=1e-3)
 
 
-def test_nees_of_samples():
+def test_the_mean_nees_of_normal_errors_lies_in_its_band():
     rng = np.random.default_rng(1)
     root = rng.normal(size=(4, 4))
     errors = rng.normal(size=(20_000, 4)) @ root.T

@@ -186,7 +186,9 @@ def test_coning_and_sculling_are_corrected(record, motions, name):
 
 
 @pytest.mark.parametrize(("method", "order"), [("euler", 1.0), ("midpoint", 2.0), ("rk4", 2.0)])
-def test_a_turning_world(motions, method, order):
+def test_the_rate_and_coriolis_acceleration_of_the_earth_are_corrected_to_the_methods_order(
+    motions, method, order
+):
     """Readings of a sensor that also feels the world's turn and Coriolis' acceleration."""
     earth = np.array([0.05, -0.03, 0.08])
     errors = []
@@ -249,7 +251,7 @@ def good(n=5):
         (lambda t, w, f: (t, w[:4], f), r"gyro has \(4, 3\)"),
     ],
 )
-def test_bad_readings(spoil, message):
+def test_bad_stamps_shapes_and_values_are_refused_by_number(spoil, message):
     with pytest.raises(InputError, match=message):
         dead_reckon(*spoil(*good()), AT_REST, max_gap=0.1)
 
@@ -262,7 +264,7 @@ def test_everything_wrong_is_said_at_once():
     assert len(caught.value.problems) == 3
 
 
-def test_unknown_methods():
+def test_unknown_methods_are_refused_together():
     with pytest.raises(ConfigurationError, match="method = 'heun': must be one of euler") as caught:
         dead_reckon(*good(), AT_REST, "heun", "dcm")
     assert len(caught.value.problems) == 2

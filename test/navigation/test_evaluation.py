@@ -115,7 +115,7 @@ def test_stamps_outside_and_in_gaps_of_the_truth_are_left_out():
     assert rows.tolist() == [1, 2, 3, 5, 6, 7]
 
 
-def test_no_overlap():
+def test_estimate_and_truth_of_different_times_are_refused():
     with pytest.raises(InputError, match=r"estimate lasts from 1.000 s to 2.000 s, the truth from"):
         common_rows(np.array([1, 2]) * SECOND, np.array([3, 4]) * SECOND)
     with pytest.raises(InputError, match="1 poses of the truth"):

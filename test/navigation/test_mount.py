@@ -100,7 +100,7 @@ def test_imus_of_different_places_need_a_name(tmp_path):
         ims.dead_reckon(renamed, imu_topic="/r")
 
 
-def test_a_campaign(tmp_path):
+def test_the_nees_of_a_campaign_with_a_lever_arm_is_consistent(tmp_path):
     """Also its consistency: what the lever arm adds to the covariance."""
     plan = tmp_path / "plan.yaml"
     place = f"imu.mounting: {MOUNTING}, imu.lever_arm: [3.0, -2.0, 1.0]"

@@ -187,7 +187,7 @@ def test_noise_of_both_ends_taken_as_new_halves_the_white_noise(readings):
     np.testing.assert_array_equal(euler[0].covariance, euler[1].covariance)
 
 
-def test_bad_input(record):
+def test_bad_intervals_and_methods_are_refused(record):
     motion = record("lecture", 100.0, 1.0)
     arguments = (motion.t_ns, motion.gyro, motion.accel)
     with pytest.raises(InputError, match="must increase, two or more"):

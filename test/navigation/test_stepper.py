@@ -73,6 +73,6 @@ def test_near_the_gimbal_lock_steps_are_counted_and_right():
     assert 3 * 3 <= stepper.counts.gimbal_lock <= 3 * 5
 
 
-def test_unknown_names():
+def test_an_unknown_attitude_update_is_refused():
     with pytest.raises(ConfigurationError, match="attitude_update = 'dcm': must be one of"):
         Stepper(AT_REST, attitude="dcm")

@@ -129,7 +129,9 @@ def test_set_live_parameters_and_say_each_refusal(start: Any, listener: Any, ask
     assert stored_values[2].double_value == 0.5
 
 
-def test_inject_and_watch(start: Any, listener: Any, ask: Any, control: Any) -> None:
+def test_injected_faults_and_diagnostics_are_watched(
+    start: Any, listener: Any, ask: Any, control: Any
+) -> None:
     from sensor_msgs.msg import Imu
 
     listener.listen(IMU, Imu)

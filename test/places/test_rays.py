@@ -82,7 +82,7 @@ def test_nothing_is_met_through_the_sky():
     assert hits.along[0] == 0.0
 
 
-def test_an_empty_world():
+def test_rays_hit_nothing_in_an_empty_world():
     hits = RayTracer(NO_SURFACES).trace(np.zeros(4), np.zeros((4, 3)), spread(4))
     assert np.isinf(hits.distance).all()
     assert (hits.surface == -1).all()

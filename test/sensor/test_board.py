@@ -306,7 +306,7 @@ def test_noise_does_not_become_negative() -> None:
     assert not at_rest(100, **values).gyro.any()
 
 
-def test_g_squared_sensitivity() -> None:
+def test_the_gyroscope_reads_squares_of_the_force_by_its_matrix() -> None:
     h = 1e-5 * np.arange(1.0, 10.0).reshape(3, 3)
     block = simulation(**{"imu.gyroscope_g_squared_sensitivity": h.ravel().tolist()})
     samples = block.next(500)["imu"]

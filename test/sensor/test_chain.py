@@ -159,7 +159,7 @@ def test_the_truths_explain_every_digit_of_the_reading(sampling: str) -> None:
     assert np.abs(total).max() > limit
 
 
-def test_temperature_polynomials() -> None:
+def test_biases_and_scales_follow_polynomials_of_the_temperature() -> None:
     block = read(
         **sensor(
             gyroscope_temperature_bias=[0.1, 0.2, 0.3, 0.01, 0.02, 0.03],

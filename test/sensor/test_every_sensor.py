@@ -149,7 +149,7 @@ def test_text_there_and_back(sensor: Sensor, tmp_path: Path, form: str) -> None:
     assert np.array_equal(back.values, sensor.values(samples))
 
 
-def test_faults(sensor: Sensor) -> None:
+def test_a_dropout_loses_messages_of_its_sensor_alone(sensor: Sensor) -> None:
     if not sensor.faults:
         with pytest.raises(ims.ConfigurationError, match="fault triad"):
             simulation(sensor, given(sensor)).inject(Fault("bias_jump", 1.0, 1.0, sensor.name))

@@ -70,7 +70,7 @@ def allan_variance(values: np.ndarray, samples: int) -> float:
 
 @pytest.mark.parametrize("triad", TRIADS)
 @pytest.mark.parametrize("rate", RATES)
-def test_white_noise(rate: float, triad: str) -> None:
+def test_white_noise_has_the_density_of_the_parameters_at_any_rate(rate: float, triad: str) -> None:
     """Variance sigma^2 / dt (lecture eq. 16); relative deviation of its estimate sqrt(2 / n)."""
     density = np.array([0.01, 0.02, 0.03])
     parameters = gyroscope(noise_density=density.tolist())
@@ -92,7 +92,9 @@ def test_white_noise(rate: float, triad: str) -> None:
 
 @pytest.mark.parametrize("triad", TRIADS)
 @pytest.mark.parametrize("rate", RATES)
-def test_random_walk(rate: float, triad: str) -> None:
+def test_increments_of_the_walk_are_white_with_the_parameters_variance(
+    rate: float, triad: str
+) -> None:
     """Increments are white with variance sigma_b^2 dt (lecture eq. 20 and 21)."""
     density = np.array([0.01, 0.02, 0.03])
     parameters = gyroscope(random_walk=density.tolist())
@@ -116,7 +118,7 @@ def test_random_walk(rate: float, triad: str) -> None:
 
 @pytest.mark.parametrize("form", ["sigma", "density"])
 @pytest.mark.parametrize("rate", RATES)
-def test_gauss_markov(rate: float, form: str) -> None:
+def test_gauss_markov_noise_has_its_variance_and_correlation_time(rate: float, form: str) -> None:
     """Variance sigma^2 and autocorrelation exp(-lag / tau) in seconds, whatever the rate.
 
     With T seconds the relative variance of the estimated variance is 2 tau / T (the integral of
@@ -229,7 +231,7 @@ def test_flicker_agrees_with_the_plain_recursions() -> None:
 
 
 @pytest.mark.parametrize("rate", RATES)
-def test_bias_instability(rate: float) -> None:
+def test_bias_instability_has_its_density_and_allan_deviation(rate: float) -> None:
     """Density B^2 / (2 pi f) and Allan deviation B sqrt(2 ln 2 / pi), at any rate.
 
     Density: periodogram with a Hann window, normalised bin by bin, mean over 0.02 to 0.3 Hz. The
@@ -253,7 +255,7 @@ def test_bias_instability(rate: float) -> None:
     assert flat == pytest.approx(1.0, abs=0.005 + 5.0 * 0.5 * np.sqrt(3.0 / pairs))
 
 
-def test_rate_ramp() -> None:
+def test_a_ramp_grows_linearly_and_has_its_allan_deviation() -> None:
     ramp = draw(RateRamp, gyroscope(rate_ramp=[1e-6, 0.0, -2e-6]), 100.0, count=100_001)
     assert ramp[:, -1] == pytest.approx([1e-3, 0.0, -2e-3], rel=1e-12)
     # Allan deviation R tau / sqrt(2).

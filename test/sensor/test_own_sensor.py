@@ -119,7 +119,9 @@ def test_samples_do_not_depend_on_blocks_and_leave_others_as_they_are(installed:
 
 
 @pytest.mark.parametrize("name", ["flight.mcap", "flight.bag", "folder"])
-def test_bags_hold_it(installed: Any, tmp_path: Path, name: str) -> None:
+def test_bags_hold_the_samples_and_the_truth_that_python_returns(
+    installed: Any, tmp_path: Path, name: str
+) -> None:
     """Rosbags reads the samples that Python returns, and generate and save write the same."""
     from rosbags.highlevel import AnyReader
 
@@ -263,7 +265,9 @@ def test_entry_points_that_lead_nowhere(installed: Any, entry_point: str, line: 
         ({**GIVEN, "sonar.jitter": 1.0}, "sonar.jitter = 1: must be at most a quarter"),
     ],
 )
-def test_mistakes_are_told(installed: Any, settings: dict[str, Any], line: str) -> None:
+def test_bad_entry_points_are_refused_with_a_line(
+    installed: Any, settings: dict[str, Any], line: str
+) -> None:
     installed()
     with pytest.raises(ConfigurationError, match=line):
         load_simulation(settings)

@@ -82,7 +82,7 @@ ONE_LINE = {
 
 
 @pytest.mark.parametrize("case", ONE_LINE)
-def test_one_clear_line(case: str) -> None:
+def test_a_bad_value_is_one_line_that_names_its_parameter(case: str) -> None:
     values, text = ONE_LINE[case]
     (line,) = problems(**values)
     name = next(iter(values)).replace("__", ".")

@@ -34,7 +34,7 @@ def test_offset_skew_and_drift() -> None:
 
 
 @pytest.mark.parametrize("rate", [50.0, 200.0, 1000.0])
-def test_jitter(rate: float) -> None:
+def test_jitter_of_stamps_is_normal_with_the_parameters_deviation(rate: float) -> None:
     """Normal with the given deviation; that of the estimate is sigma / sqrt(2 n)."""
     sigma = 0.05 / rate
     block = read(rate=rate, jitter=sigma)
@@ -74,7 +74,7 @@ def test_latency_is_constant_plus_exponential_and_keeps_the_order() -> None:
     assert (fast.release_t_ns - fast.true_t_ns >= 20_000_000).all()
 
 
-def test_independent_dropouts() -> None:
+def test_dropouts_have_the_parameters_probability_and_are_independent() -> None:
     p = 0.1
     block = read(dropout_probability=p)
     lost = N - len(block.delivered)
@@ -88,7 +88,7 @@ def test_independent_dropouts() -> None:
 
 
 @pytest.mark.parametrize("rate", [50.0, 200.0, 1000.0])
-def test_bursts(rate: float) -> None:
+def test_bursts_begin_as_a_poisson_process_with_exponential_durations(rate: float) -> None:
     """Starts are a Poisson process, durations exponential: on average as if queueing for ever.
 
     A sample is free when none of the j-th intervals before it started a burst that lasts longer

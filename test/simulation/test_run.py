@@ -19,7 +19,7 @@ from imu_sim_ros.simulation.engine import Body
 from imu_sim_ros.simulation.parameters import load_simulation
 
 
-def test_total_and_blocks() -> None:
+def test_blocks_end_with_the_duration() -> None:
     run = simulation(duration=20.0)
     assert run.total == 4000
     assert [len(window["imu"].t_ns) for window in run.windows(1500)] == [1500, 1500, 1000]
@@ -28,7 +28,7 @@ def test_total_and_blocks() -> None:
     assert simulation(duration=1.0, rate=0.5).total == 1
 
 
-def test_start_time() -> None:
+def test_the_first_stamp_is_the_start_time() -> None:
     assert simulation().next(2)["imu"].true_t_ns.tolist() == [1_000_000_000, 1_005_000_000]
     assert simulation(start_time=0.0).t0_ns == 0
     assert simulation(start_time=1.5).t0_ns == 1_500_000_000

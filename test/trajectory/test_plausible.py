@@ -45,7 +45,7 @@ def test_each_triad_s_worst_axis_is_named(build):
     assert "range 10 m/s^2" in lines[1]
 
 
-def test_gravity_counts(build):
+def test_rest_with_the_force_of_gravity_is_plausible_only_with_that_gravity(build):
     assert implausible(build(type="static"), 0.0, 9.0, G, 1.0)
     assert not implausible(build(type="static"), 0.0, 9.0, (0.0, 0.0, 0.0), 1.0)
 

@@ -87,7 +87,7 @@ def test_a_closed_motion_loops(build, repeat):
 
 
 @pytest.mark.parametrize("repeat", [4, 0])
-def test_there_and_back(build, repeat):
+def test_there_and_back_turns_at_both_ends_without_a_step_of_velocity(build, repeat):
     # 1 m/s along x for 5 s; a turn of 1 s overlaps the motion by 0.34375 s on each side.
     trajectory = build(
         type="harmonic", x__polynomial=[0.0, 1.0], length=5.0, repeat=repeat,

@@ -62,7 +62,7 @@ def assert_same_motion(states, start=0, rows=slice(None), body=mocap.BODY):
     )
 
 
-def test_rotation_data(tmp_path):
+def test_rotation_matrices_of_segments_become_poses_in_metres(tmp_path):
     path = mocap.c3d(
         tmp_path / "theia.c3d", RATE, rotations={"l_uarm_4X4": poses(), "pelvis_4X4": poses()}
     )
@@ -87,7 +87,7 @@ def test_rotation_data_without_a_pose_are_gaps(tmp_path):
     )
 
 
-def test_cluster_of_markers(tmp_path):
+def test_markers_of_a_segment_give_its_poses_where_three_are_visible(tmp_path):
     """Labels with one beginning are a segment; a frame with three of four markers has a pose."""
     position = mocap.markers(T)
     position[20:30, 1] = np.nan
@@ -166,7 +166,7 @@ def test_without_the_library_a_line_names_it(tmp_path, monkeypatch):
         c3d.contents(path)
 
 
-def test_damaged_files(tmp_path):
+def test_damaged_files_are_refused_with_lines_that_name_the_file(tmp_path):
     """Some of these end the process of ezc3d itself, none of them this one."""
     path = mocap.c3d(tmp_path / "a.c3d", RATE, labelled(mocap.markers(T), ["A1", "A2", "A3", "A4"]))
     content = path.read_bytes()

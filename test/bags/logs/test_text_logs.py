@@ -193,7 +193,7 @@ def test_vectornav_with_gps_times(tmp_path, flight, name):
         assert [info.name for info in bag.topics] == ["/VNGPS", "/VNGPS/velocity"]
 
 
-def test_vectornav_s_clocks(tmp_path, flight):
+def test_vectornav_messages_have_times_from_counter_rate_or_prefix(tmp_path, flight):
     counted = device_logs.vectornav(tmp_path / "counter.log", flight, time="counter", bits=16)
     assert_readings(ims.read_readings(counted), flight, 0, atol=1e-8)
     rated = device_logs.vectornav(tmp_path / "rate.txt", flight, time="rate")

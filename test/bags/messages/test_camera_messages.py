@@ -47,7 +47,9 @@ def read(data, kind, encoding):
     ("pixels", "shape", "kind"),
     [("mono8", (3, 5), "u1"), ("rgb8", (2, 3, 3), "u1"), ("32FC1", (3, 5), "<f4")],
 )
-def test_an_image(encoding, frame, pixels, shape, kind):
+def test_an_image_has_the_pixels_size_and_encoding_that_were_encoded(
+    encoding, frame, pixels, shape, kind
+):
     image = (RNG.random(shape) * 255).astype(kind)
     encoder = ImageEncoder(frame, shape[0], shape[1], pixels, encoding)
     message = read(encoder.encode(T_NS, image), IMAGE, encoding)
@@ -59,7 +61,7 @@ def test_an_image(encoding, frame, pixels, shape, kind):
 
 @pytest.mark.parametrize("encoding", STORES)
 @pytest.mark.parametrize("pixels", ["mono8", "rgb8"])
-def test_a_compressed_image(encoding, pixels):
+def test_a_compressed_image_states_its_pixel_format(encoding, pixels):
     data = RNG.bytes(37)
     encoder = CompressedImageEncoder("cam0", pixels, encoding)
     message = read(encoder.encode(T_NS, data), COMPRESSED_IMAGE, encoding)
@@ -72,7 +74,7 @@ def test_a_compressed_image(encoding, pixels):
 @pytest.mark.parametrize("encoding", STORES)
 @pytest.mark.parametrize("d", [(), (0.1, -0.2, 1e-3, 2e-4, 0.0)])
 @pytest.mark.parametrize("frame", ["cam0", "camera"])
-def test_camera_info(encoding, d, frame):
+def test_camera_info_has_the_calibration_that_was_encoded(encoding, d, frame):
     k, r, p = RNG.random((3, 3)), np.eye(3), RNG.random((3, 4))
     info = CameraInfo(480, 752, "plumb_bob", d, k, r, p)
     encoder = CameraInfoEncoder(frame, info, encoding)

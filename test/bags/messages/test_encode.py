@@ -139,7 +139,7 @@ def test_bytes_equal_those_of_rosbags(count, name, frame, encoding):
 
 
 @pytest.mark.parametrize("encoding", ["cdr", "ros1"])
-def test_clock(encoding):
+def test_clock_messages_have_the_times_that_were_encoded(encoding):
     t_ns = np.array([0, 1, 2_000_000_001])
     rows = encode.ClockEncoder(encoding).encode(t_ns)
     for row, expected in zip(rows, t_ns.tolist(), strict=True):

@@ -34,7 +34,7 @@ def counts(numbers):
 
 
 @pytest.mark.parametrize("compression", ["none", "lz4", "bz2"])
-def test_blocks_are_counted(bags, content, compression):
+def test_messages_written_in_blocks_are_numbered_in_order(bags, content, compression):
     if compression == "lz4":
         pytest.importorskip("lz4")
     numbers = sequences(bags[f"{compression}.bag"])

@@ -66,7 +66,7 @@ def saved(tmp_path, poses, name="estimate.txt"):
     return tmp_path / name
 
 
-def test_known_shift(tmp_path, truth, capsys):
+def test_a_constant_shift_is_the_ate_and_every_alignment_removes_it(tmp_path, truth, capsys):
     poses = track()
     estimate = saved(tmp_path, replace(poses, position=poses.position + np.array([3.0, 0.0, 4.0])))
     evaluation = result(capsys, estimate, truth)
@@ -351,7 +351,7 @@ def complain(capsys, *arguments):
     return errors[0]
 
 
-def test_bad_input(tmp_path, truth, capsys):
+def test_bad_files_and_options_are_refused_with_a_line(tmp_path, truth, capsys):
     (tmp_path / "a file").touch()
     apart = saved(tmp_path, track(offset=1000 * SECOND))
     assert "estimate and truth do not overlap in time" in complain(capsys, apart, truth)
@@ -391,7 +391,7 @@ def test_bag_with_stamps_out_of_order(tmp_path, truth, capsys):
 
 
 @pytest.mark.parametrize("delta", ["0s", "5 parsec", "-1m"])
-def test_bad_delta(truth, delta, capsys):
+def test_a_delta_without_a_known_unit_or_length_is_refused(truth, delta, capsys):
     with pytest.raises(SystemExit, match="2"):
         main([str(truth), str(truth), f"--rpe={delta}"])
     assert "is not a delta such as 1s, 10m or 5frames" in capsys.readouterr().err

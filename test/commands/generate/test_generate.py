@@ -173,7 +173,9 @@ def test_configurations_of_the_consumers(tmp_path):
         ),
     ],
 )
-def test_refusals(tmp_path, monkeypatch, capsys, arguments, message):
+def test_bad_arguments_are_one_line_and_leave_no_files(
+    tmp_path, monkeypatch, capsys, arguments, message
+):
     monkeypatch.chdir(tmp_path)
     Path("there.mcap").write_text("mine")
     assert main(arguments) == 2

@@ -118,7 +118,7 @@ def test_record_times_rise_over_all_topics(bag):
     assert len(times["/right/ground_truth/imu"]) == math.ceil(2 * 333.3)
 
 
-def test_configurations_of_each(bag, place):
+def test_each_imu_has_configurations_and_the_run_can_be_repeated_from_them(bag, place):
     folder = place / "two.mcap_configs"
     assert sorted(p.name for p in folder.iterdir()) == ["left", "right", "simulation.yaml"]
     assert "/left/imu/data_raw" in (folder / "left" / "imu.yaml").read_text()

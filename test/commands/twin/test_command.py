@@ -51,7 +51,7 @@ def test_json_is_one_object_with_every_number(bag, capsys):
     twin = json.loads(capsys.readouterr().out)
     arm = twin["errors"]["lever_arm"]
     z = (np.array(arm["value"]) - ARM) / arm["sigma"]
-    assert np.abs(z).max() < 4.0
+    assert np.abs(z).max() < 4.0  # of three values one lies beyond in 2e-4 of all runs
     assert twin["check"] is None
     assert twin["rate_hz"] == 50.0
 

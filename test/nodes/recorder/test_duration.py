@@ -60,7 +60,7 @@ def test_slow_stamps_are_waited_for():
     assert not limit.reached(10.0, 10.0)
 
 
-def test_no_limit():
+def test_a_duration_of_zero_is_no_limit():
     limit = DurationLimit(0.0)
     assert len(limit.take(stream("a", 1, 100), 0.0)) == 100
     assert not limit.reached(1e9, 1e9)

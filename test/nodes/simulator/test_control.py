@@ -302,8 +302,8 @@ def test_faster_than_real_time_with_a_clock(start: Any, imu: Any) -> None:
 
     imu.listen("/clock", Clock)
     clock_settings = {"real_time_factor": 5.0, "publish__clock_rate": 50, "start_time": 0.0}
-    node = start("simulator", rate=100, duration=5.0, **clock_settings, **READY)
     begin = time.monotonic()
+    node = start("simulator", rate=100, duration=5.0, **clock_settings, **READY)
     imu.wait_for(IMU, 500)
     assert time.monotonic() - begin >= 5.0 / 5.0
     assert imu.wait_for_end(node) == 0
@@ -333,7 +333,7 @@ def test_follows_the_clock_of_another(start: Any, imu: Any) -> None:
     assert t_ns[0] >= 50 * 10**9
 
 
-def test_diagnostics(start: Any, imu: Any) -> None:
+def test_diagnostics_state_rate_subscribers_and_lateness(start: Any, imu: Any) -> None:
     from diagnostic_msgs.msg import DiagnosticArray
 
     imu.listen("/diagnostics", DiagnosticArray)

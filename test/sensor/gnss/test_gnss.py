@@ -411,6 +411,6 @@ def test_half_of_the_fixes_lie_within_the_circle_of_the_data_sheet(name: str, er
         ({"multipath_rate": 1.0}, "must both be 0 or both be above 0"),
     ],
 )
-def test_mistakes_are_told(receiver: dict[str, Any], line: str) -> None:
+def test_bad_parameters_are_refused_by_name(receiver: dict[str, Any], line: str) -> None:
     with pytest.raises(ConfigurationError, match=line):
         read(**receiver)

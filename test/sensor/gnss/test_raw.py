@@ -364,7 +364,7 @@ def test_generate_writes_the_files_and_replaces_none(tmp_path: Path) -> None:
         ({"raw": {"frequencies": 3}}, "gnss.raw.frequencies = 3"),
     ],
 )
-def test_mistakes_are_told(receiver: dict[str, Any], line: str) -> None:
+def test_bad_parameters_are_refused_by_name(receiver: dict[str, Any], line: str) -> None:
     with pytest.raises((ConfigurationError, ims.InputError), match=line):
         ims.simulate(**GIVEN, trajectory="static", duration=1.0, gnss=receiver)
 

@@ -210,6 +210,8 @@ def test_at_the_origin_it_is_the_flat_world() -> None:
         ({"latitude_deg": -89.0}, "latitude_deg = -89: must be within 85 deg"),
     ],
 )
-def test_contradictions(values: dict[str, Any], line: str) -> None:
+def test_parameters_that_contradict_the_curved_earth_are_refused(
+    values: dict[str, Any], line: str
+) -> None:
     with pytest.raises(ConfigurationError, match=line):
         load_simulation({**PLACE, **values})

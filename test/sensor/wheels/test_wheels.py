@@ -333,7 +333,7 @@ def test_motion_that_wheels_cannot_do_is_told_in_a_line() -> None:
         ({"patch_boxes": [0, 0, 0, 1, 1, 1, -0.1]}, "slip -0.1: must be between 0 and 100"),
     ],
 )
-def test_mistakes_are_told(parameters: dict[str, Any], line: str) -> None:
+def test_bad_parameters_are_refused_by_name(parameters: dict[str, Any], line: str) -> None:
     with pytest.raises(ConfigurationError, match=line):
         read(**parameters)
 

@@ -189,6 +189,7 @@ def test_presets_are_layered_below_what_is_given(preset: str) -> None:
     assert barometer.bias == 3.0
     assert barometer.noise_density == preset_values["imu.barometer_noise_density"]
     flown = pressure(simulation(settings), 1000, 1000)
+    # Six of the largest turn-on bias sigma, bmp280's 100 Pa, beside which the noise is small.
     assert abs(np.mean(flown.pressure - flown.ideal_pressure)) < 6.0 * 100.0
 
 

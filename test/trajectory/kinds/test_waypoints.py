@@ -76,7 +76,7 @@ def test_colliding_times_are_all_named():
     )
 
 
-def test_other_bad_waypoints():
+def test_bad_waypoints_times_and_headings_are_told_in_lines():
     assert "waypoints 1 and 2 are the same" in problems(positions=[0.0, 0.0, 0.0] * 2)[0]
     assert "at least two waypoints" in problems(positions=[0.0, 0.0, 0.0])[0]
     assert "at least two waypoints" in problems(positions=[])[0]
