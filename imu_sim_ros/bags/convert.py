@@ -23,6 +23,7 @@ from imu_sim_ros.bags.messages.encode import (
     POSE_STAMPED,
     POSE_WITH_COVARIANCE,
     TEMPERATURE,
+    TRANSFORM_STAMPED,
     VECTOR3_STAMPED,
     ImuEncoder,
     OdometryEncoder,
@@ -66,7 +67,7 @@ POSES: Final = "/" + TRUTH_POSE_TOPIC
 TRUTH: Final = "/" + TRUTH_TOPIC
 GYRO_BIAS: Final = "/" + GYROSCOPE_BIAS_TOPIC
 ACCEL_BIAS: Final = "/" + ACCELEROMETER_BIAS_TOPIC
-_ORDERED: Final = (IMU, ODOMETRY, POSE_STAMPED, POSE_WITH_COVARIANCE)
+_ORDERED: Final = (IMU, ODOMETRY, POSE_STAMPED, POSE_WITH_COVARIANCE, TRANSFORM_STAMPED)
 """Types of messages with readings or poses that have a stamp."""
 _NO_RATES: Final = np.diag([0.0, 0.0, 0.0, -1.0, -1.0, -1.0])
 """Covariance of a twist whose angular half is absent."""

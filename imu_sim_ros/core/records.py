@@ -19,7 +19,9 @@ from numpy.typing import NDArray
 from imu_sim_ros.core import gate
 from imu_sim_ros.core.arguments import array, number, refuse, stamps, text, whole, words
 from imu_sim_ros.core.components import Quaternion, Vector
+from imu_sim_ros.core.conventions import TRIADS
 from imu_sim_ros.core.errors import InputError, MissingDependencyError
+from imu_sim_ros.core.spelling import argument
 from imu_sim_ros.core.timebase import seconds_since, span
 from imu_sim_ros.core.types import AnyArray, Array, Integers, Keywords, Mask, Times
 
@@ -230,12 +232,20 @@ class Readings(TimeSeries):
         :raises InputError: if the source lacks one of them.
         """
         if self.gyro is None or self.accel is None:
-            lacking = "gyroscope" if self.gyro is None else "accelerometer"
             raise InputError(
-                f"{self.source}: contains no readings of the {lacking}; gyro_topic and accel_topic "
-                "merge two topics"
+                absence(self.source, triad)
+                for triad, values in zip(TRIADS, (self.gyro, self.accel), strict=True)
+                if values is None
             )
         return self.gyro, self.accel
+
+
+def absence(source: str, triad: str) -> str:
+    """Return the line about a source without the readings of a triad that a job needs."""
+    names = f"{argument('gyro_topic')} and {argument('accel_topic')}"
+    return (
+        f"{source}: contains no readings of the {triad}; {names} merge two topics [{triad}_absent]"
+    )
 
 
 @dataclass(frozen=True, repr=False, eq=False)

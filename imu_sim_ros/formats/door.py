@@ -181,9 +181,14 @@ def _merged(path: Path, choice: Choice, handling: Handling) -> Readings:
         parts.append(concatenated(blocks))
     gyroscope, accelerometer = parts
     if gyroscope.gyro is None or accelerometer.accel is None:
-        topic = choice.gyro_topic if gyroscope.gyro is None else choice.accel_topic
-        triad = "gyroscope" if gyroscope.gyro is None else "accelerometer"
-        raise InputError(f"{path}: {topic} contains no readings of the {triad}")
+        raise InputError(
+            f"{path}: {topic} contains no readings of the {triad} [{triad}_absent]"
+            for topic, triad, values in (
+                (choice.gyro_topic, TRIADS[0], gyroscope.gyro),
+                (choice.accel_topic, TRIADS[1], accelerometer.accel),
+            )
+            if values is None
+        )
     try:
         paired = pair(
             gyroscope.t_ns, gyroscope.gyro, accelerometer.t_ns, accelerometer.accel, TRIADS

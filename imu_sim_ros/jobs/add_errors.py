@@ -34,6 +34,7 @@ from imu_sim_ros.jobs.writing import parameter_files
 from imu_sim_ros.parameters import files
 from imu_sim_ros.parameters.sections import build, flatten
 from imu_sim_ros.recordings.clock import Clock, estimate_clock
+from imu_sim_ros.recordings.findings.catalogue import equality_findings
 from imu_sim_ros.recordings.order import RESET_READINGS, order_stamps
 from imu_sim_ros.sensors.barometer.declaration import PressureReadings
 from imu_sim_ros.sensors.barometer.model import Atmosphere
@@ -869,7 +870,7 @@ def tell_strays(t_ns: Times, is_first: bool, source: str, remark: Callable[[str]
 
     :param t_ns: (n,) stamps in the order of arrival [ns].
     :param is_first: True for the first block of a recording.
-    :raises ConfigurationError: for stamps that are no nanoseconds.
+    :raises ConfigurationError: for stamps that are equal or no nanoseconds.
     """
     stray = np.zeros(len(t_ns), np.bool_)
     if len(t_ns) < _FEWEST_ORDERED:
@@ -879,6 +880,8 @@ def tell_strays(t_ns: Times, is_first: bool, source: str, remark: Callable[[str]
         beginning = np.delete(t_ns, rows)[:_UNIT_STAMPS]
         if (np.diff(beginning) > 0).any():
             check_unit(estimate_clock(beginning))
+        else:
+            check_equality(t_ns)
     begin = 0 if is_first else RESET_READINGS
     rows = rows[(rows >= begin) & (rows < len(t_ns) - RESET_READINGS)]
     stray[rows] = True
@@ -900,7 +903,17 @@ def check_unit(clock: Clock) -> None:
         raise ConfigurationError(f"stamps are not in nanoseconds: {unit.text} [stamps_unit]")
 
 
-def rate_of(t_ns: Integers) -> float:
+def check_equality(t_ns: Times) -> None:
+    """Refuse stamps (n,) [ns] that are all equal.
+
+    :raises ConfigurationError: for these.
+    """
+    problems = [finding.sentence() for finding in equality_findings(t_ns)]
+    if problems:
+        raise ConfigurationError(problems)
+
+
+def rate_of(t_ns: Times) -> float:
     """Return the readings per second of stamps, rounded to six digits [Hz].
 
     That of the clock behind them: losses, rounding and batches do not change it.
@@ -909,6 +922,7 @@ def rate_of(t_ns: Integers) -> float:
         another unit.
     """
     if len(t_ns) < 2 or not (np.diff(t_ns) > 0).any():
+        check_equality(t_ns)
         raise ConfigurationError("rate: two readings, or the rate, must be given")
     clock = estimate_clock(t_ns)
     check_unit(clock)

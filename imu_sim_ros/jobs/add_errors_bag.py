@@ -27,8 +27,8 @@ from imu_sim_ros.core.conventions import (
     TRIADS,
     TWIST_FRAMES,
 )
-from imu_sim_ros.core.errors import InputError
-from imu_sim_ros.core.records import Readings, concatenated, with_fields
+from imu_sim_ros.core.errors import ConfigurationError, InputError, naming
+from imu_sim_ros.core.records import Readings, absence, concatenated, with_fields
 from imu_sim_ros.core.rotation import rotate_inverse
 from imu_sim_ros.core.spelling import argument
 from imu_sim_ros.core.types import Array, Times
@@ -77,13 +77,15 @@ def rate_in(bag: Bag, source: TopicInfo) -> float:
     """Return the readings per second of a topic [Hz].
 
     :raises InputError: if there are fewer than two.
+    :raises ConfigurationError: for stamps that are equal or no nanoseconds.
     """
     t_ns = stamps(bag, source)
-    if not (np.diff(t_ns) > 0).any():
+    if len(t_ns) < 2:
         raise InputError(
             f"{bag.path}: {source.name}: fewer than two readings; {argument('rate')} is needed"
         )
-    return rate_of(t_ns)
+    with naming(f"{bag.path}: {source.name}", ConfigurationError):
+        return rate_of(t_ns)
 
 
 def twist_warnings(bag: Bag, source: TopicInfo, twist_frame: str) -> Iterator[str]:
@@ -266,12 +268,8 @@ class BagErrors:
             if np.all(numbers == -1.0)
         ]
         if absent:
-            raise InputError(
-                f"{self._bag.path}: {self._source.name}: contains no readings of the {triad} (a "
-                f"covariance of -1); {argument('gyro_topic')} and "
-                f"{argument('accel_topic')} merge two topics [{triad}_absent]"
-                for triad in absent
-            )
+            name = f"{self._bag.path}: {self._source.name}"
+            raise InputError(absence(name, triad) for triad in absent)
 
     def _passed(self, decoded: Decoded) -> Iterator[Readings]:
         """Yield the readings of messages that the gate lets pass."""

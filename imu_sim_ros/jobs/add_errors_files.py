@@ -24,7 +24,7 @@ from imu_sim_ros.bags.text.writer import Dataset
 from imu_sim_ros.bags.writer import BagOptions, topics_summary
 from imu_sim_ros.core import arguments
 from imu_sim_ros.core.conventions import IMU_TOPIC, TWIST_FRAMES
-from imu_sim_ros.core.errors import InputError, Problems
+from imu_sim_ros.core.errors import ConfigurationError, InputError, Problems, naming
 from imu_sim_ros.core.names import unknown
 from imu_sim_ros.core.records import Readings, with_fields
 from imu_sim_ros.core.types import JsonObject
@@ -308,7 +308,8 @@ class _Ideal:
     def rate(self) -> float:
         """Return the readings per second [Hz]."""
         for readings in self.blocks():
-            return rate_of(readings.t_ns)
+            with naming(self.path, ConfigurationError):
+                return rate_of(readings.t_ns)
         raise InputError(f"{self.path}: contains no readings")
 
 

@@ -6,6 +6,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Iterator, Mapping, Sequence
+from contextlib import contextmanager
 from dataclasses import dataclass
 from os import PathLike
 from pathlib import Path
@@ -325,7 +326,8 @@ def allan(
         problems_of_units: list[str] = []
         notes: list[str] = []
         judged = (_judged(stream, problems_of_units, notes) for stream in blocks)
-        with progress("read", lambda: sum(_count(path, topic) for path in paths)) as advance:
+        reading = progress("read", lambda: sum(_count(path, topic) for path in paths))
+        with _telling(problems_of_units), reading as advance:
             result = analyse(judged, model=model, force=force, advance=advance)
         name, origin = ", ".join(map(name_of, paths)), ", ".join(map(str, paths))
     else:
@@ -335,7 +337,8 @@ def allan(
         if not isinstance(source, Flight):
             _judge(readings, problems_of_units)
         notes = list(readings.notes)
-        result = analyse([[readings]], model=model, force=force)
+        with _telling(problems_of_units):
+            result = analyse([[readings]], model=model, force=force)
         name, origin = readings.source, ""
     result = result._replace(warnings=(*problems_of_units, *result.warnings))
     return Noise(
@@ -350,6 +353,18 @@ def allan(
         source=origin,
         notes=tuple(dict.fromkeys(notes)),
     )
+
+
+@contextmanager
+def _telling(problems: Sequence[str]) -> Iterator[None]:
+    """Put what was found before in front of the reasons for which an analysis is refused.
+
+    :param problems: lines, which are complete when the analysis ends.
+    """
+    try:
+        yield
+    except InputError as error:
+        raise type(error)([*problems, *error.problems]) from None
 
 
 def _judged(

@@ -52,7 +52,7 @@ from imu_sim_ros.navigation.covariance import (
     initial_covariance,
     propagate,
 )
-from imu_sim_ros.navigation.coverage import common_time, truth_line
+from imu_sim_ros.navigation.coverage import time_with_truth, truth_line
 from imu_sim_ros.navigation.dead_reckoning import dead_reckon as integrate
 from imu_sim_ros.navigation.evaluation import distances, state_at
 from imu_sim_ros.navigation.mount import ImuMount, mount_of
@@ -117,7 +117,7 @@ class Track(States):
         duration = self._seconds(self.t_ns[-1])
         compared = coverage = None
         if self.truth is not None:
-            compared = common_time(self.t_ns, self.truth.t_ns)
+            compared = time_with_truth(self.t_ns, self.truth.t_ns)
             coverage = compared / duration if duration else 1.0
         result: JsonObject = {
             "method": self.method,

@@ -618,20 +618,25 @@ def _offsets(
         is_reference = angles is angles_of_reference
         if is_reference or _body_of(source, bodies) != _body_of(reference, bodies):
             continue
-        try:
-            for value in (angles_of_reference, angles):
-                if isinstance(value, UnknownOffsetError):
-                    raise value
-            assert isinstance(angles_of_reference, TurnAngles)
-            assert isinstance(angles, TurnAngles)
-            offset = time_offset_of_turns(angles_of_reference, angles)
-            yield SensorOffset(source, reference, *offset)
-        except UnknownOffsetError as error:
-            yield UnknownOffset(source, reference, str(error))
+        if isinstance(angles_of_reference, TurnAngles) and isinstance(angles, TurnAngles):
+            yield _offset(source, reference, angles_of_reference, angles)
+        else:
+            reasons = [v for v in (angles_of_reference, angles) if not isinstance(v, TurnAngles)]
+            yield UnknownOffset(source, reference, str(reasons[0]))
     for source in cameras if turns else ():
         yield UnknownOffset(
             source, reference, "images tell no rotation here; a topic of the camera's poses does"
         )
+
+
+def _offset(
+    source: str, reference: str, angles_of_reference: TurnAngles, angles: TurnAngles
+) -> SensorOffset | UnknownOffset:
+    """Return the time offset of a recording, or why the rotations do not tell it."""
+    try:
+        return SensorOffset(source, reference, *time_offset_of_turns(angles_of_reference, angles))
+    except UnknownOffsetError as error:
+        return UnknownOffset(source, reference, str(error))
 
 
 def _body_of(source: str, bodies: Mapping[str, str]) -> str:

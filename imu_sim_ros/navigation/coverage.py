@@ -187,7 +187,7 @@ def coverage(
     )
 
 
-def common_time(estimate_ns: Times, truth_ns: Times) -> float:
+def time_with_truth(estimate_ns: Times, truth_ns: Times) -> float:
     """Return the time of an estimate for which the truth is known, gaps of the truth left out [s].
 
     :param estimate_ns: (n,) stamps of the estimate [ns], increasing.

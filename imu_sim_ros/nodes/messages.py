@@ -255,9 +255,10 @@ class ReadingDecoder:
 def _triad_absent(t_ns: int, no_gyro: bool, no_accel: bool) -> InputError:
     """Return the error of a message without the readings of a triad."""
     names = [name for name, absent in zip(TRIADS, (no_gyro, no_accel), strict=True) if absent]
+    kinds = ", ".join(f"{name}_absent" for name in names)
     return InputError(
         f"{gate.stamp_text(t_ns)}: contains no readings of the {' and the '.join(names)} "
-        "(covariance -1): publish both triads in one message, as drivers do on request"
+        f"(covariance -1): publish both triads in one message, as drivers do on request [{kinds}]"
     )
 
 

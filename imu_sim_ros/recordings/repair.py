@@ -11,6 +11,7 @@ from imu_sim_ros.core import rotation
 from imu_sim_ros.core.records import States, with_fields
 from imu_sim_ros.core.types import Array, Integers, Mask
 from imu_sim_ros.recordings.arrival import even_times
+from imu_sim_ros.recordings.clock import estimate_clock
 from imu_sim_ros.recordings.findings.states import StateMeasures, poses_held
 from imu_sim_ros.recordings.residuals import REACH, residuals, smallest_distance
 
@@ -80,7 +81,9 @@ def mended(poses: States) -> Mended:
     if not len(repeats):
         return _mended(t, poses)
     rows = np.setdiff1d(np.arange(len(t)), repeats)
-    rest = _mended(t[rows], poses.rows(rows), float(np.median(np.diff(t))))
+    # Steps of stamps in whole milliseconds are none of them the interval of the log.
+    log_step = estimate_clock(poses.t_ns).interval_ns * 1e-9
+    rest = _mended(t[rows], poses.rows(rows), log_step)
     jumps = [jump._replace(row=int(rows[jump.row])) for jump in rest.disturbances.jumps]
     single = rows[rest.disturbances.single]
     return rest._replace(

@@ -115,7 +115,7 @@ class RecordedMotion:
             repaired = mended(poses)
             findings = [*disturbance_findings(poses, repaired.disturbances), *pose_findings(poses)]
             self.repairs = [
-                f"{parameters.file}: {finding.evidence}; {_REPAIRS[finding.kind]}"
+                f"{parameters.file}: {finding.evidence}; {_REPAIRS[finding.kind]} [{finding.kind}]"
                 for finding in findings
                 if finding.kind in _REPAIRS
             ]
@@ -143,7 +143,7 @@ class RecordedMotion:
         else:
             findings = [*disturbance_findings(poses, mended(poses).disturbances), *findings]
         texts = [
-            f"{file}: {finding.evidence}; {finding.remedy}"
+            f"{file}: {finding.evidence}; {finding.remedy} [{finding.kind}]"
             for finding in findings
             if RECORDED_MOTION.action(finding.kind)
         ]

@@ -16,7 +16,8 @@ CAMERA = np.array([[0.0, -1.0, 0.0], [0.0, 0.0, -1.0], [1.0, 0.0, 0.0]])
 
 def stuck(readings):
     accel = readings.accel.copy()
-    accel[-2000:, 1] = accel[-2000, 1]
+    begin = len(accel) // 2
+    accel[begin:, 1] = accel[begin, 1]
     return with_fields(readings, accel=accel)
 
 

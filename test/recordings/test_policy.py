@@ -4,11 +4,10 @@
 """Every job refuses, corrects or tells the findings of a recording as it declares."""
 
 import warnings
-from contextlib import suppress
 
 import numpy as np
 import pytest
-from faults import FAULTS, POSES, STAMPS
+from faults import FAULTS, STAMPS
 
 import imu_sim_ros as ims
 from imu_sim_ros.bags.create import open_writer
@@ -18,8 +17,6 @@ from imu_sim_ros.commands import dead_reckon as dead_reckon_command
 from imu_sim_ros.core import rotation
 from imu_sim_ros.core.errors import InputError, InputWarning
 from imu_sim_ros.core.records import LiveReading, with_fields
-from imu_sim_ros.core.spelling import spelled
-from imu_sim_ros.inputs.poses import write_tum
 from imu_sim_ros.recordings.findings.catalogue import KINDS, reading_findings, unit_findings
 from imu_sim_ros.recordings.findings.live import UnitWatch
 from imu_sim_ros.recordings.findings.policy import JOBS, ROLES
@@ -63,14 +60,6 @@ def dead_reckon(readings, flight, folder):
     return told_by(lambda: ims.dead_reckon(readings, initial=initial))
 
 
-def preintegrate(readings, flight, folder):
-    return told_by(lambda: ims.preintegrate(readings, every=0.5, max_gap=1e10))
-
-
-def twin(readings, flight, folder):
-    return told_by(lambda: ims.twin(readings, flight.truth))
-
-
 def add_errors(readings, flight, folder):
     lines = []
     model = GivenImu(load_error_model({"imu.preset": "perfect", "rate": 400.1}), (), lines.append)
@@ -106,13 +95,11 @@ def calibrate(readings, flight, folder):
 PROGRAMS = {
     # On six faces no axis is upwards throughout.
     "calibrate": (calibrate, "faces", [kind for kind in FAULTS if not kind.startswith("axes")]),
-    "allan": (allan, "rest", ALL),
+    # The analysis itself tells what it corrects; it refuses the others before it begins.
+    "allan": (allan, "rest", [k for k in ALL if JOBS["allan"].action(k) == "corrects"]),
     "dead_reckon": (dead_reckon, "motion", ALL),
-    "preintegrate": (preintegrate, "motion", ALL),
-    "twin": (twin, "motion", [k for k in ALL if JOBS["twin"].action(k) == "refuses"]),
     "add_errors, error_model": (add_errors, "motion", FAULTS),
     "integrator": (integrator, "motion", FAULTS),
-    "convert_bag": (convert_bag, "motion", ALL),
 }
 
 
@@ -123,8 +110,8 @@ def test_each_job_does_as_it_declares(flights, tmp_path, job):
     for kind in kinds:
         readings = ALL[kind](flight.readings)
         absent = readings.gyro is None or readings.accel is None
-        if absent and job in ("integrator", "convert_bag", "add_errors, error_model"):
-            continue  # messages and tables of these have both
+        if absent and job in ("integrator", "add_errors, error_model"):
+            continue  # their readings have both
         assert kind in {finding.kind for finding in reading_findings(readings)}, kind
         action = policy.action(kind)
         tag = f"[{kind}]"
@@ -140,25 +127,6 @@ def test_each_job_does_as_it_declares(flights, tmp_path, job):
         if any(tag in line for line in lines) != bool(action):
             wrong.append((kind, action, lines))
     assert not wrong, wrong
-
-
-@pytest.mark.parametrize("role", ["estimate", "truth"])
-def test_evaluate_does_as_it_declares(circle, tmp_path, role):
-    """Few poses are no fault of an estimate, which is compared at its stamps."""
-    poses = with_fields(circle.truth, velocity=None, angular_velocity=None)
-    write_tum(tmp_path / "right.tum", poses)
-    for kind, fault in POSES.items():
-        write_tum(tmp_path / "wrong.tum", fault(poses))
-        names = ("wrong", "right") if role == "estimate" else ("right", "wrong")
-        files = [tmp_path / f"{name}.tum" for name in names]
-        action, problems = JOBS["evaluate"].action(kind), []
-        try:
-            lines = told_by(lambda files=files: ims.evaluate(*files, max_gap=1.0))
-        except InputError as error:
-            lines, problems = [], error.problems
-        assert bool(problems) == (action == "refuses"), (kind, problems)
-        expects_line = action == "tells" and (kind, role) != ("poses_sparse", "estimate")
-        assert any(f"[{kind}]" in line for line in lines) == expects_line, (kind, lines)
 
 
 def test_units_that_later_motion_shows_are_judged_the_same_by_all(tmp_path):
@@ -325,29 +293,6 @@ def changed_poses(truth, kind):
         turn = {"z_down": [0.0, 1.0, 0.0, 0.0], "axes_camera": [0.5, -0.5, 0.5, -0.5]}[kind]
         position, q_wb = truth.position, rotation.multiply(truth.q_wb, np.array(turn))
     return with_fields(truth, position=position, q_wb=q_wb, velocity=None, angular_velocity=None)
-
-
-@pytest.mark.parametrize("kind", ["z_down", "axes_camera", "poses_held"])
-def test_every_job_that_takes_poses_tells_what_they_are(circle, tmp_path, kind):
-    poses = changed_poses(circle.truth, kind)
-    write_tum(tmp_path / "poses.tum", poses)
-    write_tum(tmp_path / "truth.tum", circle.truth)
-    remedy = spelled(KINDS[kind].remedy)
-
-    def twin():
-        with suppress(InputError):  # a circle may tell too little of a sensor
-            ims.twin(circle, tmp_path / "poses.tum")
-
-    jobs = {
-        "evaluate": lambda: ims.evaluate(tmp_path / "poses.tum", tmp_path / "truth.tum"),
-        "generate, simulator": lambda: ims.simulate(
-            trajectory=tmp_path / "poses.tum", rate=50, duration=1
-        ),
-        "twin": twin,
-    }
-    for name, job in jobs.items():
-        assert JOBS[name].action(kind) == "tells"
-        assert any(remedy in line for line in told_by(job)), name
 
 
 def test_dead_reckoning_tells_the_axes_of_its_truth_on_the_command_line(circle, tmp_path, capsys):

@@ -135,14 +135,15 @@ def analyse(
     # the axis is left out, unless all axes are constant.
     constant = record.constant_axes()
     dead = [k for k in constant if len(constant) == len(AXES) or record.lowest.value[k] == 0.0]
-    if longest_piece < SHORTEST * record.rate:
-        raise InputError(_problems(record, longest, spectra.signals, None, dead))
     timing = record.timing()
+    if longest_piece < SHORTEST * record.rate:
+        problems = _problems(record, longest, spectra.signals, None, dead)
+        raise InputError([*_stamp_warnings(timing), *problems])
     lost = losses.samples / samples
     spectrum = spectra.result().at_rate(timing.rate).with_losses(lost)
     problems = _problems(record, longest, spectra.signals, spectrum, dead)
     if problems and not force:
-        raise InputError(problems)
+        raise InputError([*_stamp_warnings(timing), *problems])
     # A constant axis bounds no noise.
     reasons = {
         axis: f"always {record.lowest.value[axis] + 0.0:g}: a dead axis, or noise far below the "
@@ -294,6 +295,16 @@ def _problems(
     return problems
 
 
+def _stamp_warnings(timing: Timing) -> Iterator[str]:
+    """Yield the lines about stamps that are corrected."""
+    if timing.duplicates:
+        yield (
+            f"{timing.duplicates} messages repeat the one before them and were dropped "
+            "[messages_repeated]"
+        )
+    yield from timing.remarks
+
+
 def _record_warnings(
     record: Record,
     timing: Timing,
@@ -317,12 +328,7 @@ def _record_warnings(
             f"{timing.gaps} gaps, the longest {timing.longest_gap:.3f} s: "
             "the pieces between them are analysed separately and combined"
         )
-    if timing.duplicates:
-        yield (
-            f"{timing.duplicates} messages repeat the one before them and were dropped "
-            "[messages_repeated]"
-        )
-    yield from timing.remarks
+    yield from _stamp_warnings(timing)
     share = timing.jitter * timing.rate
     if share > 0.1 and not timing.remarks:
         yield (

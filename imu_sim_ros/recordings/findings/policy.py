@@ -23,6 +23,8 @@ UNEVEN_CLOCK: Final = (
 """Kinds of stamps whose true times the clock tells."""
 ORDER: Final = ("clock_reset", "clock_change", "stamps_stray", "stamps_late")
 """Kinds of stamps that are late, stray, or those of several times."""
+UNMEASURED: Final = ("axis_stuck", "axis_saturated", "stamps_jitter", "samples_lost")
+"""Kinds of readings that lack some of the motion, or the times of it."""
 TWIST: Final = ("twist_world", "twist_body", "twist_unfilled")
 """Kinds of a twist that contradicts the poses beside it."""
 AXES: Final = ("quaternion_order", "z_down", "axes_camera")
@@ -71,36 +73,41 @@ class FindingPolicy:
 DEAD_RECKON: Final = FindingPolicy(
     refuses=(*ABSENT, "stamps_equal", *BROKEN_CLOCK, "poses_contradictory"),
     corrects=UNEVEN_CLOCK,
-    tells=(*UNITS, "triad_zeros", "gravity_absent", "gravity_size", "axes_down", *POSES, *TWIST),
+    tells=(
+        *(*UNITS, "triad_zeros", "gravity_absent", "gravity_size", "axes_down"),
+        *(*UNMEASURED, *POSES, *TWIST),
+    ),
 )
 PREINTEGRATE: Final = FindingPolicy(
     refuses=(*ABSENT, "stamps_equal", *BROKEN_CLOCK),
     corrects=UNEVEN_CLOCK,
-    tells=(*UNITS, "triad_zeros"),
+    tells=(*UNITS, "triad_zeros", *UNMEASURED),
 )
 TWIN: Final = FindingPolicy(
     refuses=(*ABSENT, "stamps_equal", *BROKEN_CLOCK, *UNITS, "poses_contradictory"),
     corrects=UNEVEN_CLOCK,
-    tells=POSES,
+    tells=("triad_zeros", *UNMEASURED, *POSES),
 )
 ALLAN: Final = FindingPolicy(
     refuses=(*ABSENT, "stamps_equal", "stamps_unit", "motion_at_rest"),
     corrects=("clock_reset", *UNEVEN_CLOCK),
-    tells=(*UNITS, "gravity_size"),
+    tells=(*UNITS, "gravity_size", "axis_stuck"),
 )
 CALIBRATE: Final = FindingPolicy(refuses=ABSENT, tells=(*UNITS, "triad_zeros", "axis_stuck"))
 CALIBRATE_TEMPERATURE: Final = FindingPolicy(
     refuses=(*CALIBRATE.refuses, "temperature_unit"),
     tells=(*CALIBRATE.tells, "temperature_fahrenheit"),
 )
-CONVERT: Final = FindingPolicy(tells=(*UNITS, *ORDER))
+CONVERT: Final = FindingPolicy(refuses=ABSENT, tells=(*UNITS, *ORDER))
 INTEGRATOR: Final = FindingPolicy(
-    refuses=("stamps_equal", "stamps_unit"),
+    refuses=(*ABSENT, "stamps_equal", "stamps_unit"),
     corrects=("stamps_stray", "stamps_bunched", "stamps_shared"),
     tells=UNITS,
 )
 ERROR_MODEL: Final = FindingPolicy(
-    refuses=("stamps_unit",), corrects=("stamps_stray",), tells=(*UNITS, *TWIST)
+    refuses=(*ABSENT, "stamps_equal", "stamps_unit"),
+    corrects=("stamps_stray",),
+    tells=(*UNITS, *TWIST),
 )
 READ_STATES: Final = FindingPolicy(
     refuses=("clock_reset", "clock_change", "poses_contradictory"),
