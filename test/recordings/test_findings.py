@@ -310,9 +310,10 @@ def test_held_poses_are_mended_to_one_of_each(poses):
 
 
 @pytest.mark.parametrize(
-    ("log", "physics", "digits"), [(200, 50, 9), (1000, 30, 9), (120, 100, 9), (200, 50, 4)]
+    ("log", "physics", "digits", "stamp_ns"),
+    [(200, 50, 9, 1), (1000, 30, 9, 1), (120, 100, 9, 1), (200, 50, 4, 1), (240, 60, 9, 10**6)],
 )
-def test_poses_held_at_any_rates_are_mended_to_even_times(log, physics, digits):
+def test_poses_held_at_any_rates_are_mended_to_even_times(log, physics, digits, stamp_ns):
     """A pose stands in the log from the first step after it on; rounding makes it a step late."""
     seconds = np.arange(0.0, 20.0, 1.0 / log)
     # As C++ programs do it: rounding makes half of the poses a step of the log late.
@@ -323,7 +324,7 @@ def test_poses_held_at_any_rates_are_mended_to_even_times(log, physics, digits):
     yaw = 0.9 * np.sin(0.6 * physics_s)
     q_wb = rotation.from_euler(np.stack([0.0 * yaw, 0.0 * yaw, yaw], 1))
     rounded = rotation.normalise(np.round(q_wb, digits))
-    t_ns = np.round(seconds * 1e9).astype(np.int64)
+    t_ns = np.round(seconds * 1e9).astype(np.int64) // stamp_ns * stamp_ns
     result = mended(States(t_ns, np.round(position, digits), rounded))
     assert not len(result.disturbances.single)
     assert not result.disturbances.jumps

@@ -8,6 +8,8 @@ import warnings
 
 import numpy as np
 import pytest
+from rosbags.rosbag2 import StoragePlugin, Writer
+from rosbags.typesys import Stores, get_typestore
 
 import imu_sim_ros as ims
 from imu_sim_ros.bags.create import open_writer
@@ -172,6 +174,27 @@ def test_convert_tells_the_order_of_poses_and_keeps_it(tmp_path, container):
             if form == "copy.tum":
                 rows = np.loadtxt(tmp_path / form)
                 np.testing.assert_allclose(rows[:, 1:4], fault(states).position, atol=1e-8)
+
+
+def test_convert_tells_the_order_of_transforms(tmp_path):
+    states = CORRECTED["stamps_late"][0](poses(20.0))
+    store = get_typestore(Stores.ROS2_JAZZY)
+    make = {name.rpartition("/")[2]: kind for name, kind in store.types.items()}
+    path, name = tmp_path / "transforms", "geometry_msgs/msg/TransformStamped"
+    with Writer(path, version=9, storage_plugin=StoragePlugin.MCAP) as writer:
+        topic = writer.add_connection("/vicon/body", name, typestore=store)
+        rows = zip(
+            states.t_ns.tolist(), states.position.tolist(), states.q_wb.tolist(), strict=True
+        )
+        for k, (t_ns, position, (w, x, y, z)) in enumerate(rows):
+            header = make["Header"](make["Time"](*divmod(t_ns, 10**9)), "world")
+            transform = make["Transform"](
+                make["Vector3"](*position), make["Quaternion"](x, y, z, w)
+            )
+            message = make["TransformStamped"](header, "body", transform)
+            writer.write(topic, START_NS + k * 10**7, store.serialize_cdr(message, name))
+    converted = ims.convert(path, tmp_path / "copy.mcap")
+    assert [line.rpartition("[")[2] for line in converted.warnings] == ["stamps_late]"]
 
 
 def test_inspect_tells_a_reset_of_poses(tmp_path):
