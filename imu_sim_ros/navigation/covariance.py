@@ -249,7 +249,7 @@ class Covariance:
             self._gained_c += half_gain
             slow.decay_over(h, self._moved_c)
         else:
-            np.dot(moved, self._by_start, p)
+            moved.dot(self._by_start, p)
         self._white.add_to(p, self._diagonal, h, self._by_bias)
         self._length += h
         self._passed += self._passing

@@ -73,7 +73,7 @@ class SlowErrors:
         :param force_b: corrected specific force [m/s^2].
         """
         self.act_on(rate_b, force_b)
-        return np.dot(by_bias, self._half_effect, self._half_gain)
+        return by_bias.dot(self._half_effect, self._half_gain)
 
     def decay_over(self, h: float, passed: Array) -> None:
         """Set C at the end of an interval of length h [s].

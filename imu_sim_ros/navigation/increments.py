@@ -293,6 +293,9 @@ def running_sum(start: Component | float, gain: Component) -> tuple[Component, C
 
 def running_sums(start: Vector[Component], gain: Vector[Component]) -> Ends[Component]:
     """Return :func:`running_sum` of each component."""
+    if type(gain[0]) is float:
+        (x, y, z), (a, b, c) = start, gain
+        return start, (x + a, y + b, z + c)
     pairs = [running_sum(a, b) for a, b in zip(start, gain, strict=True)]
     (x0, x1), (y0, y1), (z0, z1) = pairs
     return (x0, y0, z0), (x1, y1, z1)

@@ -159,7 +159,7 @@ ALIGNED = ImuMount()
 
 
 def mount_of(imu: ImuParameters | IntegratorImuParameters) -> ImuMount:
-    """Return the mount that parameters describe."""
+    """Return the mount that parameters describe, ``ALIGNED`` itself if it is that."""
     return mount_at(np.asarray(imu.lever_arm), np.reshape(imu.mounting, (3, 3)))
 
 
@@ -167,4 +167,5 @@ def mount_at(lever_arm: Array, r_bi: Array) -> ImuMount:
     """Return the mount with a lever arm (3,) [m] and a rotation (3, 3)."""
     x, y, z = lever_arm.tolist()
     qw, qx, qy, qz = rotation.from_matrix(r_bi).tolist()
-    return ImuMount((x, y, z), (qw, qx, qy, qz))
+    mount = ImuMount((x, y, z), (qw, qx, qy, qz))
+    return ALIGNED if mount == ALIGNED else mount

@@ -148,6 +148,7 @@ class Stepper:
         """Longest step that is no gap [ns]."""
         self._world = increments.world_vectors(gravity, earth_rate)
         self._method, self._attitude = method, attitude
+        self._between = increments.METHODS[method]
         self.reset(initial)
 
     def reset(self, initial: NavigationState) -> None:
@@ -208,9 +209,9 @@ class Stepper:
     def _increment(self, h: float, rate: Ends[float], force: Ends[float]) -> Increment[float]:
         """Return the increment of a step of h [s] in the chosen attitude representation."""
         if self._attitude != "euler_angles":
-            return increments.between(self._method, self._attitude, h, rate, force)
+            return self._between(self._attitude, h, rate, force)
         roll_pitch_yaw = to_euler(self.q_wb)
         if angles.near_lock(roll_pitch_yaw[1], h, rate[0]):
             self.counts.gimbal_lock += 1
-            return increments.between(self._method, "so3", h, rate, force)
+            return self._between("so3", h, rate, force)
         return angles.increment_of(self._method, roll_pitch_yaw, h, rate, force)

@@ -213,8 +213,10 @@ class ReadingDecoder:
         """
         numbers = self._decoder.numbers(payload)
         second, nanosecond, x, y, z, w, stated, gx, gy, gz, no_gyro, ax, ay, az, no_accel = numbers
-        if self._checks_frame and not self._is_of_frame(self._decoder.texts[0]):
-            return None
+        if self._checks_frame:
+            frame = self._decoder.texts[0]
+            if (frame != self._frame or self._foreign) and not self._is_of_frame(frame):
+                return None
         if no_gyro == -1.0 or no_accel == -1.0:
             raise _triad_absent(_stamp(second, nanosecond), no_gyro == -1.0, no_accel == -1.0)
         k_gyro, k_accel = self._factors

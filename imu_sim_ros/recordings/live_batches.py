@@ -65,7 +65,7 @@ class BatchSpreader:
             if len(self._waiting) < _LARGEST_BATCH:
                 self._waiting.append(reading)
             return []
-        spread = self._spread(reading.t_ns)
+        spread = self._spread(reading.t_ns) if self._waiting else ()
         self._head_ns = reading.t_ns
         return [*spread, reading]
 
@@ -98,8 +98,6 @@ class BatchSpreader:
     def _spread(self, next_ns: int) -> list[LiveReading]:
         """Return the waiting readings with times of their own, before the next stamp [ns]."""
         waiting, self._waiting = self._waiting, []
-        if not waiting:
-            return []
         t_ns = self._head_ns
         interval_ns = (next_ns - t_ns) / (len(waiting) + 1)
         usual_ns = self._interval_ns

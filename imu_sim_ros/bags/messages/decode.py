@@ -131,6 +131,8 @@ class MessageDecoder:
         """
         self._type_name, self._names = type_name, ("sec", "nanosec", *names)
         self._latest: _Form | None = None
+        self.texts: tuple[str, ...] = ()
+        """The strings of the latest message."""
 
     def numbers(self, payload: bytes) -> tuple[Any, ...]:
         """Return seconds and nanoseconds of the stamp, then the numbers of the fields.
@@ -146,14 +148,10 @@ class MessageDecoder:
         try:
             if form is None:
                 form = self._latest = self._form(payload)
+                self.texts = form.texts
             return form.fields.unpack_from(payload)
         except (ValueError, struct.error) as error:
             raise InputError(f"not a {self._type_name}: {error}") from None
-
-    @property
-    def texts(self) -> tuple[str, ...]:
-        """The strings of the latest message."""
-        return self._latest.texts if self._latest else ()
 
     def _form(self, payload: bytes) -> "_Form":
         """Return the form of messages with the texts of this one."""

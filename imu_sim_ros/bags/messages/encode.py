@@ -236,6 +236,10 @@ class OdometryEncoder(Encoder):
 
     def __init__(self, frame_id: str, child_frame_id: str, encoding: str = "cdr") -> None:
         super().__init__(layout(self.type_name, encoding, (frame_id, child_frame_id)))
+        self._pose_covariance, self._twist_covariance = (
+            slice(offset, offset + kind.itemsize)
+            for kind, offset in (self._fields["pose_covariance"], self._fields["twist_covariance"])
+        )
 
     def pattern(
         self,
@@ -288,18 +292,15 @@ class OdometryEncoder(Encoder):
 
         The arguments are rows of those of :meth:`pattern`.
         """
-        row = bytearray(self._template)
+        row, fields_of_row = bytearray(self._template), self._fields
         w, x, y, z = q_wb
-        _STAMP.pack_into(row, self._fields["sec"][1], *self._stamp(t_ns))
-        _POSE.pack_into(row, self._fields["position"][1], *position, x, y, z, w)
-        _TWIST.pack_into(row, self._fields["linear"][1], *velocity_b, *angular_velocity_b)
-        for name, covariance in (
-            ("pose_covariance", pose_covariance),
-            ("twist_covariance", twist_covariance),
-        ):
-            if covariance is not None:
-                field, offset = self._fields[name]
-                row[offset : offset + field.itemsize] = covariance.tobytes()
+        _STAMP.pack_into(row, fields_of_row["sec"][1], *self._stamp(t_ns))
+        _POSE.pack_into(row, fields_of_row["position"][1], *position, x, y, z, w)
+        _TWIST.pack_into(row, fields_of_row["linear"][1], *velocity_b, *angular_velocity_b)
+        if pose_covariance is not None:
+            row[self._pose_covariance] = pose_covariance.tobytes()
+        if twist_covariance is not None:
+            row[self._twist_covariance] = twist_covariance.tobytes()
         return bytes(row)
 
 

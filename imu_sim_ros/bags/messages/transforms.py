@@ -1,7 +1,7 @@
 # Copyright 2026 imu_sim_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Messages with any number of parts: transforms between frames, and states of joints."""
+"""Messages with any number of parts: transforms between frames, states of joints, and paths."""
 
 from collections.abc import Sequence
 from typing import Final
@@ -10,13 +10,28 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from imu_sim_ros.bags.messages.blocks import RowTemplate
-from imu_sim_ros.bags.messages.encode import ROS_ORDER, Encoder, seconds
+from imu_sim_ros.bags.messages.encode import (
+    PATH,
+    ROS_ORDER,
+    Encoder,
+    PoseStampedEncoder,
+    seconds,
+)
 from imu_sim_ros.bags.messages.layouts import LayoutBuilder
 from imu_sim_ros.core.rotation import from_matrix
 from imu_sim_ros.core.types import Array, Bytes, Times
 
 TF_MESSAGE: Final = "tf2_msgs/msg/TFMessage"
 JOINT_STATE: Final = "sensor_msgs/msg/JointState"
+_CDR: Final = b"\0\1\0\0"
+"""Encapsulation of little-endian CDR."""
+_ENCAPSULATION: Final = len(_CDR)
+_LENGTH: Final = 4
+"""Size of the length of a string or an array [bytes]."""
+_STAMP_AND_LENGTH: Final = 12
+"""Size of a header before its frame [bytes]."""
+_POSE_SIZE: Final = 56
+"""Size of the numbers of a pose [bytes]."""
 
 
 class TransformsEncoder:
@@ -106,3 +121,44 @@ class JointStateEncoder(Encoder):
         :raises InputError: for stamps that a message cannot hold.
         """
         return self._row_template(t_ns, position=position, velocity=velocity)
+
+
+class PathEncoder:
+    """nav_msgs/Path in CDR of poses in one frame, each of which is encoded once.
+
+    A path that grows has thousands of poses in each message; all of them but the first have the
+    bytes of a message of their own.
+    """
+
+    type_name = PATH
+
+    def __init__(self, frame_id: str) -> None:
+        self._poses = PoseStampedEncoder(frame_id)
+        self._header_size = _STAMP_AND_LENGTH + len(frame_id.encode()) + 1
+
+    def pose(self, t_ns: int, position: Sequence[float], q: Sequence[float]) -> bytes:
+        """Return a pose of the path.
+
+        :param position: (3,) position [m].
+        :param q: (4,) attitude.
+        :raises InputError: for a stamp that a message cannot hold.
+        """
+        (message,) = self._poses.encode([t_ns], [position], [q])
+        pose: bytes = message[_ENCAPSULATION:].tobytes()
+        return pose
+
+    def message(self, poses: Sequence[bytes]) -> bytes:
+        """Return the message of poses, at least one, with the stamp of the latest.
+
+        :param poses: what :meth:`pose` has returned for each.
+        """
+        size = self._header_size
+        count = bytes(-size % _LENGTH) + len(poses).to_bytes(_LENGTH, "little")
+        begin = size + len(count)
+        # Numbers of eight bytes lie at multiples of eight in the message: not where they do in one
+        # of the pose alone, if the path's own header is no such multiple.
+        oldest_pose = poses[0]
+        aligned = oldest_pose[:size] + bytes(-(begin + size) % 8) + oldest_pose[-_POSE_SIZE:]
+        others = iter(poses)
+        next(others)
+        return b"".join((_CDR, poses[-1][:size], count, aligned, *others))

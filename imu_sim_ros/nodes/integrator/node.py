@@ -186,15 +186,18 @@ class Integrator(ConfiguredNode[IntegratorParameters]):
                     truths.append(decode.truth(payload))
             except InputError as error:
                 self._refusals.add(topic, error)
-        self._add(self._reading_strays.apply(readings), self._truth_strays.apply(truths))
+        if topic == IMU_TOPIC:
+            self._add(self._reading_strays.apply(readings), ())
+        else:
+            self._add((), self._truth_strays.apply(truths))
 
     def _add(self, readings: Sequence[LiveReading], truths: Sequence[LiveState]) -> None:
         """Integrate readings in order, compare truths, and publish the results."""
         rows: list[LiveState] = []
         errors: list[PoseError] = []
         for reading in self._refusals.timed(IMU_TOPIC, self._stamps, readings):
-            if not self._units.done:
-                INTEGRATOR.judge(self._units.add(reading), self.get_logger().warning)
+            if not self._units.done and (findings := self._units.add(reading)):
+                INTEGRATOR.judge(findings, self.get_logger().warning)
             rows += self.odometer.add_reading(reading)
         for truth in truths:
             rows += self.odometer.add_truth(truth)
@@ -263,10 +266,13 @@ class Integrator(ConfiguredNode[IntegratorParameters]):
         _send(self._attitude_error_out, self._attitude_error.encode(t_ns, attitudes))
 
     def _publish_path(self) -> None:
-        """Publish the path so far, for the timer."""
-        with self._lock:
-            if self._path is not None:
-                self._path.publish()
+        """Publish the path so far, for the timer; readings wait only until it is copied."""
+        path = self._path
+        if path is not None:
+            with self._lock:
+                message = path.message()
+            if message is not None:
+                path.publish(message)
 
     # ----------------------------------------------------------------------------- events
     def _diagnose(self) -> None:

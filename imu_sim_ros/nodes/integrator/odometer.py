@@ -8,13 +8,9 @@ from collections import deque
 from collections.abc import Callable
 from dataclasses import dataclass, field
 
-from builtin_interfaces.msg import Time
-from geometry_msgs.msg import Point, Pose, PoseStamped
-from geometry_msgs.msg import Quaternion as QuaternionMessage
-from nav_msgs.msg import Path
 from rclpy.publisher import Publisher
-from std_msgs.msg import Header
 
+from imu_sim_ros.bags.messages.transforms import PathEncoder
 from imu_sim_ros.core import components, gate, rotation
 from imu_sim_ros.core.records import LiveReading, LiveState
 from imu_sim_ros.core.types import Array
@@ -240,8 +236,9 @@ class LiveIntegrator:
             return body
         self._r_wi = components.to_matrix(stepper.q_wb)
         pose, twist = self._covariance.message(self._r_wi, stepper.velocity, self.rate)
-        pose = self._mount.pose_covariance(pose, body.q_wb)
-        twist = self._mount.twist_covariance(twist)
+        if self._mount is not ALIGNED:
+            pose = self._mount.pose_covariance(pose, body.q_wb)
+            twist = self._mount.twist_covariance(twist)
         self._complain_about_attitude(pose)
         return LiveState(*body[:5], pose, twist)
 
@@ -253,9 +250,10 @@ class PathPublisher:
         self, publisher: Publisher, frame_id: str, parameters: IntegratorParameters
     ) -> None:
         self._publisher, self._frame_id = publisher, frame_id
+        self._encoder = PathEncoder(frame_id)
         self._interval_ns = 1e9 / parameters.path_rate
         capacity = int(parameters.path_length * parameters.path_rate) + 1
-        self._poses: deque[PoseStamped] = deque(maxlen=capacity)
+        self._poses: deque[bytes] = deque(maxlen=capacity)
         self._due_ns = 0.0
 
     def add(self, row: LiveState) -> None:
@@ -263,17 +261,12 @@ class PathPublisher:
         if self._due_ns - self._interval_ns <= row.t_ns < self._due_ns:
             return
         self._due_ns = row.t_ns + self._interval_ns
-        w, x, y, z = row.q_wb
-        px, py, pz = row.position
-        pose = Pose(
-            position=Point(x=px, y=py, z=pz), orientation=QuaternionMessage(x=x, y=y, z=z, w=w)
-        )
-        self._poses.append(PoseStamped(header=self._header(row.t_ns), pose=pose))
+        self._poses.append(self._encoder.pose(row.t_ns, row.position, row.q_wb))
 
     def use_frame(self, frame_id: str) -> None:
         """Set the frame of the poses; poses in another one are dropped."""
         if frame_id != self._frame_id:
-            self._frame_id = frame_id
+            self._frame_id, self._encoder = frame_id, PathEncoder(frame_id)
             self.clear()
 
     def clear(self) -> None:
@@ -281,13 +274,12 @@ class PathPublisher:
         self._poses.clear()
         self._due_ns = 0.0
 
-    def publish(self) -> None:
-        """Publish the path so far, if there is a subscriber."""
+    def message(self) -> bytes | None:
+        """Return the path so far; None if there is none, or nobody subscribes."""
         if self._poses and self._publisher.get_subscription_count():
-            poses = list(self._poses)
-            self._publisher.publish(Path(header=poses[-1].header, poses=poses))
+            return self._encoder.message(self._poses)
+        return None
 
-    def _header(self, t_ns: int) -> Header:
-        """Return a header with a stamp [ns]."""
-        second, nanosecond = divmod(t_ns, 1_000_000_000)
-        return Header(stamp=Time(sec=second, nanosec=nanosecond), frame_id=self._frame_id)
+    def publish(self, message: bytes) -> None:
+        """Publish what :meth:`message` has returned."""
+        self._publisher.publish(message)

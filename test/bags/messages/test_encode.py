@@ -10,7 +10,7 @@ from rosbags.typesys import Stores, get_typestore
 from imu_sim_ros.bags.messages import encode, layouts
 from imu_sim_ros.bags.messages.decode import MessageDecoder
 from imu_sim_ros.bags.messages.layouts import STAMP_OFFSET
-from imu_sim_ros.bags.messages.transforms import TransformsEncoder
+from imu_sim_ros.bags.messages.transforms import PathEncoder, TransformsEncoder
 from imu_sim_ros.core.errors import InputError
 
 STORES = {"cdr": get_typestore(Stores.ROS2_JAZZY), "ros1": get_typestore(Stores.ROS1_NOETIC)}
@@ -255,3 +255,25 @@ def test_one_other_byte_where_all_are_alike_is_noticed(frame, encoding):
         changed_rows = rows.copy()
         changed_rows[-1, k] ^= 1
         assert form.matches(changed_rows) == (k not in alike), k
+
+
+@pytest.mark.parametrize("frame", FRAMES)
+@pytest.mark.parametrize("count", [1, 2, 5])
+def test_a_path_is_what_rosbags_reads(frame, count):
+    rng = np.random.default_rng(5)
+    encoder, positions, q = PathEncoder(frame), *(rng.standard_normal((count, n)) for n in (3, 4))
+    t_ns = [(k + 7) * 10**9 + k for k in range(count)]
+    poses = [encoder.pose(*row) for row in zip(t_ns, positions, q, strict=True)]
+    store = STORES["cdr"]
+    payload = encoder.message(poses)
+    message = store.deserialize_cdr(payload, PathEncoder.type_name)
+    assert bytes(store.serialize_cdr(message, PathEncoder.type_name)) == payload
+    assert message.header.frame_id == frame
+    assert message.header.stamp.sec * 10**9 + message.header.stamp.nanosec == t_ns[-1]
+    assert len(message.poses) == count
+    for k, pose in enumerate(message.poses):
+        stamp = pose.header.stamp
+        assert (pose.header.frame_id, stamp.sec * 10**9 + stamp.nanosec) == (frame, t_ns[k])
+        place, turn = pose.pose.position, pose.pose.orientation
+        assert (place.x, place.y, place.z) == tuple(positions[k])
+        assert (turn.w, turn.x, turn.y, turn.z) == tuple(q[k])
