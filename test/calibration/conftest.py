@@ -23,6 +23,13 @@ class Rest:
         walk = np.cumsum(rng.standard_normal((n, 3)), axis=0) * 5e-4 / np.sqrt(rate)
         self.accel = 0.01 * np.sqrt(rate) * rng.standard_normal((n, 3)) + walk + [0.0, 0.0, 9.81]
 
+    def hold_axes(self, *axes: int) -> "Rest":
+        """Make axes (0 to 5) constant, which are then not analysed: that takes less time."""
+        for axis in axes:
+            values = self.gyro if axis < 3 else self.accel
+            values[:, axis % 3] = values[0, axis % 3]
+        return self
+
     def blocks(self, size: int = 4000, keep: np.ndarray | None = None) -> Iterator[Readings]:
         rows = np.arange(len(self.t_ns)) if keep is None else np.flatnonzero(keep)
         for start in range(0, len(rows), size):
@@ -33,3 +40,9 @@ class Rest:
 @pytest.fixture
 def rest() -> Rest:
     return Rest()
+
+
+@pytest.fixture
+def two_axes() -> Rest:
+    """Return a record of which gyroscope x and accelerometer z alone have noise."""
+    return Rest().hold_axes(1, 2, 3, 4)

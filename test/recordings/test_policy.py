@@ -42,6 +42,16 @@ def flights():
     }
 
 
+def with_constant_axes(readings):
+    """Return readings of which rates about z and forces along y alone have noise.
+
+    An analysis leaves constant axes out, and takes a third of the time.
+    """
+    gyro, accel = readings.gyro.copy(), readings.accel.copy()
+    gyro[:, :2], accel[:, ::2] = gyro[0, :2], accel[0, ::2]
+    return with_fields(readings, gyro=gyro, accel=accel)
+
+
 def told_by(call):
     """Return the lines that a job tells, with those of its result."""
     with warnings.catch_warnings(record=True) as caught:
@@ -108,7 +118,10 @@ def test_each_job_does_as_it_declares(flights, tmp_path, job):
     run, name, kinds = PROGRAMS[job]
     flight, policy, wrong = flights[name], JOBS[job], []
     for kind in kinds:
-        readings = ALL[kind](flight.readings)
+        clean = flight.readings
+        if job == "allan" and kind != "axis_stuck":  # which other axes that are not stuck tell
+            clean = with_constant_axes(clean)
+        readings = ALL[kind](clean)
         absent = readings.gyro is None or readings.accel is None
         if absent and job in ("integrator", "add_errors, error_model"):
             continue  # their readings have both
