@@ -167,14 +167,14 @@ def read_faults(content: object) -> tuple[TimedFault, ...]:
     for k, entry in enumerate(content):
         try:
             with problems.gathered(before=f"faults[{k}]: "):
-                faults.append(_fault(f"faults[{k}]", entry))
+                faults.append(_fault(entry))
         except (TypeError, ValueError) as error:
             problems.append(f"faults[{k}] = {shown(entry)}: {error}")
     problems.tell()
     return tuple(faults)
 
 
-def _fault(where: str, entry: object) -> TimedFault:
+def _fault(entry: object) -> TimedFault:
     """Return a fault of the plan with its time."""
     if not isinstance(entry, Mapping):
         raise ConfigurationError(

@@ -16,7 +16,7 @@ import numpy as np
 
 from imu_sim_ros.core import rotation
 from imu_sim_ros.core.errors import ConfigurationError
-from imu_sim_ros.core.types import Array
+from imu_sim_ros.core.types import Array, Mask
 from imu_sim_ros.trajectory.bspline import DEGREE
 from imu_sim_ros.trajectory.ground import (
     GradeProfile,
@@ -163,7 +163,7 @@ def _waypoints(p: DriveParameters) -> tuple[Route, Visits | None]:
         waypoints = np.vstack([*[waypoints] * p.laps, waypoints[:1]])
         heights = np.concatenate([*[heights] * p.laps, heights[:1]])
     moves = np.linalg.norm(np.diff(waypoints, axis=0), axis=1) > _SAME
-    _check(p, waypoints, moves, times)
+    _check(p, moves, times)
     starts = np.flatnonzero(np.concatenate([[True], moves]))
     route = route._replace(waypoints=waypoints[starts], heights=heights[starts])
     if times is None:
@@ -203,8 +203,12 @@ def _ground(p: DriveParameters, path: Path, heights: Array) -> Ground:
     return PlaneProfile(p.slope, path)
 
 
-def _check(p: DriveParameters, waypoints: Array, moves: Array, times: Array | None) -> None:
-    """Refuse waypoints that are one, times that do not increase, and numbers of no waypoint."""
+def _check(p: DriveParameters, moves: Mask, times: Array | None) -> None:
+    """Refuse waypoints that are one, times that do not increase, and numbers of no waypoint.
+
+    :param moves: (w - 1,) True where a waypoint differs from the one before it.
+    :param times: (w,) times of the waypoints [s]; None: they have none.
+    """
     problems = []
     if not moves.any():
         problems.append(f"{_PREFIX}{'file' if p.file else 'positions'}: all waypoints are one")

@@ -74,11 +74,11 @@ def _of_pixels(
 
         return payloads
 
-    def there(mounted: Mounted[CameraParameters]) -> bool:
+    def is_present(mounted: Mounted[CameraParameters]) -> bool:
         still = moving and not body_names(rig_parameters_of(mounted.environment).scene)
         return exists(mounted.own) and not still
 
-    return Topic(name, kind, (), make, exists=there)
+    return Topic(name, kind, (), make, exists=is_present)
 
 
 def _numbers(readings: Samples, rows: Rows) -> Iterable[int]:
