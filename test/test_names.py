@@ -66,6 +66,7 @@ def test_no_option_of_any_program_can_be_abbreviated(parser, subcommand, capsys)
         ("calibrate turntabl x", "did you mean turntable?"),
         ("allan x --model standart", "did you mean standard?"),
         ("generate -o x --imu mpu600", "unknown IMU 'mpu600'; did you mean mpu6000?"),
+        ("allan x --truth mpu600", "--truth: unknown IMU 'mpu600'; did you mean mpu6000?"),
         ("generate -o x --trajectory cirle", "unknown trajectory 'cirle'; did you mean circle?"),
         ("generate -o x --set trajectory.type=figure_eigt", "did you mean figure_eight?"),
         (

@@ -17,6 +17,7 @@ from typing import Final
 from imu_sim_ros.calibration.noise.truth import ParameterComparison, load_truth
 from imu_sim_ros.commands import program
 from imu_sim_ros.commands.common import FORCE, outputs
+from imu_sim_ros.core.errors import Problems
 from imu_sim_ros.jobs.allan import FILES, Noise, allan, write_files
 from imu_sim_ros.terminal.signatures import arguments_of, call
 from imu_sim_ros.terminal.text_tables import TextTable
@@ -46,8 +47,11 @@ def parser() -> program.Parser:
 
 def run(arguments: argparse.Namespace) -> None:
     """Analyse, write the files and print."""
-    if arguments.truth:
-        load_truth(arguments.truth)  # before the work begins
+    if arguments.truth:  # checked before the work begins
+        problems = Problems()
+        with problems.gathered(before="--truth: "):
+            load_truth(arguments.truth)
+        problems.tell()
     written = outputs(arguments)
     folder = arguments.output or Path("allan")
     staging = None if arguments.no_files else written.add_files(folder, FILES)
