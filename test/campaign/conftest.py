@@ -1,6 +1,8 @@
 # Copyright 2026 imu_sim_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
 
+"""Plans and runs of campaigns, in this process and in others."""
+
 import json
 import os
 import subprocess

@@ -42,6 +42,7 @@ NUMBERS = {name: 0x80 + k for k, name in enumerate(FORMATS)}
 
 
 def size(name):
+    """Return the length of a message of this name in bytes, head included."""
     return 3 + struct.calcsize("<" + "".join(CODES[letter] for letter in FORMATS[name][0]))
 
 
@@ -60,6 +61,7 @@ def rows_of(tables):
 
 
 def packed(name, values):
+    """Return the bytes of a message; ``values`` are by field, those left out are 0."""
     letters, fields = FORMATS[name]
     cells = []
     for letter, field in zip(letters, fields.split(","), strict=True):
@@ -80,6 +82,7 @@ def packed(name, values):
 
 
 def definition(name):
+    """Return the fields of the FMT message that defines the messages of this name."""
     letters, fields = FORMATS[name]
     return {
         "Type": NUMBERS[name], "Length": size(name), "Name": name, "Format": letters,
@@ -88,6 +91,7 @@ def definition(name):
 
 
 def write(path, tables):
+    """Write a binary log of tables as for :func:`rows_of`, and return its path."""
     names = dict.fromkeys(["FMT", *(key.partition("/")[0] for key in tables)])
     parts = [packed("FMT", definition(name)) for name in names]
     parts += [packed(name, values) for _, name, values in rows_of(tables)]
@@ -96,6 +100,7 @@ def write(path, tables):
 
 
 def write_text(path, tables):
+    """Write a text log of tables as for :func:`rows_of`, and return its path."""
     names = dict.fromkeys(["FMT", *(key.partition("/")[0] for key in tables)])
     lines = []
     for name in names:
@@ -112,6 +117,7 @@ def write_text(path, tables):
 
 
 def text(letter, value):
+    """Return a value as text, by the letter of its format."""
     if letter == "a":
         return "[" + ", ".join(map(str, np.asarray(value).tolist())) + "]"
     return repr(float(value)) if letter in "fdcCeEL" else str(int(value))

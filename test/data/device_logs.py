@@ -29,14 +29,17 @@ def rows(*columns):
 
 
 def numbers(values, form="{!r}"):
+    """Return numbers as texts; ``form`` is a format of one float, by default all digits."""
     return [form.format(float(value)) for value in values]
 
 
 def stamps(t_ns, epoch=EPOCH, unit=1):
+    """Return stamps as texts: times [ns] after an epoch [ns], in units of ``unit`` ns."""
     return [str((int(t) + epoch) // unit) for t in t_ns]
 
 
 def table(folder, name, head, lines):
+    """Write a file of a folder: a header and lines; folders above it are created."""
     file = folder / name
     file.parent.mkdir(parents=True, exist_ok=True)
     file.write_text("\n".join([head, *lines]) + "\n", encoding="utf-8")
@@ -53,6 +56,7 @@ def zipped(folder, prefix=""):
 
 
 def up_in_body(truth):
+    """Return the specific force (n, 3) of a body at rest with these attitudes [m/s^2]."""
     return rotation.rotate_inverse(truth.q_wb, np.array([0.0, 0.0, G]))
 
 

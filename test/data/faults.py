@@ -1,7 +1,7 @@
 # Copyright 2026 imu_sim_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Recordings with the faults that people's recordings have, made from clean ones."""
+"""Recordings with the usual faults of real recordings, computed from clean ones."""
 
 import numpy as np
 
@@ -15,6 +15,7 @@ CAMERA = np.array([[0.0, -1.0, 0.0], [0.0, 0.0, -1.0], [1.0, 0.0, 0.0]])
 
 
 def stuck(readings):
+    """Return readings whose accelerometer's y axis stays constant from the middle on."""
     accel = readings.accel.copy()
     begin = len(accel) // 2
     accel[begin:, 1] = accel[begin, 1]
@@ -22,6 +23,7 @@ def stuck(readings):
 
 
 def saturated(readings):
+    """Return readings whose gyroscope's z axis is cut off for a tenth of the time."""
     gyro = readings.gyro.copy()
     limit = np.quantile(np.abs(gyro[:, 2]), 0.9)
     gyro[:, 2] = np.clip(gyro[:, 2], -limit, limit)
@@ -50,6 +52,7 @@ MS = 1_000_000
 
 
 def shifted(readings, rows, by_ns):
+    """Return readings with the stamps of some rows moved by a time [ns]."""
     t_ns = readings.t_ns.copy()
     t_ns[rows] += by_ns
     return with_fields(readings, t_ns=t_ns)
@@ -70,6 +73,7 @@ STAMPS = {
 
 
 def held(states):
+    """Return states in which each fourth pose is repeated three times."""
     rows = np.arange(len(states)) // 4 * 4
     return with_fields(states, position=states.position[rows], q_wb=states.q_wb[rows])
 

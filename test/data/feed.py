@@ -115,6 +115,7 @@ class Driver:
 
 
 def contents(name: str, options: dict) -> tuple:
+    """Return the message type, the topic and the messages of one of ``topics``."""
     count = options["count"]
     k = np.arange(count)
     t_ns = options["first_ns"] + np.rint(k * 1e9 / options["rate"]).astype(np.int64)
@@ -138,6 +139,7 @@ def contents(name: str, options: dict) -> tuple:
 
 
 def spoilt(arrays: dict, options: dict) -> dict:
+    """Return the arrays with the values of ``spoil`` in their rows."""
     for k, name, value in options["spoil"]:
         if name in arrays:
             arrays[name][k] = value

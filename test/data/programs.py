@@ -13,12 +13,12 @@ PATIENCE = 300.0
 
 
 def program(name: str) -> list[str]:
-    """Return the words that start a program or node as ``imu_sim NAME`` does."""
+    """Return the command that starts a program or node as ``imu_sim NAME`` does."""
     return [sys.executable, "-m", "imu_sim_ros.commands.start", name]
 
 
 def until(condition: Callable[[], Any], what: str = "what was to come") -> Any:
-    """Wait until a condition holds; returns what it gave."""
+    """Wait until a condition is true, and return its value."""
     deadline = time.monotonic() + PATIENCE
     while not (result := condition()):
         assert time.monotonic() < deadline, f"waited {PATIENCE:g} s for {what}"

@@ -11,7 +11,7 @@ TUM = HERE / "tum_freiburg1_xyz_groundtruth.txt"
 
 
 def elsewhere(name: str) -> Path:
-    """Return where a recording is that a user has put here, or next to the repository."""
+    """Return the path of a recording that a user has put here, or next to the repository."""
     shared_file = HERE.parents[2].parent / "shared/data" / name
     return shared_file if shared_file.is_file() and not (HERE / name).is_file() else HERE / name
 
@@ -22,5 +22,5 @@ KAIST = elsewhere("kaist_vio_infinite_fast.txt")
 
 
 def missing(path: Path) -> str:
-    """Return why a test is skipped; conftest.py knows its first words."""
+    """Return the reason of a skip; conftest.py knows its beginning."""
     return f"no recorded poses in {path.name}: see test/data/recorded/README.md"

@@ -1,7 +1,7 @@
 # Copyright 2026 imu_sim_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Stamps as recordings have them, made from a clock whose samples are known."""
+"""Stamps of recordings: rounded, late, in batches or lost, computed from a known clock."""
 
 import numpy as np
 
@@ -26,7 +26,7 @@ def rounded(t_ns, unit_ns=1_000_000):
 
 
 def jittered(t_ns, deviation, seed=1):
-    """Return stamps late by normal numbers of a deviation [intervals], cut at 0.45 of them."""
+    """Return stamps with normal errors of a deviation [intervals], limited to 0.45 intervals."""
     interval = float(t_ns[-1] - t_ns[0]) / (len(t_ns) - 1)
     late = np.random.default_rng(seed).standard_normal(len(t_ns)) * deviation
     return t_ns + np.round(np.clip(late, -0.45, 0.45) * interval).astype(np.int64)
@@ -45,7 +45,7 @@ def polled(t_ns, rate):
 
 
 def kept(count, share, seed=2):
-    """Return the rows that are left after a share of them is lost at random; both ends stay."""
+    """Return the rows that remain after the random loss of a share; both ends remain."""
     lost = np.random.default_rng(seed).random(count) < share
     lost[[0, -1]] = False
     return np.flatnonzero(~lost)

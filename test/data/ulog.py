@@ -21,6 +21,7 @@ US = 1000
 
 
 def message(kind, body):
+    """Return a message of the file: size, type (one letter) and content."""
     return struct.pack("<HB", len(body), ord(kind)) + body
 
 
@@ -53,20 +54,24 @@ def write(path, topics):
 
 
 def declared(field):
+    """Return the declaration of a field, such as ``float[3] q``, of its name and array."""
     name, values = field
     size = f"[{values.shape[1]}]" if values.ndim > 1 else ""
     return f"{C_TYPES[values.dtype.str[1:]]}{size} {name}"
 
 
 def stamps(t_ns):
+    """Return the field of stamps [us] of times [ns]."""
     return {"timestamp": (np.asarray(t_ns) // US).astype("u8")}
 
 
 def frd(vector):
+    """Return vectors (n, 3) in forward-left-up in the axes forward-right-down."""
     return (np.asarray(vector) * [1, -1, -1]).astype("f4")
 
 
 def ned(vector):
+    """Return vectors (n, 3) in east-north-up in the axes north-east-down."""
     return (np.asarray(vector)[:, [1, 0, 2]] * [1, 1, -1]).astype("f4")
 
 
@@ -77,6 +82,7 @@ def q_ned_frd(q_wb):
 
 
 def combined(t_ns, gyro, accel):
+    """Return the fields of ``sensor_combined``, means over 5 ms, of readings in SI units."""
     return {
         **stamps(t_ns),
         "gyro_rad": frd(gyro),
@@ -88,6 +94,7 @@ def combined(t_ns, gyro, accel):
 
 
 def local_position(t_ns, position, velocity):
+    """Return the fields of ``vehicle_local_position`` of states in the world, all valid."""
     p, v, true = ned(position), ned(velocity), np.ones(len(t_ns), bool)
     flags = dict.fromkeys(("xy_valid", "z_valid", "v_xy_valid", "v_z_valid"), true)
     axes = {name: p[:, k] for k, name in enumerate("xyz")}
@@ -95,6 +102,7 @@ def local_position(t_ns, position, velocity):
 
 
 def attitude(t_ns, q_wb):
+    """Return the fields of ``vehicle_attitude``."""
     return {**stamps(t_ns), "q": q_ned_frd(q_wb).astype("f4")}
 
 

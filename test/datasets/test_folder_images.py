@@ -13,6 +13,7 @@ import yaml
 from ros_messages import stamp_ns
 from rosbags.highlevel import AnyReader
 from rosbags.typesys import Stores, get_typestore
+from small_stereo import small_stereo
 
 from imu_sim_ros.bags.create import open_writer
 from imu_sim_ros.bags.messages.encode import IMU
@@ -20,20 +21,7 @@ from imu_sim_ros.bags.read import imu_blocks, open_bag
 from imu_sim_ros.bags.writer import BagOptions, Block
 from imu_sim_ros.commands import convert_bag, generate
 
-SETTINGS = {
-    "camera.body_axes": "flu",
-    "camera.width": "94",
-    "camera.height": "60",
-    "camera.intrinsics": "[57.3,57.2,45.9,31.0]",
-    "camera.dropout_probability": "0.2",
-    "cam1.camera.encoding": "rgb8",
-    "cam1.camera.depth": "true",
-}
-FLIGHT = [
-    *("--camera", "euroc_cam0", "--camera", "euroc_cam1", "--trajectory", "target"),
-    *("--duration", "0.6s", "--seed", "5", "--quiet", "--scene", "aprilgrid"),
-    *(word for key, value in SETTINGS.items() for word in ("--set", f"{key}={value}")),
-]
+FLIGHT = small_stereo("0.6s", {})
 STAMPS = [10**9, 1_050_000_000, 1_100_000_000]
 
 

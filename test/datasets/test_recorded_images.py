@@ -15,6 +15,7 @@ from rosbags.rosbag1 import Writer as Writer1
 from rosbags.rosbag2 import StoragePlugin
 from rosbags.rosbag2 import Writer as Writer2
 from rosbags.typesys import Stores, get_typestore
+from small_stereo import small_stereo
 
 from imu_sim_ros.bags.cameras import recorded_cameras
 from imu_sim_ros.commands import convert_bag, dead_reckon, generate
@@ -22,22 +23,7 @@ from imu_sim_ros.core.errors import InputError
 from imu_sim_ros.datasets.recorded_bag import pixels
 from imu_sim_ros.datasets.transforms import to_root
 
-SETTINGS = {
-    "camera.body_axes": "flu",
-    "camera.width": "94",
-    "camera.height": "60",
-    "camera.intrinsics": "[57.3,57.2,45.9,31.0]",
-    "camera.dropout_probability": "0.2",
-    "camera.time_offset": "0.005",
-    "cam1.camera.encoding": "rgb8",
-    "cam1.camera.depth": "true",
-    "cam1.camera.images": "both",
-}
-FLIGHT = [
-    *("--camera", "euroc_cam0", "--camera", "euroc_cam1", "--trajectory", "target"),
-    *("--duration", "0.6s", "--seed", "5", "--quiet", "--scene", "aprilgrid"),
-    *(word for key, value in SETTINGS.items() for word in ("--set", f"{key}={value}")),
-]
+FLIGHT = small_stereo("0.6s", {"camera.time_offset": "0.005", "cam1.camera.images": "both"})
 
 
 @pytest.fixture(scope="module")

@@ -61,15 +61,17 @@ SAMPLES = 3000
 
 
 def simulation(**values: object) -> Body:
+    """Return a body at rest with the default IMU and these parameters."""
     return Body(load_simulation({"trajectory.type": "static", **values}))
 
 
 def perfect(values: dict[str, object]) -> Body:
+    """Return a body at rest with an IMU that has these errors alone."""
     return Body(load_simulation({"imu.preset": "perfect", "trajectory.type": "static", **values}))
 
 
 def arrays(block: Samples) -> list[np.ndarray]:
-    """All fields of the IMU in order, but ``delivered`` as indices of samples."""
+    """Return all fields of the IMU in order, with ``delivered`` as indices of samples."""
     times = [block.true_t_ns, block.t_ns, block.release_t_ns, block.delivered + block.first]
     values = [value for name, value in block.values.items() if name != "motion"]
     return [*times, *values, *block.motion]
@@ -82,11 +84,13 @@ def first_windows(run: Body, size: int, count: int) -> Iterator[dict[str, Sample
 
 
 def joined(run: Body, size: int, count: int = SAMPLES) -> list[np.ndarray]:
+    """Return the fields of ``count`` samples as :func:`arrays` does, read in blocks of a size."""
     blocks = [arrays(window["imu"]) for window in first_windows(run, size, count)]
     return [np.concatenate(parts) for parts in zip(*blocks, strict=True)]
 
 
 def fingerprint(run: Body, size: int) -> str:
+    """Return a digest of all bytes of the samples, read in blocks of a size."""
     digest = hashlib.sha256()
     for values in joined(run, size):
         digest.update(np.ascontiguousarray(values).tobytes())
@@ -103,7 +107,7 @@ RANDOM_TERMS = {
 
 
 def read_all(run: Body, size: int, count: int, quantity: str) -> Samples:
-    """All samples of a sensor, read in windows."""
+    """Return ``count`` samples of a sensor, read in windows of ``size``."""
     return joined_samples([block[quantity] for block in first_windows(run, size, count)])
 
 

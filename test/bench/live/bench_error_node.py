@@ -29,11 +29,11 @@ from pathlib import Path
 from typing import NamedTuple
 
 import numpy as np
+from process_time import cpu_seconds
 
 from imu_sim_ros.terminal.text_tables import print_table
 
 HERE = Path(__file__).resolve()
-_TICKS = os.sysconf("SC_CLK_TCK")
 _WARM_UP = 5.0
 """[s] After the first messages of all variants; the check at the start is over then."""
 _PERIOD = 0.001
@@ -171,12 +171,6 @@ def publish(rate: int, subscribers: int, seconds: float) -> None:
         publisher.publish(bytes(row))
     time.sleep(1.0)
     rclpy.try_shutdown()
-
-
-def cpu_seconds(pid: int) -> float:
-    """Return the processor time that a process has used."""
-    fields = Path(f"/proc/{pid}/stat").read_text().rpartition(")")[2].split()
-    return (int(fields[11]) + int(fields[12])) / _TICKS
 
 
 def measure(variants: Mapping[str, Variant], rate: int, duration: float) -> list[list[str]]:

@@ -29,6 +29,8 @@ from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+from process_time import cpu_seconds
+
 from imu_sim_ros.terminal.text_tables import print_table
 
 if TYPE_CHECKING:
@@ -42,7 +44,6 @@ _TITLES = {
     "loop": "bare loop, same bytes",
 }
 _WARM_UP = 5.0
-_TICKS = os.sysconf("SC_CLK_TCK")
 
 
 def subscribe(seconds: float) -> None:
@@ -154,12 +155,6 @@ def loop(rate: float, duration: float) -> None:
     print(f"simulator: published {count} messages on imu/data_raw", flush=True)
     time.sleep(0.5)
     rclpy.try_shutdown()
-
-
-def cpu_seconds(pid: int) -> float:
-    """Return the processor time that a process has used."""
-    fields = Path(f"/proc/{pid}/stat").read_text().rpartition(")")[2].split()
-    return (int(fields[11]) + int(fields[12])) / _TICKS
 
 
 def command(publisher: str, rate: int, seconds: float, preset: str) -> list[str]:

@@ -19,10 +19,11 @@ import time
 from functools import partial
 from pathlib import Path
 
+from process_time import cpu_seconds
+
 from imu_sim_ros.terminal.text_tables import print_table
 
 HERE = Path(__file__).resolve()
-_TICKS = os.sysconf("SC_CLK_TCK")
 _WARM_UP = 5.0
 """[s] After the first messages: what a process imports when it starts is not meant."""
 _TAIL = 10.0
@@ -78,12 +79,6 @@ def subscribe() -> None:
         pass
     print("received", sum(counts.values()), flush=True)
     rclpy.try_shutdown()
-
-
-def cpu_seconds(pid: int) -> float:
-    """Return the processor time that a process has used."""
-    fields = Path(f"/proc/{pid}/stat").read_text().rpartition(")")[2].split()
-    return (int(fields[11]) + int(fields[12])) / _TICKS
 
 
 def start(variant: str, rate: int, seconds: float, domain: int) -> list[subprocess.Popen[str]]:

@@ -16,6 +16,7 @@ from mcap.reader import make_reader
 from ros_messages import stamp_ns
 from rosbags.highlevel import AnyReader
 from rosbags.typesys import Stores, get_typestore
+from small_stereo import SETTINGS, small_stereo
 
 from imu_sim_ros.camera import build_rig
 from imu_sim_ros.commands import generate
@@ -27,23 +28,8 @@ from imu_sim_ros.simulation.topics import offered
 from imu_sim_ros.trajectory.parameters import trajectory_layer
 
 STORE = get_typestore(Stores.ROS2_JAZZY)
-SETTINGS = {
-    "camera.body_axes": "flu",
-    "camera.width": "94",
-    "camera.height": "60",
-    "camera.intrinsics": "[57.3,57.2,45.9,31.0]",
-    "camera.dropout_probability": "0.2",
-    "camera.time_offset": "0.005",
-    "camera.images": "both",
-    "cam1.camera.encoding": "rgb8",
-    "cam1.camera.depth": "true",
-    "features.layout": "fusion",
-}
-RIG = [
-    *("--camera", "euroc_cam0", "--camera", "euroc_cam1", "--trajectory", "target"),
-    *("--duration", "1.2s", "--seed", "5", "--quiet", "--scene", "aprilgrid"),
-    *(word for key, value in SETTINGS.items() for word in ("--set", f"{key}={value}")),
-]
+EXTRA = {"camera.time_offset": "0.005", "camera.images": "both", "features.layout": "fusion"}
+RIG = small_stereo("1.2s", EXTRA)
 FORMS = ("ros1.bag", "one.mcap", "folder", "sqlite")
 
 
@@ -62,7 +48,8 @@ def folder(tmp_path_factory):
 @pytest.fixture(scope="module")
 def rig():
     """Build the same cameras in Python."""
-    values = {k: json.loads(v) if v[0] in "[0123456789t" else v for k, v in SETTINGS.items()}
+    settings = {**SETTINGS, **EXTRA}
+    values = {k: json.loads(v) if v[0] in "[0123456789t" else v for k, v in settings.items()}
     presets = {"cam0.camera.preset": "euroc_cam0", "cam1.camera.preset": "euroc_cam1"}
     return build_rig(
         {
