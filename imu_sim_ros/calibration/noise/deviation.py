@@ -18,8 +18,6 @@ _SHORT: Final = 1024
 """Largest cluster for which every sample is used; longer ones use the stored phase."""
 _PHASES: Final = 1 << 19
 """Number of stored phases per axis; of longer records every second, fourth, ... one."""
-_PADDING: Final = 520
-"""Padding between axes, which would share the same lines of the cache at powers of two."""
 
 
 class Deviation(NamedTuple):
@@ -93,7 +91,8 @@ class DeviationAccumulator:
         self._terms: defaultdict[int, int] = defaultdict(int)
         self._longest = 0
         self._short = [int(m) for m in cluster_sizes(3 * _SHORT)]
-        self._stored = np.empty((axes, _PHASES + _CHUNK + _PADDING))
+        self._stored: list[Array] = []
+        """Phases (n,) of the piece by axis."""
         self._count = 0
         """Samples of the piece so far."""
 
@@ -106,7 +105,9 @@ class DeviationAccumulator:
                 self._offset = part.mean(axis=1, keepdims=True)
                 self._tail = np.zeros((self._axes, 1))
                 self._stride = self._stored_count = 1
-                self._stored[:, 0] = 0.0
+                self._stored = [np.empty(_PHASES + _CHUNK) for _ in range(self._axes)]
+                for stored in self._stored:
+                    stored[0] = 0.0
             phase = np.cumsum(part - self._offset, axis=1) / self._rate + self._tail[:, -1:]
             window = np.concatenate([self._tail, phase], axis=1)
             for m in self._short:
@@ -119,9 +120,10 @@ class DeviationAccumulator:
             skip = -(self._count + 1) % self._stride
             stored_phase = phase[:, skip :: self._stride]
             end = self._stored_count + stored_phase.shape[1]
-            self._stored[:, self._stored_count : end] = stored_phase
+            for stored, phases in zip(self._stored, stored_phase, strict=True):
+                stored[self._stored_count : end] = phases
             if end > _PHASES:
-                for stored in self._stored:  # one by one, since a copy of all takes as much memory
+                for stored in self._stored:
                     stored[: (end + 1) // 2] = stored[:end:2].copy()
                 end = (end + 1) // 2
                 self._stride *= 2
@@ -134,8 +136,10 @@ class DeviationAccumulator:
             if size > self._short[-1]:
                 m = size // self._stride
                 terms = self._stored_count - 2 * m
-                self._totals[size] += _sum_of_squares(self._stored, m, 0, terms)
+                sums = [_sum_of_squares(stored[None], m, 0, terms) for stored in self._stored]
+                self._totals[size] += np.concatenate(sums)
                 self._terms[size] += terms
+        self._stored = []  # its memory serves what follows
         self._longest = max(self._longest, self._count)
         self._count = 0
 

@@ -12,7 +12,7 @@ gains less may be there or not: what rests on the slow coefficients is then to h
 without it.
 """
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from functools import partial
 from typing import Final, NamedTuple, Protocol
 
@@ -122,16 +122,16 @@ Signal = Line | LevelShift | Transient
 
 
 class Cleaned(NamedTuple):
-    """Values (axes, n) without some signals."""
+    """Values (n,) without some signals."""
 
     values: Array
     inflation: Array
-    """(axes, m) factors of the cosine transform's coefficients from the second on, which restore
-    the variance that the fit of shifts and transients removed."""
+    """(m,) factors of the cosine transform's coefficients from the second on, which restore the
+    variance that the fit of shifts and transients removed."""
 
 
 class SlowSignals(NamedTuple):
-    """Signals in the values (axes, n) of a piece."""
+    """Signals in the values (n,) of an axis in a piece."""
 
     certain: list[Signal]
     doubtful: list[Signal]
@@ -141,34 +141,41 @@ class SlowSignals(NamedTuple):
     """Values without certain and doubtful signals."""
 
 
-def find_signals(values: Array, highest: float, interval: float = 1.0) -> SlowSignals:
-    """Return the signals of values (axes, n).
+def find_signals(
+    columns: Iterable[Array], highest: float, interval: float = 1.0
+) -> Iterator[SlowSignals]:
+    """Yield the signals of each axis, which is in memory only until the next one.
 
+    :param columns: values (n,) of each axis.
     :param highest: frequency up to which lines are searched, cycles per value.
     :param interval: time between two values [s].
     """
-    axes, n = values.shape
+    search: _Search | None = None
+    for axis, column in enumerate(columns):
+        n = len(column)
+        if search is None and n >= _MIN_POINTS:
+            search = _Search(n, highest, interval)
+        signals = SlowSignals(
+            [], [], *[Cleaned(column, np.ones(search.count if search else 0))] * 2
+        )
+        if search is not None and (column != column[0]).any():
+            detection = search.signals(column - column.mean())
+            if detection.components:
+                signals = _without(column, axis, detection)
+        yield signals
+
+
+def _without(column: Array, axis: int, detection: "_Signals") -> SlowSignals:
+    """Return the signals of an axis, and its values (n,) without them."""
     certain: list[Signal] = []
     doubtful: list[Signal] = []
-    search = _Search(n, highest, interval) if n >= _MIN_POINTS else None
-    unit = np.ones((axes, 0 if search is None else search.count))
-    cleaned, smoother = Cleaned(values, unit), Cleaned(values, unit)
-    for axis, column in enumerate(values):
-        if search is None or not (column != column[0]).any():
-            continue
-        detection = search.signals(column - column.mean())
-        if not detection.components:
-            continue
-        if cleaned.values is values:
-            cleaned = Cleaned(values.copy(), unit.copy())
-            smoother = Cleaned(values.copy(), unit.copy())
-        for component, is_certain in zip(detection.components, detection.certain, strict=True):
-            curve = component.kind.values(component)
-            smoother.values[axis] -= curve
-            if is_certain:
-                cleaned.values[axis] -= curve
-            (certain if is_certain else doubtful).append(component.kind.signal(axis, component))
-        cleaned.inflation[axis], smoother.inflation[axis] = detection.inflation
+    cleaned, smoother = (Cleaned(column.copy(), part) for part in detection.inflation)
+    for component, is_certain in zip(detection.components, detection.certain, strict=True):
+        curve = component.kind.values(component)
+        smoother.values[:] -= curve
+        if is_certain:
+            cleaned.values[:] -= curve
+        (certain if is_certain else doubtful).append(component.kind.signal(axis, component))
     return SlowSignals(certain, doubtful, cleaned, smoother if doubtful else cleaned)
 
 
@@ -641,10 +648,16 @@ class _Search:
         slowest, end = int(0.45 * _SINGLE), int(self._last) + 1
         if end <= slowest + 1:
             return []
-        residual = x - sum(c.kind.values(c) for c in best.components)
+        # In place, since each array is as long as the record.
+        level = x - sum(c.kind.values(c) for c in best.components)
         line = np.linspace(-1.0, 1.0, self._n)
-        level = residual - line * (line @ residual) / (line @ line)
-        power = np.abs(np.fft.rfft(np.hanning(self._n) * level))[:end] ** 2
+        product, norm = line @ level, line @ line
+        line *= product
+        line /= norm
+        level -= line
+        del line
+        level *= np.hanning(self._n)
+        power = np.abs(np.fft.rfft(level)[:end]) ** 2
         count = int(np.log(end / slowest) / np.log(_STEP)) + 2
         centres = np.unique((slowest * _STEP ** np.arange(count)).astype(np.int64))
         # The median of exponentially distributed powers is ln 2 of their mean.
@@ -668,21 +681,36 @@ class _Search:
         n, weight = self._n, 1.0 / best.variance
         scaled = np.sqrt(weight) * self._shift.factors
         q, residual = self._fitted_base(best, _ALL, weight)
-        series = np.zeros((1 + q.shape[1], n - 1))
-        series[:, : self.count] = np.vstack([residual, q.T]) * scaled
-        products = 0.5 * self._sine_transform(series, axis=1)
         squares = np.zeros(n)
         squares[1 : 1 + self.count] = scaled**2
-        cosines = np.fft.fft(squares).real[1:]
-        size = 0.5 * (squares.sum() - cosines)
-        free = size - np.square(products[1:]).sum(axis=0)
-        sound = free > 1e-6 * size
+        cosines = np.fft.rfft(squares).real
+        size = squares.sum() - np.append(cosines[1:], cosines[(n - 1) // 2 : 0 : -1])
+        size *= 0.5
+        del squares, cosines
+        series, explained = np.zeros((2, n - 1))
+        # One by one and in place, since each array is as long as the record.
+        for column in q.T:
+            series[: self.count] = column * scaled
+            product = self._sine_transform(series)
+            product *= 0.5
+            explained += np.square(product, out=product)
+        series[: self.count] = residual * scaled
+        free = np.subtract(size, explained, out=explained)
+        size *= 1e-6
+        sound = free > size
+        del size
         sound[: _MARGIN - 1] = sound[len(sound) - _MARGIN + 1 :] = False
         for component in best.components:
             if component.kind is self._shift:
                 centre = int(component.parameter) - 1
                 sound[max(centre - _MARGIN, 0) : centre + _MARGIN + 1] = False
-        gain = np.where(sound, 0.5 * products[0] ** 2 / np.where(sound, free, 1.0), 0.0)
+        gain = self._sine_transform(series)
+        gain *= 0.5
+        np.square(gain, out=gain)
+        gain *= 0.5
+        free[~sound] = 1.0
+        gain /= free
+        gain[~sound] = 0.0
         k = int(np.argmax(gain))
         return float(k + 1), float(gain[k])
 

@@ -10,7 +10,9 @@ second difference matrix with free ends, whose eigenvectors are the DCT-II's; St
 cosine transform", SIAM Review 41, 1999.) No window, no differencing and no leakage.
 """
 
+import ctypes
 from collections.abc import Iterable
+from contextlib import suppress
 from functools import partial
 from typing import Final, NamedTuple
 
@@ -116,6 +118,17 @@ class _Bins(NamedTuple):
     """Sums of the logarithms of the coefficients' frequencies, by bin [cycles per sample]."""
 
 
+class _LowBins(NamedTuple):
+    """Bins of the coefficients below the split."""
+
+    order: Integers
+    """Indices of the coefficients, from 1."""
+    edges: Integers
+    """(m,) first coefficient of each bin, counted from the first one."""
+    freedom: Array
+    """(m,) number of coefficients in each bin."""
+
+
 class SpectrumAccumulator:
     """Accumulator of a record in blocks, in pieces that are treated as independent."""
 
@@ -138,8 +151,8 @@ class SpectrumAccumulator:
         """Slow signals that were taken out; their times in samples, positions from the first."""
         self.doubtful: list[Signal] = []
         """Slow signals that may be there or not; they were left in."""
-        self._segment = np.empty((axes, _SEGMENT))
-        self._workspace = np.empty((axes, _SEGMENT))
+        self._segment = self._workspace = np.empty((axes, 0))
+        """(axes, n) samples of the piece, and memory for their transform."""
         self._filled = 0
         self._offset: Array | None = None
         """(axes, 1) mean of the piece's first segment."""
@@ -150,6 +163,9 @@ class SpectrumAccumulator:
 
     def add(self, y: Array) -> None:
         """Add the next readings (n, axes) of the piece."""
+        if not self._segment.size:
+            self._segment = np.empty((self._axes, _SEGMENT))
+            self._workspace = np.empty((self._axes, _SEGMENT))
         start = 0
         while start < len(y):
             count = min(len(y) - start, _SEGMENT - self._filled)
@@ -162,25 +178,39 @@ class SpectrumAccumulator:
     def end_piece(self) -> None:
         """Close the piece: the next readings are not connected to it."""
         self._flush()
+        self._segment = self._workspace = np.empty((self._axes, 0))
         if self._clusters:
-            values = np.concatenate(self._clusters, axis=1)
+            self._add_low_part()
             self._clusters = []
-            detected = find_signals(values, _SPLIT * CLUSTER, CLUSTER * self._dt)
-            for signals, signals_of_piece in (
-                (self.signals, detected.certain),
-                (self.doubtful, detected.doubtful),
-            ):
-                signals += [_in_samples(signal, self._begin) for signal in signals_of_piece]
-            for signal in detected.certain:
-                if isinstance(signal, LevelShift):
-                    self._remove_shift(signal)
-            low = self._low_part(detected.without_certain)
-            self._low.append(low)
-            self._low_without_doubtful.append(
-                self._low_part(detected.without_doubtful) if detected.doubtful else low
-            )
         self._offset = None
         self._begin = self._samples
+
+    def _add_low_part(self) -> None:
+        """Take signals out of the averages of the piece, and add the rows below the split.
+
+        One axis after the other: each needs several times the memory of its averages.
+        """
+        columns = (
+            np.concatenate([part[axis] for part in self._clusters]) for axis in range(self._axes)
+        )
+        n = sum(part.shape[1] for part in self._clusters)
+        bins = self._low_bins(n)
+        sums: list[tuple[Array, Array]] = []
+        without_doubtful: list[tuple[Array, Array]] = []
+        shifts: list[LevelShift] = []
+        for detected in find_signals(columns, _SPLIT * CLUSTER, CLUSTER * self._dt):
+            self.signals += [_in_samples(signal, self._begin) for signal in detected.certain]
+            self.doubtful += [_in_samples(signal, self._begin) for signal in detected.doubtful]
+            shifts += [signal for signal in detected.certain if isinstance(signal, LevelShift)]
+            sums.append(self._low_sums(detected.without_certain, bins))
+            without_doubtful.append(
+                self._low_sums(detected.without_doubtful, bins) if detected.doubtful else sums[-1]
+            )
+            _release_memory()
+        for shift in shifts:
+            self._remove_shift(shift)
+        self._low.append(self._low_part(sums, bins, n))
+        self._low_without_doubtful.append(self._low_part(without_doubtful, bins, n))
 
     def _flush(self) -> None:
         """Transform the samples of the segment, add them to the bins, and keep their averages."""
@@ -240,14 +270,11 @@ class SpectrumAccumulator:
         log_frequency: Array = np.bincount(bins, weights=logs, minlength=size).astype(np.float64)
         return _Bins(begin, end, starts, bins[starts], freedom, log_frequency)
 
-    def _low_part(self, cleaned: Cleaned) -> Spectrum:
-        """Return the rows of a piece below the split, from its averages.
+    def _low_bins(self, n: int) -> _LowBins:
+        """Return the bins of the coefficients of n averages.
 
         The first coefficients are rows of their own, the others are in log-spaced bins.
         """
-        clusters, inflation = cleaned
-        n = clusters.shape[1]
-        interval = CLUSTER * self._dt
         end = int(np.ceil(2.0 * n * _SPLIT * CLUSTER))  # the first coefficient at the split
         order = np.arange(1, end)
         edges = np.arange(min(_SINGLE, len(order)))
@@ -255,22 +282,33 @@ class SpectrumAccumulator:
             count = int(np.ceil(np.log(len(order) / _SINGLE) / _WIDTH)) + 1
             bins = np.geomspace(_SINGLE, len(order), count).astype(np.int64)
             edges = np.unique(np.concatenate([edges, bins[bins < len(order)]]))
-        freedom = np.diff(np.append(edges, len(order))).astype(np.float64)
-        amplitude, sums = np.empty((2, len(edges), self._axes))
-        for axis in range(self._axes):  # one by one: each needs the memory of its averages again
-            values = clusters[axis : axis + 1]
-            centred = values - values.mean(axis=1, keepdims=True)
-            coefficient = self._dct(centred)[:, 1:end] * np.sqrt(interval)
-            shared = min(len(order), inflation.shape[1])
-            coefficient[:, :shared] *= inflation[axis, :shared]
-            amplitude[:, axis] = coefficient[0, edges]
-            sums[:, axis] = self._sums_of_squares(coefficient, edges)[0]
-        power = sums / freedom[:, None]
+        return _LowBins(order, edges, np.diff(np.append(edges, len(order))).astype(np.float64))
+
+    def _low_sums(self, cleaned: Cleaned, bins: _LowBins) -> tuple[Array, Array]:
+        """Return the first coefficient (m,) of each bin of an axis, and the sum (m,) of squares."""
+        values, inflation = cleaned
+        order, edges, _ = bins
+        centred = (values - values.mean())[None]
+        interval = CLUSTER * self._dt
+        coefficient = self._dct(centred)[:, 1 : len(order) + 1] * np.sqrt(interval)
+        shared = min(len(order), len(inflation))
+        coefficient[:, :shared] *= inflation[:shared]
+        amplitude = coefficient[0, edges]
+        return amplitude, self._sums_of_squares(coefficient, edges)[0]
+
+    def _low_part(self, sums: Iterable[tuple[Array, Array]], bins: _LowBins, n: int) -> Spectrum:
+        """Return the rows of a piece of n averages below the split.
+
+        :param sums: the results of :meth:`_low_sums` of each axis.
+        """
+        order, edges, freedom = bins
+        amplitude, squares = (np.stack(columns, axis=1) for columns in zip(*sums, strict=True))
+        interval = CLUSTER * self._dt
         mean_order = np.exp(np.add.reduceat(np.log(order), edges) / freedom)
         single = freedom == 1
         return Spectrum(
             mean_order / (2.0 * n * interval),
-            power,
+            squares / freedom[:, None],
             freedom,
             np.where(single, mean_order.round(), 0.0),
             np.full(len(edges), interval),
@@ -301,6 +339,16 @@ class SpectrumAccumulator:
         parts = [*(self._low if doubtful else self._low_without_doubtful), high]
         columns = zip(*(part[:-1] for part in parts), strict=True)
         return Spectrum._make([*map(np.concatenate, columns), self._dt])
+
+
+def _release_memory() -> None:
+    """Return freed memory to the system.
+
+    The C library keeps what lies between other blocks: of a long record, several times the memory
+    of an axis.
+    """
+    with suppress(AttributeError):  # a function of glibc
+        ctypes.CDLL(None).malloc_trim(0)
 
 
 def _in_samples(signal: Signal, begin: int) -> Signal:
