@@ -40,7 +40,7 @@ def generate_launch_description():
 def _actions(values):
     namespace = values["namespace"].strip("/")
     simulator = launching.required_node(
-        "simulator", SimulatorParameters, values, namespace, below=BELOW_SIMULATOR
+        "simulator", SimulatorParameters, values, namespace, base_arguments=BELOW_SIMULATOR
     )
     integrators = [
         _integrator(values, "/".join(part for part in (namespace, imu) if part), namespace)
@@ -61,6 +61,6 @@ def _integrator(values, namespace, namespace_of_truth):
         IntegratorParameters,
         values,
         namespace,
-        below=BELOW_INTEGRATOR,
+        base_arguments=BELOW_INTEGRATOR,
         remappings=[("ground_truth/odom", truth)] if namespace != namespace_of_truth else [],
     )

@@ -84,7 +84,7 @@ def _job(max_gap: Annotated[float, "TIME"] = 0.5) -> float:
 
     :param max_gap: longest gap [s]
     """
-    return number("max_gap", max_gap, "above 0", 0.0, above=True)
+    return number("max_gap", max_gap, "above 0", 0.0, exclusive=True)
 
 
 def test_a_program_is_told_about_what_was_typed_alone():

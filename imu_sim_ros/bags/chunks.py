@@ -217,7 +217,10 @@ class ChunkWriter(Writer):
             if prefix:
                 chunk = Chunk(
                     np.concatenate([np.frombuffer(prefix, np.uint8), built.records]),
-                    [Indexed(t, t_ns, at + len(prefix)) for t, t_ns, at in built.messages],
+                    [
+                        Indexed(topic, t_ns, offsets + len(prefix))
+                        for topic, t_ns, offsets in built.messages
+                    ],
                 )
             for topic, t_ns, _ in chunk.messages:
                 topic.add(len(t_ns), int(t_ns.min()), int(t_ns.max()))
@@ -322,10 +325,10 @@ def merged(tables: Sequence[tuple[Simultaneous, slice]]) -> Chunk:
         positions = [(ends - widths[owner])[owner == k] for k in range(len(tables))]
         starts = np.flatnonzero(np.concatenate([[True], owner[1:] != owner[:-1]]))
         sources = owner[starts]
-        begins = (row[starts] * widths[sources]).tolist()
-        last = ((row[np.append(starts[1:], len(owner)) - 1] + 1) * widths[sources]).tolist()
+        piece_begins = (row[starts] * widths[sources]).tolist()
+        piece_ends = ((row[np.append(starts[1:], len(owner)) - 1] + 1) * widths[sources]).tolist()
         memory = [memoryview(rows.reshape(-1).data) for rows in content]
-        pieces = zip(sources.tolist(), begins, last, strict=True)
+        pieces = zip(sources.tolist(), piece_begins, piece_ends, strict=True)
         joined = b"".join([memory[k][begin:end] for k, begin, end in pieces])
         records = np.frombuffer(joined, np.uint8)
     messages = []

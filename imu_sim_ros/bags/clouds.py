@@ -46,7 +46,7 @@ def read_cloud(path: Path, name: str) -> Array:
     :raises InputError: for a cloud without x, y and z.
     """
     with open_bag(path) as bag:
-        topic = next((one for one in bag.topics if one.name.strip("/") == name), None)
+        topic = next((info for info in bag.topics if info.name.strip("/") == name), None)
     if topic is None or not topic.count:
         return np.empty((0, 3))
     _, rows = next(read_clouds(path, topic.name))

@@ -130,10 +130,10 @@ class McapBag(ChunkedBag[_Chunk]):
             if opcode != _FOOTER or begin > end:
                 raise ValueError("there is no footer, or that of another file")
             summary = self._bytes(begin, end - begin) if begin else b""
-            last = 0
+            record_end = 0
             for opcode, start, length in _records(memoryview(summary)):
-                last = start + _HEADER_BYTES + length
-                body = ReadDataStream(BytesIO(summary[start + _HEADER_BYTES : last]))
+                record_end = start + _HEADER_BYTES + length
+                body = ReadDataStream(BytesIO(summary[start + _HEADER_BYTES : record_end]))
                 if opcode == _SCHEMA:
                     schema = SchemaRecord.read(body)
                     schemas[schema.id] = schema
@@ -144,7 +144,7 @@ class McapBag(ChunkedBag[_Chunk]):
                     indexes.append(ChunkIndex.read(body))
                 elif opcode == _STATISTICS:
                     statistics = Statistics.read(body)
-            if last != len(summary):
+            if record_end != len(summary):
                 raise ValueError("the summary is that of another file")
         except (McapError, *DAMAGE):
             raise InputError(

@@ -283,12 +283,12 @@ class Target:
     """The folder that is renamed from; it lies next to the target."""
     path: Path
     """Path for writing."""
-    kept: bool = False
+    keep_partial: bool = False
     """True if the complete part is kept under a partial name when the program is interrupted."""
     companion_of: "Target | None" = None
-    """An output of the same folder, in whose staging folder this one is written: a program that is
-    killed leaves one folder. With ``kept`` it is complete before that one's first part, and kept
-    under the name of that part."""
+    """An output of the same folder, in whose staging folder this one is written, so that a killed
+    program leaves one folder. With ``keep_partial`` this output is complete before the first part
+    of that one, and is kept under the name of that part."""
     summary: Callable[[], str] | None = None
     """Describes the contents of a kept part: "812 messages up to stamp 4.06 s". None: there is no
     whole part yet, for its files are only being opened."""
@@ -300,7 +300,7 @@ class Outputs:
     Add all of them first, and write them inside ``staged``. That refuses, all together, those that
     exist (unless ``force``), that are an input, that cannot be made; and makes their parents. The
     end of the block gives every output its name; an error removes what was written. Ctrl-C and the
-    like (any exception that is no :class:`Exception`) leave targets with ``kept`` as
+    like (any exception that is no :class:`Exception`) leave targets with ``keep_partial`` as
     ``NAME.partial.EXT``; the exception's args then get a line about each::
 
         outputs = Outputs(inputs=[bag], force=arguments.force)
@@ -330,14 +330,14 @@ class Outputs:
         path: str | Path,
         *,
         endings: Sequence[str] = (),
-        kept: bool = False,
+        keep_partial: bool = False,
         companion_of: Target | None = None,
     ) -> Target:
         """Add a file, or a folder that is made as a whole.
 
         :param path: final path.
         :param endings: allowed endings of the name; if empty, any.
-        :param kept: keep complete parts when the program is interrupted.
+        :param keep_partial: keep complete parts when the program is interrupted.
         :param companion_of: an output of the same folder.
         :returns: the output, with the ``path`` for writing. Siblings with its stem (``NAME_0.bag``)
             are renamed as well.
@@ -347,7 +347,9 @@ class Outputs:
             raise InputError(f"{path}: must end in {' or '.join(endings)}")
         owner = companion_of
         staging = owner.staging if owner else final.parent / (final.name + ACTIVE_SUFFIX)
-        target = Target(final, final.parent, [final], staging, staging / final.name, kept, owner)
+        target = Target(
+            final, final.parent, [final], staging, staging / final.name, keep_partial, owner
+        )
         self._targets.append(target)
         return target
 
@@ -402,8 +404,8 @@ class Outputs:
                     # The error of a write has no file name; the failed one is among these.
                     error.filename = ", ".join(str(target.final) for target in self._targets)
                 if isinstance(error, ImuSimError):
-                    named = [self._finally_named(line) for line in error.problems]
-                    raise type(error)(named) from None
+                    final_lines = [self._finally_named(line) for line in error.problems]
+                    raise type(error)(final_lines) from None
                 raise
             ending.enter_context(follower.undisturbed())
             entries: dict[Path, list[Path]] = {}
@@ -530,7 +532,7 @@ class Outputs:
         lines = []
         companions = {target.path for target in self._targets if target.companion_of is not None}
         for target in staged:
-            if not target.kept or target.summary is None:
+            if not target.keep_partial or target.summary is None:
                 continue
             names: list[str] = []
             for entry in sorted(target.staging.iterdir()):
@@ -541,8 +543,8 @@ class Outputs:
                 names.append(str(partial))
             if names:
                 suffix = f" and {len(names) - 1} more files" if len(names) > 1 else ""
-                kept = self._keep_companions(target, Path(names[0]).name)
-                next_to_it = f", with {', '.join(kept)}" if kept else ""
+                companion_names = self._keep_companions(target, Path(names[0]).name)
+                next_to_it = f", with {', '.join(companion_names)}" if companion_names else ""
                 lines.append(f"{names[0]}{suffix}: {target.summary()}{next_to_it}")
         return lines
 
@@ -552,7 +554,7 @@ class Outputs:
         for companion in self._targets:
             if (
                 companion.companion_of is not target
-                or not companion.kept
+                or not companion.keep_partial
                 or not companion.path.exists()
             ):
                 continue

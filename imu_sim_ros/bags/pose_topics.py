@@ -43,10 +43,10 @@ def pose_topic(bag: Bag, topic: str | None) -> tuple[str, str, tuple[str, str] |
     frames = tuple(pair.split(".", 1)) if "." in pair else None
     info = bag.find(topic) or bag.find(plain)  # a name in a log may have a colon
     if info is None or info.type not in POSE_TYPES:
-        others = listed(fitting) if fitting else "none"
+        available = listed(fitting) if fitting else "none"
         hint = suggestion(plain, (info.name for info in fitting), "")
         raise InputError(
-            f"{bag.path}: has no topic {topic} of poses; it has {others}{hint and f'; {hint}'}"
+            f"{bag.path}: has no topic {topic} of poses; it has {available}{hint and f'; {hint}'}"
         )
     if info.type == TF_MESSAGE and (frames is None or not all(frames)):
         raise InputError(

@@ -250,9 +250,9 @@ class Bag(AbstractContextManager["Bag"], Shareable):
         fitting = [topic for topic in self.topics if topic.type == type_name]
         name = self.default(type_name) if name is None else name
         if name is not None:
-            named = self.find(name)
-            if named is not None and named.type == type_name:
-                return named
+            info = self.find(name)
+            if info is not None and info.type == type_name:
+                return info
             hint = missing(name, self.topics, fitting)
             raise InputError(f"{self.path}: has no topic {name} of {type_name}; {hint}")
         measured = [topic for topic in fitting if not topic.name.endswith("/" + IDEAL_IMU_TOPIC)]

@@ -174,7 +174,7 @@ class Rosbag1Writer(ChunkWriter):
             Column(_OFFSETS["nanosec"], nanosecond),
         ]
         if topic in self._numbered and size >= _SEQ_BYTES:
-            start += topic.before
+            start += topic.earlier_messages
             seq = Column(0, np.arange(start, start + count).astype("<u4"))
             payloads = RowTemplate(payloads.template, [*payloads.columns, seq], count)
         return [RowTemplate(header.tobytes(), columns, count), payloads]
@@ -183,7 +183,7 @@ class Rosbag1Writer(ChunkWriter):
         """Return one message as a record, its header numbered if need be."""
         header = fields(conn=_u4(topic.index), op=_u1(OP_MESSAGE), time=_time(t_ns))
         if topic in self._numbered and len(payload) >= _SEQ_BYTES:
-            payload = _u4((topic.before + index) & 0xFFFFFFFF) + payload[_SEQ_BYTES:]
+            payload = _u4((topic.earlier_messages + index) & 0xFFFFFFFF) + payload[_SEQ_BYTES:]
         return header + _u4(len(payload)) + payload
 
     def _pack(self, chunk: Chunk) -> Sequence[bytes | memoryview]:

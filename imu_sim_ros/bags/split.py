@@ -170,7 +170,7 @@ def _add(part: Writer, topic: BagTopic, previous_count: int = 0) -> None:
     part_topic = part.add_topic(
         topic.name, topic.type_name, topic.qos, topic.schema, topic.keeps_seq
     )
-    part_topic.before = previous_count
+    part_topic.earlier_messages = previous_count
 
 
 def _sizes(block: Block) -> Integers:

@@ -161,8 +161,8 @@ class SqliteWriter(Writer):
         ]
         statement = _INSERT_ROWS.format(width=sum(sizes), parts=str(parts)[1:-1])
         count = max(_STATEMENT_BYTES // max(sum(sizes), 1), 1)
-        for first in range(0, len(blocks[0].t_ns), count):
-            rows = slice(first, first + count)
+        for first_row in range(0, len(blocks[0].t_ns), count):
+            rows = slice(first_row, first_row + count)
             t_ns = np.ascontiguousarray(blocks[0].t_ns[rows])
             times = str(t_ns.tolist())  # JSON, from which SQLite takes them
             self._execute(statement, (side_by_side(patterns, rows).data, times))

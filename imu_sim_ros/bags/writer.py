@@ -46,7 +46,7 @@ class BagTopic:
     last_ns: int = EMPTY[2]
     keeps_seq: bool = False
     """ROS 1: the messages come with a header.seq of their own; else the writer counts."""
-    before: int = 0
+    earlier_messages: int = 0
     """Messages of this topic in earlier parts of the same bag."""
 
     def add(self, count: int, first_ns: int, last_ns: int) -> None:

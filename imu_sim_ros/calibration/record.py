@@ -84,7 +84,7 @@ class Record:
                     readings = np.concatenate(block.triads(), axis=1)
                     yield from self._process_stretches(self._clock.add(block.t_ns, readings))
                 advance(len(block.t_ns))
-            yield from self._process_stretches(self._clock.add(*_NO_READINGS, last=True))
+            yield from self._process_stretches(self._clock.add(*_NO_READINGS, at_end=True))
             if self.samples:
                 yield from self.rest.add(None)
 
@@ -152,10 +152,10 @@ class Record:
         saturated = []
         spread = np.sqrt(np.maximum(self._square / self.samples - self.mean**2, 0.0))
         for end in (self.lowest, self.highest):
-            far = np.abs(end.value - self.mean) > 2.0 * spread
-            often = end.hits > np.maximum(10, _SATURATED * self.samples)
-            piled_up = end.hits > _PILED_UP * end.next_hits
-            for k in np.flatnonzero(far & often & piled_up):
+            is_distant = np.abs(end.value - self.mean) > 2.0 * spread
+            is_frequent = end.hits > np.maximum(10, _SATURATED * self.samples)
+            is_pile = end.hits > _PILED_UP * end.next_hits
+            for k in np.flatnonzero(is_distant & is_frequent & is_pile):
                 share = float(end.hits[k] / self.samples)
                 saturated.append((int(k), float(end.value[k]), share))
         return saturated
@@ -179,9 +179,9 @@ class _Extreme:
         for k in np.flatnonzero(self._find(extreme, self.next_value) == extreme):
             column, extreme_value = columns[k], extreme[k]
             is_extreme = column == extreme_value
-            others = np.where(is_extreme, self._none, column)
-            next_value = self._find.reduce(others)
-            next_count = np.count_nonzero(others == next_value)
+            without_extreme = np.where(is_extreme, self._none, column)
+            next_value = self._find.reduce(without_extreme)
+            next_count = np.count_nonzero(without_extreme == next_value)
             values = np.array([self.value[k], self.next_value[k], extreme_value, next_value])
             counts = [self.hits[k], self.next_hits[k], np.count_nonzero(is_extreme), next_count]
             hits = np.array(counts)

@@ -166,7 +166,7 @@ def read_faults(content: object) -> tuple[TimedFault, ...]:
     faults, problems = [], Problems()
     for k, entry in enumerate(content):
         try:
-            with problems.gathered(before=f"faults[{k}]: "):
+            with problems.gathered(prefix=f"faults[{k}]: "):
                 faults.append(_fault(entry))
         except (TypeError, ValueError) as error:
             problems.append(f"faults[{k}] = {shown(entry)}: {error}")

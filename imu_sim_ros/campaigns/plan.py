@@ -337,9 +337,9 @@ def read_plan(tree: Mapping[str, object]) -> Plan:
     """
     problems = Problems()
 
-    def attempt(read: Callable[[], object], otherwise: object) -> Any:
+    def attempt(read_section: Callable[[], object], otherwise: object) -> Any:
         try:
-            return read()
+            return read_section()
         except ConfigurationError as error:
             problems.extend(error.problems)
             return otherwise
@@ -488,7 +488,7 @@ def _estimators(content: object) -> tuple[dict[str, Estimator], dict[str, dict[s
                 "only, and at most 64 characters"
             )
             continue
-        with problems.gathered(before=f"estimators.{name}: "):
+        with problems.gathered(prefix=f"estimators.{name}: "):
             estimators[str(name)], variables = _estimator(entry)
             if variables:
                 environment[str(name)] = variables

@@ -137,16 +137,16 @@ def number(
     allowed: str,
     low: float = -math.inf,
     high: float = sys.float_info.max,
-    above: bool = False,
+    exclusive: bool = False,
 ) -> float:
     """Return a finite number from ``low`` to ``high``.
 
-    :param above: it must be more than ``low``.
+    :param exclusive: True: the number must be above ``low``, not equal to it.
     :raises ConfigurationError: for another value.
     """
     if isinstance(value, bool) or not isinstance(value, int | float | np.integer | np.floating):
         refuse(name, value, allowed, wrong_type=True)
-    if not ((value > low if above else value >= low) and value <= high):
+    if not ((value > low if exclusive else value >= low) and value <= high):
         refuse(name, value, allowed)
     return float(value)
 

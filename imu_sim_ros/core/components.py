@@ -150,14 +150,14 @@ def rint(x: Component) -> Component:
     return math.copysign(round(x), x) if type(x) is float else np.rint(x)
 
 
-def quantise(x: Component, step: Component, least: Component, most: Component) -> Component:
+def quantise(x: Component, step: Component, lower: Component, upper: Component) -> Component:
     """Return x in whole steps, from ``least`` to ``most`` of them. The sign of a zero stays."""
     if type(x) is float:
         x /= step
         count = round(x)
-        bounded = least if count < least else most if count > most else count
+        bounded = lower if count < lower else upper if count > upper else count
         return math.copysign(bounded, x) * step
-    return np.minimum(np.maximum(np.rint(x / step), least), most) * step
+    return np.minimum(np.maximum(np.rint(x / step), lower), upper) * step
 
 
 def whole(x: Any) -> Any:
@@ -165,11 +165,11 @@ def whole(x: Any) -> Any:
     return round(x) if type(x) is float else np.rint(x).astype(np.int64)
 
 
-def limit(x: Component, least: Component | float, most: Component | float) -> Component:
+def limit(x: Component, lower: Component | float, upper: Component | float) -> Component:
     """Return x within limits."""
     if type(x) is float:
-        return least if x < least else most if x > most else x
-    return np.minimum(np.maximum(x, least), most)
+        return lower if x < lower else upper if x > upper else x
+    return np.minimum(np.maximum(x, lower), upper)
 
 
 def anywhere(condition: bool | Mask) -> bool:

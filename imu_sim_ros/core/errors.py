@@ -67,16 +67,17 @@ class Problems(list[str]):
         """Prefixes of parameters that depend on a wrong part; they are not checked."""
 
     @contextmanager
-    def gathered(self, before: str = "", hanging: str | None = None) -> Iterator[None]:
-        """Collect the problems of a part, so that the next parts are checked, too.
+    def gathered(self, prefix: str = "", hanging: str | None = None) -> Iterator[None]:
+        """Collect the problems that the block raises, so that later blocks are checked, too.
 
-        :param before: stands before each line.
-        :param hanging: prefix of the parameters that depend on the part; None: there are none.
+        :param prefix: text in front of each line.
+        :param hanging: prefix of the parameters that depend on what the block checks: they are not
+            judged after a problem. None: no parameter depends on it.
         """
         try:
             yield
         except (ConfigurationError, InputError) as error:
-            self += [f"{before}{line}" for line in error.problems if f"{before}{line}" not in self]
+            self += [f"{prefix}{line}" for line in error.problems if f"{prefix}{line}" not in self]
             self._kinds.add(type(error))
             self.unjudged += () if hanging is None else (hanging,)
 
@@ -149,6 +150,6 @@ def explain(error: BaseException) -> tuple[tuple[str, ...], int]:
         return (": ".join([*names, error.strerror]),), status
     if isinstance(error, MemoryError):
         return ("not enough memory",), 1
-    words = " ".join(str(error).split())
-    what = f"{type(error).__name__}: {words}" if words else type(error).__name__
+    message = " ".join(str(error).split())
+    what = f"{type(error).__name__}: {message}" if message else type(error).__name__
     return (f"unexpected: {what}; run with --debug for the traceback",), 1

@@ -78,9 +78,9 @@ class TimeSeries:
         prefix = "" if source == default else f"{source}."
         columns: dict[str, AnyArray] = {"t_ns": stamps(f"{prefix}t_ns", self.t_ns)}
         quantities: list[tuple[gate.Quantity, Array]] = []
-        given = _values(self)
+        field_values = _values(self)
         for name, declaration in self.columns().items():
-            values = given[name]
+            values = field_values[name]
             if values is None:
                 continue
             quantity = declaration.quantity
@@ -93,7 +93,7 @@ class TimeSeries:
                 quantities.append((quantity, columns[name]))
         if self.lines is not None:
             columns["lines"] = stamps(f"{prefix}lines", self.lines)
-        for name, value in given.items():
+        for name, value in field_values.items():
             if name.endswith("frame_id"):
                 text(f"{prefix}{name}", value, "a name", empty=True)
             elif name in ("skipped", "repeated"):
@@ -390,13 +390,13 @@ _FIELDS: Final[dict[type[TimeSeries], _Fields]] = {}
 
 def _fields_of(cls: type[TimeSeries]) -> _Fields:
     """Return the fields of a record class: names, defaults, arrays; computed once per class."""
-    known = _FIELDS.get(cls)
-    if known is None:
+    record_fields = _FIELDS.get(cls)
+    if record_fields is None:
         entries = fields(cls)
         defaults = {entry.name: entry.default for entry in entries if entry.default is not MISSING}
         arrays = ("t_ns", *cls.columns(), "lines")
-        known = _FIELDS[cls] = _Fields({entry.name for entry in entries}, arrays, defaults)
-    return known
+        record_fields = _FIELDS[cls] = _Fields({entry.name for entry in entries}, arrays, defaults)
+    return record_fields
 
 
 def _values(record: TimeSeries) -> Keywords:

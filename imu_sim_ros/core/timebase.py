@@ -73,10 +73,10 @@ def exact_rate(rate: float) -> Fraction:
     """
     if not (np.isfinite(rate) and rate > 0):
         raise ConfigurationError(f"rate = {rate}: must be a finite number above 0 Hz")
-    found = Fraction(repr(float(rate))).limit_denominator(_RATE_DENOMINATOR)
-    if not found:
+    fraction = Fraction(repr(float(rate))).limit_denominator(_RATE_DENOMINATOR)
+    if not fraction:
         raise ConfigurationError(f"rate = {rate:g}: must be at least {LOWEST_RATE:g} Hz")
-    return found
+    return fraction
 
 
 def seconds_since(t_ns: Integers, t0_ns: int) -> Array:
@@ -99,14 +99,14 @@ _LONGEST_DURATION: Final = 40
 _SECONDS: Final = {"": 1.0, "s": 1.0, "min": 60.0, "h": 3600.0, "d": 86400.0}
 
 
-def parse_duration(words: str) -> float:
+def parse_duration(text: str) -> float:
     """Return the seconds of ``20s``, ``10min``, ``4h``, ``2d`` or a plain number.
 
     :raises ValueError: for anything else.
     """
-    match = re.fullmatch(r"(\d+\.?\d*|\.\d+)\s*(s|min|h|d|)", words.strip())
-    if match is None or len(words) > _LONGEST_DURATION:
-        raise ValueError(f"{words[:40]!r} is not a duration such as 20s, 10min or 4h")
+    match = re.fullmatch(r"(\d+\.?\d*|\.\d+)\s*(s|min|h|d|)", text.strip())
+    if match is None or len(text) > _LONGEST_DURATION:
+        raise ValueError(f"{text[:40]!r} is not a duration such as 20s, 10min or 4h")
     return float(match[1]) * _SECONDS[match[2]]
 
 

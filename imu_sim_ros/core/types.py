@@ -40,14 +40,14 @@ def field_values(instance: "DataclassInstance") -> Keywords:
     return {field.name: getattr(instance, field.name) for field in fields(instance)}
 
 
-def shapes(rows: Any, more: Mapping[str, object] = {}) -> str:
+def shapes(rows: Any, additional: Mapping[str, object] = {}) -> str:
     """Return a line with the names and shapes of a named tuple's arrays, for its ``repr``.
 
-    :param more: further ones, by name.
+    :param additional: further arrays and numbers, by name.
     """
-    named = [
+    descriptions = [
         f"{name} {value.shape}" if isinstance(value, np.ndarray) else f"{name} {value!r}"
-        for name, value in {**rows._asdict(), **more}.items()
+        for name, value in {**rows._asdict(), **additional}.items()
         if isinstance(value, np.ndarray | int | float) and np.size(value)
     ]
-    return f"<{type(rows).__name__}: {', '.join(named) or 'empty'}>"
+    return f"<{type(rows).__name__}: {', '.join(descriptions) or 'empty'}>"

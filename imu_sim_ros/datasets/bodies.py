@@ -33,12 +33,12 @@ def add_tables(tables: Tables, folder: Path, view: View, scene: Scene) -> None:
     if crowd is None:
         return
     table = tables.csv(folder / "bodies.csv", HEADER)
-    count, total = len(crowd.each), math.floor(view.duration * RATE) + 1
-    names = np.array([body.name.encode() for body in crowd.each])
+    count, total = len(crowd.bodies), math.floor(view.duration * RATE) + 1
+    names = np.array([body.name.encode() for body in crowd.bodies])
     for start in range(0, total, _BLOCK):
         index = np.arange(start, min(start + _BLOCK, total))
         t_ns = view.t0_ns + index * (1_000_000_000 // RATE)
-        states = [body.states(t_ns, view.seconds(t_ns)) for body in crowd.each]
+        states = [body.states(t_ns, view.seconds(t_ns)) for body in crowd.bodies]
         number = np.tile(np.arange(count), len(index))
         position, q_wb, velocity, rate = (
             np.stack(columns, axis=1).reshape(len(number), -1)

@@ -152,10 +152,12 @@ def describe(
     comments = {}
     for index, name in enumerate(imus_in(sensors)):
         imu = sensors[name]
-        parameters, pose = imu.environment, imu.own.mount()
+        parameters, pose = imu.environment, imu.parameters.mount()
         assert isinstance(parameters, SimulationParameters)
-        assert isinstance(imu.own, ImuParameters)
-        comment = f"simulated by imu_sim_ros, preset {imu.own.preset}, seed {parameters.seed}"
+        assert isinstance(imu.parameters, ImuParameters)
+        comment = (
+            f"simulated by imu_sim_ros, preset {imu.parameters.preset}, seed {parameters.seed}"
+        )
         comments[imu.space] = comment
         text_writer.write_euroc_descriptions(
             folder,
@@ -170,7 +172,7 @@ def describe(
     for table, number, _, sensor in all_tables(sensors):
         if (table, number) not in tables:
             continue
-        own, pose = sensor.own, sensor.own.mount()
+        own, pose = sensor.parameters, sensor.parameters.mount()
         section = own.sensors[sensor.name] if isinstance(own, ImuParameters) else own
         assert isinstance(section, RatedParameters)
         rate = section.rate or sensor.environment.rate

@@ -47,7 +47,7 @@ from imu_sim_ros.simulation.topics import (
     Encode,
     Messages,
     Offered,
-    Read,
+    WindowSamples,
     delivered,
     delivered_rows,
     offered,
@@ -112,7 +112,7 @@ def _usual_topics(
             in_text
             and sensor.table is None
             and companions
-            and companions.suffixes(offer.mounted.own)
+            and companions.suffixes(offer.mounted.parameters)
         ):
             continue  # the companions hold these readings
         if in_text and sensor.table is not None and not (tables and topic is sensor.topics[0]):
@@ -214,7 +214,7 @@ class OpenOutput(Protocol):
     def summary(self) -> str:
         """Return the amount of data written, as text."""
 
-    def write(self, read: Read) -> None:
+    def write(self, window: WindowSamples) -> None:
         """Write the samples of a window of time."""
 
 
@@ -264,13 +264,13 @@ class BagTarget:
         """Return the amount of data written, as text."""
         return topics_summary(output.topic for output in self._outputs)
 
-    def write(self, read: Read) -> None:
+    def write(self, window: WindowSamples) -> None:
         """Write the messages of a window of time, all topics in order.
 
         Messages that threads encode are written with the next window, so that threads never wait.
         """
         messages_by_topic = [
-            (topic, encode(read[name], valid)) for topic, name, valid, encode in self._outputs
+            (topic, encode(window[name], valid)) for topic, name, valid, encode in self._outputs
         ]
         self.finish()
         self._pending = [
@@ -329,31 +329,33 @@ class DatasetTarget:
             **({} if self._camera_files is None else self._camera_files.counts),
         }
 
-    def write(self, read: Read) -> None:
+    def write(self, window: WindowSamples) -> None:
         """Write the rows of a window of time, and the data of its cameras."""
         for k, name in enumerate(self._imus[: len(self.dataset.imus)]):
-            self.dataset.write_imu(*delivered(read[name]), k)
+            self.dataset.write_imu(*delivered(window[name]), k)
         for kind, k in self.dataset.tables:
             _, _, name, mounted = self._tables[kind, k]
-            samples, rows = read[name], delivered_rows(read[name])
+            samples, rows = window[name], delivered_rows(window[name])
             self.dataset.write_table(
                 kind, k, samples.t_ns[rows], mounted.sensor.values(samples)[rows]
             )
         for k, name in enumerate(self._states[: len(self.dataset.truths)]):
-            self.dataset.write_states(*_states(read[name]), k)
+            self.dataset.write_states(*_states(window[name]), k)
         if self._camera_files is not None:
-            self._camera_files.write(read)
+            self._camera_files.write(window)
 
 
-def _states(read: Samples) -> tuple[States, Array | None]:
+def _states(samples: Samples) -> tuple[States, Array | None]:
     """Return the true states at an IMU's samples, and its biases (n, 6); None: a pose has none."""
-    motion = read.values.get("motion", read)
+    motion = samples.values.get("motion", samples)
     states = States.unchecked(
-        t_ns=read.true_t_ns, position=motion.position, q_wb=motion.q_wb, velocity=motion.velocity
+        t_ns=samples.true_t_ns, position=motion.position, q_wb=motion.q_wb, velocity=motion.velocity
     )
-    if "gyro_bias" not in read.values:
+    if "gyro_bias" not in samples.values:
         return states, None
-    return states, np.concatenate([read.values["gyro_bias"], read.values["accel_bias"]], axis=1)
+    return states, np.concatenate(
+        [samples.values["gyro_bias"], samples.values["accel_bias"]], axis=1
+    )
 
 
 @contextmanager

@@ -42,7 +42,7 @@ from imu_sim_ros.sensors.declaration import Mounted
 from imu_sim_ros.sensors.parameters import MountedParameters
 from imu_sim_ros.sensors.samples import Samples
 from imu_sim_ros.sensors.world import World
-from imu_sim_ros.simulation.topics import Read
+from imu_sim_ros.simulation.topics import WindowSamples
 
 EUROC_HEADER: Final = "#timestamp [ns],filename"
 MASK_FOLDER: Final = "mask"
@@ -96,7 +96,7 @@ class ImageFolders:
         assert world.threads is not None
         self._threads, self._max_pending = world.threads, _AHEAD * jobs
         self._folder, self._tables, self._has_16_bits = folder, form != "csv", form == "tum_vi"
-        cameras = {n: o for n, o in cameras_in(sensors).items() if self._outputs(o.own)}
+        cameras = {n: o for n, o in cameras_in(sensors).items() if self._outputs(o.parameters)}
         for name in cameras_in(sensors):
             if name not in cameras:
                 depth = "" if form == "csv" else ", depth and flow"
@@ -155,18 +155,18 @@ class ImageFolders:
             *((FLOW_FOLDER,) if self._tables and camera.flow != "none" else ()),
         )
 
-    def write(self, read: Read) -> None:
+    def write(self, window: WindowSamples) -> None:
         """Request the images of a window, those of all cameras in order of time."""
         frames = []
         for camera, view in enumerate(self.views):
-            samples = read[view.name]
+            samples = window[view.name]
             for row in samples.delivered.tolist():
                 true_t_ns, t_ns = int(samples.true_t_ns[row]), int(samples.t_ns[row])
                 frames.append(_Frame(true_t_ns, camera, samples.first + row, t_ns, row))
         for frame in sorted(frames):
             while len(self._pending) >= self._max_pending:
                 self._pending.popleft().result()
-            path, samples = self._file(frame), read[self.views[frame.camera].name]
+            path, samples = self._file(frame), window[self.views[frame.camera].name]
             self._frames[frame.camera].append(frame)
             if self._has_16_bits:
                 exposure = frame.t_ns, samples.exposure[frame.row]
@@ -248,8 +248,8 @@ class ImageFolders:
                     continue
                 path.unlink(missing_ok=True)
                 for folder in (*self._truth_folders, FLOW_FOLDER) if self._tables else ():
-                    beside = path.parents[1] / folder / path.name
-                    for file in (beside, beside.with_suffix(".npy")):
+                    companion = path.parents[1] / folder / path.name
+                    for file in (companion, companion.with_suffix(".npy")):
                         file.unlink(missing_ok=True)
             self._frames[number] = complete
 

@@ -80,7 +80,7 @@ def sensor_yaml(camera: Description, stamps: Sequence[int], comment: str) -> str
         d = d[:4]
     if not d:
         kind, d = "none", (0.0,) * 4
-    numbers = ", ".join(decimal(float(info.k[at])) for at in ((0, 0), (1, 1), (0, 2), (1, 2)))
+    numbers = ", ".join(decimal(float(info.k[index])) for index in ((0, 0), (1, 1), (0, 2), (1, 2)))
     return (
         f"{text}resolution: [{info.width}, {info.height}]\ncamera_model: {model}\n{shape}"
         f"intrinsics: [{numbers}] # fu, fv, cu, cv\ndistortion_model: {kind}\n"

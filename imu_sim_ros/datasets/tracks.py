@@ -25,7 +25,7 @@ from imu_sim_ros.sensors.camera.view import view_of
 from imu_sim_ros.sensors.declaration import Mounted
 from imu_sim_ros.sensors.parameters import MountedParameters
 from imu_sim_ros.sensors.world import World
-from imu_sim_ros.simulation.topics import Read
+from imu_sim_ros.simulation.topics import WindowSamples
 
 TRACKS_HEADER: Final = "t_ns,camera,id,u,v,u_true,v_true,depth"
 BODY_COLUMN: Final = ",body"
@@ -116,17 +116,17 @@ class TrackFiles:
         """Return the number of tracks, as text; the frames of all cameras end at the same time."""
         return f"{self.tracks.rows:,} tracks"
 
-    def write(self, read: Read) -> None:
+    def write(self, window: WindowSamples) -> None:
         """Write the frames of a window, those of all cameras in order of time."""
         tracks: list[dict[str, Column]] = []
         lines: list[dict[str, Column]] = []
         for number, (name, blindness) in enumerate(self._blindness.items()):
-            tracked: Tracks = read[name].tracks
+            tracked: Tracks = window[name].tracks
             blindness.record(tracked, self._t0_ns)
             columns = _track_columns(tracked, number)
             tracks.append({**columns, "body": tracked.body} if self._moving else columns)
             if self.lines is not None:
-                lines.append(_line_columns(tracked, read[name].lines, number))
+                lines.append(_line_columns(tracked, window[name].lines, number))
         rows = _sorted_by_time(tracks)
         names = np.array([name.encode() for name in self._blindness])
         self.tracks.write(

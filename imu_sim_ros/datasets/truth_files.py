@@ -45,7 +45,7 @@ def companions(
     paths = {}
     for name, mount in sensors.items():
         declared = mount.sensor.companions
-        suffixes = declared.suffixes(mount.own) if declared else ()
+        suffixes = declared.suffixes(mount.parameters) if declared else ()
         if suffixes:
             stem = f"{_stem(output)}_{name}" if mount.space else _stem(output)
             paths[name] = [output.parent / f"{stem}{suffix}" for suffix in suffixes]
@@ -150,7 +150,7 @@ def _sensor_text(mount: Mounted[MountedParameters], world: Mapping[str, Value]) 
     :param world: parameters that differ from the defaults.
     """
     name, seed = mount.name, mount.environment.seed
-    values = flatten(mount.sensor.realised(mount.own, seed, name))
+    values = flatten(mount.sensor.realised(mount.parameters, seed, name))
     if values.get("frame"):
         values["frame"] = mount.frame
     return files.text(

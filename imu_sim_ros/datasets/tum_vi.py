@@ -38,7 +38,7 @@ from imu_sim_ros.sensors.imu.parameters import ImuParameters
 from imu_sim_ros.sensors.parameters import MountedParameters
 from imu_sim_ros.sensors.samples import Samples
 from imu_sim_ros.sensors.world import World
-from imu_sim_ros.simulation.topics import Read, delivered, resolved
+from imu_sim_ros.simulation.topics import WindowSamples, delivered, resolved
 
 _POSES: Final = (
     "#timestamp [ns], p_RS_R_x [m], p_RS_R_y [m], p_RS_R_z [m], q_RS_w [], q_RS_x [], q_RS_y [], "
@@ -68,7 +68,7 @@ class TumVi:
         :param warn: receives a line for each camera of which nothing is written.
         """
         make_folder(folder)
-        imu = sensors[IMU].own
+        imu = sensors[IMU].parameters
         assert isinstance(imu, ImuParameters)
         self.path = folder
         self.rows, self._last_ns = {"imu": 0, "poses": 0}, -1
@@ -118,12 +118,12 @@ class TumVi:
         readings = amount(self.rows["imu"], self._last_ns, "rows")
         return f"{readings}, {self._images.summary()}"
 
-    def write(self, read: Read) -> None:
+    def write(self, window: WindowSamples) -> None:
         """Write the samples of a window, and request its images.
 
-        :param read: samples by sensor, with the only IMU among them.
+        :param window: samples by sensor, with the only IMU among them.
         """
-        block: Samples = read[IMU]
+        block: Samples = window[IMU]
         t_ns, gyro, accel = delivered(block)
         readings = [t_ns, np.concatenate([gyro, accel], axis=1)]
         self._open["mav0/imu0/data.csv"].write(decimals.lines(readings))
@@ -136,7 +136,7 @@ class TumVi:
             self._open[name].write(poses)
         self.rows["imu"] += len(t_ns)
         self.rows["poses"] += len(block.true_t_ns)
-        self._images.write(read)
+        self._images.write(window)
         if len(block.true_t_ns):
             self._last_ns = int(block.true_t_ns[-1])
 

@@ -33,7 +33,7 @@ from imu_sim_ros.sensors.imu.declaration import NAME as IMU
 from imu_sim_ros.sensors.parameters import MountedParameters
 from imu_sim_ros.sensors.samples import Samples
 from imu_sim_ros.sensors.world import World
-from imu_sim_ros.simulation.topics import Read
+from imu_sim_ros.simulation.topics import WindowSamples
 from imu_sim_ros.trajectory.motion import Motion
 
 _SECOND: Final = 1e-9
@@ -141,12 +141,12 @@ class VioDataSimulation:
         """Return the amount of data written, as text."""
         return amount(self._files["imu_pose"].rows, self._last_ns, "rows")
 
-    def write(self, read: Read) -> None:
+    def write(self, window: WindowSamples) -> None:
         """Write the samples of a window, and its frames.
 
-        :param read: samples by sensor, with the only IMU among them.
+        :param window: samples by sensor, with the only IMU among them.
         """
-        block: Samples = read[IMU]
+        block: Samples = window[IMU]
         m = block.motion
         t = (block.true_t_ns - self._world.t0_ns)[:, None] * _SECOND
         pose = [t, m.q_wb, m.position]
@@ -162,7 +162,7 @@ class VioDataSimulation:
             self._files[name].write(rows)
         if len(block.true_t_ns):
             self._last_ns = int(block.true_t_ns[-1])
-        self._write_frames(read[self._view.name])
+        self._write_frames(window[self._view.name])
 
     def _write_frames(self, samples: Samples) -> None:
         """Write camera poses, and a file of points and one of lines for each frame."""

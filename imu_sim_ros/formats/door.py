@@ -216,7 +216,7 @@ def read_states(
     covariance: bool = False,
     warned: Warned | None = None,
     recover: Recover = False,
-    least: int = 0,
+    minimum: int = 0,
     ordered: bool = True,
 ) -> States:
     """Return the states of a file: a topic of any type with poses, text, a folder.
@@ -229,7 +229,7 @@ def read_states(
         are unknown, so None.
     :param warned: receives what is wrong with messages, which are passed on as they are.
     :param recover: read a damaged bag as far as possible.
-    :param least: smallest number of poses.
+    :param minimum: smallest number of poses.
     :param ordered: put the poses into the order of time, see :func:`in_order`.
     :raises InputError: for what cannot be read, a clock that goes back, too few poses.
     """
@@ -240,7 +240,7 @@ def read_states(
     states = with_fields(states, skipped=sum(counts))
     if ordered and warned is None:
         states = in_order(states, skip_bad_rows)
-    if len(states) < least:
+    if len(states) < minimum:
         name = str(path) if topic is None else f"{path}, {topic}"
         raise InputError(f"{name}: {len(states)} poses; a trajectory needs two or more")
     if warned is not None:
@@ -263,7 +263,7 @@ def read_trajectory(
 
     Arguments as for :func:`read_states`.
     """
-    states = read_states(path, topic, skip_bad_rows, covariance, least=2)
+    states = read_states(path, topic, skip_bad_rows, covariance, minimum=2)
     if states.skipped:
         tell_skipped(path)(states.skipped)
     return states

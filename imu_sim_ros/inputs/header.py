@@ -473,10 +473,10 @@ def _one_temperature(
             places.remove(k)
     if len(places) > 1:
         best = next((k for k in places if "imu" in names[k].lower()), places[0])
-        others = [k for k in places if k != best]
-        for k in others:
+        unread = [k for k in places if k != best]
+        for k in unread:
             chosen[k] = None
-        text = ", ".join(names[k] for k in others)
+        text = ", ".join(names[k] for k in unread)
         notes.append(f"the temperature is that of {names[best]}; {text} is not read")
     return chosen, tuple(notes)
 

@@ -372,7 +372,7 @@ class ErrorModel:
                 "triad", triad, (*TRIADS, *(sensor.name for sensor in OTHERS.values()))
             )
         if not (isinstance(duration, float) and duration == math.inf):
-            arguments.number("duration", duration, "seconds, or math.inf", 0.0, above=True)
+            arguments.number("duration", duration, "seconds, or math.inf", 0.0, exclusive=True)
         arguments.number("delay", delay, "seconds", 0.0, LONGEST)
         if isinstance(value, int | float):
             fault = Fault(kind, float(duration), float(value), triad)

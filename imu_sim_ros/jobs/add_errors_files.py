@@ -227,7 +227,7 @@ def add_errors_to_file(
     if unfit:
         raise InputError([unknown("topic", name, OF_THE_ERROR_MODEL) for name in unfit])
     added = USUAL if dataset else list(dict.fromkeys(names)) or USUAL
-    target = written.add(path, kept=True)
+    target = written.add(path, keep_partial=True)
     with written.staged(), tempfile.TemporaryDirectory(dir=target.path.parent) as temporary:
         folder, is_text = Path(temporary), not has_topics(source_path)
         recording, notes = _Ideal(source_path, choice, journal), list[str]()

@@ -668,7 +668,7 @@ def calibrate_magnetometer(
     [10.0, 0.0, -20.0]
     """
     if strength is not None:
-        number("strength", strength, "above 0 and below 1 T", 0.0, _STRONGEST, above=True)
+        number("strength", strength, "above 0 and below 1 T", 0.0, _STRONGEST, exclusive=True)
     run = _Run(readings, topic, skip_bad_rows)
     values = run.field()
     with run.naming():

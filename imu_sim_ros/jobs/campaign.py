@@ -182,7 +182,7 @@ def campaign(
     limits = Limits.of(tolerance, non_inferiority)
     allowed = "a number of processes, from 1 to 10000"
     processes = arguments.whole("workers", workers, allowed, 1, 10_000)
-    arguments.number("worker_timeout", worker_timeout, "above 0 s", 0.0, 1e6, above=True)
+    arguments.number("worker_timeout", worker_timeout, "above 0 s", 0.0, 1e6, exclusive=True)
     if scheduler is not None:
         arguments.text("scheduler", scheduler, "tcp://HOST:PORT")
     if batch is not None:

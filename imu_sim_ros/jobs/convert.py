@@ -355,7 +355,7 @@ def write(
         )
     if dataset and images not in (None, "none"):
         raise InputError(f"images {images}: does not apply to {dataset}; only none does")
-    target = written.add(path, kept=True)
+    target = written.add(path, keep_partial=True)
     poses_only = dataset == "tum" or (is_text and streams.holds_poses(source))
     if poses_only and not choice.is_plain:
         raise InputError(f"{source}: frame, topics and units are those of readings, not of poses")

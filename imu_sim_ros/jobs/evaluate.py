@@ -277,7 +277,7 @@ def _deltas(name: str, deltas: object) -> tuple[tuple[float, str], ...]:
                 refuse(name, entry, allowed)
         if not isinstance(entry, list | tuple) or len(entry) != 2:
             refuse(name, deltas, allowed, wrong_type=True)
-        pairs.append((number(name, entry[0], "above 0", 0.0, above=True), entry[1]))
+        pairs.append((number(name, entry[0], "above 0", 0.0, exclusive=True), entry[1]))
         one_of(name, entry[1], DELTA_UNITS)
     return tuple(pairs)
 

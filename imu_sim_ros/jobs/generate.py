@@ -330,7 +330,7 @@ def _output_files(
     :param dataset: format of the dataset; None: a bag.
     :raises InputError: if another output of this name has another realised truth.
     """
-    output = staging.add(path, kept=True)
+    output = staging.add(path, keep_partial=True)
     configs = None
     if with_configs:
         configs = staging.add(truth_files.configs(path), companion_of=output).path
@@ -339,7 +339,7 @@ def _output_files(
     # An output in a place that is a file is refused with a single line.
     if dataset not in _WITHOUT_READINGS and not path.parent.is_file():
         for file, text in truth_files.new_truths(path, simulation).items():
-            truths[staging.add(file, companion_of=output, kept=True).path] = text
+            truths[staging.add(file, companion_of=output, keep_partial=True).path] = text
         for name, companion_files in truth_files.companions(path, sensors).items():
             companions[name] = [
                 staging.add(file, companion_of=output).path for file in companion_files
@@ -445,7 +445,7 @@ def _write_samples(
             mount = sensors[name]
             assert mount.sensor.companions is not None
             companion = mount.sensor.companions.open(
-                mount.own, mount.environment, body.t0_ns, paths
+                mount.parameters, mount.environment, body.t0_ns, paths
             )
             companions[name] = stack.enter_context(closing(companion))
         for window in windows:
@@ -459,7 +459,7 @@ def _write_samples(
             advance(max(lengths))
     for name, count in frame_counts.items():
         if not count:
-            own = sensors[name].own
+            own = sensors[name].parameters
             assert isinstance(own, RatedParameters)
             journal.warn(f"{name}: not a single frame in the whole run, at {own.rate:g} Hz")
     return target.counts, samples

@@ -736,7 +736,7 @@ def _read_text(path: Path, choice: Choice, skip: bool) -> Iterator[Record]:
         yield with_fields(door.read_readings(path, choice, skipped), source=name_of(path))
     except InputError as error:
         try:
-            states = door.read_states(path, topic, skip, least=2, ordered=False)
+            states = door.read_states(path, topic, skip, minimum=2, ordered=False)
             if states.skipped:
                 tell_skipped(path)(states.skipped)
             yield with_fields(states, source=name_of(path))

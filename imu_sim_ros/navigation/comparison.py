@@ -122,7 +122,7 @@ class Comparison:
         :raises ConfigurationError: for another delta or unit.
         :raises InputError: if the trajectory is shorter than delta.
         """
-        number("delta", delta, f"above 0 {unit}", 0.0, above=True)
+        number("delta", delta, f"above 0 {unit}", 0.0, exclusive=True)
         one_of("unit", unit, DELTA_UNITS)
         return relative_errors(self.estimate, self.truth, pairs(self.truth, delta, unit))
 

@@ -257,10 +257,13 @@ def outside_covariance(
         **(sensor_layer(integrator.imu.preset) if sensor is None else sensor),
         **values,
     }
-    integrator_parameters, given = parameters(IntegratorParameters), flatten(integrator)
+    integrator_parameters, integrator_values = parameters(IntegratorParameters), flatten(integrator)
     corrected = {"gyroscope_bias"} if integrator.initial_state == "level" else set()
     for name in integrator_parameters:
-        if name.startswith(TRIADS) and given[name] != integrator_parameters[name].default:
+        if (
+            name.startswith(TRIADS)
+            and integrator_values[name] != integrator_parameters[name].default
+        ):
             corrected.add(name)
     return [
         f"imu.{name}"

@@ -19,13 +19,13 @@ PERIOD: Final = 1.0
 
 
 def diagnostics(
-    stamp: Time, level: bytes, name: str, words: str, hardware: str, values: Mapping[str, object]
+    stamp: Time, level: bytes, name: str, text: str, hardware: str, values: Mapping[str, object]
 ) -> DiagnosticArray:
     """Return a message with one status."""
     status = DiagnosticStatus(
         level=level,
         name=name,
-        message=words,
+        message=text,
         hardware_id=hardware,
         values=[KeyValue(key=key, value=str(value)) for key, value in values.items()],
     )

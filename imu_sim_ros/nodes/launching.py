@@ -126,13 +126,13 @@ def required_node(
     section: type,
     values: Mapping[str, str],
     namespace: str = "",
-    below: Sequence[str] = (),
+    base_arguments: Sequence[str] = (),
     **details: Any,
 ) -> Any:
     """Return a node of this package whose end also ends the launch.
 
-    :param values: of the launch arguments.
-    :param below: the launch file's own ``--ros-args``, which ``params_file`` overrides.
+    :param values: values of the launch arguments, by name.
+    :param base_arguments: the launch file's own ``--ros-args``, which ``params_file`` overrides.
     :param details: other arguments of ``launch_ros.actions.Node``.
     """
     from launch_ros.actions import Node
@@ -143,7 +143,7 @@ def required_node(
         name=executable,
         namespace=namespace,
         arguments=command_line(section, values),
-        ros_arguments=[*below, *ros_words(values)],
+        ros_arguments=[*base_arguments, *ros_words(values)],
         output="screen",
         on_exit=_ended,
         **details,

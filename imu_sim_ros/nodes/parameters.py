@@ -81,7 +81,7 @@ class ConfiguredNode(Node, Generic[_Section]):
             )
         self.changed: frozenset[str] = frozenset()
         self.lifetime = Lifetime(self)
-        self.given: dict[str, object] = overrides
+        self.overrides: dict[str, object] = overrides
         self.parameters = build_layered(self.section, layering, overrides)
         if "seed" in overrides:
             self._warn_of_the_same_seed(overrides["seed"])
@@ -101,7 +101,7 @@ class ConfiguredNode(Node, Generic[_Section]):
     def _warn_of_the_same_seed(self, seed: object) -> None:
         """Warn of nodes of this process with the same noise, as with ``-p seed:=3`` for all."""
         sharers = [
-            node.get_fully_qualified_name() for node in _seeded if node.given["seed"] == seed
+            node.get_fully_qualified_name() for node in _seeded if node.overrides["seed"] == seed
         ]
         _seeded.add(self)
         if sharers:

@@ -69,17 +69,17 @@ def create(node: Node, message_type: type | str, topic: str, qos: QoSProfile) ->
         ) from None
 
 
-def check_overrides(node: Node, others: Sequence[str] = ()) -> None:
+def check_overrides(node: Node, additional: Sequence[str] = ()) -> None:
     """Check the overrides, and find those that concern no publisher of the node.
 
     A file that ``ros2 param dump`` made of a node with remappings holds overrides under the names
     that the topics had there: those of other topics are ignored, with a note. For a topic of this
     node, a policy that does not exist is refused, and so is an invalid number.
 
-    :param others: topics that are published for the node elsewhere.
+    :param additional: topics that other processes publish for the node.
     :raises ConfigurationError: with a line for each.
     """
-    topics = sorted([*(publisher.topic_name for publisher in node.publishers), *others])
+    topics = sorted([*(publisher.topic_name for publisher in node.publishers), *additional])
     policies = [policy.name.lower() for policy in _POLICIES]
     foreign: dict[str, None] = {}
     problems = []

@@ -98,9 +98,9 @@ class SensorDescription:
         self._node, self._adopt, self._release, self._lock = node, adopt, release, lock
         self._held: list[tuple[str, list[Taken]]] = []
         self._first = 0.0
-        self.noise_known = has_own_noise(node.given) or not node.parameters.covariance
+        self.noise_known = has_own_noise(node.overrides) or not node.parameters.covariance
         """True if the noise is given, or not needed."""
-        self.settled = self.noise_known and all(name in node.given for name in MOUNT)
+        self.settled = self.noise_known and all(name in node.overrides for name in MOUNT)
         """True if nothing waits any more."""
         self.described = False
         """True if the source of the readings has described its sensor."""
@@ -161,7 +161,7 @@ class SensorDescription:
                 f"{unknown}the covariance uses the noise of imu.preset "
                 f"{node.parameters.imu.preset}; --imu NAME|FILE chooses another"
             )
-        if not any(name in node.given for name in MOUNT):
+        if not any(name in node.overrides for name in MOUNT):
             logger.info(
                 f"{unknown}the IMU is taken to be in the body's origin, with its axes "
                 "(imu.lever_arm, imu.mounting)"

@@ -25,11 +25,11 @@ class EndSignals:
     Before :meth:`begin` there is nothing to close, and the process ends at once. After it a
     signal is kept until :meth:`deliver_to` states what ends the run; later signals change nothing.
 
-    :param last: the process ends with this watch, and no signal changes its exit status then.
+    :param is_final: the process ends with this watch, and no signal changes its exit status then.
     """
 
-    def __init__(self, last: bool = False) -> None:
-        self._last = last
+    def __init__(self, is_final: bool = False) -> None:
+        self._last = is_final
         numbers = [signal.SIGINT, signal.SIGTERM]
         if signal.getsignal(signal.SIGHUP) is not signal.SIG_IGN:  # nohup has it ignored
             numbers.append(signal.SIGHUP)
@@ -93,12 +93,12 @@ def _nothing(number: int, frame: FrameType | None) -> None:
 _signals: EndSignals | None = None
 
 
-def watch(last: bool = False) -> EndSignals:
+def watch(is_final: bool = False) -> EndSignals:
     """Return the process's watch over its signals; it begins with the first call.
 
-    :param last: of the first call: nothing but the end of the process comes after it.
+    :param is_final: True if nothing but the process's end comes after; the first call decides.
     """
     global _signals
     if _signals is None:
-        _signals = EndSignals(last)
+        _signals = EndSignals(is_final)
     return _signals

@@ -254,7 +254,7 @@ class Crowd:
         :param landmarks: points of each, and their normals, in its own axes.
         :param sun: that they throw shadows from; None: they are under a roof.
         """
-        self.each = tuple(bodies)
+        self.bodies = tuple(bodies)
         self.surfaces = [body.surfaces() for body in bodies]
         self.balls = [ball(where) for where in self.surfaces]
         self.landmarks = tuple(landmarks)
@@ -265,7 +265,9 @@ class Crowd:
     def hidden(self, t: Array, eye: Array, points: Array) -> Mask:
         """Return True for points (n, 3) that a body hides from eyes (n, 3) at times t (n,)."""
         result = np.zeros(len(points), np.bool_)
-        for body, where, (middle, radius) in zip(self.each, self.surfaces, self.balls, strict=True):
+        for body, where, (middle, radius) in zip(
+            self.bodies, self.surfaces, self.balls, strict=True
+        ):
             center = body.outside(t, np.broadcast_to(middle, points.shape))
             rows = np.flatnonzero(_distance(center, eye, points) < radius)
             if len(rows):

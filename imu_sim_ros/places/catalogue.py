@@ -28,11 +28,11 @@ class Kind(NamedTuple):
     """Length along x, y and z of one that fits no path [m]."""
     margin: float
     """Distance of its walls from a path that it fits [m]."""
-    above: float
+    headroom: float
     """Distance of its ceiling from the highest place of such a path [m]."""
-    least: tuple[float, float, float]
+    smallest: tuple[float, float, float]
     """Least size [m]."""
-    most: tuple[float, float, float]
+    largest: tuple[float, float, float]
     """Largest size, so that light and images do not take minutes [m]."""
     long: bool = False
     """True if it runs along the longer of x and y, with sizes in length, width and height."""
@@ -79,13 +79,13 @@ def around(name: str, path: Array, foot: float) -> tuple[Array, Array]:
     kind = KINDS[name]
     low = path.min(axis=0) - np.array([kind.margin, kind.margin, _BELOW])
     low[2] = min(low[2], foot)
-    high = path.max(axis=0) + np.array([kind.margin, kind.margin, kind.above])
+    high = path.max(axis=0) + np.array([kind.margin, kind.margin, kind.headroom])
     extent = high - low
-    missing = np.maximum(kind.sides(kind.least, extent) - extent, 0.0)
+    missing = np.maximum(kind.sides(kind.smallest, extent) - extent, 0.0)
     low[:2] -= 0.5 * missing[:2]
     high[:2] += 0.5 * missing[:2]
     high[2] += missing[2]
-    limits = kind.sides(np.minimum(kind.most, kind.fits), extent)
+    limits = kind.sides(np.minimum(kind.largest, kind.fits), extent)
     adjectives = kind.sides(["long", "wide", "high"], extent) if kind.long else _AXES
     too_large = [
         f"{length:.1f} m {word} (at most {limit:g} m)"
@@ -127,7 +127,7 @@ def size_problems(name: str, size: Sequence[float], parameter: str) -> Iterator[
         yield f"{parameter} = {list(size)}: must be 0 or above 0 m on all axes"
     elif any(size):
         kind = KINDS[name]
-        limits = zip("xyz", size, *(kind.sides(e, size) for e in (kind.least, kind.most)),
+        limits = zip("xyz", size, *(kind.sides(e, size) for e in (kind.smallest, kind.largest)),
                      strict=True)  # fmt: skip
         for axis, length, minimum, maximum in limits:
             if not minimum <= length <= maximum:

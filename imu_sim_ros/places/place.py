@@ -158,10 +158,10 @@ class PlaceBuilder:
 
         The other arguments are those of :class:`Face`.
         """
-        corner, first, second = (
+        corner, across_side, up_side = (
             np.array(vector, dtype=np.float64).round(9) for vector in (origin, across, up)
         )
-        sides = (corner, first, second)
+        sides = (corner, across_side, up_side)
         self.faces.append(Face(sides, material, tuple(prints), detail, sky, glows))
         return len(self.faces) - 1
 
@@ -283,14 +283,14 @@ class PlaceBuilder:
         axis = b - a
         unit = axis / np.linalg.norm(axis)
         helper = np.array([0.0, 0.0, 1.0]) if abs(unit[2]) < 0.9 else np.array([1.0, 0.0, 0.0])
-        first = np.cross(helper, unit)
-        first /= np.linalg.norm(first)
-        second = np.cross(unit, first)
+        u_axis = np.cross(helper, unit)
+        u_axis /= np.linalg.norm(u_axis)
+        v_axis = np.cross(unit, u_axis)
         corners = []
         for k in range(sides):
             angle = 2.0 * math.pi * k / sides
             corners.append(
-                radius * (round(math.cos(angle), 9) * first + round(math.sin(angle), 9) * second)
+                radius * (round(math.cos(angle), 9) * u_axis + round(math.sin(angle), 9) * v_axis)
             )
         for k in range(sides):
             self.face(a + corners[k], corners[(k + 1) % sides] - corners[k], axis, material)

@@ -218,23 +218,23 @@ class _Walkers:
             for shift in range(-4, 5):  # a knot moves a body for two steps before and after it
                 self._clear &= np.roll(off, shift, axis=0)[::2]
 
-    def course(self, number: int, others: Sequence[MovingBody]) -> Course | None:
+    def course(self, number: int, bodies: Sequence[MovingBody]) -> Course | None:
         """Return a course that keeps off the bodies that are there; None: none was found.
 
-        :param others: those of the last call, and after them what is there since.
+        :param bodies: those of the last call, and after them what is there since.
         """
         if len(self._stops) < 2:
             return None
         stream = generator_at(self._site.seed, f"bodies.course.{self._kind}", number)
-        self._keep_off(others[self._known :])
-        self._known = len(others)
+        self._keep_off(bodies[self._known :])
+        self._known = len(bodies)
         go = self._possible_legs(self._clear)
         stay = self._clear[:, self._at]
         for home in stream.permutation(len(self._stops)).tolist():
             homewards = self._homewards(home, go, stay)
             for _ in range(_TRIES if homewards[0, home] else 0):
                 course = self._drawn(home, go, stay, homewards, stream)
-                if course is not None and self._possible(course, others):
+                if course is not None and self._possible(course, bodies):
                     return course
         return None
 

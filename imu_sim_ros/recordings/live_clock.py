@@ -95,7 +95,7 @@ class LiveClock:
             return
         width = 1 if self._change_count else 0
         nothing = np.empty(0, np.int64), np.empty((0, width))
-        self._count(self._stream.add(*nothing, last=True))
+        self._count(self._stream.add(*nothing, at_end=True))
 
     def _arrays(self) -> tuple[Times, Mask | None]:
         """Return all stamps that are held, and where a message repeats the one before."""

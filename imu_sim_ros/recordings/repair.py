@@ -53,12 +53,12 @@ class Disturbances(NamedTuple):
     """Scatter of stamps that are times of arrival [s]; 0: they are not."""
     interval: float
     """Interval of the grid that they scatter about [s]."""
-    held: Integers
+    repeated: Integers
     """Poses that repeat the one before while the body moves."""
 
     def __bool__(self) -> bool:
         """Return whether there is anything."""
-        return bool(len(self.single) or self.jumps or self.scatter or len(self.held))
+        return bool(len(self.single) or self.jumps or self.scatter or len(self.repeated))
 
 
 class Mended(NamedTuple):
@@ -87,7 +87,7 @@ def mended(poses: States) -> Mended:
     jumps = [jump._replace(row=int(rows[jump.row])) for jump in rest.disturbances.jumps]
     single = rows[rest.disturbances.single]
     return rest._replace(
-        disturbances=rest.disturbances._replace(single=single, jumps=jumps, held=repeats)
+        disturbances=rest.disturbances._replace(single=single, jumps=jumps, repeated=repeats)
     )
 
 

@@ -89,29 +89,29 @@ class ClockStream:
         assert self.pattern is not None
         return float(np.sqrt(variance)) * self.pattern.interval_ns
 
-    def add(self, t_ns: Times, values: Array, *, last: bool = False) -> Iterator[Stretch]:
+    def add(self, t_ns: Times, values: Array, *, at_end: bool = False) -> Iterator[Stretch]:
         """Add readings; yield those whose order is known.
 
         :param t_ns: (n,) stamps in the order of arrival [ns].
         :param values: (n, k) readings; k = 0: unknown, then stamps alone tell repeated messages.
-        :param last: True at the end of a recording.
+        :param at_end: True at the end of a recording.
         :raises InputError: if there are no two different stamps, or they are in another unit.
         """
         if len(t_ns):
             self._waiting.append((t_ns, values))
             self._count += len(t_ns)
-        if not last and (self.pattern is None or self._context == 0) and self._count < _FIRST:
+        if not at_end and (self.pattern is None or self._context == 0) and self._count < _FIRST:
             return
         if self._count > self._context:
             waiting = self._waiting
             t_ns = np.concatenate([part for part, _ in waiting])
             values = np.concatenate([part for _, part in waiting])
-            end = len(t_ns) if last else max(len(t_ns) - _HELD, self._context)
+            end = len(t_ns) if at_end else max(len(t_ns) - _HELD, self._context)
             yield from self._ordered(t_ns, values, end)
             begin = max(end - _HELD, 0)
             self._waiting = [(t_ns[begin:], values[begin:])]
             self._count, self._context = len(t_ns) - begin, end - begin
-        if last:
+        if at_end:
             self._end()
 
     def _ordered(self, t_ns: Times, values: Array, end: int) -> Iterator[Stretch]:

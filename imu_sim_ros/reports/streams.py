@@ -276,9 +276,9 @@ def _stretches(blocks: Iterable[Readings], clock: ClockStream) -> Iterator[Stret
     """
     parts = ((block.t_ns, _axes(block), False) for block in blocks if len(block))
     end = (np.empty(0, np.int64), np.empty((0, 6)), True)
-    for t_ns, values, last in itertools.chain(parts, [end]):
+    for t_ns, values, at_end in itertools.chain(parts, [end]):
         try:
-            stretches = list(clock.add(t_ns, values, last=last))
+            stretches = list(clock.add(t_ns, values, at_end=at_end))
         except InputError as error:
             raise _NoPlotsError from error
         yield from stretches

@@ -70,7 +70,7 @@ class Mounted(Generic[P_co]):
     """Name in its parameters, faults and random streams: the kind of sensor, or another name if
     there are several of a kind."""
     sensor: "Sensor[P_co]"
-    own: P_co
+    parameters: P_co
     """The parameters that its model is made with: those of its IMU, or its own section."""
     environment: EnvironmentParameters
     """The parameters of its simulation: world, cameras, and the rate and seed of its IMU."""
@@ -82,7 +82,7 @@ class Mounted(Generic[P_co]):
     @property
     def valid(self) -> MountedParameters:
         """The parameters that its messages depend on: those of the simulation, if an IMU has it."""
-        return self.environment if self.sensor.with_imu else self.own
+        return self.environment if self.sensor.with_imu else self.parameters
 
     @property
     def faulty(self) -> tuple[str, ...]:

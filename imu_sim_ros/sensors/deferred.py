@@ -33,18 +33,19 @@ class Deferred(Mapping[str, object]):
         return len(self._makers)
 
 
-class Completed(Mapping[str, object]):
+class ValuesOnDemand(Mapping[str, object]):
     """Values by name; missing ones are computed together when one of them is needed."""
 
     def __init__(
-        self, made: dict[str, object], names: Sequence[str], make: Callable[[], Iterable[Any]]
+        self, computed: dict[str, object], names: Sequence[str], make: Callable[[], Iterable[Any]]
     ) -> None:
-        """Take what is there.
+        """Initialise with the values that are already known; nothing is computed.
 
-        :param names: of all values, in their order.
-        :param make: returns all values.
+        :param computed: known values by name; they stay as they are.
+        :param names: names of all values, in the order in which ``make`` returns them.
+        :param make: returns all values, known ones too.
         """
-        self._made, self._names, self._make = made, names, make
+        self._made, self._names, self._make = computed, names, make
 
     def __getitem__(self, name: str) -> Any:
         if name not in self._made and name in self._names:
@@ -62,7 +63,7 @@ class Results(Sequence[_Made]):
     """Results of threads, in order; access to one waits for it."""
 
     def __init__(self, results: list[Callable[[], _Made]]) -> None:
-        """Take what waits for each."""
+        """Initialise with functions, each of which waits for a result and returns it."""
         self._results = results
 
     @overload
@@ -80,7 +81,7 @@ class Results(Sequence[_Made]):
         return len(self._results)
 
 
-class Each(Generic[_T]):
+class DeferredValues(Generic[_T]):
     """A large value of each of n samples, such as an image, for several threads."""
 
     def __init__(
@@ -88,18 +89,18 @@ class Each(Generic[_T]):
         make: Callable[[int], _T],
         numbers: Sequence[int],
         threads: "Executor | None",
-        kept: bool = False,
+        cached: bool = False,
     ) -> None:
-        """Compute nothing yet.
+        """Initialise without computing a value.
 
-        :param make: returns the value of a sample by its number; for several threads at once.
-        :param numbers: (n,) of the samples.
-        :param threads: compute values in the background; None: compute them at once.
-        :param kept: compute a value once, for several users; otherwise each time.
+        :param make: returns the value of a sample by its number; several threads call it at once.
+        :param numbers: (n,) numbers of the samples.
+        :param threads: compute values in the background; None: in the thread that asks.
+        :param cached: True: compute a value once and keep it; False: compute it at each access.
         """
         self._make, self._numbers, self._threads = make, numbers, threads
         self._made: dict[int, _T] = {}
-        self._locks = [threading.Lock() for _ in numbers] if kept else None
+        self._locks = [threading.Lock() for _ in numbers] if cached else None
 
     def __getitem__(self, k: int) -> _T:
         """Return the value of row k."""

@@ -46,7 +46,7 @@ class SensorModel(Generic[SectionT]):
 
         :param t0_ns: time of the start [ns].
         """
-        self.name, self.parameters = mounted.name, mounted.own
+        self.name, self.parameters = mounted.name, mounted.parameters
         """The name is the first part of the names of its random streams."""
         self.lever_arm_b: Array = np.array(self.parameters.lever_arm)
         """(3,) position in the body [m]."""
@@ -150,7 +150,7 @@ class SensorWithImu:
         """
         self.name: str = mounted.sensor.name
         self.seed: int = mounted.environment.seed
-        imu, section = mounted.own, mounted.own.sensors[self.name]
+        imu, section = mounted.parameters, mounted.parameters.sensors[self.name]
         assert isinstance(section, OwnRateParameters)
         self.lever_arm_b: Array = np.array(imu.lever_arm)
         """(3,) position of the IMU in the body [m]."""

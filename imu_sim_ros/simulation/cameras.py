@@ -29,7 +29,7 @@ def scene_around(world: World) -> Scene:
     # A scene belongs to the trajectory, however much of it is flown.
     span = scene_span(described, trajectory.duration)
     seeing = [sensor for sensor in sensors.values() if sensor.sensor.sees]
-    arms = np.reshape([sensor.own.mount()[:3, 3] for sensor in seeing], (-1, 3))
+    arms = np.reshape([sensor.parameters.mount()[:3, 3] for sensor in seeing], (-1, 3))
     views = [view_of(sensor, world, span) for sensor in cameras_in(sensors).values()]
     scene = build_scene(described, arms, views, trajectory, span)
     longest = min(parameters.duration or trajectory.duration, trajectory.duration)

@@ -221,7 +221,7 @@ class Body:
         self._models = models(self.sensors, self._wanted, self.t0_ns)
         shown = self._wanted.union(imus_in(self.sensors))
         self._shown = [name for name in self._models if name in shown]
-        self._longest = min(self.sensors[name].own.longest_window for name in self._shown)
+        self._longest = min(self.sensors[name].parameters.longest_window for name in self._shown)
 
     def with_seed(
         self, seed: int, further_sensors: Collection[str] = (), threads: "Executor | None" = None
@@ -257,7 +257,7 @@ class Body:
             raise ConfigurationError(problems)
         self.parameters, self.sensors = parameters, mounted(parameters)
         for name, model in self._models.items():
-            model.configure(self.sensors[name].own)
+            model.configure(self.sensors[name].parameters)
 
     def inject(self, fault: Fault, delay: float = 0.0, imu: str = "") -> dict[str, int]:
         """Start a fault.

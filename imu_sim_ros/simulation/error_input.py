@@ -163,10 +163,10 @@ class _Mount:
 class Grid(NamedTuple):
     """Samples of a sensor with a clock of its own."""
 
-    given: Readings
+    readings: Readings
     """Readings at the samples' times."""
-    inside: tuple[Array, Array]
-    """(n m, 3) twice: the readings inside an oversampled sensor, for others those of ``given``."""
+    inner_readings: tuple[Array, Array]
+    """(n m, 3) twice: the readings inside an oversampled sensor; else those of ``readings``."""
 
 
 class Resampler:

@@ -103,7 +103,7 @@ def models(
         mounted_sensor = sensors[name]
         needed |= {
             mounted_sensor.space + quantity
-            for quantity in mounted_sensor.sensor.needs(mounted_sensor.own)
+            for quantity in mounted_sensor.sensor.needs(mounted_sensor.parameters)
         }
     models: dict[str, Model] = {}
     for name, mounted_sensor in sensors.items():
@@ -144,7 +144,7 @@ def mounts(sensors: Mapping[str, Mounted[MountedParameters]]) -> dict[tuple[str,
     for mounted_sensor in sensors.values():
         body_frame, frame = mounted_sensor.environment.body_frame, mounted_sensor.frame
         if frame != body_frame:
-            poses.setdefault((body_frame, frame), mounted_sensor.own.mount())
+            poses.setdefault((body_frame, frame), mounted_sensor.parameters.mount())
     return poses
 
 

@@ -38,7 +38,7 @@ OF_THE_ERROR_MODEL: Final = (
 )
 """Topics that an error model has for the readings of somebody else."""
 MOUNTS: Final = TF_STATIC_TOPIC.strip("/")
-Read = Mapping[str, Samples]
+WindowSamples = Mapping[str, Samples]
 """Samples of the sensors of one body in a window of time, by name."""
 
 

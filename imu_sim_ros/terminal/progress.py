@@ -74,17 +74,17 @@ def watched_by(follower: Watcher) -> Iterator[None]:
 
 
 @contextmanager
-def progress(text: str, total: Callable[[], int], **more: int) -> Iterator[Advance]:
+def progress(text: str, total: Callable[[], int], **details: int) -> Iterator[Advance]:
     """Yield the function that receives progress.
 
     :param total: returns how much there is to do; called if somebody looks.
-    :param more: ``done``, how much there was before.
+    :param details: ``done``, how much there was before.
     """
     bar = _watcher.get().bar
     if bar is None:
-        yield lambda count, words="": None
+        yield lambda count, remark="": None
     else:
-        with bar(text, total(), **more) as advance:
+        with bar(text, total(), **details) as advance:
             yield advance
 
 
@@ -127,13 +127,15 @@ def terminal_bar(text: str, total: int, done: int = 0) -> Iterator[Advance]:
         pace = ProgressRate()
         task = bar.add_task(text, total=total, completed=done, speed="", left=_UNKNOWN_TIME)
 
-        def advance(count: int, now: str = "") -> None:
+        def advance(count: int, remark: str = "") -> None:
             """Count on; what there is to say now stands behind the text."""
-            words = ": ".join(part for part in (text, now) if part)
-            bar.update(task, advance=count, description=words)
+            description = ": ".join(part for part in (text, remark) if part)
+            bar.update(task, advance=count, description=description)
             now_done = bar.tasks[0].completed
-            speed, left = pace.after(now_done - done, total - now_done, bar.tasks[0].elapsed or 0)
-            bar.update(task, speed=speed, left=left)
+            speed, remaining = pace.after(
+                now_done - done, total - now_done, bar.tasks[0].elapsed or 0
+            )
+            bar.update(task, speed=speed, left=remaining)
 
         yield advance
 

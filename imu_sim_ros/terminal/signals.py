@@ -92,18 +92,18 @@ def ignore() -> None:
 def raised() -> Iterator[None]:
     """Let signals raise :class:`Interrupted` in the main thread."""
     global _begun, _is_raised
-    first = end = 0.0
+    first_time = end = 0.0
 
     def interrupt(number: int, frame: FrameType | None) -> None:
         global _is_raised
-        nonlocal first, end
+        nonlocal first_time, end
         now = time.monotonic()
-        first = first or now
+        first_time = first_time or now
         if number != signal.SIGALRM:
             _received.append(number)
         if now < end:
             signal.setitimer(signal.ITIMER_REAL, end - now)
-        elif _fragile(frame) and now - first < _LONGEST_DELAY:
+        elif _fragile(frame) and now - first_time < _LONGEST_DELAY:
             signal.setitimer(signal.ITIMER_REAL, _AGAIN)
         else:
             end = now + _LONGEST_END
@@ -121,20 +121,22 @@ def raised() -> Iterator[None]:
     _begun, _is_raised = True, False
     _received.clear()
     hook = sys.unraisablehook
-    before = _handle(interrupt, (*SIGNALS, signal.SIGALRM))
-    if before:
+    previous = _handle(interrupt, (*SIGNALS, signal.SIGALRM))
+    if previous:
         sys.unraisablehook = swallowed
     try:
         yield
     except Exception:
-        if first and not end:  # the signal, on its way to us, has reached other processes already
+        if (
+            first_time and not end
+        ):  # the signal, on its way to us, has reached other processes already
             raise Interrupted from None
         raise
     finally:
-        if before:
+        if previous:
             signal.setitimer(signal.ITIMER_REAL, 0.0)
             sys.unraisablehook = hook
-        _restore(before)
+        _restore(previous)
 
 
 def _fragile(frame: FrameType | None) -> bool:
@@ -168,11 +170,11 @@ def collected() -> Iterator[None]:
             _received.append(number)
         requests.append(number)
 
-    before = _handle(keep, (*SIGNALS, signal.SIGALRM))
+    previous = _handle(keep, (*SIGNALS, signal.SIGALRM))
     try:
         yield
     finally:
-        _restore(before)
+        _restore(previous)
     if requests:
         _is_raised = True
         raise Interrupted
@@ -180,15 +182,15 @@ def collected() -> Iterator[None]:
 
 def _handle(handler: _Handler, numbers: Iterable[int] = SIGNALS) -> dict[int, _Disposition]:
     """Install a handler; returns those before it, none if this is not the main thread."""
-    before: dict[int, _Disposition] = {}
+    previous: dict[int, _Disposition] = {}
     try:
         for number in numbers:
             # What nohup lets be ignored stays ignored.
             if number != signal.SIGHUP or signal.getsignal(number) is not signal.SIG_IGN:
-                before[number] = signal.signal(number, handler)
+                previous[number] = signal.signal(number, handler)
     except ValueError:  # not in the main thread: whoever runs this takes care of signals
         return {}
-    return before
+    return previous
 
 
 def _restore(handlers: dict[int, _Disposition]) -> None:

@@ -71,7 +71,7 @@ def _limits(motion: object) -> tuple[float, float]:
     highest = _called(lambda: getattr(motion, "highest_frequency", 0.0), "highest_frequency")
     allowed = "seconds, more than 0; omitted or infinite if the motion has no end"
     return (
-        number("trajectory.duration", duration, allowed, 0.0, math.inf, above=True),
+        number("trajectory.duration", duration, allowed, 0.0, math.inf, exclusive=True),
         number("trajectory.highest_frequency", highest, "Hz, from 0 to 1e6", 0.0, 1e6),
     )
 

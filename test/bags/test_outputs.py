@@ -167,7 +167,7 @@ def test_parts_of_a_split_output_are_refused_as_well(tmp_path):
 def test_an_interrupted_run_keeps_what_is_whole_as_a_part(tmp_path, discard):
     for count in range(2):
         outputs = Outputs(discard_partial=discard)
-        bag, side = outputs.add("x.mcap", kept=True), outputs.add("x_truth.yaml").path
+        bag, side = outputs.add("x.mcap", keep_partial=True), outputs.add("x_truth.yaml").path
         bag.summary = lambda: "12 messages up to stamp 1.2 s"
         with pytest.raises(KeyboardInterrupt) as stopped:
             end_with(
@@ -183,7 +183,7 @@ def test_an_interrupted_run_keeps_what_is_whole_as_a_part(tmp_path, discard):
 def test_companions_are_written_with_their_output_and_no_part_of_it(tmp_path):
     def outputs() -> tuple[Outputs, list]:
         new_outputs = Outputs()
-        bag = new_outputs.add("bag", kept=True)
+        bag = new_outputs.add("bag", keep_partial=True)
         bag.summary = lambda: "12 messages"
         return new_outputs, [bag.path, new_outputs.add("bag_truth.yaml", companion_of=bag).path]
 
@@ -209,7 +209,7 @@ def test_companions_are_written_with_their_output_and_no_part_of_it(tmp_path):
 
 def test_files_that_were_only_opened_are_no_part():
     outputs = Outputs()
-    dataset = outputs.add("folder", kept=True).path
+    dataset = outputs.add("folder", keep_partial=True).path
     files = {dataset / "data.csv.active": "#timestamp [ns]\n"}
     with pytest.raises(KeyboardInterrupt) as stopped:
         end_with(KeyboardInterrupt(), outputs, files)
@@ -349,7 +349,7 @@ def test_errors_of_the_machine_end_with_status_1():
 
 def test_the_parts_of_a_split_output_are_one_line():
     outputs = Outputs()
-    target = outputs.add("x.mcap", kept=True)
+    target = outputs.add("x.mcap", keep_partial=True)
     target.summary = lambda: "12 messages"
     bag = target.path
     parts = {bag.with_name(f"x_{k}.mcap"): "" for k in range(100)}

@@ -85,7 +85,7 @@ def frames_with(imager, total, count):
 
 def test_courses_keep_off_things_cameras_and_each_other(hall):
     """The distance from every rectangle is tested at 2,000 times of the flight, without a grid."""
-    bodies = hall.scene.crowd.each
+    bodies = hall.scene.crowd.bodies
     assert [body.name for body in bodies] == [
         "door_1", "door_2", "cart_1", "person_1", "person_2", "person_3"
     ]  # fmt: skip
@@ -115,7 +115,7 @@ def states_at(body, t):
 def test_velocities_are_the_derivatives_of_poses_and_people_walk_as_told(hall):
     t = np.linspace(1.0, 119.0, 4001)
     step = 1e-4
-    for body in hall.scene.crowd.each:
+    for body in hall.scene.crowd.bodies:
         state, earlier, later = (states_at(body, t + shift) for shift in (0.0, -step, step))
         # A spline's third derivative is at most 8 / STEP^3 times its knots' differences of 0.3 m:
         # central differences are wrong by less than 150 / 6 step^2 = 3e-7.
@@ -139,10 +139,11 @@ def test_velocities_are_the_derivatives_of_poses_and_people_walk_as_told(hall):
 def test_the_same_seed_moves_alike_whatever_the_duration(make_rig, hall):
     short = make_rig("tour", duration=3.0, **TOUR)
     other_seed = make_rig("tour", duration=3.0, **{**TOUR, "scene__seed": 1})
-    for long_body, second in zip(hall.scene.crowd.each, short.scene.crowd.each, strict=True):
+    for long_body, second in zip(hall.scene.crowd.bodies, short.scene.crowd.bodies, strict=True):
         assert np.array_equal(long_body.course.controls, second.course.controls)
     assert not np.array_equal(
-        other_seed.scene.crowd.each[-1].course.controls, short.scene.crowd.each[-1].course.controls
+        other_seed.scene.crowd.bodies[-1].course.controls,
+        short.scene.crowd.bodies[-1].course.controls,
     )
 
 
@@ -177,7 +178,7 @@ def test_depth_and_image_differ_from_those_without_bodies_where_the_mask_says(re
         points = poses.position + rotation.rotate(poses.q_wc, local)
         assert np.abs(points[:, 2]).max(initial=0.0) < 0.04
         transmittance = np.ones(len(rows))
-        for body, shadow in zip(rig.scene.crowd.each, rig.scene.crowd.shadows, strict=True):
+        for body, shadow in zip(rig.scene.crowd.bodies, rig.scene.crowd.shadows, strict=True):
             transmittance *= plainly_left(shadow.below, body.inside(t, points))
         error = image[rows, columns] - plain[rows, columns] * np.sqrt(transmittance)
         assert np.abs(error[np.abs(points[:, 2]) < 1e-3]).max(initial=0.0) < 1.0
@@ -202,7 +203,7 @@ def test_depth_of_bodies_is_that_of_their_poses_at_the_time_of_each_row(
         rays = view.model.unproject(np.column_stack([u, v]).astype(float)).direction
         ways = rotation.rotate(pose.q_wc, rays)
         front_distance = [
-            nearest_front(body, t, pose.position, ways) for body in rig.scene.crowd.each
+            nearest_front(body, t, pose.position, ways) for body in rig.scene.crowd.bodies
         ]
         expected = np.array(front_distance)[mask[v, u] - 1, np.arange(25)] * rays[:, 2]
         error = np.abs(depth[v, u] - expected)
@@ -327,7 +328,7 @@ def behind_a_body(rig, number, uv, points):
     view = rig.views["cam0"]
     t = time_of_row(view, number, uv[:, 1])
     eyes = view.poses(rig.trajectory, t).position
-    bodies = rig.scene.crowd.each
+    bodies = rig.scene.crowd.bodies
     away = [nearest_front(body, t, eyes, points - eyes) for body in bodies]
     return np.min(away, axis=0) < 1.0
 

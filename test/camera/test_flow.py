@@ -80,7 +80,7 @@ def test_flow_is_that_of_depth_and_poses(hall):
             local = ray / ray[2] * float(depth[v, u])
             body = int(mask[v, u])
             bodies.add(body)
-            moving_bodies = rig.scene.crowd.each
+            moving_bodies = rig.scene.crowd.bodies
             if body:
                 pose = CameraPoses(*moving_bodies[body - 1].sees(np.array([t]), *pose))
             point = pose.position[0] + rotation.rotate(pose.q_wc[0], local)

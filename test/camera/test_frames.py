@@ -14,7 +14,7 @@ from imu_sim_ros.bags.messages.blocks import as_list
 from imu_sim_ros.camera import build_rig
 from imu_sim_ros.commands import generate
 from imu_sim_ros.core.errors import ConfigurationError
-from imu_sim_ros.sensors.deferred import Deferred, Each
+from imu_sim_ros.sensors.deferred import Deferred, DeferredValues
 from imu_sim_ros.simulation.engine import Body
 from imu_sim_ros.simulation.parameters import load_simulation
 from imu_sim_ros.simulation.sensors import mounted
@@ -168,7 +168,7 @@ def test_large_values_are_made_by_threads_in_order(cached):
         return number * 10
 
     with ThreadPoolExecutor(2) as threads:
-        pool = Each(make, [5, 6, 9], threads, cached)
+        pool = DeferredValues(make, [5, 6, 9], threads, cached)
         forward = pool.begin([1, 0], lambda k, value: (k, value))
         assert list(forward) == [(1, 60), (0, 50)]
         again = pool.begin([2, 2], lambda k, value: (k, value))

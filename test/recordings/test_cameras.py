@@ -181,7 +181,7 @@ def test_zeros_before_the_calibration_was_loaded_are_left_out(tmp_path, capsys):
 def test_cameras_of_all_presets_fit_their_images():
     for name in files.names("cameras"):
         built = load_simulation({"cameras": ["cam0"], "camera.preset": name})
-        info = info_of_camera(cameras_in(mounted(built))["cam0"].own)
+        info = info_of_camera(cameras_in(mounted(built))["cam0"].parameters)
         record = CameraRecord(name, (info,), (0,), (info.height, info.width))
         assert camera_findings(record) == [], name
 

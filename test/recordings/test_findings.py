@@ -303,7 +303,7 @@ def test_the_noise_floor_is_that_of_the_sensor():
 def test_held_poses_are_mended_to_one_of_each(poses):
     rows = np.arange(len(poses)) // 4 * 4
     result = mended(with_fields(poses, position=poses.position[rows], q_wb=poses.q_wb[rows]))
-    assert len(result.disturbances.held) == len(poses) * 3 // 4
+    assert len(result.disturbances.repeated) == len(poses) * 3 // 4
     np.testing.assert_array_equal(result.poses.position, poses.position[::4])
     np.testing.assert_array_equal(result.t, poses.t[::4])
     assert not len(result.disturbances.single)

@@ -45,7 +45,7 @@ _COVARIANCE_TYPE_DIAGONAL: Final = 2
 _SOURCE_DOPPLER: Final = 4
 """gps_msgs/GPSStatus"""
 _FEW: Final = 16
-"""Most messages that are made as whole rows."""
+"""Largest number of messages that are encoded row by row; more are encoded by columns."""
 _STAMP: Final = struct.Struct("<II")
 _VECTOR: Final = struct.Struct("<3d")
 _POSE: Final = struct.Struct("<7d")
@@ -56,7 +56,7 @@ ROS_ORDER: Final = [1, 2, 3, 0]
 
 def divided(t_ns: Times) -> tuple[Times, Times]:
     """Return the whole seconds of times (n,), rounded down, and the nanoseconds left."""
-    second = t_ns // NANOSECONDS_PER_SECOND  # the quotient alone is several times as fast as divmod
+    second = t_ns // NANOSECONDS_PER_SECOND  # cheaper than np.divmod
     return second, t_ns - second * NANOSECONDS_PER_SECOND
 
 
@@ -135,10 +135,12 @@ class Encoder:
             else (m,) or one number.
         """
         t_ns = np.asarray(t_ns, dtype=np.int64)
-        if 0 < len(t_ns) <= _FEW:  # the same bytes: a third of the time for what comes live
-            memory, at = bytearray(self._template) * len(t_ns), self._fields["sec"][1]
+        if 0 < len(t_ns) <= _FEW:  # the same bytes, without the overhead of columns
+            memory, stamp_offset = bytearray(self._template) * len(t_ns), self._fields["sec"][1]
             for k, row_t_ns in enumerate(t_ns.tolist()):
-                _STAMP.pack_into(memory, at + k * len(self._template), *self._stamp(row_t_ns))
+                _STAMP.pack_into(
+                    memory, stamp_offset + k * len(self._template), *self._stamp(row_t_ns)
+                )
             rows = np.frombuffer(memory, self.layout.dtype)
             for name, numbers_of_field in self._existing(numbers).items():
                 rows[name] = numbers_of_field

@@ -74,7 +74,7 @@ def imu_blocks(
     if vio_data_simulation.is_source(path):
         yield vio_data_simulation.read_readings(path, skipped)
         return
-    table = _Table(imu_file(path, name), _READING, ordered=False, beside=_WITH_READING)
+    table = _Table(imu_file(path, name), _READING, ordered=False, additional=_WITH_READING)
     for t_ns, values in table.read(skipped):
         yield Readings.unchecked(
             t_ns=t_ns,
@@ -277,17 +277,17 @@ class _Table(RowReader):
         quantities: _Quantities,
         form: Mapping[str, tuple[int, ...]] | None = None,
         ordered: bool = True,
-        beside: _Quantities = MappingProxyType({}),
+        additional: _Quantities = MappingProxyType({}),
     ) -> None:
         """Initialise without rows.
 
         :param form: columns of a table whose header is not looked at; None: the header decides, and
             without one the order of the quantities.
         :param ordered: True: a row whose stamp is before that of an earlier row is a bad row.
-        :param beside: quantities that a header may have in addition.
+        :param additional: quantities that a header may have besides ``quantities``.
         """
         self._quantities, self._form, self._ordered = quantities, form, ordered
-        self._columns = {**quantities, **beside}
+        self._columns = {**quantities, **additional}
         super().__init__(path, _WHAT, self._columns)
         self._last_ns = _EARLIEST
         self._is_reset = False

@@ -55,7 +55,7 @@ def directions(accel: Array) -> int:
     """Return the number of directions, half a degree apart, of readings (m, 3) at rest."""
     distinct: list[Array] = []
     for direction in accel / np.linalg.norm(accel, axis=1, keepdims=True):
-        if all(float(direction @ other) < _SAME_DIRECTION for other in distinct):
+        if all(float(direction @ representative) < _SAME_DIRECTION for representative in distinct):
             distinct.append(direction)
     return len(distinct)
 

@@ -419,17 +419,17 @@ def _process_warnings(noise: Sequence[AxisNoise | None]) -> Iterator[str]:
         for k, axis in enumerate(noise)
         if axis is not None and axis.process is not None
     }
-    instead = {axis: process for axis, process in fits.items() if process.instead > 0.0}
+    instead = {axis: process for axis, process in fits.items() if process.gain_over_model > 0.0}
     additional = {axis: process for axis, process in fits.items() if axis not in instead}
     if instead:
-        gains = _range([process.instead for process in instead.values()])
+        gains = _range([process.gain_over_model for process in instead.values()])
         yield (
             f"{', '.join(instead)}: N, B and K do not describe the record; white noise with a "
             f"Gauss-Markov process fits better, by a log-likelihood of {gains}: use "
             f"{argument('model', 'gauss_markov')}"
         )
     if additional:
-        gains = _range([process.beside for process in additional.values()])
+        gains = _range([process.gain_within_model for process in additional.values()])
         times = _range([process.correlation_time for process in additional.values()])
         yield (
             f"{', '.join(additional)}: N, B and K alone do not describe the record; with a "

@@ -112,9 +112,9 @@ class ProcessFit(NamedTuple):
 
     correlation_time: float
     """Correlation time [s]."""
-    beside: float
+    gain_within_model: float
     """Log-likelihood that it gains next to the standard model's terms."""
-    instead: float
+    gain_over_model: float
     """Log-likelihood that white noise and a process gain over the standard model."""
 
 
@@ -295,7 +295,7 @@ def estimate(spectrum: Spectrum, axis: int) -> AxisNoise:
     ends = _with_flicker(ends, spectrum, design)
     process = None if time is None else _process_fit(spectrum, data, standard, time)
     visible = {key for key in KEYS if ends[key].low > 0.0}
-    if process is not None and process.instead > 0.0:
+    if process is not None and process.gain_over_model > 0.0:
         visible -= set(PRICES)
     if not visible & set(PRICES) and time is None:
         # The slow term that is worth its cost in addition to those shown, or none.

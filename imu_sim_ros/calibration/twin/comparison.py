@@ -71,9 +71,9 @@ def features(values: Array, parts: Sequence[slice], rate: float) -> Array:
     power = np.abs(np.fft.rfft(taper * (windows - windows.mean(axis=1, keepdims=True)), axis=1))
     frequency = np.arange(power.shape[1]) * rate / size
     columns = [
-        np.log(np.mean(power[:, inside] ** 2, axis=1) + 1e-300)
+        np.log(np.mean(power[:, in_band] ** 2, axis=1) + 1e-300)
         for low, high in BANDS
-        if (inside := (frequency >= max(low, 1.0)) & (frequency < high)).any()
+        if (in_band := (frequency >= max(low, 1.0)) & (frequency < high)).any()
     ]
     return np.concatenate(columns, axis=1)
 

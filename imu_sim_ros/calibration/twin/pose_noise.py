@@ -183,13 +183,13 @@ def _quaternion_step(q_wb: Array) -> float:
     rows = np.arange(len(q_wb))
     largest = np.abs(q_wb[rows, np.argmax(np.abs(q_wb), axis=1)])
     for digits in range(1, _MAX_DIGITS):
-        least = np.full(len(q_wb), np.inf)
-        for more in (-1.0, 0.0, 1.0):
+        deviation = np.full(len(q_wb), np.inf)
+        for step_offset in (-1.0, 0.0, 1.0):
             # Rounded, they were shorter or longer by up to a step.
-            whole = np.rint(largest * 10.0**digits) + more
+            whole = np.rint(largest * 10.0**digits) + step_offset
             scaled = q_wb * (whole / largest)[:, None]
-            least = np.minimum(least, np.abs(scaled - np.rint(scaled)).max(axis=1))
-        if np.mean(least < _WHOLE) > _AS_A_RULE:
+            deviation = np.minimum(deviation, np.abs(scaled - np.rint(scaled)).max(axis=1))
+        if np.mean(deviation < _WHOLE) > _AS_A_RULE:
             return float(10.0**-digits)
     return 0.0
 
@@ -201,16 +201,16 @@ def highest_motion(signal: Array, noisy: Sequence[Array], rate: float) -> float:
     :param rate: rate of the samples [Hz].
     """
     power = _power(signal)
-    noise = np.mean([_power(other - signal) for other in noisy], axis=0)
+    noise = np.mean([_power(noisy_signal - signal) for noisy_signal in noisy], axis=0)
     edges = [1]
     while edges[-1] < len(power):
         edges.append(edges[-1] + max(_NARROWEST, round(_WIDTH * edges[-1])))
     sums, noises = (np.add.reduceat(p, edges[:-1], axis=0) for p in (power, noise))
     sums, noises = (p.reshape(len(p), -1, 3).sum(axis=2) for p in (sums, noises))
-    above = (sums > _EXCEEDS * noises).any(axis=1)
-    if not above.any():
+    exceeds_noise = (sums > _EXCEEDS * noises).any(axis=1)
+    if not exceeds_noise.any():
         return 0.0
-    return min(edges[int(np.flatnonzero(above)[-1]) + 1], len(power)) * rate / _size(signal)
+    return min(edges[int(np.flatnonzero(exceeds_noise)[-1]) + 1], len(power)) * rate / _size(signal)
 
 
 def _size(values: Array) -> int:
@@ -229,22 +229,22 @@ def _power(values: Array) -> Array:
     return total
 
 
-def noise_over(t: Array, noise: Array, reference: tuple[float, float], at: Array) -> Array:
+def noise_over(t: Array, noise: Array, reference: tuple[float, float], times: Array) -> Array:
     """Return the local size of a noise over that in a reference interval (n, 6).
 
     1 if there is none to compare.
 
     :param t: (m,) times [s] of the noise (m, 6).
     :param reference: first and last time [s].
-    :param at: (n,) times [s].
+    :param times: (n,) times [s].
     """
-    inside = (t >= reference[0]) & (t <= reference[1])
-    if np.count_nonzero(inside) < 2 or len(t) < 2:
-        return np.ones((len(at), noise.shape[1]))
-    usual = np.mean(noise[inside] ** 2, axis=0)
+    in_reference = (t >= reference[0]) & (t <= reference[1])
+    if np.count_nonzero(in_reference) < 2 or len(t) < 2:
+        return np.ones((len(times), noise.shape[1]))
+    usual = np.mean(noise[in_reference] ** 2, axis=0)
     sums = np.concatenate([np.zeros((1, noise.shape[1])), np.cumsum(noise**2, axis=0)])
-    first = np.minimum(np.searchsorted(t, at - 0.5 * _WINDOW), len(t) - 1)
-    last = np.maximum(np.searchsorted(t, at + 0.5 * _WINDOW), first + 1)
-    local = (sums[last] - sums[first]) / (last - first)[:, None]
+    begin = np.minimum(np.searchsorted(t, times - 0.5 * _WINDOW), len(t) - 1)
+    end = np.maximum(np.searchsorted(t, times + 0.5 * _WINDOW), begin + 1)
+    local = (sums[end] - sums[begin]) / (end - begin)[:, None]
     ratio = np.divide(local, usual, out=np.ones_like(local), where=usual > 0.0)
     return np.sqrt(np.where(usual > 0.0, ratio, 1.0))

@@ -61,7 +61,7 @@ class Bands(NamedTuple):
     """(m, 6, 6) mean two-sided cross-spectral densities."""
     freedom: Array
     """(m, 6) independent squares in each mean: degrees of freedom of a density."""
-    own: Array
+    independent_share: Array
     """(m,) share of these that neighbouring bands do not have as well."""
 
     @property
@@ -85,8 +85,8 @@ class Bands(NamedTuple):
 
         A difference is as uncertain as the whole; so its degrees of freedom are fewer.
         """
-        known = np.einsum("mii->mi", noise).real
-        share = np.clip(known / np.maximum(self.density**2, 1e-300), 0.0, 1.0)
+        noise_density = np.einsum("mii->mi", noise).real
+        share = np.clip(noise_density / np.maximum(self.density**2, 1e-300), 0.0, 1.0)
         freedom = self.freedom * (1.0 - share) ** 2
         return self._replace(matrix=_not_negative(self.matrix - noise), freedom=freedom)
 
@@ -131,16 +131,16 @@ def cross_spectra(values: Array, parts: Sequence[slice], rate: float, edges: Arr
         spectra = _tapered(values[part], rate)
         frequency = np.arange(spectra.shape[1]) * rate / (part.stop - part.start)
         bounds = np.searchsorted(frequency, edges)
-        for band, (first, last) in enumerate(pairwise(bounds.tolist())):
-            x = spectra[:, first:last].reshape(-1, 6)
+        for band, (begin, end) in enumerate(pairwise(bounds.tolist())):
+            x = spectra[:, begin:end].reshape(-1, 6)
             total[band] += np.einsum("ki,kj->ij", x, x.conj())
             count[band] += len(x)
-            freedom[band] += _freedom(last - first)
-    there = count > 0
-    total[there] /= count[there, None, None]
-    own = 2.0 * _EFFICIENCY * count / _TAPERS / np.maximum(freedom, 1.0)
-    columns = (edges[:-1], edges[1:], total, np.tile(freedom[:, None], 6), own)
-    return Bands(*columns).rows(there)
+            freedom[band] += _freedom(end - begin)
+    has_data = count > 0
+    total[has_data] /= count[has_data, None, None]
+    independent_share = 2.0 * _EFFICIENCY * count / _TAPERS / np.maximum(freedom, 1.0)
+    columns = (edges[:-1], edges[1:], total, np.tile(freedom[:, None], 6), independent_share)
+    return Bands(*columns).rows(has_data)
 
 
 @cache
@@ -232,7 +232,7 @@ def white_floor(bands: Bands, lowest: float) -> White:
         clear = whole if len(whole) else selected
         rows, freedom = power[clear, axis], np.maximum(bands.freedom[clear, axis], 2.0)
         mean, of_mean = _common(rows, freedom) if len(whole) > 1 else (0.0, 0.0)
-        of_mean *= np.average(bands.own[clear], weights=freedom)
+        of_mean *= np.average(bands.independent_share[clear], weights=freedom)
         if mean:
             ends = _quantile(np.array([0.975, 0.025]), of_mean)
             density[axis], (low[axis], high[axis]) = np.sqrt(mean), np.sqrt(mean / ends)
@@ -271,17 +271,17 @@ def _common(power: Array, freedom: Array) -> tuple[float, float]:
     for start in _STARTS:
         mean = float(np.quantile(power, start))
         for _ in range(_ROUNDS):
-            kept = power < end * mean
-            if not kept.any():
+            in_floor = power < end * mean
+            if not in_floor.any():
                 break
-            mean = float(np.sum((power * freedom)[kept]) / np.sum((part * freedom)[kept]))
+            mean = float(np.sum((power * freedom)[in_floor]) / np.sum((part * freedom)[in_floor]))
         # What chance explains is alike: over m rows with n degrees of freedom, the sum of
         # n / 2 (P / mean - 1)^2 is m, and its variance the sum of 2 + 12 / n (fourth moment).
-        near = power <= mean * (1.0 + _CHANCE * np.sqrt(2.0 / freedom))
-        spread = float(np.sum((0.5 * freedom * (power / mean - 1.0) ** 2)[near]))
-        variance = float(np.sum((2.0 + 12.0 / freedom)[near]))
-        alike = spread <= np.count_nonzero(near) + _CHANCE * np.sqrt(variance)
-        share = np.count_nonzero(kept) / _KEPT / len(power)
+        near_floor = power <= mean * (1.0 + _CHANCE * np.sqrt(2.0 / freedom))
+        spread = float(np.sum((0.5 * freedom * (power / mean - 1.0) ** 2)[near_floor]))
+        variance = float(np.sum((2.0 + 12.0 / freedom)[near_floor]))
+        alike = spread <= np.count_nonzero(near_floor) + _CHANCE * np.sqrt(variance)
+        share = np.count_nonzero(in_floor) / _KEPT / len(power)
         if alike and share >= _MAJORITY:
             break
     else:
@@ -337,15 +337,15 @@ def quietest(readings: Array, rate: float) -> Array:
     return np.where(quiet, np.sqrt(bands[second, :, axes].min(axis=1)), 0.0)
 
 
-def lowered(white: White, most: Array) -> White:
+def lowered(white: White, upper: Array) -> White:
     """Return a floor that, if vibration hides it, is nowhere above a density (6,)."""
-    hidden = np.minimum(white.density, most)
+    hidden = np.minimum(white.density, upper)
     return white._replace(density=np.where(white.low > 0.0, white.density, hidden))
 
 
-def raised(white: White, least: Array) -> White:
+def raised(white: White, lower: Array) -> White:
     """Return a floor that is nowhere below a density (6,)."""
-    low = np.where(white.low > 0.0, np.maximum(white.low, least), 0.0)
+    low = np.where(white.low > 0.0, np.maximum(white.low, lower), 0.0)
     return white._replace(
-        density=np.maximum(white.density, least), low=low, high=np.maximum(white.high, least)
+        density=np.maximum(white.density, lower), low=low, high=np.maximum(white.high, lower)
     )

@@ -46,8 +46,8 @@ class ErrorModelReport:
         previous, self._before = self._before, dataclasses.replace(counts)
         new_refused, self._refused = refused - self._refused, refused
         new_readings = counts.readings - previous.readings
-        now, before = field_values(counts), field_values(previous)
-        irregular = [name for name in _IRREGULAR if now[name] > before[name]]
+        totals, previous_totals = field_values(counts), field_values(previous)
+        irregular = [name for name in _IRREGULAR if totals[name] > previous_totals[name]]
         if new_refused:
             level, text = DiagnosticStatus.WARN, f"{new_refused} messages refused"
         elif not new_readings:

@@ -97,7 +97,7 @@ class ErrorModelNode(ConfiguredNode[ErrorNodeParameters]):
         source = f"input ({self.resolve_topic_name(conventions.INPUT_ODOMETRY_TOPIC)})"
         self._twist = TwistWatch(source, parameters.input.twist_frame) if compared else None
         turned = sensor_rotation(parameters.input) is not None or parameters.input.place == "body"
-        has_frame = "imu_frame" in self.given or parameters.imu_frame != conventions.IMU_FRAME
+        has_frame = "imu_frame" in self.overrides or parameters.imu_frame != conventions.IMU_FRAME
         self._takes_frame = not (parameters.odometry or turned or has_frame)
         """True if the frame of the readings is still to be that of the input."""
         self.outputs = ErrorModelOutputs(self, parameters, self.lifetime.fail)
@@ -350,5 +350,5 @@ def main() -> int:
 
 
 if __name__ == "__main__":
-    signals.watch(last=True)
+    signals.watch(is_final=True)
     sys.exit(main())

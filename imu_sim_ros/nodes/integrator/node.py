@@ -147,7 +147,7 @@ class Integrator(ConfiguredNode[IntegratorParameters]):
         if self._path is not None:
             self._path.use_frame(world)
         for name, frame in (("world_frame", world), ("body_frame", body)):
-            configured = self.given.get(name, frame)
+            configured = self.overrides.get(name, frame)
             if configured != frame:
                 self.get_logger().warning(
                     f"{name} = {configured}: {TRUTH_TOPIC}, which it starts from, is in {frame}, "
@@ -218,8 +218,8 @@ class Integrator(ConfiguredNode[IntegratorParameters]):
 
         :raises ConfigurationError: for invalid values.
         """
-        sensor = sensor_description_layer(self.given, sensor)
-        parameters = load_integrator(self.given, sensor)
+        sensor = sensor_description_layer(self.overrides, sensor)
+        parameters = load_integrator(self.overrides, sensor)
         with self._lock:
             later = not self.odometer.waiting and parameters.imu != self.odometer.parameters.imu
             self.replace(parameters)
@@ -235,7 +235,7 @@ class Integrator(ConfiguredNode[IntegratorParameters]):
         """Name the sensor's errors that the covariance does not include."""
         if not self.parameters.covariance:
             return
-        left_out = outside_covariance(self.parameters, self.given, sensor)
+        left_out = outside_covariance(self.parameters, self.overrides, sensor)
         if left_out:
             self.get_logger().info(f"the covariance does not include {', '.join(left_out)}")
 
@@ -330,5 +330,5 @@ def main() -> int:
 
 
 if __name__ == "__main__":
-    signals.watch(last=True)
+    signals.watch(is_final=True)
     sys.exit(main())

@@ -423,5 +423,5 @@ def main() -> int:
 
 
 if __name__ == "__main__":
-    signals.watch(last=True)
+    signals.watch(is_final=True)
     sys.exit(main())

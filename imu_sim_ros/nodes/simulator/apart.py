@@ -225,7 +225,9 @@ def groups_apart(sensors: Mapping[str, Mounted[MountedParameters]]) -> dict[str,
     groups: dict[str, list[str]] = {}
     for name, sensor in sensors.items():
         if sensor.sensor.apart:
-            needed = [sensor.space + quantity for quantity in sensor.sensor.needs(sensor.own)]
+            needed = [
+                sensor.space + quantity for quantity in sensor.sensor.needs(sensor.parameters)
+            ]
             groups.setdefault(next(iter(needed), name), []).append(name)
     return groups
 

@@ -164,7 +164,7 @@ class SensorNode:
 
     def _publishers(self, names: dict[str, str]) -> Iterator[tuple[str, Counter]]:
         """Yield a publisher for each topic of this process."""
-        own = self._sensors[self.name].own
+        own = self._sensors[self.name].parameters
         assert isinstance(own, RatedParameters)
         depth = max(20, round(4 * own.rate))
         for topic, full in names.items():

@@ -33,7 +33,7 @@ class _Block(NamedTuple):
     t0_ns: int
     start_ns: int
     groups: list[Group]
-    last: bool
+    is_last: bool
 
 
 class Engine:
@@ -179,9 +179,9 @@ class Engine:
                     self.pacer.interrupt(False)
                     self.pacer.anchor(block.t0_ns, block.start_ns)
             complete = self._play(block)
-            if complete and block.last:
+            if complete and block.is_last:
                 self.pacer.end_stall()
-            if complete and block.last and self._wait_for_acknowledgement(5.0):
+            if complete and block.is_last and self._wait_for_acknowledgement(5.0):
                 self._on_end()
                 return
 

@@ -40,7 +40,7 @@ def markers(sensors: Mapping[str, Mounted[MountedParameters]], world: World) -> 
         _marker(Marker.LINE_LIST, "surfaces", world_frame, _edges(scene.surfaces)),
     ]
     for k, camera in enumerate(cameras_in(sensors).values()):
-        ends = _frustum(CameraModel(camera.own))
+        ends = _frustum(CameraModel(camera.parameters))
         shown = _marker(Marker.LINE_LIST, "cameras", camera.frame, ends)
         shown.id = k
         shapes.append(shown)

@@ -176,7 +176,7 @@ class Simulator(ConfiguredNode[SimulatorParameters]):
                 outputs.append((topic.name, topic.encoder(), self._counted(name, topic.topic.type)))
         for name, sensor in sensors.items():
             serial = sensor.sensor.serial
-            if serial and (where := serial.where(sensor.own)):
+            if serial and (where := serial.where(sensor.parameters)):
                 terminal = PseudoTerminal(where)
                 self._terminals.append(terminal)
                 self._notes.append(f"{name}: serial line on {terminal.name}")
@@ -235,7 +235,7 @@ class Simulator(ConfiguredNode[SimulatorParameters]):
             # Kept: later subscribers get it from the publisher.
             self._mounts = transforms.publish_mounts(self, sensors, t_ns)
         except MissingDependencyError as error:
-            if "publish.tf_static" in self.given:
+            if "publish.tf_static" in self.overrides:
                 raise
             self._notes.append(f"/tf_static is not published: {error}")
 
@@ -294,7 +294,7 @@ class Simulator(ConfiguredNode[SimulatorParameters]):
         cameras = f"; cameras {', '.join(parameters.cameras)}" if parameters.cameras else ""
         trajectory = parameters.trajectory
         file = trajectory.file if isinstance(trajectory, PosesParameters | DriveParameters) else ""
-        motion = file or self.given.get("trajectory.type", DEFAULT_TRAJECTORY)
+        motion = file or self.overrides.get("trajectory.type", DEFAULT_TRAJECTORY)
         return f"{described}; trajectory {motion}{cameras}"
 
     # ------------------------------------------------------------------------- the run
@@ -476,5 +476,5 @@ def main() -> int:
 
 
 if __name__ == "__main__":
-    signals.watch(last=True)
+    signals.watch(is_final=True)
     sys.exit(main())

@@ -36,9 +36,9 @@ class DisturbedPoses(NamedTuple):
 
         A pose that is held appears up to an interval of the stamps after its time.
         """
-        if not len(self.disturbances.held):
+        if not len(self.disturbances.repeated):
             return 0.0, 0.0
-        distinct = np.setdiff1d(np.arange(len(self.states)), self.disturbances.held)
+        distinct = np.setdiff1d(np.arange(len(self.states)), self.disturbances.repeated)
         measures = StateMeasures(self.states.rows(distinct))
         interval = StateMeasures(self.states).interval
         speed = np.linalg.norm(measures.velocity, axis=1)
@@ -124,7 +124,7 @@ def poses_jump(poses: DisturbedPoses) -> Iterator[Evidence]:
 def poses_arrival(poses: DisturbedPoses) -> Iterator[Evidence]:
     """Find stamps of poses that are times of arrival."""
     disturbances = poses.disturbances
-    if disturbances.scatter and not len(disturbances.held):
+    if disturbances.scatter and not len(disturbances.repeated):
         yield Evidence(
             f"the stamps scatter by {disturbances.scatter * 1e3:.3g} ms about an even interval of "
             f"{disturbances.interval * 1e3:.4g} ms, on which the motion is smoother: they appear "

@@ -32,7 +32,7 @@ from imu_sim_ros.sensors.parameters import MountedParameters
 from imu_sim_ros.sensors.samples import Rows, Samples
 
 if TYPE_CHECKING:
-    from imu_sim_ros.sensors.deferred import Each, Results
+    from imu_sim_ros.sensors.deferred import DeferredValues, Results
 
 _MODULE: Final = "imu_sim_ros.sensors.camera.frames"
 _IMAGE: Final = "sensor_msgs/msg/Image"
@@ -46,7 +46,7 @@ _DepthAndMask: TypeAlias = tuple[Single, Bytes | None]
 def _of_pixels(
     name: str,
     kind: str,
-    pixels: "Callable[[Samples], Each[_Pixels]]",
+    pixels: "Callable[[Samples], DeferredValues[_Pixels]]",
     exists: Callable[[CameraParameters], bool],
     encoder: Callable[[Mounted[CameraParameters], str], Encode[_Pixels]],
     moving: bool = False,
@@ -76,7 +76,7 @@ def _of_pixels(
 
     def is_present(mounted: Mounted[CameraParameters]) -> bool:
         still = moving and not body_names(rig_parameters_of(mounted.environment).scene)
-        return exists(mounted.own) and not still
+        return exists(mounted.parameters) and not still
 
     return Topic(name, kind, (), make, exists=is_present)
 
@@ -92,20 +92,20 @@ def _image_encoder(
     """Return the encoder of images in a pixel encoding."""
     from imu_sim_ros.bags.messages.encode_cameras import ImageEncoder
 
-    p = mounted.own
+    p = mounted.parameters
     return ImageEncoder(mounted.frame, p.height, p.width, pixel_encoding, encoding).encode
 
 
 def _raw(mounted: Mounted[CameraParameters], encoding: str) -> Encode[Bytes]:
     """Return the encoder of raw images."""
-    return _image_encoder(mounted, mounted.own.encoding, encoding)
+    return _image_encoder(mounted, mounted.parameters.encoding, encoding)
 
 
 def _compressed(mounted: Mounted[CameraParameters], encoding: str) -> Encode[Bytes]:
     """Return the encoder of compressed images."""
     from imu_sim_ros.bags.messages.encode_cameras import CompressedImageEncoder
 
-    messages = CompressedImageEncoder(mounted.frame, mounted.own.encoding, encoding)
+    messages = CompressedImageEncoder(mounted.frame, mounted.parameters.encoding, encoding)
     return lambda t_ns, image: messages.encode(t_ns, png(image))
 
 
@@ -136,7 +136,7 @@ def _info(mounted: Mounted[CameraParameters], encoding: str) -> Payloads:
     """Return the encoder of camera_info."""
     from imu_sim_ros.bags.messages.encode_cameras import CameraInfoEncoder
 
-    messages = CameraInfoEncoder(mounted.frame, info_of_camera(mounted.own), encoding)
+    messages = CameraInfoEncoder(mounted.frame, info_of_camera(mounted.parameters), encoding)
     return lambda readings, rows, _: [
         messages.encode(t_ns) for t_ns in readings.t_ns[rows].tolist()
     ]

@@ -223,7 +223,7 @@ class Features(AtFrames):
         first_number, count = int(numbers[0]), len(numbers)
         if self._stream is None or self._stream.position > first_number:
             trackers = [camera.tracker for camera in self.cameras]
-            self._stream = FeatureStream(trackers, self.mounted.own.features.layout)
+            self._stream = FeatureStream(trackers, self.mounted.parameters.features.layout)
         self._stream.next(first_number - self._stream.position)
         return [message.values for message in self._stream.next(count)]
 
@@ -232,7 +232,7 @@ def _clouds(mounted: Mounted[RigParameters], encoding: str) -> Payloads:
     """Return the encoder of tracked features as PointCloud."""
     from imu_sim_ros.bags.messages.encode_cameras import PointCloudEncoder
 
-    rig = mounted.own
+    rig = mounted.parameters
     channels = (*CHANNELS[rig.features.layout], *[BODY_CHANNEL] * bool(body_names(rig.scene)))
     encoder = PointCloudEncoder(mounted.environment.world_frame, channels, encoding)
 

@@ -27,7 +27,7 @@ from imu_sim_ros.sensors.camera.target import target_warning
 from imu_sim_ros.sensors.camera.tracker import Tracker
 from imu_sim_ros.sensors.camera.view import Frames, View, view_of
 from imu_sim_ros.sensors.declaration import Model, Mounted
-from imu_sim_ros.sensors.deferred import Deferred, Each
+from imu_sim_ros.sensors.deferred import Deferred, DeferredValues
 from imu_sim_ros.sensors.model import FixedModel
 from imu_sim_ros.sensors.samples import Samples
 from imu_sim_ros.sensors.timing import SampleTimes
@@ -50,7 +50,7 @@ class Camera(FixedModel):
         self, mounted: Mounted[CameraParameters], t0_ns: int, _: Mapping[str, Model]
     ) -> None:
         self.mounted = mounted
-        self.times = SampleTimes(mounted.own.rate, t0_ns, mounted.own.phase)
+        self.times = SampleTimes(mounted.parameters.rate, t0_ns, mounted.parameters.phase)
         self._world: World | None = None
 
     def read(self, window: Window, world: World) -> Samples:
@@ -72,8 +72,8 @@ class Camera(FixedModel):
         first_number, count = int(frames.number[0]) if len(frames.number) else 0, len(frames.number)
         p, scene = self.view.parameters, rig_parameters_of(self.mounted.environment).scene
 
-        def each(make: Callable[[int], _T], keep: bool = False) -> Each[_T]:
-            return Each(make, frames.number.tolist(), self.world.threads, keep)
+        def each(make: Callable[[int], _T], keep: bool = False) -> DeferredValues[_T]:
+            return DeferredValues(make, frames.number.tolist(), self.world.threads, keep)
 
         values = Deferred(
             tracks=lambda: self.tracker.tracks(first_number, count),
@@ -166,7 +166,7 @@ def _meets_surfaces(view: View, world: World, t: Array) -> Mask:
 
 def notes(mounted: Mounted[CameraParameters]) -> list[str]:
     """Return which axes the body has, for a camera whose device has others."""
-    p = mounted.own
+    p = mounted.parameters
     if p.rig_mounting == IDENTITY_MATRIX:
         return []
     if p.body_axes == "flu":

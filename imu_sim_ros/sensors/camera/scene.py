@@ -54,7 +54,7 @@ class Scene(NamedTuple):
         :param moving: with the bodies that move.
         """
         sky = self.painter.place.sky if self.painter is not None else None
-        bodies = self.crowd.each if moving and self.crowd is not None else ()
+        bodies = self.crowd.bodies if moving and self.crowd is not None else ()
         return RayTracer(self.surfaces, self.caster, bodies, sky)
 
     def box(self) -> tuple[Array, Array]:

@@ -61,7 +61,7 @@ def scene_warnings(mounted: Mounted[MountedParameters], world: World, duration: 
     longest = min(duration, world.trajectory.duration, _LONGEST)
     t = np.linspace(0.0, longest, _POSITIONS)
     motion = world.trajectory.sample(t)
-    arm = mounted.own.mount()[:3, 3]
+    arm = mounted.parameters.mount()[:3, 3]
     position = motion.position + rotation.rotate(motion.q_wb, arm[None])
     kind = rig_parameters_of(mounted.environment).scene.type
     path = _Path(scene, "mesh" if scene.mesh is not None else f"scene {kind}", t, position)

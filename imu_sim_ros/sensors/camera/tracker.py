@@ -83,7 +83,7 @@ class Tracker:
     def __init__(self, view: View, scene: Scene, trajectory: Trajectory) -> None:
         self.view, self.scene, self.trajectory = view, scene, trajectory
         crowd = scene.crowd
-        self._bodies = crowd.each if crowd else ()
+        self._bodies = crowd.bodies if crowd else ()
         counts = [len(points) for points, _ in crowd.landmarks] if crowd else []
         self._first = len(scene.landmarks) + np.cumsum([0, *counts])
         """Number of the first landmark of each body."""

@@ -33,7 +33,9 @@ class AtFrames(FixedModel):
         self, mounted: Mounted[RigParameters], t0_ns: int, cameras: Mapping[str, Any]
     ) -> None:
         self.mounted = mounted
-        self.cameras: list[Camera] = [cameras[name] for name in mounted.sensor.needs(mounted.own)]
+        self.cameras: list[Camera] = [
+            cameras[name] for name in mounted.sensor.needs(mounted.parameters)
+        ]
         """Cameras whose frames set the times."""
 
 
@@ -69,7 +71,7 @@ class BodyTruth(AtFrames):
             crowd = world.scene.crowd
             assert crowd is not None
             body = next(
-                candidate for candidate in crowd.each if candidate.name == self.mounted.name
+                candidate for candidate in crowd.bodies if candidate.name == self.mounted.name
             )
             return body.states(t_ns, camera.view.seconds(t_ns))
 

@@ -124,7 +124,7 @@ def view_of(
         longest = world.trajectory.duration
         duration = min(mounted.environment.duration or longest, longest)
     seed = mounted.environment.seed
-    return View(mounted.name, mounted.own, seed, world.t0_ns, duration)
+    return View(mounted.name, mounted.parameters, seed, world.t0_ns, duration)
 
 
 def in_camera(poses: CameraPoses, points: Array) -> Array:

@@ -35,18 +35,18 @@ class _Constant(NamedTuple):
     name: str
     sigma: str
     """Name of its standard deviation."""
-    each: int
+    numbers_per_axis: int
     """Numbers per axis: 3 for a matrix, else 1."""
 
 
 @cache
 def _constants(cls: type) -> tuple[_Constant, ...]:
     """Return the constants of a section."""
-    known = declared(cls)
+    section_parameters = declared(cls)
     return tuple(
         _Constant(name, f"{name}_sigma", 3 if parameter.kind == "matrix" else 1)
-        for name, parameter in known.items()
-        if f"{name}_sigma" in known
+        for name, parameter in section_parameters.items()
+        if f"{name}_sigma" in section_parameters
     )
 
 
@@ -58,14 +58,18 @@ def with_constants(section: _Section, sensor: str, seed: Seed) -> _Section:
     :param sensor: as in the streams' names.
     """
     changed: Keywords = {}
-    drawn = [one for one in _constants(type(section)) if is_set(getattr(section, one.sigma))]
+    drawn = [
+        constant
+        for constant in _constants(type(section))
+        if is_set(getattr(section, constant.sigma))
+    ]
     if not drawn:
         return section
-    sources = [f"{sensor}.{one.name}" for one in drawn]
-    numbers = Streams(seed, *sources).next(max(one.each for one in drawn))
+    sources = [f"{sensor}.{constant.name}" for constant in drawn]
+    numbers = Streams(seed, *sources).next(max(constant.numbers_per_axis for constant in drawn))
     for k, (name, sigma, count) in enumerate(drawn):
-        own = by_axis(numbers[:count, ..., 3 * k : 3 * k + 3])
-        added = own * np.asarray(getattr(section, sigma))[..., None]
+        numbers_of_constant = by_axis(numbers[:count, ..., 3 * k : 3 * k + 3])
+        added = numbers_of_constant * np.asarray(getattr(section, sigma))[..., None]
         value = np.asarray(getattr(section, name))
         sums = np.array(value) if value.size else np.zeros((*np.shape(seed), 3))
         sums[..., : 3 * count] += added.reshape(*np.shape(seed), 3 * count)
@@ -96,8 +100,8 @@ def unit_of_seed(parameters: TriadParameters, triad: str, seed: Seed) -> TriadPa
     if not (np.ndim(seed) or is_set(p.misalignment_sigma)):
         return p
     matrix = p.response()
-    own = by_axis(Streams(seed, f"{triad}.misalignment").next(2))
-    added = own * np.asarray(p.misalignment_sigma)[..., None]
+    numbers = by_axis(Streams(seed, f"{triad}.misalignment").next(2))
+    added = numbers * np.asarray(p.misalignment_sigma)[..., None]
     matrix[..., ~np.eye(3, dtype=bool)] += added.reshape(*np.shape(seed), 6)
     changed = _fields(
         seed,
@@ -152,8 +156,8 @@ def realised_imu(imu: ImuParameters, seed: int) -> ImuParameters:
     realised: Keywords = {
         **{name: realised_triad(imu.triad(name), name, seed) for name in TRIADS},
         "sensors": {
-            one.name: one.realised(imu.sensors[one.name], seed, one.name)
-            for one in sensors_of_imus()
+            sensor.name: sensor.realised(imu.sensors[sensor.name], seed, sensor.name)
+            for sensor in sensors_of_imus()
         },
     }
     return dataclasses.replace(imu, **realised)

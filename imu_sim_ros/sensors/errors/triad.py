@@ -285,11 +285,11 @@ class Additions(NamedTuple):
         noise = None if self.noise is None else self.noise[rows]
         return Additions(scale, self.bias[rows], noise)
 
-    def followed_by(self, others: "Additions") -> "Additions":
+    def followed_by(self, following: "Additions") -> "Additions":
         """Return these and those of the next readings of the same triad."""
         scale, bias, noise = (
             None if values is None or next_values is None else np.concatenate([values, next_values])
-            for values, next_values in zip(self, others, strict=True)
+            for values, next_values in zip(self, following, strict=True)
         )
         assert bias is not None
         return Additions(scale, bias, noise)
@@ -447,8 +447,8 @@ class Triad:
             self._increments.apply(reading)
         if faults is not None:
             if windows:
-                held = None if self._last is None else np.array(self._last)
-                faults.hold(self._name, start, reading, held)
+                previous = None if self._last is None else np.array(self._last)
+                faults.hold(self._name, start, reading, previous)
             if len(reading):
                 self._last = reading[-1].copy()
         return reading_of(

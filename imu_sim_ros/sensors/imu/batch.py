@@ -128,7 +128,7 @@ class ImuBatch:
 
         :param gyro: (count, 3) ideal angular rates [rad/s].
         :param accel: (count, 3) ideal specific forces [m/s^2].
-        :param held: (count,) passed on.
+        :param held: (count,) True for units whose ideal reading was impossible; it is passed on.
         """
         additions, temperature, _ = self._triads.next()
         outputs = [
@@ -170,7 +170,7 @@ class MagnetometerBatch:
         """Return the next sample of each unit.
 
         :param field: (count, 3) ideal fields in the axes of the IMUs [T].
-        :param held: (count,) passed on.
+        :param held: (count,) True for units whose ideal reading was impossible; it is passed on.
         """
         additions, _, inputs = self._triads.next()
         current = inputs.get("current")
@@ -234,7 +234,7 @@ class BarometerBatch:
         """Return the next sample of each unit.
 
         :param pressure: (count,) of the still air at the IMUs [Pa].
-        :param held: (count,) passed on.
+        :param held: (count,) True for units whose ideal reading was impossible; it is passed on.
         """
         additions, _, inputs = self._triads.next()
         gust = inputs.get("gust")

@@ -82,7 +82,7 @@ def _increments(name: str, means: str, flag: str, truth: bool = False) -> Topic:
     def make(mounted: Mounted[ImuParameters], encoding: str) -> Payloads:
         from imu_sim_ros.bags.messages.encode import Vector3StampedEncoder
 
-        sampling, interval = mounted.own.sampling, 1.0 / mounted.environment.rate
+        sampling, interval = mounted.parameters.sampling, 1.0 / mounted.environment.rate
         if sampling != "averaged":
             raise ConfigurationError(f"topic {name}: needs imu.sampling averaged; it is {sampling}")
         messages = Vector3StampedEncoder(mounted.frame, encoding)

@@ -17,7 +17,7 @@ from imu_sim_ros.core.conventions import ERRORS, TRIADS
 from imu_sim_ros.core.records import LiveReading
 from imu_sim_ros.core.types import Array, Times
 from imu_sim_ros.sensors.declaration import Mounted
-from imu_sim_ros.sensors.deferred import Completed
+from imu_sim_ros.sensors.deferred import ValuesOnDemand
 from imu_sim_ros.sensors.errors.realised import unit_of_seed
 from imu_sim_ros.sensors.errors.terms import Surroundings
 from imu_sim_ros.sensors.errors.triad import (
@@ -83,7 +83,7 @@ class Imu:
 
         :param t0_ns: time of sample 0 [ns].
         """
-        imu, environment = mounted.own, mounted.environment
+        imu, environment = mounted.parameters, mounted.environment
         seed, rate = environment.seed, environment.rate
         self._seed, self._rate = seed, rate
         self._averaged = imu.sampling == "averaged"
@@ -192,7 +192,7 @@ class Imu:
         table = np.array([reading for reading, _ in results])
         rates, forces = table[::2], table[1::2]
         truth = partial(_truth, (rates, forces), results, self._ahead, rows, readings, motion)
-        values = Completed({"gyro": rates, "accel": forces}, _VALUES, truth)
+        values = ValuesOnDemand({"gyro": rates, "accel": forces}, _VALUES, truth)
         self.latest = self._timing.samples(start, np.array(times), values)
         return self.latest
 
@@ -250,8 +250,8 @@ class Imu:
         if start < begin:
             rows = slice(start - previous.start, None)
             temperature = np.concatenate([previous.temperature[rows], temperature])
-            kept = [values.at(rows) for values in previous.additions]
-            additions = [a.followed_by(b) for a, b in zip(kept, additions, strict=True)]
+            drawn = [values.at(rows) for values in previous.additions]
+            additions = [a.followed_by(b) for a, b in zip(drawn, additions, strict=True)]
             numbers = [*previous.numbers[rows], *numbers]
         self._ahead = _Ahead(start, end, temperature, additions, numbers)
 
@@ -376,7 +376,7 @@ def exceeded(mounted: Mounted[ImuParameters], world: World, duration: float) -> 
     :param duration: length of the run [s]; may be infinite.
     :raises ConfigurationError: for readings that are averaged, if the motion is too quick for that.
     """
-    imu, environment, trajectory = mounted.own, mounted.environment, world.trajectory
+    imu, environment, trajectory = mounted.parameters, mounted.environment, world.trajectory
     if imu.sampling == "averaged":
         quadrature(trajectory.highest_frequency, 1.0 / environment.rate)
     if not (any(imu.gyroscope.range) or any(imu.accelerometer.range)):

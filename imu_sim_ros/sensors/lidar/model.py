@@ -90,7 +90,7 @@ def in_sight(mounted: Mounted[LidarParameters], world: World, t: Array) -> Mask:
 
     A share of the rays is traced first, and all of them where none of these returns.
     """
-    p = mounted.own
+    p = mounted.parameters
     if not has_surfaces(rig_parameters_of(mounted.environment).scene):
         return np.zeros(len(t), np.bool_)
     lidar, pattern = Lidar(mounted, world.t0_ns, {}), build_pattern(p)
@@ -123,7 +123,7 @@ class Lidar(SensorModel[LidarParameters]):
         :raises InputError: for a table of directions that cannot be used.
         """
         super().__init__(mounted, t0_ns)
-        p = mounted.own
+        p = mounted.parameters
         self._pattern = build_pattern(p)
         self._streams: dict[str, Generator] = {}
         self._targets: Targets | None = None

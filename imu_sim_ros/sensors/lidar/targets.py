@@ -25,7 +25,7 @@ class Targets:
         :param reflectivity: of surfaces whose material is not known.
         """
         place = scene.painter.place if scene.painter is not None else None
-        bodies = scene.crowd.each if scene.crowd is not None else ()
+        bodies = scene.crowd.bodies if scene.crowd is not None else ()
         self._surfaces = scene.surfaces
         self._panes = panes(place.faces, scene.surfaces.sides) if place is not None else []
         self._has_panes = np.zeros(len(scene.surfaces.origin) + 1, np.bool_)

@@ -184,7 +184,7 @@ class Magnetometer(SensorWithImu):
         :param t0_ns: time of the start [ns].
         """
         super().__init__(mounted, t0_ns)
-        imu, environment = mounted.own, mounted.environment
+        imu, environment = mounted.parameters, mounted.environment
         self._field = MagneticField(environment)
         self.earth_w = self._field.earth_w
         """(3,) the Earth's field in the world [T]."""

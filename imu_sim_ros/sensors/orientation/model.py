@@ -137,7 +137,11 @@ class Orientation(FixedModel):
         :param models: the IMU, and for the filter its magnetometer; they are read
                 before this sensor.
         """
-        imu, environment, rate = mounted.own, mounted.environment, mounted.own.orientation.rate
+        imu, environment, rate = (
+            mounted.parameters,
+            mounted.environment,
+            mounted.parameters.orientation.rate,
+        )
         ratio = timebase.exact_rate(environment.rate) / timebase.exact_rate(rate) if rate else 1
         imu_model = models["imu"]
         assert isinstance(imu_model, Imu)

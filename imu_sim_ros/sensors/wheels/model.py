@@ -297,7 +297,7 @@ def unmeasured_motion(
     mounted: Mounted[WheelsParameters], world: World, duration: float
 ) -> list[str]:
     """Return a line with the unmeasured motion, if it is not that of such a vehicle."""
-    p = mounted.own
+    p = mounted.parameters
     trajectory = world.trajectory
     q_bs = rotation.from_matrix(np.reshape(p.mounting, (3, 3)))
     longest = min(duration, trajectory.duration, _LONGEST_LOOK)

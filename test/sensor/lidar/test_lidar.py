@@ -129,7 +129,7 @@ def test_points_of_people_are_on_them_at_their_own_times():
     assert len(bodies_hit) >= 2
     for number in bodies_hit:
         mine = np.flatnonzero(scans.body.reshape(-1) == number)
-        moving_body = crowd.each[number - 1]
+        moving_body = crowd.bodies[number - 1]
         within_body = moving_body.inside(t.reshape(-1)[mine], points[mine])
         where = crowd.surfaces[number - 1]
         face = scans.surface.reshape(-1)[mine]

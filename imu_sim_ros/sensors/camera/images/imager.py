@@ -188,7 +188,7 @@ class Imager:
         """Return where the camera is at times t (n,) [s]."""
         poses = self.view.poses(self._trajectory, t)
         crowd = self._scene.crowd
-        bodies = crowd.each if crowd else ()
+        bodies = crowd.bodies if crowd else ()
         return Eyes(poses, [CameraPoses(*body.sees(t, *poses)) for body in bodies])
 
     def exposure(self, number: int) -> float:
