@@ -20,6 +20,7 @@ from imu_sim_ros.core.errors import InputError
 from imu_sim_ros.core.types import Bytes, Integers, Times
 
 CHUNK_BYTES: Final = 1 << 20
+"""Bytes of messages from which on a chunk is written."""
 _MAX_WORKERS: Final = 4
 """More than this the thread that writes cannot follow; each has a few chunks in memory."""
 

@@ -24,7 +24,9 @@ _MAGIC: Final = {
 SUFFIXES: Final = (".zstd", ".zst", ".lz4", ".gz", ".bz2", ".xz")
 """Endings of the names of compressed files."""
 _STEP_BYTES: Final = 1 << 20
+"""Bytes that are decompressed at once."""
 _ALWAYS_ALLOWED: Final = 1 << 30
+"""Decompressed size that no ratio forbids [bytes]."""
 _LARGEST_RATIO: Final = 100
 """Largest ratio of compression of a larger file: a small one must not fill the disk."""
 

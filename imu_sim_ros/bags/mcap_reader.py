@@ -40,10 +40,12 @@ if TYPE_CHECKING:
     from mcap.records import Schema as SchemaRecord
 
 _HEADER_BYTES = 9
+"""Bytes in front of a record's content: opcode and length."""
 _SCHEMA, _CHANNEL, _FOOTER = 0x03, 0x04, 0x02
 _CHUNK_INDEX, _STATISTICS = 0x08, 0x0B
 _LAST_OPCODE, _PRIVATE = 0x0F, 0x80
 _FOOTER_BYTES = 20
+"""Bytes of the content of the footer."""
 _CHUNK_BYTES = 40
 """Size of a chunk's fields but its records and the name of their compression."""
 _LONGEST_HEAD = _HEADER_BYTES + _CHUNK_BYTES + len("zstd")

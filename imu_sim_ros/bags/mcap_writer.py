@@ -44,8 +44,11 @@ MESSAGE_HEADER: Final = np.dtype(
 _OFFSETS: Final = {name: field[1] for name, field in (MESSAGE_HEADER.fields or {}).items()}
 INDEX_ENTRY: Final = np.dtype([("time", "<u8"), ("offset", "<u8")])
 _RECORD_HEADER_BYTES: Final = 9
+"""Bytes in front of a record's content: opcode and length."""
 _UNKNOWN_SCHEMA: Final = 0
+"""Number of the schema of a channel without a known definition."""
 _ZSTD_LEVEL: Final = 1
+"""Lowest level of compression: noise hardly becomes smaller with higher ones."""
 _ZSTD_HASH_LOG: Final = 12
 _ZSTD_MIN_MATCH: Final = 6
 """Level 1 has 14 and 7. What messages repeat is near: a table that fits in the processor's cache

@@ -266,6 +266,7 @@ _OURS: Final = frozenset(
 """File suffixes of output folders: a folder with any other file in it is not replaced."""
 _FULL: Final = (errno.ENOSPC, errno.EDQUOT, errno.EFBIG)
 _FILES_LOOKED_AT: Final = 100_000
+"""Largest number of folders in an output folder that are looked through before it is replaced."""
 
 
 @dataclass

@@ -53,8 +53,11 @@ DAMAGE: Final = (
 )
 """Exceptions of Python, NumPy and the bag libraries for malformed bytes."""
 _LONGEST_REASON: Final = 200
+"""Longest text of another library's error in a message [characters]."""
 _SEARCHED_BYTES: Final = 1 << 20
+"""Bytes of a damaged file that are searched at once."""
 _LONGEST_MATCH: Final = 64
+"""Longest sequence that is searched for [bytes]."""
 _ARGUMENTS: Final = re.compile(
     r"(unexpected|invalid) keyword argument|required (positional|keyword-only) argument|"
     r"takes .* positional"
@@ -71,6 +74,7 @@ LOOSE_BYTES: Final = 1 << 20
 _LARGEST_CHUNK: Final = 1 << 30
 """Largest accepted chunk [bytes]; those of rosbag2 and roscpp have about 1 MB."""
 _ALWAYS_ALLOWED: Final = 64 << 20
+"""Decompressed size that no ratio forbids [bytes]."""
 _LARGEST_RATIO: Final = 40
 """Largest ratio of compression of larger chunks: a file of 10 MB must not fill the memory."""
 _UNPACKED_BYTES: Final = 1 << 20

@@ -37,6 +37,7 @@ from imu_sim_ros.core.timebase import NANOSECONDS_PER_SECOND
 from imu_sim_ros.core.types import Bytes, Integers
 
 _LONGEST_HEADER = 1 << 24
+"""Longest header of a record [bytes]; longer ones are damage."""
 _LARGEST_BAG_HEADER: Final = 1 << 16
 """Largest bag header [bytes]; bag headers usually have 4096."""
 _CHUNK_COUNT: Final = struct.Struct("<II")

@@ -22,6 +22,7 @@ from imu_sim_ros.core.types import Times
 
 MAGIC: Final = b"#ROSBAG V2.0\n"
 BAG_HEADER_BYTES: Final = 4096
+"""Bytes of the record of the bag's header, padding included."""
 OP_MESSAGE: Final = 2
 OP_BAG_HEADER: Final = 3
 OP_INDEX: Final = 4

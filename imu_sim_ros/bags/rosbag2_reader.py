@@ -27,7 +27,9 @@ from imu_sim_ros.parameters.yaml_text import parse_yaml
 SQLITE: Final = b"SQLite format 3\0"
 """First bytes of a database."""
 _ROWS: Final = 4096
+"""Number of rows that are fetched at once."""
 _MAX_TOPICS: Final = 10_000
+"""Largest number of topics of a database."""
 OpenFile: TypeAlias = Callable[[Path, Recover], Bag]
 """Opens a file of a bag."""
 

@@ -19,6 +19,7 @@ from imu_sim_ros.inputs.rows import open_regular
 _LEAF: Final = re.compile(rb"(?=\x0d..[\x00-\x0f])", re.DOTALL)
 """A leaf of a table has the kind 13; the number of its rows follows 2 bytes later."""
 _LEAF_HEADER_BYTES: Final = 8
+"""Bytes of the header of a leaf page of a table."""
 _INTEGER_BYTES: Final = (0, 1, 2, 3, 4, 6, 8)
 """Size of an integer by its serial type; 8 and 9 are the constants 0 and 1."""
 

@@ -28,6 +28,7 @@ from imu_sim_ros.bags.writer import (
 from imu_sim_ros.core.errors import MachineError
 
 SCHEMA_VERSION: Final = 4
+"""Version of rosbag2's SQLite tables, that of Jazzy."""
 _TABLES: Final = """
 CREATE TABLE schema(schema_version INTEGER PRIMARY KEY, ros_distro TEXT NOT NULL);
 CREATE TABLE metadata(
@@ -54,6 +55,7 @@ _TALLY: Final = """
 SELECT count(*), coalesce(min(timestamp), 9223372036854775807), coalesce(max(timestamp), -1)
 FROM messages WHERE topic_id = ?"""
 _TRANSACTION_BYTES: Final = 16 << 20
+"""Bytes of messages after which a transaction is committed."""
 _STATEMENT_BYTES: Final = 512 << 10
 """Messages that one statement inserts: memory of this size is kept by malloc from one to the next,
 that of 4 MiB is not, and its page faults take a fifth of the time."""

@@ -27,6 +27,7 @@ _Result: TypeAlias = tuple[_Made] | BaseException
 """Result of the work, or the exception that ended it."""
 
 _PREFETCHED: Final = 2
+"""Number of elements that a thread computes ahead."""
 
 
 def cores() -> int:

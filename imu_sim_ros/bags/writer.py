@@ -232,6 +232,7 @@ def check_split(split_duration: float, period: float, duration: float) -> None:
 METADATA_FILE: Final = "metadata.yaml"
 """Metadata file of a rosbag2 folder."""
 METADATA_VERSION: Final = 9
+"""Version of rosbag2's metadata.yaml, that of Jazzy."""
 ROS_DISTRO: Final = "jazzy"
 
 

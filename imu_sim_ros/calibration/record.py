@@ -21,7 +21,9 @@ from imu_sim_ros.recordings.stream import ClockStream, Stretch
 AXES: Final = tuple(f"{triad} {axis}" for triad in TRIADS for axis in conventions.AXES)
 _NO_READINGS: Final = (np.empty(0, dtype=np.int64), np.empty((0, 6)))
 _LOOKED_AT: Final = 4096
+"""Number of readings of a block in which digital steps are looked for."""
 _MAX_CODES: Final = 256
+"""Number of different readings from which on no digital step is looked for."""
 _SATURATED: Final = 1e-4
 """Share of samples at the very same extreme value."""
 _PILED_UP: Final = 4
@@ -146,8 +148,7 @@ class Record:
         """Return axis, value and share of samples where readings pile up at one end.
 
         Noise has fewer readings at the extreme value than at the value next to it; at the end of a
-        range
-        all readings beyond are added to the extreme value.
+        range all readings beyond are added to the extreme value.
         """
         saturated = []
         spread = np.sqrt(np.maximum(self._square / self.samples - self.mean**2, 0.0))

@@ -34,6 +34,7 @@ _ALL: Final = {
 }
 """The folders in config/ whose files ``all`` stands for."""
 _LARGEST_AXIS: Final = 100_000
+"""Largest number of values of an axis."""
 
 
 class Axis(NamedTuple):

@@ -44,12 +44,15 @@ from imu_sim_ros.sensors.samples import Samples
 METRICS: Final = "metrics.json"
 """File for the plan's own metrics, written by the program."""
 _LARGEST_METRICS: Final = 1_000_000
+"""Largest size of a file of metrics [bytes]."""
 OUTPUT: Final = "output.txt"
 """File with the output of the program."""
 _POLL: Final = 0.2
 """Period of checking the folder's size [s]; the program's end is noticed at once."""
 _PR_SET_PDEATHSIG: Final = 1
+"""Operation of prctl(2): a signal to this process when its parent ends."""
 _PR_SET_CHILD_SUBREAPER: Final = 36
+"""Operation of prctl(2): orphaned descendants become children of this process."""
 _PROGRAM_LOCK: Final = threading.Lock()
 """Held while a program runs: its orphans cannot be told from those of a second program."""
 ESTIMATES: Final = {"tum": "estimate.txt", "euroc": "estimate.csv", "bag": "estimate"}

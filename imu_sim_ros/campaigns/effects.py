@@ -11,6 +11,7 @@ from imu_sim_ros.campaigns.statistics import ConfidenceInterval
 from imu_sim_ros.core.digits import interval_texts
 
 SIGNIFICANT: Final = 0.05
+"""Largest p of a significant difference."""
 BETTER, WORSE, EQUAL, UNDECIDED = "better", "worse", "equal", "undecided"
 RATIO, DIFFERENCE, SHARE = "ratio", "difference", "share"
 BASELINE: Final = "the baseline"

@@ -56,7 +56,9 @@ _TASKS_PER_THREAD: Final = 4
 """Tasks that a cluster's scheduler holds for each thread: enough that none waits, and few enough
 that its memory does not grow with the campaign."""
 _CONNECT_S: Final = 10.0
+"""Longest time to connect to a scheduler [s]."""
 _DASHBOARD_PORT: Final = 8787
+"""Port of Dask's page, if it is free."""
 
 
 @dataclass(frozen=True)

@@ -74,9 +74,11 @@ _COLUMNS: Final = (
 )
 _NAME: Final = re.compile(r"[A-Za-z0-9][A-Za-z0-9_.+-]{0,63}")
 _MAX_SEEDS: Final = 1_000_000
+"""Largest number of seeds."""
 _MAX_CHECKED: Final = 2000
 """Largest number of cells of which all are built before the start."""
 _MAX_PROBLEMS: Final = 20
+"""Number of different problems after which no further cells are checked."""
 _FILES: Final = ("trajectory.file", "trajectory.height_map", "scene.file", "scene.mesh")
 """Parameters that name files on which results depend."""
 

@@ -21,9 +21,11 @@ import numpy as np
 from imu_sim_ros.core.types import Array, Integers, Mask
 
 CONFIDENCE: Final = 0.95
+"""Confidence of all intervals."""
 _Z: Final = 1.959963984540054
 """Quantile of the normal distribution for :data:`CONFIDENCE`."""
 _RESAMPLES: Final = 4999
+"""Number of bootstrap samples."""
 _MAX_RESAMPLED: Final = 1000
 """Runs above which a mean has the normal interval, which the bootstrap's approaches."""
 _CHUNK: Final = 1_000_000
@@ -33,8 +35,11 @@ _INFINITE: Final = 1e9
 _MAX_PAIRS: Final = 1000
 """Pairs above which a million of their averages are drawn instead of all."""
 _MAX_EXACT: Final = 50
+"""Largest number of pairs for which the signed-rank distribution is exact."""
 _CAMPAIGNS: Final = 4000
+"""Number of simulated campaigns for the power of a test."""
 _MAX_SEEDS: Final = 100_000
+"""Largest number of seeds that is proposed."""
 _MIN_PAIRS: Final = 6
 """Runs below which no interval is given; two-sided, Wilcoxon's test needs as many for 5 %."""
 

@@ -51,6 +51,7 @@ def _value(text: str) -> list[float]:
 
 
 _LARGEST_INTEGER: Final = 2**63 - 1
+"""Largest integer parameter of ROS."""
 _SHARED: Final = {
     "--node NAME": {
         "default": "/simulator",

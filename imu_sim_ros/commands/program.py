@@ -111,6 +111,7 @@ def show(arguments: argparse.Namespace, result: Result, **leading: object) -> No
 
 
 _LONGEST_LINE: Final = 1000
+"""Longest line of a message [characters]."""
 
 
 class Formatter(argparse.HelpFormatter):

@@ -23,6 +23,7 @@ _P = ParamSpec("_P")
 _R = TypeVar("_R")
 BAG_OR_FILE: Final = "the path of a bag, a folder or a file"
 _LONGEST_PATH: Final = 4095
+"""Longest path in Linux [bytes]."""
 _LONGEST_NAME: Final = 255
 """Longest name of a file in Linux; the longest path is above [bytes]."""
 

@@ -12,7 +12,9 @@ from imu_sim_ros.core.errors import InputError, Remark, warn
 COLUMNS, NUMBERS, VALUES, STAMPS = "columns", "numbers", "values", "stamps"
 """Classes of problems; the first lines of each are shown."""
 _SHOWN_PROBLEMS: Final = 10
+"""Largest number of bad rows that a message names."""
 _VERY_MANY: Final = 10_000
+"""Number of bad rows up to which a file is read, however few of its rows are good."""
 
 
 class BadRows:

@@ -36,6 +36,7 @@ Matrix: TypeAlias = tuple[
 """(3, 3), row by row."""
 
 _SMALL_SINE = 1e-4
+"""Sine of half an angle below which a series is used [rad]."""
 
 
 # ------------------------------------------------------------------------------ edges of a block

@@ -34,7 +34,9 @@ FAHRENHEIT: Final = (1.0 / 1.8, -32.0 / 1.8)
 SEMI_MAJOR_AXIS: Final = 6378137.0
 """Semi-major axis of the ellipsoid WGS84 [m]; the next two belong to it."""
 FLATTENING: Final = 1.0 / 298.257223563
+"""Flattening of the ellipsoid of WGS 84."""
 ECCENTRICITY_SQUARED: Final = 6.69437999014e-3
+"""Square of the first eccentricity of the ellipsoid of WGS 84."""
 
 TRIADS: Final[tuple[Triad, Triad]] = ("gyroscope", "accelerometer")
 """Triads in the order of arrays (6, ...): gyroscope x, y, z, accelerometer x, y, z."""

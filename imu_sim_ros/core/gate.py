@@ -24,12 +24,14 @@ Scalars = tuple[float, ...]
 _SECOND: Final = 1_000_000_000
 """Nanoseconds in a second."""
 FIRST_STAMP: Final = -(2**31) * 1_000_000_000
+"""Earliest stamp that a ROS message can hold [ns]."""
 LAST_STAMP: Final = 2**31 * 1_000_000_000 - 1
 """Range of stamps that a ROS 2 message can hold, whose seconds are an int32 [ns]."""
 UNIT_TOLERANCE: Final = 0.05
 """Largest deviation of a quaternion's length from 1 by rounding; a larger one is a mix-up."""
 
 _ROUNDING: Final = 1e-12
+"""Deviation of a quaternion's length from 1 that needs no normalisation."""
 
 
 class Quantity(NamedTuple):

@@ -32,6 +32,7 @@ Rows = slice | Mask | NDArray[np.intp]
 """Selection of rows: a slice, a mask (n,) or indices (m,)."""
 SeriesT = TypeVar("SeriesT", bound="TimeSeries")
 MOST_ROWS: Final = 2**62
+"""Largest count of rows."""
 
 
 class RecordColumn(NamedTuple):

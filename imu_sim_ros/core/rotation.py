@@ -26,6 +26,7 @@ from imu_sim_ros.core.types import Array
 
 IDENTITY: Final[Array] = np.array([1.0, 0.0, 0.0, 0.0])
 _SMALL_ANGLE: Final = 1e-4
+"""Angle below which a series is used [rad]."""
 _ROUNDING: Final = 1e-3
 """Largest difference of a matrix of few digits from a rigid motion."""
 _FACTORS = np.array([[0, 1, 2, 3], [1, 0, 3, 2], [2, 3, 0, 1], [3, 2, 1, 0]])

@@ -14,7 +14,9 @@ from imu_sim_ros.core.errors import ConfigurationError
 from imu_sim_ros.core.types import Array, Integers
 
 NANOSECONDS_PER_SECOND: Final = 1_000_000_000
+"""Nanoseconds per second."""
 _RATE_DENOMINATOR: Final = 1_000_000
+"""Largest denominator of a rate as a fraction."""
 LOWEST_RATE: Final = 1.0 / _RATE_DENOMINATOR
 """Lowest rate that this denominator can state [Hz]."""
 
@@ -96,6 +98,7 @@ def to_nanoseconds(seconds: float) -> int:
 
 
 _LONGEST_DURATION: Final = 40
+"""Longest text of a duration [characters]."""
 _SECONDS: Final = {"": 1.0, "s": 1.0, "min": 60.0, "h": 3600.0, "d": 86400.0}
 
 

@@ -17,14 +17,14 @@ HEADER: Final = "t_ns,body,name,x,y,z,qw,qx,qy,qz,vx,vy,vz,wx,wy,wz"
 RATE: Final = 100
 """Sample rate of the table [Hz]."""
 _BLOCK: Final = 4096
+"""Number of times that are computed at once."""
 
 
 def add_tables(tables: Tables, folder: Path, view: View, scene: Scene) -> None:
     """Write ``bodies.csv`` and ``body_landmarks.csv`` if something moves in a scene.
 
     The first has the pose of each body in the world, its velocity there and its angular rate, 100
-    times
-    a second of true time; the second the landmarks on each body, in the body's axes.
+    times a second of true time; the second the landmarks on each body, in the body's axes.
 
     :param folder: existing folder.
     :param view: view of a camera that sees the bodies: it knows the times of the simulation.

@@ -21,6 +21,7 @@ from imu_sim_ros.terminal.progress import watcher
 Column = AnyArray
 
 _ROWS = 4096
+"""Number of rows that are formatted at once."""
 _Shape: TypeAlias = "tuple[np.dtype[np.generic], tuple[int, ...], int]"
 """Type and shape of a row of an array, and the number of rows."""
 

@@ -52,7 +52,9 @@ _LONGEST_END: Final = 1.0
 _AHEAD: Final = 4
 """Number of images in progress for each thread."""
 LATEST_NS: Final = 2**63 - 1
+"""Time after all others [ns]."""
 _MILLIMETRES: Final = 1000.0
+"""Units of a depth image in a metre."""
 _DISTORTIONS: Final = {"none": "none", "radtan": "radial-tangential", "equidistant": "equidistant"}
 
 

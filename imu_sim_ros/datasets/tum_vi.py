@@ -6,10 +6,9 @@
 Schubert et al., The TUM VI Benchmark (IROS 2018): ``mav0/camN`` and ``mav0/imu0`` as in EuRoC,
 ``mav0/mocap0/data.csv`` the poses of the IMU, no sensor.yaml; ``dso/imu.txt`` with the readings,
 and a further one, interpolated, at the time of each image, which DM-VIO requires;
-``dso/gt_imu.csv`` (the
-same poses), and ``dso/camN`` with ``times.txt`` (name, seconds, exposure in ms), the images,
-``camera.txt`` (DSO's form of the lens) and ``vignette.png``. Images have 16 bits, of which the
-upper 8 are the simulated camera's.
+``dso/gt_imu.csv`` (the same poses), and ``dso/camN`` with ``times.txt`` (name, seconds, exposure in
+ms), the images, ``camera.txt`` (DSO's form of the lens) and ``vignette.png``. Images have 16 bits,
+of which the upper 8 are the simulated camera's.
 """
 
 from collections.abc import Callable, Mapping
@@ -209,8 +208,7 @@ def dso_lens(camera: CameraParameters) -> str | None:
     """Return a camera in DSO's form (util/Undistort.cpp); None for a sphere, which DSO lacks.
 
     The form has focal lengths and centre as shares of the image's size (the centre of the first
-    pixel
-    is at half a pixel), the size, the treatment of the borders, and the output size.
+    pixel is at half a pixel), the size, the treatment of the borders, and the output size.
     """
     if camera.model != "pinhole":
         return None

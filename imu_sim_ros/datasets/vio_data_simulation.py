@@ -37,6 +37,7 @@ from imu_sim_ros.simulation.topics import WindowSamples
 from imu_sim_ros.trajectory.motion import Motion
 
 _SECOND: Final = 1e-9
+"""Seconds in a nanosecond."""
 _INTEGRATED: Final = ("imu_int_pose", "imu_int_pose_noise")
 
 

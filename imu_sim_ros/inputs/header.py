@@ -4,8 +4,7 @@
 """TableHeader of a text table: the quantity, the axis and the unit of each column.
 
 Supported are the headers of this package, EuRoC, kalibr, TUM, OpenVINS, OKVIS2, AirSim, PX4,
-rostopic,
-phone loggers and spreadsheets: each name is split into quantity, axis and unit.
+rostopic, phone loggers and spreadsheets: each name is split into quantity, axis and unit.
 """
 
 import math

@@ -62,9 +62,11 @@ _LEAST_MICROSECONDS: Final = 100
 _SLOWEST: Final = 200_000
 """Step from which stamps are nanoseconds, even if they could be UTC in microseconds [ns]."""
 _SECONDS: Final = 9
+"""Decimal digits between a second and a nanosecond."""
 _DATE: Final = re.compile(r"\d{4}[-/]\d\d?[-/]\d\d?|\d\d?[./]\d\d?[./]\d{4}|\d\d?:\d\d:")
 """Beginning of a date or a time of day."""
 _SHOWN_NAMES: Final = 8
+"""Largest number of columns that a message names."""
 _NO_NUMBER: Final = frozenset(("", "nan", "na", "n/a", "null", "none", "-", "--"))
 """Cells of a column that may lack numbers."""
 _DIGITS_OF_PART: Final = 9

@@ -29,6 +29,7 @@ def _alternatives(counts: tuple[int, ...]) -> str:
 
 
 _POSE_COLUMNS: Final = 8
+"""Number of columns of a stamp and a pose."""
 _TRIANGLES: Final = 12
 """Columns of covariance: the upper triangles of that of rotation and that of position."""
 _EUROC_PLAIN: Final = (_POSE_COLUMNS, 11, 17)  # pose; and velocity; and both biases

@@ -177,8 +177,11 @@ def read_text(path: str | Path) -> str:
 
 
 _CHUNK_BYTES: Final = 4 << 20
+"""Bytes that are read at once."""
 _LONGEST_LINE: Final = 1 << 16
+"""Longest line [bytes]; a file with longer ones is no text."""
 _LONGEST_WORD: Final = 48
+"""Longest cell in a message [characters]."""
 _BYTE_ORDER_MARK: Final = b"\xef\xbb\xbf"
 _UTF16: Final = (b"\xff\xfe", b"\xfe\xff")
 _COMMENTS: Final = (b"#", b"%", b"//")

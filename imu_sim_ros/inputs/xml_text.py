@@ -16,8 +16,11 @@ from imu_sim_ros.core.errors import InputError
 from imu_sim_ros.inputs.rows import read_text
 
 _DEEPEST: Final = 200
+"""Deepest nesting of elements."""
 _MAX_ELEMENTS: Final = 1_000_000
+"""Largest number of elements."""
 _LONGEST_TEXT: Final = 4096
+"""Longest text of an element [characters]."""
 _BUFFER: Final = 1 << 20
 """Size of the text that the parser delivers at once [bytes]."""
 

@@ -67,7 +67,9 @@ from imu_sim_ros.simulation.given_sensor import OTHERS, Counts, GivenOther
 TOPICS: Final = (IMU_TOPIC, IDEAL_IMU_TOPIC, GYROSCOPE_BIAS_TOPIC, ACCELEROMETER_BIAS_TOPIC)
 """Topics of a bag of readings with errors."""
 ROWS_AT_ONCE: Final = 8192
+"""Number of readings whose errors are computed at once."""
 MOST_ENVIRONMENTS: Final = 1_000_000
+"""Largest number of sensors of a batch."""
 _LARGEST_SEED: Final = 2**62
 """Largest seed of a batch: its units count up from it, and further with each reset."""
 _UNIT_STAMPS: Final = 1 << 16

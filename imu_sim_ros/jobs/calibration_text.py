@@ -138,7 +138,7 @@ def twin_lines(
         "R_ib",
     )
     noise = source.noise
-    if noise.there:
+    if noise.is_present:
         angle, distance = 1e3 * noise.deviation
         yield (
             f"noise of the poses: {distance:.3g} mm and {angle:.3g} mrad; the motion exceeds it up "

@@ -91,6 +91,7 @@ _PIECE: Final = 1 << 18
 _OVERLAP: Final = 16
 """Number of stamps that are judged with the next piece, too: runs of strays are shorter."""
 _SHOWN_DAMAGE: Final = 10
+"""Largest number of damaged parts that are listed."""
 Counts = tuple[dict[str, int], int]
 """Messages or rows by topic, and the last stamp [ns]; -1 without any."""
 

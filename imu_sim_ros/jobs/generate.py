@@ -84,7 +84,9 @@ if TYPE_CHECKING:
     from concurrent.futures import Executor
 
 BLOCK_SIZE: Final = 16384
+"""Samples of an IMU that are computed and written at once."""
 _MAX_JOBS: Final = 1024
+"""Largest number of threads that encode images."""
 _WITHOUT_READINGS: Final = ("tum", "vio_data_simulation")
 """Datasets of which no sensor has files next to them."""
 

@@ -532,11 +532,13 @@ def _analysed(source: TwinRecording, used: Recording, fit: Fit, unseen: Array) -
 
 
 _LEAST_CODES: Final = 10
+"""Smallest number of different readings from which a digital step is estimated."""
 _FINEST: Final = 1e-8
 """Step over range: far above the rounding of floats."""
 _MOST_PARTS: Final = 4
 """Two codes that both occur twice may be so many steps apart."""
 _NEAR_WHOLE: Final = 0.05
+"""Largest distance of a difference from a whole number of digital steps."""
 _MOSTLY: Final = 0.9
 """Share of whole numbers of steps; by chance, one of ten numbers is so near to a whole one."""
 

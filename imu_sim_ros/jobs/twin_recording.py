@@ -20,7 +20,7 @@ from imu_sim_ros.calibration.twin.pose_noise import (
     PoseNoise,
     highest_motion,
     noise_of,
-    spoiled,
+    with_noise,
 )
 from imu_sim_ros.core import arguments, timebase
 from imu_sim_ros.core.arguments import BAG_OR_FILE
@@ -237,7 +237,7 @@ class _Splines:
         :param cutoff: up to which motion counts [Hz].
         """
         noise = noise_of(self._poses, self._smooth)
-        if not noise.there:
+        if not noise.is_present:
             return noise, np.inf
         times = np.arange(_MARGIN, self.t[-1] - _MARGIN, 0.25 / cutoff)
         if len(times) < _MIN_POSES:
@@ -251,10 +251,10 @@ class _Splines:
     def drawn(self, noise: PoseNoise, cutoff: float) -> list[Trajectory]:
         """Return the spline through the poses, and those with more noise."""
         result = [self._spline(self._poses, cutoff)]
-        if noise.there:
+        if noise.is_present:
             rng = np.random.default_rng(0)
             for _ in range(_DRAWS):
-                noisy = spoiled(self._poses, *noise.drawn(self._smooth, rng))
+                noisy = with_noise(self._poses, *noise.drawn(self._smooth, rng))
                 result.append(self._spline(noisy, cutoff))
         return result
 

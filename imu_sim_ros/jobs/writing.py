@@ -29,6 +29,7 @@ from imu_sim_ros.terminal.signatures import Heading, Text, assignment
 
 _OUTPUT_PATH: Final = "the path of an output"
 _LONGEST_SIZE: Final = 20
+"""Longest text of a size [characters]."""
 _SIZE_UNITS: Final = {"": 1, "k": 10**3, "m": 10**6, "g": 10**9}
 
 

@@ -6,8 +6,8 @@
 The error state has 15 numbers, here truth less estimate (no covariance depends on the sign), in
 this order: attitude (3, a rotation vector about the **world's** axes, ``R_true = Exp(dtheta) R``),
 velocity and position (3 each, in the world), bias of the gyroscope and of the accelerometer (3
-each, in the body). With
-``f`` the specific force that is integrated and ``n`` the white noise, the errors grow as
+each, in the body). With ``f`` the specific force that is integrated and ``n`` the white noise, the
+errors grow as
 
     dtheta' = -R (db_g + n_g)
     dv'     = dtheta x (R f) - R (db_a + n_a)
@@ -43,6 +43,7 @@ from imu_sim_ros.parameters.kinds import ZERO_VECTOR
 from imu_sim_ros.sensors.imu.triads import TriadParameters, TriadsParameters
 
 SIZE: Final = 15
+"""Number of error states."""
 ATTITUDE, VELOCITY, POSITION = slice(0, 3), slice(3, 6), slice(6, 9)
 GYRO_BIAS, ACCEL_BIAS = slice(9, 12), slice(12, 15)
 

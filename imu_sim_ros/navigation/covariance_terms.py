@@ -128,6 +128,7 @@ def mean_factors(u: Array) -> tuple[Array, Array]:
 
 
 _SIZE: Final = 9
+"""Number of error states that a process drives: position, velocity, attitude."""
 _EYE: Final = np.eye(3)
 _CROSS: Final = 0.5 * rotation.skew(_EYE)
 """(3, 3, 3): row k of ``theta x theta' / 2`` is ``-theta^T _CROSS[k] theta'``."""

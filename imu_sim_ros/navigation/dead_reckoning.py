@@ -59,6 +59,7 @@ __all__ = ["Stepper", "dead_reckon"]
 _Vector = tuple[float, float, float]
 
 _STILL: Final[_Vector] = (0.0, 0.0, 0.0)
+"""Rate of a world that does not turn [rad/s]."""
 _BLOCK: Final = 16384
 """Intervals processed at a time: their arrays stay in the processor's cache."""
 

@@ -35,6 +35,7 @@ from imu_sim_ros.sensors.imu.triads import TriadsParameters
 _GRAVITY_TOLERANCE: Final = 0.05
 """Smallest allowed difference of the mean force from gravity, as a fraction of gravity."""
 _SIGMAS: Final = 4.0
+"""Standard deviations within which a bias is plausible."""
 _LARGEST_BIAS: Final = 0.5
 """Mean rate [rad/s] that no gyroscope reads at rest: data sheets state up to 20 deg/s."""
 _WINDOWS: Final = 10

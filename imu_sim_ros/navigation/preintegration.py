@@ -63,6 +63,7 @@ def between(t_ns: Integers, gyro: Array, accel: Array, edges_ns: ArrayLike) -> S
 
 
 SIZE: Final = 15
+"""Number of error states."""
 ALPHA, THETA, BETA = slice(0, 3), slice(3, 6), slice(6, 9)
 ACCEL_BIAS, GYRO_BIAS = slice(9, 12), slice(12, 15)
 

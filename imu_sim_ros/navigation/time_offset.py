@@ -27,10 +27,13 @@ _INTERVAL: Final = 0.5
 _STEPS: Final = (0.02, 0.002, 0.0002)
 """Steps of the grids, each around the best value of the previous one, before a parabola [s]."""
 _PAIRS: Final = 4000
+"""Largest number of relative poses that are compared."""
 _LEAST_PAIRS: Final = 10
+"""Smallest number of relative poses."""
 _SHARPNESS: Final = 1.1
 """The errors at most offsets must be at least this much larger than at the best one."""
 _ROUNDING: Final = 1e-12
+"""Smallest sum of squares: logarithms and quotients stay finite."""
 _CORRELATED: Final = 4.0 * _INTERVAL
 """Shortest block: relative poses without common time are nearly independent [s]."""
 _DOUBTFUL: Final = 0.01

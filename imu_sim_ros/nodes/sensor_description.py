@@ -33,6 +33,7 @@ _PATIENCE: Final = 0.5
 _LONGER_PATIENCE: Final = 5.0
 """Time after the first reading by which it arrives if its publisher was discovered [s]."""
 _LOOK_PERIOD: Final = 0.05
+"""Period of the search for the sensor's description [s]."""
 _KEPT: Final = 20000
 """Number of messages that may wait: 2.5 s at 8 kHz."""
 

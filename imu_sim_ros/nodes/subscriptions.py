@@ -39,7 +39,9 @@ _TRUSTED: Final = 5
 """Number of looks with regular intervals from which on more are expected; a look with others
 takes as many away."""
 _MAX_TRUSTED: Final = 20
+"""Largest number of regular looks that are counted."""
 _SMOOTHING: Final = 0.125
+"""Weight of the newest interval in the mean one."""
 _NEARLY: Final = 0.1
 """A period counts as a multiple of the interval if at most this share of one is missing."""
 _LONGEST_NS: Final = 10_000_000

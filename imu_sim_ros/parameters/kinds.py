@@ -34,6 +34,7 @@ EMPTY_LIST = "[]"
 """An empty list as a string, for ROS, which has no empty list of numbers or strings."""
 
 SMALLEST = 1e-30
+"""Smallest number other than 0 that a parameter may have."""
 LARGEST = 1e30
 """No number of the field is smaller, but 0, or larger; beyond them products leave the range of
 floats."""

@@ -21,12 +21,16 @@ _FLOAT: Final = "tag:yaml.org,2002:float"
 _NUMBERS: Final = ("tag:yaml.org,2002:int", _FLOAT)
 _MERGE: Final = "tag:yaml.org,2002:merge"
 _DEEPEST: Final = 32
+"""Deepest nesting."""
 _MAX_ALIASES: Final = 100
+"""Largest number of aliases."""
 _MAX_VALUES: Final = 200_000
+"""Largest number of values."""
 _LONGEST_NUMBER: Final = 400
 """Longest text that is read as a number [letters]."""
 _SOURCE: Final = ' in "<unicode string>",'
 _LONGEST_REASON: Final = 200
+"""Longest text of the library's error in a message [characters]."""
 
 
 def _refused(problem: str, mark: yaml.Mark | None) -> Exception:

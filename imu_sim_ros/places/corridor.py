@@ -16,6 +16,7 @@ from imu_sim_ros.places.sheet import Print
 _PITCH: Final = 3.6
 """Distance of two doors [m]."""
 _DOOR: Final = 1.0
+"""Width of a door [m]."""
 
 
 def corridor(site: Site) -> Place:

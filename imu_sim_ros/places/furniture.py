@@ -17,8 +17,11 @@ Stream = np.random.Generator
 Place3 = Sequence[float]
 
 DAYLIGHT: Final = (0.93, 0.97, 1.0)
+"""Colour of the light of the sky: red, green, blue."""
 LAMP: Final = (1.0, 0.96, 0.88)
+"""Colour of the light of lamps: red, green, blue."""
 SUN: Final = (1.0, 0.93, 0.8)
+"""Colour of the light of the sun: red, green, blue."""
 _LAMP_PITCH: Final = 2.4
 """Distance of ceiling lamps, about [m]."""
 _LAMP_SIZE: Final = (1.2, 0.6)

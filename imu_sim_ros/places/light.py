@@ -35,6 +35,7 @@ _SMALL: Final = 0.02
 _DIRECTIONS: Final = 28
 """Directions from each into its hemisphere, in four turns of the pattern."""
 _BOUNCES: Final = 4
+"""Number of reflections of the light."""
 _SAMPLES: Final = 2
 """Points along each side of a lamp."""
 _LEAST: Final = np.float32(1e-3)
@@ -363,6 +364,7 @@ GAMMA: Final = 2.2
 _STEPS: Final = 1024
 """Steps of irradiance 1 in the table of factors."""
 _BRIGHTEST: Final = 8.0
+"""Largest irradiance in the table of grey values."""
 _KNEE: Final = 0.5
 """Irradiance up to which the film is linear."""
 _WHITE: Final = 1.08

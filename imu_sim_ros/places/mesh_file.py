@@ -36,6 +36,7 @@ SUFFIXES: Final = (".glb", ".gltf", ".obj", ".ply", ".stl")
 MOST_TRIANGLES: Final = 800_000
 """Each needs some 300 bytes of memory; the limits keep a process below 500 MB."""
 MOST_VERTICES: Final = 1_200_000
+"""Largest number of vertices."""
 LARGEST: Final = 100 << 20
 """Largest mesh file, and largest sum of the files that it names [bytes]."""
 _LARGEST_TEXT: Final = {".ply": 20 << 20, ".stl": 40 << 20, ".obj": 50 << 20}

@@ -32,7 +32,9 @@ _DOOR: Final = 1.0
 _OPEN: Final = 1.45
 """Angle of an open door [rad]."""
 _WALL: Final = 0.1
+"""Thickness of a wall [m]."""
 _LINTEL: Final = 2.1
+"""Height of a doorway [m]."""
 _HEIGHT: Final = 1.35
 """Height of a tour, below the lintels [m]."""
 

@@ -13,6 +13,7 @@ from imu_sim_ros.core.types import Array, Bytes
 Colour = tuple[int, int, int]
 
 INK: Final = (38, 38, 42)
+"""Colour of print and handwriting: red, green, blue, to 255."""
 
 
 class Print(NamedTuple):

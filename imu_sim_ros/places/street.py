@@ -28,6 +28,7 @@ _RADIANCE: Final = {
 _FAR: Final = 140.0
 """Distance of the sky from the street's ends and sides [m]."""
 _STOREY: Final = 3.1
+"""Height of a storey [m]."""
 _AXLE: Final = 1.25
 """Distance of a car's axles from its middle [m]."""
 _FLAT: Final = 0.3

@@ -52,7 +52,9 @@ _APART: Final = 0.1
 _LOOKS: Final = 1200
 """Times in a period at which bodies are compared."""
 _DOOR_TRIES: Final = 40
+"""Largest number of courses of a door that are drawn until one is clear of the cameras."""
 _ANGLES: Final = 12
+"""Number of angles of a swinging door that are checked."""
 _GAIT: Final = {"person": 1.0, "cart": 0.8}
 """Speed of each kind, of that of people."""
 

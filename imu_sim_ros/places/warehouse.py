@@ -15,9 +15,11 @@ from imu_sim_ros.places.sheet import Print
 _DEPTH: Final = 1.1
 """Depth of a rack [m]."""
 _AISLE: Final = 2.9
+"""Width of an aisle [m]."""
 _BAY: Final = 2.8
 """Distance of two uprights [m]."""
 _LEVEL: Final = 1.6
+"""Height of a level of a rack [m]."""
 _FRONT: Final = 3.0
 """Free length before the racks on both ends [m]."""
 

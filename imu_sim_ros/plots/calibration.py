@@ -265,6 +265,7 @@ Series = tuple[Array, Array]
 """Times (n,) [s] and residuals (n, 6)."""
 
 _SECONDS = 0.5
+"""Length of the shown part of a residual [s]."""
 _UNITS = ("rad/s", "m/s$^2$")
 
 

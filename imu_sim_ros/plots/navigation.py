@@ -18,6 +18,7 @@ Series = tuple[Array, Array]
 """Times (n,) [s], and a value at each (n,)."""
 
 _MAX_POINTS: Final = 4000
+"""Largest number of points of a curve."""
 _LARGEST_VIEW: Final = 4.0
 """Half the width of a view, in extents of the truth."""
 _SHOWN_FROM: Final = 0.02

@@ -13,6 +13,7 @@ from imu_sim_ros.plots.style import Figure
 from imu_sim_ros.sensors.imu.triads import TriadParameters
 
 _MAX_POINTS = 4000
+"""Largest number of points of a curve."""
 
 
 def readings(t_ns: Integers, gyro: Array, accel: Array, name: str) -> Figure:

@@ -22,11 +22,14 @@ from matplotlib.ticker import NullLocator
 MUTED_COLOUR: Final = "#8A8A8A"
 _FAINT: Final = "#EEEEEE"
 _THIN: Final = 0.4
+"""Width of grid lines [points]."""
 _BELOW: Final = 0.4
 """Order of drawing: below matplotlib's own grid, at 0.5."""
 
 _TITLE_SIZE: Final = 10.0
+"""Size of the axes' titles [points]."""
 _HEADING_SIZE: Final = 11.0
+"""Size of the picture's title [points]."""
 _SETTINGS: Final[Any] = {
     "font.size": 9.0,
     "axes.labelsize": 9.0,
@@ -34,7 +37,9 @@ _SETTINGS: Final[Any] = {
     "lines.linewidth": 1.3,
 }
 _PIXELS_PER_INCH: Final = 130
+"""Resolution of files."""
 _NOTEBOOK_PIXELS_PER_INCH: Final = 80
+"""Resolution of pictures in notebooks."""
 
 
 class Figure(matplotlib.figure.Figure):

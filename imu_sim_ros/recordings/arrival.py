@@ -23,11 +23,13 @@ _MOSTLY_EVEN: Final = 0.9
 _ROUNDED: Final = 1.2
 """Range of the delays of held poses, in steps of the log, within which they are due to it."""
 _BETTER: Final = 0.5
+"""Largest ratio of the residuals of even times to those of the stamps."""
 _REACH: Final = 0.01
 """Largest relative error of the first guess of the interval."""
 _FIRST: Final = 2000
 """Number of poses in which the interval is searched first, and factor of its growth."""
 _PHASES: Final = 40
+"""Number of bins of the phase of the stamps in the grid."""
 
 
 def even_times(

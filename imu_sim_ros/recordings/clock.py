@@ -87,6 +87,7 @@ _FEW_SHARED: Final = 0.02
 _JITTER_OF_UNIT: Final = 0.6
 """Units: rounding makes 0.29 of them, twice as much is jitter that was rounded as well."""
 _EXACT_NS: Final = 2.0
+"""Largest jitter of exact stamps [ns]."""
 _EXACT: Final = 1e-4
 """Deviation from equal intervals, in intervals, up to which a clock is exact."""
 _UNITS: Final = ((1e3, "us"), (1e6, "ms"), (1e9, "s"))

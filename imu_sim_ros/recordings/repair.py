@@ -16,6 +16,7 @@ from imu_sim_ros.recordings.findings.states import StateMeasures, poses_held
 from imu_sim_ros.recordings.residuals import REACH, residuals, smallest_distance
 
 _LEAST_POSES: Final = 30
+"""Smallest number of poses that are repaired."""
 _OFF: Final = 10.0
 """Typical deviations; normal noise does not reach it in 10^20 poses."""
 _WINDOW: Final = 8
@@ -26,7 +27,9 @@ _BENT: Final = 0.05
 """Fraction of a jump that its turn may leave uncorrected, since it bends all that follows."""
 _DEGREES: Final = np.arange(6)
 _ROUNDS: Final = 50
+"""Largest number of rounds in which outliers and jumps are removed."""
 _JOINS: Final = 3
+"""Number of refinements of a jump's shift and turn."""
 
 
 class Jump(NamedTuple):

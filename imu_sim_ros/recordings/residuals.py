@@ -15,6 +15,7 @@ _POWERS: Final = np.arange(4)
 _LONG_STEP: Final = 5.0
 """Longest step in typical steps; across a longer one neighbours carry no information."""
 _RIDGE: Final = 1e-6
+"""Weight of a ridge that keeps the normal matrix invertible."""
 _PART: Final = 16384
 """Poses examined together; each needs half a kilobyte meanwhile."""
 _BLOCK: Final = 100

@@ -37,6 +37,7 @@ _SENSORS: Final = {
 }
 """Sensor parameters over which errors are drawn: those that affect dead reckoning most."""
 _MAX_TRENDS: Final = 8
+"""Largest number of lines in a plot."""
 _MAX_ROWS: Final = 80
 """Groups that a plot names."""
 _SHAPES: Final = ("circle", "square", "diamond")

@@ -22,6 +22,7 @@ from imu_sim_ros.reports.streams import curve
 from imu_sim_ros.sensors.camera.images.files import png
 
 _PICTURES: Final = 3
+"""Number of clouds that are shown."""
 _PIXELS: Final = 360
 """Width of a picture."""
 _WITHIN: Final = 0.9
@@ -30,6 +31,7 @@ _BINS: Final = 120
 """Number of bins of the histogram of ranges."""
 _KINDS: Final = ("of several surfaces", "of rain or dust", "of what moves")
 _GROUND: Final = 24
+"""Grey value of the background."""
 _DARKEST: Final = 90
 """Grey values of no point, and of the faintest point."""
 

@@ -30,6 +30,7 @@ NOT_MEASURED: Final = 1e5
 SIGMAS: Final = 3.0
 """Half the width of the bands of stated deviations, in deviations."""
 _TURN_DEG: Final = 300.0
+"""Step of a yaw that is a wrap by 360 degrees [deg]."""
 _LEAST_NEES: Final = 1e-3
 """Smallest NEES of a picture: that of a body at rest may be any small number."""
 _RPE_S: Final = 1.0

@@ -35,6 +35,7 @@ _DARK_SERIES: Final = (
 """The colours of axes and series on a dark page."""
 _STYLE: Final = "page.css"
 _DIGITS: Final = 6
+"""Significant digits of numbers in curves."""
 _USUAL: Final = 0.9
 """Share of a column's values from which the usual one is written once, and the others by row."""
 _PACKED: Final = 500

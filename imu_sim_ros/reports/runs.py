@@ -26,10 +26,13 @@ from imu_sim_ros.reports.page import Item
 from imu_sim_ros.reports.streams import track
 
 _MAX_LOGS: Final = 100
+"""Largest number of logs on a page."""
 _MAX_PATHS: Final = 24
+"""Largest number of paths that are drawn."""
 _LONGEST: Final = 100_000
 """Samples up to which a run is repeated for its path."""
 _LOG_BYTES: Final = 1500
+"""Bytes of the end of a log that are shown."""
 _POINTS: Final = 60
 """Columns of a path, each with its extremes."""
 

@@ -35,6 +35,7 @@ _IMAGES: Final = 6
 _WIDTH: Final = 180
 """Pixels of an image of the strip."""
 _MAX_CAMERAS: Final = 4
+"""Largest number of cameras whose images are shown."""
 _IMAGE_TYPES: Final = (IMAGE, COMPRESSED_IMAGE)
 _UNITS: Final = {"gyroscope": "rad/s", "accelerometer": "m/s^2"}
 
@@ -169,8 +170,11 @@ def _bias_units() -> dict[str, str]:
 PARTS: Final = 500
 """Columns of a picture: a plot of half the page's width has about as many pixels."""
 _SEGMENT: Final = 4096
+"""Number of samples of a segment of the spectrum."""
 _PER_DECADE: Final = 60
+"""Number of points of a spectrum per decade of frequency."""
 _MAX_GAPS: Final = 1000
+"""Largest number of gaps that are drawn."""
 _JUDGED: Final = 32768
 """Readings of a piece in which rest is told from motion."""
 _AT_REST: Final = 0.95

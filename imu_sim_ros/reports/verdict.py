@@ -31,9 +31,11 @@ from imu_sim_ros.campaigns.verdict import (
 from imu_sim_ros.reports.page import Item, Section, table
 
 _MAX_SEEDS: Final = 100
+"""Largest number of seeds whose differences are drawn."""
 _MAX_DRAWN: Final = 12
 """Contests that are drawn with the seeds of each pair."""
 _MAX_OTHERS: Final = 30
+"""Largest number of further comparisons that are listed."""
 
 
 def short(labels: dict[str, str], varying: Sequence[str]) -> str:

@@ -19,9 +19,13 @@ from imu_sim_ros.trajectory.motion import Motion
 EARTH_RATE: Final = 7.292115e-5
 """Rotation rate of the Earth (WGS84) [rad/s]."""
 _GEODETIC_STEPS: Final = 5
+"""Number of iterations from Cartesian to geodetic coordinates."""
 _EQUATOR_GRAVITY: Final = 9.7803253359
+"""Normal gravity at the equator of WGS 84 [m/s^2]."""
 _SOMIGLIANA_CONSTANT: Final = 0.00193185265241
+"""Somigliana's constant k of WGS 84."""
 _CENTRIFUGAL_RATIO: Final = 0.00344978650684
+"""Ratio m of centrifugal acceleration and gravity at the equator of WGS 84."""
 
 
 def normal_gravity(latitude: float, height: float) -> float:

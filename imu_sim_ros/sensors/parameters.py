@@ -26,6 +26,7 @@ from imu_sim_ros.parameters.kinds import (
 )
 
 LARGEST_RATE = 20000.0
+"""Highest sample rate [Hz]."""
 LARGEST_JITTER_SIGMA = 0.25
 """The largest standard deviation of the stamps, in intervals between two samples."""
 LARGEST_LATENCY = 10.0
@@ -237,6 +238,7 @@ class LiveReadingParameters:
 
 
 ORTHONORMAL_TOLERANCE = 1e-6
+"""Largest element of ``R R.T - 1`` of a rotation matrix."""
 
 
 def rotation_problems(values: Matrix, name: str) -> Iterator[str]:

@@ -6,14 +6,11 @@
 For one configuration and seed the samples are the same, bit for bit, in windows of any size. While
 a simulation runs it can be changed between two windows:
 
-``update(parameters)``
-    takes new values of the parameters that are marked ``live``. Nothing else changes: random walks
-    and slow biases go on from where they are, and every random stream stays as it was.
-``inject(fault, delay)``
-    lets a :class:`~imu_sim_ros.sensors.faults.Fault` begin after ``delay`` seconds: a bias jump,
-    saturation, a stuck output, lost messages or latency, for a given time.
-``reset()``
-    goes back to the first sample; faults are forgotten, parameters stay.
+``update(parameters)`` takes new values of the parameters that are marked ``live``. Nothing else
+changes: random walks and slow biases go on from where they are, and every random stream stays as it
+was. ``inject(fault, delay)`` lets a :class:`~imu_sim_ros.sensors.faults.Fault` begin after
+``delay`` seconds: a bias jump, saturation, a stuck output, lost messages or latency, for a given
+time. ``reset()`` goes back to the first sample; faults are forgotten, parameters stay.
 """
 
 import copy

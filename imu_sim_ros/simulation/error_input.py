@@ -376,6 +376,7 @@ def _none() -> Readings:
 
 
 _LOOK_NS: Final = 2_000_000_000
+"""Length of input that is judged [ns]."""
 _FEWEST_AT_START: Final = 5
 """Readings from which on they are judged: fewer do not tell rest from motion."""
 _REST_RATE: Final = 0.02
@@ -405,6 +406,7 @@ _QUARTILE: Final = 0.3186
 _JUMP: Final = 5.0
 """Size of a difference that is not noise, in standard deviations."""
 _BANDS: Final = 3
+"""Number of bands of the spectrum in which noise must be white."""
 _UNITS_CHECKED: Final = 32
 """Units of a batch whose first readings are looked at."""
 _NUMBER: Final = re.compile(r"-?\d+(\.\d+)?(e[-+]?\d+)?")

@@ -12,6 +12,7 @@ from collections.abc import Iterable, Sequence
 from typing import Final, NamedTuple
 
 _TITLE_WIDTH: Final = 80
+"""Width of titles if there is no terminal [characters]."""
 _INDENT: Final = 2
 """Spaces before the rows below a heading."""
 

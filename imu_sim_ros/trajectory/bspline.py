@@ -18,6 +18,7 @@ from imu_sim_ros.core.types import Array, Integers
 from imu_sim_ros.trajectory.motion import Motion
 
 DEGREE: Final = 5
+"""Degree of the splines: their fourth derivative is continuous."""
 ORDER: Final = DEGREE + 1
 
 

@@ -37,14 +37,17 @@ _OF_POSES: Final = (gate.POSITION, gate.ORIENTATION)
 _UNIT: Final = 1e-6
 """Largest deviation of a quaternion's length from 1, in single precision."""
 _LOOKS: Final = 10_000
+"""Largest number of times at which a motion is checked."""
 _LONGEST_LOOK: Final = 3600.0  # s
 _NEIGHBOUR: Final = 2.0**-12  # s
 _OF_PERIOD: Final = 0.04
 """A neighbour's part of the shortest period: by trapezia, the change is worked out to 0.5 %."""
 _DISAGREES: Final = 0.02
+"""Relative difference between a derivative and the change of its quantity that is reported."""
 _OFTEN: Final = 0.01
 """Share of the times; an acceleration may jump at some."""
 _LEAP: Final = 2.0
+"""Change between two times that is a jump, over the change by the largest derivative."""
 _ROUNDING: Final = 1e-3
 """Differences far above rounding [m/s, m/s^2, rad/s, rad/s^2]."""
 

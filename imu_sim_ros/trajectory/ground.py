@@ -15,16 +15,20 @@ from imu_sim_ros.trajectory.bspline import DEGREE
 from imu_sim_ros.trajectory.path import Path, UniformSpline, joined_samples
 
 _MOST_CELLS: Final = 25_000_000
+"""Largest number of cells of a height map."""
 _KEYS: Final = ("ncols", "nrows", "cellsize")
 _OPTIONAL: Final = (
     *("xllcorner", "yllcorner", "xllcenter", "yllcenter"),
     "nodata_value",
 )
 _LEAST_SEGMENTS: Final = 4
+"""Smallest number of segments of the spline of the heights."""
 _MOST_SEGMENTS: Final = 2_000_000
+"""Largest number of segments of the spline of the heights."""
 _WAYS: Final = 4
 """Nodes of the table of ways in a segment of a path."""
 _GAUSS: Final = 5
+"""Number of nodes of the quadrature."""
 
 
 class HeightMap:

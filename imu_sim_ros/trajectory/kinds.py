@@ -211,6 +211,7 @@ def _heading(yaw: Array, d1: Array, d2: Array) -> tuple[Array, Array, Array]:
 
 
 _DEGREE: Final = 5
+"""Degree of the spline through waypoints."""
 _PEAK_SAMPLES: Final = 200  # per way between two waypoints; a peak is missed by less than 1e-4
 
 

@@ -29,6 +29,7 @@ _OFF_LINE: Final = 1e-3
 _ALIKE: Final = 1e-9
 """Largest angle between the headings before and after turning back [rad]."""
 _CORRECTIONS: Final = 200
+"""Largest number of corrections of the corners of the control polygon."""
 _MISS: Final = 1e-9
 """Largest distance of a path from a waypoint that it goes through [m]."""
 

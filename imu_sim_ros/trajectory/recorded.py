@@ -24,6 +24,7 @@ from imu_sim_ros.trajectory.parameters import PosesParameters
 from imu_sim_ros.trajectory.spline_fit import fit
 
 _LEAST_POSES: Final = 4
+"""Smallest number of poses of a spline."""
 _LEAST_SPACING: Final = 0.02  # s
 _KNOTS: Final = 0.2  # spacing times cut-off: fine enough to follow, coarse enough to be solved well
 _MAX_BRIDGED: Final = 500  # knots in a gap: its shape keeps 3 digits; from 2000 on none

@@ -23,6 +23,7 @@ _LONGITUDES: Final = ("longitude", "lon", "lng", "long", "longitude_deg")
 _HEIGHTS: Final = ("z", "z_m", "up", "altitude", "alt", "elevation", "ele", "height")
 _TIMES: Final = ("t", "time", "time_s", "timestamp")
 MOST_POINTS: Final = 1_000_000
+"""Largest number of points of a file."""
 _FARTHEST: Final = 1e6
 """Largest distance from the origin at which a plane resembles the Earth [m]."""
 _HIGHEST: Final = 1e5

@@ -29,7 +29,9 @@ _MOST_STEPS: Final = 2_000_000
 _ROUNDING: Final = 1e-6
 """Rounding of times [steps]."""
 _AIMS: Final = 6
+"""Largest number of schedules, each planned with lower limits than the one before."""
 _ROUNDS: Final = 400
+"""Largest number of iterations of a schedule."""
 _TIMES_MET: Final = 1e-9
 """Largest deviation of the schedule from given times before smoothing [s]."""
 _LATE: Final = 1e-3
@@ -95,8 +97,7 @@ def find_schedule(
     """Return u over time, at rest at both ends.
 
     :param visits: visits of the waypoints; None: as fast as limits allow, with the stops and speeds
-        of the
-        parameters.
+        of the parameters.
     :raises ConfigurationError: for times that cannot be met within limits, a line for each.
     """
     if visits is not None:

@@ -19,10 +19,14 @@ from imu_sim_ros.core.types import Array, Integers
 from imu_sim_ros.trajectory.bspline import BASIS, ORDER, PoseSpline, RotationSpline, UniformKnots
 
 _ITERATIONS: Final = 30
+"""Largest number of Gauss-Newton steps."""
 _CONVERGED: Final = 1e-10  # rad
 _REWEIGHTINGS: Final = 30
+"""Largest number of reweighted fits."""
 _SETTLED: Final = 1e-3
+"""Largest change of a weight at which reweighting stops."""
 _DIFFERENCE: Final = (-1.0, 3.0, -3.0, 1.0)
+"""Factors of a third difference."""
 
 
 class LeastSquares:

@@ -16,6 +16,7 @@ from imu_sim_ros.trajectory.parameters import VibrationParameters
 from imu_sim_ros.trajectory.profile import Derivatives
 
 _AXES: Final = 3
+"""Number of axes: x, y, z."""
 _TURNS: Final = 1
 """Names the stream of the turning noise; the shaking noise has the seed's own."""
 

@@ -272,7 +272,7 @@ def test_scales_that_no_sensor_has_are_named(half):
 def test_a_clean_recording_has_no_warnings(fitted_twin):
     assert fitted_twin.warnings == ()
     assert fitted_twin.given.all()
-    assert not fitted_twin.source.noise.there
+    assert not fitted_twin.source.noise.is_present
 
 
 def test_noise_lines_and_bands_are_those_of_the_sensor(fitted_twin):

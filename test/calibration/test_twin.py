@@ -386,7 +386,7 @@ def test_stamps_that_are_not_even_make_no_noise():
     rng = np.random.default_rng(16)
     t = np.sort(np.arange(4000) / RATE + 0.004 * rng.uniform(-1.0, 1.0, 4000))
     smooth = curve(t)
-    assert not noise_of(smooth, smooth).there
+    assert not noise_of(smooth, smooth).is_present
     noisy = with_fields(smooth, position=smooth.position + 1e-4 * rng.standard_normal((4000, 3)))
     white = noise_of(noisy, smooth).white
     np.testing.assert_allclose(white[3:], 1e-4, rtol=0.12)

@@ -18,6 +18,7 @@ ZIP_MAGIC: Final = b"PK\x03\x04"
 _DEPTH: Final = 5
 """Number of folders above a file that is looked for."""
 _MOST_NAMES: Final = 200_000
+"""Largest number of files in an archive."""
 _ALWAYS_ALLOWED: Final = 1 << 30
 """Size of unpacked files that is allowed whatever the ratio of compression [bytes]."""
 _LARGEST_RATIO: Final = 100

@@ -37,15 +37,18 @@ _HEAD: Final = b"\xa3\x95"
 _FORMAT: Final = re.compile(rb"\xa3\x95\x80(.)(.)([A-Z0-9]{1,4}\0{0,3})", re.DOTALL)
 """Start of the definition of a message: its number, its length and its name."""
 _HEAD_BYTES: Final = 3
+"""Bytes in front of each message: two magic ones and the message's number."""
 _TEXT_HEADS: Final = (b"FMT, ", b"FMT,")
 _BATCH: Final = 32
 """Number of samples in a message ISBD."""
 _MICROSECOND: Final = 1000
+"""Unit of the stamps [ns]."""
 _LAST_STAMP: Final = 2**31 * 10**6
 """End of the stamps that a message of ROS holds [us]."""
 _MILLIGAUSS: Final = 1e-7
 """One milligauss [T]."""
 _FIX_2D: Final = 2
+"""Status of a receiver that has a position."""
 _CELLS: Final = {
     "b": "i1",
     "B": "u1",

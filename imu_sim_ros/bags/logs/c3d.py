@@ -43,6 +43,7 @@ _LEAST_TIME: Final = 60.0
 _SLOWEST: Final = 1e6
 """Speed below which reading is given up [bytes/s]."""
 _LEAST_MARKERS: Final = 3
+"""Smallest number of markers that determine the attitude of a segment."""
 _ON_A_LINE: Final = 1e-3
 """Ratio of the singular values of markers [m^2/m^2] below which they are on a line."""
 _ORTHOGONAL: Final = 1e-3

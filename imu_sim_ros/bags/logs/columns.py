@@ -23,6 +23,7 @@ _LAST_STAMP: Final = 2**31 * 10**9
 _DATE: Final = re.compile(rb"(\d{4})[-/](\d\d)[-/](\d\d)[T ](\d\d:\d\d:\d\d(?:\.\d{1,9})?)")
 _BYTE_ORDER_MARK: Final = b"\xef\xbb\xbf"
 _LONGEST_LINE: Final = 1 << 16
+"""Longest line of a table [bytes]; longer ones are no text."""
 _TEXT_SUFFIXES: Final = (".csv", ".txt", ".log", ".asc", ".dat", "")
 
 

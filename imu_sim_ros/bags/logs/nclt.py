@@ -30,6 +30,7 @@ MEMORY = 7
 _GAUSS: Final = 1e-4
 """One gauss [T]."""
 _MICROSECONDS: Final = 3
+"""Decimal digits between the unit of the stamps and a nanosecond."""
 _UTIME: Final = re.compile(rb"\d{16}")
 """A time in microseconds of the years 2001 to 2286."""
 _NEEDED_OF_GNSS: Final = 5

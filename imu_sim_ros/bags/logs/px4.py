@@ -41,12 +41,14 @@ MEMORY = 4
 """Memory that reading takes, in sizes of the file, if all of it are readings."""
 _MAGIC: Final = b"ULog\x01\x12\x35"
 _HEADER_BYTES: Final = 16
+"""Bytes of the header of a ULog file."""
 _LARGEST_MESSAGE: Final = 1 << 16
 """Size of a message that the container can hold [bytes]."""
 _LONGEST_DEFINITIONS: Final = 1 << 24
 """Size of the definitions that are looked through [bytes]; those of PX4 have some 100 kB."""
 _ARRAY: Final = re.compile(rb"\[(\d+)\]")
 _MICROSECOND: Final = 1000
+"""Unit of the stamps [ns]."""
 _LAST_STAMP: Final = 2**31 * 10**6
 """End of the stamps that a message of ROS holds [us]."""
 _GAUSS: Final = 1e-4
@@ -59,8 +61,11 @@ _TRUTH: Final = "_groundtruth"
 """Suffix of the topics of a simulator's truth."""
 _FIFO: Final = "_fifo"
 _POSE_NED: Final = 1
+"""Value of ``pose_frame``: north, east, down."""
 _VELOCITY_BODY: Final = 3
+"""Value of ``velocity_frame``: the axes of the body."""
 _FIX_2D: Final = 2
+"""Type of the fix of a receiver that has a position."""
 _PREFERRED: Final = {
     IMU: ("/sensor_combined", "/vehicle_imu_0"),
     ODOMETRY: (f"/{TRUTH_TOPIC}", "/vehicle_local_position", "/vehicle_odometry"),

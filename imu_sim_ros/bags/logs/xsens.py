@@ -38,6 +38,7 @@ _TIME: Final = "sampletimefine"
 _KNOWN: Final = frozenset(("accx", "gyrx", "velincx", "oriincq0"))
 """Columns of which a table has at least one."""
 _HEAD_LINES: Final = 60
+"""Largest number of lines in front of the table."""
 _RATE: Final = re.compile(rb"(?:update|sampling|output) ?rate:?[^0-9]*([0-9.]+)", re.IGNORECASE)
 _WORLD: Final = re.compile(rb"coordinate system:?.*?\b(ENU|NWU|NED)\b", re.IGNORECASE)
 _USUAL_RATE: Final = 100.0
@@ -45,7 +46,9 @@ _USUAL_RATE: Final = 100.0
 _TICKS_PER_SECOND: Final = (10_000, 1_000_000)
 """Units of SampleTimeFine: of MTi and MTw, of DOT."""
 _COUNTER_PERIOD: Final = 1 << 16
+"""Number of packets after which ``PacketCounter`` begins anew."""
 _TIME_PERIOD: Final = 1 << 32
+"""Number of ticks after which ``SampleTimeFine`` begins anew."""
 _NORTH_IS_X: Final = np.array([np.sqrt(0.5), 0.0, 0.0, np.sqrt(0.5)])
 """Quaternion of the axes north, west, up in ENU."""
 _NAMES: Final = {

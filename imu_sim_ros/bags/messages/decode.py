@@ -85,8 +85,7 @@ def decode_block(block: MessageBlock, encoding: str, names: Sequence[str]) -> De
     """Return fields of a block's messages.
 
     :param names: names of :func:`imu_sim_ros.bags.messages.layouts.fields` of this type;
-        ``name[0]`` is
-        the first number of a field alone, (n,).
+        ``name[0]`` is the first number of a field alone, (n,).
     :raises InputError: for a message that is not one of its type.
     """
     type_name = block.topic.type

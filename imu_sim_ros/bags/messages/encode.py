@@ -42,6 +42,7 @@ _GPS: Final = 1
 _COVARIANCE_TYPE_KNOWN: Final = 3
 """sensor_msgs/NavSatFix"""
 _COVARIANCE_TYPE_DIAGONAL: Final = 2
+"""``NavSatFix.COVARIANCE_TYPE_DIAGONAL_KNOWN``."""
 _SOURCE_DOPPLER: Final = 4
 """gps_msgs/GPSStatus"""
 _FEW: Final = 16

@@ -29,6 +29,7 @@ from imu_sim_ros.recordings.order import RESET_READINGS, RESTART_NS
 
 _WHAT: Final = "a table of numbers"
 _EARLIEST: Final = -(2**63) + 1
+"""Stamp before all others [ns]."""
 _READING: Final = {header.GYRO: gate.RATE, header.ACCEL: gate.FORCE}
 _WITH_READING: Final = {header.TEMPERATURE: gate.SENSOR_TEMPERATURE}
 _STATE: Final = {

@@ -30,6 +30,7 @@ POSES_OF_TABLES: Final = "groundtruth.tum"
 
 FORMATS: Final = ("euroc", "csv", "tum")
 _ROWS: Final = 4096
+"""Number of rows that are formatted at once."""
 
 EUROC_IMU_HEADER: Final = (
     "#timestamp [ns],w_RS_S_x [rad s^-1],w_RS_S_y [rad s^-1],w_RS_S_z [rad s^-1],"

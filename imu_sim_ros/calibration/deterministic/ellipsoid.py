@@ -20,10 +20,13 @@ from imu_sim_ros.core.errors import InputError
 from imu_sim_ros.core.types import Array
 
 PARAMETERS: Final = 9
+"""Number of parameters of an ellipsoid: centre and symmetric matrix."""
 _ROWS: Final = np.array([0, 0, 0, 1, 1, 2])
 _COLUMNS: Final = np.array([0, 1, 2, 1, 2, 2])
 _STEPS: Final = 50
+"""Largest number of reweighted fits."""
 _CONVERGED: Final = 1e-13
+"""Relative change of the parameters of a converged fit."""
 _ROUNDING: Final = 1e-6
 """Largest last step of a converged fit: larger ones are not rounding."""
 _DEPENDENT: Final = 1e-3

@@ -24,10 +24,13 @@ from imu_sim_ros.core.errors import InputError
 from imu_sim_ros.core.types import Array
 
 PARAMETERS: Final = 9
+"""Number of parameters: bias and upper triangular matrix."""
 _ROWS: Final = np.array([0, 0, 0, 1, 1, 2])
 _COLUMNS: Final = np.array([0, 1, 2, 1, 2, 2])
 _STEPS: Final = 30
+"""Largest number of Gauss-Newton steps."""
 _CONVERGED: Final = 1e-12
+"""Last change over gravity of a converged fit."""
 _SAME_DIRECTION: Final = float(np.cos(np.radians(0.5)))
 """Cosine of the smallest angle between two different directions."""
 _DEPENDENT: Final = 1e-4

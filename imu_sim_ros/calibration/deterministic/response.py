@@ -16,9 +16,11 @@ from imu_sim_ros.calibration.deterministic.steady import whitened
 from imu_sim_ros.core.types import Array, Integers
 
 _STEPS: Final = 8
+"""Number of reweighted fits."""
 _LOG_WALKS: Final = (-6.0, 14.0)
 """Range of the logarithm of the walk's variance over the record, over the readings' variance."""
 _GRID: Final = 21
+"""Number of sizes of the bias walk that are tried."""
 _ROUNDING: Final = 16.0 * float(np.finfo(np.float64).eps)
 """Relative rounding error of a mean reading in float64."""
 _NOTHING: Final = 1e-15
@@ -95,9 +97,8 @@ def fit_axis(
 
     The readings' errors are their own noise and a bias that walks from the start on: generalised
     least squares with the covariance ``sigma_i^2 + K^2 min(t_i, t_j)``. Without the walk, standard
-    errors of
-    the bias would be far too small. Standard errors are widened further by the square root of the
-    residuals' chi-square if that is above one.
+    errors of the bias would be far too small. Standard errors are widened further by the square
+    root of the residuals' chi-square if that is above one.
 
     Readings without noise that the model explains to the last digits give exact parameters: digits
     below the rounding of float64 are removed, and their standard errors are 0.

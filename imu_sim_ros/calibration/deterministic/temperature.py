@@ -22,6 +22,7 @@ from imu_sim_ros.core.errors import InputError
 from imu_sim_ros.core.types import Array, Integers
 
 HIGHEST_ORDER: Final = 4
+"""Highest order of the polynomial over temperature."""
 _SMALLEST_SPAN: Final = 5.0
 """Smallest range of temperatures [K]."""
 _STEP: Final = 1.0

@@ -24,6 +24,7 @@ _NEAR: Final = 0.15
 _DRIFT_ORDER: Final = 3
 """Highest power of the temperature in the drift of the readings at rest."""
 _REWEIGHTINGS: Final = 60
+"""Largest number of reweighted fits."""
 _SMALL: Final = 1e-4
 """Residuals below which all weights are equal [rad/s]."""
 

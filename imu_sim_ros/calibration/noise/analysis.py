@@ -15,7 +15,7 @@ from imu_sim_ros.calibration.noise.estimate import (
     AxisNoise,
     Estimate,
     UsableBand,
-    either,
+    common_estimates,
     estimate,
     explains_wander,
     usable_band,
@@ -46,9 +46,11 @@ SHORTEST: Final = 60.0
 _SHORT: Final = 3600.0
 """Length of a rest below which a random walk is barely visible [s]."""
 _MOVING_SHARE: Final = 0.01
+"""Share of the rest in motion from which on an analysis is meaningless."""
 _TABLE_RATE: Final = 0.5
 """Mean rate that is worth reporting [rad/s]."""
 _DISTURBED_SHARE: Final = 0.05
+"""Share of the rest with disturbances from which on an analysis is meaningless."""
 _COARSE: Final = 0.55
 """Deviation of the readings, in steps, below which the rounding dominates. At 0.55 the noise is
 between 0.45 and 0.48 steps, wherever the mean lies."""
@@ -68,10 +70,13 @@ class AllanResult(NamedTuple):
     noise: tuple[AxisNoise | None, ...]
     """Noise by axis; None: not analysed."""
     bands: tuple[UsableBand | None, ...]
+    """Frequencies used by axis; None: not analysed."""
     mean: Array
-    """(6,) mean readings."""
+    """(6,) mean readings [rad/s, m/s^2]."""
     model: str
+    """``standard`` or ``gauss_markov``."""
     warnings: tuple[str, ...]
+    """Lines about stamps, readings and estimates that limit the result."""
     reasons: dict[str, str]
     """Reason by axis that is not analysed."""
 
@@ -161,11 +166,11 @@ def analyse(
             continue
         certain = [signal for signal in spectra.signals if signal.axis == k]
         maybe = [signal for signal in spectra.doubtful if signal.axis == k]
-        axis_noise = estimate_axis(spectrum.rows(band.used & ~spectrum.around(certain)), k)
+        axis_noise = estimate_axis(spectrum.rows(band.used & ~spectrum.rows_of_lines(certain)), k)
         if maybe:
-            rows = smoother.rows(band.used & ~smoother.around(certain + maybe))
+            rows = smoother.rows(band.used & ~smoother.rows_of_lines(certain + maybe))
             strict = not all(isinstance(signal, Line) for signal in maybe)
-            axis_noise = either(axis_noise, estimate_axis(rows, k), strict=strict)
+            axis_noise = common_estimates(axis_noise, estimate_axis(rows, k), strict=strict)
         decays = [signal for signal in certain if isinstance(signal, Transient)]
         if decays and RAMP in axis_noise.estimates:
             axis_noise = _without_ramp(axis_noise, decays, timing.rate, longest)
@@ -210,7 +215,7 @@ def _without_ramp(
 
 
 def _rounded(noise: AxisNoise, record: Record, axis: int) -> AxisNoise:
-    """Return the estimates of an axis, given its digital step.
+    """Return the estimates of an axis with the uncertainty that its digital step adds.
 
     If the readings are coarse, no term has a value, and each bound is at least what the rounding
     can hide: an error of half a step either way, whose Allan deviation is below a step.
@@ -422,15 +427,15 @@ def _process_warnings(noise: Sequence[AxisNoise | None]) -> Iterator[str]:
     instead = {axis: process for axis, process in fits.items() if process.gain_over_model > 0.0}
     additional = {axis: process for axis, process in fits.items() if axis not in instead}
     if instead:
-        gains = _range([process.gain_over_model for process in instead.values()])
+        gains = _range_text([process.gain_over_model for process in instead.values()])
         yield (
             f"{', '.join(instead)}: N, B and K do not describe the record; white noise with a "
             f"Gauss-Markov process fits better, by a log-likelihood of {gains}: use "
             f"{argument('model', 'gauss_markov')}"
         )
     if additional:
-        gains = _range([process.gain_within_model for process in additional.values()])
-        times = _range([process.correlation_time for process in additional.values()])
+        gains = _range_text([process.gain_within_model for process in additional.values()])
+        times = _range_text([process.correlation_time for process in additional.values()])
         yield (
             f"{', '.join(additional)}: N, B and K alone do not describe the record; with a "
             f"Gauss-Markov process of {times} s beside them it fits better, by a log-likelihood of "
@@ -438,7 +443,7 @@ def _process_warnings(noise: Sequence[AxisNoise | None]) -> Iterator[str]:
         )
 
 
-def _range(values: Sequence[float]) -> str:
-    """Return the smallest and the largest of some values as text, or their common value."""
+def _range_text(values: Sequence[float]) -> str:
+    """Return ``low to high`` of some values as text, or one number if they agree to two digits."""
     low, high = f"{min(values):.2g}", f"{max(values):.2g}"
     return low if low == high else f"{low} to {high}"

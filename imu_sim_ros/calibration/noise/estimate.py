@@ -60,6 +60,7 @@ simulator's density deviates up to a tenth of the rate."""
 _END_MARGIN: Final = 0.02
 """Smallest distance of a value from the ends of its interval, as a share of the interval."""
 _NEIGHBOURS: Final = 21
+"""Number of rows, the middle one included, whose median a peak stands above."""
 _FALSE_ALARM: Final = 1e-10
 """Probability of taking a row of noise for a peak (chi-square)."""
 _MIN_CLUSTERS: Final = 8
@@ -69,6 +70,7 @@ _CHANCE: Final = 6.0
 _GROUP: Final = 20
 """Number of rows that are also tested together: a filter's slope is small in each of them."""
 _STEPS: Final = 14
+"""Number of limits of the band that are tried."""
 _STEP: Final = float(np.sqrt(0.5))
 _MARGIN: Final = 0.5
 """Share of the band that is used if the model fails above it.
@@ -136,7 +138,7 @@ class AxisNoise(NamedTuple):
 
 
 def data_and_design(spectrum: Spectrum, axis: int) -> tuple[Data, Array]:
-    """Return one axis of a spectrum as the data of a fit, and the standard model.
+    """Return one axis of a spectrum as the data of a fit, and the design of the standard model.
 
     :returns: the model as the expected rows (m, 4) of Q, N, B and K with coefficients of 1.
     """
@@ -176,11 +178,11 @@ def usable_band(spectrum: Spectrum, axis: int) -> UsableBand:
     process: float | None = None
     for k in range(_STEPS):
         used = ~peaks & (spectrum.frequency <= limit)
-        if _describes(spectrum.rows(used), axis, process):
+        if _fits_within_chance(spectrum.rows(used), axis, process):
             break
         if k == 0:
             process = correlation_time(spectrum.rows(~peaks & (spectrum.frequency < _SLOW)), axis)
-            if process is not None and _describes(spectrum.rows(used), axis, process):
+            if process is not None and _fits_within_chance(spectrum.rows(used), axis, process):
                 break
         limit *= _STEP
     if limit < nyquist:
@@ -229,13 +231,13 @@ def correlation_time(spectrum: Spectrum, axis: int) -> float | None:
 
 
 def _with_process(spectrum: Spectrum, design: Array, time: float | None) -> Array:
-    """Return the expected rows with those of a Gauss-Markov process of some time, if any."""
+    """Return the design (m, p) with the column of a Gauss-Markov process; time [s], None: none."""
     if time is None:
         return design
     return np.column_stack([design, gauss_markov_expectation(spectrum, time)])
 
 
-def _describes(spectrum: Spectrum, axis: int, process: float | None) -> bool:
+def _fits_within_chance(spectrum: Spectrum, axis: int, process: float | None) -> bool:
     """Return whether the full model fits the high part within chance, by rows and by groups.
 
     :param process: correlation time [s] of a process that is a term, too.
@@ -281,7 +283,7 @@ def explains_wander(spectrum: Spectrum, axis: int) -> bool:
 
 
 def estimate(spectrum: Spectrum, axis: int) -> AxisNoise:
-    """Return the terms of one axis.
+    """Return the size and the interval of each noise term of one axis, by the standard model.
 
     :param axis: column of ``spectrum.power``.
     """
@@ -289,9 +291,9 @@ def estimate(spectrum: Spectrum, axis: int) -> AxisNoise:
     time = correlation_time(spectrum, axis)
     design = _with_process(spectrum, standard, time)
     components, ramp = intervals(data, design, trend=True)
-    ends = _ends(components, ramp)
+    ends = _term_intervals(components, ramp)
     if time is not None:
-        ends = _bounded(ends, _ends(*intervals(data, standard, trend=True)))
+        ends = _widened_to(ends, _term_intervals(*intervals(data, standard, trend=True)))
     ends = _with_flicker(ends, spectrum, design)
     process = None if time is None else _process_fit(spectrum, data, standard, time)
     visible = {key for key in KEYS if ends[key].low > 0.0}
@@ -319,17 +321,18 @@ def estimate(spectrum: Spectrum, axis: int) -> AxisNoise:
     return AxisNoise(estimates, chosen, best.expected[0], slope, process=process)
 
 
-def _ends(components: list[Interval], ramp: Interval | None) -> dict[str, Interval]:
-    """Return the intervals of the standard model's parameters, without other columns."""
+def _term_intervals(components: list[Interval], ramp: Interval | None) -> dict[str, Interval]:
+    """Return the intervals of the standard model's parameters by key; a process has none."""
     return dict(
         zip(KEYS, [*components[: len(TERMS)], ramp or Interval(0.0, 0.0, 0.0)], strict=True)
     )
 
 
-def _bounded(ends: dict[str, Interval], without: dict[str, Interval]) -> dict[str, Interval]:
-    """Return the ends with a process, the slow terms no narrower than without it.
+def _widened_to(ends: dict[str, Interval], without: dict[str, Interval]) -> dict[str, Interval]:
+    """Return intervals of which those of slow terms reach as far as without a process.
 
-    :param without: the ends without the process.
+    :param ends: intervals of a fit with the process.
+    :param without: intervals of a fit without it.
     """
     return {
         key: end._replace(high=max(end.high, without[key].high)) if key in PRICES else end
@@ -358,11 +361,11 @@ def _process_fit(spectrum: Spectrum, data: Data, standard: Array, time: float) -
     return ProcessFit(time, without - additional, without - instead)
 
 
-def either(first: AxisNoise, second: AxisNoise, *, strict: bool) -> AxisNoise:
-    """Return the estimates that hold in both of two cases.
+def common_estimates(first: AxisNoise, second: AxisNoise, *, strict: bool) -> AxisNoise:
+    """Return the estimates that hold both with and without a doubtful slow signal.
 
     Values are those of the first case, except terms that are certain in it and invisible in the
-    second.
+    second. Intervals cover both.
 
     :param strict: True: terms that are invisible in the second case have no value, certain or not.
     """
@@ -385,7 +388,7 @@ def either(first: AxisNoise, second: AxisNoise, *, strict: bool) -> AxisNoise:
 def _with_flicker(
     ends: dict[str, Interval], spectrum: Spectrum, design: Array
 ) -> dict[str, Interval]:
-    """Return the ends with those of Q, N and B widened for flicker that is not exactly 1/f.
+    """Return the intervals with those of Q, N and B widened for flicker that is not exactly 1/f.
 
     The simulator's is 1/f within 3.2 %, and no sensor's is exact: what it departs by at a third of
     the highest frequency may pass for white noise. Behind a low-pass that rounding hides there is

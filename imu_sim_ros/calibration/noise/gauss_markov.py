@@ -31,6 +31,7 @@ _EVIDENCE: Final = 4.6
 _ROOT_TOLERANCE: Final = 1e-4
 """Tolerance of a root, as a share of the interval that contains it."""
 _GRID: Final = 30
+"""Number of correlation times on the first grid."""
 
 
 def estimate_gauss_markov(spectrum: Spectrum, axis: int) -> AxisNoise:
@@ -95,7 +96,7 @@ def _time_interval(
     high: float,
     visible: bool,
 ) -> Estimate:
-    """Return the correlation time; its logarithm is profiled, within the range searched."""
+    """Return the correlation time [s] with the interval of its profile likelihood."""
     if not visible:
         return Estimate(None, 0.0, float(np.exp(high)))
 

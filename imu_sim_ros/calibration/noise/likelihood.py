@@ -35,7 +35,9 @@ CONFIDENCE_DROP: Final = 1.9207
 _FLOOR: Final = 1e-15
 """Smallest expectation, relative to the largest row: a model may lack all terms."""
 _ITERATIONS: Final = 60
+"""Largest number of steps of Fisher's scoring."""
 _HALVINGS: Final = 12
+"""Largest number of times that a step is shortened."""
 _ROUNDING: Final = 1e-7
 """Loss of the log-likelihood that does not justify halving a step."""
 _TOLERANCE: Final = 1e-5
@@ -45,7 +47,9 @@ _NEGATIVE: Final = 1e-12
 _MERGED: Final = 5
 """Number of rows of averages merged into one, a tenth of the frequency."""
 _DOUBLINGS: Final = 40
+"""Largest number of times that a step is doubled to bracket an end."""
 _REFINEMENTS: Final = 9
+"""Largest number of secant steps to an end."""
 _CLOSE: Final = 0.004
 """Relative error of the drop's root at which the search for an end stops."""
 
@@ -170,7 +174,7 @@ def _objective(
 
 
 def _non_negative(curvature: Array, gradient: Array, free: Mask, positive: Mask) -> Array:
-    """Return (b, p) the minima of ``x H x / 2 - g x`` with x >= 0 and x = 0 if not free.
+    """Return the minima (b, p) of ``x H x / 2 - g x`` with x >= 0 and x = 0 if not free.
 
     A minimum over some components is the solution if none of them is below zero, and no other one
     would make it smaller (Karush, Kuhn and Tucker). Elsewhere every subset of the few components
@@ -199,7 +203,7 @@ def _non_negative(curvature: Array, gradient: Array, free: Mask, positive: Mask)
 
 
 def _restricted_minima(curvature: Array, gradient: Array, masks: Array) -> Array:
-    """Return (b, s, p) the minima over s subsets of components, the others 0.
+    """Return the minima (b, s, p) over s subsets of components, the others 0.
 
     :param masks: (b, s, p) 1 for components of the subset.
     """
@@ -239,7 +243,7 @@ def fit(
 
 
 def covariance(data: Data, design: Array, expected: Array) -> Array:
-    """Return (p, p) the inverse of Fisher's information on the components.
+    """Return the inverse (p, p) of Fisher's information on the components.
 
     :param expected: (m,) rows.
     """
@@ -250,7 +254,7 @@ def covariance(data: Data, design: Array, expected: Array) -> Array:
 
 
 def merged(data: Data, design: Array, count: int) -> tuple[Data, Array]:
-    """Return the data and the design with each few rows of averages as one.
+    """Return data and design with neighbouring rows of averages merged; single coefficients stay.
 
     :param count: number of rows that become one.
     """
@@ -324,7 +328,7 @@ def intervals(data: Data, design: Array, *, trend: bool) -> tuple[list[Interval]
     is_slope_end = term < 0
 
     def excess(ends: Integers, x: Array) -> Array:
-        """Return the root of the drop at coefficients x of some ends, over its target, minus 1."""
+        """Return ``sqrt(drop / target) - 1`` at coefficients x of the ends with some numbers."""
         is_slope, components_index = is_slope_end[ends], np.where(is_slope_end[ends], 0, term[ends])
         fixed = np.full((len(x), count), np.nan)
         fixed[np.flatnonzero(~is_slope), components_index[~is_slope]] = x[~is_slope] ** 2
@@ -354,7 +358,7 @@ def intervals(data: Data, design: Array, *, trend: bool) -> tuple[list[Interval]
 def _search(
     functions: Callable[[Integers, Array], Array], start: Array, step: Array, bounded: Mask
 ) -> Array:
-    """Return (b,) the zeros of functions that increase from -1, by bracketed secants.
+    """Return the zeros (b,) of functions that increase from -1, by bracketed secants.
 
     They are nearly linear, so that few steps suffice.
 

@@ -35,17 +35,22 @@ _DEEPEST: Final = 0.003
 """Least share of the model's power that a filter is taken to leave: the gradients need steps as
 many as the root of its inverse, and what lies above the filter is not used."""
 _NEAR: Final = 4.0
+"""Ratio of frequencies up to which the model is fitted above the border."""
 _ROUNDS: Final = 4
 """Number of fillings of the first stretch."""
 _ITERATIONS: Final = 200
+"""Largest number of steps of conjugate gradients."""
 _TOLERANCE: Final = 1e-3
+"""Residual over the right side at which conjugate gradients stop."""
 _SEED: Final = 20261122
+"""Seed of the draws: an analysis repeats itself."""
 
 
 class LossFiller:
     """Replaces the lost samples of one record, stretch by stretch."""
 
     def __init__(self, axes: int) -> None:
+        """Initialise for readings of some axes."""
         count = int(np.ceil(np.log(0.5 / _LOWEST) / _WIDTH))
         self._spectrum = _Spectrum(np.zeros((count, axes)), np.zeros(count), np.zeros(count))
         """Spectrum of the stretches filled so far."""
@@ -126,7 +131,7 @@ class _Spectrum(NamedTuple):
         return updated
 
     def variances(self, n: int) -> Array:
-        """Return (axes, n) the variances of the coefficients of a stretch of n samples.
+        """Return the variances (axes, n) of the coefficients of a stretch of n samples.
 
         Their averages; if those are of few coefficients, white noise, flicker and walk fitted
         there and up to ``_NEAR`` times as far. The mean has the variance of the slowest cosine.
@@ -155,12 +160,12 @@ class _Spectrum(NamedTuple):
 
 
 def _terms(log_frequency: Array) -> Array:
-    """Return (m, 3) white noise, flicker and walk."""
+    """Return the spectra (m, 3) of white noise, flicker and walk, 1 at frequency 1."""
     return np.exp(-np.outer(log_frequency, [0.0, 1.0, 2.0]))
 
 
 def _solution(matrix: Callable[[Array], Array], target: Array) -> Array:
-    """Return x with ``matrix(x) = right``, each row (m,) by conjugate gradients."""
+    """Return x with ``matrix(x) = target``, each row (m,) by conjugate gradients."""
     x = np.zeros_like(target)
     residual, direction = target.copy(), target.copy()
     size = np.sum(residual**2, axis=1)

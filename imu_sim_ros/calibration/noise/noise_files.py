@@ -40,8 +40,8 @@ def write_csv(result: AllanResult, path: Path) -> None:
     np.savetxt(path, table, fmt=formats, delimiter=",", header=",".join(header), comments="")
 
 
-def _one_for_three(result: AllanResult, triad: int, key: str) -> tuple[float, bool]:
-    """Return one value for a triad, and whether it is an upper bound.
+def _triad_value(result: AllanResult, triad: int, key: str) -> tuple[float, bool]:
+    """Return one value for the three axes of a triad, and whether it is an upper bound.
 
     The root mean square of the axes, for a filter with one value for three; if an axis
     has a bound only, the largest bound, for a density of zero is not allowed there.
@@ -64,7 +64,7 @@ def write_kalibr(result: AllanResult, path: Path, topic: str) -> None:
     lines = ["# kalibr imu.yaml: continuous-time noise, root mean square of the three axes"]
     for name in KALIBR_NAMES:
         triad, _, key = name.partition("_")
-        value, bound = _one_for_three(result, TRIADS.index(triad), key)
+        value, bound = _triad_value(result, TRIADS.index(triad), key)
         note = _BOUND if bound else ""
         lines.append(f"{name}: {max(value, 1e-12):.6e}{note}")
     lines += [f"rostopic: {topic}", f"update_rate: {result.timing.rate:.6g}"]
@@ -109,7 +109,7 @@ def write_imu_utils(result: AllanResult, path: Path, *, continuous: bool) -> Non
 
 
 class _Number(NamedTuple):
-    """A number of a configuration."""
+    """A noise parameter in a configuration file."""
 
     value: float
     bound: bool
@@ -177,7 +177,7 @@ def _sign(result: AllanResult, axis: int) -> float:
 
 
 def _complete_process(values: dict[str, Value], prefix: str) -> None:
-    """Keep a process only on axes if both of its parameters are known."""
+    """Drop the parameters of a Gauss-Markov process from ``values`` unless both are known."""
     sigma, time = values.get(prefix + SIGMA), values.get(prefix + CORRELATION_TIME)
     if not isinstance(sigma, tuple) or not isinstance(time, tuple):
         values.pop(prefix + SIGMA, None)

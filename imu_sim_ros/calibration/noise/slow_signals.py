@@ -22,6 +22,7 @@ from imu_sim_ros.calibration.noise.likelihood import Data, fit_many
 from imu_sim_ros.core.types import Array, Integers
 
 _MAX_SIGNALS: Final = 8
+"""Largest number of signals of an axis."""
 _MIN_POINTS: Final = 400
 """Smallest number of values for the search of signals."""
 _SLOWEST: Final = 0.6
@@ -101,7 +102,7 @@ class Line(NamedTuple):
 
 
 class LevelShift(NamedTuple):
-    """A shift of level on one axis."""
+    """A step of the mean of one axis."""
 
     axis: int
     position: float
@@ -195,7 +196,7 @@ class _Kind(Protocol):
     """Largest change of the parameter in one iteration; 0: it does not move."""
 
     def columns(self, parameter: float, rows: slice = _ALL) -> Array:
-        """Return (m, c) the cosine transform's coefficients of a signal with sizes of 1."""
+        """Return the cosine transform's coefficients (m, c) of a signal with sizes of 1."""
 
     evidence: float
     """Log-likelihood with which a signal is certain."""
@@ -207,7 +208,7 @@ class _Kind(Protocol):
         """Return the log-likelihood that makes a signal possible."""
 
     def values(self, component: _Component) -> Array:
-        """Return (n,) the values of a signal."""
+        """Return the values (n,) of a signal, without their mean."""
 
     def signal(self, axis: int, component: _Component) -> Signal:
         """Return a signal in its public form."""
@@ -222,7 +223,7 @@ class _LineKind:
         self._n, self._order = n, order
 
     def columns(self, parameter: float, rows: slice = _ALL) -> Array:
-        """Return (m, 2) the coefficients of the wave's real and minus its imaginary part.
+        """Return the coefficients (m, 2) of the wave's real and minus its imaginary part.
 
         Sums over j of ``cos(pi k (j + 1/2) / n)`` times it are two geometric series.
         """
@@ -230,7 +231,7 @@ class _LineKind:
         return np.concatenate([waves.real, -waves.imag], axis=1)
 
     def waves(self, periods: Array, rows: slice) -> Array:
-        """Return (m, lines) the complex coefficients of ``exp(2 pi i periods (j + 1/2) / n)``."""
+        """Return the complex coefficients (m, lines) of ``exp(2 pi i periods (j + 1/2) / n)``."""
         w = 2.0 * np.pi * periods / self._n
         k = np.pi * self._order[rows, None] / self._n
         half = 0.5 * np.stack([w + k, w - k])
@@ -251,13 +252,13 @@ class _LineKind:
         return float(_line_doubt(np.array(parameter)))
 
     def values(self, component: _Component) -> Array:
-        """Return (n,) the wave."""
+        """Return the sinusoid (n,)."""
         angle = 2.0 * np.pi * component.parameter / self._n * (np.arange(self._n) + 0.5)
         cosine, sine = component.sizes
         return np.asarray(cosine * np.cos(angle) - sine * np.sin(angle))
 
     def signal(self, axis: int, component: _Component) -> Line:
-        """Return the line."""
+        """Return a component as a sinusoid with its frequency and amplitude."""
         return Line(axis, component.parameter / self._n, float(np.hypot(*component.sizes)))
 
 
@@ -272,7 +273,7 @@ class _ShiftKind:
         """(m,) coefficients over ``sin(pi k position / n)``: a geometric series."""
 
     def columns(self, parameter: float, rows: slice = _ALL) -> Array:
-        """Return (m, 1) the cosine transform's coefficients of a step at a position."""
+        """Return the cosine transform's coefficients (m, 1) of a step at a position."""
         angle = np.pi * self._order[rows] * parameter / self._n
         return np.asarray((self.factors[rows] * np.sin(angle))[:, None])
 
@@ -285,12 +286,12 @@ class _ShiftKind:
         return _DOUBTFUL_SHIFT
 
     def values(self, component: _Component) -> Array:
-        """Return (n,) the step, around its mean."""
+        """Return the step (n,), around its mean."""
         step = np.where(np.arange(self._n) < component.parameter, 0.0, component.sizes[0])
         return np.asarray(step - step.mean())
 
     def signal(self, axis: int, component: _Component) -> LevelShift:
-        """Return the shift."""
+        """Return a component as a step with its position and size."""
         return LevelShift(axis, component.parameter, float(component.sizes[0]))
 
 
@@ -300,9 +301,10 @@ class _TransientKind:
     step, evidence = _TIME_STEP, _TRANSIENT
 
     def __init__(self, n: int, order: Integers, shortest: float, longest: float) -> None:
-        """Set up.
+        """Initialise for records of n values.
 
-        :param shortest: least time constant [values].
+        :param order: (m,) indices of the cosine transform's coefficients.
+        :param shortest: smallest time constant [values].
         :param longest: largest time constant [values].
         """
         self._n, self._order = n, order
@@ -312,7 +314,7 @@ class _TransientKind:
         """Parameters at which a transient is looked for."""
 
     def columns(self, parameter: float, rows: slice = _ALL) -> Array:
-        """Return (m, 1) the cosine transform's coefficients of a decay: a geometric series."""
+        """Return the cosine transform's coefficients (m, 1) of a decay: a geometric series."""
         order = self._order[rows]
         rate = np.exp(-parameter) - 1j * np.pi * order / self._n
         end = np.where(order % 2 == 0, 1.0, -1.0) * np.exp(-self._n * np.exp(-parameter))
@@ -328,12 +330,12 @@ class _TransientKind:
         return _DOUBTFUL_TRANSIENT
 
     def values(self, component: _Component) -> Array:
-        """Return (n,) the decay, around its mean."""
+        """Return the decay (n,), around its mean."""
         decay = np.exp(-(np.arange(self._n) + 0.5) * np.exp(-component.parameter))
         return np.asarray(component.sizes[0] * (decay - decay.mean()))
 
     def signal(self, axis: int, component: _Component) -> Transient:
-        """Return the transient."""
+        """Return a component as a decay with its time constant and size."""
         return Transient(axis, float(np.exp(component.parameter)), float(component.sizes[0]))
 
 
@@ -354,10 +356,11 @@ class _Fit(NamedTuple):
 
 
 class _Signals(NamedTuple):
-    """Signals of one axis."""
+    """Signals that a search has found on one axis."""
 
     components: Sequence[_Component]
     certain: Sequence[bool]
+    """True for each component that is certain; the others are doubtful."""
     inflation: tuple[Array, Array]
     """(m,) factors of the coefficients without the certain signals, and without all."""
 
@@ -366,7 +369,7 @@ class _Search:
     """Search in records of n values, with the quantities common to all axes."""
 
     def __init__(self, n: int, highest: float, interval: float) -> None:
-        """Set up.
+        """Initialise for records of n values.
 
         :param highest: frequency up to which lines are searched, cycles per value.
         :param interval: time between two values [s].
@@ -744,7 +747,7 @@ class _Search:
         return _Component(self._transient, parameter, np.zeros(1))
 
     def _inflation(self, components: Sequence[_Component], best: _Fit) -> Array:
-        """Return (m,) the factors that restore the variance that shifts and transients removed.
+        """Return the factors (m,) that restore the variance that shifts and transients removed.
 
         A coefficient of variance s has ``s (1 - h)`` after a fit, h the leverage of the signals.
         """
@@ -758,7 +761,7 @@ class _Search:
 
 
 def _free(count: int) -> Array:
-    """Return (1, count) components that are all free."""
+    """Return NaNs (1, count): components of one fit, all of them estimated."""
     return np.full((1, count), np.nan)
 
 

@@ -64,11 +64,11 @@ class Spectrum(NamedTuple):
     """Interval of the samples [s]."""
 
     def rows(self, chosen: Mask) -> "Spectrum":
-        """Return some of the rows."""
+        """Return the rows of which a mask or indices are chosen."""
         return Spectrum._make([*(column[chosen] for column in self[:-1]), self.sample_interval])
 
-    def around(self, signals: Iterable[Signal]) -> Mask:
-        """Return a mask (m,) of the single coefficients whose power went into removed lines.
+    def rows_of_lines(self, signals: Iterable[Signal]) -> Mask:
+        """Return a mask (m,) of the single coefficients from which removed lines took the power.
 
         A line has three parameters and coefficients at every half period in the record.
         """

@@ -14,6 +14,7 @@ from imu_sim_ros.core.types import Array
 
 _DEGREES: Final = 180.0 / np.pi
 _HOUR: Final = 3600.0
+"""One hour [s]."""
 _MILLI_G: Final = 1e3 / STANDARD_GRAVITY
 
 

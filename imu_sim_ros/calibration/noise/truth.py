@@ -77,9 +77,8 @@ def _true_noise(triad: TriadParameters, rate: float) -> dict[str, Array]:
 def compare(result: AllanResult, imu: ImuParameters) -> list[ParameterComparison]:
     """Return the comparison of the parameters that both the model and the sensor have.
 
-    Quantisation is compared if the sensor has increments in steps. A Gauss-Markov process is not
-    in the standard model, where it looks like flicker and walk; of such a sensor, the standard
-    model
+    Quantisation is compared if the sensor has increments in steps. A Gauss-Markov process is not in
+    the standard model, where it looks like flicker and walk; of such a sensor, the standard model
     is compared in the white noise alone.
     """
     truth = true_noise(imu, result.timing.rate)

@@ -52,14 +52,14 @@ def coarse_offset(
             continue
         a, b = np.interp(stamps_of_times[common], stamps, measured), true[common]
         spread = a.std() * b.std()
-        value = float(np.mean((a - a.mean()) * (b - b.mean())) / spread) if spread else -1.0
-        if value > best:
-            best, offset = value, float(shift)
+        correlation = float(np.mean((a - a.mean()) * (b - b.mean())) / spread) if spread else -1.0
+        if correlation > best:
+            best, offset = correlation, float(shift)
     return offset
 
 
 def _smoothed(values: Array, stamps: Array) -> Array:
-    """Return the mean over 50 ms, which removes vibration."""
+    """Return the running mean over 50 ms of values (n,), which removes vibration."""
     count = max(round(0.05 / float(np.median(np.diff(stamps)))), 1)
     kernel = np.ones(count) / count
     return np.convolve(np.pad(values, count // 2, mode="edge"), kernel, mode="valid")[: len(values)]
@@ -80,7 +80,7 @@ def mounting(gyro: Array, accel: Array, motion: BodyMotion) -> Array:
 
 
 def _product(measured: Array, true: Array) -> Array:
-    """Return (3, 3) the sum of products of readings and truth (n, 3), over the truth's size."""
+    """Return the sum (3, 3) of products of readings and truth (n, 3), over the truth's energy."""
     size = float(np.sum(true**2))
     return measured.T @ true / size if size > 0.0 else np.zeros((3, 3))
 
@@ -98,8 +98,8 @@ def axis_problems(gyro: Array, accel: Array, motion: BodyMotion) -> list[str]:
     pairs = ((gyro, motion.rate), (accel, motion.force))
     fits = [np.linalg.svd(_product(r - r.mean(axis=0), t - t.mean(axis=0))) for r, t in pairs]
     visible = [
-        bool(values[2] > _WEAKEST_SHARE * values.sum() and values.sum() > 0.5)
-        for _, values, _ in fits
+        bool(singular[2] > _WEAKEST_SHARE * singular.sum() and singular.sum() > 0.5)
+        for _, singular, _ in fits
     ]
     turns = [u @ vt for u, _, vt in fits]
     mirrored = [
@@ -172,22 +172,28 @@ def wander(
             power = np.mean((y - x * offset[k]) ** 2, axis=0) + 1e-30
         centre[k] = stamps[rows].mean()
         sigma[k] = np.sqrt(2.0 / weight)  # half of a window is the next one's
-    steady_walk = _walk(offset, sigma, 0.0)
-    best = max((_walk(offset, sigma, step) for step in _STEPS), key=lambda walk: walk[0])
-    if steady and best[0] < steady_walk[0] + _GAIN:
+    steady_likelihood, _ = _random_walk(offset, sigma, 0.0)
+    walks = (_random_walk(offset, sigma, step) for step in _STEPS)
+    likelihood, course = max(walks, key=lambda walk: walk[0])
+    if steady and likelihood < steady_likelihood + _GAIN:
         return np.zeros(len(stamps))
-    return np.interp(stamps, centre, best[1])
+    return np.interp(stamps, centre, course)
 
 
-def _walk(offset: Array, sigma: Array, step: float) -> tuple[float, Array]:
-    """Return the log-likelihood of a walk of unknown start, and its most likely course (m,)."""
+def _random_walk(offset: Array, sigma: Array, step: float) -> tuple[float, Array]:
+    """Return the log-likelihood of a random walk of unknown start, and its most likely course (m,).
+
+    :param offset: (m,) measured offsets [s], with standard errors ``sigma`` (m,).
+    :param step: standard deviation of the walk from one offset to the next [s].
+    """
     index = np.arange(len(offset))
     covariance = step**2 * np.minimum.outer(index, index)
     total = covariance + np.diag(sigma**2)
     inverse = np.linalg.inv(total)
     information = float(inverse.sum())
     start = float(inverse.sum(axis=0) @ offset) / information
-    rest = offset - start
-    course = start + covariance @ inverse @ rest
-    log = -0.5 * (np.linalg.slogdet(total)[1] + rest @ inverse @ rest + np.log(information))
-    return float(log), course
+    deviation = offset - start
+    course = start + covariance @ inverse @ deviation
+    squares = deviation @ inverse @ deviation
+    log_likelihood = -0.5 * (np.linalg.slogdet(total)[1] + squares + np.log(information))
+    return float(log_likelihood), course

@@ -20,6 +20,7 @@ from imu_sim_ros.core.types import Array, Mask
 _LOWEST_WHITE: Final = 1.0
 """Lowest frequency of the white floor: below it the truth's own errors hide it [Hz]."""
 _FOLDS: Final = 4
+"""Number of parts of a recording, each of which is predicted by a fit to the others."""
 _LEAST: Final = 0.2
 """Smallest share of a variance that a quarter of a recording contributes."""
 _LARGE_SHARE: Final = 0.3
@@ -56,7 +57,10 @@ class Analysis(NamedTuple):
 
 
 def constant_errors(recording: Recording, truth: KnownMotion, start: Errors) -> Fit:
-    """Return the constant errors, and the wander of the truth's clock, if any."""
+    """Return a fit of the constant errors, and of the wander of the truth's clock, if it has any.
+
+    :param start: first guess with mounting and offset.
+    """
     fitted = fit(recording, truth, start)
     if not fitted.settled:  # a poor first guess: remove the poses' noise again, with better values
         fitted = fit(recording, truth, fitted.errors)
@@ -143,34 +147,41 @@ def analyse(
     :param moving: (n,) rows in motion: a vehicle at rest does not vibrate as in flight.
     """
     rate = recording.rate
-    parts = spectrum.segments(_parts(recording, moving)) or spectrum.segments(recording.pieces)
+    parts = spectrum.segments(_rows_in_motion(recording, moving)) or spectrum.segments(
+        recording.pieces
+    )
     lowest = _noise_limit(fitted.residuals, noises, parts, rate)
     lines, residuals = _without_lines(fitted.residuals, parts, rate, lowest)
     rows = np.concatenate([np.arange(part.start, part.stop) for part in parts])
     reference = np.array([np.sqrt(np.mean(m[rows] ** 2)) for m in motion])
     reference = np.maximum(reference, 1e-3)
     logs = sizes(reference)
-    exponents = intensity.follow(residuals, parts, rate, logs)
+    exponents = intensity.fit_exponents(residuals, parts, rate, logs)
 
-    def above_noise(followed: Array) -> tuple[Bands, Bands]:
-        """Return the bands of the residual, and the bands without the poses' noise."""
+    def above_noise(exponents_of_motion: Array) -> tuple[Bands, Bands]:
+        """Return the bands of the residual, and the same bands without the poses' noise.
+
+        :param exponents_of_motion: (ranges, 2, 3) exponents of :class:`intensity.Exponents`.
+        """
         pairs = [(held_out_residuals, residuals), *((x, x) for x in noises)]
-        whole, *noise_bands = (_bands(list(x), parts, rate, logs, followed) for x in pairs)
+        whole, *noise_bands = (
+            _bands(list(x), parts, rate, logs, exponents_of_motion) for x in pairs
+        )
         noise = [x.matrix for x in noise_bands]
-        return whole, whole.less(np.mean(noise, axis=0)) if noise else whole
+        return whole, whole.minus(np.mean(noise, axis=0)) if noise else whole
 
     whole, bands = above_noise(exponents.value)
     # A sensor's own noise does not depend on the motion, and is present at all frequencies.
     steady, level = above_noise(np.zeros_like(exponents.value))
     floor = spectrum.white_floor(level, _LOWEST_WHITE)
-    floor = spectrum.lowered(floor, steady.density.min(axis=0))
-    white = spectrum.raised(floor, spectrum.quietest(recording.readings, rate))
+    floor = spectrum.bounded_above(floor, steady.density.min(axis=0))
+    white = spectrum.bounded_below(floor, spectrum.quietest_density(recording.readings, rate))
     return Analysis(
         fitted,
         lines,
         bands,
         white,
-        spectrum.above(bands, white),
+        spectrum.above_floor(bands, white),
         intensity.range_edges(rate),
         exponents,
         reference,
@@ -206,8 +217,8 @@ def _noise_limit(residuals: Array, noises: list[Array], parts: list[slice], rate
     return float(whole.high[noisy].max(initial=0.0))
 
 
-def _parts(recording: Recording, moving: Mask) -> list[slice]:
-    """Return the rows from the first to the last motion in each piece."""
+def _rows_in_motion(recording: Recording, moving: Mask) -> list[slice]:
+    """Return the rows from the first to the last motion of each gap-free piece of a recording."""
     parts = []
     for piece in recording.pieces:
         rows = np.flatnonzero(moving[piece])
@@ -244,7 +255,7 @@ def _bands(
 
 
 def _bias_over_time(recording: Recording, fitted: Fit, bands: Bands) -> tuple[Array, Array, Array]:
-    """Return times, means over windows of bias and residual, and their standard errors.
+    """Return times (k,) [s], means (k, 6) of bias plus residual in windows, and their errors.
 
     The error of a mean over a window of length W is that of a density S: ``sqrt(S / W)``, with
     the density at the lowest frequencies.

@@ -21,6 +21,7 @@ _WINDOW: Final = 0.5
 _SEGMENT: Final = 4.0
 """Length of the segments of a plotted spectrum [s]."""
 _FOLDS: Final = 5
+"""Number of parts of the windows, each of which is judged by a classifier trained on the others."""
 _SHRINKAGE: Final = 0.3
 """Shrinkage of the covariance towards its diagonal, since windows are few."""
 _DRAWS: Final = 8
@@ -40,7 +41,7 @@ def levels(values: Array, parts: Sequence[slice], rate: float) -> Array:
 
 
 def decibels(simulated: Array, real: Array) -> Array:
-    """Return the difference of densities in decibels."""
+    """Return the ratio of root densities in decibels; above 0: the simulated one is larger."""
     return 20.0 * np.log10(simulated / real)
 
 
@@ -83,13 +84,13 @@ def classification_rate(real: Array, simulated: Array, count: int, seed: int = 0
 
     Fisher's linear discriminant with a shrunken covariance, on the logarithms of densities, each
     window judged by a classifier that was not trained on it (five folds; Lopez-Paz and Oquab,
-    classifier two-sample tests", 2017).
+    "Revisiting classifier two-sample tests", 2017).
 
-    :param real: (m, p) features of windows; simulated: (n, p).
+    :param real: (m, p) features of windows of the real residual.
+    :param simulated: (n, p) features of windows of the simulated residual.
     :param count: number of windows of each that are drawn. A classifier improves with its training
-            data, and consecutive windows are alike: rates are comparable for equal numbers of
-            windows,
-            drawn from a whole part each.
+        data, and consecutive windows are alike: rates are comparable for equal numbers of windows,
+        drawn from a whole part each.
     """
     rng = np.random.default_rng(seed)
     real, simulated = (rng.permutation(x)[:count] for x in (real, simulated))
@@ -141,6 +142,7 @@ class Windows(NamedTuple):
 TRUTH_PARAMETERS: Final = np.r_[OFFSET, SKEW, CURVATURE]
 """Parameters that may differ from one part of a recording to the next."""
 _ALIGNMENTS: Final = 2
+"""Number of fits of the truth's wander, each from the one before."""
 
 
 def align_truth(recording: Recording, truth: KnownMotion, estimate: Fit) -> Fit:

@@ -49,6 +49,7 @@ _SMOOTHED: Final = 0.008
 """Share of a motion that the spline takes there as a rule, which motion all through the range shows
 as a smoothing of the truth: half of these 1.6 %."""
 _STEPS: Final = 8
+"""Largest number of Gauss-Newton steps."""
 _WEIGHTINGS: Final = 2
 """Number of density updates in one step."""
 _SHAPED: Final = 2
@@ -62,6 +63,7 @@ _LEAST_REST: Final = 0.1
 _CLOSE: Final = 1e-3
 """Largest last step over its standard error of a converged fit."""
 _SETTLED: Final = 1.0
+"""Largest last step over its standard error of a fit that is usable."""
 _LARGE_SHARE: Final = 0.5
 """Largest share of the motion's energy in a bin that may be noise of the poses."""
 _NOISE_KNOWN: Final = 0.1
@@ -71,6 +73,7 @@ _HIDDEN: Final = 1e-6
 _BIN: Final = 40
 """Number of coefficients in the first bins of the density; later bins are relatively wide."""
 _WIDTH: Final = 0.5
+"""Width of later bins over their lower end."""
 _PRIOR_OF: Final = (
     (model.OFFSET, 1.0),
     (model.SKEW, 1e-2),
@@ -167,9 +170,13 @@ class _Sums:
         """Reset the sums over readings."""
         count, p = len(self.middle), self._parameters
         self.count = np.zeros(count)
+        """(bins,) number of coefficients."""
         self.square = np.zeros((count, 6))
+        """Sums of the squared residuals."""
         self.product = np.zeros((count, 6, p))
+        """Sums of the products of Jacobian and residuals."""
         self.matrix = np.zeros((count, 6, p, p))
+        """Sums of the products of the Jacobian with itself."""
         self.remaining_share = np.ones((count, 6))
         """Average share of the residual's squares that remains after the fit."""
 
@@ -219,12 +226,11 @@ class _Sums:
         for begin, end in pairwise([*starts.tolist(), len(bins)]):
             yield int(bins[begin]), c[:, begin:end], j[:, begin:end]
 
-    def shape(self, density: Array) -> None:
-        """Use the noise of the poses as the shape of the densities within their bins.
+    def update_shape(self, density: Array) -> None:
+        """Take the noise of the poses as the shape of the densities within their bins.
 
         It rises with the second power of the frequency in the density of the rates, and with the
-        fourth
-        in that of the accelerations; the remainder is constant within a bin.
+        fourth in that of the accelerations; the remainder is constant within a bin.
 
         :param density: (bins, 6) density over the previous shape.
         """
@@ -242,7 +248,7 @@ class _Sums:
         ]
 
     def widening(self, weight: Array, inverse: Array) -> Array:
-        """Return the factors (p,), from 1 on, by which estimated densities widen standard errors.
+        """Return the factors (p,), 1 or more, by which estimated densities widen standard errors.
 
         Weights from n coefficients are wrong by sqrt(2 / n), which costs efficiency and is
         hidden by the inverse of the normal matrix (Kenward and Roger, "Small sample inference
@@ -297,7 +303,7 @@ def fit(
     prior: Array = PRIOR,
     free: Indices = ALL_PARAMETERS,
 ) -> Fit:
-    """Return the errors of an IMU.
+    """Return the errors of an IMU with their covariance, by iterated weighted least squares.
 
     :param truth: motion with the noise of its poses.
     :param start: first guess with mounting and offset.
@@ -343,7 +349,7 @@ def fit(
         errors = errors.moved(full_step)
         sums.noise_product -= sums.noise_matrix @ step
         if noisy and count < _SHAPED:
-            sums.shape(density)
+            sums.update_shape(density)
             density = np.ones_like(density)
         last_step = float(np.max(np.abs(step) / np.sqrt(np.diag(inverse))))
         if count > 1 and last_step < _CLOSE:
@@ -368,8 +374,7 @@ def _inverse(normal: Array, prior: Array) -> tuple[Array, Array]:
     the readings have no information, and the prior alone holds.
 
     :returns: the inverse (p, p), and the projection (p, p) on the directions with information,
-        whose
-            transpose projects a gradient.
+        whose transpose projects a gradient.
     """
     values, vectors = np.linalg.eigh(normal * np.outer(prior, prior))
     scaled = prior[:, None] * vectors
@@ -438,7 +443,7 @@ def _summary(
 
 
 def _segments(pieces: tuple[slice, ...]) -> list[slice]:
-    """Return slices of about equal length of the pieces of a recording."""
+    """Return the rows of segments of about equal length into which the pieces are divided."""
     segments = []
     for piece in pieces:
         count = -(-(piece.stop - piece.start) // _SEGMENT)

@@ -12,11 +12,13 @@ import numpy as np
 from imu_sim_ros.core.types import Array, Mask
 
 _MAX_TERMS: Final = 24
+"""Largest number of lines."""
 _PEAK: Final = 20.0
 """Power of a line over that of its neighbours: noise has it once in 10^7 frequencies or so."""
 _NEIGHBOURS: Final = 40
 """Number of neighbouring frequencies on each side."""
 _QUARTERS: Final = 4
+"""Number of parts of a record in which a line must keep its phase."""
 _STEADY: Final = 0.8
 """Smallest share of a line's energy with one phase from quarter to quarter of the record."""
 _ROTOR_FREQUENCY: Final = 20.0
@@ -30,6 +32,7 @@ _LASTING: Final = 3
 _LOWEST: Final = 2.0
 """Lowest frequency of lines [Hz]: below it there is motion."""
 _REFINEMENTS: Final = 4
+"""Number of rounds in which each line is fitted again without the others."""
 
 
 class Lines(NamedTuple):
@@ -172,6 +175,7 @@ _DISTURBED: Final = 4.0
 _MIN_WINDOWS: Final = 8
 """Smallest number of windows for exponents."""
 _LARGEST: Final = 3.0
+"""Largest exponent."""
 
 
 class Exponents(NamedTuple):
@@ -206,8 +210,7 @@ def vibrating(readings: Array, pieces: Sequence[slice], rate: float) -> Mask:
 
     Before and after a flight, rotors stand still or idle, and the body may be carried. Vibration
     begins with three consecutive seconds that have a quarter of a flight's power above 20 Hz (mean
-    of
-    all axes); the upper quartile of all seconds represents the flight.
+    of all axes); the upper quartile of all seconds represents the flight.
     """
     mask = np.ones(len(readings), dtype=np.bool_)
     size = max(round(_WINDOW * rate), 2)
@@ -232,15 +235,15 @@ def vibrating(readings: Array, pieces: Sequence[slice], rate: float) -> Mask:
     return mask
 
 
-def follow(values: Array, parts: Sequence[slice], rate: float, logs: Array) -> Exponents:
-    """Return the exponents of a residual (n, 6).
+def fit_exponents(values: Array, parts: Sequence[slice], rate: float, logs: Array) -> Exponents:
+    """Return the exponents with which a residual (n, 6) grows with the motion, in each range.
 
     In windows the logarithm of each triad's energy, axes weighted alike, against the mean
     logarithms of the motion's size: least squares with a prior around 0, which dominates in short
     records. No exponent is negative.
 
     :param parts: rows that belong together.
-    :param logs: (n, 3) logarithms of rate, acceleration and speed over a reference.
+    :param logs: (n, 3) logarithms of rate, acceleration and speed over those of a reference motion.
     """
     edges = range_edges(rate)
     exponents, sigma = np.zeros((2, len(edges) - 1, 2, 3))
@@ -317,5 +320,5 @@ def without_disturbances(
 
 
 def factors(exponents: Array, logs: Array) -> Array:
-    """Return the intensities (n, 6) of one range with exponents (2, 3)."""
+    """Return the intensities (n, 6) of one range over those of the reference motion."""
     return np.repeat(np.exp(logs @ exponents.T), 3, axis=1)

@@ -24,6 +24,7 @@ from imu_sim_ros.core import rotation
 from imu_sim_ros.core.types import Array
 
 COUNT: Final = 42
+"""Number of parameters; the slices below are their places in a vector (42,)."""
 OFFSET, SKEW = slice(0, 1), slice(1, 2)
 MOUNTING: Final = slice(2, 5)
 GYROSCOPE: Final = slice(5, 14)
@@ -131,7 +132,7 @@ class Errors(NamedTuple):
         return step
 
     def deviation(self) -> Array:
-        """Return the parameters' distance from a perfect IMU (42,); 0 for the mounting."""
+        """Return the parameters minus those of a perfect IMU (42,); 0 for the mounting."""
         deviation = np.zeros(COUNT)
         deviation[0], deviation[1] = self.offset, self.skew
         deviation[RESPONSE] = (self.response - np.eye(6))[tuple(_ELEMENTS)]
@@ -142,19 +143,19 @@ class Errors(NamedTuple):
 
 
 def perfect(r_ib: Array, offset: float = 0.0) -> Errors:
-    """Return an IMU without errors at a mounting."""
+    """Return the errors of a perfect IMU with a mounting (3, 3) and a clock offset [s]."""
     none = np.zeros(3)
     return Errors(r_ib, np.eye(6), none, np.zeros(6), offset, 0.0, 0.0, none)
 
 
 def readings(errors: Errors, motion: BodyMotion) -> Array:
-    """Return the readings (n, 6) of the IMU on a motion."""
+    """Return the readings (n, 6) of the IMU on a motion [rad/s, m/s^2]."""
     ideal = np.concatenate(_ideal(errors, motion), axis=1)
     return ideal @ errors.response.T + errors.bias
 
 
 def _ideal(errors: Errors, motion: BodyMotion) -> tuple[Array, Array]:
-    """Return the ideal readings (n, 3) in the IMU's axes."""
+    """Return ideal angular rate and specific force (n, 3) at the IMU, in its axes."""
     arm, rate = errors.lever_arm, motion.rate
     force = motion.force + np.cross(motion.angular_acceleration, arm)
     force = force + np.cross(rate, np.cross(rate, arm))

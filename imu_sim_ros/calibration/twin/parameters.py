@@ -15,14 +15,17 @@ from imu_sim_ros.core.types import Array
 from imu_sim_ros.parameters.kinds import SMALLEST, Value
 
 _DIGITS: Final = 9
+"""Significant digits of a parameter."""
 _BAND_DIGITS: Final = 4
+"""Significant digits of the bands' densities and coherences."""
 MOTION_FLOOR: Final = 0.2
+"""Smallest size of the motion over the reference for which intensities are computed."""
 MOTION_TIME: Final = 0.3
 """Time of the running means that intensities depend on [s]."""
 
 
 def simulator_parameters(analysis: Analysis, rate: float, step: Array) -> dict[str, Value]:
-    """Return parameters by name.
+    """Return the parameters of the twin by their ROS names.
 
     :param step: (6,) digital steps of the readings, 0 if there are none.
     """
@@ -59,7 +62,7 @@ def clock_offset(fit: Fit) -> float:
 
 
 def clock_skew(fit: Fit) -> float:
-    """Return the rate error of the stamps."""
+    """Return the relative error of the stamps' rate; above 0: their clock is fast."""
     return 1.0 / (1.0 + fit.errors.skew) - 1.0
 
 

@@ -30,12 +30,15 @@ _WINDOW: Final = 1.0
 _NONE: Final = 1e-9
 """Scatter below which it is rounding in float64 [m], [rad]."""
 _MAX_DIGITS: Final = 7
+"""Number of decimal digits from which on no rounding is looked for."""
 _WHOLE: Final = 1e-3
 """Largest distance of a scaled value from a whole number."""
 _AS_A_RULE: Final = 0.9
+"""Share of the quaternions that must be whole multiples of a step for it to be taken as theirs."""
 _EXCEEDS: Final = 4.0
 """Spectral density over that of the noise from which on there is motion."""
 _SEGMENTS: Final = 4
+"""Number of parts of a record whose spectra are averaged."""
 _NARROWEST, _WIDTH = 5, 0.3
 """Frequencies, absolute and relative, over which spectra are averaged."""
 
@@ -82,11 +85,12 @@ class PoseNoise(NamedTuple):
     white: Array
     """(6,) standard deviations of attitude [rad] and position [m] in the body's axes."""
     quaternion_step: float
+    """Step of the digits of the quaternions; 0: none."""
     position_step: float
     """Step of the positions' digits [m]; 0: none."""
 
     @property
-    def there(self) -> bool:
+    def is_present(self) -> bool:
         """True if there is any noise."""
         return bool(self.white.any() or self.quaternion_step or self.position_step)
 
@@ -111,7 +115,7 @@ class PoseNoise(NamedTuple):
         return {"attitude_rad": angle, "position_m": distance, **steps}
 
     def drawn(self, smooth: States, rng: np.random.Generator) -> tuple[Array, Array]:
-        """Return one more noise of poses: turns (n, 3) in the body [rad], shifts (n, 3) [m].
+        """Return another draw of the noise: turns (n, 3) in the body [rad], shifts (n, 3) [m].
 
         :param smooth: the path without its noise.
         """
@@ -123,7 +127,7 @@ class PoseNoise(NamedTuple):
                 position=smooth.position + self.position_step * offsets[:3],
                 q_wb=rotation.normalise(smooth.q_wb + self.quaternion_step * offsets[3:]),
             )
-        noisy = spoiled(path, noise[:, :3], rotation.rotate(path.q_wb, noise[:, 3:]))
+        noisy = with_noise(path, noise[:, :3], rotation.rotate(path.q_wb, noise[:, 3:]))
         q_wb = rotation.normalise(_rounded(noisy.q_wb, self.quaternion_step))
         turn = rotation.log(rotation.multiply(rotation.conjugate(path.q_wb), q_wb))
         return turn, _rounded(noisy.position, self.position_step) - path.position
@@ -139,11 +143,11 @@ def noise_of(poses: States, smooth: States) -> PoseNoise:
 
     :param smooth: the same poses without most of their noise.
     """
-    steps = PoseNoise(np.zeros(6), _quaternion_step(poses.q_wb), _step(poses.position))
+    steps = PoseNoise(np.zeros(6), _quaternion_step(poses.q_wb), _decimal_step(poses.position))
     variance = _variance(poses)
     if steps.quaternion_step or steps.position_step:
         turn, shift = steps.drawn(smooth, np.random.default_rng(0))
-        variance -= _variance(spoiled(smooth, turn, shift))
+        variance -= _variance(with_noise(smooth, turn, shift))
     # What is left after rounding is known to some per cent of the whole.
     variance = np.where(variance > 0.1 * _variance(poses), variance, 0.0)
     white = np.sqrt(variance)
@@ -163,14 +167,14 @@ def _variance(poses: States) -> Array:
     return np.asarray(np.median(squares[whole] / counts[whole, None], axis=0))
 
 
-def spoiled(poses: States, turn: Array, shift: Array) -> States:
-    """Return poses with a noise."""
+def with_noise(poses: States, turn: Array, shift: Array) -> States:
+    """Return poses with a noise: turns (n, 3) in the body [rad], shifts (n, 3) in the world [m]."""
     q_wb = rotation.multiply(poses.q_wb, rotation.exp(turn))
     return with_fields(poses, position=poses.position + shift, q_wb=q_wb)
 
 
-def _step(values: Array) -> float:
-    """Return the decimal step of values; 0 if there is none."""
+def _decimal_step(values: Array) -> float:
+    """Return the power of ten of which all values are multiples; 0: none down to 1e-6."""
     for digits in range(1, _MAX_DIGITS):
         scaled = values * 10.0**digits
         if np.all(np.abs(scaled - np.rint(scaled)) < _WHOLE):
@@ -179,13 +183,13 @@ def _step(values: Array) -> float:
 
 
 def _quaternion_step(q_wb: Array) -> float:
-    """Return the decimal step of quaternions (n, 4) that were made unit ones again after it."""
+    """Return the decimal step of quaternions (n, 4), rounded and then normalised; 0: none."""
     rows = np.arange(len(q_wb))
     largest = np.abs(q_wb[rows, np.argmax(np.abs(q_wb), axis=1)])
     for digits in range(1, _MAX_DIGITS):
         deviation = np.full(len(q_wb), np.inf)
         for step_offset in (-1.0, 0.0, 1.0):
-            # Rounded, they were shorter or longer by up to a step.
+            # Before it was normalised, the largest component was a whole number of steps.
             whole = np.rint(largest * 10.0**digits) + step_offset
             scaled = q_wb * (whole / largest)[:, None]
             deviation = np.minimum(deviation, np.abs(scaled - np.rint(scaled)).max(axis=1))
@@ -197,7 +201,8 @@ def _quaternion_step(q_wb: Array) -> float:
 def highest_motion(signal: Array, noisy: Sequence[Array], rate: float) -> float:
     """Return the highest frequency [Hz] at which motion stands above the noise.
 
-    :param signal: (n, 3 c) vectors, evenly sampled; noisy: the same with the noise once more.
+    :param signal: (n, 3 c) vectors, evenly sampled.
+    :param noisy: the same signal with further draws of its noise added.
     :param rate: rate of the samples [Hz].
     """
     power = _power(signal)
@@ -214,11 +219,12 @@ def highest_motion(signal: Array, noisy: Sequence[Array], rate: float) -> float:
 
 
 def _size(values: Array) -> int:
+    """Return the number of samples in a part of the record that is transformed at once."""
     return len(values) // _SEGMENTS
 
 
 def _power(values: Array) -> Array:
-    """Return mean spectra (m, c) of half-overlapping parts without their straight lines."""
+    """Return mean power spectra (m, c) of half-overlapping parts, each without its linear trend."""
     size = _size(values)
     window, total = np.hanning(size)[:, None], np.zeros((size // 2 + 1, values.shape[1]))
     line = np.column_stack([np.ones(size), np.linspace(-1.0, 1.0, size)])
@@ -230,11 +236,12 @@ def _power(values: Array) -> Array:
 
 
 def noise_over(t: Array, noise: Array, reference: tuple[float, float], times: Array) -> Array:
-    """Return the local size of a noise over that in a reference interval (n, 6).
+    """Return the local RMS (n, 6) of a noise over its RMS in a reference interval.
 
-    1 if there is none to compare.
+    1 if the interval has fewer than two samples, or no noise.
 
-    :param t: (m,) times [s] of the noise (m, 6).
+    :param t: (m,) times [s] of the samples of the noise.
+    :param noise: (m, 6) samples.
     :param reference: first and last time [s].
     :param times: (n,) times [s].
     """

@@ -18,26 +18,31 @@ import numpy as np
 from imu_sim_ros.core.types import Array, Complex, Mask
 
 _TAPERS: Final = 5
+"""Number of tapers."""
 _EFFICIENCY: Final = 1.0 / (1.0 + 0.5 / _TAPERS)
 """Share of a record that sine tapers use: the sum of their squares is ``1 - mean of cos 2 pi k t``.
 """
 _REACH: Final = 64
-"""Frequencies apart at which tapers share nothing any more."""
+"""Distance in frequency bins beyond which the spectra of the tapers do not overlap."""
 _LONGEST: Final = 1 << 14
 """Samples transformed at once."""
 _SHORTEST: Final = 256
+"""Smallest number of samples of a segment."""
 _FIRST: Final = 2.0
 """Lower end of the first band, in cycles in a segment."""
 _RATIO: Final = 1.3
+"""Ratio of the edges of neighbouring bands at the low end."""
 _CHANCE: Final = 3.0
-"""Standard deviations."""
+"""Largest deviation, in standard deviations, that is taken for chance."""
 _MAJORITY: Final = 0.5
+"""Share of the rows that must have nothing but the floor."""
 _STARTS: Final = (0.5 * _MAJORITY, 0.5)
 """Quantiles from which a floor is looked for: the median if it is a bare majority, and if it is in
 all rows, since a few low ones can be mistaken for a floor of their own."""
 _KEPT: Final = 0.7
 """Quantile of a floor's rows above which they are left out."""
 _ROUNDS: Final = 50
+"""Largest number of iterations from one start."""
 _WHOLE: Final = 0.8
 """Share of a band's degrees of freedom that noise of the poses must have left."""
 _IN_BAND: Final = 10
@@ -54,9 +59,9 @@ class Bands(NamedTuple):
     """m bands of frequencies."""
 
     low: Array
-    """(m,) [Hz]"""
+    """(m,) lower edges [Hz]."""
     high: Array
-    """(m,) [Hz]"""
+    """(m,) upper edges [Hz]."""
     matrix: Complex
     """(m, 6, 6) mean two-sided cross-spectral densities."""
     freedom: Array
@@ -66,12 +71,12 @@ class Bands(NamedTuple):
 
     @property
     def density(self) -> Array:
-        """(m, 6) roots of the densities."""
+        """(m, 6) roots of the axes' own densities, the diagonals of ``matrix``."""
         return np.sqrt(np.einsum("mii->mi", self.matrix).real)
 
     @property
     def interval(self) -> Array:
-        """(2, m, 6) ends of a density's 95 % interval over its value."""
+        """(2, m, 6) ends of each density's 95 % interval, as factors of the density."""
         freedom = np.maximum(self.freedom, 1e-3)
         ends = np.stack([_quantile(p, freedom) for p in (0.975, 0.025)])
         return np.sqrt(1.0 / np.maximum(ends, 1e-300))
@@ -80,10 +85,10 @@ class Bands(NamedTuple):
         """Return some of the bands."""
         return Bands._make(column[chosen] for column in self)
 
-    def less(self, noise: Complex) -> "Bands":
-        """Return the bands without a noise (m, 6, 6) that is known.
+    def minus(self, noise: Complex) -> "Bands":
+        """Return the bands without an independent noise (m, 6, 6) of known cross-spectral density.
 
-        A difference is as uncertain as the whole; so its degrees of freedom are fewer.
+        The difference is as uncertain as the sum: relative to it, the degrees of freedom are fewer.
         """
         noise_density = np.einsum("mii->mi", noise).real
         share = np.clip(noise_density / np.maximum(self.density**2, 1e-300), 0.0, 1.0)
@@ -161,14 +166,15 @@ def _freedom(count: int) -> float:
 @cache
 def _shared() -> Array:
     """Return the squared cross-spectra of all pairs of tapers, by distance in frequency bins."""
-    angle = np.arange(1, 4097) * np.pi / 4097
-    tapers = np.sqrt(2.0 / 4097) * np.sin(np.arange(1, _TAPERS + 1)[:, None] * angle)
+    n = 4096  # the limit of long records
+    angle = np.arange(1, n + 1) * np.pi / (n + 1)
+    tapers = np.sqrt(2.0 / (n + 1)) * np.sin(np.arange(1, _TAPERS + 1)[:, None] * angle)
     products = np.fft.fft(tapers[:, None] * tapers, axis=-1)
     return np.asarray(np.sum(np.abs(products) ** 2, axis=(0, 1)))
 
 
 def _tapered(values: Array, rate: float) -> Complex:
-    """Return spectra (tapers, frequencies, 6) whose squares are densities."""
+    """Return the tapered spectra (tapers, frequencies, 6), scaled so that squares are densities."""
     n = len(values)
     angle = np.arange(1, n + 1) * np.pi / (n + 1)
     centred = values - values.mean(axis=0)
@@ -188,7 +194,7 @@ class White(NamedTuple):
     """(6,) ends of the 95 % intervals; 0 if vibration hides the floor, which is at most high."""
     high: Array
     floor: Mask
-    """(m, 6) bands in which there is nothing else."""
+    """(m, 6) True for bands in which there is nothing but the floor."""
 
 
 def without_rounding(white: White, step: Array, rate: float) -> White:
@@ -231,10 +237,10 @@ def white_floor(bands: Bands, lowest: float) -> White:
         ]
         clear = whole if len(whole) else selected
         rows, freedom = power[clear, axis], np.maximum(bands.freedom[clear, axis], 2.0)
-        mean, of_mean = _common(rows, freedom) if len(whole) > 1 else (0.0, 0.0)
-        of_mean *= np.average(bands.independent_share[clear], weights=freedom)
+        mean, mean_freedom = _floor_mean(rows, freedom) if len(whole) > 1 else (0.0, 0.0)
+        mean_freedom *= np.average(bands.independent_share[clear], weights=freedom)
         if mean:
-            ends = _quantile(np.array([0.975, 0.025]), of_mean)
+            ends = _quantile(np.array([0.975, 0.025]), mean_freedom)
             density[axis], (low[axis], high[axis]) = np.sqrt(mean), np.sqrt(mean / ends)
             chance = 1.0 + _CHANCE * np.sqrt(2.0 / np.maximum(bands.freedom[:, axis], 1e-3))
             floor[:, axis] = power[:, axis] <= mean * chance
@@ -254,15 +260,17 @@ def _quantile(p: Array | float, freedom: Array | float) -> Array:
     return np.asarray(gammaincinv(half, p) / half)
 
 
-def _common(power: Array, freedom: Array) -> tuple[float, float]:
-    """Return the mean of the rows that have nothing but a floor, and its freedom; 0: no majority.
+def _floor_mean(power: Array, freedom: Array) -> tuple[float, float]:
+    """Return the mean power of the white floor and its degrees of freedom; 0, 0: no majority.
 
-    What is a little above the floor looks like chance. Rows above the floor's quantile of 70 % are
-    therefore left out, and the mean M of the others is that of a chi-square distribution of so many
-    degrees of freedom n that ends there: ``M = m F_{n+2}(n x) / F_n(n x)``, x the quantile over n.
+    Most of the rows have nothing but the floor; the others have vibration as well. Power a little
+    above the floor looks like chance. Rows above the floor's quantile of 70 % are therefore left
+    out, and the mean M of the others is that of a chi-square distribution of n degrees of freedom,
+    cut off at this quantile: ``M = m F_{n+2}(n x) / F_n(n x)`` with the floor m, the quantile x
+    over n, and the distribution function F_n.
 
-    :param power: (m,) chi-square distributed means.
-    :param freedom: (m,)
+    :param power: (m,) power of each band, the mean of squares that are chi-square distributed.
+    :param freedom: (m,) degrees of freedom of these means.
     """
     from scipy.special import chdtr
 
@@ -286,7 +294,8 @@ def _common(power: Array, freedom: Array) -> tuple[float, float]:
             break
     else:
         return 0.0, 0.0
-    # A root of sum n (P - m part) over kept rows: its variance is that of the sum over its slope^2.
+    # The mean m is the root of sum n (P - m part) over the floor's rows: its variance is that of
+    # this sum over the square of the sum's slope.
     second = (1.0 + 2.0 / freedom) * chdtr(freedom + 4.0, freedom * end)
     variance = freedom**2 * (second - _KEPT * part**2)
     at_end = 0.5 * freedom * _KEPT * (1.0 - part)  # x f_n(x) = n / 2 (F_n(x) - F_{n+2}(x))
@@ -294,8 +303,8 @@ def _common(power: Array, freedom: Array) -> tuple[float, float]:
     return mean, 2.0 * share * float(np.sum(slope) ** 2 / np.sum(variance))
 
 
-def above(bands: Bands, white: White) -> Bands:
-    """Return the bands less the white floor; bands at the floor are left out."""
+def above_floor(bands: Bands, white: White) -> Bands:
+    """Return the bands minus the white floor; bands with nothing but the floor are left out."""
     matrix = bands.matrix - np.diag(white.density**2)
     hidden = white.floor
     matrix = np.where(hidden[:, :, None] | hidden[:, None, :], 0.0, matrix)
@@ -310,16 +319,16 @@ def _not_negative(matrix: Complex) -> Complex:
     return (vectors * np.maximum(values, 0.0)[:, None, :]) @ adjoint
 
 
-def quietest(readings: Array, rate: float) -> Array:
-    """Return the lowest density (6,) that the quietest second shows; 0 if none is quiet.
+def quietest_density(readings: Array, rate: float) -> Array:
+    """Return the lowest root density (6,) that the quietest second shows; 0 if none is quiet.
 
-    Above motion, in a second at rest, readings show the sensor's own noise. No noise of the sensor
-    is below it, whatever a fit leaves: a truth that was computed from the readings follows their
-    noise. A second is quiet that has no more than half of the usual density.
-    The lowest band counts, since rotors may idle in that second: on EuRoC's V1_02 the median of the
-    bands is four times as high, and a twin with it is too loud by up to 7.6 dB between 1 and 5 Hz.
+    In a second at rest, above the frequencies of motion, readings show the sensor's own noise. The
+    white floor is not below it, even if the residuals of a fit are: a truth that was computed from
+    the readings follows their noise. A quiet second has at most half of the usual root density. Its
+    lowest band is taken, since rotors may idle.
 
-    :param readings: (n, 6)
+    :param readings: (n, 6) gyroscope [rad/s], accelerometer [m/s^2].
+    :param rate: samples per second [Hz].
     """
     size = round(_QUIET * rate)
     count = (size // 2 - 1) * 4 // 5 // _IN_BAND
@@ -337,14 +346,14 @@ def quietest(readings: Array, rate: float) -> Array:
     return np.where(quiet, np.sqrt(bands[second, :, axes].min(axis=1)), 0.0)
 
 
-def lowered(white: White, upper: Array) -> White:
-    """Return a floor that, if vibration hides it, is nowhere above a density (6,)."""
+def bounded_above(white: White, upper: Array) -> White:
+    """Return a floor that is at most a root density (6,) on axes on which vibration hides it."""
     hidden = np.minimum(white.density, upper)
     return white._replace(density=np.where(white.low > 0.0, white.density, hidden))
 
 
-def raised(white: White, lower: Array) -> White:
-    """Return a floor that is nowhere below a density (6,)."""
+def bounded_below(white: White, lower: Array) -> White:
+    """Return a floor that is at least a root density (6,)."""
     low = np.where(white.low > 0.0, np.maximum(white.low, lower), 0.0)
     return white._replace(
         density=np.maximum(white.density, lower), low=low, high=np.maximum(white.high, lower)

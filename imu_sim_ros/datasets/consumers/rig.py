@@ -63,8 +63,7 @@ class RigValues:
         """Yield a sentence for each property of the cameras that a format cannot express.
 
         :param expressed: parameters that the format can express next to lens, mount and rate;
-            ``k3``: the
-            fifth coefficient of a pinhole; ``unified.distortion``: four of that sphere;
+            ``k3``: the fifth coefficient of a pinhole; ``unified.distortion``: four of that sphere;
             ``time_offset``: the time shift between camera and IMU.
         :param cameras: number of cameras in the format, the first ones; None: all.
         :param one_shift: name of a stack that uses the time shift of the first camera for all;

@@ -22,6 +22,7 @@ _ROWS: Final = (
     "ax, ay, az",
 )
 _FREQUENCY: Final = 50.0
+"""Rate of the filter's output [Hz]."""
 
 
 def files(subject: Subject) -> dict[str, str]:

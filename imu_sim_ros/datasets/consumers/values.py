@@ -23,6 +23,7 @@ DENSITIES: Final = tuple(f"{t}_{key}" for t in TRIADS for key in ("noise_density
 SMALLEST: Final = 1e-12
 """Number in place of 0 for stacks that divide by it or, like kalibr, refuse 0."""
 _SMALLEST_DETERMINANT: Final = 1e-6
+"""Smallest determinant of a scale matrix that can be inverted."""
 _FLICKER: Final = math.sqrt(2.0 * math.log(2.0) / math.pi)
 HORIZON: Final = 1.0
 """Time at which the random walk of an estimator stands for the 1/f noise [s].

@@ -18,6 +18,7 @@ from imu_sim_ros.nodes.integrator.odometer import LiveIntegrator
 from imu_sim_ros.parameters.kinds import Vector
 
 _KEPT = 20000
+"""Largest number of truths that wait for an estimate."""
 _Item = TypeVar("_Item")
 
 

@@ -25,6 +25,7 @@ from imu_sim_ros.recordings.live_batches import BatchSpreader
 from imu_sim_ros.recordings.order import READINGS_GAP, RESTART_NS, LiveGap
 
 _SMOOTHING = 0.02
+"""Weight of the newest interval in the usual one."""
 _SMALL_ANGLE = 0.5
 """Standard deviation beyond which a first-order covariance of the attitude is not valid [rad]."""
 

@@ -45,14 +45,20 @@ from imu_sim_ros.terminal.json_text import as_json
 from imu_sim_ros.terminal.text_tables import print_table
 
 MEGABYTE = 1_000_000
+"""Bytes in a megabyte."""
 
 _READ_PERIOD = 0.01
+"""Period of reading the subscriptions [s]."""
 _DISCOVERY_PERIOD = 0.1
+"""Period of the search for new topics [s]."""
 _CHECK_PERIOD = 0.02
+"""Period of the check for the end of the recording [s]."""
 _STATUS_PERIOD = 0.5
+"""Period of the status line [s]."""
 _SILENCE = 3.0
 """Time after which requested topics without a message are reported [s]."""
 _STOP_PERIOD = 1.0
+"""Period of the check for topics that have stopped [s]."""
 
 
 class Recorder(ConfiguredNode[RecorderParameters]):

@@ -50,6 +50,7 @@ from imu_sim_ros.terminal import startup
 sys.exit(startup.load("imu_sim_ros.nodes.simulator.apart_process").main())
 """
 _LONGEST_FRAME: Final = 10.0
+"""Longest time that an image may take [s]."""
 _LONGEST_CONNECTION: Final = 5.0
 """Time after which a subscriber that is not connected has another quality of service [s]."""
 _LONGEST_END: Final = 5.0

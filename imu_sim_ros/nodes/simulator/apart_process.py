@@ -52,6 +52,7 @@ ORIGIN_NS: Final = 10**12
 AHEAD: Final = 8
 """Samples that wait to be published: 3 MB of frames of 752 x 480."""
 _NICE: Final = 5
+"""Niceness of the process over that of the node."""
 _RENDERING_NICE: Final = 5
 """Added to that of the process."""
 _POLL: Final = 0.05

@@ -19,7 +19,9 @@ _STARTS: Final = 4
 """Time zero is chosen at most this many times."""
 
 _BLOCKS_AHEAD: Final = 1
+"""Number of blocks that are computed ahead."""
 _UNPACED_FACTOR: Final = 10.0
+"""Real-time factor that is assumed for samples as fast as possible."""
 _UNACKNOWLEDGED: Final = 500
 """Samples that are published without waiting for the subscribers, if nothing else paces them."""
 _LONGEST_END: Final = 0.2

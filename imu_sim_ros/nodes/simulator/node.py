@@ -70,6 +70,7 @@ _SWITCH_INTERVAL: Final = 1e-4
 """Python's switch interval; its default of 5 ms would make 10 samples late [s]."""
 _ACKNOWLEDGEMENT: Final = Duration(nanoseconds=50_000_000)
 _STEP_TIMEOUT: Final = 5.0
+"""Longest time of the service ``step`` [s]."""
 _STALL_PERIOD: Final = 10.0
 """Time between two warnings of stalls, which are frequent on a slow machine [s]."""
 

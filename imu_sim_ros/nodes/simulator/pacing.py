@@ -47,8 +47,11 @@ _BURST_NS: Final = 2_000_000
 """Samples no later than this may follow at once: 4 at 2 kHz; rosbag2's queues hold 10."""
 
 _LONGEST_SLEEP: Final = 0.1
+"""Longest wait for a change of the clock [s]."""
 _LONG_NS: Final = 20_000_000
+"""Time to the next sample from which on the wait can be interrupted [ns]."""
 _ON_TIME_NS: Final = 1_000_000
+"""Lateness of a sample that is still on time [ns]."""
 
 
 class SampleAction(enum.Enum):

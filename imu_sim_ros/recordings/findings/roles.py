@@ -105,6 +105,7 @@ _ROUNDED_ANGLE: Final = 2.5e-3
 _EXACT_ANGLE: Final = 1e-6
 """Largest angle between attitudes that alone show that poses are equal [rad]."""
 _DECIMALS: Final = (3, 13)
+"""Fewest decimals of rounded readings, and the number from which on they are not rounded."""
 _DIGITS: Final = (5, 13)
 """Numbers of decimals and of digits that text may have; fewer hide what estimates differ by."""
 _ORDER: Final = "the estimate comes first, the truth second"

@@ -28,6 +28,7 @@ CHANNELS: Final = {
 BODY_CHANNEL: Final = "body"
 """The last one in scenes in which something moves: the id of the body; 0: at rest."""
 _EXACT_IDS: Final = 1 << 24
+"""Number of integers from 0 on that float32 holds exactly."""
 
 
 class FeatureMessage(NamedTuple):

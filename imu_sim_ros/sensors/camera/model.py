@@ -21,6 +21,7 @@ from imu_sim_ros.sensors.camera.parameters import (
 )
 
 _TABLE: Final = 2049
+"""Number of points of the table of distorted radii."""
 _STEPS: Final = 6
 """Newton steps, always all of them: a result must not depend on the rest of the array."""
 

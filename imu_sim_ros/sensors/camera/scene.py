@@ -73,6 +73,7 @@ class Scene(NamedTuple):
 
 
 _MAX_LANDMARKS: Final = 10_000_000
+"""Largest number of landmarks of a file."""
 _PLY_TYPES: Final = {
     "char": "i1",
     "int8": "i1",

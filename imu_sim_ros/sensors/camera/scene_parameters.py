@@ -30,6 +30,7 @@ from imu_sim_ros.places.place import LIGHTS, TEXTURES
 from imu_sim_ros.sensors.parameters import rotation_problems
 
 MOST_BODIES = 100
+"""Largest number of moving bodies."""
 TYPE_TEXT = "kind of scene, or the name of a file in config/scenes"
 LOOKS = ("auto", "unlit", "sun")
 

@@ -87,6 +87,7 @@ class ChunkedProcess(ABC):
 _COLUMNS: Final = 32
 """Values in a row."""
 _MARKOV_ROWS: Final = 32
+"""Rows of a chunk of a Gauss-Markov process."""
 MARKOV_CHUNK: Final = _MARKOV_ROWS * _COLUMNS
 
 
@@ -164,6 +165,7 @@ _RATIO: Final = float(np.sqrt(10.0))
 _HIGHEST_CORNER: Final = 2.0 * float(np.sqrt(_RATIO))
 _GAIN, _ZERO, _POLE = 0.9328682, -0.36991621, -0.27052661
 _FLICKER_ROWS: Final = 4
+"""Rows of a chunk of flicker noise."""
 FLICKER_CHUNK: Final = _FLICKER_ROWS * _COLUMNS
 
 

@@ -81,8 +81,7 @@ class GnssReadings(SensorReadings):
     """(n, 4) dilution east, north, up and of the clock; the clock's is 0 if it is unknown."""
     tag_ns: Times
     """(n,) GPS time of the receiver's clock at the raw measurements, since 6 January 1980 [ns];
-    this
-    and the arrays below exist with `gnss.raw.rinex`, for PRN 1 to 32."""
+    this and the arrays below exist with `gnss.raw.rinex`, for PRN 1 to 32."""
     pseudorange: Array
     """(n, 32, f) pseudorange on each frequency; NaN: not in view [m]."""
     carrier_phase: Array

@@ -23,6 +23,7 @@ from imu_sim_ros.sensors.world import World
 from imu_sim_ros.trajectory.motion import Motion
 
 NO_FIX: Final = -1
+"""``NavSatStatus.STATUS_NO_FIX``."""
 STATUS: Final = (0, 1, 2, 2)
 """Status of sensor_msgs/NavSatStatus for each mode: FIX, SBAS_FIX, GBAS_FIX."""
 

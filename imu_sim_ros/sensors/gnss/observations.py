@@ -37,6 +37,7 @@ from imu_sim_ros.sensors.gravity import geodetic
 L1: Final = 1575.42e6
 """Frequency of L1 [Hz]."""
 L2: Final = 1227.60e6
+"""Carrier frequency L2 of GPS [Hz]."""
 _STEP: Final = 1e-3
 """Step of the differences for satellites' velocities [s]."""
 _FLIGHT_TIME: Final = 0.075
@@ -44,6 +45,7 @@ _FLIGHT_TIME: Final = 0.075
 _FLIGHT_STEPS: Final = 3
 """Iterations of the time of flight; each leaves a hundred-thousandth of the error."""
 _TICK_NS: Final = 100
+"""Resolution of the receiver's time tags [ns]."""
 _AMBIGUITY: Final = 1_000_000
 """Upper limit of random ambiguities [cycles]."""
 

@@ -126,11 +126,14 @@ def orbits(satellites: Ephemerides, week: int, second: Array) -> Orbits:
 
 
 PLANES: Final = 6
+"""Number of orbital planes."""
 IN_A_PLANE: Final = 5
+"""Number of satellites in a plane."""
 _RADIUS: Final = 26559.7e3
 """Radius of the orbits of GPS [m] (GPS SPS performance standard, 5th ed., table 3.2-1)."""
 _INCLINATION: Final = np.radians(55.0)
 _ECCENTRICITY: Final = 0.005
+"""Eccentricity of the orbits."""
 _PRECESSION: Final = -8.0e-9
 """Rate of the nodes, as broadcast [rad/s]."""
 VALIDITY: Final = 7200.0

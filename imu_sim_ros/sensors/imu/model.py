@@ -55,6 +55,7 @@ _LONGEST_LOOK: Final = 3600.0
 _ROUNDING: Final = 1e-9
 """Bound on the relative rounding error of the length of a rotated vector."""
 _MOST_LOOKS: Final = 100_000
+"""Largest number of times at which a motion is compared with the range."""
 _LOOKS_AT_ONCE: Final = 8192
 """A run of one block, of as many samples, has its motion sampled once: the world keeps it."""
 
@@ -93,7 +94,7 @@ class Imu:
         self._triads = [Triad(triad, imu, seed, rate, self._ratio) for triad in TRIADS]
         self._timing = SampleTiming("", rate, imu, seed, t0_ns)
         self._vibration: BoardVibration | None = None
-        if imu.vibration.there:
+        if imu.vibration.is_present:
             self._vibration = vibration.BoardVibration(seed, imu.vibration, rate)
         self._ahead = _Ahead(0, 0, np.empty(0), (), ())
         self.configure(imu)

@@ -154,7 +154,7 @@ class BoardVibrationParameters:
     )
 
     @property
-    def there(self) -> bool:
+    def is_present(self) -> bool:
         """True if there is any vibration."""
         return any(self.line_amplitude) or any(self.band_density)
 

@@ -34,6 +34,7 @@ NO_CROSS_AXIS = (0.0,) * 6
 _OF_A_TRIAD: Final = "of a triad"
 """Key of a field of another sensor that is one of the triads'."""
 _SMALLEST_DETERMINANT: Final = 1e-3
+"""Smallest determinant of a response that can be inverted."""
 _LONGEST_FLICKER: Final = 1e4
 """Longest correlation time of the processes whose sum is 1/f noise [s]."""
 

@@ -367,7 +367,7 @@ def _problems(imus: Sequence[ImuParameters]) -> Iterator[str]:
     for imu in imus:
         if imu.sampling != "instantaneous":
             yield f"imu.sampling = {imu.sampling!r}: must be instantaneous in a batch"
-        if imu.vibration.there:
+        if imu.vibration.is_present:
             yield "imu.vibration: not in a batch"
         imu_values = field_values(imu)
         for name in _OF_MESSAGES:

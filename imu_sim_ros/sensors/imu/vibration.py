@@ -15,6 +15,7 @@ from imu_sim_ros.sensors.imu.parameters import BoardVibrationParameters
 from imu_sim_ros.trajectory.motion import Motion
 
 _AXES: Final = 6
+"""Number of axes: gyroscope x y z, accelerometer x y z."""
 _FRAME: Final = 20.0
 """Shortest length of a frame [s]."""
 _LONGEST: Final = 1 << 15

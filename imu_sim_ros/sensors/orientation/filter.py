@@ -4,9 +4,8 @@
 """Orientation of a board's filter: a complementary filter over its own readings.
 
 The gyroscope alone gives the attitude q_gi in a frame g that turns only by the gyroscope's errors.
-In that frame, gravity and the magnetic field are slow vectors; a low-pass removes motion and
-noise from them, and their directions give g in the world. (The alignment in an inertial frame, P.
-M. G.
+In that frame, gravity and the magnetic field are slow vectors; a low-pass removes motion and noise
+from them, and their directions give g in the world. (The alignment in an inertial frame, P. M. G.
 Silson, "Coarse Alignment of a Ship's Strapdown Inertial Attitude Reference System Using Velocity
 Loci", IEEE Trans. Instrum. Meas. 60 (2011) 1930.)
 
@@ -30,6 +29,7 @@ from imu_sim_ros.core.types import Array
 Indices = NDArray[np.int64]
 
 _CHUNK: Final = 256
+"""Number of quaternions in a chunk of the scan."""
 
 
 class RunningProduct:

@@ -115,10 +115,9 @@ class StatedCovariance:
         """Return the covariance (n, 3, 3) of the poses (n, 3) that the next n twists add up to.
 
         Radii, base and steering offset are constant and soon turn the heading so far that position
-        errors are not linear in them. Their part is the mean square of the errors of many
-        vehicles, each with its own constants, whose wheels turn as measured. Once the heading is
-        lost,
-        x and y are unknown.
+        errors are not linear in them. Their part is the mean square of the errors of many vehicles,
+        each with its own constants, whose wheels turn as measured. Once the heading is lost, x and
+        y are unknown.
 
         The rest is of first order. With ``T(p) = [[1, 0, -y], [0, 1, x], [0, 0, 1]]`` errors e of
         pose k are ``T(p_k) sum_j a_j s_j``, a_j (3,) of source s in the interval before reading j:

@@ -27,6 +27,7 @@ from imu_sim_ros.sensors.camera.view import View
 _INTERVAL: Final = 0.1
 """Interval of the meter's readings [s]."""
 _COLUMNS: Final = 48
+"""Number of columns of pixels from which the exposure is computed."""
 _MEMORY: Final = 5.0
 """After how many lags a reading is forgotten: it weighs less than 1 %."""
 _WHITE: Final = np.float32(235.0)

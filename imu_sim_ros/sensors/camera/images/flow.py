@@ -29,7 +29,9 @@ _FOUND: Final = 1e-3
 _BEHIND: Final = 0.005
 """Share of its depth by which a point lies behind what is seen there if that hides it."""
 _KITTI: Final = 64.0
+"""Steps of KITTI's 16-bit flow in a pixel."""
 _KITTI_ZERO: Final = 1 << 15
+"""Value of KITTI's 16-bit flow for no motion."""
 
 
 def flow(

@@ -28,6 +28,7 @@ from imu_sim_ros.sensors.camera.view import CameraPoses, Eyes, View
 from imu_sim_ros.trajectory.motion import Trajectory
 
 _FULL: Final = 255.0
+"""Grey value at full scale."""
 _FAR: Final = np.float32(1e9)
 """Beyond any grey value, and what OpenCV still rounds to an integer."""
 

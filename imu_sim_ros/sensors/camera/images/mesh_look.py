@@ -18,6 +18,7 @@ _WHITE: Final = np.full((4, 4, 3), 255, np.uint8)
 _PART: Final = 100_000
 """Triangles that are looked at at once."""
 _TO_SUN: Final = (0.36, 0.48, 0.8)
+"""Unit vector to the light that shades surfaces without a texture."""
 _SKY: Final = 0.45
 """Light of a face that looks to the sky, of that which faces the sun as well."""
 _GROUND: Final = 0.25

@@ -26,12 +26,15 @@ from imu_sim_ros.sensors.camera.scene_parameters import (
 )
 
 MOST_TEXELS: Final = 24_000_000
+"""Largest number of texels of a texture."""
 MOST_TEXELS_OF_PLACES: Final = 36_000_000
+"""Largest number of texels of all textures of a place."""
 SMALLEST_TEXEL: Final = 0.0025
 """Smallest size of a texel of a wall [m]."""
 _TEXEL_OF_BODIES: Final = 0.004
 """Size of a texel of a body [m]."""
 _WIDTH: Final = 8192
+"""Width of the atlas of textures [texels]."""
 _EDGE: Final = 1
 """Texels around each texture that repeat its edge, for interpolation."""
 _CELLS: Final = ((4, 1), (8, 1), (16, 2), (32, 2), (64, 3), (128, 3))
@@ -41,6 +44,7 @@ _CONTRAST: Final = 8
 _TINT: Final = 40
 """Largest difference of a colour from the grey value in one octave."""
 _TINT_CELLS: Final = (16, 64)
+"""Sizes of the cells of a random tint [texels]."""
 _TAG_CELL: Final = 8
 """Texels of a tag's cell at least; edges lie between texels."""
 _SQUARE: Final = 64
