@@ -98,7 +98,7 @@ class World:
 
         :param t0_ns: true time of the start [ns].
         :param scene: returns the scene in it when it is first asked for; None: there is none.
-        :param threads: make what takes long, such as images; None: whoever asks for it does.
+        :param threads: compute large values such as images in the background; None: when asked for.
         """
         self._make_scene, self.threads = scene, threads
         self._shared: dict[str, Any] = {}

@@ -18,7 +18,7 @@ from imu_sim_ros.simulation.sensors import mounted
 def scene_around(world: World) -> Scene:
     """Return the scene of a body's sensors that see.
 
-    :param world: that the body is in, with the parameters of the simulation.
+    :param world: world of the body, with the parameters of the simulation.
     :raises ConfigurationError: for a scene that does not fit the path.
     :raises InputError: for a file that cannot be used.
     """

@@ -42,7 +42,7 @@ if TYPE_CHECKING:
     from imu_sim_ros.trajectory.recorded import RecordedMotion
 
 BLOCK_SIZE: Final = 8192
-"""Large enough that Python's part is small, small enough for a processor's cache."""
+"""Samples computed at once: Python's part is small, and the arrays fit into a processor's cache."""
 DEFAULT_START_NS: Final = timebase.NANOSECONDS_PER_SECOND
 
 
@@ -57,10 +57,7 @@ class _SceneOfRuns:
         self._scene: Scene | None = None
 
     def __call__(self, world: World) -> "Scene":
-        """Return the scene.
-
-        :param world: the first that asks has it around its path.
-        """
+        """Return the scene, which the first call makes around the path of its world."""
         if self._scene is None:
             from imu_sim_ros.simulation.cameras import scene_around  # most runs have none
 
@@ -80,7 +77,7 @@ class Body:
         sensors: Collection[str] = (),
         threads: "Executor | None" = None,
     ) -> None:
-        """Set up trajectory and sensors.
+        """Initialise trajectory and sensors, before the first sample.
 
         :param pose_reader: reads the file of a trajectory of recorded poses.
         :param t0_ns: time of the first sample [ns]; None: ``start_time``, or if that is -1 the
@@ -89,7 +86,8 @@ class Body:
             on segments, whose motions are read together.
         :param sensors: names of :func:`~imu_sim_ros.simulation.sensors.mounted` that are read in
             addition to all IMUs; no sample of another sensor depends on them.
-        :param threads: make what takes long, such as images; None: whoever asks for it does.
+        :param threads: compute large values such as images in the background; None: they are
+            computed by the thread that asks for them.
         :raises ConfigurationError: for inconsistent parameters.
         :raises InputError: for a file of poses that cannot be used.
         """
@@ -192,7 +190,7 @@ class Body:
                 yield f"{topic}: ", recorded
 
     def note_of_scene(self, elsewhere: bool = False) -> str:
-        """Return how large a place around the path is; nothing if no sensor that is read sees it.
+        """Return a line about the size of the place around the path; empty: no sensor sees it.
 
         :param elsewhere: as in :meth:`warnings`.
         """
@@ -296,7 +294,7 @@ class Body:
         return times
 
     def taken(self, rate: float) -> int:
-        """Return how many samples at a rate [Hz] have been read."""
+        """Return the number of samples at a rate [Hz] that have been read."""
         return math.ceil(self._now * timebase.exact_rate(rate))
 
     def until(self, end: Fraction) -> dict[str, Samples]:

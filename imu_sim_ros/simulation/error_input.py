@@ -57,10 +57,10 @@ class IdealValues(TimeSeries):
 
 
 class Conventions:
-    """Axes, gravity and mount as declared."""
+    """Conversion of readings from the declared axes, gravity and place to the mounted IMU."""
 
     def __init__(self, parameters: ErrorModelParameters) -> None:
-        """Take the declaration."""
+        """Initialise with the declaration of the input, before the first reading."""
         declared, imu = parameters.input, parameters.imu
         self._turn = sensor_rotation(declared)
         self._adds_gravity = declared.gravity == "missing"
@@ -208,7 +208,7 @@ class Resampler:
         return Grid(samples, internal.triads())
 
     def _count_until(self, end_ns: int) -> int:
-        """Return how many samples from the next on are not after a time."""
+        """Return the number of samples, from the next on, at or before a time [ns]."""
         assert self._begin_ns is not None
         elapsed = timebase.exact_rate(self._rate) * (end_ns - self._begin_ns)
         limit = math.floor(elapsed / timebase.NANOSECONDS_PER_SECOND) + 2
@@ -268,7 +268,7 @@ class Resampler:
 
 
 def _line(t_ns: Times, values: Array, at_ns: Times) -> Array:
-    """Return the straight lines through values (n,) at times (m,); exact at the values' times."""
+    """Return values (n,) interpolated linearly to times (m,); exact at their own times."""
     if len(t_ns) == 1:
         return np.full(len(at_ns), values[0])
     k = np.clip(np.searchsorted(t_ns, at_ns, side="right") - 1, 0, len(t_ns) - 2)
@@ -280,7 +280,7 @@ def _line(t_ns: Times, values: Array, at_ns: Times) -> Array:
 
 
 def _lines(t_ns: Times, values: Array, at_ns: Times) -> Array:
-    """Return the straight lines through values (n, k) at times (m,)."""
+    """Return columns (n, k) interpolated linearly to times (m,)."""
     result = np.empty((len(at_ns), values.shape[1]), order="F")
     for line, component in zip(result.T, values.T, strict=True):
         line[:] = _line(t_ns, component, at_ns)
@@ -298,7 +298,7 @@ def _interpolated(readings: Readings, at_ns: Times) -> Readings:
 
 
 def _products(q: Array) -> Array:
-    """Return the sign that each quaternion has to the one before (n,)."""
+    """Return the sign (n,) of each quaternion's product with the one before; 1 for the first."""
     dots = np.einsum("ni,ni->n", q[1:], q[:-1])
     return np.concatenate([[1.0], np.where(dots < 0.0, -1.0, 1.0)])
 
@@ -318,12 +318,12 @@ class Differentiator:
         self.begin()
 
     def begin(self) -> None:
-        """Forget what was before."""
+        """Begin again without earlier messages, after a pause."""
         self._order: Order[States] = Order()
         self._forget()
 
     def _forget(self) -> None:
-        """Forget all poses."""
+        """Drop the messages before a reset of the simulator."""
         self._t_ns, self._rows = np.empty(0, np.int64), np.empty((0, 10))
 
     def apply(self, t_ns: Times, q_wb: Array, velocity: Array, rate: Array) -> Readings:
@@ -369,7 +369,7 @@ class Differentiator:
 
 
 def _none() -> Readings:
-    """Return no readings."""
+    """Return readings without rows."""
     vectors = np.empty((0, 3))
     times = np.empty(0, np.int64)
     return Readings.unchecked(t_ns=times, gyro=vectors, accel=vectors, q_wb=np.empty((0, 4)))
@@ -388,17 +388,18 @@ _TOLERANCE: Final = 0.05
 _MOVING: Final = 0.8
 """Least mean length of the specific force in g over some seconds, whatever a vehicle does."""
 _NOISY: Final = 1.0 / 3.0
-"""Share of the sensor's white noise from which that of the input is told.
+"""White noise of the input over the sensor's from which on it is reported.
 
 The samples have ``sqrt(1 + share^2)`` times the noise of the sensor, here 5 % too much. In 98 of
-100 stretches of ``_FEWEST`` readings, the noise that is found is 0.7 to 1.3 times the true one, and
-closer in longer ones: half of the sensor's noise is told, a quarter is not. Rounding, if motion
-crosses several steps between readings, is white noise of ``step / sqrt(12)``: it is told if steps
-are longer than 1.15 standard deviations of the sensor's noise.
+100 stretches of ``_FEWEST`` readings, the estimate is 0.7 to 1.3 times the true noise, and closer
+in longer ones: half of the sensor's noise is reported, a quarter is not. Rounding, if motion
+crosses several steps between readings, is white noise of ``step / sqrt(12)``: it is reported if
+steps are longer than 1.15 standard deviations of the sensor's noise.
 """
 _FEWEST: Final = 100
+"""Smallest number of readings in which noise is looked for."""
 _HELD: Final = 0.05
-"""Share up to which readings that repeat the one before are jumps, or chance."""
+"""Share of repeated readings up to which they are chance; more are values that a source holds."""
 _ORDER: Final = 4
 """Order of the differences: a higher one leaves less of the motion, but spreads jumps further."""
 _QUARTILE: Final = 0.3186
@@ -416,7 +417,7 @@ _LOWEST: Final = 0.1
 
 
 class StartCheck:
-    """A comparison of the first 2 s of readings, or of all of fewer, with the declaration."""
+    """A comparison of the first 2 s of readings with the declaration of the input."""
 
     def __init__(self, parameters: ErrorModelParameters) -> None:
         """Initialise without readings."""
@@ -473,7 +474,7 @@ class StartCheck:
         :param t_ns: (n,) stamps [ns], increasing.
         :param gyro: (n, 3) angular rates in the axes of the input [rad/s].
         :param accel: (n, 3) specific forces in the axes of the input [m/s^2].
-        :param units: findings about their units; None: they are looked for.
+        :param units: known findings about their units; None: the units are checked here.
         """
         if len(t_ns) < _FEWEST_AT_START:
             return []
@@ -602,8 +603,8 @@ class BatchStartCheck:
     def __init__(self, parameters: Sequence[ErrorModelParameters], count: int) -> None:
         """Initialise without samples.
 
-        :param parameters: unit k has those of k modulo their number.
-        :param count: of units.
+        :param parameters: m sets; unit k has set k modulo m.
+        :param count: number of units.
         """
         spread = np.linspace(0, count - 1, min(count, _UNITS_CHECKED)).round().astype(np.int64)
         self._units: Integers = np.unique(spread)
@@ -649,7 +650,10 @@ class BatchStartCheck:
         return [self._line(alike) for alike in lines.values()]
 
     def _line(self, alike: Sequence[tuple[int, str]]) -> str:
-        """Return a remark with the units that have it."""
+        """Return a remark with the first of the units that have it, and the number of the others.
+
+        :param alike: unit and remark of each unit that has it.
+        """
         (unit, line), checked = alike[0], len(self._units)
         if len(alike) == checked:
             return line
@@ -660,8 +664,8 @@ class BatchStartCheck:
 def _in_a_row(t_ns: Times, readings: Sequence[Array]) -> Integers:
     """Return the rows of the longest stretch of readings without a gap.
 
-    If many readings repeat the one before, they are those of coarser steps that somebody holds, and
-    the stretch has the first reading of each step.
+    If many readings repeat the one before, their source holds each value for several readings, and
+    the stretch has the first reading of each value.
     """
     changes = [(np.diff(values, axis=0) != 0.0).any(axis=1) for values in readings]
     onsets = np.concatenate([[True], np.any(changes, axis=0)])

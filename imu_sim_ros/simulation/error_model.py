@@ -1,7 +1,7 @@
 # Copyright 2026 imu_sim_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""The errors of a sensor on ideal readings that somebody else makes.
+"""The errors of a sensor on the ideal readings of another simulator.
 
 The chain of errors is the simulator's own, :class:`imu_sim_ros.sensors.imu.model.Imu`: for the
 ideal readings of a simulation, the same parameters and the same seed, the samples are the
@@ -36,7 +36,7 @@ from imu_sim_ros.trajectory.motion import Motion
 
 
 class GivenImu(GivenSensor[Readings, dict[str, Samples]]):
-    """An IMU whose ideal readings are given, and its readings with every true error."""
+    """An IMU whose ideal readings come from another simulator, and its samples with true errors."""
 
     def __init__(
         self,
@@ -44,7 +44,7 @@ class GivenImu(GivenSensor[Readings, dict[str, Samples]]):
         sensors: Collection[str] = (),
         remark: Callable[[str], object] = lambda line: None,
     ) -> None:
-        """Set up the sensor; its first sample is the first reading.
+        """Initialise the sensor; its first sample is the first reading.
 
         :param sensors: ``orientation`` is one of them if the IMU states it next to the readings,
             those of :data:`OTHERS` that it measures.
@@ -87,15 +87,15 @@ class GivenImu(GivenSensor[Readings, dict[str, Samples]]):
         self._conventions = Conventions(self.parameters)
         self._resampler = Resampler(self.parameters) if self._resamples else None
         self._as_it_is = self._conventions.nothing and self._resampler is None and not self._sensors
-        """True if a reading is that of the mounted sensor, and no other sensor needs it."""
+        """True if readings are those of the mounted sensor, and no other sensor needs them."""
         self._latest: LiveReading | None = None
         """The last reading, if its sample was made in numbers."""
 
     def read_few(self, readings: Sequence[LiveReading]) -> Samples | None:
-        """Return the samples of a few readings, at least one, in numbers; None: it takes read.
+        """Return the samples of a few readings, at least one; None: :meth:`read` must take them.
 
-        It takes that where more is to be done than to add errors: at the start, after a gap or a
-        jump of the stamps, on another place of the body.
+        It must where there is more to do than to add errors: at the start, after a gap or a jump
+        of the stamps, with input from another place of the body.
         """
         imu, times = self._imu, [reading.t_ns for reading in readings]
         if imu is None or not self._follow(times):
@@ -215,12 +215,12 @@ class GivenImu(GivenSensor[Readings, dict[str, Samples]]):
                 self._remark(line)
 
     def finish(self) -> None:
-        """Remark on the readings so far, if they are fewer than the check of the start takes."""
+        """Report remarks on the readings so far, if the check of the start has not had enough."""
         for line in self._check.finish():
             self._remark(line)
 
     def _missing(self, count: int) -> int:
-        """Return the number of samples that a gap of so many readings leaves out."""
+        """Return the number of samples that a gap of some readings leaves out."""
         return count if self._resampler is None else 0
 
     def _paused(self) -> None:
@@ -282,7 +282,7 @@ class GivenImu(GivenSensor[Readings, dict[str, Samples]]):
         return samples
 
     def _start(self, readings: Readings) -> Imu:
-        """Make the sensor, whose first sample is the first of the readings."""
+        """Create and return the sensor, whose first sample is the first of the readings."""
         parameters = self.parameters
         environment = dataclasses.replace(parameters, seed=self.seed)
         t0_ns = int(readings.t_ns[0])
@@ -296,7 +296,7 @@ class GivenImu(GivenSensor[Readings, dict[str, Samples]]):
         return imu
 
     def _motion(self, readings: Readings) -> Motion:
-        """Return the known motion: the attitude, and the acceleration that follows from it."""
+        """Return the motion as far as readings tell it: attitude and acceleration."""
         motion = unknown_motion(len(readings.t_ns))
         if readings.q_wb is None:
             if self._sensors:

@@ -1,7 +1,7 @@
 # Copyright 2026 imu_sim_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Parameters of the error model: what comes in, and which sensor it is to come from."""
+"""Parameters of the error model: the declaration of its input, and the sensor."""
 
 import dataclasses
 from collections.abc import Iterator, Mapping
@@ -110,7 +110,7 @@ class InputParameters:
     )
 
     def problems(self, prefix: str) -> Iterator[str]:
-        """Say whether the rotation is one."""
+        """Yield a line if ``frame_rotation`` is no rotation matrix."""
         yield from rotation_problems(self.frame_rotation, f"{prefix}frame_rotation")
 
 
@@ -122,7 +122,7 @@ class ErrorModelParameters(SampledParameters):
     input: InputParameters = section(InputParameters)
 
     def problems(self, prefix: str) -> Iterator[str]:
-        """Say what cannot be done without the motion between the readings."""
+        """Yield a line for each parameter that needs the motion between the readings."""
         yield from super().problems(prefix)
         input_rate, sampling = self.input.rate, self.imu.sampling
         if input_rate and input_rate < self.rate:
@@ -157,7 +157,7 @@ class ErrorModelParameters(SampledParameters):
 
     @staticmethod
     def passed_over() -> dict[str, Parameter]:
-        """Return the parameters of the simulator that need a trajectory, or none."""
+        """Return the simulator's parameters that an error model ignores, by name."""
         return dict(_OF_THE_SIMULATOR)
 
 
@@ -187,7 +187,7 @@ class ErrorNodeParameters(LiveReadingParameters, ErrorModelParameters):
     inject: InjectParameters = section(InjectParameters)
 
     def problems(self, prefix: str) -> Iterator[str]:
-        """Say what cannot be published."""
+        """Yield a line for each topic or fault that this error model cannot have."""
         yield from super().problems(prefix)
         if flatten(self.publish)["orientation"]:
             yield from orientation_problems(self.imu, prefix)
@@ -225,7 +225,7 @@ def load_error_model(
 ) -> Any:
     """Return the error model that parameters describe.
 
-    :param problems: found before, told with those found here.
+    :param problems: problems of earlier checks, which are raised with those of this one.
     :raises ConfigurationError: with a line for each problem.
     """
     return build_layered(cls, layer_error_model, parameters, problems=problems)

@@ -1,7 +1,7 @@
 # Copyright 2026 imu_sim_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""A sensor whose ideal readings somebody else gives: order of their stamps, gaps, restarts."""
+"""A sensor with ideal readings from another simulator: order of their stamps, gaps, restarts."""
 
 import dataclasses
 from abc import ABC, abstractmethod
@@ -47,9 +47,11 @@ class Counts:
     samples: int = 0
     """Samples delivered."""
     missing: int = 0
-    """Samples that nobody sent, and during which biases went on."""
+    """Samples in gaps of the input, during which biases went on."""
     pauses: int = 0
+    """Gaps during which the errors stood still."""
     restarts: int = 0
+    """Jumps of the stamps back to an earlier time, after which the errors begin again."""
     repeated: int = 0
     """Readings with the stamp of the one before; left out."""
     backward: int = 0
@@ -57,7 +59,7 @@ class Counts:
 
 
 class GivenSensor(ABC, Generic[SeriesT, Made]):
-    """Ideal readings in, windows of samples out; the first sample is the first reading."""
+    """A sensor that turns ideal readings into samples; the first sample is the first reading."""
 
     def __init__(
         self,
@@ -70,7 +72,7 @@ class GivenSensor(ABC, Generic[SeriesT, Made]):
 
         :param rate: samples per second [Hz].
         :param remark: receives a line for the first irregularities of the stamps of each kind.
-        :param what: its readings are, in front of each line.
+        :param what: name of the readings, in front of each line; empty: none.
         """
         self.parameters = parameters
         self.counts = Counts()
@@ -107,14 +109,14 @@ class GivenSensor(ABC, Generic[SeriesT, Made]):
         """Return how many samples there are in a window."""
 
     def _look(self, readings: SeriesT) -> None:
-        """See readings in order, as they came."""
+        """Check the first readings, in order and in the conventions of the input."""
 
     def _missing(self, count: int) -> int:
-        """Return how many of the readings that a gap leaves out are missing samples."""
+        """Return the number of missing samples in a gap of some readings."""
         return count
 
     def _paused(self) -> None:
-        """Begin again after a pause, with the same errors."""
+        """Prepare for the first reading after a pause; the errors go on."""
 
     def reset(self) -> None:
         """Restart with the next reading, with the seed that input.restart states."""
@@ -139,7 +141,7 @@ class GivenSensor(ABC, Generic[SeriesT, Made]):
         return self.position + timebase.sample_count(delay, self._rate)
 
     def time_of(self, index: int) -> int | None:
-        """Return about when a sample to come is taken [ns]; None before the first reading."""
+        """Return the estimated stamp of a future sample [ns]; None before the first reading."""
         if self._last_ns is None:
             return None
         return self._last_ns + round((index - self.position + 1) * self._nominal_ns)
@@ -195,7 +197,10 @@ class GivenSensor(ABC, Generic[SeriesT, Made]):
             count -= step
 
     def _leave_out(self, step_ns: int) -> None:
-        """Count and tell a reading whose stamp is not after the previous one."""
+        """Count and report a reading that is left out for its stamp.
+
+        :param step_ns: its stamp minus the last one [ns], 0 or less.
+        """
         if step_ns:
             self.counts.backward += 1
             line = f"a stamp {-step_ns * 1e-9:.6f} s before the previous one; left out"
@@ -206,13 +211,13 @@ class GivenSensor(ABC, Generic[SeriesT, Made]):
             self._report(self.counts.repeated, line)
 
     def _take_back(self, count: int) -> None:
-        """Subtract readings that turned out to begin a restart from the stamps that went back."""
+        """Take readings that have turned out to begin a restart off the count ``backward``."""
         self.counts.backward -= count
 
     def _report(self, count: int, line: str) -> None:
-        """Remark on an irregularity of the stamps, unless there were a few of its kind before.
+        """Report an irregularity of the stamps; of each kind, only the first few.
 
-        :param count: of its kind so far.
+        :param count: number of its kind so far.
         """
         if count < _REPORTED:
             self._remark(f"{self._what}{line}")
@@ -229,7 +234,7 @@ class GivenSensor(ABC, Generic[SeriesT, Made]):
 
 
 class GivenOther(GivenSensor[IdealValues, Samples]):
-    """Another sensor of an IMU, one of ``OTHERS``: each ideal value is a sample at its rate."""
+    """A sensor with an IMU, one of ``OTHERS``: each ideal value becomes one sample."""
 
     def __init__(
         self,
@@ -239,7 +244,7 @@ class GivenOther(GivenSensor[IdealValues, Samples]):
     ) -> None:
         """Initialise before the first value.
 
-        :param sensor: its values are (n,), or (n, 3) in the axes of the readings.
+        :param sensor: declaration; ideal values are (n,), or (n, 3) in the axes of the input.
         """
         self.declared = sensor
         self._conventions = Conventions(parameters)
@@ -253,7 +258,7 @@ class GivenOther(GivenSensor[IdealValues, Samples]):
         self._model: SensorWithImu | None = None
 
     def _look(self, ideal: IdealValues) -> None:
-        """Remark if the first value is likely in another unit."""
+        """Report if the first value is likely in another unit."""
         if self._looked or not self.parameters.input.check:
             return
         self._looked = True

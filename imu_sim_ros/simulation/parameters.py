@@ -214,20 +214,20 @@ def _rig_parameters() -> "type[RigParameters]":
 
 
 def has_scene(values: Mapping[str, object]) -> bool:
-    """Return whether there is anything that sees a scene."""
+    """Return whether the parameters name a camera or another sensor that sees a scene."""
     if listed_names("cameras", values):
         return True
     try:
         return any(
             find_sensor(kind_of(name, values)).sees for name in listed_names("sensors", values)
         )
-    except ConfigurationError:  # whoever builds them says what is wrong
+    except ConfigurationError:  # building the parameters reports it
         return False
 
 
 @dataclass(frozen=True)
 class SimulationParameters(SampledParameters):
-    """Everything that decides the samples and frames."""
+    """All parameters on which the samples and the images of a run depend."""
 
     trajectory: TrajectoryParameters = variant("type", "static", find_trajectory, TYPES)
     imu: ImuParameters = section(ImuParameters)
@@ -271,7 +271,7 @@ class SimulationParameters(SampledParameters):
 
     @staticmethod
     def elsewhere(name: str) -> str | None:
-        """Return where a parameter belongs whose section does not exist; None: that is not known.
+        """Return advice about a parameter whose section does not exist; None: there is none.
 
         The section may be that of a sensor or a camera that was not switched on. A camera's
         parameter may be written as if ``cameras``, or the camera, were its section.
@@ -290,9 +290,9 @@ class SimulationParameters(SampledParameters):
 
 
 def _of_camera(camera: str, name: str) -> str | None:
-    """Return a hint at the full name of a camera's parameter; None: none is alike.
+    """Return advice with the full name of a camera's parameter; None: no name is similar.
 
-    :param camera: whose it is; empty: that of all cameras.
+    :param camera: name of the camera; empty: all cameras.
     """
     from imu_sim_ros.sensors.camera.parameters import CameraParameters  # most runs have none
 
@@ -314,10 +314,10 @@ def imus(parameters: SampledParameters) -> dict[str, SampledParameters]: ...
 def imus(
     parameters: SampledParameters,
 ) -> dict[str, SimulationParameters] | dict[str, SampledParameters]:
-    """Return the parameters of each IMU with the world around it, by its name.
+    """Return the parameters of each IMU with those of its environment, by the name of the IMU.
 
-    That of a single one is empty, and its parameters are all there are. The body frame of one on a
-    segment is the segment.
+    A single IMU has the name "" and all parameters. The body frame of an IMU on a segment is the
+    segment.
     """
     if not isinstance(parameters, SimulationParameters) or not parameters.imus:
         return {"": parameters}
@@ -335,7 +335,7 @@ def imus(
 
 
 def segments(parameters: SampledParameters) -> dict[str, str]:
-    """Return the segments that carry IMUs, by the name of the IMU; none of those on the body."""
+    """Return the segments that carry IMUs, by the name of the IMU; IMUs on the body have none."""
     if not isinstance(parameters, SimulationParameters):
         return {}
     return {name: imu.segment for name, imu in parameters.each_imu.items() if imu.segment}
@@ -352,14 +352,14 @@ def load_simulation(
 ) -> SimulationParameters:
     """Return the simulation that layers of parameters describe, later ones above earlier ones.
 
-    :param problems: found before, told with those found here.
+    :param problems: problems of earlier checks, which are raised with those of this one.
     :raises ConfigurationError: with a line for each problem.
     """
     return build_layered(SimulationParameters, layered, *layers, problems=problems)
 
 
 def layered(values: Mapping[str, object], problems: Problems) -> dict[str, object]:
-    """Return values above the files that they name: presets, trajectory and scene.
+    """Return values layered above those of the files that they name: presets, trajectory, scene.
 
     Scene and motion suit each other and the sensors that see; stated values stay as they are.
 
@@ -387,7 +387,7 @@ def layered(values: Mapping[str, object], problems: Problems) -> dict[str, objec
 def _split_by_imu(
     values: Mapping[str, object],
 ) -> tuple[dict[str, object], dict[str, dict[str, object]]]:
-    """Return the values of all IMUs, and those of each of several by its name."""
+    """Return the values that are common to all IMUs, and those of each IMU by its name."""
     imu_layers: dict[str, dict[str, object]] = {name: {} for name in listed_names("imus", values)}
     common: dict[str, object] = {}
     for key, value in values.items():
@@ -445,7 +445,7 @@ def _imu_values(
 ) -> dict[str, object]:
     """Return the values of one of several IMUs, by dotted name, above its preset.
 
-    It takes ``rate`` and ``imu.*`` from those of all, if it has none of its own. Its seed is the
+    It takes ``rate`` and ``imu.*`` from the common values unless it has its own. Its seed is the
     common one plus its place in ``imus``, so that no two IMUs have the same noise.
     """
     defaults = {key: common[key] for key in common if key == "rate" or key.startswith("imu.")}
@@ -460,12 +460,12 @@ def _imu_values(
 
 
 def named(kind: str, presets: Sequence[object]) -> dict[str, object]:
-    """Return the parameters of sensors of a kind that presets alone describe.
+    """Return parameters that switch on sensors of a kind, one for each preset.
 
     Their names are KIND, KIND1, KIND2, ...
 
     :param kind: a name in ``sensors``, or ``camera``: cam0, cam1, ... in ``cameras``.
-    :param presets: of each; True: that of the kind's parameters.
+    :param presets: preset of each sensor; True: the default one.
     """
     if kind == "camera":
         names, group, parameter = (
@@ -487,10 +487,10 @@ def named(kind: str, presets: Sequence[object]) -> dict[str, object]:
 
 
 def joined(lower: Mapping[str, object], upper: Mapping[str, object]) -> dict[str, object]:
-    """Return parameters by dotted name with others above them.
+    """Return two layers of parameters by dotted name as one; values of ``upper`` count.
 
-    The sensors are those of both. Cameras that are named above are all there are: what those below
-    have of their own is left out with them.
+    The sensors of both layers are kept. Cameras that ``upper`` lists replace those of ``lower``,
+    whose own parameters are left out.
     """
     dropped = set(listed_names("cameras", lower)) if listed_names("cameras", upper) else set()
     dropped -= {*listed_names("cameras", upper)}

@@ -38,7 +38,7 @@ FAULTS = ("none", "bias_jump", "saturation", "stuck", "dropout", "latency")
 
 
 def _biases() -> str:
-    """Return the topics of the biases of all sensors of IMUs, in words."""
+    """Return the names of the topics of the biases of all sensors of IMUs as text: ``a and b``."""
     names = [
         t.name for sensor in sensors_of_imus() for t in sensor.topics if "biases" in (t.flags or ())
     ]
@@ -46,7 +46,7 @@ def _biases() -> str:
 
 
 def switches(sensors: Iterable[Sensor[MountedParameters]]) -> dict[str, type]:
-    """Return the switches of sensors of IMUs that have some, by name."""
+    """Return the classes of the switches ``publish.*`` of sensors, by the sensor's name."""
     return {sensor.name: sensor.switches for sensor in sensors if sensor.switches is not None}
 
 
@@ -149,9 +149,9 @@ class InjectParameters:
             yield f"{prefix}inject.triad = {self.triad!r}: {suggestion(self.triad, names)}"
 
     def fault(self) -> Fault:
-        """Return the fault.
+        """Return the fault that the parameters describe.
 
-        :raises ConfigurationError: for one that cannot be.
+        :raises ConfigurationError: for an invalid fault.
         """
         of_triad = self.kind in ("bias_jump", "saturation", "stuck")
         has_target = of_triad or self.triad not in TRIADS
@@ -161,7 +161,7 @@ class InjectParameters:
 
 @dataclass(frozen=True)
 class SimulatorParameters(SimulationParameters):
-    """Everything that the simulator node takes."""
+    """Parameters of the simulator node: those of the samples, and those of their publication."""
 
     real_time_factor: float = number(
         1.0,
@@ -236,16 +236,16 @@ def load_simulator(
 ) -> SimulatorParameters:
     """Return the simulator's parameters; later layers override earlier ones.
 
-    :param problems: problems found before, raised together with those found here.
+    :param problems: problems of earlier checks, which are raised with those of this one.
     :raises ConfigurationError: with a line for each problem.
     """
     return build_layered(SimulatorParameters, layered, *layers, problems=problems)
 
 
 def of_the_node(names: Mapping[str, object]) -> list[str]:
-    """Return the names among those given that concern the live node alone, not its samples.
+    """Return the names of parameters that concern the live node alone, not its samples.
 
-    Those that ROS gives to every node are among them.
+    Parameters that ROS gives to every node are among them.
     """
     node_names, samples = (
         {field.name for field in dataclasses.fields(cls)}

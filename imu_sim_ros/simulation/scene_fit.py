@@ -22,12 +22,12 @@ def fitted(
 ) -> dict[str, object]:
     """Return parameters by dotted name with a board and a motion that suit the cameras.
 
-    The trajectory ``target`` before the scene ``aprilgrid`` gets a board before the middle of the
-    images, the smallest tags that have enough pixels a bit in every place, fewer of them for wide
-    lenses, and turns as far as the corners need to cover the images; rigs that look in other
-    directions than x stay as they are. The trajectory ``tour`` in a place goes through that place,
-    which has its usual size unless told; if no scene is told, sensors see the tour's own place.
-    What is given stays as it is.
+    The trajectory ``target`` before the scene ``aprilgrid`` gets a board in the middle of the
+    images, with the smallest tags that have enough pixels per bit everywhere, fewer of them for
+    wide lenses, and turns as far as the corners need to cover the images; rigs that look in other
+    directions than x are not changed. The trajectory ``tour`` in a place goes through that place,
+    of its usual size unless it is stated; without a stated scene, sensors see the tour's own place.
+    Stated parameters are not changed.
 
     :param parameters: as for :func:`imu_sim_ros.camera.build_rig`, of a body with sensors that
         see a scene; not checked here.
@@ -43,7 +43,7 @@ def fitted(
         rig = load_rig({**of_rig(parameters), **axes(parameters, recorded=False)})
         motion = trajectory_of({k: v for k, v in parameters.items() if k.startswith("trajectory.")})
     except ConfigurationError:
-        return parameters  # whoever loads them says what is wrong
+        return parameters  # loading them reports it
     views = [View(name, camera, 0, 0, HORIZON) for name, camera in rig.camera_parameters().items()]
     scene_names = [key.removeprefix("scene.") for key in parameters if key.startswith("scene.")]
     return {**parameters, **suiting(views, motion, rig.scene, scene_names, turns)}
@@ -68,7 +68,7 @@ def _toured(parameters: Mapping[str, object]) -> dict[str, object]:
     try:
         low, high = usual(str(kind), [float(length) for length in size])
     except (TypeError, ValueError):
-        return dict(parameters)  # whoever loads them says what is wrong
+        return dict(parameters)  # loading them reports it
     scene = {
         "scene.size": (high - low).tolist(),
         "scene.center": (0.5 * (low + high)).tolist(),
@@ -78,7 +78,7 @@ def _toured(parameters: Mapping[str, object]) -> dict[str, object]:
 
 
 def _free_turns(parameters: Mapping[str, object]) -> list[str] | None:
-    """Return the angles of ``target`` without a given amplitude; None: another motion."""
+    """Return the angles of ``target`` whose amplitudes are not stated; None: another motion."""
     base = files.load(files.find("trajectories", "target"))
     if parameters.get("trajectory.type") != "target":
         path_names = [k for k in base if k == "trajectory.type" or k.endswith(".angular_frequency")]

@@ -1,9 +1,9 @@
 # Copyright 2026 imu_sim_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""The sensors of a body by name, from the parameters that users give.
+"""The sensors of a body by name, from the parameters of a simulation.
 
-The one place that knows what stands where: ``imu`` and ``imus`` with the sensors of each,
+The only module that knows the names: ``imu`` and ``imus`` with the sensors of each,
 the true pose, the sensors that ``sensors`` names, and ``cameras`` with what they see.
 """
 
@@ -94,9 +94,10 @@ def imus_in(sensors: Mapping[str, Mounted[MountedParameters]]) -> list[str]:
 def models(
     sensors: Mapping[str, Mounted[MountedParameters]], names: Collection[str], t0_ns: int
 ) -> dict[str, Model]:
-    """Return the IMUs, the wanted sensors and those that these need, at their start.
+    """Return the models of the IMUs, of the named sensors and of those that these need, by name.
 
-    :param t0_ns: time of the start [ns].
+    :param names: names of sensors that are read in addition to the IMUs.
+    :param t0_ns: time of the first sample [ns].
     """
     needed = {*imus_in(sensors), *names}
     for name in names:
@@ -134,11 +135,11 @@ def sensor_warnings(
 
 
 def mounts(sensors: Mapping[str, Mounted[MountedParameters]]) -> dict[tuple[str, str], Array]:
-    """Return the poses T_bf (4, 4) of frames on bodies; one maps coordinates in f to its body b.
+    """Return the poses T_bf (4, 4) of frames f on bodies b; they map coordinates in f to b.
 
-    What coincides with the body's own frame needs none.
+    A sensor in the body's own frame has none.
 
-    :returns: by the names of body and frame.
+    :returns: poses by the names of body and frame.
     """
     poses: dict[tuple[str, str], Array] = {}
     for mounted_sensor in sensors.values():
@@ -149,12 +150,13 @@ def mounts(sensors: Mapping[str, Mounted[MountedParameters]]) -> dict[tuple[str,
 
 
 class InTable(NamedTuple):
-    """The rows of a sensor in a dataset."""
+    """A sensor with its table in a dataset."""
 
     table: Table
     number: int
     """Index of its IMU among the IMUs, or of the sensor among those of its kind."""
     name: str
+    """Name of the sensor among those of the body."""
     mounted: Mounted[MountedParameters]
 
 

@@ -1,7 +1,7 @@
 # Copyright 2026 imu_sim_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""JSON for others to read: the one place that writes it. JSON has neither NaN nor infinity.
+"""JSON of results and files; only this module writes it. JSON has neither NaN nor infinity.
 
 A leaf.
 """
@@ -20,7 +20,7 @@ def as_json(
 ) -> str:
     """Return a value as JSON; a number that is not finite becomes null.
 
-    :param value: of plain types, arrays, paths, and what holds them; keys become strings.
+    :param value: plain types, arrays, paths, and containers of them; keys become strings.
     :param number: shortens finite numbers.
     :param indent: spaces before the entries of a level; None: all in one line.
     :param separators: between entries, and behind keys; None: those of ``json.dumps``.

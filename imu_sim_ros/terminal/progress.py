@@ -1,7 +1,7 @@
 # Copyright 2026 imu_sim_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Who follows a job: a program prints its lines and shows its progress, in Python nobody does."""
+"""Receivers of a job's lines and progress: programs print them; in Python there are none."""
 
 import sys
 from bisect import bisect_right
@@ -13,13 +13,13 @@ from pathlib import Path
 from typing import Final
 
 Advance = Callable[..., None]
-"""Receives how many more are done."""
+"""Receives the number of elements that are done since the last call."""
 Bar = Callable[..., AbstractContextManager[Advance]]
-"""Shows a text and progress up to a total."""
+"""Returns a context in which a text and the progress up to a total are shown."""
 
 
-def _nothing(what: object) -> None:
-    """Nobody wants to know."""
+def _nothing(line: object) -> None:
+    """Ignore a line or an output: the default receiver."""
 
 
 @dataclass(frozen=True)
@@ -27,18 +27,19 @@ class Watcher:
     """Receivers of a job's progress and lines; all are idle by default."""
 
     bar: Bar | None = None
+    """Shows progress; None: nothing is shown."""
     warn: Callable[[str], None] = _nothing
-    """Receives lines about what is allowed but may be unintended."""
+    """Receives warnings: lines about settings that are allowed but may be unintended."""
     remark: Callable[[str], None] = _nothing
-    """Receives lines about what is left out, or was found on the way."""
+    """Receives remarks: lines about the input, such as parts that are left out."""
     note: Callable[[str], None] = _nothing
-    """Receives lines about what was chosen."""
+    """Receives notes: lines about choices that the job made."""
     undisturbed: Callable[[], AbstractContextManager[object]] = nullcontext
     """Holds signals while outputs get their names."""
     interrupted: Callable[[], bool] = bool
-    """Returns whether the job has been interrupted, so that nobody uses what is under way."""
+    """Returns True if the job has been interrupted: work in its threads can stop."""
     complete: Callable[[Path], None] = _nothing
-    """Receives each output that has its name."""
+    """Receives the path of each output that is complete and has its final name."""
 
 
 _watcher: ContextVar[Watcher] = ContextVar("watcher", default=Watcher())  # noqa: B039 - frozen
@@ -50,9 +51,9 @@ def watcher() -> Watcher:
 
 
 def check_interrupted() -> None:
-    """End long work in a thread whose job has been interrupted.
+    """Raise an exception in a thread whose job has been interrupted; long work calls it often.
 
-    :raises KeyboardInterrupt: if it has; the thread that waits for the result is interrupted, too.
+    :raises KeyboardInterrupt: if the job has been interrupted.
     """
     if _watcher.get().interrupted():
         raise KeyboardInterrupt
@@ -75,10 +76,11 @@ def watched_by(follower: Watcher) -> Iterator[None]:
 
 @contextmanager
 def progress(text: str, total: Callable[[], int], **details: int) -> Iterator[Advance]:
-    """Yield the function that receives progress.
+    """Yield the function ``advance(count, remark)`` that receives the progress of a block of work.
 
-    :param total: returns how much there is to do; called if somebody looks.
-    :param details: ``done``, how much there was before.
+    :param text: description of the work.
+    :param total: returns the number of elements; called only if progress is shown.
+    :param details: ``done``, the number of elements that were done before.
     """
     bar = _watcher.get().bar
     if bar is None:
@@ -97,15 +99,15 @@ _BURST: Final = 1.1
 
 @contextmanager
 def terminal_bar(text: str, total: int, done: int = 0) -> Iterator[Advance]:
-    """Show a bar with speed and time left on a terminal; yields ``advance(count, text)``.
+    """Show a bar with speed and time left on a terminal; yields ``advance(count, remark)``.
 
     On a narrow terminal the text is cut off, the numbers never. Nothing is shown, and nothing
     imported, if standard error is not a terminal.
 
-    :param done: how much of the total was there before; speed and time left are those of the rest.
+    :param done: number of elements that were done before, of which the speed takes no account.
     """
     if not sys.stderr.isatty():
-        yield lambda count, text="": None
+        yield lambda count, remark="": None
         return
     from rich.console import Console
     from rich.progress import (
@@ -128,7 +130,7 @@ def terminal_bar(text: str, total: int, done: int = 0) -> Iterator[Advance]:
         task = bar.add_task(text, total=total, completed=done, speed="", left=_UNKNOWN_TIME)
 
         def advance(count: int, remark: str = "") -> None:
-            """Count on; what there is to say now stands behind the text."""
+            """Add to the number of finished elements; show a remark behind the text."""
             description = ": ".join(part for part in (text, remark) if part)
             bar.update(task, advance=count, description=description)
             now_done = bar.tasks[0].completed
@@ -141,38 +143,39 @@ def terminal_bar(text: str, total: int, done: int = 0) -> Iterator[Advance]:
 
 
 class ProgressRate:
-    """Speed and time left of something that is done in parts, perhaps by several processes.
+    """Speed and time left of work that is done in parts, perhaps by several processes.
 
-    What they deliver arrives in bursts, the first only after the processes have started: neither a
-    moment nor the time since the start tells the speed. It is taken over the second half of the
-    time so far, and not before as much time has passed after the first burst as until then.
+    Parts arrive in bursts, the first only after the processes have started, so that neither the
+    latest parts nor the mean since the start tell the speed. It is the mean over the second half of
+    the time so far, from twice the time of the first burst on.
     """
 
     def __init__(self) -> None:
+        """Initialise at the start of the work."""
         self._times, self._done = [0.0], [0.0]
 
     def after(self, done: float, rest: float, elapsed: float) -> tuple[str, str]:
-        """Return speed and time left in words.
+        """Return speed and time left as text; an empty and an unknown one at the beginning.
 
-        :param done: since the start.
-        :param rest: what is still to be done.
-        :param elapsed: since the start [s].
+        :param done: number of elements that are done since the start.
+        :param rest: number of elements that are left.
+        :param elapsed: time since the start [s].
         """
         if done > self._done[-1] and elapsed > self._times[-1]:
             self._times.append(elapsed)
             self._done.append(done)
-        first = _BURST * self._times[min(1, len(self._times) - 1)]
-        base = bisect_right(self._times, max(0.5 * elapsed, first)) - 1
-        gone, took = done - self._done[base], elapsed - max(self._times[base], first)
-        if elapsed < 2.0 * first or not (gone > 0.0 and took > 0.0):
+        burst_end = _BURST * self._times[min(1, len(self._times) - 1)]
+        base = bisect_right(self._times, max(0.5 * elapsed, burst_end)) - 1
+        count, seconds = done - self._done[base], elapsed - max(self._times[base], burst_end)
+        if elapsed < 2.0 * burst_end or not (count > 0.0 and seconds > 0.0):
             return "", _UNKNOWN_TIME
-        speed = gone / took
-        minutes, seconds = divmod(round(min(max(rest, 0.0) / speed, _LONGEST_TIME)), 60)
-        return speed_in_words(speed), f"{minutes // 60}:{minutes % 60:02}:{seconds:02}"
+        speed = count / seconds
+        minutes, second = divmod(round(min(max(rest, 0.0) / speed, _LONGEST_TIME)), 60)
+        return speed_in_words(speed), f"{minutes // 60}:{minutes % 60:02}:{second:02}"
 
 
 def speed_in_words(speed: float | None) -> str:
-    """Return a number per second in few digits; nothing if it is not known yet."""
+    """Return a speed [1/s] as text with few digits: ``812/s``, ``15 k/s``; "": it is unknown."""
     if not speed:
         return ""
     if speed < 1e4:

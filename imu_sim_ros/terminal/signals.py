@@ -5,12 +5,12 @@
 
 Before a command's work begins there is nothing to clean up: the process ends at once. During the
 work a signal raises :class:`Interrupted` wherever the program is, so that ``with`` and ``finally``
-do what they are there for, and further ones wait a few seconds for them; if a step must not be
-broken off, :func:`collected` keeps the signal until it is over.
+clean up; further signals wait a few seconds for that. :func:`collected` keeps signals until a step
+that must not be broken off is over.
 
-Python runs a handler between any two instructions, and at some an exception does harm: the first
-one of ``__exit__``, which would leave a lock of :mod:`threading` taken for ever, or in a
-finaliser, which would swallow it. There the signal comes again a few milliseconds later.
+Python runs a handler between any two instructions, and at some an exception does harm: at the first
+one of ``__exit__`` it would leave a lock of :mod:`threading` taken for ever, and a finaliser would
+swallow it. There the handler sends itself the signal again a few milliseconds later.
 """
 
 import os
@@ -29,17 +29,19 @@ _Disposition: TypeAlias = _Handler | int | signal.Handlers | None
 
 
 _received: list[int] = []
+"""Numbers of the signals since the command's work began."""
 _is_raised = False
 """True after :class:`Interrupted` was raised in the main thread."""
 _begun = False
 """True if a command's work has begun; it may have ended."""
 _AGAIN: Final = 0.005
-"""After this time a signal that came at a bad moment comes again [s]."""
+"""Time after which a signal at a fragile instruction is repeated [s]."""
 _LONGEST_DELAY: Final = 0.5
-"""A thread that waits for a lock this long is interrupted all the same [s]."""
+"""Time after which a signal is no longer delayed, even if a thread waits for a lock [s]."""
 _LONGEST_END: Final = 5.0
-"""A further signal waits this long for what the first one has begun to clean up [s]."""
+"""Longest time that further signals wait for the clean-up after the first one [s]."""
 _FRAGILE: Final = ("__enter__", "__exit__", "__del__")
+"""Names of functions in which an exception does harm."""
 
 
 class Interrupted(KeyboardInterrupt):
@@ -52,15 +54,15 @@ def status() -> int:
 
 
 def interrupted() -> bool:
-    """Return whether a signal has ended the work of the command, in the main thread first."""
+    """Return whether a signal has ended the work of the command."""
     return _is_raised
 
 
 def end_process() -> None:
-    """End the process if a signal ended its command, without waiting for threads.
+    """End the process if a signal ended its command, without waiting for its threads.
 
-    Nobody uses their results, and compiling cannot be interrupted. A pool of processes has to
-    release its semaphores first: such a command ends as usual.
+    Their results are not needed, and compilation cannot be interrupted. A pool of processes has to
+    release its semaphores first: a command with one ends as usual.
     """
     if _received and "concurrent.futures.process" not in sys.modules:
         for stream in (sys.stdout, sys.stderr):
@@ -70,10 +72,10 @@ def end_process() -> None:
 
 
 def end_at_once(program: str) -> None:
-    """Let a signal end the process immediately: no work has begun."""
+    """Let signals end the process immediately until the work begins."""
 
     def end(number: int, _: FrameType | None) -> None:
-        if _begun:  # all that is left is to say what came of it
+        if _begun:  # the work is over, and its result is being printed
             return
         name = signal.Signals(number).name
         os.write(2, f"{program}: interrupted by {name}; nothing was written\n".encode())
@@ -83,7 +85,7 @@ def end_at_once(program: str) -> None:
 
 
 def ignore() -> None:
-    """Ignore signals after the end of a command: its result stands."""
+    """Ignore signals from now on: the command has ended, and its outputs are complete."""
     for number in SIGNALS:
         signal.signal(number, signal.SIG_IGN)
 
@@ -127,9 +129,8 @@ def raised() -> Iterator[None]:
     try:
         yield
     except Exception:
-        if (
-            first_time and not end
-        ):  # the signal, on its way to us, has reached other processes already
+        # A signal that is still delayed here may already have ended other processes of the job.
+        if first_time and not end:
             raise Interrupted from None
         raise
     finally:
@@ -158,15 +159,15 @@ def blocked() -> Iterator[None]:
 
 @contextmanager
 def collected() -> Iterator[None]:
-    """Keep signals until the block is over, which has to be soon.
+    """Delay signals until the block is over, which must be short.
 
-    :raises Interrupted: after the block, if one has come and nothing else ended it.
+    :raises Interrupted: after the block, if a signal came and no other exception ended it.
     """
     global _is_raised
     requests: list[int] = []
 
     def keep(number: int, _: FrameType | None) -> None:
-        if number != signal.SIGALRM:  # the repetition of one that came just before
+        if number != signal.SIGALRM:  # which repeats a signal that is counted already
             _received.append(number)
         requests.append(number)
 
@@ -181,14 +182,14 @@ def collected() -> Iterator[None]:
 
 
 def _handle(handler: _Handler, numbers: Iterable[int] = SIGNALS) -> dict[int, _Disposition]:
-    """Install a handler; returns those before it, none if this is not the main thread."""
+    """Install a handler; return the previous ones by signal, none outside the main thread."""
     previous: dict[int, _Disposition] = {}
     try:
         for number in numbers:
-            # What nohup lets be ignored stays ignored.
+            # A hang-up that nohup ignores stays ignored.
             if number != signal.SIGHUP or signal.getsignal(number) is not signal.SIG_IGN:
                 previous[number] = signal.signal(number, handler)
-    except ValueError:  # not in the main thread: whoever runs this takes care of signals
+    except ValueError:  # not in the main thread, which handles signals itself
         return {}
     return previous
 

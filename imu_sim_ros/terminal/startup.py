@@ -1,7 +1,7 @@
 # Copyright 2026 imu_sim_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""How a program begins: what is done before anything that is slow to import, and its import."""
+"""Start of a program: standard streams, warnings, threads of libraries, and its import."""
 
 import gc
 import importlib
@@ -12,7 +12,7 @@ from types import ModuleType
 
 
 def open_standard_streams() -> None:
-    """Point closed standard streams at nothing, so that no file opened later becomes one."""
+    """Open closed standard streams on /dev/null, so that no file opened later takes their place."""
     for number, name in enumerate(("stdin", "stdout", "stderr")):
         try:
             os.fstat(number)
@@ -24,12 +24,12 @@ def open_standard_streams() -> None:
 
 
 def load(module: str) -> ModuleType:
-    """Import the module that a program is about.
+    """Import and return the module of a program.
 
-    OpenBLAS would start a thread for each processor, which spins for 50 ms; no matrix of ours is
-    large enough for them. Warnings of libraries name lines of source: they are for developers, who
-    get them by ``python -W default`` or PYTHONWARNINGS. Modules live to the end: the garbage
-    collector does not look through them, which takes a seventh of the time of a short program.
+    OpenBLAS gets one thread: the matrices of this package are too small for more, which would only
+    spin. Warnings of libraries name lines of source: they are for developers, who get them by
+    ``python -W default`` or PYTHONWARNINGS. Modules live to the end of the process, so the garbage
+    collector does not search them.
     """
     if not sys.warnoptions:
         warnings.simplefilter("ignore")

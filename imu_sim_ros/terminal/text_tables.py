@@ -18,7 +18,7 @@ _INDENT: Final = 2
 
 
 class TextTable(NamedTuple):
-    """A table of a result in words."""
+    """A table of a result, its cells as text."""
 
     header: Sequence[str]
     rows: Sequence[Sequence[str]]
@@ -34,7 +34,7 @@ def html_of(lines: Iterable[str | TextTable]) -> str:
 
 
 def _html_table(table: TextTable) -> str:
-    """Return a table as HTML, for notebooks."""
+    """Return the element ``table`` of a table, with its title as the caption."""
     caption = f"<caption>{html.escape(table.title)}</caption>" if table.title else ""
     head = "".join(f"<th>{html.escape(name)}</th>" for name in table.header)
     body = "".join(

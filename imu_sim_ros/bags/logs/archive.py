@@ -53,11 +53,11 @@ class Archive(AbstractContextManager["Archive"]):
                 raise InputError(f"{path}: damaged: {_reason(error)}") from None
 
     def __exit__(self, *_: object) -> None:
-        """Close the archive."""
+        """Close the file of a zip archive."""
         self._stack.close()
 
     def names_of(self, *endings: str) -> list[str]:
-        """Return the sorted names of files whose path ends so, in any case of the letters.
+        """Return the sorted names of files whose paths end in one of some endings, in any case.
 
         Resource files of macOS, in ``__MACOSX``, are none.
         """
@@ -103,7 +103,7 @@ class Archive(AbstractContextManager["Archive"]):
 def is_archive(path: Path, magic: bytes) -> bool:
     """Return True for a folder and for a zip archive.
 
-    :param magic: first bytes of a file; empty for a folder.
+    :param magic: first bytes of the file; empty for a folder.
     """
     return path.is_dir() or magic.startswith(ZIP_MAGIC)
 

@@ -126,7 +126,7 @@ class _Table(NamedTuple):
         return np.column_stack([self.columns[name] for name in names]).astype(np.float64)
 
     def rows(self, rows: Mask) -> "_Table":
-        """Return some of the messages."""
+        """Return the messages (m,) of which a mask (n,) is True."""
         return self._replace(columns={key: column[rows] for key, column in self.columns.items()})
 
 
@@ -466,7 +466,7 @@ def _clippings(tables: Tables) -> Iterator[ClippingCounts]:
 
 
 def _environment(tables: Tables, remarks: list[str]) -> Iterator[LogStream]:
-    """Yield magnetic fields and pressures."""
+    """Yield the magnetic fields of MAG and the pressures of BARO."""
     for table in tables.get("MAG", ()):
         field = table.vector("MagX", "MagY", "MagZ")
         if field is not None:

@@ -55,7 +55,7 @@ _UPRIGHT: Final = 1.5
 
 
 class _Joint(NamedTuple):
-    """A joint with its segment."""
+    """A joint of the skeleton and the segment from it to its children or its end site."""
 
     name: str
     parent: int
@@ -181,7 +181,7 @@ def _frames(
     """
     parts: list[Array] = []
     count, damage = 0, ""
-    # A row may be longer than any that this skeleton has; nobody needs the rest of it.
+    # Longer lines are no rows of this skeleton: cut off, they still have too many values.
     lines = (line for line in iter(lambda: file.readline(64 * columns + 4096), b"") if line.strip())
     for block in iter(lambda: list(islice(lines, _ROWS)), []):
         values, damage = _values(block, columns)
@@ -199,7 +199,7 @@ def _frames(
 
 
 def _values(lines: Sequence[bytes], columns: int) -> tuple[Array, str]:
-    """Return the rows of numbers up to the first that is none, and why it is none."""
+    """Return the values (n, columns) of lines up to the first bad one, and why that one is bad."""
     try:
         values = np.loadtxt([line.decode("latin-1") for line in lines], comments=None, ndmin=2)
         if values.shape[1] == columns and np.isfinite(values).all():

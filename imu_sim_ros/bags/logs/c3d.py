@@ -73,7 +73,7 @@ class _File(NamedTuple):
 
 
 class _Markers(NamedTuple):
-    """Positions of all markers."""
+    """Markers of a file with their positions over time."""
 
     labels: Sequence[str]
     """Names of the markers."""
@@ -84,7 +84,7 @@ class _Markers(NamedTuple):
 
 
 class _World(NamedTuple):
-    """Axes and unit of a file."""
+    """Vertical axis and unit of length of a file."""
 
     axis: str
     """Axis up, as :func:`~imu_sim_ros.core.rotation.upright` takes it."""
@@ -271,7 +271,7 @@ def _clusters(markers: _Markers, world: _World, remarks: list[str]) -> Iterator[
 
 
 def _derived(path: Path, markers: _Markers, world: _World) -> Callable[[str], LogStream | None]:
-    """Return the function that makes a topic of a list of markers."""
+    """Return the function that makes the topic of a name ``LABEL,LABEL,LABEL``."""
 
     def stream(name: str) -> LogStream | None:
         labels = [label.strip() for label in name.split(",")]
@@ -292,7 +292,7 @@ def _derived(path: Path, markers: _Markers, world: _World) -> Callable[[str], Lo
 
 
 def _of_markers(name: str, markers: _Markers, columns: Sequence[int], world: _World) -> Segment:
-    """Return the segment that some markers are on.
+    """Return the segment that carries some markers.
 
     :param columns: indices of the markers.
     :raises InputError: if no frame is complete, or the markers are on a line.
@@ -322,11 +322,11 @@ def _of_markers(name: str, markers: _Markers, columns: Sequence[int], world: _Wo
 def _kabsch(reference: Array, position: Array, visible: Mask) -> tuple[Array, Array, Mask, float]:
     """Return the rotations and positions that map a reference to the visible markers of each frame.
 
-    Of R = V diag(1, 1, det(V U^T)) U^T with U S V^T the decomposition of the covariance.
+    ``R = V diag(1, 1, det(V U^T)) U^T`` with the decomposition ``U S V^T`` of the covariance.
 
     :param reference: (m, 3) markers on the body.
-    :param position: (n, m, 3) in each frame; arbitrary where they are not visible.
-    :param visible: (n, m).
+    :param position: (n, m, 3) markers in each frame; arbitrary where they are not visible.
+    :param visible: (n, m) True where a marker is visible.
     :returns: R (n, 3, 3), p (n, 3), the frames that have a pose (n,), and the RMS residual.
     """
     weight = visible[..., None].astype(np.float64)

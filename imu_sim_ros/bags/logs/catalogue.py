@@ -1,7 +1,7 @@
 # Copyright 2026 imu_sim_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""All kinds of logs, and the memory that the last ones take."""
+"""All kinds of logs, and the logs that were read last, which stay in memory."""
 
 from functools import lru_cache
 from pathlib import Path
@@ -43,7 +43,7 @@ MAGIC_BYTES: Final = 16
 _NEVER_LOGS: Final = frozenset({".tum"})
 """Endings of text files that no kind of log has."""
 _LARGE: Final = 256 << 20
-"""Size from which on the memory is told [bytes]."""
+"""Size from which on users are told the memory that reading takes [bytes]."""
 
 
 def open_log(path: Path, magic: bytes, recover: Recover) -> LogBag | None:
@@ -65,7 +65,7 @@ def is_log(path: Path) -> bool:
 
 @lru_cache(maxsize=16)
 def _is_log(path: Path, changed_ns: int, size: int) -> bool:
-    """Return :func:`is_log`; a file that is asked about again is not opened again.
+    """Return :func:`is_log` of a file in a known state, from a cache if it was asked before.
 
     :param changed_ns: time of its last change [ns].
     :param size: size [bytes].
@@ -81,7 +81,7 @@ def _kind(path: Path, magic: bytes) -> int | None:
 
 
 def _state(path: Path) -> tuple[int, int]:
-    """Return the time of the last change [ns] and the size [bytes] of a file, or of a folder's."""
+    """Return the time of the last change [ns] and the size [bytes] of a file or a folder."""
     if not path.is_dir():
         state = path.stat()
         return state.st_mtime_ns, state.st_size
@@ -92,7 +92,7 @@ def _state(path: Path) -> tuple[int, int]:
 
 @lru_cache(maxsize=2)
 def _contents(number: int, path: Path, changed_ns: int, size: int) -> Contents:
-    """Return the topics of a log; a program that opens it several times parses it once.
+    """Return the topics of a log in a known state, from a cache if it was parsed before.
 
     :param number: place in :data:`LOGS`.
     :param changed_ns: time of its last change [ns].

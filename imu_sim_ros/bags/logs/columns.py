@@ -40,7 +40,7 @@ class ColumnTable:
     """A text table with a header: names of its columns, and its rows."""
 
     def __init__(self, source: str, names: Sequence[str], rows: Sequence[bytes], separator: str):
-        """Initialise from the lines of a table.
+        """Initialise with the lines of a table.
 
         :param source: name of the table, for messages.
         :param rows: lines behind the header.
@@ -252,7 +252,7 @@ def _is_number(text: str) -> bool:
 
 
 def _is_stamp(text: str, digits: int) -> bool:
-    """Return True for a cell with a decimal number of a unit."""
+    """Return True for a cell whose number of time units is a stamp."""
     try:
         nanosecond(text, digits, whole=False)
     except (ValueError, OverflowError):

@@ -110,7 +110,7 @@ def _streams(t_ns: Times, table: dict[str, Array]) -> Iterator[LogStream]:
 
 
 def _numbers(content: bytes) -> list[float] | None:
-    """Return the numbers of a file; None: it has not all of them."""
+    """Return the 30 numbers of a file; None: it has fewer, or others."""
     try:
         numbers = [number_of(word) for word in content.decode("ascii", "replace").split()]
     except ValueError:

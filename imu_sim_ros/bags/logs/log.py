@@ -51,7 +51,7 @@ _STDERR: Final = 2
 _LONGEST_OUTPUT: Final = 1 << 16
 """Output of a library that is looked at [bytes]."""
 _ABSENT: Final = (-1.0, *[0.0] * 8)
-"""Covariance of a triad that a message has not (REP-145)."""
+"""Covariance that marks a triad as absent from a message (REP-145)."""
 
 
 @dataclass(frozen=True)
@@ -69,7 +69,7 @@ class LogStream:
     aliases: tuple[str, ...] = ()
     """Names that the log's own tools have for the topic."""
     remarks: tuple[str, ...] = ()
-    """Lines about its values, which are told when its messages are read."""
+    """Lines about its values, of which users are told when its messages are read."""
 
 
 @dataclass(frozen=True)
@@ -115,9 +115,9 @@ class LogBag(Bag):
     encoding = "cdr"
 
     def __init__(self, path: Path, contents: Contents, recover: Recover = False) -> None:
-        """Present the contents of a log.
+        """Initialise with the contents of a log.
 
-        :param recover: True: damage is listed; False: it is told.
+        :param recover: True: damage is in ``damage`` alone; False: there is a warning of it, too.
         """
         super().__init__(path)
         self._contents = contents
@@ -130,7 +130,7 @@ class LogBag(Bag):
             warn(f"{path}: {line}", Remark)
 
     def _add(self, stream: LogStream) -> TopicInfo:
-        """Present a topic and return its description."""
+        """Add a topic to those of the bag, and return its description."""
         schema = schemas.schema(stream.type, self.encoding)
         info = TopicInfo(stream.name, stream.type, len(stream.t_ns), schema, ())
         self._streams[info] = stream
@@ -147,7 +147,7 @@ class LogBag(Bag):
         return None if derived is None else self._add(derived)
 
     def default(self, type_name: str) -> str | None:
-        """Return the topic that the kind of log prefers, and tell which it is."""
+        """Return the preferred topic of a type, with a remark if there are others; None: none."""
         fitting = [info.name for info in self.topics if info.type == type_name]
         preferred = self._contents.preferred.get(type_name, ())
         name = next((name for name in preferred if name in fitting), None)
@@ -340,7 +340,7 @@ def velocities(t_ns: Times, position: Array) -> Array:
 
 
 def _neighbours(t_ns: Times) -> tuple[Integers, Integers, Array]:
-    """Return the rows before and behind each row, and the times (n, 1) between them [s]."""
+    """Return the rows before and after each row, and the times (n, 1) between these two [s]."""
     rows = np.arange(len(t_ns))
     start, end = np.maximum(rows - 1, 0), np.minimum(rows + 1, len(t_ns) - 1)
     seconds = (t_ns[end] - t_ns[start]) * 1e-9
@@ -348,7 +348,7 @@ def _neighbours(t_ns: Times) -> tuple[Integers, Integers, Array]:
 
 
 def interpolated(t_ns: Times, at_ns: Times, values: Array) -> Array:
-    """Return columns (m, k) at the times ``at_ns`` (m,), those of the ends beyond them.
+    """Return columns (m, k) interpolated to ``at_ns`` (m,); beyond the ends they are constant.
 
     :param t_ns: (n,) times of the values (n, k), in any order.
     """
@@ -448,7 +448,7 @@ def _orientations_at(orientations: LogOrientations | None, t_ns: Times) -> Array
 def _alone(
     triad: LogTriad, is_gyro: bool, orientations: LogOrientations | None = None
 ) -> LogStream:
-    """Return the readings of a triad without the other one."""
+    """Return the readings of a triad that has no partner; the other triad is marked as absent."""
     columns = (triad.values, None) if is_gyro else (None, triad.values)
     q_wi = _orientations_at(orientations, triad.t_ns)
     return imu(triad.topic, triad.t_ns, *columns, q_wi=q_wi, aliases=triad.aliases)
@@ -456,11 +456,9 @@ def _alone(
 
 @contextmanager
 def printed(lines: list[str]) -> Iterator[None]:
-    """Catch the lines that a library prints about a log.
+    """Catch the lines that a library prints about a log, by Python or to the descriptor itself.
 
-    Compiled code of libraries writes to the descriptor itself.
-
-    :param lines: receives the lines.
+    :param lines: receives the lines after the block.
     """
     text = io.StringIO()
     with tempfile.TemporaryFile() as file:
@@ -479,7 +477,7 @@ def printed(lines: list[str]) -> Iterator[None]:
 
 
 def refuse_empty(path: Path, kind: str, names: Sequence[str]) -> InputError:
-    """Return the error of a log in which no topic is known.
+    """Return the error to raise for a log in which no topic is known.
 
     :param names: topics that the log has.
     """
@@ -490,6 +488,6 @@ def refuse_empty(path: Path, kind: str, names: Sequence[str]) -> InputError:
 
 
 def _diagonal(*variances: Array) -> Array:
-    """Return matrices (n, 6, 6) of two times three variances (n, 3)."""
+    """Return diagonal matrices (n, 6, 6) of two times three variances (n, 3)."""
     diagonal = np.concatenate(variances, axis=1)
     return diagonal[:, :, None] * np.eye(6)

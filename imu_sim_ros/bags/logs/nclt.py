@@ -37,11 +37,11 @@ _NEEDED_OF_GNSS: Final = 5
 """Columns of gps.csv that must be numbers: time, mode, satellites, latitude, longitude."""
 _TRUTH: Final = "groundtruth"
 _FIX: Final = 2
-"""Least mode of a position of gpsd."""
+"""Smallest mode of gpsd with a position."""
 
 
 class _Kind(NamedTuple):
-    """Kind of a table."""
+    """One of the dataset's tables, which have no header."""
 
     name: re.Pattern[str]
     """Name of the file."""
@@ -112,7 +112,10 @@ def _kind(name: str, content: bytes) -> _Kind | None:
 
 
 def _rows(lines: Sequence[bytes], name: str, kind: _Kind, damage: list[str]) -> Columns:
-    """Return the rows of a table."""
+    """Return the stamps and the numbers of the lines of a table.
+
+    :param damage: receives a line with the number of bad rows.
+    """
     names = [f"column {k}" for k in range(kind.width)]
     table = ColumnTable(name, names, lines, ",")
     needed = len(names) if kind is not _GNSS else _NEEDED_OF_GNSS

@@ -137,7 +137,7 @@ def _is_set(content: bytes) -> bool:
 
 
 def _unit(name: str) -> str | None:
-    """Return the unit of a column; None: another one."""
+    """Return the unit in the name of a column as in ``_UNITS``; None: an unknown one."""
     return _UNITS.get(columns.unit_in(name)[1])
 
 
@@ -197,7 +197,7 @@ def _clock(files: Archive, remarks: list[str]) -> _Clock:
 
 
 def _start(cells: Sequence[str]) -> list[tuple[float, int]]:
-    """Return the time of a start and the UTC [ns] of time 0; nothing for cells that are none."""
+    """Return the time of a start [s] and the UTC [ns] of time 0; nothing for bad cells."""
     try:
         time_s, system_s = float(cells[0]), float(cells[1])
     except ValueError:
@@ -209,7 +209,7 @@ def _start(cells: Sequence[str]) -> list[tuple[float, int]]:
 
 
 def _streams(sets: Sequence[_Set], clock: _Clock, remarks: list[str]) -> Iterator[LogStream]:
-    """Yield the readings of all sensors but positions."""
+    """Yield the readings of gyroscope, accelerometer, magnetometer and barometer."""
     by_unit: Mapping[str, list[_Set]] = {
         unit: [entry for entry in sets if entry.unit == unit]
         for unit in (_FORCE, _RATE, _FIELD, _PRESSURE)
@@ -233,7 +233,7 @@ def _triad(topic: str, entry: _Set, clock: _Clock) -> LogTriad:
 
 
 def _specific_force(sets: Sequence[_Set], clock: _Clock, remarks: list[str]) -> LogTriad | None:
-    """Return the acceleration with gravity: as it is exported, or the sum of both."""
+    """Return the acceleration with gravity: a quantity of the export, or the sum of two."""
     topic = "/accelerometer"
     gravity = next((entry for entry in sets if _GRAVITY_NAME.search(entry.name)), None)
     motions = [entry for entry in sets if entry is not gravity]

@@ -121,7 +121,7 @@ class _Topic(NamedTuple):
         return None if column is None else column.astype(np.float64)
 
     def vector(self, *names: str) -> Array | None:
-        """Return an array of the message (n, m), or several fields as one; None without them."""
+        """Return an array field (n, m), or several fields as columns; None: one is missing."""
         if len(names) == 1:
             names = tuple(name for name in _numbered(names[0]) if name in self.columns)
         columns = [self.columns[name] for name in names if name in self.columns]
@@ -130,7 +130,7 @@ class _Topic(NamedTuple):
         return np.column_stack(columns).astype(np.float64)
 
     def rows(self, rows: Mask) -> "_Topic":
-        """Return some of the messages."""
+        """Return the messages (m,) of which a mask (n,) is True."""
         return self._replace(columns={key: column[rows] for key, column in self.columns.items()})
 
 
@@ -162,7 +162,7 @@ def contents(path: Path) -> Contents:
 
 
 def _load(path: Path) -> "ULog":
-    """Return the topics that are read, parsed."""
+    """Return the log, parsed by pyulog, with the topics in ``_NAMES``."""
     try:
         from pyulog import ULog
     except ImportError:
@@ -309,7 +309,7 @@ def _single(topic: _Topic) -> tuple[Times, Array] | None:
 
 
 def _unrolled(topic: _Topic) -> tuple[Times, Array] | None:
-    """Return the readings of batches: the last of each is at its stamp, the others dt before.
+    """Return the readings of batches: the last of each at its stamp, the others dt apart before it.
 
     The numbers are counts; ``scale`` is the value of one.
     """
@@ -369,7 +369,7 @@ def _local_position(topics: Topics, remarks: list[str]) -> Iterator[LogStream]:
 
 
 def _rates_at(instances: Sequence[_Topic], t_ns: Times) -> Array | None:
-    """Return the angular rates in FLU (n, 3) at times, None if they are not logged throughout."""
+    """Return the angular rates in FLU (n, 3) at times (n,); None: the log does not cover them."""
     for topic in instances[:1]:
         rates = topic.vector("xyz")
         times = topic.t_ns
@@ -435,7 +435,7 @@ def _odometry_of(topic: _Topic, remarks: list[str]) -> Iterator[LogStream]:
 def _variances(topic: _Topic, q_wb: Array, is_ned: bool) -> tuple[Array, Array, Array] | None:
     """Return the variances of position, rotation about the world's axes, velocity; None: unknown.
 
-    Those of the velocity are taken as equal in all axes of a frame that is turned.
+    The velocity's axes may be turned, so its variance is the mean of the three.
     """
     names = ("position", "orientation", "velocity")
     variances = []
@@ -451,7 +451,7 @@ def _variances(topic: _Topic, q_wb: Array, is_ned: bool) -> tuple[Array, Array, 
 
 
 def _magnetometers(topics: Topics, remarks: list[str]) -> Iterator[LogStream]:
-    """Yield magnetic fields."""
+    """Yield the magnetic fields of ``sensor_mag`` and ``vehicle_magnetometer``."""
     for name, fields in (
         ("sensor_mag", AXES),
         ("vehicle_magnetometer", ("magnetometer_ga",)),
@@ -464,7 +464,7 @@ def _magnetometers(topics: Topics, remarks: list[str]) -> Iterator[LogStream]:
 
 
 def _barometers(topics: Topics, remarks: list[str]) -> Iterator[LogStream]:
-    """Yield pressures."""
+    """Yield the pressures of ``sensor_baro`` and ``vehicle_air_data``."""
     for name, column in (("sensor_baro", "pressure"), ("vehicle_air_data", "baro_pressure_pa")):
         for topic in topics.get(name, ()):
             pressure = topic.number(column)

@@ -42,7 +42,7 @@ class Segment(NamedTuple):
     t_ns: Times
     """(n,) times of its poses since the start of the file."""
     poses: Poses
-    """Returns the poses of some rows."""
+    """Returns the poses of a slice of its rows."""
     label: str = ""
     """Another name that it has in the file."""
     remarks: tuple[str, ...] = ()
@@ -50,7 +50,7 @@ class Segment(NamedTuple):
 
 
 def axes_sentence(axis: str) -> str:
-    """Return which axes of a file with this axis up are x, y and z here."""
+    """Return a sentence that names the axes of the file that become x, y and z here."""
     texts = []
     for row in upright(axis):
         index = int(np.flatnonzero(row)[0])

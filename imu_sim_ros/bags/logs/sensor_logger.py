@@ -104,7 +104,7 @@ def contents(path: Path) -> Contents:
 
 
 def _tables_in(files: Archive) -> list[str]:
-    """Return the files that may be tables."""
+    """Return the names of the CSV files that may be tables of sensors."""
     return [name for name in files.names_of(".csv") if name.count("/") <= 1]
 
 
@@ -182,7 +182,7 @@ class _Recording:
     def _samples(
         self, name: str, names: Sequence[str], optional: Sequence[str] = ()
     ) -> _Samples | None:
-        """Return columns of a table; None if there is none, or it has no rows."""
+        """Return stamps and columns of a sensor's table; None: the recording has no rows of it."""
         table = self._tables.get(name)
         if table is None or not table.has(_STAMP, *names):
             return None
@@ -197,7 +197,7 @@ class _Recording:
         return LogTriad(f"/{name}", (f"{name}.csv",), samples.t_ns, samples.values * factor)
 
     def _specific_force(self) -> LogTriad | None:
-        """Return the acceleration with gravity: as it is logged, or the sum of both."""
+        """Return the acceleration with gravity: a table of its own, or the sum of two tables."""
         total = self._triad("TotalAcceleration", self._platform.sign)
         if total is not None:
             return total

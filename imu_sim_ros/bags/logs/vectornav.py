@@ -90,7 +90,7 @@ _PREFERRED: Final = {
 
 
 class _Line(NamedTuple):
-    """A message."""
+    """One message of the log, its fields as numbers."""
 
     number: int
     """Number among the messages of its name, those of wrong checksum included."""
@@ -252,7 +252,10 @@ def _times(
 def _streams(
     name: str, lines: Sequence[_Line], rate: float, remarks: list[str]
 ) -> Iterator[LogStream]:
-    """Yield the topics of the messages of a name."""
+    """Yield the topics of the messages of one name, such as IMU.
+
+    :param rate: rate that the log states [Hz]; 0: none.
+    """
     values = np.array([line.numbers for line in lines])
     ends = np.cumsum([_WIDTHS[part] for part in _MESSAGES[name]])
     parts = dict(zip(_MESSAGES[name], np.split(values, ends[:-1], axis=1), strict=True))

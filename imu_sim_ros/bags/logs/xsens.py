@@ -188,7 +188,11 @@ class _Export:
         return bool(len(sample.numbers(names, [])))
 
     def _rows(self, names: Sequence[str], optional: Sequence[str]) -> columns.Columns:
-        """Return times and columns."""
+        """Return the stamps and the columns of all rows that have the needed ones.
+
+        :param names: columns whose values must be numbers.
+        :param optional: columns whose values may be missing, NaN.
+        """
         for stamp, times in ((_TIME, self._sample_times), (_COUNTER, self._packet_times)):
             if not self._has_values([stamp]):
                 continue
@@ -254,7 +258,7 @@ def _interval(t_ns: Times) -> float:
 
 
 def _unwrapped(numbers: Integers, period: int) -> Integers:
-    """Return counts (n,) that go on where a counter starts again at its period."""
+    """Return the numbers (n,) of a counter without its restarts at multiples of a period."""
     steps = np.diff(numbers, prepend=numbers[:1])
     turns: Integers = numbers + period * np.cumsum(steps < -(period // 2))
     return turns

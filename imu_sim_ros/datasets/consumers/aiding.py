@@ -1,7 +1,7 @@
 # Copyright 2026 imu_sim_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""GNSS and wheels of a body, which aid its IMU, in the form of the stacks."""
+"""GNSS and wheels of a body, which aid its IMU, in the terms of the stacks' configurations."""
 
 import math
 from dataclasses import dataclass
@@ -23,10 +23,12 @@ SPEED: Final = 1.0
 
 @dataclass(frozen=True)
 class Aiding:
-    """One IMU, and the GNSS and wheels of its body."""
+    """One IMU, and the GNSS and wheels of its body, which are None if it has none."""
 
     values: ImuValues
+    """Values of the IMU."""
     parameters: SimulationParameters
+    """Parameters of the simulation."""
     gnss: GnssParameters | None
     wheels: WheelsParameters | None
 
@@ -50,7 +52,7 @@ class Aiding:
 
     @property
     def position_sigma(self) -> tuple[float, float]:
-        """Horizontal and vertical standard deviation that the receiver states at the start [m]."""
+        """Horizontal and vertical standard deviations that the receiver first states [m]."""
         assert self.gnss is not None
         factor, mode = math.sqrt(self.gnss.covariance_factor), MODES.index(self.gnss.mode)
         return factor * self.gnss.horizontal_sigma[mode], factor * self.gnss.vertical_sigma[mode]

@@ -145,7 +145,7 @@ def _model(name: str, intrinsics: dict[str, float]) -> dict[str, object]:
 def _static(
     values: ImuValues, triad: str, indices: tuple[Sequence[int], Sequence[int]]
 ) -> list[float]:
-    """Return the static calibration of a triad: b, and the entries of M at the places."""
+    """Return the static calibration of a triad: the bias b, and entries of M at indices."""
     inverse = np.linalg.inv(values.response(triad))
     bias = inverse @ values.axes(f"{triad}_bias")
     correction = (inverse - np.eye(3))[indices]
@@ -153,5 +153,5 @@ def _static(
 
 
 def _above_zero(values: ImuValues, name: str) -> list[float]:
-    """Return values per axis, at least the smallest that the estimator accepts."""
+    """Return a density per axis (3,), at least the smallest that the estimator accepts."""
     return np.maximum(values.filter_axes(name), SMALLEST).tolist()

@@ -78,7 +78,7 @@ def _remarks(body: Aiding) -> list[str]:
 
 
 def _imu_lines(body: Aiding) -> list[str]:
-    """Return the lines about the IMU."""
+    """Return the parameters of fusion_node about frames and the IMU, one a line."""
     values, parameters = body.values, body.parameters
     per_sample = math.sqrt(values.rate)
     gyro, accel = (
@@ -101,7 +101,7 @@ def _imu_lines(body: Aiding) -> list[str]:
 
 
 def _wheel_lines(body: Aiding) -> list[str]:
-    """Return the lines about the wheels; none without wheels."""
+    """Return the parameters of fusion_node about the wheels, one a line; none without wheels."""
     p = body.wheels
     if p is None:
         return []
@@ -119,7 +119,7 @@ def _wheel_lines(body: Aiding) -> list[str]:
 
 
 def _gnss_lines(body: Aiding) -> list[str]:
-    """Return the lines about GNSS; none without a receiver."""
+    """Return the parameters of fusion_node about GNSS, one a line; none without a receiver."""
     p, world = body.gnss, body.parameters
     if p is None:
         return []

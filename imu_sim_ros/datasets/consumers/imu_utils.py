@@ -60,7 +60,7 @@ _LONGEST = 2**31 - 1  # an int in allan_variance_ros; a shorter record is read t
 
 
 def config(values: ImuValues) -> str:
-    """Return the configuration that reads the whole record, every sample of it.
+    """Return a configuration of allan_variance_ros that reads every sample of the record.
 
     ``imu_rate`` is a double, ``measure_rate`` and ``sequence_time`` are integers in its source; it
     takes one sample out of ``int(imu_rate / measure_rate)``.

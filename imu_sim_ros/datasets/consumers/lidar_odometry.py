@@ -35,13 +35,13 @@ class Ranging:
     values: ImuValues
     lidar: LidarParameters
     space: str
-    """Namespace of its topics."""
+    """Namespace of the LiDAR's topics, with a slash, if there are several LiDARs."""
     frame: str
-    """Frame of its clouds."""
+    """Frame of the LiDAR's clouds."""
 
     @property
     def topic(self) -> str:
-        """Topic of its clouds."""
+        """Full name of the topic of the LiDAR's clouds."""
         return resolved(f"{self.space}{TOPIC}")
 
     @property
@@ -77,7 +77,7 @@ class Ranging:
 
 
 def files(subject: Subject) -> dict[str, str]:
-    """Return the files for each LiDAR of the body; names of further LiDARs contain theirs."""
+    """Return the texts of the files for each LiDAR; those of further LiDARs end in its name."""
     values, parameters = subject.imu, subject.parameters
     texts: dict[str, str] = {}
     if parameters is None:
@@ -99,12 +99,12 @@ def files(subject: Subject) -> dict[str, str]:
 
 
 def _list(numbers: Array) -> str:
-    """Return numbers as a YAML list."""
+    """Return an array as a flat YAML list, row by row."""
     return yaml_list((np.ravel(numbers) + 0.0).tolist())  # -0 becomes 0
 
 
 def _kiss_icp(ranging: Ranging) -> str:
-    """Return the configuration of KISS-ICP."""
+    """Return the text of KISS-ICP's configuration file for a LiDAR."""
     head = comment(
         [
             f"KISS-ICP 1.3.0: kiss_icp_pipeline BAG --topic {ranging.topic} --config this file; it "
@@ -120,7 +120,7 @@ def _kiss_icp(ranging: Ranging) -> str:
 
 
 def _rko_lio(ranging: Ranging) -> str:
-    """Return the configuration of RKO-LIO."""
+    """Return the text of RKO-LIO's configuration file for a LiDAR and an IMU."""
     head = comment(
         [
             f"RKO-LIO 0.4.0: rko_lio FOLDER --config this file --imu {ranging.values.topic} "
@@ -144,7 +144,7 @@ def _rko_lio(ranging: Ranging) -> str:
 
 
 def _fast_lio(ranging: Ranging) -> str:
-    """Return the configuration of FAST-LIO2."""
+    """Return the text of FAST-LIO2's configuration file for a LiDAR and an IMU."""
     kind, unit = _FAST_LIO[ranging.lidar.layout]
     lidar, values = ranging.lidar, ranging.values
     livox = lidar.layout == "livox"
@@ -194,7 +194,7 @@ def _fast_lio(ranging: Ranging) -> str:
 
 
 def _lio_sam(ranging: Ranging, parameters: SimulationParameters) -> str:
-    """Return the configuration of LIO-SAM."""
+    """Return the text of LIO-SAM's parameter file for a LiDAR and a nine-axis IMU."""
     lidar, values = ranging.lidar, ranging.values
     rotation, position = ranging.in_imu()
     densities = values.positive_densities()

@@ -51,7 +51,7 @@ def files(subject: Subject) -> dict[str, str]:
 
 
 def _section(name: str, values: dict[str, str]) -> str:
-    """Return a section; a value that starts with a line end stands on lines of its own."""
+    """Return a YAML section; a value that begins with a line break starts on the next line."""
     lines = (
         f"  {key}:{value}\n" if value.startswith("\n") else f"  {key}: {value}\n"
         for key, value in values.items()
@@ -115,7 +115,7 @@ def _estimator(body: Aiding) -> str:
 
 
 def _imu(body: Aiding) -> str:
-    """Return the section of the IMU."""
+    """Return MINS' file about the IMU: densities, and the topic."""
     head = comment(["Continuous-time densities in kalibr's units."])
     densities = body.values.positive_densities()
     names = {

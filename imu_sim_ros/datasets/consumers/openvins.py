@@ -109,7 +109,7 @@ keys after it by earlier versions."""
 
 
 def files(subject: Subject) -> dict[str, str]:
-    """Return the chain of the IMU, and with cameras theirs and the estimator's configuration."""
+    """Return the IMU's chain, and with cameras their chain and the estimator's configuration."""
     has_rig = subject.rig is not None and subject.rig.fits("radtan", "equidistant")
     texts = {"kalibr_imu_chain.yaml": imu_chain(subject.imu, has_rig)}
     if subject.rig is not None and has_rig:

@@ -61,7 +61,7 @@ def settings(values: ImuValues) -> str:
 
 
 def _imu(values: ImuValues) -> str:
-    """Return the keys of the IMU."""
+    """Return the lines ``IMU.NoiseGyro`` ... of a settings file."""
     return (
         f"IMU.NoiseGyro: {real(values.rms_density('gyroscope_noise_density'))}\n"
         f"IMU.NoiseAcc: {real(values.rms_density('accelerometer_noise_density'))}\n"
@@ -120,7 +120,11 @@ def _lens_remarks(rig: RigValues, names: list[str]) -> list[str]:
 
 
 def _camera(prefix: str, camera: CameraParameters, stereo: bool) -> str:
-    """Return the keys of a camera."""
+    """Return the lines of one camera in a settings file: intrinsics, distortion, overlap.
+
+    :param prefix: beginning of the keys: Camera1, Camera2.
+    :param stereo: True for one of two cameras.
+    """
     numbers = dict(zip(("fx", "fy", "cx", "cy"), camera.intrinsics, strict=True))
     if kind(camera) == "equidistant":
         numbers.update(zip(("k1", "k2", "k3", "k4"), four_coefficients(camera), strict=True))

@@ -1,7 +1,7 @@
 # Copyright 2026 imu_sim_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""A camera rig in the form of the stacks, and the stacks that its start of flight defeats."""
+"""A camera rig in the terms of the stacks, and the stacks that cannot initialise on its motion."""
 
 from collections.abc import Collection, Iterator, Mapping
 from dataclasses import dataclass
@@ -28,7 +28,9 @@ class RigValues:
     topics: Mapping[str, str]
     """Topic of each camera's images."""
     scene: SceneParameters
+    """Scene that the cameras see."""
     bad_starts: tuple["BadStart", ...] = ()
+    """Stacks that will initialise badly on this motion."""
 
     def start_remarks(self, stack: str) -> Iterator[str]:
         """Yield a sentence for each reason for which a stack will initialise badly."""
@@ -95,6 +97,7 @@ class RigValues:
 
 
 def _seconds(time: float) -> str:
+    """Return a time as text with six digits and its unit: ``0.005 s``."""
     return f"{decimal(float(f'{time:.6g}'))} s"
 
 
@@ -145,7 +148,7 @@ def four_coefficients(camera: CameraParameters) -> list[float]:
 
 
 def yaml_list(values: Iterator[float] | list[float] | tuple[float, ...]) -> str:
-    """Return numbers as a YAML list."""
+    """Return numbers as a YAML list of floating-point numbers: ``[1.0, 0.5]``."""
     return f"[{', '.join(real(value) for value in values)}]"
 
 
@@ -219,7 +222,7 @@ def bad_starts(values: ImuValues, start: InitialMotion) -> Iterator[BadStart]:
 
 
 def _openvins(values: ImuValues, start: InitialMotion) -> Iterator[str]:
-    """Yield why OpenVINS cannot initialise well with this start of the motion."""
+    """Yield the reasons for which OpenVINS cannot initialise well on this start of a motion."""
     rest, speed = _rest(values, start)
     if rest is None:
         yield (
@@ -243,7 +246,10 @@ def _openvins(values: ImuValues, start: InitialMotion) -> Iterator[str]:
 
 
 def _rest(values: ImuValues, start: InitialMotion) -> tuple[float | None, str]:
-    """Return the end of a rest before a jerk [s]; None: with the reason, if it seems so."""
+    """Return the end of the first rest before a jerk [s], and an empty text.
+
+    None without such a rest, with a text about a steady motion that looks like a rest, if any.
+    """
     count = round(_WINDOW / (start.t[1] - start.t[0]))
     if len(start.t) < 2 * count:
         return None, ""

@@ -21,6 +21,7 @@ _ROWS: Final = (
     "about x, y, z",
     "ax, ay, az",
 )
+"""States of the filter, three a row: position, angles, velocity, rates, acceleration."""
 _FREQUENCY: Final = 50.0
 """Rate of the filter's output [Hz]."""
 
@@ -109,12 +110,12 @@ def _odometry(number: int, topic: str, used: str) -> list[str]:
 
 
 def _config(name: str, rows: tuple[int, ...]) -> str:
-    """Return a configuration that uses whole rows of three."""
+    """Return the key ``NAME_config`` of an input that measures some rows of ``_ROWS``."""
     return _booleans(name, [k // 3 in rows for k in range(15)])
 
 
 def _booleans(name: str, used: list[bool]) -> str:
-    """Return the list of the 15 states that an input measures, three a row."""
+    """Return the key ``NAME_config``: a flag for each of the 15 states, three a line."""
     indent = " " * (len(name) + len("    _config: ["))
     rows = [", ".join(str(flag).lower() for flag in used[k : k + 3]) for k in range(0, 15, 3)]
     lines = [f"{row}{',' if k < 4 else ']'}  # {_ROWS[k]}" for k, row in enumerate(rows)]

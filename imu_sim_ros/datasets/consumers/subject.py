@@ -1,7 +1,7 @@
 # Copyright 2026 imu_sim_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Subject of the stacks' files."""
+"""The sensors for which the stacks' configuration files are written."""
 
 from typing import NamedTuple
 
@@ -12,7 +12,7 @@ from imu_sim_ros.simulation.parameters import SimulationParameters
 
 
 class Subject(NamedTuple):
-    """An IMU, and with it cameras and the sensors of its body."""
+    """An IMU, with the cameras and other sensors of its body."""
 
     imu: ImuValues
     rig: RigValues | None = None

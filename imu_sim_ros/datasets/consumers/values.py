@@ -31,7 +31,7 @@ HORIZON: Final = 1.0
 Chosen for the consistency of a smoother in gtsam (CombinedImuFactors, a pose every 0.2 s): with
 1 s its NEES per degree of freedom is close to 1, with 10 s it is 2 to 4.
 """
-# These determine how another parameter is interpreted, or choose among forms of the same.
+# Parameters that only say how another one is interpreted.
 _NO_TERMS: Final = frozenset(
     [
         "preset",
@@ -43,8 +43,8 @@ _NO_TERMS: Final = frozenset(
 SAME_TIME: Final = 1e-5
 """Largest difference of delays that stacks ignore [s]."""
 _VIBRATION: Final = ("vibration.line_amplitude", "vibration.band_density")
-"""Parameters of the vehicle's vibration that are strengths; the others say where and when."""
-# The consumers' trajectories are of the IMU, and the user states the mount.
+"""Strengths of the vehicle's vibration; its other parameters are frequencies and phases."""
+# The mount is no error: the stacks estimate the trajectory of the IMU.
 _EXTRINSICS: Final = frozenset(["lever_arm", "mounting"])
 
 
@@ -160,6 +160,7 @@ class ImuValues:
 
 
 def _root_mean_square(axes: Array) -> float:
+    """Return the root mean square of the values (3,) of three axes."""
     return math.sqrt(float(np.mean(axes**2)))
 
 

@@ -167,7 +167,11 @@ def fusion(rig: RigValues, prefix: str) -> str:
 
 
 def _head(name: str, rig: RigValues, missing: Iterator[str]) -> str:
-    """Return the comment at the head of the file."""
+    """Return the comment at the head of a configuration.
+
+    :param name: name of the stack.
+    :param missing: sentences about what the format cannot express of the cameras.
+    """
     return comment(
         [
             f"{name}, whole: lenses and their mounts as they are simulated, the rest as for EuRoC. "
