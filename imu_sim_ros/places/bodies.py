@@ -34,7 +34,7 @@ STEP: Final = 0.25
 _LEAF: Final = 0.04
 """Thickness of a door [m]."""
 _OVERHEAD: Final = {"up": 1.15, "sideways": 0.9, "down": 0.45}
-"""Light on faces by where they look, in that of the place."""
+"""Light on faces that look up, sideways and down, as a share of the place's light."""
 
 
 class Course(NamedTuple):
@@ -47,7 +47,7 @@ class Course(NamedTuple):
 
     @property
     def period(self) -> float:
-        """After which it repeats [s]."""
+        """Time after which the course repeats [s]."""
         return len(self.controls) * STEP
 
     def at(self, t: Array) -> Array:
@@ -65,7 +65,7 @@ class Course(NamedTuple):
         return self._sum(interval, weights)
 
     def rates(self, t: Array) -> Array:
-        """Return the derivatives (n, 3) by time."""
+        """Return the rates of x, y [m/s] and heading [rad/s] (n, 3) at times t (n,) [s]."""
         interval, f = self._place(t)
         g = 1.0 - f
         weights = (
@@ -78,7 +78,7 @@ class Course(NamedTuple):
 
     @staticmethod
     def _place(t: Array) -> tuple[Array, Array]:
-        """Return the intervals (n,) of times (n,) and the parts (n,) of them that have passed."""
+        """Return the spline's intervals (n,) of times (n,), and the shares of them before (n,)."""
         u = np.asarray(t, np.float64) / STEP
         whole = np.floor(u)
         return whole.astype(np.int64), u - whole
@@ -95,13 +95,16 @@ class Course(NamedTuple):
 
 
 Landmarks = tuple[Array, Array]
+"""Points (n, 3) [m] on a body and their outward normals (n, 3), in the body's axes."""
 
 
 class MovingBody(NamedTuple):
-    """A rigid body."""
+    """A person, a cart or a door that moves in a place as a rigid body."""
 
     name: str
+    """Name of the body: its kind and a number."""
     kind: str
+    """One of ``KINDS``."""
     faces: tuple[Face, ...]
     """Faces in the body's axes."""
     course: Course
@@ -109,7 +112,7 @@ class MovingBody(NamedTuple):
     """Height of the origin [m]."""
 
     def surfaces(self) -> Surfaces:
-        """Return its rectangles in its own axes."""
+        """Return the rectangles of its faces, in its own axes."""
         result = surfaces([face.rectangle for face in self.faces], hides=True)
         return result._replace(texture=tuple(face.material for face in self.faces))
 
@@ -146,13 +149,13 @@ class MovingBody(NamedTuple):
         position_b = rotation.rotate_inverse(q_wb, position - p_wb)
         return position_b, rotation.multiply(rotation.conjugate(q_wb), q_wc)
 
-    def inside(self, t: Array, points: Array) -> Array:
+    def to_body(self, t: Array, points: Array) -> Array:
         """Return points (n, 3) of the world in its own axes at times t (n,) [s]."""
         p_wb, q_wb = self.pose(t)
         points_b: Array = rotation.rotate_inverse(q_wb, points - p_wb)
         return points_b
 
-    def outside(self, t: Array, points: Array) -> Array:
+    def to_world(self, t: Array, points: Array) -> Array:
         """Return points (n, 3) of its own axes in the world at times t (n,) [s]."""
         p_wb, q_wb = self.pose(t)
         points_w: Array = p_wb + rotation.rotate(q_wb, points)
@@ -168,9 +171,10 @@ def ball(where: Surfaces) -> tuple[Array, float]:
 
 
 def faces(kind: str, number: int, site: Site, hinge: Hinge | None = None) -> tuple[Face, ...]:
-    """Return the faces of the body of a number, in its own axes.
+    """Return the faces of a body of some kind, in its own axes.
 
-    :param hinge: of a door.
+    :param number: number of the body, with which its looks are drawn.
+    :param hinge: hinge of a door; None for other kinds.
     """
     body_site = Site(np.zeros(3), np.ones(3), np.zeros((0, 3)), site.seed, site.texture, site.light)
     b = PlaceBuilder(body_site)
@@ -249,10 +253,10 @@ class Crowd:
         landmarks: Sequence[Landmarks],
         sun: Sunlight | None = None,
     ) -> None:
-        """Take bodies.
+        """Initialise with the bodies of a scene.
 
-        :param landmarks: points of each, and their normals, in its own axes.
-        :param sun: that they throw shadows from; None: they are under a roof.
+        :param landmarks: landmarks of each body.
+        :param sun: sun in which they throw shadows; None: they are under a roof.
         """
         self.bodies = tuple(bodies)
         self.surfaces = [body.surfaces() for body in bodies]
@@ -268,16 +272,16 @@ class Crowd:
         for body, where, (middle, radius) in zip(
             self.bodies, self.surfaces, self.balls, strict=True
         ):
-            center = body.outside(t, np.broadcast_to(middle, points.shape))
+            center = body.to_world(t, np.broadcast_to(middle, points.shape))
             rows = np.flatnonzero(_distance(center, eye, points) < radius)
             if len(rows):
-                in_body = (body.inside(t[rows], positions[rows]) for positions in (eye, points))
+                in_body = (body.to_body(t[rows], positions[rows]) for positions in (eye, points))
                 result[rows] |= hidden(where, *in_body)
         return result
 
 
 def _distance(points: Array, start: Array, end: Array) -> Array:
-    """Return how far points (n, 3) are from the lines (n, 3) between two ends [m]."""
+    """Return the distances (n,) of points (n, 3) from line segments, start to end (n, 3) [m]."""
     side, offset = end - start, points - start
     square = np.maximum((side * side).sum(axis=1), 1e-12)
     share = np.clip((offset * side).sum(axis=1) / square, 0.0, 1.0)
@@ -286,7 +290,7 @@ def _distance(points: Array, start: Array, end: Array) -> Array:
 
 
 class BodyPainter(Painter):
-    """Textures of bodies: lit alike wherever they are, from above."""
+    """Textures of moving bodies, with the same light from above at every place."""
 
     def __init__(self, bodies: Sequence[MovingBody], site: Site) -> None:
         everything = tuple(face for body in bodies for face in body.faces)
@@ -301,12 +305,12 @@ class BodyPainter(Painter):
 
     @property
     def _light(self) -> list[Single]:
-        """Light on the faces; the same everywhere."""
+        """Factors of the colours of each face (1, 1, 3), which do not depend on the body's pose."""
         return self._constant
 
 
 def _share(up: float) -> float:
-    """Return the light on a face by the z of its normal."""
+    """Return the light on a face, as a share of the place's, by the z of its unit normal."""
     if up > 0.5:
         return _OVERHEAD["up"]
     return _OVERHEAD["down"] if up < -0.5 else _OVERHEAD["sideways"]

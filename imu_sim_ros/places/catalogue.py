@@ -21,26 +21,27 @@ from imu_sim_ros.places.warehouse import warehouse
 
 
 class Kind(NamedTuple):
-    """A kind of place."""
+    """A kind of place, such as an office, with its usual and possible sizes."""
 
     build: Build
+    """Returns the place on a site."""
     size: tuple[float, float, float]
-    """Length along x, y and z of one that fits no path [m]."""
+    """Usual size along x, y and z, of a place that is not fitted to a path [m]."""
     margin: float
-    """Distance of its walls from a path that it fits [m]."""
+    """Distance of the walls from a path to which the place is fitted [m]."""
     headroom: float
-    """Distance of its ceiling from the highest place of such a path [m]."""
+    """Distance of the ceiling from the highest point of such a path [m]."""
     smallest: tuple[float, float, float]
-    """Least size [m]."""
+    """Smallest size [m]."""
     largest: tuple[float, float, float]
     """Largest size, so that light and images do not take minutes [m]."""
     long: bool = False
-    """True if it runs along the longer of x and y, with sizes in length, width and height."""
+    """True if it runs along the longer of x and y; its sizes are length, width and height."""
     fits: tuple[float, float, float] = (math.inf, math.inf, math.inf)
-    """Largest size around a path: beyond it would be something else [m]."""
+    """Largest size around a path: a larger place would not be of this kind [m]."""
 
     def sides(self, values: Sequence[object] | Array, extent: Sequence[float] | Array) -> AnyArray:
-        """Return values of its sides in the order x, y, z, as it lies in an extent (3,) [m]."""
+        """Return three values, such as sizes, in the order of the axes of an extent (3,) [m]."""
         turned = self.long and extent[1] > extent[0]
         return np.asarray(values)[[1, 0, 2] if turned else [0, 1, 2]]
 
@@ -103,7 +104,7 @@ def around(name: str, path: Array, foot: float) -> tuple[Array, Array]:
 
 
 def stretched(name: str, low: Array, high: Array) -> str:
-    """Return in words how large a place around a path is, and how large one usually is."""
+    """Return a sentence on the size of a place around a path, and on the usual one."""
     size = high - low
     usual_size = KINDS[name].sides(KINDS[name].size, size)
     factors = " x ".join(f"{factor:.2f}" for factor in size / usual_size)
@@ -119,7 +120,7 @@ def _metres(size: Array) -> str:
 
 
 def size_problems(name: str, size: Sequence[float], parameter: str) -> Iterator[str]:
-    """Yield whether only some sides are given, or too little or too much for the place.
+    """Yield a line for a size with only some of its sides, and for sides out of range.
 
     :param size: along x, y, z [m]; 0: as usual.
     """
@@ -148,5 +149,5 @@ def usual(kind: str, size: Sequence[float]) -> tuple[Array, Array]:
 
 
 def build(kind: str, site: Site) -> Place:
-    """Return a place of some kind."""
+    """Return a place of a kind in ``KINDS``, built on a site."""
     return KINDS[kind].build(site)

@@ -65,7 +65,7 @@ def _doors(
 ) -> tuple[list[Print], list[Print]]:
     """Return the equal doors of a wall with their plates, and prints between them.
 
-    :param moving: how many of them move: every second one.
+    :param moving: number of doors that move; they are every second one.
     """
     prints = [Print("strip", 0, 0, length, 0.09)]
     wall_prints: list[Print] = []

@@ -33,7 +33,7 @@ def _moved(origin: Place3, turn: float, x: float, y: float, z: float) -> tuple[f
 
     :param origin: foot of the piece [m].
     :param turn: its heading in steps of 90 degrees.
-    :param x: point in its axes [m].
+    :param x, y, z: point in the axes of the piece [m].
     """
     offset = turned(turn) @ np.array([x, y, z])
     return origin[0] + float(offset[0]), origin[1] + float(offset[1]), origin[2] + float(offset[2])
@@ -54,7 +54,7 @@ def _part(
     :param origin: foot of the piece [m].
     :param middle: middle of the box in the axes of the piece [m].
     :param size: edges of the box [m].
-    :param leave: side without a face.
+    :param leave: sides without a face, ``top,bottom``; empty: none.
     """
     center = np.array(_moved(origin, turn, *middle))
     half = 0.5 * np.asarray(size, np.float64)
@@ -62,7 +62,7 @@ def _part(
 
 
 def _clear(b: PlaceBuilder, origin: Place3, radius: float, height: float) -> bool:
-    """Return True if a cube around a foot is free: half its width, and its height [m]."""
+    """Return True if no path runs through a box on a foot, of half a width and a height [m]."""
     x, y, z = origin
     return b.free((x - radius, y - radius, z), (x + radius, y + radius, z + height))
 
@@ -171,10 +171,11 @@ def bookcase(b: PlaceBuilder, low: Place3, high: Place3, front: str) -> None:
 def door_leaf(
     b: PlaceBuilder, hinge: Place3, width: float, height: float, angle: float, number: int
 ) -> None:
-    """Add an open door, or the hinge of one that moves.
+    """Add an open door, or, while the site has moving doors left, the hinge of one of these.
 
-    :param hinge: foot of its hinge; closed it lies along x [m].
-    :param angle: by which it is open [rad].
+    :param hinge: foot of the hinge; the closed door lies along x [m].
+    :param angle: angle by which the door is open [rad].
+    :param number: number of its looks.
     """
     x, y, z = hinge
     if len(b.hinges) < b.site.doors:
@@ -239,8 +240,8 @@ def signs(
 ) -> None:
     """Add switches, plates, signs and conduits to a wall.
 
-    :param pitch: distance between two of them, about [m].
-    :param kinds: from which each is chosen, with its width, height and lower edge [m].
+    :param pitch: mean distance between two of them [m].
+    :param kinds: kinds to choose from: print, width, height, and height of the lower edge [m].
     :param cables: height of the conduits [m]; 0: none.
     """
     if b.site.texture == "blank":
@@ -275,7 +276,7 @@ def plant(b: PlaceBuilder, origin: Place3, stream: Stream) -> None:
 def wall_decoration(b: PlaceBuilder, wall: int) -> None:
     """Add posters, a clock, outlets and a skirting to a wall, where it is free.
 
-    Whatever stands before it must be there.
+    What stands in front of the wall must have been added before.
     """
     _, across, up = b.faces[wall].rectangle
     width, height = (float(np.sqrt((side * side).sum())) for side in (across, up))
@@ -306,9 +307,9 @@ def wall_decoration(b: PlaceBuilder, wall: int) -> None:
 def windows(
     b: PlaceBuilder, wall: int, sill: float, height: float
 ) -> Callable[[PlaceBuilder], Lighting]:
-    """Add windows to a wall; return the function that makes the light of a house with lamps.
+    """Add windows to a wall; return the function that makes the lighting of the finished place.
 
-    By day they shine, and the sun with them; otherwise it is night outside.
+    By day sky and sun shine through them; otherwise it is night outside.
 
     :param sill: height of their lower edge [m].
     """

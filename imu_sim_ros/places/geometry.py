@@ -14,6 +14,7 @@ from imu_sim_ros.core.types import Array, Integers, Mask
 
 Floats = NDArray[np.floating[Any]]
 Kind = type[np.float32] | type[np.float64]
+"""Type of the numbers to calculate with."""
 Rectangle = tuple[Array, Array, Array]
 """Origin, across and up, each (3,) [m]."""
 
@@ -33,7 +34,7 @@ class Surfaces(NamedTuple):
     up: Array
     """(m, 3) the other side from the origin, t [m]."""
     hides: Mask
-    """(m,) something may be behind it; false for the walls of a room seen from inside."""
+    """(m,) True if a rectangle may hide something; False for the walls of a room."""
     texture: tuple[str, ...]
     """Names of the textures of the m surfaces."""
 
@@ -45,7 +46,7 @@ class Surfaces(NamedTuple):
         return unit
 
     def some(self, which: Mask) -> "Surfaces":
-        """Return those of some rows (m,)."""
+        """Return the rectangles for which a mask (m,) is True."""
         names = tuple(self.texture[m] for m in np.flatnonzero(which))
         return Surfaces(
             self.origin[which], self.across[which], self.up[which], self.hides[which], names
@@ -59,7 +60,7 @@ class Surfaces(NamedTuple):
 
 
 def surfaces(rectangles: Sequence[Rectangle], hides: bool, texture: str = "wall") -> Surfaces:
-    """Return rectangles (origin, across, up) as one."""
+    """Return rectangles as arrays, all with the same texture and the same ``hides``."""
     columns = np.array(rectangles, dtype=np.float64).reshape(-1, 3, 3)
     count = len(columns)
     return Surfaces(
@@ -72,7 +73,7 @@ def surfaces(rectangles: Sequence[Rectangle], hides: bool, texture: str = "wall"
 
 
 def joined(first: Surfaces, second: Surfaces) -> Surfaces:
-    """Return the surfaces of both."""
+    """Return the rectangles of two sets, one after the other."""
     return Surfaces(
         np.concatenate([first.origin, second.origin]),
         np.concatenate([first.across, second.across]),
@@ -131,9 +132,9 @@ class Hits(NamedTuple):
     """Nearest intersections of n rays with the surfaces."""
 
     distance: Floats
-    """(n,) distances in lengths of the ray's direction; infinite: nothing."""
+    """(n,) distances in lengths of the ray's direction; infinite: the ray meets nothing."""
     surface: Integers
-    """(n,) number of the surface; -1: nothing."""
+    """(n,) numbers of the surfaces; -1: the ray meets nothing."""
 
 
 class Caster:
@@ -149,17 +150,17 @@ class Caster:
     def __init__(self, surfaces: Surfaces, kind: Kind = np.float64) -> None:
         """Initialise with rectangles.
 
-        :param kind: of the numbers to calculate with: float32 or float64.
+        :param kind: type of the numbers to calculate with: float32 or float64.
         """
         self.surfaces, self._kind = surfaces, kind
         self._planes = list(_planes(surfaces, kind))
 
     def cast(self, origins: Floats, directions: Floats, nearest: float = 1e-4) -> Hits:
-        """Return which surface each ray ``origin + t direction`` meets first.
+        """Return the first intersection of each ray ``origin + t direction``.
 
         :param origins: (n, 3) [m].
         :param directions: (n, 3) of any length.
-        :param nearest: least t of a hit.
+        :param nearest: smallest t of an intersection.
         """
         distance: Floats = np.full(len(origins), np.inf, self._kind)
         number = np.full(len(origins), -1, np.int64)
@@ -180,7 +181,7 @@ class Caster:
 
         :param origins: (n, 3) [m].
         :param directions: (n, 3) of any length.
-        :param ends: (n,) or one number.
+        :param ends: (n,) largest t of an intersection, or one number.
         """
         result = np.zeros(len(origins), np.bool_)
         ends = np.broadcast_to(np.asarray(ends, self._kind), (len(origins),))
@@ -196,15 +197,16 @@ class Caster:
 
 
 class _Rays(NamedTuple):
-    """Rays by their axes, each (n,)."""
+    """n rays in components: x, y and z of each quantity, (n,) each."""
 
     origin: list[Floats]
     direction: list[Floats]
     inverse: list[Floats]
+    """1 / direction, a large number instead of an infinite one."""
 
     @classmethod
     def of(cls, origins: Floats, directions: Floats, kind: Kind) -> "_Rays":
-        """Split rays into components; none runs exactly along a plane of two axes."""
+        """Return rays (n, 3) in components; directions of 0 along an axis become tiny ones."""
         starts: list[Floats] = [np.ascontiguousarray(origins[:, k], kind) for k in range(3)]
         axes: list[Floats] = [np.ascontiguousarray(directions[:, k], kind) for k in range(3)]
         tiny, unity = kind(1e-12), kind(1.0)
@@ -213,15 +215,17 @@ class _Rays(NamedTuple):
 
 
 class _Plane(NamedTuple):
-    """A rectangle that lies across one axis."""
+    """A rectangle that is perpendicular to an axis, with sides along the other two."""
 
     axis: int
+    """Axis of its normal: 0, 1, 2."""
     place: float
+    """Coordinate of its plane on this axis [m]."""
     sides: tuple[tuple[int, float, float], tuple[int, float, float]]
-    """Axis, least and largest place of both sides."""
+    """Axis, smallest and largest coordinate [m] of each side."""
 
     def meet(self, rays: _Rays) -> tuple[Floats, Mask]:
-        """Return t (n,) of all rays, and which meet the rectangle's plane within its sides."""
+        """Return t (n,) where rays meet the plane, and True (n,) for those within the rectangle."""
         t = self.place - rays.origin[self.axis]
         t *= rays.inverse[self.axis]
         within_bounds: Mask | None = None
@@ -236,15 +240,18 @@ class _Plane(NamedTuple):
 
 
 class _Oblique(NamedTuple):
-    """A rectangle that lies anywhere."""
+    """A rectangle in any attitude."""
 
     normal: Floats
+    """(3,) unit normal."""
     offset: float
+    """Normal times any point of the plane [m]."""
     sides: tuple[tuple[Floats, float], tuple[Floats, float]]
-    """Side by its square, and the origin's place along it."""
+    """Each side (3,) over the square of its length, and its product with the origin: along the
+    side, a point p of the rectangle has ``side p - start`` from 0 to 1."""
 
     def meet(self, rays: _Rays) -> tuple[Floats, Mask]:
-        """Return t (n,) of all rays, and which meet the rectangle's plane within its sides."""
+        """Return t (n,) where rays meet the plane, and True (n,) for those within the rectangle."""
         along = _dot(self.normal, rays.direction)
         tiny = along.dtype.type(1e-12)
         along = np.where(np.abs(along) < tiny, tiny, along)
@@ -260,13 +267,13 @@ class _Oblique(NamedTuple):
 
 
 def _dot(vector: Floats, axes: Sequence[Floats]) -> Floats:
-    """Return the products of vectors and axes."""
+    """Return the scalar products (n,) of a vector (3,) and n vectors in components."""
     result: Floats = vector[0] * axes[0] + vector[1] * axes[1] + vector[2] * axes[2]
     return result
 
 
 def _planes(surfaces: Surfaces, kind: Kind) -> Iterator[_Plane | _Oblique]:
-    """Yield the rectangles in a form that rays of a type meet fast."""
+    """Yield each rectangle in the form for which intersections take the fewest operations."""
     normals = surfaces.normal
     for m, (o, a, b) in enumerate(zip(*surfaces[:3], strict=True)):
         axes = [np.flatnonzero(np.abs(vector) > 1e-9) for vector in (normals[m], a, b)]
@@ -285,6 +292,6 @@ def _planes(surfaces: Surfaces, kind: Kind) -> Iterator[_Plane | _Oblique]:
 
 
 def _parts(count: int) -> Iterator[slice]:
-    """Yield slices of rays that are computed at once."""
+    """Yield slices of ``count`` rays, each of as many as are processed at once."""
     for start in range(0, count, _RAYS):
         yield slice(start, min(start + _RAYS, count))

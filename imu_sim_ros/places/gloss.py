@@ -1,7 +1,7 @@
 # Copyright 2026 imu_sim_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Light that depends on the eye: highlights of lamps and sun, glass that mirrors a little.
+"""Light that depends on the eye: highlights of lamps and sun, and reflections in glass.
 
 A glossy surface adds to its baked light, in units of pi times a radiance,
 
@@ -37,22 +37,22 @@ from imu_sim_ros.places.sheet import Print
 _ONE: Final = np.float32(1.0)
 _FULL: Final = np.float32(255.0**2)
 _LEAST: Final = 0.006
-"""Light, of that which is white, below which nobody looks for gloss."""
+"""Mirrored light below which gloss is left out, as a share of white."""
 _FAINT: Final = 0.02
-"""Light by which a highlight is lowered, so that it ends somewhere."""
+"""Light that is subtracted from a highlight, so that it has an end."""
 _NARROW: Final = 0.15
-"""Faces with a shorter side show none [m]."""
+"""Side below which a face has no gloss [m]."""
 _WIDEST: Final = 2.0 * 2.0**0.5
 """Angle from the mirrored direction at which a lobe ends, in half-widths of its blur: at the
 largest slant, along the diagonal of a lamp."""
 _PIXELS: Final = np.float32(6.0)
-"""Half a cell, and what perspective may add to it [pixels]."""
+"""Half a cell, with a margin for perspective [pixels]."""
 
 
 def normal_reflectance(index: float) -> float:
     """Return the share of light that is mirrored by a surface seen square on: Fresnel's equation.
 
-    :param index: of refraction.
+    :param index: refractive index.
 
     >>> round(normal_reflectance(1.5), 6)
     0.04
@@ -63,8 +63,8 @@ def normal_reflectance(index: float) -> float:
 def reflectance(cosine: Single, normal: Single | float) -> Single:
     """Return the share of light that is mirrored, by Schlick: ``F + (1 - F) (1 - cos)^5``.
 
-    :param cosine: of the angle from the normal.
-    :param normal: the share F seen square on.
+    :param cosine: cosine of the angle from the normal.
+    :param normal: share F at normal incidence.
     """
     x = _ONE - cosine
     square = x * x
@@ -72,7 +72,7 @@ def reflectance(cosine: Single, normal: Single | float) -> Single:
 
 
 def mirrored(light: Single, is_lamp: Single) -> Single:
-    """Return the visible light of a lobe; of a lamp, at most that of the lamp.
+    """Return the visible light of a highlight; that of a lamp is never brighter than the lamp.
 
     :param is_lamp: 1 for a lamp, 0 for the sun.
     """
@@ -83,13 +83,13 @@ class Gloss(NamedTuple):
     """Parameters of specular reflection of a surface."""
 
     normal: float
-    """Share that is mirrored square on."""
+    """Share of the light that is mirrored at normal incidence."""
     smooth: float
     """Share of the environment that is mirrored at all; a rough surface shows less of it."""
     doublings: int
     """The exponent of Phong's lobe is 2 to the power of this."""
     clear: bool = False
-    """One sees through it; its colour is that of what is behind."""
+    """True for glass, whose colour is that of what is behind it."""
 
 
 _MATERIALS: Final = {
@@ -98,7 +98,7 @@ _MATERIALS: Final = {
     "paint": Gloss(normal_reflectance(1.5), 0.3, 8),
     "metal": Gloss(0.55, 0.5, 7),
 }
-"""Glazed, varnished, lacquered; brushed steel."""
+"""Gloss of materials: glazed, varnished, lacquered; brushed steel."""
 _GLASS: Final = Gloss(normal_reflectance(1.52), 1.0, 12, clear=True)
 _PRINTS: Final[dict[str, tuple[Gloss, tuple[float, float, float, float]]]] = {
     "glass": (_GLASS, (0.07, 0.06, 0.07, 0.07)),
@@ -115,6 +115,7 @@ class Region(NamedTuple):
     """A glossy part of a face."""
 
     face: int
+    """Number of the face."""
     gloss: Gloss
     low: tuple[float, float]
     """Coordinates s and r of the lower left corner on the face."""
@@ -123,7 +124,7 @@ class Region(NamedTuple):
 
 
 def regions(faces: Sequence[Face], sides: Array) -> list[Region]:
-    """Return the glossy parts of faces in order; an upper one comes after a lower one.
+    """Return the glossy parts of faces in order; a print comes after the material below it.
 
     :param sides: (m, 2) lengths of across and up [m].
     """
@@ -145,7 +146,7 @@ def regions(faces: Sequence[Face], sides: Array) -> list[Region]:
 
 
 def glossy(faces: Sequence[Face], sides: Array) -> Mask:
-    """Return which faces (m,) have glossy parts.
+    """Return True for faces (m,) with glossy parts.
 
     :param sides: (m, 2) lengths of across and up [m].
     """
@@ -155,7 +156,7 @@ def glossy(faces: Sequence[Face], sides: Array) -> Mask:
 
 
 def panes(faces: Sequence[Face], sides: Array) -> list[Region]:
-    """Return the parts of faces that are glass, windows through which it is bright, too.
+    """Return the parts of faces that are glass, including windows that glow by day.
 
     :param sides: (m, 2) lengths of across and up [m].
     """
@@ -185,18 +186,19 @@ class Sights(NamedTuple):
 
     @classmethod
     def of(cls, places: Single, start: Single, height: Single, sides: Single) -> "Sights":
-        """Return them.
+        """Return the sights of places from an eye.
 
         :param places: (2, p, k) s and r.
         :param start: (2, p, k) or (2, p, 1) s and r of the eye's foot.
-        :param sides: (2, p, 1) lengths of the surface [m].
+        :param height: (p, k) or (p, 1) height of the eye above the plane [m].
+        :param sides: (2, p, 1) lengths of the sides of the surface [m].
         """
         across, up = (places - start) * sides
         away = np.sqrt(across * across + up * up + height * height)
         return cls(places[0], places[1], across, up, height, away)
 
     def some(self, rows: Integers) -> "Sights":
-        """Return those of some rows."""
+        """Return the sights of the rows (q,) of an index."""
         return Sights(*(column.take(rows, axis=0) for column in self))
 
 
@@ -260,7 +262,7 @@ class Sheen(NamedTuple):
 
     @classmethod
     def empty(cls, regions: int, faces: int, sources: int, colours: int) -> "Sheen":
-        """Return that of some regions of which nothing is known yet."""
+        """Return records and arrays of zeros for some regions, faces, sources and colours."""
         return cls(
             np.zeros(regions, _REGION),
             np.zeros((regions, sources), np.float32),
@@ -276,11 +278,11 @@ class Polish:
     """The gloss of a place."""
 
     def __init__(self, place: Place, light: Baked, radiance: Single, weights: Single) -> None:
-        """Take a place and its light.
+        """Initialise with a place and its light.
 
-        :param light: as exposed.
+        :param light: light on the faces with its exposure.
         :param radiance: (m, 3) mean light that each face gives.
-        :param weights: (colours, 3) of red, green and blue in each of the image's colours.
+        :param weights: (colours, 3) weights of red, green and blue in each colour of the image.
         """
         where = place.surfaces()
         glossy = regions(place.faces, where.sides)
@@ -330,11 +332,11 @@ class Polish:
         sheen.sights["axes"] = sources.axes.transpose(2, 3, 0, 1)
 
     def active(self, face: Integers, sights: Sights, steps: Single, angle: float) -> "Active":
-        """Return the regions of some faces (p,) that may be seen in a cell, and their sources.
+        """Return the regions of faces (p,) that may be visible in cells, and their light sources.
 
-        :param sights: (p, 1) of the middles of cells.
+        :param sights: (p, 1) sights of the middles of the cells.
         :param steps: (2, p) differences of s and r from one pixel to the next; huge: unknown.
-        :param angle: between two rays of a cell at most [rad].
+        :param angle: largest angle between two rays of a cell [rad].
         """
         counts = self.count[face]
         pair = np.repeat(np.arange(len(face)), counts)
@@ -377,7 +379,7 @@ class Polish:
 
 
 class Active(NamedTuple):
-    """Glossy regions that may be seen."""
+    """Glossy regions that may be visible in cells."""
 
     pair: Integers
     """(q,) number of the place where they are seen, ascending."""
@@ -390,9 +392,9 @@ class Active(NamedTuple):
 def _lobes(
     peak: Single, power: Single, blur: Single, is_lamp: Single
 ) -> tuple[Single, Single, Single]:
-    """Return the share of a lobe's middle (k, sources) below which no highlight is seen.
+    """Return the share of a lobe's peak (k, sources) below which its highlight is not visible.
 
-    And cosine and sine of the angle at which that is.
+    The other results are cosine and sine of the angle at which the lobe falls below it.
 
     :param peak: (k, sources) brightest highlights.
     :param power: (k,) exponents of the lobes.
@@ -429,7 +431,7 @@ def _environment(place: Place, radiance: Single, upwards: Array, weights: Single
 
 
 class _Sources(NamedTuple):
-    """Lamps, and the sun, as faces see them."""
+    """l light sources, lamps and the sun, as m faces see them."""
 
     place: Single
     """(3, m, l) middle, along the sides and the normal of each face [m]; of the sun its direction.
@@ -437,13 +439,13 @@ class _Sources(NamedTuple):
     axes: Single
     """(3, 3, m, l) unit vectors of a lamp's sides and normal, likewise."""
     halves: Single
-    """(2, l) half of its sides [m]."""
+    """(2, l) halves of the sides of lamps [m]."""
     sides: Single
-    """(2, m) lengths of the sides [m]."""
+    """(2, m) lengths of the sides of faces [m]."""
     near: Single
     """(l,) 1 for a lamp, 0 for the sun."""
     colour: Single
-    """(colours, l), times 255^2."""
+    """(colours, l) light in the colours of the image, times 255^2."""
     light: Single
     """(all,) irradiance on points of faces, source by source, without its colour."""
     first: Integers
@@ -453,7 +455,7 @@ class _Sources(NamedTuple):
     most: Single
     """(m, l) largest light, without its colour."""
     brightest: Single
-    """(l,) largest of the colours."""
+    """(l,) largest of red, green and blue."""
 
     @classmethod
     def of(
@@ -504,8 +506,9 @@ class _Sources(NamedTuple):
     ) -> Mask:
         """Return True for sources (p, l) that cells around places (p, 1) of faces (p,) may mirror.
 
-        :param lobe: cosine and sine (p, l) of the angle from the mirrored direction.
-        :param size: (p,) of the cells [m].
+        :param lobe: cosine and sine (p, l) of the angle at which the lobes end.
+        :param size: (p,) sizes of the cells on the faces [m].
+        :param angle: largest angle between two rays of a cell [rad].
         """
         x, y, z = self.place[:, face]
         width, height = self.sides[:, face, None]

@@ -29,11 +29,11 @@ _POINTS: Final = 24_000
 _COARSE: Final = 3_500
 """Points for the light that surfaces give to each other, which is smooth."""
 _NEAREST: Final = 0.1
-"""Least distance of two of them [m]."""
+"""Smallest distance of two points at which light is computed [m]."""
 _SMALL: Final = 0.02
-"""Surfaces below this area cast no shadow that anyone would see [m^2]."""
+"""Area of a surface below which its shadow is too small to be visible [m^2]."""
 _DIRECTIONS: Final = 28
-"""Directions from each into its hemisphere, in four turns of the pattern."""
+"""Directions from each point into its hemisphere; neighbours use four turns of the pattern."""
 _BOUNCES: Final = 4
 """Number of reflections of the light."""
 _SAMPLES: Final = 2
@@ -42,7 +42,7 @@ _LEAST: Final = np.float32(1e-3)
 """Irradiance by a lamp that is left out on matt surfaces. Gloss needs it at any distance: a lobe
 multiplies it by up to 2049, and where it ended a highlight would end at once."""
 _OFF: Final = np.float32(2e-3)
-"""Rays start this far in front of their surface [m]."""
+"""Distance in front of a surface at which its rays start [m]."""
 
 
 class Lamp(NamedTuple):
@@ -54,15 +54,15 @@ class Lamp(NamedTuple):
 
 
 class Lighting(NamedTuple):
-    """All sources of light."""
+    """Sources of light of a place: lamps, windows, sun and sky."""
 
     lamps: Sequence[Lamp] = ()
     to_sun: tuple[float, float, float] = (0.0, 0.0, 1.0)
     """Unit vector towards the sun."""
     sun: tuple[float, float, float] = (0.0, 0.0, 0.0)
-    """Irradiance across its rays; 0: none."""
+    """Irradiance of red, green and blue across the sun's rays; 0: there is no sun."""
     windows: Sequence[Rectangle] = ()
-    """Openings that let the sun into a house; none: it shines everywhere."""
+    """Openings through which the sun shines into a house; none: it shines everywhere."""
     sky: tuple[float, float, float] = (0.0, 0.0, 0.0)
     """Radiance of the sky, for directions that hit no matt surface."""
 
@@ -71,14 +71,15 @@ class Baked(NamedTuple):
     """Light on m surfaces; rows go up, columns across, values are of the middles of even parts."""
 
     total: list[Single]
-    """(rows, columns, 3) irradiance of red, green and blue on each."""
+    """Irradiance of red, green and blue on each surface, (rows, columns, 3)."""
     sources: list[Single]
-    """(lamps + 1, rows, columns) light of each lamp and the sun, without colour and exposure."""
+    """Light of each lamp and the sun on each surface, (lamps + 1, rows, columns), without colour
+    and exposure."""
     exposure: np.float32 = np.float32(1.0)
     """Exposure factor contained in the total."""
 
     def exposed(self, factor: np.float32) -> "Baked":
-        """Return it with another exposure."""
+        """Return the same light with another exposure factor."""
         return Baked([factor * irradiance for irradiance in self.total], self.sources, factor)
 
 
@@ -86,8 +87,11 @@ class _Points(NamedTuple):
     """The points of all surfaces, one surface after the other, row by row."""
 
     places: Single
+    """(n, 3) positions, a little in front of the surface [m]."""
     normals: Single
+    """(n, 3) unit normals."""
     surface: Integers
+    """(n,) numbers of the surfaces."""
     shapes: Integers
     """(m, 2) rows and columns of each surface."""
     first: Integers
@@ -127,7 +131,7 @@ class _Points(NamedTuple):
         return part.reshape(*part.shape[:-1], rows, columns)
 
     def at(self, where: Surfaces, number: Integers, places: Single) -> Integers:
-        """Return the point next to each place (n, 3) on a surface (n,)."""
+        """Return the numbers (n,) of the points nearest to places (n, 3) on surfaces (n,)."""
         offset = places - where.origin.astype(np.float32)[number]
         index = []
         for k, side in ((1, where.across), (0, where.up)):
@@ -149,12 +153,12 @@ def bake(
     detail: Array | float = 1.0,
     mirrors: Mask | None = None,
 ) -> Baked:
-    """Return the light on each surface.
+    """Return the light on m surfaces.
 
+    :param albedo: (m, 3) mean share of red, green and blue that each surface reflects.
+    :param sky: (m,) surfaces of the sky, which give its light and let the sun through.
+    :param detail: (m,) density of the points on each surface, relative to the mean.
     :param mirrors: (m,) surfaces with gloss, which lamps light at any distance; None: none.
-    :param albedo: (m, 3) share of the light that each surface gives back, mean of it.
-    :param detail: (m,) density of the points on each surface, of the others' one.
-    :param sky: (m,) surfaces that give the light of the sky, and let the sun through.
     """
     casting = ~sky & (where.sides.prod(axis=1) > _SMALL)
     solid = Caster(where.some(casting), np.float32)
@@ -181,7 +185,7 @@ def resampled(grid: Single, axis: int, length: int, start: int = 0, some: int = 
 
     :param length: number of cells of the new grid.
     :param start: first cell that is returned.
-    :param some: their number; 0: all.
+    :param some: number of cells that are returned; 0: all.
     """
     parts = grid.shape[axis]
     index = np.arange(start, start + (some or length)).astype(np.float32) + np.float32(0.5)
@@ -200,7 +204,7 @@ def resampled(grid: Single, axis: int, length: int, start: int = 0, some: int = 
 def _direct(
     points: _Points, solid: Caster, lighting: Lighting, threshold: Single
 ) -> tuple[Single, Single]:
-    """Return the irradiance (n, 3) by lamps and sun, and that of each source (lamps + 1, n).
+    """Return the irradiance (n, 3) by lamps and sun, and that by each source (lamps + 1, n).
 
     The latter is without the colour of the source.
 
@@ -246,7 +250,7 @@ def _from_lamps(
 
 
 def _from_sun(points: _Points, solid: Caster, lighting: Lighting, alone: Single) -> Single:
-    """Return the sun's light (n, 3) at points."""
+    """Return the irradiance (n, 3) by the sun; add it without colour to ``alone`` (n,)."""
     result = np.zeros_like(points.places)
     colour = np.array(lighting.sun, np.float32)
     if not colour.any():
@@ -295,7 +299,7 @@ def _given_back(
 
 
 def _met(points: _Points, caster: Caster) -> NDArray[np.int32]:
-    """Return the point (directions, n) that each direction from each point meets; n: none."""
+    """Return the number of the point that each ray meets (directions, n); n: it meets none."""
     count, where = len(points.places), caster.surfaces
     sides = [
         (side / np.sqrt((side * side).sum(axis=1, keepdims=True))).astype(np.float32)[
@@ -320,7 +324,10 @@ def _met(points: _Points, caster: Caster) -> NDArray[np.int32]:
 
 
 def _direction(k: int, quarter: int) -> tuple[float, float, float]:
-    """Return direction k around z; all of them have a density of the cosine to z."""
+    """Return unit vector k of a pattern around z whose density goes with the cosine to z.
+
+    :param quarter: turn of the pattern, 0 to 3 quarters of its step.
+    """
     share = (k + 0.125 + 0.25 * quarter) / _DIRECTIONS
     angle = (k + 0.25 * quarter) * math.pi * (3.0 - math.sqrt(5.0))
     radius = math.sqrt(share)
@@ -343,7 +350,7 @@ def _smoothed(values: Single, points: _Points) -> Single:
 
 
 def _blurred(grid: Single, axis: int) -> Single:
-    """Return the mean of each value, twice, and its neighbours along an axis."""
+    """Return values averaged with their neighbours along an axis, with weights 1, 2, 1."""
     wide = [(0, 0)] * 3
     wide[axis] = (1, 1)
     padded = np.pad(grid, wide, mode="edge")
@@ -354,13 +361,13 @@ def _blurred(grid: Single, axis: int) -> Single:
 
 
 def _dot(a: Single, b: Single) -> Single:
-    """Return the products (n,) of vectors (n, 3)."""
+    """Return the scalar products (n,) of vectors (n, 3)."""
     result: Single = a[:, 0] * b[:, 0] + a[:, 1] * b[:, 1] + a[:, 2] * b[:, 2]
     return result
 
 
 GAMMA: Final = 2.2
-"""Light is this power of an sRGB value, about."""
+"""Exponent of the light over an sRGB value, nearly."""
 _STEPS: Final = 1024
 """Steps of irradiance 1 in the table of factors."""
 _BRIGHTEST: Final = 8.0

@@ -22,7 +22,7 @@ _GOODS: Final = (
     ("board:9c7448", 0.9, 0.9, 0.9),
     ("paint:28506c", 1.1, 0.7, 0.5),
 )
-"""Material and size [m] of what stands on the floor."""
+"""Materials and sizes [m] of the goods on the floor."""
 _PIPES: Final = ("metal:a4a8a8", "paint:c8a030", "paint:3c6c4c", "paint:8c3428", "metal:6c7074")
 
 
@@ -82,7 +82,10 @@ def _standing(
     material: str,
     **prints: list[Print],
 ) -> bool:
-    """Add a box unless it stands in the path."""
+    """Add a box unless it stands in the path; return whether it was added.
+
+    :param prints: prints on its front, back, left and right.
+    """
     if not b.free(low, high):
         return False
     sides = {"front": "-y", "back": "+y", "left": "-x", "right": "+x"}
@@ -140,7 +143,7 @@ def _tanks(b: PlaceBuilder, stream: np.random.Generator) -> None:
 
 
 def _away(front: str, distance: float) -> float:
-    """Return a distance along y towards a front."""
+    """Return a distance with the sign of the axis to which a front looks, +y or -y."""
     return distance if front == "+y" else -distance
 
 

@@ -25,7 +25,7 @@ CONTRASTS: Final = {"blank": 0.25, "plain": 0.8, "rich": 1.3}
 
 
 class Canvas(NamedTuple):
-    """Grid of texels of a tile, and its random stream."""
+    """A tile to be painted: its grid of texels, and its random stream."""
 
     rows: int
     columns: int
@@ -47,16 +47,16 @@ class Canvas(NamedTuple):
         return _stretched(_stretched(knots, self.rows, 0), self.columns, 1)
 
     def grain(self) -> Array:
-        """Return noise (rows, columns) from -1 to 1 of its own in each texel."""
+        """Return noise (rows, columns) from -1 to 1, independent from texel to texel."""
         values = self.stream.integers(-1000, 1001, (self.rows, self.columns))
         return values.astype(np.float32) / np.float32(1000.0)
 
     def cells(self, length: float, width: float, shift: float = 0.0) -> "Cells":
-        """Divide the tile into cells.
+        """Return a division of the tile into equal cells.
 
-        :param length: of a cell along the columns, about [m].
-        :param width: along the rows.
-        :param shift: of every second row, in lengths.
+        :param length: approximate length of a cell along a row [m].
+        :param width: approximate width of a cell, across the rows [m].
+        :param shift: shift of every second row of cells, in lengths of a cell.
         """
         count = [
             max(1, round(size * self.texel / edge))
@@ -82,11 +82,12 @@ class Canvas(NamedTuple):
 
 
 class Cells(NamedTuple):
-    """Cells of a tile."""
+    """Division of a tile into rectangular cells, such as bricks."""
 
     number: Integers
     """(rows, columns) number of each texel's cell."""
     cells: int
+    """Number of cells."""
     edge: Array
     """(rows, columns) distance from the cell's edge [m]."""
 
@@ -105,18 +106,18 @@ def _stretched(knots: Array, length: int, axis: int) -> Array:
 
 
 def _plain(colour: Array, value: Array, tint: Array | None = None) -> Array:
-    """Return colours (3, rows, columns): one colour, brighter and darker by value [grey values]."""
+    """Return colours (3, rows, columns): a colour (3,) plus a value [grey values] and a tint."""
     result: Array = colour[:, None, None] + value
     return result if tint is None else result + tint
 
 
 def _plaster(c: Canvas, colour: Array) -> Array:
-    """Return the pixels of plaster."""
+    """Return the colours (3, rows, columns) of plaster with grain and faint clouds."""
     return _plain(colour, 3 * c.noise(0.6) + 2 * c.noise(0.05) + 4 * c.noise(0.012) + 2 * c.grain())
 
 
 def _concrete(c: Canvas, colour: Array) -> Array:
-    """Return the pixels of concrete."""
+    """Return the colours (3, rows, columns) of concrete with clouds, pores and stains."""
     value = 9 * c.noise(0.7) + 7 * c.noise(0.2) + 8 * c.noise(0.03) + 4 * c.grain()
     pores, spots = c.noise(0.012), c.noise(0.05)
     value += 18 * (spots > 0.75) - 22 * (spots < -0.75)  # splashes and stains
@@ -124,7 +125,7 @@ def _concrete(c: Canvas, colour: Array) -> Array:
 
 
 def _wood(c: Canvas, colour: Array) -> Array:
-    """Return the pixels of wood."""
+    """Return the colours (3, rows, columns) of planks with grain and joints."""
     planks = c.cells(2.0, 0.13)
     tone = c.stream.integers(-14, 15, planks.cells).astype(np.float32)[planks.number]
     grain = 10 * c.noise(0.35, 0.012) + 6 * c.noise(0.15, 0.005) + 5 * c.noise(0.8, 0.04)
@@ -133,13 +134,13 @@ def _wood(c: Canvas, colour: Array) -> Array:
 
 
 def _board(c: Canvas, colour: Array) -> Array:
-    """Veneer without joints."""
+    """Return the colours (3, rows, columns) of veneer without joints."""
     grain = 9 * c.noise(0.5, 0.02) + 5 * c.noise(0.2, 0.006) + 2 * c.grain()
     return _plain(colour, grain, np.stack([0.1 * grain, 0 * grain, -0.3 * grain]))
 
 
 def _brick(c: Canvas, colour: Array) -> Array:
-    """Return the pixels of bricks."""
+    """Return the colours (3, rows, columns) of bricks in mortar."""
     bricks = c.cells(0.25, 0.0833, 0.5)
     tone = c.stream.integers(-34, 35, bricks.cells).astype(np.float32)[bricks.number]
     hue = c.stream.integers(-10, 11, bricks.cells).astype(np.float32)[bricks.number]
@@ -150,7 +151,7 @@ def _brick(c: Canvas, colour: Array) -> Array:
 
 
 def _tiles(c: Canvas, colour: Array, edge: float = 0.333, joint: float = 0.003) -> Array:
-    """Return the pixels of tiles; edge and joint in [m]."""
+    """Return the colours (3, rows, columns) of tiles with an edge and joints of some width [m]."""
     tiles = c.cells(edge, edge)
     tone = c.stream.integers(-6, 7, tiles.cells).astype(np.float32)[tiles.number]
     chips = c.noise(0.022)
@@ -159,12 +160,12 @@ def _tiles(c: Canvas, colour: Array, edge: float = 0.333, joint: float = 0.003) 
 
 
 def _slabs(c: Canvas, colour: Array) -> Array:
-    """Return the pixels of stone slabs."""
+    """Return the colours (3, rows, columns) of stone slabs of half a metre."""
     return _tiles(c, colour, 0.5, 0.005) + (5 * c.grain() + 5 * c.noise(0.06))
 
 
 def _ceiling(c: Canvas, colour: Array) -> Array:
-    """Draw mineral fibre with fissures, in bars and their shadows each 0.6 m."""
+    """Return the colours (3, rows, columns) of mineral fibre tiles of 0.6 m between bars."""
     tiles = c.cells(0.6, 0.6)
     tone = c.stream.integers(-5, 6, tiles.cells).astype(np.float32)[tiles.number]
     holes, fissures = c.noise(0.009) > 0.82, c.noise(0.035, 0.015) > 0.66
@@ -174,7 +175,7 @@ def _ceiling(c: Canvas, colour: Array) -> Array:
 
 
 def _carpet(c: Canvas, colour: Array) -> Array:
-    """Return the pixels of carpet."""
+    """Return the colours (3, rows, columns) of carpet tiles of half a metre."""
     tiles = c.cells(0.5, 0.5)
     tone = c.stream.integers(-5, 6, tiles.cells).astype(np.float32)[tiles.number]
     value = (
@@ -184,7 +185,7 @@ def _carpet(c: Canvas, colour: Array) -> Array:
 
 
 def _flecked(c: Canvas, colour: Array) -> Array:
-    """Draw carpet in tiles of 0.5 m with flecks of lighter and darker yarn."""
+    """Return the colours (3, rows, columns) of carpet tiles with light and dark flecks of yarn."""
     tiles = c.cells(0.5, 0.5)
     tone = c.stream.integers(-9, 10, tiles.cells).astype(np.float32)[tiles.number]
     yarn = c.noise(0.06, 0.018)
@@ -194,41 +195,41 @@ def _flecked(c: Canvas, colour: Array) -> Array:
 
 
 def _metal(c: Canvas, colour: Array) -> Array:
-    """Return the pixels of metal."""
+    """Return the colours (3, rows, columns) of brushed metal."""
     return _plain(colour, 5 * c.noise(0.5) + 4 * c.noise(0.3, 0.004) + 2 * c.grain())
 
 
 def _ribbed(c: Canvas, colour: Array) -> Array:
-    """Trapezoidal sheet, a rib each 0.2 m, as walls and roofs of halls have."""
+    """Return the colours (3, rows, columns) of trapezoidal sheet with a rib every 0.2 m."""
     x = (np.arange(c.columns, dtype=np.float32) * np.float32(c.texel) % np.float32(0.2)) * 5
     rib = np.where(x < 0.5, 0.0, np.where(x < 0.6, -38.0, np.where(x < 0.9, -14.0, 26.0)))
     return _plain(colour, rib.astype(np.float32)[None, :] + 4 * c.noise(0.5) + 2 * c.grain())
 
 
 def _paint(c: Canvas, colour: Array) -> Array:
-    """Return the pixels of paint."""
+    """Return the colours (3, rows, columns) of an even coat of paint."""
     return _plain(colour, 2 * c.noise(0.3) + 2 * c.grain())
 
 
 def _asphalt(c: Canvas, colour: Array) -> Array:
-    """Return the pixels of asphalt."""
+    """Return the colours (3, rows, columns) of coarse-grained asphalt."""
     return _plain(colour, 18 * c.grain() + 8 * c.noise(0.02) + 7 * c.noise(0.9) + 5 * c.noise(0.2))
 
 
 def _cardboard(c: Canvas, colour: Array) -> Array:
-    """Return the pixels of cardboard."""
+    """Return the colours (3, rows, columns) of cardboard with faint flutes."""
     return _plain(colour, 4 * c.noise(0.3) + 4 * c.noise(0.6, 0.008) + 2 * c.grain())
 
 
 def _leaves(c: Canvas, colour: Array) -> Array:
-    """Return the pixels of leaves."""
+    """Return the colours (3, rows, columns) of foliage with dark gaps."""
     value = 34 * c.noise(0.05) + 26 * c.noise(0.12) + 18 * c.noise(0.025) + 10 * c.grain()
     value -= 30 * (c.noise(0.08) < -0.45)
     return _plain(colour, value, np.stack([0.2 * value, 0.1 * value, -0.3 * value]))
 
 
 def _grass(c: Canvas, colour: Array) -> Array:
-    """Return the pixels of grass."""
+    """Return the colours (3, rows, columns) of short grass."""
     value = 20 * c.grain() + 10 * c.noise(0.04) + 8 * c.noise(0.4)
     return _plain(colour, value, np.stack([0.3 * value, 0 * value, -0.2 * value]))
 
@@ -342,7 +343,7 @@ def tile(material: str, texel: float, seed: int, contrast: float) -> Bytes:
 
 
 def stains(period: float, texel: float, seed: int) -> Array:
-    """Return where stains and wear are (n, n), about -1 to 1, which repeats without a seam.
+    """Return a pattern of stains and wear (n, n), about -1 to 1, that repeats without a seam.
 
     :param period: length after which it repeats [m].
     :param texel: edge of a texel, about [m].
@@ -353,7 +354,9 @@ def stains(period: float, texel: float, seed: int) -> Array:
 
 
 def wear(kind: str, where: Array, contrast: float) -> Differences:
-    """Return the differences (n, n) that stains and wear make to a tile of a material.
+    """Return the grey values (n, n) that stains and wear add to a tile of a material.
+
+    :param where: (n, n) pattern of :func:`stains`.
 
     :param contrast: factor of the differences.
     """

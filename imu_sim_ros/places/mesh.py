@@ -1,7 +1,7 @@
 # Copyright 2026 imu_sim_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""A mesh in the world: where it stands, the rays that meet it, points on it, and its defects."""
+"""A mesh in the world: its pose, the rays that meet it, points on it, and its defects."""
 
 from collections.abc import Iterator
 from typing import Final, NamedTuple
@@ -39,7 +39,7 @@ def up_axis(up: str, suffix: str) -> Array:
     """Return the rotation (3, 3) that turns an axis of a file upwards, to z.
 
     :param up: one of :data:`UPS`.
-    :param suffix: of the file; glTF says that y is up (3.4), the other kinds say nothing, and z is.
+    :param suffix: suffix of the file: y is up in glTF (glTF 2.0, 3.4), z in the other formats.
 
     >>> (up_axis("file", ".glb") @ [1.0, 2.0, 3.0]).tolist()
     [1.0, -3.0, 2.0]
@@ -86,7 +86,7 @@ class MeshCaster:
     """
 
     def __init__(self, mesh: Mesh) -> None:
-        """Take a mesh in the world.
+        """Initialise with a mesh in the world.
 
         :raises MissingDependencyError: if embreex is not installed.
         """
@@ -136,11 +136,11 @@ class MeshCaster:
         return Meeting(Hits(distance, number), along)
 
     def cast(self, origins: Floats, directions: Floats, nearest: float = 1e-4) -> Hits:
-        """Return which triangle each ray ``origin + t direction`` meets first.
+        """Return the first intersection of each ray ``origin + t direction``.
 
         :param origins: (n, 3) [m].
         :param directions: (n, 3) of any length.
-        :param nearest: least t of a hit.
+        :param nearest: smallest t of an intersection.
         """
         distance, number = np.full(len(origins), np.inf), np.full(len(origins), -1, np.int64)
         for begin in range(0, len(origins), _RAYS):
@@ -155,7 +155,7 @@ class MeshCaster:
 
         :param origins: (n, 3) [m].
         :param directions: (n, 3) of any length.
-        :param ends: (n,) or one number.
+        :param ends: (n,) largest t of an intersection, or one number.
         """
         result: Mask = self.cast(origins, directions).distance < ends
         return result
@@ -180,7 +180,7 @@ def _planes(mesh: Mesh, middle: Array) -> Array:
 
 
 def _dot(planes: Array, vectors: Floats) -> Array:
-    """Return the products (n,) of normals and vectors (n, 3)."""
+    """Return the scalar products (n,) of the normals of planes (n, 4) and vectors (n, 3)."""
     result: Array = planes[:, 0] * vectors[:, 0]
     result += planes[:, 1] * vectors[:, 1]
     result += planes[:, 2] * vectors[:, 2]
@@ -190,7 +190,7 @@ def _dot(planes: Array, vectors: Floats) -> Array:
 def scattered(mesh: Mesh, sums: Array, count: int, stream: np.random.Generator) -> Array:
     """Return points (count, 3) spread evenly over all triangles.
 
-    :param sums: (m,) of the areas up to each triangle.
+    :param sums: (m,) sums of the areas up to each triangle.
     """
     number = np.searchsorted(sums, stream.random(count) * sums[-1]).clip(max=len(sums) - 1)
     corners = mesh.vertices[mesh.faces[number]]
@@ -203,7 +203,7 @@ def scattered(mesh: Mesh, sums: Array, count: int, stream: np.random.Generator) 
 
 
 def spread(count: int) -> Array:
-    """Return directions (count, 3) that are spread evenly over a sphere."""
+    """Return unit vectors (count, 3) that are spread evenly over a sphere: Fibonacci's spiral."""
     k = np.arange(count) + 0.5
     z = 1.0 - 2.0 * k / count
     angle = k * np.pi * (3.0 - 5.0**0.5)
@@ -212,7 +212,7 @@ def spread(count: int) -> Array:
 
 
 def open_edges(mesh: Mesh) -> int:
-    """Return how many edges belong to one face only; vertices at one place count as one."""
+    """Return the number of edges of one face only; vertices at the same place count as one."""
     places = mesh.vertices.astype(np.float32) + np.float32(0.0)  # of -0 the same bits as of 0
     bits = places.view(np.uint32).astype(np.uint64)
     # Of places that differ two in 2^64 are alike.

@@ -1,7 +1,7 @@
 # Copyright 2026 imu_sim_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Triangles with their colours, read from a file by trimesh, and what is wrong with them."""
+"""Triangles with their colours, read from a file by trimesh, and checks of the file."""
 
 import gc
 import io
@@ -77,7 +77,7 @@ class Mesh(NamedTuple):
 
 
 def normals(mesh: Mesh) -> Iterator[tuple[slice, Array, Array]]:
-    """Yield some triangles at a time, their first corners (k, 3) and (b - a) x (c - a) (k, 3)."""
+    """Yield slices of k triangles, their corners a (k, 3), and (b - a) x (c - a) (k, 3)."""
     for start in range(0, len(mesh.faces), _PART):
         part = slice(start, start + _PART)
         a, b, c = (mesh.vertices[mesh.faces[part, k]] for k in range(3))
@@ -191,7 +191,7 @@ def _is_text(suffix: str, content: bytes) -> bool:
 
 
 def _announced(suffix: str, content: bytes) -> int:
-    """Return how many triangles a file says it has, before anything makes room for them."""
+    """Return the number of triangles that a file states, 0 if it states none."""
     if suffix == ".ply":
         match = re.search(rb"element face (\d{1,18})\s", content[:65536])
         return int(match[1]) if match else 0
@@ -232,7 +232,7 @@ def _check_gltf(path: Path, content: bytes) -> None:
             f"{path}: cannot be read as {path.suffix[1:].upper()}: damaged or cut off ({reason})"
         ) from None
     except (AttributeError, KeyError, IndexError, TypeError, struct.error):
-        return  # trimesh will say so
+        return  # trimesh reports it
     for name in needed:
         if name in _UNREADABLE:
             raise InputError(f"{path}: is compressed by {name}: export it without compression")
@@ -358,7 +358,7 @@ class _Part(NamedTuple):
 def _look(
     path: Path, part: "Trimesh", faces: Numbers, image: "Image | None"
 ) -> tuple[Single, Bytes, bool]:
-    """Return u and v and colours of the corners, and whether it is painted."""
+    """Return texture coordinates (m, 3, 2) and colours (m, 3, 3) of corners, and ``painted``."""
     visual = part.visual
     count = len(faces)
     # What is the same everywhere takes no memory.
@@ -422,7 +422,7 @@ def _factor(material: object, image: "Image | None") -> Bytes:
 
 
 def _joined(parts: Sequence[_Part], textures: tuple[Bytes, ...]) -> Mesh:
-    """Return all parts as one."""
+    """Return one mesh of all parts, with the textures (h, w, 3) to which their numbers refer."""
     numbers = [np.full(len(part.faces), part.texture, np.int32) for part in parts]
     if len(parts) == 1:
         vertices, faces, places, _, colours, painted = parts[0]

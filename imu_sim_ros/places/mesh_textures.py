@@ -1,7 +1,7 @@
 # Copyright 2026 imu_sim_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Textures of a mesh: their size is known before anything decodes them, and each is held once."""
+"""Textures of a mesh: their sizes are checked before they are decoded; equal ones are held once."""
 
 import io
 import math
@@ -30,7 +30,7 @@ _LONGEST: Final = 8000
 
 
 def examine(content: bytes, what: str) -> None:
-    """Read the header of a picture: Pillow refuses too large ones, and trimesh would not tell.
+    """Check the header of a picture, since trimesh leaves out pictures that Pillow refuses.
 
     :param what: first words of the error.
     :raises InputError: for what is no picture, or too large a one.
@@ -61,7 +61,7 @@ class Textures:
     """The distinct textures of a mesh's parts."""
 
     def __init__(self, path: Path, images: "Sequence[Image]", triangles: int) -> None:
-        """Look at the sizes of Pillow's images, of which the same one may come several times.
+        """Check the sizes of Pillow's images, some of which may be the same object.
 
         :raises InputError: for one that is too large.
         """
@@ -74,18 +74,18 @@ class Textures:
         self._steps = _steps(sizes, max(0, MOST_TEXELS - _OF_A_TRIANGLE * triangles))
 
     def number(self, image: "Image") -> int:
-        """Return which of :meth:`decoded` an image is."""
+        """Return the index of an image among those of :meth:`decoded`."""
         return self._numbers[id(image)]
 
     def decoded(self) -> tuple[Bytes, ...]:
-        """Return all in red, green and blue (h, w, 3), halved as often as needed; frees images.
+        """Return all textures in red, green and blue (h, w, 3), reduced to the limit; frees images.
 
         :raises InputError: for one that is damaged.
         """
         return tuple(map(self._decoded, self._images, self._steps))
 
     def _decoded(self, image: "Image", step: int) -> Bytes:
-        """Return the means of squares of texels; a band at a time, as Pillow's copies are large."""
+        """Return a texture as means of ``step`` x ``step`` texels, computed band by band."""
         width, height = image.size[0] // step, image.size[1] // step
         result = np.empty((height, width, 3), np.uint8)
         rows = max(1, (1 << 20) // (width * step * step))
@@ -103,7 +103,7 @@ class Textures:
 
 
 def _steps(sizes: Sequence[tuple[int, int]], limit: int) -> list[int]:
-    """Return by which power of two each texture is made smaller."""
+    """Return the power of two by which each texture is reduced to stay within a limit [texels]."""
     area = sum(width * height for width, height in sizes)
     halvings = math.ceil(0.5 * math.log2(area / max(limit, 1))) if area else 0
     steps = []
@@ -114,7 +114,7 @@ def _steps(sizes: Sequence[tuple[int, int]], limit: int) -> list[int]:
 
 
 def _means(band: Bytes, step: int) -> Bytes:
-    """Return the rounded means of squares of texels."""
+    """Return the rounded means of squares of ``step`` x ``step`` texels of a band (h, w, 3)."""
     if step == 1:
         return band
     shape = band.shape[0] // step, band.shape[1] // step, 3

@@ -33,12 +33,12 @@ class Neighbours:
         """Initialise for a file, with a limit for all files together."""
         self._path, self._left, self._most = path, limit, limit
         self.lost: list[str] = []
-        """Lines about what could not be had."""
+        """Lines about the files that could not be read."""
 
     def read(self, name: str) -> bytes:
-        """Return a file's content.
+        """Return the content of a file that the mesh names.
 
-        :raises OSError: if it cannot be had; the reason is in :attr:`lost`.
+        :raises OSError: if it cannot be read; the reason is in :attr:`lost`.
         """
         try:
             return self._read(name)
@@ -70,7 +70,7 @@ class Neighbours:
         return content
 
     def place(self, name: str) -> Path | None:
-        """Return which file is meant; in OBJ options may be before its name."""
+        """Return the file of a name, which in OBJ may have options in front; None: none exists."""
         spellings = [name, unquote(name), *name.split()[-1:]]
         relative = [_posix(word) for word in spellings if not _leaves(word)]
         next_to_it = [PurePosixPath(_posix(word).name) for word in spellings]
@@ -100,7 +100,7 @@ def files_of(path: Path) -> list[Path]:
 
 
 def _named(path: Path) -> list[str]:
-    """Return the names that a text of glTF, OBJ or its materials has."""
+    """Return the names of files in a text of glTF, OBJ or MTL; none for other formats."""
     kind = path.suffix.lower()
     if kind not in (".gltf", *_KEYWORDS):
         return []
@@ -119,7 +119,7 @@ def _posix(name: str) -> PurePosixPath:
 
 
 def _leaves(name: str) -> bool:
-    """Return whether a name leads out of the folder."""
+    """Return whether a name is an absolute path, a URL, or leads out of the folder."""
     place = _posix(name)
     return (
         place.is_absolute() or ".." in place.parts or any(":" in part for part in place.parts[:1])

@@ -26,7 +26,7 @@ from imu_sim_ros.places.sheet import Print
 _ROOMS: Final = 3.3
 """Depth of the closed rooms [m]."""
 _LEAST: Final = 7.0
-"""Depth of an office that has some [m]."""
+"""Smallest depth of an office with closed rooms [m]."""
 _DOOR: Final = 1.0
 """Width of an opening [m]."""
 _OPEN: Final = 1.45
@@ -40,7 +40,7 @@ _HEIGHT: Final = 1.35
 
 
 def office(site: Site) -> Place:
-    """Return an office; windows are on the side of -y, closed rooms on that of +y."""
+    """Return an office with windows at -y and closed rooms at +y."""
     b = PlaceBuilder(site)
     stream = site.stream("office")
     carpet = ("flecked:66707c", "flecked:7a7468", "flecked:5c6c66")[int(stream.integers(3))]
@@ -83,7 +83,7 @@ def office(site: Site) -> Place:
 
 
 def _closed_rooms(b: PlaceBuilder, y: float, stream: np.random.Generator) -> list[list[float]]:
-    """Build rooms behind a wall at y; return a place in each that can be reached."""
+    """Build rooms behind a wall at y; return a point (3,) behind each door, for a tour."""
     x0, _, z0 = b.site.low.tolist()
     x1, y1, z1 = b.site.high.tolist()
     count = max(1, round((x1 - x0) / 4.4))
@@ -154,7 +154,7 @@ def _front(b: PlaceBuilder, ends: tuple[float, float], y: float, opening: float)
 def _desks(
     b: PlaceBuilder, depth: float, stream: np.random.Generator
 ) -> tuple[list[list[float]], list[list[float]]]:
-    """Add pairs of desks to the open room; return places to its x_low and its x_high."""
+    """Add pairs of desks to the open room; return points for a tour at its -x and its +x end."""
     x0, y0, z0 = b.site.low.tolist()
     x1 = float(b.site.high[0])
     rows = max(1, int((depth - y0 - 1.6) / 3.2))

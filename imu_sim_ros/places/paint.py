@@ -32,15 +32,15 @@ from imu_sim_ros.places.prints import picture
 _Value = TypeVar("_Value", np.uint8, np.int8)
 
 MIDDLE: Final = {"day": 0.55, "lamps": 0.5, "dim": 0.16}
-"""Irradiance that half of a place's surfaces exceed, by its light; at 1 white is white."""
+"""Median irradiance of a place's surfaces after exposure, by its light; 1 makes white white."""
 _IN_LEAVES: Final = 0.7
-"""Light in the shade of a crown, of its mean."""
+"""Smallest light on leaves as a share of the mean of their crown."""
 _TEXEL: Final = 0.0025
 """Usual edge of a texel [m]."""
 _PIXEL: Final = 0.0022
 """Angle of a pixel of EuRoC's cameras [rad]."""
 _SMALL: Final = 2.0
-"""Area below which a face with prints may have texels of half that edge [m^2]."""
+"""Area below which a face with prints may have texels of half the usual edge [m^2]."""
 _STEPS: Final = 3.0
 """Largest number of doublings of the texels."""
 _ROWS: Final = 256
@@ -50,12 +50,12 @@ _WEIGHTS: Final = (77, 150, 29)
 
 
 class Painter:
-    """Textures of the faces of a place, each for itself."""
+    """Textures of the faces of a place: materials, wear, prints and light."""
 
     def __init__(self, place: Place, site: Site, path: Array | None = None) -> None:
         """Initialise with a place; its light is computed with the first texture.
 
-        :param path: (n, 3) from where it is seen [m]; None: not known.
+        :param path: (n, 3) positions from which the place is seen [m]; None: unknown.
         """
         self.place, self._site = place, site
         self._surfaces = place.surfaces()
@@ -81,9 +81,9 @@ class Painter:
         return light.exposed(_exposure(light.total, sky, self._areas(), MIDDLE[self._site.light]))
 
     def _scattered_in_leaves(self, light: Sequence[Single]) -> None:
-        """Raise the light of leaves to at least a share of their mean: leaves scatter light.
+        """Raise the light on leaves to a share of their crown's mean, since leaves scatter light.
 
-        Without it the insides of a crown, of boxes that reach into each other, are black.
+        Otherwise the inner faces of a crown, of boxes that overlap, would be black.
         """
         leaves = [face.material.startswith("leaves") for face in self.place.faces]
         ends = np.flatnonzero(np.diff([False, *leaves, False]))
@@ -107,13 +107,13 @@ class Painter:
         return finish if len(finish.face) else None
 
     def texels(self, limit: float) -> Array:
-        """Return the edge of the texels of each face (m,), about [m]: a pixel where it is nearest.
+        """Return the edge of the texels of each face (m,) [m]: about a pixel where it is nearest.
 
         In steps of two, so that few tiles serve all faces. Small faces with prints, such as desks
         with papers, have finer ones. Floors and ceilings have larger ones: what is straight below
         or above is not what a camera looks at.
 
-        :param limit: texels in all; if there were more, all are larger, but those of the small
+        :param limit: largest number of texels; beyond it all become larger, but those of the small
             faces with prints only if they alone are a quarter of it.
         """
         detail, surfaces = self.place.detail, self._surfaces
@@ -140,7 +140,7 @@ class Painter:
         return areas
 
     def texture(self, m: int, rows: int, columns: int, texel: float, colour: bool) -> Bytes:
-        """Return the texture of face m: (rows, columns), or (rows, columns, 3) in colour.
+        """Return the texture of face m: (rows, columns) in grey, or (rows, columns, 3) in colour.
 
         Its first row is the lowest, as seen from its front its first column is on the left.
 
@@ -203,7 +203,7 @@ class Painter:
         starts: np.random.Generator,
         base: float | None,
     ) -> None:
-        """Add the layers of wear, each from a place of its own on."""
+        """Add the layers of wear to a texture, each shifted by random offsets."""
         layers = [self._wear(material, period, texel, base) for period in WEAR_PERIODS]
         offsets = [starts.integers(0, len(layer), 2) for layer in layers]
         for top in range(0, len(texture), _ROWS):
@@ -229,7 +229,7 @@ class Painter:
         return self._layers[key]
 
     def _lit(self, texture: Bytes, m: int) -> None:
-        """Multiply a texture by its light, interpolated between the points it is known at."""
+        """Multiply a texture by the light on its face, interpolated to its texels."""
         light = self._light[m]
         if texture.ndim == 2:
             red, green, blue = (np.float32(w / 256) for w in _WEIGHTS)
@@ -250,7 +250,7 @@ def _enlarged(texels: Array, areas: Array, limit: float) -> float:
 
 
 def _resized(tile: NDArray[_Value], factor: float) -> NDArray[_Value]:
-    """Return a tile with texels that are larger by about a factor, which becomes a whole number."""
+    """Return a tile with texels that are larger by a factor, rounded to a whole number."""
     if factor < 1.0:
         times = round(1.0 / factor)
         return tile.repeat(times, axis=0).repeat(times, axis=1)
@@ -304,12 +304,12 @@ def _put(texture: Bytes, image: Bytes, row: int, column: int) -> None:
 
 
 def _linear(material: str) -> list[float]:
-    """Return the share of red, green and blue light that a material gives back."""
+    """Return the share of red, green and blue light that a material reflects."""
     return [round(min(0.85, (float(c) / 255.0) ** GAMMA), 6) for c in colour_of(material)]
 
 
 def _exposure(maps: list[Single], sky: Mask, areas: Array, middle: float) -> np.float32:
-    """Return the factor of light with which half of all surfaces have more than a value."""
+    """Return the factor with which half of the area of all surfaces is brighter than ``middle``."""
     values, weights = [], []
     for grid, dark, area in zip(maps, sky, areas, strict=True):
         if not dark:

@@ -1,7 +1,7 @@
 # Copyright 2026 imu_sim_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""A place: what stands where, what it is made of and what lights it; and the builder of one."""
+"""A place: its faces with their materials, prints and light; and the builder of places."""
 
 import math
 from collections.abc import Callable, Mapping, Sequence
@@ -19,13 +19,13 @@ from imu_sim_ros.places.sheet import Print
 TEXTURES: Final = ("rich", "plain", "blank")
 LIGHTS: Final = ("day", "lamps", "dim")
 _LINES: Final = ("strip", "band", "plinth", "cables")
-"""Prints that run along walls behind everything."""
+"""Kinds of prints along whole walls, which other prints may cover."""
 _GAP: Final = 0.05
-"""Distance of what hangs on a wall from what hangs or stands next to it [m]."""
+"""Smallest distance of a print on a wall from other prints and from things before it [m]."""
 _BEFORE: Final = 0.8
-"""Distance from a wall within which faces hide parts of it [m]."""
+"""Distance from a wall within which faces cover parts of it [m]."""
 CLEARANCE: Final = 0.3
-"""Whatever stands in a place keeps this far from the path [m]."""
+"""Smallest distance of things from the path [m]."""
 
 Vector = tuple[float, float, float]
 
@@ -34,12 +34,15 @@ class Face(NamedTuple):
     """One rectangle with its material and prints."""
 
     rectangle: Rectangle
+    """Origin, across and up, each (3,) [m]."""
     material: str
+    """Material: ``KIND`` or ``KIND:RRGGBB``."""
     prints: tuple[Print, ...] = ()
+    """Prints on it, later ones above earlier ones."""
     detail: float = 1.0
-    """Size of its texels, of others' by the inverse; 1: as usual."""
+    """Number of texels along a length, relative to other faces."""
     sky: bool = False
-    """True for the sky, which gives light and takes none."""
+    """True for the sky, which gives light and reflects none."""
     glows: bool = False
     """True if its colour does not depend on the light."""
 
@@ -54,14 +57,17 @@ class Hinge(NamedTuple):
     swing: float
     """Angle of the open leaf from there [rad]."""
     width: float
+    """Width of the leaf [m]."""
     height: float
+    """Height of the leaf [m]."""
     number: int
     """Number of the picture on the leaf."""
     usually_open: bool
+    """True if the door is open most of the time."""
 
 
 class Place(NamedTuple):
-    """All of a place."""
+    """A place with its light, the space for bodies, the stops of a tour, and its moving doors."""
 
     faces: tuple[Face, ...]
     lighting: Lighting
@@ -70,23 +76,23 @@ class Place(NamedTuple):
     high: Array
     """(3,) opposite corner [m]."""
     route: Array
-    """(n, 3) places that a tour passes, as far from everything as it can be [m]."""
+    """(n, 3) stops of a tour, in the middle of free space [m]."""
     hinges: tuple[Hinge, ...] = ()
     """Hinges of the moving doors."""
 
     def surfaces(self) -> Surfaces:
-        """Return all rectangles."""
+        """Return the rectangles of all faces, with their materials as names of textures."""
         result = surfaces([face.rectangle for face in self.faces], hides=True)
         return result._replace(texture=tuple(face.material for face in self.faces))
 
     @property
     def detail(self) -> Array:
-        """(m,) sizes of texels, of others' by the inverse."""
+        """(m,) number of texels along a length on each face, relative to other faces."""
         return np.array([face.detail for face in self.faces])
 
     @property
     def sky(self) -> Mask:
-        """(m,) which are the sky."""
+        """(m,) True for faces of the sky."""
         return np.array([face.sky for face in self.faces], np.bool_)
 
 
@@ -95,44 +101,47 @@ class Site:
     """Extent, path and seed for which a place is built."""
 
     low: Array
-    """(3,) its corner [m]."""
+    """(3,) lower corner of the space for the place [m]."""
     high: Array
-    """(3,) the opposite one [m]."""
+    """(3,) upper corner [m]."""
     path: Array
-    """(n, 3) places that must stay free [m]; none: all may be built on."""
+    """(n, 3) positions of cameras that must stay free [m]; none: there is no path."""
     seed: int = 0
     texture: str = "plain"
+    """One of ``TEXTURES``."""
     light: str = "day"
+    """One of ``LIGHTS``."""
     doors: int = 0
     """Largest number of moving doors, whose leaves are not part of the place."""
 
     def stream(self, what: str) -> np.random.Generator:
-        """Return a random stream of one purpose."""
+        """Return the random stream of a purpose, such as the furniture of an office."""
         return generator(self.seed, f"place.{what}")
 
 
 class PlaceBuilder:
-    """Collects faces, and leaves out those that would stand in the path."""
+    """Faces, lamps and hinges of a place while it is built; its path can be kept free."""
 
     def __init__(self, site: Site) -> None:
+        """Initialise without faces."""
         self.site = site
         self.faces: list[Face] = []
         self.lamps: list[Lamp] = []
         self.windows: list[Rectangle] = []
         self.hinges: list[Hinge] = []
         self.decor = site.stream("decor")
-        """Random stream of what is only seen: another texture leaves every body in place."""
+        """Random stream of decoration: another ``texture`` moves no furniture."""
         self._count = 0
         self._standing: dict[tuple[int, int], tuple[Array, Array]] = {}
-        """Obstructions of a wall, by its index and the number of faces at that time."""
+        """Covered parts of a wall, by its index and the number of faces at that time."""
 
     def number(self) -> int:
-        """Return a number that no other print has."""
+        """Return a new number for a print."""
         self._count += 1
         return self._count
 
     def free(self, low: Sequence[float], high: Sequence[float]) -> bool:
-        """Return whether the path stays clear of a box."""
+        """Return whether the path keeps its distance from a box between two corners [m]."""
         path = self.site.path
         if not len(path):
             return True
@@ -140,7 +149,7 @@ class PlaceBuilder:
         return not bool(occupied.all(axis=1).any())
 
     def rich(self, plain: float) -> float:
-        """Return the chance of something that only decorates, given that of a plain place."""
+        """Return the probability of a decoration from its probability in a plain place."""
         return {"blank": 0.0, "plain": plain, "rich": min(1.0, 1.8 * plain)}[self.site.texture]
 
     def face(
@@ -154,9 +163,11 @@ class PlaceBuilder:
         sky: bool = False,
         glows: bool = False,
     ) -> int:
-        """Add a rectangle that is seen from the side of across x up; return its place.
+        """Add a rectangle that is visible from the side of ``across x up``; return its index.
 
         The other arguments are those of :class:`Face`.
+
+        :param origin: corner (3,); ``across`` and ``up``: sides (3,) from it [m].
         """
         corner, across_side, up_side = (
             np.array(vector, dtype=np.float64).round(9) for vector in (origin, across, up)
@@ -170,8 +181,8 @@ class PlaceBuilder:
     ) -> dict[str, int]:
         """Add the inner faces of a box.
 
-        :param materials: of ``floor``, ``ceiling`` and ``walls``, or of a wall by its side.
-        :returns: the place of each side among the faces; walls are -x, +x, -y and +y.
+        :param materials: materials of ``floor``, ``ceiling`` and ``walls``, or of single walls.
+        :returns: index of each face by its side; walls are -x, +x, -y and +y.
         """
         (x0, y0, z0), (x1, y1, z1) = low, high
         dx, dy, dz = x1 - x0, y1 - y0, z1 - z0
@@ -190,14 +201,14 @@ class PlaceBuilder:
         return faces
 
     def add_prints(self, face: int, prints: Sequence[Print]) -> None:
-        """Add prints to a face."""
+        """Add prints to the face of an index, above those that it has."""
         previous = self.faces[face]
         self.faces[face] = previous._replace(prints=(*previous.prints, *prints))
 
     def hang(self, wall: int, what: Print) -> bool:
-        """Add a print to a wall, unless it is covered there.
+        """Add a print to a wall, unless other prints or things cover its place.
 
-        :returns: whether it hangs there.
+        :returns: True if it was added.
         """
         width, height = (float(np.sqrt(side @ side)) for side in self.faces[wall].rectangle[1:])
         hung = [print_ for print_ in self.faces[wall].prints if print_.kind not in _LINES]
@@ -218,7 +229,7 @@ class PlaceBuilder:
         return True
 
     def _standing_before(self, wall: int) -> tuple[Array, Array]:
-        """Return the parts of a wall, corners and ends (n, 2), that nearby faces hide [m]."""
+        """Return lower and upper corners (n, 2) of the parts of a wall that faces cover [m]."""
         sides = np.array([face.rectangle for face in self.faces])
         origin, across, up = sides[wall]
         axes = [axis / np.sqrt(axis @ axis) for axis in (across, up, np.cross(across, up))]
@@ -242,11 +253,12 @@ class PlaceBuilder:
     ) -> dict[str, int]:
         """Add the outer faces of a box.
 
-        :param prints: by side: -x, +x, -y, +y, top, bottom.
-        :param turn: about its upright axis [rad].
-        :param leave: sides that nobody sees, by commas.
-        :param materials: of some sides.
-        :returns: the place of each side among the faces.
+        :param low, high: corners before the turn [m].
+        :param prints: prints by side: -x, +x, -y, +y, top, bottom.
+        :param turn: angle about the vertical axis through the middle [rad].
+        :param leave: sides without a face, separated by commas.
+        :param materials: materials of sides that differ from ``material``.
+        :returns: index of each face by its side.
         """
         middle = 0.5 * (np.asarray(low, np.float64) + np.asarray(high, np.float64))
         (x0, y0, z0), (x1, y1, z1) = low - middle, high - middle
@@ -278,7 +290,11 @@ class PlaceBuilder:
         material: str,
         sides: int = 8,
     ) -> None:
-        """Add a round column or pipe as rectangles around its axis, without its ends."""
+        """Add a round column or pipe as rectangles around its axis, without its ends.
+
+        :param start, end: ends of the axis [m].
+        :param sides: number of rectangles.
+        """
         a, b = np.asarray(start, np.float64), np.asarray(end, np.float64)
         axis = b - a
         unit = axis / np.linalg.norm(axis)
@@ -323,3 +339,4 @@ def turned(angle: float) -> Array:
 
 
 Build = Callable[[Site], Place]
+"""Function that builds a place on a site."""

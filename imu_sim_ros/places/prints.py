@@ -154,7 +154,7 @@ def _door(s: Sheet) -> None:
 
 
 def _opening(s: Sheet) -> None:
-    """Draw a frame around darkness."""
+    """Draw the frame of a doorway to a dark room."""
     s.all((38, 36, 34))
     s.fill(0, 0, s.width, 0.25 * s.height, (62, 58, 52))
     s.frame(0.06, (216, 214, 208))

@@ -1,7 +1,7 @@
 # Copyright 2026 imu_sim_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Rays through everything that a place, a room or a mesh has: what each of them meets first."""
+"""Nearest intersections of rays with the surfaces and the moving bodies of a scene."""
 
 from collections.abc import Sequence
 from typing import Final, NamedTuple, Protocol
@@ -20,7 +20,7 @@ from imu_sim_ros.places.mesh_file import of_rectangles
 _RAYS: Final = 65_536
 """Rays that are processed at once."""
 _LOOKS: Final = 9
-"""Times at which it is looked where a body is."""
+"""Number of times at which the position of a body is sampled."""
 _SLACK: Final = 0.1
 """Margin for a body's position between two sampled times [m]: more than it moves."""
 
@@ -29,26 +29,30 @@ class Traced(NamedTuple):
     """Nearest intersections of n rays with surfaces at rest and moving bodies."""
 
     distance: Array
-    """(n,) distances in lengths of the ray's direction; infinite: nothing."""
+    """(n,) distances in lengths of the ray's direction; infinite: the ray meets nothing."""
     surface: Integers
-    """(n,) number of the rectangle or triangle, within its body; -1: nothing."""
+    """(n,) number of the rectangle or triangle in its body or scene; -1: the ray meets nothing."""
     body: NDArray[np.uint8]
-    """(n,) number of the moving body, from 1; 0: what is at rest, or nothing."""
+    """(n,) number of the moving body, from 1; 0: a surface at rest, or nothing."""
     along: Array
     """(n,) unit normal of the surface times the ray's direction; 0: nothing."""
 
 
 class _Solid(Protocol):
-    """Something rigid that rays meet."""
+    """A rigid set of surfaces with which rays are intersected."""
 
     def meet(self, origins: Array, directions: Array) -> tuple[Floats, Integers, Array]:
         """Return distances, numbers of surfaces and ``along`` (n,) of rays (n, 3)."""
 
 
 class _Triangles:
-    """A mesh; ``pieces`` triangles with one number."""
+    """Triangles, which embreex intersects."""
 
     def __init__(self, caster: MeshCaster, pieces: int = 1) -> None:
+        """Initialise with triangles.
+
+        :param pieces: number of consecutive triangles of one surface, 2 for rectangles.
+        """
         self._caster, self._pieces = caster, pieces
 
     def meet(self, origins: Array, directions: Array) -> tuple[Floats, Integers, Array]:
@@ -60,7 +64,7 @@ class _Triangles:
 
 
 class _Rectangles:
-    """Rectangles without embreex, which is many times as fast: the same hits."""
+    """Rectangles, for which embreex is not needed; its intersections are the same."""
 
     def __init__(self, surfaces: Surfaces) -> None:
         self._caster, self._normals = Caster(surfaces), surfaces.normal
@@ -84,7 +88,7 @@ def _solid(surfaces: Surfaces) -> _Solid:
 
 
 class _Nothing:
-    """An empty world."""
+    """A scene without surfaces."""
 
     def meet(self, origins: Array, _: Array) -> tuple[Floats, Integers, Array]:
         """Return rays that hit nothing: infinite distances, surfaces -1."""
@@ -113,8 +117,8 @@ class RayTracer:
     ) -> None:
         """Initialise with the surfaces and bodies.
 
-        :param mesh: in the place of rectangles.
-        :param seen_through: (m,) which rectangles nothing meets, such as the sky.
+        :param mesh: mesh instead of ``surfaces``; None: the scene has rectangles.
+        :param seen_through: (m,) True for rectangles without intersections, such as the sky.
         """
         solid = np.ones(len(surfaces.origin), np.bool_) if seen_through is None else ~seen_through
         self._kept = None if solid.all() else np.append(np.flatnonzero(solid), -1)
@@ -149,10 +153,13 @@ class RayTracer:
 def _near(
     body: MovingBody, extent: tuple[Array, float], t: Array, origins: Array, directions: Array
 ) -> Integers:
-    """Return the rays that pass a ball in which the body stays while they are sent."""
+    """Return the rows of rays that pass a ball in which a body stays from their first to last time.
+
+    :param extent: middle (3,) and radius of the body in its own axes [m].
+    """
     middle, radius = extent
     looks = np.linspace(t.min(), t.max(), _LOOKS)
-    centers = body.outside(looks, np.broadcast_to(middle, (_LOOKS, 3)))
+    centers = body.to_world(looks, np.broadcast_to(middle, (_LOOKS, 3)))
     center = 0.5 * (centers.min(axis=0) + centers.max(axis=0))
     moved = np.sqrt(((centers - center) ** 2).sum(axis=1)).max()
     reach = radius + 2.0 * float(moved) + _SLACK
@@ -166,7 +173,7 @@ def _near(
 def _of_body(
     body: MovingBody, solid: _Solid, t: Array, origins: Array, directions: Array, rows: Integers
 ) -> tuple[Floats, Integers, Array]:
-    """Return the hits of some rays on a moving body."""
+    """Return distances, surfaces and ``along`` of the rows of rays with a moving body."""
     position, q_wb = body.pose(t[rows])
     start = rotation.rotate_inverse(q_wb, origins[rows] - position)
     return solid.meet(start, rotation.rotate_inverse(q_wb, directions[rows]))
@@ -175,7 +182,7 @@ def _of_body(
 def _put(
     traced: Traced, rows: Integers, number: int, distance: Floats, surface: Integers, along: Array
 ) -> None:
-    """Replace intersections by nearer ones."""
+    """Replace the intersections of rows of rays by those with body ``number`` that are nearer."""
     nearer = distance < traced.distance[rows]
     rows = rows[nearer]
     traced.distance[rows], traced.surface[rows] = distance[nearer], surface[nearer]

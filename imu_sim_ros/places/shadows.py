@@ -25,13 +25,16 @@ _LONGEST: Final = 2.0
 
 
 class ShadowLine(NamedTuple):
-    """A shadow around a line."""
+    """A soft shadow on the floor, darkest along a line."""
 
     start: Array
-    """(2,) x and y in the body's axes [m]."""
+    """(2,) x and y of the start of the line in the body's axes [m]."""
     end: Array
+    """(2,) x and y of its end [m]."""
     radius: float
+    """Distance from the line at which the shadow ends [m]."""
     depth: float
+    """Share of the light that is missing on the line."""
 
     @property
     def length(self) -> float:
@@ -44,7 +47,7 @@ class ShadowLine(NamedTuple):
         return np.append(0.5 * (self.start + self.end), 0.0), 0.5 * self.length + self.radius
 
     def floor(self) -> Surfaces:
-        """Return the rectangle that it lies in; its first side runs along the line."""
+        """Return the rectangle around the shadow; its first side is parallel to the line."""
         ahead = (self.end - self.start) / self.length if self.length > 0.0 else np.array([1.0, 0.0])
         x, y = self.radius * np.append(ahead, 0.0), self.radius * np.array([-ahead[1], ahead[0], 0])
         corner = np.append(self.start, 0.0) - x - y
@@ -52,15 +55,19 @@ class ShadowLine(NamedTuple):
 
 
 class Shadow(NamedTuple):
-    """The shadows of a body."""
+    """The shadow below a body, from which the shadow in the sun follows."""
 
     below: ShadowLine
+    """Shadow on the floor below the body."""
     height: float
     """Height of the body [m]."""
 
     @classmethod
     def of(cls, body: Surfaces) -> "Shadow":
-        """Return those of a body with rectangles in its own axes."""
+        """Return the shadow of a body.
+
+        :param body: rectangles in the body's axes.
+        """
         o, a, b = body[:3]
         corners = np.concatenate([o, o + a, o + b, o + a + b])
         low, high = corners.min(axis=0), corners.max(axis=0)
@@ -70,10 +77,10 @@ class Shadow(NamedTuple):
         return cls(ShadowLine(middle - along, middle + along, radius, _BELOW), float(high[2]))
 
     def thrown(self, to_sun: Array, share: float) -> ShadowLine:
-        """Return the shadow that the sun throws.
+        """Return the shadow away from the sun.
 
         :param to_sun: (3,) unit vector in the body's axes.
-        :param share: of the sun in the light.
+        :param share: share of the sun in the light.
         """
         foot = 0.5 * (self.below.start + self.below.end)
         length = self.height * min(1.0 / max(float(to_sun[2]), 1e-3), _LONGEST)

@@ -17,7 +17,7 @@ INK: Final = (38, 38, 42)
 
 
 class Print(NamedTuple):
-    """A picture on a surface; places from its left, lower corner as seen from its front [m]."""
+    """A picture on a surface; left and bottom count from the surface's lower left corner [m]."""
 
     kind: str
     left: float
@@ -34,7 +34,7 @@ class Sheet:
     """A picture in metres: x to the right, y up."""
 
     def __init__(self, p: Print, texel: tuple[float, float], seed: int) -> None:
-        """Start with a black sheet.
+        """Initialise with black.
 
         :param texel: height and width of a texel [m].
         """
@@ -47,7 +47,7 @@ class Sheet:
         self.stream = generator_at(seed, f"print.{p.kind}", p.number)
 
     def fill(self, x0: float, y0: float, x1: float, y1: float, colour: Colour | Array) -> None:
-        """Fill a rectangle, at least a texel."""
+        """Fill a rectangle from (x0, y0) to (x1, y1) [m], at least one texel."""
         rows, columns = self.values.shape[:2]
         column0, column1 = round(x0 / self.width * columns), round(x1 / self.width * columns)
         low, high = round(y0 / self.height * rows), round(y1 / self.height * rows)
@@ -71,7 +71,7 @@ class Sheet:
             self.fill(x0, y0, x1, y1, colour)
 
     def text(self, x0: float, y0: float, x1: float, size: float, colour: Colour) -> None:
-        """Write a line of unreadable letters, y0 its base."""
+        """Draw a line of unreadable letters of a size, from x0 to x1 on the base y0 [m]."""
         x = x0
         while x < x1:
             letters = int(self.stream.integers(2, 9))
@@ -94,7 +94,7 @@ class Sheet:
             self.fill(x + a, y + b, x + c, y + d, colour)
 
     def disc(self, x: float, y: float, radius: float, colour: Colour) -> None:
-        """Fill a disc."""
+        """Fill a disc around (x, y) [m]."""
         rows, columns = self.values.shape[:2]
         v, u = np.ogrid[:rows, :columns]
         dx = (u + 0.5) * (self.width / columns) - x
@@ -102,6 +102,6 @@ class Sheet:
         self.values[dx * dx + dy * dy <= radius * radius] = colour
 
     def colour(self, low: int = 30, high: int = 226) -> Colour:
-        """Draw a colour."""
+        """Return a random colour with components from ``low`` to below ``high``."""
         r, g, b = self.stream.integers(low, high, 3).tolist()
         return r, g, b

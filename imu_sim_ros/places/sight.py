@@ -1,7 +1,7 @@
 # Copyright 2026 imu_sim_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Visibility of many places from one eye, or a point of a lamp, past rectangles."""
+"""Visibility of many points from one eye, or from a point of a lamp, between rectangles."""
 
 import math
 from collections.abc import Iterator
@@ -17,9 +17,9 @@ _BUNDLE: Final = 16
 _PAIRS: Final = 32_768
 """Pairs of a place and a rectangle that are compared at once."""
 _APART: Final = np.float32(1e-4)
-"""Share of the distance by which what hides a place is at least before it."""
+"""Smallest distance of a hiding surface from the place, as a share of the place's distance."""
 _FRONT: Final = 1e-4
-"""Least depth of what the eye sees [m]."""
+"""Smallest depth of visible surfaces [m]."""
 _SLACK: Final = np.float32(1e-5)
 """Margin of the bounds of bundles."""
 
@@ -69,7 +69,7 @@ def hidden_places(where: Surfaces, eye: Array, axis: Array, places: Single) -> M
 
 
 def _product(a: Single, b: Single) -> Single:
-    """Return the products of vectors (3, k)."""
+    """Return the scalar products (k,) of vectors (3, k)."""
     result: Single = a[0] * b[0]
     for k in (1, 2):
         result += a[k] * b[k]
@@ -77,7 +77,7 @@ def _product(a: Single, b: Single) -> Single:
 
 
 def _directions(local: Single) -> Single:
-    """Return where places (3, n) in the eye's frame appear, from -1 to 1, and their depth (3, n).
+    """Return image coordinates from -1 to 1, and depth (3, n), of places (3, n) in the eye's frame.
 
     ``x / (z + |x|)`` grows with x / z, so that the bounds of a rectangle are those of its corners.
     """
@@ -86,7 +86,7 @@ def _directions(local: Single) -> Single:
 
 
 def _bounds(corners: Array) -> tuple[Single, Single]:
-    """Return the least and largest direction and depth (3, m) of surfaces before the eye.
+    """Return smallest and largest image coordinates and depth (3, m) of rectangles.
 
     :param corners: (4, m, 3) in the eye's frame, around each rectangle.
     """
@@ -115,13 +115,13 @@ class _Bundles(NamedTuple):
     sizes: Integers
     """(b,) number of places in each bundle."""
     low: Single
-    """(3, b) least direction and depth."""
+    """(3, b) smallest image coordinates and depth."""
     high: Single
-    """(3, b) largest direction and depth."""
+    """(3, b) largest image coordinates and depth."""
 
     @classmethod
     def of(cls, projected: Single) -> "_Bundles":
-        """Divide places by their directions (3, n)."""
+        """Return the bundles of places with image coordinates and depth (3, n)."""
         side = max(1, round(math.sqrt(projected.shape[1] / _BUNDLE)))
         column, row = ((np.float32(0.5 * side) * (projected[:2] + 1)).astype(np.int64)).clip(
             0, side - 1
@@ -136,7 +136,7 @@ class _Bundles(NamedTuple):
     def pairs(self, low: Single, high: Single) -> Iterator[tuple[Integers, Integers]]:
         """Yield numbers of places and of rectangles (k,) in the same directions, not behind them.
 
-        :param low: (3, m) least directions and depth of the rectangles.
+        :param low, high: (3, m) bounds of the rectangles, see :func:`_bounds`.
         """
         overlap = self.high[2, :, None] >= low[2]
         for k in range(2):

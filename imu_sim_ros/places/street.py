@@ -128,7 +128,7 @@ def _houses(b: PlaceBuilder, along: int, side: int, stream: np.random.Generator)
 
 
 def _facade(b: PlaceBuilder, width: float, storeys: int, shop: bool, style: int) -> list[Print]:
-    """Return windows in rows, a door, and a shop."""
+    """Return the prints of a front: windows in rows, and a door or a shop."""
     count = max(2, int((width - 0.8) / 1.9))
     pitch = width / count
     prints = [Print("plinth", 0, 0, width, 0.5)]
@@ -176,7 +176,7 @@ def _furniture(
 
 
 def _tree(b: PlaceBuilder, foot: tuple[float, float, float], stream: np.random.Generator) -> None:
-    """Add a tree."""
+    """Add a tree with a crown of four boxes, unless it would stand in the path."""
     x, y, z = foot
     height = float(stream.uniform(2.2, 2.8))
     parts = [

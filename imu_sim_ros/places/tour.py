@@ -15,32 +15,32 @@ from imu_sim_ros.places.geometry import Surfaces
 from imu_sim_ros.places.place import CLEARANCE, Place
 
 _CELL: Final = 0.1
-"""Edge of the cells in which a way is looked for, in large places twice as much [m]."""
+"""Edge of the cells of the search for a way, in large places twice as much [m]."""
 _LARGE: Final = 200.0
 """Area of a large place [m^2]."""
 _REACH: Final = 1.0
-"""Distance from which a surface is of no interest [m]."""
+"""Distance beyond which surfaces have no influence [m]."""
 _FEWEST: Final = 10
 """Cells of the shortest tour."""
 _FEAR: Final = 0.6
-"""Distance from surfaces up to which a way costs more [m]."""
+"""Distance from surfaces below which a way costs more [m]."""
 _STEPS: Final = ((1.4, 5), (1.0, 3), (0.8, 3), (0.6, 1), (0.4, 1))
 """Distances of waypoints that are tried [m], and cells over which the way is smoothed."""
 _WAVE: Final = 0.15
 """Amplitude of the flight's rise and fall [m]."""
 _LENGTH: Final = 7.0
-"""Length of such a wave, about [m]."""
+"""Approximate length of a rise and fall [m]."""
 _LOOKS: Final = 4000
-"""Places along a flight whose distance from everything is checked."""
+"""Number of points of a flight whose distance from surfaces is checked."""
 _CORNERS: Final = ((0.0, 0.0), (1.0, 0.0), (0.0, 1.0), (1.0, 1.0))
 """Corners of a rectangle, in shares of its two sides."""
 
 
 class WaypointList(NamedTuple):
-    """A list of waypoints."""
+    """Waypoints of a flight, with headings."""
 
     positions: Array
-    """(n, 3) p_w [m]."""
+    """(n, 3) positions p_w [m]."""
     headings: Array
     """(n,) yaw along the way, not wrapped [rad]."""
 
@@ -48,7 +48,7 @@ class WaypointList(NamedTuple):
 def clearance(surfaces: Surfaces, points: Array, reach: float = math.inf) -> Array:
     """Return the distance (n,) of points (n, 3) from the nearest of all rectangles [m].
 
-    :param reach: distance beyond which rectangles may be left out; inf for points without others.
+    :param reach: distance beyond which the result may be inf [m].
     """
     order = np.argsort(points[:, 0], kind="stable")
     ordered, result = points[order], np.full(len(points), np.inf)
@@ -71,7 +71,7 @@ def clearance(surfaces: Surfaces, points: Array, reach: float = math.inf) -> Arr
 def tour(place: Place, fly: Callable[[WaypointList], Callable[[int], Array]]) -> WaypointList:
     """Return waypoints through a place, from stop to stop and back to the first.
 
-    :param fly: makes a flight of waypoints; its result gives n places (n, 3) along it.
+    :param fly: returns a flight through waypoints: a function of n that returns n positions (n, 3).
     :raises ConfigurationError: for a place without a way through it.
     """
     surfaces = place.surfaces()
@@ -88,7 +88,7 @@ def tour(place: Place, fly: Callable[[WaypointList], Callable[[int], Array]]) ->
 
 
 def _way(place: Place, surfaces: Surfaces) -> Array:
-    """Return places (n, 3) a cell apart, along the cheapest ways between stops."""
+    """Return positions (n, 3), a cell apart, along the cheapest ways between stops."""
     from scipy.sparse.csgraph import dijkstra
 
     height = float(np.median(place.route[:, 2]))
@@ -129,11 +129,11 @@ def _near(surfaces: Surfaces, height: float) -> Surfaces:
 
 
 def graph(free: Array, shape: tuple[int, int], clearance: float) -> Any:
-    """Return the costs of steps between neighbouring cells that are far enough from everything.
+    """Return the sparse matrix (n, n) of the costs of steps between neighbouring free cells.
 
-    :param free: (n,) distance of each cell from the nearest thing [m].
+    :param free: (n,) distance of each cell from the nearest surface [m].
     :param shape: rows and columns of the cells.
-    :param clearance: distance at which a cell is far enough [m].
+    :param clearance: distance from surfaces above which a cell is free [m].
     """
     from scipy.sparse import coo_matrix
 

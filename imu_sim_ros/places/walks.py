@@ -30,7 +30,7 @@ _CELL: Final = 0.1
 _LARGE: Final = 200.0
 """Area of a large place [m^2]."""
 _REACH: Final = 1.5
-"""Distance from which a thing is of no interest [m]."""
+"""Distance beyond which things have no influence [m]."""
 _ROOM: Final = 0.06
 """Margin of a planned way's distance from things [m]."""
 _STOPS: Final = 24
@@ -40,47 +40,49 @@ _BESIDE: Final = 0.15
 _SETS: Final = 4
 """Sets of stops that are tried, one after the other."""
 _TRIES: Final = 3
-"""Courses that are drawn from one home."""
+"""Number of courses that are drawn from one stop."""
 _SLACK: Final = 0.04
 """Margin of a planned course's distance from moving bodies [m]."""
 _TURNING: Final = 4
-"""Knots for which a body turns before it goes on."""
+"""Knots during which a body turns before it walks on."""
 _PAUSE: Final = (4, 16)
 """Knots of a pause, at least and at most."""
 _APART: Final = 0.1
-"""Bodies keep this far from each other [m]."""
+"""Smallest distance between bodies [m]."""
 _LOOKS: Final = 1200
-"""Times in a period at which bodies are compared."""
+"""Number of times in a period at which the distances of bodies are checked."""
 _DOOR_TRIES: Final = 40
 """Largest number of courses of a door that are drawn until one is clear of the cameras."""
 _ANGLES: Final = 12
 """Number of angles of a swinging door that are checked."""
 _GAIT: Final = {"person": 1.0, "cart": 0.8}
-"""Speed of each kind, of that of people."""
+"""Speed of each kind over that of people."""
 
 
 class Passage(NamedTuple):
     """The cameras' path."""
 
     times: Array
-    """(n,) [s]."""
+    """(n,) times [s]."""
     places: Array
     """(k, n, 3) positions of each of k cameras [m]."""
     ends: bool
-    """False: it goes on after the last time."""
+    """False if the path goes on after the last time."""
     foot: float
-    """Lowest place of the body, on which the cameras are [m]."""
+    """Lowest height of the body with the cameras [m]."""
 
 
 class _Floor(NamedTuple):
-    """Cells of the floor."""
+    """Grid of square cells of the floor, with their distances from things."""
 
     places: Array
     """(n, 2) middles [m]."""
     free: Array
     """(n,) distance from the nearest thing [m]."""
     shape: tuple[int, int]
+    """Number of cells along x and y; n is their product."""
     cell: float
+    """Edge of a cell [m]."""
 
     def number(self, places: Array) -> Integers:
         """Return the cell of each of places (n, 2), which are on the floor."""
@@ -89,7 +91,7 @@ class _Floor(NamedTuple):
         return np.asarray(i * self.shape[1] + j)
 
     def at(self, places: Array) -> Array:
-        """Return how far places (n, 2) on it are from the nearest thing, at least [m]."""
+        """Return lower bounds (n,) of the distances of places (n, 2) from the nearest thing [m]."""
         return self.free[self.number(places)] - self.cell * math.sqrt(0.5)
 
 
@@ -98,9 +100,9 @@ def moving(
 ) -> tuple[MovingBody, ...]:
     """Return the bodies of a place: doors, carts, then people.
 
-    :param counts: of each kind.
-    :param speed: of people who walk [m/s].
-    :raises ConfigurationError: if so many have no room.
+    :param counts: number of bodies of each kind.
+    :param speed: speed of walking people [m/s].
+    :raises ConfigurationError: if there is no room for so many.
     """
     bodies: list[MovingBody] = []
     for number, hinge in enumerate(place.hinges[: counts["door"]], start=1):
@@ -150,9 +152,9 @@ class _Walkers:
         passage: Passage,
         number: int,
     ) -> None:
-        """Draw stops.
+        """Initialise with a random set of stops.
 
-        :param number: of the set of stops: each is another one.
+        :param number: number of the set of stops, with which it is drawn.
         """
         from scipy.sparse.csgraph import dijkstra
 
@@ -178,7 +180,7 @@ class _Walkers:
         """Indices of the cells that each leg passes, knot by knot."""
         self._at = np.searchsorted(self._cells, self._stops)
         self._clear = self._clear_of_cameras()
-        """(knots, cells) whether each is off the cameras and all bodies that are known."""
+        """(knots, cells) True where a body is clear of the cameras and of the known bodies."""
         self._known = 0
 
     def _clear_of_cameras(self) -> Mask:
@@ -221,9 +223,9 @@ class _Walkers:
                 self._clear &= np.roll(off, shift, axis=0)[::2]
 
     def course(self, number: int, bodies: Sequence[MovingBody]) -> Course | None:
-        """Return a course that keeps off the bodies that are there; None: none was found.
+        """Return a course that keeps its distance from other bodies; None: none was found.
 
-        :param bodies: those of the last call, and after them what is there since.
+        :param bodies: bodies of the last call, and behind them those that were added since.
         """
         if len(self._stops) < 2:
             return None
@@ -332,7 +334,7 @@ class _Walkers:
 
 
 def _between(body: MovingBody, t: Array, places: Array) -> Array:
-    """Return how far places (n, 2) are from a body at times t (n,), at least [m]."""
+    """Return distances (n,) of places (n, 2) from a body at times t (n,), or less [m]."""
     pose = body.course.at(t)
     offset = places - pose[:, :2]
     if body.kind != "door":
@@ -341,14 +343,18 @@ def _between(body: MovingBody, t: Array, places: Array) -> Array:
 
 
 def _from_leaf(offset: Array, heading: Array, width: float) -> Array:
-    """Return how far offsets (n, 2) from a hinge are from the leaf [m]."""
+    """Return the distances (n,) of points from the leaf of a door [m].
+
+    :param offset: (n, 2) points relative to the hinge [m].
+    :param heading: (n,) directions of the leaf [rad].
+    """
     ahead = np.column_stack([np.cos(heading), np.sin(heading)])
     along = np.clip((offset * ahead).sum(axis=1), 0.0, width)
     return np.asarray(np.hypot(*(offset - along[:, None] * ahead).T) - 0.03)
 
 
 def _stops(free: Array, clearance: float, ways: object, stream: np.random.Generator) -> Integers:
-    """Return numbers of cells that can be reached from each other: of the largest such part."""
+    """Return random cells of the largest part of the floor whose cells are all connected."""
     from scipy.sparse.csgraph import connected_components
 
     _, part = connected_components(ways, directed=False)
@@ -369,7 +375,7 @@ def _stops(free: Array, clearance: float, ways: object, stream: np.random.Genera
 def _headings(line: Array) -> tuple[Array, int]:
     """Return the heading (n,) of a body at each knot of a closed line, and its whole turns.
 
-    It looks where it goes, and turns at the end of a pause.
+    The heading is that of the motion; in a pause it turns to the next one.
     """
     steps = np.roll(line, -1, axis=0) - np.roll(line, 1, axis=0)
     goes = np.hypot(*steps.T) > 1e-3
@@ -440,7 +446,7 @@ def _shadows(where: Surfaces, bottom: float, top: float) -> list[Array]:
 
 
 def _put(free: Array, grid: Array, corners: Array) -> None:
-    """Lower the distances of cells (a, b) to those from a convex figure of corners (4, 2)."""
+    """Lower the distances of cells (a, b) to those from a convex quadrilateral (4, 2)."""
     low, high = corners.min(axis=0) - _REACH, corners.max(axis=0) + _REACH
     rows = slice(*np.searchsorted(grid[:, 0, 0], (low[0], high[0])))
     columns = slice(*np.searchsorted(grid[0, :, 1], (low[1], high[1])))

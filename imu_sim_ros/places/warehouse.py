@@ -56,7 +56,7 @@ def warehouse(site: Site) -> Place:
 
 
 def _row(b: PlaceBuilder, y: float, stream: np.random.Generator) -> None:
-    """Add a row of racks at y with their load."""
+    """Add a row of racks at y with their pallets."""
     x0, _, z0 = b.site.low.tolist()
     x1, _, z1 = b.site.high.tolist()
     bays = max(1, int((x1 - x0 - 2 * _FRONT) / _BAY))

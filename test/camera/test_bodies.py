@@ -179,7 +179,7 @@ def test_depth_and_image_differ_from_those_without_bodies_where_the_mask_says(re
         assert np.abs(points[:, 2]).max(initial=0.0) < 0.04
         transmittance = np.ones(len(rows))
         for body, shadow in zip(rig.scene.crowd.bodies, rig.scene.crowd.shadows, strict=True):
-            transmittance *= plainly_left(shadow.below, body.inside(t, points))
+            transmittance *= plainly_left(shadow.below, body.to_body(t, points))
         error = image[rows, columns] - plain[rows, columns] * np.sqrt(transmittance)
         assert np.abs(error[np.abs(points[:, 2]) < 1e-3]).max(initial=0.0) < 1.0
         masked_bodies |= set(np.unique(mask).tolist())

@@ -105,8 +105,8 @@ def test_a_moving_body_is_met_where_it_is_at_each_rays_own_time():
     directions /= np.linalg.norm(directions, axis=1, keepdims=True)
     origins = RNG.uniform(-0.1, 0.1, (count, 3))
     hits = RayTracer(NO_SURFACES, bodies=[block]).trace(t, origins, directions)
-    start = block.inside(t, origins)
-    end = block.inside(t, origins + directions)
+    start = block.to_body(t, origins)
+    end = block.to_body(t, origins + directions)
     way = end - start
     low, high = np.array([-1.0, -0.5, 0.0]), np.array([1.0, 0.5, 1.0])
     with np.errstate(divide="ignore", invalid="ignore"):

@@ -122,7 +122,7 @@ class Tracker:
             assert self.scene.crowd is not None
             points, _ = self.scene.crowd.landmarks[number - 1]
             t = np.full(len(rows), self.view.seconds(np.array([t_ns]))[0])
-            result[rows] = moving_body.outside(t, points[landmark[rows] - self._first[number - 1]])
+            result[rows] = moving_body.to_world(t, points[landmark[rows] - self._first[number - 1]])
         return result
 
     def counts(self, first: int, count: int) -> Rows:
@@ -260,7 +260,7 @@ class Tracker:
         rows = np.flatnonzero(shown)
         t, eye, points = t[rows], eye[rows], points[rows]
         if body is not None:
-            eye, points = body.outside(t, eye), body.outside(t, points)
+            eye, points = body.to_world(t, eye), body.to_world(t, points)
         behind = self.scene.hidden(eye, points)
         if self.scene.crowd is not None:
             behind |= self.scene.crowd.hidden(t, eye, points)

@@ -130,7 +130,7 @@ def test_points_of_people_are_on_them_at_their_own_times():
     for number in bodies_hit:
         mine = np.flatnonzero(scans.body.reshape(-1) == number)
         moving_body = crowd.bodies[number - 1]
-        within_body = moving_body.inside(t.reshape(-1)[mine], points[mine])
+        within_body = moving_body.to_body(t.reshape(-1)[mine], points[mine])
         where = crowd.surfaces[number - 1]
         face = scans.surface.reshape(-1)[mine]
         offset = ((within_body - where.origin[face]) * where.normal[face]).sum(axis=1)
