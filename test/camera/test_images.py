@@ -509,7 +509,7 @@ class Seen:
     def __init__(self, rig, imager, t):
         eyes = Eyes(rig.views["cam0"].poses(rig.trajectory, np.array([t])))
         renderer = imager._renderer
-        _, self.numbers, _ = renderer._there(eyes)
+        _, self.numbers, _ = renderer._candidates(eyes)
         self.visible = renderer.visible(eyes)
         rays = renderer._rays
         self.rays = np.concatenate([rays.of_band(k) for k in range(len(rays.bands))], axis=1)

@@ -30,9 +30,9 @@ _ONE = np.float32(1.0)
 
 
 _APART: Final = np.float32(1e-5)
-"""Share of 1 / t by which a surface is at least nearer than what it hides."""
+"""Smallest difference in 1 / t of a surface from one that it hides, as a share."""
 _BENT: Final = 0.03
-"""Least share of a cell that the image of a straight line is taken to bend within it."""
+"""Smallest bend of the image of a straight line within a cell that is assumed, as a share of it."""
 
 
 _CANDIDATE: Final = np.dtype(
@@ -63,7 +63,7 @@ class CellGrid:
         self._tiles = -(-self.rows // TILE) + 1, -(-self.columns // TILE) + 1
 
     def pairs(self, planes: Planes) -> Pairs:
-        """Return which rectangles may be seen in which cells, but for those behind another."""
+        """Return the pairs of cells and rectangles that may be visible in them."""
         cells = self.rows * self.columns
         room, edges = 4 * cells, np.empty((5, *self._tiles), np.float32)
         while True:
@@ -82,7 +82,7 @@ class CellGrid:
 
 _HALF: Final = np.float32(0.5)
 _FACTOR: Final = _HALF ** np.arange(LEVELS, dtype=np.float32)
-"""Size of a level, of the first one's."""
+"""Size of each level over that of the first one."""
 _NEAREST: Final = np.float32(2.0) ** np.arange(1, 2 * LEVELS - 1, 2, dtype=np.float32)
 """Squares of the steps between levels: those are sqrt(2) times 1, 2, 4, ..."""
 _NOT_COARSER: Final = np.float32(4.0) ** np.arange(1, LEVELS, dtype=np.float32)
@@ -102,9 +102,9 @@ PATCH: Final = np.dtype(
         ("doublings", np.int64),  # 1, 2, 4 or 8 points along it are looked at: 2 to this power
         # How 1 / t, s / t and r / t differ from a pixel to that on its right, and below.
         ("steps", np.float32, (2, 3)),
-        # 1 / what s / t or (1 - s) / t, r / t or (1 - r) / t change in half a pixel at most.
+        # 1 / the largest change in half a pixel: of s / t and (1 - s) / t, r / t and (1 - r) / t.
         ("inside", np.float32, 2),
-        ("depth", np.float32),  # what 1 / t changes in half a pixel at most
+        ("depth", np.float32),  # the largest change of 1 / t in half a pixel
     ],
     align=True,
 )
@@ -119,11 +119,11 @@ def patches(
     trilinear: bool,
     areas: bool = False,
 ) -> NDArray[np.void]:
-    """Return how p pairs are seen.
+    """Return the texture mapping of p pairs of a rectangle and a cell.
 
-    :param positions: (3, 2, p) of each of the probes s and r.
-    :param linear: (3, 3, p) of each of the probes 1 / t, s / t and r / t.
-    :param number: (p,) of the rectangles' textures in the atlas.
+    :param positions: (3, 2, p) s and r of each of three probes of the cell.
+    :param linear: (3, 3, p) 1 / t, s / t and r / t of each of the probes.
+    :param number: (p,) numbers of the rectangles' textures in the atlas.
     :param areas: levels suit the width of a pixel's footprint, with looks along its length; else
         they suit its length.
     """
@@ -156,9 +156,9 @@ def patches(
 
 
 def _put_slopes(patches: NDArray[np.void], linear: Single) -> None:
-    """Set how depth and position change across patches.
+    """Set the changes of depth and texture coordinates across patches.
 
-    :param linear: (3, 3, p) of each of the probes 1 / t, s / t and r / t.
+    :param linear: (3, 3, p) 1 / t, s / t and r / t of each of the probes.
     """
     steps = linear[1:] - linear[:1]
     patches["steps"] = steps.transpose(2, 0, 1)

@@ -29,9 +29,9 @@ _INTERVAL: Final = 0.1
 _COLUMNS: Final = 48
 """Number of columns of pixels from which the exposure is computed."""
 _MEMORY: Final = 5.0
-"""After how many lags a reading is forgotten: it weighs less than 1 %."""
+"""Number of lags after which a reading is left out: its weight is below 1 %."""
 _WHITE: Final = np.float32(235.0)
-"""Grey value above which what is seen may be brighter than white."""
+"""Grey value above which a surface may be brighter than white."""
 _FULL: Final = np.float32(255.0)
 
 
@@ -39,7 +39,10 @@ class AutoExposure:
     """The factor that one camera's automatic exposure applies to grey values, over time."""
 
     def __init__(self, view: View, meter: Callable[[Array], Iterator[Bytes]]) -> None:
-        """Take a camera and what its meter, of :func:`meter_model`, sees at a time (1,) [s]."""
+        """Initialise for a camera.
+
+        :param meter: returns the picture of :func:`meter_model`, in parts, at a time (1,) [s].
+        """
         self._view, self._meter = view, meter
         self._wanted: dict[int, float] = {}
 
@@ -51,7 +54,7 @@ class AutoExposure:
         return round(math.exp(value), 6)  # the last bits of an exponential decide nothing
 
     def _set(self, number: int) -> float:
-        """Return the logarithm of the factor that follows from readings up to one."""
+        """Return the logarithm of the factor that follows from the readings up to a number."""
         weights = self._weights
         return sum(w * self._logarithm(number - k) for k, w in enumerate(weights))
 
@@ -67,7 +70,7 @@ class AutoExposure:
 
     def _logarithm(self, number: int) -> float:
         """Return the logarithm of the factor that the meter wants at an instant."""
-        number = max(number, 0)  # before the start it looked at what is seen then
+        number = max(number, 0)  # before the start the image is that of the start
         if number not in self._wanted:
             p = self._view.parameters
             factor = p.auto_exposure / max(self._mean(number * _INTERVAL), 1e-3)
@@ -104,7 +107,7 @@ def meter_model(p: CameraParameters) -> CameraModel:
 def exposed(level: Single, factor: float) -> Single:
     """Return grey values (...) times a factor.
 
-    What was white before may be any number of times as bright, and stays white in a darker image:
+    White pixels may be any number of times as bright, and stay white in a darker image:
     windows stay saturated.
 
     >>> exposed(np.array([100, 235, 255], np.float32), 0.5)

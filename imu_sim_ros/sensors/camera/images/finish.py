@@ -14,15 +14,16 @@ from imu_sim_ros.places.shadows import ShadowLine
 from imu_sim_ros.sensors.camera.images.planes import Pairs, Planes
 
 _TURNING: Final = np.float32(12.0)
-"""Distances change by less than twice within this many pixels."""
+"""Number of pixels within which distances change by less than a factor of two."""
 _ANYWHERE: Final = np.float32(1e9)
+"""Step from pixel to pixel of a position that is unknown."""
 
 
 class Glossy(NamedTuple):
-    """Glossy regions that may be seen in the cells of p pairs."""
+    """Glossy regions that may be visible in the cells of p pairs of a cell and a rectangle."""
 
     first: Integers
-    """(p + 1,) first of each pair's regions among those that are found."""
+    """(p + 1,) index in ``region`` of each pair's first region; the last is q."""
     region: Integers
     """(q,) numbers of the regions, ordered by pair."""
     lit: Mask
@@ -39,10 +40,10 @@ class Glossy(NamedTuple):
         probes: tuple[Single, Single, Integers],
         angle: float,
     ) -> "Glossy":
-        """Find them.
+        """Return the glossy regions of pairs.
 
-        :param face: (p,) of the pairs; -1: none that may be glossy.
-        :param probes: inverse distance (3, p) and position (3, 2, p) of the probes, row (p,) of the
+        :param face: (p,) number of each pair's face; -1: a face without gloss.
+        :param probes: inverse distance (3, p) and s and r (3, 2, p) of the probes, row (p,) of the
             first.
         """
         number = np.flatnonzero(face >= 0)
@@ -60,7 +61,7 @@ class Glossy(NamedTuple):
 
     @classmethod
     def none(cls, pairs: int) -> "Glossy":
-        """Return that there are no such regions."""
+        """Return no regions for some pairs."""
         starts, lit = np.zeros(pairs + 1, np.int64), np.zeros((0, 0), np.bool_)
         return cls(starts, starts[:0], lit, Sheen.empty(0, 0, 0, 0))
 
@@ -83,16 +84,17 @@ class Shades(NamedTuple):
     planes: Planes
     """(k,) parts of the floor that may be in a shadow."""
     lines: Single
-    """(k, 3) length and radius [m] of the shadows, and how deep they are."""
+    """(k, 3) length and radius of the shadows [m], and the share of light that is missing."""
 
     @classmethod
     def of(
         cls, cells: int, nothing: Planes, shadows: Sequence[tuple[Planes, Pairs, ShadowLine]]
     ) -> "Shades":
-        """Take what may be seen of each shadow.
+        """Return the shadows that may be visible, by cell.
 
-        :param cells: of the image.
-        :param nothing: no rectangles.
+        :param cells: number of cells of the image.
+        :param nothing: planes of no rectangles.
+        :param shadows: plane, cells and line of each shadow.
         """
         cell = np.concatenate([np.zeros(0, np.int64), *(pairs.cell for _, pairs, _ in shadows)])
         which = np.repeat(np.arange(len(shadows)), [len(pairs.cell) for _, pairs, _ in shadows])

@@ -1,11 +1,11 @@
 # Copyright 2026 imu_sim_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Optical flow: where what each pixel sees is in the next image.
+"""Optical flow: from each pixel to the pixel of the same surface point in the next image.
 
-The depth of a pixel puts what it sees into the world, or into the axes of the body that it belongs
-to; from there it is projected into the next image. With a rolling shutter each row has its own
-time, in the next image as well: the row v in which a point is seen solves v = v(point, t(v)).
+The depth of a pixel gives the surface point in the world, or in the axes of the body that it
+belongs to; from there it is projected into the next image. With a rolling shutter each row has its
+own time, in the next image as well: the row v of a point solves v = v(point, t(v)).
 """
 
 from collections.abc import Callable
@@ -21,13 +21,13 @@ from imu_sim_ros.sensors.camera.model import CameraModel
 from imu_sim_ros.sensors.camera.view import CameraPoses, Eyes
 
 _ROUNDS: Final = 12
-"""Most steps of the search for a row."""
+"""Largest number of steps of the search for a row."""
 _CLOSE: Final = 1e-6
-"""Change of a row at which it is found [px]."""
+"""Change of a row below which the search has converged [px]."""
 _FOUND: Final = 1e-3
-"""Change of a row from which on it is not [px]."""
+"""Change of a row after the last step from which on a point has no flow [px]."""
 _BEHIND: Final = 0.005
-"""Share of its depth by which a point lies behind what is seen there if that hides it."""
+"""Depth of a point over that of the visible surface, minus 1, from which on it is hidden."""
 _KITTI: Final = 64.0
 """Steps of KITTI's 16-bit flow in a pixel."""
 _KITTI_ZERO: Final = 1 << 15
@@ -42,11 +42,11 @@ def flow(
 ) -> Single:
     """Return the steps (h, w, 2) in u and v [px] from each pixel's centre to the next image.
 
-    NaN for pixels that see nothing, and for what is outside of the next image or hidden there.
+    NaN for pixels without a surface, and for points outside the next image or hidden there.
 
     :param image: depth (h, w) [m] and mask (h, w) of the image.
-    :param next_image: those of the next one.
-    :param eyes: for 0, the image, and 1, the next one, a function from rows to the poses then.
+    :param next_image: depth and mask of the next image.
+    :param eyes: returns the poses of rows of the image (0) or of the next one (1), as a function.
     """
     depth, mask = image
     height, width = depth.shape
@@ -103,9 +103,9 @@ def _by_row(eyes: Callable[[Array], Eyes], height: int) -> _Poses:
 def _projected(
     model: CameraModel, points: Array, row: Array, poses: Callable[[Array], CameraPoses]
 ) -> tuple[Array, Array, Mask]:
-    """Return the pixels (n, 2) of points (n, 3), their depths (n,), and which have any.
+    """Return pixels (n, 2) and depths (n,) of points (n, 3), and True (n,) for points in the image.
 
-    :param row: (n,) where the search begins.
+    :param row: (n,) rows at which the search begins.
     """
     v = row
     for _ in range(_ROUNDS):

@@ -21,7 +21,7 @@ _STEPS: Final = 64
 
 
 class GreyValues(NamedTuple):
-    """A camera's grey values of rendered ones."""
+    """Table from rendered values to the grey values of a camera."""
 
     values: NDArray[np.uint16] | None
     """(256,) grey value of each rendered value, in steps; None: the same."""

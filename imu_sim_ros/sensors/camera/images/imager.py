@@ -30,16 +30,16 @@ from imu_sim_ros.trajectory.motion import Trajectory
 _FULL: Final = 255.0
 """Grey value at full scale."""
 _FAR: Final = np.float32(1e9)
-"""Beyond any grey value, and what OpenCV still rounds to an integer."""
+"""Value far beyond any grey value that OpenCV can still round to an integer."""
 
 
 class Imager:
-    """Images of one camera, each from its number alone; may be used by several threads."""
+    """Images of one camera, each a function of its number; several threads may use it at once."""
 
     def __init__(
         self, view: View, scene: Scene, atlas: Atlas | Look, trajectory: Trajectory
     ) -> None:
-        """Set up the camera.
+        """Initialise without an image.
 
         :raises MissingDependencyError: if OpenCV or numba is not installed.
         """
@@ -99,7 +99,7 @@ class Imager:
 
         Read noise has one deviation; that of shot noise goes with the root of the value.
 
-        :param factor: of automatic exposure, which multiplies the noise of a dark image as well.
+        :param factor: factor of the automatic exposure, which multiplies the noise as well.
         """
         p = self.view.parameters
         stream = self.view.stream("image_noise", number)
@@ -143,7 +143,7 @@ class Imager:
         return self._scene.crowd is not None
 
     def depth_and_mask(self, number: int) -> tuple[Single, Bytes | None]:
-        """Return :meth:`depth`, and which body is there (h, w): 1, 2, ...; 0: none that moves.
+        """Return :meth:`depth`, and the number of the moving body (h, w): 1, 2, ...; 0: none.
 
         No mask if nothing moves in the scene.
         """
@@ -154,9 +154,9 @@ class Imager:
     def flow(self, number: int) -> Single:
         """Return the optical flow (h, w, 2) of each pixel to the next image [px].
 
-        From the pixel's centre in the middle of the exposure to the next frame that is delivered.
-        NaN for what sees nothing, for what is outside of the next image or hidden there, and
-        everywhere if there is none.
+        It is from the pixel's centre in the middle of the exposure to the next delivered frame.
+        NaN for pixels without a surface, for points outside the next image or hidden there, and
+        everywhere without a next image.
         """
         p = self.view.parameters
         following = self._following(number)
@@ -172,7 +172,7 @@ class Imager:
         return flow(self.view.model, image, next_image, eyes)
 
     def _following(self, number: int) -> int | None:
-        """Return the next frame that is delivered; None: the last one was before."""
+        """Return the number of the next delivered frame; None: there is none."""
         total = self.view.total
         while total is None or number + 1 < total:
             number += 1
@@ -181,12 +181,12 @@ class Imager:
         return None
 
     def _seen_from(self, number: int) -> Eyes:
-        """Return the poses of the pixels' centres in the middle of the exposure."""
+        """Return the poses of the camera in the middle of the exposure, for each row of pixels."""
         t = np.array([self._seconds(self._content(number))])
         return self._eyes(self._row_times(t, self._centres.rows))
 
     def _eyes(self, t: Array) -> Eyes:
-        """Return where the camera is at times t (n,) [s]."""
+        """Return the camera's poses in the world and in the bodies' axes at times t (n,) [s]."""
         poses = self.view.poses(self._trajectory, t)
         crowd = self._scene.crowd
         bodies = crowd.bodies if crowd else ()
@@ -208,7 +208,7 @@ class Imager:
         return float(self.view.seconds(self.view.frames(number, 1).true_t_ns)[0])
 
     def _content(self, number: int) -> int:
-        """Return which frame's content a frame shows: its own, or that of an earlier one."""
+        """Return the number of the frame whose content a frame shows: itself, or an earlier one."""
         p = self.view.parameters
         while number > 0 and p.repeat_probability > 0.0:
             if self.view.stream("repeat", number).random() >= p.repeat_probability:
@@ -257,7 +257,7 @@ def textures(scene: Scene, parameters: SceneParameters, colour: bool) -> Atlas |
 
 
 def _wave(amplitude: float, period: float, seconds: float) -> float:
-    """Return the factor of a slow change."""
+    """Return the factor ``1 + a sin(2 pi t / T)`` of a slow change."""
     return 1.0 + amplitude * math.sin(2.0 * math.pi * seconds / period)
 
 

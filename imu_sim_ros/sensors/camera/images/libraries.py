@@ -32,7 +32,7 @@ def opencv() -> ModuleType:
 
 
 def numba() -> ModuleType:
-    """Return numba's module, which will tell before it compiles.
+    """Return numba's module; before its first compilation, users get a note.
 
     :raises MissingDependencyError: if it is not installed.
     """

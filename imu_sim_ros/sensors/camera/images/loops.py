@@ -24,7 +24,7 @@ from imu_sim_ros.places.gloss import Sheen, mirrored, reflectance
 from imu_sim_ros.sensors.camera.images.finish import Glossy, Shades
 from imu_sim_ros.sensors.camera.images.libraries import compiled, part
 from imu_sim_ros.sensors.camera.images.planes import Pairs, Planes
-from imu_sim_ros.sensors.camera.images.visible import Met, Triangles, Visible
+from imu_sim_ros.sensors.camera.images.visible import MeshHits, Triangles, Visible
 
 Ray: TypeAlias = tuple[np.float32, np.float32, np.float32]
 
@@ -788,7 +788,7 @@ def _between(share: np.float32, count: int) -> tuple[int, np.float32]:
 @compiled
 def paint_mesh(
     values: Bytes,
-    hits: Met,
+    hits: MeshHits,
     pitch: Single,
     triangles: Triangles,
     textures: tuple[Bytes, Single, Single],
@@ -848,7 +848,7 @@ def _on_triangle(coefficients: Single, k: int, m: int, point: Single, n: int) ->
 @part
 def _footprint(
     along: Single,
-    hits: Met,
+    hits: MeshHits,
     n: int,
     pitch: np.float32,
     triangles: Triangles,

@@ -20,9 +20,9 @@ _PART: Final = 100_000
 _TO_SUN: Final = (0.36, 0.48, 0.8)
 """Unit vector to the light that shades surfaces without a texture."""
 _SKY: Final = 0.45
-"""Light of a face that looks to the sky, of that which faces the sun as well."""
+"""Light of a face that looks up in the shade, as a share of one that faces the sun."""
 _GROUND: Final = 0.25
-"""Light of a face that looks down."""
+"""Light of a face that looks down, as a share of one that faces the sun."""
 
 
 class Look:
@@ -33,10 +33,11 @@ class Look:
     """
 
     def __init__(self, mesh: Mesh, middle: Array, colour: bool, sun: bool) -> None:
-        """Prepare a mesh.
+        """Initialise with a mesh in the world.
 
-        :param colour: in red, green and blue, else in grey.
-        :param sun: shade it by the angle to a sun; else its colours are as they are.
+        :param middle: (3,) origin of the points p [m].
+        :param colour: True: red, green and blue; False: grey.
+        :param sun: True: shade the colours by the angle to a sun.
         """
         self.atlas = _atlas(mesh, colour)
         self.textured = bool(mesh.textures)
@@ -61,12 +62,12 @@ class Look:
 
     @property
     def image(self) -> Bytes:
-        """All textures, in grey or in colour."""
+        """All textures in one image, (h, w) in grey or (h, w, 3) in colour."""
         return self.atlas.image
 
 
 def _atlas(mesh: Mesh, colour: bool) -> Atlas:
-    """Return white, and the textures with their first row at the bottom."""
+    """Return a white texture and those of the mesh, each with its first row at the bottom."""
     textures = [_WHITE, *mesh.textures]
 
     def texture(m: int) -> Bytes:
@@ -77,9 +78,10 @@ def _atlas(mesh: Mesh, colour: bool) -> Atlas:
 
 
 class _Gradient:
-    """Turns values at the corners of triangles into functions of the point."""
+    """Linear functions of the point on each of m triangles, from values at their corners."""
 
     def __init__(self, corners: Array) -> None:
+        """Initialise with the corners (m, 3, 3) of triangles [m]."""
         first, second = corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0]
         normal = np.cross(first, second)
         normal /= (normal * normal).sum(axis=1, keepdims=True)
@@ -106,7 +108,7 @@ def _gradients(mesh: Mesh, middle: Array) -> Iterator[tuple[slice, _Gradient]]:
 
 
 def _density(uv: Single, size: Array) -> Array:
-    """Return the square of the texels along a metre (m,): the largest singular value.
+    """Return the square of the largest number of texels along a metre (m,) on each triangle.
 
     :param uv: (8, m) coefficients of u and v.
     :param size: (2, m) columns and rows of the textures.

@@ -15,17 +15,17 @@ from imu_sim_ros.sensors.camera.images.loops import POINTS, paint_mesh, space
 from imu_sim_ros.sensors.camera.images.mesh_look import Look
 from imu_sim_ros.sensors.camera.images.rays import PixelRays
 from imu_sim_ros.sensors.camera.images.renderer import rounded
-from imu_sim_ros.sensors.camera.images.visible import Met
+from imu_sim_ros.sensors.camera.images.visible import MeshHits
 from imu_sim_ros.sensors.camera.model import CameraModel
 from imu_sim_ros.sensors.camera.view import Eyes
 from imu_sim_ros.terminal.progress import check_interrupted
 
 _CONTRAST: Final = 12
-"""Grey values by which pixels differ at an edge at least."""
+"""Smallest difference of neighbouring pixels at an edge [grey values]."""
 _STEP: Final = 0.01
-"""Step in depth, of the distance, from which on two triangles are two surfaces."""
+"""Step in depth over the distance from which on two triangles belong to different surfaces."""
 _FLAT: Final = 0.9
-"""Cosine between their normals below which they are."""
+"""Cosine between normals below which two triangles belong to different surfaces."""
 _RAYS_OF_EDGES: Final = 65_536
 """Rays that are cast at once."""
 
@@ -42,7 +42,7 @@ class MeshRenderer:
         trilinear: bool = False,
         areas: bool = False,
     ) -> None:
-        """Set up the rays.
+        """Initialise the rays of a camera.
 
         :param scale: rays along each side of a pixel.
         :param trilinear: look at two mip levels.
@@ -76,7 +76,7 @@ class MeshRenderer:
     def _put_edges(
         self,
         picture: Bytes,
-        picture_hits: Met,
+        picture_hits: MeshHits,
         pitch: Single,
         rays: Single,
         poses_and_rows: tuple[tuple[Array, Array], slice],
@@ -107,14 +107,14 @@ class MeshRenderer:
             )
             way = np.ascontiguousarray(way.reshape(3, -1).T)
             count = ray.shape[2]
-            hits = self._met(eye[some].repeat(count, axis=0), way)
+            hits = self._intersections(eye[some].repeat(count, axis=0), way)
             values = self._painted(hits, pitch.take(pixel[some]).repeat(count))
             values = values.reshape(-1, count, *picture.shape[2:])
             total[some] = values.sum(axis=1, dtype=np.uint16)
         total += len(POINTS) // 2
         picture.reshape(-1, *picture.shape[2:])[pixel] = total // len(POINTS)
 
-    def _at_edges(self, picture: Bytes, hits: Met, eyes: Array) -> Mask:
+    def _at_edges(self, picture: Bytes, hits: MeshHits, eyes: Array) -> Mask:
         """Return True for pixels (h w,) that differ from a neighbour on another surface.
 
         Triangles of one surface are those whose planes go on in each other, at a small angle.
@@ -132,19 +132,21 @@ class MeshRenderer:
                 edge_pixels += edge_pixels // (width - 1)
             if self._look.textured:
                 edge_pixels = edge_pixels[
-                    self._another(hits, eyes, edge_pixels, edge_pixels + step)
+                    self._on_two_surfaces(hits, eyes, edge_pixels, edge_pixels + step)
                 ]
             result[edge_pixels] = result[edge_pixels + step] = True
         return result
 
-    def _another(self, hits: Met, eyes: Array, pixels: Integers, neighbours: Integers) -> Mask:
-        """Return True for pairs (n,) of pixels on two surfaces."""
+    def _on_two_surfaces(
+        self, hits: MeshHits, eyes: Array, pixels: Integers, neighbours: Integers
+    ) -> Mask:
+        """Return True for pairs (n,) of neighbouring pixels on different surfaces."""
         first, second = hits.some(pixels), hits.some(neighbours)
         planes = [self._caster.planes.take(side.number, axis=0) for side in (first, second)]
         start = (eyes if len(eyes) == 1 else eyes.take(neighbours, axis=0)) - self._caster.middle
         away = planes[0][:, 3] - (planes[0][:, :3] * start).sum(axis=1)
         along = (planes[0][:, :3] * second.way).sum(axis=1)
-        # Without a division: the first one's plane is where the second one is.
+        # Distance of the first plane along the second ray against the second hit, without division.
         missed = np.abs(away - second.distance * along) > _STEP * np.abs(away)
         cosine = (planes[0][:, :3] * planes[1][:, :3]).sum(axis=1)
         cosine *= np.sign(first.along * second.along)
@@ -168,7 +170,7 @@ class MeshRenderer:
         """Return :meth:`depth`, and 0 for each pixel: nothing moves in a mesh."""
         return self.depth(eyes), np.zeros(self._rays.shape, np.uint8)
 
-    def _seen(self, poses: tuple[Array, Array]) -> Iterator[tuple[int, slice, Single, Met]]:
+    def _seen(self, poses: tuple[Array, Array]) -> Iterator[tuple[int, slice, Single, MeshHits]]:
         """Yield each band's number, rows and rays (3, h, w), and the nearest intersections."""
         position, r_wc = poses
         for number, band in enumerate(self._rays.bands):
@@ -182,10 +184,14 @@ class MeshRenderer:
             eye = position[pose_rows]
             if len(position) > 1:
                 eye = eye.repeat(rays.shape[2], axis=0)
-            yield number, rows, rays, self._met(eye, ways.reshape(-1, 3))
+            yield number, rows, rays, self._intersections(eye, ways.reshape(-1, 3))
 
-    def _met(self, eye: Array, ways: Single) -> Met:
-        """Return where rays from the camera hit the mesh."""
+    def _intersections(self, eye: Array, ways: Single) -> MeshHits:
+        """Return the nearest intersections of rays with the mesh.
+
+        :param eye: (n, 3) or (1, 3) positions of the camera [m].
+        :param ways: (n, 3) directions in the world.
+        """
         hits, along = self._caster.meet(eye, ways)
         nothing = hits.surface < 0
         start = eye - self._caster.middle
@@ -194,10 +200,13 @@ class MeshRenderer:
         for k in range(3):
             point[k] = start[:, k] + distance * ways[:, k]
         number = np.where(nothing, 0, hits.surface)
-        return Met(number, nothing, hits.distance, along, point, ways)
+        return MeshHits(number, nothing, hits.distance, along, point, ways)
 
-    def _painted(self, hits: Met, pitch: Single) -> Bytes:
-        """Return the values (n,) or (n, 3) of rays."""
+    def _painted(self, hits: MeshHits, pitch: Single) -> Bytes:
+        """Return the grey values (n,) or colours (n, 3) of rays.
+
+        :param pitch: (n,) angle from each ray to the next [rad].
+        """
         atlas, image = self._look.atlas, self._look.image
         textures = image.reshape(*image.shape[:2], -1), atlas.size, atlas.corner
         values = np.empty((len(hits.number), textures[0].shape[2]), np.uint8)

@@ -1,7 +1,7 @@
 # Copyright 2026 imu_sim_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Rectangles as a camera sees them, and the cells of its image in which they may be."""
+"""Rectangles in the frame of a camera, and the cells of its image in which they may be visible."""
 
 from typing import Final, NamedTuple
 
@@ -24,7 +24,7 @@ class Planes(NamedTuple):
 
     @classmethod
     def of(cls, surfaces: Surfaces, normals: Array, position: Array, r_wc: Array) -> "Planes":
-        """Return surfaces with their normals (m, 3) as poses (n, 3), (n, 3, 3) see them."""
+        """Return surfaces with normals (m, 3) in the frames of poses (n, 3), (n, 3, 3)."""
         o, a, b, normal = (
             part[:, None] for part in (surfaces.origin, surfaces.across, surfaces.up, normals)
         )
@@ -37,19 +37,19 @@ class Planes(NamedTuple):
         start = np.stack([((position - o) * side).sum(axis=2) for side in sides], axis=2)
         return cls(vectors.astype(np.float32), start.astype(np.float32))
 
-    def joined(self, others: "list[Planes]") -> "Planes":
-        """Return these and others."""
-        tables = [self, *others]
-        return Planes(*(np.concatenate(parts) for parts in zip(*tables, strict=True)))
+    def joined(self, tables: "list[Planes]") -> "Planes":
+        """Return the rectangles of several tables, one after the other, for the same poses."""
+        columns = zip(self, *tables, strict=True)
+        return Planes(*(np.concatenate(parts) for parts in columns))
 
     def none(self) -> "Planes":
-        """Return no rectangles, for the same poses."""
+        """Return a table without rectangles, for the same poses."""
         return Planes(self.vectors[:0], self.start[:0])
 
     def seen(self, which: Integers, rows: Integers) -> tuple[Single, Single]:
         """Return vectors (3, 3, p, k) and start (2, p, k) of some rectangles (p,).
 
-        :param rows: (p, k) of the rays; k is 1 for one pose.
+        :param rows: (p, k) rows of the rays; k is 1 for one pose.
         """
         pose_rows = rows if self.start.shape[1] > 1 else _FIRST
         vectors, start = (
@@ -61,10 +61,12 @@ class Planes(NamedTuple):
     def meet(
         self, which: Integers, rays: Single, rows: Integers, threshold: np.float32
     ) -> tuple[Mask, Single, Single]:
-        """Return which rays (3, p, k) have a plane before them, 1 / t, and s and r (2, p, k).
+        """Return True (p, k) for rays with a plane before them, 1 / t (p, k), s and r (2, p, k).
 
-        :param which: (p,) numbers of the rectangles among these.
-        :param rows: (p, k) of the rays.
+        :param rays: (3, p, k) directions.
+
+        :param which: (p,) numbers of the rectangles in this table.
+        :param rows: (p, k) rows of the rays.
         :param threshold: 1 / t above which a plane is before a ray.
         """
         vectors, start = self.seen(which, rows)
@@ -84,7 +86,7 @@ class Planes(NamedTuple):
 
 
 def _dots(vectors: Single, rays: Single) -> Single:
-    """Return the products (m,) of vectors (m, 3) and rays (3, m)."""
+    """Return the scalar products (m, ...) of vectors (m, 3, ...) and rays (3, ...)."""
     dots: Single = vectors[:, 0] * rays[0]
     term = vectors[:, 1] * rays[1]
     dots += term
@@ -102,4 +104,4 @@ class Pairs(NamedTuple):
     which: Integers
     """(p,) number of the rectangle; in a cell they ascend."""
     fills: Mask
-    """(p,) it fills its cell."""
+    """(p,) True if the rectangle fills its cell."""

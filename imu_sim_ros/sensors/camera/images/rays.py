@@ -14,11 +14,11 @@ from imu_sim_ros.sensors.camera.images.loops import CELL
 from imu_sim_ros.sensors.camera.model import CameraModel
 
 _BAND: Final = 190_000
-"""Rays that are processed at once, about: half of those of 752x480 pixels."""
+"""Approximate number of rays that are processed at once: half of 752 x 480."""
 _AT_ONCE: Final = 4096
-"""Pixels whose rays are found at once: the arrays stay in a processor's cache."""
+"""Pixels whose rays are computed at once: the arrays stay in a processor's cache."""
 _KEPT: Final = 6_000_000
-"""Rays that are kept, 12 bytes each; those of larger images are found anew for each."""
+"""Largest number of rays that are kept, 12 bytes each; else they are computed for each image."""
 
 
 class PixelRays:
@@ -28,7 +28,7 @@ class PixelRays:
     """
 
     def __init__(self, model: CameraModel, scale: int) -> None:
-        """Set up the rays of an image.
+        """Initialise without rays.
 
         :param scale: rays along each side of a pixel.
         """
@@ -40,18 +40,18 @@ class PixelRays:
 
     @cached_property
     def bands(self) -> list[slice]:
-        """The rows of cells of the image in pieces, each of whole pixels."""
+        """Ranges of rows of cells that are processed at once, each of whole pixels."""
         count, step = -(-self.height // CELL), self.scale // math.gcd(self.scale, CELL)
         size = step * max(1, _BAND // (step * CELL * self.width))
         return [slice(k, min(k + size, count)) for k in range(0, count, size)]
 
     def rows(self, cells: slice) -> slice:
-        """Return the rows of rays of some rows of cells."""
+        """Return the rows of rays in a range of rows of cells."""
         return in_cells(cells, self.height)
 
     def of_band(self, number: int) -> Single:
         """Return the rays of a band (3, rows, width)."""
-        return self._kept[number] if self._kept is not None else self._found(number)
+        return self._kept[number] if self._kept is not None else self._computed(number)
 
     def at(self, *selections: tuple[Integers, Integers]) -> list[Single]:
         """Return the rays (3, a, b) of rows (a,) in ascending order and columns (b,), of each."""
@@ -83,10 +83,10 @@ class PixelRays:
         """Rays of all bands, if they fit into memory."""
         if self.height * self.width > _KEPT:
             return None
-        return [self._found(number) for number in range(len(self.bands))]
+        return [self._computed(number) for number in range(len(self.bands))]
 
-    def _found(self, number: int) -> Single:
-        """Return the rays of a band."""
+    def _computed(self, number: int) -> Single:
+        """Compute and return the rays (3, rows, width) of a band."""
         rows = self.row_positions[self.rows(self.bands[number])]
         grid = np.stack(np.meshgrid(self._columns, rows), axis=-1).reshape(-1, 2)
         return self._through(grid, len(rows))
@@ -98,22 +98,22 @@ class Corners(NamedTuple):
     rays: Single
     """(3, a + 1, b + 1) unit directions in the camera's frame."""
     rows: Integers
-    """(a + 1,) the rows of rays there."""
+    """(a + 1,) rows of the corners among the rows of rays."""
 
 
 class Probes(NamedTuple):
-    """Pixels at which each cell is probed: one, and those on its right and below it."""
+    """Three pixels of each cell: the middle one, and those on its right and below it."""
 
     rays: Single
-    """(3, 3, cells): of the pixel, of the one on its right, of the one below x, y, z."""
+    """(3, 3, cells) rays: x, y, z of the middle pixel, of that on its right, of that below."""
     rows: Integers
-    """(3, cells) their rows."""
+    """(3, cells) rows of these pixels."""
 
 
 def corners_and_probes(rays: PixelRays, areas: bool = False) -> tuple[Corners, Probes]:
-    """Return the corners of all cells, and the pixels in the middle of each.
+    """Return the corners and the probes of all cells.
 
-    :param areas: cells reach to the edges of their pixels, not only to the centres.
+    :param areas: True: cells reach to the edges of their pixels; False: to their centres.
     """
     height, width = rays.shape
     edges = [np.minimum(np.arange(0, n + CELL, CELL), n - 1) for n in rays.shape]

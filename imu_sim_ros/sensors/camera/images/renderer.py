@@ -26,9 +26,9 @@ from imu_sim_ros.sensors.camera.view import CameraPoses, Eyes
 from imu_sim_ros.terminal.progress import check_interrupted
 
 _GRID: Final = 2.0**30
-"""Poses are rounded to steps of 1e-9, so that the last bits of a sine decide nothing."""
+"""Steps in 1 of rounded poses, so that images do not depend on the last bits of a sine."""
 _SIDEWAYS: Final = 0.05
-"""Least cosine between the axis and a ray of a lens whose rays are in one cone."""
+"""Smallest z of the rays of a lens whose rays are bounded by a cone."""
 _SLACK: Final = 1e-3
 """Margin of the cone of all rays."""
 
@@ -48,12 +48,12 @@ class PictureMaker(Protocol):
         ...
 
     def depth_and_mask(self, eyes: Eyes) -> tuple[Single, Bytes]:
-        """Return :meth:`depth`, and which body each pixel sees (h, w): 1, 2, ...; 0: none."""
+        """Return :meth:`depth`, and the number of each pixel's moving body (h, w); 0: none."""
         ...
 
 
 class Renderer:
-    """Pictures of one camera in one scene."""
+    """Pictures of one camera in one scene of rectangles and moving bodies."""
 
     def __init__(
         self,
@@ -65,7 +65,7 @@ class Renderer:
         crowd: Crowd | None = None,
         areas: bool = False,
     ) -> None:
-        """Set up the rays.
+        """Initialise the rays of a camera.
 
         :param scale: rays along each side of a pixel.
         :param trilinear: look at two mip levels.
@@ -75,8 +75,10 @@ class Renderer:
         """
         self._trilinear, self._areas, self.crowd = trilinear, areas, crowd
         self.surfaces, self.atlas = surfaces, atlas
-        self._each = [_Fronts.of(where) for where in (surfaces, *(crowd.surfaces if crowd else ()))]
-        self._first = np.cumsum([len(faces.normals) for faces in self._each])
+        self._fronts = [
+            _Fronts.of(where) for where in (surfaces, *(crowd.surfaces if crowd else ()))
+        ]
+        self._first = np.cumsum([len(faces.normals) for faces in self._fronts])
         self._shining = np.full(self._first[-1], -1)
         if atlas.polish is not None:
             self._shining[atlas.polish.face] = atlas.polish.face
@@ -114,7 +116,7 @@ class Renderer:
             yield slice(rows.start // rays.scale, rows.stop // rays.scale), picture.reshape(shape)
 
     def _shadows(self, eyes: Eyes) -> Iterator[tuple[Planes, Pairs, ShadowLine]]:
-        """Yield the shadows of bodies in the image."""
+        """Yield planes, cells and line of each shadow of a body that may be in the image."""
         if self.crowd is None:
             return
         world, sun = rounded(eyes.world), self.crowd.sun
@@ -138,8 +140,8 @@ class Renderer:
         return self.depth_and_mask(eyes)[0]
 
     def depth_and_mask(self, eyes: Eyes) -> tuple[Single, Bytes]:
-        """Return :meth:`depth`, and which body each pixel sees (h, w): 1, 2, ...; 0: none."""
-        planes, numbers, pairs = self._there(eyes)
+        """Return :meth:`depth`, and the number of each pixel's moving body (h, w); 0: none."""
+        planes, numbers, pairs = self._candidates(eyes)
         rays = self._rays
         bodies = np.searchsorted(self._first, numbers, side="right").astype(np.uint8)
         depth, mask = np.empty(rays.shape, np.float32), np.empty(rays.shape, np.uint8)
@@ -150,8 +152,8 @@ class Renderer:
             measure(depth[rows], mask[rows], of_band, (rows.start, last_row), planes, pairs, bodies)
         return depth, mask
 
-    def _there(self, eyes: Eyes) -> tuple[Planes, Integers, Pairs]:
-        """Return the rectangles that may be in the image, their numbers (m,), and their cells."""
+    def _candidates(self, eyes: Eyes) -> tuple[Planes, Integers, Pairs]:
+        """Return the rectangles that may be visible, their numbers (m,), and their cells."""
         position, r_wc = rounded(eyes.world)
         candidates = [(0, self._facing(0, position, r_wc), position, r_wc)]
         for k, body_eyes in enumerate(eyes.bodies, start=1):
@@ -159,7 +161,7 @@ class Renderer:
             if self.crowd and self._may_be_seen(self.crowd.balls[k - 1], position, r_wc):
                 candidates.append((k, self._facing(k, position, r_wc), position, r_wc))
         planes_world, *planes_bodies = (
-            Planes.of(*self._each[k].some(numbers), *pose) for k, numbers, *pose in candidates
+            Planes.of(*self._fronts[k].some(numbers), *pose) for k, numbers, *pose in candidates
         )
         planes = planes_world.joined(planes_bodies)
         start = (0, *self._first)
@@ -167,8 +169,8 @@ class Renderer:
         return planes, numbers, self._grid.pairs(planes)
 
     def visible(self, eyes: Eyes) -> Visible:
-        """Return the surfaces that may be in the image, by cell."""
-        planes, numbers, pairs = self._there(eyes)
+        """Return the surfaces that may be visible in the image, with their textures and gloss."""
+        planes, numbers, pairs = self._candidates(eyes)
         rows = self._probes.rows.take(pairs.cell, axis=1)
         intersections = [
             planes.meet(
@@ -201,11 +203,13 @@ class Renderer:
         return Visible(planes, pairs, pair_patches, shades, gloss)
 
     def _facing(self, k: int, position: Array, r_wc: Array) -> Integers:
-        """Return the surfaces whose front is seen from one of some positions (n, 3).
+        """Return the numbers of the surfaces of which the front is towards a position of (n, 3).
 
-        A surface is not seen if all its corners lie beyond one side of the cone of all rays.
+        Surfaces with all corners beyond one side of the cone of all rays are left out.
+
+        :param k: 0: the surfaces at rest; 1, 2, ...: those of a body.
         """
-        faces = self._each[k]
+        faces = self._fronts[k]
         offset = position[:, None] - faces.surfaces.origin
         front = ((offset * faces.normals).sum(axis=2) > 0.0).any(axis=0)
         facing = np.flatnonzero(front | faces.both)
@@ -228,7 +232,7 @@ class Renderer:
         return bool(((along >= away * np.cos(half_angle)) | (away <= radius)).any())
 
     def _cone_of_rays(self) -> Array | None:
-        """Return the normals (3, 4) of planes through the camera that have all rays on one side.
+        """Return the normals (3, 4) of four planes through the camera that enclose all rays.
 
         None if a ray looks sideways or backwards.
         """
@@ -259,17 +263,17 @@ class _Fronts(NamedTuple):
     corners: Array
     """(m, 4, 3) corners [m]."""
     both: Mask
-    """(m,) True for surfaces that are seen from both sides."""
+    """(m,) True for surfaces that are visible from both sides."""
 
     @classmethod
     def of(cls, surfaces: Surfaces) -> "_Fronts":
-        """Return the fronts of surfaces."""
+        """Return surfaces with their normals and corners."""
         o, a, b = surfaces[:3]
         corners = np.stack([o, o + a, o + b, o + a + b], axis=1)
         return cls(surfaces, surfaces.normal, corners, np.array(surfaces.texture) == "plane")
 
     def some(self, numbers: Integers) -> tuple[Surfaces, Array]:
-        """Return some rectangles and their normals."""
+        """Return the rectangles of some numbers, and their normals."""
         o, a, b, hides, _ = self.surfaces
         some = Surfaces(o[numbers], a[numbers], b[numbers], hides[numbers], ())
         return some, self.normals[numbers]

@@ -46,15 +46,15 @@ _TINT: Final = 40
 _TINT_CELLS: Final = (16, 64)
 """Sizes of the cells of a random tint [texels]."""
 _TAG_CELL: Final = 8
-"""Texels of a tag's cell at least; edges lie between texels."""
+"""Texels along the edge of a tag's cell; the cells' edges lie between texels."""
 _SQUARE: Final = 64
 """Texels along the edge of a checkerboard's square."""
 _ROWS: Final = 128
-"""Rows of a texture that are made at once: a multiple of the largest cell."""
+"""Rows of a texture that are computed at once: a multiple of the largest cell."""
 
 
 class Atlas(NamedTuple):
-    """All textures of a scene."""
+    """All textures of a scene with their mip levels, in one image."""
 
     image: Bytes
     """(height, width) grey values, or (height, width, 3) red, green and blue."""
@@ -75,9 +75,9 @@ def atlas(
 ) -> Atlas:
     """Return the textures of all surfaces, and behind them those of bodies, with their mip levels.
 
-    :param colour: in colour; targets stay black and white.
-    :param painter: of a place.
-    :param crowd: bodies that move in it.
+    :param colour: True: red, green and blue; targets stay black and white.
+    :param painter: painter of a place; None: the scene is no place.
+    :param crowd: moving bodies; None: nothing moves.
     :raises ConfigurationError: for a scene without surfaces.
     """
     check_surfaces(parameters)
@@ -93,7 +93,7 @@ def atlas(
 
 
 def _of_place(surfaces: Surfaces, painter: Painter, colour: bool, crowd: Crowd | None) -> Atlas:
-    """Return the textures of a place."""
+    """Return the textures of the faces of a place, and behind them those of its moving bodies."""
     texels = painter.texels(MOST_TEXELS_OF_PLACES)
     shapes = _in_texels(surfaces.sides, texels)
     count = len(shapes)
@@ -111,7 +111,11 @@ def _of_place(surfaces: Surfaces, painter: Painter, colour: bool, crowd: Crowd |
 
 
 def _in_texels(sides: Array, texels: Array) -> list[tuple[int, int]]:
-    """Return rows and columns of rectangles of some width and height (m, 2)."""
+    """Return rows and columns of the textures of rectangles.
+
+    :param sides: (m, 2) width and height [m].
+    :param texels: (m,) edge of a texel [m].
+    """
     return [
         (
             min(max(1, round(height / texel)), _WIDTH - 8),
@@ -128,10 +132,13 @@ def assembled(
     further: Sequence[tuple[int, int]] = (),
     repeat: bool = False,
 ) -> Atlas:
-    """Return textures of some rows and columns, each made when it is put there.
+    """Return textures in one image, each computed when it is put there.
 
-    :param further: shapes that come after the others, and move none of them.
-    :param repeat: beyond an edge lies the opposite one, not the edge itself.
+    :param shapes: rows and columns of each texture.
+    :param texture: returns the texture of a number.
+
+    :param further: shapes of textures behind the others, which stay where they are.
+    :param repeat: True: textures continue periodically at their edges; False: constantly.
     """
     corners, height, width = _corners(shapes)
     if further:
@@ -168,7 +175,8 @@ def _corners(shapes: Sequence[tuple[int, int]]) -> tuple[list[tuple[int, int]], 
 
 
 _EMPTY: Final = 4
-"""Edge of an empty corner: where textures lie decides the last bits of where a pixel looks."""
+"""Edge of an empty corner of the atlas: it keeps the positions of the textures, on which the last
+bits of texture coordinates depend [texels]."""
 
 
 def _packed(shapes: list[tuple[int, int]]) -> tuple[list[tuple[int, int]], int]:
@@ -192,7 +200,7 @@ def _shapes_of_levels(height: int, width: int) -> Iterator[tuple[int, int]]:
 
 
 def _next_level(finer: Bytes) -> Bytes:
-    """Return the mip level after one: each texel the rounded mean of four."""
+    """Return the next coarser mip level: each texel is the rounded mean of four."""
     even = finer
     for axis in (0, 1):
         if finer.shape[axis] % 2:
@@ -230,7 +238,7 @@ def _texture(surfaces: Surfaces, m: int, parameters: SceneParameters) -> Bytes:
 
 
 def _blocks(seed: int, number: int, height: int, width: int) -> Bytes:
-    """Return squares of random grey values, octave upon octave: corners at every scale."""
+    """Return a sum of octaves of squares with random grey values: corners at every scale."""
     grids = []
     for cell, weight in _CELLS:
         stream = generator_at(seed, f"scene.texture.{cell}", number)
@@ -265,7 +273,7 @@ def _coloured(parameters: SceneParameters, number: int, texture: Bytes) -> Bytes
 
 
 def _tag_texels(p: AprilgridParameters) -> tuple[int, int]:
-    """Return the distance between tags and the width of the gap in it [texels]."""
+    """Return the distance from tag to tag, and the width of the gap between two [texels]."""
     gap = max(1, round(p.tag_spacing * 10 * _TAG_CELL))
     return 10 * _TAG_CELL + gap, gap
 

@@ -11,7 +11,7 @@ from imu_sim_ros.sensors.camera.parameters import CameraParameters
 
 
 def vignette(p: CameraParameters) -> Single:
-    """Return the share of the light that each pixel gets (h, w)."""
+    """Return the share of the light that each pixel gets (h, w), 1 without vignetting."""
     factors = shares(p, 0)
     return np.ones((p.height, p.width), np.float32) if factors is None else factors
 
@@ -19,7 +19,7 @@ def vignette(p: CameraParameters) -> Single:
 def shares(p: CameraParameters, dimensions: int) -> Single | None:
     """Return ``1 - v (r / r_corner)^2`` (h, w) with r from the principal point; None: all 1.
 
-    :param dimensions: further dimensions, of length 1.
+    :param dimensions: number of further dimensions, of length 1, for colours.
     """
     model = CameraModel(p)
     if p.vignetting == 0.0:

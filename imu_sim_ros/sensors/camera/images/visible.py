@@ -16,7 +16,7 @@ from imu_sim_ros.sensors.camera.images.planes import Pairs, Planes
 
 
 class Visible(NamedTuple):
-    """Candidate surfaces of an image, and their cells."""
+    """Rectangles that may be visible in an image, with their cells, textures, shadows and gloss."""
 
     planes: Planes
     pairs: Pairs
@@ -43,7 +43,7 @@ class Triangles(NamedTuple):
     """(2, m) factors of the colours seen from the front, and from behind; or (0, 0)."""
 
 
-class Met(NamedTuple):
+class MeshHits(NamedTuple):
     """Nearest intersections of n rays with a mesh, and their geometry."""
 
     number: Integers
@@ -59,9 +59,9 @@ class Met(NamedTuple):
     way: Single
     """(n, 3) unit vectors along the rays in the world."""
 
-    def some(self, which: Integers) -> "Met":
+    def some(self, which: Integers) -> "MeshHits":
         """Return the intersections of some of the rays."""
-        return Met(
+        return MeshHits(
             self.number.take(which),
             self.nothing.take(which),
             self.distance.take(which),
