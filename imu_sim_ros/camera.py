@@ -52,7 +52,7 @@ class Rig:
     def __init__(self, sensors: Mapping[str, Mounted[MountedParameters]], world: World) -> None:
         """Set up cameras and scene.
 
-        :param sensors: of the body.
+        :param sensors: sensors of the body.
         :raises ConfigurationError: for a scene that does not fit the path.
         :raises InputError: for a file of points that cannot be used.
         """

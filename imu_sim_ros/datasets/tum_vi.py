@@ -61,7 +61,7 @@ class TumVi:
     ) -> None:
         """Make the folders.
 
-        :param sensors: of the body, one IMU among them.
+        :param sensors: sensors of the body, one IMU among them.
         :param world: with threads that make images.
         :param jobs: their number.
         :param warn: receives a line for each camera of which nothing is written.

@@ -398,7 +398,7 @@ class ErrorModelBatch:
     Each call of :meth:`read` is the next sample of all of them. Environment k is, bit for bit, the
     one ``ErrorModel`` with the seed ``seed + k``.
 
-    :param count: of environments, 1 to 1,000,000.
+    :param count: number of environments, 1 to 1,000,000.
     :param rate: samples per second [Hz].
     :param imu: as in :class:`ErrorModel`, or a list: environment k has entry k modulo its length.
     :param spread: parameters that differ from unit to unit, drawn from its seed, by name:

@@ -163,7 +163,7 @@ class BagErrors:
     ) -> None:
         """Set up the sensor.
 
-        :param names: of :data:`OF_THE_ERROR_MODEL`, each with its name in the new bag.
+        :param names: names of :data:`OF_THE_ERROR_MODEL`, each with its name in the new bag.
         :param remark: receives what looks like a mistake, a line each.
         """
         self._bag, self._source, self._parameters, self._names = bag, source, parameters, names

@@ -415,7 +415,7 @@ class _Output:
     def progress(self, total: int) -> AbstractContextManager[Advance]:
         """Return the context that shows progress.
 
-        :param total: of messages and rows; 0: not known.
+        :param total: total number of messages and rows; 0: not known.
         """
         if not self.shown:
             return contextlib.nullcontext(lambda count: None)
@@ -697,7 +697,7 @@ def _poses(
 def _to_tum(poses: States, output: _Output, name: str) -> Counts:
     """Write poses.
 
-    :param name: of the topic that they were.
+    :param name: name of the topic that they were.
     """
     with Dataset(output.target.path, "tum") as dataset:
         dataset.write_states(poses)

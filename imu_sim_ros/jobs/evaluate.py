@@ -657,7 +657,7 @@ def _reprojection(
 ) -> list[Reprojection]:
     """Return the reprojection errors of each camera, for the estimate and for the truth.
 
-    :param name: of the folder.
+    :param name: name of the folder.
     :param estimate: aligned with the world of the landmarks.
     :raises InputError: if no feature has a pose of the estimate.
     """

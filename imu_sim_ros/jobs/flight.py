@@ -105,9 +105,9 @@ def readings_of(
 ) -> Readings:
     """Check given readings and return them.
 
-    :param name: of the argument.
-    :param topic: of a bag.
-    :param topic_name: of the argument that is the topic.
+    :param name: name of the argument.
+    :param topic: topic of a bag.
+    :param topic_name: name of the argument that is the topic.
     :param skip_bad_rows: leave out bad rows of a file, and warn of their number.
     :param selection: frame, topics and units of the readings in a file.
     :raises ConfigurationError: for anything else.

@@ -179,7 +179,7 @@ def read_odometry(path: str | Path, topic: str | None = None) -> States:
 def checked_poses(name: str, poses: HasPoses) -> States:
     """Return poses in the order of time; other objects than States are checked.
 
-    :param name: of the argument.
+    :param name: name of the argument.
     :raises ConfigurationError: for arrays of another type or shape.
     :raises InputError: as :class:`States` does, if there are none, and as :func:`in_order`.
     """
@@ -280,7 +280,7 @@ def delivered_of(
 ) -> ReadingsT:
     """Return the delivered samples of a sensor from all windows.
 
-    :param name: of the sensor on the body.
+    :param name: name of the sensor on the body.
     :param readings: its dataclass of arrays, or its record, which a flight has of it.
     :raises ConfigurationError: if it was not simulated.
     """

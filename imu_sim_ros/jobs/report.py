@@ -276,7 +276,7 @@ def _is_poses(path: Path) -> bool:
 def _bag(sources: Sources, path: Path, files: Sequence[Path]) -> list[Section]:
     """Return the sections of a bag: its streams, its truth and its estimates.
 
-    :param files: of estimates.
+    :param files: files of estimates.
     :raises InputError: with a line for each that cannot be read.
     """
     from imu_sim_ros.reports.bag import reading_sections

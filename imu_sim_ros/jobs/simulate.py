@@ -107,7 +107,7 @@ def simulate(
         ends.
     :param duration: length [s], or a text such as ``"2h"``; by default the trajectory's length.
     :param rate: samples per second [Hz].
-    :param seed: of all random streams.
+    :param seed: seed of all random streams.
     :param params_file: a ROS 2 parameter file below all other arguments.
     :param sensors: sensors in addition to the IMU: ``magnetic_field``, ``orientation``,
         ``pressure``, or the name of a sensor of the body; by default those that the parameter file

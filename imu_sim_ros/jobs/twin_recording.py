@@ -275,7 +275,7 @@ def _placed(
 
     :param stamps: (n,) of the readings [s].
     :param candidates: (n,) those that may have a truth.
-    :param name: of the truth.
+    :param name: name of the truth.
     """
     duration = half.duration
     gyro, accel = readings.triads()

@@ -77,7 +77,7 @@ class InjectedFault(NamedTuple):
 class Control:
     """Calls the services of one simulator and listens to it; use as a context manager.
 
-    :param name: of the node, with its namespace if it has one, such as ``/left/simulator``.
+    :param name: name of the node, with its namespace if it has one, such as ``/left/simulator``.
     :param patience: how long a response may take [s].
     :raises InputError: for an invalid node name.
     """

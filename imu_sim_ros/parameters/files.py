@@ -149,7 +149,7 @@ def parameters_of(tree: YamlMapping, path: Path, node: str) -> dict[str, object]
 
     Wildcards are applied first, as ROS does. Any namespace will do, but the same one for all.
 
-    :param path: of the file, for the messages.
+    :param path: path of the file, for the messages.
     :raises ConfigurationError: for anything else, and for nodes of that name in two namespaces.
     """
     sections = {
@@ -200,8 +200,8 @@ def placed(name: str, value: object, path: Path) -> object:
 
     Any other relative path is that from the working directory.
 
-    :param name: of the parameter, or its last word.
-    :param path: of the parameter file.
+    :param name: name of the parameter, or its last word.
+    :param path: path of the parameter file.
     """
     parameter = name.rpartition(".")[2]
     if parameter not in _PATHS or not isinstance(value, str) or not value or "\0" in value:
@@ -271,7 +271,7 @@ def build_layered(
 ) -> _T:
     """Return the section from given values over those of the files that they name.
 
-    :param layers: of given values, later ones above earlier ones.
+    :param layers: layers of given values, later ones above earlier ones.
     :param problems: found before, told with those found here.
     :raises ConfigurationError: with one line per problem; a file that cannot be
         found hides no other problem.

@@ -115,7 +115,7 @@ class Parameter:
     def parse(self, name: str, value: object) -> Value:
         """Return the value in the parameter's own type.
 
-        :param name: of the parameter, for the message.
+        :param name: name of the parameter, for the message.
         :raises ConfigurationError: with the line that says what is allowed.
         """
         length = _KINDS[self.kind].length

@@ -152,7 +152,7 @@ def _reason(error: yaml.YAMLError, text: str) -> str:
 def _size(node: yaml.Node, sizes: dict[int, int]) -> int:
     """Return how many values a node has once its aliases are written out.
 
-    :param sizes: of the nodes that are known, by their id; 0 while a node's own is counted.
+    :param sizes: sizes of the nodes that are known, by their id; 0 while a node's own is counted.
     """
     size = sizes.get(id(node))
     if size == 0:

@@ -22,7 +22,7 @@ def readings(t_ns: Integers, gyro: Array, accel: Array, name: str) -> Figure:
     :param t_ns: (n,) stamps [ns].
     :param gyro: (n, 3) [rad/s].
     :param accel: (n, 3) [m/s^2].
-    :param name: of the sensor or the file, for the title.
+    :param name: name of the sensor or the file, for the title.
     """
     picture, panels = style.panels(2, 1, 8.0, 5.0, sharex=True)
     step = max(1, len(t_ns) // _MAX_POINTS)

@@ -400,7 +400,7 @@ class Losses:
     def __init__(self, pattern: StampPattern) -> None:
         """Initialise without stamps.
 
-        :param pattern: of the stamps.
+        :param pattern: pattern of the stamps.
         """
         self.pattern = pattern
         self.interval_ns = pattern.interval_ns

@@ -224,7 +224,7 @@ class _Pair:
         :param reference: angles by the first recording.
         :param ends: (2, n) begin and end of each window, after the first time of the reference [s].
         :param rates: (n, 3) mean angular rates in these windows [rad/s].
-        :param disturbance: of both recordings together [rad/s].
+        :param disturbance: disturbance of both recordings together [rad/s].
         """
         self._disturbance = disturbance
         self._reference, self._ends, self._rates = reference, ends, _centred(rates)

@@ -244,7 +244,7 @@ ORTHONORMAL_TOLERANCE = 1e-6
 def rotation_problems(values: Matrix, name: str) -> Iterator[str]:
     """Yield a line if nine numbers, row by row, are not a rotation matrix.
 
-    :param name: of the parameter, for the message.
+    :param name: name of the parameter, for the message.
     """
     r = np.reshape(values, (3, 3))
     error = float(np.abs(r @ r.T - np.eye(3)).max())

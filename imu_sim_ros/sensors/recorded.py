@@ -38,7 +38,7 @@ class RecordedSamples:
 def read_samples(table: "Table", path: str | Path, topic: str | None) -> RecordedSamples:
     """Return the samples of a sensor.
 
-    :param table: of the sensor.
+    :param table: table of the sensor.
     :param path: the file or folder.
     :param topic: None: the sensor's own, or the only one of its type.
     :raises InputError: for a file that cannot be read, or has no such samples.

@@ -95,9 +95,9 @@ class SampleTiming:
 
         :param name: of the sensor, the first part of its random streams' names; that of an IMU is
             empty.
-        :param timing: of clock and transport.
+        :param timing: timing of clock and transport.
         :param t0_ns: time of the start [ns].
-        :param offset: of the first sample after the start [s].
+        :param offset: offset of the first sample after the start [s].
         :param span: how long a sample takes [s].
         """
         self._prefix = f"{name}." if name else ""

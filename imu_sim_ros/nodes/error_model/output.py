@@ -121,7 +121,7 @@ class Delayed:
     ) -> None:
         """Send messages.
 
-        :param delays: of each, from now on [ns]; empty: none has any.
+        :param delays: delay of each, from now on [ns]; empty: none has any.
         """
         if self._thread is None and not any(delays):
             for payload in payloads:

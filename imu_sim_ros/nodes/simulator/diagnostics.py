@@ -64,7 +64,7 @@ class StreamReport:
 
         :param elapsed: seconds since the last message.
         :param state: running, paused or waiting, in words.
-        :param lateness_ns: of the samples since the last message.
+        :param lateness_ns: lateness of the samples since the last message.
         :param late: numbers of samples caught up and skipped since the start.
         :param drawn: seeds and what they drew.
         """

@@ -73,7 +73,7 @@ def build_scene(
     :param arms: (k, 3) positions in the body of all sensors that see it; a room encloses their
         paths [m].
     :param views: the cameras among them, for which a cloud is generated.
-    :param span: of the trajectory that the scene is made for, :func:`scene_span` [s].
+    :param span: time span of the trajectory that the scene is made for, :func:`scene_span` [s].
     :raises InputError: for a file of points or triangles that cannot be used.
     :raises MissingDependencyError: for a mesh, if trimesh or embreex is not installed.
     """
@@ -104,7 +104,7 @@ def build_scene(
 def scene_span(parameters: SceneParameters, duration: float) -> float:
     """Return the length of trajectory that a scene is made for [s]: all of a finite one.
 
-    :param duration: of the trajectory [s]; may be infinite.
+    :param duration: duration of the trajectory [s]; may be infinite.
     """
     if math.isfinite(duration) or not isinstance(parameters, PathSceneParameters):
         return duration
@@ -121,7 +121,7 @@ def check_path(
     """Refuse a path that leaves its room.
 
     :param arms: (k, 3) as of :func:`build_scene`.
-    :param duration: of the simulation [s].
+    :param duration: duration of the simulation [s].
     :raises ConfigurationError: with what to give.
     """
     if not isinstance(parameters, RoomParameters | PlaceParameters):

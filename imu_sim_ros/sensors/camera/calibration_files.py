@@ -240,7 +240,7 @@ class _Camera:
     def set_lens(self, key: str, model: str, shape: Sequence[float], focal: list[float]) -> None:
         """Set projection and intrinsics.
 
-        :param key: of the intrinsics, for messages.
+        :param key: key of the intrinsics, for messages.
         :param model: pinhole, unified, double_sphere; ucm or eucm: converted to Mei's sphere.
         :param shape: its numbers beside the focal lengths: xi; xi, alpha; alpha, beta.
         :param focal: fx, fy, cx, cy [px].
@@ -266,7 +266,7 @@ class _Camera:
     def set_distortion(self, key: str, model: object, coefficients: list[float]) -> None:
         """Set the distortion; a model that there is not is refused by its name.
 
-        :param key: of the coefficients, for messages.
+        :param key: key of the coefficients, for messages.
         :param model: name of the tool.
         """
         kind = _DISTORTIONS.get(str(model))
@@ -672,7 +672,7 @@ def description(path: Path, name: str = "") -> tuple[CameraInfo | None, Array | 
     """Return model and pose T_bc (4, 4) of a camera that has recorded images; None if unknown.
 
     :param path: EuRoC's sensor.yaml, or a chain of kalibr, whose body is the IMU.
-    :param name: of the camera in a chain; empty: EuRoC's.
+    :param name: name of the camera in a chain; empty: EuRoC's.
     :raises InputError: with a line for each value that cannot be used.
     """
     try:

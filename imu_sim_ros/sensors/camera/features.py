@@ -101,7 +101,7 @@ class FeatureStream:
     def __init__(self, trackers: list[Tracker], layout: str) -> None:
         """Set up the stream.
 
-        :param trackers: of the cameras :func:`together`.
+        :param trackers: feature trackers of the cameras :func:`together`.
         :param layout: a key of CHANNELS.
         """
         self._trackers = trackers

@@ -61,7 +61,7 @@ class View:
     ) -> None:
         """Set up the camera.
 
-        :param name: of the camera; its random streams have it in their names.
+        :param name: name of the camera; its random streams have it in their names.
         :param t0_ns: start of the simulation [ns].
         :param duration: of the simulation [s]; may be infinite; no frame is taken after it.
         """

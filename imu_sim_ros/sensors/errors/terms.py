@@ -57,7 +57,7 @@ class TriadEffect:
 
         :param triad: name of the triad.
         :param imu: has what is not of a single triad, such as the age.
-        :param seed: of a batch, an array that changes before units :meth:`begin` again.
+        :param seed: seed of a batch, an array that changes before units :meth:`begin` again.
         :param rate: readings per second [Hz].
         :param parameters: parameters of the triad, of a batch arrays (count, k).
         """

@@ -311,7 +311,7 @@ class Triad:
     ) -> None:
         """Start; :meth:`configure` gives the errors their strength.
 
-        :param seed: of a batch, an array that changes before units :meth:`begin` again.
+        :param seed: seed of a batch, an array that changes before units :meth:`begin` again.
         :param rate: samples per second [Hz].
         :param ratio: readings inside the sensor for each sample.
         """
@@ -558,7 +558,7 @@ def noise_gain(cutoff: float, order: int, rate: float) -> float:
 def variance_discrete(imu: ImuParameters, name: str, rate: float) -> Vector:
     """Return the variance of one sample of a triad per axis, in its unit squared.
 
-    :param name: of the triad.
+    :param name: name of the triad.
     :param rate: samples per second [Hz].
     """
     triad, internal = imu.triad(name), rate * float(imu.internal_ratio(rate))

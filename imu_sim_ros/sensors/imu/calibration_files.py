@@ -206,7 +206,7 @@ def parameters_of(
     """Return the parameters of an IMU's file by dotted name.
 
     :param tree: content of the file.
-    :param path: of the file, for the messages.
+    :param path: path of the file, for the messages.
     :param imu: name of one of several IMUs, ``imu1``; empty: the only one.
     :param remark: receives a line about keys that are not used, and one about missing noise.
     :raises ConfigurationError: with a line for each unknown key and each bad value.

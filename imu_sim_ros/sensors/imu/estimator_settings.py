@@ -89,7 +89,7 @@ def keys_of_imu(tree: YamlMapping, path: str | Path) -> tuple[dict[str, object],
     """Return the keys of an IMU's file for the settings of an estimator, and the unused names.
 
     :param tree: content of the settings.
-    :param path: of the settings, for the messages.
+    :param path: path of the settings, for the messages.
     :raises ConfigurationError: with a line for each value per sample, and each bad correction.
     """
     keys: dict[str, object] = {}

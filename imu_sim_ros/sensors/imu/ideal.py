@@ -68,7 +68,7 @@ def lobatto(count: int) -> Quadrature:
     ``2 / (N (N + 1) P_N(x)^2)`` (Abramowitz and Stegun, eq. 25.4.32); by Newton's method on
     ``(1 - x^2) P'_N(x) = N (P_(N-1) - x P_N)``, whose derivative is ``-N (N + 1) P_N``.
 
-    :param count: of nodes, at least 2.
+    :param count: number of nodes, at least 2.
     """
     x = -np.cos(np.pi * np.arange(count) / (count - 1))
     for _ in range(_NEWTON_STEPS):

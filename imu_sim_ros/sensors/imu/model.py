@@ -142,7 +142,7 @@ class Imu:
         get what is made for the rest of a chunk, many get their own.
 
         :param true_t_ns: (n,) of the samples [ns].
-        :param motion: of the body at these times, NaN if it is not known.
+        :param motion: motion of the body at these times, NaN if it is not known.
         :param gyro: (n m, 3) ideal [rad/s]; an oversampled sensor has m = ratio readings inside
             for each sample, the last of them at its time, others 1.
         :param accel: (n m, 3) ideal [m/s^2].
@@ -357,7 +357,7 @@ def _truth(
 
     :param samples: (n, 3) of gyroscope and accelerometer.
     :param results: readings and response errors of both triads in turn.
-    :param rows: of the samples in what was made ahead.
+    :param rows: rows of the samples in what was made ahead.
     :param readings: ideal ones.
     """
     for k, (values, added) in enumerate(zip(samples, ahead.additions, strict=True)):

@@ -26,7 +26,7 @@ def load(path: str | Path, node: str = "simulator") -> dict[str, object]:
 
     Keys of other tools' files without an effect, and missing noise, are remarks.
 
-    :param path: of a ROS 2 parameter file, an IMU's file of another tool, or a flat file;
+    :param path: path of a ROS 2 parameter file, an IMU's file of another tool, or a flat file;
         ``FILE#imu1`` is one of several IMUs.
     :param node: the node's name without namespace.
     :raises ConfigurationError: for a file that cannot be read or has another form.

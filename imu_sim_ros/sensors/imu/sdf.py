@@ -134,7 +134,7 @@ class _Part(NamedTuple):
 def read(path: str | Path, sensor: str | None = None, rate: object = None) -> Described:
     """Return the IMU of a model; elements without an effect in Gazebo are remarks.
 
-    :param path: of the file, or ``FILE#SENSOR``.
+    :param path: path of the file, or ``FILE#SENSOR``.
     :param sensor: its name; None: the only one.
     :param rate: samples per second [Hz] of a sensor whose model states none; what is no positive
         number is none.

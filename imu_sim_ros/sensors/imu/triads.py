@@ -373,7 +373,7 @@ class TriadParameters:
 def invertible_problems(values: Matrix, name: str) -> Iterator[str]:
     """Yield a line if nine numbers, row by row, are no invertible matrix.
 
-    :param name: of the parameter, for the message.
+    :param name: name of the parameter, for the message.
     """
     if abs(np.linalg.det(np.reshape(values, (3, 3)))) < _SMALLEST_DETERMINANT:
         yield f"{name} = {list(values)}: must be invertible"

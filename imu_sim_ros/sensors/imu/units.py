@@ -86,7 +86,7 @@ class UnitsOfBatch:
     def triad(self, name: str, units: Units) -> TriadParameters:
         """Return the parameters of a triad, arrays (m, k), before constants are drawn.
 
-        :param name: of the triad, or of another sensor as if it were one.
+        :param name: name of the triad, or of another sensor as if it were one.
         """
         sections = [imu.triad(name) for imu in self.imus]
         tables = [field_values(section) for section in sections]

@@ -107,7 +107,7 @@ class MotionSize:
         :param reference: rate [rad/s], acceleration [m/s^2] and speed [m/s].
         :param floor: share of the reference that is added, as squares.
         :param time: constant of the running means [s].
-        :param ceiling: of the result, relative to the reference; 0: none.
+        :param ceiling: upper limit of the result, relative to the reference; 0: none.
         """
         self._decay = float(np.exp(-1.0 / (rate * time)))
         self._reference = np.square(reference)
@@ -162,7 +162,7 @@ class BoardVibration:
         """Return the next n samples (n, 6): gyroscope [rad/s], accelerometer [m/s^2].
 
         :param first: index of the first of them.
-        :param motion: of the body at the samples.
+        :param motion: motion of the body at the samples.
         """
         count, ranges = len(motion.position), self._parameters.ranges
         bands = None if self._bands is None else self._bands.next_block(count)

@@ -58,7 +58,7 @@ _UPRIGHT: Final = 1e-12
 def drawn_rings(p: LidarParameters, seed: int, name: str, rings: int) -> tuple[Array, Array]:
     """Return the constant errors (rings,) of ranges [m] and of elevations [deg].
 
-    :param name: of the sensor.
+    :param name: name of the sensor.
     :raises ConfigurationError: if those that are given are not as many.
     """
     per_ring = []
@@ -78,7 +78,7 @@ def drawn_rings(p: LidarParameters, seed: int, name: str, rings: int) -> tuple[A
 def realised_lidar(p: LidarParameters, seed: int, name: str) -> LidarParameters:
     """Return the parameters with the constant errors of a seed.
 
-    :param name: of the sensor.
+    :param name: name of the sensor.
     """
     rings = p.rings or int(build_pattern(p).ring.max()) + 1
     bias, error_deg = (tuple(column.tolist()) for column in drawn_rings(p, seed, name, rings))

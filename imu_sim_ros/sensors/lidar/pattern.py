@@ -41,7 +41,7 @@ class Pattern:
     def directions(self, start: float) -> Array:
         """Return the nominal directions (m, 3) of a scan.
 
-        :param start: of the scan, since the start of the run [s].
+        :param start: start of the scan, since the start of the run [s].
         """
         if callable(self._directions):
             return self._directions(start)

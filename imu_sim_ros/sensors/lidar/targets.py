@@ -22,7 +22,7 @@ class Targets:
     def __init__(self, scene: "Scene", reflectivity: float) -> None:
         """Take a scene.
 
-        :param reflectivity: of surfaces whose material is not known.
+        :param reflectivity: reflectivity of surfaces whose material is not known.
         """
         place = scene.painter.place if scene.painter is not None else None
         bodies = scene.crowd.bodies if scene.crowd is not None else ()
