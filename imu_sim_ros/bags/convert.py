@@ -268,7 +268,7 @@ def text_to_bag(
     :param skipped: as for :func:`imu_sim_ros.bags.read.imu_blocks`.
     :param frames: more streams in time order, of cameras; the blocks of one item have the same
         times.
-    :param tables: those of other sensors that are looked for.
+    :param tables: tables of other sensors that are looked for.
     :param observe: receives the stamps of readings, states and poses.
     """
     names = text_reader.imu_names(path)

@@ -375,7 +375,7 @@ class ChunkedBag(Bag, Generic[_Chunk]):
     def _leave_out(self, start: int, end: int, why: str, messages: int = 0) -> None:
         """Note a range of lost bytes; neighbours are one.
 
-        :param messages: those that are known to be in it.
+        :param messages: number of messages that are known to be in it.
         """
         self.lost_bytes += end - start
         self.lost_messages += messages

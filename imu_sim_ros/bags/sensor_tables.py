@@ -159,7 +159,7 @@ def read_bias(path: str | Path, table: Table, topic: str) -> tuple[Times, Array]
 def tables_of(topics: Iterable[TopicInfo], readings: str, tables: Tables) -> dict[str, TopicInfo]:
     """Return the topics that become tables other than the readings of an IMU, by kind.
 
-    :param topics: those that are to be converted.
+    :param topics: the topics that are to be converted.
     :param readings: name of the IMU's topic: its own sensors have the same namespace. Another
         one is taken if it is the only one.
     """

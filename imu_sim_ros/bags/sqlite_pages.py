@@ -47,7 +47,7 @@ class MessagePages:
     def __init__(self, path: Path, columns: Sequence[str], topics: Collection[int]) -> None:
         """Look for the pages.
 
-        :param columns: those of the table of messages in their order.
+        :param columns: names of the columns of the table of messages, in their order.
         :param topics: ids of the topics; a row of another one is none.
         """
         self._file = open_regular(path)

@@ -56,7 +56,7 @@ def _listed(names: list[str]) -> str:
 def nearest(name: object, candidates: Iterable[str], similarity: float = 0.6) -> str | None:
     """Return the name most like another one; None: none is.
 
-    :param similarity: from which on names are alike, 0 to 1 (``difflib.SequenceMatcher.ratio``).
+    :param similarity: least similarity of alike names, 0 to 1 (``difflib.SequenceMatcher.ratio``).
     """
     import difflib  # only a name that does not exist needs it
 

@@ -323,7 +323,7 @@ class ErrorModel:
         Its rate is ``imu.barometer_rate``; its samples need not be those of the IMU.
 
         :param t_ns: stamp, or (n,) stamps [ns].
-        :param pressure: number or (n,): of the still air at the IMU [Pa].
+        :param pressure: pressure of the still air at the IMU [Pa], a number or (n,).
         :param altitude: in its place, heights above sea level [m], whose pressure is that of
             ``atmosphere.*``.
         :returns: stamps, readings, ideal pressures and biases of the samples that are delivered.
@@ -572,7 +572,7 @@ class ErrorModelBatch:
         is held, as by :meth:`read`.
 
         :param t_ns: time of the sample [ns], passed on.
-        :param pressure: (count,) of the still air at the IMUs [Pa].
+        :param pressure: (count,) pressures of the still air at the IMUs [Pa].
         :param altitude: in its place, (count,) heights above sea level [m].
         :raises ConfigurationError: for an array of another shape, and rates that differ.
         """
@@ -597,7 +597,7 @@ class ErrorModelBatch:
 
     @staticmethod
     def _remark(lines: Sequence[str]) -> None:
-        """Warn with each of some lines."""
+        """Issue each line as a warning."""
         for line in lines:
             warn(line)
 
@@ -616,7 +616,7 @@ class ErrorModelBatch:
     def reset(self, mask: ArrayLike | None = None, restart: str = "next_seed") -> None:
         """Restart environments with their next sample.
 
-        :param mask: (count,) which of them; None: all.
+        :param mask: (count,) True for the environments that restart; None: all do.
         :param restart: ``next_seed``: a new unit, its seed ``count`` higher; ``same_unit``: its
             calibration stays, turn-on errors and noise are those of the next seed; ``same_seed``:
             the same run again.
@@ -759,7 +759,7 @@ def _given(
 def _given_values(name: str, t_ns: object, values: ArrayLike) -> IdealValues:
     """Return the user's ideal values of another sensor as checked arrays.
 
-    :param name: what they are.
+    :param name: name of the quantity, for messages.
     :raises InputError: for what is not a reading.
     """
     times = arguments.stamps("t_ns", [t_ns] if isinstance(t_ns, int | np.integer) else t_ns)
@@ -916,9 +916,9 @@ def check_equality(t_ns: Times) -> None:
 
 
 def rate_of(t_ns: Times) -> float:
-    """Return the readings per second of stamps, rounded to six digits [Hz].
+    """Return the rate of the readings with these stamps, rounded to six digits [Hz].
 
-    That of the clock behind them: losses, rounding and batches do not change it.
+    It is the rate of the clock behind them: losses, rounding and batches do not change it.
 
     :raises ConfigurationError: for fewer than two stamps that follow each other, and stamps in
         another unit.

@@ -322,7 +322,7 @@ def _dataset_to_dataset(
 ) -> tuple[Counts, dict[str, int], list[str]]:
     """Convert a dataset with all that it has, and replace the readings.
 
-    :param folder: an empty one for what lies in between.
+    :param folder: empty folder for the files in between.
     :returns: what happened to the readings, the rows by topic, and notes of reading.
     """
     staged = target.path

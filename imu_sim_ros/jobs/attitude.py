@@ -123,7 +123,7 @@ def heading_lines(topic: str, t_ns: Times, without_truth: int, covered: Coverage
 
 
 def nees_line(nees: SampleNees | None, why_none: str | None) -> str:
-    """Return a NEES, as :func:`stated_consistency` gives it, in words."""
+    """Return a NEES, as :func:`stated_consistency` gives it, as text."""
     if nees is None:
         return f"no NEES: {why_none}"
     low, high = nees["band_95"]
@@ -205,7 +205,7 @@ def compared_attitudes(
 
     :param max_gap: the truth is not interpolated across longer gaps [s].
     :param q_bi: (4,) attitude of the sensor on the body; None: that of the body.
-    :param covariance: (n, 3, 3) of each attitude, about the world's axes [rad^2].
+    :param covariance: (n, 3, 3) of each attitude's errors about the world's axes [rad^2].
     :raises InputError: if both do not overlap in time.
     """
     rows = common_rows(t_ns, truth.t_ns, max_gap)

@@ -319,7 +319,7 @@ class _Run:
     ) -> tuple[Steady, Array]:
         """Return the steady pieces and their true rates (m, 3), as given or from the truth.
 
-        :param temperature: of the sensor; then the body may also rest all the time. None: the body
+        :param temperature: that of the sensor; then the body may also rest all the time. None: it
             turns and the rates must be known.
         """
         rotating = temperature is None
@@ -351,7 +351,7 @@ class _Run:
     def warn_of_scale(self, triad: str, scales: Array, causes: str) -> None:
         """Warn if all scales of a triad are wrong by more than any sensor's.
 
-        :param scales: (n,) of the triad's axes, or of its norm in n stretches.
+        :param scales: (n,) scale errors of the triad's axes, or of its norm in n stretches.
         :param causes: what may be wrong instead, with the options that help.
         """
         scale = float(np.exp(np.mean(np.log(np.maximum(np.abs(scales), 1e-300)))))

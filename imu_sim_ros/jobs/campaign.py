@@ -262,9 +262,9 @@ class Limits(NamedTuple):
 
     @classmethod
     def of(cls, tolerance: str | None, non_inferiority: str | None) -> Limits:
-        """Return those that words describe.
+        """Return the limits that texts such as ``5%`` describe.
 
-        :raises ConfigurationError: for other words.
+        :raises ConfigurationError: for other texts.
         """
         texts = {"tolerance": tolerance, "non_inferiority": non_inferiority}
         return cls(
@@ -319,7 +319,7 @@ def reasons(judgement: Judgement) -> list[str]:
 
 
 def expected_duration(plan: Plan, processes: int) -> str:
-    """Return how long a campaign takes, from its first run; of programs only their limit says."""
+    """Return text of a campaign's duration, from its first run or the time limit of programs."""
     total, prefix = runs.seconds_of_all_runs(plan), "at"
     if total is None:
         limits = (e.timeout for e in plan.estimators.values() if isinstance(e, CommandEstimator))
@@ -402,7 +402,7 @@ class Power:
         }
 
     def lines(self) -> Iterator[str]:
-        """Yield it in words."""
+        """Yield the lines of the report."""
         many = f"{self.comparisons} comparison{'s' * (self.comparisons != 1)}"
         if self.margin is not None:
             yield (

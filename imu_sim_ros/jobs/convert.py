@@ -345,7 +345,7 @@ def write(
 
     :param written: receives the output.
     :param choice: frame, topics and units of the readings.
-    :param shown: whether progress is.
+    :param shown: whether progress is shown.
     :param stamps: receives the stamps of readings and poses.
     :raises InputError: for a source that cannot be read, and an output that cannot be written.
     """
@@ -394,7 +394,7 @@ class _Output:
     """Choices and conversions of reading so far."""
 
     def readings(self, source: Path, topic: str | None, handling: Handling) -> Iterator[Readings]:
-        """Yield the readings of the source as they are chosen, and take their notes.
+        """Yield the chosen readings of the source; their notes go to the journal.
 
         :raises InputError: if there are none of the chosen frame.
         """
@@ -422,7 +422,7 @@ class _Output:
         return progress(f"writing {self.target.final}", lambda: total)
 
     def bag(self) -> Writer:
-        """Open a bag."""
+        """Open the bag that is written."""
         writer = open_writer(self.target.path, self.form.bag)
         self.target.summary = lambda: topics_summary(writer.topics)
         return writer
@@ -430,8 +430,8 @@ class _Output:
     def dataset(self, states: bool, tables: Collection[str]) -> Dataset:
         """Open a dataset of readings.
 
-        :param states: whether it has the truth, too.
-        :param tables: its other tables, by kind.
+        :param states: whether the dataset has the truth, too.
+        :param tables: the dataset's other tables, by kind.
         """
         tables_by_kind = known_tables()
         dataset = Dataset(

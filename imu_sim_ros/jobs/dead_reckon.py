@@ -470,7 +470,7 @@ def initial_condition(
     """Return where integration begins, by ``initial_state``.
 
     :param noise: errors of the sensor, for a rest; None: those of the settings.
-    :raises InputError: for a start at a truth that there is not, and a rest that is none.
+    :raises InputError: without the truth at which to start, and for a rest that is none.
     """
     readings, truth = recording.readings, recording.truth
     if not len(readings):
@@ -557,7 +557,7 @@ def _first_common(t_ns: Times, truth_ns: Times, tolerance: float) -> int:
 
 
 def integrated(start: InitialCondition, settings: IntegratorParameters) -> Track:
-    """Return the trajectory that follows from a start."""
+    """Return the states integrated from an initial condition."""
     readings, truth = start.recording
     states = integrate(
         readings.t_ns,

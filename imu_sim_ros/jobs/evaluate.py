@@ -150,7 +150,7 @@ class Evaluation(Comparison):
     def to_dict(self, deltas: Sequence[tuple[float, str]] = ()) -> JsonObject:
         """Return all errors in plain types, as ``--json`` prints them.
 
-        :param deltas: those of :meth:`relative`; by default :attr:`rpe`.
+        :param deltas: lengths for :meth:`relative`; by default :attr:`rpe`.
         :raises InputError: for a trajectory that is shorter than a delta.
         """
         deltas = _deltas("deltas", deltas) or self.rpe
@@ -263,7 +263,7 @@ _UNITS: Final = {
 def _deltas(name: str, deltas: object) -> tuple[tuple[float, str], ...]:
     """Return the lengths over which relative errors are taken, with their units.
 
-    :raises ConfigurationError: for anything but words and pairs.
+    :raises ConfigurationError: for anything but texts and pairs.
     """
     allowed = "pairs of a number and s, m or frames, or words such as 10m"
     if not isinstance(deltas, list | tuple):
@@ -518,7 +518,7 @@ def _measured(
 
 
 def _refuse_all(options: Mapping[str, object], allowed: str) -> None:
-    """Refuse each argument that is there."""
+    """Refuse each argument that is given; the error says what is allowed."""
     for name, value in options.items():
         if value is not None:
             refuse(name, value, allowed)
@@ -547,7 +547,7 @@ def _time_offset(estimate: States, truth: States, align: str, max_gap: float) ->
 def _track(
     name: str, trajectory: HasPoses | str | Path, topic: str | None, skip_bad_rows: bool
 ) -> States:
-    """Return the trajectory that an argument is, or that a path leads to."""
+    """Return the trajectory of an argument: itself, or the content of a path."""
     topic = checked_topic(f"{name}_topic", topic, isinstance(trajectory, str | Path))
     if isinstance(trajectory, str | Path):
         file = checked_path(name, trajectory, BAG_OR_FILE)
@@ -703,7 +703,7 @@ def _rms_per_axis(lengths: Array) -> float | None:
 
 
 def _median(lengths: Array) -> float | None:
-    """Return the median; None of nothing."""
+    """Return the median; None without lengths."""
     return float(np.median(lengths)) if len(lengths) else None
 
 

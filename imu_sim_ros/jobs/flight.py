@@ -154,7 +154,7 @@ class Flight:
         """Hold the samples of a run.
 
         :param windows: the samples of each sensor by name, window by window.
-        :param topics: that :meth:`save` writes by default; none: the readings and the pose.
+        :param topics: topics that :meth:`save` writes by default; empty: the readings and the pose.
         """
         self.parameters: SampledParameters = source.parameters
         """All parameters of the simulation, a frozen dataclass."""
@@ -202,7 +202,7 @@ class Flight:
 
         ``magnetic_field`` is a :class:`MagneticReadings`, ``orientation`` are
         :class:`Orientations`, ``pressure`` is a :class:`PressureReadings`; a sensor of one's own
-        has its name.
+        has its own name.
 
         :raises ConfigurationError: for one that was not simulated.
         """

@@ -160,10 +160,10 @@ def read_states(path: str | Path, topic: str | None = None) -> States:
 
 @suggest_keywords
 def read_odometry(path: str | Path, topic: str | None = None) -> States:
-    """Return :func:`read_states` of a file.
+    """Return poses of a file, as :func:`read_states` does.
 
-    :param path: as there.
-    :param topic: as there.
+    :param path: as for :func:`read_states`.
+    :param topic: as for :func:`read_states`.
     :returns: the :class:`States`.
     :raises ConfigurationError: for an invalid argument.
     :raises InputError: for a file that cannot be read, or has no poses.
@@ -181,7 +181,7 @@ def checked_poses(name: str, poses: HasPoses) -> States:
 
     :param name: name of the argument.
     :raises ConfigurationError: for arrays of another type or shape.
-    :raises InputError: as :class:`States` does, if there are none, and as :func:`in_order`.
+    :raises InputError: for no poses, and for those that :class:`States` or :func:`in_order` refuse.
     """
     return in_order(unordered_poses(name, poses))
 
@@ -281,7 +281,7 @@ def delivered_of(
     """Return the delivered samples of a sensor from all windows.
 
     :param name: name of the sensor on the body.
-    :param readings: its dataclass of arrays, or its record, which a flight has of it.
+    :param readings: class of the sensor's arrays in a flight, or its record.
     :raises ConfigurationError: if it was not simulated.
     """
     check_simulated(windows, name)

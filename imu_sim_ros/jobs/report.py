@@ -269,7 +269,7 @@ def _sections(sources: Sources) -> tuple[list[str], list[Section]]:
 
 
 def _is_poses(path: Path) -> bool:
-    """Return True for a file that by its ending is one of poses."""
+    """Return True for a file with an ending that files of poses have."""
     return path.is_file() and path.suffix.lower() in _POSES
 
 

@@ -118,8 +118,8 @@ def simulate(
     :param parameters: any other parameter by its ROS name; sections are mappings:
         ``gravity=[0, 0, -9.8]``.
     :returns: a :class:`Flight`: readings, their truth and the parameters. With ``segments`` one for
-        each segment, by name. What may be unintended,
-        such as a motion beyond the sensor's range, causes warnings, as those of ``generate``.
+        each segment, by name. What may be unintended, such as a motion beyond the sensor's range,
+        causes the same warnings as in ``generate``.
     :raises ConfigurationError: with a line for each problem.
     :raises InputError: for a file that cannot be read.
 
@@ -368,7 +368,7 @@ def _seconds(duration: float | str | None) -> float | None:
 def _of_file(path: Path) -> tuple[dict[str, object], frozenset[str]]:
     """Return the simulation's parameters of a file, and the sensors that it publishes.
 
-    That of the node simulator will do.
+    A parameter file of the node simulator is accepted, too.
     """
     values = presets.load(path)
     of_node = of_the_node(values)

@@ -21,7 +21,7 @@ def odometry_topics(path: Path) -> list[str]:
 
 
 def truth_topic(path: Path, topic: str | None) -> str | None:
-    """Return the topic of the truth: the given one, or the one that is named so, if any is."""
+    """Return the topic of the truth: the given one, or else the one with the usual name, if any."""
     if topic is not None or not has_topics(path):
         return topic
     candidates = [name for name in odometry_topics(path) if name.strip("/").endswith(TRUTH_TOPIC)]

@@ -118,7 +118,7 @@ class Trust(NamedTuple):
 def judged(fit: Fit, disagreement: Array, noise: PoseNoise) -> Trust:
     """Return the trustworthy part of a fit.
 
-    :param disagreement: (42,) of fits to parts of the recording, in standard errors.
+    :param disagreement: (42,) between fits to parts of the recording, in standard errors.
     """
     sigma = fit.sigma
     disagree = disagreement > _DISAGREE

@@ -125,10 +125,10 @@ def check(
     """Compare a twin with a part of the recording.
 
     The truth's clock and smoothing are found again on this part, and the twins are held against a
-    truth with noise of its poses, as much as these show here: none of these is the sensor's doing.
-    All else stays.
+    truth with noise of its poses, as much as these show here: the sensor causes none of these.
+    Everything else stays as it is.
 
-    :param seeds: twins that are flown.
+    :param seeds: seeds of the twins that are flown.
     """
     fit = analysis.fit
     real = _laid(source, part, fit)
@@ -175,7 +175,7 @@ def _laid(source: TwinRecording, part: Recording, fit: Fit) -> Flown:
 
 
 def _truth_noise(source: TwinRecording, fit: Fit, parts: tuple[slice, ...], t: Array) -> Array:
-    """Return the truth's noise at times (n,) [s] over that where the twin was fitted (n, 6).
+    """Return the truth's noise (n, 6) at times (n,) [s], relative to that in the twin's fit.
 
     :param parts: rows of the recording whose residual is simulated.
     """
@@ -191,7 +191,7 @@ def _with_truth_noise(flown: Flown, size: Array, rate: float, cutoff: float) -> 
 
     There, above its slow errors and below vibration, a residual is mostly the truth's noise.
 
-    :param size: (n, 6) of that noise over the one that the twin simulates.
+    :param size: (n, 6) ratio of that noise to the noise that the twin simulates.
     """
     whole = [slice(0, len(flown.t))]
     noise = intensity.in_range(flown.residuals, whole, rate, _TRUTH_FROM, _TRUTH_TO * cutoff)

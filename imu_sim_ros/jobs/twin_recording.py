@@ -234,7 +234,7 @@ class _Splines:
     def noise(self, cutoff: float) -> tuple[PoseNoise, float]:
         """Return the poses' noise, and the highest frequency [Hz] at which motion exceeds it.
 
-        :param cutoff: up to which motion counts [Hz].
+        :param cutoff: frequency up to which motion counts [Hz].
         """
         noise = noise_of(self._poses, self._smooth)
         if not noise.is_present:
@@ -273,8 +273,8 @@ def _placed(
 ) -> TwinRecording:
     """Return the recording with a first guess of clock and mounting.
 
-    :param stamps: (n,) of the readings [s].
-    :param candidates: (n,) those that may have a truth.
+    :param stamps: (n,) times of the readings [s].
+    :param candidates: (n,) True for the readings that may have a truth.
     :param name: name of the truth.
     """
     duration = half.duration

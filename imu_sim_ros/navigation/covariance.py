@@ -310,7 +310,7 @@ class Covariance:
         """Return the (6, 6) covariance of a message's twist: linear, then angular, in the body.
 
         :param r_wb: (3, 3) attitude.
-        :param velocity: (3,) of the body in the world [m/s].
+        :param velocity: (3,) velocity of the body in the world [m/s].
         :param rate_hz: readings per second; it decides the white noise of one of them.
         """
         return self.message(float_matrix(r_wb), float_vector(velocity), rate_hz)[1]

@@ -86,7 +86,7 @@ def dead_reckon(
     :param initial: the state of the body at the first stamp.
     :param method: euler, midpoint or rk4.
     :param attitude: quaternion, so3 or euler_angles.
-    :param gravity: (3,) in the world frame [m/s^2].
+    :param gravity: (3,) gravity in the world frame [m/s^2].
     :param correction: the known errors of the readings.
     :param max_gap: longest interval that is integrated over [s].
     :param earth_rate: (3,) rate of the world, in the world frame [rad/s].

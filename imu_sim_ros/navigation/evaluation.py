@@ -66,8 +66,8 @@ def without_gauge(covariance: Array, position: Array, row: int = 0) -> Array:
     they are of odometry: N_k g, with the lever arm between both in N_k. Then e_k - N_k g has the
     covariance P_k - N_k P_g N_k^T.
 
-    :param covariance: (n, 6, 6) of position and rotation about the world's axes.
-    :param position: (n, 3) in the same frame [m].
+    :param covariance: (n, 6, 6) for position and rotation about the world's axes.
+    :param position: (n, 3) positions in the same frame [m].
     :returns: that of the pose has rank 2, its tilt.
     """
     n = np.zeros((len(covariance), 6, 4))
@@ -84,7 +84,7 @@ LARGEST_SIGMA: Final = 0.5
 def attitude_sigma(covariances: Array) -> Array:
     """Return the standard deviation (n,) along the worst axis [rad].
 
-    :param covariances: (n, 3, 3) of attitudes, finite.
+    :param covariances: (n, 3, 3) of the attitudes' errors, finite.
     """
     largest = np.linalg.eigvalsh(covariances)[..., -1]
     return np.sqrt(np.maximum(largest, 0.0))
@@ -104,7 +104,7 @@ _ROUNDING: Final = 1e-6
 def invertible(covariances: Array, stated: Array | None = None) -> Mask:
     """Return which covariances (n, k, k) have a NEES: at a true start they are zero.
 
-    :param stated: (n, k, k) those of which they are what remains.
+    :param stated: (n, k, k) the stated covariances, of which a part was removed.
     """
     mask: Mask = np.asarray(np.isfinite(covariances).all(axis=(1, 2)))
     sizes = np.linalg.eigvalsh(covariances[mask])

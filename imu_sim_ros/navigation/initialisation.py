@@ -67,7 +67,7 @@ class Level(NamedTuple):
 def check_true_rest(position: Array, q_wb: Array) -> None:
     """Refuse true poses of a body that moves while it should rest.
 
-    :param position: (n, 3) in the world [m].
+    :param position: (n, 3) positions in the world [m].
     :param q_wb: (n, 4) attitudes.
     :raises InputError: for a body that moves.
     """
@@ -254,7 +254,7 @@ def from_rest(
 
     :param gyro: (n, 3) readings [rad/s]; those that are not finite are skipped.
     :param accel: (n, 3) readings [m/s^2].
-    :param position: (3,) in the world [m]; None: ``initial_position``.
+    :param position: (3,) position in the world [m]; None: ``initial_position``.
     :param yaw: [rad]; None: that of ``initial_orientation``.
     :param noise: errors of the sensor, which decide what rest may look like and the covariance;
         None: those of ``imu``.
@@ -317,7 +317,7 @@ def after_rest(
     :param time: length of the rest [s].
     :param accelerometer_bias: (3,) standard deviation of the constant bias, or one number [m/s^2].
     :param r_wb: (3, 3) attitude of the body.
-    :param gravity: (3,) in the world, along z [m/s^2].
+    :param gravity: (3,) gravity in the world, along z [m/s^2].
     :param rate_hz: readings per second; it decides how far rounding averages out.
     :param mount: mount of the IMU in the body.
     :returns: that of the IMU's state.

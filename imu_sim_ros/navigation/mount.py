@@ -43,7 +43,7 @@ class ImuMount(NamedTuple):
     def imu_state(self, body: NavigationState, rate_b: Array) -> NavigationState:
         """Return the IMU's state, or its states if the arrays have rows.
 
-        :param rate_b: (3,) of the body relative to the world [rad/s].
+        :param rate_b: (3,) angular rate of the body relative to the world [rad/s].
         """
         swing = np.cross(rate_b, self.lever_arm)
         return NavigationState._make(
@@ -86,7 +86,7 @@ class ImuMount(NamedTuple):
 
         A tilt theta moves the body about the IMU: ``dp_b = dp_i - theta x (R_wb p)``.
 
-        :param imu: (6, 6) that of the IMU.
+        :param imu: (6, 6) covariance of the IMU's pose.
         """
         if self.lever_arm == ZERO_VECTOR:
             return imu
@@ -98,7 +98,7 @@ class ImuMount(NamedTuple):
     def twist_covariance(self, imu: Array) -> Array:
         """Return the covariance of the body's twist, linear and angular, in the body.
 
-        :param imu: (6, 6) that of the IMU, in its own axes.
+        :param imu: (6, 6) covariance of the IMU's pose, in its own axes.
         """
         if self == ALIGNED:
             return imu
@@ -110,7 +110,7 @@ class ImuMount(NamedTuple):
 
         The biases stay in the IMU's axes. The error of the rate turns the lever arm's velocity.
 
-        :param imu: (15, 15) that of the IMU's state.
+        :param imu: (15, 15) covariance of the IMU's state.
         :param r_wi: (3, 3) attitude of the IMU.
         :param rate_i: (3,) relative to the world, in the IMU's axes [rad/s].
         :param white: (3,) variance of the white noise of a gyroscope's reading.

@@ -478,7 +478,7 @@ class Losses:
     def _missing(self, excess: Array) -> Integers:
         """Return the missing samples of steps that exceed the intervals of their readings.
 
-        :param excess: (n,) in intervals.
+        :param excess: (n,) time by which each step is too long, in intervals.
         """
         whole = np.rint(excess)
         clear = self.pattern.rounded or np.all(np.abs(excess - whole) < CLEAR)

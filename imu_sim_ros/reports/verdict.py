@@ -59,8 +59,8 @@ def verdict_section(
 ) -> Section:
     """Return the verdict.
 
-    :param judgements: with the metrics' names in words; the first is shown first.
-    :param campaign: by which links find the runs.
+    :param judgements: judgements by the name of their metric; the first is shown first.
+    :param campaign: identifier by which links find the runs.
     """
     main = judgements[0][1]
     places = {(group.cell, group.estimator): group for group in groups}

@@ -194,7 +194,7 @@ class SensorWithImu:
     def apply(self, true_t_ns: Times, ideal: Array, world: World) -> Samples:
         """Return the next n samples of ideal values from outside the simulation.
 
-        :param true_t_ns: (n,) of the samples [ns].
+        :param true_t_ns: (n,) true times of the samples [ns].
         :param ideal: (n,) or (n, 3), as :meth:`ideal` returns them.
         """
         return self._read(self.timing.given(true_t_ns), ideal, world)

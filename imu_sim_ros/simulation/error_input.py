@@ -330,8 +330,8 @@ class Differentiator:
         """Add n messages; return the readings that are now known, s messages late.
 
         :param q_wb: (n, 4).
-        :param velocity: (n, 3) in the axes of ``input.twist_frame`` [m/s].
-        :param rate: (n, 3) in the same axes [rad/s].
+        :param velocity: (n, 3) velocities in the axes of ``input.twist_frame`` [m/s].
+        :param rate: (n, 3) angular rates in the same axes [rad/s].
         """
         if self._in_world:
             rate = rotate_inverse(q_wb, rate)

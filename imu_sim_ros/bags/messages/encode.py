@@ -259,7 +259,7 @@ class OdometryEncoder(Encoder):
         :param t_ns: (n,) stamps.
         :param position: (n, 3) p_wb [m].
         :param q_wb: (n, 4) attitudes.
-        :param velocity_b: (n, 3) of the body, resolved in the body frame [m/s].
+        :param velocity_b: (n, 3) velocities of the body in the body frame [m/s].
         :param angular_velocity_b: (n, 3) omega_b [rad/s].
         :param pose_covariance: (n, 6, 6) or (6, 6): position, then rotation about fixed axes.
         :param twist_covariance: (n, 6, 6) or (6, 6): linear, then angular.
@@ -449,7 +449,7 @@ class GpsFixEncoder(Encoder):
         """Return n messages.
 
         :param status: (n,) as GPSStatus has it; -1: no fix, of unknown covariance.
-        :param satellites: (n,) in use, and visible.
+        :param satellites: (n,) numbers of satellites in use, and of visible ones.
         :param numbers: (n,) latitude [deg], speed [m/s], hdop and so on, by the field's name; those
             left out are 0.
         :param variance: (n, 3) of the errors east, north, up [m^2].

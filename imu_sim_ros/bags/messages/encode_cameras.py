@@ -174,7 +174,7 @@ class PointCloudEncoder:
         """Return a message.
 
         :param points: (n, 3) points [m].
-        :param values: (n, m) of the channels.
+        :param values: (n, m) values of the m channels.
         """
         positions = np.asarray(points, dtype="<f4")
         message = StampedBuilder(self._frame_id, self._encoding)
@@ -228,7 +228,7 @@ class LivoxEncoder:
     def encode(self, t_ns: int, points: NDArray[np.void]) -> bytes:
         """Return a message.
 
-        :param points: (n,) of type LIVOX_POINT.
+        :param points: (n,) points of type LIVOX_POINT.
         """
         message = StampedBuilder(self._frame_id, self._encoding)
         message.values([t_ns], "<u8")

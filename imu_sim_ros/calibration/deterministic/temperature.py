@@ -60,7 +60,7 @@ def calibrate_temperature(
     slope that is merely uncertain, the values at T0 would look surer than they are.)
 
     :param steady: stretches at rest or at constant rates.
-    :param temperature: (m,) of the sensor in each piece [degC].
+    :param temperature: (m,) temperature of the sensor in each piece [degC].
     :param rate: (m, 3) true angular rates [rad/s].
     :param force: (m, 3) true specific forces [m/s^2].
     :param reference: T0 [degC].

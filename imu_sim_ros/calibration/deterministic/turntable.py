@@ -118,7 +118,7 @@ def known_rates(steady: Steady, rates: Array, temperature: Array | None = None) 
     """Return the stretches at rest or at one of the table's rates, and their true angular rates.
 
     :param rates: magnitudes of the table's rates [rad/s]; empty: all rotations are unknown.
-    :param temperature: (m,) of the pieces [degC], with which the bias may drift.
+    :param temperature: (m,) temperatures of the pieces [degC], with which the bias may drift.
     :raises InputError: if no stretch is at rest.
     """
     at_rest = _typical(steady.gyro, temperature)  # stretches turn both ways
@@ -173,7 +173,7 @@ def true_rates(steady: Steady, t_ns: Integers, angular_velocity: Array) -> tuple
     """Return the pieces that a truth covers, and the truth's mean rates in them (m, 3).
 
     :param t_ns: (n,) stamps of the truth.
-    :param angular_velocity: (n, 3) in the body frame [rad/s].
+    :param angular_velocity: (n, 3) angular velocities in the body frame [rad/s].
     :raises InputError: if the truth covers no piece.
     """
     begin = np.searchsorted(t_ns, steady.begin_ns)

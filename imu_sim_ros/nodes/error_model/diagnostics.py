@@ -40,7 +40,7 @@ class ErrorModelReport:
 
         :param refused: messages so far that were no readings.
         :param strays: messages so far that were left out for their stray stamps.
-        :param remarks: what contradicts the declaration of the input.
+        :param remarks: lines about what contradicts the declaration of the input.
         :param drawn: seed and what it drew.
         """
         previous, self._before = self._before, dataclasses.replace(counts)

@@ -111,7 +111,7 @@ def suiting(
 
     Nothing for views in other directions than the body's x axis.
 
-    :param motion: that of config/trajectories/target.yaml, with explicit parameters applied.
+    :param motion: motion of config/trajectories/target.yaml, with explicit parameters applied.
     :param fixed: names of the board's parameters that stay as they are in the scene.
     :param turns: the angles of the motion that may grow.
     """

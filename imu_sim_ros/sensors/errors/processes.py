@@ -34,7 +34,7 @@ class ChunkedProcess(ABC):
         """Initialise without generated values.
 
         :param length: values in a chunk.
-        :param shape: (columns,) of one unit, (count, columns) of a batch.
+        :param shape: shape of a value: (columns,) for one unit, (count, columns) for a batch.
         """
         self._length = length
         self._left = np.empty((0, *shape))

@@ -120,7 +120,7 @@ def with_turn_on(section: Any, sensor: str, seed: int, axes: Array | None = None
     ``(1 + c / (1 + s)) ((1 + s) S x + ...)``; readings differ by rounding only.
 
     :param sensor: as in the streams' names.
-    :param axes: (3, 3) from the sensor's axes to those of its response; None: they are the same.
+    :param axes: (3, 3) matrix from the sensor's axes to those of its response; None: the same axes.
     """
     bias = turn_on(seed, f"{sensor}.turn_on_bias", section.turn_on_bias_sigma)
     scale = 1.0 + turn_on(seed, f"{sensor}.turn_on_scale", section.turn_on_scale_sigma)

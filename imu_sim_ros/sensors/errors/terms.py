@@ -224,7 +224,7 @@ class TurnOnScale(TurnOnBias):
 def turn_on(seed: Seed, source: str, sigma: ArrayLike) -> Array:
     """Return a constant of one run (..., 3), drawn from the seed.
 
-    :param source: of a triad, ``gyroscope.turn_on_bias`` or ``gyroscope.turn_on_scale``.
+    :param source: random stream, such as ``gyroscope.turn_on_bias``, ``gyroscope.turn_on_scale``.
     :param sigma: (..., 3) its standard deviation.
     """
     if not is_set(sigma):

@@ -372,7 +372,7 @@ class Triad:
     def additions(self, surroundings: Surroundings, units: Units = ...) -> Additions:
         """Return the additive errors of the next n readings.
 
-        :param units: those of a batch whose readings these are.
+        :param units: indices of the units of a batch whose readings these are.
         """
         shape = (*surroundings.temperature_offset.shape, 3)
         scale: Array | None = None

@@ -233,7 +233,7 @@ class BarometerBatch:
     def read(self, t_ns: int, pressure: Array, held: Mask) -> BatchPressure:
         """Return the next sample of each unit.
 
-        :param pressure: (count,) of the still air at the IMUs [Pa].
+        :param pressure: (count,) pressures of the still air at the IMUs [Pa].
         :param held: (count,) True for units whose ideal reading was impossible; it is passed on.
         """
         additions, _, inputs = self._triads.next()

@@ -113,7 +113,7 @@ class _File(NamedTuple):
     def set(self, name: str, value: object, key: str) -> None:
         """Set a parameter; a number may be in quotes.
 
-        :param key: that gives it.
+        :param key: key of the file that gives the value.
         """
         if name in self.values:
             self.problems.append(f"{key}: {name} is given twice")

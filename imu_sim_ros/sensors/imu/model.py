@@ -141,7 +141,7 @@ class Imu:
         :meth:`read`; stamps, latency and losses are those of the given times. Few samples at a time
         get what is made for the rest of a chunk, many get their own.
 
-        :param true_t_ns: (n,) of the samples [ns].
+        :param true_t_ns: (n,) true times of the samples [ns].
         :param motion: motion of the body at these times, NaN if it is not known.
         :param gyro: (n m, 3) ideal [rad/s]; an oversampled sensor has m = ratio readings inside
             for each sample, the last of them at its time, others 1.
@@ -355,7 +355,7 @@ def _truth(
 ) -> Iterator[Any]:
     """Yield all values of a few samples, in the order of ``_VALUES``.
 
-    :param samples: (n, 3) of gyroscope and accelerometer.
+    :param samples: (n, 3) samples of gyroscope and accelerometer.
     :param results: readings and response errors of both triads in turn.
     :param rows: rows of the samples in what was made ahead.
     :param readings: ideal ones.

@@ -120,7 +120,7 @@ class _Part(NamedTuple):
     def check(self, names: Collection[str], similarity: float = _TYPO) -> None:
         """Refuse children that resemble known ones.
 
-        :param similarity: from which on they do, 0 to 1.
+        :param similarity: least similarity of names that are alike, 0 to 1.
         :raises InputError: for the first one of them.
         """
         for child in self.element.children:
