@@ -500,9 +500,9 @@ class BiasTopicReader:
 
 
 def _rows_of(t_ns: Times, among: Times) -> NDArray[np.intp]:
-    """Return the places of times (n,) among others, in their order.
+    """Return the rows (n,) of times among other ones, in the same order.
 
-    :raises InputError: if one of them does not.
+    :raises InputError: if one of the times is not among them.
     """
     if len(among) >= len(t_ns) and np.array_equal(among[: len(t_ns)], t_ns):
         return np.arange(len(t_ns))

@@ -34,8 +34,8 @@ def open_bag(path: str | Path, recover: Recover = False) -> Bag:
 
     A file that is compressed as a whole is unpacked into the folder for temporary files.
 
-    :param recover: read an interrupted or damaged bag as far as it goes; ``NAME.active`` is looked
-        if NAME does not exist; ``"keep_damaged"`` also keeps chunks whose checksum is wrong.
+    :param recover: read an interrupted or damaged bag as far as it goes, and ``NAME.active`` if
+        NAME does not exist; ``"keep_damaged"`` also keeps chunks whose checksum is wrong.
     :raises InputError: for a path that is missing, no bag, or a bag that is not whole.
     """
     files = None if recover else shared_files()

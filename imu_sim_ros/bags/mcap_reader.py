@@ -339,8 +339,8 @@ class McapBag(ChunkedBag[_Chunk]):
     def _add_messages(self, position: int, counts: dict[int, int]) -> int:
         """Note messages that follow each other outside chunks; returns where to go on.
 
-        The one before a damaged place is left out, from its second byte on the next record is
-        looked for: its size and its end may be damaged as well.
+        The message before a damaged place is left out, because its size and its end may be damaged
+        as well; the search for the next record begins at its second byte.
         """
         previous = end = position
         while (

@@ -96,7 +96,7 @@ class McapWriter(ChunkWriter):
         self._compress = compressor(compression)
         self._schemas: dict[str, SchemaRecord] = {}
         self._channels: list[Channel] = []
-        # The library's own identifier; mcap.writer has it and takes 15 ms to import.
+        # The library's own identifier, without the import of mcap.writer, which has it.
         self.file.write(MAGIC, _packed(Header("ros2", f"mcap-python/{__version__}")))
 
     def _register(self, topic: BagTopic) -> None:

@@ -50,7 +50,7 @@ def refuse_existing(path: Path) -> None:
 def lock_output(descriptor: int) -> None:
     """Lock an open file or folder until it is closed, so that others see that it is being written.
 
-    A reader that looks has it locked for a moment.
+    A reader that tests the lock holds it for a moment, so that several attempts are made.
     """
     for _ in range(_LOOKS):
         try:

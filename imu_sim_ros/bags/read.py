@@ -231,7 +231,7 @@ def read_imu(
     path: str | Path, topic: str | None = None, skipped: Skipped | None = None
 ) -> Readings:
     """Return all messages of an Imu topic; arguments as for :func:`imu_blocks`."""
-    empty = Readings(_times(), _rows(3), _rows(3), source=str(path))
+    empty = Readings(_no_times(), _no_rows(3), _no_rows(3), source=str(path))
     return concatenated(list(imu_blocks(path, topic, skipped=skipped)) or [empty])
 
 
@@ -277,7 +277,7 @@ def read_odometry(
     path: str | Path, topic: str | None = None, skipped: Skipped | None = None
 ) -> States:
     """Return all messages of an Odometry topic, or the states of a EuRoC folder."""
-    empty = States(_times(), _rows(3), _rows(4), _rows(3), _rows(3), str(path))
+    empty = States(_no_times(), _no_rows(3), _no_rows(4), _no_rows(3), _no_rows(3), str(path))
     return concatenated(list(odometry_blocks(path, topic, skipped=skipped)) or [empty])
 
 
@@ -286,7 +286,7 @@ def vector_blocks(
 ) -> Iterator[tuple[Times, Array]]:
     """Yield stamps (n,) and vectors (n, 3) of a Vector3Stamped topic in blocks.
 
-    :param gated: False: whatever the vectors are.
+    :param gated: False: yield impossible vectors, too.
     """
     warned = None if gated else bool
     names = ("vector",)
@@ -300,7 +300,7 @@ def read_temperature(
     """Return all messages of a Temperature topic; arguments as for :func:`imu_blocks`."""
     parts = list(decoded_blocks(path, TEMPERATURE, topic, ("temperature",), False, skipped))
     return TemperatureMessages(
-        np.concatenate([_times(), *(part.t_ns for part in parts)]),
+        np.concatenate([_no_times(), *(part.t_ns for part in parts)]),
         np.concatenate([np.empty(0), *(part.numbers["temperature"] for part in parts)]),
     )
 
@@ -355,11 +355,11 @@ def _unit(q: Array) -> Array:
     return np.where(off, q / length, q) if off.any() else q
 
 
-def _times() -> Times:
+def _no_times() -> Times:
     """Return no times: an empty array."""
     return np.empty(0, dtype=np.int64)
 
 
-def _rows(columns: int) -> Array:
+def _no_rows(columns: int) -> Array:
     """Return no rows of so many columns: an empty array."""
     return np.empty((0, columns))

@@ -422,7 +422,7 @@ class ContradictionError(ValueError):
 
 
 def listed(topics: Iterable[TopicInfo]) -> str:
-    """Return topics in words; the type stands once if it is that of all."""
+    """Return topics as text; the type stands once if all have the same one."""
     topics = [*topics]
     texts = [f"{topic.name} ({topic.type or 'no schema'})" for topic in topics]
     if len({topic.type for topic in topics}) == 1:

@@ -193,7 +193,7 @@ def streams_of_tables(
 ) -> list[Iterator[list[Block]]]:
     """Return the messages of all tables other than the readings of IMUs in a folder, in blocks.
 
-    :param read_imu: yields the readings of an IMU by its name; False: without counting bad rows.
+    :param read_imu: yields the readings of an IMU, given its name and whether bad rows are counted.
     :param renamed: new names of topics by old ones.
     :param imus: names of the IMUs, imu0 and so on: of several, each has a namespace.
     """

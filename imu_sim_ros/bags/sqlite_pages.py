@@ -25,7 +25,7 @@ _INTEGER_BYTES: Final = (0, 1, 2, 3, 4, 6, 8)
 
 
 class StoredMessage(NamedTuple):
-    """A message."""
+    """A row of the table of messages."""
 
     id: int
     topic: int
@@ -48,7 +48,7 @@ class MessagePages:
         """Look for the pages.
 
         :param columns: names of the columns of the table of messages, in their order.
-        :param topics: ids of the topics; a row of another one is none.
+        :param topics: ids of the topics; a row of another topic is no message.
         """
         self._file = open_regular(path)
         self._size = self._file.seek(0, 2)

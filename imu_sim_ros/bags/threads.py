@@ -97,7 +97,7 @@ class Pipeline(Generic[_T, _Made]):
         """Start the threads.
 
         :param make: may run for several items at a time.
-        :param use: runs for one item, and what is made of it, after the other.
+        :param use: is called with each item and what was made of it, one after the other.
         :param workers: number of threads, at least one.
         """
         self._make, self._use = make, use

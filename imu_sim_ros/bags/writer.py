@@ -216,8 +216,8 @@ MAX_PARTS: Final = 10_000
 def check_split(split_duration: float, period: float, duration: float) -> None:
     """Refuse parts that are shorter than the time between two messages, or very many.
 
-    :param split_duration: split duration of one part [s]; 0: no parts.
-    :param period: between two messages [s].
+    :param split_duration: duration of one part [s]; 0: no parts.
+    :param period: time between two messages [s].
     :param duration: total duration [s].
     :raises InputError: with what is allowed.
     """
@@ -299,7 +299,7 @@ def topics_summary(topics: Iterable[BagTopic]) -> str:
 
 
 def amount(count: int, last_ns: int, unit: str) -> str:
-    """Return a count and the last stamp in words."""
+    """Return a count and the last stamp as text."""
     until = f" up to stamp {last_ns / 1e9:.9f} s" if count else ""
     return f"{count:,} {unit}{until}"
 

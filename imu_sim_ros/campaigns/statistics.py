@@ -100,7 +100,7 @@ def _bootstrap(values: Array) -> tuple[Array, Array]:
     """Return the ends of the intervals of the means of rows (k, n).
 
     Efron and Tibshirani, "An introduction to the bootstrap", 1993, equations 14.9 to 14.15, as
-    ``scipy.stats.bootstrap``, which has the same numbers and takes 0.5 s to import.
+    ``scipy.stats.bootstrap``, which has the same numbers and is slow to import.
     """
     from scipy.special import ndtr, ndtri
 

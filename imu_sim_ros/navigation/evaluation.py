@@ -131,7 +131,7 @@ def anees_band(freedom: int, runs: int, probability: float = 0.95) -> Band:
     :param freedom: numbers in the error.
     :param runs: independent errors in the mean.
     """
-    from scipy.special import gammaincinv  # scipy.stats has chi2.ppf and takes 0.5 s to import
+    from scipy.special import gammaincinv  # instead of chi2.ppf of scipy.stats: quick to import
 
     tail = 0.5 * (1.0 - probability)
     low, high = 2.0 * gammaincinv(0.5 * freedom * runs, [tail, 1.0 - tail]) / runs

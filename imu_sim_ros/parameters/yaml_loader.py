@@ -103,7 +103,7 @@ if yaml.__with_libyaml__:
     from yaml._yaml import CParser
 
     class _CLoader(_Rules, CParser):
-        """The loader with libyaml, which is seven times faster."""
+        """The loader with libyaml, which is faster."""
 
         def __init__(self, text: str) -> None:
             CParser.__init__(self, text)

@@ -337,7 +337,7 @@ def _interval_of_fewest_losses(rows: Integers, heads: Times, unit_ns: float, mea
     For each of many intervals the stamps are followed in a strip as wide as the rounding: a stamp
     beyond its upper end has losses before it; one beyond its lower end contradicts the interval.
 
-    :param mean: time over count [ns]; losses make it longer than the interval.
+    :param mean: duration over the number of stamps [ns]; losses make it longer than the interval.
     """
     steps, counts = np.diff(heads[: _SEARCHED + 1]), np.diff(rows[: _SEARCHED + 1])
     # The slope must be known to a fraction of an interval over all of the stamps.
@@ -373,7 +373,7 @@ class Strip:
     def add(self, excess: float, longest: float) -> int:
         """Add the next step; return the samples that are missing in it.
 
-        :param excess: its length beyond its readings, in intervals.
+        :param excess: length of the step beyond its readings, in intervals.
         :param longest: so many missing samples are a loss, more are a pause, in which the phase of
             the clock is not unique.
         """
@@ -421,7 +421,7 @@ class Losses:
         self._followed = np.zeros(2)
 
     def count(self, t_ns: Times) -> Integers:
-        """Return (n,) how many samples are missing before each of n stamps in order."""
+        """Return the number (n,) of samples missing before each of n stamps in order."""
         missing = np.zeros(len(t_ns), dtype=np.int64)
         for begin in range(0, len(t_ns), _SAMPLE):
             part = slice(begin, begin + _SAMPLE)
@@ -802,12 +802,12 @@ def _events(t_ns: Times, clock: Clock, order: StampOrder, duplicates: Integers) 
 
 
 def _stamps(count: int) -> str:
-    """Return a number of stamps in words."""
+    """Return a number of stamps as text."""
     return "1 stamp" if count == 1 else f"{count} stamps"
 
 
 def _seconds(steps_ns: Times) -> str:
-    """Return the first of some times in words."""
+    """Return the first of some times as text."""
     return f"{steps_ns[0] * 1e-9:.6g} s" if len(steps_ns) else ""
 
 

@@ -70,7 +70,7 @@ class BatchSpreader:
         return [*spread, reading]
 
     def _look_for_bunches(self, t_ns: int) -> None:
-        """Take a stamp; the longest step within a bunch is known once there are enough."""
+        """Add a stamp; with enough of them, find the longest step within a bunch."""
         stamps = self._stamps
         if stamps and t_ns < stamps[-1]:
             stamps.clear()

@@ -121,9 +121,9 @@ class Order(Generic[SeriesT]):
     ) -> Iterable[tuple[SeriesT, int]]:
         """Return stretches of readings whose stamps increase.
 
-        With each comes how far its stamps have jumped back before it [ns]; 0: it follows.
+        Each comes with the length of the jump back before it [ns]; 0: it follows without a jump.
 
-        :param left_out: receives of each reading that is left out its step from the last one [ns],
+        :param left_out: receives, for each reading left out, its step from the last one [ns],
             0 if it repeats the stamp.
         :param taken_back: receives how many of these belong to a simulator that was reset.
         """
@@ -193,14 +193,14 @@ class Order(Generic[SeriesT]):
 class Gaps:
     """Tells missing readings by the last stamps, without a clock of its own.
 
-    Irregular stamps leave out none: over some of the last intervals there are enough of them.
+    Irregular stamps are no gap as long as the last few intervals have enough of them together.
     """
 
     def __init__(self, nominal_ns: float, longest_ns: float) -> None:
         """Initialise without readings.
 
         :param nominal_ns: interval of the readings [ns].
-        :param longest_ns: a longer gap is a pause, which leaves out nothing [ns].
+        :param longest_ns: a longer gap is a pause, in which no readings count as missing [ns].
         """
         self._nominal_ns, self._longest_ns = nominal_ns, longest_ns
         self._without_gap_ns = 1.5 * nominal_ns
@@ -208,7 +208,7 @@ class Gaps:
         """The last stamps."""
 
     def parts(self, t_ns: Times) -> Iterable[tuple[slice | None, int, int]]:
-        """Return rows without a gap (None: all), how many are missing before them, and the pause.
+        """Return rows without a gap (None: all), the number missing before them, and the pause.
 
         :param t_ns: (n,) the next stamps, which increase [ns].
         """
@@ -250,7 +250,7 @@ class Gaps:
         yield (slice(begin, len(next_ns)) if begin else None), missing, pause
 
     def _gap(self, t_ns: Times) -> tuple[int, int]:
-        """Return how many readings the last step of stamps leaves out, or its length as a pause."""
+        """Return how many readings the last step leaves out, or its length if it is a pause."""
         step_ns = int(t_ns[-1] - t_ns[-2])
         if step_ns > self._longest_ns:
             return 0, step_ns

@@ -66,7 +66,7 @@ class LiveStrays(Generic[StampedT]):
         self._arrival = 0.0
 
     def apply(self, messages: Sequence[StampedT]) -> list[StampedT]:
-        """Take messages; return those that are known to be in order, earlier ones included."""
+        """Add messages; return those that are known to be in order, earlier ones included."""
         gap, passed = self._gap, list[StampedT]()
         for message in messages:
             t_ns, latest_ns = message.t_ns, self._latest_ns
@@ -99,7 +99,7 @@ class LiveStrays(Generic[StampedT]):
         return self._pass_on()
 
     def _doubt(self, message: StampedT) -> list[StampedT]:
-        """Take a message that is far from the one before, or comes while others wait."""
+        """Add a message that is far from the one before, or comes while others wait."""
         self._arrival = time.monotonic()
         waiting, latest_ns, t_ns = self._waiting, self._latest_ns, message.t_ns
         if latest_ns is None:
@@ -117,7 +117,7 @@ class LiveStrays(Generic[StampedT]):
         return self._pass_on() if len(waiting) == RESET_READINGS else []
 
     def _begin_with(self, message: StampedT) -> list[StampedT]:
-        """Take one of the first messages, until five follow each other."""
+        """Add one of the first messages, until five follow each other."""
         waiting, t_ns = self._waiting, message.t_ns
         if waiting:
             step_ns = t_ns - waiting[-1].t_ns

@@ -60,7 +60,7 @@ class Disturbances(NamedTuple):
     """Poses that repeat the one before while the body moves."""
 
     def __bool__(self) -> bool:
-        """Return whether there is anything."""
+        """Return whether there are any disturbances."""
         return bool(len(self.single) or self.jumps or self.scatter or len(self.repeated))
 
 
@@ -95,7 +95,7 @@ def mended(poses: States) -> Mended:
 
 
 def _mended(t: Array, poses: States, log_step: float = 0.0) -> Mended:
-    """Return poses (n,) that do not stand, mended.
+    """Return poses (n,), of which none is held, mended.
 
     :param t: (n,) times at which they were stamped [s].
     :param log_step: as in :func:`even_times`.
@@ -239,7 +239,7 @@ def _join_all(poses: States, rows: Integers, t: Array, usual: Array, jump: Jump)
     """Return all poses, joined at a jump; repeatedly, as large rotations are nonlinear.
 
     :param rows: (m,) rows that are no outliers; the jump's row is one of these.
-    :param t: (m,) their times [s].
+    :param t: (m,) times of these rows [s].
     """
     window = np.arange(max(jump.row - _WINDOW, 0), min(jump.row + _WINDOW + 1, len(rows)))
     for _ in range(_JOINS):
@@ -286,8 +286,8 @@ def beyond_any_body(
 ) -> list[str]:
     """Return a line for each peak of a spline that no body carrying an IMU could reach.
 
-    :param acceleration: [m/s^2], at acceleration_at [s].
-    :param rate: [rad/s], at rate_at [s].
+    :param acceleration: largest acceleration [m/s^2], at the time ``acceleration_at`` [s].
+    :param rate: largest angular rate [rad/s], at the time ``rate_at`` [s].
     """
     return [
         f"{file}: {value:.4g} {unit} at {time_s:.3f} s is more than a body carrying an IMU reaches "

@@ -44,7 +44,7 @@ class Residuals(NamedTuple):
 
     @property
     def largest(self) -> Array:
-        """(n,) of the two."""
+        """(n,) the larger one of both residuals of each pose."""
         return np.asarray(self.ratio.max(axis=1))
 
 
@@ -69,9 +69,9 @@ def residuals(
     and then over the typical one of some hundred poses around it.
 
     :param t: (n,) times [s], increasing; n >= 8.
-    :param position: (n, 3) [m].
-    :param q_wb: (n, 4) without jumps of sign.
-    :param smallest: [m] taken as deviation of the positions at least.
+    :param position: (n, 3) positions [m].
+    :param q_wb: (n, 4) attitudes without jumps of sign.
+    :param smallest: least deviation of the positions that is assumed [m].
     """
     n, step = len(t), float(np.median(np.diff(t)))
     parts = [

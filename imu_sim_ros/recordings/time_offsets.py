@@ -219,7 +219,7 @@ class _Pair:
     def __init__(
         self, reference: TurnAngles, ends: Array, rates: Array, disturbance: float
     ) -> None:
-        """Take the rates of the other recording.
+        """Initialise with the rates of the other recording.
 
         :param reference: angles by the first recording.
         :param ends: (2, n) begin and end of each window, after the first time of the reference [s].
@@ -234,7 +234,7 @@ class _Pair:
 
     @classmethod
     def of(cls, reference: TurnAngles, moved: TurnAngles) -> "_Pair":
-        """Return the pair over the time in common.
+        """Return the pair of two recordings over their time in common.
 
         :raises UnknownOffsetError: if it is too short, or nothing turns.
         """
@@ -335,10 +335,10 @@ def half_interval(t: Array, parts: Array, slopes: Array, correlated: float) -> f
 
     :param t: (n,) times of the parts, from 0 [s].
     :param parts: (n,) parts of the sum.
-    :param slopes: (n,) their derivatives, at least 0.
+    :param slopes: (n,) derivatives of the parts, at least 0.
     :param correlated: shortest block [s].
     """
-    from scipy.special import stdtrit  # scipy.stats has t.ppf and takes 0.5 s to import
+    from scipy.special import stdtrit  # instead of t.ppf of scipy.stats: quick to import
 
     fewest, largest = _BLOCKS
     count = int(np.clip(t[-1] / correlated, fewest, largest))

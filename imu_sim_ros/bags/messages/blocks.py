@@ -95,7 +95,7 @@ class TopicInfo:
 
     @property
     def qos(self) -> tuple[Qos, ...]:
-        """The profiles, of which a copy of the topic takes over; reading does not need them."""
+        """The quality-of-service profiles, which a copy of the topic takes over."""
         return self.offered if isinstance(self.offered, tuple) else parse_qos(self.offered)
 
 

@@ -119,8 +119,8 @@ def decode_block(block: MessageBlock, encoding: str, names: Sequence[str]) -> De
 class MessageDecoder:
     """The numbers of single CDR messages of one type, without making message objects.
 
-    Deserialising an Imu takes 15 us, unpacking its nine numbers at known offsets one. The offsets
-    depend only on the lengths of the strings; they are recomputed when a string changes.
+    The numbers are unpacked at known offsets, which depend only on the lengths of the strings and
+    are recomputed when a string changes.
     """
 
     def __init__(self, type_name: str, names: Sequence[str]) -> None:
@@ -325,7 +325,7 @@ class MessageGate:
         """Report the refused messages, if there are any.
 
         :param skipped: receives how many messages were left out; None: they are errors.
-        :param warned: receives what would have been; it has passed.
+        :param warned: receives them if they have passed, because the gate is open to all.
         :raises InputError: with the first messages.
         """
         if not self.bad.rows:

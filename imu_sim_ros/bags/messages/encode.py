@@ -132,8 +132,8 @@ class Encoder:
     def _row_template(self, t_ns: Times, **numbers: ArrayLike) -> RowTemplate:
         """Return n messages with texts, stamps and some of their fields; the others are constant.
 
-        :param numbers: (n, m) if they differ from message to message, (n,) of one number;
-            else (m,) or one number.
+        :param numbers: numbers by field: (n, m), or (n,) of a field of one number, if they differ
+            from message to message; else (m,) or one number.
         """
         t_ns = np.asarray(t_ns, dtype=np.int64)
         if 0 < len(t_ns) <= _FEW:  # the same bytes, without the overhead of columns
@@ -203,7 +203,7 @@ class ImuEncoder(Encoder):
         :param t_ns: (n,) stamps.
         :param gyro: (n, 3) rad/s.
         :param accel: (n, 3) m/s^2.
-        :param q_wi: (n, 4) orientation of the sensor in the world; None: it has none.
+        :param q_wi: (n, 4) orientation of the sensor in the world; None: there is none.
         :param orientation_covariance: [rad^2] about the world's axes: 0 (unknown), or three
             variances for each (n, 3).
         """
@@ -291,7 +291,7 @@ class OdometryEncoder(Encoder):
         pose_covariance: Array | None = None,
         twist_covariance: Array | None = None,
     ) -> bytes:
-        """Return one message with the bytes that :meth:`encode` gives it, in a fifth of the time.
+        """Return one message with the bytes that :meth:`encode` gives it, but faster.
 
         The arguments are rows of those of :meth:`pattern`.
         """
@@ -399,12 +399,12 @@ class NavSatFixEncoder(_OfFrame):
     ) -> RowTemplate:
         """Return n messages.
 
-        :param latitude: (n,) geodetic [deg].
+        :param latitude: (n,) geodetic latitudes [deg].
         :param longitude: (n,) longitudes [deg].
-        :param altitude: (n,) above the ellipsoid [m].
-        :param status: (n,) of each; -1: no fix, of unknown covariance. None: all have a fix, with a
+        :param altitude: (n,) altitudes above the ellipsoid [m].
+        :param status: (n,) states; -1: no fix, of unknown covariance. None: all have a fix, with a
             covariance that is known, and zero.
-        :param variance: (n, 3) of the errors east, north, up [m^2].
+        :param variance: (n, 3) variances of the errors east, north, up [m^2].
         """
         if status is not None:
             statuses = np.asarray(status)
@@ -452,7 +452,7 @@ class GpsFixEncoder(Encoder):
         :param satellites: (n,) numbers of satellites in use, and of visible ones.
         :param numbers: (n,) latitude [deg], speed [m/s], hdop and so on, by the field's name; those
             left out are 0.
-        :param variance: (n, 3) of the errors east, north, up [m^2].
+        :param variance: (n, 3) variances of the errors east, north, up [m^2].
         """
         statuses, (second, nanosecond) = np.asarray(status), divided(np.asarray(t_ns))
         covariance = np.zeros((len(statuses), 9))

@@ -201,7 +201,7 @@ class LayoutBuilder:
     def field(self, name: str, kind: str, count: int = 1, suffix: str = "") -> None:
         """Add a field other than a string, kind and count as in :func:`fields`.
 
-        :param suffix: behind the names of its parts, if there are several such fields.
+        :param suffix: added to the names of its parts, if there are several such fields.
         """
         for part, code, times in _numbers(name, kind, count, self.cdr):
             self.number(part + suffix, code, times)

@@ -235,7 +235,7 @@ class Translation:
         return self._types, self.target_types
 
     def _has_same_fields(self, name: str) -> bool:
-        """Return whether a type has the same fields in both, whatever their names, but headers."""
+        """Return whether both types have fields of the same kinds, apart from those of a header."""
         if name == _HEADER:
             return True
         source_kinds, target_kinds = (
@@ -266,7 +266,7 @@ class Translation:
         if node == Nodetype.NAME:
             return self._translated(value if value is not None else SimpleNamespace(), inner)
         if node == Nodetype.BASE:
-            return value if value is not None else _nothing(inner)
+            return value if value is not None else _default_of(inner)
         part, length = inner
         length = length if node == Nodetype.ARRAY else 0
         if part[0] == Nodetype.NAME:
@@ -274,7 +274,7 @@ class Translation:
             return [self._translated(element, part[1]) for element in elements]
         if value is not None:
             return value
-        zero = _nothing(part[1])
+        zero = _default_of(part[1])
         return [zero] * length if isinstance(zero, str) else np.zeros(length, part[1][0])
 
 
@@ -288,7 +288,7 @@ def _nested(kind: Any) -> "str | None":
     return inner if node == Nodetype.NAME else None
 
 
-def _nothing(base: Any) -> "str | int":
+def _default_of(base: Any) -> "str | int":
     """Return the default of a plain field: an empty text, or 0."""
     return "" if base[0] == "string" else 0
 
@@ -376,7 +376,7 @@ _NUMBERED: Final[dict[str, dict[object, str]]] = {
 
 
 class Qos(NamedTuple):
-    """One profile, in the words of rosbag2's metadata."""
+    """One profile, in the terms of rosbag2's metadata."""
 
     reliability: str = "reliable"
     durability: str = "volatile"
@@ -421,7 +421,7 @@ def parse_qos(profiles: object) -> tuple[Qos, ...]:
     if not isinstance(entries, list):
         return (Qos(),)
     return tuple(
-        Qos(**{name: _word(name, entry) for name in _NUMBERED}, depth=_depth(entry))
+        Qos(**{name: _policy(name, entry) for name in _NUMBERED}, depth=_depth(entry))
         for entry in entries
         if isinstance(entry, dict)
     )
@@ -433,10 +433,10 @@ def _depth(entry: dict[str, object]) -> int:
     return value if isinstance(value, int) and 0 <= value < 2**31 else 10
 
 
-def _word(name: str, entry: dict[str, object]) -> str:
-    """Return a policy of a profile by name, by number, or its default."""
+def _policy(name: str, entry: dict[str, object]) -> str:
+    """Return the name of a policy, which a profile states as name or number, or the default."""
     value = entry.get(name)
     default = str(Qos._field_defaults[name])
     numbered = _NUMBERED[name].get(value, default) if isinstance(value, int) else default
-    word = value if isinstance(value, str) else numbered
-    return default if word in ("unknown", "system_default") else word
+    policy = value if isinstance(value, str) else numbered
+    return default if policy in ("unknown", "system_default") else policy

@@ -100,7 +100,7 @@ class StampWatch:
         """True if the stamps are nanoseconds, so that no more are needed."""
 
     def add(self, t_ns: int) -> None:
-        """Take a stamp [ns].
+        """Add a stamp [ns].
 
         :raises InputError: for each reading as long as there is no time in the stamps.
         """

@@ -92,7 +92,7 @@ class ReadingMeasures:
         readings: Readings,
         gravity: float = STANDARD_GRAVITY,
     ) -> None:
-        """Take the readings.
+        """Initialise with readings.
 
         :param gravity: size of gravity at the place of the recording [m/s^2].
         """

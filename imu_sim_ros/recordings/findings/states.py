@@ -45,7 +45,7 @@ class StateMeasures:
     """Poses of a body with their velocities, each computed once."""
 
     def __init__(self, states: States) -> None:
-        """Take the poses."""
+        """Initialise with poses."""
         self.states = states
 
     @cached_property
