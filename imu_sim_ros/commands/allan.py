@@ -49,7 +49,7 @@ def run(arguments: argparse.Namespace) -> None:
     """Analyse, write the files and print."""
     if arguments.truth:  # checked before the work begins
         problems = Problems()
-        with problems.gathered(before="--truth: "):
+        with problems.gathered(prefix="--truth: "):
             load_truth(arguments.truth)
         problems.tell()
     written = outputs(arguments)

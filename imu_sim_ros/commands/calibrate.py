@@ -80,7 +80,7 @@ def calibrate(arguments: argparse.Namespace) -> None:
             overrides = {} if rates is None else {"rates": rates}
             calibration = call(RUNS[arguments.kind].job, arguments, overrides=overrides)
         if arguments.truth:
-            with problems.gathered(before="--truth: "):
+            with problems.gathered(prefix="--truth: "):
                 load_truth(arguments.truth)
         problems.tell()
         for line in calibration.warnings:

@@ -31,9 +31,9 @@ _CENTRIFUGAL_RATIO: Final = 0.00344978650684
 def normal_gravity(latitude: float, height: float) -> float:
     """Return the magnitude of gravity, the centrifugal part included [m/s^2].
 
-    :param latitude: geodetic [rad].
-    :param height: above the ellipsoid [m]; the series is of second order, good to 1e-6 m/s^2 below
-        10 km.
+    :param latitude: geodetic latitude [rad].
+    :param height: height above the ellipsoid [m]; the series is of second order, good to
+        1e-6 m/s^2 below 10 km.
     """
     return float(gravity_on_ellipsoid(math.sin(latitude) ** 2, height))
 
@@ -101,7 +101,7 @@ class CurvedEarth:
     """WGS84 along a trajectory: positions, gravity, and rotation for an IMU."""
 
     def __init__(self, environment: EnvironmentParameters) -> None:
-        """Take the origin."""
+        """Initialise with the origin of the world."""
         latitude, height = math.radians(environment.latitude_deg), environment.height
         meridian, vertical = radii_of_curvature(np.array([latitude]))
         self._latitude, self._height = latitude, height

@@ -74,7 +74,7 @@ class SensorModel(Generic[SectionT]):
 
         An array ``bias`` of the readings' shape takes the jumps that faults add.
 
-        :param t: (n,) since the start [s].
+        :param t: (n,) times since the start [s].
         :param world: ``world.motion(t)`` is the body's motion, ``world.scene`` what surrounds it.
         """
         raise NotImplementedError
@@ -174,14 +174,14 @@ class SensorWithImu:
     def ideal(self, t: Array, world: World) -> Array:
         """Return the readings of a sensor without errors (n,) or (n, 3).
 
-        :param t: (n,) since the start [s].
+        :param t: (n,) times since the start [s].
         """
         raise NotImplementedError
 
     def measure(self, samples: Sampled, ideal: Array, additions: Additions) -> Mapping[str, Array]:
         """Return the readings of the next n samples and their truth, by name.
 
-        :param ideal: (n,) or (n, 3).
+        :param ideal: (n,) or (n, 3) ideal values.
         :param additions: as for :meth:`Triad.read`.
         """
         raise NotImplementedError
@@ -195,7 +195,7 @@ class SensorWithImu:
         """Return the next n samples of ideal values from outside the simulation.
 
         :param true_t_ns: (n,) true times of the samples [ns].
-        :param ideal: (n,) or (n, 3), as :meth:`ideal` returns them.
+        :param ideal: (n,) or (n, 3) ideal values, as :meth:`ideal` returns them.
         """
         return self._read(self.timing.given(true_t_ns), ideal, world)
 

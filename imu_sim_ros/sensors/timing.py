@@ -40,7 +40,7 @@ class SampleTimes:
     """Times of a sensor's samples: sample k is taken at ``offset + k / rate`` after the start."""
 
     def __init__(self, rate: float, t0_ns: int, offset: float = 0.0, span: float = 0.0) -> None:
-        """Keep them as exact numbers.
+        """Initialise with exact numbers.
 
         :param t0_ns: true time of the start [ns].
         :param span: how long a sample takes [s].
@@ -52,7 +52,7 @@ class SampleTimes:
     def index(self, t: Fraction) -> int:
         """Return the index of the first sample not before a time, or not complete by then.
 
-        :param t: since the start [s].
+        :param t: time since the start [s].
         """
         intervals = (t - self._offset - self._span) * self._exact_rate
         if self._span:
@@ -93,8 +93,8 @@ class SampleTiming:
     ) -> None:
         """Initialise before the first sample.
 
-        :param name: of the sensor, the first part of its random streams' names; that of an IMU is
-            empty.
+        :param name: name of the sensor, with which the names of its random streams begin; that of
+            an IMU is empty.
         :param timing: timing of clock and transport.
         :param t0_ns: time of the start [ns].
         :param offset: offset of the first sample after the start [s].
@@ -149,7 +149,7 @@ class SampleTiming:
     def given(self, true_t_ns: Times) -> Sampled:
         """Return the next samples at times from outside; errors follow the nominal times.
 
-        :param true_t_ns: (n,) [ns].
+        :param true_t_ns: (n,) true times [ns].
         """
         nominal = self.times.following(self.position, len(true_t_ns))
         return nominal._replace(true_t_ns=true_t_ns)
@@ -175,7 +175,7 @@ class SampleTiming:
         """Return the stamps of the next samples, which leave the driver at once and once each.
 
         :param start: index of the first of them.
-        :param times: their true times, at least one [ns].
+        :param times: true times of these samples, at least one [ns].
         :returns: the stamps of :meth:`samples`; None where the clock drifts or jitters, or the
             transport delays, loses or repeats messages: nothing has changed then.
         """

@@ -258,7 +258,7 @@ def test_corners_printed_on_a_moving_body_are_where_its_pose_puts_them(make_rig,
         initial_uv = None
         for _ in range(12):
             local = in_camera(
-                view.poses(rig.trajectory, time + late), board.outside(time + late, inner)
+                view.poses(rig.trajectory, time + late), board.to_world(time + late, inner)
             )
             uv, valid = view.model.project(local)
             initial_uv = uv if initial_uv is None else initial_uv

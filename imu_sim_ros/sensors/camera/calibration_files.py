@@ -228,9 +228,9 @@ class _Camera:
                 self.refuse(key, side, f"must be a whole number of pixels from 1 to {_LARGEST}")
 
     def model(self, key: str, value: object, names: Sequence[str]) -> str:
-        """Return the projection model; a pinhole, with a problem, for one that there is not.
+        """Return the projection model; a pinhole, with a problem, for an unknown one.
 
-        :param names: allowed names of the tool.
+        :param names: allowed names, as the tool calls its models.
         """
         if value in names:
             return _MODELS[str(value)]
@@ -242,7 +242,7 @@ class _Camera:
 
         :param key: key of the intrinsics, for messages.
         :param model: pinhole, unified, double_sphere; ucm or eucm: converted to Mei's sphere.
-        :param shape: its numbers beside the focal lengths: xi; xi, alpha; alpha, beta.
+        :param shape: the model's numbers beside the focal lengths: xi; xi, alpha; alpha, beta.
         :param focal: fx, fy, cx, cy [px].
         """
         if model in ("ucm", "eucm"):
@@ -264,10 +264,10 @@ class _Camera:
             self.set(name, number)
 
     def set_distortion(self, key: str, model: object, coefficients: list[float]) -> None:
-        """Set the distortion; a model that there is not is refused by its name.
+        """Set the distortion; an unknown model is refused by its name.
 
         :param key: key of the coefficients, for messages.
-        :param model: name of the tool.
+        :param model: name, as the tool calls the model.
         """
         kind = _DISTORTIONS.get(str(model))
         if kind is None:

@@ -63,7 +63,7 @@ class Camera(FixedModel):
         return self.within(world).view.frames(begin, end - begin)
 
     def within(self, world: World) -> "Camera":
-        """Initialise the sensor's place in a world."""
+        """Set the world that the sensor is in."""
         self._world = world
         return self
 

@@ -408,9 +408,9 @@ def reprojection_errors(
     Not a number if a landmark would be behind the camera or outside its model.
 
     :param position: (n, 3) p_wb [m] of the body when each feature was seen.
-    :param q_wb: (n, 4).
-    :param landmarks: (n, 3) p_w [m] of what was seen.
-    :param uv: (n, 2) where it was seen.
+    :param q_wb: (n, 4) attitudes of the body.
+    :param landmarks: (n, 3) p_w [m] of the landmarks that were seen.
+    :param uv: (n, 2) pixels at which they were seen.
     """
     r_bc, p_bc = camera.pose()
     in_body = rotation.rotate_inverse(q_wb, landmarks - position)

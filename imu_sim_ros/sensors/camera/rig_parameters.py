@@ -170,7 +170,7 @@ def load_rig(parameters: Mapping[str, object]) -> RigParameters:
 
 
 def rig_problems(rig: RigParameters, simulation: EnvironmentParameters) -> Iterator[str]:
-    """Yield a line for each camera that does not fit the IMU, or is another one again."""
+    """Yield a line for each camera that does not fit the IMU, or is the same as another one."""
     of_values: dict[CameraParameters, str] = {}
     for name, camera in rig.camera_parameters().items():
         # The file that a camera came from, and the frame of its messages, make no other camera.

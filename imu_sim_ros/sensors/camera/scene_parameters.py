@@ -82,7 +82,7 @@ class RoomParameters(PathSceneParameters):
     landmarks: int = integer(1000, "points on the surfaces", minimum=1, maximum=1_000_000)
 
     def problems(self, prefix: str) -> Iterator[str]:
-        """Yield whether only some sides are given."""
+        """Yield a line if only some sides are given."""
         if any(self.size) and not all(self.size):
             yield f"{prefix}size = {list(self.size)}: must be 0 or above 0 m on all axes"
 
@@ -98,7 +98,7 @@ class HouseParameters(SceneParameters):
     )
 
     def problems(self, prefix: str) -> Iterator[str]:
-        """Yield whether there are no lines."""
+        """Yield a line if there are no lines."""
         if not self.lines:
             yield f"{prefix}lines = []: must hold at least one line; the scene house has some"
 
@@ -130,7 +130,7 @@ class CloudParameters(PathSceneParameters):
     )
 
     def problems(self, prefix: str) -> Iterator[str]:
-        """Yield whether the distances are in disorder."""
+        """Yield a line if the distances are in disorder."""
         if self.far <= self.near:
             yield f"{prefix}far = {self.far:g}: must be above {prefix}near, {self.near:g} m"
 
@@ -173,7 +173,7 @@ class TargetParameters(SceneParameters):
     )
 
     def problems(self, prefix: str) -> Iterator[str]:
-        """Yield whether the orientation is not a rotation."""
+        """Yield a line if the orientation is not a rotation."""
         yield from rotation_problems(self.orientation, f"{prefix}orientation")
 
 
@@ -192,7 +192,7 @@ class AprilgridParameters(TargetParameters):
     )
 
     def problems(self, prefix: str) -> Iterator[str]:
-        """Yield whether there are more tags than the family has."""
+        """Yield a line if there are more tags than the family has."""
         yield from super().problems(prefix)
         if self.rows * self.columns > 587:
             yield (
@@ -221,7 +221,7 @@ class PointFileParameters(SceneParameters):
     file: str = text("", "CSV or PLY")
 
     def problems(self, prefix: str) -> Iterator[str]:
-        """Yield whether the file is missing."""
+        """Yield a line if the file is missing."""
         if not self.file:
             yield f"{prefix}file = '': must name a file of points"
 
@@ -267,7 +267,7 @@ class MeshParameters(PathSceneParameters):
     )
 
     def problems(self, prefix: str) -> Iterator[str]:
-        """Yield whether the file is missing, and whether the orientation is not a rotation."""
+        """Yield a line if the file is missing, and if the orientation is not a rotation."""
         if not self.mesh:
             yield f"{prefix}mesh = '': must name a file of triangles"
         yield from rotation_problems(self.orientation, f"{prefix}orientation")
@@ -291,7 +291,7 @@ class BodiesParameters:
         return [f"{kind}_{k + 1}" for kind, count in counts for k in range(count)]
 
     def problems(self, prefix: str) -> Iterator[str]:
-        """Yield whether there are more than a mask has values."""
+        """Yield a line if there are more bodies than a mask has values."""
         count = len(self.names())
         if count > MOST_BODIES:
             yield f"{prefix}people = {self.people}: {count} bodies in all; at most {MOST_BODIES}"
@@ -323,7 +323,7 @@ class PlaceParameters(PathSceneParameters):
     bodies: BodiesParameters = section(BodiesParameters)
 
     def problems(self, prefix: str) -> Iterator[str]:
-        """Yield whether only some sides are given, or too little for the place."""
+        """Yield a line if only some sides are given, or too little for the place."""
         kind = "office" if isinstance(self, OfficeParameters) else self.type
         yield from size_problems(kind, self.size, f"{prefix}size")
 
@@ -339,19 +339,19 @@ class OfficeParameters(PlaceParameters):
 class AutoParameters(OfficeParameters):
     """`office`; `room` around a path that is too large, unless what is set is an office's alone.
 
-    Of the trajectory `tour` with cameras the place that it goes through.
+    For cameras on the trajectory `tour` it is the place that the tour goes through.
     """
 
     type: str = text("auto", TYPE_TEXT)
 
     @property
     def office(self) -> OfficeParameters:
-        """The same of an office."""
+        """These parameters, as those of an office."""
         return OfficeParameters(**{**field_values(self), "type": "office"})
 
     @property
     def room(self) -> RoomParameters | None:
-        """The same of a room; None: this describes more than a room has."""
+        """These parameters, as those of a room; None: they describe more than a room has."""
         room = RoomParameters(seed=self.seed, horizon=self.horizon)
         plain = type(self)(seed=self.seed, horizon=self.horizon, landmarks=self.landmarks)
         if self.landmarks != type(self).landmarks:

@@ -78,8 +78,8 @@ def scene_warnings(mounted: Mounted[MountedParameters], world: World, duration: 
 def _blind_lines(in_sight: Mask, t: Array, mounted: Mounted[MountedParameters]) -> Iterator[str]:
     """Yield a line if a sensor has nothing in its field of view at some moments.
 
-    :param in_sight: (n,) false: nothing.
-    :param t: (n,) [s].
+    :param in_sight: (n,) False where nothing is in view.
+    :param t: (n,) times [s].
     """
     if in_sight.all():
         return

@@ -132,7 +132,7 @@ def _boards(
 ) -> Iterator[AprilgridParameters]:
     """Yield boards upright and square to the body's x axis, most and smallest tags first.
 
-    :param settings: their parameters that are given.
+    :param settings: parameters of the boards that are given.
     """
     centers = []
     for view in views:
@@ -189,12 +189,12 @@ def _turned(
         if not short or bits < _MARGIN:
             break
         series = field_values(motion)
-        changes: Keywords = {angle: _more(series[angle]) for angle in short}
+        changes: Keywords = {angle: _larger(series[angle]) for angle in short}
         motion = dataclasses.replace(motion, **changes)
     return motion, score
 
 
-def _more(series: SeriesParameters) -> SeriesParameters:
+def _larger(series: SeriesParameters) -> SeriesParameters:
     """Return a series with larger amplitudes."""
     larger = tuple(round(_TURN * amplitude, 4) for amplitude in series.amplitude)
     return dataclasses.replace(series, amplitude=larger)

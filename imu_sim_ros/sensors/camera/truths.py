@@ -49,7 +49,7 @@ class Landmarks(AtFrames):
         self._t0_ns = t0_ns
 
     def read(self, window: Window, world: World) -> Samples:
-        """Return them if the start is in a window."""
+        """Return the landmarks if the start is in a window."""
         count = int(window.begin <= 0 < window.end)
         times = np.full(count, self._t0_ns)
         values = Deferred(position=lambda: world.scene.landmarks)
@@ -60,7 +60,7 @@ class BodyTruth(AtFrames):
     """The motion of a body of the scene, at the frames of the first camera."""
 
     def read(self, window: Window, world: World) -> Samples:
-        """Return it at the true times of the frames that are not lost."""
+        """Return the motion at the true times of the frames that are not lost."""
         (camera,) = self.cameras
         frames = camera.frames(window, world)
         t_ns, release_t_ns = (

@@ -63,7 +63,7 @@ class View:
 
         :param name: name of the camera; its random streams have it in their names.
         :param t0_ns: start of the simulation [ns].
-        :param duration: of the simulation [s]; may be infinite; no frame is taken after it.
+        :param duration: length of the simulation [s], maybe infinite; no frame is taken after it.
         """
         self.name, self.parameters, self.seed = name, parameters, seed
         self.t0_ns, self.duration = t0_ns, duration

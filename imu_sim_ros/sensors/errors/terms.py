@@ -78,7 +78,7 @@ class TriadEffect:
         return Streams(self.seed, f"{self.triad}.{self.source}")
 
     def configure(self, parameters: TriadParameters) -> None:
-        """Take new values of parameters, from the next reading on."""
+        """Set new values of parameters, from the next reading on."""
         self.parameters = parameters
         self.strength = np.asarray(getattr(parameters, self.parameter))
         self.axes = np.flatnonzero(self.strength.reshape(-1, 3).any(axis=0))
@@ -136,7 +136,7 @@ class WhiteNoise(ErrorTerm):
     parameter, source = "noise_density", "white_noise"
 
     def configure(self, parameters: TriadParameters) -> None:
-        """Take the density, the correlation and the dependence on temperature."""
+        """Set the density, the correlation and the dependence on temperature."""
         super().configure(parameters)
         self._sigma = self.strength / np.sqrt(self.dt)
         self._mixing: Array | None = None
@@ -225,7 +225,7 @@ def turn_on(seed: Seed, source: str, sigma: ArrayLike) -> Array:
     """Return a constant of one run (..., 3), drawn from the seed.
 
     :param source: random stream, such as ``gyroscope.turn_on_bias``, ``gyroscope.turn_on_scale``.
-    :param sigma: (..., 3) its standard deviation.
+    :param sigma: (..., 3) standard deviation of the constant.
     """
     if not is_set(sigma):
         return np.zeros((*np.shape(seed), 3))
@@ -248,7 +248,7 @@ class RandomWalk(ErrorTerm):
     parameter = source = "random_walk"
 
     def configure(self, parameters: TriadParameters) -> None:
-        """Take the density; the walk goes on, or stays, where it is."""
+        """Set the density; the walk goes on, or stays, where it is."""
         super().configure(parameters)
         self._sigma = self.strength * np.sqrt(self.dt)
         self.active = self.active or bool(self.state.any())
@@ -328,7 +328,7 @@ class RateRamp(ErrorTerm):
     parameter = "rate_ramp"
 
     def configure(self, parameters: TriadParameters) -> None:
-        """Take the slope; the ramp goes on from where it is."""
+        """Set the slope; the ramp goes on from where it is."""
         previous = self.strength
         super().configure(parameters)
         changed = np.any(self.strength != previous, axis=-1)
@@ -348,7 +348,8 @@ class TemperatureHysteresis(ErrorTerm):
 
     ``b = (W / 2) s`` with ``ds = (+1 - s) dT / D`` while heating and ``ds = (-1 - s) |dT| / D``
     while cooling (Duhem's model in the form of Coleman and Hodgdon, Int. J. Engng Sci. 24 (1986)
-    897). A temperature cycle much wider than D is a loop of width W; s starts at 0. Of one unit.
+    897). A temperature cycle much wider than D is a loop of width W; s starts at 0. Not for
+    batches.
     """
 
     parameter = "temperature_hysteresis"
@@ -415,7 +416,7 @@ class StressSteps(ErrorTerm):
     """Jumps of the bias at random times, when stress in the board is relieved.
 
     A Poisson process for the whole board, so that both triads jump at the same times; each axis by
-    a normal amount of its own. Of one unit.
+    a normal amount of its own. Not for batches.
     """
 
     parameter = "stress_step_sigma"
@@ -451,7 +452,7 @@ class StressSteps(ErrorTerm):
 class ShockBias(ErrorTerm):
     """A bias that each shock leaves, and that decays: ``b_k = exp(-dt / tau) b_(k-1) + jump``.
 
-    A shock begins where the specific force rises above the threshold. Of one unit.
+    A shock begins where the specific force rises above the threshold. Not for batches.
     """
 
     parameter = "shock_bias_sigma"

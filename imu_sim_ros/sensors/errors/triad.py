@@ -44,7 +44,7 @@ class Response:
     """
 
     def __init__(self, parameters: TriadParameters) -> None:
-        """Take the coefficients; those of a batch are (count, ...)."""
+        """Store the coefficients; those of a batch are (count, ...)."""
         response = parameters.response()
         self._s = _matrix(response)
         quadratic = np.asarray(parameters.quadratic)
@@ -126,8 +126,8 @@ class LowPass:
     def __init__(self, cutoffs: Array, order: int, rate: float, shape: tuple[int, ...]) -> None:
         """Set up the filters.
 
-        :param cutoffs: (3,) below half the rate [Hz], the same for all units; 0: none.
-        :param rate: [Hz] of what is filtered.
+        :param cutoffs: (3,) cut-offs below half the rate [Hz], the same for all units; 0: none.
+        :param rate: rate of the values that are filtered [Hz].
         :param shape: () or the (count,) of a batch.
         """
         from scipy import signal  # half a second of import that only a low-pass costs
@@ -194,7 +194,7 @@ class Digitiser:
     """Rounding to whole steps, and saturation: at the last whole step within the range."""
 
     def __init__(self, parameters: TriadParameters) -> None:
-        """Take range and resolution, (..., 3); 0 is none."""
+        """Store range and resolution, (..., 3); 0 is none."""
         limits, steps = np.asarray(parameters.range), np.asarray(parameters.resolution)
         rounded = steps > 0.0
         steps = np.where(rounded, steps, 1.0)
@@ -233,7 +233,7 @@ class IncrementRounding(TriadEffect):
     parameter = "increment_resolution"
 
     def configure(self, parameters: TriadParameters) -> None:
-        """Take the steps (..., 3); 0 is none. The sum of an axis with another step begins at 0."""
+        """Set the steps (..., 3); 0 is none. The sum of an axis with another step begins at 0."""
         previous = self.strength
         super().configure(parameters)
         self.state[np.broadcast_to(self.strength != previous, self.state.shape)] = 0.0
@@ -355,7 +355,7 @@ class Triad:
     def begin(self, units: Units, unit: TriadParameters | None) -> None:
         """Restart some units of a batch from their current seeds.
 
-        :param unit: parameters of new units with their constants; None: they are those they were.
+        :param unit: parameters of new units with their constants; None: the units stay the same.
         """
         if unit is not None:
             for name, value in vars(self._parameters).items():
@@ -542,7 +542,7 @@ def noise_gain(cutoff: float, order: int, rate: float) -> float:
     The mean of ``|H|^2 = 1 / (1 + u^(2 n))`` over all frequencies up to half the rate, with
     ``u = tan(pi f / rate) / tan(pi cutoff / rate)``, the bilinear transform's frequency.
 
-    :param cutoff: below half the rate [Hz]; 0: no low-pass.
+    :param cutoff: cut-off below half the rate [Hz]; 0: no low-pass.
     """
     if not cutoff:
         return 1.0

@@ -40,7 +40,7 @@ def quadrature(frequency: float, interval: float) -> Quadrature:
     0.0085 of a period.
 
     :param frequency: highest frequency of the motion [Hz]; 0: not known.
-    :param interval: averaged over [s].
+    :param interval: interval over which readings are averaged [s].
     :raises ConfigurationError: if there are more than 50 periods in the interval.
     """
     # In terms of the half interval, sin and cos of up to c x, x in [-1, 1]; the mean of cos(c x)
@@ -155,7 +155,7 @@ class IdealImu:
         power of the interval, with three with the eighth.
 
         :param t: (n + 1,) ends of the intervals [s], not decreasing.
-        :param motion: at these times.
+        :param motion: motion at these times.
         :param quadrature: nodes and weights on [0, 1], see :func:`quadrature`.
         """
         nodes, weights = (values[1:-1] for values in quadrature)

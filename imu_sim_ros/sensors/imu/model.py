@@ -143,9 +143,9 @@ class Imu:
 
         :param true_t_ns: (n,) true times of the samples [ns].
         :param motion: motion of the body at these times, NaN if it is not known.
-        :param gyro: (n m, 3) ideal [rad/s]; an oversampled sensor has m = ratio readings inside
-            for each sample, the last of them at its time, others 1.
-        :param accel: (n m, 3) ideal [m/s^2].
+        :param gyro: (n m, 3) ideal rates [rad/s]; an oversampled sensor has m = ratio readings
+            inside for each sample, the last of them at its time; any other has m = 1.
+        :param accel: (n m, 3) ideal specific forces [m/s^2].
         """
         start, count, m = self._timing.position, len(true_t_ns), self._ratio
         if self._made_ahead and self._ahead.end <= start and 0 < count < AHEAD:
@@ -358,7 +358,7 @@ def _truth(
     :param samples: (n, 3) samples of gyroscope and accelerometer.
     :param results: readings and response errors of both triads in turn.
     :param rows: rows of the samples in what was made ahead.
-    :param readings: ideal ones.
+    :param readings: ideal readings.
     """
     for k, (values, added) in enumerate(zip(samples, ahead.additions, strict=True)):
         errors = [error for _, error in results[k::2] if error is not None]
@@ -375,7 +375,7 @@ def exceeded(mounted: Mounted[ImuParameters], world: World, duration: float) -> 
     At most the first hour is examined, at 100,000 times or fewer.
 
     :param duration: length of the run [s]; may be infinite.
-    :raises ConfigurationError: for readings that are averaged, if the motion is too quick for that.
+    :raises ConfigurationError: for averaged readings of a motion that is too quick to be averaged.
     """
     imu, environment, trajectory = mounted.parameters, mounted.environment, world.trajectory
     if imu.sampling == "averaged":

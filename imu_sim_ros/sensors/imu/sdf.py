@@ -99,7 +99,7 @@ class _Part(NamedTuple):
     def numbers(self, name: str, *counts: int) -> list[float]:
         """Return the numbers in a child; zeros if there is none.
 
-        :param counts: how many there may be; so many zeros as the first one says.
+        :param counts: allowed numbers of numbers; without a child, the first one of them is zeros.
         :raises InputError: for anything but finite numbers, and for another count.
         """
         child = self.element.child(name)
@@ -118,7 +118,7 @@ class _Part(NamedTuple):
         return values
 
     def check(self, names: Collection[str], similarity: float = _TYPO) -> None:
-        """Refuse children that resemble known ones.
+        """Refuse children with unknown names that resemble known ones.
 
         :param similarity: least similarity of names that are alike, 0 to 1.
         :raises InputError: for the first one of them.
@@ -135,7 +135,7 @@ def read(path: str | Path, sensor: str | None = None, rate: object = None) -> De
     """Return the IMU of a model; elements without an effect in Gazebo are remarks.
 
     :param path: path of the file, or ``FILE#SENSOR``.
-    :param sensor: its name; None: the only one.
+    :param sensor: name of the sensor; None: the only one.
     :param rate: samples per second [Hz] of a sensor whose model states none; what is no positive
         number is none.
     :raises InputError: for a file that is none, one without an IMU, and one with several; the line
@@ -174,7 +174,7 @@ def _named(
 ) -> "list[tuple[str, Element, ValuesOf]]":
     """Return IMUs by name; those that share one have the names of their models before it.
 
-    :param imus: with the names of the models around them, ``outer::left::``, before theirs.
+    :param imus: IMUs with the names of the models around them, ``outer::left::``, before theirs.
     """
     scoped = list(imus)
     plain = [scope.rpartition("::")[2] for scope, *_ in scoped]

@@ -452,7 +452,7 @@ def as_in_triads(name: str, unit_texts: Mapping[str, str], **changed: object) ->
     """Describe a parameter of another sensor that is one of the triads'.
 
     :param unit_texts: what stands for ``{triad}``, ``{unit}``, ... in text and unit.
-    :param changed: fields of :class:`Parameter` that are others.
+    :param changed: fields of :class:`Parameter` that differ.
     """
     triads = parameters(TriadParameters)[name]
     texts = {"text": triads.text.format(**unit_texts), "unit": triads.unit.format(**unit_texts)}

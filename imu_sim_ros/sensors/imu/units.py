@@ -80,7 +80,7 @@ class UnitsOfBatch:
         """(count,) seeds of noise and turn-on errors, which differ from run to run."""
 
     def which(self, units: Units) -> Integers:
-        """Return the number of the parameters of some units."""
+        """Return which IMU's parameters each of some units has."""
         return np.arange(self.count)[units] % len(self.imus)
 
     def triad(self, name: str, units: Units) -> TriadParameters:
@@ -102,7 +102,7 @@ class UnitsOfBatch:
     def _of_units(self, rows: list[Array], name: str, units: Units) -> Array:
         """Return a parameter of some units (m, k).
 
-        :param rows: (k,) of each of the IMUs.
+        :param rows: (k,) values of each of the IMUs.
         """
         which = self.which(units)
         width = max(len(row) for row in rows)
@@ -223,7 +223,7 @@ class Triads:
         """Return time-dependent values of the next samples (AHEAD, m) of units.
 
         :param begins: (m,) indices of the next samples.
-        :param values: returns it at times (n,) [s].
+        :param values: returns the values at times (n,) [s].
         """
         columns = np.empty((AHEAD, len(begins)))
         for begin in np.unique(begins).tolist():

@@ -81,7 +81,7 @@ class LidarReadings(SensorReadings):
 
     @property
     def points(self) -> Single:
-        """(n, m, 3) as read, in the sensor's frame at each ray's time [m]; NaN without one."""
+        """(n, m, 3) points in the sensor's frame at each ray's time [m]; NaN without a return."""
         positions: Single = self.range[..., None] * self.direction
         return positions
 

@@ -20,7 +20,7 @@ class Targets:
     """A scene with its moving bodies, for lidars."""
 
     def __init__(self, scene: "Scene", reflectivity: float) -> None:
-        """Take a scene.
+        """Initialise with a scene.
 
         :param reflectivity: reflectivity of surfaces whose material is not known.
         """

@@ -28,7 +28,7 @@ from imu_sim_ros.sensors.camera.images.visible import MeshHits, Triangles, Visib
 
 Ray: TypeAlias = tuple[np.float32, np.float32, np.float32]
 
-FORMULAS_DIGEST: Final = "9d9ff0a72b8a"
+FORMULAS_DIGEST: Final = "98bc6525c1c4"
 """Digest of the formulas that are compiled here and stand in other files.
 
 numba reuses compiled code until the file of the calling function changes; a new digest is such a
