@@ -106,7 +106,7 @@ class StageAngles(Protocol):
     def __call__(
         self, angles: Vector[Component], h: Component, rates: _Rates[Component], /
     ) -> _Angles[Component]:
-        """Return them from the angles at the interval's start."""
+        """Return the angles of the stages from those at the interval's start."""
 
 
 def _slopes(angles: Vector[Component], rate: Vector[Component]) -> Vector[Component]:
@@ -214,7 +214,7 @@ def near_lock(pitch: Component, h: Component, rate: Vector[Component]) -> bool |
     """Return where a pitch is within 1 degree, or two steps, of +-90 degrees.
 
     :param h: length of the step [s].
-    :param rate: [rad/s].
+    :param rate: angular rate [rad/s].
     """
     x, y, z = rate
     turned = 2.0 * sqrt(x * x + y * y + z * z) * h

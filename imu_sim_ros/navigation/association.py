@@ -21,7 +21,7 @@ def interpolate_vectors(t_ns: Times, values: Array, at_ns: Times) -> Array:
     """Return values (m, k) at other times, linear between stamps.
 
     :param t_ns: (n,) stamps [ns], increasing.
-    :param values: (n, k).
+    :param values: (n, k) values at the stamps.
     :param at_ns: (m,) times within the stamps [ns].
     """
     index, part = _intervals(t_ns, at_ns)
@@ -164,7 +164,7 @@ def _rotation(cross_covariance: Array) -> Array:
 
 
 def _yaw(cross_covariance: Array) -> Array:
-    """Rz with the largest trace of ``Rz.T @ cross_covariance``."""
+    """Return the rotation Rz with the largest trace of ``Rz.T @ cross_covariance``."""
     sine = cross_covariance[1, 0] - cross_covariance[0, 1]
     cosine = cross_covariance[0, 0] + cross_covariance[1, 1]
     return rotation.to_matrix(rotation.exp([0.0, 0.0, np.arctan2(sine, cosine)]))

@@ -128,9 +128,9 @@ class _WhiteNoise:
     def add_to(self, p: Array, diagonal: Array, h: float, by_bias: Array) -> None:
         """Add the noise of a reading of length h [s] to a covariance.
 
-        :param p: (15, 15), changed in place.
+        :param p: (15, 15) covariance, changed in place.
         :param diagonal: (15,) view of its diagonal.
-        :param by_bias: (9, 6) errors by those of the reading.
+        :param by_bias: (9, 6) derivatives of the errors by those of the reading.
         """
         if h != self._h:
             self._h = h
@@ -151,7 +151,7 @@ class Covariance:
         """Start with the covariance of the initial state's error (15, 15); None is no error.
 
         :param noise: the IMU's errors.
-        :param cross: (15, m) its covariance with the slow errors; None: there is none.
+        :param cross: (15, m) covariance of that error with the slow errors; None: there is none.
         """
         self.slow = SlowErrors(noise, SIZE)
         width = SIZE + self.slow.count

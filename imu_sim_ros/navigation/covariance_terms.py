@@ -199,7 +199,7 @@ class SecondOrder:
         :param h: length of the interval [s].
         :param acceleration: mean specific force, in the world [m/s^2].
         :param previous: (n, n) covariance of x at the start.
-        :param updated: (n, n) at the end.
+        :param updated: (n, n) covariance of x at the end.
         :param by_rates: (3, r) how theta at the end depends on the errors of the rate at the start.
         :param decay: (r,) share of the initial errors of the rate that remains at the end.
         """

@@ -47,7 +47,7 @@ class Coverage(NamedTuple):
     """Usual time between poses of an estimate if it is longer than a gap [s]; 0: it is not."""
 
     def words(self) -> str:
-        """Return it as ``coverage 9.75 %``."""
+        """Return the coverage as text: ``coverage 9.75 %``."""
         return f"coverage {100.0 * self.share:.3g} %"
 
     def to_dict(self) -> dict[str, float]:
@@ -155,7 +155,7 @@ def coverage(
     :param truth_ns: (m,) stamps of the truth [ns], increasing, m > 1.
     :param max_gap: longer intervals are gaps, of the estimate and of the truth [s]; 0: those of
         more than 2.5 usual intervals of each, from 0.5 to 2 s.
-    :param allowance: for the start [s].
+    :param allowance: time allowed before the first pose [s].
     :param failed: (n,) poses with which the estimate has failed, however long it goes on.
     """
     clock = TruthTime(truth_ns, max_gap)

@@ -51,7 +51,7 @@ _GAUGE: Final = np.array([0, 1, 2, 5])
 def gauge_at(estimate: States, truth: States, row: int = 0) -> Alignment:
     """Return the turn about z and the translation that give one pose the truth's gauge.
 
-    :param truth: (n,) at the times of the estimate.
+    :param truth: (n,) true poses at the times of the estimate.
     """
     q_wb, q_true = estimate.q_wb[row : row + 1], truth.q_wb[row : row + 1]
     heading_error = tilt_and_heading(q_wb, q_true)[1][0]
@@ -68,7 +68,7 @@ def without_gauge(covariance: Array, position: Array, row: int = 0) -> Array:
 
     :param covariance: (n, 6, 6) for position and rotation about the world's axes.
     :param position: (n, 3) positions in the same frame [m].
-    :returns: that of the pose has rank 2, its tilt.
+    :returns: covariances, of which that of the fixed pose has rank 2: its tilt.
     """
     n = np.zeros((len(covariance), 6, 4))
     n[:, :3, :3], n[:, 5, 3] = np.eye(3), 1.0
@@ -172,8 +172,8 @@ def remainder(
     :param name: position or attitude.
     :param pose: (n, 6, 6) covariances of position and rotation about the world's axes. Those
         between both may be missing (zero), as in texts.
-    :param poses: (n,) of the estimate, not aligned.
-    :param truth: (n,) at the same times.
+    :param poses: (n,) poses of the estimate, not aligned.
+    :param truth: (n,) true poses at the same times.
     :param alignment: none, which fixes nothing, or yaw.
     """
     part = _PARTS[name]
@@ -279,12 +279,12 @@ def stated_nees(
 
     :param pose: (n, 6, 6) covariances of position and rotation about the world's axes; None: the
         estimate states none.
-    :param poses: (n,) of the estimate, not aligned.
-    :param truth: (n,) at the same times.
+    :param poses: (n,) poses of the estimate, not aligned.
+    :param truth: (n,) true poses at the same times.
     :param alignment: alignment of the estimate with the truth; with yaw the gauge is fixed at one
         pose.
     :param velocity_b: (n, 3) error of the velocity in the body; the gauge does not change it.
-    :param linear: (n, 3, 3) its covariances.
+    :param linear: (n, 3, 3) covariances of that error.
     """
     if alignment not in ("none", "yaw"):
         return None, (
@@ -507,10 +507,10 @@ def _relative(poses: States, begin: NDArray[np.intp], end: NDArray[np.intp]) -> 
 def pairs(truth: States, delta: float, unit: str, overlapping: bool = True) -> PosePairs:
     """Return pairs of rows that lie a time or a distance apart.
 
-    The end is the first row at least ``delta`` behind the start. PosePairs longer than
+    The end is the first row at least ``delta`` behind the start. Pairs longer than
     ``LONGEST_PAIR * delta`` are left out: their error is that of another length.
 
-    :param delta: > 0.
+    :param delta: time or distance between the rows of a pair, in the unit, > 0.
     :param unit: s, m (along the truth's path), or frames.
     :param overlapping: every row starts a pair; else each pair starts where the previous one ended.
     :raises InputError: if the trajectory is shorter than delta.

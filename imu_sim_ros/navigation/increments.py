@@ -277,7 +277,7 @@ class WorldVectors(NamedTuple):
 
 
 def world_vectors(gravity: Iterable[float], earth_rate: Iterable[float]) -> WorldVectors:
-    """Return a world of its vectors."""
+    """Return the vectors of a world from gravity [m/s^2] and the world's rate [rad/s]."""
     return WorldVectors(float_vector(tuple(gravity)), float_vector(tuple(earth_rate)))
 
 
@@ -322,7 +322,7 @@ def states(
     In a world that turns the sums are taken in frames that do not: ``q_wb(t) = Exp(-E t) q(t)``,
     and ``u(t) = Exp(2 E t) v(t)`` is free of Coriolis' acceleration.
 
-    :param start: the state at the start of the first.
+    :param start: the state at the start of the first interval.
     :param h: lengths of the intervals [s].
     """
     position, velocity, q_wb = start

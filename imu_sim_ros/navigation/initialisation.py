@@ -138,7 +138,7 @@ def level(
 
     :param gyro: (n, 3) readings at rest [rad/s].
     :param accel: (n, 3) readings at rest [m/s^2].
-    :param gravity: (3,) along the world's z axis [m/s^2].
+    :param gravity: (3,) gravity, along the world's z axis [m/s^2].
     :param yaw: heading, which rest does not reveal [rad].
     :param uncertainty: standard deviation of the mean force's length by the sensor's own errors
         [m/s^2]; gravity may be missed by four of it, or by 5 %, whichever is more.
@@ -255,7 +255,7 @@ def from_rest(
     :param gyro: (n, 3) readings [rad/s]; those that are not finite are skipped.
     :param accel: (n, 3) readings [m/s^2].
     :param position: (3,) position in the world [m]; None: ``initial_position``.
-    :param yaw: [rad]; None: that of ``initial_orientation``.
+    :param yaw: heading [rad]; None: that of ``initial_orientation``.
     :param noise: errors of the sensor, which decide what rest may look like and the covariance;
         None: those of ``imu``.
     :raises InputError: if the readings cannot be those of a body at rest.

@@ -70,7 +70,7 @@ class ImuMount(NamedTuple):
 
         :param t_ns: stamp [ns].
         :param imu: position, velocity and attitude of the IMU.
-        :param rate_i: relative to the world, in the IMU's axes [rad/s].
+        :param rate_i: angular rate relative to the world, in the IMU's axes [rad/s].
         """
         if self == ALIGNED:
             position, velocity, q_wb = imu
@@ -112,7 +112,7 @@ class ImuMount(NamedTuple):
 
         :param imu: (15, 15) covariance of the IMU's state.
         :param r_wi: (3, 3) attitude of the IMU.
-        :param rate_i: (3,) relative to the world, in the IMU's axes [rad/s].
+        :param rate_i: (3,) angular rate relative to the world, in the IMU's axes [rad/s].
         :param white: (3,) variance of the white noise of a gyroscope's reading.
         """
         arm = self.arm_i

@@ -200,7 +200,7 @@ def layer_integrator(
 ) -> dict[str, object]:
     """Return parameters above those of the IMU preset and of the calibration that they name.
 
-    :param values: by dotted name.
+    :param values: parameters by dotted name.
     :param problems: receives a line for a preset or a calibration that cannot be read.
     :param sensor: parameters of the sensor, instead of a preset.
     """
@@ -249,7 +249,7 @@ def outside_covariance(
     What integration corrects for is none of them; nor are range and bandwidth, which do not matter
     to readings within them.
 
-    :param values: by dotted name.
+    :param values: parameters by dotted name.
     :param sensor: parameters of the sensor, instead of the preset.
     :raises ConfigurationError: for a preset that cannot be read.
     """

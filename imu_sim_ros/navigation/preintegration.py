@@ -156,16 +156,16 @@ def _pairs(values: Array) -> Array:
 
 
 def _turn(method: str, h: Array, rates: Array) -> Array:
-    """Rotation vectors (..., 3) of steps h (..., 1) with rates (..., 2, 3) at their ends."""
+    """Return rotation vectors (..., 3) of steps h (..., 1) with rates (..., 2, 3) at their ends."""
     rate = rates[..., 0, :] if method == "euler" else 0.5 * (rates[..., 0, :] + rates[..., 1, :])
     return rate * h
 
 
 def _attitudes(method: str, h: Array, rate: Array) -> Array:
-    """Gamma (m + 1, B, 4) before each of m steps, and after the last.
+    """Return gamma (m + 1, B, 4) before each of m steps, and after the last.
 
-    :param h: (B, m) their lengths [s].
-    :param rate: (B, m + 1, 3) the rates at their ends [rad/s].
+    :param h: (B, m) lengths of the steps [s].
+    :param rate: (B, m + 1, 3) rates at the ends of the steps [rad/s].
     """
     turns = _turn(method, h.T[..., None], _pairs(rate))
     attitudes = np.concatenate([np.tile(rotation.IDENTITY, (1, len(h), 1)), rotation.exp(turns)])
@@ -186,7 +186,7 @@ _Step = tuple[Array, Array, Array]
 
 
 def _euler(h: Array, gamma: Array, rate: Array, force: Array) -> _Step:
-    """Hold the reading at the start of the step; G has no part for the one at its end."""
+    """Return a step with the reading at its start; G has no part for the reading at its end."""
     r = rotation.to_matrix(gamma)
     turn = _turn("euler", h, rate)
     acceleration = (r @ force[:, 0, :, None])[..., 0]
@@ -200,7 +200,7 @@ def _euler(h: Array, gamma: Array, rate: Array, force: Array) -> _Step:
 
 
 def _midpoint(h: Array, gamma: Array, rate: Array, force: Array) -> _Step:
-    """Mean rate; mean of both ends' accelerations (the form of VINS' program)."""
+    """Return a step with the means of both ends' rates and accelerations, as VINS' program does."""
     turn = _turn("midpoint", h, rate)
     r0 = rotation.to_matrix(gamma)
     r1 = r0 @ rotation.to_matrix(rotation.exp(turn))
@@ -231,7 +231,7 @@ def _blank(batch: int) -> tuple[Array, Array]:
 
 
 def _turn_rows(f: Array, g: Array, turn: Array, h: Array, weights: tuple[float, float]) -> None:
-    """``theta <- Exp(-turn) theta - Jr h (db_g + n_g)``."""
+    """Set the rows of theta: ``theta <- Exp(-turn) theta - Jr h (db_g + n_g)``."""
     by_rate = -rotation.right_jacobian(turn) * h
     f[:, THETA, THETA] = rotation.to_matrix(rotation.exp(-turn))
     f[:, THETA, GYRO_BIAS] = by_rate
@@ -246,7 +246,7 @@ def _move_rows(
     by_state: tuple[Array, Array, Array],
     by_noise: tuple[Array, Array, Array, Array],
 ) -> None:
-    """Rows of beta and alpha from the derivatives of the acceleration.
+    """Set the rows of beta and alpha from the derivatives of the acceleration.
 
     :param by_state: derivatives with respect to theta and the biases of accelerometer and
         gyroscope.
@@ -326,7 +326,7 @@ def _joined(f: Array, q: Array | None = None) -> tuple[Array, Array]:
     ``Q = F2 Q1 F2^T + Q2``. Each takes a few calls of NumPy for all of them.
 
     :param f: (m, B, 15, 15), m > 0.
-    :param q: (m, B, 15, 15); None: without.
+    :param q: (m, B, 15, 15); None: without noise.
     """
     joined = 1
     while joined < _JOINED:

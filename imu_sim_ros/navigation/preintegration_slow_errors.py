@@ -68,7 +68,7 @@ class SlowErrorsOfIntervals:
         return bool(self._variances) or bool(self._terms.any())
 
     def extend(self, jacobians: Array, h: Array, readings: Array, steps: int) -> None:
-        """Take pieces of so many steps each, the last one shorter.
+        """Add pieces of so many steps each, the last one shorter.
 
         :param jacobians: (n, B, 15, 15) at the ends of the pieces, from the interval's start.
         :param h: (m, B) lengths of the steps [s].

@@ -171,7 +171,7 @@ class Stepper:
         return NavigationState._make(arrays)
 
     def add(self, t_ns: int, gyro: Vector, accel: Vector) -> bool:
-        """Take a reading that the gate of ``inputs`` passes; return whether it was a step.
+        """Add a reading that the gate of ``inputs`` passes; return whether it was a step.
 
         :param t_ns: stamp of the reading [ns].
         :param gyro: angular rate as read [rad/s].

@@ -46,7 +46,7 @@ def time_offset(
     """Return the offset to add to the stamps of the estimate, at most :data:`LARGEST`.
 
     :param max_gap: the truth is not interpolated across longer gaps [s].
-    :param scaled: the estimate's scale is unknown.
+    :param scaled: True if the estimate's scale is unknown.
     :raises InputError: if the two overlap too little, or their motion does not determine it.
     """
     pairs = _pairs(estimate, truth, max_gap)
@@ -114,7 +114,7 @@ class _Pairs:
     def _residuals(self, offset: float, scaled: bool) -> Array:
         """Return (2, n, 3) the differences of the relative positions [m] and turns [rad].
 
-        :param offset: added to the stamps of the estimate [s].
+        :param offset: offset that is added to the stamps of the estimate [s].
         """
         shift = round(offset * 1e9)
         position, turn = _relative(

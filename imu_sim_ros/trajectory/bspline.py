@@ -110,7 +110,7 @@ class RotationSpline:
         self._axes = np.ascontiguousarray((steps / safe[:, None]).T)
 
     def attitude(self, segment: Integers, u: Array) -> Array:
-        """Return q_wb (n, 4) at places u in segments: the bits of :meth:`motion`, in less time."""
+        """Return q_wb (n, 4) at places u in segments: the bits of :meth:`motion`, but faster."""
         q = self._first_q[:, segment]
         for j in range(1, ORDER):
             share = np.zeros(len(u))
@@ -162,7 +162,7 @@ def _polynomial(c: Array, u: Array) -> Array:
 
 
 def _cross(a: Array, b: Array) -> Array:
-    """Cross product with the components on the first axis."""
+    """Return the cross product of vectors whose components are on the first axis."""
     return np.stack(
         [a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0]]
     )

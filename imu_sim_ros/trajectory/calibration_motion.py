@@ -41,7 +41,7 @@ class CalibrationMotion:
     """Turns are smooth over the time between two readings."""
 
     def __init__(self, first_q_wb: Array, turns: Sequence[Turn]) -> None:
-        """Take the attitude (4,) at the start and the turns, one after another."""
+        """Initialise with the attitude (4,) at the start and the turns, one after another."""
         self._profile = RateProfile([turn.phase for turn in turns])
         self.duration = self._profile.duration
         self._axes = np.array([turn.axis for turn in turns])
@@ -116,7 +116,7 @@ def _rest(time: float) -> list[Turn]:
 
 
 def _turn_over(start: Array, end: Array, time: float) -> list[Turn]:
-    """Turn from one attitude to another about one axis: faster over half the time, then slower."""
+    """Return a turn between attitudes about one axis: faster over half the time, then slower."""
     vector = rotation.log(rotation.multiply(rotation.conjugate(start), end))
     angle = float(np.linalg.norm(vector))
     half, peak = 0.5 * time, 2.0 * angle / time
@@ -125,7 +125,7 @@ def _turn_over(start: Array, end: Array, time: float) -> list[Turn]:
 
 
 def _spin(axis: Array, rate: float, parameters: TurntableParameters) -> list[Turn]:
-    """Spin up, turn at a constant rate, stop, settle."""
+    """Return the phases of a spin: spin up, turn at a constant rate, stop, settle."""
     ramp = parameters.ramp
     phases = (
         Phase(ramp, 0.0, rate),

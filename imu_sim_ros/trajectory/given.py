@@ -58,7 +58,7 @@ def given_trajectory(motion: object) -> Trajectory | None:
     :param motion: an object with ``sample(t)``, which returns a :class:`Motion`, or a function that
         returns positions and attitudes at times t (n,); either may have a ``duration`` [s].
     :returns: None for anything else.
-    :raises ConfigurationError: for a duration that is none.
+    :raises ConfigurationError: for an invalid duration.
     """
     if isinstance(motion, type):
         return None
@@ -106,7 +106,7 @@ def suspicions(trajectory: Trajectory, duration: float, rate: float) -> list[str
     largest derivative allows, and in a very short time it must be the mean of the derivative's
     values at its ends, at 99 % of the times: derivatives may jump.
 
-    :param duration: to examine [s]; may be infinite.
+    :param duration: time to examine [s]; may be infinite.
     :param rate: rate of the readings [Hz], which bounds the number of times.
     """
     motion: object = trajectory
@@ -176,9 +176,9 @@ def _contradiction(
     """Return a line if a quantity does not change as its derivative says.
 
     :param t: (n,) times [s].
-    :param long: (n - 1, 3) its changes from each time to the next.
-    :param measured: (n, 3) its rates of change in a very short time.
-    :param stated: (n, 3) mean of its derivative in that time.
+    :param long: (n - 1, 3) changes of the quantity from each time to the next.
+    :param measured: (n, 3) rates of change of the quantity in a very short time.
+    :param stated: (n, 3) mean of the stated derivative in that time.
     """
     off = np.linalg.norm(measured - stated, axis=1)
     size = max(np.linalg.norm(stated, axis=1).max(), np.median(np.linalg.norm(measured, axis=1)))

@@ -35,7 +35,7 @@ class HeightMap:
     """Heights at the centres of square cells, bilinear in between; ``spacing`` is a cell [m]."""
 
     def __init__(self, path: str, x: float, y: float, cell: float, heights: Array) -> None:
-        """Take the centre of the south-western cell, and heights (rows north, columns east)."""
+        """Store the centre of the south-western cell, and heights (rows north, columns east)."""
         self._path, self._heights = path, heights
         self._corner, self.spacing = np.array([x, y]), cell
 
@@ -168,7 +168,7 @@ class GradeProfile:
     """
 
     def __init__(self, path: Path, heights: Array, smoothing: float) -> None:
-        """Take heights (w,) of the waypoints and the length of a step [m]."""
+        """Initialise with heights (w,) of the waypoints and the length of a step [m]."""
         from scipy.interpolate import make_interp_spline
 
         self._path = path

@@ -269,7 +269,7 @@ class WaypointsParameters(TrajectoryParameters):
     )
 
     def problems(self, prefix: str) -> Iterator[str]:
-        """Yield which lists do not match and which waypoints collide."""
+        """Yield a line for each list that does not match, and for waypoints that collide."""
         places = [self.positions[k : k + 3] for k in range(0, len(self.positions), 3)]
         count = len(places)
         if count < 2:
@@ -330,7 +330,7 @@ class TourParameters(TrajectoryParameters):
     )
 
     def problems(self, prefix: str) -> Iterator[str]:
-        """Yield whether the place is too small."""
+        """Yield a line if the place is too small."""
         yield from size_problems(self.place, self.place_size, f"{prefix}place_size")
 
 
@@ -595,7 +595,7 @@ class TurntableParameters(SixPositionParameters):
     )
 
     def problems(self, prefix: str) -> Iterator[str]:
-        """Yield whether there is nothing to do."""
+        """Yield a line if there is nothing to do."""
         if not self.rates:
             yield f"{prefix}rates = []: must have at least one entry [rad/s]"
 
@@ -648,7 +648,7 @@ class PosesParameters(TrajectoryParameters):
     )
 
     def problems(self, prefix: str) -> Iterator[str]:
-        """Yield whether the file is missing, and whether the knots are too dense."""
+        """Yield a line if the file is missing, and if the knots are too dense."""
         if not self.file:
             yield f"{prefix}file = '': must name a file of poses"
         smallest = LEAST_KNOTS / self.cutoff

@@ -38,7 +38,7 @@ class UniformSpline:
     """k functions of one variable as a uniform B-spline of degree 5, constant steps apart."""
 
     def __init__(self, controls: Array, spacing: float) -> None:
-        """Take the control points (c, k); point j acts most at ``(j - 2) spacing``."""
+        """Initialise with control points (c, k); point j acts most at ``(j - 2) spacing``."""
         windows = np.lib.stride_tricks.sliding_window_view(controls, ORDER, axis=0)
         # (power, function, segment)
         self._coefficients = np.einsum("sn,gks->nkg", BASIS, windows)
@@ -162,7 +162,7 @@ def find_path(
 ) -> Path:
     """Return a path that turns no tighter than a radius, with corners as short as that allows.
 
-    :param waypoints: (n, 2) [m]; none twice in a row.
+    :param waypoints: (n, 2) waypoints [m]; none twice in a row.
     :param deviation: deviation from a waypoint [m]; 0: the path goes through each.
     :param prefix: prefix of the parameters, for messages.
     :param backward: (n - 1,) whether the vehicle backs up on the way to the next waypoint; None:
@@ -265,7 +265,11 @@ def _find_part(
     prefix: str,
     waypoints_before: int,
 ) -> Path:
-    """Return a path without turning back; ``before`` waypoints are before it, for messages."""
+    """Return a path without turning back.
+
+    :param waypoint: True for the points that are waypoints, not added ones.
+    :param waypoints_before: number of waypoints before this path, for messages.
+    """
     steps = np.linalg.norm(np.diff(waypoints, axis=0), axis=1)
     waypoint_u = np.concatenate([[0.0], np.cumsum(steps)])
     longest = 1.5 * np.diff(waypoint_u[waypoint]).min()
@@ -322,7 +326,12 @@ def _rounded(
 
 
 def _on_polygon(nodes: Array, waypoint_u: Array, corners: Array) -> Array:
-    """Return points (m, 2) of a polygon with corners at u ``at``, its ends continued straight."""
+    """Return points (m, 2) of a polygon, its ends continued straight.
+
+    :param nodes: (m,) u of the points.
+    :param waypoint_u: (w,) u of the corners.
+    :param corners: (w, 2) corners [m].
+    """
     reach = 3.0 * waypoint_u[-1]
     start_extension = (
         corners[0] - (corners[1] - corners[0]) / (waypoint_u[1] - waypoint_u[0]) * reach

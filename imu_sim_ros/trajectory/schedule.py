@@ -168,7 +168,7 @@ def _way(path: Path, p: DriveParameters) -> _Way:
 def _limited(way: _Way, p: DriveParameters, speeds: Array, waits: Array) -> Array:
     """Return the squares of the speeds (n,): the fastest schedule from rest to rest.
 
-    :param speeds: (w - 1,) largest, of each leg [m/s].
+    :param speeds: (w - 1,) largest speed on each leg [m/s].
     :param waits: (w,) rest at each waypoint [s].
     """
     leg = np.searchsorted(way.waypoint_index, np.arange(len(way.u)), side="right") - 1
@@ -269,7 +269,7 @@ def _timed(path: Path, p: DriveParameters, visits: Visits, prefix: str) -> Unifo
 
 
 def _meeting(path: Path, visits: Visits, rests: Mask, t: Array, controls: Array) -> UniformSpline:
-    """Return the smoothed schedule, moved by the little that smoothing has moved it."""
+    """Return the smoothed schedule, corrected so that it keeps the times of the visits."""
     from scipy.interpolate import PchipInterpolator
 
     step = float(t[1] - t[0])

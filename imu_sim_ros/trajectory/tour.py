@@ -32,14 +32,17 @@ def waypoints(parameters: TourParameters) -> WaypointsParameters:
     :raises ConfigurationError: for a place without a way through it.
 
     >>> from imu_sim_ros.trajectory.parameters import TourParameters
-    >>> found = waypoints(TourParameters(place="corridor", place_size=(14.0, 2.4, 2.6)))
-    >>> len(found.positions) == 3 * len(found.headings)
+    >>> flight = waypoints(TourParameters(place="corridor", place_size=(14.0, 2.4, 2.6)))
+    >>> len(flight.positions) == 3 * len(flight.headings)
     True
     """
     low, high = usual(parameters.place, parameters.place_size)
     site = Site(low, high, np.zeros((0, 3)), parameters.place_seed)
-    best = planned(build(parameters.place, site), lambda some: _flown(_as(some, parameters)))
-    return _as(best, parameters)
+    best = planned(
+        build(parameters.place, site),
+        lambda waypoint_list: _flown(_motion_along(waypoint_list, parameters)),
+    )
+    return _motion_along(best, parameters)
 
 
 def waypoint_parameters(parameters: TourParameters) -> dict[str, Value]:
@@ -81,11 +84,11 @@ def waypoints_file(parameters: TourParameters) -> str:
     return files.text(waypoint_parameters(parameters), comment=comment)
 
 
-def _as(some: WaypointList, parameters: TourParameters) -> WaypointsParameters:
+def _motion_along(waypoint_list: WaypointList, parameters: TourParameters) -> WaypointsParameters:
     """Return the parameters of a motion along waypoints."""
     return WaypointsParameters(
-        positions=tuple(some.positions.ravel().tolist()),
-        headings=tuple(some.headings.tolist()),
+        positions=tuple(waypoint_list.positions.ravel().tolist()),
+        headings=tuple(waypoint_list.headings.tolist()),
         speed_limit=parameters.speed_limit,
         acceleration_limit=parameters.acceleration_limit,
         heading_rate_limit=parameters.heading_rate_limit,

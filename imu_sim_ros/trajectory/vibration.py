@@ -150,7 +150,7 @@ def _tones(
 
 
 def _noise(parameters: VibrationParameters, rms: Sequence[float], seed: SeedSequence) -> _Tones:
-    """Return the lines of the noise."""
+    """Return amplitude, angular frequency and phase of the noise's lines, each (axes, lines)."""
     random = Generator(PCG64(seed))
     lines = parameters.noise_lines
     share = (np.arange(lines) + random.random((_AXES, lines))) / lines
@@ -179,7 +179,7 @@ class Vibrating:
     ) -> None:
         """Shake a motion.
 
-        :param way: along which the body goes [m], with its derivatives, at times (n,); the
+        :param way: way along which the body goes [m], and its derivatives, at times (n,); the
             vibration is bound to it and holds at a speed. None: it is bound to time.
         :param speed: the speed [m/s].
         """
