@@ -223,7 +223,7 @@ class _Rows(NamedTuple):
     from_state: Array
     """(p, C) map from the states to a row's values."""
     decay: Array
-    """(R + 1, p) decay of the states over k rows."""
+    """(R + 1, 3 p) decay of the states of three axes over k rows."""
     root: Array
     """(p, p) root of the stationary covariance of the states."""
 
@@ -243,7 +243,7 @@ def _rows(dt: float) -> _Rows:
     return _Rows(
         np.concatenate([lower_triangle.T, powers[:-1][::-1]], axis=1),
         np.ascontiguousarray((powers[1:] * gains).T),
-        poles ** (_COLUMNS * np.arange(_FLICKER_ROWS + 1.0))[:, None],
+        np.tile(poles ** (_COLUMNS * np.arange(_FLICKER_ROWS + 1.0))[:, None], 3),
         np.asarray(np.linalg.cholesky(covariance), dtype=np.float64),
     )
 
@@ -282,29 +282,35 @@ class FlickerNoise(ChunkedProcess):
     def _make_chunks(self, count: int, units: Units) -> Array:
         """Return the next chunks of flicker noise of some units."""
         rows, state = self._rows, self._state[units]
-        several, poles = state.shape[:-2], state.shape[-1]
+        *several, _, poles = state.shape
         numbers = by_axis(self._streams.next(count * FLICKER_CHUNK, units))
         # All rows of a unit's chunk in a product: its size, and so its sums, never differ.
         noise = numbers.reshape(*several, 3, count, _FLICKER_ROWS, _COLUMNS).swapaxes(-4, -3)
         filtered = noise.reshape(*several, count, 3 * _FLICKER_ROWS, _COLUMNS) @ rows.from_noise
-        values, ends = filtered[..., :_COLUMNS], filtered[..., _COLUMNS:]
-        ends = ends.reshape(*several, count, 3, _FLICKER_ROWS, poles)  # of rows that start at 0
+        by_row = filtered[..., _COLUMNS:].reshape(*several, count, 3, _FLICKER_ROWS, poles)
+        # States at the ends of rows that start at 0: (row, ..., chunk, states of three axes).
+        ends = np.ascontiguousarray(np.moveaxis(by_row, -2, 0))
+        ends = ends.reshape(_FLICKER_ROWS, *several, count, 3 * poles)
         step = 1
         while step < _FLICKER_ROWS:  # of chunks that start at 0, by doubling
-            ends[..., step:, :] += rows.decay[step] * ends[..., :-step, :]
+            ends[step:] += rows.decay[step] * ends[:-step]
             step *= 2
         over_chunk = rows.decay[_FLICKER_ROWS]
-        # The states between the chunks, one after the other: (chunk, ..., axis, pole).
-        states = np.empty((count + 1, *state.shape))
-        states[0] = state
-        of_chunks = np.moveaxis(ends[..., -1, :], -3, 0)
+        # The states between the chunks, one after the other: (chunk, ..., states of three axes).
+        states = np.empty((count + 1, *several, 3 * poles))
+        states[0] = state.reshape(states.shape[1:])
+        of_chunks = np.moveaxis(ends[-1], -2, 0)
         for previous, following, end in zip(states[:-1], states[1:], of_chunks, strict=True):
-            np.multiply(over_chunk, previous, out=following)
-            following += end
-        self._state[units] = states[-1]
-        starts = rows.decay[:_FLICKER_ROWS] * np.moveaxis(states[:-1], 0, -3)[..., None, :]
-        starts[..., 1:, :] += ends[..., :-1, :]
-        values += starts.reshape(*several, count, 3 * _FLICKER_ROWS, poles) @ rows.from_state
+            np.multiply(over_chunk, previous, following)
+            np.add(following, end, following)
+        self._state[units] = states[-1].reshape(state.shape)
+        decay = rows.decay[:_FLICKER_ROWS].reshape(-1, *(1,) * (ends.ndim - 2), 3 * poles)
+        starts = decay * np.moveaxis(states[:-1], 0, -2)
+        starts[1:] += ends[:-1]
+        starts = starts.reshape(_FLICKER_ROWS, *several, count, 3, poles)
+        by_chunk = np.moveaxis(starts, 0, -2).reshape(*filtered.shape[:-1], poles)
+        values = by_chunk @ rows.from_state
+        values += filtered[..., :_COLUMNS]
         chunks = values.reshape(*several, count, 3, FLICKER_CHUNK).swapaxes(-3, -2)
         return np.moveaxis(chunks.reshape(*several, 3, count * FLICKER_CHUNK), -1, 0)
 
