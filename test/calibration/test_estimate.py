@@ -8,6 +8,7 @@ import pytest
 from scipy.optimize import brentq
 from scipy.stats import t as student
 
+from imu_sim_ros.calibration.noise import estimate as process_search
 from imu_sim_ros.calibration.noise.estimate import AxisNoise, estimate
 from imu_sim_ros.calibration.noise.gauss_markov import estimate_gauss_markov
 from imu_sim_ros.calibration.noise.likelihood import Data, fit, intervals
@@ -194,6 +195,26 @@ def test_gauss_markov_process_on_request():
     ):
         assert covered(axes, key, truth) >= 8, key
         assert np.mean(values(axes, key)) == pytest.approx(truth, rel=3 * spread / np.sqrt(12))
+
+
+@pytest.mark.parametrize("time", [16.0, 149.0])
+def test_a_process_between_the_tried_times_is_found_when_it_gains_enough(monkeypatch, time):
+    """The eight times that are tried differ by a factor of 3: some are wrong by its root."""
+    finite = TEMPLATE.duration[np.isfinite(TEMPLATE.duration)]
+    tried = np.geomspace(1.0, finite.max() / 3.0, 8)
+    assert np.abs(np.log(tried / time)).min() > 0.4 * np.log(tried[1] / tried[0])
+    times = {-np.inf: [], process_search._PROMISING: []}
+    for sigma in np.geomspace(1e-4, 4e-4, 8):
+        expected = 1e-6 + sigma**2 * gauss_markov_expectation(TEMPLATE, time)
+        amplitude = np.where(TEMPLATE.order > 0, np.sqrt(expected), 0.0)
+        exact = TEMPLATE._replace(power=expected[:, None], amplitude=amplitude[:, None])
+        for limit, times_of_search in times.items():  # always, and where the tried promise one
+            monkeypatch.setattr(process_search, "_PROMISING", limit)
+            times_of_search.append(process_search.correlation_time(exact, 0))
+    always, promising = times.values()
+    assert promising == always
+    assert None in always
+    assert always[-1] == pytest.approx(time, rel=0.1)
 
 
 def test_gauss_markov_process_that_is_not_there_is_bounded():

@@ -82,6 +82,9 @@ _PROCESS: Final = 6.0
 """Log-likelihood that a Gauss-Markov process must gain next to the other terms, with its two
 parameters: chi-square(2) exceeds twice of it once in 400 times, and a process whose time is
 searched over the decades of a record in one of 100."""
+_PROMISING: Final = 0.5
+"""Share of ``_PROCESS`` that a process of the best tried time gains if another time may gain all: a
+process whose time is wrong by the root of the grid's ratio keeps two thirds of its gain."""
 _FASTEST_PROCESS: Final = 1.0
 """Smallest correlation time of a bias process [s]; filters of sensors are faster."""
 _SLOW: Final = 1.0
@@ -224,10 +227,10 @@ def correlation_time(spectrum: Spectrum, axis: int) -> float | None:
         _, column = merged(data, process[:, None], _MERGED)
         return fit(small, np.column_stack([terms, column]), slope=np.nan).lowest
 
-    longest = np.max(finite) / 3.0
-    log_time = minimum(objective, float(np.log(fastest)), float(np.log(longest)), _TIMES)
-    gain = fit(small, terms, slope=np.nan).lowest - objective(log_time)
-    return float(np.exp(log_time)) if gain > _PROCESS else None
+    without = fit(small, terms, slope=np.nan).lowest
+    bounds = float(np.log(fastest)), float(np.log(np.max(finite) / 3.0))
+    log_time = minimum(objective, *bounds, _TIMES, below=without - _PROMISING * _PROCESS)
+    return float(np.exp(log_time)) if without - objective(log_time) > _PROCESS else None
 
 
 def _with_process(spectrum: Spectrum, design: Array, time: float | None) -> Array:

@@ -399,15 +399,27 @@ def _search(
     return np.where(at_zero, 0.0, closest)
 
 
-def minimum(objective: Callable[[float], float], low: float, high: float, count: int) -> float:
+def minimum(
+    objective: Callable[[float], float],
+    low: float,
+    high: float,
+    count: int,
+    *,
+    below: float = np.inf,
+) -> float:
     """Return where a function of one variable is smallest: a grid, then Brent's search.
 
     :param count: points of the grid.
+    :param below: a search begins if the grid has a smaller value; else the grid's best point is
+        returned.
     """
+    grid = np.linspace(low, high, count)
+    values = [objective(float(x)) for x in grid]
+    k = int(np.argmin(values))
+    if values[k] > below:
+        return float(grid[k])
     from scipy.optimize import minimize_scalar
 
-    grid = np.linspace(low, high, count)
-    k = int(np.argmin([objective(float(x)) for x in grid]))
     bounds = (float(grid[max(k - 1, 0)]), float(grid[min(k + 1, count - 1)]))
     solution = minimize_scalar(objective, bounds=bounds, method="bounded", options={"xatol": 1e-3})
     return float(solution.x)
