@@ -115,9 +115,90 @@ def analyse(
     :param advance: called with the number of messages read.
     :raises InputError: with a line for each check that fails.
     """
-    record, losses = Record(), LossFiller(6)
+    record = Record()
+    rest = _accumulate(record, bags, advance)
+    spectra, longest = rest.spectra, rest.longest_piece / record.rate
+    # A constant zero is not a measurement. Another constant may be noise below the resolution: then
+    # the axis is left out, unless all axes are constant.
+    constant = record.constant_axes()
+    dead = [k for k in constant if len(constant) == len(AXES) or record.lowest.value[k] == 0.0]
+    timing = record.timing()
+    if rest.longest_piece < SHORTEST * record.rate:
+        problems = _problems(record, longest, spectra.signals, None, dead)
+        raise InputError([*_stamp_warnings(timing), *problems])
+    spectrum = spectra.result().at_rate(timing.rate).with_losses(rest.lost)
+    problems = _problems(record, longest, spectra.signals, spectrum, dead)
+    if problems and not force:
+        raise InputError([*_stamp_warnings(timing), *problems])
+    # A constant axis bounds no noise.
+    reasons = {
+        axis: f"always {record.lowest.value[axis] + 0.0:g}: a dead axis, or noise far below the "
+        "resolution"
+        for axis in constant
+    }
+    bands = [None if k in reasons else usable_band(spectrum, k) for k in range(6)]
+    # A doubtful line is left out of the second spectrum: estimates must hold for both.
+    smoother = spectra.result(doubtful=False).at_rate(timing.rate).with_losses(rest.lost)
+    estimate_axis = estimate if model == "standard" else estimate_gauss_markov
+    noise: list[AxisNoise | None] = []
+    for k, band in enumerate(bands):
+        if band is None:
+            noise.append(None)
+            continue
+        certain = [signal for signal in spectra.signals if signal.axis == k]
+        doubtful = [signal for signal in spectra.doubtful if signal.axis == k]
+        axis_noise = estimate_axis(spectrum.rows(band.used & ~spectrum.rows_of_lines(certain)), k)
+        if doubtful:
+            rows = smoother.rows(band.used & ~smoother.rows_of_lines(certain + doubtful))
+            strict = not all(isinstance(signal, Line) for signal in doubtful)
+            axis_noise = common_estimates(axis_noise, estimate_axis(rows, k), strict=strict)
+        decays = [signal for signal in certain if isinstance(signal, Transient)]
+        if decays and RAMP in axis_noise.estimates:
+            axis_noise = _without_ramp(axis_noise, decays, timing.rate, longest)
+        noise.append(_rounded(axis_noise, record, k))
+    warnings = [
+        *_record_warnings(record, timing, longest, reasons, dead),
+        *problems,
+        *_noise_warnings(bands, spectra.signals, spectra.doubtful, noise, timing.rate),
+    ]
+    deviation = rest.deviations.result()
+    return AllanResult(
+        timing,
+        rest.samples / timing.rate,
+        deviation._replace(tau=deviation.size / timing.rate),
+        tuple(noise),
+        tuple(bands),
+        record.mean,
+        model,
+        tuple(warnings),
+        {AXES[k]: reason for k, reason in reasons.items()},
+    )
+
+
+class _Rest(NamedTuple):
+    """Readings at rest of all bags: their sums and counts."""
+
+    deviations: DeviationAccumulator
+    spectra: SpectrumAccumulator
+    samples: int
+    """Number of readings."""
+    longest_piece: int
+    """Number of readings in the longest piece without a gap."""
+    lost: float
+    """Share of the readings that were lost and filled in."""
+
+
+def _accumulate(
+    record: Record, bags: Iterable[Iterable[Readings]], advance: Callable[[int], None]
+) -> _Rest:
+    """Accumulate the readings at rest for the Allan deviation and the spectrum.
+
+    :param record: receives all readings.
+    :raises InputError: if there are none.
+    """
+    losses = LossFiller(6)
     accumulators: tuple[DeviationAccumulator, SpectrumAccumulator] | None = None
-    samples = piece = longest_piece = 0  # at rest: total, in this piece, in the longest piece
+    samples = piece = longest_piece = 0
     for y in record.at_rest(bags, advance):
         if accumulators is None:  # the first readings determine the rate
             accumulators = DeviationAccumulator(record.rate, 6), SpectrumAccumulator(record.rate, 6)
@@ -134,64 +215,8 @@ def analyse(
             piece = 0
     if accumulators is None:
         raise InputError("no Imu messages")
-    deviations, spectra = accumulators
-    longest = longest_piece / record.rate
-    # A constant zero is not a measurement. Another constant may be noise below the resolution: then
-    # the axis is left out, unless all axes are constant.
-    constant = record.constant_axes()
-    dead = [k for k in constant if len(constant) == len(AXES) or record.lowest.value[k] == 0.0]
-    timing = record.timing()
-    if longest_piece < SHORTEST * record.rate:
-        problems = _problems(record, longest, spectra.signals, None, dead)
-        raise InputError([*_stamp_warnings(timing), *problems])
-    lost = losses.samples / samples
-    spectrum = spectra.result().at_rate(timing.rate).with_losses(lost)
-    problems = _problems(record, longest, spectra.signals, spectrum, dead)
-    if problems and not force:
-        raise InputError([*_stamp_warnings(timing), *problems])
-    # A constant axis bounds no noise.
-    reasons = {
-        axis: f"always {record.lowest.value[axis] + 0.0:g}: a dead axis, or noise far below the "
-        "resolution"
-        for axis in constant
-    }
-    bands = [None if k in reasons else usable_band(spectrum, k) for k in range(6)]
-    # A doubtful line is left out of the second spectrum: estimates must hold for both.
-    smoother = spectra.result(doubtful=False).at_rate(timing.rate).with_losses(lost)
-    estimate_axis = estimate if model == "standard" else estimate_gauss_markov
-    noise: list[AxisNoise | None] = []
-    for k, band in enumerate(bands):
-        if band is None:
-            noise.append(None)
-            continue
-        certain = [signal for signal in spectra.signals if signal.axis == k]
-        maybe = [signal for signal in spectra.doubtful if signal.axis == k]
-        axis_noise = estimate_axis(spectrum.rows(band.used & ~spectrum.rows_of_lines(certain)), k)
-        if maybe:
-            rows = smoother.rows(band.used & ~smoother.rows_of_lines(certain + maybe))
-            strict = not all(isinstance(signal, Line) for signal in maybe)
-            axis_noise = common_estimates(axis_noise, estimate_axis(rows, k), strict=strict)
-        decays = [signal for signal in certain if isinstance(signal, Transient)]
-        if decays and RAMP in axis_noise.estimates:
-            axis_noise = _without_ramp(axis_noise, decays, timing.rate, longest)
-        noise.append(_rounded(axis_noise, record, k))
-    warnings = [
-        *_record_warnings(record, timing, longest, reasons, dead),
-        *problems,
-        *_noise_warnings(bands, spectra.signals, spectra.doubtful, noise, timing.rate),
-    ]
-    deviation = deviations.result()
-    return AllanResult(
-        timing,
-        samples / timing.rate,
-        deviation._replace(tau=deviation.size / timing.rate),
-        tuple(noise),
-        tuple(bands),
-        record.mean,
-        model,
-        tuple(warnings),
-        {AXES[k]: reason for k, reason in reasons.items()},
-    )
+    lost = losses.samples / samples if samples else 0.0
+    return _Rest(*accumulators, samples, longest_piece, lost)
 
 
 def _without_ramp(
