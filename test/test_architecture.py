@@ -110,7 +110,7 @@ def room_of(path):
 
 
 def imports(tree):
-    """Every module that is imported anywhere in a file, inside functions too."""
+    """Return every module that a file imports, also inside functions."""
     for node in ast.walk(tree):
         if isinstance(node, ast.Import):
             yield from (alias.name for alias in node.names)
@@ -159,7 +159,7 @@ def rooms():
 
 
 def importable_rooms():
-    """Every room; those of the nodes only where ROS is installed."""
+    """Return every room; those of the nodes only if ROS is installed."""
     return [
         room
         for room in rooms()
@@ -176,7 +176,7 @@ def exports(folder):
 
 
 def own_files():
-    """Every module and room by its dotted name, but the front door.
+    """Return every module and room but the package's ``__init__``, by dotted name.
 
     Its list of names is for Python and the type checker; no room takes a name from it but the
     version.
@@ -190,7 +190,7 @@ def own_files():
 
 
 def own_imports(tree, files):
-    """Every module of the package that a file imports: also in functions, also for types alone."""
+    """Return every module of the package that a file imports, also in functions or for types."""
     for node in ast.walk(tree):
         if isinstance(node, ast.Import):
             yield from (alias.name for alias in node.names if alias.name in files)
@@ -446,7 +446,7 @@ OF_THE_BUILD = {"build", "install", "log"}
 
 
 def sources():
-    """Every file of code, whatever its room; the folders that a build makes are left out."""
+    """Return every file of code, without the folders that a build makes."""
     for entry in sorted(ROOT.iterdir()):
         if entry.is_dir() and not entry.name.startswith(".") and entry.name not in OF_THE_BUILD:
             yield from sorted(entry.rglob("*.py"))

@@ -45,7 +45,7 @@ def test_tracks_are_those_of_generate(flight, tmp_path):
 
 
 def given_poses():
-    """Poses with stamps of their own, ten seconds from 1000 s on."""
+    """Return poses at 100 Hz over ten seconds, with stamps from 1000 s on."""
     t = np.arange(0.0, 10.0, 0.01)
     z = np.zeros_like(t)
     position = np.stack([0.5 * np.sin(t), 0.3 * np.cos(t), 1.5 + z], axis=-1)

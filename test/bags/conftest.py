@@ -83,7 +83,7 @@ def content() -> Content:
 
 @pytest.fixture(scope="session")
 def bags(tmp_path_factory, content) -> dict[str, Path]:
-    """One bag of each form, by name."""
+    """Return the paths of bags with the same content in each form, by name."""
     folder = tmp_path_factory.mktemp("bags")
     for name, (storage, compression) in FORMS.items():
         with open_writer(folder / name, BagOptions(storage, compression)) as writer:

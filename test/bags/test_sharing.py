@@ -17,7 +17,7 @@ from imu_sim_ros.inputs.sharing import opened_once
 
 @pytest.fixture(scope="module")
 def bags(tmp_path_factory):
-    """Two seconds in each kind of bag."""
+    """Return a folder with the same flight of two seconds in each kind of bag."""
     folder = tmp_path_factory.mktemp("bags")
     flight = ims.simulate(imu="lecture", trajectory="figure_eight", rate=500, duration=2.0, seed=1)
     for name in ("a.mcap", "b.bag", "c"):

@@ -72,7 +72,7 @@ def messages(count: int, encoding: str) -> np.ndarray:
 
 
 def rosbags_loop(kind: str, folder: Path) -> None:
-    """Serialise and write messages one by one, as one does with rosbags."""
+    """Serialise and write messages one by one, as rosbags' documentation shows."""
     from rosbags.rosbag1 import Writer as Writer1
     from rosbags.rosbag2 import StoragePlugin
     from rosbags.rosbag2 import Writer as Writer2

@@ -54,7 +54,7 @@ class Setting(NamedTuple):
 
     @property
     def name(self) -> str:
-        """Key of the results."""
+        """Return the setting's key in the results."""
         form = ", low-pass" if self.low_pass else ""
         return f"{self.hours:g} h at {self.rate:g} Hz, {self.generator} 1/f{form}"
 
@@ -183,7 +183,7 @@ def held(setting: Setting, seed: int) -> Iterator[dict[str, object]]:
 
 
 def run(results: Path) -> None:
-    """Go through all settings, ten seeds at a time, and append what is not there yet.
+    """Run all settings, ten seeds at a time, and append the missing results.
 
     The last one, which costs as much as three others, comes when they are done.
     """

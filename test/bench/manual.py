@@ -108,7 +108,7 @@ def filled(page: str, printed: dict[str, list[Part]]) -> str:
 
 
 def main() -> int:
-    """Fill all pages of the manual; return 1 if one is left as it is."""
+    """Fill all pages of the manual; return 1 if a page stays unchanged."""
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument("log", type=Path, help="output of make bench")
     printed = sections(parser.parse_args().log.read_text(encoding="utf-8"))

@@ -23,7 +23,7 @@ def noise(result: AllanResult) -> list[float]:
 
 
 def right(result: AllanResult, axes: Sequence[int] = range(6)) -> None:
-    """N of n samples has the relative standard error 1/sqrt(2n): five of them, 2 %, at 30,000."""
+    """Assert the true white noise to 2.1 %: five standard errors 1/sqrt(2n) of n = 30,000."""
     assert [k for k, axis_noise in enumerate(result.noise) if axis_noise] == list(axes)
     for axis in axes:
         assert noise(result)[axis] == pytest.approx(1e-3 if axis < 3 else 0.01, rel=0.021)
@@ -402,7 +402,7 @@ def test_motion_in_one_stretch_of_a_walk_is_motion():
 
 
 def coarse(rest, sigma, means, step=0.1):
-    """White noise of sigma per sample around the means (3,) of each triad's axes, in steps."""
+    """Replace the readings by white noise of sigma around means (3,), rounded to steps."""
     rng = np.random.default_rng(5)
     for readings in (rest.gyro, rest.accel):
         noise = sigma * rng.standard_normal(readings.shape)

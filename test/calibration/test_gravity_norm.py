@@ -20,7 +20,7 @@ FACES = np.array([[1, 0, 0], [-1, 0, 0], [0, 1, 0], [0, -1, 0], [0, 0, 1], [0, 0
 
 
 def rests(rng, count=24, tilt_deg=3.0, directions=None):
-    """Mean readings of rests in directions that are tilted at random about every axis."""
+    """Return rests whose directions are tilted at random about every axis."""
     up = np.tile(FACES, (count // 6, 1)) if directions is None else directions
     turns = rotation.exp(np.radians(tilt_deg) * rng.normal(size=(count, 3)))
     readings = G * rotation.rotate(turns, up) @ S.T + BIAS + NOISE * rng.normal(size=(count, 3))
@@ -31,7 +31,7 @@ def rests(rng, count=24, tilt_deg=3.0, directions=None):
 
 
 def deviations(calibration, truth):
-    """Errors of the nine or twelve parameters in standard errors."""
+    """Return the errors of the nine or twelve parameters, in standard errors."""
     sigma = np.concatenate([calibration.scale_misalignment_sigma.ravel(), calibration.bias_sigma])
     error = np.concatenate(
         [(calibration.scale_misalignment - truth).ravel(), calibration.bias - BIAS]

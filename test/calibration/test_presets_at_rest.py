@@ -17,7 +17,7 @@ OFTEN_REFUSED = ["mpu6000", "adis16448", "navigation"]
 
 
 def analysed(preset: str, seed: int) -> list[str]:
-    """Five minutes at 100 Hz; raises where the record is refused."""
+    """Analyse five minutes at 100 Hz; raises if the record is refused."""
     parameters = load_simulation(
         {
             "imu.preset": preset,

@@ -16,7 +16,7 @@ RATE = 50.0
 
 
 def expectation(factor: np.ndarray) -> tuple[Spectrum, np.ndarray]:
-    """Spectrum and exact expected rows for noise ``factor @ e`` with independent unit e.
+    """Return spectrum and exact expected rows of noise ``factor @ e`` with independent unit e.
 
     Each column is what one e does; the expectation of the squared coefficients is their sum. So
     many columns at a time as fit into the processor's cache.
@@ -104,7 +104,7 @@ def test_flicker_of_the_first_coefficients(order):
 
 
 def single_row(order: int) -> Spectrum:
-    """One coefficient of a record of 1 s."""
+    """Return a spectrum of one coefficient, of a record of 1 s."""
     ones = np.ones(1)
     return Spectrum(
         0.5 * order * ones,

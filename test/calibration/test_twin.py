@@ -50,7 +50,7 @@ GYRO, ACCEL = 2e-4, 2e-3
 
 
 def motion_at(t):
-    """Tumble and swing: rates and forces in all directions, at 0.1 to 0.9 Hz."""
+    """Return a motion that tumbles and swings in all directions, at 0.1 to 0.9 Hz."""
     turns = np.array([[0.9, 0.5, 0.7], [0.6, 0.8, 0.4]])
     w = 2.0 * np.pi * np.array([[0.13, 0.29, 0.41], [0.71, 0.53, 0.83]])
     phase = np.array([[0.0, 1.0, 2.0], [0.5, 1.5, 2.5]])
@@ -100,7 +100,7 @@ def record(errors, seed, extra=0.0):
 
 
 def deviation(estimated, true):
-    """Errors of all parameters."""
+    """Return the errors of all parameters, that of the mounting as a rotation vector."""
     result = estimated.deviation() - true.deviation()
     turn = estimated.r_ib @ true.r_ib.T
     result[model.MOUNTING] = rotation.log(rotation.from_matrix(turn))
@@ -128,7 +128,7 @@ def test_the_jacobian_is_the_derivative_of_the_readings():
 
 @pytest.fixture(scope="module")
 def fits():
-    """Three sensors, each recorded once."""
+    """Return the true parameters and the fit of three sensors, each recorded once."""
     result = []
     for seed in range(3):
         true = flaws(seed)

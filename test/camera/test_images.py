@@ -175,7 +175,7 @@ def plainly_looked_up(atlas, patch, place, doublings):
 
 
 def plainly_bilinear(atlas, x, y):
-    """Bilinear in plain NumPy integers: (sum w a + 512) >> 10 with weights of 1/32."""
+    """Interpolate bilinearly in NumPy integers: (sum w a + 512) >> 10 with weights of 1/32."""
     (x, fx), (y, fy) = np.divmod(x, 32), np.divmod(y, 32)
     next_column, next_row = (
         np.minimum(x + 1, atlas.shape[1] - 1),
@@ -536,7 +536,7 @@ def levels_of(atlas, m, patch):
 
 
 def traced(rig, t, pixels):
-    """Plainly: rays of pixels (n, 2) against every rectangle; surface, s and r (n, 2), depth."""
+    """Trace rays of pixels (n, 2) against every rectangle: surface, s and r (n, 2), depth."""
     view, where = rig.views["cam0"], rig.scene.surfaces
     pose = view.poses(rig.trajectory, np.array([t]))
     rays = view.model.unproject(pixels).direction

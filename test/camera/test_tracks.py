@@ -22,7 +22,7 @@ def together(rig, block=64, name="cam0"):
 
 
 def reprojected(rig, frame, landmark):
-    """Independent: homogeneous matrices, one feature after the other, OpenCV's distortion."""
+    """Project features one by one with homogeneous matrices and OpenCV's distortion."""
     import cv2
 
     p = rig.parameters.camera("cam0")

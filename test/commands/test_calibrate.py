@@ -150,7 +150,7 @@ def test_bad_input_is_one_clear_line(folder, tmp_path, capsys):
 
 
 def _half(folder: Path, tmp_path: Path, capsys) -> str:
-    """Five of the six positions."""
+    """Return the refusal of a recording with five of the six positions."""
     path = tmp_path / "five.mcap"
     generate.main(["--imu", str(folder / "flaws.yaml"), "--trajectory", "six_position", "--rate",
                    "100", "--duration", "170s", "--quiet", "-o", str(path)])  # fmt: skip

@@ -51,7 +51,7 @@ def files(folder, loaded, duration=7200.0):
 
 
 def parsed(text):
-    """YAML as OpenCV writes it, without its directive."""
+    """Parse YAML as OpenCV writes it, without its directive."""
     return yaml.safe_load(text.removeprefix("%YAML:1.0\n").removeprefix("---\n"))
 
 

@@ -191,7 +191,7 @@ def numbers(node):
 
 
 def skip_unless(path, rig, models):
-    """Only lenses that the stack knows have its file."""
+    """Return True, having asserted that there is no file, if the stack does not know a lens."""
     if rig.fits(*models):
         return False
     assert not path.exists() or "fragment" in path.read_text()

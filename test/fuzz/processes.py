@@ -129,7 +129,7 @@ def _is_up(pid: int, program: str, age: float) -> bool:
 
 
 def bound() -> None:
-    """Have this process, just forked, die with the fuzzer, however that ends."""
+    """Let this process, just forked, be killed when the fuzzer ends."""
     _LIBC.prctl(_PARENT_DEATH_SIGNAL, signal.SIGKILL)
 
 
@@ -280,7 +280,7 @@ class Simulator:
 
     @property
     def alive(self) -> bool:
-        """True while the process runs."""
+        """Return True while the process runs."""
         return self._process.poll() is None
 
     def end(self) -> int:

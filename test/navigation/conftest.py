@@ -61,7 +61,7 @@ def coning(t):
 
 
 def excitation(t):
-    """All axes at once, each at its own frequencies, as for the calibration of a camera."""
+    """Return a motion of all axes at once, each at its own frequencies, and its derivatives."""
     fp, fa = np.array([2.1, 2.7, 3.3]), np.array([1.7, 2.3, 2.9])
     phase = t[:, None] * fp
     angles = np.array([0.5, 0.4, 0.6]) * np.sin(t[:, None] * fa)

@@ -28,7 +28,7 @@ AXES = np.array([1.0, 2.0, 3.0])
 
 
 def of_sizes(**sizes: np.ndarray) -> TriadsParameters:
-    """Errors of these sizes and no others, by the parameters' names."""
+    """Return triads with errors of these sizes alone, by the parameters' names."""
     triads = ({n.partition("_")[2]: v for n, v in sizes.items() if n.startswith(t)} for t in TRIADS)
     return TriadsParameters(*(TriadParameters(**triad) for triad in triads))
 
@@ -341,7 +341,7 @@ def test_propagate_gives_the_rows_that_are_asked_for(record, row_numbers):
 
 
 def areas(sigma, turn_rate, duration, runs=4000):
-    """Errors of attitude of a body that turns about z with a constant bias, exactly: (runs, 3)."""
+    """Return the exact attitude errors (runs, 3) of a body that turns about z, by its biases."""
     rng, rate = np.random.default_rng(7), np.array([0.0, 0.0, turn_rate])
     bias = sigma * rng.standard_normal((runs, 3))
     turn = rotation.exp(rate * duration)

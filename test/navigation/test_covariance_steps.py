@@ -16,7 +16,7 @@ AXES = np.array([1.0, 2.0, 3.0])
 
 
 def of_sizes(**sizes: np.ndarray) -> TriadsParameters:
-    """Errors of these sizes and no others, by the parameters' names."""
+    """Return triads with errors of these sizes alone, by the parameters' names."""
     triads = ({n.partition("_")[2]: v for n, v in sizes.items() if n.startswith(t)} for t in TRIADS)
     return TriadsParameters(*(TriadParameters(**triad) for triad in triads))
 

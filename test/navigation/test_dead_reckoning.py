@@ -63,7 +63,7 @@ def test_order_of_convergence(record, motion, method, attitude):
 
 
 def linear_readings(rate):
-    """Rates and forces that are linear in time, over 2 s."""
+    """Return stamps, rates and forces that are linear in time, over 2 s."""
     t_ns = np.round(np.arange(round(2 * rate) + 1) * 1e9 / rate).astype(np.int64)
     t = (t_ns * 1e-9)[:, None]
     gyro = np.array([0.5, -0.8, 0.3]) + t * np.array([0.9, 0.4, -1.1])
@@ -149,7 +149,7 @@ def test_irregular_stamps(record, method, attitude):
 
 
 def integrals(motions, name, rate, duration):
-    """Integrals of the exact readings over each interval, by Gauss-Legendre with 6 points."""
+    """Return integrals of the exact readings over each interval (Gauss-Legendre, 6 points)."""
     nodes, weights = np.polynomial.legendre.leggauss(6)
     n = round(rate * duration)
     h = 1.0 / rate

@@ -42,7 +42,7 @@ def parameters(**values) -> IntegratorParameters:
 
 
 def record(count=300, gap=None):
-    """Noisy readings at rest, with a stretch of lost ones ahead of row ``gap``."""
+    """Return noisy readings at rest, a hundred of which are lost before row ``gap``."""
     generator = np.random.default_rng(7)
     rows = np.arange(count)
     if gap is not None:

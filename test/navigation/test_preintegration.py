@@ -118,7 +118,7 @@ def test_bias_jacobians_are_the_derivatives(readings, method):
 
 
 def state_after(method, h, gyro, accel, start, noise):
-    """One step from a perturbed state (15,) with perturbed readings (12,), as errors (15,)."""
+    """Return the state after a step from a perturbed state (15,) with perturbed readings (12,)."""
     alpha, theta, beta, b_a, b_g = start.reshape(5, 3)
     rate = gyro[0] - noise[[[3, 4, 5], [9, 10, 11]]] - b_g
     force = accel[0] - noise[[[0, 1, 2], [6, 7, 8]]] - b_a
@@ -261,7 +261,7 @@ def test_midpoint_form_differs_from_the_truth_by_second_order(record, motions):
 
 
 def gtsam_like_truth(motions, duration):
-    """Alpha from the motion itself: R_i^T (p_j - p_i - v_i T - g T^2 / 2)."""
+    """Return the true alpha of the motion: R_i^T (p_j - p_i - v_i T - g T^2 / 2)."""
     position, velocity, _, q_wb, _ = motions["excitation"](np.array([0.0, duration]))
     gravity = np.array([0.0, 0.0, -9.81])
     moved = position[1] - position[0] - velocity[0] * duration - 0.5 * gravity * duration**2
@@ -269,7 +269,7 @@ def gtsam_like_truth(motions, duration):
 
 
 def as_gtsam(pre):
-    """Our covariance in gtsam's terms: rotation, position, velocity, biases; and in the body.
+    """Return a covariance in gtsam's order (rotation, position, velocity, biases) and axes.
 
     gtsam's NavState moves position and velocity by R_ij d instead of by d.
     """

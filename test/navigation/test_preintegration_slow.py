@@ -183,7 +183,7 @@ def mean_nees(preset, runs):
 
 
 def check(preset, runs):
-    """All presets lie in their bands with a probability of 95 % (Bonferroni)."""
+    """Assert a NEES in its band: all presets lie in theirs with 95 % (Bonferroni)."""
     low, high = anees_band(9, runs, 1.0 - 0.05 / len(PRESETS))
     mean = mean_nees(preset, runs)
     print(f"NEES of preintegration {preset:12s} {mean:.2f} in {low:.2f} to {high:.2f}")

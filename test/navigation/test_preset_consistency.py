@@ -79,7 +79,7 @@ def mean_nees(settings, trajectory, runs, duration):
 
 
 def check(mean_nees_values, runs, checks):
-    """All of so many checks lie in their bands with a probability of 95 % (Bonferroni)."""
+    """Assert a NEES in its band: all of the checks lie in theirs with 95 % (Bonferroni)."""
     low, high = anees_band(3, runs, 1.0 - 0.05 / checks)
     assert all(low <= mean <= high for mean in mean_nees_values.values()), (
         mean_nees_values,

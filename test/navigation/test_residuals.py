@@ -20,7 +20,7 @@ SECOND = 1_000_000_000
 
 @pytest.fixture(scope="module")
 def pair(record):
-    """Five intervals, preintegrated with other biases than the states have, and their states."""
+    """Return five preintegrated intervals and their states, whose biases are others."""
     motion = record("excitation", 200.0, 2.0)
     edges = motion.t_ns[[0, 60, 140, 250, 330, 400]]
     pre = preintegrate(between(motion.t_ns, motion.gyro, motion.accel, edges), None, 1e-3, 1e-2)
@@ -43,7 +43,7 @@ def pair(record):
 
 
 def assert_same_blocks(analytic, numeric, rows, columns):
-    """Block by block to 1e-6 of the block's largest entry."""
+    """Assert equal Jacobians, block by block to 1e-6 of the block's largest entry."""
     for r in range(0, analytic.shape[1], rows):
         for c in range(0, analytic.shape[2], columns):
             block = analytic[:, r : r + rows, c : c + columns]

@@ -28,7 +28,7 @@ WAIT = 0.02  # [s]
 
 
 def until(condition: Callable[[], Any], act: Callable[[], None], what: str) -> None:
-    """Act until a condition holds."""
+    """Repeat an action until a condition is true."""
     end = time.monotonic() + PATIENCE
     while not condition():
         assert time.monotonic() < end, f"waited {PATIENCE} s for {what}"
@@ -43,7 +43,7 @@ def no_torn_segments() -> None:
 
 @pytest.fixture(scope="session")
 def domains() -> Iterator[tuple[int, int]]:
-    """Two ROS domains that nobody else on this machine tests on; a bound port is the lock."""
+    """Reserve two ROS domains that no other tests on this machine use; a bound port is the lock."""
     held_sockets: list[socket.socket] = []
     free_domains: list[int] = []
     for domain in random.sample(range(1, 61), 60):

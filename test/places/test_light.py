@@ -21,7 +21,7 @@ def baked(rectangles, albedo, lighting):
 
 
 def form_factor(a, b, h):
-    """Form factor from a point to a parallel rectangle a x b, one corner above it (Howell, B-3)."""
+    """Return the form factor of a rectangle a x b at height h, a corner above (Howell, B-3)."""
     x, y = a / h, b / h
     u, v = math.sqrt(1 + x * x), math.sqrt(1 + y * y)
     return (x / u * math.atan(y / u) + y / v * math.atan(x / v)) / (2 * math.pi)

@@ -43,7 +43,7 @@ def within_box(origins, directions):
 
 @pytest.fixture(params=["embree", "mesh", "rectangles"])
 def of_the_box(request, monkeypatch):
-    """Rectangles with embreex, the same as a mesh, and rectangles on a machine without it."""
+    """Return a tracer of a box: rectangles with embreex, a mesh, and rectangles without embreex."""
     if request.param != "rectangles":
         pytest.importorskip("embreex")
     if request.param == "mesh":

@@ -516,7 +516,7 @@ def test_dark_and_light_have_contrast(opened):
 
 
 def luminance(colour):
-    """Relative luminance of ``rgb(r, g, b)`` by WCAG 2.1."""
+    """Return the relative luminance of ``rgb(r, g, b)`` by WCAG 2.1."""
     parts = [int(part) / 255 for part in colour[4:-1].split(",")]
     linear = [p / 12.92 if p <= 0.03928 else ((p + 0.055) / 1.055) ** 2.4 for p in parts]
     return 0.2126 * linear[0] + 0.7152 * linear[1] + 0.0722 * linear[2]

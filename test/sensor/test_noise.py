@@ -62,7 +62,7 @@ def draw(
 
 
 def allan_variance(values: np.ndarray, samples: int) -> float:
-    """Mean over axes of the non-overlapping Allan variance at a time of ``samples`` samples."""
+    """Return the mean over axes of the non-overlapping Allan variance over ``samples`` samples."""
     clusters = values.shape[1] // samples
     means = values[:, : clusters * samples].reshape(3, clusters, samples).mean(axis=2)
     return float(0.5 * np.mean(np.diff(means, axis=1) ** 2))

@@ -33,7 +33,7 @@ def residual(block_size=8192, duration=200.0, trajectory="static", **values):
 
 
 def cross_density(values, low, high):
-    """Mean two-sided cross-spectral density (6, 6) between two frequencies, and its freedom."""
+    """Return the mean two-sided cross-spectral density (6, 6) in a band, and its freedom."""
     size = 1000
     window = np.hanning(size + 2)[1:-1, None]
     parts = values[: len(values) // size * size].reshape(-1, size, 6)

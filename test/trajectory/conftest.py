@@ -34,7 +34,7 @@ def assert_exact_derivatives(
         )
 
     def turned(motion: Motion) -> Array:
-        """Rotation vector from the attitude at t; its slope at t is omega_b."""
+        """Return the rotation vector from the attitude at t; its slope at t is omega_b."""
         return rotation.log(rotation.multiply(rotation.conjugate(m.q_wb), motion.q_wb))
 
     def close(actual: Array, expected: Array) -> None:

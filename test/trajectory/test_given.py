@@ -45,7 +45,7 @@ def test_a_function_has_the_derivatives_of_the_closed_form(name):
 
 
 def sinusoid(w):
-    """Along x and about z with one angular frequency."""
+    """Return a motion along x and about z with one angular frequency."""
 
     def poses(t):
         angle, z = 0.1 * np.sin(w * t), np.zeros_like(t)

@@ -85,7 +85,7 @@ def measure(
 
 
 def loop() -> None:
-    """Sleep, take, and publish, until a signal comes."""
+    """Sleep, take messages and publish, until a signal comes."""
     import rclpy
     from nav_msgs.msg import Odometry
     from rclpy.qos import QoSProfile

@@ -50,7 +50,7 @@ class Guest:
         self._process: subprocess.Popen[bytes] | None = None
 
     def look(self, time_s: float) -> None:
-        """Come or go where it is time to."""
+        """Start or end the process if its next time has come."""
         if time_s < self._next:
             return
         self._next = time_s + self._period
@@ -61,7 +61,7 @@ class Guest:
             self.end()
 
     def end(self) -> None:
-        """Go, where it is there."""
+        """End the process if it runs."""
         if self._process is not None:
             self._process.send_signal(signal.SIGINT)
             self._process.wait()

@@ -46,7 +46,7 @@ class Listener:
         )
 
     def rest(self, seconds: float) -> None:
-        """Go on for a while, and forget what came."""
+        """Receive for some seconds, and forget the messages."""
         end = time.monotonic() + seconds
         while time.monotonic() < end:
             self._executor.spin_once(timeout_sec=0.05)

@@ -399,7 +399,7 @@ def test_a_delta_without_a_known_unit_or_length_is_refused(truth, delta, capsys)
 
 @pytest.fixture(scope="module")
 def tracks(tmp_path_factory):
-    """Two cameras with pixel noise of 0.7 px, and the truth at 200 Hz."""
+    """Return a folder of tracks of two cameras with noise of 0.7 px, and the truth at 200 Hz."""
     folder = tmp_path_factory.mktemp("tracks") / "flight"
     argv = (
         f"-o {folder} --format tracks --trajectory figure_eight --duration 5s --seed 3 --quiet "

@@ -38,7 +38,7 @@ def test_only_what_was_never_finished_is_removed(tmp_path):
 
 @pytest.fixture
 def torn(domains: tuple[int, int]) -> Iterator[list[Path]]:
-    """Segments as a kill in the first microseconds leaves them, for all first participants."""
+    """Write the torn segments that a kill in the first microseconds leaves, for 20 participants."""
     # DDS-RTPS 2.2, 9.6.1.1: port base 7400, domain gain 250, participant gain 2, offset 11.
     ports = [7400 + 250 * domains[1] + 11 + 2 * participant for participant in range(20)]
     paths = [FOLDER / f"fastrtps_port{port}" for port in ports]

@@ -36,7 +36,7 @@ class Case(NamedTuple):
         return total
 
     def exact(self) -> Array:
-        """Eight Gauss nodes in each quarter of an interval."""
+        """Integrate with eight Gauss nodes in each quarter of an interval."""
         nodes, weights = gauss(8)
         quarters = np.add.outer(np.arange(4.0), nodes) / 4.0
         return self.finely((quarters.ravel(), np.tile(weights / 4.0, 4)))

@@ -40,7 +40,7 @@ def jump(t, p, q, rng):
 
 
 def stretch(t, p, q, rng):
-    """Six poses in a row."""
+    """Move six poses in a row by half a metre."""
     p[len(t) // 5 : len(t) // 5 + 6] += [0.5, 0.0, 0.0]
     return t, p, q
 
@@ -55,13 +55,13 @@ def updates(t, p, q, rng):
 
 
 def arrival(t, p, q, rng):
-    """Stamped when they arrive, in order, 1 ms late on average."""
+    """Stamp poses at their arrival, in order, 1 ms late on average."""
     late = np.maximum.accumulate(t + rng.exponential(1e-3, len(t)))
     return late + np.arange(len(t)) * 2e-9, p, q
 
 
 def lost(t, p, q, rng):
-    """One pose in two hundred is missing, and the others are late."""
+    """Lose one pose in two hundred, and stamp the others late."""
     late, p, q = arrival(t, p, q, rng)
     keep = rng.random(len(t)) > 0.005
     keep[0] = True
