@@ -127,7 +127,7 @@ class Estimator:
             point = initial_values.atPoint3(L(identity))
             self._insert(graph, values, times, identity, point, [(k, 0, uv) for k, uv in sights])
         self.smoother.update(graph, values, times)
-        self._read()
+        self._update_state()
 
     def integrate(self, accel: np.ndarray, gyro: np.ndarray, dt: float) -> None:
         """Take the mean of two neighbouring readings over the time between them [s]."""
@@ -150,7 +150,7 @@ class Estimator:
                 sights.append((self.key, camera, pixel))
         self.smoother.update(graph, values, times)
         self._forget(time - LAG)
-        self._read()
+        self._update_state()
         self._admit(set(ids.tolist()))
 
     def _forget(self, end: float) -> None:
@@ -185,7 +185,7 @@ class Estimator:
         self._times.append(self._times[-1] + pre.deltaTij())
         times |= {key(k + 1): self._times[-1] for key in (X, V, B)}
 
-    def _read(self) -> None:
+    def _update_state(self) -> None:
         k = self.key
         pose = self.smoother.calculateEstimatePose3(X(k))
         self._poses[k] = pose
@@ -205,7 +205,7 @@ class Estimator:
             del self._waiting[identity]
         if values.size():
             self.smoother.update(graph, values, times)
-            self._read()
+            self._update_state()
 
     def _insert(
         self,

@@ -99,7 +99,7 @@ def imu_residual(
     by_second = np.tile(np.eye(SIZE), (len(residual), 1, 1))
     to_body = rotation.to_matrix(first.q_wb).swapaxes(1, 2)
     by_second[:, ALPHA, ALPHA] = by_second[:, BETA, BETA] = to_body
-    by_second[:, THETA, THETA] = _left(turn)
+    by_second[:, THETA, THETA] = _left_product(turn)
     return ImuResidual(residual, by_first, by_second)
 
 
@@ -126,16 +126,16 @@ def _by_first(
     jacobian[:, THETA, THETA] = -_product_block(back, between)
     by_bias = pre.jacobian[:, THETA, GYRO_BIAS]
     shift = (by_bias @ (first.gyro_bias - pre.gyro_bias)[..., None])[..., 0]
-    jacobian[:, THETA, GYRO_BIAS] = -_right(turn) @ rotation.right_jacobian(shift) @ by_bias
+    jacobian[:, THETA, GYRO_BIAS] = -_right_product(turn) @ rotation.right_jacobian(shift) @ by_bias
     return jacobian
 
 
-def _left(q: Array) -> Array:
+def _left_product(q: Array) -> Array:
     """Vector part of ``q (0, v)`` as a matrix on v."""
     return q[:, :1, None] * _EYE + rotation.skew(q[:, 1:])
 
 
-def _right(q: Array) -> Array:
+def _right_product(q: Array) -> Array:
     """Vector part of ``(0, v) q`` as a matrix on v."""
     return q[:, :1, None] * _EYE - rotation.skew(q[:, 1:])
 
@@ -143,7 +143,7 @@ def _right(q: Array) -> Array:
 def _product_block(p: Array, q: Array) -> Array:
     """Vector part of ``p (0, v) q`` as a matrix on v."""
     # (0, v) q = (-v . q_v, right(q) v); p takes the scalar part along its own vector part.
-    return _left(p) @ _right(q) - p[:, 1:, None] * q[:, None, 1:]
+    return _left_product(p) @ _right_product(q) - p[:, 1:, None] * q[:, None, 1:]
 
 
 class FactorPoses(NamedTuple):

@@ -167,13 +167,13 @@ def writer(
     return dict(locals())
 
 
-def written(command_line: str) -> dict[str, Any]:
+def call_with(command_line: str) -> dict[str, Any]:
     parser = program.Parser("writer", arguments=arguments_of(writer))
     return call(writer, parser.parse_every(command_line.split()))
 
 
 def test_names_in_one_word_pairs_and_parameters() -> None:
-    written_values = written(
+    written_values = call_with(
         "a -o b --topics x,y --topic x=u --topic y=v --set rate=3 --set cameras=[c]"
     )
     assert (written_values["source"], written_values["output"]) == (Path("a"), Path("b"))
@@ -182,13 +182,13 @@ def test_names_in_one_word_pairs_and_parameters() -> None:
     # Parameters never become arguments of the job that have the same name.
     assert (written_values["rate"], written_values["cameras"]) == (None, ())
     assert written_values["parameters"] == {"parameters": {"rate": 3, "cameras": ["c"]}}
-    bare = written("a -o b")
+    bare = call_with("a -o b")
     assert (bare["topics"], bare["rename"], bare["parameters"]) == ((), None, {})
 
 
 def test_an_option_without_a_default_is_required(capsys: Any) -> None:
     with pytest.raises(SystemExit):
-        written("a")
+        call_with("a")
     assert "-o/--output" in capsys.readouterr().err
 
 
@@ -208,6 +208,6 @@ def test_only_what_was_given_as_an_option_is_named_as_one() -> None:
         ("--set rate=0.0", "rate = 0.0: "),
     ):
         with pytest.raises(ConfigurationError) as caught:
-            written(f"a -o b --topics x {options}")
+            call_with(f"a -o b --topics x {options}")
         assert caught.value.problems[0].startswith(message)
         assert caught.value.problems[1] == "--topics: none of them"

@@ -204,7 +204,7 @@ def _errors_of_runs(folder):
     return [float(row["final_position_error_m"]) for row in rows]
 
 
-def flown(path, folder):
+def plan_of_recorded_poses(path, folder):
     """Return the arguments of a campaign of one run along recorded poses."""
     plan = folder / "plan.yaml"
     plan.write_text(
@@ -216,7 +216,7 @@ def flown(path, folder):
 
 READERS_OF_STATES = {
     "campaign": (
-        flown,
+        plan_of_recorded_poses,
         lambda result, folder: [result["runs"], *_errors_of_runs(folder / "runs")],
     ),
     "convert_bag": (

@@ -22,7 +22,7 @@ MAGICS = {"x.mcap": b"\x89MCAP0\r\n", "x.bag": b"#ROSBAG V2.0\n", "x.db3": b"SQL
 
 
 @pytest.fixture(autouse=True)
-def _here(tmp_path, monkeypatch):
+def _working_folder(tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
 
 

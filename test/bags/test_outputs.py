@@ -22,7 +22,7 @@ from imu_sim_ros.terminal.progress import Watcher, watched_by
 
 
 @pytest.fixture(autouse=True)
-def _here(tmp_path, monkeypatch):
+def _working_folder(tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
 
 

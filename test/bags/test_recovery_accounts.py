@@ -24,7 +24,7 @@ RANGE = re.compile(r"(\d+) bytes from byte (\d+) on")
 INSERTED = 5
 
 
-def written(path, compression, storage=None):
+def write_bag(path, compression, storage=None):
     """Write chunks of random readings; return their begins in the file, and the stamps."""
     rng = np.random.default_rng(11)
     t_ns = 10**9 + 5_000_000 * np.arange(CHUNKS * MESSAGES)
@@ -67,7 +67,7 @@ def _overwrite(data, offset, rng):
 @pytest.mark.parametrize("name", ["none.mcap", "lz4.mcap", "zstd.mcap", "none.bag", "lz4.bag"])
 def test_each_lost_message_lies_in_a_reported_range(tmp_path, name, damage):
     path = tmp_path / name
-    begins, t_ns = written(path, name.partition(".")[0])
+    begins, t_ns = write_bag(path, name.partition(".")[0])
     data = path.read_bytes()
     rng = np.random.default_rng(3)
     for offset in rng.integers(begins[2], begins[-2], 8).tolist():
@@ -88,7 +88,7 @@ def test_each_lost_message_lies_in_a_reported_range(tmp_path, name, damage):
 @pytest.mark.parametrize("opcode", [0x80, 0xC5, 0xFF, 0x0B, 0x0D])
 def test_bytes_behind_a_damaged_chunk_are_no_record_because_they_might_be(tmp_path, opcode):
     path = tmp_path / "zstd.mcap"
-    begins, t_ns = written(path, "zstd")
+    begins, t_ns = write_bag(path, "zstd")
     data = bytearray(path.read_bytes())
     chunk, following = int(begins[3]), int(begins[4])
     (length,) = struct.unpack_from("<Q", data, chunk + 1)
@@ -108,7 +108,7 @@ def test_bytes_behind_a_damaged_chunk_are_no_record_because_they_might_be(tmp_pa
 @pytest.mark.parametrize("name", ["lz4.mcap", "lz4.bag"])
 def test_messages_whose_definition_is_lost_are_counted(tmp_path, name):
     path = tmp_path / name
-    begins, _ = written(path, "lz4")
+    begins, _ = write_bag(path, "lz4")
     data = path.read_bytes()
     # The definition stands in the first chunk and in the index, which is cut off.
     torn = bytearray(data[: begins[-1]])
@@ -153,7 +153,7 @@ def test_an_unchunked_file_is_read_in_pieces_and_loses_one_message(tmp_path, pla
 @pytest.mark.parametrize("compression", ["none", "lz4"])
 def test_a_chunk_with_one_damaged_message_is_kept_if_asked(tmp_path, capsys, compression):
     path = tmp_path / "a.mcap"
-    begins, t_ns = written(path, "none")
+    begins, t_ns = write_bag(path, "none")
     data = bytearray(path.read_bytes())
     data[(begins[3] + begins[4]) // 2] ^= 1  # of a covariance
     path.write_bytes(data)
@@ -195,11 +195,11 @@ def test_keep_damaged_without_recover_is_refused(tmp_path, capsys):
 def test_damaged_first_bytes_cost_no_message(tmp_path, capsys, name, damage):
     if name.endswith(".db3"):
         folder = tmp_path / "folder"
-        _, t_ns = written(folder, None, "sqlite3")
+        _, t_ns = write_bag(folder, None, "sqlite3")
         path = next(folder.glob("*.db3")).rename(tmp_path / name)
     else:
         path = tmp_path / name
-        _, t_ns = written(path, None)
+        _, t_ns = write_bag(path, None)
     data = bytearray(path.read_bytes())
     damage(data, 2, np.random.default_rng(3))
     path.write_bytes(data)

@@ -61,7 +61,7 @@ def readings(rng: np.random.Generator, n: int) -> Array:
     return np.stack(columns, axis=1)
 
 
-def kept(rng: np.random.Generator, n: int, share: float, burst: int) -> NDArray[np.bool_]:
+def delivered_rows(rng: np.random.Generator, n: int, share: float, burst: int) -> NDArray[np.bool_]:
     """Return (n,) which samples are there: each is lost with the same probability."""
     starts = np.flatnonzero(rng.random(n) < 1.0 - (1.0 - share) ** (1.0 / burst))
     lost = np.zeros(n, dtype=bool)
@@ -87,7 +87,7 @@ def coverage(seed: int) -> Iterator[Coverage]:
     y = readings(np.random.default_rng([seed, 1]), n)
     t_ns = np.round(np.arange(n) * 1e9 / RATE).astype(np.int64)
     for name, (share, burst) in LOSSES.items():
-        keep = kept(np.random.default_rng([seed, 2]), n, share, burst)
+        keep = delivered_rows(np.random.default_rng([seed, 2]), n, share, burst)
         result = analyse([[Readings(t_ns[keep], y[keep, :3], y[keep, 3:])]])
         for axis, terms in enumerate(AXES):
             estimates = [result.estimate(axis, key) for key in KEYS]

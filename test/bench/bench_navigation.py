@@ -102,7 +102,7 @@ def step_through(record: tuple[np.ndarray, ...], method: str, attitude: str) -> 
     return stepper
 
 
-def others() -> None:
+def covariance_and_preintegration() -> None:
     """Print the time of a covariance step, and of preintegration per step."""
     covariance = Covariance(NOISE)
     force = np.array([0.0, 0.0, 9.81])
@@ -203,7 +203,7 @@ def linear_orders() -> list[str]:
 def main() -> None:
     """Print all tables."""
     throughput()
-    others()
+    covariance_and_preintegration()
     orders()
 
 

@@ -22,7 +22,7 @@ def noise(result: AllanResult) -> list[float]:
     return [result.estimate(k, "noise_density").value or np.nan for k in range(6)]
 
 
-def right(result: AllanResult, axes: Sequence[int] = range(6)) -> None:
+def assert_true_noise(result: AllanResult, axes: Sequence[int] = range(6)) -> None:
     """Assert the true white noise to 2.1 %: five standard errors 1/sqrt(2n) of n = 30,000."""
     assert [k for k, axis_noise in enumerate(result.noise) if axis_noise] == list(axes)
     for axis in axes:
@@ -35,7 +35,7 @@ TWO = (0, 5)
 
 def test_a_clean_record_gives_noise_and_timing_without_unusual_warnings(rest):
     result = analyse([rest.blocks()])
-    right(result)
+    assert_true_noise(result)
     assert result.timing.rate == pytest.approx(100.0, rel=1e-9)
     assert result.duration == pytest.approx(300.0)
     assert result.timing.gaps == result.timing.lost == 0
@@ -49,7 +49,7 @@ def test_single_losses_are_filled_and_told(two_axes):
     keep = np.random.default_rng(2).random(len(two_axes.t_ns)) > 0.005
     keep[0] = True
     result = analyse([two_axes.blocks(keep=keep)])
-    right(result, TWO)
+    assert_true_noise(result, TWO)
     lost = int(np.count_nonzero(~keep[: np.flatnonzero(keep)[-1]]))
     assert result.timing.lost == lost
     assert says(result, f"{lost} samples lost")
@@ -212,7 +212,7 @@ def test_a_gap_is_not_bridged(rest):
     keep[14000:16000] = False
     rest.accel[16000:] += 3.0
     result = analyse([rest.blocks(keep=keep)])
-    right(result)
+    assert_true_noise(result)
     assert result.timing.gaps == 1
     assert result.timing.longest_gap == pytest.approx(20.01, abs=0.02)
     assert says(result, "1 gaps")
@@ -225,7 +225,7 @@ def test_several_bags_are_combined(two_axes):
     result = analyse(
         [two_axes.blocks(keep=~first_half), two_axes.blocks(keep=first_half)]
     )  # in any order
-    right(result, TWO)
+    assert_true_noise(result, TWO)
     assert result.duration == pytest.approx(300.0)
 
 
@@ -233,7 +233,7 @@ def test_jitter_is_measured_and_makes_no_gaps(two_axes):
     jitter = np.random.default_rng(3).normal(0.0, 1.2e6, len(two_axes.t_ns))
     two_axes.t_ns = two_axes.t_ns + jitter.astype(np.int64)
     result = analyse([two_axes.blocks()])
-    right(result, TWO)
+    assert_true_noise(result, TWO)
     # Of 30,000 stamps: relative standard error 1/sqrt(2n) or a little more, five times.
     assert result.timing.jitter == pytest.approx(1.2e-3, rel=0.025)
     assert result.timing.gaps == result.timing.lost == 0
@@ -245,25 +245,25 @@ def test_messages_that_came_twice_are_dropped(two_axes):
         values[100] = values[99]
     result = analyse([two_axes.blocks()])
     assert (result.timing.duplicates, result.timing.lost) == (1, 1)
-    right(result, TWO)
+    assert_true_noise(result, TWO)
 
 
 def test_another_reading_with_the_same_stamp_is_kept(two_axes):
     two_axes.t_ns[100] = two_axes.t_ns[99]
     result = analyse([two_axes.blocks()])
     assert (result.timing.duplicates, result.timing.lost) == (0, 0)
-    right(result, TWO)
+    assert_true_noise(result, TWO)
 
 
 def test_stray_stamps_and_resets_are_told(two_axes):
     two_axes.t_ns[500] = 0
     result = analyse([two_axes.blocks()])
     assert says(result, "1 stamps are far from their neighbours")
-    right(result, TWO)
+    assert_true_noise(result, TWO)
     two_axes.t_ns[15000:] -= 10**12
     result = analyse([two_axes.blocks()])
     assert says(result, "1 times the clock went back")
-    right(result, TWO)
+    assert_true_noise(result, TWO)
 
 
 @pytest.mark.parametrize("unit", [10**3, 10**6])
@@ -289,14 +289,14 @@ def test_whole_milliseconds_have_the_noise_of_their_readings(rate):
 def test_readings_in_batches_are_spread(two_axes):
     two_axes.t_ns = np.repeat(two_axes.t_ns[::8], 8)[: len(two_axes.t_ns)]
     result = analyse([two_axes.blocks()])
-    right(result, TWO)
+    assert_true_noise(result, TWO)
     assert says(result, "readings share a stamp, 8 of them")
 
 
 def test_a_bump_is_cut_out_and_named(rest):
     rest.gyro[15000:15050] += 1.0
     result = analyse([rest.blocks()])
-    right(result)
+    assert_true_noise(result)
     assert says(result, "disturbance cut out at 150 s: gyroscope x")
     assert 290.0 < result.duration < 299.0
 
@@ -304,7 +304,7 @@ def test_a_bump_is_cut_out_and_named(rest):
 def test_a_shift_of_level_splits_the_record(two_axes):
     two_axes.accel[15037:, 2] += 2.0
     result = analyse([two_axes.blocks()])
-    right(result, TWO)
+    assert_true_noise(result, TWO)
     assert says(result, "accelerometer z")
     assert result.estimate(5, "random_walk").high < 5e-3
 
@@ -344,7 +344,7 @@ def test_a_vibration_line_is_left_out(rest):
     rest.accel[:, 1] += 0.1 * np.sin(2.0 * np.pi * 23.4 * t)
     result = analyse([rest.blocks()])
     assert says(result, "accelerometer y: vibration at 23.")
-    right(result)
+    assert_true_noise(result)
 
 
 @pytest.mark.parametrize(
@@ -370,7 +370,7 @@ def test_a_constant_rate_is_a_warning(rest):
     rest.gyro += [0.0, 0.0, 1.0]
     result = analyse([rest.blocks()])
     assert says(result, "gyroscope z: its mean is 0.99 rad/s")
-    right(result)
+    assert_true_noise(result)
 
 
 def test_a_strong_random_walk_is_no_motion():

@@ -26,7 +26,7 @@ def false_values(result: AllanResult, key: str) -> int:
     return sum(estimate.value is not None for estimate in estimates)
 
 
-def told(result: AllanResult, text: str) -> int:
+def count_warnings(result: AllanResult, text: str) -> int:
     return sum(text in warning for warning in result.warnings)
 
 
@@ -35,7 +35,7 @@ def test_a_shift_of_level_is_taken_out_and_told(size):
     """No axis gets a random walk; of six bounds of 95 %, two fail once in 30 times."""
     step = size * DENSITY * (np.arange(COUNT) > 0.3 * COUNT)[:, None]
     result = analysed(1, step)
-    assert told(result, "a shift of level of") == 6
+    assert count_warnings(result, "a shift of level of") == 6
     assert sum(result.estimate(axis, "random_walk").low > 0.0 for axis in range(6)) <= 1
 
 
@@ -46,7 +46,7 @@ def test_a_warm_up_is_no_walk_and_no_ramp(minutes):
     result = analysed(2, 20.0 * FLICKER * np.exp(-t / (60.0 * minutes)))
     assert false_values(result, "random_walk") <= 1
     assert false_values(result, "rate_ramp") <= 1
-    assert told(result, "a warm-up of") == 6 or minutes == 60
+    assert count_warnings(result, "a warm-up of") == 6 or minutes == 60
 
 
 def test_a_warm_up_as_long_as_the_record_is_no_walk():
@@ -64,8 +64,8 @@ def test_white_noise_holds_beside_a_gauss_markov_bias(sigma):
     drive = np.random.default_rng(3).standard_normal((COUNT, 6)) * sigma * np.sqrt(1.0 - phi**2)
     result = analysed(4, lfilter([1.0], [1.0, -phi], drive, axis=0))
     assert sum(result.estimate(axis, "noise_density").covers(DENSITY) for axis in range(6)) >= 4
-    assert told(result, "model='gauss_markov'") == 1
-    assert told(result, "low-pass") == told(result, "sinusoid") == 0
+    assert count_warnings(result, "model='gauss_markov'") == 1
+    assert count_warnings(result, "low-pass") == count_warnings(result, "sinusoid") == 0
 
 
 def test_white_noise_has_no_signals():

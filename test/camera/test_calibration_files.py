@@ -50,7 +50,7 @@ LENSES: dict[str, dict[str, object]] = {
 }
 
 
-def read(file: str) -> tuple[CameraParameters, str]:
+def read_camera(file: str) -> tuple[CameraParameters, str]:
     """Return the camera of a file, and the remarks of its reading."""
     with warnings.catch_warnings(record=True) as caught:
         warnings.simplefilter("always", Remark)
@@ -109,7 +109,7 @@ def test_vignetting_and_rows_come_back_from_the_files_that_have_them(tmp_path: P
     rig = RigValues(imu, {"cam0": camera}, {"cam0": "/image"}, parameters.scene)
     text = basalt.files(Subject(imu, rig))["basalt_calibration.json"]
     (tmp_path / "basalt.json").write_text(text, encoding="utf-8")
-    assert read(str(tmp_path / "basalt.json"))[0].vignetting == pytest.approx(0.3, abs=1e-9)
+    assert read_camera(str(tmp_path / "basalt.json"))[0].vignetting == pytest.approx(0.3, abs=1e-9)
     (spline,) = json.loads(text)["value0"]["vignette"]
     knots, interval = np.ravel(spline["value2"]), spline["value1"] * 1e-9
     rows, columns = np.array([0, 100, 240, 479]), np.array([0, 300, 367, 751])
@@ -128,7 +128,7 @@ def test_vignetting_and_rows_come_back_from_the_files_that_have_them(tmp_path: P
     shares = (knots[knot_numbers] * weights).sum(axis=1) / 6.0
     np.testing.assert_allclose(shares, vignette(camera)[rows, columns], atol=1e-6)
     (tmp_path / "chain.yaml").write_text(kalibr.camchain(rig), encoding="utf-8")
-    assert read(str(tmp_path / "chain.yaml"))[0].row_time == 2e-5
+    assert read_camera(str(tmp_path / "chain.yaml"))[0].row_time == 2e-5
 
 
 def test_a_vignette_of_another_form_is_fitted_and_named(tmp_path: Path) -> None:
@@ -149,13 +149,13 @@ def test_a_vignette_of_another_form_is_fitted_and_named(tmp_path: Path) -> None:
     }
     path = tmp_path / "calibration.json"
     path.write_text(json.dumps({"value0": calibration}), encoding="utf-8")
-    camera, remarks = read(str(path))
+    camera, remarks = read_camera(str(path))
     assert 0.1 < camera.vignetting < 0.9
     assert "vignette beyond vignetting" in remarks
     del spline["value1"]
     path.write_text(json.dumps({"value0": calibration}), encoding="utf-8")
     with pytest.raises(ConfigurationError, match=r"vignette.value1 = missing"):
-        read(str(path))
+        read_camera(str(path))
 
 
 def test_a_recorded_camera_without_its_own_pose_has_that_of_the_chain(tmp_path: Path) -> None:
@@ -201,7 +201,7 @@ def test_what_is_written_is_the_same_camera(lens: str, tmp_path: Path) -> None:
     for file, lenses in FILES.items():
         if lens not in lenses:
             continue
-        camera, _ = read(str(tmp_path / file))
+        camera, _ = read_camera(str(tmp_path / file))
         name = "cam1" if file.endswith(("1", "2", "sensor_cam1.yaml")) else "cam0"
         truth = cameras[name]
         four = file.startswith(("camchain",)) and lens == "radtan5"
@@ -258,16 +258,16 @@ def test_chain_without_the_second_mount(tmp_path: Path) -> None:
     file = tmp_path / "camchain.yaml"
     file.write_text(CHAIN)
     with pytest.raises(ConfigurationError, match=r"several cameras, name .* cam0, cam1: .*#cam0"):
-        read(str(file))
+        read_camera(str(file))
     with pytest.raises(ConfigurationError, match=r"has no camera 'cam2'; it has cam0, cam1"):
-        read(f"{file}#cam2")
-    camera, remarks = read(f"{file}#cam1")
+        read_camera(f"{file}#cam2")
+    camera, remarks = read_camera(f"{file}#cam1")
     # p_ic = -R_ci^T p_ci with p_ci = (0.1 - 0.11, 0.2, 0.3).
     np.testing.assert_allclose(camera.lever_arm, [-0.3, -0.01, 0.2], atol=1e-12)
     assert (camera.model, camera.xi) == ("unified", 1.0)
     assert camera.intrinsics == (400.0, 402.0, 320.0, 240.0)
     assert "not used: rostopic" in remarks
-    assert read(f"{file}#cam0")[0].time_offset == 0.002
+    assert read_camera(f"{file}#cam0")[0].time_offset == 0.002
 
 
 @pytest.mark.parametrize(
@@ -294,7 +294,7 @@ def test_bad_values_of_a_chain_are_named(
     assert text in CHAIN
     file.write_text(CHAIN.replace(text, replacement, 1))
     with pytest.raises(ConfigurationError, match=line):
-        read(f"{file}#cam0")
+        read_camera(f"{file}#cam0")
 
 
 CAMERA_INFO = """image_width: 640
@@ -364,7 +364,7 @@ Tbc: !!opencv-matrix
 def test_files_of_other_tools(text: str, remark: str, tmp_path: Path) -> None:
     file = tmp_path / "camera.yaml"
     file.write_text(text)
-    camera, remarks = read(str(file))
+    camera, remarks = read_camera(str(file))
     assert camera.intrinsics == (400.0, 401.0, 320.0, 240.0)
     assert (camera.width, camera.height) == (640, 480)
     assert camera.distortion == (-0.2, 0.05, 0.001, 0.002)

@@ -20,7 +20,7 @@ def chunk(kind, body):
     return struct.pack(">I", len(body)) + kind + body + struct.pack(">I", zlib.crc32(kind + body))
 
 
-def made(width, height, pixels, depth=8, colour=0, chunks=b""):
+def png_bytes(width, height, pixels, depth=8, colour=0, chunks=b""):
     header = struct.pack(">IIBBBBB", width, height, depth, colour, 0, 0, 0)
     body = [
         chunk(b"IHDR", header),
@@ -111,7 +111,7 @@ def test_few_bits_and_palettes_are_those_that_opencv_finds(depth, colour):
     rows = [b"\0" + stream.integers(0, 256, length, np.uint8).tobytes() for _ in range(17)]
     for transparent in (b"", chunk(b"tRNS", b"\0"))[: 1 + (colour == 3)]:
         chunks = palette + transparent if colour == 3 else b""
-        data = made(23, 17, b"".join(rows), depth, colour, chunks)
+        data = png_bytes(23, 17, b"".join(rows), depth, colour, chunks)
         expected = cv2.imdecode(np.frombuffer(data, np.uint8), cv2.IMREAD_UNCHANGED)
         order = (2, 1, 0, 3)[: expected.shape[2]] if colour else ...
         np.testing.assert_array_equal(decoded(data), expected[..., order] if colour else expected)
@@ -161,11 +161,14 @@ def test_what_pixels_do_not_depend_on_is_not_decoded():
 @pytest.mark.parametrize(
     ("data", "reason"),
     [
-        (made(0, 0, b""), "a PNG that is damaged: its header states no pixels"),
-        (made(60_000, 60_000, b""), "60000 x 60000 pixels; 1 to"),
-        (made(9000, 9000, b""), "a PNG that is damaged: image file is truncated"),
-        (made(4, 4, bytes(19)), "a PNG that is damaged: image file is truncated"),
-        (made(4, 4, bytes(20), colour=9), "a PNG that is damaged: its header states no pixels"),
+        (png_bytes(0, 0, b""), "a PNG that is damaged: its header states no pixels"),
+        (png_bytes(60_000, 60_000, b""), "60000 x 60000 pixels; 1 to"),
+        (png_bytes(9000, 9000, b""), "a PNG that is damaged: image file is truncated"),
+        (png_bytes(4, 4, bytes(19)), "a PNG that is damaged: image file is truncated"),
+        (
+            png_bytes(4, 4, bytes(20), colour=9),
+            "a PNG that is damaged: its header states no pixels",
+        ),
         (png(IMAGE)[:-12], "cut off after"),
         (png(IMAGE)[:40], "cut off after"),
         (png(IMAGE)[:8], "cut off after 8 bytes"),
@@ -205,4 +208,4 @@ def test_the_size_of_a_jpeg(progressive):
 @pytest.mark.parametrize("extra", [1, 10**8])
 def test_data_behind_the_last_pixel_are_not_read(extra):
     """Superfluous bytes leave an image whole; a hundred million take no memory."""
-    np.testing.assert_array_equal(decoded(made(4, 4, bytes(20 + extra))), np.zeros((4, 4)))
+    np.testing.assert_array_equal(decoded(png_bytes(4, 4, bytes(20 + extra))), np.zeros((4, 4)))

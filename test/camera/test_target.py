@@ -25,7 +25,7 @@ def fitted(parameters):
     return fitted_with(parameters, lambda values: load_simulation(values).trajectory)
 
 
-def given(*presets, **values):
+def target_parameters(*presets, **values):
     """Return the parameters of a calibration with these cameras, ``__`` for a dot."""
     names = [f"cam{k}" for k in range(len(presets))]
     return {
@@ -44,7 +44,7 @@ def body_of(values):
     return Body(load_simulation(values), sensors=["cam0"])
 
 
-def seen(rig, name):
+def corners_in_view(rig, name):
     """Return all corners in view, the shortest edges of whole tags, and their number by frame."""
     view, t = rig.views[name], np.linspace(0.0, 60.0, 601)
     poses = view.poses(rig.trajectory, t)
@@ -64,8 +64,8 @@ def seen(rig, name):
 def test_corners_cover_the_images_of_every_camera_and_a_detector_finds_the_tags(preset):
     """Four pixels a bit are 40 along a tag of 6 bits and two of border on either side."""
     aprilgrid = pytest.importorskip("aprilgrid")
-    rig = build_rig(given(preset, camera__max_features=0, camera__pixel_noise=0.0))
-    pixels, edges, counts = seen(rig, "cam0")
+    rig = build_rig(target_parameters(preset, camera__max_features=0, camera__pixel_noise=0.0))
+    pixels, edges, counts = corners_in_view(rig, "cam0")
     model, scene = rig.views["cam0"].model, rig.parameters.scene
     low, high = pixels.min(axis=0), pixels.max(axis=0)
     assert ((high - low) / (model.width, model.height)).min() > 0.8
@@ -93,7 +93,7 @@ def test_corners_cover_the_images_of_every_camera_and_a_detector_finds_the_tags(
 
 def test_what_is_given_stays_and_what_was_fitted_is_not_fitted_again():
     """The parameters of an output make the same samples and images again."""
-    lens = given("tum_vi_cam0", "tum_vi_cam1")
+    lens = target_parameters("tum_vi_cam0", "tum_vi_cam1")
     values = fitted(lens)
     assert values["scene.columns"] < 6
     assert fitted(values) == values
@@ -123,7 +123,7 @@ def test_what_is_given_stays_and_what_was_fitted_is_not_fitted_again():
 )
 def test_only_the_motion_before_the_board_follows_the_lens(parameters):
     layer = trajectory_layer("target")
-    lens = {**given("euroc_cam0"), **layer}
+    lens = {**target_parameters("euroc_cam0"), **layer}
     assert fitted(lens)["scene.tag_size"] > 0.15  # the motion's file was read: it is still target
     if "camera.preset" in parameters:
         del lens["cam0.camera.preset"]
@@ -132,7 +132,7 @@ def test_only_the_motion_before_the_board_follows_the_lens(parameters):
 
 def test_a_board_out_of_view_is_said():
     """EuRoC's body has x up: in its own axes the camera looks past the board."""
-    [line] = body_of(given("euroc_cam0", camera__body_axes="preset")).warnings()
+    [line] = body_of(target_parameters("euroc_cam0", camera__body_axes="preset")).warnings()
     assert line.startswith("cam0: ")
     assert "no tag of the AprilGrid comes into view" in line
     assert "camera.body_axes = preset" in line

@@ -93,7 +93,7 @@ def test_a_device_is_no_table_of_results(path):
         read_results(Path(path))
 
 
-def _named(kind, path):
+def _make_obstacle(kind, path):
     if kind == "broken link":
         path.symlink_to("nowhere")
     elif kind == "loop":
@@ -112,7 +112,7 @@ def test_what_stands_in_a_file_of_a_campaign_is_named(plan_file, campaign, tmp_p
     """Only what does not exist is absent; nothing is waited for, and nothing removed unasked."""
     folder = tmp_path / "out"
     folder.mkdir()
-    _named(kind, folder / name)
+    _make_obstacle(kind, folder / name)
     for option in ([], ["--resume"]):
         status, _, lines = campaign(plan_file(), "-o", folder, *option)
         assert status == 2
@@ -127,7 +127,7 @@ def test_a_report_names_it_too(plan_file, campaign, tmp_path, capsys, kind, name
     folder = tmp_path / "out"
     assert campaign(plan_file(), "-o", folder)[0] == 0
     (folder / name).unlink(missing_ok=True)
-    _named(kind, folder / name)
+    _make_obstacle(kind, folder / name)
     assert report.main([str(folder), "-o", str(tmp_path / "page.html"), "--quiet"]) == 2
     (line,) = capsys.readouterr().err.splitlines()
     assert line.startswith(f"report: {folder / name}: ")
@@ -135,7 +135,7 @@ def test_a_report_names_it_too(plan_file, campaign, tmp_path, capsys, kind, name
 
 @pytest.mark.parametrize("kind", ["broken link", "loop", "pipe", "device"])
 def test_a_plan_names_the_file_of_poses_that_is_none(plan_file, campaign, tmp_path, kind):
-    _named(kind, tmp_path / "poses.txt")
+    _make_obstacle(kind, tmp_path / "poses.txt")
     poses_parameters = {"trajectory.type": "poses", "trajectory.file": str(tmp_path / "poses.txt")}
     status, _, lines = campaign(plan_file(parameters=poses_parameters), "-o", tmp_path / "out")
     assert status == 2

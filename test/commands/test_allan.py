@@ -47,7 +47,7 @@ def noise(bag) -> dict:
 
 
 @pytest.fixture(scope="module")
-def written(bag, tmp_path_factory) -> tuple[Path, str]:
+def written_analysis(bag, tmp_path_factory) -> tuple[Path, str]:
     """Return the folder of the bag's analysis, and what the program printed of it."""
     folder, printed = tmp_path_factory.mktemp("allan") / "out", io.StringIO()
     with redirect_stdout(printed):
@@ -75,7 +75,7 @@ def analysed(capsys, *arguments: str) -> dict:
     return json.loads(capsys.readouterr().out)
 
 
-def refused(capsys, *arguments: str) -> str:
+def refusal(capsys, *arguments: str) -> str:
     assert allan.main(list(arguments)) == 2
     return capsys.readouterr().err
 
@@ -108,8 +108,8 @@ def test_other_formats_give_the_same(noise, tmp_path, capsys, name):
         )
 
 
-def test_the_files_hold_picture_table_and_parameters_of_the_noise(written):
-    folder, printed = written
+def test_the_files_hold_picture_table_and_parameters_of_the_noise(written_analysis):
+    folder, printed = written_analysis
     assert "rad/s/sqrt(Hz)" in printed
     assert "deg/sqrt(h)" in printed
     assert (folder / "allan.png").read_bytes()[:4] == b"\x89PNG"
@@ -128,8 +128,8 @@ def test_the_files_hold_picture_table_and_parameters_of_the_noise(written):
     assert imu.accelerometer.noise_density == pytest.approx([0.019] * 3, rel=0.021)
 
 
-def test_imu_utils_in_both_meanings(written):
-    folder, _ = written
+def test_imu_utils_in_both_meanings(written_analysis):
+    folder, _ = written_analysis
     discrete, continuous = (
         parse_yaml((folder / name).read_text().split("---\n")[1])
         for name in ("imu_utils.yaml", "imu_utils_continuous.yaml")
@@ -140,9 +140,9 @@ def test_imu_utils_in_both_meanings(written):
     assert set(discrete["Acc"]) == {"unit", "avg-axis", "x-axis", "y-axis", "z-axis"}
 
 
-def test_imu_utils_has_the_text_of_the_real_tool_and_says_what_is_a_bound(written, noise):
+def test_imu_utils_has_the_text_of_the_real_tool_and_says_what_is_a_bound(written_analysis, noise):
     """The bag is too short for the random walks: they are known from above only."""
-    folder, _ = written
+    folder, _ = written_analysis
     text = (folder / "imu_utils.yaml").read_text()
     assert '   unit: " rad/s"\n' in text
     assert '   unit: " m/s^2"\n' in text
@@ -160,8 +160,8 @@ def lines_of(lines, key, count):
     return [next(chosen) for _ in range(count)]
 
 
-def test_a_twin_of_the_sensor_can_be_simulated(written, tmp_path):
-    folder, _ = written
+def test_a_twin_of_the_sensor_can_be_simulated(written_analysis, tmp_path):
+    folder, _ = written_analysis
     twin = str(folder / "imu.yaml")
     assert generate.main(["--imu", twin, "--trajectory", "static", "--duration", "1s", "--quiet",
                           "-o", str(tmp_path / "twin.mcap")]) == 0  # fmt: skip
@@ -244,25 +244,25 @@ def test_bad_input_is_one_clear_line(bag, tmp_path, capsys):
     moving = tmp_path / "moving.mcap"
     generate.main(["--imu", "lecture", "--trajectory", "lecture", "--duration", "100s", "--rate",
                    "100", "--quiet", "--imu-only", "-o", str(moving)])  # fmt: skip
-    reason = refused(capsys, str(moving), "--no-files")
+    reason = refusal(capsys, str(moving), "--no-files")
     assert "not at rest" in reason
     assert "[motion_at_rest]" in reason
     short = tmp_path / "short.mcap"
     generate.main(["--imu", "lecture", "--trajectory", "static", "--duration", "10s", "--rate",
                    "100", "--quiet", "--imu-only", "-o", str(short)])  # fmt: skip
-    message = refused(capsys, str(short), "--no-files")
+    message = refusal(capsys, str(short), "--no-files")
     assert message.startswith("allan: 10.0 s at rest")
     assert message.count("\n") == 1
-    assert "/nothing" in refused(capsys, str(bag), "--topic", "/nothing", "--no-files")
-    assert "missing.mcap" in refused(capsys, str(tmp_path / "missing.mcap"), "--no-files")
-    assert "nobody" in refused(capsys, str(bag), "--truth", "nobody", "--no-files")
+    assert "/nothing" in refusal(capsys, str(bag), "--topic", "/nothing", "--no-files")
+    assert "missing.mcap" in refusal(capsys, str(tmp_path / "missing.mcap"), "--no-files")
+    assert "nobody" in refusal(capsys, str(bag), "--truth", "nobody", "--no-files")
 
 
 def test_perfect_readings_have_nothing_to_analyse(tmp_path, capsys):
     path = tmp_path / "perfect.mcap"
     generate.main(["--imu", "perfect", "--trajectory", "static", "--duration", "100s", "--rate",
                    "100", "--quiet", "--imu-only", "-o", str(path)])  # fmt: skip
-    assert refused(capsys, str(path), "--no-files").count("always") == 6
+    assert refusal(capsys, str(path), "--no-files").count("always") == 6
 
 
 def test_an_axis_that_is_not_analysed_is_null_and_makes_no_configuration(tmp_path, capsys):

@@ -54,7 +54,7 @@ def calibrated(capsys, folder: Path, *arguments: str) -> dict:
     return json.loads(capsys.readouterr().out)
 
 
-def refused(capsys, *arguments: str, lines: int = 1) -> str:
+def refusal(capsys, *arguments: str, lines: int = 1) -> str:
     assert calibrate.main([*arguments, "--no-files"]) == 2
     message = capsys.readouterr().err
     assert message.count("\n") == lines
@@ -137,16 +137,16 @@ def test_each_calibration_writes_a_picture_and_parameters_that_generate_takes(
 def test_bad_input_is_one_clear_line(folder, tmp_path, capsys):
     six, table = (str(folder / f"{run}.mcap") for run in ("six_position", "turntable"))
     assert "of 6 positions" in _half(folder, tmp_path, capsys)
-    message = refused(capsys, "turntable", six, "--rates", "1", lines=2)
+    message = refusal(capsys, "turntable", six, "--rates", "1", lines=2)
     assert "rates: nothing turns at 1 rad/s" in message
     assert f"{six}: no steady rotation" in message
-    assert "Temperature" in refused(capsys, "temperature", table)
-    assert "--gravity 0" in refused(capsys, "six_position", six, "--gravity", "0")
-    assert "missing.bag" in refused(capsys, "six_position", str(tmp_path / "missing.bag"))
+    assert "Temperature" in refusal(capsys, "temperature", table)
+    assert "--gravity 0" in refusal(capsys, "six_position", six, "--gravity", "0")
+    assert "missing.bag" in refusal(capsys, "six_position", str(tmp_path / "missing.bag"))
     imu_only = tmp_path / "imu_only.mcap"
     generate.main(["--trajectory", "turntable", "--imu-only", "--duration", "60s", "--quiet", "-o",
                    str(imu_only)])  # fmt: skip
-    assert "rates the table was set to are not known" in refused(capsys, "turntable", str(imu_only))
+    assert "rates the table was set to are not known" in refusal(capsys, "turntable", str(imu_only))
 
 
 def _half(folder: Path, tmp_path: Path, capsys) -> str:
@@ -154,7 +154,7 @@ def _half(folder: Path, tmp_path: Path, capsys) -> str:
     path = tmp_path / "five.mcap"
     generate.main(["--imu", str(folder / "flaws.yaml"), "--trajectory", "six_position", "--rate",
                    "100", "--duration", "170s", "--quiet", "-o", str(path)])  # fmt: skip
-    return refused(capsys, "six_position", str(path))
+    return refusal(capsys, "six_position", str(path))
 
 
 def test_rates_that_are_no_numbers_are_refused(capsys):

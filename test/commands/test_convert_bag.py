@@ -48,7 +48,7 @@ def _convert(capsys, *arguments) -> dict:
     return json.loads(capsys.readouterr().out)
 
 
-def _same(path: Path, expected_path: Path) -> None:
+def _assert_same(path: Path, expected_path: Path) -> None:
     columns = operator.attrgetter("t_ns", "gyro", "accel")
     for a, b in zip(columns(read_imu(path)), columns(read_imu(expected_path)), strict=True):
         np.testing.assert_array_equal(a, b)
@@ -77,7 +77,7 @@ def test_bags_of_every_form_convert_into_every_other_without_change(
         "not_converted": [],
         "notes": [],
     }
-    _same(sources[source], output)
+    _assert_same(sources[source], output)
     with AnyReader([output]) as reader:
         assert sum(1 for _ in reader.messages()) == 5 * 800
 

@@ -383,7 +383,7 @@ def flight(tmp_path, monkeypatch):
     return folder
 
 
-def _refused(capsys, program, arguments):
+def _refusal(capsys, program, arguments):
     capsys.readouterr()
     status = _COMMANDS[program].main(arguments)
     error_text = capsys.readouterr().err
@@ -401,9 +401,9 @@ def test_every_command_that_reads_or_writes_is_asked():
 def test_paths_without_a_name_are_refused_in_a_line(flight, capsys, path):
     files_present = sorted(flight.parent.parent.rglob("*"))
     for name, arguments in _READING:
-        _refused(capsys, name, [path if word == "PATH" else word for word in arguments])
+        _refusal(capsys, name, [path if word == "PATH" else word for word in arguments])
     for name, arguments in _WRITING:
-        _refused(capsys, name, [*arguments, "-o", path])
+        _refusal(capsys, name, [*arguments, "-o", path])
     assert sorted(flight.parent.parent.rglob("*")) == files_present
 
 

@@ -37,7 +37,7 @@ def chunk(kind, body):
     return struct.pack(">I", len(body)) + kind + body + struct.pack(">I", zlib.crc32(kind + body))
 
 
-def spoilt(data, how):
+def damaged_image(data, how):
     """Return a PNG of libpng's warnings, or a JPEG of libjpeg's, or what OpenCV logs."""
     cv2 = pytest.importorskip("cv2")
     if how == "profile":
@@ -77,7 +77,7 @@ def test_images_that_libraries_complain_about(tmp_path, images, output):
     for how in statuses:
         shutil.copytree(images, tmp_path / how / "set")
         for path in (tmp_path / how / "set").glob("cam0/data/*"):
-            path.write_bytes(spoilt(path.read_bytes(), how))
+            path.write_bytes(damaged_image(path.read_bytes(), how))
     form = "--format euroc" if output == "o" else ""
     calls = [f"convert_bag {how}/set -o {how}/{output} {form}\n" for how in statuses]
     done = subprocess.run(

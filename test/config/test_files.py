@@ -19,14 +19,14 @@ from imu_sim_ros.simulation.parameters import load_simulation
 from imu_sim_ros.trajectory.parameters import trajectory_layer
 
 
-def written(tmp_path, text, name="parameters.yaml"):
+def write_text(tmp_path, text, name="parameters.yaml"):
     path = tmp_path / name
     path.write_text(text, encoding="utf-8")
     return path
 
 
 def test_wildcards_lie_below_the_nodes_own_section(tmp_path):
-    path = written(
+    path = write_text(
         tmp_path,
         "/left/simulator:\n  ros__parameters:\n    rate: 100.0\n"
         "/**:\n  ros__parameters:\n    rate: 50.0\n    imu: {gyroscope_bias: [1.0, 2.0, 3.0]}\n"
@@ -38,12 +38,14 @@ def test_wildcards_lie_below_the_nodes_own_section(tmp_path):
 
 def test_numbers_are_read_as_ros_reads_them(tmp_path):
     """YAML 1.1 would make a text of 5e-4 and 1E5."""
-    path = written(tmp_path, "/**:\n  ros__parameters: {a: 5e-4, b: 1E5, c: -2e+3, d: .5e1, e: e5}")
+    path = write_text(
+        tmp_path, "/**:\n  ros__parameters: {a: 5e-4, b: 1E5, c: -2e+3, d: .5e1, e: e5}"
+    )
     assert files.load(path) == {"a": 5e-4, "b": 1e5, "c": -2e3, "d": 5.0, "e": "e5"}
 
 
 def test_a_kalibr_file_gives_noise_and_rate(tmp_path):
-    path = written(
+    path = write_text(
         tmp_path,
         "accelerometer_noise_density: 1.86e-03\naccelerometer_random_walk: 4.33e-04\n"
         "gyroscope_noise_density: 1.87e-04\ngyroscope_random_walk: 2.66e-05\n"
@@ -99,7 +101,7 @@ def test_every_trajectory_loads_and_round_trips(trajectory, tmp_path):
     ],
 )
 def test_a_bad_file_is_one_line_that_names_it(tmp_path, text, reason):
-    path = written(tmp_path, text)
+    path = write_text(tmp_path, text)
     with pytest.raises(ConfigurationError, match=reason) as error:
         files.load(path)
     (line,) = error.value.problems
@@ -134,12 +136,12 @@ def test_an_unknown_preset_hides_no_other_problem():
 
 def chain(tmp_path):
     """Return a sensor's file whose preset is a file whose preset is a name."""
-    inner_path = written(
+    inner_path = write_text(
         tmp_path,
         "/**:\n  ros__parameters:\n    imu: {preset: mpu6000, gyroscope_bias: [0.1, 0.2, 0.3]}\n",
         "first.yaml",
     )
-    return written(
+    return write_text(
         tmp_path,
         f"/**:\n  ros__parameters:\n    imu: {{preset: {inner_path}, accelerometer_bias: 0.5}}\n",
         "second.yaml",
@@ -164,7 +166,7 @@ def test_the_integrator_takes_the_noise_of_a_chain_of_presets(tmp_path):
 
 def test_presets_in_a_circle_are_said(tmp_path):
     path = tmp_path / "a.yaml"
-    written(tmp_path, f"/**:\n  ros__parameters:\n    imu: {{preset: {path}}}\n", "a.yaml")
+    write_text(tmp_path, f"/**:\n  ros__parameters:\n    imu: {{preset: {path}}}\n", "a.yaml")
     with pytest.raises(ConfigurationError, match="leads back to this file"):
         load_simulation({"imu.preset": str(path)})
 
@@ -205,7 +207,7 @@ def test_a_file_of_all_parameters_is_a_sensors_file_too(tmp_path):
 )
 def test_what_hides_or_explodes_is_refused(tmp_path, text, reason):
     with pytest.raises(ConfigurationError, match=reason) as caught:
-        files.load(written(tmp_path, text))
+        files.load(write_text(tmp_path, text))
     assert len(caught.value.problems) == 1
     assert len(str(caught.value)) < 500
 
@@ -215,11 +217,11 @@ def test_lists_that_grow_by_repetition_are_refused_before_they_do(tmp_path):
     rows = ["a0: &a0 [x, x, x, x, x, x, x, x, x]"]
     rows += [f"a{k}: &a{k} [{', '.join([f'*a{k - 1}'] * 9)}]" for k in range(1, 10)]
     with pytest.raises(ConfigurationError, match="over 200,000 values"):
-        files.load(written(tmp_path, "\n".join(rows)))
+        files.load(write_text(tmp_path, "\n".join(rows)))
 
 
 def test_numbers_that_begin_with_a_point(tmp_path):
-    path = written(tmp_path, "/**:\n  ros__parameters: {a: [.4,-.2], b: -.5, c: +.25, d: .}\n")
+    path = write_text(tmp_path, "/**:\n  ros__parameters: {a: [.4,-.2], b: -.5, c: +.25, d: .}\n")
     assert files.load(path) == {"a": [0.4, -0.2], "b": -0.5, "c": 0.25, "d": "."}
 
 
@@ -228,7 +230,7 @@ def test_devices_pipes_and_floods_are_refused(tmp_path):
     for path in ("/dev/zero", tmp_path / "pipe.yaml"):
         with pytest.raises(ConfigurationError, match="is a device or a pipe, not a file"):
             files.load(path)
-    flood = written(tmp_path, "# " + "x" * (17 << 20))
+    flood = write_text(tmp_path, "# " + "x" * (17 << 20))
     with pytest.raises(ConfigurationError, match="larger than 16 MiB"):
         files.load(flood)
     latin = tmp_path / "latin.yaml"

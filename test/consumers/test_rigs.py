@@ -354,9 +354,9 @@ def test_every_key_that_a_stack_reads_is_there(case, name):
     )
     content = json.loads(path.read_text()) if name.endswith(".json") else storage_or_yaml(path)
     for key in f"{entry.get('keys', '')} {entry.get(lens, '')}".split():
-        assert found(content, key.split(".")), f"{name}: {key}"
+        assert has_key(content, key.split(".")), f"{name}: {key}"
     for key in f"{entry.get('flat', '')} {entry.get(f'{lens}_flat', '')}".split():
-        assert found(content, [key]), f"{name}: {key}"
+        assert has_key(content, [key]), f"{name}: {key}"
 
 
 def storage_or_yaml(path):
@@ -366,7 +366,7 @@ def storage_or_yaml(path):
     return yaml.safe_load(path.read_text())
 
 
-def found(content, path):
+def has_key(content, path):
     for name in path:
         if isinstance(content, dict):
             content = content.get(name)

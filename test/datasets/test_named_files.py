@@ -37,7 +37,7 @@ CAMERA = [
 
 
 @pytest.fixture(scope="module")
-def whole(tmp_path_factory):
+def complete_folder(tmp_path_factory):
     """Return a folder with readings, truth, magnetic field and two cameras."""
     folder = tmp_path_factory.mktemp("whole") / "set"
     topics = "imu/data_raw,ground_truth/odom,imu/mag"
@@ -47,18 +47,18 @@ def whole(tmp_path_factory):
 
 
 @pytest.fixture
-def dataset(whole, tmp_path):
-    return shutil.copytree(whole, tmp_path / "set")
+def dataset(complete_folder, tmp_path):
+    return shutil.copytree(complete_folder, tmp_path / "set")
 
 
-def put(path, obstacle):
+def place_obstacle(path, obstacle):
     if path.is_dir():
         shutil.rmtree(path)
     path.unlink(missing_ok=True)
     OBSTACLES[obstacle](path)
 
 
-def refused(capsys, tmp_path, *arguments):
+def refusal(capsys, tmp_path, *arguments):
     """Return the one line of a conversion that is refused."""
     assert (
         convert_bag.main([*map(str, arguments), "-o", str(tmp_path / "out.mcap"), "--quiet"]) == 2
@@ -73,8 +73,8 @@ def refused(capsys, tmp_path, *arguments):
 def test_a_file_of_a_folder_that_cannot_be_read_is_an_error(
     dataset, tmp_path, capsys, name, obstacle
 ):
-    put(dataset / name, obstacle)
-    assert name in refused(capsys, tmp_path, dataset)
+    place_obstacle(dataset / name, obstacle)
+    assert name in refusal(capsys, tmp_path, dataset)
 
 
 @pytest.mark.parametrize("obstacle", ["broken", "loop", "fifo", "device", "file"])
@@ -84,8 +84,8 @@ def test_a_sensor_that_is_no_folder_is_an_error(dataset, tmp_path, capsys, name,
         shutil.rmtree(dataset / name, ignore_errors=True)
         (dataset / name).write_text("x")
     else:
-        put(dataset / name, obstacle)
-    assert name in refused(capsys, tmp_path, dataset)
+        place_obstacle(dataset / name, obstacle)
+    assert name in refusal(capsys, tmp_path, dataset)
 
 
 @pytest.mark.parametrize("obstacle", OBSTACLES)
@@ -93,13 +93,13 @@ def test_camchain_and_motion_capture_of_tum_vi(dataset, tmp_path, capsys, obstac
     for camera in ("cam0", "cam1"):
         (dataset / camera / "sensor.yaml").unlink()
     (dataset / "dso").mkdir()
-    put(dataset / "dso" / "camchain.yaml", obstacle)
-    assert "camchain.yaml" in refused(capsys, tmp_path, dataset)
+    place_obstacle(dataset / "dso" / "camchain.yaml", obstacle)
+    assert "camchain.yaml" in refusal(capsys, tmp_path, dataset)
     shutil.rmtree(dataset / "dso")
     shutil.rmtree(dataset / "state_groundtruth_estimate0")
     (dataset / "mocap0").mkdir()
-    put(dataset / "mocap0" / "data.csv", obstacle)
-    assert "mocap0" in refused(capsys, tmp_path, dataset)
+    place_obstacle(dataset / "mocap0" / "data.csv", obstacle)
+    assert "mocap0" in refusal(capsys, tmp_path, dataset)
 
 
 @pytest.mark.parametrize("name", [*NAMED[1:], *SENSORS[3:]])
@@ -114,14 +114,14 @@ def test_what_is_absent_is_left_out(dataset, tmp_path, name):
 @pytest.mark.parametrize("obstacle", OBSTACLES)
 def test_a_table_lists_an_image_that_is_none(dataset, tmp_path, capsys, obstacle):
     image = sorted((dataset / "cam0" / "data").iterdir())[0]
-    put(image, obstacle)
-    assert image.name in refused(capsys, tmp_path, dataset)
+    place_obstacle(image, obstacle)
+    assert image.name in refusal(capsys, tmp_path, dataset)
 
 
 @pytest.mark.parametrize("obstacle", OBSTACLES)
 def test_the_truth_of_evaluate(dataset, tmp_path, capsys, obstacle):
     (tmp_path / "x.tum").write_text("".join(f"{k} {k} 0 0 0 0 0 1\n" for k in range(9)))
-    put(dataset / "state_groundtruth_estimate0" / "data.csv", obstacle)
+    place_obstacle(dataset / "state_groundtruth_estimate0" / "data.csv", obstacle)
     assert evaluate.main([str(tmp_path / "x.tum"), str(dataset)]) == 2
     assert "state_groundtruth_estimate0/data.csv" in capsys.readouterr().err
 
@@ -133,11 +133,11 @@ def test_the_files_of_a_rosbag2_folder(tmp_path, capsys, storage, obstacle):
     arguments = ["-o", str(bag), "--duration", "1s", "--storage", storage, "--quiet"]
     assert generate.main(arguments) == 0
     shutil.copytree(bag, tmp_path / "other")
-    put(bag / "metadata.yaml", obstacle)
-    assert "metadata.yaml" in refused(capsys, tmp_path, bag)
+    place_obstacle(bag / "metadata.yaml", obstacle)
+    assert "metadata.yaml" in refusal(capsys, tmp_path, bag)
     part = next(p for p in (tmp_path / "other").iterdir() if p.suffix != ".yaml")
-    put(part, obstacle)
-    assert part.name in refused(capsys, tmp_path, part.parent)
+    place_obstacle(part, obstacle)
+    assert part.name in refusal(capsys, tmp_path, part.parent)
 
 
 @pytest.mark.parametrize("obstacle", OBSTACLES)
@@ -145,7 +145,7 @@ def test_the_files_of_a_rosbag2_folder(tmp_path, capsys, storage, obstacle):
 def test_the_files_of_tracks(tmp_path, name, obstacle):
     folder = tmp_path / "tracks"
     assert generate.main(["-o", str(folder), "--format", "tracks", *CAMERA]) == 0
-    put(folder / name, obstacle)
+    place_obstacle(folder / name, obstacle)
     with pytest.raises(ImuSimError, match=name):
         read_track_folder(folder)
 
@@ -154,7 +154,7 @@ def test_the_files_of_tracks(tmp_path, name, obstacle):
 @pytest.mark.parametrize("name", ["imu.preset", "camera.preset", "scene.file"])
 def test_a_parameter_that_names_a_file(tmp_path, capsys, name, obstacle):
     path = tmp_path / "named.yaml"
-    put(path, obstacle)
+    place_obstacle(path, obstacle)
     arguments = ["--camera", str(path)] if name == "camera.preset" else ["--set", f"{name}={path}"]
     arguments += ["--duration", "0.2s", "-o", str(tmp_path / "x.mcap"), "--quiet"]
     if name == "scene.file":
@@ -176,7 +176,7 @@ def test_a_mesh_and_the_files_that_it_names(tmp_path, capsys, name, obstacle):
     (tmp_path / "scene.gltf").write_text(
         '{"asset": {"version": "2.0"}, "buffers": [{"uri": "scene.bin", "byteLength": 36}]}'
     )
-    put(tmp_path / name, obstacle)
+    place_obstacle(tmp_path / name, obstacle)
     mesh = tmp_path / ("scene.gltf" if name == "scene.bin" else "scene.obj")
     options = [*CAMERA, "--set", "scene.type=mesh", "--set", f"scene.mesh={mesh}"]
     assert generate.main([*options, "-o", str(tmp_path / "x.mcap")]) == 2

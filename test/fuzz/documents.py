@@ -38,7 +38,7 @@ def _wrong(dice: random.Random, text: str) -> str:
     return text if dice.random() < 0.8 else text[: dice.randrange(len(text) + 1)]
 
 
-def _written(dice: random.Random, path: Path, text: str) -> None:
+def _write_damaged(dice: random.Random, path: Path, text: str) -> None:
     content = bytearray(_wrong(dice, text).encode(errors="replace"))
     for _ in range(dice.choice([0, 0, 0, 1, 8])):
         if content:
@@ -83,7 +83,7 @@ def route(dice: random.Random, sound: Path, place: Path) -> tuple[str, list[str]
         "r.txt": "0 0\n30 0\n30 20\n",
     }  # fmt: skip
     path = place / dice.choice(list(texts))
-    _written(dice, path, texts[path.name])
+    _write_damaged(dice, path, texts[path.name])
     limits = dice.choice([[], [], ["--set", f"trajectory.turning_radius={dice.choice(_NUMBERS)}"]])
     waypoint_options = dice.choice([
         ["--trajectory", str(path)],
@@ -109,7 +109,7 @@ def rinex(dice: random.Random, sound: Path, place: Path) -> tuple[str, list[str]
             "     3.0", f"     {dice.choice(['2.1', '2.0', '4.0', '1.0', 'x.x'])}", 1
         )
     path = place / "given.nav"
-    _written(dice, path, text)
+    _write_damaged(dice, path, text)
     return "generate", ["-o", "o.mcap", *NAVIGATION, "--set", f"gnss.ephemeris={path}"]
 
 
@@ -136,7 +136,7 @@ def sdf(dice: random.Random, sound: Path, place: Path) -> tuple[str, list[str]]:
     model = "<sdf version='1.9'><model name='m'><link name='l'>\n"
     text = _xml(dice, model + "\n".join(parts) + "\n</link></model></sdf>")
     path = place / dice.choice(["m.sdf", "m.urdf", "m.world"])
-    _written(dice, path, text)
+    _write_damaged(dice, path, text)
     imu_path = f"{path}{dice.choice(['', '', '#imu', '#p', '#', '#x#y'])}"
     return dice.choice([
         ("generate", ["-o", "o.mcap", "--duration", "1s", "--imu", imu_path]),

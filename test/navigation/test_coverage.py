@@ -13,7 +13,7 @@ SECOND = 1_000_000_000
 TRUTH = np.arange(2001) * SECOND // 100  # 20 s at 100 Hz
 
 
-def at(*parts):
+def stamps_of_parts(*parts):
     """Return stamps at 20 Hz from one second to another, for each part."""
     steps = [np.arange(round(20 * a), round(20 * b) + 1) for a, b in parts]
     return np.concatenate(steps) * SECOND // 20
@@ -22,21 +22,21 @@ def at(*parts):
 @pytest.mark.parametrize(
     ("estimate", "expected"),
     [
-        (at((0.0, 20.0)), (1.0, 20.0, 0.0, 0.0, 20.0)),
+        (stamps_of_parts((0.0, 20.0)), (1.0, 20.0, 0.0, 0.0, 20.0)),
         # An estimator that stops after 20 %, or after 1.95 s.
-        (at((0.0, 4.0)), (0.2, 4.0, 0.0, 0.0, 4.0)),
-        (at((0.0, 1.95)), (1.95 / 20.0, 1.95, 0.0, 0.0, 1.95)),
+        (stamps_of_parts((0.0, 4.0)), (0.2, 4.0, 0.0, 0.0, 4.0)),
+        (stamps_of_parts((0.0, 1.95)), (1.95 / 20.0, 1.95, 0.0, 0.0, 1.95)),
         # Two poses with everything between them missing.
         (np.array([0, 20 * SECOND]), (0.0, 0.0, 0.0, 0.0, 0.0)),
         (np.array([0, SECOND // 20]), (0.05 / 20.0, 0.05, 0.0, 0.0, 0.05)),
         # A gap, and the end of the first part.
-        (at((0.0, 6.0), (9.0, 20.0)), (17.0 / 20.0, 17.0, 0.0, 0.0, 6.0)),
+        (stamps_of_parts((0.0, 6.0), (9.0, 20.0)), (17.0 / 20.0, 17.0, 0.0, 0.0, 6.0)),
         # The start counts beyond 5 s only.
-        (at((4.0, 20.0)), (1.0, 16.0, 4.0, 4.0, 20.0)),
-        (at((8.0, 20.0)), (12.0 / 15.0, 12.0, 8.0, 5.0, 20.0)),
+        (stamps_of_parts((4.0, 20.0)), (1.0, 16.0, 4.0, 4.0, 20.0)),
+        (stamps_of_parts((8.0, 20.0)), (12.0 / 15.0, 12.0, 8.0, 5.0, 20.0)),
         # What is estimated before and after the truth is not of its time.
-        (at((-3.0, 23.0)), (1.0, 20.0, 0.0, 0.0, 20.0)),
-        (at((-3.0, -1.0)), (0.0, 0.0, 0.0, 0.0, 0.0)),
+        (stamps_of_parts((-3.0, 23.0)), (1.0, 20.0, 0.0, 0.0, 20.0)),
+        (stamps_of_parts((-3.0, -1.0)), (0.0, 0.0, 0.0, 0.0, 0.0)),
     ],
 )
 def test_estimates_of_20_seconds(estimate, expected):
@@ -48,22 +48,22 @@ def test_estimates_of_20_seconds(estimate, expected):
 def test_the_allowance_is_a_quarter_of_a_short_motion():
     """An estimate of 1 of 2 s: 0.5 s are allowed."""
     truth = np.arange(201) * SECOND // 100
-    assert coverage(at((1.0, 2.0)), truth).share == pytest.approx(1.0 / 1.5)
-    assert coverage(at((1.0, 2.0)), truth, allowance=0.0).share == pytest.approx(0.5)
+    assert coverage(stamps_of_parts((1.0, 2.0)), truth).share == pytest.approx(1.0 / 1.5)
+    assert coverage(stamps_of_parts((1.0, 2.0)), truth, allowance=0.0).share == pytest.approx(0.5)
 
 
 def test_a_gap_of_the_truth_is_not_of_its_time():
     """Motion capture that loses the body for 4 s says nothing about the estimate there."""
     truth = np.concatenate([TRUTH[:801], TRUTH[1200:]])
-    for estimate in (at((0.0, 20.0)), at((0.0, 8.0), (12.0, 20.0))):
+    for estimate in (stamps_of_parts((0.0, 20.0)), stamps_of_parts((0.0, 8.0), (12.0, 20.0))):
         covered = coverage(estimate, truth)
         assert (covered.truth_s, covered.estimated_s) == pytest.approx((16.0, 16.0))
-    assert coverage(at((0.0, 16.0)), truth).estimated_s == pytest.approx(12.0)
+    assert coverage(stamps_of_parts((0.0, 16.0)), truth).estimated_s == pytest.approx(12.0)
 
 
 def test_a_slow_truth_has_no_gaps():
     truth = np.arange(21) * SECOND
-    assert coverage(at((0.0, 10.0)), truth).share == pytest.approx(0.5)
+    assert coverage(stamps_of_parts((0.0, 10.0)), truth).share == pytest.approx(0.5)
 
 
 def test_slow_poses_are_gaps_unless_longer_ones_are_allowed():
@@ -73,7 +73,7 @@ def test_slow_poses_are_gaps_unless_longer_ones_are_allowed():
 
 
 def test_the_first_pose_that_has_failed_ends_it():
-    estimate = at((0.0, 20.0))
+    estimate = stamps_of_parts((0.0, 20.0))
     failed = (estimate >= 7 * SECOND) & (estimate < 8 * SECOND)
     covered = coverage(estimate, TRUTH, failed=failed)
     assert (covered.share, covered.time_to_failure_s) == pytest.approx((1.0, 7.0))

@@ -78,16 +78,16 @@ def test_readings_are_interpolated_at_the_edges(record):
     arguments = (motion.t_ns, motion.gyro, motion.accel)
     start, end = motion.t_ns[[0, -1]]
     middle = start + 333_333_333
-    whole = preintegrate(between(*arguments, [start, end]))
+    expected = preintegrate(between(*arguments, [start, end]))
     parts = preintegrate(between(*arguments, [start, middle, end]))
     gamma = rotation.multiply(parts.gamma[0], parts.gamma[1])
     first_rotation = rotation.to_matrix(parts.gamma[0])
     beta = parts.beta[0] + first_rotation @ parts.beta[1]
     alpha = parts.alpha[0] + parts.beta[0] * parts.duration[1] + first_rotation @ parts.alpha[1]
     # One step of 5 ms is split into two: the difference is that of their midpoint rules.
-    np.testing.assert_allclose(gamma, whole.gamma[0], atol=1e-8)
-    np.testing.assert_allclose(beta, whole.beta[0], atol=1e-6)
-    np.testing.assert_allclose(alpha, whole.alpha[0], atol=1e-6)
+    np.testing.assert_allclose(gamma, expected.gamma[0], atol=1e-8)
+    np.testing.assert_allclose(beta, expected.beta[0], atol=1e-6)
+    np.testing.assert_allclose(alpha, expected.alpha[0], atol=1e-6)
 
 
 def perturbed(readings, method, column, step):
@@ -226,7 +226,7 @@ MANIFOLD = "PreintegratedImuMeasurementsManifold"
 COMBINED = "PreintegratedCombinedMeasurementsManifold"
 
 
-def whole(motion, **options):
+def whole_interval(motion, **options):
     edges = motion.t_ns[[0, -1]]
     readings = between(motion.t_ns, motion.gyro, motion.accel, edges)
     return preintegrate(readings, ADIS16448, 0.01, 0.1, **options)
@@ -235,7 +235,7 @@ def whole(motion, **options):
 def test_euler_form_equals_gtsam(record):
     motion = record("excitation", 200.0, 2.0)
     measured = gtsam_measurements(MANIFOLD, motion.t_ns, motion.gyro, motion.accel)
-    pre = whole(motion, method="euler")
+    pre = whole_interval(motion, method="euler")
     np.testing.assert_allclose(pre.alpha[0], measured.deltaPij(), atol=1e-9, rtol=0)
     np.testing.assert_allclose(pre.beta[0], measured.deltaVij(), atol=1e-9, rtol=0)
     expected = measured.deltaRij().matrix()
@@ -302,9 +302,9 @@ def test_covariance_with_biases_equals_gtsam(record):
     motion = record("excitation", 200.0, 2.0)
     measured = gtsam_measurements(COMBINED, motion.t_ns, motion.gyro, motion.accel)
     sign = np.repeat([1.0, -1.0], [9, 6])
-    ours = sign[:, None] * as_gtsam(whole(motion, method="euler")) * sign
+    ours = sign[:, None] * as_gtsam(whole_interval(motion, method="euler")) * sign
     assert_close_covariance(ours, measured.preintMeasCov(), 1e-9)
-    midpoint = sign[:, None] * as_gtsam(whole(motion)) * sign
+    midpoint = sign[:, None] * as_gtsam(whole_interval(motion)) * sign
     assert_close_covariance(midpoint, measured.preintMeasCov(), 0.01)
 
 
@@ -319,7 +319,7 @@ def test_bias_jacobians_equal_gtsam(record):
     gtsam = pytest.importorskip("gtsam")
     motion = record("excitation", 200.0, 2.0)
     measured = gtsam_measurements(MANIFOLD, motion.t_ns, motion.gyro, motion.accel)
-    pre = whole(motion, method="euler")
+    pre = whole_interval(motion, method="euler")
     start = gtsam.NavState(gtsam.Pose3(), np.zeros(3))
     step = 1e-5
     for column in range(6):

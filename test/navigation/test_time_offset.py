@@ -52,14 +52,14 @@ def intervals(truth, runs, white, drift) -> list[OffsetInterval]:
     return [time_offset(noisy(truth, seed, white, drift), truth) for seed in range(runs)]
 
 
-def held(estimated: list[OffsetInterval]) -> int:
+def count_containing(estimated: list[OffsetInterval]) -> int:
     return sum(offset.low <= OFFSET <= offset.high for offset in estimated)
 
 
 def test_the_interval_holds_the_offset(truth):
     """Fewer than 12 of 15 intervals of 95 % hold once in 180 times."""
     estimated = intervals(truth, 15, 0.002, 0.03)
-    assert held(estimated) >= 12
+    assert count_containing(estimated) >= 12
     assert np.median([offset.high - offset.low for offset in estimated]) < 6e-3
 
 
@@ -82,14 +82,14 @@ def test_the_interval_holds_where_few_turns_tell_the_offset():
             q_wb=rotation.multiply(truth.q_wb[rows], rotation.exp(0.002 * error[:, 3:])),
         )
         offsets.append(time_offset(estimate, truth))
-    assert held(offsets) >= 34
+    assert count_containing(offsets) >= 34
 
 
 @pytest.mark.slow
 @pytest.mark.parametrize(("white", "drift"), [(0.005, 0.0), (0.002, 0.03), (0.01, 0.06)])
 def test_the_interval_holds_over_sixty_seeds(truth, white, drift):
     """Fewer than 51 of 60 intervals of 95 % hold once in 700 times."""
-    assert held(intervals(truth, 60, white, drift)) >= 51
+    assert count_containing(intervals(truth, 60, white, drift)) >= 51
 
 
 def test_motion_that_does_not_determine_the_offset_is_refused():

@@ -42,7 +42,7 @@ def sections(bag, folder, *arguments):
     return {section["title"]: section["items"] for section in json.loads(text)["sections"]}
 
 
-def words(items):
+def joined_texts(items):
     return " ".join(item["text"] for item in items if item["kind"] == "text")
 
 
@@ -55,7 +55,7 @@ def test_errors_of_fixes_are_those_of_the_simulation_and_so_are_shares(drive):
     """A stated covariance of a quarter: 38.3 % within one stated deviation, a half of the true."""
     flight, page_sections = drive
     items = page_sections["drive.mcap: /gps/fix"]
-    text = words(items)
+    text = joined_texts(items)
     sizes = np.sqrt(np.mean(flight.gnss.error**2, axis=0))
     for size, axis in zip(sizes, ("east", "north", "up"), strict=True):
         # Three digits are printed; east and north of the antenna turn by 1e-5 rad in 60 m.
@@ -84,10 +84,10 @@ def test_wheels_are_compared_in_their_own_frame(drive):
     items = page_sections["drive.mcap: errors of /wheel/odom"]
     wheels = flight.wheels
     error = np.linalg.norm(wheels.true_pose[:, :2] - wheels.pose[:, :2], axis=1)
-    assert f"{np.sqrt(np.mean(error**2)):.4g} m root mean square" in words(items)
-    assert "NEES of the position" in words(items)
-    assert "(2 expected)" in words(items)
-    assert "(1 expected)" in words(items)
+    assert f"{np.sqrt(np.mean(error**2)):.4g} m root mean square" in joined_texts(items)
+    assert "NEES of the position" in joined_texts(items)
+    assert "(2 expected)" in joined_texts(items)
+    assert "(1 expected)" in joined_texts(items)
     # What wheels do not measure has no plot; and in the world's frame they are no estimate.
     assert "/wheel/odom: position error x" in plots(items)
     assert "/wheel/odom: position error z" not in plots(items)
@@ -101,7 +101,7 @@ def test_every_sensor_with_a_truth_is_drawn_with_it(drive):
     items = page_sections["drive.mcap: /wheel/odom (twist)"]
     error = wheels.twist[:, 0] - wheels.true_twist[:, 0]
     (printed,) = re.findall(
-        r"linear: RMS error \(measured - true\).*?: ([0-9.e+-]+) x", words(items)
+        r"linear: RMS error \(measured - true\).*?: ([0-9.e+-]+) x", joined_texts(items)
     )
     assert float(printed) == pytest.approx(np.sqrt(np.mean(error**2)), rel=6e-3)
     drawn = plots(items)["/wheel/odom: linear: readings and truth"]["series"]
@@ -112,7 +112,7 @@ def test_every_sensor_with_a_truth_is_drawn_with_it(drive):
     joints = page_sections["drive.mcap: /joint_states"]
     error = wheels.angle - wheels.ideal_angle
     (printed,) = re.findall(
-        r"position: RMS error \(measured - true\).*?: ([0-9.e+-]+) \w+left\w*", words(joints)
+        r"position: RMS error \(measured - true\).*?: ([0-9.e+-]+) \w+left\w*", joined_texts(joints)
     )
     assert float(printed) == pytest.approx(np.sqrt(np.mean(error[:, 0] ** 2)), rel=6e-3)
 
@@ -134,11 +134,11 @@ def test_odometry_without_a_truth_of_its_own_begins_at_the_body(tmp_path):
     items, detail = (
         page_sections[f"drive.mcap: {k}"] for k in ("estimates", "errors of /wheel/odom")
     )
-    assert "/wheel/odom: in a frame of its own" in words(items)
+    assert "/wheel/odom: in a frame of its own" in joined_texts(items)
     wheels = flight.wheels
     error = np.linalg.norm(wheels.true_pose[:, :2] - wheels.pose[:, :2], axis=1)
     assert error.max() > 0.1
-    assert f"{np.sqrt(np.mean(error**2)):.3g}" in words(detail)
+    assert f"{np.sqrt(np.mean(error**2)):.3g}" in joined_texts(detail)
     (lines,) = [item["series"] for item in items if item["kind"] == "path"]
     assert [(line["x"][0], line["y"][0]) for line in lines] == [(30.0, -20.0)] * 2
     # The axes of the stated errors turn with it: going north, x is across the way.

@@ -41,27 +41,27 @@ def matrices(q):
     return scipy_rotation(q).as_matrix()
 
 
-def same(actual, expected, tolerance=TIGHT):
+def assert_close(actual, expected, tolerance=TIGHT):
     np.testing.assert_allclose(actual, expected, rtol=0, atol=tolerance)
 
 
 def test_a_product_of_quaternions_is_the_product_of_the_matrices():
     product = call("multiply", P, Q)
-    same(np.linalg.norm(product, axis=1), 1.0)
-    same(matrices(product), matrices(P) @ matrices(Q))
+    assert_close(np.linalg.norm(product, axis=1), 1.0)
+    assert_close(matrices(product), matrices(P) @ matrices(Q))
 
 
 def test_rotating_twice_is_rotating_by_the_product():
     product = call("multiply", P, Q)
     twice = call("rotate", P, call("rotate", Q, V))
-    same(call("rotate", product, V), twice)
+    assert_close(call("rotate", product, V), twice)
 
 
 def test_rotation_is_the_matrix_product_and_keeps_length_and_handedness():
     turned = call("rotate", Q, V)
-    same(turned, scipy_rotation(Q).apply(V))
-    same(np.linalg.norm(turned, axis=1), np.linalg.norm(V, axis=1))
-    same(
+    assert_close(turned, scipy_rotation(Q).apply(V))
+    assert_close(np.linalg.norm(turned, axis=1), np.linalg.norm(V, axis=1))
+    assert_close(
         np.cross(turned, call("rotate", Q, U)),
         call("rotate", Q, np.cross(V, U)),
         2e-14,
@@ -69,24 +69,24 @@ def test_rotation_is_the_matrix_product_and_keeps_length_and_handedness():
 
 
 def test_the_inverse_rotation_turns_back():
-    same(call("rotate_inverse", Q, call("rotate", Q, V)), V)
-    same(call("rotate_inverse", Q, V), scipy_rotation(Q).inv().apply(V))
+    assert_close(call("rotate_inverse", Q, call("rotate", Q, V)), V)
+    assert_close(call("rotate_inverse", Q, V), scipy_rotation(Q).inv().apply(V))
 
 
 def test_the_conjugate_is_the_inverse():
     identity = np.tile(rotation.IDENTITY, (N, 1))
-    same(call("multiply", Q, call("conjugate", Q)), identity)
+    assert_close(call("multiply", Q, call("conjugate", Q)), identity)
 
 
 @pytest.mark.parametrize("factor", [1e-100, 1.0 - 1e-12, 1.0, 3.0, 1e100])
 def test_normalised_quaternions_keep_their_direction(factor):
-    same(call("normalise", factor * Q), Q, 1e-15)
+    assert_close(call("normalise", factor * Q), Q, 1e-15)
 
 
 def test_exp_is_the_rotation_by_the_vector_at_every_size():
     q = call("exp", TURNS)
-    same(np.linalg.norm(q, axis=1), 1.0, 1e-15)
-    same(matrices(q), Rotation.from_rotvec(TURNS).as_matrix())
+    assert_close(np.linalg.norm(q, axis=1), 1.0, 1e-15)
+    assert_close(matrices(q), Rotation.from_rotvec(TURNS).as_matrix())
     # The vector part of a small turn is half the vector, to all digits.
     small = np.linalg.norm(TURNS, axis=1) < 1e-7
     np.testing.assert_allclose(q[small, 1:], 0.5 * TURNS[small], rtol=1e-14, atol=0)
@@ -94,24 +94,24 @@ def test_exp_is_the_rotation_by_the_vector_at_every_size():
 
 def test_turns_about_one_axis_add_up():
     parts = call("multiply", call("exp", 0.3 * V), call("exp", 0.7 * V))
-    same(parts, call("exp", V))
+    assert_close(parts, call("exp", V))
 
 
 def test_cross_is_the_vector_product():
-    same(call("cross", U, V), np.cross(U, V), 1e-15)
+    assert_close(call("cross", U, V), np.cross(U, V), 1e-15)
 
 
 def test_euler_angles_are_yaw_pitch_roll_and_come_back():
     q = call("from_euler", ANGLES)
-    same(matrices(q), Rotation.from_euler("ZYX", ANGLES[:, ::-1]).as_matrix())
+    assert_close(matrices(q), Rotation.from_euler("ZYX", ANGLES[:, ::-1]).as_matrix())
     # Near a pitch of 90 degrees roll and yaw lose digits as 1 / cos(1.5) = 14.
-    same(call("to_euler", q), ANGLES, 1e-13)
+    assert_close(call("to_euler", q), ANGLES, 1e-13)
 
 
 def test_a_matrix_is_applied_alike_to_few_and_to_many():
     for matrix in (np.eye(3), RNG.normal(size=(3, 3)), np.diag([1.0, 0.0, 2.0])):
         many = rotation.transform(matrix, V)
-        same(many, V @ matrix.T, 1e-14)
+        assert_close(many, V @ matrix.T, 1e-14)
         few = [rotation.transform(matrix, V[k : k + 7]) for k in range(0, N, 7)]
         np.testing.assert_array_equal(many, np.concatenate(few))
         # A matrix for each of the second axis's places, the same bits.
@@ -141,6 +141,8 @@ def test_each_component_of_a_result_is_contiguous():
 
 def test_one_rotation_is_applied_to_many():
     many = rotation.multiply(P[0], Q)
-    same(many, rotation.multiply(np.tile(P[0], (N, 1)), Q), 0.0)
-    same(rotation.rotate(P[0], V), rotation.rotate(np.tile(P[0], (N, 1)), V), 0.0)
-    same(rotation.rotate_inverse(Q, V[0]), rotation.rotate_inverse(Q, np.tile(V[0], (N, 1))), 0.0)
+    assert_close(many, rotation.multiply(np.tile(P[0], (N, 1)), Q), 0.0)
+    assert_close(rotation.rotate(P[0], V), rotation.rotate(np.tile(P[0], (N, 1)), V), 0.0)
+    assert_close(
+        rotation.rotate_inverse(Q, V[0]), rotation.rotate_inverse(Q, np.tile(V[0], (N, 1))), 0.0
+    )

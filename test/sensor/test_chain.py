@@ -29,7 +29,7 @@ def simulation(**values: object) -> Body:
     return Body(load_simulation({**base, **values}))
 
 
-def read(count: int = 500, **values: object) -> Samples:
+def read_samples(count: int = 500, **values: object) -> Samples:
     return simulation(**values).next(count)["imu"]
 
 
@@ -39,7 +39,9 @@ def sensor(**values: object) -> dict[str, object]:
 
 def test_scale_and_misalignment_matrix() -> None:
     flat = S.ravel().tolist()
-    block = read(**sensor(gyroscope_scale_misalignment=flat, accelerometer_scale_misalignment=flat))
+    block = read_samples(
+        **sensor(gyroscope_scale_misalignment=flat, accelerometer_scale_misalignment=flat)
+    )
     assert np.allclose(block.gyro, block.ideal_gyro @ S.T, atol=1e-15)
     assert np.allclose(block.accel, block.ideal_accel @ S.T, atol=1e-14)
 
@@ -47,7 +49,7 @@ def test_scale_and_misalignment_matrix() -> None:
 def test_percent_forms_are_the_same_matrix() -> None:
     error = 100.0 * (S - np.eye(3))
     cross = [error[i, j] for i, j in ((0, 1), (0, 2), (1, 0), (1, 2), (2, 0), (2, 1))]
-    block = read(
+    block = read_samples(
         **sensor(
             accelerometer_scale_error_percent=np.diag(error).tolist(),
             accelerometer_misalignment_percent=cross,
@@ -58,7 +60,7 @@ def test_percent_forms_are_the_same_matrix() -> None:
 
 def test_quadratic_and_g_sensitivity_and_bias() -> None:
     q, b = np.array([1e-3, -2e-3, 3e-3]), np.array([0.1, 0.2, -0.3])
-    block = read(
+    block = read_samples(
         **sensor(
             gyroscope_quadratic=q.tolist(),
             gyroscope_g_sensitivity=G_SENSITIVITY.ravel().tolist(),
@@ -79,10 +81,10 @@ def test_scale_acts_on_the_response_and_not_on_the_bias() -> None:
         gyroscope_temperature_scale=[0.01, 0.02, 0.03],
         gyroscope_turn_on_scale_sigma=0.1,
     )
-    block = read(**values, **{"temperature.value": 30.0})
+    block = read_samples(**values, **{"temperature.value": 30.0})
     assert np.ptp(block.gyro_scale, axis=0).max() == 0.0
     assert np.allclose(block.gyro, block.gyro_scale * (block.ideal_gyro @ S.T) + 1.0, atol=1e-14)
-    turn_on = read(**{**values, "imu.gyroscope_temperature_scale": []}).gyro_scale[0]
+    turn_on = read_samples(**{**values, "imu.gyroscope_temperature_scale": []}).gyro_scale[0]
     assert np.allclose(block.gyro_scale[0] - turn_on, [0.05, 0.10, 0.15])
 
 
@@ -100,7 +102,7 @@ def test_truth_accounts_for_the_reading() -> None:
         accelerometer_temperature_bias=[0.01, 0.02, 0.03, 1e-4, 2e-4, 3e-4],
         accelerometer_temperature_scale=[1e-3, 2e-3, 3e-3],
     )
-    block = read(**values, **{"temperature.profile": [0.0, 20.0, 2.0, 50.0]})
+    block = read_samples(**values, **{"temperature.profile": [0.0, 20.0, 2.0, 50.0]})
     explained = block.accel_scale * block.ideal_accel + block.accel_bias
     assert np.allclose(block.accel, explained, atol=1e-13)
     assert np.ptp(block.accel_bias, axis=0).min() > 0.1
@@ -160,7 +162,7 @@ def test_the_truths_explain_every_digit_of_the_reading(sampling: str) -> None:
 
 
 def test_biases_and_scales_follow_polynomials_of_the_temperature() -> None:
-    block = read(
+    block = read_samples(
         **sensor(
             gyroscope_temperature_bias=[0.1, 0.2, 0.3, 0.01, 0.02, 0.03],
             gyroscope_temperature_scale=[0.0, 0.0, 1e-3],
@@ -215,7 +217,7 @@ def test_low_pass_has_its_cut_off_and_slope(order: int) -> None:
     rate, cutoff = 200.0, 20.0
     for f in (5.0, 20.0, 40.0):
         roll = {"amplitude": [0.01], "angular_frequency": [2 * np.pi * f]}
-        block = read(
+        block = read_samples(
             4000,
             rate=rate,
             **{"trajectory.type": "harmonic"},
@@ -228,7 +230,9 @@ def test_low_pass_has_its_cut_off_and_slope(order: int) -> None:
 
 
 def test_low_pass_starts_settled() -> None:
-    block = read(50, **{"trajectory.type": "static"}, **sensor(accelerometer_bandwidth=10.0))
+    block = read_samples(
+        50, **{"trajectory.type": "static"}, **sensor(accelerometer_bandwidth=10.0)
+    )
     assert np.allclose(block.accel, block.ideal_accel, atol=1e-12)
 
 
@@ -244,7 +248,7 @@ def test_noise_gain_is_the_sum_of_the_squared_impulse_response(cutoff: float, or
 
 
 def test_saturation_and_quantisation() -> None:
-    block = read(
+    block = read_samples(
         **sensor(accelerometer_range=[0.0, 5.0, 9.0], accelerometer_resolution=[0.0, 0.0, 0.25])
     )
     assert np.array_equal(block.accel[:, 0], block.ideal_accel[:, 0])
@@ -287,7 +291,7 @@ def test_covariance_is_the_variance_of_the_samples(rate: float) -> None:
 
 
 def test_perfect_sensor_has_no_error_at_all() -> None:
-    block = read()
+    block = read_samples()
     assert np.array_equal(block.gyro, block.ideal_gyro)
     assert np.array_equal(block.accel, block.ideal_accel)
     assert np.array_equal(block.t_ns, block.true_t_ns)

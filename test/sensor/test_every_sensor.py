@@ -45,7 +45,7 @@ def prefix(sensor: Sensor) -> str:
     return f"imu.{sensor.name}_" if sensor.with_imu else f"{sensor.name}."
 
 
-def given(sensor: Sensor, **overrides: object) -> dict[str, Any]:
+def noisy_parameters(sensor: Sensor, **overrides: object) -> dict[str, Any]:
     """Return parameters in which the sensor is there, and noisy."""
     declared = parameters(sensor.section)
     noisy = {
@@ -69,31 +69,35 @@ def arrays(sensor: Sensor, blocks: Any) -> dict[str, Any]:
     return {name: np.concatenate([getattr(samples, name) for samples in windows]) for name in names}
 
 
-def whole(sensor: Sensor, settings: dict[str, Any]) -> dict[str, Any]:
+def whole_run(sensor: Sensor, settings: dict[str, Any]) -> dict[str, Any]:
     return arrays(sensor, [simulation(sensor, settings).next(10**6)])
 
 
-def same(a: dict[str, Any], b: dict[str, Any]) -> bool:
+def same_arrays(a: dict[str, Any], b: dict[str, Any]) -> bool:
     return all(np.array_equal(a[name], b[name], equal_nan=True) for name in a)
 
 
 def test_blocks_may_have_any_size(sensor: Sensor) -> None:
-    samples = whole(sensor, given(sensor))
-    assert same(samples, arrays(sensor, simulation(sensor, given(sensor)).windows(37)))
-    assert same(samples, arrays(sensor, simulation(sensor, given(sensor)).windows(1)))
+    samples = whole_run(sensor, noisy_parameters(sensor))
+    assert same_arrays(
+        samples, arrays(sensor, simulation(sensor, noisy_parameters(sensor)).windows(37))
+    )
+    assert same_arrays(
+        samples, arrays(sensor, simulation(sensor, noisy_parameters(sensor)).windows(1))
+    )
 
 
 def test_seeds_differ_and_repeat(sensor: Sensor) -> None:
     samples, other_samples = (
-        whole(sensor, given(sensor)),
-        whole(sensor, {**given(sensor), "seed": 4}),
+        whole_run(sensor, noisy_parameters(sensor)),
+        whole_run(sensor, {**noisy_parameters(sensor), "seed": 4}),
     )
-    assert not same(samples, other_samples)
-    assert same(samples, whole(sensor, given(sensor)))
+    assert not same_arrays(samples, other_samples)
+    assert same_arrays(samples, whole_run(sensor, noisy_parameters(sensor)))
 
 
 def test_no_sample_of_the_imu_depends_on_it(sensor: Sensor) -> None:
-    with_it = simulation(sensor, given(sensor)).next(10**6)["imu"]
+    with_it = simulation(sensor, noisy_parameters(sensor)).next(10**6)["imu"]
     alone = Body(load_simulation(BOARD)).next(10**6)["imu"]
     assert all(np.array_equal(getattr(alone, n), getattr(with_it, n)) for n in ("gyro", "accel"))
 
@@ -102,9 +106,12 @@ def test_truth_is_complete_and_python_returns_it(sensor: Sensor) -> None:
     """Each array has a row for every sample; what is lost is in the truth, not in the readings."""
     lossy = {"dropout_probability": 0.5}
     if sensor.with_imu:
-        values = {**given(sensor), **{f"imu.{name}": value for name, value in lossy.items()}}
+        values = {
+            **noisy_parameters(sensor),
+            **{f"imu.{name}": value for name, value in lossy.items()},
+        }
     else:
-        values = given(sensor, **lossy)
+        values = noisy_parameters(sensor, **lossy)
     run = simulation(sensor, values)
     block = run.next(10**6)
     samples = block[sensor.quantity]
@@ -121,7 +128,7 @@ def test_truth_is_complete_and_python_returns_it(sensor: Sensor) -> None:
 
 @pytest.mark.parametrize("name", ["all.mcap", "all.bag"])
 def test_messages_there_and_back(sensor: Sensor, tmp_path: Path, name: str) -> None:
-    flight = ims.simulate(**{**nested(given(sensor)), "sensors": [sensor.quantity]})
+    flight = ims.simulate(**{**nested(noisy_parameters(sensor)), "sensors": [sensor.quantity]})
     topics = ["imu/data_raw", *(topic.name for topic in sensor.topics)]
     path = flight.save(tmp_path / name, topics=topics)
     if sensor.table is None or not sensor.table.is_converted:  # its messages are no rows of one
@@ -135,7 +142,7 @@ def test_messages_there_and_back(sensor: Sensor, tmp_path: Path, name: str) -> N
 
 @pytest.mark.parametrize("form", ["euroc", "csv"])
 def test_text_there_and_back(sensor: Sensor, tmp_path: Path, form: str) -> None:
-    flight = ims.simulate(**{**nested(given(sensor)), "sensors": [sensor.quantity]})
+    flight = ims.simulate(**{**nested(noisy_parameters(sensor)), "sensors": [sensor.quantity]})
     topics = ["imu/data_raw", sensor.topics[0].name]
     if sensor.table is None:
         with pytest.raises(ims.InputError, match=f"does not exist in {form}"):
@@ -152,10 +159,12 @@ def test_text_there_and_back(sensor: Sensor, tmp_path: Path, form: str) -> None:
 def test_a_dropout_loses_messages_of_its_sensor_alone(sensor: Sensor) -> None:
     if not sensor.faults:
         with pytest.raises(ims.ConfigurationError, match="fault triad"):
-            simulation(sensor, given(sensor)).inject(Fault("bias_jump", 1.0, 1.0, sensor.name))
+            simulation(sensor, noisy_parameters(sensor)).inject(
+                Fault("bias_jump", 1.0, 1.0, sensor.name)
+            )
         return
-    plain = whole(sensor, given(sensor))
-    run = simulation(sensor, given(sensor))
+    plain = whole_run(sensor, noisy_parameters(sensor))
+    run = simulation(sensor, noisy_parameters(sensor))
     run.inject(Fault("dropout", 1.0, 1.0, sensor.name))
     block = run.next(10**6)
     samples = block[sensor.quantity]
@@ -163,7 +172,7 @@ def test_a_dropout_loses_messages_of_its_sensor_alone(sensor: Sensor) -> None:
     since = (samples.true_t_ns[lost] - run.t0_ns) * 1e-9
     assert len(lost) == np.count_nonzero(samples.true_t_ns < run.t0_ns + 10**9) > 0
     assert since.max() < 1.0
-    assert same(plain, arrays(sensor, [block]))
+    assert same_arrays(plain, arrays(sensor, [block]))
     assert len(block["imu"].delivered) == len(block["imu"].t_ns)
 
 
@@ -172,10 +181,10 @@ def test_live_parameters_change_from_the_next_block_on(sensor: Sensor) -> None:
     name = next((name for name in live if name.startswith("noise")), None)
     if name is None:  # no noise of it is live
         return
-    plain = whole(sensor, given(sensor))
-    run = simulation(sensor, given(sensor))
+    plain = whole_run(sensor, noisy_parameters(sensor))
+    run = simulation(sensor, noisy_parameters(sensor))
     earlier = run.next(300)
-    run.update(load_simulation(given(sensor), {f"{prefix(sensor)}{name}": 0.0}))
+    run.update(load_simulation(noisy_parameters(sensor), {f"{prefix(sensor)}{name}": 0.0}))
     both = arrays(sensor, [earlier, run.next(10**6)])
     count = len(earlier[sensor.quantity].t_ns)
     differs = [n for n in plain if not np.array_equal(plain[n], both[n])]

@@ -20,12 +20,12 @@ def simulation(**values):
     return Body(load_simulation({**BASE, **parameters}))
 
 
-def read(count=2000, **values):
+def read_samples(count=2000, **values):
     return simulation(**values).next(count)["imu"]
 
 
 def shaken(frequency, acceleration, **values):
-    return read(
+    return read_samples(
         trajectory__vibration__frequency=[frequency],
         trajectory__vibration__acceleration=acceleration,
         **values,
@@ -53,8 +53,8 @@ def test_mean_with_turning_gravity_and_lever_arm_is_that_of_many_instants():
         "trajectory__vibration__angular_rate": [0.0, 2.0, 1.0, 3.0, 0.0, 0.0],
         "imu__lever_arm": [0.1, 0.0, 0.05],
     }
-    block = read(50, imu__sampling="averaged", **values)
-    fine = read(49 * 100 + 1, **{**values, "rate": RATE * 100})
+    block = read_samples(50, imu__sampling="averaged", **values)
+    fine = read_samples(49 * 100 + 1, **{**values, "rate": RATE * 100})
     weights = np.ones(101)
     weights[1:-1:2], weights[2:-1:2] = 4.0, 2.0
     weights /= weights.sum()
@@ -119,7 +119,7 @@ def test_noise_of_an_oversampled_sensor_has_the_stated_variance():
 
 
 def test_an_oversampled_sensor_at_rest_has_its_biases():
-    block = read(
+    block = read_samples(
         500,
         imu__gyroscope_bias=[0.01, 0.0, -0.02],
         imu__accelerometer_rate_ramp=1e-3,
@@ -136,7 +136,9 @@ def test_an_oversampled_sensor_at_rest_has_its_biases():
 def test_an_oversampled_rate_of_eight_by_default():
     eight = {**OVERSAMPLED, "imu__internal_rate": 8 * RATE, "imu__gyroscope_noise_density": 1e-3}
     default = {**eight, "imu__internal_rate": 0.0}
-    np.testing.assert_array_equal(read(300, **eight).gyro, read(300, **default).gyro)
+    np.testing.assert_array_equal(
+        read_samples(300, **eight).gyro, read_samples(300, **default).gyro
+    )
 
 
 COUNTED = {
@@ -149,7 +151,7 @@ COUNTED = {
 def test_increments_are_whole_steps_whose_sum_is_the_rounded_sum():
     noise = {"imu__gyroscope_noise_density": 1e-4, "imu__accelerometer_noise_density": 2e-3}
     counted, exact = (
-        read(5000, trajectory__type="lecture", **settings)
+        read_samples(5000, trajectory__type="lecture", **settings)
         for settings in ({**COUNTED, **noise}, {"imu__sampling": "averaged", **noise})
     )
     for rounded, smooth, step in (

@@ -77,7 +77,7 @@ def beam(monkeypatch: Any) -> None:
     )
 
 
-def read(settings: dict[str, Any], **overrides: Any) -> tuple[Body, dict[str, Any]]:
+def read_sensors(settings: dict[str, Any], **overrides: Any) -> tuple[Body, dict[str, Any]]:
     parameters = load_simulation(settings, overrides)
     body = Body(parameters, sensors={"beam", "side"})
     return body, body.next(10**6)
@@ -85,7 +85,7 @@ def read(settings: dict[str, Any], **overrides: Any) -> tuple[Body, dict[str, An
 
 def test_beams_end_on_the_walls_of_a_room() -> None:
     """Both sensors end their beams on the room's planes; x of the second one is y of the body."""
-    body, samples = read(
+    body, samples = read_sensors(
         GIVEN, **{"scene.type": "room", "scene.size": [60.0, 50.0, 40.0], "scene.boxes": 0}
     )
     for name, axis in (("beam", 0), ("side", 1)):
@@ -102,7 +102,7 @@ def test_beams_end_on_the_walls_of_a_room() -> None:
 def test_sensors_of_a_kind_have_noise_faults_frames_and_topics_of_their_own(
     tmp_path: Path,
 ) -> None:
-    body, samples = read(GIVEN)
+    body, samples = read_sensors(GIVEN)
     noise = [samples[name].distance - samples[name].ideal for name in ("beam", "side")]
     # 200 pairs of independent numbers: a correlation is below 5 / sqrt(200) = 0.35.
     assert abs(np.corrcoef(noise)[0, 1]) < 0.35
@@ -134,7 +134,7 @@ def _reader(path: Path) -> Any:
 def test_cameras_and_other_sensors_share_the_scene(tmp_path: Path) -> None:
     """A place leaves the paths of both free; without cameras it is made as well."""
     settings = {**GIVEN, "scene.type": "office", "side.lever_arm": [0.0, 0.0, 1.5]}
-    _, alone = read(settings)
+    _, alone = read_sensors(settings)
     assert np.isfinite(alone["side"].ideal).all()
     assert alone["side"].ideal.min() > 0.0
     path = tmp_path / "b.mcap"

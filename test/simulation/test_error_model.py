@@ -627,7 +627,7 @@ def said_of(readings: Readings, rate: float, imu: str = QUIETEST, **values: obje
     return lines[0]
 
 
-def flown(rate: float, trajectory: str = "figure_eight", **imu: object) -> ims.Flight:
+def fly(rate: float, trajectory: str = "figure_eight", **imu: object) -> ims.Flight:
     """Return 2.1 s of an IMU."""
     imu_values = {"preset": "perfect", **imu}
     return ims.simulate(imu=imu_values, trajectory=trajectory, rate=rate, duration=2.1, seed=1)
@@ -638,7 +638,7 @@ def read_of(flight: ims.Flight) -> Readings:
 
 
 def ideal_of(rate: float, trajectory: str = "figure_eight") -> Readings:
-    return read_of(flown(rate, trajectory))
+    return read_of(fly(rate, trajectory))
 
 
 def densities(lines: list[str]) -> list[float]:
@@ -691,7 +691,7 @@ def test_noise_is_told_with_its_density(trajectory: str, rate: float) -> None:
 @pytest.mark.parametrize("rate", [100.0, 1000.0])
 @pytest.mark.parametrize("sensor", ["mpu6000", "bmi088", "adis16470", "lecture", QUIETEST])
 def test_errors_that_are_added_twice_are_told(sensor: str, rate: float) -> None:
-    readings = read_of(flown(rate, preset=sensor))
+    readings = read_of(fly(rate, preset=sensor))
     gyro, accel = said_of(readings, rate, sensor)
     assert "input: the gyroscope has white noise of " in gyro
     assert "rad/s/sqrt(Hz) already, and imu.gyroscope_noise_density adds " in gyro
@@ -734,7 +734,7 @@ BAND = {"band_low": [20.0], "band_high": [80.0], "band_density": [1e-3] * 3 + [0
 @pytest.mark.parametrize("vibration", [LINES, BAND], ids=["lines", "band"])
 @pytest.mark.parametrize("rate", [200.0, 1000.0])
 def test_vibration_is_no_noise(vibration: dict[str, object], rate: float) -> None:
-    shaken = flown(rate, **{f"vibration.{name}": value for name, value in vibration.items()})
+    shaken = fly(rate, **{f"vibration.{name}": value for name, value in vibration.items()})
     assert said_of(read_of(shaken), rate) == []
 
 

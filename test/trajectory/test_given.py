@@ -120,7 +120,7 @@ def test_rests_and_vibration_apply_to_it():
     np.testing.assert_array_equal(flight.accel, by_name.accel)
 
 
-def one(t, **changed):
+def changed_sample(t, **changed):
     return Own().sample(t)._replace(**changed)
 
 
@@ -159,10 +159,13 @@ def test_what_a_function_does_wrong_is_one_line(poses, line):
     ("sample", "line"),
     [
         (raising, r"trajectory\.sample\(t\): raised KeyError"),
-        (lambda t: one(t, velocity=np.zeros((len(t), 2))), r"velocity of the shape \(\d+, 2\)"),
-        (lambda t: one(t, acceleration=np.full((len(t), 3), 1e9)), "at most 1e.07 m/s"),
-        (lambda t: one(t, q_wb=0.0 * level(t)), "a quaternion of length 0"),
-        (lambda t: tuple(one(t))[:5], r"must be a Motion: position \(n, 3\), velocity"),
+        (
+            lambda t: changed_sample(t, velocity=np.zeros((len(t), 2))),
+            r"velocity of the shape \(\d+, 2\)",
+        ),
+        (lambda t: changed_sample(t, acceleration=np.full((len(t), 3), 1e9)), "at most 1e.07 m/s"),
+        (lambda t: changed_sample(t, q_wb=0.0 * level(t)), "a quaternion of length 0"),
+        (lambda t: tuple(changed_sample(t))[:5], r"must be a Motion: position \(n, 3\), velocity"),
     ],
 )
 def test_what_an_object_does_wrong_is_one_line(sample, line):

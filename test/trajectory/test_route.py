@@ -38,7 +38,7 @@ TRACK = (
 CSV = "name,longitude,latitude\n" + "".join(f"p,{o},{a}\n" for a, o in PLACES)
 
 
-def written(tmp_path, name, text):
+def write_text(tmp_path, name, text):
     path = tmp_path / name
     path.write_text(text)
     return path
@@ -68,7 +68,7 @@ def test_places_are_those_of_the_plane(origin):
     ],
 )
 def test_each_form_gives_the_same_route(tmp_path, name, text, timed):
-    route = read_route(written(tmp_path, name, text))
+    route = read_route(write_text(tmp_path, name, text))
     expected = east_north(*np.array(PLACES).T, *PLACES[0])
     np.testing.assert_allclose(route.waypoints, expected, atol=1e-9)
     assert route.origin == pytest.approx(PLACES[0])
@@ -81,7 +81,7 @@ def test_each_form_gives_the_same_route(tmp_path, name, text, timed):
 
 
 def test_metres_stay_as_they_are(tmp_path):
-    path = written(tmp_path, "route.csv", "t,x,y,z\n# a comment\n0,1.5,2,3\n30,100.0,2.5,\n")
+    path = write_text(tmp_path, "route.csv", "t,x,y,z\n# a comment\n0,1.5,2,3\n30,100.0,2.5,\n")
     route = read_route(path)
     np.testing.assert_array_equal(route.heights, [3.0, np.nan])
     np.testing.assert_array_equal(route.waypoints, [[1.5, 2.0], [100.0, 2.5]])
@@ -91,7 +91,7 @@ def test_metres_stay_as_they_are(tmp_path):
 
 def test_fixes_are_on_the_route(tmp_path):
     """Fixes without error pass the file's points to 2 cm, at steps of 0.1 s."""
-    path = written(tmp_path, "route.gpx", GPX)
+    path = write_text(tmp_path, "route.gpx", GPX)
     flight = ims.simulate(
         trajectory=str(path),
         rate=100.0,
@@ -111,13 +111,13 @@ def test_elevations_of_a_file_are_above_its_first_point(tmp_path):
     text = GPX
     for k in range(4):
         text = text.replace("<ele>520<", f"<ele>{521 + 2 * k}.0<", 1)
-    layer = {**trajectory_layer(str(written(tmp_path, "hill.gpx", text)))}
+    layer = {**trajectory_layer(str(write_text(tmp_path, "hill.gpx", text)))}
     layer |= {"trajectory.use_elevations": True, "trajectory.rest_before": 1.0}
     moving = build_trajectory(load_simulation(layer).trajectory)
     ends = moving.sample(np.array([0.0, moving.duration])).position[:, 2]
     np.testing.assert_allclose(ends, [0.0, 6.0], atol=1e-6)
     text = text.replace("<ele>525.0</ele>", "<ele>high</ele>")
-    layer |= trajectory_layer(str(written(tmp_path, "gap.gpx", text)))
+    layer |= trajectory_layer(str(write_text(tmp_path, "gap.gpx", text)))
     with pytest.raises(ConfigurationError, match="1 of 4 points have no elevation.* point 3"):
         build_trajectory(load_simulation(layer).trajectory)
 
@@ -125,7 +125,7 @@ def test_elevations_of_a_file_are_above_its_first_point(tmp_path):
 def test_another_origin_is_warned_of(tmp_path, capsys):
     from imu_sim_ros.simulation.engine import Body
 
-    path = written(tmp_path, "route.gpx", GPX)
+    path = write_text(tmp_path, "route.gpx", GPX)
     layer = trajectory_layer(str(path))
     assert layer == {"trajectory.type": "drive", "trajectory.file": str(path)}
     (line,) = Body(load_simulation(layer)).warnings()
@@ -165,7 +165,7 @@ def test_another_origin_is_warned_of(tmp_path, capsys):
     ],
 )
 def test_bad_files_are_named(tmp_path, name, text, reason):
-    path = written(tmp_path, name, text)
+    path = write_text(tmp_path, name, text)
     with pytest.raises(InputError) as caught:
         read_route(path)
     assert reason in caught.value.problems[0]
@@ -191,4 +191,4 @@ def test_entities_are_refused(tmp_path):
         "<gpx><name>&b;</name></gpx>"
     )
     with pytest.raises(InputError, match="document type"):
-        read_route(written(tmp_path, "bomb.gpx", bomb))
+        read_route(write_text(tmp_path, "bomb.gpx", bomb))

@@ -128,9 +128,9 @@ def test_positions_have_the_attitude_of_att(path, flight):
 
 
 def test_a_bag_keeps_all_sensors(path, flight, tmp_path):
-    written = ims.convert(path, tmp_path / "flight.bag")
+    conversion = ims.convert(path, tmp_path / "flight.bag")
     n, few = len(flight.readings), len(flight.readings.t_ns[::20])
-    assert written.messages == {
+    assert conversion.messages == {
         **dict.fromkeys(("/IMU_0", "/IMU_0/temperature", "/IMU_1", "/IMU_1/temperature"), n),
         "/XKF1_0": n,
         **dict.fromkeys(("/POS_0", "/GPS_0", "/GPS_0/velocity", "/MAG_0", "/BARO_0"), few),
@@ -140,7 +140,7 @@ def test_a_bag_keeps_all_sensors(path, flight, tmp_path):
     assert ims.read_pressure(path).values[0] == pytest.approx(94500.0)
     from rosbags.highlevel import AnyReader
 
-    with AnyReader([written.output]) as reader:
+    with AnyReader([conversion.output]) as reader:
         messages = {c.topic: reader.deserialize(d, c.msgtype) for c, _, d in reader.messages()}
     fix = messages["/GPS_0"]
     assert (fix.latitude, fix.longitude) == pytest.approx((LATITUDE, LONGITUDE), abs=1e-7)
@@ -151,7 +151,7 @@ def test_a_bag_keeps_all_sensors(path, flight, tmp_path):
     assert messages["/IMU_1/temperature"].temperature == 33.5
 
 
-def written(path, flight):
+def write_flight(path, flight):
     """Write the IMU and the filter of a flight."""
     readings, t = flight.readings, stamps(flight.truth.t_ns)
     return dataflash.write(path, {
@@ -162,7 +162,7 @@ def written(path, flight):
 
 def test_allan_and_calibration_are_those_of_the_readings(tmp_path):
     still = ims.simulate(imu="bmi088", trajectory="static", duration=60, rate=50, seed=3)
-    noise, expected = (ims.allan(x) for x in (written(tmp_path / "still.bin", still), still))
+    noise, expected = (ims.allan(x) for x in (write_flight(tmp_path / "still.bin", still), still))
     for triad in ("gyroscope", "accelerometer"):
         densities = [getattr(result, triad).noise_density.high for result in (noise, expected)]
         # Rounding to float32 is 1e-6 m/s^2, a thousandth of the noise of a reading.
@@ -170,7 +170,7 @@ def test_allan_and_calibration_are_those_of_the_readings(tmp_path):
     turned = ims.simulate(imu="lecture", trajectory="six_position", rate=20, seed=1)
     biases = [
         ims.calibrate_six_position(x).parameters["accelerometer_bias"].value
-        for x in (written(tmp_path / "six.bin", turned), turned)
+        for x in (write_flight(tmp_path / "six.bin", turned), turned)
     ]
     np.testing.assert_allclose(*biases, atol=1e-5)
 
@@ -178,7 +178,7 @@ def test_allan_and_calibration_are_those_of_the_readings(tmp_path):
 def test_a_twin_and_a_comparison_are_those_of_the_flight(tmp_path):
     """The flight's own states are the truth; an estimate is compared with the filter's."""
     flight = ims.simulate(imu="bmi088", trajectory="figure_eight", duration=12, rate=100, seed=1)
-    log = written(tmp_path / "flight.bin", flight)
+    log = write_flight(tmp_path / "flight.bin", flight)
     biases = [
         ims.twin(recording, truth).errors["gyroscope_bias"].value
         for recording, truth in ((log, log), (flight, flight.truth))

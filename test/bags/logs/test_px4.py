@@ -37,7 +37,7 @@ def flight():
 
 
 @pytest.fixture(scope="module")
-def flown(folder, flight):
+def flight_log(folder, flight):
     return ulog.write(folder / "flown.ulg", ulog.flight_topics(flight))
 
 
@@ -86,8 +86,8 @@ def bag(path, flight):
     return path
 
 
-def test_readings_and_truth_are_those_of_the_flight(flown, flight):
-    readings, truth = ims.read_readings(flown), ims.read_states(flown)
+def test_readings_and_truth_are_those_of_the_flight(flight_log, flight):
+    readings, truth = ims.read_readings(flight_log), ims.read_states(flight_log)
     np.testing.assert_array_equal(readings.t_ns, flight.readings.t_ns)
     largest = np.abs(flight.readings.accel).max()
     np.testing.assert_allclose(readings.gyro, flight.readings.gyro, atol=FLOAT32 * 4)
@@ -103,9 +103,9 @@ def test_readings_and_truth_are_those_of_the_flight(flown, flight):
     assert np.linalg.norm(rotation.log(turn), axis=1).max() < 8 * FLOAT32
 
 
-def test_dead_reckoning_is_that_of_the_bag(flown, flight, folder):
+def test_dead_reckoning_is_that_of_the_bag(flight_log, flight, folder):
     of_bag = ims.dead_reckon(bag(folder / "flown.mcap", flight))
-    of_log = ims.dead_reckon(flown)
+    of_log = ims.dead_reckon(flight_log)
     # Rounding of 16 m/s^2 is 1e-6 m/s^2, over 12 s 1e-4 m at most.
     np.testing.assert_allclose(of_log.position, of_bag.position, atol=1e-3)
     drift = of_log.drift()
@@ -138,10 +138,10 @@ def test_allan_is_that_of_the_readings(still):
         "report {flown} -o {folder}/report.html",
     ],
 )
-def test_every_program_takes_it(line, flown, still, six, warm, folder, capsys):
-    ims.convert(flown, folder / "flown.tum", force=True)
+def test_every_program_takes_it(line, flight_log, still, six, warm, folder, capsys):
+    ims.convert(flight_log, folder / "flown.tum", force=True)
     program, *arguments = line.format(
-        flown=flown, still=still[1], six=six, warm=warm, folder=folder
+        flown=flight_log, still=still[1], six=six, warm=warm, folder=folder
     ).split()
     status = importlib.import_module(f"imu_sim_ros.commands.{program}").main(arguments)
     assert status == 0, capsys.readouterr().err
@@ -365,7 +365,7 @@ def test_a_bag_keeps_all_sensors(folder, flight, legacy):
     np.testing.assert_allclose(of_log.values[0], [2e-5, 5e-6, 4.5e-5], rtol=1e-6)
 
 
-def test_a_file_of_another_kind_and_a_missing_library(folder, flown, monkeypatch):
+def test_a_file_of_another_kind_and_a_missing_library(folder, flight_log, monkeypatch):
     text = folder / "text.ulg"
     text.write_bytes(b"nothing of the kind")
     with pytest.raises(InputError, match="text.ulg: not a bag"):
@@ -375,14 +375,14 @@ def test_a_file_of_another_kind_and_a_missing_library(folder, flown, monkeypatch
         ims.inspect(cpu_log)
     monkeypatch.setitem(sys.modules, "pyulog", None)
     copy = folder / "copy.ulg"
-    copy.write_bytes(flown.read_bytes())
+    copy.write_bytes(flight_log.read_bytes())
     with pytest.raises(MissingDependencyError, match="pip install pyulog"):
         ims.read_readings(copy)
 
 
-def test_the_memory_for_a_large_log_is_told(folder, flown, monkeypatch):
+def test_the_memory_for_a_large_log_is_told(folder, flight_log, monkeypatch):
     copy = folder / "large.ulg"
-    copy.write_bytes(flown.read_bytes())
+    copy.write_bytes(flight_log.read_bytes())
     monkeypatch.setattr(catalogue, "_LARGE", 1000)
     with pytest.warns(Remark, match="large.ulg: .*read as a whole.* MB of memory"):
         ims.read_readings(copy)
@@ -391,13 +391,13 @@ def test_the_memory_for_a_large_log_is_told(folder, flown, monkeypatch):
         raise MemoryError
 
     monkeypatch.setattr(px4, "contents", fail)
-    copy.write_bytes(flown.read_bytes() + b" ")
+    copy.write_bytes(flight_log.read_bytes() + b" ")
     with pytest.raises(MachineError, match="large.ulg: is read as a whole, which takes up to"):
         ims.read_readings(copy)
 
 
-def test_cut_files_are_read_as_far_as_they_go(folder, flown):
-    content = flown.read_bytes()
+def test_cut_files_are_read_as_far_as_they_go(folder, flight_log):
+    content = flight_log.read_bytes()
     cut = folder / "cut.ulg"
     for size in (*range(0, 700, 23), len(content) // 2, len(content) - 5):
         cut.write_bytes(content[:size])
@@ -406,10 +406,10 @@ def test_cut_files_are_read_as_far_as_they_go(folder, flown):
     assert 400 < len(ims.read_readings(cut)) < 600
 
 
-def test_damaged_files_are_told_in_lines(folder, flown):
+def test_damaged_files_are_told_in_lines(folder, flight_log):
     """Each error is lines that name the file; what pyulog prints is not on the output."""
     rng = np.random.default_rng(4)
-    content = flown.read_bytes()[:20_000]
+    content = flight_log.read_bytes()[:20_000]
     path = folder / "damaged.ulg"
     for _ in range(60):
         data = bytearray(content)

@@ -17,7 +17,7 @@ OTHERS = ("sensor_msgs/msg/RelativeHumidity", "sensor_msgs/msg/Range", "geometry
 def message(store: Any, name: str, numbers: Any) -> Any:
     from rosbags.interfaces import Nodetype
 
-    def of(kind: Any, content: Any) -> Any:
+    def field_value(kind: Any, content: Any) -> Any:
         if kind == Nodetype.NAME:
             return message(store, content, numbers)
         if kind == Nodetype.BASE:
@@ -27,7 +27,7 @@ def message(store: Any, name: str, numbers: Any) -> Any:
         code = base.replace("octet", "uint8")
         return np.array([next(numbers) for _ in range(length)], dtype=code)
 
-    fields = {field: of(*node) for field, node in store.fielddefs[name][1]}
+    fields = {field: field_value(*node) for field, node in store.fielddefs[name][1]}
     return store.types[name](**fields)
 
 

@@ -114,7 +114,7 @@ def simulator(images: str | None, duration: float, recorded: bool) -> list[str]:
     return [*command, "--ros-args", *(w for k, v in values.items() for w in ("-p", f"{k}:={v}"))]
 
 
-def counted(output: str) -> dict[str, int]:
+def counts_by_topic(output: str) -> dict[str, int]:
     """Return the counts that a process printed, by topic."""
     counts = re.findall(r"published (\d+) messages on (\S+)", output)
     return {"/" + name.lstrip("/"): int(n) for n, name in counts}
@@ -142,9 +142,9 @@ def live(label: str, images: str | None, recorder: list[str] | None, duration: f
         usage_end = resource.getrusage(resource.RUSAGE_CHILDREN)
         time.sleep(1.0)
         listener.send_signal(signal.SIGINT)
-        heard = counted(listener.communicate()[0])
+        heard = counts_by_topic(listener.communicate()[0])
         stored = "-"
-        published = counted(output)
+        published = counts_by_topic(output)
         if recording is not None:
             recording.send_signal(signal.SIGINT)
             rows = re.findall(r"^\s*(/\S+)\s+(\d+)", recording.communicate()[0], re.MULTILINE)
@@ -165,7 +165,7 @@ def live(label: str, images: str | None, recorder: list[str] | None, duration: f
     ]
 
 
-def made(trajectory: str, **overrides: object) -> "Rig":
+def first_camera(trajectory: str, **overrides: object) -> "Rig":
     """Return EuRoC's first camera on a trajectory."""
     from imu_sim_ros.camera import build_rig
     from imu_sim_ros.trajectory.parameters import trajectory_layer
@@ -205,13 +205,13 @@ def speeds(trajectory: str) -> list[list[str]]:
         ("2 x 2 rays a pixel", {"camera.supersampling": 2}),
         ("blur of 8 instants", {"camera.exposure_time": 0.01}),
     ):
-        rig = made(trajectory, **overrides)
+        rig = first_camera(trajectory, **overrides)
         view = rig.views["cam0"]
         look = textures(rig.scene, rig.parameters.scene, view.parameters.encoding == "rgb8")
         imager = Imager(view, rig.scene, look, rig.trajectory)
         rows.append([f"images, {label}", per_second(partial(plain, imager))])
         rows.append([f"images to PNG, {label}", per_second(partial(coded, imager))])
-    rig = made(trajectory, **{"scene.landmarks": 1500, "camera.max_features": 200})
+    rig = first_camera(trajectory, **{"scene.landmarks": 1500, "camera.max_features": 200})
     count = per_second(lambda: sum(len(t.id) for t in rig.tracks("cam0")))
     return [*rows, ["features of tracks, at most 200 a frame", count]]
 

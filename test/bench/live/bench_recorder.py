@@ -79,7 +79,7 @@ def measure(
         got = (
             stored(program_output, _TOPICS)
             if recording
-            else counted(program_output, "dead_reckoned/odom")
+            else published_count(program_output, "dead_reckoned/odom")
         )
     return str(published - got), f"{100.0 * used / duration:.1f}"
 
@@ -133,10 +133,10 @@ def simulate(rate: int, duration: float, folder: str, both: bool) -> int:
     simulator = start("simulator", [*arguments, "--wait_for_subscribers", "1", *truth], folder)
     program_output = simulator.communicate()[0]
     topics = _TOPICS if both else _TOPICS[:1]
-    return sum(counted(program_output, topic[1:]) for topic in topics)
+    return sum(published_count(program_output, topic[1:]) for topic in topics)
 
 
-def counted(program_output: str, topic: str) -> int:
+def published_count(program_output: str, topic: str) -> int:
     """Return what a node said it published on a topic."""
     lines = [line.split() for line in program_output.splitlines()]
     sent = [line for line in lines if line[1:2] == ["published"] and line[5:] == [topic]]

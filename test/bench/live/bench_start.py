@@ -52,7 +52,7 @@ class Listener:
             self._executor.spin_once(timeout_sec=0.05)
         self._arrived.clear()
 
-    def first(self) -> float:
+    def first_arrival(self) -> float:
         """Return when the first message came [s of the steady clock]."""
         while not self._arrived:
             self._executor.spin_once(timeout_sec=0.05)
@@ -93,7 +93,7 @@ def starts_of(publisher: str, starts: int) -> list[float]:
         listener.rest(pause)
         start = time.monotonic()
         process = launched(publisher)
-        times.append(listener.first() - start)
+        times.append(listener.first_arrival() - start)
         process.send_signal(signal.SIGINT)
         process.wait()
     rclpy.try_shutdown()
@@ -127,7 +127,7 @@ def main() -> None:
         publish()
         return
     if arguments.listen:
-        print(Listener().first())
+        print(Listener().first_arrival())
         return
     os.environ.setdefault("ROS_DOMAIN_ID", "98")
     os.environ.setdefault("ROS_AUTOMATIC_DISCOVERY_RANGE", "LOCALHOST")

@@ -17,7 +17,7 @@ def stamps(count: int = 1000) -> np.ndarray:
     return 1_000_000_000 + PERIOD_NS * np.arange(count, dtype=np.int64)
 
 
-def seen(t_ns: np.ndarray, batch: int = 100, max_gap: float = 0.0) -> LiveClock:
+def clock_of(t_ns: np.ndarray, batch: int = 100, max_gap: float = 0.0) -> LiveClock:
     statistics = LiveClock(max_gap)
     for start in range(0, len(t_ns), batch):
         statistics.add(t_ns[start : start + batch])
@@ -36,7 +36,7 @@ def counts(statistics: LiveClock) -> tuple[int, int, int, int]:
 
 @pytest.mark.parametrize("batch", [1, 7, 100, 1000])
 def test_an_unbroken_stream_has_nothing_to_report(batch):
-    statistics = seen(stamps(), batch)
+    statistics = clock_of(stamps(), batch)
     assert counts(statistics) == (0, 0, 0, 0)
     assert statistics.messages == 1000
     assert statistics.rate == pytest.approx(200.0, rel=1e-12)
@@ -45,35 +45,35 @@ def test_an_unbroken_stream_has_nothing_to_report(batch):
 @pytest.mark.parametrize("batch", [1, 7, 100, 1000])
 def test_gaps_are_counted_with_the_messages_that_are_missing(batch):
     t_ns = np.delete(stamps(), [300, 500, 501, 502, 700])
-    assert counts(seen(t_ns, batch)) == (3, 5, 0, 0)
+    assert counts(clock_of(t_ns, batch)) == (3, 5, 0, 0)
 
 
 @pytest.mark.parametrize("batch", [1, 7, 100])
 def test_repeated_stamps_are_duplicates(batch):
     t_ns = np.sort(np.concatenate([stamps(), stamps()[[10, 400, 401]]]))
-    assert counts(seen(t_ns, batch)) == (0, 0, 3, 0)
+    assert counts(clock_of(t_ns, batch)) == (0, 0, 3, 0)
 
 
 def test_exchanged_messages_are_out_of_order_and_no_gap():
     t_ns = stamps()
     t_ns[[450, 451]] = t_ns[[451, 450]]
-    assert counts(seen(t_ns)) == (0, 0, 0, 1)
+    assert counts(clock_of(t_ns)) == (0, 0, 0, 1)
 
 
 def test_a_clock_set_back_is_one_step_out_of_order_and_begins_anew():
     t_ns = np.concatenate([stamps(500) + 10**12, stamps(500)])
-    assert counts(seen(t_ns)) == (0, 0, 0, 1)
+    assert counts(clock_of(t_ns)) == (0, 0, 0, 1)
 
 
 def test_jitter_below_half_an_interval_is_no_gap():
     generator = np.random.default_rng(1)
     jitter = generator.uniform(-0.2, 0.2, 1000) * PERIOD_NS
-    assert counts(seen(stamps() + jitter.astype(np.int64))) == (0, 0, 0, 0)
+    assert counts(clock_of(stamps() + jitter.astype(np.int64))) == (0, 0, 0, 0)
 
 
 def test_a_given_limit_takes_the_place_of_the_usual_distance():
     t_ns = np.delete(stamps(), [300, 500, 501, 502])
-    assert seen(t_ns, max_gap=3e-9 * PERIOD_NS).gaps == 1
+    assert clock_of(t_ns, max_gap=3e-9 * PERIOD_NS).gaps == 1
 
 
 def test_random_losses_are_all_found():
@@ -81,7 +81,7 @@ def test_random_losses_are_all_found():
     received = generator.random(20000) > 0.05
     received[[0, -1]] = True
     t_ns = stamps(20000)[received]
-    assert seen(t_ns).missing == 20000 - received.sum()
+    assert clock_of(t_ns).missing == 20000 - received.sum()
 
 
 @pytest.mark.parametrize("rows", [[0], [500], [0, 1, 700]], ids=str)

@@ -31,7 +31,7 @@ PERFECT = {
 STILL = {"imu": "perfect", "trajectory": "static", "rate": 20, "sensors": ["gnss"]}
 
 
-def read(**gnss: Any) -> Any:
+def read_gnss(**gnss: Any) -> Any:
     return ims.simulate(**STILL, duration=gnss.pop("duration", 100), seed=5, gnss=gnss).gnss
 
 
@@ -100,7 +100,7 @@ def test_errors_have_the_stated_size_and_time() -> None:
 
     Between fixes 20 s apart the correlation is (1 - white share) / e, known to 1 / sqrt(720).
     """
-    gnss = read(
+    gnss = read_gnss(
         duration=14400, rate=1.0, mode="dgps", correlation_time=20.0, white_share=0.2,
         sky="constant",
         horizontal_sigma=[9.0, 0.6, 9.0, 9.0], vertical_sigma=[9.0, 1.2, 9.0, 9.0],
@@ -115,7 +115,7 @@ def test_errors_have_the_stated_size_and_time() -> None:
 
 
 def test_the_stated_covariance_may_lie() -> None:
-    honest, proud = read(), read(covariance_factor=0.25)
+    honest, proud = read_gnss(), read_gnss(covariance_factor=0.25)
     assert np.array_equal(honest.error, proud.error)
     assert np.array_equal(0.25 * honest.variance, proud.variance)
     assert np.array_equal(0.25 * honest.velocity_variance, proud.velocity_variance)
@@ -123,7 +123,7 @@ def test_the_stated_covariance_may_lie() -> None:
 
 def test_modes_change_accuracy_and_status() -> None:
     changes = [20.0, 3, 40.0, 4, 60.0, 2]
-    gnss = read(mode="single", mode_changes=changes, sky="constant")
+    gnss = read_gnss(mode="single", mode_changes=changes, sky="constant")
     t = (gnss.true_t_ns - gnss.true_t_ns[0]) * 1e-9
     for begin, mode, status, sigma in ((0, 0, 0, 1.5), (20, 2, 2, 0.2), (40, 3, 2, 0.01)):
         rows = (t >= begin) & (t < begin + 20)
@@ -134,12 +134,12 @@ def test_modes_change_accuracy_and_status() -> None:
 
 
 def test_outages_by_time_and_place() -> None:
-    gnss = read(outages=[10.0, 5.0, 50.0, 0.95])
+    gnss = read_gnss(outages=[10.0, 5.0, 50.0, 0.95])
     t = np.round((gnss.true_t_ns - gnss.true_t_ns[0]) * 1e-9, 6)
     assert len(gnss) == 1000 - 50 - 10
     assert not ((t >= 10.0) & (t < 15.0)).any()
-    assert len(read(outage_boxes=[-1.0, -1.0, -1.0, 1.0, 1.0, 1.0])) == 0
-    loud = read(outages=[10.0, 5.0], silent=False)
+    assert len(read_gnss(outage_boxes=[-1.0, -1.0, -1.0, 1.0, 1.0, 1.0])) == 0
+    loud = read_gnss(outages=[10.0, 5.0], silent=False)
     assert len(loud) == 1000
     assert np.count_nonzero(loud.status == -1) == 50
     assert set(loud.satellites[loud.status == -1]) == {0}
@@ -212,10 +212,10 @@ def test_random_outages_and_jumps_have_their_rates() -> None:
 
     (Lengths are rounded up to whole intervals of 0.1 s, half of one on average, 2.5 %.)
     """
-    gnss = read(duration=2000, outage_rate=0.1, outage_duration=2.0)
+    gnss = read_gnss(duration=2000, outage_rate=0.1, outage_duration=2.0)
     assert 1.0 - len(gnss) / 20000 == pytest.approx(1.0 / 6.0, rel=0.4)
     still = {"horizontal_sigma": [0.0] * 4, "vertical_sigma": [0.0] * 4}
-    jumps = read(duration=2000, multipath_rate=0.1, multipath_sigma=3.0, **still).error
+    jumps = read_gnss(duration=2000, multipath_rate=0.1, multipath_sigma=3.0, **still).error
     hit = np.abs(jumps[:, 0]) > 0.0
     assert hit.mean() == pytest.approx(5.0 / 15.0, rel=0.4)
     assert jumps[hit].std() == pytest.approx(3.0, rel=0.4)
@@ -258,7 +258,7 @@ def test_covariance_follows_from_the_geometry() -> None:
     Normalised errors of 12 h with 20 s: 2160 independent values, the deviation is known to 1.5 %;
     five of these.
     """
-    gnss = read(
+    gnss = read_gnss(
         duration=43200, rate=0.5, correlation_time=20.0, covariance_factor=4.0, hdop=0.8, vdop=1.6,
         horizontal_sigma=[2.0] * 4, vertical_sigma=[4.0] * 4,
     )  # fmt: skip
@@ -413,4 +413,4 @@ def test_half_of_the_fixes_lie_within_the_circle_of_the_data_sheet(name: str, er
 )
 def test_bad_parameters_are_refused_by_name(receiver: dict[str, Any], line: str) -> None:
     with pytest.raises(ConfigurationError, match=line):
-        read(**receiver)
+        read_gnss(**receiver)

@@ -35,7 +35,7 @@ def raw(**options: Any) -> dict[str, Any]:
     return {"rate": 1.0, "raw": {"rinex": True, **options}}
 
 
-def made(path: Path, *, gnss: dict[str, Any], **overrides: Any) -> Any:
+def flight_with_rinex(path: Path, *, gnss: dict[str, Any], **overrides: Any) -> Any:
     """Return a flight of two minutes; its RINEX files are at the path."""
     settings = {
         **GIVEN,
@@ -70,7 +70,7 @@ def solved(folder: Path, files: list[str], **options: Any) -> Any:
 
 def test_rtklib_finds_a_still_antenna_within_a_centimetre(tmp_path: Path) -> None:
     """Without noise, across a change of ephemerides; files hold mm, dilutions are below 3."""
-    made(tmp_path / "a", gnss={**raw(**QUIET), "lever_arm": [0.0, 0.0, 2.0]})
+    flight_with_rinex(tmp_path / "a", gnss={**raw(**QUIET), "lever_arm": [0.0, 0.0, 2.0]})
     solution = solved(tmp_path, ["a.obs", "a.nav"])
     assert len(solution) == 120
     latitude, longitude = np.radians(48.0), np.radians(11.0)
@@ -84,7 +84,7 @@ def test_rtklib_finds_a_moving_antenna_and_its_velocity(tmp_path: Path) -> None:
 
     The receiver's clock is 1 ms off: in this time the antenna moves by 4 mm.
     """
-    flight = made(tmp_path / "a", trajectory="figure_eight",
+    flight = flight_with_rinex(tmp_path / "a", trajectory="figure_eight",
                   gnss=raw(**QUIET, clock_offset=1e-3))  # fmt: skip
     solution = solved(tmp_path, ["a.obs", "a.nav"])
     truth = earth_fixed(*flight.gnss.ideal_geodetic.T)
@@ -101,8 +101,10 @@ def test_rtklib_fixes_the_ambiguities_of_two_receivers(tmp_path: Path) -> None:
     has twice that, 23 mm. With a dilution of 3 at most, 0.1 m is more than four times its error
     for the worst satellite alone.
     """
-    made(tmp_path / "base", gnss=raw(), seed=1)
-    rover = made(tmp_path / "rover", gnss=raw(clock_offset=-3e-4), trajectory="figure_eight")
+    flight_with_rinex(tmp_path / "base", gnss=raw(), seed=1)
+    rover = flight_with_rinex(
+        tmp_path / "rover", gnss=raw(clock_offset=-3e-4), trajectory="figure_eight"
+    )
     base = {f"ant2-pos{k + 1}": repr(float(coordinate)) for k, coordinate in enumerate(ORIGIN)}
     solution = solved(
         tmp_path, ["rover.obs", "base.obs", "rover.nav"],
@@ -120,7 +122,7 @@ def test_rtklib_errs_as_the_noise_says(tmp_path: Path) -> None:
 
     All satellites have between 0.5 m (zenith) and 2.9 m (mask), the position 3 times that at most.
     """
-    made(tmp_path / "a", gnss=raw(code_sigma=0.5))
+    flight_with_rinex(tmp_path / "a", gnss=raw(code_sigma=0.5))
     off = solved(tmp_path, ["a.obs", "a.nav"])[:, 2:5] - ORIGIN
     distances = np.linalg.norm(off, axis=1)
     assert 0.5 < np.median(distances) < 8.7
@@ -143,7 +145,7 @@ def test_rtklib_has_the_same_orbits_with_every_term(tmp_path: Path) -> None:
     with (tmp_path / "given.nav").open("w") as file:
         rinex.write_navigation(file, [ephemerides._replace(**terms)], None, 18)
     gnss = {**raw(**QUIET), "ephemeris": str(tmp_path / "given.nav")}
-    made(tmp_path / "a", gnss=gnss, duration=50.0)
+    flight_with_rinex(tmp_path / "a", gnss=gnss, duration=50.0)
     solution = solved(tmp_path, ["a.obs", "a.nav"])
     assert len(solution) == 50
     assert np.abs(solution[:, 2:5] - ORIGIN).max() < 0.01
@@ -151,7 +153,9 @@ def test_rtklib_has_the_same_orbits_with_every_term(tmp_path: Path) -> None:
 
 def test_georinex_reads_the_same_numbers(tmp_path: Path) -> None:
     georinex = pytest.importorskip("georinex")
-    flight = made(tmp_path / "a", gnss={**raw(), "outages": [30.0, 20.0]}, duration=60.0)
+    flight = flight_with_rinex(
+        tmp_path / "a", gnss={**raw(), "outages": [30.0, 20.0]}, duration=60.0
+    )
     with warnings.catch_warnings():
         warnings.simplefilter("ignore")
         observations, navigation = (
@@ -273,7 +277,7 @@ def test_the_troposphere_over_a_mountain_is_that_of_its_pressure() -> None:
 def test_files_of_ephemerides_are_the_sky(tmp_path: Path) -> None:
     """Written ephemerides are read, as version 3 and 2, and gives the same measurements."""
     gnss = raw(**QUIET)
-    original = made(tmp_path / "a", gnss=gnss, duration=10.0).gnss
+    original = flight_with_rinex(tmp_path / "a", gnss=gnss, duration=10.0).gnss
     lines = (tmp_path / "a.nav").read_text().splitlines()
     version_2 = [f"{'     2.11':20}{'NAVIGATION DATA':20}{'':20}RINEX VERSION / TYPE"]
     version_2[0] = version_2[0][:20] + "N" + version_2[0][21:]
@@ -299,7 +303,7 @@ def test_files_of_ephemerides_are_the_sky(tmp_path: Path) -> None:
 
 def test_an_ephemeris_that_is_cut_short_is_told(tmp_path: Path) -> None:
     """Wherever its numbers end: none of those that follow is taken for 0."""
-    made(tmp_path / "a", gnss=raw(**QUIET), duration=10.0)
+    flight_with_rinex(tmp_path / "a", gnss=raw(**QUIET), duration=10.0)
     lines = (tmp_path / "a.nav").read_text().splitlines()
     path, whole, record = tmp_path / "cut.nav", lines[:14], "\n".join(lines[14:22])
     for size in range(5, len("\n".join(lines[14:20])), 23):
@@ -370,7 +374,7 @@ def test_bad_parameters_are_refused_by_name(receiver: dict[str, Any], line: str)
 
 
 def test_ephemerides_of_another_day_are_refused(tmp_path: Path) -> None:
-    made(tmp_path / "a", gnss=raw(), duration=2.0)
+    flight_with_rinex(tmp_path / "a", gnss=raw(), duration=2.0)
     late = {**GIVEN, "start_time": CHANGE + 86400.0, "trajectory": "static", "duration": 1.0}
     with pytest.raises(ConfigurationError, match=r"holds GPS from 2023-11-1.* the run begins at"):
         ims.simulate(**late, gnss={"ephemeris": str(tmp_path / "a.nav")})

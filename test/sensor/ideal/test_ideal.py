@@ -45,7 +45,7 @@ def parameters(**values: object) -> SimulationParameters:
     return load_simulation({"imu.preset": "perfect", "trajectory.type": "static", **values})
 
 
-def read(
+def read_imu(
     trajectory: Trajectory, count: int = 400, **values: object
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """Return times, rates and forces of a perfect IMU."""
@@ -62,7 +62,7 @@ def columns(*values: object, like: np.ndarray) -> np.ndarray:
 
 
 def test_at_rest_and_level() -> None:
-    _, gyro, accel = read(Formula(lambda t: {}))
+    _, gyro, accel = read_imu(Formula(lambda t: {}))
     assert not gyro.any()
     assert np.array_equal(accel, np.tile([0.0, 0.0, G], (400, 1)))
 
@@ -72,12 +72,12 @@ def test_at_rest_upside_down_and_on_edge() -> None:
         trajectory = build_trajectory(
             parameters(**{"trajectory.roll_pitch_yaw": list(angles)}).trajectory
         )
-        assert np.allclose(read(trajectory)[2], expected, atol=1e-14)
+        assert np.allclose(read_imu(trajectory)[2], expected, atol=1e-14)
 
 
 def test_free_fall_reads_nothing() -> None:
     fall = Formula(lambda t: {"acceleration": columns(0, 0, -G, like=t)})
-    _, gyro, accel = read(fall)
+    _, gyro, accel = read_imu(fall)
     assert not gyro.any()
     assert not accel.any()
 
@@ -93,7 +93,7 @@ def test_circle_reads_the_centripetal_acceleration() -> None:
             "angular_velocity": columns(0, 0, w, like=t),
         }
 
-    _, gyro, accel = read(Formula(circle))
+    _, gyro, accel = read_imu(Formula(circle))
     assert np.allclose(gyro, [0, 0, speed / radius], atol=1e-15)
     assert np.allclose(accel, [0, speed**2 / radius, G], atol=1e-14)
 
@@ -122,7 +122,7 @@ def test_rotating_disc_has_every_term_of_the_lecture() -> None:
             "angular_acceleration": columns(0, 0, k, like=t),
         }
 
-    t, gyro, accel = read(Formula(ball))
+    t, gyro, accel = read_imu(Formula(ball))
     assert np.allclose(gyro, columns(0, 0, k * t, like=t), atol=1e-15)
     centrifugal = (k * t) ** 2 * c * t**2
     coriolis, euler = 2 * (k * t) * (2 * c * t), k * c * t**2
@@ -141,7 +141,7 @@ def test_lever_arm_is_a_trajectory_shifted_by_hand() -> None:
     """
     h = 4e-3
     weights = np.array([2.0, -27.0, 270.0, -490.0, 270.0, -27.0, 2.0]) / 180.0
-    t, _, accel = read(LECTURE, 2000, **{"imu.lever_arm": ARM.tolist()})
+    t, _, accel = read_imu(LECTURE, 2000, **{"imu.lever_arm": ARM.tolist()})
     t, accel = t[5:], accel[5:]
     acceleration = np.zeros((len(t), 3))
     for k, weight in enumerate(weights):
@@ -153,7 +153,7 @@ def test_lever_arm_is_a_trajectory_shifted_by_hand() -> None:
 
 def test_lever_arm_of_a_spin_is_the_centripetal_acceleration() -> None:
     spin = Formula(lambda t: {"angular_velocity": columns(0, 0, 10.0, like=t)})
-    _, gyro, accel = read(spin, **{"imu.lever_arm": [0.1, 0.0, 0.0]})
+    _, gyro, accel = read_imu(spin, **{"imu.lever_arm": [0.1, 0.0, 0.0]})
     assert np.allclose(accel, [-10.0, 0.0, G], atol=1e-12)
     assert np.allclose(gyro, [0, 0, 10.0])
 
@@ -161,8 +161,8 @@ def test_lever_arm_of_a_spin_is_the_centripetal_acceleration() -> None:
 def test_mounting_turns_both_triads() -> None:
     # The IMU's x looks along the body's y: R_bi maps (1, 0, 0) to (0, 1, 0).
     r_bi = np.array([[0.0, -1.0, 0.0], [1.0, 0.0, 0.0], [0.0, 0.0, 1.0]])
-    _, gyro, accel = read(LECTURE)
-    _, gyro_i, accel_i = read(LECTURE, **{"imu.mounting": r_bi.ravel().tolist()})
+    _, gyro, accel = read_imu(LECTURE)
+    _, gyro_i, accel_i = read_imu(LECTURE, **{"imu.mounting": r_bi.ravel().tolist()})
     assert np.allclose(gyro_i @ r_bi.T, gyro, atol=1e-14)
     assert np.allclose(accel_i @ r_bi.T, accel, atol=1e-13)
     assert not np.allclose(gyro_i, gyro, atol=0.1)
@@ -170,7 +170,7 @@ def test_mounting_turns_both_triads() -> None:
 
 def test_earth_rate_at_rest() -> None:
     latitude = math.radians(52.0)
-    _, gyro, accel = read(Formula(lambda t: {}), earth_rotation=True, latitude_deg=52.0)
+    _, gyro, accel = read_imu(Formula(lambda t: {}), earth_rotation=True, latitude_deg=52.0)
     expected = EARTH_RATE * np.array([0.0, math.cos(latitude), math.sin(latitude)])
     assert np.allclose(gyro, expected, atol=1e-18)
     assert np.array_equal(accel[0], [0.0, 0.0, G])
@@ -180,7 +180,7 @@ def test_coriolis_of_a_car_that_drives_east() -> None:
     """Eastward v: the Earth turns it away to the south and up; the sensor feels the opposite."""
     drive = Formula(lambda t: {"velocity": columns(30.0, 0, 0, like=t)})
     latitude = math.radians(40.0)
-    _, _, accel = read(drive, earth_rotation=True, latitude_deg=40.0)
+    _, _, accel = read_imu(drive, earth_rotation=True, latitude_deg=40.0)
     rate = 2.0 * EARTH_RATE * 30.0
     expected = [0.0, rate * math.sin(latitude), G - rate * math.cos(latitude)]
     assert np.allclose(accel, expected, atol=1e-15)
@@ -195,7 +195,7 @@ def test_earth_rate_and_lever_arm_are_those_of_an_inertial_frame() -> None:
     w = 0.01
     spin = Formula(lambda t: {"angular_velocity": columns(0, 0, w, like=t)})
     values = {"imu.lever_arm": [100.0, 0.0, 0.0], "earth_rotation": True, "latitude_deg": 90.0}
-    _, gyro, accel = read(spin, **values)
+    _, gyro, accel = read_imu(spin, **values)
     inwards = ((w + EARTH_RATE) ** 2 - EARTH_RATE**2) * 100.0
     assert np.allclose(accel[:, 0], -inwards, atol=1e-15)
     assert np.allclose(gyro[:, 2], w + EARTH_RATE, atol=1e-18)
@@ -205,7 +205,9 @@ def test_normal_gravity() -> None:
     """Table 3.4 of NIMA TR8350.2: gravity at the equator and at the poles."""
     assert normal_gravity(0.0, 0.0) == pytest.approx(9.7803253359, abs=1e-10)
     assert normal_gravity(math.pi / 2, 0.0) == pytest.approx(9.8321849378, abs=1e-9)
-    accel = read(Formula(lambda t: {}), gravity_model="wgs84", latitude_deg=48.0, height=500.0)[2]
+    accel = read_imu(Formula(lambda t: {}), gravity_model="wgs84", latitude_deg=48.0, height=500.0)[
+        2
+    ]
     assert accel[0, 2] == normal_gravity(math.radians(48.0), 500.0)
 
 
@@ -231,13 +233,13 @@ def test_averaged_sampling_sums_to_the_change_of_velocity() -> None:
             "acceleration": columns(3 * np.cos(3 * t), 0, 0, like=t),
         }
 
-    t, _, accel = read(Formula(swing), 401, **{"imu.sampling": "averaged"})
+    t, _, accel = read_imu(Formula(swing), 401, **{"imu.sampling": "averaged"})
     velocity = np.cumsum(accel[1:, 0]) * 0.005
     assert np.allclose(velocity, np.sin(3 * t[1:]), atol=1e-11)
 
 
 def test_averaged_sampling_starts_with_the_value_at_the_start() -> None:
-    _, instantaneous, force = read(LECTURE, 1)
-    _, averaged, mean_force = read(LECTURE, 1, **{"imu.sampling": "averaged"})
+    _, instantaneous, force = read_imu(LECTURE, 1)
+    _, averaged, mean_force = read_imu(LECTURE, 1, **{"imu.sampling": "averaged"})
     assert np.allclose(averaged, instantaneous, rtol=1e-15)
     assert np.allclose(mean_force, force, rtol=1e-15)

@@ -28,7 +28,7 @@ RAYS = {"preset": "vlp16", "firing_period": 221.184e-6}
 """A VLP-16 with a quarter of its rays: tests are short."""
 
 
-def flown(rate, duration=4.0):
+def fly(rate, duration=4.0):
     """Return a flight in a warehouse whose heading swings at up to so many rad/s, at 0.64 Hz."""
     yaw = {"amplitude": [rate / 4.0], "angular_frequency": [4.0]}
     return ims.simulate(
@@ -87,10 +87,10 @@ def rko_lio(flight):
 
 def test_both_follow_slow_turns_and_an_imu_helps_in_fast_ones():
     """Within 8 cm over 3 m at 0.5 rad/s; at 4 rad/s a scan turns by 23 deg, which needs an IMU."""
-    slow = flown(0.5)
+    slow = fly(0.5)
     assert kiss_icp(slow) < 0.08
     assert rko_lio(slow) < 0.08
-    fast = flown(4.0)
+    fast = fly(4.0)
     with_imu = rko_lio(fast)
     assert with_imu < 0.08
     assert kiss_icp(fast) > 3.0 * with_imu

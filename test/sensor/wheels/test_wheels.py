@@ -40,7 +40,7 @@ V, W = 2.5, 0.5
 """Speed and yaw rate of the trajectory circle: 5 m, 0.5 rad/s."""
 
 
-def read(**wheels: Any) -> Any:
+def read_wheels(**wheels: Any) -> Any:
     """Return readings on a circle; names with an underscore in front are not the wheels'."""
     run = {"duration": wheels.pop("_duration", 20), "seed": wheels.pop("_seed", 5)}
     parameters = {"radius": RADIUS, "track": TRACK, "wheelbase": BASE, **wheels}
@@ -71,7 +71,7 @@ def draw_seeds(count: int, **overrides: Any) -> list[Any]:
 )
 def test_a_circle_turns_wheels_as_the_closed_form_says(model: str, speeds: list[Any]) -> None:
     """v -+ w b / 2 over r; 1e-9 is the rounding of differences of angles over 0.02 s."""
-    wheels = read(**PERFECT, model=model)
+    wheels = read_wheels(**PERFECT, model=model)
     for k, speed in enumerate(speeds):
         if speed is None:
             np.testing.assert_allclose(wheels.angle[:, k], np.arctan(BASE * W / V), atol=1e-12)
@@ -105,12 +105,12 @@ def test_means_are_those_of_the_motion() -> None:
 
 
 def test_angles_are_whole_counts() -> None:
-    wheels = read(encoder_noise=0.0, slip_noise=0.0, ticks=360)
+    wheels = read_wheels(encoder_noise=0.0, slip_noise=0.0, ticks=360)
     counts = wheels.angle / np.radians(1.0)
     np.testing.assert_allclose(counts, np.rint(counts), rtol=0, atol=1e-9)
     assert np.abs(wheels.angle - wheels.ideal_angle).max() <= np.radians(0.5) + 1e-12
     # Rounding of 1000 angles that step by 27 and 30 degrees is uniform: a tick / sqrt(12) ...
-    wheels = read(encoder_noise=0.0, slip_noise=0.0, ticks=1000, radius=0.0987)
+    wheels = read_wheels(encoder_noise=0.0, slip_noise=0.0, ticks=1000, radius=0.0987)
     error = (wheels.angle - wheels.ideal_angle) / (2 * np.pi / 1000)
     assert error.std() == pytest.approx(1 / np.sqrt(12), rel=0.05)  # 5 x 1 / sqrt(5 x 2000)
 
@@ -143,7 +143,7 @@ def test_true_radii_and_base_come_back_by_regression() -> None:
 
 
 def test_given_radii_and_base_are_taken() -> None:
-    wheels = read(**PERFECT, true_radii=[0.101, 0.099], true_base=[0.52, 0.4])
+    wheels = read_wheels(**PERFECT, true_radii=[0.101, 0.099], true_base=[0.52, 0.4])
     rims = np.array([V - W * 0.26, V + W * 0.26])
     expected = rims / [0.101, 0.099]
     np.testing.assert_allclose(wheels.speed, [expected] * len(wheels), atol=1e-9)
@@ -153,10 +153,12 @@ def test_given_radii_and_base_are_taken() -> None:
 
 
 def test_slip_in_turns_and_on_patches() -> None:
-    turned = read(**PERFECT, turn_slip=0.25)
+    turned = read_wheels(**PERFECT, turn_slip=0.25)
     np.testing.assert_allclose(turned.twist[:, 2], 1.25 * W, atol=1e-9)
     np.testing.assert_allclose(turned.slip[:, 2], 0.25 * W, atol=1e-9)
-    wheels = read(**PERFECT, patch_rate=0.1, patch_duration=2.0, patch_slip=0.4, _duration=2000)
+    wheels = read_wheels(
+        **PERFECT, patch_rate=0.1, patch_duration=2.0, patch_slip=0.4, _duration=2000
+    )
     # Patches of 2 s, 10 s apart: a share of 2 / 12, known by 170 of them to 8 %; five of these.
     slips = wheels.slip_ratio[:, 0] > 0.0
     assert slips.mean() == pytest.approx(1.0 / 6.0, rel=0.4)
@@ -335,7 +337,7 @@ def test_motion_that_wheels_cannot_do_is_told_in_a_line() -> None:
 )
 def test_bad_parameters_are_refused_by_name(parameters: dict[str, Any], line: str) -> None:
     with pytest.raises(ConfigurationError, match=line):
-        read(**parameters)
+        read_wheels(**parameters)
 
 
 def test_warm_wheels_are_larger() -> None:

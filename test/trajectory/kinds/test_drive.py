@@ -201,7 +201,7 @@ def test_hills_are_followed(build, assert_exact_derivatives, tmp_path):
     assert_exact_derivatives(trajectory, np.linspace(0.5, trajectory.duration - 0.5, 1000))
 
 
-def refused(error=ConfigurationError, **values):
+def refusal(error=ConfigurationError, **values):
     from imu_sim_ros.trajectory.build import build_trajectory
 
     layer = {f"trajectory.{name}": value for name, value in values.items()}
@@ -211,38 +211,38 @@ def refused(error=ConfigurationError, **values):
 
 
 def test_times_that_cannot_be_met_are_named_with_what_can():
-    lines = refused(times=[0.0, 1.0, 30.0, 33.0])
+    lines = refusal(times=[0.0, 1.0, 30.0, 33.0])
     assert len(lines) == 2
     assert "waypoint 2 at 1 s: cannot be reached from waypoint 1 before 1" in lines[0]
     assert "waypoint 4 at 33 s: cannot be reached from waypoint 3 before 4" in lines[1]
     # The time that a line names can be met.
     earliest = float(lines[0].split("before ")[1].split(" s")[0])
     positions = BLOCK[:4]
-    refused(positions=positions, times=[0.0, 1.0])
+    refusal(positions=positions, times=[0.0, 1.0])
     later = [0.0, earliest + 30.0]
     load_simulation({"trajectory.type": "drive", "trajectory.times": [*later, 90.0, 120.0]})
 
 
 def test_corners_that_are_too_tight_are_named():
-    (line,) = refused(turning_radius=50.0)
+    (line,) = refusal(turning_radius=50.0)
     assert "trajectory.turning_radius = 50: the path turns with" in line
-    (line,) = refused(positions=[0.0, 0.0, 50.0, 0.0, 1.0, 0.0], turning_radius=4.0)
+    (line,) = refusal(positions=[0.0, 0.0, 50.0, 0.0, 1.0, 0.0], turning_radius=4.0)
     assert "near waypoint" in line or "from waypoint" in line
 
 
 def test_bad_lists_are_named():
-    assert "waypoints 1 and 2 are the same" in refused(positions=[1.0, 1.0] * 2 + [5.0, 5.0])[0]
-    assert "at least two waypoints" in refused(positions=[0.0, 0.0])[0]
+    assert "waypoints 1 and 2 are the same" in refusal(positions=[1.0, 1.0] * 2 + [5.0, 5.0])[0]
+    assert "at least two waypoints" in refusal(positions=[0.0, 0.0])[0]
     assert (
         "waypoint 3 at 1 s: must be after waypoint 2 at 2 s"
-        in (refused(times=[0.0, 2.0, 1.0, 90.0])[0])
+        in (refusal(times=[0.0, 2.0, 1.0, 90.0])[0])
     )
-    assert "must be from 2 to 3" in refused(stops=[1.0, 5.0])[0]
-    assert "must be from 2 to 3" in refused(stops=[2.5, 5.0])[0]
-    assert "for more than 0 s" in refused(stops=[2.0, 0.0])[0]
-    assert "speeds: 2 entries; must be empty or 3" in refused(speeds=[1.0, 2.0])[0]
-    assert "slope = [1.0, 2.0, 3.0, 4.0]: must be two" in refused(slope=[1.0, 2.0, 3.0, 4.0])[0]
-    lines = refused(times=[0.0, 20.0, 40.0, 60.0], stops=[2.0, 5.0], laps=2, deviation=1.0)
+    assert "must be from 2 to 3" in refusal(stops=[1.0, 5.0])[0]
+    assert "must be from 2 to 3" in refusal(stops=[2.5, 5.0])[0]
+    assert "for more than 0 s" in refusal(stops=[2.0, 0.0])[0]
+    assert "speeds: 2 entries; must be empty or 3" in refusal(speeds=[1.0, 2.0])[0]
+    assert "slope = [1.0, 2.0, 3.0, 4.0]: must be two" in refusal(slope=[1.0, 2.0, 3.0, 4.0])[0]
+    lines = refusal(times=[0.0, 20.0, 40.0, 60.0], stops=[2.0, 5.0], laps=2, deviation=1.0)
     assert len(lines) == 3
 
 
@@ -262,7 +262,7 @@ def test_bad_lists_are_named():
 def test_bad_maps_are_named(tmp_path, text, reason):
     path = tmp_path / "map.asc"
     path.write_text(text)
-    (line,) = refused(InputError, height_map=str(path))
+    (line,) = refusal(InputError, height_map=str(path))
     assert reason in line
     assert str(path) in line
 
@@ -271,7 +271,7 @@ def test_a_hole_in_the_map_is_named(tmp_path):
     path = write_map(
         tmp_path / "hole.asc", lambda x, y: np.where(np.hypot(x - 30.0, y) < 4.0, -9999.0, 0.0 * x)
     )
-    (line,) = refused(InputError, height_map=str(path))
+    (line,) = refusal(InputError, height_map=str(path))
     assert "has no height at x 2" in line
 
 
@@ -355,16 +355,16 @@ def test_a_crest_is_spread_over_its_smoothing(build):
 
 def test_what_cannot_be_backed_up_is_named():
     corner = [0.0, 0.0, 20.0, 0.0, 20.0, 15.0]
-    (line,) = refused(positions=corner, speeds=[1.0, -1.0])
+    (line,) = refusal(positions=corner, speeds=[1.0, -1.0])
     assert "at waypoint 2 the vehicle turns back, and the next one is 90 deg off the line" in line
     waypoints = [0.0, 0.0, 20.0, 0.0, 20.0, 5.0, 20.0, 0.0]
-    (line,) = refused(positions=waypoints, speeds=[1.0, 1.0, -1.0], turning_radius=2.0)
+    (line,) = refusal(positions=waypoints, speeds=[1.0, 1.0, -1.0], turning_radius=2.0)
     assert "the path is not straight at waypoint 3" in line
-    assert "0 m/s: must be above 0" in refused(positions=corner, speeds=[1.0, 0.0])[0]
-    lines = refused(speeds=[1.0, 1.0, -1.0], elevations=[0.0] * 4, slope=[0.1, 0.0])
+    assert "0 m/s: must be above 0" in refusal(positions=corner, speeds=[1.0, 0.0])[0]
+    lines = refusal(speeds=[1.0, 1.0, -1.0], elevations=[0.0] * 4, slope=[0.1, 0.0])
     assert "elevations: must be left out with trajectory.slope" in lines[0]
     assert "speeds: must be above 0 with trajectory.elevations" in lines[1]
-    assert "elevations: 3 entries" in refused(elevations=[1.0, 2.0, 3.0])[0]
+    assert "elevations: 3 entries" in refusal(elevations=[1.0, 2.0, 3.0])[0]
 
 
 @pytest.mark.parametrize(

@@ -60,7 +60,7 @@ def arrival(t, p, q, rng):
     return late + np.arange(len(t)) * 2e-9, p, q
 
 
-def lost(t, p, q, rng):
+def late_with_losses(t, p, q, rng):
     """Lose one pose in two hundred, and stamp the others late."""
     late, p, q = arrival(t, p, q, rng)
     keep = rng.random(len(t)) > 0.005
@@ -74,7 +74,7 @@ def everything(t, p, q, rng):
     return t, p, q
 
 
-HARMS = (bad_pose, spike, jump, stretch, updates, arrival, lost, everything)
+HARMS = (bad_pose, spike, jump, stretch, updates, arrival, late_with_losses, everything)
 
 
 @functools.cache
@@ -123,7 +123,7 @@ real = pytest.mark.parametrize(
 )
 
 
-def written(path, t, p, q):
+def write_poses(path, t, p, q):
     t_ns = 1_400_000_000_000_000_000 + np.round(t * 1e9).astype(np.int64)
     write_tum(path, States(t_ns, p, q))
     return path
@@ -132,7 +132,7 @@ def written(path, t, p, q):
 @pytest.fixture
 def follow(build, tmp_path):
     def write_and_build(t, p, q, **parameters):
-        path = written(tmp_path / "poses.txt", t, p, q)
+        path = write_poses(tmp_path / "poses.txt", t, p, q)
         trajectory = build(type="poses", file=str(path), **parameters)
         assert isinstance(trajectory, RecordedMotion)
         return trajectory
@@ -150,7 +150,7 @@ def test_robust_velocities_are_those_of_the_unharmed_motion(build, follow, harm,
         velocity = build(type="poses", file=str(recording.path)).sample(t).velocity
     trajectory = follow(*harm(t.copy(), p, q, np.random.default_rng(3)), robust=True)
     # Arrival is late by a constant as well, which nothing in the file tells.
-    late = 1e-3 if harm in (arrival, lost, everything) else 0.0
+    late = 1e-3 if harm in (arrival, late_with_losses, everything) else 0.0
     times = t[(t + late > 0.0) & (t + late < trajectory.duration)]
     estimate = trajectory.sample(times + late).velocity
     error = np.linalg.norm(estimate - velocity[np.searchsorted(t, times)], axis=1)
@@ -252,7 +252,7 @@ def test_the_last_digit_of_a_file_is_no_outlier(follow):
 def test_generate_warns_even_when_quiet_and_mends_on_request(tmp_path, capsys):
     t, p, q = motion()
     p[700:] += [5.0, 0.0, 0.0]
-    poses = written(tmp_path / "poses.txt", t, p, q)
+    poses = write_poses(tmp_path / "poses.txt", t, p, q)
     arguments = ["--trajectory", str(poses), "--duration", "10s"]
     assert main([*arguments, "-o", str(tmp_path / "a.mcap"), "--quiet"]) == 0
     output = capsys.readouterr()
