@@ -159,6 +159,6 @@ class PathEncoder:
         # of the pose alone, if the path's own header is no such multiple.
         oldest_pose = poses[0]
         aligned = oldest_pose[:size] + bytes(-(begin + size) % 8) + oldest_pose[-_POSE_SIZE:]
-        others = iter(poses)
-        next(others)
-        return b"".join((_CDR, poses[-1][:size], count, aligned, *others))
+        later_poses = iter(poses)
+        next(later_poses)
+        return b"".join((_CDR, poses[-1][:size], count, aligned, *later_poses))
