@@ -15,7 +15,7 @@ from imu_sim_ros.calibration.twin.fit import Recording, _inverse, _Sums, fit
 from imu_sim_ros.calibration.twin.intensity import (
     factors,
     find_lines,
-    follow,
+    fit_exponents,
     in_range,
     vibrating,
     without_disturbances,
@@ -300,7 +300,7 @@ def test_intensity_that_follows_the_rate_is_recovered():
     logs[:, 2] = 0.5 * np.cos(2.0 * np.pi * np.arange(n) / 1700.0)
     truth = np.array([[1.5, 0.0, 0.0], [0.0, 0.0, 0.0]])
     values = rng.standard_normal((n, 6)) * factors(truth, logs)
-    response = follow(values, [slice(0, n)], RATE, logs)
+    response = fit_exponents(values, [slice(0, n)], RATE, logs)
     for k in (2, 3):  # 5-20 Hz, and above
         assert abs(response.value[k, 0, 0] - 1.5) < 4.0 * response.sigma[k, 0, 0] + 0.05
         assert response.sigma[k, 0, 0] < 0.1
