@@ -193,7 +193,7 @@ class SqliteWriter(Writer):
 
     def abandon(self) -> list[Path]:
         """Keep the committed messages."""
-        # If that fails, whoever opens the file next rolls the journal back.
+        # If that fails, the next program that opens the file rolls the journal back.
         with suppress(sqlite3.Error):
             self._database.rollback()
         self._database.close()

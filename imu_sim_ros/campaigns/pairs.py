@@ -85,8 +85,8 @@ def paired_values(a: Group, b: Group, metric: str) -> PairedValues:
             continue
         shares.append((share, partner_share))
         entry, reverse = (
-            _common(row, b.estimator) if a.cell == b.cell else None,
-            _common(partner, a.estimator) if a.cell == b.cell else None,
+            _common_metrics(row, b.estimator) if a.cell == b.cell else None,
+            _common_metrics(partner, a.estimator) if a.cell == b.cell else None,
         )
         if entry is None or reverse is None:
             both.append(min(share, partner_share))
@@ -113,7 +113,7 @@ def _share(row: Row) -> float | None:
     return float(share) if isinstance(share, int | float) else None
 
 
-def _common(row: Row, estimator: str) -> dict[str, float | None] | None:
+def _common_metrics(row: Row, estimator: str) -> dict[str, float | None] | None:
     """Return the metrics over the time common with another estimator; None: there are none."""
     text = row.get(COMMON_TIME)
     if not isinstance(text, str):

@@ -341,7 +341,7 @@ def _arrow(name: str, rows: Sequence[Row], metrics: Collection[str]) -> "Array":
     """Return a column, whose type depends on the plan alone.
 
     Metrics are numbers even if no run has one; a grid's axis may mix kinds of values, which are
-    strings then. The column is made of its buffers: ``pyarrow.array`` loads pandas, 0.3 s.
+    strings then. The column is made of its buffers, because ``pyarrow.array`` loads pandas.
     """
     import pyarrow
 

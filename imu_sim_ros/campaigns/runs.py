@@ -39,7 +39,7 @@ class CellRuns:
     """The runs of a cell; data shared by all its seeds are computed once."""
 
     def __init__(self, plan: Plan, cell: Cell) -> None:
-        """Set up trajectory and sensor.
+        """Initialise with trajectory and sensor.
 
         :raises ImuSimError: for a cell that cannot be simulated.
         """
@@ -86,6 +86,7 @@ class CellRuns:
         estimators = self.plan.estimators
 
         def metrics(name: str, track: States) -> Metrics:
+            """Return the metrics of a part of an estimator's track."""
             estimator = estimators[name]
             assert isinstance(estimator, TrajectoryEstimator)
             alignment = str(self.plan.alignment(name))

@@ -29,7 +29,7 @@ class SimulatedCell:
     """The simulation of a cell; parts common to all its seeds are computed once."""
 
     def __init__(self, plan: Plan, cell: Cell) -> None:
-        """Set up trajectory and sensor.
+        """Initialise with trajectory and sensor.
 
         :raises ImuSimError: for a cell that cannot be simulated.
         """

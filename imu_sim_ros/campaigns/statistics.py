@@ -234,7 +234,7 @@ def shift(differences: Array, margin: float = 0.0, comparisons: int = 1) -> Shif
     Chicken, "Nonparametric statistical methods", 3rd edition, sections 3.1 to 3.3): it excludes
     zero if the test finds a difference. Infinite differences are larger than any other.
 
-    :param comparisons: their number: 1 - 5 % / comparisons is the level of ``simultaneous``.
+    :param comparisons: number of comparisons; ``simultaneous`` has the level 1 - 5 % / number.
     """
     n = len(differences)
     if not n:

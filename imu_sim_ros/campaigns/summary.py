@@ -72,7 +72,7 @@ class Group(NamedTuple):
     def check(self, requirement: Requirement, requested: int) -> "RequirementCheck":
         """Return whether this group meets a requirement.
 
-        :param requested: runs of the group that the plan asks for.
+        :param requested: number of the group's runs that the plan asks for.
         """
         requested = max(requested, len(self.rows))
         if requirement.metric == SUCCESS:

@@ -275,7 +275,7 @@ class Judgement:
         return [contest for contest in self.contests if contest.factor == self.factor]
 
     def to_dict(self) -> JsonObject:
-        """Return it as plain values for JSON; intervals are ``{value, low, high}``."""
+        """Return the judgement as plain values for JSON; intervals are ``{value, low, high}``."""
         plain_fields = {name: _plain(value) for name, value in asdict(self).items()}
         for name in ("unmet", "unmatched", "worse", "unproven", "copies"):
             del plain_fields[name]
@@ -304,7 +304,7 @@ def judge(
     :param rows: rows of the campaign, in the plan's order.
     :param metric: a metric of the plan, or ``success``.
     :param baseline: rows of an earlier campaign.
-    :param tolerance: replaces the plan's; None: that of the plan.
+    :param tolerance: tolerance in place of the plan's; None: that of the plan.
     :param non_inferiority: margin by which each group is to be proven not to be worse than in the
         baseline; None: a group that is not proven to be worse passes.
     """
@@ -751,7 +751,7 @@ def _contest(
     Its p values are not yet corrected for all others, and nothing is decided.
 
     :param varying: the names that have several values in the campaign.
-    :param count: comparisons that are read together.
+    :param count: number of comparisons that are read together.
     """
     ideal = _without_contest(factor, ranked)
     ranked = [group for group in ranked if group not in ideal] + ideal
@@ -787,7 +787,7 @@ def _ranked(ranked: list[Group], rule: Criterion) -> list[Group]:
     Groups that are compared over common time are ordered by the number of others they are worse
     than.
 
-    :param ranked: by the median of the time that each covers.
+    :param ranked: groups in the order of their medians over the time that each covers.
     """
     if len(ranked) > _ALL_PAIRS:
         return ranked

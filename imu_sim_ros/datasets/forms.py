@@ -93,7 +93,6 @@ def _usual_topics(
     """Return the topics that are written by default: those that a node usually publishes.
 
     A dataset has tables of readings; a bag has all topics except those of optional packages.
-    installed.
     """
     in_text = form is not None
     tables = in_text and form in WITH_TABLES and path.suffix.lower() != ".csv"

@@ -62,8 +62,8 @@ class TumVi:
         """Make the folders.
 
         :param sensors: sensors of the body, one IMU among them.
-        :param world: with threads that make images.
-        :param jobs: their number.
+        :param world: world with threads that make images.
+        :param jobs: number of the threads.
         :param warn: receives a line for each camera of which nothing is written.
         """
         make_folder(folder)

@@ -55,7 +55,7 @@ class FileFormat(Protocol):
         """Return the units that the file itself states, by triad; it converts those."""
 
     def states(self, path: Path, topic: str | None, covariance: bool, handling: Handling) -> States:
-        """Return poses, with all else that the source knows of the motion."""
+        """Return poses, with all other quantities of the motion that the source has."""
 
 
 FORMATS: Final[tuple[FileFormat, ...]] = (vio_data_simulation, text, bag)

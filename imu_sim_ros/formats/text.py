@@ -24,7 +24,7 @@ def reading_blocks(
     """Yield the readings of a table, or of an IMU of a folder, in blocks.
 
     :param topic: name of the IMU in a folder, if it has several: imu0, imu1.
-    :raises InputError: for a frame, which text has not.
+    :raises InputError: for a frame, which text does not have.
     """
     if frame is not None:
         raise InputError(f"{path}: text has no frame {frame}")

@@ -22,7 +22,7 @@ def reading_blocks(
 ) -> Iterator[Readings]:
     """Yield the readings in one block.
 
-    :raises InputError: for a topic or a frame, which this text has not.
+    :raises InputError: for a topic or a frame, which this text does not have.
     """
     for kind, name in (("topic", topic), ("frame", frame)):
         if name is not None:
@@ -58,7 +58,7 @@ def stated_units(path: Path, topic: str | None) -> dict[str, str]:
 def states(path: Path, topic: str | None, covariance: bool, handling: Handling) -> States:
     """Return the true states of a folder, or the poses of a file; arguments as for the door.
 
-    :raises InputError: for a topic, which this text has not.
+    :raises InputError: for a topic, which this text does not have.
     """
     if topic is not None:
         raise InputError(f"{path}: text has no topic {topic}")

@@ -1,7 +1,7 @@
 # Copyright 2026 imu_sim_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""TableHeader of a text table: the quantity, the axis and the unit of each column.
+"""Header of a text table: the quantity, the axis and the unit of each column.
 
 Supported are the headers of this package, EuRoC, kalibr, TUM, OpenVINS, OKVIS2, AirSim, PX4,
 rostopic, phone loggers and spreadsheets: each name is split into quantity, axis and unit.
@@ -278,7 +278,7 @@ def _unit_of_temperature(name: str, tokens: Sequence[str], unit: str) -> str | N
     An upper-case T is a temperature if its unit, or the name of a sensor, says so.
 
     :param name: name of the column without what is in brackets.
-    :param tokens: its words in lower case.
+    :param tokens: words of the name in lower case.
     :param unit: unit in brackets; empty: there is none.
     """
     if {*AXES, *_TIMES[:3]} & set(tokens) or {*_TIMES, *TIME_UNITS} & set(tokens[1:]):
@@ -489,7 +489,7 @@ def _pair(
     """Return the columns of seconds and of nanoseconds that are one stamp: ``sec, nsec``.
 
     :param stamps: columns of stamps.
-    :param stamp: the one that is read.
+    :param stamp: column of stamps that is read.
     :returns: the stamp and None if it is in one column.
     """
 

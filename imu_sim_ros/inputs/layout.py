@@ -1,7 +1,7 @@
 # Copyright 2026 imu_sim_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""TableLayout of a text table: separator, columns and units, and its rows as numbers.
+"""Layout of a text table: separator, columns and units, and its rows as numbers.
 
 A header decides the columns. Without one the columns are those of a form that the reader names,
 and the unit of the stamps follows from their size and their steps.

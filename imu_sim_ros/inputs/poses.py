@@ -203,7 +203,7 @@ def _is_finite(field: str) -> bool:
 def _about_world(covariance: Array, q_wb: Array) -> Array:
     """Return covariances (n, 6, 6) with the rotation about the world's, not the body's axes.
 
-    :param q_wb: (n, 4).
+    :param q_wb: (n, 4) attitudes.
     """
     r_wb = rotation.to_matrix(q_wb)
     turned = covariance.copy()

@@ -80,7 +80,7 @@ class _View(io.RawIOBase):
         return len(content)
 
     def close(self) -> None:
-        """Let the file be closed when nobody else uses it."""
+        """Release the file, which is closed after its last user."""
         if not self.closed:
             self._file.release()
         super().close()

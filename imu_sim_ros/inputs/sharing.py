@@ -21,18 +21,18 @@ class Shareable(ABC):
     _users = 0
 
     def hold(self) -> None:
-        """Keep it open until :meth:`release`."""
+        """Keep the file open until :meth:`release`."""
         self._users += 1
 
     def release(self) -> None:
-        """Close it if nobody else uses it."""
+        """Close the file if it has no other user."""
         self._users -= 1
         if self._users <= 0:
             self._close_files()
 
     @abstractmethod
     def _close_files(self) -> None:
-        """Close it, whoever uses it."""
+        """Close the file, even if it has users."""
 
 
 File = TypeVar("File", bound=Shareable)

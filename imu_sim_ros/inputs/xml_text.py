@@ -1,7 +1,7 @@
 # Copyright 2026 imu_sim_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""XML of strangers as a tree of elements, of bounded size, without entities.
+"""XML from untrusted files as a tree of elements, of bounded size, without entities.
 
 A document type, with which entities are declared, is refused.
 """

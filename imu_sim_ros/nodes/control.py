@@ -65,7 +65,7 @@ class InjectedFault(NamedTuple):
     """Texts by name: kind, imu, triad, duration, value."""
 
     def line(self) -> str:
-        """Return it in a line."""
+        """Return the fault as a line of text."""
         values = self.values
         triad = " ".join(filter(None, (values["imu"], values["triad"])))
         return (

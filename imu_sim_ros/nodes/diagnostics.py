@@ -37,7 +37,7 @@ def diagnostics(
 def drawn(imus: Mapping[str, SampledParameters]) -> dict[str, str]:
     """Return the seed of each IMU and the constants that it has drawn, by parameter.
 
-    :param imus: by name; a single one has an empty name.
+    :param imus: IMUs by name; a single one has an empty name.
     """
     result: dict[str, str] = {}
     for name, parameters in imus.items():

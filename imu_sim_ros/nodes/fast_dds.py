@@ -5,8 +5,9 @@
 
 Fast DDS opens the segment of a port by ``boost::interprocess::managed_open_or_create`` (in
 ``SharedMemGlobal::open_port_internal``; seen in 2.14): its creator writes 2 into its first word
-when it is ready, and whoever opens it waits for that, without limit. A process that is killed in
-between leaves a file that makes every later participant of that domain hang while it starts.
+when it is ready, and every process that opens it waits for that, without limit. A process that is
+killed in between leaves a file that makes every later participant of that domain hang while it
+starts.
 """
 
 import os

@@ -61,7 +61,7 @@ def _text(parameter: Parameter) -> str:
 def command_line(section: type, values: Mapping[str, str]) -> list[str]:
     """Return a node's plain command-line arguments.
 
-    :param values: by launch argument; empty ones are left to the node.
+    :param values: values by launch argument; empty ones are left to the node.
     """
     declarations = parameters(section)
     options: list[str] = []

@@ -83,7 +83,7 @@ class Lifetime:
     def fail(self, error: BaseException, status: int | None = None) -> None:
         """End the run with an error.
 
-        :param status: exit status; None is the one that the error means.
+        :param status: exit status; None: that of the error's kind.
         """
         self._end(explain(error)[1] if status is None else status, error)
 

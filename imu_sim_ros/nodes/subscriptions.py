@@ -3,9 +3,9 @@
 
 """Subscriptions to what publishers offer, which one thread empties at its own pace, as bytes.
 
-An executor wakes up for every message and builds a new wait set each time, some 70 us of Python; a
-thread that takes whatever has accumulated every few milliseconds needs a few microseconds. The
-middleware's queue holds the messages meanwhile.
+An executor wakes up for every message and builds a new wait set each time, which is slow in Python;
+a thread that takes all messages every few milliseconds costs much less. The middleware's queue
+holds the messages meanwhile.
 """
 
 import threading
@@ -81,7 +81,7 @@ class _OutsideTheExecutor(CallbackGroup):
 class PollTimer:
     """Decides how long to wait before the next look.
 
-    :param period: between looks if arrivals are irregular; if they are regular, how long a
+    :param period: time between looks if arrivals are irregular; if they are regular, how long a
         message may wait for others [s].
     """
 
@@ -134,7 +134,7 @@ class RawSubscriptions:
 
     :param deliver: receives a topic and messages of it, in the reader's thread.
     :param fail: receives the error that this raised; no more messages are taken.
-    :param period: between looks for messages [s].
+    :param period: time between looks for messages [s].
     :param leading: a topic in step with which messages are looked for if they arrive regularly,
         see :class:`PollTimer`; None: none.
     :param release: is called every :data:`RELEASE_PERIOD` in the reader's thread, once there is a
@@ -240,7 +240,7 @@ class MessageCounter:
     ) -> None:
         """Begin to count.
 
-        :param node: its domain is used, and its name, by which it knows itself in the graph.
+        :param node: node whose domain is used, and whose name identifies the counter in the graph.
         """
         self.messages = 0
         """Messages received."""

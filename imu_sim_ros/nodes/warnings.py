@@ -24,7 +24,7 @@ class Warnings:
     """Warnings whose texts may come again and again, with other numbers."""
 
     def __init__(self, logger: RcutilsLogger, period: float) -> None:
-        """Begin without any.
+        """Initialise without entries.
 
         :param logger: logger of the node.
         :param period: time after which the same text is told again [s].
@@ -45,7 +45,7 @@ class Refusals:
     """Counter of refused messages, whose reasons are told."""
 
     def __init__(self, logger: RcutilsLogger) -> None:
-        """Begin without any.
+        """Initialise without entries.
 
         :param logger: logger of the node.
         """

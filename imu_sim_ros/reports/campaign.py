@@ -60,7 +60,7 @@ def campaign_sections(
 ) -> tuple[str, list[Section]]:
     """Return the title and the sections that a campaign's folder gives.
 
-    :param metric: shown first; none: the absolute position error, or else the first metric.
+    :param metric: metric shown first; empty: the absolute position error, or the first metric.
     :param baselines: folders or tables of earlier campaigns, the oldest first.
     :param tolerance: difference that does not matter; None: the plan's.
     :param non_inferiority: margin of the comparison with the last baseline; None: not asked.

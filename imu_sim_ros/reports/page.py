@@ -128,7 +128,7 @@ def _are_many(values: Sequence[object]) -> bool:
 def plot(title: str, x: str, y: str, series: list[Item], log: str = "", **options: object) -> Item:
     """Return a plot.
 
-    :param x: label of the horizontal axis; ``y``: of the vertical one.
+    :param x: label of the horizontal axis; ``y``: label of the vertical one.
     :param log: logarithmic axes, of "xy".
     :param options: further fields, such as ``link``, ``legend`` and ``caption``.
     """

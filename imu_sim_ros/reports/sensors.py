@@ -273,7 +273,7 @@ def comparison(
 ) -> list[Item]:
     """Return readings with their truth, and their errors in the band of three stated deviations.
 
-    :param truth: None: only the stated deviations are drawn.
+    :param truth: truth of the readings; None: only the stated deviations are drawn.
     """
     name = topic if measured.name in ("", "vector") else f"{topic}: {measured.name}"
     t_s = (measured.t_ns - measured.t_ns[0]) * 1e-9

@@ -252,7 +252,7 @@ def track(name: str, colour: int | None, positions: Array, columns: int = PARTS)
 def analyse(blocks: Iterable[Readings], count: int) -> StreamPlots | None:
     """Return the data for the plots of a stream; None with fewer than two readings.
 
-    :param count: number of the readings, about; it sets how many make a part.
+    :param count: approximate number of the readings, which sets how many make a part.
     """
     clock = ClockStream()
     analysis: _Analysis | None = None

@@ -38,10 +38,10 @@ class ErrorModelReport:
     ) -> DiagnosticArray:
         """Return the message.
 
-        :param refused: messages so far that were no readings.
-        :param strays: messages so far that were left out for their stray stamps.
+        :param refused: number of messages so far that were no readings.
+        :param strays: number of messages so far that were left out for their stray stamps.
         :param remarks: lines about what contradicts the declaration of the input.
-        :param drawn: seed and what it drew.
+        :param drawn: seed, and the constants drawn from it.
         """
         previous, self._before = self._before, dataclasses.replace(counts)
         new_refused, self._refused = refused - self._refused, refused

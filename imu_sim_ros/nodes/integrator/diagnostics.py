@@ -97,8 +97,8 @@ class IntegratorReport:
     ) -> DiagnosticArray:
         """Return the message, with the error if there is a comparison with the truth.
 
-        :param refused: messages so far that the gate did not pass, of readings and of the truth.
-        :param strays: readings so far that were left out for their stray stamps.
+        :param refused: number of messages, of readings and the truth, that the gate did not pass.
+        :param strays: number of readings so far that were left out for their stray stamps.
         """
         totals = odometer.totals
         counts = dataclasses.asdict(totals.steps)

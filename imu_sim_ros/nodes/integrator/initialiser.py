@@ -41,10 +41,10 @@ class Initialiser(Protocol):
     """One of the ways to start."""
 
     def add_reading(self, reading: LiveReading) -> Start | None:
-        """Take a reading."""
+        """Add a reading; return the start once it is known."""
 
     def add_truth(self, truth: LiveState) -> Start | None:
-        """Take a true state."""
+        """Add a true state; return the start once it is known."""
 
 
 def initialiser(

@@ -226,7 +226,7 @@ class Integrator(ConfiguredNode[IntegratorParameters]):
             self.odometer.correct_with(parameters)
         when = "; it takes effect at the next start" if later else ""
         self.get_logger().info(
-            f"the sensor is {_words(parameters.imu)}, according to {self.sensor.topic}{when}"
+            f"the sensor is {_sensor_text(parameters.imu)}, according to {self.sensor.topic}{when}"
         )
         if not self.sensor.noise_known:
             self._tell_what_is_left_out(sensor)
@@ -309,7 +309,7 @@ class Integrator(ConfiguredNode[IntegratorParameters]):
         return is_new
 
 
-def _words(imu: IntegratorImuParameters) -> str:
+def _sensor_text(imu: IntegratorImuParameters) -> str:
     """Return the sensor's name, and its mount if it is not aligned with the body."""
     if mount_of(imu) == ALIGNED:
         return imu.preset

@@ -48,7 +48,7 @@ class Message(NamedTuple):
 class Timestamps:
     """Gives the messages that were taken their times.
 
-    :param node: its clock is used if time is simulated.
+    :param node: node whose clock is used if time is simulated.
     :param by_reception: a message's time is that of its reception, stamp or not.
     """
 
@@ -127,9 +127,9 @@ class DurationLimit:
         self._topics: dict[str, _Topic] = {}
 
     def take(self, messages: list[Message], time_s: float) -> list[Message]:
-        """Return those of one topic's messages that lie within its time.
+        """Return those of a topic's messages that lie within the limit.
 
-        :param time_s: on the steady clock [s].
+        :param time_s: time on the steady clock [s].
         """
         if not self._length_ns or not messages:
             return messages
@@ -149,7 +149,7 @@ class DurationLimit:
     def reached(self, elapsed: float, time_s: float) -> bool:
         """Return whether every topic that is still active has reached the limit.
 
-        :param elapsed: since the first message, on the clock of the node [s]. Decides if stamps
+        :param elapsed: time since the first message, on the node's clock [s]. Decides if stamps
             do not advance, or nothing arrives any more.
         """
         if not self._length_ns:
@@ -204,10 +204,10 @@ class RecordedTopic:
     _latest: bytes = b""
 
     def take(self, t_ns: int, stamp_ns: int | None, payload: bytes) -> None:
-        """Take a message that is written.
+        """Count a message that is written.
 
-        :param t_ns: its record time [ns].
-        :param stamp_ns: its stamp [ns]; None: there is none, or it was not set.
+        :param t_ns: record time of the message [ns].
+        :param stamp_ns: stamp of the message [ns]; None: there is none, or it was not set.
         """
         self.messages += 1
         self.unset += stamp_ns is None

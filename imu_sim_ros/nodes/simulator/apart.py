@@ -115,7 +115,7 @@ class SensorProcess:
         :param start: its configuration, as JSON can hold it.
         :param fail: receives what ended the process.
         :param warn: receives a warning for the log.
-        :param note: receives a line that is none.
+        :param note: receives a line for the log that is no warning.
         """
         self.name, self._fail, self._warn, self._note = name, fail, warn, note
         self.counts: dict[str, int] = {}
@@ -160,7 +160,7 @@ class SensorProcess:
     def wait_until_idle(self, timeout: float) -> bool:
         """Wait until every frame that was due is published, as long as there is progress.
 
-        :param timeout: [s] without any frame; longer than one takes on a busy machine.
+        :param timeout: longest time without any frame [s].
         """
         with self._changed:
             moved = True
@@ -282,7 +282,7 @@ class SensorsApart:
     def connected(self, time_s: float) -> bool:
         """Return whether the processes are connected to all subscribers, or have tried long enough.
 
-        :param time_s: [s], of a clock that never jumps.
+        :param time_s: time on a clock that never jumps [s].
         """
         self._requested_at = self._requested_at or time_s
         late = time_s - self._requested_at > _LONGEST_CONNECTION

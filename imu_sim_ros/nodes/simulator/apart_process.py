@@ -5,7 +5,7 @@
 
 It reads one line of JSON, then tokens, from standard input, and ends when that is closed; it
 reports in lines of JSON on standard output. It runs below the priority of the node that started it,
-and the thread that makes them below that: a batch job that whoever wakes up may interrupt.
+and the thread that makes them below that: as a batch job, which gives way to any other thread.
 """
 
 import json
@@ -76,7 +76,7 @@ class SampleQueue:
     """The messages of a sensor's samples, made ahead in one thread and taken by another."""
 
     def __init__(self, make: Callable[[int], Made | None], exists: Callable[[int], bool]) -> None:
-        """Set up.
+        """Initialise without messages.
 
         :param make: returns the messages of a sample, stamped as if time zero were ORIGIN_NS; None
             for one that will never be requested.
@@ -249,7 +249,7 @@ class Reports:
         self._lock = threading.Lock()
 
     def say(self, **report: object) -> None:
-        """Write a line."""
+        """Write a report as a line of JSON."""
         with self._lock:
             self._file.write(as_json(report).encode() + b"\n")
 

@@ -63,10 +63,10 @@ class StreamReport:
         """Return the message.
 
         :param elapsed: seconds since the last message.
-        :param state: running, paused or waiting, in words.
+        :param state: text: running, paused or waiting.
         :param lateness_ns: lateness of the samples since the last message.
         :param late: numbers of samples caught up and skipped since the start.
-        :param drawn: seeds and what they drew.
+        :param drawn: seeds, and the constants drawn from them.
         """
         values: dict[str, str] = {"state": state}
         p99 = 0.0

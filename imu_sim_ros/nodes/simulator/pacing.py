@@ -30,7 +30,7 @@ class Settling:
     def settled(self, counts: Sequence[int], time_s: float) -> bool:
         """Return whether the subscribers of all topics are there to stay.
 
-        :param time_s: on the steady clock [s].
+        :param time_s: time on the steady clock [s].
         """
         if tuple(counts) != self._counts:
             self._counts, self._since = tuple(counts), time_s
