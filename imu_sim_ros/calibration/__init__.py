@@ -1,4 +1,4 @@
 # Copyright 2026 imu_sim_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""From readings to parameters: noise (Allan), deterministic errors, the twin."""
+"""Estimation of parameters from readings: noise (Allan), deterministic errors, the twin."""

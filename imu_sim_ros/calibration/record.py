@@ -255,7 +255,7 @@ class RestCheck:
     """
 
     def __init__(self, rate: float, steps: StepFinder) -> None:
-        """Set up.
+        """Initialise without readings.
 
         :param rate: samples per second [Hz].
         :param steps: digital steps of the readings, as far as they have been determined.

@@ -88,7 +88,7 @@ class _Tour(argparse.Action):
     def __call__(
         self, parser: argparse.ArgumentParser, _namespace: object, value: object, *_rest: object
     ) -> None:
-        """Print them."""
+        """Print the waypoints."""
         place, _, seed = str(value).partition(":")
         tour_parameters: dict[str, object] = {"trajectory.type": "tour", "trajectory.place": place}
         tour_parameters["trajectory.place_seed"] = int(seed) if seed.isdigit() else seed or 0

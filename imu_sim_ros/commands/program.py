@@ -93,16 +93,16 @@ class Result(Protocol):
     """Result of a job: a JSON object and lines of text."""
 
     def to_dict(self) -> Mapping[str, object]:
-        """Return it in plain types."""
+        """Return the result in plain types."""
 
     def lines(self) -> Iterable[str | TextTable]:
-        """Yield it as text."""
+        """Yield the result as lines of text."""
 
 
 def show(arguments: argparse.Namespace, result: Result, **leading: object) -> None:
     """Print a result as JSON (``--json``), not at all (``--quiet``), or as text.
 
-    :param leading: come first in the JSON object.
+    :param leading: entries that come first in the JSON object.
     """
     if arguments.json:
         print_json({**leading, **result.to_dict()})
@@ -156,7 +156,7 @@ class Parser(argparse.ArgumentParser):
         """Set up the parser.
 
         :param examples: command lines, one a line; the help ends with them.
-        :param arguments: added by :func:`add_options`.
+        :param arguments: arguments that :func:`add_options` adds.
         """
         if examples:
             lines = "".join(f"\n  {_called(line)}" for line in examples.strip().splitlines())
@@ -343,7 +343,7 @@ def main(
 ) -> int:
     """Run a program: read its arguments, do its work, report what went wrong.
 
-    :param command: does the work; raises what goes wrong.
+    :param command: function that does the work, and raises what goes wrong.
     :param argv: the command line without the program's name; None: that of the process.
     :returns: exit status: 0; 2 after a line for each problem of the input; 1 for anything else.
     :raises SystemExit: for arguments that cannot be read, with status 2, and after ``--help``.

@@ -41,7 +41,7 @@ def refuse(name: str, value: object, allowed: str, wrong_type: bool = False) -> 
 def suggest_keywords(function: Callable[_P, _R]) -> Callable[_P, _R]:
     """Return a function that names the nearest of its arguments for an unknown keyword.
 
-    :param function: has no ``**`` argument.
+    :param function: function without a ``**`` argument.
     """
     code = function.__code__
     parameters = code.co_varnames[: code.co_argcount + code.co_kwonlyargcount]
@@ -75,7 +75,7 @@ def path(name: str, value: object, allowed: str = "the path of a file") -> Path:
 def text(name: str, value: object, allowed: str, empty: bool = False) -> str:
     """Return a string that is not empty.
 
-    :param empty: it may be.
+    :param empty: True: the string may be empty.
     :raises ConfigurationError: for anything else.
     """
     if not isinstance(value, str):
@@ -86,7 +86,7 @@ def text(name: str, value: object, allowed: str, empty: bool = False) -> str:
 
 
 def one_of(name: str, value: object, choices: Collection[str]) -> str:
-    """Return one of some words.
+    """Return a word that is one of the choices.
 
     :raises ConfigurationError: for anything else, with the nearest right one.
     """
@@ -111,7 +111,7 @@ def words(name: str, value: object) -> tuple[str, ...]:
 def topic(name: str, value: object, of_a_file: bool = True) -> str | None:
     """Return the topic of a bag, or None.
 
-    :param of_a_file: the topics are those of a file.
+    :param of_a_file: True if the topics are those of a file.
     :raises ConfigurationError: for anything else.
     """
     if value is None:
@@ -226,7 +226,7 @@ _FLOAT64: Final = np.dtype(np.float64)
 
 
 def _allowed(shape: tuple[int | None, ...]) -> str:
-    """Return which arrays of a shape are allowed, in words."""
+    """Return which arrays of a shape are allowed, as text."""
     sizes = ", ".join("n" if length is None else str(length) for length in shape)
     return f"finite numbers of the shape ({sizes}{',' if len(shape) == 1 else ''})"
 

@@ -152,7 +152,7 @@ def rint(x: Component) -> Component:
 
 
 def quantise(x: Component, step: Component, lower: Component, upper: Component) -> Component:
-    """Return x in whole steps, from ``least`` to ``most`` of them. The sign of a zero stays."""
+    """Return x in whole steps, from ``lower`` to ``upper`` of them. The sign of a zero stays."""
     if type(x) is float:
         x /= step
         count = round(x)

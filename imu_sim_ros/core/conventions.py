@@ -1,7 +1,7 @@
 # Copyright 2026 imu_sim_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""What the whole package agrees on: gravity, the two triads, frames and topics, each once.
+"""Conventions of the whole package: gravity, the two triads, frames and topics, each once.
 
 Imports nothing, so that every room may import it. The frames' letters, units and shapes are in the
 package's docstring.

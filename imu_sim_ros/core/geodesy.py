@@ -24,9 +24,9 @@ def radii_of_curvature(latitude: Array) -> tuple[Array, Array]:
 def earth_fixed(latitude_deg: Array, longitude_deg: Array, height: Array) -> Array:
     """Return Earth-fixed coordinates (n, 3) [m] of places on WGS84 (Groves, 2nd ed., eq. 2.112).
 
-    :param latitude_deg: (n,) geodetic [deg].
-    :param longitude_deg: (n,) [deg].
-    :param height: (n,) above the ellipsoid [m].
+    :param latitude_deg: (n,) geodetic latitudes [deg].
+    :param longitude_deg: (n,) longitudes [deg].
+    :param height: (n,) heights above the ellipsoid [m].
     """
     phi, lam = np.radians(latitude_deg), np.radians(longitude_deg)
     vertical = radii_of_curvature(phi)[1]
@@ -51,7 +51,7 @@ def tangent_plane(geodetic: Array, origin: Array) -> Array:
     """Return places (n, 3) east, north and up of an origin [m].
 
     :param geodetic: (n, 3) latitudes and longitudes [deg], heights above the ellipsoid [m].
-    :param origin: (3,) the same of the origin.
+    :param origin: (3,) latitude and longitude [deg], and height [m] of the origin.
     """
     latitude, longitude, height = (np.array([coordinate]) for coordinate in origin)
     difference = earth_fixed(*geodetic.T) - earth_fixed(latitude, longitude, height)

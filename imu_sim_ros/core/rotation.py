@@ -185,8 +185,8 @@ def log(q: ArrayLike) -> Array:
 def interpolate(start: ArrayLike, end: ArrayLike, share: ArrayLike) -> Array:
     """Return rotations (n, 4) between two, at constant rate about one axis (Shoemake 1985).
 
-    :param start: (n, 4).
-    :param end: (n, 4).
+    :param start: (n, 4) rotations at the start.
+    :param end: (n, 4) rotations at the end.
     :param share: (n,) share of the way from start to end, from 0 to 1.
     """
     turn = log(multiply(conjugate(start), end))

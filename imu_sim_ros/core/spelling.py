@@ -91,7 +91,7 @@ def stated(name: str, value: str = "") -> str:
     """Return an argument that a line is about, as the beginning of the line.
 
     :param name: name of the job's argument.
-    :param value: its value, shortened for a line; empty: the line is about the argument itself.
+    :param value: value, shortened for a line; empty: the line is about the argument itself.
     """
     spelling = _current[-1]
     if name in spelling.typed:

@@ -1,4 +1,4 @@
 # Copyright 2026 imu_sim_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""From readings to a path: dead reckoning, preintegration, covariance, evaluation."""
+"""Estimation of a path from readings: dead reckoning, preintegration, covariance, evaluation."""

@@ -1,4 +1,4 @@
 # Copyright 2026 imu_sim_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""How a parameter is declared once (unit, range, text), layered from files, checked and listed."""
+"""Parameters: declared once (unit, range, text), layered from files, checked and listed."""

@@ -272,7 +272,7 @@ def build_layered(
     """Return the section from given values over those of the files that they name.
 
     :param layers: layers of given values, later ones above earlier ones.
-    :param problems: found before, told with those found here.
+    :param problems: problems found before, told with those found here.
     :raises ConfigurationError: with one line per problem; a file that cannot be
         found hides no other problem.
     """

@@ -102,7 +102,7 @@ def _residuals(
 ) -> Figure:
     """Draw errors (n, 3) in two panels, a column for each pose, divided by axis.
 
-    :param uncalibrated: title and errors; ``calibrated`` likewise.
+    :param uncalibrated: title and errors before the calibration; ``calibrated``: after it.
     :param sigma: (n, 3) standard errors.
     :param poses: (n,) pose of each piece, and the names of the poses.
     :param names: labels of the axes, whose errors are shown in thousandths, and of the grey bars.
@@ -140,7 +140,7 @@ def _residuals(
 def ellipsoid(result: Ellipsoid, readings: Array, source: str) -> Figure:
     """Return the field's strength before and after, and the residuals over the directions.
 
-    :param readings: (n, 3) [T].
+    :param readings: (n, 3) readings [T].
     :param source: contents and name of the bag, for the title.
     """
     corrected = np.linalg.solve(result.soft_iron, (readings - result.hard_iron).T).T

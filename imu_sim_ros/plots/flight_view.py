@@ -42,7 +42,7 @@ _OTHERWISE: Final = "--save FILE writes what rerun opens elsewhere"
 
 
 def rerun() -> ModuleType:
-    """Return the library.
+    """Return the library rerun.
 
     :raises MissingDependencyError: if it is not installed.
     """

@@ -151,8 +151,8 @@ def _view(
 def _keep_in_view(axis: Axes, truth: Array, equal: bool) -> None:
     """Limit the picture to the surroundings of the truth if a path drifts far away.
 
-    :param truth: (n, 2) [m].
-    :param equal: a metre is as long across as up.
+    :param truth: (n, 2) true positions [m].
+    :param equal: True: a metre is as long across as up.
     """
     centre = 0.5 * (truth.min(axis=0) + truth.max(axis=0))
     extent = np.ptp(truth, axis=0)

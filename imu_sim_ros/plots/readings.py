@@ -20,8 +20,8 @@ def readings(t_ns: Integers, gyro: Array, accel: Array, name: str) -> Figure:
     """Draw angular rate and specific force over time, a line for each axis.
 
     :param t_ns: (n,) stamps [ns].
-    :param gyro: (n, 3) [rad/s].
-    :param accel: (n, 3) [m/s^2].
+    :param gyro: (n, 3) angular rates [rad/s].
+    :param accel: (n, 3) specific forces [m/s^2].
     :param name: name of the sensor or the file, for the title.
     """
     picture, panels = style.panels(2, 1, 8.0, 5.0, sharex=True)

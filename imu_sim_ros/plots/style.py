@@ -55,8 +55,8 @@ class Figure(matplotlib.figure.Figure):
 def figure(width: float = 8.0, height: float = 5.0) -> Figure:
     """Return an empty figure that needs neither a display nor global state.
 
-    :param width: inches.
-    :param height: inches.
+    :param width: width in inches.
+    :param height: height in inches.
     """
     with matplotlib.rc_context(_SETTINGS):
         result = Figure(figsize=(width, height), layout="constrained")

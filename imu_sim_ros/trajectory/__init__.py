@@ -1,7 +1,7 @@
 # Copyright 2026 imu_sim_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Where the body is at any time, and its parameters.
+"""Motions of a body: position and attitude at any time, and their parameters.
 
 A trajectory of another package needs the two names exported here.
 """

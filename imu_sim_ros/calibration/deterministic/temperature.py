@@ -133,7 +133,7 @@ def temperatures_at(steady: Steady, t_ns: Integers, temperature: Array) -> Array
     """Return (m,) the temperature in the middle of each piece, interpolated.
 
     :param t_ns: (n,) stamps of the temperature messages.
-    :param temperature: (n,) [degC].
+    :param temperature: (n,) temperatures of the messages [degC].
     :raises InputError: for no message, or pieces outside the messages' time.
     """
     if len(t_ns) == 0:

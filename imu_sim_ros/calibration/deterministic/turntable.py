@@ -58,7 +58,7 @@ def calibrate_turntable(steady: Steady, rate: Array, gravity: float) -> Turntabl
     It can, if gravity is seen along and against every axis.
 
     :param steady: stretches at rest and at constant rates.
-    :param rate: (m, 3) their true angular rates, from :func:`known_rates` or from a truth.
+    :param rate: (m, 3) true angular rates of the pieces, from :func:`known_rates` or a truth.
     :param gravity: magnitude of gravity [m/s^2].
     :raises InputError: if an axis is not turned in both directions or nothing is at rest.
     """
@@ -150,7 +150,7 @@ def _typical(gyro: Array, temperature: Array | None) -> Array:
     reweighted least squares.
 
     :param gyro: (m, 3) readings, most of them at rest or as many one way as the other.
-    :param temperature: (m,) [degC].
+    :param temperature: (m,) temperatures of the pieces [degC].
     """
     median = np.asarray(np.median(gyro, axis=0))
     if temperature is None or (span := float(np.ptp(temperature))) == 0.0:
