@@ -181,7 +181,7 @@ def wrong_outcomes(path, sources, jobs):
             expected -= {"poses_sparse"}
         if kinds != expected or (refusals and not refused):
             wrong.append((name, sorted(kinds), sorted(expected), refused))
-    return kinds, wrong
+    return inspected, wrong
 
 
 @pytest.mark.parametrize("kind", READINGS)
