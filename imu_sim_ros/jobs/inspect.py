@@ -18,6 +18,7 @@ import numpy as np
 from imu_sim_ros import __version__
 from imu_sim_ros.bags.cameras import camera_records
 from imu_sim_ros.bags.clouds import cloud_records
+from imu_sim_ros.bags.feature_tracks import feature_tracks
 from imu_sim_ros.bags.messages.encode import IMU, PATH, TEMPERATURE
 from imu_sim_ros.bags.messages.transforms import TF_MESSAGE
 from imu_sim_ros.bags.pose_topics import POSE_TYPES
@@ -76,7 +77,9 @@ from imu_sim_ros.recordings.time_offsets import (
     time_offset_of_turns,
     turn_angles_of_poses,
     turn_angles_of_readings,
+    turn_angles_of_tracks,
 )
+from imu_sim_ros.recordings.tracks import FeatureTracks
 from imu_sim_ros.reports.findings import finding_section
 from imu_sim_ros.reports.page import Section, html, table
 from imu_sim_ros.sensors.camera.images.files import image_size
@@ -471,13 +474,14 @@ Record = (
     | States
     | ClippingCounts
     | CameraRecord
+    | FeatureTracks
     | CloudRecord
     | TopicFrames
     | TemperatureRecord
 )
 """Readings, poses, counts of clipping, a camera's description, clouds, frames on a topic, or
 temperatures."""
-MeasuresT = TypeVar("MeasuresT", ReadingMeasures, StateMeasures)
+MeasuresT = TypeVar("MeasuresT", ReadingMeasures, StateMeasures, FeatureTracks)
 Source = str | PathLike[str] | Readings | States | Flight
 """A file, or a record in memory."""
 
@@ -553,6 +557,8 @@ def inspect(
         if isinstance(record, CameraRecord):
             cameras.append(record.source)
             findings += camera_findings(record)
+        elif isinstance(record, FeatureTracks):
+            turns.append((record.source, _turn_angles(turn_angles_of_tracks, record)))
         elif isinstance(record, ClippingCounts):
             findings += clipping_findings(record)
         elif isinstance(record, TopicFrames):
@@ -625,7 +631,10 @@ def _offsets(
             yield UnknownOffset(source, reference, str(reasons[0]))
     for source in cameras if turns else ():
         yield UnknownOffset(
-            source, reference, "images tell no rotation here; a topic of the camera's poses does"
+            source,
+            reference,
+            "images tell no rotation here; tracked features (sensor_msgs/PointCloud, as those of "
+            "VINS-Mono) or a topic of the camera's poses do",
         )
 
 
@@ -663,6 +672,7 @@ def _read(
         topic_info = None if topic is None else bag.find(topic)
         cameras = list(camera_records(bag, name, image_size))
         clouds = list(cloud_records(bag, name))
+        tracks_of_features = list(feature_tracks(bag, name))
         clippings = [replace(counts, source=f"{name}, {counts.source}") for counts in bag.clippings]
     topics += [TopicContents(name, info.name, info.type, info.count) for info in infos]
     imus = door.imu_choices(path, choice)
@@ -706,6 +716,7 @@ def _read(
         yield from clippings
         yield from cameras
         yield from clouds
+        yield from tracks_of_features
     problems.tell()
 
 

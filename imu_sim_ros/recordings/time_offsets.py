@@ -11,6 +11,7 @@ motion of 1 rad/s that turns about two axes in quadrature; in such a motion the 
 """
 
 import math
+from itertools import pairwise
 from typing import Final, NamedTuple
 
 import numpy as np
@@ -21,6 +22,7 @@ from imu_sim_ros.core.errors import InputError
 from imu_sim_ros.core.types import Array, Mask
 from imu_sim_ros.recordings.findings.measures import ReadingMeasures
 from imu_sim_ros.recordings.findings.states import StateMeasures
+from imu_sim_ros.recordings.tracks import FeatureTracks, turn_between
 
 LARGEST: Final = 1.0
 """Largest offset of the search, in both directions [s]."""
@@ -43,6 +45,8 @@ _BASES: Final = np.array([0.5, 1.5])
 _LEAST_SIGNAL: Final = 0.2
 """Smallest share of the motion in the slopes of the rates; in more noise the offset is that of a
 chance resemblance, which the interval does not know."""
+_STEP: Final = 0.08
+"""Shortest time between two frames whose features are compared [s]."""
 _TURNING: Final = 0.01
 """Deviation of angular rates below which there is no motion to compare [rad/s]."""
 _COHERENT: Final = 0.5
@@ -155,6 +159,31 @@ def turn_angles_of_poses(measures: StateMeasures) -> TurnAngles:
     return _angles(int(states.t_ns[0]), t, steps / np.diff(t)[:, None])
 
 
+def turn_angles_of_tracks(tracks: FeatureTracks) -> TurnAngles:
+    """Return the angles by the features of a camera, over the longest run of its frames.
+
+    :raises UnknownOffsetError: for frames that are too few, out of order or without features.
+    """
+    frames = tracks.frames
+    t_ns = np.array([frame.t_ns for frame in frames], np.int64)
+    if len(frames) < 2:
+        raise UnknownOffsetError("it has fewer than two frames")
+    if np.any(np.diff(t_ns) <= 0):
+        raise UnknownOffsetError("its stamps do not increase")
+    # The translation in a short step is hardly told from a rotation.
+    apart = max(math.ceil(_STEP * (len(frames) - 1) * 1e9 / max(int(np.ptp(t_ns)), 1)), 1)
+    frames, t_ns = frames[::apart], t_ns[::apart]
+    turns = [turn_between(*neighbours) for neighbours in pairwise(frames)]
+    is_joined = np.array([turn is not None for turn in turns])
+    is_joined &= np.diff(t_ns) < _LONGEST_WINDOW * 1e9
+    rows = _longest_run(is_joined)
+    t = (t_ns[rows] - t_ns[rows][:1]) * 1e-9
+    if len(t) < 3:
+        raise UnknownOffsetError("its frames have too few features in common, or none")
+    steps = np.array([turn for turn in turns[rows.start : rows.stop - 1] if turn is not None])
+    return _angles(int(t_ns[rows][0]), t, steps / np.diff(t)[:, None])
+
+
 def _angles(start_ns: int, t: Array, rate: Array) -> TurnAngles:
     """Return the integrals of rates (n - 1, 3) between times (n,)."""
     turned = np.cumsum(rate * np.diff(t)[:, None], axis=0)
@@ -204,7 +233,8 @@ def time_offset_of_turns(reference: TurnAngles, moved: TurnAngles) -> OffsetInte
     half = pair.half_interval(shift)
     if half > _WIDEST:
         raise UnknownOffsetError(
-            "the rotation does not tell it to 20 ms: a uniform turn, or one of a single frequency"
+            "the rotation does not tell it to 20 ms: it is uniform, of a single frequency, or "
+            "hidden by noise"
         )
     return OffsetInterval(shift, shift - half, shift + half)
 

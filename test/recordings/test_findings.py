@@ -19,13 +19,15 @@ from imu_sim_ros.commands import inspect
 from imu_sim_ros.core import rotation
 from imu_sim_ros.core.conventions import STANDARD_GRAVITY
 from imu_sim_ros.core.errors import InputError
-from imu_sim_ros.core.records import States, with_fields
+from imu_sim_ros.core.records import LiveReading, LiveState, States, with_fields
 from imu_sim_ros.recordings.findings.catalogue import (
     KINDS,
     reading_findings,
+    stamp_findings,
     state_findings,
-    unit_findings,
 )
+from imu_sim_ros.recordings.findings.live import StampWatch, TwistWatch, UnitWatch
+from imu_sim_ros.recordings.live_clock import LiveClock
 from imu_sim_ros.recordings.repair import mended
 
 ROOT = Path(__file__).parents[2]
@@ -130,34 +132,58 @@ def test_traits_of_the_clock_are_findings_with_their_row(recordings):
     assert kinds(with_fields(readings, t_ns=back)) == ["clock_reset"]
 
 
-def clean(imu, trajectory, rate, duration):
-    """Return the findings of a recording, of each two seconds as live, and of its poses."""
+def clean(imu, trajectory, rate, duration, folder, forms=("mcap", "euroc")):
+    """Return the findings of a recording, from a bag, from tables, and live."""
     flight = ims.simulate(imu=imu, trajectory=trajectory, rate=rate, duration=duration, seed=4)
-    readings, size = flight.readings, int(2.0 * rate) + 1
-    findings = [*reading_findings(readings), *state_findings(flight.truth)]
-    for begin in range(0, len(readings) - size, size):
-        findings += unit_findings(readings.rows(slice(begin, begin + size)))
-    return [(imu, trajectory, rate, f.kind, f.evidence) for f in findings]
+    paths = {"mcap": folder / "clean.mcap", "euroc": folder / "clean"}
+    for form in forms:
+        flight.save(paths[form], format=form if form == "euroc" else None, force=True)
+    findings = [*ims.inspect([paths[form] for form in forms]).findings, *live_findings(flight)]
+    return [(imu, trajectory, rate, f.source, f.kind, f.evidence) for f in findings]
+
+
+def live_findings(flight):
+    """Return the findings of the nodes: units, the twist, and the recorder's clock."""
+    readings, truth = flight.readings, flight.truth
+    units, twist = UnitWatch("imu"), TwistWatch("odom", "body")
+    stamps, clock = StampWatch(), LiveClock()
+    findings = []
+    columns = (readings.t_ns.tolist(), readings.gyro.tolist(), readings.accel.tolist())
+    for t_ns, gyro, accel in zip(*columns, strict=True):
+        stamps.add(t_ns)
+        if not units.done:
+            findings += units.add(LiveReading(t_ns, tuple(gyro), tuple(accel)))
+    velocity = rotation.rotate_inverse(truth.q_wb, truth.velocity)
+    columns = (truth.t_ns, truth.position, truth.q_wb, velocity, truth.angular_velocity)
+    states = [
+        LiveState(t_ns, tuple(p), tuple(q), tuple(v), tuple(w))
+        for t_ns, p, q, v, w in zip(*(column.tolist() for column in columns), strict=True)
+    ]
+    findings += twist.add(states)
+    clock.add(readings.t_ns)
+    clock.finish()
+    return [*findings, *stamp_findings(clock.clock, "recorder")]
 
 
 def length(trajectory):
     return 2.4 if trajectory == "waypoints" else 12.0
 
 
-def test_clean_recordings_have_no_finding():
+def test_clean_recordings_have_no_finding(tmp_path):
     """Every preset and every trajectory once, in another combination for each."""
     pairs = [(imu, TRAJECTORIES[k % len(TRAJECTORIES)]) for k, imu in enumerate(IMUS)]
     pairs += [("perfect", trajectory) for trajectory in TRAJECTORIES]
-    for imu, trajectory in pairs:
-        assert clean(imu, trajectory, 100.0, length(trajectory)) == []
+    for k, (imu, trajectory) in enumerate(pairs):
+        form = ("mcap", "euroc")[k % 2]
+        assert clean(imu, trajectory, 100.0, length(trajectory), tmp_path, [form]) == []
 
 
 @pytest.mark.slow
 @pytest.mark.parametrize("rate", [100.0, 1000.0])
 @pytest.mark.parametrize("trajectory", TRAJECTORIES)
-def test_every_preset_on_every_trajectory_has_no_finding(trajectory, rate):
+def test_every_preset_on_every_trajectory_has_no_finding(trajectory, rate, tmp_path):
     for imu in IMUS:
-        assert clean(imu, trajectory, rate, length(trajectory)) == []
+        assert clean(imu, trajectory, rate, length(trajectory), tmp_path) == []
 
 
 @pytest.mark.parametrize("name", ["flight.mcap", "flight.bag", "flight", "flight.csv"])

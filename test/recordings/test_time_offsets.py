@@ -9,6 +9,7 @@ import pytest
 import imu_sim_ros as ims
 from imu_sim_ros.core import rotation
 from imu_sim_ros.core.records import with_fields
+from imu_sim_ros.recordings.tracks import TrackedFrame, turn_between
 
 MOUNT = rotation.exp(np.array([0.3, 1.2, -2.0]))
 
@@ -105,3 +106,43 @@ def test_the_offset_of_two_trajectories_is_in_its_interval():
         assert (interval.source, interval.reference) == ("b", "a")
         misses += not interval.low_s <= offset <= interval.high_s
     assert misses <= 1
+
+
+def test_tracked_features_tell_the_offset_of_their_camera(tmp_path):
+    """Kalibr's sign: the IMU's time is that of the camera plus ``camera.time_offset``."""
+    offset = 0.021
+    ims.generate(
+        tmp_path / "tracks.mcap",
+        trajectory="excitation",
+        imu="bmi088",
+        rate=200,
+        duration=12,
+        seed=1,
+        cameras="euroc_cam0",
+        features={"layout": "fusion"},
+        camera={"time_offset": offset, "pixel_noise": 0.1},
+        topics=["imu/data_raw", "feature_tracker/feature"],
+    )
+    (interval,) = ims.inspect(tmp_path / "tracks.mcap").offsets
+    assert interval.source.endswith("/feature_tracker/feature")
+    assert interval.low_s <= offset <= interval.high_s
+    assert interval.high_s - interval.low_s < 0.012
+
+
+def test_a_translation_of_a_camera_is_no_rotation():
+    """Without noise the epipolar constraint has no residual at the rotation, whatever moves."""
+    rng = np.random.default_rng(1)
+    points = rng.uniform([-3.0, -2.0, 3.0], [3.0, 2.0, 8.0], (80, 3))
+    for turn, move in (
+        ([0.02, -0.03, 0.01], [0.3, 0.0, 0.0]),
+        ([0.0, 0.0, 0.0], [0.0, 0.1, 0.2]),
+        ([0.1, 0.05, -0.2], [0.0, 0.0, 0.0]),
+    ):
+        later = rotation.rotate_inverse(rotation.exp(np.array(turn)), points - move)
+        frames = [
+            TrackedFrame(0, np.arange(80), seen / np.linalg.norm(seen, axis=1)[:, None])
+            for seen in (points, later)
+        ]
+        np.testing.assert_allclose(turn_between(*frames), turn, atol=1e-6)
+    few = frames[0]._replace(ids=frames[0].ids + 70)
+    assert turn_between(few, frames[1]) is None
