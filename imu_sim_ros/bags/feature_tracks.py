@@ -34,10 +34,10 @@ def feature_tracks(bag: Bag, source: str) -> Iterator[FeatureTracks]:
         if topic.type != POINT_CLOUD or not topic.count or is_truth(topic.name):
             continue
         messages = islice(decoded_messages(bag, [topic.name]), _MOST)
-        frames = [_frame(message) for _, message in messages]
-        known = tuple(frame for frame in frames if frame is not None)
-        if known:
-            yield FeatureTracks(f"{source}, {topic.name}", known)
+        candidates = [_frame(message) for _, message in messages]
+        frames = tuple(frame for frame in candidates if frame is not None)
+        if frames:
+            yield FeatureTracks(f"{source}, {topic.name}", frames)
 
 
 def _frame(message: Message) -> TrackedFrame | None:
@@ -47,7 +47,9 @@ def _frame(message: Message) -> TrackedFrame | None:
     if len(channels) < _CHANNELS or not len(points) or {*map(len, channels)} != {len(points)}:
         return None
     lengths = np.linalg.norm(points, axis=1)
-    usable = np.isfinite(lengths) & (lengths > 0.0)
+    usable = np.isfinite(lengths) & (lengths > 0.0) & np.isfinite(channels[0])
+    if not usable.any():
+        return None
     if len(channels) >= _CHANNELS_OF_SEVERAL:
         usable &= channels[1] == channels[1].min()
     ids, rows = np.unique(channels[0][usable].astype(np.int64), return_index=True)

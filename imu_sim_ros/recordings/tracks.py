@@ -59,7 +59,7 @@ class _Epipolar(NamedTuple):
     """Motion of a camera between two frames, and how far features are from what it explains.
 
     A residual is the distance of a pair of bearings from the plane of the epipolar constraint
-    ``t . (first x R second) = 0``, over its slope (Sampson; Hartley and Zisserman, equation 11.9).
+    ``t . (b x R b_next) = 0``, over its slope (Sampson; Hartley and Zisserman, equation 11.9).
     """
 
     matrix: Array
@@ -67,20 +67,22 @@ class _Epipolar(NamedTuple):
     direction: Array
     """(3,) unit vector of the translation t."""
     turned: Array
-    """(n, 3) R second."""
+    """(n, 3) bearings of the next frame, turned."""
     normals: Array
-    """(n, 3) first x R second."""
+    """(n, 3) bearings x bearings of the next frame, turned."""
     scale: Array
     """(n,) slopes."""
     residuals: Array
     """(n,) [rad]."""
 
     @classmethod
-    def of(cls, first: Array, second: Array, matrix: Array, direction: Array) -> _Epipolar:
+    def of(
+        cls, bearings: Array, next_bearings: Array, matrix: Array, direction: Array
+    ) -> _Epipolar:
         """Return the residuals of bearings (n, 3) by a motion."""
-        turned = second @ matrix.T
-        normals = np.cross(first, turned)
-        along, along_turned = np.cross(first, direction), np.cross(turned, direction)
+        turned = next_bearings @ matrix.T
+        normals = np.cross(bearings, turned)
+        along, along_turned = np.cross(bearings, direction), np.cross(turned, direction)
         squares = np.sum(along**2, axis=1) + np.sum(along_turned**2, axis=1)
         scale = np.sqrt(np.maximum(squares, 1e-12))
         residuals = normals @ direction / scale
@@ -97,25 +99,30 @@ class _Epipolar(NamedTuple):
         return float(np.sum(np.where(size < limit, size**2, limit * (2.0 * size - limit))))
 
 
-def _turn(first: Array, second: Array) -> Array:
+def _turn(bearings: Array, next_bearings: Array) -> Array:
     """Return the rotation vector (3,) of the motion that explains bearings (n, 3) best.
 
     The smallest residual of several directions of the translation is looked for: with one alone,
     a translation is often taken for a rotation.
     """
-    left, _, right = np.linalg.svd(first.T @ second)  # as if there were no translation
-    matrix = left @ np.diag([1.0, 1.0, np.linalg.det(left @ right)]) @ right
+    u, _, v = np.linalg.svd(bearings.T @ next_bearings)  # as if there were no translation
+    matrix = u @ np.diag([1.0, 1.0, np.linalg.det(u @ v)]) @ v
     candidates = [
-        _improved(first, second, _Epipolar.of(first, second, matrix, axis), _FIRST_STEPS)
+        _improved(
+            bearings,
+            next_bearings,
+            _Epipolar.of(bearings, next_bearings, matrix, axis),
+            _FIRST_STEPS,
+        )
         for axis in np.eye(3)
     ]
     limit = min(candidate.limit for candidate in candidates)
     best = min(candidates, key=lambda candidate: candidate.cost(limit))
-    best = _improved(first, second, best, _LAST_STEPS)
+    best = _improved(bearings, next_bearings, best, _LAST_STEPS)
     return rotation.log(rotation.from_matrix(best.matrix))
 
 
-def _improved(first: Array, second: Array, motion: _Epipolar, count: int) -> _Epipolar:
+def _improved(bearings: Array, next_bearings: Array, motion: _Epipolar, count: int) -> _Epipolar:
     """Return a motion after some steps of Levenberg and Marquardt, from a start."""
     damping = 1e-3
     for _ in range(count):
@@ -124,19 +131,19 @@ def _improved(first: Array, second: Array, motion: _Epipolar, count: int) -> _Ep
         across = np.linalg.svd(motion.direction[None])[2][1:].T
         slopes = np.hstack(
             [
-                np.cross(motion.turned, np.cross(motion.direction, first)),
+                np.cross(motion.turned, np.cross(motion.direction, bearings)),
                 motion.normals @ across,
             ]
         )
         slopes /= motion.scale[:, None]
         squares = (slopes * weights[:, None]).T @ slopes
-        diagonal = np.diag(np.diag(squares) + _FLAT * len(first))
+        diagonal = np.diag(np.diag(squares) + _FLAT * len(bearings))
         gradient = slopes.T @ (weights * motion.residuals)
         step = -np.linalg.solve(squares + damping * diagonal, gradient)
         direction = motion.direction + across @ step[3:]
         moved = _Epipolar.of(
-            first,
-            second,
+            bearings,
+            next_bearings,
             rotation.to_matrix(rotation.exp(step[:3])) @ motion.matrix,
             direction / np.linalg.norm(direction),
         )
