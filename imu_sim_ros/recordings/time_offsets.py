@@ -19,6 +19,7 @@ import numpy as np
 from imu_sim_ros.core import rotation
 from imu_sim_ros.core.conventions import STANDARD_GRAVITY
 from imu_sim_ros.core.errors import InputError
+from imu_sim_ros.core.timebase import seconds_since
 from imu_sim_ros.core.types import Array, Mask
 from imu_sim_ros.recordings.findings.measures import ReadingMeasures
 from imu_sim_ros.recordings.findings.states import StateMeasures
@@ -177,11 +178,12 @@ def turn_angles_of_tracks(tracks: FeatureTracks) -> TurnAngles:
     is_joined = np.array([turn is not None for turn in turns])
     is_joined &= np.diff(t_ns) < _LONGEST_WINDOW * 1e9
     rows = _longest_run(is_joined)
-    t = (t_ns[rows] - t_ns[rows][:1]) * 1e-9
+    start_ns = int(t_ns[rows.start])
+    t = seconds_since(t_ns[rows], start_ns)
     if len(t) < 3:
         raise UnknownOffsetError("its frames have too few features in common, or none")
     steps = np.array([turn for turn in turns[rows.start : rows.stop - 1] if turn is not None])
-    return _angles(int(t_ns[rows][0]), t, steps / np.diff(t)[:, None])
+    return _angles(start_ns, t, steps / np.diff(t)[:, None])
 
 
 def _angles(start_ns: int, t: Array, rate: Array) -> TurnAngles:
