@@ -30,12 +30,12 @@ from imu_sim_ros.calibration.twin.pose_noise import (
 from imu_sim_ros.calibration.twin.spectrum import (
     Bands,
     White,
-    above,
+    above_floor,
     band_edges,
+    bounded_above,
+    bounded_below,
     cross_spectra,
-    lowered,
-    quietest,
-    raised,
+    quietest_density,
     white_floor,
 )
 from imu_sim_ros.core import rotation
@@ -188,7 +188,7 @@ def test_white_noise_is_a_floor_and_nothing_else():
     # 8000 samples: a relative error of sqrt(1 / 16000) = 0.8 % of a density.
     np.testing.assert_allclose(white.density, density, rtol=0.03)
     assert np.all((white.low < density * 1.02) & (white.high > density * 0.98))
-    assert len(above(bands, white).low) <= 0.02 * len(bands.low) + 2
+    assert len(above_floor(bands, white).low) <= 0.02 * len(bands.low) + 2
 
 
 @pytest.mark.parametrize(
@@ -252,7 +252,7 @@ def test_bands_above_the_floor_are_found_with_their_coherence():
     values[:, 1] += common
     values[:, 5] -= 2.0 * common
     bands = cross_spectra(values, [slice(0, n)], RATE, band_edges(n / RATE, RATE))
-    excess = above(bands, white_floor(bands, 1.0))
+    excess = above_floor(bands, white_floor(bands, 1.0))
     band = (excess.low > 20.5) & (excess.high < 29.5)
     assert np.count_nonzero(band) >= 8
     size = excess.density[band]
@@ -469,7 +469,7 @@ def test_densities_have_the_shape_of_the_noise_of_the_poses_within_a_bin():
     bins = sums._bins[0]
     sums.count = np.bincount(bins, minlength=len(sums.count)).astype(float)
     means = np.bincount(bins, sums._noise[0][:, 0], len(sums.count)) / np.maximum(sums.count, 1.0)
-    sums.shape(np.tile(means[:, None], 6))
+    sums.update_shape(np.tile(means[:, None], 6))
     weights, _ = sums.weights_of(0, np.ones((len(sums.count), 6)))
     k = np.arange(20, len(weights) - 4)
     # What is not noise of the poses has a tenth of a bin's mean at least.
@@ -513,26 +513,26 @@ def test_jumps_of_a_truth_are_not_its_usual_noise():
 def test_a_floor_is_not_below_what_rest_shows():
     rng = np.random.default_rng(18)
     values = rng.standard_normal((4000, 6)) * np.sqrt(RATE)
-    assert not quietest(values, RATE).any()  # no second is quieter than the others
+    assert not quietest_density(values, RATE).any()  # no second is quieter than the others
     values[300:] *= 5.0
-    floor = quietest(values, RATE)
+    floor = quietest_density(values, RATE)
     # The lower of two powers of the quietest of five seconds, with some 13 free squares each:
     # chi-square 4.1 of 13 once in a hundred, 0.56 a density, and the mean at most.
     assert np.all((floor > 0.5) & (floor < 1.0))
     bands = cross_spectra(0.3 * values[:300], [slice(0, 300)], RATE, band_edges(3.0, RATE))
     assert np.all(white_floor(bands, 1.0).density < 0.4)
-    white = raised(white_floor(bands, 1.0), 3.0 * floor)
+    white = bounded_below(white_floor(bands, 1.0), 3.0 * floor)
     assert np.all(white.density >= 3.0 * floor)
     assert np.all(white.high >= 3.0 * floor)
 
 
 def test_a_hidden_floor_is_not_above_any_band():
     hidden = White(np.full(6, 2.0), np.zeros(6), np.full(6, 3.0), np.zeros((1, 6), dtype=bool))
-    assert np.all(lowered(hidden, np.full(6, 0.5)).density == 0.5)
-    assert np.all(lowered(hidden, np.full(6, 0.5)).high == 3.0)  # as uncertain as before
-    assert np.all(lowered(hidden, np.full(6, 5.0)).density == 2.0)
+    assert np.all(bounded_above(hidden, np.full(6, 0.5)).density == 0.5)
+    assert np.all(bounded_above(hidden, np.full(6, 0.5)).high == 3.0)  # as uncertain as before
+    assert np.all(bounded_above(hidden, np.full(6, 5.0)).density == 2.0)
     visible = hidden._replace(low=np.ones(6))
-    assert np.all(lowered(visible, np.full(6, 0.5)).density == 2.0)
+    assert np.all(bounded_above(visible, np.full(6, 0.5)).density == 2.0)
 
 
 def test_vibration_begins_with_the_rotors():
