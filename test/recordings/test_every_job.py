@@ -201,6 +201,20 @@ def test_all_jobs_name_the_same_kinds_of_readings_in_a_file(flight, tmp_path, ki
     assert (kind in kinds) == (kind != "clean")
 
 
+def test_all_jobs_refuse_two_frames_on_a_topic(flight, tmp_path):
+    path, readings = tmp_path / "two.mcap", flight.readings
+    with open_writer(path, BagOptions()) as writer:
+        topic = writer.add_topic("/imu/data_raw", IMU)
+        for frame in ("left", "right"):
+            encoder = ImuEncoder(frame, writer.encoding)
+            rows = encoder.pattern(readings.t_ns, readings.gyro, readings.accel)
+            writer.write_blocks([Block(topic, readings.t_ns, rows)])
+    jobs = jobs_of_readings(flight, tmp_path)
+    del jobs["report"], jobs["temperature"]  # the first tells it, the second counts the readings
+    for name, (_, job) in jobs.items():
+        assert outcome(lambda job=job: job(path)) == (True, {"frames_mixed"}), name
+
+
 TRACKS = {
     **POSES,
     "poses_jump": lambda s: with_fields(
