@@ -41,7 +41,7 @@ from imu_sim_ros.core.records import Readings, States, with_fields
 from imu_sim_ros.core.spelling import argument, stated
 from imu_sim_ros.core.types import JsonObject, Times
 from imu_sim_ros.formats.choice import AS_RECORDED, Choice
-from imu_sim_ros.formats.door import has_topics, read_states, reading_blocks
+from imu_sim_ros.formats.door import has_topics, imu_choices, read_states, reading_blocks
 from imu_sim_ros.formats.handling import Handling
 from imu_sim_ros.inputs.tables import Table
 from imu_sim_ros.jobs.selection import (
@@ -71,9 +71,14 @@ from imu_sim_ros.jobs.writing import (
     outputs,
 )
 from imu_sim_ros.recordings.clock import estimate_clock
-from imu_sim_ros.recordings.findings.catalogue import order_findings, unit_findings
+from imu_sim_ros.recordings.findings.catalogue import (
+    copy_findings,
+    order_findings,
+    unit_findings,
+)
 from imu_sim_ros.recordings.findings.finding import Finding
-from imu_sim_ros.recordings.findings.policy import CONVERT
+from imu_sim_ros.recordings.findings.policy import CONVERT, COPY, FindingPolicy
+from imu_sim_ros.recordings.findings.readings import UNITS
 from imu_sim_ros.recordings.findings.survey import ReadingSurvey
 from imu_sim_ros.sensors import known_tables
 from imu_sim_ros.simulation.topics import resolved
@@ -223,8 +228,10 @@ def convert(
     recovery: Recover = "keep_damaged" if keep_damaged else recover
     selection = frame, gyro_topic, accel_topic, gyro_unit, accel_unit
     choice = checked_choice(None, *selection, of_a_file=True)
+    is_copy = form.dataset is None and not choice.merges and has_topics(path)
+    policy = COPY if is_copy else CONVERT
     if form.dataset != "tum":
-        _tell_units(path, choice, journal)
+        _tell_units(path, choice, form.topics, policy, journal)
     stamps = CopiedStamps(bool(recovery))
     converted = write(
         path,
@@ -237,7 +244,7 @@ def convert(
         choice=choice,
         stamps=stamps,
     )
-    CONVERT.judge(stamps.findings(), journal.remark)
+    policy.judge(stamps.findings(), journal.remark)
     return dataclasses.replace(converted, warnings=tuple(journal.lines))
 
 
@@ -315,17 +322,41 @@ class _SourceStamps:
         self._blocks, self._record_blocks, self.count = [rest], [], 0
 
 
-def _tell_units(source: Path, choice: Choice, journal: Journal) -> None:
-    """Note readings in other units; errors of reading are reported at the conversion."""
-    survey = ReadingSurvey(unit_findings)
-    findings: list[Finding] = []
+def _tell_units(
+    source: Path, choice: Choice, topics: Collection[str], policy: FindingPolicy, journal: Journal
+) -> None:
+    """Note readings in other units, and absent triads that are copied.
+
+    Errors of reading are reported at the conversion.
+
+    :param topics: topics that are converted; none: all.
+    """
+    chosen, choices = {resolved(name) for name in topics}, [choice]
+    with contextlib.suppress(InputError):
+        choices = choices if choice.merges else imu_choices(source, choice)
+    converted = [
+        entry
+        for entry in choices
+        if not chosen or entry.topic is None or resolved(entry.topic) in chosen
+    ]
+    for entry in converted:
+        name = f"{source}: {entry.topic}" if len(converted) > 1 else str(source)
+        policy.judge(_unit_findings(source, entry, name, policy), journal.remark)
+
+
+def _unit_findings(
+    source: Path, choice: Choice, name: str, policy: FindingPolicy
+) -> Iterator[Finding]:
+    """Yield the findings about the units of an IMU, and about absent triads that are copied."""
+    survey = ReadingSurvey(copy_findings if policy is COPY else unit_findings)
     with contextlib.suppress(InputError):
         for block in reading_blocks(source, choice):
-            findings += survey.add(with_fields(block, source=str(source)))
-            if survey.moved or findings or survey.readings >= _JUDGED:
+            findings = survey.add(with_fields(block, source=name))
+            yield from findings
+            is_known = survey.moved or any(finding.kind in UNITS for finding in findings)
+            if is_known or survey.readings >= _JUDGED:
                 break
-        findings += survey.finish()
-    CONVERT.judge(findings, journal.remark)
+        yield from survey.finish()
 
 
 def write(

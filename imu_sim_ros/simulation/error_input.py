@@ -10,6 +10,7 @@ readings come at a time.
 import math
 import re
 from collections.abc import Iterator, Sequence
+from contextlib import suppress
 from dataclasses import dataclass, field
 from typing import Any, Final, NamedTuple
 
@@ -29,8 +30,8 @@ from imu_sim_ros.core.records import (
 )
 from imu_sim_ros.core.rotation import cross, normalise, rotate_inverse, transform
 from imu_sim_ros.core.types import Array, Integers, Mask, Times
-from imu_sim_ros.recordings.clock import estimate_clock
-from imu_sim_ros.recordings.findings.catalogue import unit_findings
+from imu_sim_ros.recordings.clock import estimate_clock, repeats
+from imu_sim_ros.recordings.findings.catalogue import stamp_findings, unit_findings
 from imu_sim_ros.recordings.findings.finding import Finding
 from imu_sim_ros.recordings.findings.policy import ERROR_MODEL
 from imu_sim_ros.recordings.live_order import Order
@@ -377,6 +378,8 @@ def _none() -> Readings:
 
 _LOOK_NS: Final = 2_000_000_000
 """Length of input that is judged [ns]."""
+_MOST_ARRIVED: Final = 1 << 16
+"""Largest number of blocks that are noted: a clock that stands still never ends the look."""
 _FEWEST_AT_START: Final = 5
 """Readings from which on they are judged: fewer do not tell rest from motion."""
 _REST_RATE: Final = 0.02
@@ -426,15 +429,24 @@ class StartCheck:
         self._turned = Conventions(parameters).turned
         self._seen: list[tuple[Any, Any, Any]] = []
         """Stamps, rates and forces: (n,) and (n, 3) of n readings, or numbers of one."""
+        self._arrived: list[tuple[Any, Any, Any]] = []
+        """The same as they came, before stamps that they share are spread."""
         self._begin_ns: int | None = None
         self._span = ""
         """Time of the readings that are judged, in words."""
         self.done = not parameters.input.check
 
+    def arrive(
+        self, t_ns: Times | int, gyro: Array | Vector[float], accel: Array | Vector[float]
+    ) -> None:
+        """Note readings with their stamps as they came; arguments as for :meth:`look`."""
+        if len(self._arrived) < _MOST_ARRIVED:
+            self._arrived.append((t_ns, gyro, accel))
+
     def look(
         self, t_ns: Times | int, gyro: Array | Vector[float], accel: Array | Vector[float]
     ) -> list[str]:
-        """Add readings as they came; return the remarks after 2 s, none before.
+        """Add readings in the order of their stamps; return the remarks after 2 s, none before.
 
         :param t_ns: (n,) or that of one reading [ns].
         :param gyro: (n, 3), or the components of one [rad/s].
@@ -449,17 +461,16 @@ class StartCheck:
     def finish(self) -> list[str]:
         """Return the remarks on the readings so far, after which no more are needed."""
         blocks, self._seen = self._seen, []
+        arrived, self._arrived = self._arrived, []
         if self.done or not blocks:
             return []
         self.done = True
-        times, rates, forces = zip(*blocks, strict=True)
-        t_ns = np.concatenate([np.atleast_1d(values) for values in times])
+        t_ns, gyro, accel = _joined(blocks)
         rows = t_ns <= t_ns[0] + _LOOK_NS
-        gyro, accel = (
-            np.concatenate([np.atleast_2d(values) for values in parts])[rows]
-            for parts in (rates, forces)
-        )
-        return self.remarks(t_ns[rows], gyro, accel)
+        lines: list[str] = []
+        if arrived:
+            ERROR_MODEL.judge(_sharing(*_joined(arrived)), lines.append)
+        return [*lines, *self.remarks(t_ns[rows], gyro[rows], accel[rows])]
 
     def units(self, t_ns: Times, gyro: Array, accel: Array) -> list[Finding]:
         """Return the findings about the units of readings; arguments as for :meth:`remarks`."""
@@ -659,6 +670,28 @@ class BatchStartCheck:
             return line
         share = f", and {len(alike) - 1} more of {checked} checked" if len(alike) > 1 else ""
         return f"environment {unit}{share}: {line}"
+
+
+def _joined(blocks: Sequence[tuple[Any, Any, Any]]) -> tuple[Times, Array, Array]:
+    """Return stamps (n,), rates and forces (n, 3) of blocks of readings, or of single ones."""
+    times, rates, forces = zip(*blocks, strict=True)
+    t_ns = np.concatenate([np.atleast_1d(values) for values in times])
+    gyro, accel = (
+        np.concatenate([np.atleast_2d(values) for values in parts]) for parts in (rates, forces)
+    )
+    return t_ns, gyro, accel
+
+
+def _sharing(t_ns: Times, gyro: Array, accel: Array) -> list[Finding]:
+    """Return the findings about readings that share a stamp, or come in bunches.
+
+    :param t_ns: (n,) stamps in the order of arrival [ns].
+    """
+    with suppress(InputError):  # fewer than two different stamps
+        clock = estimate_clock(t_ns, repeats(np.hstack([gyro, accel])))
+        findings = stamp_findings(clock, "input")
+        return [f for f in findings if f.kind in ("stamps_shared", "stamps_bunched")]
+    return []
 
 
 def _in_a_row(t_ns: Times, readings: Sequence[Array]) -> Integers:

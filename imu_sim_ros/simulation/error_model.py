@@ -127,6 +127,7 @@ class GivenImu(GivenSensor[Readings, dict[str, Samples]]):
         """Take note of readings whose samples have been made in numbers."""
         if not self._check.done:
             for reading in readings:
+                self._check.arrive(*reading[:3])
                 for line in self._check.look(*reading[:3]):
                     self._remark(line)
         self._order.last_ns = self._last_ns = times[-1]
@@ -145,6 +146,8 @@ class GivenImu(GivenSensor[Readings, dict[str, Samples]]):
             )
             self._spreading.take(self._held)
             self._latest = None
+        if not self._check.done:
+            self._check.arrive(readings.t_ns, *readings.triads())
         return super().read(readings)
 
     def reset(self) -> None:

@@ -58,6 +58,12 @@ def shifted(readings, rows, by_ns):
     return with_fields(readings, t_ns=t_ns)
 
 
+def bunched(readings):
+    """Return readings stamped on arrival, eight at a time."""
+    rows = np.arange(len(readings))
+    return with_fields(readings, t_ns=readings.t_ns[rows // 8 * 8] + rows % 8 * 50_000)
+
+
 STAMPS = {
     "stamps_equal": lambda r: with_fields(r, t_ns=0 * r.t_ns),
     "stamps_unit": lambda r: with_fields(r, t_ns=(r.t_ns - r.t_ns[0]) // 1000),
@@ -65,6 +71,7 @@ STAMPS = {
     "clock_change": lambda r: shifted(r, slice(len(r) // 2, None), 10**18),
     "stamps_stray": lambda r: shifted(r, 500, -(10**18)),
     "stamps_shared": lambda r: with_fields(r, t_ns=r.t_ns[np.arange(len(r)) // 8 * 8]),
+    "stamps_bunched": bunched,
     "stamps_late": lambda r: r.rows(np.r_[0:500, 502, 500, 501, 503 : len(r)]),
     "messages_repeated": lambda r: r.rows(np.sort(np.r_[0 : len(r), 300:400])),
     "stamps_rounded": lambda r: with_fields(r, t_ns=r.t_ns // MS * MS),

@@ -13,6 +13,7 @@ import imu_sim_ros as ims
 from imu_sim_ros.bags.create import open_writer
 from imu_sim_ros.bags.messages.encode import IMU, ODOMETRY, ImuEncoder, OdometryEncoder
 from imu_sim_ros.bags.writer import BagOptions, Block
+from imu_sim_ros.commands import convert_bag as convert_command
 from imu_sim_ros.commands import dead_reckon as dead_reckon_command
 from imu_sim_ros.core import rotation
 from imu_sim_ros.core.errors import InputError, InputWarning
@@ -326,3 +327,52 @@ def test_dead_reckoning_tells_the_axes_of_its_truth_on_the_command_line(circle, 
     assert kinds == {"twist_unfilled]", "axes_camera]"}
     with pytest.warns(InputWarning, match="axes_camera"):
         ims.dead_reckon(tmp_path / "camera.mcap")
+
+
+@pytest.mark.parametrize("kind", ["stamps_shared", "stamps_bunched", "messages_repeated"])
+def test_an_error_model_tells_stamps_reading_by_reading_as_those_of_a_file(flights, kind):
+    """A message that came twice is no batch, also across two calls."""
+    readings = STAMPS[kind](flights["motion"].readings.rows(slice(2000)))
+    parameters = load_error_model({"imu.preset": "perfect", "rate": 400.1})
+    live, file = list[str](), list[str]()
+    model = GivenImu(parameters, (), live.append)
+    columns = (readings.t_ns.tolist(), readings.gyro.tolist(), readings.accel.tolist())
+    for row, (t_ns, gyro, accel) in enumerate(zip(*columns, strict=True)):
+        if model.read_few([LiveReading(t_ns, tuple(gyro), tuple(accel))]) is None:
+            model.read(readings.rows(slice(row, row + 1)))
+    model.finish()
+    model = GivenImu(parameters, (), file.append)
+    model.read(readings)
+    kinds = [] if kind == "messages_repeated" else [kind]
+    for lines in (live, file):
+        tags = [line.rpartition(" [")[2].rstrip("]") for line in lines if "[stamps_" in line]
+        assert tags == kinds, lines
+
+
+def test_a_copy_tells_what_each_topic_lacks(flights, tmp_path, capsys):
+    """Two topics of one triad each, as cameras with an IMU have them, stay as they are."""
+    readings, path = flights["motion"].readings.rows(slice(500)), tmp_path / "apart.mcap"
+    absent, zeros = np.diag([-1.0, 0.0, 0.0]), np.zeros((len(readings), 3))
+    with open_writer(path) as writer:
+        for triad, lacking in (("gyro", "accel"), ("accel", "gyro")):
+            topic = writer.add_topic(f"/{triad}/sample", IMU)
+            encoder = ImuEncoder(triad, writer.encoding, **{f"{lacking}_covariance": absent})
+            values = {"gyro": readings.gyro, "accel": readings.accel, lacking: zeros}
+            rows = encoder.pattern(readings.t_ns, values["gyro"], values["accel"])
+            writer.write_blocks([Block(topic, readings.t_ns, rows)])
+    assert convert_command.main([str(path), "-o", str(tmp_path / "copy.mcap")]) == 0
+    lines = [line for line in capsys.readouterr().err.splitlines() if "_absent]" in line]
+    assert len(lines) == 2
+    assert "/gyro/sample: contains no readings of the accelerometer" in lines[0]
+    assert "/accel/sample: contains no readings of the gyroscope" in lines[1]
+    for name in ("gyro", "accel"):
+        copy, source = (
+            ims.read_readings(tmp_path / file, topic=f"/{name}/sample")
+            for file in ("copy.mcap", "apart.mcap")
+        )
+        assert (copy.gyro is None, copy.accel is None) == (name == "accel", name == "gyro")
+        np.testing.assert_array_equal(getattr(copy, name), getattr(source, name))
+    chosen = ims.convert(path, tmp_path / "one.mcap", topics="/gyro/sample")
+    assert [line for line in chosen.warnings if "gyroscope" in line] == []
+    with pytest.raises(InputError, match="accelerometer_absent"):
+        ims.convert(path, tmp_path / "one.csv", topics="/gyro/sample")

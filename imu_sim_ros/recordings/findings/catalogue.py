@@ -28,7 +28,12 @@ from imu_sim_ros.recordings.findings.finding import (
 )
 from imu_sim_ros.recordings.findings.measures import ReadingMeasures
 from imu_sim_ros.recordings.findings.policy import ORDER
-from imu_sim_ros.recordings.findings.readings import READINGS, UNIT_CHECKS, stamps_equal
+from imu_sim_ros.recordings.findings.readings import (
+    ABSENCE_CHECKS,
+    READINGS,
+    UNIT_CHECKS,
+    stamps_equal,
+)
 from imu_sim_ros.recordings.findings.roles import (
     FRAMES,
     PAIRS,
@@ -104,6 +109,15 @@ def unit_findings(readings: Readings, measures: ReadingMeasures | None = None) -
     :param measures: what was measured of these readings; None: it is measured.
     """
     return list(_findings(UNIT_CHECKS, measures or ReadingMeasures(readings), readings))
+
+
+def copy_findings(readings: Readings, measures: ReadingMeasures | None = None) -> list[Finding]:
+    """Return the findings about absent triads, units, and swapped triads.
+
+    :param measures: what was measured of these readings; None: it is measured.
+    """
+    checks = (*ABSENCE_CHECKS, *UNIT_CHECKS)
+    return list(_findings(checks, measures or ReadingMeasures(readings), readings))
 
 
 def twist_findings(states: States, measures: StateMeasures | None = None) -> list[Finding]:

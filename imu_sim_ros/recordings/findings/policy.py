@@ -99,6 +99,7 @@ CALIBRATE_TEMPERATURE: Final = FindingPolicy(
     tells=(*CALIBRATE.tells, "temperature_fahrenheit"),
 )
 CONVERT: Final = FindingPolicy(refuses=ABSENT, tells=(*UNITS, *ORDER))
+COPY: Final = FindingPolicy(tells=(*ABSENT, *UNITS, *ORDER))
 INTEGRATOR: Final = FindingPolicy(
     refuses=(*ABSENT, "stamps_equal", "stamps_unit"),
     corrects=("stamps_stray", "stamps_bunched", "stamps_shared"),
@@ -106,8 +107,8 @@ INTEGRATOR: Final = FindingPolicy(
 )
 ERROR_MODEL: Final = FindingPolicy(
     refuses=(*ABSENT, "stamps_equal", "stamps_unit"),
-    corrects=("stamps_stray",),
-    tells=(*UNITS, *TWIST),
+    corrects=("stamps_stray", "stamps_shared"),
+    tells=(*UNITS, *TWIST, "stamps_bunched"),
 )
 READ_STATES: Final = FindingPolicy(
     refuses=("clock_reset", "clock_change", "poses_contradictory"),
@@ -138,6 +139,7 @@ JOBS: Final = {
     "calibrate temperature": CALIBRATE_TEMPERATURE,
     "campaign": CAMPAIGN,
     "convert_bag": CONVERT,
+    "convert_bag, bag to bag": COPY,
     "dead_reckon": DEAD_RECKON,
     "evaluate": EVALUATE,
     "generate, simulator": RECORDED_MOTION,

@@ -393,6 +393,8 @@ READINGS: Final = (
     steps_coarse,
 )
 """Checks of the readings of an IMU."""
+ABSENCE_CHECKS: Final = (gyroscope_absent, accelerometer_absent)
+"""Checks of readings without one of the triads."""
 UNIT_CHECKS: Final = (
     *(triads_swapped, accelerometer_g, accelerometer_mg, accelerometer_counts),
     *(gyroscope_degrees, gyroscope_counts),
