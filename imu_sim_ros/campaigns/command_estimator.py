@@ -36,9 +36,10 @@ from imu_sim_ros.campaigns.run_files import write_config, write_dataset
 from imu_sim_ros.campaigns.simulated import SimulatedCell
 from imu_sim_ros.core.errors import ImuSimError, InputError
 from imu_sim_ros.core.names import shown
-from imu_sim_ros.formats.door import read_states, read_trajectory
+from imu_sim_ros.formats.door import read_states
 from imu_sim_ros.inputs.rows import open_regular
 from imu_sim_ros.parameters import files
+from imu_sim_ros.recordings.findings.pose_order import in_order
 from imu_sim_ros.sensors.samples import Samples
 
 METRICS: Final = "metrics.json"
@@ -441,7 +442,12 @@ def _compare(
     if path is None:
         raise InputError("no estimate was written")
     try:
-        estimate = read_trajectory(path, estimator.estimate_topic or None, covariance=True)
+        topic, lines = estimator.estimate_topic or None, list[str]()
+        arrived = read_states(path, topic, covariance=True, minimum=2, ordered=False)
+        estimate = in_order(arrived, tell=lines.append)
+        outcome.findings += [
+            line.replace(f"{run_folder}/", "").replace("; ", ", ") for line in lines
+        ]
         outcome.track = estimate
         outcome.metrics.update(coverage_metrics(estimate.t_ns, block.true_t_ns, estimator))
         truth = cell.truth(block)

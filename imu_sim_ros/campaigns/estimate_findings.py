@@ -19,7 +19,7 @@ from imu_sim_ros.core.types import Array, Mask, Times
 from imu_sim_ros.navigation.association import align, common_rows, poses_at
 from imu_sim_ros.recordings.findings.catalogue import pair_findings, pose_findings
 from imu_sim_ros.recordings.findings.finding import Finding
-from imu_sim_ros.recordings.findings.policy import CAMPAIGN
+from imu_sim_ros.recordings.findings.policy import AXES, CAMPAIGN
 from imu_sim_ros.recordings.findings.roles import TruthPairs
 
 _ROUNDING_NS: Final = 1_000_000
@@ -65,7 +65,8 @@ def estimate_findings(poses: States, truth: States, alignment: str) -> list[str]
         error = aligned.apply(estimate).position - reference.position
         if float(np.sqrt(np.mean(np.square(error)))) <= _CORRECT * extent:
             q_wb = rotation.multiply(rotation.from_matrix(aligned.r), estimate.q_wb)
-            axes = list(_attitude(q_wb, reference.q_wb)) or axes
+            tags = "".join(f" [{finding.kind}]" for finding in alone if finding.kind in AXES)
+            axes = [line + tags for line in _attitude(q_wb, reference.q_wb)] or axes
         if alignment != "sim3":
             lines += _scale(estimate.position, reference.position, extent)
     except InputError:  # the comparison says why

@@ -7,6 +7,7 @@ from __future__ import annotations
 
 import shlex
 from collections.abc import Sequence
+from contextlib import suppress
 from dataclasses import dataclass, field
 from os import PathLike
 from pathlib import Path
@@ -22,7 +23,7 @@ from imu_sim_ros.core.records import States, with_fields
 from imu_sim_ros.core.spelling import stated
 from imu_sim_ros.core.types import JsonObject
 from imu_sim_ros.formats.choice import AS_RECORDED, Choice
-from imu_sim_ros.formats.door import has_topics, read_trajectory
+from imu_sim_ros.formats.door import has_topics, read_states, read_trajectory, reading_blocks
 from imu_sim_ros.jobs.selection import (
     AccelTopic,
     AccelUnit,
@@ -34,6 +35,7 @@ from imu_sim_ros.jobs.selection import (
 )
 from imu_sim_ros.jobs.tracks import has_truth, odometry_topics, truth_topic
 from imu_sim_ros.jobs.writing import SkipBadRows, saved
+from imu_sim_ros.recordings.findings.pose_order import in_order
 from imu_sim_ros.reports.findings import finding_section
 from imu_sim_ros.reports.page import Section, html
 
@@ -124,8 +126,8 @@ def report(
 ) -> Report:
     """Write an HTML page about campaigns or recorded bags.
 
-    :param inputs: campaign folder, bag or EuRoC folder; a file of poses (TUM, EuRoC) after a bag
-        is an estimate of its motion
+    :param inputs: campaign folder, bag, EuRoC folder or table; a file of poses (TUM, EuRoC) after
+        a bag is an estimate of its motion
     :param output: the page, an HTML file; by default that of :func:`default_output`
     :param title: title of the page; by default that of the inputs
     :param metric: metric of a campaign to show first
@@ -273,6 +275,19 @@ def _is_poses(path: Path) -> bool:
     return path.is_file() and path.suffix.lower() in _POSES
 
 
+def _poses_alone(sources: Sources, path: Path) -> States | None:
+    """Return the poses of a text file without readings, as they came; None: it is no such file."""
+    if path.is_dir() or has_topics(path):
+        return None
+    try:
+        next(reading_blocks(path, sources.choice), None)
+    except InputError:
+        with suppress(InputError):
+            states = read_states(path, None, sources.skip_bad_rows, minimum=2, ordered=False)
+            return with_fields(states, source=path.name)
+    return None
+
+
 def _bag(sources: Sources, path: Path, files: Sequence[Path]) -> list[Section]:
     """Return the sections of a bag: its streams, its truth and its estimates.
 
@@ -294,9 +309,14 @@ def _bag(sources: Sources, path: Path, files: Sequence[Path]) -> list[Section]:
     flights: list[TruthWithEstimates] = []
     sensors: list[Section] = []
     problems = Problems()
+    poses = _poses_alone(sources, path)
     with problems.gathered():
         truth_name = truth_topic(path, sources.truth_topic)
-        if not has_topics(path):
+        if poses is not None:
+            if poses.skipped:
+                tell_skipped(path)(poses.skipped)
+            estimates.append(in_order(poses, sources.skip_bad_rows))
+        elif not has_topics(path):
             truth = read(path, None, "truth") if has_truth(path) else None
         else:
             topics = odometry_topics(path)
@@ -318,8 +338,10 @@ def _bag(sources: Sources, path: Path, files: Sequence[Path]) -> list[Section]:
         with problems.gathered():
             estimates.append(read(file, None, file.name))
     skipped = tell_skipped(path) if sources.skip_bad_rows else None
+    readings: list[Section] = []
     with problems.gathered():
-        readings = reading_sections(path, sources.choice, sources.notes, skipped)
+        if poses is None:
+            readings = reading_sections(path, sources.choice, sources.notes, skipped)
     problems.tell()
     if truth is not None or estimates:
         flights.insert(0, TruthWithEstimates("motion", truth, estimates))

@@ -80,8 +80,8 @@ def test_a_constant_error_of_the_attitude_is_named(side, angle, axis):
     ("q_wb", "convention"),
     [
         (rotation.conjugate(TRUTH.q_wb), "those of the inverse rotation"),
-        (np.roll(TRUTH.q_wb, 1, axis=1), "in the order w, x, y, z"),
-        (np.roll(TRUTH.q_wb, -1, axis=1), "in the order x, y, z, w"),
+        (np.roll(TRUTH.q_wb, 1, axis=1), "in the order w, x, y, z [quaternion_order]"),
+        (np.roll(TRUTH.q_wb, -1, axis=1), "in the order x, y, z, w [quaternion_order]"),
     ],
 )
 def test_another_convention_of_quaternions_is_named(q_wb, convention):

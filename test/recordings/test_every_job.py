@@ -7,17 +7,21 @@ What a job has to name follows from its declaration and from what ``inspect`` fi
 """
 
 import re
+import shlex
 import warnings
 from types import SimpleNamespace
 
 import numpy as np
 import pytest
+import yaml
 from faults import FAULTS, POSES, STAMPS, saturated
 
 import imu_sim_ros as ims
 from imu_sim_ros.bags.create import open_writer
 from imu_sim_ros.bags.messages.encode import IMU, ODOMETRY, ImuEncoder, OdometryEncoder
 from imu_sim_ros.bags.writer import BagOptions, Block
+from imu_sim_ros.campaigns.plan import load_plan
+from imu_sim_ros.campaigns.runs import CellRuns
 from imu_sim_ros.core import rotation
 from imu_sim_ros.core.errors import ConfigurationError, InputError
 from imu_sim_ros.core.records import with_fields
@@ -250,7 +254,30 @@ def jobs_of_tracks(flight, folder, truth):
         ),
         "twin": ("twin", lambda path: ims.twin(flight.readings.rows(slice(500)), path)),
         "convert": ("convert_bag", lambda path: ims.convert(path, written, force=True)),
+        "campaign": ("campaign", lambda path: run_of_campaign(path, folder)),
+        "report": (None, lambda path: page(path, folder)),
     }
+
+
+def run_of_campaign(path, folder):
+    """Return the findings of a run whose estimate is a file."""
+    parameters = {"trajectory.type": "circle", "rate": 100.0, "duration": 30.0}
+    plan_path = folder / "plan.yaml"
+    plan_path.write_text(
+        yaml.safe_dump(
+            {
+                "parameters": {**parameters, "imu": "bmi088", "start_time": float(START_S)},
+                "seeds": 1,
+                "estimators": {"copy": {"command": f"cp {shlex.quote(str(path))} {{estimate}}"}},
+            }
+        ),
+        encoding="utf-8",
+    )
+    plan = load_plan(plan_path)
+    (row,) = CellRuns(plan, next(plan.cells())).rows([SEED], ["copy"], folder / "campaign")
+    if row["status"] != "done":
+        raise InputError(row["status"])
+    return SimpleNamespace(warnings=[row["findings"] or ""])
 
 
 @pytest.fixture(scope="module")
@@ -265,8 +292,8 @@ def circle():
 def test_all_jobs_name_the_same_kinds_of_poses_in_a_file(circle, tmp_path, kind):
     path, truth = tmp_path / "poses.tum", tmp_path / "truth.tum"
     poses = with_fields(circle.truth, velocity=None, angular_velocity=None)
-    write_tum(path, TRACKS[kind](poses))
-    write_tum(truth, with_fields(poses, position=poses.position + 0.01))
+    write_tum(path, TRACKS[kind](with_fields(poses, position=poses.position + 0.01)))
+    write_tum(truth, poses)
     jobs = jobs_of_tracks(circle, tmp_path, truth)
     kinds, wrong = wrong_outcomes(path, lambda source: True, jobs)
     assert not wrong, wrong

@@ -24,7 +24,8 @@ from imu_sim_ros.campaigns.plan import load_plan
 from imu_sim_ros.campaigns.results import read_results
 from imu_sim_ros.campaigns.verdict import headline, judge
 from imu_sim_ros.commands.report import main
-from imu_sim_ros.core.records import Readings
+from imu_sim_ros.core.records import Readings, with_fields
+from imu_sim_ros.inputs.poses import write_tum
 from imu_sim_ros.reports import streams
 from imu_sim_ros.reports.page import Section, as_json, column, html, table
 from imu_sim_ros.sensors.camera.images.files import decoded
@@ -450,3 +451,16 @@ def test_baselines_make_a_trend_and_the_last_is_compared_with(results, tmp_path)
     assert len(sizes) == 18
     # 2 or 1.9999...: the words differ
     assert all(size.startswith(("2 times larger", "100 % larger")) for size in sizes), sizes
+
+
+def test_poses_without_a_recording_are_on_common_axes(tmp_path):
+    flight = ims.simulate(imu="perfect", trajectory="circle", rate=50, duration=4)
+    poses = with_fields(flight.truth, velocity=None, angular_velocity=None)
+    for name in ("a.tum", "b.txt"):
+        write_tum(tmp_path / name, poses)
+    page = page_of(tmp_path / "a.tum", tmp_path, str(tmp_path / "b.txt"))
+    titles = [section["title"] for section in content(page)["sections"]]
+    assert titles == ["a.tum: motion", "a.tum: findings"]
+    plots = {item["title"]: item for item in items(page, "plot")}
+    for title in ("Orientation: roll", "Orientation: yaw"):
+        assert [line["name"] for line in plots[title]["series"]] == ["a.tum", "b.txt"]
