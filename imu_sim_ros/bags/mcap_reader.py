@@ -521,7 +521,7 @@ class McapBag(ChunkedBag[_Chunk]):
     ) -> list[MessageBlock]:
         """Return the messages of a chunk, in blocks of one topic each."""
         data = np.frombuffer(self._chunk_data(chunk), np.uint8)
-        offsets = self._indexed(chunk) or _scanned(data)
+        offsets = self._read_chunk_index(chunk) or _scan_records(data)
         blocks = []
         header = MESSAGE_HEADER.itemsize
         for channel, rows_of_channel in offsets.items():
@@ -567,7 +567,7 @@ class McapBag(ChunkedBag[_Chunk]):
             raise ValueError("it reaches past the end of the file")
         return self._read_at(offset, length)
 
-    def _indexed(self, chunk: _Chunk) -> dict[int, Integers]:
+    def _read_chunk_index(self, chunk: _Chunk) -> dict[int, Integers]:
         """Return by channel where the index says that messages begin; empty without an index."""
         data = self._bytes(chunk.position + chunk.length, chunk.index_length)
         offsets: dict[int, Integers] = {}
@@ -606,7 +606,7 @@ def _check_same(kind: str, id_: int, previous: object, current: object) -> None:
         raise ContradictionError(f"{kind} {id_} is {current} from here on, and {previous} before")
 
 
-def _scanned(data: Bytes) -> dict[int, Integers]:
+def _scan_records(data: Bytes) -> dict[int, Integers]:
     """Return by channel where messages begin, found by going from record to record."""
     starts_by_channel: dict[int, list[int]] = {}
     content = memoryview(data.data)

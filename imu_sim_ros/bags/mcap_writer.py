@@ -97,7 +97,7 @@ class McapWriter(ChunkWriter):
         self._schemas: dict[str, SchemaRecord] = {}
         self._channels: list[Channel] = []
         # The library's own identifier, without the import of mcap.writer, which has it.
-        self.file.write(MAGIC, _packed(Header("ros2", f"mcap-python/{__version__}")))
+        self.file.write(MAGIC, _pack_record(Header("ros2", f"mcap-python/{__version__}")))
 
     def _register(self, topic: BagTopic) -> None:
         """Write schema and channel immediately, so that a truncated file can be read."""
@@ -116,7 +116,7 @@ class McapWriter(ChunkWriter):
                     name=topic.type_name,
                 )
                 self._schemas[topic.type_name] = record
-                self.file.write(_packed(record))
+                self.file.write(_pack_record(record))
             schema_id = self._schemas[topic.type_name].id
         metadata = {
             "offered_qos_profiles": qos_text(topic.qos),
@@ -130,7 +130,7 @@ class McapWriter(ChunkWriter):
             schema_id=schema_id,
         )
         self._channels.append(channel)
-        self.file.write(_packed(channel))
+        self.file.write(_pack_record(channel))
         self._mark = (self.file.position, len(self._written))
 
     def _records(
@@ -203,9 +203,9 @@ class McapWriter(ChunkWriter):
         content = rosbag2_metadata("mcap", self.topics, [self])
         text = yaml.safe_dump(content, sort_keys=False)
         entries = {"serialized_metadata": text, "ROS_DISTRO": ROS_DISTRO}
-        metadata = _packed(Metadata(name="rosbag2", metadata=entries))
+        metadata = _pack_record(Metadata(name="rosbag2", metadata=entries))
         metadata_index = MetadataIndex(self.file.position, len(metadata), "rosbag2")
-        self.file.write(metadata, _packed(DataEnd(0)))
+        self.file.write(metadata, _pack_record(DataEnd(0)))
         chunk_indexes = []
         for position, (head, compressed, *indexes), size, topics in self._written:
             channels = [topic.index + 1 for topic, *_ in topics]
@@ -257,10 +257,10 @@ class McapWriter(ChunkWriter):
         # The checksum covers the summary and the footer up to the checksum itself.
         footer = struct.pack("<BQQQ", Opcode.FOOTER, 8 + 8 + 4, summary_start, offset_start)
         crc = zlib.crc32(footer, zlib.crc32(summary))
-        self.file.write(summary, _packed(Footer(summary_start, offset_start, crc)), MAGIC)
+        self.file.write(summary, _pack_record(Footer(summary_start, offset_start, crc)), MAGIC)
 
 
-def _packed(record: "McapRecord") -> bytes:
+def _pack_record(record: "McapRecord") -> bytes:
     """Return one of the mcap library's records as bytes."""
     from mcap.data_stream import RecordBuilder
 

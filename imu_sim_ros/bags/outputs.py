@@ -33,7 +33,7 @@ def refuse_existing(path: Path) -> None:
     try:
         for existing in (path, active_path(path)):
             if is_being_written(existing):
-                raise _taken(existing)
+                raise _concurrent_writer(existing)
         if os.path.lexists(path):
             raise InputError(f"{path}: already exists; nothing is overwritten")
         if os.path.lexists(active_path(path)):
@@ -388,7 +388,7 @@ class Outputs:
                     if os.path.lexists(folder):
                         self._remove_stale(folder)
                     with follower.undisturbed():  # else a folder could remain
-                        lock = _claimed(folder)
+                        lock = _claim(folder)
                         cleanup.callback(os.close, lock)
                         cleanup.callback(_remove_own, folder, lock)
                     # One that found it unlocked may be looking whether it is stale.
@@ -464,7 +464,7 @@ class Outputs:
                     if used:
                         yield f"{output}: {used}; an input is never overwritten"
                     elif is_being_written(path):
-                        yield str(_taken(path))
+                        yield str(_concurrent_writer(path))
                     elif not path.is_symlink() and not path.is_file() and not path.is_dir():
                         yield f"{output}: exists and is neither a file nor a folder"
                     elif not self.force:
@@ -511,10 +511,10 @@ class Outputs:
         """Remove the remains of a killed run, with ``force``; never the output of a running one."""
         with ExitStack() as looking:
             if is_being_written(staging):
-                raise _taken(staging)
+                raise _concurrent_writer(staging)
             folder = staging.is_dir() and not staging.is_symlink()
             if folder:
-                lock = _opened(staging)
+                lock = _open(staging)
                 looking.callback(os.close, lock)
                 _lock(lock, staging)
             if not self.force:
@@ -576,7 +576,7 @@ class Outputs:
         return line
 
 
-def _claimed(staging: Path) -> int:
+def _claim(staging: Path) -> int:
     """Make a staging folder; return its descriptor.
 
     :raises InputError: if another program was faster.
@@ -584,16 +584,16 @@ def _claimed(staging: Path) -> int:
     try:
         staging.mkdir()
     except FileExistsError:
-        raise _taken(staging) from None
-    return _opened(staging)
+        raise _concurrent_writer(staging) from None
+    return _open(staging)
 
 
-def _opened(staging: Path) -> int:
+def _open(staging: Path) -> int:
     """Return a descriptor of a staging folder that exists."""
     try:
         return os.open(staging, os.O_RDONLY | os.O_DIRECTORY)
     except FileNotFoundError:
-        raise _taken(staging) from None
+        raise _concurrent_writer(staging) from None
 
 
 def _remove_own(staging: Path, lock: int) -> None:
@@ -619,7 +619,7 @@ def _lock(descriptor: int, staging: Path, looks: int = 1) -> None:
         if _is_still(descriptor, staging):
             return
         break
-    raise _taken(staging)
+    raise _concurrent_writer(staging)
 
 
 def _is_still(descriptor: int, path: Path) -> bool:
@@ -630,7 +630,7 @@ def _is_still(descriptor: int, path: Path) -> bool:
         return False
 
 
-def _taken(staging: Path) -> InputError:
+def _concurrent_writer(staging: Path) -> InputError:
     """Return the error of an output that another program is writing."""
     return InputError(f"{staging}: another program is writing this output")
 

@@ -392,10 +392,10 @@ class Rosbag1Bag(ChunkedBag[_Chunk]):
         """Return the messages of a chunk, in blocks of one topic each."""
         if chunk.indexed:
             content, index_position = self._chunk(chunk.position)
-            index = self._indexed(index_position)
+            index = self._read_chunk_index(index_position)
         else:
             content = self._content(chunk)
-            index = _scanned(content)
+            index = _scan_records(content)
         data = np.frombuffer(content, np.uint8)
         return [
             _block(topics_by_connection[connection], data, entries)
@@ -403,7 +403,7 @@ class Rosbag1Bag(ChunkedBag[_Chunk]):
             if connection in topics_by_connection and len(entries)
         ]
 
-    def _indexed(self, position: int) -> dict[int, NDArray[np.void]]:
+    def _read_chunk_index(self, position: int) -> dict[int, NDArray[np.void]]:
         """Return the index records that follow a chunk, by connection."""
         entries_by_connection: dict[int, list[NDArray[np.void]]] = {}
         while position < self._end:
@@ -433,7 +433,7 @@ def _numbers(data: Bytes, offsets: Integers) -> Integers:
     return np.ascontiguousarray(rows).view("<u4")[:, 0].astype(np.int64)
 
 
-def _scanned(data: bytes) -> dict[int, NDArray[np.void]]:
+def _scan_records(data: bytes) -> dict[int, NDArray[np.void]]:
     """Return the index of a chunk, found by going from record to record."""
     rows_by_connection: dict[int, list[tuple[int, int, int]]] = {}
     for record in _records(data):

@@ -89,7 +89,7 @@ class MessagePages:
         while offset + self._page_size <= self._size:
             rows = self._rows(offset)
             if not rows:
-                shifted = self._shifted(offset)
+                shifted = self._find_page_start(offset)
                 if shifted is None:
                     offset += self._page_size
                     continue
@@ -100,7 +100,7 @@ class MessagePages:
             offset += self._page_size
         return [offsets[first_id] for first_id in sorted(offsets)]
 
-    def _shifted(self, offset: int) -> int | None:
+    def _find_page_start(self, offset: int) -> int | None:
         """Return where within a page's length from here a page begins, if one does."""
         data = self._read(offset, 2 * self._page_size)
         for match in _LEAF.finditer(data, 1, self._page_size + 3):

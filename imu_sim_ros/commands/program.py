@@ -128,7 +128,7 @@ _ON_THEIR_OWN: Final = ("imu_sim", "make", "python", "demo")
 """First words of command lines that are not programs of ``imu_sim``."""
 
 
-def _called(line: str) -> str:
+def _command_line(line: str) -> str:
     """Return a command line as it is typed after an installation with pip: ``imu_sim generate``."""
     text = line.strip()
     return text if text.partition(" ")[0] in _ON_THEIR_OWN else f"imu_sim {text}"
@@ -159,7 +159,7 @@ class Parser(argparse.ArgumentParser):
         :param arguments: arguments that :func:`add_options` adds.
         """
         if examples:
-            lines = "".join(f"\n  {_called(line)}" for line in examples.strip().splitlines())
+            lines = "".join(f"\n  {_command_line(line)}" for line in examples.strip().splitlines())
             options |= {"epilog": "examples:" + lines, "formatter_class": Formatter}
         if options.get("description"):
             options["description"] = options["description"].replace("``", "")
@@ -190,7 +190,7 @@ class Parser(argparse.ArgumentParser):
 
     def _as_called(self, formatted: Callable[[], str]) -> str:
         """Return help or usage with the name under which the program was called."""
-        short, self.prog = self.prog, _called(self.prog)
+        short, self.prog = self.prog, _command_line(self.prog)
         try:
             return formatted()
         finally:
@@ -310,7 +310,7 @@ class Parser(argparse.ArgumentParser):
         """Print a line for each problem and end with status 2."""
         lines = [*self.problems, message]
         hint = "(--help lists the arguments)"
-        self.exit(2, "".join(f"{self.prog}: {_shortened(line)} {hint}\n" for line in lines))
+        self.exit(2, "".join(f"{self.prog}: {_printable(line)} {hint}\n" for line in lines))
 
     def _end_if_wrong(self) -> None:
         """End the program if arguments were refused."""
@@ -448,7 +448,7 @@ def _report_error(program: str, error: Exception, debug: bool) -> int:
         traceback.print_exception(error)
     lines, status = explain(error)
     for line in lines:
-        print(f"{program}: {_shortened(line)}", file=sys.stderr)
+        print(f"{program}: {_printable(line)}", file=sys.stderr)
     try:
         sys.stdout.flush()
     except OSError:
@@ -456,7 +456,7 @@ def _report_error(program: str, error: Exception, debug: bool) -> int:
     return status
 
 
-def _shortened(line: str) -> str:
+def _printable(line: str) -> str:
     """Return a line without line ends and control characters, which a hostile name may contain."""
     printable = "".join(letter if letter.isprintable() else repr(letter)[1:-1] for letter in line)
     if len(printable) <= _LONGEST_LINE:

@@ -60,7 +60,7 @@ view = partial(_run, "view")
 control = partial(_run, "control")
 
 
-def _completed() -> str | None:
+def _complete_program() -> str | None:
     """Return the program whose arguments are to be completed, or complete the programs' names."""
     import argparse  # not needed before signals are handled
 
@@ -93,7 +93,7 @@ def imu_sim() -> int:
     """Run the program that the first argument names; returns its exit status."""
     name, *rest = sys.argv[1:] or ["--help"]
     if "_ARGCOMPLETE" in os.environ:  # the shell asks what could follow
-        name, rest = _completed() or name, []
+        name, rest = _complete_program() or name, []
     if name in ("-h", "--help", "--version"):
         from imu_sim_ros.commands import program
 

@@ -182,20 +182,20 @@ def array(name: str, value: object, shape: tuple[int | None, ...], finite: bool 
     :param finite: False if a gate finds values that are not finite later.
     :raises ConfigurationError: for anything else.
     """
-    values = value if type(value) is np.ndarray else _plain(name, value, _allowed(shape))
+    values = value if type(value) is np.ndarray else _plain(name, value, _allowed_shapes(shape))
     if values.dtype is not _FLOAT64:
         if values.dtype.kind not in "iuf":
-            refuse(name, value, _allowed(shape), wrong_type=True)
+            refuse(name, value, _allowed_shapes(shape), wrong_type=True)
         values = values.astype(np.float64, copy=False)
     have = values.shape
     if have != shape and not (
         len(have) == len(shape)
         and all(expected in (None, length) for expected, length in zip(shape, have, strict=True))
     ):
-        refuse(name, value, f"{_allowed(shape)}, not {have}")
+        refuse(name, value, f"{_allowed_shapes(shape)}, not {have}")
     result: Array = values
     if finite and not np.isfinite(result).all():
-        refuse(name, value, _allowed(shape))
+        refuse(name, value, _allowed_shapes(shape))
     return result
 
 
@@ -205,7 +205,7 @@ def vectors(name: str, value: ArrayLike, length: int) -> Array:
     :raises ConfigurationError: for anything else.
     """
     several = (None, length)
-    rows = value if type(value) is np.ndarray else _plain(name, value, _allowed(several))
+    rows = value if type(value) is np.ndarray else _plain(name, value, _allowed_shapes(several))
     if rows.ndim == 1:
         return array(name, rows if rows.shape == (length,) else value, (length,), False)[None]
     return array(name, value, several, finite=False)
@@ -225,7 +225,7 @@ def numbers(value: object) -> tuple[float, float, float] | None:
 _FLOAT64: Final = np.dtype(np.float64)
 
 
-def _allowed(shape: tuple[int | None, ...]) -> str:
+def _allowed_shapes(shape: tuple[int | None, ...]) -> str:
     """Return which arrays of a shape are allowed, as text."""
     sizes = ", ".join("n" if length is None else str(length) for length in shape)
     return f"finite numbers of the shape ({sizes}{',' if len(shape) == 1 else ''})"

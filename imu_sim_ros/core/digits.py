@@ -62,7 +62,7 @@ def plus_minus(value: float, half: float) -> str:
         return f"{value:.4g}"
     place = _place(half)
     exponent = _exponent((value, half), place)
-    texts = [_fixed(number, place, exponent) for number in (value, half)]
+    texts = [_to_fixed(number, place, exponent) for number in (value, half)]
     text = " \N{PLUS-MINUS SIGN} ".join(texts)
     return f"({text})e{exponent:+03d}" if exponent else text
 
@@ -87,7 +87,9 @@ def _texts(numbers: Sequence[float], place: int) -> list[str]:
     """Return numbers rounded to a decimal place, all with the same power of ten."""
     exponent = _exponent(numbers, place)
     power = f"e{exponent:+03d}" if exponent else ""
-    return [_fixed(number, place, exponent) + power if number != 0.0 else "0" for number in numbers]
+    return [
+        _to_fixed(number, place, exponent) + power if number != 0.0 else "0" for number in numbers
+    ]
 
 
 def _exponent(numbers: Sequence[float], place: int) -> int:
@@ -98,7 +100,7 @@ def _exponent(numbers: Sequence[float], place: int) -> int:
     return 0 if exponent in _PLAIN else exponent
 
 
-def _fixed(number: float, place: int, exponent: int) -> str:
+def _to_fixed(number: float, place: int, exponent: int) -> str:
     """Return the digits of a number without its power of ten, as JavaScript's toFixed rounds."""
     mantissa = Decimal(number / float(f"1e{exponent}"))
     unit = Decimal(1).scaleb(-(place + exponent))

@@ -39,14 +39,14 @@ def suggestion(name: object, candidates: Iterable[str], otherwise: str | None = 
     """
     candidates = list(candidates)
     nearest_name = nearest(name, candidates)
-    fallback = f"must be one of {_listed(candidates)}" if otherwise is None else otherwise
+    fallback = f"must be one of {_list_names(candidates)}" if otherwise is None else otherwise
     if nearest_name is None:
         return fallback
     hint = f"did you mean {nearest_name}?"
     return f"{fallback}; {hint}" if otherwise is None and len(candidates) <= _MAX_LISTED else hint
 
 
-def _listed(names: list[str]) -> str:
+def _list_names(names: list[str]) -> str:
     """Return the names, the first ones and how many more there are if they do not fit in a line."""
     count = "".join(f"{name}, " for name in names)[:_LETTERS_LISTED].count(", ")
     remainder = f" and {len(names) - count} more" if count < len(names) else ""

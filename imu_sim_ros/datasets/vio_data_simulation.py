@@ -181,10 +181,10 @@ class VioDataSimulation:
         q_xyzw = poses.q_wc[:, [1, 2, 3, 0]]
         self._files["cam_pose_tum"].write(np.concatenate([t, poses.position, q_xyzw], axis=1))
         points = np.concatenate(
-            [_homogeneous(world.scene.landmarks[tracks.landmark]), _normalised(view, tracks.uv)],
+            [_homogeneous(world.scene.landmarks[tracks.landmark]), _normalise(view, tracks.uv)],
             axis=1,
         )
-        ends = _normalised(view, lines.ends.reshape(-1, 2)).reshape(-1, 4)
+        ends = _normalise(view, lines.ends.reshape(-1, 2)).reshape(-1, 4)
         for k in range(count):
             name = f"{samples.first + k}.txt"
             folder = self.path / "keyframe"
@@ -211,7 +211,7 @@ def _homogeneous(points: Array) -> Array:
     return np.concatenate([points, np.ones((len(points), 1))], axis=1)
 
 
-def _normalised(view: View, uv: Array) -> Array:
+def _normalise(view: View, uv: Array) -> Array:
     """Return x / z and y / z (n, 2) of pixels (n, 2)."""
     ray = view.model.unproject(uv).direction
     return ray[:, :2] / ray[:, 2:]

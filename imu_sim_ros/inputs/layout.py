@@ -458,12 +458,14 @@ def _header_layout(
         part,
         header.notes,
     )
-    for note in (*layout.notes, *_unused(names, header, required)):
+    for note in (*layout.notes, *_unused_columns(names, header, required)):
         warn(f"{path}: {note}", Remark)
     return layout
 
 
-def _unused(names: Sequence[str], header: TableHeader, required: Sequence[str]) -> Iterator[str]:
+def _unused_columns(
+    names: Sequence[str], header: TableHeader, required: Sequence[str]
+) -> Iterator[str]:
     """Yield a line about columns of unknown names in a table that lacks a triad."""
     missing = [name for name in (GYRO, ACCEL) if name in required and name not in header.columns]
     unknown = [name for name in names if name and is_unknown(name)]

@@ -255,7 +255,7 @@ class _Run:
         if self.path is None:
             readings = readings_of("readings", self._given)
         else:
-            skipped = self._skipped(f"{self.path}")
+            skipped = self._skip_counter(f"{self.path}")
             readings = door.read_readings(self.path, self._choice, skipped)
             readings = with_fields(readings, source=self.name)
         self._notes = readings.notes
@@ -268,7 +268,7 @@ class _Run:
         if isinstance(self._given, Flight):
             return self._given.magnetic_field.field
         if self.path is not None:
-            skipped = self._skipped(f"{self.path}")
+            skipped = self._skip_counter(f"{self.path}")
             return read_measured(self.path, TABLE, self._choice.topic, skipped)[1]
         values = arguments.array("readings", self._given, (None, 3))
         gate.Verdict(None, [(gate.FIELD, values)]).complain("readings")
@@ -304,7 +304,9 @@ class _Run:
                 "that has them, is needed"
             )
         else:
-            t_ns, degrees = bags.read_temperature(self.path, topic, self._skipped(f"{self.path}"))
+            t_ns, degrees = bags.read_temperature(
+                self.path, topic, self._skip_counter(f"{self.path}")
+            )
         if len(degrees):
             findings = temperature_findings(TemperatureRecord("", degrees))
             CALIBRATE_TEMPERATURE.judge(findings, self._warnings.append)
@@ -340,10 +342,13 @@ class _Run:
                 )
         rotations = known_rates(steady, np.empty(0) if set_to is None else set_to, temperatures)
         if len(rotations.missing):
-            self._warnings.append(f"rates: nothing turns at {_listed(rotations.missing)} rad/s")
+            self._warnings.append(
+                f"rates: nothing turns at {_list_values(rotations.missing)} rad/s"
+            )
         if len(rotations.unknown):
             self._warnings.append(
-                f"{len(rotations.unknown)} pieces that turn at {_listed(rotations.unknown)} rad/s "
+                f"{len(rotations.unknown)} pieces that turn at "
+                f"{_list_values(rotations.unknown)} rad/s "
                 "are left out: rates does not name them"
             )
         return rotations.steady, rotations.rate
@@ -382,7 +387,7 @@ class _Run:
         rates = truth.angular_velocity
         return None if rates is None else (truth.t_ns, rates)
 
-    def _skipped(self, name: str) -> Skipped | None:
+    def _skip_counter(self, name: str) -> Skipped | None:
         """Return the counter of skipped rows; None: they are errors."""
         if not self._skip:
             return None
@@ -715,7 +720,7 @@ def _correction(source: Calibration | str | Path) -> Correction:
     return correction_of(build(IntegratorParameters, values))
 
 
-def _listed(values: Array) -> str:
+def _list_values(values: Array) -> str:
     """Return the different values in words, rounded to two digits, the first few of many."""
     different = sorted({float(f"{value:.2g}") for value in values})
     return ", ".join(f"{value:g}" for value in different[:5]) + (", ..." if different[5:] else "")

@@ -48,7 +48,7 @@ def calibration_lines(
 ) -> Iterator[str | TextTable]:
     """Yield a calibration's facts and parameters."""
     for name, fact in facts.items():
-        yield f"{name}: {_shown(fact)}"
+        yield f"{name}: {_format_fact(fact)}"
     sensors = (*TRIADS, *(sensor.name for sensor in sensors_of_imus()), "reference")
     for triad in sensors:
         triad_values = {
@@ -83,10 +83,10 @@ def _unit(name: str) -> str:
     return (declared.unit if declared is not None else "") or "1"
 
 
-def _shown(fact: object) -> str:
+def _format_fact(fact: object) -> str:
     """Return a number, or a list of numbers, as text."""
     if isinstance(fact, list):
-        return ", ".join(_shown(entry) for entry in fact)
+        return ", ".join(_format_fact(entry) for entry in fact)
     return f"{fact:.4g}" if isinstance(fact, float) else str(fact)
 
 

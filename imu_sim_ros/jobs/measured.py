@@ -118,7 +118,7 @@ def evaluate_measured(
     """
     topic, problems = estimate[1], Problems()
     with problems.gathered():
-        measured = _measured(table, *estimate, skip_bad_rows)
+        measured = _read_measurements(table, *estimate, skip_bad_rows)
     if table.of_readings:
         with problems.gathered():
             chosen = assumed_truth(*truth)
@@ -137,7 +137,7 @@ def evaluate_measured(
     return replace(evaluation, topic=topic)
 
 
-def _measured(table: Table, path: Path, topic: str, skip_bad_rows: bool) -> TableRows:
+def _read_measurements(table: Table, path: Path, topic: str, skip_bad_rows: bool) -> TableRows:
     """Return the measurements of a sensor.
 
     :raises InputError: for fewer than two values.

@@ -405,10 +405,10 @@ def twin(
         skip_bad_rows=skip_bad_rows,
         selection=(frame, gyro_topic, accel_topic, gyro_unit, accel_unit),
     )
-    return _found(source, fit)
+    return _build_twin(source, fit)
 
 
-def _found(source: TwinRecording, fit: float | None) -> Twin:
+def _build_twin(source: TwinRecording, fit: float | None) -> Twin:
     """Return the twin of a recording.
 
     :param fit: length of the part that is fitted [s]; the remainder is compared. None: all.
@@ -425,7 +425,7 @@ def _found(source: TwinRecording, fit: float | None) -> Twin:
     # Above the cut-off, motion counts as vibration.
     fast = fast_part(used, source.sharp_truth, source.truth, fitted)
     with_vibration = trust.fit._replace(residuals=fitted.residuals + fast)
-    analysis = _analysed(source, used, with_vibration, validation.residuals + fast)
+    analysis = _analyse_residuals(source, used, with_vibration, validation.residuals + fast)
     step = _steps(whole.readings)
     white = spectrum.without_rounding(analysis.white, step, whole.rate)
     analysis = analysis._replace(white=white)
@@ -512,7 +512,7 @@ def _split(whole: Recording, seconds: float, name: str) -> tuple[Recording, Reco
     return whole.part(begin, begin + seconds), whole.part(begin + seconds, np.inf)
 
 
-def _analysed(source: TwinRecording, used: Recording, fit: Fit, unseen: Array) -> Analysis:
+def _analyse_residuals(source: TwinRecording, used: Recording, fit: Fit, unseen: Array) -> Analysis:
     """Return the analysis of the residuals, of a recording after the fit."""
     t = model.true_times(fit.errors, used.stamps, fit.reference, fit.wander)
     motion = source.motion(t)

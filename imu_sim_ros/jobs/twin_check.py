@@ -131,10 +131,10 @@ def check(
     :param seeds: seeds of the twins that are flown.
     """
     fit = analysis.fit
-    real = _laid(source, part, fit)
+    real = _place_on_truth(source, part, fit)
     parts = _parts(source, real.t, part)
     rate = part.rate
-    twins = [_simulated(source, real.t, fit.errors, parameters, seed) for seed in range(seeds)]
+    twins = [_simulate_twin(source, real.t, fit.errors, parameters, seed) for seed in range(seeds)]
     noise = _truth_noise(source, fit, analysis.parts, twins[0].t)
     twins = [_with_truth_noise(twin, noise, rate, source.cutoff) for twin in twins]
     ends = [(real.t[p.start], real.t[p.stop - 1]) for p in parts]
@@ -167,7 +167,7 @@ def _median(errors: list[Array]) -> Array:
     return np.array([np.median(e) if len(e) else np.nan for e in errors])
 
 
-def _laid(source: TwinRecording, part: Recording, fit: Fit) -> Flown:
+def _place_on_truth(source: TwinRecording, part: Recording, fit: Fit) -> Flown:
     """Return readings on the truth, whose clock and smoothing are found again on this part."""
     again = truth.align_truth(part, source.truth, fit)
     t = model.true_times(again.errors, part.stamps, again.reference, again.wander)
@@ -225,7 +225,7 @@ def simulation(source: TwinRecording, parameters: dict[str, Value], seed: int) -
     return Body(built, t0_ns=source.t0_ns, trajectory=source.trajectory, sensors=(POSE,))
 
 
-def _simulated(
+def _simulate_twin(
     source: TwinRecording, t: Array, errors: Errors, parameters: dict[str, Value], seed: int
 ) -> Flown:
     """Return the twin's readings over the times of the real ones, against a noisy truth."""
@@ -285,5 +285,5 @@ def flown_again(
     rows = len(fit.residuals)
     stamps = source.recording.stamps[:rows]
     t = model.true_times(fit.errors, stamps, fit.reference, fit.wander)
-    twin = _simulated(source, t, fit.errors, parameters, seed)
+    twin = _simulate_twin(source, t, fit.errors, parameters, seed)
     return (t, fit.residuals), (twin.t, twin.residuals)

@@ -119,12 +119,12 @@ class TwinRecording(NamedTuple):
 
     def body_motion(self, t: Array) -> BodyMotion:
         """Return rate, specific force and angular acceleration in the body at times (n,) [s]."""
-        return self._moved(self.trajectory, t)
+        return self._motion_along(self.trajectory, t)
 
     @property
     def truth(self) -> KnownMotion:
         """Known motion up to the cut-off; the rest counts as vibration."""
-        return self._known(self.trajectory, *self.noisy)
+        return self._known_motion(self.trajectory, *self.noisy)
 
     @property
     def sharp_truth(self) -> KnownMotion:
@@ -133,14 +133,16 @@ class TwinRecording(NamedTuple):
         A spline that is smooth above the cut-off lacks 0.3 % of the rates at half of it already,
         and the products of what it lacks above are slow specific forces.
         """
-        return self._known(*self.sharp)
+        return self._known_motion(*self.sharp)
 
-    def _known(self, trajectory: Trajectory, *noisy: Trajectory) -> KnownMotion:
+    def _known_motion(self, trajectory: Trajectory, *noisy: Trajectory) -> KnownMotion:
         """Return the motion along a path, and along the same path with noise."""
-        motion_at, *noisy_motions = (partial(self._moved, path) for path in (trajectory, *noisy))
+        motion_at, *noisy_motions = (
+            partial(self._motion_along, path) for path in (trajectory, *noisy)
+        )
         return KnownMotion(motion_at, self.cutoff, tuple(noisy_motions))
 
-    def _moved(self, trajectory: Trajectory, t: Array) -> BodyMotion:
+    def _motion_along(self, trajectory: Trajectory, t: Array) -> BodyMotion:
         """Return the motion along a path at times (n,) [s]."""
         return body_motion(trajectory.sample(np.clip(t, 0.0, self.duration)), self.gravity)
 
@@ -219,7 +221,7 @@ def recorded(
         given_s=float(np.ptp(stamps)),
         notes=readings.notes,
     )
-    return _placed(half, readings, stamps, candidates, max_offset, name)
+    return _place_on_truth(half, readings, stamps, candidates, max_offset, name)
 
 
 class _Splines:
@@ -263,7 +265,7 @@ class _Splines:
         return build_trajectory(PosesParameters(file=self._name, cutoff=cutoff), lambda *_: poses)
 
 
-def _placed(
+def _place_on_truth(
     half: TwinRecording,
     readings: Readings,
     stamps: Array,
@@ -361,9 +363,9 @@ def _in_pieces(stamps: Array, readings: Array, name: str) -> Recording:
         raise InputError(
             f"{name}: the longest piece without a loss has {longest} samples; a twin needs {_PIECE}"
         )
-    return Recording(stamps, readings, pieces, _rounded(1.0 / interval))
+    return Recording(stamps, readings, pieces, _round_rate(1.0 / interval))
 
 
-def _rounded(rate: float) -> float:
+def _round_rate(rate: float) -> float:
     """Return the nearest whole rate if a clock's skew can explain the difference."""
     return float(round(rate)) if abs(rate - round(rate)) < 1e-3 * rate else round(rate, 3)

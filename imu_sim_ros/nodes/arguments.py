@@ -159,7 +159,7 @@ def _file(name: str, folder: Path) -> str:
         uniform = _uniform("", tree, problems)
         if problems:
             raise ConfigurationError([f"{path}: {problem}" for problem in problems])
-        uniform = _placed("", uniform, path)
+        uniform = _resolve_paths("", uniform, path)
         # Values and types: 1 == 1.0, but only the latter belongs in a list of floats.
         if repr(uniform) == repr(tree):
             return name
@@ -213,8 +213,8 @@ def _uniform(name: str, value: object, problems: list[str]) -> object:
     return value
 
 
-def _placed(name: str, value: object, path: Path) -> object:
+def _resolve_paths(name: str, value: object, path: Path) -> object:
     """Return a tree in which paths relative to its file are those from the working directory."""
     if isinstance(value, dict):
-        return {key: _placed(str(key), entry, path) for key, entry in value.items()}
+        return {key: _resolve_paths(str(key), entry, path) for key, entry in value.items()}
     return files.placed(name, value, path)

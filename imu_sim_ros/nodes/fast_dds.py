@@ -96,7 +96,7 @@ def remove_torn_segments(folder: Path = FOLDER) -> list[Path]:
     """
     foreign: list[Path] = []
     for path in folder.glob("fastrtps_port*"):
-        if path.name.endswith("_el") or not _torn(path):
+        if path.name.endswith("_el") or not _is_torn(path):
             continue
         try:
             path.unlink()
@@ -107,7 +107,7 @@ def remove_torn_segments(folder: Path = FOLDER) -> list[Path]:
     return foreign
 
 
-def _torn(path: Path) -> bool:
+def _is_torn(path: Path) -> bool:
     """Return whether a segment was created a while ago and is not ready."""
     with suppress(OSError):
         if time.time() - path.stat().st_mtime > _LONGEST_CREATION:

@@ -145,12 +145,12 @@ def required_node(
         arguments=command_line(section, values),
         ros_arguments=[*base_arguments, *ros_words(values)],
         output="screen",
-        on_exit=_ended,
+        on_exit=_end_launch,
         **details,
     )
 
 
-def _ended(event: Any, _: Any) -> Any:
+def _end_launch(event: Any, _: Any) -> Any:
     """End the launch: launch's own status is 1 after an error, and 0 otherwise."""
     from launch.actions import Shutdown
 

@@ -113,8 +113,8 @@ class Lifetime:
         """Wake the executor from any wait."""
         executor = self._node.executor
         if executor is not None:
-            executor.create_task(_ignored)
+            executor.create_task(_ignore_signal)
 
 
-def _ignored() -> None:
+def _ignore_signal() -> None:
     """Ignore a signal."""

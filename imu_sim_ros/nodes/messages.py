@@ -110,7 +110,7 @@ def definition(type_name: str) -> str:
         if path is None:
             return ""
         texts[key] = path.read_text(encoding="utf-8")
-        queue += _nested(texts[key], key.split("/")[0])
+        queue += _nested_types(texts[key], key.split("/")[0])
     (_, text_of_type), *dependencies = texts.items()
     return text_of_type + "".join(
         f"\n{_SEPARATOR}\nMSG: {key}\n{text}" for key, text in dependencies
@@ -128,7 +128,7 @@ def type_hash(type_name: str) -> str:
     return next((h["hash_string"] for h in hashes if h["type_name"] == type_name), "")
 
 
-def _nested(text: str, package: str) -> Iterator[str]:
+def _nested_types(text: str, package: str) -> Iterator[str]:
     """Yield the types of fields in a definition that are messages themselves."""
     for line in text.splitlines():
         match = _FIELD.match(line.split("#")[0])
@@ -224,7 +224,7 @@ class ReadingDecoder:
             gx, gy, gz = k_gyro * gx, k_gyro * gy, k_gyro * gz
         if k_accel != 1.0:
             ax, ay, az = k_accel * ax, k_accel * ay, k_accel * az
-        reading = _checked(second, nanosecond, (gx, gy, gz), (ax, ay, az))
+        reading = _check(second, nanosecond, (gx, gy, gz), (ax, ay, az))
         if (
             not self._oriented
             or stated < 0.0
@@ -286,7 +286,7 @@ def value(type_name: str, payload: bytes) -> LiveValue:
     second, nanosecond, *numbers = decoder.numbers(payload)
     t_ns = _stamp(second, nanosecond)
     if not gate.Verdict(np.array([t_ns]), [(quantity, np.array([numbers]))]).good.all():
-        raise _refused(t_ns, (quantity, tuple(numbers)))
+        raise _refusal(t_ns, (quantity, tuple(numbers)))
     return LiveValue(t_ns, tuple(numbers))
 
 
@@ -312,7 +312,7 @@ def truth(payload: bytes) -> LiveState:
     sound = gate.is_pose(t_ns, position, q_wb)
     if not (sound and gate.within(velocity, gate.VELOCITY) and gate.within(rate, gate.RATE)):
         pose = (gate.POSITION, position), (gate.ORIENTATION, q_wb)
-        raise _refused(t_ns, *pose, (gate.VELOCITY, velocity), (gate.RATE, rate))
+        raise _refusal(t_ns, *pose, (gate.VELOCITY, velocity), (gate.RATE, rate))
     off = abs(w * w + x * x + y * y + z * z - 1.0) > _ROUNDING
     unit = _unit(q_wb) if off else q_wb
     return LiveState(t_ns, position, unit, velocity, rate, frames=_odometry.texts)
@@ -324,9 +324,7 @@ def _unit(q: Quaternion[float]) -> Quaternion[float]:
     return (w, x, y, z)
 
 
-def _checked(
-    second: int, nanosecond: int, gyro: Vector[float], accel: Vector[float]
-) -> LiveReading:
+def _check(second: int, nanosecond: int, gyro: Vector[float], accel: Vector[float]) -> LiveReading:
     """Return a reading that the gate passes.
 
     :raises InputError: for any other.
@@ -334,7 +332,7 @@ def _checked(
     t_ns = second * NANOSECONDS_PER_SECOND + nanosecond
     overflows = nanosecond >= NANOSECONDS_PER_SECOND
     if second < 0 or overflows or not gate.is_reading(t_ns, gyro, accel):
-        raise _refused(_stamp(second, nanosecond), (gate.RATE, gyro), (gate.FORCE, accel))
+        raise _refusal(_stamp(second, nanosecond), (gate.RATE, gyro), (gate.FORCE, accel))
     return LiveReading(t_ns, gyro, accel)
 
 
@@ -348,7 +346,7 @@ def _stamp(second: int, nanosecond: int) -> int:
     return gate.stamp_ns(second, nanosecond)
 
 
-def _refused(t_ns: int, *columns: tuple[gate.Quantity, tuple[float, ...]]) -> InputError:
+def _refusal(t_ns: int, *columns: tuple[gate.Quantity, tuple[float, ...]]) -> InputError:
     """Return the error of values that the gate refuses."""
     rows = [(quantity, np.array([values])) for quantity, values in columns]
     reason = gate.Verdict(np.array([t_ns]), rows).why(0)

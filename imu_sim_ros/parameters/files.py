@@ -73,10 +73,10 @@ def is_included(kind: str, name: object) -> bool:
 
     :param kind: a folder in config/.
     """
-    return _included(kind, str(name)) is not None
+    return _find_included(kind, str(name)) is not None
 
 
-def _included(kind: str, name: str) -> str | None:
+def _find_included(kind: str, name: str) -> str | None:
     """Return the path of the file of a name in config/; None: there is none."""
     path = f"{config_folder()}/{kind}/{name}.yaml"
     return path if "/" not in name and os.path.isfile(path) else None
@@ -88,7 +88,7 @@ def find(kind: str, name_or_file: str) -> Path:
     :param kind: a folder in config/, for instance ``imus`` or ``trajectories``.
     :raises ConfigurationError: if there is neither, with the nearest name or all names.
     """
-    included = _included(kind, name_or_file)
+    included = _find_included(kind, name_or_file)
     if included is not None:
         return Path(included)
     try:

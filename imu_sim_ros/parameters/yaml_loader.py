@@ -33,7 +33,7 @@ _LONGEST_REASON: Final = 200
 """Longest text of the library's error in a message [characters]."""
 
 
-def _refused(problem: str, mark: yaml.Mark | None) -> Exception:
+def _refusal(problem: str, mark: yaml.Mark | None) -> Exception:
     return yaml.MarkedYAMLError(None, None, problem, mark)
 
 
@@ -47,13 +47,13 @@ class _Rules(Composer, SafeConstructor, Resolver):
         mark = parser.peek_event().start_mark
         self.aliases += parser.check_event(yaml.AliasEvent)
         if self.aliases > _MAX_ALIASES:
-            raise _refused(f"over {_MAX_ALIASES} aliases", mark)
+            raise _refusal(f"over {_MAX_ALIASES} aliases", mark)
         self.values += 1
         if self.values > _MAX_VALUES:
-            raise _refused(f"over {_MAX_VALUES:,} values", mark)
+            raise _refusal(f"over {_MAX_VALUES:,} values", mark)
         self.depth += 1
         if self.depth > _DEEPEST:
-            raise _refused(f"nested over {_DEEPEST} deep", mark)
+            raise _refusal(f"nested over {_DEEPEST} deep", mark)
         node = super().compose_node(parent, index)
         self.depth -= 1
         return node
@@ -65,7 +65,7 @@ class _Rules(Composer, SafeConstructor, Resolver):
         for key, _ in node.value:
             if isinstance(key, yaml.ScalarNode) and key.tag != _MERGE:
                 if key.value in keys:
-                    raise _refused(f"{key.value!r} is given twice", key.start_mark)
+                    raise _refusal(f"{key.value!r} is given twice", key.start_mark)
                 keys.add(key.value)
         return super().construct_mapping(node, deep=True)
 
@@ -75,7 +75,7 @@ class _Rules(Composer, SafeConstructor, Resolver):
 
     def construct_scalar(self, node: yaml.ScalarNode | yaml.MappingNode) -> str:
         if node.tag in _NUMBERS and len(str(node.value)) > _LONGEST_NUMBER:
-            raise _refused(f"a number of {len(node.value)} letters", node.start_mark)
+            raise _refusal(f"a number of {len(node.value)} letters", node.start_mark)
         return super().construct_scalar(node)
 
     yaml_constructors: ClassVar = {

@@ -281,7 +281,7 @@ def _given_back(
     lighting: Lighting,
 ) -> Single:
     """Return the irradiance (n, 3) by light that other surfaces reflect."""
-    hits = _met(points, Caster(where, np.float32))
+    hits = _ray_hits(points, Caster(where, np.float32))
     colour = np.array(lighting.sky, np.float32)
     of_point = albedo[points.surface]
     dark = sky[points.surface]
@@ -293,12 +293,12 @@ def _given_back(
         for k in range(_DIRECTIONS):
             sums += reflected[hits[k]]
         sums /= np.float32(_DIRECTIONS)
-        returned = _smoothed(sums, points)
+        returned = _smooth(sums, points)
         total = direct + returned
     return returned
 
 
-def _met(points: _Points, caster: Caster) -> NDArray[np.int32]:
+def _ray_hits(points: _Points, caster: Caster) -> NDArray[np.int32]:
     """Return the number of the point that each ray meets (directions, n); n: it meets none."""
     count, where = len(points.places), caster.surfaces
     sides = [
@@ -335,7 +335,7 @@ def _direction(k: int, quarter: int) -> tuple[float, float, float]:
     return round(x, 7), round(y, 7), round(z, 7)
 
 
-def _smoothed(values: Single, points: _Points) -> Single:
+def _smooth(values: Single, points: _Points) -> Single:
     """Return values of all points averaged with their neighbours on the same surface."""
     result = values.copy()
     for (rows, columns), start in zip(points.shapes.tolist(), points.first.tolist(), strict=True):
@@ -344,12 +344,12 @@ def _smoothed(values: Single, points: _Points) -> Single:
         for _ in range(2):
             for axis in (0, 1):
                 if grid.shape[axis] > 2:
-                    grid = _blurred(grid, axis)
+                    grid = _blur(grid, axis)
         result[part] = grid.reshape(-1, 3)
     return result
 
 
-def _blurred(grid: Single, axis: int) -> Single:
+def _blur(grid: Single, axis: int) -> Single:
     """Return values averaged with their neighbours along an axis, with weights 1, 2, 1."""
     wide = [(0, 0)] * 3
     wide[axis] = (1, 1)

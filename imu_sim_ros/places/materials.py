@@ -44,7 +44,7 @@ class Canvas(NamedTuple):
             for length, size in ((self.rows, across or cell), (self.columns, cell))
         ]
         knots = self.stream.integers(-1000, 1001, shape).astype(np.float32) / np.float32(1000.0)
-        return _stretched(_stretched(knots, self.rows, 0), self.columns, 1)
+        return _stretch(_stretch(knots, self.rows, 0), self.columns, 1)
 
     def grain(self) -> Array:
         """Return noise (rows, columns) from -1 to 1, independent from texel to texel."""
@@ -92,7 +92,7 @@ class Cells(NamedTuple):
     """(rows, columns) distance from the cell's edge [m]."""
 
 
-def _stretched(knots: Array, length: int, axis: int) -> Array:
+def _stretch(knots: Array, length: int, axis: int) -> Array:
     """Return knots (a, b) interpolated along an axis, the last followed by the first."""
     count = knots.shape[axis]
     place = np.arange(length, dtype=np.float32) * np.float32(count / length)
@@ -184,7 +184,7 @@ def _carpet(c: Canvas, colour: Array) -> Array:
     return _plain(colour, value)
 
 
-def _flecked(c: Canvas, colour: Array) -> Array:
+def _carpet_colours(c: Canvas, colour: Array) -> Array:
     """Return the colours (3, rows, columns) of carpet tiles with light and dark flecks of yarn."""
     tiles = c.cells(0.5, 0.5)
     tone = c.stream.integers(-9, 10, tiles.cells).astype(np.float32)[tiles.number]
@@ -199,7 +199,7 @@ def _metal(c: Canvas, colour: Array) -> Array:
     return _plain(colour, 5 * c.noise(0.5) + 4 * c.noise(0.3, 0.004) + 2 * c.grain())
 
 
-def _ribbed(c: Canvas, colour: Array) -> Array:
+def _ribbed_sheet_colours(c: Canvas, colour: Array) -> Array:
     """Return the colours (3, rows, columns) of trapezoidal sheet with a rib every 0.2 m."""
     x = (np.arange(c.columns, dtype=np.float32) * np.float32(c.texel) % np.float32(0.2)) * 5
     rib = np.where(x < 0.5, 0.0, np.where(x < 0.6, -38.0, np.where(x < 0.9, -14.0, 26.0)))
@@ -268,9 +268,9 @@ _KINDS: Final[dict[str, tuple[Callable[..., Array], str, float]]] = {
     "slabs": (_slabs, "a8a49c", 2.0),
     "ceiling": (_ceiling, "ecebe6", 2.4),
     "carpet": (_carpet, "6a7078", 2.0),
-    "flecked": (_flecked, "6a7078", 2.0),
+    "flecked": (_carpet_colours, "6a7078", 2.0),
     "metal": (_metal, "9aa0a4", 2.0),
-    "ribbed": (_ribbed, "c2c8ca", 2.0),
+    "ribbed": (_ribbed_sheet_colours, "c2c8ca", 2.0),
     "paint": (_paint, "e0e0dc", 1.2),
     "asphalt": (_asphalt, "5c5c5e", 3.0),
     "cardboard": (_cardboard, "b08c5e", 1.2),

@@ -118,7 +118,7 @@ def read_mesh(path: str | Path) -> Mesh:
     content = _content(path)
     if path.suffix.lower() in (".glb", ".gltf"):
         _check_gltf(path, content)
-    loaded = [(place, part) for place, part in _loaded(path, content) if len(part.faces)]
+    loaded = [(place, part) for place, part in _load(path, content) if len(part.faces)]
     del content
     if not loaded:
         points = path.suffix.lower() in (".obj", ".ply")
@@ -134,7 +134,7 @@ def read_mesh(path: str | Path) -> Mesh:
         parts.append(_Part.of(path, place, part, textures))
         del part
     gc.collect()  # its parts refer to each other
-    return _without_slivers(path, _joined(parts, textures.decoded()))
+    return _without_slivers(path, _join(parts, textures.decoded()))
 
 
 def _check_count(path: Path, count: int, what: str = "triangles", limit: int | None = None) -> None:
@@ -177,7 +177,7 @@ def _content(path: Path) -> bytes:
         raise InputError(
             f"{path}: is larger than {limit >> 20} MB{hint or ':'} simplify (decimate) the mesh"
         )
-    _check_count(path, _announced(suffix, content))
+    _check_count(path, _stated_triangles(suffix, content))
     return content
 
 
@@ -190,7 +190,7 @@ def _is_text(suffix: str, content: bytes) -> bool:
     return suffix == ".obj"
 
 
-def _announced(suffix: str, content: bytes) -> int:
+def _stated_triangles(suffix: str, content: bytes) -> int:
     """Return the number of triangles that a file states, 0 if it states none."""
     if suffix == ".ply":
         match = re.search(rb"element face (\d{1,18})\s", content[:65536])
@@ -272,7 +272,7 @@ def _quiet() -> Iterator[None]:
         log.setLevel(level)
 
 
-def _loaded(path: Path, content: bytes) -> "list[tuple[Array, Trimesh]]":
+def _load(path: Path, content: bytes) -> "list[tuple[Array, Trimesh]]":
     """Return each part's place (4, 4) in the file, and trimesh's mesh.
 
     :raises InputError: for what trimesh cannot read, or files next to it that are missing.
@@ -421,7 +421,7 @@ def _factor(material: object, image: "Image | None") -> Bytes:
     return np.full(3, 255, np.uint8)
 
 
-def _joined(parts: Sequence[_Part], textures: tuple[Bytes, ...]) -> Mesh:
+def _join(parts: Sequence[_Part], textures: tuple[Bytes, ...]) -> Mesh:
     """Return one mesh of all parts, with the textures (h, w, 3) to which their numbers refer."""
     numbers = [np.full(len(part.faces), part.texture, np.int32) for part in parts]
     if len(parts) == 1:

@@ -82,9 +82,9 @@ class Textures:
 
         :raises InputError: for one that is damaged.
         """
-        return tuple(map(self._decoded, self._images, self._steps))
+        return tuple(map(self._decode, self._images, self._steps))
 
-    def _decoded(self, image: "Image", step: int) -> Bytes:
+    def _decode(self, image: "Image", step: int) -> Bytes:
         """Return a texture as means of ``step`` x ``step`` texels, computed band by band."""
         width, height = image.size[0] // step, image.size[1] // step
         result = np.empty((height, width, 3), np.uint8)

@@ -91,7 +91,7 @@ def files_of(path: Path) -> list[Path]:
     neighbours, paths, queue = Neighbours(path, 0), [path], [path]
     while queue:
         parent = queue.pop()
-        for name in _named(parent):
+        for name in _named_files(parent):
             place = neighbours.place(name)
             if place is not None and place not in paths:
                 paths.append(place)
@@ -99,7 +99,7 @@ def files_of(path: Path) -> list[Path]:
     return paths
 
 
-def _named(path: Path) -> list[str]:
+def _named_files(path: Path) -> list[str]:
     """Return the names of files in a text of glTF, OBJ or MTL; none for other formats."""
     kind = path.suffix.lower()
     if kind not in (".gltf", *_KEYWORDS):

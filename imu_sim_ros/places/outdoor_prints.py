@@ -138,7 +138,7 @@ def _glass(s: Sheet) -> None:
     s.fill(0, 0, s.width, 0.06, (190, 186, 178))
 
 
-def _lit(s: Sheet) -> None:
+def _draw_lit_window(s: Sheet) -> None:
     """Draw a window from outside at night, with light behind it."""
     s.all((230, 190, 110))
     s.fill(0.08, 0.1, 0.35 * s.width, s.height, (190, 140, 76))
@@ -206,7 +206,7 @@ PRINTS: Final[dict[str, Callable[[Sheet], None]]] = {
     "panel": _panel,
     "warning": _warning,
     "glass": _glass,
-    "lit": _lit,
+    "lit": _draw_lit_window,
     "shop": _shop,
     "wheel": _wheel,
     "panes": _car_panes,

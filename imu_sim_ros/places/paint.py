@@ -119,7 +119,7 @@ class Painter:
         detail, surfaces = self.place.detail, self._surfaces
         areas, usual = surfaces.sides.prod(axis=1), _TEXEL / detail
         if self._path is None:
-            return usual * _enlarged(usual, areas, limit)
+            return usual * _enlargement(usual, areas, limit)
         steps = np.log2(np.maximum(nearest(surfaces, self._path), 1e-3) * _PIXEL / _TEXEL)
         printed = np.array([bool(face.prints) for face in self.place.faces])
         small = areas < _SMALL
@@ -127,9 +127,9 @@ class Painter:
         steps = np.clip(np.rint(steps), np.where(printed & small, -1.0, 0.0), _STEPS)
         result = np.where(detail == 1.0, _TEXEL * 2.0**steps, usual)
         fine = steps < 0
-        result[fine] *= _enlarged(result[fine], areas[fine], 0.25 * limit)
+        result[fine] *= _enlargement(result[fine], areas[fine], 0.25 * limit)
         budget = limit - float((areas[fine] / result[fine] ** 2).sum())
-        larger = _enlarged(result[~fine], areas[~fine], budget)
+        larger = _enlargement(result[~fine], areas[~fine], budget)
         result[~fine] *= larger
         self._base = _TEXEL * larger
         return result
@@ -152,7 +152,7 @@ class Painter:
         starts = generator_at(self._site.seed, "place.start", m)
         base = self._base if face.detail == 1.0 else None
         pattern = self._tile(face.material, texel, colour, base)
-        result = _repeated(pattern, starts.integers(0, len(pattern), 2), rows, columns)
+        result = _repeat(pattern, starts.integers(0, len(pattern), 2), rows, columns)
         if not (face.glows or face.sky):
             self._put_wear(result, face.material, texel, starts, base)
         width, height = self._surfaces.sides[m].tolist()
@@ -169,7 +169,7 @@ class Painter:
                     round(print_.left * scale[1]),
                 )
             if not (glowing or face.sky or face.glows):
-                self._lit(result, m)
+                self._apply_light(result, m)
         return result
 
     def _clouds(self, m: int, rows: int, columns: int, colour: bool) -> Bytes:
@@ -189,7 +189,7 @@ class Painter:
         """
         key = material, round(texel, 4), colour
         if key not in self._tiles and base is not None and round(base, 4) != key[1]:
-            self._tiles[key] = _resized(self._tile(material, base, colour, None), texel / base)
+            self._tiles[key] = _resize(self._tile(material, base, colour, None), texel / base)
         elif key not in self._tiles:
             values = tile(material, key[1], self._site.seed, CONTRASTS[self._site.texture])
             self._tiles[key] = values if colour else grey(values)
@@ -210,7 +210,7 @@ class Painter:
             part = texture[top : top + _ROWS]
             value = np.zeros(part.shape[:2], np.int16)
             for layer, (row, column) in zip(layers, offsets, strict=True):
-                value += _repeated(layer, (row + top, column), *part.shape[:2])
+                value += _repeat(layer, (row + top, column), *part.shape[:2])
             if part.ndim == 3:
                 value = np.stack([value] * 3, axis=-1)
             value += part
@@ -220,7 +220,7 @@ class Painter:
         """Return stains and wear of a material; coarser texels are averages of finer ones."""
         key = material.partition(":")[0], period, round(texel, 4)
         if key not in self._layers and base is not None and round(base, 4) != key[2]:
-            self._layers[key] = _resized(self._wear(material, period, base, None), texel / base)
+            self._layers[key] = _resize(self._wear(material, period, base, None), texel / base)
         elif key not in self._layers:
             if key[1:] not in self._stains:
                 self._stains[key[1:]] = stains(*key[1:], self._site.seed)
@@ -228,7 +228,7 @@ class Painter:
             self._layers[key] = wear(key[0], self._stains[key[1:]], contrast)
         return self._layers[key]
 
-    def _lit(self, texture: Bytes, m: int) -> None:
+    def _apply_light(self, texture: Bytes, m: int) -> None:
         """Multiply a texture by the light on its face, interpolated to its texels."""
         light = self._light[m]
         if texture.ndim == 2:
@@ -244,12 +244,12 @@ class Painter:
             part[:] = np.minimum(value, np.float32(255.0), out=value).astype(np.uint8)
 
 
-def _enlarged(texels: Array, areas: Array, limit: float) -> float:
+def _enlargement(texels: Array, areas: Array, limit: float) -> float:
     """Return the factor by which texels must be larger to be at most ``limit``."""
     return max(1.0, math.sqrt(float((areas / (texels * texels)).sum()) / limit))
 
 
-def _resized(tile: NDArray[_Value], factor: float) -> NDArray[_Value]:
+def _resize(tile: NDArray[_Value], factor: float) -> NDArray[_Value]:
     """Return a tile with texels that are larger by a factor, rounded to a whole number."""
     if factor < 1.0:
         times = round(1.0 / factor)
@@ -262,7 +262,7 @@ def _resized(tile: NDArray[_Value], factor: float) -> NDArray[_Value]:
     return np.rint(total / step**2).astype(tile.dtype)
 
 
-def _repeated(
+def _repeat(
     tile: NDArray[_Value], start: Sequence[int] | Integers, rows: int, columns: int
 ) -> NDArray[_Value]:
     """Return a tile that repeats, from a row and a column on: (rows, columns, ...)."""

@@ -78,7 +78,7 @@ def tour(place: Place, fly: Callable[[WaypointList], Callable[[int], Array]]) ->
     way = _way(place, surfaces)
     for step, smooth in _STEPS:
         for wave in (_WAVE, 0.0):
-            waypoints = _thinned(way, step, smooth, wave)
+            waypoints = _thin(way, step, smooth, wave)
             if clearance(surfaces, fly(waypoints)(_LOOKS), _REACH).min() > CLEARANCE:
                 return waypoints
     raise ConfigurationError(
@@ -159,7 +159,7 @@ def _nearest_free(points: Array, free: Array, stop: Array) -> int:
     return int(np.argmin(np.where(free > CLEARANCE + 0.1, away, np.inf)))
 
 
-def _thinned(way: Array, step: float, smooth: int, wave: float) -> WaypointList:
+def _thin(way: Array, step: float, smooth: int, wave: float) -> WaypointList:
     """Return waypoints at equal distances along a smoothed way, each heading along it."""
     kernel = np.ones(smooth) / smooth
     wide = np.concatenate([way[:1].repeat(smooth, 0), way, way[-1:].repeat(smooth, 0)])

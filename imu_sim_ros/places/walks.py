@@ -237,7 +237,7 @@ class _Walkers:
         for home in stream.permutation(len(self._stops)).tolist():
             homewards = self._homewards(home, go, stay)
             for _ in range(_TRIES if homewards[0, home] else 0):
-                course = self._drawn(home, go, stay, homewards, stream)
+                course = self._draw_course(home, go, stay, homewards, stream)
                 if course is not None and self._possible(course, bodies):
                     return course
         return None
@@ -264,7 +264,7 @@ class _Walkers:
             result[k] = leads | (stay[(k + 1) % _KNOTS] & result[k + 1])
         return result
 
-    def _drawn(
+    def _draw_course(
         self,
         home: int,
         go: Mask,
@@ -385,7 +385,7 @@ def _headings(line: Array) -> tuple[Array, int]:
     for k, number in enumerate(order.tolist()):
         if goes[number]:
             ahead = math.atan2(steps[number, 1], steps[number, 0])
-            previous = ahead if k == 0 else previous + _wrapped(ahead - previous)
+            previous = ahead if k == 0 else previous + _wrap_angle(ahead - previous)
         heading[k] = previous
     back = heading[0] + 2.0 * math.pi * round((previous - heading[0]) / (2.0 * math.pi))
     turns = round((back - heading[0]) / (2.0 * math.pi))
@@ -400,7 +400,7 @@ def _headings(line: Array) -> tuple[Array, int]:
     return result, turns
 
 
-def _wrapped(angle: float) -> float:
+def _wrap_angle(angle: float) -> float:
     """Return an angle in -pi to pi."""
     return (angle + math.pi) % (2.0 * math.pi) - math.pi
 

@@ -48,7 +48,7 @@ def six_position(result: SixPosition, gravity: float, source: str = "") -> Figur
     style.legend_above(figure.axes[0], 3, f"accelerometer, bias in m/s$^2$: {bias}")
     style.heading(
         figure,
-        f"{_named(source)}accelerometer in {result.positions.stretches} rests, "
+        f"{_source_title(source)}accelerometer in {result.positions.stretches} rests, "
         f"{len(result.faces)} pieces",
     )
     return figure
@@ -77,12 +77,13 @@ def turntable(result: Turntable, source: str = "") -> Figure:
     style.legend_above(figure.axes[0], 3, f"gyroscope, bias in rad/s: {bias}")
     style.heading(
         figure,
-        f"{_named(source)}gyroscope in {result.stretches.stretches} stretches on a rate table",
+        f"{_source_title(source)}gyroscope in {result.stretches.stretches} stretches "
+        "on a rate table",
     )
     return figure
 
 
-def _named(source: str) -> str:
+def _source_title(source: str) -> str:
     """Return the name of a source in front of a title."""
     return f"{source}: " if source else ""
 
@@ -192,8 +193,8 @@ def temperature(result: Temperature, source: str = "") -> Figure:
         axes.set_xlabel("temperature [°C]")
     style.heading(
         figure,
-        f"{_named(source)}readings against temperature (points), fitted polynomials and their "
-        "95 % bands",
+        f"{_source_title(source)}readings against temperature (points), fitted polynomials and "
+        "their 95 % bands",
     )
     return figure
 

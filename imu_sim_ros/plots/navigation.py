@@ -86,7 +86,7 @@ def evaluation(
         for k, (name, colour) in enumerate(AXIS_COLOURS.items()):
             rms = float(np.sqrt(np.mean(np.square(errors[:, k]))))
             label_of_axis = f"{name}: {rms:.3g} {unit} RMS"
-            axis.plot(_thinned(t), _thinned(errors[:, k]), color=colour, label=label_of_axis)
+            axis.plot(_thin(t), _thin(errors[:, k]), color=colour, label=label_of_axis)
         axis.set_xlabel("time [s]")
         axis.set_ylabel(label)
         style.legend_above(axis, ncols=3)
@@ -125,7 +125,7 @@ def _view(
 ) -> None:
     """Draw paths seen along one axis of the world."""
     if truth is not None:
-        line = _thinned(truth)
+        line = _thin(truth)
         axis.plot(
             line[:, across],
             line[:, up],
@@ -137,7 +137,7 @@ def _view(
             zorder=3.0,  # thin, and over the estimates
         )
     for name, path in paths.items():
-        line = _thinned(path)
+        line = _thin(path)
         axis.plot(line[:, across], line[:, up], label=name, **looks[name])
     if truth is not None:
         _keep_in_view(axis, truth[:, (across, up)], equal=up == 1)
@@ -183,7 +183,7 @@ def _errors(
     """Draw the length of errors over time."""
     floors = []
     for name, (t, error) in errors.items():
-        t, error = _thinned(t), _thinned(error) * scale
+        t, error = _thin(t), _thin(error) * scale
         axis.plot(t[error > 0.0], error[error > 0.0], label=name, **looks[name])
         floors += [np.quantile(error[error > 0.0], _SHOWN_FROM)] if np.any(error > 0.0) else []
     if not floors:
@@ -216,7 +216,7 @@ def _looks(names: Sequence[str]) -> dict[str, Keywords]:
     }
 
 
-def _thinned(values: Array) -> Array:
+def _thin(values: Array) -> Array:
     """Return at most some thousand rows, the last one among them: a picture shows no more."""
     step = -(-len(values) // _MAX_POINTS)
     return values[(len(values) - 1) % step :: step]

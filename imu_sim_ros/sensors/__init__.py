@@ -101,7 +101,7 @@ def register_sensor(sensor: object) -> None:
 
     if not isinstance(sensor, Sensor):
         arguments.refuse("sensor", sensor, "a Sensor", wrong_type=True)
-    _REGISTERED[_checked(sensor, "sensor").name] = sensor
+    _REGISTERED[_check(sensor, "sensor").name] = sensor
 
 
 def registered() -> "tuple[Sensor[MountedParameters], ...]":
@@ -118,14 +118,14 @@ def find_sensor(name: str) -> "Sensor[MountedParameters]":
         return _REGISTERED[name]
     if name in named_sensors():
         return named_sensors()[name]
-    offered = _offered()
+    offered = _entry_points()
     if name not in offered:
         names = [*named_sensors(), *_REGISTERED, *sorted(offered)]
         hint = suggestion(name, names, f"must be one of {', '.join(names) or 'none'}")
         if any(name in (companion.name, companion.quantity) for companion in sensors_of_imus()):
             hint = f"each IMU has it: publish.* and {argument('topics')} choose it"
         raise ConfigurationError(f"sensors: {name!r}: {hint}")
-    _REGISTERED[name] = _loaded(name, offered[name])
+    _REGISTERED[name] = _load(name, offered[name])
     return _REGISTERED[name]
 
 
@@ -141,7 +141,7 @@ def all_sensors() -> "tuple[list[Sensor[MountedParameters]], list[str]]":
     """
     sensors: list[Sensor[MountedParameters]] = []
     problems = Problems()
-    for name in dict.fromkeys([*named_sensors(), *_REGISTERED, *sorted(_offered())]):
+    for name in dict.fromkeys([*named_sensors(), *_REGISTERED, *sorted(_entry_points())]):
         with problems.gathered():
             sensors.append(find_sensor(name))
     return sensors, problems
@@ -149,17 +149,17 @@ def all_sensors() -> "tuple[list[Sensor[MountedParameters]], list[str]]":
 
 def is_known(name: str) -> bool:
     """Return whether there is a sensor of this name; entry points are looked up."""
-    return name in named_sensors() or name in _REGISTERED or name in _offered()
+    return name in named_sensors() or name in _REGISTERED or name in _entry_points()
 
 
-def _offered() -> "dict[str, EntryPoint]":
+def _entry_points() -> "dict[str, EntryPoint]":
     """Return the sensors that other packages offer by entry points."""
     from importlib.metadata import entry_points  # a search of all packages; seldom needed
 
     return {point.name: point for point in entry_points(group=ENTRY_POINTS)}
 
 
-def _loaded(name: str, point: "EntryPoint") -> "Sensor[MountedParameters]":
+def _load(name: str, point: "EntryPoint") -> "Sensor[MountedParameters]":
     """Return the sensor of an entry point: a declaration, or a module that has one as SENSOR."""
     try:
         target = point.load()
@@ -167,7 +167,7 @@ def _loaded(name: str, point: "EntryPoint") -> "Sensor[MountedParameters]":
         raise ConfigurationError(
             f"sensors: {name!r}: {point.value} cannot be loaded: {error}"
         ) from error
-    sensor = _checked(getattr(target, "SENSOR", target), f"sensors: {point.value}")
+    sensor = _check(getattr(target, "SENSOR", target), f"sensors: {point.value}")
     if sensor.name != name:
         raise ConfigurationError(
             f"sensors: {name!r}: {point.value} is the sensor {sensor.name!r}; the entry point must "
@@ -176,7 +176,7 @@ def _loaded(name: str, point: "EntryPoint") -> "Sensor[MountedParameters]":
     return sensor
 
 
-def _checked(sensor: object, what: str) -> "Sensor[MountedParameters]":
+def _check(sensor: object, what: str) -> "Sensor[MountedParameters]":
     """Return a declaration of another package, checked.
 
     :raises ConfigurationError: with a line for each problem.

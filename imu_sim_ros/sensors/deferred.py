@@ -116,15 +116,15 @@ class DeferredValues(Generic[_T]):
 
         :param use: takes a row and its value.
         """
-        return Results([self._begun(use, k) for k in rows])
+        return Results([self._begin(use, k) for k in rows])
 
-    def _begun(self, use: Callable[[int, _T], _Made], k: int) -> Callable[[], _Made]:
+    def _begin(self, use: Callable[[int, _T], _Made], k: int) -> Callable[[], _Made]:
         """Begin to compute the result of item k; return the function that waits for it."""
         if self._threads is not None:
-            return self._threads.submit(self._used, use, k).result
-        computed = self._used(use, k)
+            return self._threads.submit(self._use, use, k).result
+        computed = self._use(use, k)
         return lambda: computed
 
-    def _used(self, use: Callable[[int, _T], _Made], k: int) -> _Made:
+    def _use(self, use: Callable[[int, _T], _Made], k: int) -> _Made:
         """Return the result of item k."""
         return use(k, self[k])

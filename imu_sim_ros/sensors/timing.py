@@ -165,7 +165,7 @@ class SampleTiming:
             true_t_ns,
             self._stamps(true_t_ns),
             self._releases(first, true_t_ns),
-            self._delivered(first, len(true_t_ns)),
+            self._delivered_rows(first, len(true_t_ns)),
             values,
             first,
             self._span_ns,
@@ -226,7 +226,7 @@ class SampleTiming:
             self._last_release_ns = int(times[-1])
         return times
 
-    def _delivered(self, first: int, count: int) -> Integers:
+    def _delivered_rows(self, first: int, count: int) -> Integers:
         """Return the rows of the next n messages that are not lost, in order (m,)."""
         loses = self._dropout or self._burst or self._duplicate or self.faults.windows
         if not loses and self._burst_end <= first:

@@ -198,12 +198,12 @@ class Resampler:
         end_ns = int(stretch.t_ns[-1])
         count = self._count_until(end_ns)
         times = timebase.sample_times_ns(self._next, count, self._rate, self._begin_ns)
-        samples = _interpolated(stretch, times)
+        samples = _interpolate(stretch, times)
         internal = samples
         if self._averaged and count:
             samples = internal = self._means(stretch, samples)
         elif self._ratio > 1:
-            internal = _interpolated(stretch, self._times_inside(count))
+            internal = _interpolate(stretch, self._times_inside(count))
         self._next += count
         self._keep(stretch)
         return Grid(samples, internal.triads())
@@ -288,7 +288,7 @@ def _lines(t_ns: Times, values: Array, at_ns: Times) -> Array:
     return result
 
 
-def _interpolated(readings: Readings, at_ns: Times) -> Readings:
+def _interpolate(readings: Readings, at_ns: Times) -> Readings:
     """Return readings at other times, linear between given ones."""
     gyro, accel = (_lines(readings.t_ns, values, at_ns) for values in readings.triads())
     q_wb = None

@@ -226,16 +226,16 @@ class GivenImu(GivenSensor[Readings, dict[str, Samples]]):
         """Return the number of samples that a gap of some readings leaves out."""
         return count if self._resampler is None else 0
 
-    def _paused(self) -> None:
+    def _resume(self) -> None:
         """Begin the resampling again after a pause."""
         if self._resampler is not None:
             self._resampler.begin()
 
-    def _placed(self, readings: Readings) -> Readings:
+    def _place(self, readings: Readings) -> Readings:
         """Return readings in the conventions of the simulation."""
         return self._conventions.apply(readings)
 
-    def _sampled(self, readings: Readings) -> list[dict[str, Samples]]:
+    def _sample(self, readings: Readings) -> list[dict[str, Samples]]:
         """Return the samples of readings where the IMU is mounted."""
         internal = readings.triads()
         if self._resampler is not None:

@@ -96,12 +96,12 @@ class GivenSensor(ABC, Generic[SeriesT, Made]):
         self._faults: list[tuple[Fault, int]] = []
         """Faults that wait for the first reading, with the first sample that they hit."""
 
-    def _placed(self, readings: SeriesT) -> SeriesT:
+    def _place(self, readings: SeriesT) -> SeriesT:
         """Return readings where the sensor is mounted, in its axes."""
         return readings
 
     @abstractmethod
-    def _sampled(self, readings: SeriesT) -> list[Made]:
+    def _sample(self, readings: SeriesT) -> list[Made]:
         """Return the samples of readings of the mounted sensor; ``position`` counts on."""
 
     @abstractmethod
@@ -115,7 +115,7 @@ class GivenSensor(ABC, Generic[SeriesT, Made]):
         """Return the number of missing samples in a gap of some readings."""
         return count
 
-    def _paused(self) -> None:
+    def _resume(self) -> None:
         """Prepare for the first reading after a pause; the errors go on."""
 
     def reset(self) -> None:
@@ -174,13 +174,13 @@ class GivenSensor(ABC, Generic[SeriesT, Made]):
                 self.counts.pauses += 1
                 line = f"no readings for {pause_ns * 1e-9:.3f} s: a pause, the errors stand still"
                 self._report(self.counts.pauses, line)
-                self._paused()
+                self._resume()
             elif left_out and (missing := self._missing(left_out)):
                 self.counts.missing += missing
                 self._skip(missing)
             part = readings if rows is None else readings.rows(rows)
             self._last_ns = int(part.t_ns[-1])
-            windows += self._sampled(self._placed(part))
+            windows += self._sample(self._place(part))
         return windows
 
     def _skip(self, count: int) -> None:
@@ -193,7 +193,7 @@ class GivenSensor(ABC, Generic[SeriesT, Made]):
             steps = np.arange(1, step + 1) * self._nominal_ns
             repeated = latest.rows(np.zeros(step, dtype=np.intp))
             t_ns = latest.t_ns + np.rint(steps).astype(np.int64)
-            self._sampled(with_fields(repeated, t_ns=t_ns))
+            self._sample(with_fields(repeated, t_ns=t_ns))
             count -= step
 
     def _leave_out(self, step_ns: int) -> None:
@@ -287,13 +287,13 @@ class GivenOther(GivenSensor[IdealValues, Samples]):
             self._model.inject(fault, self.begin_of(first_sample))
         return first_sample
 
-    def _placed(self, ideal: IdealValues) -> IdealValues:
+    def _place(self, ideal: IdealValues) -> IdealValues:
         """Return values in the axes of the simulation."""
         if ideal.values.ndim == 1:
             return ideal
         return with_fields(ideal, values=self._conventions.turned(ideal.values))
 
-    def _sampled(self, ideal: IdealValues) -> list[Samples]:
+    def _sample(self, ideal: IdealValues) -> list[Samples]:
         """Return the samples of ideal values."""
         self._held = ideal
         if self._model is None:

@@ -33,7 +33,7 @@ def fitted(
         see a scene; not checked here.
     :param trajectory_of: returns the trajectory that parameters by dotted name describe.
     """
-    parameters = _toured(parameters)
+    parameters = _with_tour(parameters)
     if parameters.get("scene.type") != "aprilgrid" or "cameras" not in parameters:
         return parameters
     try:
@@ -49,7 +49,7 @@ def fitted(
     return {**parameters, **suiting(views, motion, rig.scene, scene_names, turns)}
 
 
-def _toured(parameters: Mapping[str, object]) -> dict[str, object]:
+def _with_tour(parameters: Mapping[str, object]) -> dict[str, object]:
     """Return parameters with a tour through the place that the sensors see."""
     kind = parameters.get("scene.type", DEFAULT_SCENE)
     if kind == DEFAULT_SCENE:

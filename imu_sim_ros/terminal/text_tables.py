@@ -69,7 +69,7 @@ def print_table(header: Sequence[str], rows: Sequence[Sequence[str]], title: str
     title = textwrap.fill(title, min(terminal, _TITLE_WIDTH))
     if sys.stdout.isatty() and needed > terminal:
         for headings in range(len(widths) - 1):
-            lines = _grouped(header, rows, headings)
+            lines = _group_columns(header, rows, headings)
             if max(map(len, lines)) <= terminal:
                 break
         else:
@@ -96,7 +96,9 @@ def print_table(header: Sequence[str], rows: Sequence[Sequence[str]], title: str
     print("\n".join([title, *lines] if title else lines))
 
 
-def _grouped(header: Sequence[str], rows: Sequence[Sequence[str]], headings: int) -> list[str]:
+def _group_columns(
+    header: Sequence[str], rows: Sequence[Sequence[str]], headings: int
+) -> list[str]:
     """Return a table as lines, two spaces between its columns.
 
     :param headings: number of leading columns that become a line above the rows that share them,

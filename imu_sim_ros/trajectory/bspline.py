@@ -118,7 +118,7 @@ class RotationSpline:
                 share *= u
                 share += coefficient
             turn = share * self._angles[segment + (j - 1)]
-            q = _turned(q, self._axes[:, segment + (j - 1)], 0.5 * turn)
+            q = _turn(q, self._axes[:, segment + (j - 1)], 0.5 * turn)
         return _unit(q)
 
     def motion(self, segment: Integers, u: Array) -> tuple[Array, Array, Array]:
@@ -139,7 +139,7 @@ class RotationSpline:
             omega = _turn_back(omega, axis, sine, cosine) + rate * axis
             alpha = _turn_back(alpha, axis, sine, cosine) + rate * _cross(omega, axis)
             alpha += acceleration * axis
-            q = _turned(q, axis, 0.5 * turn)
+            q = _turn(q, axis, 0.5 * turn)
         return _unit(q), np.ascontiguousarray(omega.T), np.ascontiguousarray(alpha.T)
 
 
@@ -174,7 +174,7 @@ def _turn_back(v: Array, axis: Array, sine: Array, cosine: Array) -> Array:
     return cosine * v - sine * _cross(axis, v) + along * axis
 
 
-def _turned(q: Array, axis: Array, half: Array) -> Array:
+def _turn(q: Array, axis: Array, half: Array) -> Array:
     """Return ``q * exp(2 half axis)``, components first."""
     c, s = np.cos(half), np.sin(half)
     x, y, z = s * axis

@@ -58,7 +58,7 @@ def build_trajectory(
             )
         trajectory = Cut(trajectory, p.length)
     if p.repeat != 1:
-        trajectory = _repeated(trajectory, p)
+        trajectory = _repeat(trajectory, p)
     with_lead_in = p.lead_in.rest > 0.0
     rest_before = p.rest_before + (p.lead_in.rest + p.lead_in.jerk_time if with_lead_in else 0.0)
     if rest_before or p.rest_after or p.time_scale != 1.0:
@@ -306,7 +306,7 @@ class LeadIn:
         )
 
 
-def _repeated(inner: Trajectory, parameters: TrajectoryParameters) -> Retimed:
+def _repeat(inner: Trajectory, parameters: TrajectoryParameters) -> Retimed:
     """Return a motion several times; ``trajectory.repeat`` is 0 for a motion without end."""
     passes = parameters.repeat or math.inf
     if math.isinf(inner.duration):

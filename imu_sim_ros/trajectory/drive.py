@@ -64,7 +64,7 @@ class Drive:
         self.duration = self.schedule.length
         self._ground = _ground(p, self.path, self.route.heights)
         self._suspension = _suspension(self.path, self.schedule, p)
-        self._headings = self._unwrapped()
+        self._headings = self._continuous_headings()
 
     def sample(self, t: Array) -> Motion:
         """Return the motion at times t (n,) [s]."""
@@ -83,7 +83,7 @@ class Drive:
         yaw = _yaw(facing * d1, facing * d2, facing * d3)
         pitch = _pitch(d1, d2, d3, (facing * rise, facing * curve, facing * kink))
         roll = _roll(pitch, _across([values[1:] for values in ground[:3]], yaw))
-        yaw = yaw._replace(value=self._continued(u, yaw.value))
+        yaw = yaw._replace(value=self._add_turns(u, yaw.value))
         angles = np.array([_in_time(x, rate, change) for x in (roll, pitch, yaw)])
         if self._suspension is not None:
             angles[:2] += np.array(self._suspension.sample(t, 2)).swapaxes(0, 1)
@@ -94,13 +94,13 @@ class Drive:
         (u,), (rate,), (change,) = self.schedule.sample(t, 2)
         return Derivatives(u, rate, change)
 
-    def _unwrapped(self) -> tuple[Array, Array]:
+    def _continuous_headings(self) -> tuple[Array, Array]:
         """Return places along the path, and headings there that do not jump."""
         u = self.path.bends().u
         d1 = self.path.facing(u) * self.path.sample(u, 1)[1]
         return u, np.unwrap(np.arctan2(d1[1], d1[0]))
 
-    def _continued(self, u: Array, yaw: Array) -> Array:
+    def _add_turns(self, u: Array, yaw: Array) -> Array:
         """Return headings with whole turns added, so that they do not jump along the path."""
         nearest = np.interp(u, *self._headings)
         return yaw + 2.0 * math.pi * np.rint((nearest - yaw) / (2.0 * math.pi))

@@ -70,8 +70,8 @@ def given_trajectory(motion: object) -> Trajectory | None:
 
 def _limits(motion: object) -> tuple[float, float]:
     """Return duration [s] and highest frequency [Hz]."""
-    duration = _called(lambda: getattr(motion, "duration", math.inf), "trajectory.duration")
-    highest = _called(lambda: getattr(motion, "highest_frequency", 0.0), "highest_frequency")
+    duration = _call(lambda: getattr(motion, "duration", math.inf), "trajectory.duration")
+    highest = _call(lambda: getattr(motion, "highest_frequency", 0.0), "highest_frequency")
     allowed = "seconds, more than 0; omitted or infinite if the motion has no end"
     return (
         number("trajectory.duration", duration, allowed, 0.0, math.inf, exclusive=True),
@@ -94,8 +94,8 @@ class CheckedMotion:
 
         :raises ConfigurationError: for what is no motion, and whatever the object raises.
         """
-        samples = _called(lambda: self._sample(t), "trajectory.sample(t)")
-        return Motion(*_checked(samples, _OF_MOTION, t, "trajectory.sample(t)", "a Motion: "))
+        samples = _call(lambda: self._sample(t), "trajectory.sample(t)")
+        return Motion(*_check(samples, _OF_MOTION, t, "trajectory.sample(t)", "a Motion: "))
 
 
 def suspicions(trajectory: Trajectory, duration: float, rate: float) -> list[str]:
@@ -138,14 +138,28 @@ def _contradictions(t: Array, step: float, motions: Motion, next_to: Motion) -> 
     """
     lines: list[str] = []
     for name, derivative, unit, long, short, rate_before, rate_after in (
-        ("position", "velocity", "m", *_moved(motions, next_to, 0), motions[1], next_to[1]),
-        ("velocity", "acceleration", "m/s", *_moved(motions, next_to, 1), motions[2], next_to[2]),
-        ("attitude", "angular velocity", "rad", *_turned(motions, next_to), motions[4], next_to[4]),
+        ("position", "velocity", "m", *_displacements(motions, next_to, 0), motions[1], next_to[1]),
+        (
+            "velocity",
+            "acceleration",
+            "m/s",
+            *_displacements(motions, next_to, 1),
+            motions[2],
+            next_to[2],
+        ),
+        (
+            "attitude",
+            "angular velocity",
+            "rad",
+            *_rotations(motions, next_to),
+            motions[4],
+            next_to[4],
+        ),
         (
             "angular velocity",
             "angular acceleration",
             "rad/s",
-            *_moved(motions, next_to, 4),
+            *_displacements(motions, next_to, 4),
             motions[5],
             next_to[5],
         ),
@@ -156,12 +170,12 @@ def _contradictions(t: Array, step: float, motions: Motion, next_to: Motion) -> 
     return lines
 
 
-def _moved(motions: Motion, next_to: Motion, part: int) -> tuple[Array, Array]:
+def _displacements(motions: Motion, next_to: Motion, part: int) -> tuple[Array, Array]:
     """Return the changes of a vector: to the next time (n - 1, 3), and in a short one (n, 3)."""
     return np.diff(motions[part], axis=0), next_to[part] - motions[part]
 
 
-def _turned(motions: Motion, next_to: Motion) -> tuple[Array, Array]:
+def _rotations(motions: Motion, next_to: Motion) -> tuple[Array, Array]:
     """Return the rotations to the next time (n - 1, 3), and in a short one (n, 3) [rad]."""
     back = rotation.conjugate(motions.q_wb)
     return (
@@ -228,8 +242,8 @@ class Differentiated:
         """
         middle = np.clip(t, 4.0 * STEP, self.duration - 4.0 * STEP)
         times = np.concatenate([t[None], middle + STEP * _NODES[:, None]])
-        poses = _called(lambda: self._poses(times.ravel()), "trajectory(t)")
-        position, q_wb = _checked(poses, _OF_POSES, times.ravel(), "trajectory(t)", "")
+        poses = _call(lambda: self._poses(times.ravel()), "trajectory(t)")
+        position, q_wb = _check(poses, _OF_POSES, times.ravel(), "trajectory(t)", "")
         p = position.reshape(10, -1, 3)
         q = q_wb.reshape(10, -1, 4)
         step = rotation.log(rotation.multiply(rotation.conjugate(q[1:-1]), q[2:]))
@@ -269,7 +283,7 @@ def _weights(s: Array) -> tuple[Array, Array]:
     return d1, d2
 
 
-def _called(function: Callable[[], _T], name: str) -> _T:
+def _call(function: Callable[[], _T], name: str) -> _T:
     """Return the result of a user's function.
 
     :raises ConfigurationError: for whatever it raises, with the line where.
@@ -288,7 +302,7 @@ def _called(function: Callable[[], _T], name: str) -> _T:
         ) from error
 
 
-def _checked(
+def _check(
     values_found: object, quantities: tuple[Quantity, ...], t: Array, name: str, kind: str
 ) -> list[Array]:
     """Return checked arrays of a user's motion, one for each quantity.

@@ -177,7 +177,7 @@ def find_path(
     ends = zip([0, *turns], [*turns, len(waypoints) - 1], strict=True)
     parts = [
         _find_part(
-            *_guarded(waypoints[a : b + 1], a in turns, b in turns), radius, deviation, prefix, a
+            *_add_guards(waypoints[a : b + 1], a in turns, b in turns), radius, deviation, prefix, a
         )
         for a, b in ends
     ]
@@ -236,7 +236,7 @@ def _straight_at_turns(waypoints: Array, turns: list[int], prefix: str) -> Array
     return moved
 
 
-def _guarded(waypoints: Array, guard_start: bool, guard_end: bool) -> tuple[Array, Mask]:
+def _add_guards(waypoints: Array, guard_start: bool, guard_end: bool) -> tuple[Array, Mask]:
     """Return waypoints with one more in the middle of the first or last leg, and which were there.
 
     From there to the end a path is straight, however its corners are moved.
@@ -277,7 +277,7 @@ def _find_part(
     for width in _WIDTHS * radius:
         if not deviation and width > longest:
             break
-        path, miss = _rounded(waypoints, waypoint_u, waypoint, width, deviation)
+        path, miss = _round_corners(waypoints, waypoint_u, waypoint, width, deviation)
         if miss.max() > max(deviation, _MISS):
             farthest = int(np.argmax(miss))
             reason = (
@@ -307,7 +307,7 @@ def _find_part(
     )
 
 
-def _rounded(
+def _round_corners(
     waypoints: Array, waypoint_u: Array, waypoint: Mask, width: float, deviation: float
 ) -> tuple[Path, Array]:
     """Return the path with segments of a length, and its distance from each waypoint (n,)."""

@@ -72,9 +72,9 @@ def read_route(path: str | Path, origin: Sequence[float] = ()) -> Route:
     kind = Path(path).suffix.lower()
     bad = BadRows(path, "line" if kind not in (".gpx", ".kml") else "point")
     if kind == ".gpx":
-        points = _checked(_gpx(path, bad), bad, True)
+        points = _check(_gpx(path, bad), bad, True)
     elif kind == ".kml":
-        points = _checked(_kml(path, bad), bad, True)
+        points = _check(_kml(path, bad), bad, True)
     elif kind in (".csv", ".txt"):
         points = _csv(Path(path), bad)
     else:
@@ -131,7 +131,7 @@ def east_north(latitude: Array, longitude: Array, origin: float, meridian: float
     return np.column_stack([east, north])
 
 
-def _checked(rows: Iterator[_Row], bad: BadRows, is_geographic: bool) -> _Points:
+def _check(rows: Iterator[_Row], bad: BadRows, is_geographic: bool) -> _Points:
     """Return the points of rows."""
     points: list[tuple[float, float, float, float]] = []
     for number, x_text, y_text, height, t in rows:
@@ -185,7 +185,7 @@ def _csv(path: Path, bad: BadRows) -> _Points:
         bad.give_up()
     if columns is None:
         raise InputError(f"{path}: is empty")
-    return _checked(iter(rows), bad, geographic)
+    return _check(iter(rows), bad, geographic)
 
 
 def _columns(path: Path, header: list[str]) -> tuple[tuple[int, int, int, int], bool]:

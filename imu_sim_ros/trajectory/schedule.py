@@ -101,7 +101,7 @@ def find_schedule(
     :raises ConfigurationError: for times that cannot be met within limits, a line for each.
     """
     if visits is not None:
-        return _timed(path, p, visits, prefix)
+        return _fit_times(path, p, visits, prefix)
     step = p.smoothing_time / (2.0 * _KERNEL)
     stops = {int(k) - 1: wait for k, wait in np.reshape(p.stops, (-1, 2))}
     waits = np.array([stops.get(k, 0.0) for k in range(len(path.waypoint_u))])
@@ -111,7 +111,7 @@ def find_schedule(
     aim = p
     for _ in range(_AIMS):
         way = _way(path, aim)
-        _, controls = _controls(way, _limited(way, aim, speeds, waits), waits, step)
+        _, controls = _controls(way, _limit_speeds(way, aim, speeds, waits), waits, step)
         schedule = UniformSpline(controls[:, None], step)
         shares = _shares(driven(path, schedule, _fine(schedule)), p).max(axis=1)
         if shares.max() <= 1.0:
@@ -165,7 +165,7 @@ def _way(path: Path, p: DriveParameters) -> _Way:
     return _Way(u, s, 1.0 / size, square, np.searchsorted(u, path.waypoint_u))
 
 
-def _limited(way: _Way, p: DriveParameters, speeds: Array, waits: Array) -> Array:
+def _limit_speeds(way: _Way, p: DriveParameters, speeds: Array, waits: Array) -> Array:
     """Return the squares of the speeds (n,): the fastest schedule from rest to rest.
 
     :param speeds: (w - 1,) largest speed on each leg [m/s].
@@ -234,7 +234,7 @@ def _at_times(way: _Way, square: Array, arrival: Array, departure: Array, t: Arr
     return CubicHermiteSpline(way.s, way.u, way.slope)(s)
 
 
-def _timed(path: Path, p: DriveParameters, visits: Visits, prefix: str) -> UniformSpline:
+def _fit_times(path: Path, p: DriveParameters, visits: Visits, prefix: str) -> UniformSpline:
     """Return a schedule that keeps given times, with even speeds as far as limits allow."""
     end = float(visits.arrivals[-1])
     _check_steps(end * 2.0 * _KERNEL / p.smoothing_time, np.diff(visits.arrivals))
@@ -248,7 +248,7 @@ def _timed(path: Path, p: DriveParameters, visits: Visits, prefix: str) -> Unifo
     lengths = np.diff(way.s[way.waypoint_index])
     speeds = lengths / np.maximum(needed, 1e-3)
     for _ in range(_ROUNDS):
-        square = _limited(way, p, speeds, waits)
+        square = _limit_speeds(way, p, speeds, waits)
         durations = np.add.reduceat(_durations(way, square), way.waypoint_index[:-1])
         if np.abs(durations - needed).max() < _TIMES_MET:
             break

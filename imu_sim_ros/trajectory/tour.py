@@ -40,7 +40,7 @@ def waypoints(parameters: TourParameters) -> WaypointsParameters:
     site = Site(low, high, np.zeros((0, 3)), parameters.place_seed)
     best = planned(
         build(parameters.place, site),
-        lambda waypoint_list: _flown(_motion_along(waypoint_list, parameters)),
+        lambda waypoint_list: _flight_positions(_motion_along(waypoint_list, parameters)),
     )
     return _motion_along(best, parameters)
 
@@ -95,7 +95,7 @@ def _motion_along(waypoint_list: WaypointList, parameters: TourParameters) -> Wa
     )
 
 
-def _flown(parameters: WaypointsParameters) -> Callable[[int], Array]:
+def _flight_positions(parameters: WaypointsParameters) -> Callable[[int], Array]:
     """Return the function that gives positions along a flight."""
     flight = Waypoints(parameters)
     return lambda count: flight.sample(np.linspace(0.0, flight.duration, count)).position

@@ -199,12 +199,12 @@ class Vibrating:
         if self._way is not None:
             clock = Derivatives(*(x / self._speed for x in self._way(t)))
         if self._vibration.shift:
-            motion = self._shifted(motion, t, clock)
+            motion = self._shift(motion, t, clock)
         if self._vibration.turn:
-            motion = self._turned(motion, t, clock)
+            motion = self._turn(motion, t, clock)
         return motion
 
-    def _shifted(self, motion: Motion, t: Array, clock: Derivatives | None) -> Motion:
+    def _shift(self, motion: Motion, t: Array, clock: Derivatives | None) -> Motion:
         """Return the motion with the translational vibration."""
         d, d_first, d_second = _in_time(self._vibration.shift.with_integrals, t, clock)
         omega, alpha = motion.angular_velocity, motion.angular_acceleration
@@ -217,7 +217,7 @@ class Vibrating:
             acceleration=motion.acceleration + rotation.rotate(motion.q_wb, force),
         )
 
-    def _turned(self, motion: Motion, t: Array, clock: Derivatives | None) -> Motion:
+    def _turn(self, motion: Motion, t: Array, clock: Derivatives | None) -> Motion:
         """Return the motion with the rotational vibration."""
         phi, d1, d2 = _in_time(self._vibration.turn.with_derivative, t, clock)
         turn = rotation.exp(phi)

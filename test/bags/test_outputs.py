@@ -235,14 +235,14 @@ def test_a_folder_that_is_not_locked_yet_is_not_shared(tmp_path, monkeypatch):
     run.add("x.mcap")
     path = rival.add("x.mcap").path
     faster = ExitStack()
-    opened = outputs_module._opened
+    opened = outputs_module._open
 
     def after_the_other(staging):
-        monkeypatch.setattr(outputs_module, "_opened", opened)
+        monkeypatch.setattr(outputs_module, "_open", opened)
         faster.enter_context(rival.staged())
         return opened(staging)
 
-    monkeypatch.setattr(outputs_module, "_opened", after_the_other)
+    monkeypatch.setattr(outputs_module, "_open", after_the_other)
     with pytest.raises(InputError, match="another program is writing"), run.staged():
         pytest.fail("the work began")
     path.write_text("of the second")
@@ -256,7 +256,7 @@ def test_a_run_that_only_looks_takes_no_folder_away(tmp_path, monkeypatch):
     outputs = Outputs()
     path = outputs.add("x.mcap").path
     looking = ExitStack()
-    opened = outputs_module._opened
+    opened = outputs_module._open
 
     def looked_at(staging):
         descriptor = os.open(staging, os.O_RDONLY)
@@ -264,7 +264,7 @@ def test_a_run_that_only_looks_takes_no_folder_away(tmp_path, monkeypatch):
         fcntl.flock(descriptor, fcntl.LOCK_EX)
         return opened(staging)
 
-    monkeypatch.setattr(outputs_module, "_opened", looked_at)
+    monkeypatch.setattr(outputs_module, "_open", looked_at)
     monkeypatch.setattr(outputs_module.time, "sleep", lambda _: looking.close())
     with outputs.staged():
         path.write_text("whole")
@@ -298,13 +298,13 @@ def test_a_recording_replaces_nothing_that_got_its_name(tmp_path):
 
 
 def test_a_signal_as_the_staging_folder_is_made_leaves_none(tmp_path, monkeypatch):
-    opened = outputs_module._opened
+    opened = outputs_module._open
 
     def interrupted(staging):
         os.kill(os.getpid(), signal.SIGTERM)
         return opened(staging)
 
-    monkeypatch.setattr(outputs_module, "_opened", interrupted)
+    monkeypatch.setattr(outputs_module, "_open", interrupted)
     outputs = Outputs()
     outputs.add("x.mcap")
     follower = Watcher(undisturbed=signals.collected)

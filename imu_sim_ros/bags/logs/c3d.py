@@ -124,9 +124,9 @@ def contents(path: Path) -> Contents:
     if not parts:
         remarks.append(
             "no labels of markers tell a segment; name some markers as its topic, as in "
-            f"{','.join(markers.labels[:_LEAST_MARKERS])}; it has {_listed(markers.labels)}"
+            f"{','.join(markers.labels[:_LEAST_MARKERS])}; it has {_format_labels(markers.labels)}"
         )
-    derived = _derived(path, markers, world)
+    derived = _derived_topic_maker(path, markers, world)
     return Contents(segments.streams(parts), remarks=tuple(remarks), derived=derived)
 
 
@@ -270,7 +270,9 @@ def _clusters(markers: _Markers, world: _World, remarks: list[str]) -> Iterator[
             remarks.append(f"left out: {error}")
 
 
-def _derived(path: Path, markers: _Markers, world: _World) -> Callable[[str], LogStream | None]:
+def _derived_topic_maker(
+    path: Path, markers: _Markers, world: _World
+) -> Callable[[str], LogStream | None]:
     """Return the function that makes the topic of a name ``LABEL,LABEL,LABEL``."""
 
     def stream(name: str) -> LogStream | None:
@@ -282,7 +284,8 @@ def _derived(path: Path, markers: _Markers, world: _World) -> Callable[[str], Lo
         unknown = [label for label in labels if label not in columns]
         if unknown:
             raise InputError(
-                f"{path}: has no marker {', '.join(unknown)}; it has {_listed(markers.labels)}"
+                f"{path}: has no marker {', '.join(unknown)}; "
+                f"it has {_format_labels(markers.labels)}"
             )
         with naming(path):
             segment = _of_markers(name, markers, [columns[label] for label in labels], world)
@@ -373,7 +376,7 @@ def _gap_lines(name: str, visible: Mask, t_ns: Times, need: str) -> list[str]:
     ]
 
 
-def _listed(labels: Sequence[str]) -> str:
+def _format_labels(labels: Sequence[str]) -> str:
     """Return the first labels as text, and the number of the others."""
     remainder = f" and {len(labels) - 12} more" if len(labels) > 12 else ""
     return ", ".join(labels[:12]) + remainder

@@ -115,7 +115,7 @@ class ColumnTable:
         if not lines:
             return np.empty(0, kind), 0
         try:
-            cells = _loaded(lines, kind, delimiter, (*stamps, *places), len(self.names))
+            cells = _load_cells(lines, kind, delimiter, (*stamps, *places), len(self.names))
             if stamps:
                 nanoseconds(cells["stamp"][:, 0], digits)
             return cells, 0
@@ -136,10 +136,10 @@ class ColumnTable:
         if not good:
             return np.empty(0, kind), bad
         width = len(stamps) + len(places)
-        return _loaded(good, kind, "\t", range(width), width), bad
+        return _load_cells(good, kind, "\t", range(width), width), bad
 
 
-def _loaded(
+def _load_cells(
     lines: Sequence[str],
     kind: np.dtype[np.void],
     delimiter: str | None,

@@ -123,7 +123,7 @@ class _Topic(NamedTuple):
     def vector(self, *names: str) -> Array | None:
         """Return an array field (n, m), or several fields as columns; None: one is missing."""
         if len(names) == 1:
-            names = tuple(name for name in _numbered(names[0]) if name in self.columns)
+            names = tuple(name for name in _element_names(names[0]) if name in self.columns)
         columns = [self.columns[name] for name in names if name in self.columns]
         if not columns or len(columns) < len(names):
             return None
@@ -223,12 +223,12 @@ def _topics(file: "ULog", remarks: list[str]) -> Topics:
     return topics
 
 
-def _numbered(name: str) -> list[str]:
+def _element_names(name: str) -> list[str]:
     """Return the names of the elements of an array field: name[0], name[1], ..."""
     return [f"{name}[{k}]" for k in range(32)]
 
 
-def _combined(topics: Topics, remarks: list[str]) -> Iterator[LogStream]:
+def _read_sensor_combined(topics: Topics, remarks: list[str]) -> Iterator[LogStream]:
     """Yield the readings of ``sensor_combined``."""
     for topic in topics.get("sensor_combined", ()):
         relative = topic.columns.get("accelerometer_timestamp_relative")
@@ -275,7 +275,7 @@ def _integrals(topics: Topics, remarks: list[str]) -> Iterator[LogStream]:
 def _instances(topics: Topics, remarks: list[str]) -> Iterator[LogStream]:
     """Yield the readings of each instance of gyroscope and accelerometer, single or in batches."""
     for suffix in ("", _FIFO):
-        unpack = _unrolled if suffix else _single
+        unpack = _unroll_batches if suffix else _single
         gyros = _triads(topics.get(f"sensor_gyro{suffix}", ()), unpack)
         accels = _triads(topics.get(f"sensor_accel{suffix}", ()), unpack)
         for number in sorted({*gyros, *accels}):
@@ -308,7 +308,7 @@ def _single(topic: _Topic) -> tuple[Times, Array] | None:
     return None if vector is None else (topic.t_ns, vector)
 
 
-def _unrolled(topic: _Topic) -> tuple[Times, Array] | None:
+def _unroll_batches(topic: _Topic) -> tuple[Times, Array] | None:
     """Return the readings of batches: the last of each at its stamp, the others dt apart before it.
 
     The numbers are counts; ``scale`` is the value of one.
@@ -526,7 +526,7 @@ def _clippings(topics: Topics) -> Iterator[ClippingCounts]:
 
 
 _READERS: Final = (
-    _combined,
+    _read_sensor_combined,
     _integrals,
     _instances,
     _local_position,

@@ -129,7 +129,7 @@ def contents(path: Path) -> Contents:
 def _messages(content: bytes, damage: list[str]) -> tuple[dict[str, list[_Line]], set[str]]:
     """Return the messages that are read by name, and the names of all."""
     matches = list(_LINE.finditer(content))
-    valid = _checked(content, matches)
+    valid = _has_right_checksum(content, matches)
     messages: dict[str, list[_Line]] = {}
     counts: dict[str, int] = {}
     names: set[str] = set()
@@ -155,7 +155,7 @@ def _messages(content: bytes, damage: list[str]) -> tuple[dict[str, list[_Line]]
     return messages, names
 
 
-def _checked(content: bytes, matches: Sequence[re.Match[bytes]]) -> Mask:
+def _has_right_checksum(content: bytes, matches: Sequence[re.Match[bytes]]) -> Mask:
     """Return True for the messages whose checksum is right, or was not computed (XX)."""
     if not matches:
         return np.zeros(0, np.bool_)

@@ -204,7 +204,7 @@ class _Export:
 
     def _sample_times(self, ticks: Integers) -> Times:
         """Return the times (n,) [ns] of SampleTimeFine (n,)."""
-        unwrapped = _unwrapped(ticks, _TIME_PERIOD)
+        unwrapped = _unwrap_counter(ticks, _TIME_PERIOD)
         per_second = _TICKS_PER_SECOND[self._is_dot]
         if len(ticks) > 1 and self._rate > 0.0:
             step = max(float(np.median(np.diff(unwrapped))), 1.0)
@@ -222,7 +222,7 @@ class _Export:
                 f"the export has no times and no update rate: {rate:g} Hz are assumed, the "
                 f"factory setting; a line // Update Rate: RATE at its start states another one"
             )
-        unwrapped = _unwrapped(packets, _COUNTER_PERIOD)
+        unwrapped = _unwrap_counter(packets, _COUNTER_PERIOD)
         stamps: Times = np.rint((unwrapped - unwrapped[:1]) * (1e9 / rate)).astype(np.int64)
         return stamps
 
@@ -257,7 +257,7 @@ def _interval(t_ns: Times) -> float:
         return 1.0 / _USUAL_RATE
 
 
-def _unwrapped(numbers: Integers, period: int) -> Integers:
+def _unwrap_counter(numbers: Integers, period: int) -> Integers:
     """Return the numbers (n,) of a counter without its restarts at multiples of a period."""
     steps = np.diff(numbers, prepend=numbers[:1])
     turns: Integers = numbers + period * np.cumsum(steps < -(period // 2))

@@ -200,12 +200,12 @@ class Translation:
             if self._has_same_fields(name):
                 return lambda data: source_types.cdr_to_ros1(data, name)
             return lambda data: target_types.serialize_ros1(
-                self._translated(source_types.deserialize_cdr(data, name), name), name
+                self._translate(source_types.deserialize_cdr(data, name), name), name
             )
         if self._has_same_fields(name):
             return lambda data: target_types.ros1_to_cdr(data, name)
         return lambda data: target_types.serialize_cdr(
-            self._translated(source_types.deserialize_ros1(data, name), name), name
+            self._translate(source_types.deserialize_ros1(data, name), name), name
         )
 
     def differences(self, name: str) -> list[str]:
@@ -222,7 +222,7 @@ class Translation:
             f"{ros1_name(name)} of {_NAMES[self._encoding]} is another one: {'; '.join(changes)}"
         ]
         parts = {
-            part for _, kind in self.target_types.fielddefs[name][1] if (part := _nested(kind))
+            part for _, kind in self.target_types.fielddefs[name][1] if (part := _nested_type(kind))
         }
         shared_types = sorted(parts & self._types.fielddefs.keys() - {name})
         return own_lines * bool(changes) + [
@@ -242,10 +242,10 @@ class Translation:
             [kind for _, kind in store.fielddefs[name][1]] for store in self._stores
         )
         return source_kinds == target_kinds and all(
-            map(self._has_same_fields, filter(None, map(_nested, target_kinds)))
+            map(self._has_same_fields, filter(None, map(_nested_type, target_kinds)))
         )
 
-    def _translated(self, message: object, name: str) -> Any:
+    def _translate(self, message: object, name: str) -> Any:
         """Return a message of the other generation with the fields that both have."""
         source_fields = self._types.fielddefs.get(name, ((), ()))[1]
         values = {
@@ -264,21 +264,21 @@ class Translation:
 
         node, inner = kind
         if node == Nodetype.NAME:
-            return self._translated(value if value is not None else SimpleNamespace(), inner)
+            return self._translate(value if value is not None else SimpleNamespace(), inner)
         if node == Nodetype.BASE:
             return value if value is not None else _default_of(inner)
         part, length = inner
         length = length if node == Nodetype.ARRAY else 0
         if part[0] == Nodetype.NAME:
             elements = value if value is not None else [SimpleNamespace()] * length
-            return [self._translated(element, part[1]) for element in elements]
+            return [self._translate(element, part[1]) for element in elements]
         if value is not None:
             return value
         zero = _default_of(part[1])
         return [zero] * length if isinstance(zero, str) else np.zeros(length, part[1][0])
 
 
-def _nested(kind: Any) -> "str | None":
+def _nested_type(kind: Any) -> "str | None":
     """Return the type within a field; None for a plain one."""
     from rosbags.interfaces import Nodetype
 
@@ -331,9 +331,9 @@ def recorded_type(type_name: str, text: str, digest: str, encoding: str) -> Reco
     :param encoding: cdr or ros1, as in the bag.
     :raises InputError: for a type whose definition is wanted but unknown.
     """
-    source_schema = Schema(text, digest) if text else _known(type_name)
+    source_schema = Schema(text, digest) if text else _standard_schema(type_name)
     if encoding == "cdr":
-        return RecordedType(source_schema, _unchanged)
+        return RecordedType(source_schema, _pass_through)
     if not source_schema.text:
         raise InputError(f"{type_name}: a ROS 1 bag needs its definition, which is not installed")
     from rosbags.serde import SerdeError
@@ -352,7 +352,7 @@ def recorded_type(type_name: str, text: str, digest: str, encoding: str) -> Reco
     return RecordedType(target_schema, to_ros1)
 
 
-def _known(type_name: str) -> Schema:
+def _standard_schema(type_name: str) -> Schema:
     """Return the definition of a type that comes with ROS; an empty one for any other."""
     try:
         return schema(type_name, "cdr")
@@ -360,7 +360,7 @@ def _known(type_name: str) -> Schema:
         return Schema("", "")
 
 
-def _unchanged(payload: bytes) -> bytes:
+def _pass_through(payload: bytes) -> bytes:
     """Return a message as it is: it has the bag's encoding already."""
     return payload
 

@@ -90,13 +90,13 @@ def fit_norm(steady: Steady, gravity: float) -> NormFit:
         )
     inverse, bias = np.eye(3), np.zeros(3)
     for _ in range(_STEPS):
-        inverse, bias, change = _improved(inverse, bias, steady, gravity)
+        inverse, bias, change = _gauss_newton_step(inverse, bias, steady, gravity)
         if change < _CONVERGED * gravity:
             break
     return _summary(inverse, bias, steady, gravity)
 
 
-def _improved(
+def _gauss_newton_step(
     inverse: Array, bias: Array, steady: Steady, gravity: float
 ) -> tuple[Array, Array, float]:
     """Return one Gauss-Newton step from ``T`` and b, and its size."""

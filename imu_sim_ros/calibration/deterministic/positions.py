@@ -93,11 +93,11 @@ def calibrate_six_position(
         those of the norm by more than chance (an F-test), or a face is missing.
     :raises InputError: if a face is missing, or fewer than ten directions are given.
     """
-    fitted = _chosen(steady.rows(_at_rest(steady)), gravity, simple, fixture)
+    fitted = _select_model(steady.rows(_at_rest(steady)), gravity, simple, fixture)
     return fitted._replace(left_out=len(steady.stretch) - len(fitted.positions.stretch))
 
 
-def _chosen(steady: Steady, gravity: float, simple: bool, fixture: str) -> SixPosition:
+def _select_model(steady: Steady, gravity: float, simple: bool, fixture: str) -> SixPosition:
     """Return the result of the requested model, or of the one that fits."""
     if fixture == EXACT or simple:
         return _exact(steady, gravity, "as asked for", simple=simple)
@@ -113,7 +113,7 @@ def _chosen(steady: Steady, gravity: float, simple: bool, fixture: str) -> SixPo
     if not exact.scale_misalignment_sigma.any():  # a ratio of rounding to rounding says nothing
         return exact
     norm = fit_norm(steady, gravity)
-    ratio, limit = _compared(exact, norm, len(steady.accel))
+    ratio, limit = _variance_ratio(exact, norm, len(steady.accel))
     text = f"eq. 7 leaves {ratio:.3g} times the variance that the norm leaves"
     if ratio <= limit:
         return exact._replace(reason=f"{text}; up to {limit:.3g} is chance")
@@ -129,7 +129,7 @@ def _at_rest(steady: Steady) -> Mask:
     return np.linalg.norm(offset, axis=1) < limit
 
 
-def _compared(exact: SixPosition, norm: NormFit, rests: int) -> tuple[float, float]:
+def _variance_ratio(exact: SixPosition, norm: NormFit, rests: int) -> tuple[float, float]:
     """Return the ratio of the residual variances of both models, and its largest by chance.
 
     In standard errors of the readings; the walk of the bias is in both.

@@ -210,7 +210,7 @@ def likely_whitener(data: Observations, columns: Array, correlation: Array | Non
         )
         values = np.array(
             [
-                _restricted(w[:, :-1], w[:, -1], float(log))
+                _restricted_log_likelihood(w[:, :-1], w[:, -1], float(log))
                 for w, log in zip(results.columns, results.log_determinant, strict=True)
             ]
         )
@@ -224,10 +224,10 @@ def likely_whitener(data: Observations, columns: Array, correlation: Array | Non
 def _walk_objective(data: Observations, columns: Array, shape: Array, walk: float) -> float:
     """Return minus the restricted log-likelihood of a walk that acts on readings as in shape."""
     w, log_determinant = _whitener(data, shape, walk)
-    return _restricted(w @ columns, w @ data.readings, log_determinant)
+    return _restricted_log_likelihood(w @ columns, w @ data.readings, log_determinant)
 
 
-def _restricted(columns: Array, readings: Array, log_determinant: float) -> float:
+def _restricted_log_likelihood(columns: Array, readings: Array, log_determinant: float) -> float:
     """Return minus the restricted log-likelihood of whitened columns (n, p) and readings (n,)."""
     r = readings - columns @ np.linalg.lstsq(columns, readings, rcond=None)[0]
     information = np.linalg.slogdet(columns.T @ columns)[1]

@@ -155,7 +155,7 @@ def analyse(
         decays = [signal for signal in certain if isinstance(signal, Transient)]
         if decays and RAMP in axis_noise.estimates:
             axis_noise = _without_ramp(axis_noise, decays, timing.rate, longest)
-        noise.append(_rounded(axis_noise, record, k))
+        noise.append(_add_step_uncertainty(axis_noise, record, k))
     warnings = [
         *_record_warnings(record, timing, longest, reasons, dead),
         *problems,
@@ -239,7 +239,7 @@ def _without_ramp(
     return noise._replace(estimates=noise.estimates | {RAMP: bound}, chosen=chosen, trend=0.0)
 
 
-def _rounded(noise: AxisNoise, record: Record, axis: int) -> AxisNoise:
+def _add_step_uncertainty(noise: AxisNoise, record: Record, axis: int) -> AxisNoise:
     """Return the estimates of an axis with the uncertainty that its digital step adds.
 
     If the readings are coarse, no term has a value, and each bound is at least what the rounding

@@ -78,12 +78,12 @@ class LossFiller:
         has_spectrum = self._spectrum.counts.any()
         for _ in range(1 if has_spectrum else _ROUNDS):
             power = self._spectrum if has_spectrum else self._spectrum.including(filled)
-            draws = self._drawn(filled, missing, power.variances(len(y)))
+            draws = self._draw(filled, missing, power.variances(len(y)))
             filled[missing] = np.where(moving, draws, filled[missing])
         self._spectrum = self._spectrum.including(filled)
         return filled
 
-    def _drawn(self, y: Array, missing: Integers, variance: Array) -> Array:
+    def _draw(self, y: Array, missing: Integers, variance: Array) -> Array:
         """Return draws (m, axes) for the lost samples.
 
         :param variance: (axes, n) variances of the coefficients.

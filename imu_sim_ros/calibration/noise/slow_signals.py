@@ -623,14 +623,14 @@ class _Search:
             weight = 1.0 / variance[rows]
             root = np.sqrt(weight)
             q, residual = self._fitted_base(best, rows, weight)
-            gain = 0.5 * self._explained(weight, q * root[:, None], residual * root)
+            gain = 0.5 * self._explained_squares(weight, q * root[:, None], residual * root)
             gain[(np.abs(self._tried[:, None] - periods) < _MIN_DISTANCE).any(axis=1)] = 0.0
             k = int(np.argmax(gain - price))
             if gain[k] > 0.5 * price[k]:  # the gain grows once the noise is fitted with the line
                 frequencies.append(float(self._tried[k]))
         return frequencies
 
-    def _explained(self, weight: Array, base: Array, residual: Array) -> Array:
+    def _explained_squares(self, weight: Array, base: Array, residual: Array) -> Array:
         """Return the squares (f,) of a residual that each line on the grid explains beside others.
 
         :param weight: (m,) weights of the squared coefficients.

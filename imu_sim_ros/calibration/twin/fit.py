@@ -199,7 +199,7 @@ class _Sums:
 
         :param signals: (n, s), and coefficients (6, s, p), whose products are the Jacobian.
         """
-        for k, values, columns in self._binned(segment, residuals, signals, coefficients):
+        for k, values, columns in self._iterate_bins(segment, residuals, signals, coefficients):
             self.square[k] += np.sum(values**2, axis=1)
             self.product[k] += np.einsum("ami,am->ai", columns, values)
             self.matrix[k] += np.swapaxes(columns, 1, 2) @ columns
@@ -209,19 +209,19 @@ class _Sums:
         self, segment: int, residuals: Array, signals: Array, coefficients: Array, share: float
     ) -> None:
         """Add a share of the effect of the poses' noise on residuals and Jacobian."""
-        self._noise[segment] += share * _transformed(residuals, len(self._bins[segment])) ** 2
-        for k, values, columns in self._binned(segment, residuals, signals, coefficients):
+        self._noise[segment] += share * _cosine_transform(residuals, len(self._bins[segment])) ** 2
+        for k, values, columns in self._iterate_bins(segment, residuals, signals, coefficients):
             self.noise_product[k] += share * np.einsum("ami,am->ai", columns, values)
             self.noise_matrix[k] += share * (np.swapaxes(columns, 1, 2) @ columns)
 
-    def _binned(
+    def _iterate_bins(
         self, segment: int, residuals: Array, signals: Array, coefficients: Array
     ) -> Iterator[tuple[int, Array, Array]]:
         """Yield each bin with its coefficients of residuals (6, m) and Jacobian (6, m, p)."""
         bins = self._bins[segment]
         root = np.sqrt(self._shape[segment]).T
-        c = _transformed(residuals, len(bins)).T / root
-        j = _transformed(signals, len(bins)) @ coefficients / root[:, :, None]
+        c = _cosine_transform(residuals, len(bins)).T / root
+        j = _cosine_transform(signals, len(bins)) @ coefficients / root[:, :, None]
         starts = np.flatnonzero(np.diff(bins, prepend=-1))
         for begin, end in pairwise([*starts.tolist(), len(bins)]):
             yield int(bins[begin]), c[:, begin:end], j[:, begin:end]
@@ -411,12 +411,12 @@ def _summary(
         residuals[rows], slopes[rows] = recording.readings[rows] - linear.readings, linear.slope
         weights, remaining = sums.weights_of(k, weight)
         root = np.sqrt(weights)
-        j = _transformed(linear.signals, len(root)) @ linear.coefficients[:, :, free]
+        j = _cosine_transform(linear.signals, len(root)) @ linear.coefficients[:, :, free]
         j *= root.T[:, :, None]
         flat = j.reshape(-1, len(free))
         normal += flat.T @ flat
         white = idct(
-            _transformed(residuals[rows], len(root)) * (root / np.sqrt(remaining)),
+            _cosine_transform(residuals[rows], len(root)) * (root / np.sqrt(remaining)),
             norm="ortho",
             axis=0,
         )
@@ -462,7 +462,7 @@ def _smooth(power: Array) -> Array:
     return np.column_stack([np.interp(index, middle, column) for column in means.T])
 
 
-def _transformed(values: Array, count: int) -> Array:
+def _cosine_transform(values: Array, count: int) -> Array:
     """Return the first cosine coefficients (count, c) of columns (n, c)."""
     from scipy.fft import dct
 

@@ -61,18 +61,18 @@ def find_lines(values: Array, rate: float, lowest: float = 0.0) -> tuple[Lines, 
         peak = _highest_peak(remainder, rate, max(lowest, _LOWEST))
         if peak is None:
             break
-        refined = _refined(remainder, peak, rate)
+        refined = _refine_peak(remainder, peak, rate)
         if not _is_steady(remainder, refined, rate):
             break
         frequencies.append(refined)
-        remainder = remainder - _fitted(remainder, np.array([refined]), rate)[1]
+        remainder = remainder - _fit_lines(remainder, np.array([refined]), rate)[1]
     for _ in range(_REFINEMENTS if frequencies else 0):
         for k, frequency in enumerate(frequencies):
             further = np.array(frequencies[:k] + frequencies[k + 1 :])
-            single = values - _fitted(values, further, rate)[1] if len(further) else values
-            frequencies[k] = _refined(single - single.mean(axis=0), frequency, rate)
+            single = values - _fit_lines(values, further, rate)[1] if len(further) else values
+            frequencies[k] = _refine_peak(single - single.mean(axis=0), frequency, rate)
     line_frequencies = np.array(sorted(frequencies))
-    parts, fitted = _fitted(values, line_frequencies, rate)
+    parts, fitted = _fit_lines(values, line_frequencies, rate)
     return _lines(line_frequencies, parts, values - fitted, rate), values - fitted
 
 
@@ -99,7 +99,7 @@ def _highest_peak(values: Array, rate: float, lowest: float) -> float | None:
     return (best + begin) * rate / len(values) if ratio[best] > _PEAK else None
 
 
-def _refined(values: Array, frequency: float, rate: float) -> float:
+def _refine_peak(values: Array, frequency: float, rate: float) -> float:
     """Return the frequency of the most power near a peak: golden-section search."""
     t = np.arange(len(values)) / rate
     window = np.hanning(len(values) + 2)[1:-1]
@@ -131,7 +131,7 @@ def _is_steady(values: Array, frequency: float, rate: float) -> bool:
     return bool(np.abs(amplitudes.mean()) ** 2 > _STEADY * np.mean(np.abs(amplitudes) ** 2))
 
 
-def _fitted(values: Array, frequencies: Array, rate: float) -> tuple[Array, Array]:
+def _fit_lines(values: Array, frequencies: Array, rate: float) -> tuple[Array, Array]:
     """Return sine and cosine parts (2k, 6) by least squares, and the lines (n, 6)."""
     angle = 2.0 * np.pi * np.outer(np.arange(len(values)) / rate, frequencies)
     columns = np.concatenate([np.sin(angle), np.cos(angle)], axis=1)
@@ -261,11 +261,11 @@ def fit_exponents(values: Array, parts: Sequence[slice], rate: float, logs: Arra
             axes = slice(3 * triad, 3 * triad + 3)
             if np.all(mean[axes] > 0.0):
                 log = 0.5 * np.log(np.mean(energy[:, axes] / mean[axes], axis=1))
-                exponents[k, triad], sigma[k, triad] = _regressed(log, sizes)
+                exponents[k, triad], sigma[k, triad] = _regress(log, sizes)
     return Exponents(exponents, sigma)
 
 
-def _regressed(log: Array, sizes: Array) -> tuple[Array, Array]:
+def _regress(log: Array, sizes: Array) -> tuple[Array, Array]:
     """Return exponents (3,), none below 0, and their standard errors; 0 for those that are 0."""
     from scipy.optimize import nnls
 

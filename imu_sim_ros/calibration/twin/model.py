@@ -212,7 +212,7 @@ class _Linearised(NamedTuple):
     """(n, 3, 3) change of the force with the world's turn."""
 
 
-def _linearised(errors: Errors, motion_at: MotionAt, t: Array) -> _Linearised:
+def _linearise(errors: Errors, motion_at: MotionAt, t: Array) -> _Linearised:
     """Return the motion at true times (n,) [s].
 
     A symmetric filter turns attitudes that vary slowly by ``-c alpha``, c < 0, so that rate and
@@ -245,7 +245,7 @@ def _linearised(errors: Errors, motion_at: MotionAt, t: Array) -> _Linearised:
 
 def predicted(errors: Errors, motion_at: MotionAt, t: Array) -> tuple[Array, Array]:
     """Return readings (n, 6) at true times (n,) [s] and their slope, without the truth's errors."""
-    linearised_motion = _linearised(errors, motion_at, t)
+    linearised_motion = _linearise(errors, motion_at, t)
     return readings(errors, linearised_motion.motion), linearised_motion.slope
 
 
@@ -254,7 +254,7 @@ def linearised(
 ) -> Linear:
     """Return the readings at stamps (n,) [s], linear in small changes of the errors."""
     t = true_times(errors, stamps, reference, wander)
-    motion, slope, by_curvature, by_world = _linearised(errors, motion_at, t)
+    motion, slope, by_curvature, by_world = _linearise(errors, motion_at, t)
     turning = rotation.skew(motion.rate)
     by_arm = rotation.skew(motion.angular_acceleration) + turning @ turning
     bent = _with_arm(by_curvature, motion.rate, errors.lever_arm)

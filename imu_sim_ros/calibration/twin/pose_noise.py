@@ -128,12 +128,12 @@ class PoseNoise(NamedTuple):
                 q_wb=rotation.normalise(smooth.q_wb + self.quaternion_step * offsets[3:]),
             )
         noisy = with_noise(path, noise[:, :3], rotation.rotate(path.q_wb, noise[:, 3:]))
-        q_wb = rotation.normalise(_rounded(noisy.q_wb, self.quaternion_step))
+        q_wb = rotation.normalise(_round_to_step(noisy.q_wb, self.quaternion_step))
         turn = rotation.log(rotation.multiply(rotation.conjugate(path.q_wb), q_wb))
-        return turn, _rounded(noisy.position, self.position_step) - path.position
+        return turn, _round_to_step(noisy.position, self.position_step) - path.position
 
 
-def _rounded(values: Array, step: float) -> Array:
+def _round_to_step(values: Array, step: float) -> Array:
     """Return values rounded to multiples of a step; unchanged for a step of 0."""
     return step * np.rint(values / step) if step else values
 

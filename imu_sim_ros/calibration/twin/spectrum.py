@@ -133,7 +133,7 @@ def cross_spectra(values: Array, parts: Sequence[slice], rate: float, edges: Arr
     total = np.zeros((len(edges) - 1, 6, 6), dtype=np.complex128)
     count, freedom = np.zeros((2, len(edges) - 1))
     for part in parts:
-        spectra = _tapered(values[part], rate)
+        spectra = _taper(values[part], rate)
         frequency = np.arange(spectra.shape[1]) * rate / (part.stop - part.start)
         bounds = np.searchsorted(frequency, edges)
         for band, (begin, end) in enumerate(pairwise(bounds.tolist())):
@@ -159,12 +159,12 @@ def _freedom(count: int) -> float:
     if not count:
         return 0.0
     apart = np.arange(min(count, _REACH))
-    shared = (count - apart) * _shared()[apart]
+    shared = (count - apart) * _squared_cross_spectra()[apart]
     return 2.0 * (_TAPERS * count) ** 2 / float(2.0 * shared.sum() - shared[0])
 
 
 @cache
-def _shared() -> Array:
+def _squared_cross_spectra() -> Array:
     """Return the squared cross-spectra of all pairs of tapers, by distance in frequency bins."""
     n = 4096  # the limit of long records
     angle = np.arange(1, n + 1) * np.pi / (n + 1)
@@ -173,7 +173,7 @@ def _shared() -> Array:
     return np.asarray(np.sum(np.abs(products) ** 2, axis=(0, 1)))
 
 
-def _tapered(values: Array, rate: float) -> Complex:
+def _taper(values: Array, rate: float) -> Complex:
     """Return the tapered spectra (tapers, frequencies, 6), scaled so that squares are densities."""
     n = len(values)
     angle = np.arange(1, n + 1) * np.pi / (n + 1)

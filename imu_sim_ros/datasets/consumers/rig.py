@@ -73,7 +73,7 @@ class RigValues:
         """
         cameras_in_format = list(self.cameras.items())[:cameras]
         for name, camera in cameras_in_format:
-            terms = list(_simulated(camera, expressed))
+            terms = list(_simulated_errors(camera, expressed))
             shift = self.time_shift(name)
             if shift and "time_offset" not in expressed:
                 terms.append(f"time_offset = {decimal(shift)} s (of the camera to the IMU)")
@@ -113,7 +113,7 @@ _NO_TERMS: Final = frozenset(
 """Parameters that a format has a place for, that a front end chooses, or that are no error."""
 
 
-def _simulated(camera: CameraParameters, expressed: Collection[str]) -> Iterator[str]:
+def _simulated_errors(camera: CameraParameters, expressed: Collection[str]) -> Iterator[str]:
     """Yield the errors of a camera that a format cannot express, with their values."""
     sphere = camera.model != "pinhole"
     if sphere and any(camera.distortion) and f"{camera.model}.distortion" not in expressed:

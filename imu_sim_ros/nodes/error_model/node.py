@@ -159,11 +159,11 @@ class ErrorModelNode(ConfiguredNode[ErrorNodeParameters]):
             if self._takes_frame:
                 self._take_frame(batch)
             if self._odometry is None:
-                decoded = self._decoded(topic, batch, self._decoder.reading)
+                decoded = self._decode(topic, batch, self._decoder.reading)
                 readings = [reading for reading in decoded if reading is not None]
                 self._add_readings(self._reading_strays.apply(readings))
             else:
-                states = self._decoded(topic, batch, decode.truth)
+                states = self._decode(topic, batch, decode.truth)
                 self._add_states(self._odometry, self._state_strays.apply(states))
 
     def _release(self) -> None:
@@ -183,7 +183,7 @@ class ErrorModelNode(ConfiguredNode[ErrorNodeParameters]):
 
     def _take_values(self, topic: str, batch: list[Taken]) -> None:
         """Add errors to ideal values of another sensor, and publish them."""
-        decoded = self._decoded(topic, batch, partial(decode.value, self._values[topic][1]))
+        decoded = self._decode(topic, batch, partial(decode.value, self._values[topic][1]))
         self._add_values(topic, self._value_strays[topic].apply(decoded))
 
     def _add_values(self, topic: str, measurements: Sequence[LiveValue]) -> None:
@@ -232,7 +232,7 @@ class ErrorModelNode(ConfiguredNode[ErrorNodeParameters]):
         for block in self.model.read(readings) if len(readings.t_ns) else ():
             self.outputs.publish(block, self.parameters)
 
-    def _decoded(
+    def _decode(
         self, topic: str, batch: list[Taken], fields: Callable[[bytes], _Decoded]
     ) -> list[_Decoded]:
         """Return the contents of messages; unusable ones are refused."""

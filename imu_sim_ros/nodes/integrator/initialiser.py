@@ -118,7 +118,7 @@ class _FromTruth:
         if truths[0].t_ns < t_ns and len(truths) == 1:
             return None
         rate = np.array(truths[0].angular_velocity_b)
-        state = _carried(truths[0], t_ns)
+        state = _extrapolate(truths[0], t_ns)
         initial = initialisation.from_state(self._parameters, state, rate)
         return Start(initial, list(readings), truths[0].frames)
 
@@ -160,7 +160,7 @@ class _FromRest:
         return None
 
 
-def _carried(truth: LiveState, t_ns: int) -> NavigationState:
+def _extrapolate(truth: LiveState, t_ns: int) -> NavigationState:
     """Return a true state, extrapolated to a later time with its velocity and rate."""
     h = (t_ns - truth.t_ns) * 1e-9
     velocity = rotation.rotate(truth.q_wb, truth.velocity_b)

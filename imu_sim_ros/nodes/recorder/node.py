@@ -69,8 +69,8 @@ class Recorder(ConfiguredNode[RecorderParameters]):
         parameters = self.parameters
         self.output = Path(parameters.output or time.strftime("recording_%Y-%m-%d_%H-%M-%S"))
         problems: list[str] = []
-        self._wanted = self._resolved("topics", parameters.topics, problems)
-        self._excluded = set(self._resolved("exclude", parameters.exclude, problems))
+        self._wanted = self._resolve("topics", parameters.topics, problems)
+        self._excluded = set(self._resolve("exclude", parameters.exclude, problems))
         if problems:
             raise ConfigurationError(problems)
         self._qos: dict[str, QoSProfile] = {}
@@ -129,7 +129,7 @@ class Recorder(ConfiguredNode[RecorderParameters]):
         )
         return open_writer(self.output, options)
 
-    def _resolved(self, parameter: str, names: Sequence[str], problems: list[str]) -> list[str]:
+    def _resolve(self, parameter: str, names: Sequence[str], problems: list[str]) -> list[str]:
         """Return the topics' names with their namespace; add a problem for each invalid one."""
         result = []
         for name in names:
@@ -351,10 +351,10 @@ class Recorder(ConfiguredNode[RecorderParameters]):
                 file=sys.stderr,
             )
         if recording.failed:
-            print(f"recorder: {_left(recording.files)}", file=sys.stderr)
+            print(f"recorder: {_remaining_files(recording.files)}", file=sys.stderr)
 
 
-def _left(files: Sequence[Path]) -> str:
+def _remaining_files(files: Sequence[Path]) -> str:
     """Return a line about the files that a failed recording leaves.
 
     :param files: paths of the bag, which may have been removed during the recording.

@@ -105,7 +105,7 @@ class Simulator(ConfiguredNode[SimulatorParameters]):
         self._body = body = Body(parameters, _read_poses, sensors={name for name, *_ in outputs})
         self._remarks += body.warnings(elsewhere=True)
         self._notes += body.notes(elsewhere=True)
-        self._descriptions = self._described(parameters)
+        self._descriptions = self._describe(parameters)
         streams = [BodyStream(body, outputs), *self._transform_streams(parameters, body.trajectory)]
         streams += self._clock_streams(parameters.publish.clock_rate)
         if parameters.publish.tf_static:
@@ -117,7 +117,7 @@ class Simulator(ConfiguredNode[SimulatorParameters]):
             parameters.block_duration,
             ready=self._ready,
             zero=self._zero,
-            acknowledged=self._acknowledged,
+            acknowledged=self._wait_for_acknowledgement,
             on_end=self.lifetime.finish,
             fail=self.lifetime.fail,
         )
@@ -174,7 +174,9 @@ class Simulator(ConfiguredNode[SimulatorParameters]):
         sensors = mounted(parameters)
         for name, topic in topics.published(sensors, parameters.publish).items():
             if not topic.mounted.sensor.apart and self._can_publish(topic.topic):
-                outputs.append((topic.name, topic.encoder(), self._counted(name, topic.topic.type)))
+                outputs.append(
+                    (topic.name, topic.encoder(), self._counting_publisher(name, topic.topic.type))
+                )
         for name, sensor in sensors.items():
             serial = sensor.sensor.serial
             if serial and (where := serial.where(sensor.parameters)):
@@ -194,7 +196,7 @@ class Simulator(ConfiguredNode[SimulatorParameters]):
                 return False
         return True
 
-    def _described(self, parameters: SimulatorParameters) -> dict[str, Publisher]:
+    def _describe(self, parameters: SimulatorParameters) -> dict[str, Publisher]:
         """Return the publisher of the description of each IMU, which it has published."""
         publishers = {}
         for name, simulated in imus(parameters).items():
@@ -218,14 +220,14 @@ class Simulator(ConfiguredNode[SimulatorParameters]):
         rate = parameters.publish.tf_rate
         if not rate:
             return []
-        send = self._counted(conventions.TF_TOPIC, TF_MESSAGE, transforms.QOS)
+        send = self._counting_publisher(conventions.TF_TOPIC, TF_MESSAGE, transforms.QOS)
         return [transforms.transform_stream(rate, parameters, trajectory, send)]
 
     def _clock_streams(self, rate: float) -> list[Stream]:
         """Return the stream of the simulated time, if it is wanted."""
         if not rate:
             return []
-        encoder, send = ClockEncoder(), self._counted("/clock", CLOCK)
+        encoder, send = ClockEncoder(), self._counting_publisher("/clock", CLOCK)
         return [TickStream(rate, lambda t, _: [row.tobytes() for row in encoder.encode(t)], send)]
 
     def _publish_mounts(self, parameters: SimulatorParameters) -> None:
@@ -240,7 +242,9 @@ class Simulator(ConfiguredNode[SimulatorParameters]):
                 raise
             self._notes.append(f"/tf_static is not published: {error}")
 
-    def _counted(self, topic: str, type_name: str, qos: QoSProfile | None = None) -> Send:
+    def _counting_publisher(
+        self, topic: str, type_name: str, qos: QoSProfile | None = None
+    ) -> Send:
         """Return the function that publishes on a new topic and counts the messages."""
         publisher = create(self, type_name, topic, qos or QoSProfile(depth=QUEUE))
         counter = Counter(topic, publisher)
@@ -329,7 +333,7 @@ class Simulator(ConfiguredNode[SimulatorParameters]):
             return int(self.get_clock().now().nanoseconds)
         return time.time_ns() + lead_ns
 
-    def _acknowledged(self) -> bool:
+    def _wait_for_acknowledgement(self) -> bool:
         """Return True if subscribers have acknowledged all messages in time."""
         return all(
             counter.publisher.wait_for_all_acked(_ACKNOWLEDGEMENT) for counter in self._counters
@@ -447,11 +451,11 @@ class Simulator(ConfiguredNode[SimulatorParameters]):
         stamp = self.get_clock().now().to_msg()
         self._diagnostics.publish(
             self._report.message(
-                stamp, elapsed, state, self._counters, lateness_ns, late, self._drawn()
+                stamp, elapsed, state, self._counters, lateness_ns, late, self._drawn_errors()
             )
         )
 
-    def _drawn(self) -> Mapping[str, str]:
+    def _drawn_errors(self) -> Mapping[str, str]:
         """Return the errors drawn by the seeds; computed again after a change of parameters."""
         if self._drawn_of is not self.parameters:
             self._drawn_of = self.parameters

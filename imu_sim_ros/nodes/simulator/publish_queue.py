@@ -117,7 +117,7 @@ class PublishQueue:
         """Return the entries due in the next ``length`` seconds, in order."""
         self._end = min(self._end + length, self._duration)
         fresh = [piece for stream in self._streams for piece in stream.advance(self._end)]
-        pieces = [*_hurried(self._held, fresh), *fresh]
+        pieces = [*_hurry(self._held, fresh), *fresh]
         if self.finished:
             self._held = []
             return _merge(pieces)
@@ -137,7 +137,7 @@ class PublishQueue:
         )
 
 
-def _hurried(waiting: Sequence[Piece], fresh: Sequence[Piece]) -> list[Piece]:
+def _hurry(waiting: Sequence[Piece], fresh: Sequence[Piece]) -> list[Piece]:
     """Return waiting messages, due no later than the next message of their topic.
 
     With an unchanged latency that changes nothing, for no message overtakes another. Where it was

@@ -53,7 +53,7 @@ def _table_encoder(frame: str, encoding: str) -> Encode:
     return lambda t_ns, values: pressures.encode(t_ns, values[:, 0])
 
 
-def _realised(parameters: BarometerParameters, seed: int, name: str) -> BarometerParameters:
+def _realise(parameters: BarometerParameters, seed: int, name: str) -> BarometerParameters:
     """Return the barometer of a seed, whose errors are those of a triad's first axis."""
     p = realised_triad(as_triad(parameters), name, seed)
     return dataclasses.replace(
@@ -120,7 +120,7 @@ SENSOR: Final[Sensor[ImuParameters]] = Sensor(
     table=TABLE,
     values=lambda samples: samples.pressure[:, None],
     readings=PressureReadings,
-    realised=_realised,
+    realised=_realise,
 )
 
 

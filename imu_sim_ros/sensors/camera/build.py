@@ -140,7 +140,7 @@ def check_path(
     if isinstance(parameters, PlaceParameters) and any(parameters.size):
         meets = hidden(scene.surfaces, path[:-1], path[1:])
         if meets.any():
-            where = _shown(path[int(np.argmax(meets))])
+            where = _format_position(path[int(np.argmax(meets))])
             raise ConfigurationError(
                 f"scene.size = {list(parameters.size)}: the path meets something at {where} m; "
                 f"without a size the {kind} leaves it free, and trajectory.type tour "
@@ -151,8 +151,9 @@ def check_path(
         if not any(parameters.size):
             setting = f"horizon = {parameters.horizon:g}"
         raise ConfigurationError(
-            f"scene.{setting}: the path, from {_shown(low)} to {_shown(high)} m, "
-            f"leaves the {kind}, from {_shown(corner)} to {_shown(end)} m"
+            f"scene.{setting}: the path, from {_format_position(low)} to "
+            f"{_format_position(high)} m, leaves the {kind}, from {_format_position(corner)} "
+            f"to {_format_position(end)} m"
         )
 
 
@@ -187,7 +188,7 @@ def _room(p: RoomParameters, path: Array) -> Scene:
     for _ in range(p.boxes):
         boxes += _outer_faces(*_box(stream, corner, end, low, high))
     everything = joined(walls, surfaces(boxes, hides=True))
-    landmarks, normals = _scattered(everything, p.landmarks, p.seed)
+    landmarks, normals = _scatter(everything, p.landmarks, p.seed)
     extent = float(np.linalg.norm(end - corner))
     return Scene(landmarks, normals, np.zeros((0, 2, 3)), everything, extent)
 
@@ -205,7 +206,7 @@ def _place(p: PlaceParameters, passage: Passage) -> Scene:
     site = Site(low, high, keep, p.seed, p.texture, p.light, p.bodies.doors)
     place = build_place(p.type, site)
     everything = place.surfaces()
-    landmarks, normals = _scattered(everything.some(~place.sky), p.landmarks, p.seed)
+    landmarks, normals = _scatter(everything.some(~place.sky), p.landmarks, p.seed)
     extent = float(np.linalg.norm(high - low))
     lines = np.zeros((0, 2, 3))
     crowd = _crowd(p, place, site, passage)
@@ -240,13 +241,13 @@ def _crowd(p: PlaceParameters, place: Place, site: Site, passage: Passage) -> Cr
         return None
     bodies = moving(place, site, counts, crowd_parameters.speed, passage)
     points = [
-        _scattered(body.surfaces(), crowd_parameters.landmarks, p.seed + k)
+        _scatter(body.surfaces(), crowd_parameters.landmarks, p.seed + k)
         for k, body in enumerate(bodies, start=1)
     ]
     return Crowd(bodies, site, points, sunlight(place.surfaces(), place.sky, place.lighting))
 
 
-def _shown(position: Array) -> str:
+def _format_position(position: Array) -> str:
     """Return a position as text."""
     return "(" + ", ".join(f"{x:.2f}" for x in position) + ")"
 
@@ -285,7 +286,7 @@ def _outer_faces(low: Array, high: Array) -> list[tuple[Array, Array, Array]]:
     ]
 
 
-def _scattered(
+def _scatter(
     where: Surfaces, count: int, seed: int, both_sides: bool = False
 ) -> tuple[Array, Array]:
     """Return landmarks (n, 3) spread evenly over all surfaces, and their normals (n, 3)."""
@@ -303,7 +304,7 @@ def _planes(p: PlanesParameters) -> Scene:
     """Return given planes with random landmarks on them."""
     corners = np.reshape(p.corners, (-1, 3, 3))
     where = surfaces([(o, a - o, b - o) for o, a, b in corners], hides=True, texture="plane")
-    landmarks, normals = _scattered(where, p.landmarks, p.seed, both_sides=True)
+    landmarks, normals = _scatter(where, p.landmarks, p.seed, both_sides=True)
     extent = float(np.linalg.norm(np.ptp(corners.reshape(-1, 3), axis=0)))
     return Scene(landmarks, normals, np.zeros((0, 2, 3)), where, extent)
 
@@ -344,7 +345,7 @@ def _cloud(
                 points = np.concatenate([points, pose.position + rotation.rotate(pose.q_wc, local)])
     extra_stream = generator(p.seed, "scene.landmarks.frames")
     for view in views:
-        points = _completed(points, p, view, trajectory, duration, extra_stream)
+        points = _fill_views(points, p, view, trajectory, duration, extra_stream)
     return Scene.of_points(points)
 
 
@@ -364,7 +365,7 @@ def _check_depths(p: CloudParameters, views: Sequence[View]) -> None:
             )
 
 
-def _completed(
+def _fill_views(
     points: Array,
     p: CloudParameters,
     view: View,

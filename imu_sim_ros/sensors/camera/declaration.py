@@ -101,7 +101,7 @@ def _raw(mounted: Mounted[CameraParameters], encoding: str) -> Encode[Bytes]:
     return _image_encoder(mounted, mounted.parameters.encoding, encoding)
 
 
-def _compressed(mounted: Mounted[CameraParameters], encoding: str) -> Encode[Bytes]:
+def _compressed_encoder(mounted: Mounted[CameraParameters], encoding: str) -> Encode[Bytes]:
     """Return the encoder of compressed images."""
     from imu_sim_ros.bags.messages.encode_cameras import CompressedImageEncoder
 
@@ -171,7 +171,7 @@ SENSOR: Final[Sensor[CameraParameters]] = Sensor(
             "sensor_msgs/msg/CompressedImage",
             lambda samples: samples.image,
             lambda p: p.images in ("compressed", "both"),
-            _compressed,
+            _compressed_encoder,
         ),
         _of_pixels(DEPTH_TOPIC, _IMAGE, lambda s: s.depth_and_mask, lambda p: p.depth, _depth),
         _of_pixels(

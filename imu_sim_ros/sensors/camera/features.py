@@ -120,7 +120,7 @@ class FeatureStream:
         """Yield a message for each frame of the first camera, with the tracks of all."""
         frames = camera_tracks[0].frames
         normalised = [
-            _normalised(t, tracks) for t, tracks in zip(self._trackers, camera_tracks, strict=True)
+            _normalise(t, tracks) for t, tracks in zip(self._trackers, camera_tracks, strict=True)
         ]
         for k in np.flatnonzero(frames.delivered).tolist():
             withheld = self._before[0] is None
@@ -164,7 +164,7 @@ class FeatureStream:
         )
 
 
-def _normalised(tracker: Tracker, tracks: Tracks) -> Array:
+def _normalise(tracker: Tracker, tracks: Tracks) -> Array:
     """Return x / z and y / z (n, 2) of the measured pixels; NaN if there is no such place."""
     rays = tracker.view.model.unproject(tracks.uv)
     in_front = rays.valid & (rays.direction[:, 2] > 0.0)

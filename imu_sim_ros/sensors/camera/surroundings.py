@@ -113,7 +113,7 @@ def _through(path: _Path, tracer: RayTracer) -> Iterator[str]:
         times = f", and {repeats} more times" if repeats else ""
         yield (
             f"the path goes through the {path.name} at {path.t[row]:.2f} s, "
-            f"{_shown(path.position[row])} m{times}"
+            f"{_format_position(path.position[row])} m{times}"
         )
 
 
@@ -125,7 +125,8 @@ def _outside(path: _Path) -> Iterator[str]:
         row = int(np.argmax(is_outside))
         yield (
             f"the path is outside of the {path.name} for {is_outside.mean():.0%} of the time, "
-            f"first at {path.t[row]:.2f} s, {_shown(path.position[row])} m; {_boxes(path)}"
+            f"first at {path.t[row]:.2f} s, {_format_position(path.position[row])} m; "
+            f"{_boxes(path)}"
         )
 
 
@@ -142,7 +143,7 @@ def _around(path: _Path, tracer: RayTracer) -> Iterator[str]:
         row = rows[nearest]
         yield (
             f"the path comes as close as {distance[nearest]:.3f} m to the {path.name} at "
-            f"{path.t[row]:.2f} s, {_shown(path.position[row])} m"
+            f"{path.t[row]:.2f} s, {_format_position(path.position[row])} m"
         )
     meets = traced.surface >= 0
     if mesh and meets.mean() < _LEAST:
@@ -170,13 +171,13 @@ def _boxes(path: _Path) -> str:
             "path's)"
         )
     return (
-        f"the path is within {_shown(path.position.min(axis=0))} to "
-        f"{_shown(path.position.max(axis=0))} m, the {path.name} within {_shown(low)} to "
-        f"{_shown(high)} m{remedy}"
+        f"the path is within {_format_position(path.position.min(axis=0))} to "
+        f"{_format_position(path.position.max(axis=0))} m, the {path.name} within "
+        f"{_format_position(low)} to {_format_position(high)} m{remedy}"
     )
 
 
-def _shown(position: Array) -> str:
+def _format_position(position: Array) -> str:
     """Return a position as text."""
     digits = 2 if float(np.abs(position).max()) < 1e4 else 0
     return "(" + ", ".join(f"{x:.{digits}f}" for x in position) + ")"

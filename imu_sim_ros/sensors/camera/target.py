@@ -119,7 +119,7 @@ def suiting(
     board_settings = {name: scene_values[name] for name in _BOARD if name in fixed}
     best, values = -1.0, dict[str, object]()
     for board in _boards(views, motion, board_settings):
-        turned, score = _turned(board, views, motion, turns)
+        turned, score = _fewest_turns(board, views, motion, turns)
         if score > best:
             best, values = score, _values(board, turned, turns)
         if score >= _MARGIN:
@@ -166,7 +166,7 @@ def _boards(
     yield from dict.fromkeys(board(tags, size) for tags in _TAGS for size in sizes)
 
 
-def _turned(
+def _fewest_turns(
     board: AprilgridParameters,
     views: Sequence[View],
     motion: TrajectoryParameters,

@@ -98,8 +98,8 @@ class Tracker:
     def tracks(self, first: int, count: int) -> Tracks:
         """Return the features of frames ``first .. first + count - 1``; lost ones have none."""
         frames = self.view.frames(first, count)
-        observations = self._chosen(self._visible(frames))
-        uv, wrong = self._measured(frames, observations)
+        observations = self._select_features(self._visible(frames))
+        uv, wrong = self._measure(frames, observations)
         return Tracks(
             frames,
             observations.frame,
@@ -176,7 +176,7 @@ class Tracker:
         all_observations = _Observed(
             *(np.concatenate(column) for column in zip(*parts, strict=True))
         )
-        return _kept(
+        return _select(
             all_observations, np.lexsort((all_observations.landmark, all_observations.frame))
         )
 
@@ -220,7 +220,7 @@ class Tracker:
             eye, t, uv, depth, visible = self._through_rolling_shutter(t, points[point], uv, body)
             eye, t = CameraPoses(eye.position[visible], eye.q_wc[visible]), t[visible]
             frame, point, uv, depth = frame[visible], point[visible], uv[visible], depth[visible]
-        shown = self._shown(t, eye.position, points[point], normals[point], body)
+        shown = self._is_visible(t, eye.position, points[point], normals[point], body)
         return _Observed(rows[frame[shown]], point[shown], uv[shown], depth[shown])
 
     def _in_front(self, poses: CameraPoses, points: Array) -> tuple[Rows, Rows, Array]:
@@ -251,7 +251,7 @@ class Tracker:
         visible = valid & model.inside(uv, p.border) & (depth > p.min_depth) & (depth < p.max_depth)
         return poses, t + shift, uv, depth, visible
 
-    def _shown(
+    def _is_visible(
         self, t: Array, eye: Array, points: Array, normals: Array, body: MovingBody | None
     ) -> Mask:
         """Return True for points (n, 3) that face the eye (n, 3) and are not hidden at t (n,)."""
@@ -267,7 +267,7 @@ class Tracker:
         shown[rows[behind]] = False
         return shown
 
-    def _chosen(self, observations: _Observed) -> _Observed:
+    def _select_features(self, observations: _Observed) -> _Observed:
         """Return at most ``max_features`` of each frame: of each cell those of highest priority."""
         p = self.view.parameters
         if not p.max_features or not len(observations.frame):
@@ -281,9 +281,9 @@ class Tracker:
         # The best of every cell come before the second best of any.
         order = rank * len(self._priority) + priority
         keep = _rank(observations.frame, order) < p.max_features
-        return _kept(observations, keep)
+        return _select(observations, keep)
 
-    def _measured(self, frames: Frames, observations: _Observed) -> tuple[Array, Mask]:
+    def _measure(self, frames: Frames, observations: _Observed) -> tuple[Array, Mask]:
         """Return the pixels with noise, outliers and mismatches, and which are wrong."""
         p = self.view.parameters
         uv, wrong = observations.uv.copy(), np.zeros(len(observations.uv), dtype=bool)
@@ -308,7 +308,7 @@ class Tracker:
         return uv, wrong
 
 
-def _kept(observations: _Observed, rows: Mask | Rows) -> _Observed:
+def _select(observations: _Observed, rows: Mask | Rows) -> _Observed:
     """Return some of the observations."""
     return _Observed(
         observations.frame[rows],

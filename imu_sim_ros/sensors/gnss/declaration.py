@@ -138,7 +138,7 @@ _EXTENDED_STATUS: Final = np.array([0, 18, 20, 19, -1])
 _WITHIN: Final = (1.960, 2.448, 2.796)
 
 
-def _extended(samples: Samples, rows: Rows, _: object) -> tuple[object, ...]:
+def _gps_fix_fields(samples: Samples, rows: Rows, _: object) -> tuple[object, ...]:
     """Return the fields of gps_msgs/GPSFix; errors contain 95 %, and are NaN without a fix."""
     latitude, longitude, altitude, status, stated = _fix(samples, rows, _)
     variance = samples.variance[rows]
@@ -178,7 +178,7 @@ SENSOR: Final[Sensor[GnssParameters]] = Sensor(
             in_world=True,
             sent=lambda samples: samples.mode >= 0,
         ),
-        topic("gps/extended_fix", *GPS_FIX, _extended, foreign=True),
+        topic("gps/extended_fix", *GPS_FIX, _gps_fix_fields, foreign=True),
         topic(
             *("ground_truth/gps_fix", *FIX),
             lambda samples, rows, _: tuple(samples.ideal_geodetic[rows].T),

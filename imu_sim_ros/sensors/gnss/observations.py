@@ -154,13 +154,15 @@ def ranges(ephemerides: Ephemerides, week: int, second: Array, antenna_motion: A
     flight = np.full((len(second), len(ephemerides.prn)), _FLIGHT_TIME)
     satellite, distance = np.empty(0), np.empty(0)
     for _ in range(_FLIGHT_STEPS):
-        satellite = _turned(orbits(ephemerides, week, second[:, None] - flight).position, flight)
+        satellite = _rotate_to_reception(
+            orbits(ephemerides, week, second[:, None] - flight).position, flight
+        )
         distance = np.linalg.norm(satellite - antenna_motion.position[:, None], axis=-1)
         flight = distance / LIGHT
     emitted = second[:, None] - flight
     earlier, later = (orbits(ephemerides, week, emitted + s * _STEP) for s in (-0.5, 0.5))
     clock, drift = 0.5 * (earlier.clock + later.clock), (later.clock - earlier.clock) / _STEP
-    velocity = _turned((later.position - earlier.position) / _STEP, flight)
+    velocity = _rotate_to_reception((later.position - earlier.position) / _STEP, flight)
     away = (satellite - antenna_motion.position[:, None]) / distance[..., None]
     approach = np.sum(away * velocity, axis=-1)
     # The rotation during the flight depends on it: d(R r)/dt = R v + w x R r, tau' = rho' / c.
@@ -174,7 +176,7 @@ def ranges(ephemerides: Ephemerides, week: int, second: Array, antenna_motion: A
     return Ranges(distance, rate, clock, drift, azimuth, np.arcsin(local[..., 2]))
 
 
-def _turned(satellite: Array, flight: Array) -> Array:
+def _rotate_to_reception(satellite: Array, flight: Array) -> Array:
     """Return positions (..., 3) at emission in the Earth-fixed axes of reception."""
     angle = EARTH_RATE * flight
     sine, cosine = np.sin(angle), np.cos(angle)

@@ -129,7 +129,7 @@ class Imu:
             additions = self._additions(temperature, ideal[1])
             readings = self._triad_readings(start, ideal, additions, vibration)
         else:
-            readings = self._oversampled(start, len(t), world, vibration)
+            readings = self._oversample(start, len(t), world, vibration)
         return self._samples(start, true_t_ns, motion, ideal, temperature, readings)
 
     def apply(
@@ -305,7 +305,7 @@ class Imu:
         missing = (end - begin) * self._ratio - len(t_ns)
         return timebase.seconds_since(np.concatenate([np.zeros(missing, np.int64), t_ns]), 0)
 
-    def _oversampled(
+    def _oversample(
         self, start: int, count: int, world: World, vibration: Array | None
     ) -> list[Reading]:
         """Return the triads' samples, each the last of ``ratio`` readings at the internal rate.

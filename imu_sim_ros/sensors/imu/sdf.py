@@ -143,8 +143,8 @@ def read(path: str | Path, sensor: str | None = None, rate: object = None) -> De
     """
     file, _, fragment = str(path).partition("#")
     sensor = sensor or fragment or None
-    root = _parsed(file)
-    elements = _named(_imus(root))
+    root = _parse(file)
+    elements = _name_imus(_imus(root))
     have = ", ".join(name for name, *_ in elements) or "none"
     if sensor is not None:
         elements = [imu for imu in elements if imu[0] == sensor]
@@ -169,7 +169,7 @@ def read(path: str | Path, sensor: str | None = None, rate: object = None) -> De
     return Described(name, {**values, "imu.preset": f"{file}#{name}"})
 
 
-def _named(
+def _name_imus(
     imus: "Iterator[tuple[str, Element, ValuesOf]]",
 ) -> "list[tuple[str, Element, ValuesOf]]":
     """Return IMUs by name; those that share one have the names of their models before it.
@@ -198,7 +198,7 @@ def _hints(root: Element) -> Iterator[str]:
             yield f"<include> is not followed: give the file of {model}"
 
 
-def _parsed(file: str) -> Element:
+def _parse(file: str) -> Element:
     """Return the root of a file.
 
     :raises InputError: for one that is not XML, perhaps because it is a template of it.

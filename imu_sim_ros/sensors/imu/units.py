@@ -113,7 +113,7 @@ class UnitsOfBatch:
         if spread is None:
             return values
         limits = _spreadable()[name]
-        values = _drawn(spread, values, self.unit_seeds[units], f"spread.{name}")
+        values = _draw(spread, values, self.unit_seeds[units], f"spread.{name}")
         return np.clip(values, limits.minimum, limits.maximum)
 
     def magnetometers(self, units: Units) -> Iterator[MagnetometerParameters]:
@@ -285,13 +285,13 @@ class Triads:
         for name, triad in self._triads.items():
             additions, ahead = triad.additions(Surroundings(offset), units), self._ahead[name]
             ahead.bias[:, units] = additions.bias
-            scale = self._kept(ahead.scale, additions.scale, 1.0, units)
-            noise = self._kept(ahead.noise, additions.noise, 0.0, units)
+            scale = self._redraw_some(ahead.scale, additions.scale, 1.0, units)
+            noise = self._redraw_some(ahead.noise, additions.noise, 0.0, units)
             self._ahead[name] = Additions(scale, ahead.bias, noise)
         for name, make in self._make_others.items():
             self._others[name][:, units] = make(units, begins)
 
-    def _kept(
+    def _redraw_some(
         self, stored: Array | None, drawn: Array | None, usual: float, units: Units
     ) -> Array | None:
         """Return the stored values of all units, some of them drawn anew; None: usual ones."""
@@ -324,7 +324,7 @@ def _at(rows: int | tuple[Integers, Integers], values: Array) -> Array:
     return components.T[None]
 
 
-def _drawn(spread: Spread, nominal: Array, seeds: Integers, source: str) -> Array:
+def _draw(spread: Spread, nominal: Array, seeds: Integers, source: str) -> Array:
     """Return values (m, 3) of units."""
     if spread.kind == "gaussian":
         return nominal + spread.low * Streams(seeds, source).next(1)[0]

@@ -164,7 +164,7 @@ class Lidar(SensorModel[LidarParameters]):
         nominal = pattern.directions(start)
         origin = position + rotation.rotate(q_wb, self.lever_arm_b)
         q_ws = rotation.multiply(q_wb, self.q_bs)
-        beam = self._deflected(nominal)
+        beam = self._deflect(nominal)
         towards = rotation.rotate(q_ws, beam)
         traced = targets.trace(t, origin, towards)
         reflectivity = targets.reflectivity(traced)
@@ -220,7 +220,7 @@ class Lidar(SensorModel[LidarParameters]):
             self._streams[source] = self.stream(source)
         return self._streams[source]
 
-    def _deflected(self, nominal: Array) -> Array:
+    def _deflect(self, nominal: Array) -> Array:
         """Return the true directions (m, 3) of the beams in the sensor's frame."""
         sigma = math.radians(self.parameters.angular_noise_deg)
         if not (sigma or self._tilt.any()):

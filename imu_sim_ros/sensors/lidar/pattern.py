@@ -71,7 +71,7 @@ def _spinning(p: LidarParameters) -> Pattern:
     begin = np.arange(firings) * p.firing_period
     time = (begin[:, None] + np.arange(channels) * p.channel_interval).reshape(-1)
     offsets = np.radians(p.azimuth_offsets_deg or [0.0] * channels)
-    azimuth = _turned(p, time, p.rate) + np.tile(offsets, firings)
+    azimuth = _azimuths_at(p, time, p.rate) + np.tile(offsets, firings)
     order = np.argsort(elevation, kind="stable")[:: -1 if p.top_ring_first else 1]
     ring = np.empty(channels, np.uint16)
     ring[order] = np.arange(channels)
@@ -79,7 +79,7 @@ def _spinning(p: LidarParameters) -> Pattern:
     return Pattern(time, np.tile(ring, firings), directions)
 
 
-def _turned(p: LidarParameters, time: Array, rate: float) -> Array:
+def _azimuths_at(p: LidarParameters, time: Array, rate: float) -> Array:
     """Return azimuths at times after an azimuth of ``start_azimuth_deg`` [rad]."""
     turn = -2.0 * math.pi if p.clockwise else 2.0 * math.pi
     return math.radians(p.start_azimuth_deg) + turn * ((rate * time) % 1.0)
@@ -122,7 +122,9 @@ def _nodding(p: LidarParameters) -> Pattern:
     def directions(start: float) -> Array:
         t = start + time
         nod = np.sin(2.0 * math.pi * ((p.nod_rate * t) % 1.0))
-        return towards(_turned(p, t, p.turn_rate), offset + 0.5 * (low + high + (high - low) * nod))
+        return towards(
+            _azimuths_at(p, t, p.turn_rate), offset + 0.5 * (low + high + (high - low) * nod)
+        )
 
     return Pattern(time, ring, directions)
 

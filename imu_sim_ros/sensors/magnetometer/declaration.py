@@ -54,7 +54,7 @@ def _table_encoder(frame: str, encoding: str) -> Encode:
     return MagneticFieldEncoder(frame, encoding).encode
 
 
-def _realised(parameters: MagnetometerParameters, seed: int, _: str) -> MagnetometerParameters:
+def _realise(parameters: MagnetometerParameters, seed: int, _: str) -> MagnetometerParameters:
     """Return the parameters with the errors drawn for this unit."""
     if parameters == MagnetometerParameters():
         return parameters
@@ -121,7 +121,7 @@ SENSOR: Final[Sensor[ImuParameters]] = Sensor(
     table=TABLE,
     values=lambda samples: samples.field,
     readings=MagneticReadings,
-    realised=_realised,
+    realised=_realise,
 )
 
 

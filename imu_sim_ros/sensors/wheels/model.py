@@ -175,7 +175,7 @@ class Odometer(SensorModel[WheelsParameters]):
     def complete(self, values: Mapping[str, Array]) -> Mapping[str, Array]:
         """Return the pose that the readings add up to, and their covariance."""
         twist, angle = values["twist"], values["angle"]
-        pose = self._integrated(twist)
+        pose = self._integrate(twist)
         return {
             **values,
             "pose": pose,
@@ -230,16 +230,16 @@ class Odometer(SensorModel[WheelsParameters]):
         if self._is_at_start:
             start = np.array([stream.standard_normal() for stream in self._noise])
             self._angle = -speed[0] * self._dt
-            self._last_counts = self._counted(self._angle + noise * start)
+            self._last_counts = self._round_to_counts(self._angle + noise * start)
         turned = np.cumsum(np.concatenate([self._angle[None], speed * self._dt]), axis=0)
         drawn = np.column_stack([stream.standard_normal(len(speed)) for stream in self._noise])
         measured = np.concatenate(
-            [self._last_counts[None], self._counted(turned[1:] + noise * drawn)]
+            [self._last_counts[None], self._round_to_counts(turned[1:] + noise * drawn)]
         )
         self._angle, self._last_counts = turned[-1], measured[-1]
         return (turned[1:], speed), measured[1:], np.diff(measured, axis=0) / self._dt
 
-    def _counted(self, angle: Array) -> Array:
+    def _round_to_counts(self, angle: Array) -> Array:
         """Return angles rounded to whole counts."""
         ticks = self.parameters.ticks
         return np.rint(angle * (ticks / math.tau)) * (math.tau / ticks) if ticks else angle
@@ -272,7 +272,7 @@ class Odometer(SensorModel[WheelsParameters]):
         turned = rotation.multiply(rotation.conjugate(first_q_ws)[None], q_ws)
         return np.column_stack([moved, turned])
 
-    def _integrated(self, twist: Array) -> Array:
+    def _integrate(self, twist: Array) -> Array:
         """Return poses (n, 3), x, y and yaw: each twist is an arc of one interval."""
         if not len(twist):
             return np.zeros((0, 3))

@@ -143,10 +143,10 @@ class StatedCovariance:
         white = [slip[:, :, None] * wheels, counts - previous]
         if p.model == "ackermann":
             white.append(p.steering_noise * steering)
-        summed = np.concatenate([self._white[None], _squared(np.concatenate(white, axis=1))])
+        summed = np.concatenate([self._white[None], _square(np.concatenate(white, axis=1))])
         white_sum = np.cumsum(summed, axis=0)
         self._white = white_sum[-1].copy()
-        covariances = _moved(white_sum[1:] + _squared(counts), pose)
+        covariances = _transform(white_sum[1:] + _square(counts), pose)
         if self._constants is not None:
             for k in range(0, len(pose), _ROWS):
                 rows = slice(k, k + _ROWS)
@@ -212,12 +212,12 @@ class StatedCovariance:
         return wheels, (slope[:, None] * about)[:, None]
 
 
-def _squared(rows: Array) -> Array:
+def _square(rows: Array) -> Array:
     """Return the six elements (n, 6) of the sum of r r^T over rows (n, k, 3)."""
     return np.sum(rows[:, :, _UPPER[0]] * rows[:, :, _UPPER[1]], axis=1)
 
 
-def _moved(elements: Array, pose: Array) -> Array:
+def _transform(elements: Array, pose: Array) -> Array:
     """Return T C T^T (n, 3, 3) of six elements (n, 6) of C."""
     x, y = pose[:, 0], pose[:, 1]
     xx, xy, xt, yy, yt, tt = elements.T

@@ -18,7 +18,7 @@ from imu_sim_ros.bags.recorder_parameters import RecorderParameters
 from imu_sim_ros.core.errors import ConfigurationError, InputError, MissingDependencyError
 from imu_sim_ros.nodes import messages as message_types
 from imu_sim_ros.nodes.arguments import ros_arguments
-from imu_sim_ros.nodes.recorder.node import _left, plain_arguments
+from imu_sim_ros.nodes.recorder.node import _remaining_files, plain_arguments
 from imu_sim_ros.nodes.recorder.recording import BagRecording, Message, RecordedTopic
 from imu_sim_ros.recordings.live_clock import LiveClock
 
@@ -160,7 +160,9 @@ def test_bytes_that_are_no_text_are_named(tmp_path):
 
 
 def test_what_is_left_of_a_failed_recording_is_said(tmp_path: Path) -> None:
-    assert _left([]) == "nothing is kept: it failed before any part of the bag was complete"
+    assert (
+        _remaining_files([]) == "nothing is kept: it failed before any part of the bag was complete"
+    )
     intact_file, removed_file, empty_folder = (
         tmp_path / "x_0.mcap",
         tmp_path / "x_1.mcap",
@@ -168,10 +170,12 @@ def test_what_is_left_of_a_failed_recording_is_said(tmp_path: Path) -> None:
     )
     intact_file.touch()
     empty_folder.mkdir()
-    assert _left([intact_file]).startswith(f"{intact_file} keeps the messages written before")
-    assert _left([removed_file]) == f"{removed_file} was removed and is lost"
-    assert _left([empty_folder]) == f"{empty_folder} was removed and is lost"
-    assert _left([intact_file, removed_file]).startswith(
+    assert _remaining_files([intact_file]).startswith(
+        f"{intact_file} keeps the messages written before"
+    )
+    assert _remaining_files([removed_file]) == f"{removed_file} was removed and is lost"
+    assert _remaining_files([empty_folder]) == f"{empty_folder} was removed and is lost"
+    assert _remaining_files([intact_file, removed_file]).startswith(
         f"{removed_file} was removed and is lost; {intact_file} keeps the"
     )
 

@@ -73,7 +73,7 @@ def image_size(data: bytes) -> Size:
 
     :raises InputError: for bytes that are no image, damaged, cut off, or of more than 2^27 pixels.
     """
-    form, image = _opened(data)
+    form, image = _open(data)
     if form != "JPEG":
         with _refusing_damage(form):
             image.load()
@@ -87,7 +87,7 @@ def decoded(data: bytes) -> AnyArray:
 
     :raises InputError: for bytes that are no image, damaged, cut off, or of more than 2^27 pixels.
     """
-    form, image = _opened(data)
+    form, image = _open(data)
     codec = str(image.tile)  # "ppm" is that of colours with another maximum than 255
     is_deep = image.mode not in _GREY and (";16" in codec or "'ppm'" in codec)
     with _refusing_damage(form):
@@ -112,7 +112,7 @@ def _pixels_of_opencv(data: bytes) -> AnyArray:
     return np.ascontiguousarray(image[..., (2, 1, 0, 3)[: image.shape[2]]])
 
 
-def _opened(data: bytes) -> "tuple[str, ImageFile]":
+def _open(data: bytes) -> "tuple[str, ImageFile]":
     """Return form and header of an image, after checks of its size and of the end of the file."""
     form = next((form for magic, form in _FORMS.items() if data.startswith(magic)), "")
     if not form:

@@ -64,10 +64,8 @@ def flow(
         local = ray * (depth.reshape(-1)[pixel].astype(np.float64) / ray[:, 2])[:, None]
         pose = current(uv[:, 1], int(body))
         point = pose.position + rotation.rotate(pose.q_wc, local)
-        uv_next, away, valid = _projected(
-            model, point, uv[:, 1], partial(following, body=int(body))
-        )
-        valid &= ~_hidden(uv_next, away, valid, int(body), next_image)
+        uv_next, away, valid = _project(model, point, uv[:, 1], partial(following, body=int(body)))
+        valid &= ~_is_hidden(uv_next, away, valid, int(body), next_image)
         result[pixel[valid]] = (uv_next - uv)[valid]
     return result.reshape(height, width, 2)
 
@@ -100,7 +98,7 @@ def _by_row(eyes: Callable[[Array], Eyes], height: int) -> _Poses:
     return poses
 
 
-def _projected(
+def _project(
     model: CameraModel, points: Array, row: Array, poses: Callable[[Array], CameraPoses]
 ) -> tuple[Array, Array, Mask]:
     """Return pixels (n, 2) and depths (n,) of points (n, 3), and True (n,) for points in the image.
@@ -121,7 +119,7 @@ def _projected(
     return uv, local[:, 2], valid & model.inside(uv)
 
 
-def _hidden(
+def _is_hidden(
     uv: Array, away: Array, valid: Mask, body: int, next_image: tuple[Single, Bytes | None]
 ) -> Mask:
     """Return True for points behind everything in the four pixels around them."""

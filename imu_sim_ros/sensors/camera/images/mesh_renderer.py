@@ -62,13 +62,11 @@ class MeshRenderer:
         """
         scale = self._rays.scale
         poses = rounded(eyes.world)
-        for number, rows, rays, hits in self._seen(poses):
+        for number, rows, rays, hits in self._ray_hits(poses):
             if number not in self._pitches:
                 self._pitches[number] = _pitch(rays).reshape(-1).astype(np.float16)
             pitch = self._pitches[number].astype(np.float32)
-            picture = self._painted(hits, pitch).reshape(
-                *rays.shape[1:], *self._look.image.shape[2:]
-            )
+            picture = self._paint(hits, pitch).reshape(*rays.shape[1:], *self._look.image.shape[2:])
             if self._areas:
                 self._put_edges(picture, hits, pitch, rays, (poses, rows))
             yield slice(rows.start // scale, rows.stop // scale), picture
@@ -108,7 +106,7 @@ class MeshRenderer:
             way = np.ascontiguousarray(way.reshape(3, -1).T)
             count = ray.shape[2]
             hits = self._intersections(eye[some].repeat(count, axis=0), way)
-            values = self._painted(hits, pitch.take(pixel[some]).repeat(count))
+            values = self._paint(hits, pitch.take(pixel[some]).repeat(count))
             values = values.reshape(-1, count, *picture.shape[2:])
             total[some] = values.sum(axis=1, dtype=np.uint16)
         total += len(POINTS) // 2
@@ -161,7 +159,7 @@ class MeshRenderer:
     def depth(self, eyes: Eyes) -> Single:
         """Return the depth image (h, w) along the axis [m]; 0: nothing is hit."""
         result = np.empty(self._rays.shape, np.float32)
-        for _, rows, rays, hits in self._seen(rounded(eyes.world)):
+        for _, rows, rays, hits in self._ray_hits(rounded(eyes.world)):
             distance = np.where(hits.nothing, 0.0, hits.distance)
             result[rows] = distance.reshape(rays.shape[1:]) * rays[2]
         return result
@@ -170,7 +168,9 @@ class MeshRenderer:
         """Return :meth:`depth`, and 0 for each pixel: nothing moves in a mesh."""
         return self.depth(eyes), np.zeros(self._rays.shape, np.uint8)
 
-    def _seen(self, poses: tuple[Array, Array]) -> Iterator[tuple[int, slice, Single, MeshHits]]:
+    def _ray_hits(
+        self, poses: tuple[Array, Array]
+    ) -> Iterator[tuple[int, slice, Single, MeshHits]]:
         """Yield each band's number, rows and rays (3, h, w), and the nearest intersections."""
         position, r_wc = poses
         for number, band in enumerate(self._rays.bands):
@@ -202,7 +202,7 @@ class MeshRenderer:
         number = np.where(nothing, 0, hits.surface)
         return MeshHits(number, nothing, hits.distance, along, point, ways)
 
-    def _painted(self, hits: MeshHits, pitch: Single) -> Bytes:
+    def _paint(self, hits: MeshHits, pitch: Single) -> Bytes:
         """Return the grey values (n,) or colours (n, 3) of rays.
 
         :param pitch: (n,) angle from each ray to the next [rad].

@@ -51,7 +51,7 @@ class PixelRays:
 
     def of_band(self, number: int) -> Single:
         """Return the rays of a band (3, rows, width)."""
-        return self._kept[number] if self._kept is not None else self._computed(number)
+        return self._kept[number] if self._kept is not None else self._compute(number)
 
     def at(self, *selections: tuple[Integers, Integers]) -> list[Single]:
         """Return the rays (3, a, b) of rows (a,) in ascending order and columns (b,), of each."""
@@ -83,9 +83,9 @@ class PixelRays:
         """Rays of all bands, if they fit into memory."""
         if self.height * self.width > _KEPT:
             return None
-        return [self._computed(number) for number in range(len(self.bands))]
+        return [self._compute(number) for number in range(len(self.bands))]
 
-    def _computed(self, number: int) -> Single:
+    def _compute(self, number: int) -> Single:
         """Compute and return the rays (3, rows, width) of a band."""
         rows = self.row_positions[self.rows(self.bands[number])]
         grid = np.stack(np.meshgrid(self._columns, rows), axis=-1).reshape(-1, 2)

@@ -87,7 +87,7 @@ def atlas(
 
     def texture(m: int) -> Bytes:
         level = _texture(surfaces, m, parameters)
-        return _coloured(parameters, m, level) if colour else level
+        return _colour(parameters, m, level) if colour else level
 
     return assembled(shapes, texture, colour)
 
@@ -170,7 +170,7 @@ def _put(image: Bytes, level: Bytes, row: int, column: int, repeat: bool) -> Non
 def _corners(shapes: Sequence[tuple[int, int]]) -> tuple[list[tuple[int, int]], int, int]:
     """Return row and column of all levels of textures, and height and width of the atlas."""
     of_levels = [shape for height, width in shapes for shape in _shapes_of_levels(height, width)]
-    corners, height = _packed([(rows + 2 * _EDGE, cols + 2 * _EDGE) for rows, cols in of_levels])
+    corners, height = _pack([(rows + 2 * _EDGE, cols + 2 * _EDGE) for rows, cols in of_levels])
     return corners, height, max(_WIDTH, *(columns + 2 * _EDGE for _, columns in of_levels))
 
 
@@ -179,7 +179,7 @@ _EMPTY: Final = 4
 bits of texture coordinates depend [texels]."""
 
 
-def _packed(shapes: list[tuple[int, int]]) -> tuple[list[tuple[int, int]], int]:
+def _pack(shapes: list[tuple[int, int]]) -> tuple[list[tuple[int, int]], int]:
     """Return row and column of each rectangle on shelves, and the height of the shelves."""
     corners: list[tuple[int, int]] = [(0, 0)] * len(shapes)
     row, column, shelf = 0, _EMPTY, _EMPTY
@@ -258,7 +258,7 @@ def _blocks(seed: int, number: int, height: int, width: int) -> Bytes:
     return result
 
 
-def _coloured(parameters: SceneParameters, number: int, texture: Bytes) -> Bytes:
+def _colour(parameters: SceneParameters, number: int, texture: Bytes) -> Bytes:
     """Return a texture in red, green and blue: squares of random tints on its grey values."""
     if isinstance(parameters, TargetParameters):
         return np.repeat(texture[..., None], 3, axis=2)
