@@ -3,7 +3,9 @@
 
 """Conversion between bags and datasets, block by block."""
 
+import struct
 from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
+from contextlib import suppress
 from functools import cache, partial
 from pathlib import Path
 from types import MappingProxyType
@@ -20,6 +22,7 @@ from imu_sim_ros.bags.messages.edit import ImuEdit
 from imu_sim_ros.bags.messages.encode import (
     IMU,
     ODOMETRY,
+    PATH,
     POSE_STAMPED,
     POSE_WITH_COVARIANCE,
     TEMPERATURE,
@@ -31,6 +34,8 @@ from imu_sim_ros.bags.messages.encode import (
     TemperatureEncoder,
     Vector3StampedEncoder,
 )
+from imu_sim_ros.bags.messages.stamps import path_stamps, transform_stamps
+from imu_sim_ros.bags.messages.transforms import TF_MESSAGE
 from imu_sim_ros.bags.read import odometry_blocks, open_bag, vector_blocks
 from imu_sim_ros.bags.reader import Bag, Recover, errors_naming, missing
 from imu_sim_ros.bags.text import reader as text_reader
@@ -155,9 +160,12 @@ def bag_to_bag(
         )
         for info in topics
     }
+    order = _OrderInMessages(bag.path, bag.encoding, observe)
     groups = bag.groups({info.name for info in topics})
     for group, beside_it in _with_more(groups, additional):
         copied = [block for block in group if block.topic in handles]
+        for block in copied:
+            order.add(block)
         if edit is not None:
             copied = [edit.apply(block, bag.encoding) for block in copied]
         passed = [
@@ -174,7 +182,45 @@ def bag_to_bag(
         advance(sum(len(block.t_ns) for block in blocks))
     for gate in gates.values():
         gate.settle(skipped, warned)
+    order.finish()
     return lines
+
+
+class _OrderInMessages:
+    """Stamps within messages: of the transforms between two frames, and of a topic's last path."""
+
+    def __init__(self, path: Path, encoding: str, observe: Observe) -> None:
+        self._path, self._encoding, self._observe = path, encoding, observe
+        self._paths: dict[str, tuple[int, bytes]] = {}
+        """Record time [ns] and bytes of the last path, by topic."""
+
+    def add(self, block: MessageBlock) -> None:
+        """Add the next messages of a topic; those that are not of their type are left out."""
+        name = block.topic.name
+        if not len(block.t_ns) or self._observe is nothing:
+            return
+        if block.topic.type == PATH:
+            record_ns = int(block.t_ns[-1])
+            if name not in self._paths or self._paths[name][0] <= record_ns:
+                self._paths[name] = record_ns, bytes(as_list(block.payloads)[-1])
+        elif block.topic.type == TF_MESSAGE:
+            stamps: dict[tuple[str, str], list[tuple[int, int]]] = {}
+            recorded = zip(as_list(block.payloads), block.t_ns.tolist(), strict=True)
+            for payload, record_ns in recorded:
+                with suppress(ValueError, struct.error):
+                    for parent, child, t_ns in transform_stamps(bytes(payload), self._encoding):
+                        stamps.setdefault((parent, child), []).append((t_ns, record_ns))
+            for (parent, child), times in stamps.items():
+                t_ns, record_times = np.array(times, np.int64).T
+                self._observe(f"{self._path}: {name}:{parent}.{child}", t_ns, record_times)
+
+    def finish(self) -> None:
+        """Observe the last paths."""
+        for name, (_, payload) in self._paths.items():
+            with suppress(ValueError, struct.error):
+                t_ns = np.array([*path_stamps(payload, self._encoding)], np.int64)
+                if len(t_ns):
+                    self._observe(f"{self._path}: {name}", t_ns, None)
 
 
 def _with_more(

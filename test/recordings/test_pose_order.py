@@ -197,6 +197,58 @@ def test_convert_tells_the_order_of_transforms(tmp_path):
     assert [line.rpartition("[")[2] for line in converted.warnings] == ["stamps_late]"]
 
 
+@pytest.mark.parametrize("topic", ["/tf", "/trajectory"])
+def test_a_copy_tells_the_order_within_messages(tmp_path, topic):
+    """Two transforms in each message, of which one is late; the last path; also from ROS 1."""
+    late, clean = CORRECTED["stamps_late"][0](poses(20.0)), poses(20.0)
+    store = get_typestore(Stores.ROS2_JAZZY)
+    make = {name.rpartition("/")[2]: kind for name, kind in store.types.items()}
+
+    def header(t_ns, frame):
+        return make["Header"](make["Time"](*divmod(int(t_ns), 10**9)), frame)
+
+    quaternion = make["Quaternion"](0.0, 0.0, 0.0, 1.0)
+    if topic == "/tf":
+        transform = make["Transform"](make["Vector3"](1.0, 2.0, 3.0), quaternion)
+        kind, messages = (
+            "tf2_msgs/msg/TFMessage",
+            [
+                make["TFMessage"](
+                    [
+                        make["TransformStamped"](header(t_ns, "map"), child, transform)
+                        for t_ns, child in zip(stamps, ("body", "camera_1"), strict=True)
+                    ]
+                )
+                for stamps in zip(late.t_ns, clean.t_ns, strict=True)
+            ],
+        )
+    else:
+        pose = make["Pose"](make["Point"](1.0, 2.0, 3.0), quaternion)
+        kind, messages = (
+            "nav_msgs/msg/Path",
+            [
+                make["Path"](
+                    header(0, "world"),
+                    [make["PoseStamped"](header(t_ns, "a"), pose) for t_ns in late.t_ns[:count]],
+                )
+                for count in (10, len(late))
+            ],
+        )
+    with Writer(tmp_path / "bag", version=9, storage_plugin=StoragePlugin.MCAP) as writer:
+        connection = writer.add_connection(topic, kind, typestore=store)
+        for k, message in enumerate(messages):
+            payload = store.serialize_cdr(message, kind)
+            writer.write(connection, START_NS + k * 10**7, payload)
+    source = tmp_path / "bag"
+    for name in ("copy.bag", "again.mcap"):
+        converted = ims.convert(source, tmp_path / name)
+        (line,) = converted.warnings
+        assert line.endswith("[stamps_late]")
+        pair = ":map.body" if topic == "/tf" else ""
+        assert line.startswith(f"{source}: {topic}{pair}, from row 51 ")
+        source = tmp_path / name
+
+
 def test_inspect_tells_a_reset_of_poses(tmp_path):
     for container in ("tum", "mcap"):
         folder = tmp_path / container
