@@ -9,7 +9,7 @@ they are made. Columns that a source lacks are None, never zeros.
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence, Set
+from collections.abc import Iterable, Mapping, Set
 from dataclasses import KW_ONLY, MISSING, dataclass, field, fields
 from typing import TYPE_CHECKING, Any, ClassVar, Final, Literal, NamedTuple, TypeVar
 
@@ -423,17 +423,21 @@ def with_fields(record: SeriesT, **changes: Any) -> SeriesT:
     return type(record).unchecked(**(_values(record) | changes))
 
 
-def concatenated(records: Sequence[SeriesT]) -> SeriesT:
+def concatenated(records: Iterable[SeriesT]) -> SeriesT:
     """Return consecutive blocks of one source as one record; columns that one block lacks are None.
+
+    Of an iterator's blocks each column is free as soon as it is joined.
 
     :param records: one or more blocks; texts are those of the first.
     """
-    head = records[0]
-    if len(records) == 1:
+    remaining = iter(records)
+    head = next(remaining)
+    blocks = [_values(head), *map(_values, remaining)]
+    if len(blocks) == 1:
         return head
-    values, blocks = _values(head), [_values(block) for block in records]
+    values = _values(head)
     for name in _fields_of(type(head)).arrays:
-        parts = [block[name] for block in blocks]
+        parts = [block.pop(name) for block in blocks]
         values[name] = None if any(part is None for part in parts) else np.concatenate(parts)
     return _record(type(head), values)
 

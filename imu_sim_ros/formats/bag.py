@@ -4,6 +4,7 @@
 """Bags of any kind: Imu topics as Readings, topics of poses of any type as States."""
 
 from collections.abc import Iterator
+from itertools import chain
 from pathlib import Path
 from typing import Final
 
@@ -91,10 +92,11 @@ def states(path: Path, topic: str | None, covariance: bool, handling: Handling) 
         name, type_name, frames = pose_topic(bag, topic)
         if type_name in (PATH, TF_MESSAGE):
             return _of_messages(bag, name, frames, source)
-    parts = list(_blocks(path, name, type_name, covariance, handling))
-    if not parts:
+    blocks = _blocks(path, name, type_name, covariance, handling)
+    head = next(blocks, None)
+    if head is None:
         raise InputError(f"{source}: 0 poses; a trajectory needs two or more")
-    columns = concatenated(parts)
+    columns = concatenated(chain([head], blocks))
     if handling.warned is not None:  # passed on as they are
         return columns
     return States(

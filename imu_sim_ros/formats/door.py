@@ -9,6 +9,7 @@ A format is a module with ``holds``, ``reading_blocks`` and ``states``, and its 
 
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import replace
+from itertools import chain
 from pathlib import Path
 from typing import Final, Protocol
 
@@ -121,11 +122,13 @@ def read_readings(
         errors.
     :raises InputError: also for a file without readings of the chosen frame.
     """
-    blocks = list(reading_blocks(path, choice, Handling(skipped)))
-    if not blocks and choice.frame is not None:
+    blocks = iter(reading_blocks(path, choice, Handling(skipped)))
+    head = next(blocks, None)
+    if head is not None:
+        return concatenated(chain([head], blocks))
+    if choice.frame is not None:
         raise InputError(f"{path}: contains no readings of the frame {choice.frame}")
-    empty = Readings(np.empty(0, np.int64), np.empty((0, 3)), np.empty((0, 3)), source=str(path))
-    return concatenated(blocks or [empty])
+    return Readings(np.empty(0, np.int64), np.empty((0, 3)), np.empty((0, 3)), source=str(path))
 
 
 def _without_stated(path: Path, choice: Choice, header_units: Mapping[str, str]) -> Choice:

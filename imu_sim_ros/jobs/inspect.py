@@ -6,9 +6,10 @@
 from __future__ import annotations
 
 import textwrap
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Generator, Iterable, Iterator, Mapping, Sequence
 from contextlib import suppress
 from dataclasses import dataclass, replace
+from itertools import chain
 from os import PathLike
 from pathlib import Path
 from typing import Annotated, Final, TypeVar
@@ -27,6 +28,7 @@ from imu_sim_ros.calibration.noise.truth import load_truth, true_noise
 from imu_sim_ros.core import arguments
 from imu_sim_ros.core.arguments import BAG_OR_FILE, name_of, suggest_keywords
 from imu_sim_ros.core.bad_rows import tell_skipped
+from imu_sim_ros.core.blocks import step_lengths
 from imu_sim_ros.core.conventions import AXES, TRIADS, TRUTH_TOPIC
 from imu_sim_ros.core.digits import plus_minus
 from imu_sim_ros.core.errors import ConfigurationError, InputError, Problems
@@ -530,70 +532,104 @@ def inspect(
     choice = checked_choice(None, *selection, of_a_file=of_a_file)
     topic = arguments.topic("topic", topic)
     skip = arguments.switch("skip_bad_rows", skip_bad_rows)
-    topics: list[TopicContents] = []
-    records: list[Record] = []
     problems = Problems()
+    checked: list[Path | Flight | Readings | States] = []
     for source in sources:
-        if isinstance(source, Flight):
-            records += [source.readings, source.truth]
-        elif isinstance(source, Readings | States):
-            records.append(source)
-        elif isinstance(source, str | PathLike):
+        if isinstance(source, str | PathLike):
             with problems.gathered():
                 path = arguments.path("inputs", source, BAG_OR_FILE)
-                records += _read(path, topic, choice, skip, topics)
+                if not path.exists():
+                    raise InputError(f"{path}: no such file or folder")
+                checked.append(path)
+        elif isinstance(source, Flight | Readings | States):
+            checked.append(source)
         else:
             allowed = f"a Flight, Readings, States, or {BAG_OR_FILE}"
             arguments.refuse("inputs", source, allowed, wrong_type=True)
+    summary = _Summary()
+    for recording in checked:
+        if isinstance(recording, Path):
+            with problems.gathered():
+                records = _read(recording, topic, choice, skip, summary.topics)
+                summary.add(records, is_judged=not problems)
+        elif isinstance(recording, Flight):
+            summary.add((recording.readings, recording.truth), is_judged=not problems)
+        else:
+            summary.add((recording,), is_judged=not problems)
     problems.tell()
-    sensors: list[SensorContents] = []
-    trajectories: list[PoseContents] = []
-    temperatures: list[TemperatureContents] = []
-    findings: list[Finding] = []
-    turns: list[tuple[str, TurnAngles | UnknownOffsetError]] = []
-    cameras: list[str] = []
-    bodies: dict[str, str] = {}
-    for record in records:
+    return summary.inspection()
+
+
+class _Summary:
+    """Contents and findings of records, which are not kept: each is judged as it is read."""
+
+    def __init__(self) -> None:
+        self.topics: list[TopicContents] = []
+        self._sensors: list[SensorContents] = []
+        self._trajectories: list[PoseContents] = []
+        self._temperatures: list[TemperatureContents] = []
+        self._findings: list[Finding] = []
+        self._turns: list[tuple[str, TurnAngles | UnknownOffsetError]] = []
+        self._cameras: list[str] = []
+        self._bodies: dict[str, str] = {}
+
+    def add(self, records: Iterable[Record], is_judged: bool) -> None:
+        """Add records.
+
+        :param is_judged: False: only read them, since another input has a problem.
+        """
+        for record in records:
+            if is_judged:
+                self._judge(record)
+            del record  # a long recording leaves the memory before the next one is read
+
+    def _judge(self, record: Record) -> None:
+        """Add the contents and the findings of a record."""
         if isinstance(record, CameraRecord):
-            cameras.append(record.source)
-            findings += camera_findings(record)
+            self._cameras.append(record.source)
+            self._findings += camera_findings(record)
         elif isinstance(record, FeatureTracks):
-            turns.append((record.source, _turn_angles(turn_angles_of_tracks, record)))
+            angles = _turn_angles(turn_angles_of_tracks, record)
+            self._turns.append((record.source, angles))
         elif isinstance(record, ClippingCounts):
-            findings += clipping_findings(record)
+            self._findings += clipping_findings(record)
         elif isinstance(record, TopicFrames):
-            findings += frame_findings(record)
+            self._findings += frame_findings(record)
         elif isinstance(record, CloudRecord):
-            findings += cloud_findings(record)
+            self._findings += cloud_findings(record)
         elif isinstance(record, TemperatureRecord):
-            temperatures += _temperatures(record)
-            findings += temperature_findings(record)
+            self._temperatures += _temperatures(record)
+            self._findings += temperature_findings(record)
         elif isinstance(record, Readings):
             measures = ReadingMeasures(record)
             if record.temperature is not None:
-                temperatures += _temperatures(TemperatureRecord(record.source, record.temperature))
-            sensors.append(_sensor(measures))
-            findings += reading_findings(record, measures)
+                degrees = TemperatureRecord(record.source, record.temperature)
+                self._temperatures += _temperatures(degrees)
+            self._sensors.append(_sensor(measures))
+            self._findings += reading_findings(record, measures)
             angles = _turn_angles(turn_angles_of_readings, measures)
-            turns.insert(len(sensors) - 1, (record.source, angles))
+            self._turns.insert(len(self._sensors) - 1, (record.source, angles))
         else:
             poses = order_poses(record).poses
-            trajectories.append(_poses(poses))
-            findings += state_findings(record)
+            self._trajectories.append(_poses(poses))
+            self._findings += state_findings(record)
             if record.source.endswith(f"/{TRUTH_TOPIC}") and record.child_frame_id:
-                bodies[record.source.removesuffix(TRUTH_TOPIC)] = record.child_frame_id
+                self._bodies[record.source.removesuffix(TRUTH_TOPIC)] = record.child_frame_id
             angles = _turn_angles(turn_angles_of_poses, StateMeasures(poses))
-            turns.append((record.source, angles))
-    offsets = list(_offsets(turns, cameras, bodies))
-    return Inspection(
-        tuple(topics),
-        tuple(sensors),
-        tuple(trajectories),
-        tuple(temperatures),
-        tuple(offset for offset in offsets if isinstance(offset, SensorOffset)),
-        tuple(offset for offset in offsets if isinstance(offset, UnknownOffset)),
-        tuple(by_severity(findings)),
-    )
+            self._turns.append((record.source, angles))
+
+    def inspection(self) -> Inspection:
+        """Return the contents and findings of all records."""
+        offsets = list(_offsets(self._turns, self._cameras, self._bodies))
+        return Inspection(
+            tuple(self.topics),
+            tuple(self._sensors),
+            tuple(self._trajectories),
+            tuple(self._temperatures),
+            tuple(offset for offset in offsets if isinstance(offset, SensorOffset)),
+            tuple(offset for offset in offsets if isinstance(offset, UnknownOffset)),
+            tuple(by_severity(self._findings)),
+        )
 
 
 def _turn_angles(
@@ -662,8 +698,6 @@ def _read(
     :raises InputError: for what cannot be read, and a file with neither readings nor poses.
     """
     name = name_of(path)
-    if not path.exists():
-        raise InputError(f"{path}: no such file or folder")
     if not door.has_topics(path):
         yield from _read_text(path, replace(choice, topic=topic), skip)
         return
@@ -688,11 +722,8 @@ def _read(
     for imu in imus:
         with problems.gathered():
             label = imu.topic or f"{imu.gyro_topic}, {imu.accel_topic}"
-            parts = list(_read_frames(path, imu, f"{name}, {label}", skip))
-            if parts:
-                yield from parts
-            else:
-                empty += 1
+            has_readings = yield from _read_frames(path, imu, f"{name}, {label}", skip)
+            empty += not has_readings
     if choice.frame is not None and empty == len(imus):
         with problems.gathered():
             raise InputError(f"{path}: contains no readings of the frame {choice.frame}")
@@ -700,12 +731,14 @@ def _read(
         with problems.gathered():
             handling = Handling(tell_skipped(path) if skip else None)
             try:
-                states = door.format_of(path).states(path, track, False, handling)
+                yield with_fields(
+                    door.format_of(path).states(path, track, False, handling),
+                    source=f"{name}, {track}",
+                )
             except InputError:
                 if topic is None and track in paths:  # a path of fewer than two poses
                     continue
                 raise
-            yield with_fields(states, source=f"{name}, {track}")
     for info in infos if topic is None else ():
         if info.type == TEMPERATURE and info.count:
             with problems.gathered():
@@ -720,18 +753,25 @@ def _read(
     problems.tell()
 
 
-def _read_frames(path: Path, choice: Choice, source: str, skip: bool) -> Iterator[Record]:
-    """Yield the readings of a topic; of several frames their numbers, and those of each."""
+def _read_frames(
+    path: Path, choice: Choice, source: str, skip: bool
+) -> Generator[Record, None, bool]:
+    """Yield the readings of a topic; of several frames their numbers, and those of each.
+
+    :returns: True if there are any.
+    """
     handling = Handling(tell_skipped(path) if skip else None)
     try:
-        blocks = list(door.reading_blocks(path, choice, handling))
+        blocks = iter(door.reading_blocks(path, choice, handling))
+        head = next(blocks, None)
+        if head is None:
+            return False
+        yield with_fields(concatenated(chain([head], blocks)), source=source)
     except MixedFramesError as error:
         yield error.topic._replace(source=source)
         for frame in error.topic.frames:
             yield from _read_frames(path, replace(choice, frame=frame), f"{source}, {frame}", skip)
-        return
-    if blocks:
-        yield with_fields(concatenated(blocks), source=source)
+    return True
 
 
 def _read_text(path: Path, choice: Choice, skip: bool) -> Iterator[Record]:
@@ -822,5 +862,5 @@ def _poses(states: States) -> PoseContents:
         poses=len(states),
         duration_s=0.0 if clock is None else clock.duration,
         rate_hz=None if clock is None else clock.rate,
-        length_m=float(np.linalg.norm(np.diff(states.position, axis=0), axis=1).sum()),
+        length_m=float(step_lengths(states.position).sum()),
     )

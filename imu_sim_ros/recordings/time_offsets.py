@@ -11,12 +11,14 @@ motion of 1 rad/s that turns about two axes in quadrature; in such a motion the 
 """
 
 import math
+from collections.abc import Callable
 from itertools import pairwise
 from typing import Final, NamedTuple
 
 import numpy as np
 
 from imu_sim_ros.core import rotation
+from imu_sim_ros.core.blocks import blocks
 from imu_sim_ros.core.conventions import STANDARD_GRAVITY
 from imu_sim_ros.core.errors import InputError
 from imu_sim_ros.core.timebase import seconds_since
@@ -128,12 +130,19 @@ def turn_angles_of_readings(measures: ReadingMeasures) -> TurnAngles:
         raise UnknownOffsetError("it has too few readings of both triads, or they are swapped")
     piece = max(clock.pieces, key=lambda rows: rows.stop - rows.start)
     times = clock.times_ns()[piece]
-    rate = measures.values[0] * measures.rate_unit.scale
     if len(times) < 3:
         raise UnknownOffsetError(_SHORT)
-    angles = _angles(int(times[0]), (times - times[0]) * 1e-9, 0.5 * (rate[1:] + rate[:-1]))
+    gyro, scale = measures.values[0], measures.rate_unit.scale
+
+    def mean_rates(rows: slice) -> Array:
+        """Return the mean rates between neighbouring readings."""
+        rate = gyro[rows] * scale
+        return 0.5 * (rate[1:] + rate[:-1])
+
     force = measures.values[1] * (STANDARD_GRAVITY / max(measures.mean_force, 1e-300))
     spread = float(np.linalg.norm(force.std(axis=0)))
+    del force
+    angles = _angles(int(times[0]), (times - times[0]) * 1e-9, mean_rates)
     return angles._replace(disturbance=_G_SENSITIVITY * spread)
 
 
@@ -143,21 +152,26 @@ def turn_angles_of_poses(measures: StateMeasures) -> TurnAngles:
     :raises UnknownOffsetError: for poses that are too few, or out of order.
     """
     states = measures.states
-    starts, _ = measures.runs
     if np.any(np.diff(states.t_ns) <= 0):
         raise UnknownOffsetError("its stamps do not increase")
-    if len(starts) < 3:
+    changes = measures.changes
+    if np.count_nonzero(changes) < 3:
         raise UnknownOffsetError("its poses stay the same")
     # Poses that are held have moved only where the next one begins.
-    distinct = StateMeasures(states.rows(starts)) if len(starts) < len(states) else measures
+    distinct = measures if changes.all() else StateMeasures(states.rows(changes))
     rows = _longest_run(distinct.regular)
     states = distinct.states.rows(rows)
     if len(states) < 3:
         raise UnknownOffsetError(_SHORT)
-    q_wb = states.q_wb
-    steps = rotation.log(rotation.multiply(rotation.conjugate(q_wb[:-1]), q_wb[1:]))
-    t = states.t
-    return _angles(int(states.t_ns[0]), t, steps / np.diff(t)[:, None])
+    t, attitudes = states.t, states.q_wb
+
+    def mean_rates(rows: slice) -> Array:
+        """Return the mean rates between neighbouring poses."""
+        q_wb = attitudes[rows]
+        steps = rotation.log(rotation.multiply(rotation.conjugate(q_wb[:-1]), q_wb[1:]))
+        return steps / np.diff(t[rows])[:, None]
+
+    return _angles(int(states.t_ns[0]), t, mean_rates)
 
 
 def turn_angles_of_tracks(tracks: FeatureTracks) -> TurnAngles:
@@ -183,13 +197,22 @@ def turn_angles_of_tracks(tracks: FeatureTracks) -> TurnAngles:
     if len(t) < 3:
         raise UnknownOffsetError("its frames have too few features in common, or none")
     steps = np.array([turn for turn in turns[rows.start : rows.stop - 1] if turn is not None])
-    return _angles(start_ns, t, steps / np.diff(t)[:, None])
+    rates = steps / np.diff(t)[:, None]
+    return _angles(start_ns, t, lambda rows: rates[rows.start : rows.stop - 1])
 
 
-def _angles(start_ns: int, t: Array, rate: Array) -> TurnAngles:
-    """Return the integrals of rates (n - 1, 3) between times (n,)."""
-    turned = np.cumsum(rate * np.diff(t)[:, None], axis=0)
-    return TurnAngles(start_ns, t, np.concatenate([np.zeros((1, 3)), turned]))
+def _angles(start_ns: int, t: Array, mean_rates: Callable[[slice], Array]) -> TurnAngles:
+    """Return the integrals of rates between times (n,), computed in blocks.
+
+    :param mean_rates: function that returns the mean rates (m, 3) between m + 1 of these times.
+    """
+    angle = np.zeros((len(t), 3))
+    for rows in blocks(len(t) - 1):
+        ends = slice(rows.start, rows.stop + 1)
+        turned = mean_rates(ends) * np.diff(t[ends])[:, None]
+        turned[0] += angle[rows.start]
+        np.cumsum(turned, axis=0, out=angle[rows.start + 1 : rows.stop + 1])
+    return TurnAngles(start_ns, t, angle)
 
 
 def _longest_run(regular: Mask) -> slice:

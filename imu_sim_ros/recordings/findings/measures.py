@@ -11,6 +11,7 @@ from typing import Final, NamedTuple
 import numpy as np
 
 from imu_sim_ros.core import rotation
+from imu_sim_ros.core.blocks import blocks, lengths
 from imu_sim_ros.core.conventions import STANDARD_GRAVITY
 from imu_sim_ros.core.errors import InputError
 from imu_sim_ros.core.records import Readings
@@ -113,7 +114,7 @@ class ReadingMeasures:
         triads = [x for x in (self.readings.gyro, self.readings.accel) if x is not None]
         if not triads or not len(self.readings):
             return None
-        return repeats(np.hstack(triads))
+        return np.logical_and.reduce([repeats(values) for values in triads])
 
     @property
     def interval(self) -> float:
@@ -128,7 +129,13 @@ class ReadingMeasures:
             return None
         piece = max(clock.pieces, key=lambda rows: rows.stop - rows.start)
         rows = clock.rows[piece]
-        return None if len(rows) < _FEWEST else (readings.gyro[rows], readings.accel[rows])
+        if len(rows) < _FEWEST:
+            return None
+        triads = (readings.gyro, readings.accel)
+        if all(values.flags.c_contiguous for values in triads) and np.all(np.diff(rows) == 1):
+            neighbours = slice(int(rows[0]), int(rows[-1]) + 1)  # a view: it needs no memory
+            return triads[0][neighbours], triads[1][neighbours]
+        return triads[0][rows], triads[1][rows]
 
     @cached_property
     def rest(self) -> Mask:
@@ -237,11 +244,11 @@ class ReadingMeasures:
         if self.values is None or self.swapped is not None:
             return radians
         gyro = self.values[0]
-        mean = float(np.linalg.norm(gyro, axis=1).mean())
+        mean = float(lengths(gyro).mean())
         if mean * _DEGREES > _FASTEST:
             text = f"the angular rate is {mean:.4g} on average: no rad/s and no deg/s"
             return RateUnit("counts", _DEGREES, text)
-        if bool(np.all(gyro == np.rint(gyro))) and any(self.noisy(column) for column in gyro.T):
+        if _are_whole(gyro) and any(self.noisy(column) for column in gyro.T):
             text = f"all angular rates are whole numbers, up to {np.abs(gyro).max():.4g}"
             return RateUnit("counts", _DEGREES, text)
         if mean > _FASTEST:
@@ -343,7 +350,7 @@ class ReadingMeasures:
     def mean_force(self) -> float:
         """Mean length of the specific force, in the unit of the readings."""
         assert self.values is not None
-        return float(np.linalg.norm(self.values[1], axis=1).mean())
+        return float(lengths(self.values[1]).mean())
 
     @cached_property
     def noise_density(self) -> tuple[Array, Array] | None:
@@ -359,18 +366,24 @@ class ReadingMeasures:
 
     def _white(self, values: Array) -> Array:
         """Return the noise densities (3,) of one triad (n, 3), by its fourth differences."""
-        change = np.diff(values, 4, axis=0)
-        parts = self._windows(change)
-        # Successive differences of noise have a correlation of -0.8: 80 % of them change sign.
-        noise = np.mean(change[1:] * change[:-1] < 0.0, axis=0) > _ALTERNATION
-        if not len(parts):
+        squares, alternations = [], np.zeros(3)
+        number = len(values) - 4
+        for rows in blocks(number, self.window):
+            change = np.diff(values[rows.start : rows.stop + 5], 4, axis=0)
+            # Successive differences of noise have a correlation of -0.8: 80 % change sign.
+            alternations += np.count_nonzero(change[1:] * change[:-1] < 0.0, axis=0)
+            parts = self._windows(change[: rows.stop - rows.start])
+            squares.append(np.square(parts).mean(axis=(1, 2)))
+        noise = alternations / (number - 1) > _ALTERNATION
+        windows = np.concatenate(squares)
+        if not len(windows):
             return np.zeros(3)
         # The lower quartile of the windows: those with the least motion. In white noise it is z
         # deviations below the mean (Blom 1958); a window's variance deviates by sqrt(2 s / n) of
         # itself, s = 2.627 the sum of the squared correlations of fourth differences.
-        count, size = len(parts), parts.shape[1] * parts.shape[2]
+        count, size = len(windows), self.window
         z = NormalDist().inv_cdf((0.25 * (count - 1) + 0.625) / (count + 0.25))
-        variance = np.quantile(np.square(parts).mean(axis=(1, 2)), 0.25, axis=0) / 70.0
+        variance = np.quantile(windows, 0.25, axis=0) / 70.0
         variance /= 1.0 + z * math.sqrt(2.0 * 2.627 / size)
         return np.where(noise, np.sqrt(variance * self.interval), 0.0)
 
@@ -380,6 +393,11 @@ class ReadingMeasures:
         change = np.diff(column)
         change = change[np.abs(change) > ROUNDING * np.abs(column).max()]
         return len(change) > _FEWEST and float(np.mean(change[1:] * change[:-1] < 0.0)) > _TURNS
+
+
+def _are_whole(values: Array) -> bool:
+    """Return True if all values (n, k) are whole numbers."""
+    return all(bool(np.all(values[rows] == np.rint(values[rows]))) for rows in blocks(len(values)))
 
 
 def _typical(density: Array) -> float:

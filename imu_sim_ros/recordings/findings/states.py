@@ -12,6 +12,7 @@ from typing import Final, NamedTuple, TypeAlias
 import numpy as np
 
 from imu_sim_ros.core import rotation
+from imu_sim_ros.core.blocks import blocks
 from imu_sim_ros.core.records import States
 from imu_sim_ros.core.types import Array, Integers, Mask
 from imu_sim_ros.recordings.findings.finding import Evidence, check
@@ -54,13 +55,22 @@ class StateMeasures:
         return usual_step(self.states.t_ns) * 1e-9
 
     @cached_property
+    def changes(self) -> Mask:
+        """(n,) True for each pose that differs from the one before."""
+        states = self.states
+        changes = np.ones(len(states), np.bool_)
+        for rows in blocks(len(states) - 1):
+            ends = slice(rows.start, rows.stop + 1)
+            moves = np.any(np.diff(states.position[ends], axis=0) != 0.0, axis=1)
+            moves |= np.any(np.diff(states.q_wb[ends], axis=0) != 0.0, axis=1)
+            changes[rows.start + 1 : rows.stop + 1] = moves
+        return changes
+
+    @cached_property
     def runs(self) -> tuple[Integers, Integers]:
         """First rows (k,) of runs of equal poses, and their lengths."""
-        states = self.states
-        moves = np.any(np.diff(states.position, axis=0) != 0.0, axis=1)
-        moves |= np.any(np.diff(states.q_wb, axis=0) != 0.0, axis=1)
-        starts = np.flatnonzero(np.append(True, moves))
-        return starts, np.diff(np.append(starts, len(states)))
+        starts = np.flatnonzero(self.changes)
+        return starts, np.diff(np.append(starts, len(self.states)))
 
     @cached_property
     def regular(self) -> Mask:
