@@ -9,6 +9,7 @@ from functools import cached_property
 import numpy as np
 
 from imu_sim_ros.core.arguments import number, one_of
+from imu_sim_ros.core.blocks import squared_lengths
 from imu_sim_ros.core.records import States
 from imu_sim_ros.core.rotation import rotate_inverse
 from imu_sim_ros.core.timebase import seconds_since
@@ -171,4 +172,4 @@ def compare(
 
 def _rms(errors: Array) -> float:
     """Return the root mean square length of errors (n, 3)."""
-    return float(np.sqrt(np.mean(np.sum(np.square(errors), axis=1))))
+    return float(np.sqrt(np.mean(squared_lengths(errors))))

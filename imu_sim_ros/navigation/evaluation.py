@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from imu_sim_ros.core import rotation
+from imu_sim_ros.core.blocks import blocks, step_lengths
 from imu_sim_ros.core.components import (
     Component,
     Quaternion,
@@ -395,8 +396,7 @@ def statistics(errors: Array) -> Statistics:
 
 def distances(position: Array) -> Array:
     """Return the path's length (n,) from the first position to each [m]."""
-    steps = np.linalg.norm(np.diff(position, axis=0), axis=1)
-    return np.concatenate([np.zeros(1), np.cumsum(steps)])
+    return np.concatenate([np.zeros(1), np.cumsum(step_lengths(position))])
 
 
 def attitude_errors(estimate: Array, truth: Array) -> Array:
@@ -405,7 +405,10 @@ def attitude_errors(estimate: Array, truth: Array) -> Array:
     :param estimate: (n, 4) estimated q_wb.
     :param truth: (n, 4) true q_wb.
     """
-    return stack(attitude_error(quaternion(estimate), quaternion(truth)))
+    errors = np.empty((len(estimate), 3), order="F")
+    for rows in blocks(len(estimate)):
+        errors[rows] = stack(attitude_error(quaternion(estimate[rows]), quaternion(truth[rows])))
+    return errors
 
 
 def attitude_error(
