@@ -329,7 +329,7 @@ def text_to_bag(
         streams.append(_state_messages(path, writer, renamed, skipped, observe))
     elif (poses := text_reader.pose_file(path)) is not None:
         streams.append(_pose_messages(poses, writer, renamed, skipped, observe))
-    for blocks in _interleaved([*streams, *frames]):
+    for blocks in _interleave([*streams, *frames]):
         writer.write_blocks(blocks)
         advance(sum(len(block.t_ns) for block in blocks))
 
@@ -440,7 +440,7 @@ def _pose_messages(
     yield [Block(topic, poses.t_ns, payloads)]
 
 
-def _interleaved(streams: Sequence[Iterator[list[Block]]]) -> Iterator[list[Block]]:
+def _interleave(streams: Sequence[Iterator[list[Block]]]) -> Iterator[list[Block]]:
     """Merge streams of blocks in time order.
 
     The first block of an item has all of its times, the others some or all of these.

@@ -201,7 +201,7 @@ class Bag(AbstractContextManager["Bag"], Shareable):
         self._stack.push(stack)
 
     @abstractmethod
-    def _timed(self, names: Collection[str]) -> Iterator[Timed]:
+    def _read_by_time(self, names: Collection[str]) -> Iterator[Timed]:
         """Yield the messages of topics, chunk by chunk in the order of their first times."""
 
     def groups(self, names: Collection[str] | None = None) -> Iterator[list[MessageBlock]]:
@@ -216,8 +216,8 @@ class Bag(AbstractContextManager["Bag"], Shareable):
             names = {topic.name for topic in self.topics}
         waiting: dict[TopicInfo, list[MessageBlock]] = {}
         with errors_naming(self.path):
-            for next_start_ns, blocks in prefetch(self._timed(names)):
-                for block in map(_unpacked, blocks):
+            for next_start_ns, blocks in prefetch(self._read_by_time(names)):
+                for block in map(_unpack, blocks):
                     if len(block.t_ns):
                         waiting.setdefault(block.topic, []).append(block)
                 ready = []
@@ -402,7 +402,7 @@ class ChunkedBag(Bag, Generic[_Chunk]):
                 if match.start() < _SEARCHED_BYTES:
                     yield start + match.start()
 
-    def _timed(self, names: Collection[str]) -> Iterator[Timed]:
+    def _read_by_time(self, names: Collection[str]) -> Iterator[Timed]:
         """Yield the messages of topics, chunk by chunk in the order of their first times."""
         chunks = sorted(self._chunks, key=lambda chunk: chunk.start_ns)
         starts = [*(chunk.start_ns for chunk in chunks), END_NS][1:]
@@ -465,7 +465,7 @@ def in_order(blocks: Sequence[MessageBlock]) -> MessageBlock:
     topic, t_ns, payloads = blocks[0]
     if len(blocks) > 1:
         t_ns = np.concatenate([block.t_ns for block in blocks])
-        payloads = _concatenated([block.payloads for block in blocks])
+        payloads = _concatenate([block.payloads for block in blocks])
     if bool(np.all(t_ns[1:] >= t_ns[:-1])):
         return MessageBlock(topic, t_ns, payloads)
     order = np.argsort(t_ns, kind="stable")
@@ -478,7 +478,7 @@ _COMPRESSED_MESSAGES: Final = {b"\x28\xb5\x2f\xfd": "zstd", b"\x04\x22\x4d\x18":
 """Compressions by the first bytes of a message; those of CDR begin with 0."""
 
 
-def _unpacked(block: MessageBlock) -> MessageBlock:
+def _unpack(block: MessageBlock) -> MessageBlock:
     """Return a block with its messages unpacked that rosbag2 has compressed one by one."""
     if not len(block.t_ns) or bytes(block.payloads[0][:4]) not in _COMPRESSED_MESSAGES:
         return block
@@ -501,7 +501,7 @@ def _message(payload: bytes) -> bytes:
     return bytes(message)
 
 
-def _concatenated(payloads: Sequence[Payloads]) -> Payloads:
+def _concatenate(payloads: Sequence[Payloads]) -> Payloads:
     """Return the messages of several blocks as one array if all have one size, else a list."""
     tables = [rows for rows in payloads if not isinstance(rows, list)]
     if len(tables) == len(payloads) and len({rows.shape[1] for rows in tables}) == 1:

@@ -194,7 +194,7 @@ class SqliteBag(Bag):
             self.found.append(f"{problem}; all messages up to number {last_id} are there")
         return counts
 
-    def _timed(self, names: Collection[str]) -> Iterator[Timed]:
+    def _read_by_time(self, names: Collection[str]) -> Iterator[Timed]:
         """Yield the messages of topics in the order of time, some thousand rows at a time."""
         ids = {id_ for id_, topic in self._topics.items() if topic.name in names}
         if self._pages is not None:
@@ -253,7 +253,7 @@ class Rosbag2Folder(Bag):
             if len(encodings) > 1:
                 raise InputError(f"{path}: holds messages of ROS 1 and of ROS 2")
             self.encoding = next(iter(encodings), self.encoding)
-            self.topics = _merged([topic for part in self._parts for topic in part.topics])
+            self.topics = _merge_topics([topic for part in self._parts for topic in part.topics])
         except BaseException:
             self._stack.close()
             raise
@@ -306,11 +306,11 @@ class Rosbag2Folder(Bag):
             raise InputError(f"{missing[0]}: missing; metadata.yaml lists it")
         return files
 
-    def _timed(self, names: Collection[str]) -> Iterator[Timed]:
+    def _read_by_time(self, names: Collection[str]) -> Iterator[Timed]:
         """Yield the messages of topics, file by file."""
         topics = {(topic.name, topic.type): topic for topic in self.topics}
         for part in self._parts:
-            for next_start_ns, blocks in part._timed(names):
+            for next_start_ns, blocks in part._read_by_time(names):
                 # Each file is in order of its own; what overlaps between files stays apart.
                 yield Timed(
                     next_start_ns,
@@ -365,7 +365,7 @@ def _files_found(folder: Path) -> list[Path]:
     return [files[plain] for plain in sorted(files, key=number)]
 
 
-def _merged(topics: Collection[TopicInfo]) -> list[TopicInfo]:
+def _merge_topics(topics: Collection[TopicInfo]) -> list[TopicInfo]:
     """Return the topics of several files, each once, with all their messages."""
     from dataclasses import replace
 

@@ -70,7 +70,7 @@ class PartsWriter(Writer):
         """Write the messages of several topics; those after a boundary go into the next part."""
         blocks = tally(blocks)
         while blocks:
-            part = self._begun()
+            part = self._current_part()
             within, past = self._divided_by_time(blocks)
             first_blocks, remaining = self._divided_by_size(within, part)
             part.write_blocks(
@@ -80,7 +80,7 @@ class PartsWriter(Writer):
                 self._end_part()
             blocks = remaining + past
 
-    def _begun(self) -> Writer:
+    def _current_part(self) -> Writer:
         """Return the part that is being written, or a new one if the last is closed."""
         if self._ended:
             if len(self._parts) >= MAX_PARTS:
@@ -108,7 +108,7 @@ class PartsWriter(Writer):
         for block in blocks:
             past = np.flatnonzero(block.t_ns >= self._end_ns)
             counts.append(int(past[0]) if len(past) else len(block.t_ns))
-        return _divided(blocks, counts)
+        return _divide(blocks, counts)
 
     def _divided_by_size(
         self, blocks: list[Block], part: Writer
@@ -130,7 +130,7 @@ class PartsWriter(Writer):
             for start, stop in pairwise(starts.tolist())
             for rows in [fitting[(fitting >= start) & (fitting < stop)]]
         ]
-        return _divided(blocks, counts)
+        return _divide(blocks, counts)
 
     def _end_part(self) -> None:
         """Close the part that is being written; the next message begins a new one."""
@@ -181,7 +181,7 @@ def _sizes(block: Block) -> Integers:
     return np.full(len(block.t_ns), len(row), dtype=np.int64)
 
 
-def _divided(blocks: list[Block], counts: list[int]) -> tuple[list[Block], list[Block]]:
+def _divide(blocks: list[Block], counts: list[int]) -> tuple[list[Block], list[Block]]:
     """Return the first messages of blocks, and the others; empty blocks are left out."""
     pairs = list(zip(blocks, counts, strict=True))
     first_blocks = [Block(b.topic, b.t_ns[:n], b.payloads[:n]) for b, n in pairs if n]

@@ -162,7 +162,7 @@ def _values(where: str, content: object) -> list[object]:
     if isinstance(content, Mapping) and len(content) == 1:
         kind, limits = next(iter(content.items()))
         if kind in ("range", "log_range"):
-            return list(_spaced(f"{where}.{kind}", kind == "log_range", limits))
+            return list(_space_evenly(f"{where}.{kind}", kind == "log_range", limits))
     if isinstance(content, list) and content:
         values = [tuple(entry) if isinstance(entry, list) else entry for entry in content]
         if any(isinstance(value, Mapping) or value is None for value in values):
@@ -174,7 +174,7 @@ def _values(where: str, content: object) -> list[object]:
     )
 
 
-def _spaced(where: str, logarithmic: bool, limits: object) -> list[float]:
+def _space_evenly(where: str, logarithmic: bool, limits: object) -> list[float]:
     """Return the numbers of a range [first, last, count], evenly or logarithmically spaced."""
     limits_text = "two numbers above 0" if logarithmic else "two finite numbers"
     error = ConfigurationError(

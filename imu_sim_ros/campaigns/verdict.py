@@ -576,13 +576,13 @@ def _metric_effect(
     :param pairs: values (n, 2) of A and B on each seed.
     :param losses: (n, 2) values in which larger is worse.
     """
-    kind, values, margin = _scaled(pairs, losses, rule, rule.tolerance)
+    kind, values, margin = _scale_losses(pairs, losses, rule, rule.tolerance)
     moved = shift(values[:, 0] - values[:, 1], margin, comparisons)
     higher = rule.better == HIGHER
-    size, together = (_unscaled(i, kind, higher) for i in (moved.centre, moved.simultaneous))
+    size, together = (_unscale(i, kind, higher) for i in (moved.centre, moved.simultaneous))
     proven = None
     if rule.margin is not None:
-        _, values, margin = _scaled(pairs, losses, rule, rule.margin)
+        _, values, margin = _scale_losses(pairs, losses, rule, rule.margin)
         proven = statistics.non_inferior(values[:, 0] - values[:, 1], margin)
     return replace(
         effect,
@@ -597,7 +597,7 @@ def _metric_effect(
     )
 
 
-def _scaled(
+def _scale_losses(
     pairs: Array, losses: Array, rule: Criterion, allowed: Tolerance
 ) -> tuple[str, Array, float]:
     """Return the kind of an effect, the losses to subtract (n, 2), and a margin.
@@ -620,7 +620,7 @@ def _are_ratios(pairs: Array, rule: Criterion) -> bool:
     return bool((pairs[np.isfinite(pairs)] > 0.0).all()) and isinstance(rule.better, str)
 
 
-def _unscaled(interval: ConfidenceInterval, kind: str, higher: bool) -> ConfidenceInterval:
+def _unscale(interval: ConfidenceInterval, kind: str, higher: bool) -> ConfidenceInterval:
     """Return a shift of losses as a ratio or difference of the metric's values."""
     value, low, high = interval
     if higher:
@@ -722,7 +722,7 @@ def _contests(groups: Sequence[Group], rule: Criterion) -> list[Contest]:
     """Return the contests of every factor, decided together."""
     ranks = {id(group): _rank(group, rule) for group in groups}
     contested = [
-        (factor, _ranked(sorted(members, key=lambda group: ranks[id(group)]), rule))
+        (factor, _order_groups(sorted(members, key=lambda group: ranks[id(group)]), rule))
         for factor, members in _members(groups)
     ]
     count = sum(_pair_count(len(ranked)) for _, ranked in contested)
@@ -781,7 +781,7 @@ def _rank(group: Group, rule: Criterion) -> tuple[float, float]:
     return _typical_loss(values_of(group, rule.metric), rule), -group.done / len(group.rows)
 
 
-def _ranked(ranked: list[Group], rule: Criterion) -> list[Group]:
+def _order_groups(ranked: list[Group], rule: Criterion) -> list[Group]:
     """Return groups in an order that does not depend on the time that each covers.
 
     Groups that are compared over common time are ordered by the number of others they are worse

@@ -101,7 +101,7 @@ def reading_blocks(
     """
     path = Path(path)
     if choice.merges:
-        yield _merged(path, choice, handling)
+        yield _merge_triads(path, choice, handling)
         return
     entry = format_of(path)
     if choice.gyro_unit is not None or choice.accel_unit is not None:
@@ -165,7 +165,7 @@ def _in_si(readings: Readings, choice: Choice, notes: tuple[str, ...]) -> Readin
     return with_fields(readings, gyro=gyro, accel=accel, notes=(*readings.notes, *notes))
 
 
-def _merged(path: Path, choice: Choice, handling: Handling) -> Readings:
+def _merge_triads(path: Path, choice: Choice, handling: Handling) -> Readings:
     """Return gyroscope and accelerometer of two topics, at the times of the gyroscope.
 
     Times without an accelerometer, before and after its readings and in its gaps, are left out.

@@ -127,7 +127,7 @@ def add_errors(
     >>> bool((flight.accel == same.accel).all())
     True
     """
-    ideal_readings = _given(t_ns, gyro, accel, orientation, "add_errors")
+    ideal_readings = _checked_readings(t_ns, gyro, accel, orientation, "add_errors")
     if not len(ideal_readings.t_ns):
         raise InputError("add_errors: no readings")
     strays = tell_strays(ideal_readings.t_ns, True, "add_errors", warn)
@@ -289,7 +289,7 @@ class ErrorModel:
                 samples = self._model.read_few([LiveReading(t_ns, rate, force)])
                 if samples is not None:
                     return samples
-        ideal_readings = _given(t_ns, gyro, accel, orientation, "read")
+        ideal_readings = _checked_readings(t_ns, gyro, accel, orientation, "read")
         blocks = [window[IMU] for window in self._model.read(ideal_readings)]
         return joined(blocks) if blocks else _no_samples(self._model.position)
 
@@ -309,7 +309,7 @@ class ErrorModel:
         (1, 3)
         """
         ideal_values = _given_values("magnetic_field", t_ns, field)
-        return _delivered(self._model.other("magnetic_field"), ideal_values, MagneticReadings)
+        return _deliver(self._model.other("magnetic_field"), ideal_values, MagneticReadings)
 
     def read_pressure(
         self,
@@ -336,7 +336,7 @@ class ErrorModel:
         """
         values = _pressures(self.parameters, pressure, altitude)
         ideal_values = _given_values("pressure", t_ns, values)
-        return _delivered(self._model.other("pressure"), ideal_values, PressureReadings)
+        return _deliver(self._model.other("pressure"), ideal_values, PressureReadings)
 
     def update(self, **parameters: object) -> None:
         """Change live parameters by their ROS names, ``imu={"gyroscope_bias": [0.1, 0, 0]}``.
@@ -726,7 +726,7 @@ def _no_samples(position: int) -> Samples:
     return Samples(times, times, times, times, values, position)
 
 
-def _given(
+def _checked_readings(
     t_ns: object, gyro: ArrayLike, accel: ArrayLike, orientation: ArrayLike | None, name: str
 ) -> Readings:
     """Return the user's readings as checked arrays.
@@ -807,9 +807,7 @@ def _one_of(**values: ArrayLike | None) -> tuple[str, ArrayLike]:
     return pairs[0]
 
 
-def _delivered(
-    sensor: GivenOther, ideal_values: IdealValues, readings: type[ReadingsT]
-) -> ReadingsT:
+def _deliver(sensor: GivenOther, ideal_values: IdealValues, readings: type[ReadingsT]) -> ReadingsT:
     """Return the samples of ideal values that are delivered, as a flight has them."""
     quantity = sensor.declared.quantity
     windows = [{quantity: block} for block in sensor.read(ideal_values)]

@@ -67,7 +67,7 @@ def stamps(bag: Bag, source: TopicInfo) -> Times:
     t_ns = np.empty(0, np.int64)
     for group in bag.groups({source.name}):
         for block in group:
-            t_ns = np.concatenate([t_ns, _decoded(bag, block, ()).t_ns])
+            t_ns = np.concatenate([t_ns, _decode(bag, block, ()).t_ns])
         if len(t_ns) > _FIRST:
             break
     return t_ns[:_FIRST]
@@ -201,7 +201,7 @@ class BagErrors:
             self._outputs.append((topic, output.name, output.encoder(writer.encoding)))
         topics = [*copied, *([] if self._source in copied else [self._source])]
         if self._source in copied:
-            append_blocks, name = self._more, self._source.name
+            append_blocks, name = self._sensor_messages, self._source.name
             lines = convert.bag_to_bag(
                 self._bag, writer, topics, renamed, advance, None, warned, append_blocks, name
             )
@@ -225,7 +225,9 @@ class BagErrors:
     ) -> list[str]:
         """Write the sensor's topics, then copy the others; bags are ordered when they are read."""
         groups = self._bag.groups({self._source.name})
-        batches = ((self._more(block), len(block.t_ns)) for group in groups for block in group)
+        batches = (
+            (self._sensor_messages(block), len(block.t_ns)) for group in groups for block in group
+        )
         for blocks, count in prefetch(batches):
             writer.write_blocks(blocks)
             advance(count)
@@ -233,11 +235,11 @@ class BagErrors:
             return []
         return convert.bag_to_bag(self._bag, writer, copied, renamed, advance, None, warned)
 
-    def _more(self, block: MessageBlock) -> list[Block]:
+    def _sensor_messages(self, block: MessageBlock) -> list[Block]:
         """Return the sensor's messages for some of the ideal ones."""
         if block.topic is not self._source or not len(block.t_ns):
             return []
-        decoded = _decoded(self._bag, block, self._fields)
+        decoded = _decode(self._bag, block, self._fields)
         if self._odometry is None:
             self._check_triads(block)
             self._frame = decoded.frame_ids[0] if self._frame is None else self._frame
@@ -246,7 +248,7 @@ class BagErrors:
         blocks = []
         # What was recorded late is so by as much next to it; nothing is before 1970.
         late_ns = int(np.median(block.t_ns - decoded.t_ns))
-        for readings in self._passed(decoded):
+        for readings in self._pass_gate(decoded):
             for window in self.model.read(readings):
                 for topic, sensor, encode in self._outputs:
                     messages = encode(window[sensor], self._parameters)
@@ -260,7 +262,7 @@ class BagErrors:
 
         :raises InputError: with what helps.
         """
-        columns = _decoded(self._bag, block, _COVARIANCES).numbers
+        columns = _decode(self._bag, block, _COVARIANCES).numbers
         self._presence.unlike(*columns.values())
         absent = [
             triad
@@ -271,7 +273,7 @@ class BagErrors:
             name = f"{self._bag.path}: {self._source.name}"
             raise InputError(absence(name, triad) for triad in absent)
 
-    def _passed(self, decoded: Decoded) -> Iterator[Readings]:
+    def _pass_gate(self, decoded: Decoded) -> Iterator[Readings]:
         """Yield the readings of messages that the gate lets pass."""
         numbers = decoded.numbers
         if self._odometry is None:
@@ -321,7 +323,7 @@ def _orientation(numbers: Mapping[str, Array]) -> Array | None:
     return inside_order(numbers["orientation"]) / stated[:, None] if valid.all() else None
 
 
-def _decoded(bag: Bag, block: MessageBlock, fields: Sequence[str]) -> Decoded:
+def _decode(bag: Bag, block: MessageBlock, fields: Sequence[str]) -> Decoded:
     """Return fields of a block's messages; damaged ones are an error that names the bag."""
     with errors_naming(bag.path):
         return decode_block(block, bag.encoding, fields)

@@ -325,7 +325,7 @@ def allan(
         )
         problems_of_units: list[str] = []
         notes: list[str] = []
-        judged = (_judged(stream, problems_of_units, notes) for stream in blocks)
+        judged = (_judge_units(stream, problems_of_units, notes) for stream in blocks)
         reading = progress("read", lambda: sum(_count(path, topic) for path in paths))
         with _telling(problems_of_units), reading as advance:
             result = analyse(judged, model=model, force=force, advance=advance)
@@ -367,7 +367,7 @@ def _telling(problems: Sequence[str]) -> Iterator[None]:
         raise type(error)([*problems, *error.problems]) from None
 
 
-def _judged(
+def _judge_units(
     blocks: Iterable[Readings], problems: list[str], notes: list[str]
 ) -> Iterator[Readings]:
     """Yield blocks of readings unchanged; units that are not SI become problems.

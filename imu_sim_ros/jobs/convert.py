@@ -573,7 +573,7 @@ def _bag_to_bag(
     """
     choice, edit = output.choice, None
     if choice.merges:
-        topics = _unmerged(bag, topics, output)
+        topics = _drop_merged(bag, topics, output)
     elif not choice.is_plain:
         topic = None if choice.topic is None else choice.topic.lstrip("/")
         edit = ImuEdit(topic, choice.frame, choice.factors)
@@ -612,7 +612,7 @@ def _bag_to_bag(
     return counts, last_ns
 
 
-def _unmerged(bag: Bag, topics: Sequence[TopicInfo], output: _Output) -> list[TopicInfo]:
+def _drop_merged(bag: Bag, topics: Sequence[TopicInfo], output: _Output) -> list[TopicInfo]:
     """Return topics without those of single triads, which the merged readings replace.
 
     :raises InputError: if another topic has the name of the merged readings.
@@ -682,7 +682,7 @@ def _bag_to_dataset(
                 advance,
                 recover,
                 journal.skipped,
-                _described(names),
+                _tables_of_kinds(names),
                 journal.passed_on,
                 output.stamps.add,
             )
@@ -794,7 +794,7 @@ def _text_to_dataset(
             None,
             advance,
             skipped=skipped,
-            tables=_described(names),
+            tables=_tables_of_kinds(names),
             observe=output.stamps.add,
         )
         image_counts = {}
@@ -858,7 +858,7 @@ def _rows(
     return counts
 
 
-def _described(names: Mapping[str, str]) -> list[tuple[Table, str]]:
+def _tables_of_kinds(names: Mapping[str, str]) -> list[tuple[Table, str]]:
     """Return tables instead of their kinds."""
     tables_by_kind = known_tables()
     return [(tables_by_kind[kind], name) for kind, name in names.items()]

@@ -270,7 +270,7 @@ def dead_reckon(
     >>> round(ims.evaluate(track, flight.truth).final_position, 5)
     0.00129
     """
-    start, settings = _begun(
+    start, settings = _prepare(
         readings,
         {**parameters, "method": method, "attitude_update": attitude_update},
         initial,
@@ -307,7 +307,7 @@ def dead_reckon_all(
     """Integrate readings by all methods with all attitude updates; arguments as `dead_reckon`."""
     topics = (imu_topic, truth_topic)
     selection = (frame, gyro_topic, accel_topic, gyro_unit, accel_unit)
-    start, settings = _begun(
+    start, settings = _prepare(
         readings, parameters, initial, calibration, topics, skip, skip_bad_rows, selection
     )
     return [
@@ -318,7 +318,7 @@ def dead_reckon_all(
     ]
 
 
-def _begun(
+def _prepare(
     readings: Flight | Readings | str | Path,
     parameters: Mapping[str, object],
     initial: str | NavigationState,

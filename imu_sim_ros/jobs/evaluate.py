@@ -411,7 +411,9 @@ def evaluate(
     if table is not None:
         _refuse_all(unfit, f"omitted: {estimate_topic} is no trajectory")
         recording = (truth, truth_topic)
-        return _measured(table, (estimate, str(estimate_topic)), recording, max_gap, imu, skip)
+        return _compare_measurements(
+            table, (estimate, str(estimate_topic)), recording, max_gap, imu, skip
+        )
     _refuse_all({"imu": imu}, "omitted: it is about recorded orientations")
     if has_attitude_alone(estimate):
         _refuse_all(unfit, "omitted: attitudes alone have no positions")
@@ -500,7 +502,7 @@ def _table(estimate: object, topic: str | None) -> Table | None:
     return sensor_of(file, checked_topic("estimate_topic", topic, True))
 
 
-def _measured(
+def _compare_measurements(
     table: Table,
     estimate: tuple[str | Path, str],
     truth: tuple[object, str | None],

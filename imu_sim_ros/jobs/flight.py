@@ -168,7 +168,7 @@ class Flight:
         self._windows, self._topics = windows, topics
         self._blocks = [window[IMU] for window in windows]
 
-    def _joined(self, name: str) -> Array:
+    def _join(self, name: str) -> Array:
         """Return an array of all blocks, of delivered samples."""
         return np.concatenate([block.values[name][block.delivered] for block in self._blocks])
 
@@ -185,17 +185,17 @@ class Flight:
     @cached_property
     def gyro(self) -> Array:
         """(n, 3) angular rates as read [rad/s], in the IMU's frame."""
-        return self._joined("gyro")
+        return self._join("gyro")
 
     @cached_property
     def accel(self) -> Array:
         """(n, 3) specific forces as read [m/s^2], in the IMU's frame."""
-        return self._joined("accel")
+        return self._join("accel")
 
     @cached_property
     def temperature(self) -> Array:
         """(n,) temperature of the sensor [degC]."""
-        return self._joined("temperature")
+        return self._join("temperature")
 
     def __getattr__(self, name: str) -> Any:
         """Return the readings of another sensor, at its own rate and stamps.

@@ -281,35 +281,35 @@ class Inspection:
         for sensor in self.sensors:
             yield from input_lines([f"{sensor.source}: {note}" for note in sensor.notes])
         for finding in self.findings:
-            yield from _wrapped(f"{finding.severity}: ", finding.statement())
-            yield from _wrapped("  effect  ", finding.effect)
-            yield from _wrapped("  to do   ", finding.remedy)
+            yield from _wrap(f"{finding.severity}: ", finding.statement())
+            yield from _wrap("  effect  ", finding.effect)
+            yield from _wrap("  to do   ", finding.remedy)
         if not self.findings:
             yield "no findings"
         for file in dict.fromkeys(topic.source for topic in self.topics):
             topics = [topic for topic in self.topics if topic.source == file]
             yield from ("", f"topics: {file}")
-            yield from _aligned([[t.topic, t.type, f"{t.messages:,}"] for t in topics])
+            yield from _align_columns([[t.topic, t.type, f"{t.messages:,}"] for t in topics])
         for sensor in self.sensors:
             yield from ("", f"IMU: {sensor.source}")
-            yield from _aligned(_sensor_rows(sensor))
+            yield from _align_columns(_sensor_rows(sensor))
         for poses in self.trajectories:
             yield from ("", f"poses: {poses.source}")
-            yield from _aligned(_pose_rows(poses))
+            yield from _align_columns(_pose_rows(poses))
         for degrees in self.temperatures:
             yield from ("", f"temperatures: {degrees.source}")
             span = f"{degrees.lowest:.4g} to {degrees.highest:.4g} degC"
-            yield from _aligned([["readings", f"{degrees.temperatures:,}"], ["range", span]])
+            yield from _align_columns([["readings", f"{degrees.temperatures:,}"], ["range", span]])
         if self.offsets or self.unknown_offsets:
             yield from ("", "time offsets, with their 95 % intervals")
             for offset in self.offsets:
                 half = 0.5 * (offset.high_s - offset.low_s)
                 size = f"{plus_minus(1e3 * offset.offset_s, 1e3 * half)} ms"
                 text = f"to add to the stamps of {offset.source}, for those of {offset.reference}"
-                yield from _wrapped(f"  {size}  ", text)
+                yield from _wrap(f"  {size}  ", text)
             for unknown in self.unknown_offsets:
                 text = f"{unknown.source}, for {unknown.reference}: {unknown.reason}"
-                yield from _wrapped("  unknown  ", text)
+                yield from _wrap("  unknown  ", text)
 
     def tables(self) -> Iterator[tuple[str, list[str], Sequence[Sequence[object]]]]:
         """Yield title, header and rows of the tables of contents."""
@@ -410,7 +410,7 @@ def _cell(value: object) -> str:
     return f"{value:,}" if isinstance(value, int) else str(value)
 
 
-def _wrapped(label: str, text: str) -> list[str]:
+def _wrap(label: str, text: str) -> list[str]:
     """Return a text in lines of 80 columns, next to its label."""
     indent = " " * min(len(label), _INDENT)
     return textwrap.wrap(
@@ -423,7 +423,7 @@ def _wrapped(label: str, text: str) -> list[str]:
     )
 
 
-def _aligned(rows: Sequence[Sequence[str]]) -> Iterator[str]:
+def _align_columns(rows: Sequence[Sequence[str]]) -> Iterator[str]:
     """Yield rows of text in columns, indented: numbers of a last column to the right."""
     widths = [max(map(len, column)) for column in zip(*rows, strict=True)]
     for row in rows:

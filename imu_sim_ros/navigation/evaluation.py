@@ -182,7 +182,7 @@ def remainder(
         stated = pose[:, part, part]
         errors = absolute_errors(poses, truth)[_ORDER[name]]
         return Remainder(0, errors, stated, invertible(stated))
-    pose = _completed(pose, poses.position)
+    pose = _complete_covariances(pose, poses.position)
     row = _gauge_row(name, pose, poses.position)
     if row is None:
         return None
@@ -195,7 +195,7 @@ def remainder(
     return Remainder(row, absolute_errors(poses, truth)[_ORDER[name]], covariances, usable)
 
 
-def _completed(pose: Array, position: Array) -> Array:
+def _complete_covariances(pose: Array, position: Array) -> Array:
     """Return covariances with those of position with yaw, if none are stated.
 
     The yaw that a filter begins with turns its path about where it begins, which is where the

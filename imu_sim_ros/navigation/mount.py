@@ -62,7 +62,7 @@ class ImuMount(NamedTuple):
         """
         arm, q_ib = vector(self.arm_i), quaternion(components.conjugate(self.q_bi))
         state = (vector(imu.position), vector(imu.velocities()), quaternion(imu.q_wb))
-        body = _moved(state, vector(rate_i), arm, q_ib)
+        body = _body_state(state, vector(rate_i), arm, q_ib)
         return states_of(imu.t_ns, *(stack(columns) for columns in body))
 
     def body_state(self, t_ns: int, imu: State[float], rate_i: Vector) -> LiveState:
@@ -77,7 +77,7 @@ class ImuMount(NamedTuple):
             velocity_b = components.rotate_inverse(q_wb, velocity)
             return LiveState(t_ns, position, q_wb, velocity_b, rate_i)
         q_ib = components.conjugate(self.q_bi)
-        position, velocity, q_wb = _moved(imu, rate_i, self.arm_i, q_ib)
+        position, velocity, q_wb = _body_state(imu, rate_i, self.arm_i, q_ib)
         velocity_b = components.rotate_inverse(q_wb, velocity)
         return LiveState(t_ns, position, q_wb, velocity_b, components.rotate(self.q_bi, rate_i))
 
@@ -126,7 +126,7 @@ class ImuMount(NamedTuple):
         return covariance
 
 
-def _moved(
+def _body_state(
     imu: State[Component],
     rate_i: components.Vector[Component],
     arm_i: components.Vector[Component],

@@ -295,7 +295,7 @@ class _Errors:
         :param rate: (m, B, 2, 3) at both ends of the steps.
         """
         if not self._has_noise:
-            for transition in _joined(f)[0]:
+            for transition in _join_steps(f)[0]:
                 self.jacobian = transition @ self.jacobian
             return
         start_t = g[..., :6].swapaxes(-1, -2)
@@ -308,7 +308,7 @@ class _Errors:
             crossed = f @ (with_noise @ start_t)
             added += crossed + crossed.swapaxes(-1, -2)
             self._with_noise = from_end[-1]
-        f, added = _joined(f, added)
+        f, added = _join_steps(f, added)
         jacobians = []
         for transition, gained in zip(f, added, strict=True):
             self.jacobian = transition @ self.jacobian
@@ -319,7 +319,7 @@ class _Errors:
             self._slow.extend(np.stack(jacobians), h, readings, _JOINED)
 
 
-def _joined(f: Array, q: Array | None = None) -> tuple[Array, Array]:
+def _join_steps(f: Array, q: Array | None = None) -> tuple[Array, Array]:
     """Return steps ``P <- F P F^T + Q`` joined eight by eight, the last ones fewer.
 
     Neighbours are joined, then pairs, then fours: two steps after one another are ``F = F2 F1`` and

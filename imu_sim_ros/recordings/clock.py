@@ -156,7 +156,7 @@ def find_pattern(t_ns: Times) -> StampPattern:
     if clear is not None:
         events = int(np.count_nonzero(clear))
         if not coarse or events < _FEWEST_WRAPS:
-            interval = _counted(steps, counts + clear, typical)
+            interval = _counted_interval(steps, counts + clear, typical)
             return StampPattern(interval, unit_ns, bunch_ns, False, True)
     if coarse:
         lined = _lined_interval(rows, heads, unit_ns, None if clear is None else clear)
@@ -169,7 +169,7 @@ def find_pattern(t_ns: Times) -> StampPattern:
                 missing = Losses(pattern).count(t_ns)[begin:][rows[1:] - rows[0]]
                 if not missing.any():
                     break
-                interval = _counted(steps, counts + missing, pattern.interval_ns)
+                interval = _counted_interval(steps, counts + missing, pattern.interval_ns)
                 if missing.max() <= longest_loss(interval):
                     numbers = np.append(0, np.cumsum(counts + missing))
                     interval = _line(numbers, heads)[0]
@@ -178,7 +178,7 @@ def find_pattern(t_ns: Times) -> StampPattern:
             if clear is None or missing.sum() < _SIMPLER * clear.sum():
                 return pattern
         if clear is not None:
-            interval = _counted(steps, counts + clear, typical)
+            interval = _counted_interval(steps, counts + clear, typical)
             return StampPattern(interval, unit_ns, bunch_ns, False, True)
     pattern = StampPattern(interval, unit_ns, bunch_ns, False, False)
     missing = Losses(pattern).count(t_ns)[begin:][rows[1:] - rows[0]]
@@ -265,7 +265,7 @@ def _clear(excess: Array) -> Integers | None:
     return None
 
 
-def _counted(steps: Integers, samples: Integers, interval: float) -> float:
+def _counted_interval(steps: Integers, samples: Integers, interval: float) -> float:
     """Return the interval [ns] of steps with counted samples, pauses left out."""
     regular = samples <= longest_loss(interval) + 1.0
     if not regular.any():

@@ -42,7 +42,7 @@ def pair(
     :param names: names of triad and companion, for the notes.
     :raises InputError: if the stamps do not increase, or have no time in common.
     """
-    triad, companion = _timed(t_ns, triad_values), _timed(companion_ns, values)
+    triad, companion = _clock_times(t_ns, triad_values), _clock_times(companion_ns, values)
     knots_ns, times_ns = companion.t_ns, triad.t_ns
     if np.any(np.diff(knots_ns) <= 0):
         raise InputError("the stamps do not increase: not merged")
@@ -85,7 +85,7 @@ class _Timed(NamedTuple):
     """Time between two samples [ns]; 0: a single reading."""
 
 
-def _timed(t_ns: Times, values: Array) -> _Timed:
+def _clock_times(t_ns: Times, values: Array) -> _Timed:
     """Return the times of readings (n, 3) by the clock behind their stamps (n,) [ns]."""
     if len(t_ns) < 2:
         return _Timed(np.arange(len(t_ns)), t_ns, np.zeros(len(t_ns), np.bool_), 0.0)

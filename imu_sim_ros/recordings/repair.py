@@ -80,13 +80,13 @@ def mended(poses: States) -> Mended:
     :param poses: (n,) recorded poses; stamps increase, quaternions have any sign.
     """
     poses = with_fields(poses, q_wb=rotation.continuous(poses.q_wb))
-    t, repeats = poses.t, _held(poses)
+    t, repeats = poses.t, _held_rows(poses)
     if not len(repeats):
-        return _mended(t, poses)
+        return _mend_moving(t, poses)
     rows = np.setdiff1d(np.arange(len(t)), repeats)
     # Steps of stamps in whole milliseconds are none of them the interval of the log.
     log_step = estimate_clock(poses.t_ns).interval_ns * 1e-9
-    rest = _mended(t[rows], poses.rows(rows), log_step)
+    rest = _mend_moving(t[rows], poses.rows(rows), log_step)
     jumps = [jump._replace(row=int(rows[jump.row])) for jump in rest.disturbances.jumps]
     single = rows[rest.disturbances.single]
     return rest._replace(
@@ -94,7 +94,7 @@ def mended(poses: States) -> Mended:
     )
 
 
-def _mended(t: Array, poses: States, log_step: float = 0.0) -> Mended:
+def _mend_moving(t: Array, poses: States, log_step: float = 0.0) -> Mended:
     """Return poses (n,), of which none is held, mended.
 
     :param t: (n,) times at which they were stamped [s].
@@ -105,10 +105,10 @@ def _mended(t: Array, poses: States, log_step: float = 0.0) -> Mended:
         none = Disturbances(nothing, np.zeros(0), np.zeros(0), [], 0.0, 0.0, nothing)
         return Mended(t, poses, none)
     times, scatter, interval = even_times(t, poses.position, poses.q_wb, log_step)
-    return _repaired(times, poses, scatter, interval)
+    return _remove_disturbances(times, poses, scatter, interval)
 
 
-def _repaired(t: Array, poses: States, scatter: float, interval: float) -> Mended:
+def _remove_disturbances(t: Array, poses: States, scatter: float, interval: float) -> Mended:
     """Return poses (n,) without outliers and jumps.
 
     :param t: (n,) times at which they were taken [s].
@@ -126,7 +126,7 @@ def _repaired(t: Array, poses: States, scatter: float, interval: float) -> Mende
         if np.max(off) <= _OFF:
             break
         for first, last in reversed(_clusters(np.flatnonzero(off > _OFF))):
-            dropped, jump = _explained(times, rest, deviations.usual, first, last)
+            dropped, jump = _explain_disturbance(times, rest, deviations.usual, first, last)
             if jump is not None:  # all that follows is moved as a whole, so the last comes first
                 jumps.append(jump._replace(row=int(rows[jump.row])))
                 poses = _join_all(poses, rows, times, deviations.usual, jump)
@@ -144,7 +144,7 @@ def _repaired(t: Array, poses: States, scatter: float, interval: float) -> Mende
     return Mended(t[rows], poses.rows(rows), disturbances)
 
 
-def _held(poses: States) -> Integers:
+def _held_rows(poses: States) -> Integers:
     """Return the rows that repeat the pose before while the body moves.
 
     A body that stands is one long run, which stays.
@@ -170,7 +170,7 @@ def _clusters(rows: Integers) -> list[tuple[int, int]]:
     return [(int(part[0]), int(part[-1])) for part in parts]
 
 
-def _explained(
+def _explain_disturbance(
     t: Array, poses: States, usual: Array, begin: int, end: int
 ) -> tuple[Integers, Jump | None]:
     """Return rows to leave out, or a jump, that explain a disturbance; nothing if neither does.
@@ -179,7 +179,7 @@ def _explained(
     out, so the better of the two holds; then come more poses in a row.
     """
     window = np.arange(max(begin - _WINDOW, 0), min(end + _WINDOW + 1, len(t)))
-    values, columns = _scaled(t, poses, usual, window)
+    values, columns = _scale(t, poses, usual, window)
 
     def best(length: int) -> tuple[float, int, float]:
         """Return the residual without ``length`` poses (0: with a jump), their row, the jump.
@@ -191,7 +191,7 @@ def _explained(
         for start in range(begin, min(end + 2 - length, len(t))):
             out = (window >= start) & (window < start + length)
             step = [] if length else [window >= start]
-            remainder, solution = _left(np.column_stack([columns, *step]), values, ~out)
+            remainder, solution = _fit_distance(np.column_stack([columns, *step]), values, ~out)
             explanation = min(explanation, (remainder, start, float(np.linalg.norm(solution[-1]))))
         return explanation
 
@@ -209,13 +209,13 @@ def _explained(
 
 def _step(t: Array, poses: States, usual: Array, window: Integers, row: int) -> Jump:
     """Return the jump ahead of a row that leaves least of a polynomial on both sides."""
-    values, columns = _scaled(t, poses, usual, window)
-    _, solution = _left(np.column_stack([columns, window >= row]), values, window >= 0)
+    values, columns = _scale(t, poses, usual, window)
+    _, solution = _fit_distance(np.column_stack([columns, window >= row]), values, window >= 0)
     change = solution[-1] * np.repeat(np.median(usual[window], axis=0), 3)
     return Jump(row, change[:3], rotation.rotate(poses.q_wb[window[0]], change[3:]))
 
 
-def _scaled(t: Array, poses: States, usual: Array, window: Integers) -> tuple[Array, Array]:
+def _scale(t: Array, poses: States, usual: Array, window: Integers) -> tuple[Array, Array]:
     """Return position and attitude (k, 6) in usual deviations, and a polynomial's columns."""
     times = t[window]
     since = 2.0 * (times - times[0]) / (times[-1] - times[0]) - 1.0
@@ -226,7 +226,7 @@ def _scaled(t: Array, poses: States, usual: Array, window: Integers) -> tuple[Ar
     return np.column_stack([moved, turns]) / scale, since[:, None] ** _DEGREES
 
 
-def _left(columns: Array, values: Array, keep: Mask) -> tuple[float, Array]:
+def _fit_distance(columns: Array, values: Array, keep: Mask) -> tuple[float, Array]:
     """Return the largest distance from the fit to the rows that are kept, and the coefficients."""
     rows = columns[keep]
     solution = np.asarray(np.linalg.lstsq(rows, values[keep], rcond=None)[0], dtype=np.float64)
@@ -243,12 +243,12 @@ def _join_all(poses: States, rows: Integers, t: Array, usual: Array, jump: Jump)
     """
     window = np.arange(max(jump.row - _WINDOW, 0), min(jump.row + _WINDOW + 1, len(rows)))
     for _ in range(_JOINS):
-        poses = _joined(poses, jump._replace(row=int(rows[jump.row])))
+        poses = _join_at_jump(poses, jump._replace(row=int(rows[jump.row])))
         jump = _step(t, poses.rows(rows), usual, window, jump.row)
     return poses
 
 
-def _joined(poses: States, jump: Jump) -> States:
+def _join_at_jump(poses: States, jump: Jump) -> States:
     """Return the poses, moved from the jump on so that the motion continues."""
     rows = slice(jump.row, None)
     position, q_wb = poses.position.copy(), poses.q_wb.copy()

@@ -104,12 +104,16 @@ def _lengths(
     apart = np.max(np.diff(t[rows], axis=1), axis=1) > _LONG_STEP * step
     # Over a few poses the four numbers of a quaternion are as smooth as the angles; twice their
     # distance is the angle.
-    moved = np.linalg.norm(_missed(predict, rows, since, position, poses), axis=1) / size
-    turned = 2.0 * np.linalg.norm(_missed(predict, rows, since, q_wb, poses), axis=1) / size
+    moved = np.linalg.norm(_prediction_errors(predict, rows, since, position, poses), axis=1) / size
+    turned = (
+        2.0 * np.linalg.norm(_prediction_errors(predict, rows, since, q_wb, poses), axis=1) / size
+    )
     return np.where(apart, 0.0, moved), np.where(apart, 0.0, turned)
 
 
-def _missed(predict: Array, rows: Integers, since: Array, values: Array, poses: Integers) -> Array:
+def _prediction_errors(
+    predict: Array, rows: Integers, since: Array, values: Array, poses: Integers
+) -> Array:
     """Return the predictions of poses by their neighbours minus the poses (n, a).
 
     All are relative to a line through the pose itself, so that distance from the origin and speed

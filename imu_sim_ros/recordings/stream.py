@@ -107,14 +107,14 @@ class ClockStream:
             t_ns = np.concatenate([part for part, _ in waiting])
             values = np.concatenate([part for _, part in waiting])
             end = len(t_ns) if at_end else max(len(t_ns) - _HELD, self._context)
-            yield from self._ordered(t_ns, values, end)
+            yield from self._in_order(t_ns, values, end)
             begin = max(end - _HELD, 0)
             self._waiting = [(t_ns[begin:], values[begin:])]
             self._count, self._context = len(t_ns) - begin, end - begin
         if at_end:
             self._end()
 
-    def _ordered(self, t_ns: Times, values: Array, end: int) -> Iterator[Stretch]:
+    def _in_order(self, t_ns: Times, values: Array, end: int) -> Iterator[Stretch]:
         """Yield the readings up to ``end``; those before the context were yielded before."""
         context = self._context
         if self.pattern is None:

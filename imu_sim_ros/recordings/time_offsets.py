@@ -282,7 +282,7 @@ class _Pair:
         :param disturbance: disturbance of both recordings together [rad/s].
         """
         self._disturbance = disturbance
-        self._reference, self._ends, self._rates = reference, ends, _centred(rates)
+        self._reference, self._ends, self._rates = reference, ends, _centre(rates)
         self._length = ends[1] - ends[0]
         self.window = float(np.mean(self._length))
         self._size = float(np.sum(self._rates**2))
@@ -311,19 +311,19 @@ class _Pair:
         turned = moved.angle[rows + steps] - moved.angle[rows]
         disturbance = float(np.hypot(reference.disturbance, moved.disturbance))
         pair = cls(reference, ends, turned / (ends[1] - ends[0])[:, None], disturbance)
-        sizes = (pair._size, float(np.sum(pair._shifted(0.0) ** 2)))
+        sizes = (pair._size, float(np.sum(pair._shift(0.0) ** 2)))
         if min(sizes) <= len(rows) * _TURNING**2:
             raise UnknownOffsetError("the body does not turn, or turns uniformly")
         return pair
 
-    def _shifted(self, shift: float) -> Array:
+    def _shift(self, shift: float) -> Array:
         """Return the rates (n, 3) of the gyroscope in windows that are later by a shift [s]."""
         begin, end = (self._reference.at(times + shift) for times in self._ends)
-        return _centred((end - begin) / self._length[:, None])
+        return _centre((end - begin) / self._length[:, None])
 
     def residual(self, shift: float) -> float:
         """Return the share of the rates that those of the gyroscope do not explain."""
-        _, residuals = self._fit(self._shifted(shift))
+        _, residuals = self._fit(self._shift(shift))
         return float(np.sum(residuals**2)) / self._size
 
     def _fit(self, rates: Array) -> tuple[Array, Array]:
@@ -341,7 +341,7 @@ class _Pair:
 
         What other axes and scales explain of the effect of a shift does not count.
         """
-        earlier, rates, later = (self._shifted(shift + s) for s in self.window * _DIFFERENCE)
+        earlier, rates, later = (self._shift(shift + s) for s in self.window * _DIFFERENCE)
         axes, residuals = self._fit(rates)
         turning = _turning(rates)
         mounting = turning @ np.linalg.lstsq(rates @ turning, self._rates, rcond=None)[0]
@@ -353,7 +353,7 @@ class _Pair:
         parts = np.sum(residuals * effect((later - earlier) @ mounting / step), axis=1)
         # Two slopes of the motion over windows without common time, whose noise is independent.
         slopes, wide = (
-            effect((self._shifted(shift + s) - self._shifted(shift - s)) @ mounting / (2.0 * s))
+            effect((self._shift(shift + s) - self._shift(shift - s)) @ mounting / (2.0 * s))
             for s in self.window * _BASES
         )
         information = float(np.sum(slopes * wide))
@@ -363,11 +363,11 @@ class _Pair:
         t = self._ends[0] - self._ends[0, 0]
         scale = information / max(float(np.sum(squares)), 1e-300)
         disturbed = self._disturbance / np.sqrt(information / len(t))
-        half = half_interval(t, _tapered(t, parts), scale * squares, _CORRELATED)
+        half = half_interval(t, _taper(t, parts), scale * squares, _CORRELATED)
         return float(np.hypot(half, disturbed))
 
 
-def _tapered(t: Array, parts: Array) -> Array:
+def _taper(t: Array, parts: Array) -> Array:
     """Return parts (n,) of a sum averaged over half a block, so that sums of blocks have no edges.
 
     The noise of an attitude is in two windows with opposite signs: it is in the sum of a block only
@@ -414,6 +414,6 @@ def _turning(rates: Array) -> Array:
     return np.asarray(directions[:, values > len(rates) * _TURNING**2])
 
 
-def _centred(rates: Array) -> Array:
+def _centre(rates: Array) -> Array:
     """Return rates (n, 3) without their mean, in which a bias is."""
     return np.asarray(rates - rates.mean(axis=0))

@@ -108,7 +108,7 @@ def _turn(bearings: Array, next_bearings: Array) -> Array:
     u, _, v = np.linalg.svd(bearings.T @ next_bearings)  # as if there were no translation
     matrix = u @ np.diag([1.0, 1.0, np.linalg.det(u @ v)]) @ v
     candidates = [
-        _improved(
+        _refine_motion(
             bearings,
             next_bearings,
             _Epipolar.of(bearings, next_bearings, matrix, axis),
@@ -118,11 +118,13 @@ def _turn(bearings: Array, next_bearings: Array) -> Array:
     ]
     limit = min(candidate.limit for candidate in candidates)
     best = min(candidates, key=lambda candidate: candidate.cost(limit))
-    best = _improved(bearings, next_bearings, best, _LAST_STEPS)
+    best = _refine_motion(bearings, next_bearings, best, _LAST_STEPS)
     return rotation.log(rotation.from_matrix(best.matrix))
 
 
-def _improved(bearings: Array, next_bearings: Array, motion: _Epipolar, count: int) -> _Epipolar:
+def _refine_motion(
+    bearings: Array, next_bearings: Array, motion: _Epipolar, count: int
+) -> _Epipolar:
     """Return a motion after some steps of Levenberg and Marquardt, from a start."""
     damping = 1e-3
     for _ in range(count):

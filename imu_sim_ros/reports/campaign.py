@@ -77,7 +77,7 @@ def campaign_sections(
             raise InputError(f"{folder}: contains no run yet")
     for path in baselines:
         with problems.gathered():
-            earlier.append((_named(path), read_results(path)))
+            earlier.append((_campaign_name(path), read_results(path)))
     problems.tell()
     notes: list[str] = []
     for path, (_, baseline_identities) in zip(baselines, earlier, strict=True):
@@ -109,7 +109,7 @@ def campaign_sections(
     return plan.options.name, [*sections, _parameters(plan), _repeat(folder, rows)]
 
 
-def _named(path: Path) -> str:
+def _campaign_name(path: Path) -> str:
     """Return the name of an earlier campaign, that of its folder."""
     return path.name if path.is_dir() else path.resolve().parent.name
 

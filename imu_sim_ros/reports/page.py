@@ -84,13 +84,13 @@ def html(title: str, lines: Sequence[str], sections: Sequence[Section]) -> str:
 
 def as_json(content: object) -> str:
     """Return content as JSON that is safe in a script element."""
-    text = to_json(content, _shortened, separators=(",", ":"))
+    text = to_json(content, _six_digits, separators=(",", ":"))
     for letter in "<>&":
         text = text.replace(letter, f"\\u{ord(letter):04x}")
     return text
 
 
-def _shortened(value: float) -> float | int:
+def _six_digits(value: float) -> float | int:
     """Return a number with six digits, a whole one if it is."""
     short = float(f"{value:.{_DIGITS}g}")
     return int(short) if short.is_integer() and abs(short) < 1e15 else short

@@ -49,7 +49,7 @@ def opened(
     result: dict[str, Item] = {}
     order = sorted(range(len(rows)), key=lambda k: rows[k]["status"] == "done")
     for k in order:
-        run_folder = _kept(rows[k], numbers, folder)
+        run_folder = _run_folder(rows[k], numbers, folder)
         if run_folder.is_dir():
             result[str(k)] = {"folder": str(run_folder.relative_to(folder))}
             if len(result) == _MAX_LOGS:
@@ -75,7 +75,7 @@ def repeated(folder: Path) -> Item:
     return {str(key): value for key, value in content.items() if key not in left_out}
 
 
-def _kept(row: Row, numbers: dict[str, int], folder: Path) -> Path:
+def _run_folder(row: Row, numbers: dict[str, int], folder: Path) -> Path:
     """Return the folder of a run's files."""
     number = numbers.get(str(row["cell"]), -1)
     return run_folder_of(folder, number, row["seed"], str(row["estimator"]))

@@ -109,7 +109,7 @@ def verdict_section(
         "failures": failures,
         "findings": findings,
         "judged": [
-            _judged(title, judged, factor, groups)
+            _group_comparison(title, judged, factor, groups)
             for title, judged in judgements
             for factor in dict.fromkeys(
                 [judged.factor, *(contest.factor for contest in judged.contests)]
@@ -128,7 +128,7 @@ def verdict_section(
     return Section("Verdict", [item, {"kind": "text", "text": text, "faint": True}])
 
 
-def _judged(title: str, judged: Judgement, factor: str, groups: Sequence[Group]) -> Item:
+def _group_comparison(title: str, judged: Judgement, factor: str, groups: Sequence[Group]) -> Item:
     """Return the comparison of the groups for the page."""
     names = varying_names(groups)
     drawn = groups if factor == judged.factor else ()
@@ -198,12 +198,12 @@ def _ends(effect: Effect) -> list[str]:
     return [
         " to ".join("open" if end is None else _size(effect.kind, end) for end in ends[1:])
         for ends in (
-            _turned(effect.kind, estimate) for estimate in (effect.effect, effect.simultaneous)
+            _invert(effect.kind, estimate) for estimate in (effect.effect, effect.simultaneous)
         )
     ]
 
 
-def _turned(kind: str, interval: ConfidenceInterval) -> ConfidenceInterval:
+def _invert(kind: str, interval: ConfidenceInterval) -> ConfidenceInterval:
     """Return the interval of A compared with B as that of B compared with A."""
     value, high, low = (
         None if end is None else 1.0 / end if kind == RATIO else -end for end in interval
@@ -236,13 +236,13 @@ def _contest(
         "size": _brief(contest.lead, False),
         "line": f"{contest.outcome(judged.tolerance)}: {contest.describe(judged.metric)}",
         "effects": effects,
-        "plot": _paired(contest, judged, groups),
+        "plot": _pair_plot(contest, judged, groups),
     }
 
 
 def _brief(effect: Effect, turned: bool) -> str:
     """Return the size of an effect for a field of the matrix: ``/254``, ``x1.03``, ``-0.2``."""
-    interval = _turned(effect.kind, effect.effect) if turned else effect.effect
+    interval = _invert(effect.kind, effect.effect) if turned else effect.effect
     if interval.value is None:
         return "?" if effect.note else "failed"
     return _size(effect.kind, interval.value)
@@ -263,7 +263,7 @@ def _few(value: float) -> str:
     return f"{value:.3g}"
 
 
-def _paired(contest: Contest, judged: Judgement, groups: Sequence[Group]) -> Item | None:
+def _pair_plot(contest: Contest, judged: Judgement, groups: Sequence[Group]) -> Item | None:
     """Return the plot of the first compared with each other one: the effect and every seed."""
     reference, kind = contest.ranking[0], contest.lead.kind
     shown = [effect for effect in contest.effects if effect.a == reference and effect.kind == kind]

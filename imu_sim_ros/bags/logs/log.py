@@ -156,7 +156,7 @@ class LogBag(Bag):
             warn(f"{self.path}: read: {name}; it also has {rest}", Remark)
         return name
 
-    def _timed(self, names: Collection[str]) -> Iterator[Timed]:
+    def _read_by_time(self, names: Collection[str]) -> Iterator[Timed]:
         """Yield the messages of topics in pieces of time."""
         chosen = [
             # A record time never decreases, whatever the stamps do.

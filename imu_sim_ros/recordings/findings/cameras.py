@@ -15,7 +15,7 @@ _SCANNED: Final = frozenset({"ring", "line", "channel", "intensity", "reflectivi
 """Fields of a point that scanners send and depth cameras do not."""
 
 
-def _calibrated(camera: CameraRecord) -> Iterator[tuple[int, CameraInfo]]:
+def _calibrated_cameras(camera: CameraRecord) -> Iterator[tuple[int, CameraInfo]]:
     """Yield the descriptions with intrinsics, each with the number of its message."""
     for row, info in zip(camera.rows, camera.infos, strict=True):
         if info.k[0, 0] > 0.0 and info.k[1, 1] > 0.0:
@@ -29,7 +29,7 @@ def _calibrated(camera: CameraRecord) -> Iterator[tuple[int, CameraInfo]]:
 )
 def intrinsics_absent(camera: CameraRecord) -> Iterator[Evidence]:
     """Find a camera_info whose K is not that of a calibrated camera: zeros."""
-    without = len(camera.infos) - len(list(_calibrated(camera)))
+    without = len(camera.infos) - len(list(_calibrated_cameras(camera)))
     if camera.infos and without == len(camera.infos):
         fx, fy = camera.infos[0].k[0, 0], camera.infos[0].k[1, 1]
         yield Evidence(f"K has fx = {fx:g}, fy = {fy:g}")
@@ -42,7 +42,7 @@ def intrinsics_absent(camera: CameraRecord) -> Iterator[Evidence]:
 )
 def intrinsics_changed(camera: CameraRecord) -> Iterator[Evidence]:
     """Find a camera_info that changes within the recording."""
-    calibrated = list(_calibrated(camera))
+    calibrated = list(_calibrated_cameras(camera))
     if len(calibrated) < 2:
         return
     (_, first_info), (row, second_info) = calibrated[:2]
@@ -81,7 +81,7 @@ def image_size(camera: CameraRecord) -> Iterator[Evidence]:
 )
 def distortion_count(camera: CameraRecord) -> Iterator[Evidence]:
     """Find a camera_info whose coefficients are too few or many for its model, or not finite."""
-    for row, info in _calibrated(camera):
+    for row, info in _calibrated_cameras(camera):
         problem = distortion_problem(info)
         if problem:
             yield Evidence(problem, row)
@@ -106,7 +106,7 @@ def distortion_problem(info: CameraInfo) -> str:
 )
 def distortion_unknown(camera: CameraRecord) -> Iterator[Evidence]:
     """Find a camera_info with coefficients of a distortion model that is not known."""
-    for row, info in _calibrated(camera):
+    for row, info in _calibrated_cameras(camera):
         if info.d and info.distortion_model not in COEFFICIENTS:
             yield Evidence(f"{info.distortion_model} with {len(info.d)} coefficients", row)
             return

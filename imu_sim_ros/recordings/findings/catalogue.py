@@ -175,7 +175,7 @@ def order_poses(states: States) -> PoseOrder:
         return PoseOrder(states, [])
     findings = _order_findings(states, order)
     rows = np.concatenate(order.pieces)
-    repeated = _repeated(states.rows(rows))
+    repeated = _repeats_previous(states.rows(rows))
     number = int(np.count_nonzero(repeated))
     if number:
         evidence = Evidence(f"{number:,} poses came twice", int(rows[repeated].min()), number)
@@ -212,7 +212,7 @@ def contradictions(states: States) -> list[Finding]:
     return list(_findings((poses_contradictory,), StateMeasures(states), states))
 
 
-def _repeated(poses: States) -> Mask:
+def _repeats_previous(poses: States) -> Mask:
     """Return (n,) True for poses that repeat the one before, stamp included."""
     equal = np.all(np.diff(poses.position, axis=0) == 0.0, axis=1)
     equal &= np.abs(np.sum(poses.q_wb[1:] * poses.q_wb[:-1], axis=1)) > _SAME
