@@ -52,6 +52,10 @@ def even_times(
     off = np.abs(np.diff(t) - interval) >= _LATE * interval
     if not off.any() or (not log_step and off.mean() < 1.0 - _MOSTLY_EVEN):
         return t, 0.0, 0.0
+    if log_step:  # the time between two first stamps is a whole number of its steps
+        needed = int(np.ceil(_ROUNDED * 0.5 * log_step / (_REACH * interval)))
+        span = min(max(_SHORT, needed), len(t) // 2)
+        interval = float(np.median(t[span:] - t[:-span])) / span
     index = _grid_index(t / _even_interval(t, interval))
     interval = float(np.polyfit(index, t, 1)[0])
     even = index * interval
@@ -135,5 +139,5 @@ def _running_delay(values: Array, reach: int) -> Array:
     from scipy.ndimage import median_filter, uniform_filter1d
 
     width = 2 * reach + 1
-    median = median_filter(values, width, mode="nearest")
-    return np.asarray(uniform_filter1d(median, width, mode="nearest"))
+    median = median_filter(values, width, mode="reflect")
+    return np.asarray(uniform_filter1d(median, width, mode="reflect"))

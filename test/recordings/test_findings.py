@@ -337,7 +337,10 @@ def test_held_poses_are_mended_to_one_of_each(poses):
 
 @pytest.mark.parametrize(
     ("log", "physics", "digits", "stamp_ns"),
-    [(200, 50, 9, 1), (1000, 30, 9, 1), (120, 100, 9, 1), (200, 50, 4, 1), (240, 60, 9, 10**6)],
+    [
+        *((200, 50, 9, 1), (1000, 30, 9, 1), (120, 100, 9, 1), (200, 50, 4, 1)),
+        *((240, 60, 9, 10**6), (170, 110, 9, 10**6), (640, 500, 9, 1)),
+    ],
 )
 def test_poses_held_at_any_rates_are_mended_to_even_times(log, physics, digits, stamp_ns):
     """A pose stands in the log from the first step after it on; rounding makes it a step late."""
