@@ -33,7 +33,7 @@ from imu_sim_ros.jobs.simulate import imu_parameters, keyword_parameters, sensor
 from imu_sim_ros.jobs.writing import parameter_files
 from imu_sim_ros.parameters import files
 from imu_sim_ros.parameters.sections import build, flatten
-from imu_sim_ros.recordings.clock import Clock, estimate_clock
+from imu_sim_ros.recordings.clock import Clock, estimate_clock, unchanged_rows
 from imu_sim_ros.recordings.findings.catalogue import equality_findings
 from imu_sim_ros.recordings.order import RESET_READINGS, order_stamps
 from imu_sim_ros.sensors.barometer.declaration import PressureReadings
@@ -134,7 +134,8 @@ def add_errors(
     if strays.any():
         ideal_readings = ideal_readings.rows(~strays)
     layers = layers_of(imu, seed, params_file, input, parameters, rate)
-    built = with_rate(layers, lambda: rate_of(ideal_readings.t_ns))
+    unchanged = unchanged_rows(ideal_readings.gyro, ideal_readings.accel)
+    built = with_rate(layers, lambda: rate_of(ideal_readings.t_ns, unchanged))
     model = GivenImu(built, OTHERS, warn)
     windows: list[dict[str, Samples]] = []
     for begin in range(0, len(ideal_readings.t_ns), ROWS_AT_ONCE):
@@ -913,18 +914,21 @@ def check_equality(t_ns: Times) -> None:
         raise ConfigurationError(problems)
 
 
-def rate_of(t_ns: Times) -> float:
+def rate_of(t_ns: Times, unchanged: Mask | None) -> float:
     """Return the rate of the readings with these stamps, rounded to six digits [Hz].
 
-    It is the rate of the clock behind them: losses, rounding and batches do not change it.
+    It is the rate of the clock behind them: losses, rounding, batches and messages that came twice
+    do not change it.
 
+    :param t_ns: (n,) stamps [ns].
+    :param unchanged: (n,) True where a reading has the values of the one before it; None: unknown.
     :raises ConfigurationError: for fewer than two stamps that follow each other, and stamps in
         another unit.
     """
     if len(t_ns) < 2 or not (np.diff(t_ns) > 0).any():
         check_equality(t_ns)
         raise ConfigurationError("rate: two readings, or the rate, must be given")
-    clock = estimate_clock(t_ns)
+    clock = estimate_clock(t_ns, unchanged)
     check_unit(clock)
     rate = float(f"{clock.rate:.6g}")
     nearest = float(round(rate))

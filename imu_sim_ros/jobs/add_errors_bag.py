@@ -10,7 +10,7 @@ import numpy as np
 
 from imu_sim_ros.bags import convert
 from imu_sim_ros.bags.messages.blocks import MessageBlock, TopicInfo
-from imu_sim_ros.bags.messages.decode import Decoded, decode_block, inside_order
+from imu_sim_ros.bags.messages.decode import Decoded, decode_block, inside_order, joined
 from imu_sim_ros.bags.messages.encode import IMU, ODOMETRY
 from imu_sim_ros.bags.messages.layouts import FIRST
 from imu_sim_ros.bags.read import TriadPresence, mixed_frames, odometry_blocks
@@ -31,8 +31,9 @@ from imu_sim_ros.core.errors import ConfigurationError, InputError, naming
 from imu_sim_ros.core.records import Readings, absence, concatenated, with_fields
 from imu_sim_ros.core.rotation import rotate_inverse
 from imu_sim_ros.core.spelling import argument
-from imu_sim_ros.core.types import Array, Times
+from imu_sim_ros.core.types import Array
 from imu_sim_ros.jobs.add_errors import rate_of, tell_strays
+from imu_sim_ros.recordings.clock import unchanged_rows
 from imu_sim_ros.recordings.findings.catalogue import twist_findings
 from imu_sim_ros.simulation.error_input import Differentiator
 from imu_sim_ros.simulation.error_model import GivenImu
@@ -62,15 +63,15 @@ def source_of(bag: Bag, name: str | None) -> TopicInfo:
     return bag.topic(IMU, name)
 
 
-def stamps(bag: Bag, source: TopicInfo) -> Times:
-    """Return the first stamps of a topic [ns]."""
-    t_ns = np.empty(0, np.int64)
+def _first_messages(bag: Bag, source: TopicInfo) -> Decoded | None:
+    """Return the first messages of a topic, two vectors of each; None: it has none."""
+    fields = _READING if source.type == IMU else _STATE[1:]
+    decoded: list[Decoded] = []
     for group in bag.groups({source.name}):
-        for block in group:
-            t_ns = np.concatenate([t_ns, _decode(bag, block, ()).t_ns])
-        if len(t_ns) > _FIRST:
+        decoded += [_decode(bag, block, fields) for block in group if len(block.t_ns)]
+        if sum(len(messages.t_ns) for messages in decoded) > _FIRST:
             break
-    return t_ns[:_FIRST]
+    return joined(decoded) if decoded else None
 
 
 def rate_in(bag: Bag, source: TopicInfo) -> float:
@@ -79,13 +80,14 @@ def rate_in(bag: Bag, source: TopicInfo) -> float:
     :raises InputError: if there are fewer than two.
     :raises ConfigurationError: for stamps that are equal or no nanoseconds.
     """
-    t_ns = stamps(bag, source)
-    if len(t_ns) < 2:
+    messages = _first_messages(bag, source)
+    if messages is None or len(messages.t_ns) < 2:
         raise InputError(
             f"{bag.path}: {source.name}: fewer than two readings; {argument('rate')} is needed"
         )
     with naming(f"{bag.path}: {source.name}", ConfigurationError):
-        return rate_of(t_ns)
+        unchanged = unchanged_rows(*messages.numbers.values())
+        return rate_of(messages.t_ns[:_FIRST], None if unchanged is None else unchanged[:_FIRST])
 
 
 def twist_warnings(bag: Bag, source: TopicInfo, twist_frame: str) -> Iterator[str]:

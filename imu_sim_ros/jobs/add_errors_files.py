@@ -71,6 +71,7 @@ from imu_sim_ros.jobs.writing import (
     parameter_files,
     time_and_speed,
 )
+from imu_sim_ros.recordings.clock import unchanged_rows
 from imu_sim_ros.sensors.imu.declaration import NAME as IMU
 from imu_sim_ros.simulation.error_model import GivenImu
 from imu_sim_ros.simulation.error_parameters import layer_error_model, orientation_problems
@@ -309,7 +310,7 @@ class _Ideal:
         """Return the readings per second [Hz]."""
         for readings in self.blocks():
             with naming(self.path, ConfigurationError):
-                return rate_of(readings.t_ns)
+                return rate_of(readings.t_ns, unchanged_rows(readings.gyro, readings.accel))
         raise InputError(f"{self.path}: contains no readings")
 
 
@@ -339,9 +340,9 @@ def _dataset_to_dataset(
             if strays.any():
                 readings = readings.rows(~strays)
             if model is None:
-                model = GivenImu(
-                    with_rate(layers, partial(rate_of, readings.t_ns)), remark=source.journal.warn
-                )
+                unchanged = unchanged_rows(readings.gyro, readings.accel)
+                rate = partial(rate_of, readings.t_ns, unchanged)
+                model = GivenImu(with_rate(layers, rate), remark=source.journal.warn)
             for begin in range(0, len(readings), ROWS_AT_ONCE):
                 for samples in model.read(readings.rows(slice(begin, begin + ROWS_AT_ONCE))):
                     dataset.write_imu(*delivered(samples[IMU]))

@@ -716,6 +716,17 @@ def repeats(values: Array) -> Mask:
     return equal
 
 
+def unchanged_rows(gyro: Array | None, accel: Array | None) -> Mask | None:
+    """Return True (n,) where readings (n, 3) have the values of the ones before them.
+
+    :returns: None without any triad: then values tell nothing of messages that came twice.
+    """
+    triads = [triad for triad in (gyro, accel) if triad is not None]
+    if not triads or not len(triads[0]):
+        return None
+    return np.logical_and.reduce([repeats(triad) for triad in triads])
+
+
 def without_duplicates(
     t_ns: Times, pieces: tuple[Integers, ...], equal: Mask | None
 ) -> tuple[list[Integers], Integers]:

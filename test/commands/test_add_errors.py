@@ -108,6 +108,34 @@ def test_noise_that_would_be_added_twice_is_told(folder: Path, tmp_path: Path, c
         ]
 
 
+@pytest.mark.parametrize("target", ["twice.mcap", "twice.csv", "arrays"])
+def test_messages_that_came_twice_do_not_change_the_rate(
+    target: str, folder: Path, tmp_path: Path
+) -> None:
+    """Every 25th message of 100 Hz comes twice: 104 messages a second, and 100 readings."""
+    ideal = ims.read_readings(folder / "ideal.mcap")
+    rows = np.sort(np.concatenate([np.arange(len(ideal)), np.arange(0, len(ideal), 25)]))
+    twice = ideal.rows(rows)
+    if target == "arrays":
+        flight = ims.add_errors(twice.t_ns, *twice.triads(), imu="bmi088", seed=3)
+        assert (flight.parameters.rate, len(flight.t_ns)) == (100.0, len(ideal))
+        return
+    path, noisy = tmp_path / target, tmp_path / f"noisy_{target}"
+    if target.endswith("csv"):
+        lines = (folder / "ideal.csv").read_text().splitlines(keepends=True)
+        path.write_text("".join([lines[0], *(lines[1 + row] for row in rows)]))
+    else:
+        with open_writer(path) as writer:
+            topic = writer.add_topic("/imu", IMU)
+            payloads = ImuEncoder("x").encode(twice.t_ns, *twice.triads())
+            writer.write(topic, twice.t_ns, payloads)
+    assert add_errors.main([str(path), "-o", str(noisy), *SENSOR]) == 0
+    readings = ims.read_readings(noisy, "/imu/data_raw" if target.endswith("mcap") else None)
+    expected = ims.add_errors(ideal.t_ns, *ideal.triads(), imu="bmi088", seed=3, rate=100)
+    assert np.array_equal(readings.t_ns, expected.t_ns)
+    assert np.allclose(readings.gyro, expected.gyro, rtol=0.0, atol=1e-12)
+
+
 def test_the_first_irregular_stamps_are_reported_and_all_counted(tmp_path: Path, capsys) -> None:
     t_ns = np.repeat(np.arange(200), 2) * 10_000_000
     t_ns[-1] = 5_000_000  # one more that comes late

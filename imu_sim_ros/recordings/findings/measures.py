@@ -16,7 +16,7 @@ from imu_sim_ros.core.conventions import STANDARD_GRAVITY
 from imu_sim_ros.core.errors import InputError
 from imu_sim_ros.core.records import Readings
 from imu_sim_ros.core.types import Array, Integers, Mask
-from imu_sim_ros.recordings.clock import Clock, estimate_clock, repeats
+from imu_sim_ros.recordings.clock import Clock, estimate_clock, unchanged_rows
 
 _FEWEST: Final = 32
 """Readings below which values are not judged."""
@@ -105,16 +105,10 @@ class ReadingMeasures:
         self.clock: Clock | None = None
         """Clock of the readings; None: their stamps have no rate."""
         try:
-            self.clock = estimate_clock(readings.t_ns, self._equal())
+            unchanged = unchanged_rows(readings.gyro, readings.accel)
+            self.clock = estimate_clock(readings.t_ns, unchanged)
         except InputError as error:  # only whole columns are judged
             self.no_clock = str(error)
-
-    def _equal(self) -> Mask | None:
-        """Return True (n,) where a reading repeats the previous one; None without readings."""
-        triads = [x for x in (self.readings.gyro, self.readings.accel) if x is not None]
-        if not triads or not len(self.readings):
-            return None
-        return np.logical_and.reduce([repeats(values) for values in triads])
 
     @property
     def interval(self) -> float:
