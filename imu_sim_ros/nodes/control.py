@@ -34,7 +34,7 @@ _SETTLE: Final = 0.3
 class Status(NamedTuple):
     """Status of the simulator, once per second."""
 
-    text: str
+    words: str
     values: Mapping[str, str]
     """Rates, lateness, counts, as in /diagnostics."""
 

@@ -56,7 +56,7 @@ def test_two_files_one_after_the_other(tmp_path, capsys, name):
     data = path.read_bytes()
     path.write_bytes(data + data)
     if name == "a.mcap":  # its end is whole, and that of another file
-        with pytest.raises(InputError, match="--recover"):
+        with pytest.raises(InputError, match="recover=True"):
             open_bag(path)
     result = recovered(capsys, path, tmp_path / "out.mcap")
     assert result["recovered"]

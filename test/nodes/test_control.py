@@ -144,8 +144,10 @@ def test_injected_faults_and_diagnostics_are_watched(
     assert "must be a latency of at most 10 s" in error
     watching = control("watch", "--json", *name)
     watched_entries: list[dict[str, Any]] = []
-    while not {"words", "t_ns"} <= {key for entry in watched_entries for key in entry}:
+    for _ in range(20):  # a status comes once per second, the fault at once
         watched_entries.append(json.loads(watching.stdout.readline()))
+        if {"words", "t_ns"} <= {key for entry in watched_entries for key in entry}:
+            break
     watching.send_signal(signal.SIGTERM)
     _, error = watching.communicate(timeout=PATIENCE)
     assert (watching.returncode, error) == (143, "control: interrupted; the simulator continues\n")

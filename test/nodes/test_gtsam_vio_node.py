@@ -90,7 +90,7 @@ def test_the_live_estimate_is_the_one_from_files(start, domains, tmp_path):
     code = (
         "import sys, json; from pathlib import Path; import gtsam_vio as g\n"
         "p, cameras = g.configuration(Path(sys.argv[2]))\n"
-        "print(json.dumps(g.run(Path(sys.argv[1]), p, *cameras, first=4).summary()))"
+        "print(json.dumps(g.run(Path(sys.argv[1]), p, *cameras, first_frame=4).summary()))"
     )
     done = subprocess.run(
         [sys.executable, "-c", code, str(folder), str(path)],
