@@ -3,7 +3,6 @@
 
 """Conversion between bags and datasets, block by block."""
 
-import struct
 from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
 from contextlib import suppress
 from functools import cache, partial
@@ -204,21 +203,15 @@ class _OrderInMessages:
             if name not in self._paths or self._paths[name][0] <= record_ns:
                 self._paths[name] = record_ns, bytes(as_list(block.payloads)[-1])
         elif block.topic.type == TF_MESSAGE:
-            stamps: dict[tuple[str, str], list[tuple[int, int]]] = {}
-            recorded = zip(as_list(block.payloads), block.t_ns.tolist(), strict=True)
-            for payload, record_ns in recorded:
-                with suppress(ValueError, struct.error):
-                    for parent, child, t_ns in transform_stamps(bytes(payload), self._encoding):
-                        stamps.setdefault((parent, child), []).append((t_ns, record_ns))
-            for (parent, child), times in stamps.items():
-                t_ns, record_times = np.array(times, np.int64).T
-                self._observe(f"{self._path}: {name}:{parent}.{child}", t_ns, record_times)
+            for parent, child, rows, t_ns in transform_stamps(block.payloads, self._encoding):
+                source = f"{self._path}: {name}:{parent}.{child}"
+                self._observe(source, t_ns, block.t_ns[rows])
 
     def finish(self) -> None:
         """Observe the last paths."""
         for name, (_, payload) in self._paths.items():
-            with suppress(ValueError, struct.error):
-                t_ns = np.array([*path_stamps(payload, self._encoding)], np.int64)
+            with suppress(ValueError):
+                t_ns = path_stamps(payload, self._encoding)
                 if len(t_ns):
                     self._observe(f"{self._path}: {name}", t_ns, None)
 

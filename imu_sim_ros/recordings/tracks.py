@@ -13,7 +13,7 @@ from imu_sim_ros.core import rotation
 from imu_sim_ros.core.types import Array, Integers
 
 FEWEST_COMMON: Final = 12
-"""Features in two frames from which on a rotation is computed: twice those that determine it."""
+"""Features in two frames from which on a rotation is computed; five determine the motion."""
 _FIRST_STEPS: Final = 4
 _LAST_STEPS: Final = 6
 _OUTLYING: Final = 3.0

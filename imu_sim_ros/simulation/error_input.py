@@ -30,7 +30,7 @@ from imu_sim_ros.core.records import (
 )
 from imu_sim_ros.core.rotation import cross, normalise, rotate_inverse, transform
 from imu_sim_ros.core.types import Array, Integers, Mask, Times
-from imu_sim_ros.recordings.clock import estimate_clock, repeats
+from imu_sim_ros.recordings.clock import estimate_clock, unchanged_rows
 from imu_sim_ros.recordings.findings.catalogue import stamp_findings, unit_findings
 from imu_sim_ros.recordings.findings.finding import Finding
 from imu_sim_ros.recordings.findings.policy import ERROR_MODEL
@@ -465,11 +465,11 @@ class StartCheck:
         if self.done or not blocks:
             return []
         self.done = True
-        t_ns, gyro, accel = _joined(blocks)
+        t_ns, gyro, accel = _join(blocks)
         rows = t_ns <= t_ns[0] + _LOOK_NS
         lines: list[str] = []
         if arrived:
-            ERROR_MODEL.judge(_sharing(*_joined(arrived)), lines.append)
+            ERROR_MODEL.judge(_batch_findings(*_join(arrived)), lines.append)
         return [*lines, *self.remarks(t_ns[rows], gyro[rows], accel[rows])]
 
     def units(self, t_ns: Times, gyro: Array, accel: Array) -> list[Finding]:
@@ -672,7 +672,7 @@ class BatchStartCheck:
         return f"environment {unit}{share}: {line}"
 
 
-def _joined(blocks: Sequence[tuple[Any, Any, Any]]) -> tuple[Times, Array, Array]:
+def _join(blocks: Sequence[tuple[Any, Any, Any]]) -> tuple[Times, Array, Array]:
     """Return stamps (n,), rates and forces (n, 3) of blocks of readings, or of single ones."""
     times, rates, forces = zip(*blocks, strict=True)
     t_ns = np.concatenate([np.atleast_1d(values) for values in times])
@@ -682,13 +682,13 @@ def _joined(blocks: Sequence[tuple[Any, Any, Any]]) -> tuple[Times, Array, Array
     return t_ns, gyro, accel
 
 
-def _sharing(t_ns: Times, gyro: Array, accel: Array) -> list[Finding]:
+def _batch_findings(t_ns: Times, gyro: Array, accel: Array) -> list[Finding]:
     """Return the findings about readings that share a stamp, or come in bunches.
 
     :param t_ns: (n,) stamps in the order of arrival [ns].
     """
     with suppress(InputError):  # fewer than two different stamps
-        clock = estimate_clock(t_ns, repeats(np.hstack([gyro, accel])))
+        clock = estimate_clock(t_ns, unchanged_rows(gyro, accel))
         findings = stamp_findings(clock, "input")
         return [f for f in findings if f.kind in ("stamps_shared", "stamps_bunched")]
     return []

@@ -9,11 +9,12 @@ import warnings
 import numpy as np
 import pytest
 from rosbags.rosbag2 import StoragePlugin, Writer
-from rosbags.typesys import Stores, get_typestore
+from rosbags.typesys import Stores, get_types_from_msg, get_typestore
 
 import imu_sim_ros as ims
 from imu_sim_ros.bags.create import open_writer
 from imu_sim_ros.bags.messages.encode import ODOMETRY, OdometryEncoder
+from imu_sim_ros.bags.messages.stamps import transform_stamps
 from imu_sim_ros.bags.writer import BagOptions
 from imu_sim_ros.core.errors import InputError, InputWarning
 from imu_sim_ros.core.records import States, with_fields
@@ -272,3 +273,36 @@ def test_stamps_of_long_recordings_are_judged_in_pieces():
     times = [finding.t for finding in findings]
     np.testing.assert_allclose(times, [(row - 1) * 1e-3 for row in late_rows], rtol=1e-12)
     assert len(pickle.dumps(stamps)) < 8 * 1.1 * 2**18
+
+
+@pytest.mark.parametrize("encoding", ["cdr", "ros1"])
+def test_the_stamps_of_transforms_are_those_that_rosbags_reads(encoding):
+    """Messages of one to three transforms between random frames, in a random order, one damaged."""
+    rng, kind = np.random.default_rng(4), "tf2_msgs/msg/TFMessage"
+    store = get_typestore(Stores.ROS2_JAZZY if encoding == "cdr" else Stores.ROS1_NOETIC)
+    if kind not in store.types:
+        store.register(get_types_from_msg("geometry_msgs/TransformStamped[] transforms", kind))
+    make = {name.rpartition("/")[2]: kind for name, kind in store.types.items()}
+    zero = make["Vector3"](0.0, 0.0, 0.0), make["Quaternion"](0.0, 0.0, 0.0, 1.0)
+    time = store.types["builtin_interfaces/msg/Time"]
+    number = {} if encoding == "cdr" else {"seq": 7}
+    expected = dict[tuple[str, str], list[tuple[int, int]]]()
+    payloads = []
+    for row in range(400):
+        transforms = []
+        for _ in range(rng.integers(1, 4)):
+            parent, child = rng.choice(["map", "odom", "base_link", "x"], 2)
+            second, nanosecond = rng.integers(0, [2**31, 10**9]).tolist()
+            expected.setdefault((parent, child), []).append((row, second * 10**9 + nanosecond))
+            header = make["Header"](stamp=time(second, nanosecond), frame_id=f"/{parent}", **number)
+            transforms.append(make["TransformStamped"](header, child, make["Transform"](*zero)))
+        message = make["TFMessage"](transforms)
+        serialize = store.serialize_cdr if encoding == "cdr" else store.serialize_ros1
+        payloads.append(bytes(serialize(message, kind)))
+    for damaged in (payloads[0][:50], b"", b"\xff" * len(payloads[0])):
+        payloads.append(damaged)
+    stamps = {
+        (parent, child): [*zip(rows.tolist(), t_ns.tolist(), strict=True)]
+        for parent, child, rows, t_ns in transform_stamps(payloads, encoding)
+    }
+    assert stamps == expected
