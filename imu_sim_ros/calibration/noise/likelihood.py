@@ -22,7 +22,7 @@ at once, in batches of fits.
 
 from collections.abc import Callable
 from dataclasses import dataclass
-from functools import cached_property
+from functools import cache, cached_property
 from itertools import product
 from typing import Final, NamedTuple
 
@@ -123,16 +123,19 @@ def fit_many(
     floor = _FLOOR * float(np.max(data.power)) + 1e-300
     scale = 1.0 / np.max(design, axis=0)
     scaled = design * scale
+    transposed = scaled.T
     free = np.isnan(fixed)
     theta = np.where(free, 0.0, fixed / scale)
-    fixed_part = theta @ scaled.T
+    fixed_part = theta @ transposed
     products = (scaled[:, :, None] * scaled[:, None, :]).reshape(len(scaled), -1)
+    half_freedom = 0.5 * data.freedom
+    objective_of = _Objective(data, slope, restricted)
     expected = np.maximum(guess, floor)
     objective = np.full(len(fixed), np.inf)
     positive = free
-    _, power, slopes = _objective(data, expected, slope, restricted)
+    _, power, slopes = objective_of(expected)
     for _ in range(_ITERATIONS):
-        weight = 0.5 * data.freedom / expected**2
+        weight = half_freedom / expected**2
         curvature = (weight @ products).reshape(-1, *free.shape[1:], free.shape[1])
         gradient = (weight * (power - fixed_part)) @ scaled
         best = _non_negative(curvature, gradient, free, positive)
@@ -140,37 +143,52 @@ def fit_many(
         previous = objective
         for _ in range(_HALVINGS):  # the very first step is taken in full
             trial = theta + step
-            expected = np.maximum(trial @ scaled.T, floor)
-            objective, power, slopes = _objective(data, expected, slope, restricted)
-            worse = ~(objective <= previous + _ROUNDING)
-            if not worse.any():
+            expected = np.maximum(trial @ transposed, floor)
+            objective, power, slopes = objective_of(expected)
+            better = objective <= previous + _ROUNDING
+            if better.all():
                 break
-            step = np.where(worse[:, None], 0.4 * step, step)
+            step = np.where(better[:, None], step, 0.4 * step)
         theta, positive = trial, free & (trial > 0.0)
-        if np.all(previous - objective < _TOLERANCE):
+        if (previous - objective < _TOLERANCE).all():
             break
     return Fits(theta * scale, slopes, objective, expected)
 
 
-def _objective(
-    data: Data, expected: Array, slope: Array, restricted: bool
-) -> tuple[Array, Array, Array]:
-    """Return the objective (b,), the rows that it compares with (b, m), and the slopes (b,).
+class _Objective:
+    """Minus the log-likelihood of b expectations of the same data.
 
-    Arguments are those of :func:`fit_many`.
+    What does not depend on the expectation is computed once.
     """
-    inverse = 1.0 / expected
-    slopes, estimated = slope, np.isnan(slope)
-    if any_estimated := bool(estimated.any()):
+
+    def __init__(self, data: Data, slope: Array, restricted: bool) -> None:
+        """Initialise with arguments of :func:`fit_many`."""
+        self._data, self._slope = data, slope
+        self._estimated = np.isnan(slope)
+        self._any_estimated = bool(self._estimated.any())
+        self._integrated = restricted and self._any_estimated
+        if not self._any_estimated:
+            self._power = data.without_trend(slope)
+
+    def __call__(self, expected: Array) -> tuple[Array, Array, Array]:
+        """Return the objective (b,), the rows that it compares with (b, m), and the slopes (b,).
+
+        :param expected: (b, m) rows.
+        """
+        data, inverse = self._data, 1.0 / expected
+        if not self._any_estimated:
+            objective = 0.5 * ((np.log(expected) + self._power * inverse) @ data.freedom)
+            return objective, self._power, self._slope
         weighted = data.trend * inverse
         norm = np.maximum(weighted @ data.trend, 1e-300)
-        slopes = np.where(estimated, (weighted @ data.amplitude) / norm, slope)
-    power = data.without_trend(slopes)
-    objective = 0.5 * ((np.log(expected) + power * inverse) @ data.freedom)
-    if restricted and any_estimated:
-        objective = objective + np.where(estimated, 0.5 * np.log(norm), 0.0)
-        power = power + np.where(estimated, 1.0 / norm, 0.0)[:, None] * data.trend**2
-    return objective, power, slopes
+        slopes = np.where(self._estimated, (weighted @ data.amplitude) / norm, self._slope)
+        power = data.without_trend(slopes)
+        objective = 0.5 * ((np.log(expected) + power * inverse) @ data.freedom)
+        if self._integrated:
+            objective = objective + np.where(self._estimated, 0.5 * np.log(norm), 0.0)
+            hidden = np.where(self._estimated, 1.0 / norm, 0.0)
+            power = power + hidden[:, None] * data.trend**2
+        return objective, power, slopes
 
 
 def _non_negative(curvature: Array, gradient: Array, free: Mask, positive: Mask) -> Array:
@@ -185,21 +203,26 @@ def _non_negative(curvature: Array, gradient: Array, free: Mask, positive: Mask)
     size = gradient.shape[1]
     if size == 0:
         return gradient
-    root = np.sqrt(np.einsum("bii->bi", curvature))
+    root = np.sqrt(curvature.diagonal(axis1=1, axis2=2))
     scaled = curvature / (root[:, :, None] * root[:, None, :])
     target: Array = free * (gradient / root)
     x: Array = _restricted_minima(scaled, target, positive[:, None, :].astype(np.float64))[:, 0]
     downwards = target - (scaled @ x[:, :, None])[:, :, 0] > _NEGATIVE
     violated = np.where(positive, x < -_NEGATIVE, free & downwards)
-    bound = np.flatnonzero(violated.any(axis=1))
-    if len(bound):
-        subsets = np.array(list(product([0.0, 1.0], repeat=size)))
-        subset_masks = subsets * free[bound, None, :]  # (b, 2^p, p)
+    if violated.any():
+        bound = np.flatnonzero(violated.any(axis=1))
+        subset_masks = _subsets(size) * free[bound, None, :]  # (b, 2^p, p)
         minima = _restricted_minima(scaled[bound], target[bound], subset_masks)
-        value = -0.5 * np.sum(minima * subset_masks * target[bound, None, :], axis=2)
+        value = -0.5 * (minima * subset_masks * target[bound, None, :]).sum(axis=2)
         value = np.where((minima >= -_NEGATIVE).all(axis=2), value, np.inf)
         x[bound] = minima[np.arange(len(bound)), np.argmin(value, axis=1)]
     return np.maximum(x, 0.0) / root
+
+
+@cache
+def _subsets(size: int) -> Array:
+    """Return 1 for the components (2^p, p) in each subset of p, else 0."""
+    return np.array(list(product([0.0, 1.0], repeat=size)))
 
 
 def _restricted_minima(curvature: Array, gradient: Array, masks: Array) -> Array:
@@ -207,8 +230,8 @@ def _restricted_minima(curvature: Array, gradient: Array, masks: Array) -> Array
 
     :param masks: (b, s, p) 1 for components of the subset.
     """
-    penalty = np.eye(masks.shape[2]) * (1.0 - masks + 1e-12)[..., None]
-    blocks = curvature[:, None] * (masks[..., :, None] * masks[..., None, :]) + penalty
+    blocks = curvature[:, None] * (masks[..., :, None] * masks[..., None, :])
+    blocks += np.eye(masks.shape[2]) * (1.0 - masks + 1e-12)[..., None]
     targets: Array = masks * gradient[:, None, :]
     return np.asarray(np.linalg.solve(blocks, targets[..., None])[..., 0], dtype=np.float64)
 
