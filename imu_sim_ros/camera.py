@@ -32,7 +32,7 @@ from imu_sim_ros.sensors.world import World
 from imu_sim_ros.simulation.cameras import scene_around
 from imu_sim_ros.simulation.engine import Body
 from imu_sim_ros.simulation.parameters import SimulationParameters, load_simulation
-from imu_sim_ros.simulation.sensors import mounted
+from imu_sim_ros.simulation.sensors import mount_sensors
 from imu_sim_ros.trajectory.motion import Trajectory
 from imu_sim_ros.trajectory.parameters import PosesParameters
 
@@ -162,7 +162,7 @@ class Simulated(Protocol):
         """True time of sample 0 [ns]."""
 
 
-def on_simulation(layers: Mapping[str, object], simulation: Simulated) -> Rig:
+def build_simulation_rig(layers: Mapping[str, object], simulation: Simulated) -> Rig:
     """Return the cameras that parameters by dotted name describe, on a simulation's body.
 
     :raises ConfigurationError: with a line for each problem.
@@ -183,7 +183,7 @@ def rig_of(parameters: SimulationParameters, trajectory: Trajectory, t0_ns: int)
     :raises ConfigurationError: for a scene that does not fit the path.
     :raises InputError: for a file that cannot be used.
     """
-    return Rig(mounted(parameters), World(trajectory, parameters, t0_ns, scene_around))
+    return Rig(mount_sensors(parameters), World(trajectory, parameters, t0_ns, scene_around))
 
 
 def project(
@@ -317,7 +317,7 @@ def _rig(flight: Simulated, camera: str | Path | Mapping[str, object], scene: st
     if not isinstance(getattr(flight, "parameters", None), SimulationParameters):
         arguments.refuse("flight", flight, "what simulate() returns", wrong_type=True)
     file = arguments.path("scene", scene, "a name or the path of a file")
-    return on_simulation({**_camera(camera), **scene_layer(str(file))}, flight)
+    return build_simulation_rig({**_camera(camera), **scene_layer(str(file))}, flight)
 
 
 def _camera(camera: str | Path | Mapping[str, object]) -> dict[str, object]:

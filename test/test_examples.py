@@ -93,10 +93,10 @@ def test_vio_dataset_writes_three_flights_of_readings_and_noise(run, tmp_path):
 
 def test_places_draws_a_corridor_in_colour(run, tmp_path):
     """A corridor: bright walls and ceiling above a darker floor, in colour."""
-    from imu_sim_ros.sensors.camera.images.files import decoded
+    from imu_sim_ros.sensors.camera.images.files import decode_image
 
     run(EXAMPLES / "places.py")
-    image = decoded((tmp_path / "place_corridor.png").read_bytes())
+    image = decode_image((tmp_path / "place_corridor.png").read_bytes())
     assert image.shape == (480, 752, 3)
     assert image[:240].mean() > image[400:].mean()
 

@@ -486,7 +486,7 @@ def test_a_preset_is_one_file(copy: Copy) -> None:
         flight = ims.simulate(imu="own", duration=1)
         print(json.dumps({
             "value": flight.parameters.imu.gyroscope.noise_density,
-            "list": catalogue.listing("imus"),
+            "list": catalogue.list_folder("imus"),
             "status": generate.main("-o a.mcap --imu own --duration 1s --quiet".split()),
         }))
         """

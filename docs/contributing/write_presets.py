@@ -14,7 +14,7 @@ import numpy as np
 
 from imu_sim_ros.core.types import Array
 from imu_sim_ros.parameters import files
-from imu_sim_ros.sensors import catalogue, named_sensors
+from imu_sim_ros.sensors import catalogue, switchable_sensors
 from imu_sim_ros.simulation.parameters import load_simulation
 
 _INTRODUCTION = """\
@@ -49,7 +49,7 @@ _FOLDERS = {
     "cameras": "Cameras",
     "scenes": "Scenes",
     "barometers": "Barometers",
-    **{name: f"Sensor {name}" for name in named_sensors()},
+    **{name: f"Sensor {name}" for name in switchable_sensors()},
 }
 
 

@@ -26,11 +26,11 @@ from imu_sim_ros.campaigns.simulated import SimulatedCell
 from imu_sim_ros.core.conventions import TRIADS
 from imu_sim_ros.core.records import Readings
 from imu_sim_ros.core.types import Array
-from imu_sim_ros.sensors.errors.realised import realised_imu
+from imu_sim_ros.sensors.errors.realised import realise_imu
 from imu_sim_ros.sensors.imu.declaration import NAME as IMU
 from imu_sim_ros.sensors.samples import Samples
 from imu_sim_ros.simulation.parameters import SimulationParameters
-from imu_sim_ros.simulation.topics import delivered
+from imu_sim_ros.simulation.topics import delivered_readings
 
 _BLOCK: Final = 50_000
 """Samples in a block: a record of hours is never in memory as a whole."""
@@ -50,14 +50,14 @@ def run_calibration(cell: SimulatedCell, estimator: CalibrationEstimator, seed: 
 def _blocks(cell: SimulatedCell, seed: int) -> Iterator[Readings]:
     """Yield the delivered readings of a run, in blocks."""
     for window in cell.simulation(seed).windows(_BLOCK):
-        yield Readings(*delivered(window[IMU]))
+        yield Readings(*delivered_readings(window[IMU]))
 
 
 def _allan(blocks: Iterator[Readings], parameters: SimulationParameters, model: str) -> Metrics:
     """Return the errors of the estimated noise parameters of one run."""
     analysis = analyse([blocks], model=model)
     metrics: Metrics = {}
-    comparisons = truth.compare(analysis, realised_imu(parameters.imu, parameters.seed))
+    comparisons = truth.compare(analysis, realise_imu(parameters.imu, parameters.seed))
     for key in NOISE:
         for number, triad in enumerate(TRIADS):
             axes = [
@@ -80,10 +80,10 @@ def _deterministic(cell: SimulatedCell, parameters: SimulationParameters, kind: 
     """Return the errors of the calibrated parameters of one run."""
     block = cell.block(parameters.seed)
     gravity = float(np.linalg.norm(parameters.gravity))
-    imu = realised_imu(parameters.imu, parameters.seed)
+    imu = realise_imu(parameters.imu, parameters.seed)
     by_norm = False
     if kind == "six_position":
-        steady = find_steady(*delivered(block))
+        steady = find_steady(*delivered_readings(block))
         positions = calibrate_six_position(steady, gravity)
         values = correction.six_position_parameters(positions)
         by_norm = positions.fixture == NORM
@@ -105,7 +105,7 @@ def _deterministic(cell: SimulatedCell, parameters: SimulationParameters, kind: 
 
 def _steady(block: Samples, *, rotating: bool) -> tuple[Steady, Array]:
     """Return the steady pieces and their true rates (m, 3)."""
-    steady = find_steady(*delivered(block), rotating=rotating)
+    steady = find_steady(*delivered_readings(block), rotating=rotating)
     return true_rates(steady, block.true_t_ns, block.motion.angular_velocity)
 
 

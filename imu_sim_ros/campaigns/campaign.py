@@ -31,7 +31,7 @@ from imu_sim_ros.campaigns.results import (
     Row,
     Store,
     key_of,
-    replaced,
+    write_atomically,
     write_tables,
 )
 from imu_sim_ros.campaigns.summary import group_runs, summary_rows
@@ -210,7 +210,7 @@ def write_summary(folder: Path, plan: Plan, rows: Sequence[Row]) -> Path:
     table = summary_rows(group_runs(rows, plan.grid_names), plan.metrics)
     names = list(dict.fromkeys(name for row in table for name in row))
     path = folder / SUMMARY
-    with replaced(path) as part, part.open("w", encoding="utf-8", newline="") as file:
+    with write_atomically(path) as part, part.open("w", encoding="utf-8", newline="") as file:
         writer = csv.DictWriter(file, names, restval="")
         writer.writeheader()
         writer.writerows(table)
@@ -226,7 +226,7 @@ def write_versions(folder: Path) -> Path:
             versions[name] = metadata.version(name)
     path = folder / VERSIONS
     text = as_json({**versions, "imu_sim_ros": imu_sim_ros.__version__}, indent=1)
-    with replaced(path) as part:
+    with write_atomically(path) as part:
         part.write_text(text, encoding="utf-8")
     return path
 

@@ -19,18 +19,18 @@ import numpy as np
 from imu_sim_ros.core.errors import ConfigurationError, Problems
 from imu_sim_ros.core.names import shown
 from imu_sim_ros.parameters import files
-from imu_sim_ros.sensors import named_sensors
-from imu_sim_ros.simulation.parameters import joined, named
+from imu_sim_ros.sensors import switchable_sensors
+from imu_sim_ros.simulation.parameters import join_layers, name_sensors
 from imu_sim_ros.trajectory.parameters import trajectory_layer
 
 Layer = dict[str, object]
-SHORT: Final = ("imu", "trajectory", "camera", "scene", *named_sensors())
+SHORT: Final = ("imu", "trajectory", "camera", "scene", *switchable_sensors())
 """Names of command-line arguments that stand for parameters."""
 _ALL: Final = {
     "imu": "imus",
     "camera": "cameras",
     "scene": "scenes",
-    **{name: name for name in named_sensors()},
+    **{name: name for name in switchable_sensors()},
 }
 """The folders in config/ whose files ``all`` stands for."""
 _LARGEST_AXIS: Final = 100_000
@@ -76,9 +76,9 @@ def expand_names(values: Mapping[str, object]) -> Layer:
             from imu_sim_ros.sensors.camera.rig_parameters import scene_layer
 
             layer.update(scene_layer(str(value)))
-        elif name in ("camera", *named_sensors()):
+        elif name in ("camera", *switchable_sensors()):
             presets = value if isinstance(value, list) else [value]
-            layer = joined(layer, named(name, presets))
+            layer = join_layers(layer, name_sensors(name, presets))
         else:
             layer[name] = value
     return layer

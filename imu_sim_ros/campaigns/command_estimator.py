@@ -31,7 +31,7 @@ from imu_sim_ros.campaigns.estimate_findings import estimate_findings
 from imu_sim_ros.campaigns.metrics import Metrics
 from imu_sim_ros.campaigns.parameters import CommandEstimator
 from imu_sim_ros.campaigns.plan import program
-from imu_sim_ros.campaigns.results import run_folder_of
+from imu_sim_ros.campaigns.results import run_folder_path
 from imu_sim_ros.campaigns.run_files import write_config, write_dataset
 from imu_sim_ros.campaigns.simulated import SimulatedCell
 from imu_sim_ros.core.errors import ImuSimError, InputError
@@ -86,7 +86,7 @@ def run_command(
     :raises InputError: if there is no usable trajectory, with the reason.
     """
     # Absolute: the program works in its own folder, where a relative name would lead elsewhere.
-    run_folder = run_folder_of(folder.absolute(), cell.cell.number, seed, name)
+    run_folder = run_folder_path(folder.absolute(), cell.cell.number, seed, name)
     shutil.rmtree(run_folder, ignore_errors=True)
     keep = cell.plan.options.keep
     failed, metrics = True, outcome.metrics

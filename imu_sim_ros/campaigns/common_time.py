@@ -24,7 +24,7 @@ _ROUNDING_NS = 1_000_000
 """Largest distance of a pose from a span to which it belongs: stamps of text are rounded [ns]."""
 
 
-def covered_spans(t_ns: Times, max_gap: float) -> Integers:
+def pose_spans(t_ns: Times, max_gap: float) -> Integers:
     """Return the spans (m, 2) between poses that have no gap between them [ns].
 
     :param t_ns: (n,) stamps [ns], increasing, n > 0.
@@ -43,7 +43,7 @@ def common_spans(a: Integers, b: Integers) -> Integers:
     return common
 
 
-def in_spans(t_ns: Times, spans: Integers) -> Mask:
+def span_mask(t_ns: Times, spans: Integers) -> Mask:
     """Return a mask (n,), True for stamps in one of the spans (m, 2)."""
     if not len(spans):
         return np.zeros(len(t_ns), np.bool_)
@@ -52,7 +52,7 @@ def in_spans(t_ns: Times, spans: Integers) -> Mask:
     return within
 
 
-def common_time(
+def common_time_metrics(
     tracks: Mapping[str, tuple[States, float]],
     truth_ns: Times,
     metrics: Callable[[str, States], Metrics],
@@ -67,7 +67,7 @@ def common_time(
     :param truth_ns: (n,) stamps of the truth [ns].
     :param metrics: returns the metrics of a part of an estimator's track.
     """
-    spans = {name: covered_spans(track.t_ns, gap) for name, (track, gap) in tracks.items()}
+    spans = {name: pose_spans(track.t_ns, gap) for name, (track, gap) in tracks.items()}
     columns: dict[str, dict[str, Metrics]] = {name: {} for name in tracks}
     clock = TruthTime(truth_ns, max((gap for _, gap in tracks.values()), default=0.0))
     for name, (track, _) in tracks.items():
@@ -75,8 +75,8 @@ def common_time(
             if partner == name:
                 continue
             common = common_spans(spans[name], spans[partner])
-            rows = in_spans(track.t_ns, common)
-            if rows.all() and in_spans(tracks[partner][0].t_ns, common).all():
+            rows = span_mask(track.t_ns, common)
+            if rows.all() and span_mask(tracks[partner][0].t_ns, common).all():
                 continue
             time = int(np.sum(np.diff(clock.at(common.ravel()).reshape(-1, 2))))
             share = float(time / clock.whole_ns)

@@ -33,7 +33,7 @@ from typing import TYPE_CHECKING, Any, Final
 import imu_sim_ros
 from imu_sim_ros.campaigns.cells import Cell
 from imu_sim_ros.campaigns.parameters import CommandEstimator
-from imu_sim_ros.campaigns.plan import Plan, missing
+from imu_sim_ros.campaigns.plan import Plan, list_missing_files
 from imu_sim_ros.campaigns.results import SCENARIO, Row
 from imu_sim_ros.core.errors import ImuSimError, InputError, MachineError, MissingDependencyError
 from imu_sim_ros.core.spelling import argument, stated
@@ -101,12 +101,12 @@ def work(plan: Plan, task: Task, folder: Path) -> list[Row]:
         try:
             runs = CellRuns(plan, task.cell)
         except ImuSimError as error:
-            return failed(plan, task, f"failed: {error.problems[0]}")
+            return failure_rows(plan, task, f"failed: {error.problems[0]}")
         _cell_cache[:] = [runs]
     return list(runs.rows(task.seeds, task.estimators, folder))
 
 
-def failed(plan: Plan, task: Task, status: str) -> list[Row]:
+def failure_rows(plan: Plan, task: Task, status: str) -> list[Row]:
     """Return the rows of a task that failed as a whole."""
     try:
         parameters = plan.simulation(task.cell)
@@ -245,7 +245,7 @@ def _run(
             rows = future.result()
         except workers.death:
             if task.is_single_run and task.deaths >= workers.restarts:
-                yield failed(plan, task, "failed: the worker process died")
+                yield failure_rows(plan, task, "failed: the worker process died")
             else:
                 suspects.extend(task.split())
         else:
@@ -446,7 +446,7 @@ def check_workers(client: "Client", plan: Plan) -> None:
                 f"worker {worker}: has imu_sim_ros {version}; this is {imu_sim_ros.__version__}"
             )
     if not problems:
-        for worker, lines in client.run(missing, plan, on_error="return").items():
+        for worker, lines in client.run(list_missing_files, plan, on_error="return").items():
             lines = [str(lines)] if isinstance(lines, BaseException) else lines
             problems += [f"worker {worker}: {line}" for line in lines]
     if problems:

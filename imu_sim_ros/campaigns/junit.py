@@ -14,7 +14,7 @@ from typing import Final
 from xml.etree import ElementTree
 
 from imu_sim_ros.campaigns.effects import WORSE
-from imu_sim_ros.campaigns.results import replaced
+from imu_sim_ros.campaigns.results import write_atomically
 from imu_sim_ros.campaigns.verdict import Judgement
 from imu_sim_ros.core.errors import system_error
 
@@ -64,7 +64,7 @@ def write_junit(path: Path, name: str, judgement: Judgement) -> None:
     ElementTree.indent(tree)
     try:
         path.parent.mkdir(parents=True, exist_ok=True)
-        with replaced(path) as part:
+        with write_atomically(path) as part:
             tree.write(part, encoding="utf-8", xml_declaration=True)
     except OSError as error:
         raise system_error(path, error) from None

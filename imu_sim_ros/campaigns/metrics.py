@@ -71,7 +71,7 @@ def calibration_names(kinds: Collection[str]) -> tuple[str, ...]:
     return tuple(names)
 
 
-def better(metric: str, custom: Mapping[str, Better]) -> Better:
+def better_values(metric: str, custom: Mapping[str, Better]) -> Better:
     """Return which values of a metric are better.
 
     :param custom: directions of the plan's own metrics.

@@ -61,7 +61,7 @@ def values_of(group: Group, metric: str) -> Values:
     return values
 
 
-def paired_values(a: Group, b: Group, metric: str) -> PairedValues:
+def pair_values(a: Group, b: Group, metric: str) -> PairedValues:
     """Return the values of a metric of two groups that are compared.
 
     Two estimators in one cell have their values over the time that both cover, if their runs were

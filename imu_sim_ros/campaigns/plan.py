@@ -58,7 +58,7 @@ from imu_sim_ros.parameters.sections import build, flatten
 from imu_sim_ros.places.neighbours import files_of
 from imu_sim_ros.simulation.parameters import (
     SimulationParameters,
-    joined,
+    join_layers,
     load_simulation,
 )
 
@@ -151,7 +151,7 @@ class Plan:
         :raises ConfigurationError: with one line per problem, after the cell's name.
         """
         with _in_cell(cell):
-            layer = joined(self.parameters, cell.layer())
+            layer = join_layers(self.parameters, cell.layer())
             parameters = load_simulation(layer, {"seed": self.seeds[0]})
             if parameters.imus:
                 raise ConfigurationError(
@@ -262,12 +262,12 @@ def check_plan(plan: Plan, path: Path) -> None:
     """
     with naming(path, ConfigurationError):
         check_cells(plan)
-        problems = missing(plan)
+        problems = list_missing_files(plan)
         if problems:
             raise ConfigurationError(problems)
 
 
-def missing(plan: Plan) -> list[str]:
+def list_missing_files(plan: Plan) -> list[str]:
     """Return a line for each program or file that a plan names and that is not on this machine."""
     problems = []
     for name, file in sorted(_named_files(plan)):
@@ -447,7 +447,7 @@ def _layer(content: object) -> Layer:
         return {}
     layer = files.dotted(content, "parameters")
     short = {name: layer.pop(name) for name in list(layer) if name in SHORT}
-    return joined(expand_names(short), layer)
+    return join_layers(expand_names(short), layer)
 
 
 def _seeds(content: object) -> tuple[int, ...]:

@@ -64,7 +64,7 @@ _PART: Final = re.compile(r"plan\.\d+\.yaml|\.[a-z.]+\.part")
 """Earlier plans, and the incomplete tables of a killed program."""
 
 
-def run_folder_of(folder: Path, cell: int, seed: int, estimator: str) -> Path:
+def run_folder_path(folder: Path, cell: int, seed: int, estimator: str) -> Path:
     """Return the folder of a run's files in the folder of its campaign.
 
     :param cell: number of the cell.
@@ -147,7 +147,7 @@ class Store:
                 return
             names = (copy.with_name(f"plan.{k}.yaml") for k in itertools.count(1))
             copy.rename(next(name for name in names if not os.path.lexists(name)))
-        with replaced(copy) as part:
+        with write_atomically(copy) as part:
             part.write_bytes(plan)
 
     def rows(self) -> Iterator[Row]:
@@ -229,7 +229,7 @@ def _remove(path: Path) -> None:
 
 
 @contextlib.contextmanager
-def replaced(path: Path) -> Iterator[Path]:
+def write_atomically(path: Path) -> Iterator[Path]:
     """Yield the path for writing a file that is renamed when complete, or removed on an error."""
     part = path.with_name(f".{path.name}.part")
     try:
@@ -302,7 +302,7 @@ def write_tables(
         takes long for a program that was asked to end.
     """
     table = folder / TABLE
-    with replaced(table) as part, part.open("w", encoding="utf-8", newline="") as file:
+    with write_atomically(table) as part, part.open("w", encoding="utf-8", newline="") as file:
         writer = csv.writer(file)
         writer.writerow(columns)
         for row in rows:
@@ -332,7 +332,7 @@ def _write_parquet(
     except ImportError:
         return False
     arrays = [_arrow(name, rows, metrics) for name in columns]
-    with replaced(path) as part:
+    with write_atomically(path) as part:
         pyarrow.parquet.write_table(pyarrow.Table.from_arrays(arrays, list(columns)), part)
     return True
 

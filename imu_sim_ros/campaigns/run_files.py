@@ -15,8 +15,8 @@ from imu_sim_ros.datasets.consumers.folder import write_all
 from imu_sim_ros.datasets.forms import chosen_topics, open_output
 from imu_sim_ros.parameters import files
 from imu_sim_ros.simulation.parameters import values_of
-from imu_sim_ros.simulation.sensors import mounted
-from imu_sim_ros.simulation.topics import offered, resolved
+from imu_sim_ros.simulation.sensors import mount_sensors
+from imu_sim_ros.simulation.topics import resolve_topic, sensor_topics
 
 _BAGS: Final = {"rosbag2": "dataset", "ros1": "dataset.bag", "mcap": "dataset.mcap"}
 
@@ -28,12 +28,12 @@ def write_dataset(cell: SimulatedCell, form: str, seed: int, folder: Path) -> Pa
     :param folder: folder of the run.
     :returns: the path of the dataset.
     """
-    sensors, name = mounted(cell.parameters), _BAGS.get(form, "dataset")
+    sensors, name = mount_sensors(cell.parameters), _BAGS.get(form, "dataset")
     path, dataset = folder / name, None if form in _BAGS else form
     names = chosen_topics(sensors, dataset, path)
     if dataset is None:
         # The truth of the scene is twice as large as what the cameras see, and no program reads it.
-        topics = offered(sensors)
+        topics = sensor_topics(sensors)
         scene_truth = [n for n in names if topics[n].topic.truth and topics[n].mounted.sensor.sees]
         names = {name: names[name] for name in names if name not in scene_truth}
     output = path / "mav0" if form == "euroc" else path
@@ -52,8 +52,8 @@ def write_config(cell: SimulatedCell, seed: int, folder: Path) -> Path:
     """
     parameters = dataclasses.replace(cell.parameters, seed=seed)
     path = folder / "config"
-    values = imu_values(parameters, resolved(IMU_TOPIC), cell.total / parameters.rate)
-    names = {topic: topic for topic in offered(mounted(parameters))}
+    values = imu_values(parameters, resolve_topic(IMU_TOPIC), cell.total / parameters.rate)
+    names = {topic: topic for topic in sensor_topics(mount_sensors(parameters))}
     write_all(path, values, rig_values(values, parameters, names), parameters)
     all_values = values_of(parameters)
     files.write(all_values, path / "simulation.yaml", comment="All parameters of this run.")

@@ -10,7 +10,7 @@ from typing import Final
 
 import imu_sim_ros
 from imu_sim_ros.campaigns.cells import Cell, value_text
-from imu_sim_ros.campaigns.common_time import common_time
+from imu_sim_ros.campaigns.common_time import common_time_metrics
 from imu_sim_ros.campaigns.comparison import (
     RunOutcome,
     check,
@@ -97,7 +97,7 @@ class CellRuns:
             for name, track in tracks.items()
             if isinstance(estimator := estimators[name], TrajectoryEstimator)
         }
-        return common_time(gaps, truth.t_ns, metrics)
+        return common_time_metrics(gaps, truth.t_ns, metrics)
 
     def _estimate(
         self,

@@ -17,8 +17,8 @@ from imu_sim_ros.sensors.imu.declaration import NAME as IMU
 from imu_sim_ros.sensors.pose.declaration import NAME as POSE
 from imu_sim_ros.sensors.samples import Samples
 from imu_sim_ros.simulation.engine import Body
-from imu_sim_ros.simulation.sensors import mounted
-from imu_sim_ros.simulation.topics import delivered
+from imu_sim_ros.simulation.sensors import mount_sensors
+from imu_sim_ros.simulation.topics import delivered_readings
 from imu_sim_ros.trajectory.motion import RememberedTrajectory
 
 if TYPE_CHECKING:
@@ -57,7 +57,7 @@ class SimulatedCell:
         :param threads: threads for the cameras, which are read as well; None: cameras are not read.
         """
         dataset_sensors = [
-            n for n, mount in mounted(self.parameters).items() if mount.sensor.datasets
+            n for n, mount in mount_sensors(self.parameters).items() if mount.sensor.datasets
         ]
         sensors = (POSE, *self.parameters.sensors, *(dataset_sensors if threads else ()))
         return self._start(seed, sensors, threads)
@@ -85,7 +85,7 @@ class SimulatedCell:
 
     def readings(self, block: Samples) -> Readings:
         """Return the delivered readings, each stamp once and in order."""
-        readings = Readings(*delivered(block))
+        readings = Readings(*delivered_readings(block))
         if len(readings) and bool(np.all(readings.t_ns[1:] > readings.t_ns[:-1])):
             return readings
         return readings.rows(np.unique(readings.t_ns, return_index=True)[1])

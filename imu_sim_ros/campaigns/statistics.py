@@ -362,7 +362,7 @@ def power(pairs: int, difference: float, scatter: float, margin: float, comparis
     return detections / _CAMPAIGNS
 
 
-def seeds_needed(
+def seeds_for_power(
     target: float, difference: float, scatter: float, margin: float, comparisons: int
 ) -> int | None:
     """Return the smallest number of seeds with a target :func:`power`; None: more than 100,000."""

@@ -39,10 +39,10 @@ from imu_sim_ros.campaigns.metrics import (
     SUCCESS,
     Better,
     Tolerance,
-    better,
+    better_values,
     depends_on_alignment,
 )
-from imu_sim_ros.campaigns.pairs import CommonTime, Values, paired_values, values_of
+from imu_sim_ros.campaigns.pairs import CommonTime, Values, pair_values, values_of
 from imu_sim_ros.campaigns.plan import Plan
 from imu_sim_ros.campaigns.results import FINDINGS, SEPARATOR, Row
 from imu_sim_ros.campaigns.statistics import (
@@ -309,7 +309,7 @@ def judge(
         baseline; None: a group that is not proven to be worse passes.
     """
     groups = group_runs(rows, plan.grid_names)
-    preference = better(metric, plan.custom_metrics)
+    preference = better_values(metric, plan.custom_metrics)
     rule = Criterion(metric, preference, tolerance or plan.tolerance, non_inferiority)
     baseline_effects = None if baseline is None else _baseline(groups, baseline, rule)
     contests, factor = _contests(groups, rule), _factor(groups)
@@ -483,7 +483,7 @@ def _effect(
 
     :param comparisons: number of comparisons that are read together.
     """
-    values_a, values_b, time = paired_values(a, b, rule.metric)
+    values_a, values_b, time = pair_values(a, b, rule.metric)
     seeds = [seed for seed in values_a if seed in values_b]
     if not seeds:
         return None
@@ -703,7 +703,7 @@ def _baseline(groups: Sequence[Group], rows: Sequence[Row], rule: Criterion) -> 
     return _decide(effects, rule)
 
 
-def varying_names(groups: Sequence[Group]) -> list[str]:
+def list_varying_names(groups: Sequence[Group]) -> list[str]:
     """Return the names of the grid, and ``estimator``, that have several values."""
     names = list(groups[0].labels) if groups else []
     return [name for name in names if len({group.labels[name] for group in groups}) > 1]
@@ -711,7 +711,7 @@ def varying_names(groups: Sequence[Group]) -> list[str]:
 
 def _factor(groups: Sequence[Group]) -> str:
     """Return the main factor of a campaign."""
-    varying = varying_names(groups)
+    varying = list_varying_names(groups)
     for name in ("estimator", "imu"):
         if name in varying:
             return name
@@ -726,7 +726,7 @@ def _contests(groups: Sequence[Group], rule: Criterion) -> list[Contest]:
         for factor, members in _members(groups)
     ]
     count = sum(_pair_count(len(ranked)) for _, ranked in contested)
-    varying = varying_names(groups)
+    varying = list_varying_names(groups)
     candidates = [_contest(factor, ranked, varying, rule, count) for factor, ranked in contested]
     contests = [contest for contest in candidates if contest is not None]
     decided = iter(_decide([effect for contest in contests for effect in contest.effects], rule))
@@ -794,7 +794,7 @@ def _order_groups(ranked: list[Group], rule: Criterion) -> list[Group]:
     worse_than = [0] * len(ranked)
     shorter = False
     for k, j in itertools.combinations(range(len(ranked)), 2):
-        ours, theirs, time = paired_values(ranked[k], ranked[j], rule.metric)
+        ours, theirs, time = pair_values(ranked[k], ranked[j], rule.metric)
         shorter |= time is not None and time.both is not None
         a, b = _typical_loss(ours, rule), _typical_loss(theirs, rule)
         worse_than[k] += a > b

@@ -13,7 +13,7 @@ from imu_sim_ros.core.errors import ImuSimError
 from imu_sim_ros.jobs.generate import OF_SENSORS
 from imu_sim_ros.jobs.generate import generate as job
 from imu_sim_ros.parameters import files
-from imu_sim_ros.sensors import catalogue, named_sensors, switches
+from imu_sim_ros.sensors import catalogue, switchable_sensors, switches
 from imu_sim_ros.simulation.parameters import load_simulation
 from imu_sim_ros.terminal.signatures import arguments_of, call
 from imu_sim_ros.trajectory.parameters import TourParameters
@@ -36,7 +36,7 @@ _SENSORS: Final = (
             f"repeatable, further ones are named {name}1, {name}2, ...",
             "group": str(OF_SENSORS),
         }
-        for name, sensor in named_sensors().items()
+        for name, sensor in switchable_sensors().items()
         if sensor.presets
     }
     | {
@@ -46,7 +46,7 @@ _SENSORS: Final = (
             "help": f"simulate {name}",
             "group": str(OF_SENSORS),
         }
-        for name, sensor in named_sensors().items()
+        for name, sensor in switchable_sensors().items()
         if not sensor.presets
     }
     | {
@@ -78,7 +78,7 @@ class _List(argparse.Action):
     def __call__(self, parser: argparse.ArgumentParser, *_arguments: object) -> None:
         """Print the list."""
         folder = str(self.const)
-        print(catalogue.sensor_table() if folder == "sensors" else catalogue.listing(folder))
+        print(catalogue.sensor_table() if folder == "sensors" else catalogue.list_folder(folder))
         parser.exit()
 
 
@@ -131,7 +131,7 @@ _LISTS: Final = {
 def generate(arguments: argparse.Namespace) -> None:
     """Write the requested output."""
     options = vars(arguments)
-    names = [*named_sensors(), *(switch.name for switch in switches().values())]
+    names = [*switchable_sensors(), *(switch.name for switch in switches().values())]
     sensors = {name: enabled for name in names if (enabled := options[name])}
     program.show(arguments, call(job, arguments, defaults=sensors))
 

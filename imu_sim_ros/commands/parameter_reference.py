@@ -17,7 +17,7 @@ from imu_sim_ros.navigation.parameters import IntegratorParameters
 from imu_sim_ros.parameters import files
 from imu_sim_ros.parameters.kinds import Parameter, Value
 from imu_sim_ros.parameters.sections import parameters
-from imu_sim_ros.sensors import named_sensors, sensors_of_imus
+from imu_sim_ros.sensors import sensors_of_imus, switchable_sensors
 from imu_sim_ros.sensors.camera.parameters import CameraParameters
 from imu_sim_ros.sensors.camera.rig_parameters import RigParameters
 from imu_sim_ros.sensors.camera.scene_parameters import TYPES as SCENES
@@ -91,7 +91,7 @@ def _lines() -> Iterator[str]:
     of_rig = {name: rig[name] for name in ("cameras", "features.layout")}
     yield from _table({**of_rig, **_below("camera", CameraParameters)})
     yield from _kinds("scene", SceneParameters, SCENES)
-    for name, sensor in named_sensors().items():
+    for name, sensor in switchable_sensors().items():
         yield f"## Sensor {name}\n"
         yield f"Used if `sensors` contains `{sensor.name}`: {sensor.text}.\n"
         yield from _table(_below(name, sensor.section))

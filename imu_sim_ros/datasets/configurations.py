@@ -20,13 +20,13 @@ from imu_sim_ros.datasets.consumers.values import ImuValues
 from imu_sim_ros.inputs.tables import Table
 from imu_sim_ros.sensors.declaration import Mounted
 from imu_sim_ros.sensors.environment import EnvironmentParameters
-from imu_sim_ros.sensors.errors.realised import realised_imu
+from imu_sim_ros.sensors.errors.realised import realise_imu
 from imu_sim_ros.sensors.imu.parameters import ImuParameters
 from imu_sim_ros.sensors.parameters import MountedParameters, RatedParameters
 from imu_sim_ros.simulation.engine import Body
 from imu_sim_ros.simulation.parameters import SimulationParameters, imus
 from imu_sim_ros.simulation.sensors import all_tables, imus_in
-from imu_sim_ros.simulation.topics import resolved
+from imu_sim_ros.simulation.topics import resolve_topic
 
 _START: Final = 60.0
 """Length of the start of a flight that is searched for an initialisation [s]."""
@@ -52,7 +52,7 @@ def write_configs(
     for name, parameters in imus_by_name.items():
         topic = f"{name}/{IMU_TOPIC}".lstrip("/")
         seconds = body.taken(parameters.rate) / parameters.rate
-        values = imu_values(parameters, resolved(names.get(topic, topic)), seconds)
+        values = imu_values(parameters, resolve_topic(names.get(topic, topic)), seconds)
         bad: tuple[BadStart, ...] = ()
         if body.parameters.cameras:
             bad = tuple(bad_starts(values, _start(body)))
@@ -69,7 +69,7 @@ def imu_values(parameters: SimulationParameters, topic: str, duration: float = 0
     :param duration: duration of the readings [s].
     """
     return ImuValues(
-        realised_imu(parameters.imu, parameters.seed),
+        realise_imu(parameters.imu, parameters.seed),
         parameters.rate,
         float(np.linalg.norm(parameters.gravity)),
         topic,
@@ -113,7 +113,7 @@ def _image_topic(camera: str, names: Mapping[str, str]) -> str:
     """
     raw, compressed = (f"{camera}/{topic}" for topic in (IMAGE_TOPIC, COMPRESSED_TOPIC))
     key = compressed if compressed in names and raw not in names else raw
-    return resolved(names.get(key, key))
+    return resolve_topic(names.get(key, key))
 
 
 def bagcreater_topics(imus: Iterable[str]) -> dict[str, str]:

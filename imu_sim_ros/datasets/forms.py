@@ -48,11 +48,11 @@ from imu_sim_ros.simulation.topics import (
     Messages,
     Offered,
     WindowSamples,
-    delivered,
+    delivered_readings,
     delivered_rows,
-    offered,
-    published,
-    resolved,
+    published_topics,
+    resolve_topic,
+    sensor_topics,
 )
 
 Warn = Callable[[str], object]
@@ -97,7 +97,7 @@ def _usual_topics(
     in_text = form is not None
     tables = in_text and form in WITH_TABLES and path.suffix.lower() != ".csv"
     names = []
-    for name, offer in published(sensors, SimulatorParameters().publish).items():
+    for name, offer in published_topics(sensors, SimulatorParameters().publish).items():
         topic, sensor, companions = (
             offer.topic,
             offer.mounted.sensor,
@@ -153,7 +153,7 @@ def chosen_topics(
     :param imu_only: leave out the truth from the default topics.
     :raises InputError: with a line for every name that is unknown or given twice.
     """
-    topics_by_name = offered(sensors)
+    topics_by_name = sensor_topics(sensors)
     names: list[str] = []
     requested: Sequence[str] = topics or _usual_topics(sensors, form, path, imu_only)
     if ALL in topics:
@@ -169,7 +169,7 @@ def chosen_topics(
         if name not in topics_by_name
     ]
     problems += [f"topic {name}: given twice" for name in set(names) if names.count(name) > 1]
-    names_in_bag = [resolved(renamed.get(name, name)) for name in dict.fromkeys(names)]
+    names_in_bag = [resolve_topic(renamed.get(name, name)) for name in dict.fromkeys(names)]
     problems += [
         f"topic {name}: two topics would have this name"
         for name in dict.fromkeys(names_in_bag)
@@ -192,7 +192,7 @@ def dataset_tables(
         f"{table.mounted.space}{table.mounted.sensor.topics[0].name}": table
         for table in all_tables(sensors)
     }
-    topics, tables, problems = offered(sensors), [], []
+    topics, tables, problems = sensor_topics(sensors), [], []
     for name in names:
         if name in tables_by_topic and form in WITH_TABLES:
             tables.append((tables_by_topic[name].table, tables_by_topic[name].number))
@@ -244,12 +244,12 @@ class BagTarget:
         :param names: name in the bag of each topic that is written.
         """
         self._writer = writer
-        topics = offered(sensors)
+        topics = sensor_topics(sensors)
         self._outputs = []
         for full, name in names.items():
             sensor, mounted, topic = topics[full]
             qos = [LATCHED] if topic.latched else None
-            bag_topic = writer.add_topic(resolved(name), topic.type, qos)
+            bag_topic = writer.add_topic(resolve_topic(name), topic.type, qos)
             encode = topics[full].encoder(writer.encoding)
             self._outputs.append(_Output(bag_topic, sensor, mounted.valid, encode))
         self._pending: list[tuple[BagTopic, Messages]] = []
@@ -319,10 +319,16 @@ class DatasetTarget:
         states = zip(self._states, self.dataset.truths, strict=False)
         tables = ((self._tables[key], file) for key, file in self.dataset.tables.items())
         return {
-            **{resolved(self._sensors[name].space + IMU_TOPIC): f.rows for name, f in readings},
-            **{resolved(self._sensors[name].space + TRUTH_TOPIC): f.rows for name, f in states},
             **{
-                resolved(f"{table.mounted.space}{table.mounted.sensor.topics[0].name}"): file.rows
+                resolve_topic(self._sensors[name].space + IMU_TOPIC): f.rows for name, f in readings
+            },
+            **{
+                resolve_topic(self._sensors[name].space + TRUTH_TOPIC): f.rows for name, f in states
+            },
+            **{
+                resolve_topic(
+                    f"{table.mounted.space}{table.mounted.sensor.topics[0].name}"
+                ): file.rows
                 for table, file in tables
             },
             **({} if self._camera_files is None else self._camera_files.counts),
@@ -331,7 +337,7 @@ class DatasetTarget:
     def write(self, window: WindowSamples) -> None:
         """Write the rows of a window of time, and the data of its cameras."""
         for k, name in enumerate(self._imus[: len(self.dataset.imus)]):
-            self.dataset.write_imu(*delivered(window[name]), k)
+            self.dataset.write_imu(*delivered_readings(window[name]), k)
         for kind, k in self.dataset.tables:
             _, _, name, mounted = self._tables[kind, k]
             samples, rows = window[name], delivered_rows(window[name])

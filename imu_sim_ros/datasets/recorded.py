@@ -33,7 +33,7 @@ from imu_sim_ros.inputs.rows import (
 from imu_sim_ros.recordings.cameras import PLUMB_BOB, CameraInfo, CameraRecord
 from imu_sim_ros.recordings.clock import estimate_clock
 from imu_sim_ros.sensors.camera import calibration_files
-from imu_sim_ros.sensors.camera.images.files import JPEG, PNG, Size, decoded, image_size, png
+from imu_sim_ros.sensors.camera.images.files import JPEG, PNG, Size, decode_image, image_size, png
 
 DEPTH_FOLDER: Final = "depth"
 _TO_EUROC: Final = {
@@ -283,7 +283,7 @@ def as_png(data: bytes) -> bytes:
     """
     if data.startswith(PNG):
         return data
-    image = decoded(data)
+    image = decode_image(data)
     return png(image[..., :3] if image.ndim > 2 else image)
 
 
@@ -296,7 +296,7 @@ def compressed_image(data: bytes) -> tuple[str, str, bytes]:
         size = (_PNG_CHANNELS.get(data[25], 0), 2 if data[24] > 8 else 1)
         if size in _PIXELS:
             return "png", _PIXELS[size], data
-    image = decoded(data)
+    image = decode_image(data)
     pixels = pixel_encoding(image)
     return ("jpeg", pixels, data) if data.startswith(JPEG) else ("png", pixels, png(image))
 

@@ -56,7 +56,7 @@ from imu_sim_ros.datasets.recorded import (
 )
 from imu_sim_ros.recordings.findings.cameras import UNUSABLE
 from imu_sim_ros.recordings.findings.catalogue import camera_findings
-from imu_sim_ros.sensors.camera.images.files import Size, decoded
+from imu_sim_ros.sensors.camera.images.files import Size, decode_image
 
 KINDS: Final = {
     "raw": (IMAGE_TOPIC,),
@@ -259,7 +259,7 @@ class _Maker:
             return CompressedImageEncoder(self._frame, pixels, self._encoding, form).encode(
                 t_ns, data
             )
-        image = decoded(data)
+        image = decode_image(data)
         pixels = pixel_encoding(image)
         if key == DEPTH_TOPIC and pixels == "mono16":
             pixels = "16UC1"  # millimetres (REP 118), not grey values

@@ -19,7 +19,7 @@ from imu_sim_ros.parameters import files
 from imu_sim_ros.parameters.kinds import Value
 from imu_sim_ros.parameters.sections import flatten
 from imu_sim_ros.sensors.declaration import Mounted
-from imu_sim_ros.sensors.errors.realised import realised_imu
+from imu_sim_ros.sensors.errors.realised import realise_imu
 from imu_sim_ros.sensors.imu.parameters import MOUNT
 from imu_sim_ros.sensors.parameters import MountedParameters
 from imu_sim_ros.simulation.parameters import (
@@ -27,7 +27,7 @@ from imu_sim_ros.simulation.parameters import (
     imus,
     load_simulation,
 )
-from imu_sim_ros.simulation.sensors import mounted
+from imu_sim_ros.simulation.sensors import mount_sensors
 
 _SUFFIXES: Final = (".bag", ".mcap", ".csv")
 """Suffixes that are not part of the name of the truth; folders have none."""
@@ -103,7 +103,7 @@ def new_truths(output: Path, parameters: SimulationParameters) -> dict[Path, str
     defaults = {field.name: field.default for field in fields(SimulationParameters)}
     world = {name: values[name] for name in _WORLD if values[name] != defaults[name]}
     texts = {name: _imu_text(imu, world) for name, imu in imus(parameters).items()}
-    sensors = mounted(parameters)
+    sensors = mount_sensors(parameters)
     texts |= {name: _sensor_text(sensors[name], world) for name in parameters.each_sensor}
     new_texts, problems = {}, []
     for name, text in texts.items():
@@ -165,7 +165,7 @@ def _imu_text(parameters: SimulationParameters, world: Mapping[str, Value]) -> s
 
     ``calibrate --truth`` and ``allan --truth`` take it, and ``--imu`` for the same unit again.
     """
-    imu = dataclasses.replace(realised_imu(parameters.imu, parameters.seed), preset="perfect")
+    imu = dataclasses.replace(realise_imu(parameters.imu, parameters.seed), preset="perfect")
     values = {f"imu.{key}": value for key, value in flatten(imu).items()}
     return files.text(
         {"rate": parameters.rate, **world, **values},

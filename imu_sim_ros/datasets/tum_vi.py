@@ -37,7 +37,7 @@ from imu_sim_ros.sensors.imu.parameters import ImuParameters
 from imu_sim_ros.sensors.parameters import MountedParameters
 from imu_sim_ros.sensors.samples import Samples
 from imu_sim_ros.sensors.world import World
-from imu_sim_ros.simulation.topics import WindowSamples, delivered, resolved
+from imu_sim_ros.simulation.topics import WindowSamples, delivered_readings, resolve_topic
 
 _POSES: Final = (
     "#timestamp [ns], p_RS_R_x [m], p_RS_R_y [m], p_RS_R_z [m], q_RS_w [], q_RS_x [], q_RS_y [], "
@@ -109,7 +109,10 @@ class TumVi:
     @property
     def counts(self) -> dict[str, int]:
         """Number of rows and images by topic."""
-        tables = {resolved(IMU_TOPIC): self.rows["imu"], resolved(TRUTH_TOPIC): self.rows["poses"]}
+        tables = {
+            resolve_topic(IMU_TOPIC): self.rows["imu"],
+            resolve_topic(TRUTH_TOPIC): self.rows["poses"],
+        }
         return {**tables, **self._images.counts}
 
     def summary(self) -> str:
@@ -123,7 +126,7 @@ class TumVi:
         :param window: samples by sensor, with the only IMU among them.
         """
         block: Samples = window[IMU]
-        t_ns, gyro, accel = delivered(block)
+        t_ns, gyro, accel = delivered_readings(block)
         readings = [t_ns, np.concatenate([gyro, accel], axis=1)]
         self._open["mav0/imu0/data.csv"].write(decimals.lines(readings))
         motion = block.motion

@@ -54,7 +54,7 @@ from imu_sim_ros.sensors.imu.presets import load_all
 from imu_sim_ros.sensors.imu.units import Spread
 from imu_sim_ros.sensors.magnetometer.declaration import MagneticReadings
 from imu_sim_ros.sensors.parameters import LONGEST
-from imu_sim_ros.sensors.samples import Samples, joined
+from imu_sim_ros.sensors.samples import Samples, join_samples
 from imu_sim_ros.simulation.error_input import BatchStartCheck, Conventions, IdealValues
 from imu_sim_ros.simulation.error_model import GivenImu
 from imu_sim_ros.simulation.error_parameters import (
@@ -167,7 +167,7 @@ def _add_other(
     ideal_values = _given_values(quantity, *pair)
     if not len(ideal_values.t_ns):
         raise InputError(f"{quantity}: no readings")
-    block = joined(sensor.read(ideal_values))
+    block = join_samples(sensor.read(ideal_values))
     begin = 0
     for k, window in enumerate(windows):
         end = len(block.true_t_ns)
@@ -292,7 +292,7 @@ class ErrorModel:
                     return samples
         ideal_readings = _checked_readings(t_ns, gyro, accel, orientation, "read")
         blocks = [window[IMU] for window in self._model.read(ideal_readings)]
-        return joined(blocks) if blocks else _no_samples(self._model.position)
+        return join_samples(blocks) if blocks else _no_samples(self._model.position)
 
     def read_magnetic_field(self, t_ns: int | ArrayLike, field: ArrayLike) -> MagneticReadings:
         """Return the readings of the IMU's magnetometer, one for each ideal field.
@@ -707,7 +707,7 @@ def from_sdf(file: str | Path, sensor: str | None = None) -> dict[str, object]:
     """
     path = arguments.path("file", file)
     name = None if sensor is None else arguments.text("sensor", sensor, "the name of a sensor")
-    parameters = sdf.read(path, name).parameters
+    parameters = sdf.read_model(path, name).parameters
     imu_fields = {k.removeprefix("imu."): v for k, v in parameters.items() if k.startswith("imu.")}
     excluded = ("preset", *(name.removeprefix("imu.") for name in MOUNT))
     if not any(

@@ -38,8 +38,8 @@ from imu_sim_ros.recordings.findings.catalogue import twist_findings
 from imu_sim_ros.simulation.error_input import Differentiator
 from imu_sim_ros.simulation.error_model import GivenImu
 from imu_sim_ros.simulation.error_parameters import ErrorModelParameters
-from imu_sim_ros.simulation.sensors import mounted
-from imu_sim_ros.simulation.topics import offered, resolved
+from imu_sim_ros.simulation.sensors import mount_sensors
+from imu_sim_ros.simulation.topics import resolve_topic, sensor_topics
 
 USUAL: Final = (IMU_TOPIC, GYROSCOPE_BIAS_TOPIC, ACCELEROMETER_BIAS_TOPIC)
 _READING: Final = ("angular_velocity", "linear_acceleration")
@@ -129,14 +129,14 @@ def names_in(
     :param renamed: new names by old ones, as the user gives them, without slashes in front.
     :raises InputError: with a line for each name that there would be twice.
     """
-    output_names = {key: resolved(renamed.get(key, key)) for key in added}
+    output_names = {key: resolve_topic(renamed.get(key, key)) for key in added}
     renames = {
-        topic.name: resolved(renamed[topic.name.lstrip("/")])
+        topic.name: resolve_topic(renamed[topic.name.lstrip("/")])
         for topic in copied
         if topic.name.lstrip("/") in renamed and topic.name.lstrip("/") not in added
     }
     if source in copied and source.name in output_names.values():
-        renames[source.name] = resolved(IDEAL_IMU_TOPIC)
+        renames[source.name] = resolve_topic(IDEAL_IMU_TOPIC)
     copied_names = [renames.get(topic.name, topic.name) for topic in copied]
     problems = [
         f"{bag.path}: has a topic {name}; {argument('rename', {key: 'NEW'})} gives the new one "
@@ -169,7 +169,7 @@ class BagErrors:
         :param remark: receives what looks like a mistake, a line each.
         """
         self._bag, self._source, self._parameters, self._names = bag, source, parameters, names
-        self._offered, self._remark = offered(mounted(parameters)), remark
+        self._offered, self._remark = sensor_topics(mount_sensors(parameters)), remark
         sensors = {self._offered[name].name for name in names}
         self.model = GivenImu(parameters, sensors, remark)
         self._odometry = Differentiator(parameters) if source.type == ODOMETRY else None

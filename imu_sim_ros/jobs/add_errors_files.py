@@ -76,7 +76,7 @@ from imu_sim_ros.sensors.imu.declaration import NAME as IMU
 from imu_sim_ros.simulation.error_model import GivenImu
 from imu_sim_ros.simulation.error_parameters import layer_error_model, orientation_problems
 from imu_sim_ros.simulation.given_sensor import Counts
-from imu_sim_ros.simulation.topics import OF_THE_ERROR_MODEL, delivered, resolved
+from imu_sim_ros.simulation.topics import OF_THE_ERROR_MODEL, delivered_readings, resolve_topic
 from imu_sim_ros.terminal.progress import progress
 from imu_sim_ros.terminal.signatures import Heading, Text
 
@@ -221,7 +221,7 @@ def add_errors_to_file(
     input_files = [source_path, *parameter_files(params_file), *layers.values()]
     written = outputs(force, discard_partial, input_files)
     journal = Journal(source_path, arguments.switch("skip_bad_rows", skip_bad_rows))
-    left_out = {resolved(name.strip()) for name in arguments.words("without", without) if name}
+    left_out = {resolve_topic(name.strip()) for name in arguments.words("without", without) if name}
     started = time.perf_counter()
     names = [name.strip().lstrip("/") for name in form.topics if name.strip()]
     unfit = [name for name in names if name not in OF_THE_ERROR_MODEL]
@@ -256,14 +256,14 @@ def add_errors_to_file(
                 if readings.type == ODOMETRY:
                     for line in twist_warnings(bag, readings, built.input.twist_frame):
                         journal.warn(line)
-                have = {resolved(info.name) for info in bag.topics}
+                have = {resolve_topic(info.name) for info in bag.topics}
                 if is_text:  # a dataset's biases are those of the readings before
-                    left_out |= {resolved(name) for name in added} & have - {readings.name}
+                    left_out |= {resolve_topic(name) for name in added} & have - {readings.name}
                 if left_out - have:
                     raise InputError(
                         [unknown("topic", name, sorted(have)) for name in sorted(left_out - have)]
                     )
-                copied = [info for info in bag.topics if resolved(info.name) not in left_out]
+                copied = [info for info in bag.topics if resolve_topic(info.name) not in left_out]
                 if dataset:
                     copied = [info for info in copied if info.type != readings.type]
                 topic_names, renamed = names_in(bag, readings, copied, added, dict(form.renamed))
@@ -345,7 +345,7 @@ def _dataset_to_dataset(
                 model = GivenImu(with_rate(layers, rate), remark=source.journal.warn)
             for begin in range(0, len(readings), ROWS_AT_ONCE):
                 for samples in model.read(readings.rows(slice(begin, begin + ROWS_AT_ONCE))):
-                    dataset.write_imu(*delivered(samples[IMU]))
+                    dataset.write_imu(*delivered_readings(samples[IMU]))
     if model is None:
         raise InputError(f"{source.path}: contains no readings")
     model.finish()
@@ -354,7 +354,7 @@ def _dataset_to_dataset(
     else:
         shutil.move(noisy / "imu0" / "data.csv", staged / "imu0" / "data.csv")
     count = dataset.imu.rows if dataset.imu else 0
-    return model.counts, {resolved(IMU_TOPIC): count}, notes
+    return model.counts, {resolve_topic(IMU_TOPIC): count}, notes
 
 
 def _unsaid(_: object) -> None:

@@ -23,7 +23,7 @@ from imu_sim_ros.navigation.evaluation import (
     invertible,
     nees,
     statistics,
-    tilt_and_heading,
+    tilt_and_heading_errors,
 )
 from imu_sim_ros.terminal.text_tables import TextTable
 
@@ -216,7 +216,7 @@ def compared_attitudes(
     consistency = (
         (None, None) if covariance is None else stated_consistency(errors, covariance[rows])
     )
-    angles = tilt_and_heading(q, true)
+    angles = tilt_and_heading_errors(q, true)
     covered = coverage(t_ns, truth.t_ns, max_gap)
     return AttitudeEvaluation(
         t_ns[rows], errors, *angles, covered, len(t_ns) - len(rows), *consistency

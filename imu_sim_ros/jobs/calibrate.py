@@ -33,7 +33,11 @@ from imu_sim_ros.calibration.deterministic.temperature import (
     calibrate_temperature as over_temperature,
 )
 from imu_sim_ros.calibration.deterministic.turntable import calibrate_turntable as turntable
-from imu_sim_ros.calibration.deterministic.turntable import known_rates, specific_force, true_rates
+from imu_sim_ros.calibration.deterministic.turntable import (
+    match_table_rates,
+    specific_force,
+    true_rates,
+)
 from imu_sim_ros.calibration.noise.truth import load_truth
 from imu_sim_ros.core import arguments, gate
 from imu_sim_ros.core.arguments import BAG_OR_FILE, name_of, number, suggest_keywords
@@ -340,7 +344,9 @@ class _Run:
                     f"{stated('rates')}: the rates the table was set to are not known; give them "
                     "in rad/s"
                 )
-        rotations = known_rates(steady, np.empty(0) if set_to is None else set_to, temperatures)
+        rotations = match_table_rates(
+            steady, np.empty(0) if set_to is None else set_to, temperatures
+        )
         if len(rotations.missing):
             self._warnings.append(
                 f"rates: nothing turns at {_list_values(rotations.missing)} rad/s"
@@ -711,7 +717,7 @@ def _correction(source: Calibration | str | Path) -> Correction:
     """Return how the errors that a calibration found are taken from readings."""
     values: Mapping[str, object]
     if isinstance(source, Calibration):
-        values = correction.for_integrator(source.parameters)
+        values = correction.integrator_parameters(source.parameters)
     else:
         values = files.load(
             arguments.path("accelerometer", source, "a Calibration or the path of its correction"),

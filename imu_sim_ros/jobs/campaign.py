@@ -23,7 +23,7 @@ from imu_sim_ros.campaigns.metrics import SUCCESS, Tolerance, parse_tolerance
 from imu_sim_ros.campaigns.parameters import CommandEstimator
 from imu_sim_ros.campaigns.plan import Plan, check_plan, find_plan, load_plan
 from imu_sim_ros.campaigns.results import TABLE, Row, Store, read_results
-from imu_sim_ros.campaigns.statistics import ConfidenceInterval, power, quantile, seeds_needed
+from imu_sim_ros.campaigns.statistics import ConfidenceInterval, power, quantile, seeds_for_power
 from imu_sim_ros.campaigns.summary import Group, group_runs, slopes
 from imu_sim_ros.campaigns.verdict import (
     EstimateFinding,
@@ -31,7 +31,7 @@ from imu_sim_ros.campaigns.verdict import (
     counts,
     headline,
     judge,
-    varying_names,
+    list_varying_names,
 )
 from imu_sim_ros.core import arguments
 from imu_sim_ros.core.arguments import suggest_keywords
@@ -385,7 +385,7 @@ class Power:
             together = self.comparisons
         self.power = power(self.seeds, *sizes) ** together
         self.needed = {
-            share: seeds_needed(share ** (1.0 / together), *sizes) for share in (0.5, 0.8, 0.95)
+            share: seeds_for_power(share ** (1.0 / together), *sizes) for share in (0.5, 0.8, 0.95)
         }
 
     def to_dict(self) -> JsonObject:
@@ -428,7 +428,7 @@ _SHOWN: Final = 40
 def _lines(result: Campaign) -> Iterator[str | TextTable]:
     """Yield the report: the table of results, effects, slopes and the verdict."""
     metric, groups = result.judgement.metric, group_runs(result.runs, result.plan.grid_names)
-    varying = varying_names(groups)
+    varying = list_varying_names(groups)
     rows = [_row(group, metric, varying) for group in groups[:_SHOWN]]
     names = [name for name in varying if name != "estimator"]
     endings = [name.rpartition(".")[2] for name in names]

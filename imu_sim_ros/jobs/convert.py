@@ -80,8 +80,8 @@ from imu_sim_ros.recordings.findings.finding import Finding
 from imu_sim_ros.recordings.findings.policy import CONVERT, COPY, FindingPolicy
 from imu_sim_ros.recordings.findings.readings import UNITS
 from imu_sim_ros.recordings.findings.survey import ReadingSurvey
-from imu_sim_ros.sensors import known_tables
-from imu_sim_ros.simulation.topics import resolved
+from imu_sim_ros.sensors import reading_tables
+from imu_sim_ros.simulation.topics import resolve_topic
 from imu_sim_ros.terminal.progress import Advance, progress
 
 if TYPE_CHECKING:
@@ -331,13 +331,13 @@ def _tell_units(
 
     :param topics: topics that are converted; none: all.
     """
-    chosen, choices = {resolved(name) for name in topics}, [choice]
+    chosen, choices = {resolve_topic(name) for name in topics}, [choice]
     with contextlib.suppress(InputError):
         choices = choices if choice.merges else imu_choices(source, choice)
     converted = [
         entry
         for entry in choices
-        if not chosen or entry.topic is None or resolved(entry.topic) in chosen
+        if not chosen or entry.topic is None or resolve_topic(entry.topic) in chosen
     ]
     for entry in converted:
         name = f"{source}: {entry.topic}" if len(converted) > 1 else str(source)
@@ -441,7 +441,10 @@ class _Output:
     @property
     def renamed(self) -> dict[str, str]:
         """New names of topics by old ones."""
-        return {resolved(name): resolved(new_name) for name, new_name in self.form.renamed.items()}
+        return {
+            resolve_topic(name): resolve_topic(new_name)
+            for name, new_name in self.form.renamed.items()
+        }
 
     def progress(self, total: int) -> AbstractContextManager[Advance]:
         """Return the context that shows progress.
@@ -464,7 +467,7 @@ class _Output:
         :param states: whether the dataset has the truth, too.
         :param tables: the dataset's other tables, by kind.
         """
-        tables_by_kind = known_tables()
+        tables_by_kind = reading_tables()
         dataset = Dataset(
             self.target.path,
             str(self.form.dataset),
@@ -618,8 +621,8 @@ def _drop_merged(bag: Bag, topics: Sequence[TopicInfo], output: _Output) -> list
     :raises InputError: if another topic has the name of the merged readings.
     """
     triads = (output.choice.gyro_topic, output.choice.accel_topic)
-    merged = {resolved(name) for name in triads if name}
-    other_topics = [topic for topic in topics if resolved(topic.name) not in merged]
+    merged = {resolve_topic(name) for name in triads if name}
+    other_topics = [topic for topic in topics if resolve_topic(topic.name) not in merged]
     merged_name = output.renamed.get(streams.READINGS, streams.READINGS)
     if merged_name in (output.renamed.get(topic.name, topic.name) for topic in other_topics):
         raise InputError(
@@ -666,7 +669,7 @@ def _bag_to_dataset(
         if truth_name is None:
             journal.remark(f"{bag.path}: {truth} becomes the truth of the dataset")
     one_table = output.target.path.suffix.lower() == ".csv"
-    tables = {} if one_table else sensor_tables.tables_of(topics, readings, known_tables())
+    tables = {} if one_table else sensor_tables.tables_of(topics, readings, reading_tables())
     names = {kind: topic.name for kind, topic in tables.items()}
     total = count + sum(topic.count for topic in [*truths, *tables.values()])
     with output.dataset(bool(truths), names) as dataset:
@@ -737,7 +740,7 @@ def _to_tum(poses: States, output: _Output, name: str) -> Counts:
 
 def _text_to_bag(source: Path, output: _Output, journal: Journal, images: str | None) -> Converted:
     """Write poses, or readings, tables and images, as messages."""
-    renamed, skipped, tables_by_kind = output.renamed, journal.skipped, known_tables()
+    renamed, skipped, tables_by_kind = output.renamed, journal.skipped, reading_tables()
     if streams.holds_poses(source):
         with output.bag() as writer, output.progress(0) as advance:
             streams.poses_to_bag(_poses(source, output, journal), writer, renamed, advance)
@@ -773,7 +776,7 @@ def _text_to_dataset(
     source: Path, output: _Output, journal: Journal, images: str | None
 ) -> Converted:
     """Write readings, states, tables and a folder's images in another form."""
-    skipped, tables_by_kind = journal.skipped, known_tables()
+    skipped, tables_by_kind = journal.skipped, reading_tables()
     states = text_reader.has_states(source)
     poses = None if states else text_reader.pose_file(source)
     # Tables have states, with velocities.
@@ -803,7 +806,7 @@ def _text_to_dataset(
             image_counts = folder.copy(output.target.path, form, output.comment, advance)
     if output.form.dataset == "euroc":
         _describe(output, states, names)
-    called = {kind: resolved(tables_by_kind[kind].topic) for kind in names}
+    called = {kind: resolve_topic(tables_by_kind[kind].topic) for kind in names}
     counts = _rows(dataset, streams.READINGS, streams.TRUTH, called)
     return output.converted({**counts, **image_counts}, dataset.last_ns, lost)
 
@@ -834,7 +837,7 @@ def _describe(output: _Output, states: bool, tables: Collection[str]) -> None:
     pose = np.eye(3), np.zeros(3)
     text_writer.write_euroc_descriptions(folder, rate("imu0"), {}, *pose, comment, states)
     for kind in tables:
-        table = known_tables()[kind]
+        table = reading_tables()[kind]
         text_writer.write_euroc_table(
             folder, table, 0, rate(f"{table.name}0", table), *pose, comment
         )
@@ -860,5 +863,5 @@ def _rows(
 
 def _tables_of_kinds(names: Mapping[str, str]) -> list[tuple[Table, str]]:
     """Return tables instead of their kinds."""
-    tables_by_kind = known_tables()
+    tables_by_kind = reading_tables()
     return [(tables_by_kind[kind], name) for kind, name in names.items()]

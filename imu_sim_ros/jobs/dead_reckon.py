@@ -477,7 +477,7 @@ def initial_condition(
         raise InputError("0 readings: integration needs at least two")
     if settings.initial_state == "parameters":
         return InitialCondition(
-            recording, initialisation.given_state(settings), correction_of(settings)
+            recording, initialisation.parameter_state(settings), correction_of(settings)
         )
     if settings.initial_state == "truth":
         if truth is None:
@@ -502,7 +502,7 @@ def initial_condition(
         state = state_at(truth.in_order(), start_ns)
         position, yaw = state.position, float(to_euler(state.q_wb)[2])
     gyro, accel = readings.rows(rest).triads()
-    initial = initialisation.from_rest(
+    initial = initialisation.initial_from_rest(
         settings, gyro, accel, position=position, yaw=yaw, noise=noise
     )
     after_rest = recording.rows(slice(rest.stop - 1, None))

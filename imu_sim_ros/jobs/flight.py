@@ -27,10 +27,10 @@ from imu_sim_ros.jobs.selection import NOTHING, Selection, checked_choice
 from imu_sim_ros.parameters.sections import flatten
 from imu_sim_ros.sensors.imu.declaration import NAME as IMU
 from imu_sim_ros.sensors.parameters import MountedParameters
-from imu_sim_ros.sensors.samples import Samples, joined
+from imu_sim_ros.sensors.samples import Samples, join_samples
 from imu_sim_ros.simulation.engine import Body
 from imu_sim_ros.simulation.parameters import SampledParameters
-from imu_sim_ros.simulation.sensors import mounted
+from imu_sim_ros.simulation.sensors import mount_sensors
 from imu_sim_ros.terminal.text_tables import TextTable, html_of
 from imu_sim_ros.trajectory.motion import Trajectory
 
@@ -221,14 +221,14 @@ class Flight:
     @property
     def _sensors(self) -> dict[str, Mounted[MountedParameters]]:
         """Sensors whose readings a flight keeps; images and clouds take too much room."""
-        sensors = mounted(self.parameters)
+        sensors = mount_sensors(self.parameters)
         return {name: mount for name, mount in sensors.items() if mount.sensor.readings is not None}
 
     @cached_property
     def truth(self) -> Truth:
         """The truth at all samples, lost ones too."""
 
-        samples = joined(self._blocks)
+        samples = join_samples(self._blocks)
         motion = samples.motion
         return Truth.unchecked(
             t_ns=samples.true_t_ns,
@@ -309,7 +309,7 @@ class Flight:
         """
         from imu_sim_ros.datasets.forms import chosen_topics, open_output
         from imu_sim_ros.jobs.writing import renamed_topics, saved
-        from imu_sim_ros.simulation.topics import offered
+        from imu_sim_ros.simulation.topics import sensor_topics
 
         topic_names = arguments.words("topics", topics) or self._topics
         arguments.switch("imu_only", imu_only)
@@ -319,7 +319,7 @@ class Flight:
         with saved(path, force, flatten(self.parameters).values()) as staged:
             form = format or ("csv" if staged.suffix == ".csv" else None)
             names = chosen_topics(sensors, form, staged, topic_names, renamed, imu_only)
-            offers = offered(sensors)
+            offers = sensor_topics(sensors)
             for sensor in {offers[name].name for name in names}:
                 check_simulated(self._windows, sensor)
             with open_output(form, staged, names, sensors) as target:

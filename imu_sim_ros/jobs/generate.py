@@ -55,7 +55,7 @@ from imu_sim_ros.jobs.writing import (
 )
 from imu_sim_ros.parameters import files
 from imu_sim_ros.parameters.sections import flatten
-from imu_sim_ros.sensors import named_sensors, switches
+from imu_sim_ros.sensors import switchable_sensors, switches
 from imu_sim_ros.sensors.declaration import Companion, Mounted
 from imu_sim_ros.sensors.imu.presets import load_all
 from imu_sim_ros.sensors.parameters import MountedParameters, RatedParameters
@@ -64,17 +64,17 @@ from imu_sim_ros.simulation.engine import Body
 from imu_sim_ros.simulation.parameters import (
     SimulationParameters,
     imus,
-    joined,
-    named,
+    join_layers,
+    name_sensors,
     values_of,
 )
 from imu_sim_ros.simulation.parameters import segments as segments_of_imus
 from imu_sim_ros.simulation.playback import (
+    live_parameter_names,
     load_simulator,
-    of_the_node,
 )
-from imu_sim_ros.simulation.sensors import imus_in, mounted
-from imu_sim_ros.simulation.topics import offered
+from imu_sim_ros.simulation.sensors import imus_in, mount_sensors
+from imu_sim_ros.simulation.topics import sensor_topics
 from imu_sim_ros.terminal.progress import progress
 from imu_sim_ros.terminal.signatures import Heading, Text
 from imu_sim_ros.trajectory.build import build_trajectory
@@ -129,7 +129,7 @@ class Generated:
 
 _SIMULATION: Final = Heading("simulation")
 _CAMERAS: Final = Heading("cameras")
-_EVERY: Final = ", ".join(offered(mounted(SimulationParameters())))
+_EVERY: Final = ", ".join(sensor_topics(mount_sensors(SimulationParameters())))
 _WRITTEN: Final = Text(
     f"topics to write (default: {IMU_TOPIC},{TRUTH_TOPIC}); all, or some of {_EVERY}"
 )
@@ -270,7 +270,7 @@ def generate(
     with with_poses(layers, motion, _has_segments(segments)):
         simulation = load_simulator(layers, problems=problems)
 
-    sensors = mounted(simulation)
+    sensors = mount_sensors(simulation)
     check_form(form.dataset, path, sensors)
     names = chosen_topics(sensors, form.dataset, path, form.topics, form.renamed, imu_only)
     fastest = max(sensor.environment.rate for sensor in sensors.values())
@@ -365,7 +365,7 @@ def _needed_sensors(
     :param names: name in the output of each topic that is written.
     :param dataset: format of the dataset; None: a bag.
     """
-    topics = offered(sensors)
+    topics = sensor_topics(sensors)
     of_dataset = {name for name, mount in sensors.items() if dataset in mount.sensor.datasets}
     return {POSE, *(topics[name].name for name in names)} | of_dataset
 
@@ -516,7 +516,7 @@ def run_parameters(
         with problems.gathered():
             layers = _on_segments(segments, motion_file) | layers
     values = {**in_files, **in_scene, **layers}
-    for kind in ("camera", *named_sensors()):
+    for kind in ("camera", *switchable_sensors()):
         option = "cameras" if kind == "camera" else kind
         value, presets = cameras if kind == "camera" else values.pop(kind, ()), list[object]()
         with problems.gathered(hanging="cam" if kind == "camera" else f"{kind}."):
@@ -528,9 +528,9 @@ def run_parameters(
         if kind in asked and not presets:
             presets = [True]
         if presets:
-            values = joined(values, named(kind, presets))
+            values = join_layers(values, name_sensors(kind, presets))
     values |= overrides
-    of_node = dict.fromkeys(name.partition("./")[0] for name in of_the_node(values))
+    of_node = dict.fromkeys(name.partition("./")[0] for name in live_parameter_names(values))
     if of_node:
         journal.note(f"no effect in a file: {', '.join(of_node)}")
     overridden = [name for name in in_files if name.startswith("imu.") and name != "imu.preset"]
@@ -593,7 +593,7 @@ def _write_configs(
     note = body.note_of_scene()
     fitted = f"\n{note}" if note else ""
     values = values_of(body.parameters)
-    node = set(of_the_node(values))
+    node = set(live_parameter_names(values))
     files.write(
         {name: value for name, value in values.items() if name not in node},
         folder / "simulation.yaml",

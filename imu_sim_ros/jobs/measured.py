@@ -32,7 +32,7 @@ from imu_sim_ros.jobs.attitude import (
 from imu_sim_ros.jobs.tracks import assumed_truth
 from imu_sim_ros.navigation.association import common_rows, interpolate_vectors
 from imu_sim_ros.navigation.coverage import Coverage, coverage
-from imu_sim_ros.sensors import known_tables
+from imu_sim_ros.sensors import reading_tables
 from imu_sim_ros.terminal.text_tables import TextTable
 
 
@@ -95,7 +95,7 @@ def sensor_of(path: Path, topic: str | None) -> Table | None:
 
     None: a trajectory.
     """
-    return None if topic is None else sensor_tables.table_of(path, topic, known_tables())
+    return None if topic is None else sensor_tables.table_of(path, topic, reading_tables())
 
 
 def evaluate_measured(

@@ -7,7 +7,7 @@ from typing import Final
 
 from imu_sim_ros.core import arguments
 from imu_sim_ros.core.arguments import suggest_keywords
-from imu_sim_ros.sensors import find_sensor, named_sensors
+from imu_sim_ros.sensors import find_sensor, switchable_sensors
 from imu_sim_ros.sensors.catalogue import descriptions
 
 _FOLDERS: Final = {
@@ -37,6 +37,6 @@ def presets(kind: str = "imu") -> dict[str, str]:
     >>> "figure_eight" in ims.presets("trajectory")
     True
     """
-    sensors = {name: find_sensor(name).presets for name in named_sensors()}
+    sensors = {name: find_sensor(name).presets for name in switchable_sensors()}
     folders = _FOLDERS | {name: folder for name, folder in sensors.items() if folder}
     return descriptions(folders[arguments.one_of("kind", kind, folders)])

@@ -26,7 +26,13 @@ from imu_sim_ros.recordings.findings.catalogue import reading_findings
 from imu_sim_ros.recordings.findings.measures import ReadingMeasures
 from imu_sim_ros.recordings.findings.policy import FindingPolicy
 from imu_sim_ros.recordings.findings.pose_order import in_order
-from imu_sim_ros.sensors import find_sensor, kind_of, named_sensors, registered, sensors_of_imus
+from imu_sim_ros.sensors import (
+    find_sensor,
+    kind_of,
+    registered_sensors,
+    sensors_of_imus,
+    switchable_sensors,
+)
 from imu_sim_ros.sensors.samples import Samples
 
 ReadingsT = TypeVar("ReadingsT", bound="SensorReadings | TimeSeries")
@@ -252,8 +258,8 @@ def checked_sensors(names: Collection[str], parameters: Mapping[str, object]) ->
             except ConfigurationError as error:
                 everything = [
                     *quantities,
-                    *named_sensors(),
-                    *(sensor.name for sensor in registered()),
+                    *switchable_sensors(),
+                    *(sensor.name for sensor in registered_sensors()),
                 ]
                 missing = f"sensors: {name!r}: {suggestion(name, everything)}"
                 unknown += error.problems if "loaded" in str(error) else [missing]

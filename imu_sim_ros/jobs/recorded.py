@@ -85,12 +85,12 @@ def _cameras(path: Path) -> dict[str, RecordedFrames] | None:
 def _of_camera(frames: RecordedFrames) -> Iterator[tuple[int, AnyArray]]:
     """Yield stamps and pixels of the images in a camera's folder."""
     from imu_sim_ros.datasets.recorded import read_image
-    from imu_sim_ros.sensors.camera.images.files import decoded
+    from imu_sim_ros.sensors.camera.images.files import decode_image
 
     for t_ns, name in zip(frames.t_ns.tolist(), frames.names, strict=True):
         data, _ = read_image(frames.folder / name)
         with naming(frames.folder / name):
-            yield t_ns, np.asarray(decoded(data))
+            yield t_ns, np.asarray(decode_image(data))
 
 
 def _images(path: Path, name: str) -> Iterator[tuple[int, AnyArray]]:
@@ -101,7 +101,7 @@ def _images(path: Path, name: str) -> Iterator[tuple[int, AnyArray]]:
     from imu_sim_ros.bags.read import open_bag
     from imu_sim_ros.bags.reader import errors_naming
     from imu_sim_ros.datasets.recorded_bag import pixels
-    from imu_sim_ros.sensors.camera.images.files import decoded
+    from imu_sim_ros.sensors.camera.images.files import decode_image
 
     with open_bag(path) as bag:
         topic = next(info for info in bag.topics if info.name == name)
@@ -116,7 +116,7 @@ def _images(path: Path, name: str) -> Iterator[tuple[int, AnyArray]]:
                         stamp = message.header.stamp
                         t_ns = stamp_ns(int(stamp.sec), int(stamp.nanosec))
                         raw = topic.type == IMAGE
-                        image = pixels(name, message) if raw else decoded(bytes(message.data))
+                        image = pixels(name, message) if raw else decode_image(bytes(message.data))
                     yield t_ns, np.asarray(image)
 
 

@@ -37,10 +37,10 @@ from imu_sim_ros.sensors.pose.declaration import NAME as POSE
 from imu_sim_ros.sensors.samples import Samples
 from imu_sim_ros.simulation.engine import BLOCK_SIZE, Body
 from imu_sim_ros.simulation.parameters import imus, load_simulation
-from imu_sim_ros.simulation.playback import SimulatorParameters, of_the_node
+from imu_sim_ros.simulation.playback import SimulatorParameters, live_parameter_names
 from imu_sim_ros.simulation.sensors import imus_in
 from imu_sim_ros.trajectory.build import build_trajectory
-from imu_sim_ros.trajectory.given import given_trajectory
+from imu_sim_ros.trajectory.given import user_trajectory
 from imu_sim_ros.trajectory.motion import Trajectory
 from imu_sim_ros.trajectory.parameters import GIVEN, PoseReader, trajectory_layer
 
@@ -371,7 +371,7 @@ def _of_file(path: Path) -> tuple[dict[str, object], frozenset[str]]:
     A parameter file of the node simulator is accepted, too.
     """
     values = presets.load(path)
-    of_node = of_the_node(values)
+    of_node = live_parameter_names(values)
     declared = {**OF_EVERY_NODE, **described(SimulatorParameters)}
     problems = bad_values(declared, {name: values[name] for name in of_node}).values()
     if problems:
@@ -417,7 +417,7 @@ def _motion(trajectory: object) -> GivenMotion:
     if isinstance(trajectory, str | PathLike):
         path = arguments.path("trajectory", trajectory, "a name or the path of a file")
         return GivenMotion(trajectory_layer(str(path)))
-    own_trajectory = given_trajectory(trajectory)
+    own_trajectory = user_trajectory(trajectory)
     if own_trajectory is None:
         refuse(
             "trajectory",

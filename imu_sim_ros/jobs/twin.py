@@ -23,7 +23,7 @@ from imu_sim_ros.calibration.twin.analysis import (
     noise_residuals,
 )
 from imu_sim_ros.calibration.twin.fit import PRIOR, Fit, Recording
-from imu_sim_ros.calibration.twin.intensity import vibrating
+from imu_sim_ros.calibration.twin.intensity import vibration_mask
 from imu_sim_ros.calibration.twin.model import perfect
 from imu_sim_ros.calibration.twin.parameters import (
     MOTION_FLOOR,
@@ -427,7 +427,7 @@ def _build_twin(source: TwinRecording, fit: float | None) -> Twin:
     with_vibration = trust.fit._replace(residuals=fitted.residuals + fast)
     analysis = _analyse_residuals(source, used, with_vibration, validation.residuals + fast)
     step = _steps(whole.readings)
-    white = spectrum.without_rounding(analysis.white, step, whole.rate)
+    white = spectrum.remove_rounding(analysis.white, step, whole.rate)
     analysis = analysis._replace(white=white)
     parameters = simulator_parameters(analysis, whole.rate, step)
     if source.gravity != -GRAVITY[2]:
@@ -527,7 +527,7 @@ def _analyse_residuals(source: TwinRecording, used: Recording, fit: Fit, unseen:
 
     noises = noise_residuals(used, source.truth, fit)
     size = (norms[0], norms[1], norms[2])
-    rows = moving(motion) & vibrating(used.readings, used.pieces, used.rate)
+    rows = moving(motion) & vibration_mask(used.readings, used.pieces, used.rate)
     return analyse(used, fit, unseen, noises, sizes, size, rows)
 
 

@@ -194,14 +194,16 @@ def _with_truth_noise(flown: Flown, size: Array, rate: float, cutoff: float) -> 
     :param size: (n, 6) ratio of that noise to the noise that the twin simulates.
     """
     whole = [slice(0, len(flown.t))]
-    noise = intensity.in_range(flown.residuals, whole, rate, _TRUTH_FROM, _TRUTH_TO * cutoff)
+    noise = intensity.filter_band(flown.residuals, whole, rate, _TRUTH_FROM, _TRUTH_TO * cutoff)
     extra = (size - 1.0) * noise
     return Flown(flown.t, flown.readings + extra, flown.residuals + extra)
 
 
 def _parts(source: TwinRecording, t: Array, part: Recording) -> list[slice]:
     """Return the rows in motion, piece by piece."""
-    rows = moving(source.motion(t)) & intensity.vibrating(part.readings, part.pieces, part.rate)
+    rows = moving(source.motion(t)) & intensity.vibration_mask(
+        part.readings, part.pieces, part.rate
+    )
     result = []
     for piece in part.pieces:
         moving_rows = np.flatnonzero(rows[piece])

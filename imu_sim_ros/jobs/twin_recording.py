@@ -13,14 +13,14 @@ from typing import Final, NamedTuple
 
 import numpy as np
 
-from imu_sim_ros.calibration.twin.alignment import axis_problems, coarse_offset, mounting
+from imu_sim_ros.calibration.twin.alignment import axis_problems, coarse_offset, fit_mounting
 from imu_sim_ros.calibration.twin.fit import Recording
 from imu_sim_ros.calibration.twin.model import BodyMotion, KnownMotion
 from imu_sim_ros.calibration.twin.pose_noise import (
     PoseNoise,
+    add_pose_noise,
     highest_motion,
     noise_of,
-    with_noise,
 )
 from imu_sim_ros.core import arguments, timebase
 from imu_sim_ros.core.arguments import BAG_OR_FILE
@@ -256,7 +256,7 @@ class _Splines:
         if noise.is_present:
             rng = np.random.default_rng(0)
             for _ in range(_DRAWS):
-                noisy = with_noise(self._poses, *noise.drawn(self._smooth, rng))
+                noisy = add_pose_noise(self._poses, *noise.drawn(self._smooth, rng))
                 result.append(self._spline(noisy, cutoff))
         return result
 
@@ -301,7 +301,7 @@ def _place_on_truth(
     return half._replace(
         recording=_in_pieces(stamps, y, readings.source),
         offset=offset,
-        r_ib=mounting(y[:, :3], y[:, 3:], motion),
+        r_ib=fit_mounting(y[:, :3], y[:, 3:], motion),
     )
 
 

@@ -196,7 +196,7 @@ class AngleIncrements:
         n = len(starts)
         x, y, z = rate[0]
         rolls, pitches = np.array(starts).T.copy()
-        near_gimbal_lock = near_lock(pitches, h[:n], (x[:n], y[:n], z[:n]))
+        near_gimbal_lock = is_near_gimbal_lock(pitches, h[:n], (x[:n], y[:n], z[:n]))
         if near_gimbal_lock.any():
             raise gimbal_lock(
                 self._seconds + float(h[: int(np.argmax(near_gimbal_lock)) + 1].sum())
@@ -207,10 +207,10 @@ class AngleIncrements:
 
 
 @overload
-def near_lock(pitch: float, h: float, rate: Vector[float]) -> bool: ...
+def is_near_gimbal_lock(pitch: float, h: float, rate: Vector[float]) -> bool: ...
 @overload
-def near_lock(pitch: Array, h: Array, rate: Vector[Array]) -> Mask: ...
-def near_lock(pitch: Component, h: Component, rate: Vector[Component]) -> bool | Mask:
+def is_near_gimbal_lock(pitch: Array, h: Array, rate: Vector[Array]) -> Mask: ...
+def is_near_gimbal_lock(pitch: Component, h: Component, rate: Vector[Component]) -> bool | Mask:
     """Return where a pitch is within 1 degree, or two steps, of +-90 degrees.
 
     :param h: length of the step [s].
@@ -232,7 +232,7 @@ def increment_of(
     """Return the increment from the angles at the start.
 
     The yaw of the start does not matter; the other arguments are those of
-    :func:`~imu_sim_ros.navigation.increments.between`.
+    :func:`~imu_sim_ros.navigation.increments.increment_between`.
     """
     _, stages, step = METHODS[method]
     back = conjugate(from_euler(angles))

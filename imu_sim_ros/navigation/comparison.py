@@ -28,8 +28,8 @@ from imu_sim_ros.navigation.evaluation import (
     absolute_errors,
     distances,
     pairs,
+    pose_nees,
     relative_errors,
-    stated_nees,
 )
 
 
@@ -113,7 +113,7 @@ class Comparison:
         if self.unaligned.twist_covariance is not None:
             linear = self.unaligned.twist_covariance[:, :3, :3]
         pose = self.unaligned.covariance
-        return stated_nees(pose, self.unaligned, self.truth, self.kind, velocity_b, linear)
+        return pose_nees(pose, self.unaligned, self.truth, self.kind, velocity_b, linear)
 
     def relative(self, delta: float, unit: str = "s") -> RelativeErrors:
         """Return the relative pose errors (RPE).

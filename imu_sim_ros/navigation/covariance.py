@@ -382,8 +382,8 @@ def propagate(
     :param states: result of :func:`~imu_sim_ros.navigation.dead_reckoning.dead_reckon`, n rows.
     :param accel: (n, 3) corrected specific forces [m/s^2].
     :param noise: the IMU's errors.
-    :param initial: (15, 15) covariance at the first row, or one such as
-        :func:`~imu_sim_ros.navigation.initialisation.after_rest` gives; None is no error.
+    :param initial: (15, 15) covariance at the first row, or that of
+        :func:`~imu_sim_ros.navigation.initialisation.covariance_after_rest`; None is no error.
     :param row_numbers: the m rows to return, increasing; -1 is the last.
     :param mount: mount of the IMU in the body, whose states are given and whose covariance is
         returned, the biases in the IMU's axes; ``initial`` is that of the IMU's state.

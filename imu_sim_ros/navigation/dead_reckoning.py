@@ -135,7 +135,7 @@ def _integrate(
         return _step_through(stepper, t_ns, gyro, accel)
     states = _States(t_ns, initial, gravity, earth_rate)
     between: Callable[[Array, Ends[Array], Ends[Array]], Increment[Array]] = partial(
-        increments.between, method, attitude
+        increments.increment_between, method, attitude
     )
     if attitude == "euler_angles":
         between = angles.AngleIncrements(method, states.attitude)

@@ -55,12 +55,12 @@ def gauge_at(estimate: States, truth: States, row: int = 0) -> Alignment:
     :param truth: (n,) true poses at the times of the estimate.
     """
     q_wb, q_true = estimate.q_wb[row : row + 1], truth.q_wb[row : row + 1]
-    heading_error = tilt_and_heading(q_wb, q_true)[1][0]
+    heading_error = tilt_and_heading_errors(q_wb, q_true)[1][0]
     r = rotation.to_matrix(rotation.exp(np.array([0.0, 0.0, -heading_error])))
     return Alignment(1.0, r, truth.position[row] - r @ estimate.position[row])
 
 
-def without_gauge(covariance: Array, position: Array, row: int = 0) -> Array:
+def fix_gauge(covariance: Array, position: Array, row: int = 0) -> Array:
     """Return the covariances (n, 6, 6) that remain when the gauge of one pose is fixed.
 
     The errors g of position and yaw of that pose are taken to be those of all later ones, too, as
@@ -189,7 +189,7 @@ def remainder(
     gauge = gauge_at(poses, truth, row)
     poses, turn = gauge.apply(poses), np.kron(np.eye(2), gauge.r)
     turned = turn @ pose @ turn.T
-    covariances = without_gauge(turned, poses.position, row)[:, part, part]
+    covariances = fix_gauge(turned, poses.position, row)[:, part, part]
     usable = invertible(covariances, turned[:, part, part])
     usable[:row] = False
     return Remainder(row, absolute_errors(poses, truth)[_ORDER[name]], covariances, usable)
@@ -229,7 +229,7 @@ def _gauge_row(name: str, pose: Array, position: Array) -> int | None:
     for row in np.unique(np.linspace(first_row, last_row, _CANDIDATES).astype(int)):
         later = np.unique(np.linspace(row + 1, count - 1, _LATER).astype(int))
         rows = np.append(row, later)
-        covariances = without_gauge(pose[rows], position[rows])[1:, part, part]
+        covariances = fix_gauge(pose[rows], position[rows])[1:, part, part]
         if invertible(covariances, pose[later, part, part]).mean() >= _HELD:
             return int(row)
     return None
@@ -268,7 +268,7 @@ class PoseNees(TypedDict):
     velocity: PartNees | None
 
 
-def stated_nees(
+def pose_nees(
     pose: Array | None,
     poses: States,
     truth: States,
@@ -338,7 +338,7 @@ def stated_nees(
     at_first = "first pose" if not any(rows.values()) else "a later pose"
     if velocity_b is not None and linear is not None and invertible(linear).any():
         nees_by_part["velocity"] = _nees(velocity_b, linear, invertible(linear), band)
-    pose_nees: PoseNees = {
+    summary: PoseNees = {
         "poses": max(nees_by_part[name]["poses"] for name in rows),
         "gauge": at_first if alignment == "yaw" else None,
         "band_95": list(band),
@@ -346,7 +346,7 @@ def stated_nees(
         "attitude": nees_by_part.get("attitude"),
         "velocity": nees_by_part.get("velocity"),
     }
-    return pose_nees, why
+    return summary, why
 
 
 _SINGULAR: Final = "the estimate's covariances are singular"
@@ -418,7 +418,7 @@ def attitude_error(
     return log(multiply(estimate, conjugate(truth)))
 
 
-def tilt_and_heading(estimate: Array, truth: Array) -> tuple[Array, Array]:
+def tilt_and_heading_errors(estimate: Array, truth: Array) -> tuple[Array, Array]:
     """Return the error of the vertical (n,) and the heading error about it (n,) [rad].
 
     ``q_estimate q_truth^-1`` is a turn by the heading error about the world's z, followed by one

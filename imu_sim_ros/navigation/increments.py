@@ -76,7 +76,7 @@ class IntegrationMethod(Protocol):
         force: Ends[Component],
         /,
     ) -> Increment[Component]:
-        """Return the increment; arguments as for :func:`between`."""
+        """Return the increment; arguments as for :func:`increment_between`."""
 
 
 class IntegrationStep(Protocol):
@@ -88,17 +88,17 @@ class IntegrationStep(Protocol):
         """Return the increment."""
 
 
-def first_order(v: Vector[Component]) -> Quaternion[Component]:
+def first_order_rotation(v: Vector[Component]) -> Quaternion[Component]:
     """Return the normalised ``(1, v / 2)`` of a rotation vector (lecture eq. 34)."""
     x, y, z = 0.5 * v[0], 0.5 * v[1], 0.5 * v[2]
     length = sqrt(1.0 + x * x + y * y + z * z)
     return 1.0 / length, x / length, y / length, z / length
 
 
-_TURNS: Final[dict[str, AttitudeUpdate]] = {"quaternion": first_order, "so3": exp}
+_TURNS: Final[dict[str, AttitudeUpdate]] = {"quaternion": first_order_rotation, "so3": exp}
 
 
-def between(
+def increment_between(
     method: str, attitude: str, h: Component, rate: Ends[Component], force: Ends[Component]
 ) -> Increment[Component]:
     """Return the increment between two readings.

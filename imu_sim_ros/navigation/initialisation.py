@@ -176,12 +176,12 @@ class Initial(NamedTuple):
     """(3,) rate of the body relative to the world [rad/s]; None: that of the readings."""
 
 
-def from_parameters(parameters: IntegratorParameters) -> Initial:
-    """Return the start at :func:`given_state`."""
-    return from_state(parameters, given_state(parameters))
+def initial_from_parameters(parameters: IntegratorParameters) -> Initial:
+    """Return the start at :func:`parameter_state`."""
+    return initial_from_state(parameters, parameter_state(parameters))
 
 
-def given_state(parameters: IntegratorParameters) -> NavigationState:
+def parameter_state(parameters: IntegratorParameters) -> NavigationState:
     """Return ``initial_position``, ``initial_velocity`` and ``initial_orientation``."""
     return NavigationState(
         np.array(parameters.initial_position),
@@ -190,7 +190,7 @@ def given_state(parameters: IntegratorParameters) -> NavigationState:
     )
 
 
-def from_state(
+def initial_from_state(
     parameters: IntegratorParameters, state: NavigationState, rate: Array | None = None
 ) -> Initial:
     """Return the start at a known state, such as the truth's; the sensor's biases are not known.
@@ -236,7 +236,7 @@ def rest_rows(parameters: IntegratorParameters, t_ns: Times) -> slice:
     )
 
 
-def from_rest(
+def initial_from_rest(
     parameters: IntegratorParameters,
     gyro: ArrayLike,
     accel: ArrayLike,
@@ -283,7 +283,7 @@ def from_rest(
     start = parameters.initial_position if position is None else position
     state = NavigationState(np.array(start), np.zeros(3), levelled.q_wb)
     correction = dataclasses.replace(known_errors, gyroscope_bias=(x, y, z))
-    covariance = after_rest(
+    covariance = covariance_after_rest(
         errors,
         parameters.level_time,
         errors.accelerometer.turn_on_bias_sigma,
@@ -295,7 +295,7 @@ def from_rest(
     return Initial(state, correction, covariance, np.zeros(3))
 
 
-def after_rest(
+def covariance_after_rest(
     noise: TriadsParameters,
     time: float,
     accelerometer_bias: ArrayLike,

@@ -211,7 +211,7 @@ class Stepper:
         if self._attitude != "euler_angles":
             return self._between(self._attitude, h, rate, force)
         roll_pitch_yaw = to_euler(self.q_wb)
-        if angles.near_lock(roll_pitch_yaw[1], h, rate[0]):
+        if angles.is_near_gimbal_lock(roll_pitch_yaw[1], h, rate[0]):
             self.counts.gimbal_lock += 1
             return self._between("so3", h, rate, force)
         return angles.increment_of(self._method, roll_pitch_yaw, h, rate, force)

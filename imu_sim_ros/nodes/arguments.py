@@ -21,7 +21,7 @@ from imu_sim_ros.parameters import files
 from imu_sim_ros.parameters.kinds import EMPTY_LIST
 from imu_sim_ros.parameters.sections import OF_EVERY_NODE, bad_values, parameters, unknown
 from imu_sim_ros.parameters.yaml_text import parse_yaml
-from imu_sim_ros.sensors import named_sensors
+from imu_sim_ros.sensors import switchable_sensors
 from imu_sim_ros.sensors.imu import presets
 
 _RULE = re.compile(r"(?P<name>(?:[^\s:]+:)?[^\s:=]+):=(?P<value>.*)", re.DOTALL)
@@ -98,7 +98,7 @@ def _plain(program_arguments: Sequence[str], section: type, problems: Problems) 
             problems.append(f"{word}: not an argument (--help-all lists them)")
             continue
         short = SECTION_FILES.get(name)
-        if short and (short in declarations or short.partition(".")[0] in named_sensors()):
+        if short and (short in declarations or short.partition(".")[0] in switchable_sensors()):
             name = short
         if of_other_nodes(section, [name]):
             problems.append(unknown(name, declarations))

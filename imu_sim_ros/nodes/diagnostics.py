@@ -10,7 +10,7 @@ from builtin_interfaces.msg import Time
 from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus, KeyValue
 
 from imu_sim_ros.parameters.sections import flatten
-from imu_sim_ros.sensors.errors.realised import realised_imu
+from imu_sim_ros.sensors.errors.realised import realise_imu
 from imu_sim_ros.sensors.faults import Fault
 from imu_sim_ros.simulation.parameters import SampledParameters
 
@@ -44,7 +44,7 @@ def drawn(imus: Mapping[str, SampledParameters]) -> dict[str, str]:
         prefix = f"{name}." if name else ""
         result[f"{prefix}seed"] = str(parameters.seed)
         configured = flatten(parameters.imu)
-        for key, value in flatten(realised_imu(parameters.imu, parameters.seed)).items():
+        for key, value in flatten(realise_imu(parameters.imu, parameters.seed)).items():
             if value != configured[key] and isinstance(value, tuple) and not key.endswith("_sigma"):
                 numbers = " ".join(f"{number:.9g}" for number in value)
                 result[f"{prefix}imu.{key}"] = numbers

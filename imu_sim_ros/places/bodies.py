@@ -17,7 +17,7 @@ from imu_sim_ros.core import rotation
 from imu_sim_ros.core.random_streams import generator_at
 from imu_sim_ros.core.records import States
 from imu_sim_ros.core.types import Array, Mask, Single, Times
-from imu_sim_ros.places.geometry import Surfaces, hidden, surfaces
+from imu_sim_ros.places.geometry import Surfaces, is_hidden, surfaces
 from imu_sim_ros.places.light import Lighting, factors
 from imu_sim_ros.places.paint import MIDDLE, Painter
 from imu_sim_ros.places.place import Face, Hinge, Place, PlaceBuilder, Site
@@ -276,7 +276,7 @@ class Crowd:
             rows = np.flatnonzero(_distance(center, eye, points) < radius)
             if len(rows):
                 in_body = (body.to_body(t[rows], positions[rows]) for positions in (eye, points))
-                result[rows] |= hidden(where, *in_body)
+                result[rows] |= is_hidden(where, *in_body)
         return result
 
 

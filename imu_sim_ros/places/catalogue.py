@@ -103,7 +103,7 @@ def around(name: str, path: Array, foot: float) -> tuple[Array, Array]:
     return low, high
 
 
-def stretched(name: str, low: Array, high: Array) -> str:
+def describe_stretch(name: str, low: Array, high: Array) -> str:
     """Return a sentence on the size of a place around a path, and on the usual one."""
     size = high - low
     usual_size = KINDS[name].sides(KINDS[name].size, size)

@@ -10,7 +10,7 @@ import numpy as np
 from imu_sim_ros.core.random_streams import generator
 from imu_sim_ros.core.types import Array, Bytes, Single
 from imu_sim_ros.places.geometry import Rectangle
-from imu_sim_ros.places.light import resampled
+from imu_sim_ros.places.light import resample
 
 CLOUDED: Final = "paint:86b0de"
 """Material of a face of the sky that has clouds: the colour between them."""
@@ -40,9 +40,9 @@ def clouds(sky: Rectangle, shape: tuple[int, int], seed: int, contrast: float) -
     share = np.clip(total, 0.0, 1.0) * np.float32(contrast)
     colour = np.array([int(CLOUDED[k : k + 2], 16) for k in (6, 8, 10)], np.float32)
     values = np.empty((rows, columns, 3), np.uint8)
-    wide_share = resampled(share, 1, columns)
+    wide_share = resample(share, 1, columns)
     for top in range(0, rows, _ROWS):
-        part = resampled(wide_share, 0, rows, top, min(_ROWS, rows - top))[..., None]
+        part = resample(wide_share, 0, rows, top, min(_ROWS, rows - top))[..., None]
         grey = colour + (np.float32(255.0) - colour) * part + np.float32(0.5)
         values[top : top + _ROWS] = np.clip(grey, 0.0, 255.0).astype(np.uint8)
     return values

@@ -10,7 +10,7 @@ from typing import Final
 import numpy as np
 
 from imu_sim_ros.places.light import Lamp, Lighting
-from imu_sim_ros.places.place import Hinge, PlaceBuilder, turned
+from imu_sim_ros.places.place import Hinge, PlaceBuilder, rotation_about_z
 from imu_sim_ros.places.sheet import Print
 
 Stream = np.random.Generator
@@ -37,7 +37,7 @@ def _to_place(
     :param turn: its heading in steps of 90 degrees.
     :param x, y, z: point in the axes of the piece [m].
     """
-    offset = turned(turn) @ np.array([x, y, z])
+    offset = rotation_about_z(turn) @ np.array([x, y, z])
     return origin[0] + float(offset[0]), origin[1] + float(offset[1]), origin[2] + float(offset[2])
 
 
@@ -184,7 +184,7 @@ def door_leaf(
         foot = (x + 0.03, y + 0.03, z)
         b.hinges.append(Hinge(foot, 0.0, angle, width, height, number, usually_open=True))
         return
-    direction = turned(angle) @ np.array([1.0, 0.0, 0.0])
+    direction = rotation_about_z(angle) @ np.array([1.0, 0.0, 0.0])
     middle = np.array([x, y, z]) + 0.5 * width * direction + np.array([0, 0, 0.5 * height + 0.01])
     half = np.array([0.5 * width, 0.02, 0.5 * height])
     if b.free(middle - half.max(), middle + half.max()):
@@ -339,7 +339,7 @@ def windows(
     def lit(done: PlaceBuilder) -> Lighting:
         if not day:
             return Lighting(tuple(done.lamps))
-        sideways = turned(0.5) @ -inwards
+        sideways = rotation_about_z(0.5) @ -inwards
         to_sun = np.array([sideways[0], sideways[1], 0.75])
         to_sun /= np.linalg.norm(to_sun)
         x, y, z = (round(float(value), 9) for value in to_sun)
@@ -349,7 +349,7 @@ def windows(
     return lit
 
 
-def ceiling_lamps(b: PlaceBuilder) -> None:
+def add_ceiling_lamps(b: PlaceBuilder) -> None:
     """Hang a grid of flat lamps under the ceiling; in dim light one in five shines."""
     x0, y0, _ = b.site.low.tolist()
     x1, y1, z1 = b.site.high.tolist()

@@ -72,7 +72,7 @@ def surfaces(rectangles: Sequence[Rectangle], hides: bool, texture: str = "wall"
     )
 
 
-def joined(first: Surfaces, second: Surfaces) -> Surfaces:
+def join_surfaces(first: Surfaces, second: Surfaces) -> Surfaces:
     """Return the rectangles of two sets, one after the other."""
     return Surfaces(
         np.concatenate([first.origin, second.origin]),
@@ -86,7 +86,7 @@ def joined(first: Surfaces, second: Surfaces) -> Surfaces:
 NO_SURFACES = surfaces([], hides=True)
 
 
-def hidden(surfaces: Surfaces, eye: Array, points: Array) -> Mask:
+def is_hidden(surfaces: Surfaces, eye: Array, points: Array) -> Mask:
     """Return True for points behind a surface.
 
     The line of sight ``eye + s (point - eye)`` meets the plane of a surface at
@@ -117,7 +117,7 @@ def hidden(surfaces: Surfaces, eye: Array, points: Array) -> Mask:
     return result
 
 
-def nearest(surfaces: Surfaces, points: Array) -> Array:
+def nearest_distances(surfaces: Surfaces, points: Array) -> Array:
     """Return the distance (m,) of each rectangle from the nearest of points (n, 3) [m]."""
     result = np.empty(len(surfaces.origin))
     for k, (o, a, b) in enumerate(zip(*surfaces[:3], strict=True)):

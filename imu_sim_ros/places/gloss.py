@@ -71,7 +71,7 @@ def reflectance(cosine: Single, normal: Single | float) -> Single:
     return square * square * x * (_ONE - normal) + normal
 
 
-def mirrored(light: Single, is_lamp: Single) -> Single:
+def limit_highlight(light: Single, is_lamp: Single) -> Single:
     """Return the visible light of a highlight; that of a lamp is never brighter than the lamp.
 
     :param is_lamp: 1 for a lamp, 0 for the sun.
@@ -300,7 +300,7 @@ class Polish:
         sources = _Sources.of(place, units, where.origin, light, weights)
         power = np.float32(2.0) ** doublings.astype(np.float32)
         gain = np.float32(0.5) * (power + np.float32(2.0))
-        peak = mirrored(sources.most[self.face] * gain[:, None], sources.near)
+        peak = limit_highlight(sources.most[self.face] * gain[:, None], sources.near)
         peak *= sources.brightest * at_60[:, None]
         blur = np.sqrt(np.float32(5.0) / power)
         floor, self._lobe, self._sine = _lobes(peak, power, blur, sources.near)

@@ -22,7 +22,7 @@ from numpy.typing import NDArray
 
 from imu_sim_ros.core.types import Array, Integers, Mask, Single
 from imu_sim_ros.places.geometry import Caster, Floats, Rectangle, Surfaces, surfaces
-from imu_sim_ros.places.sight import hidden_places
+from imu_sim_ros.places.sight import is_hidden_place
 
 _POINTS: Final = 24_000
 """Points at which light is computed, about."""
@@ -174,11 +174,11 @@ def bake(
         fine_map, coarse_map = (
             np.moveaxis(p.of(m, v.T), 0, 2) for p, v in ((fine, direct), (coarse, bounced))
         )
-        maps.append(fine_map + resampled(resampled(coarse_map, 1, columns), 0, rows))
+        maps.append(fine_map + resample(resample(coarse_map, 1, columns), 0, rows))
     return Baked(maps, [fine.of(m, sources) for m in range(len(maps))])
 
 
-def resampled(grid: Single, axis: int, length: int, start: int = 0, some: int = 0) -> Single:
+def resample(grid: Single, axis: int, length: int, start: int = 0, some: int = 0) -> Single:
     """Return values on an even grid along an axis, interpolated to another even grid.
 
     Values belong to the middles of the cells.
@@ -243,7 +243,7 @@ def _from_lamps(
             square = np.maximum(square, np.float32(0.02))
             value = share * np.maximum(cos_lamp, 0) * np.maximum(cos_surface, 0) / (square * square)
             rows = np.flatnonzero(value * colour.max() > threshold / _SAMPLES**2)
-            lit = rows[~hidden_places(solid.surfaces, place, normal, points.places[rows])]
+            lit = rows[~is_hidden_place(solid.surfaces, place, normal, points.places[rows])]
             result[lit] += value[lit, None] * colour
             alone[lit] += value[lit]
     return result

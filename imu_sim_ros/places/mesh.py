@@ -35,13 +35,13 @@ _AGREE: Final = 1e-3
 """Relative difference of the distances in double and in single precision, at most."""
 
 
-def up_axis(up: str, suffix: str) -> Array:
+def up_axis_rotation(up: str, suffix: str) -> Array:
     """Return the rotation (3, 3) that turns an axis of a file upwards, to z.
 
     :param up: one of :data:`UPS`.
     :param suffix: suffix of the file: y is up in glTF (glTF 2.0, 3.4), z in the other formats.
 
-    >>> (up_axis("file", ".glb") @ [1.0, 2.0, 3.0]).tolist()
+    >>> (up_axis_rotation("file", ".glb") @ [1.0, 2.0, 3.0]).tolist()
     [1.0, -3.0, 2.0]
     """
     if up == "file":
@@ -49,7 +49,7 @@ def up_axis(up: str, suffix: str) -> Array:
     return np.array(_TURNS[up], np.float64)
 
 
-def placed(mesh: Mesh, matrix: Array, position: Array, middle: Array | None = None) -> Mesh:
+def place_mesh(mesh: Mesh, matrix: Array, position: Array, middle: Array | None = None) -> Mesh:
     """Return a mesh in the world: ``matrix p + position``.
 
     :param matrix: (3, 3) rotation times scale.
@@ -187,7 +187,7 @@ def _dot(planes: Array, vectors: Floats) -> Array:
     return result
 
 
-def scattered(mesh: Mesh, sums: Array, count: int, stream: np.random.Generator) -> Array:
+def scatter_points(mesh: Mesh, sums: Array, count: int, stream: np.random.Generator) -> Array:
     """Return points (count, 3) spread evenly over all triangles.
 
     :param sums: (m,) sums of the areas up to each triangle.
@@ -202,7 +202,7 @@ def scattered(mesh: Mesh, sums: Array, count: int, stream: np.random.Generator) 
     return points
 
 
-def spread(count: int) -> Array:
+def fibonacci_directions(count: int) -> Array:
     """Return unit vectors (count, 3) that are spread evenly over a sphere: Fibonacci's spiral."""
     k = np.arange(count) + 0.5
     z = 1.0 - 2.0 * k / count

@@ -84,7 +84,7 @@ def normals(mesh: Mesh) -> Iterator[tuple[slice, Array, Array]]:
         yield part, a, np.cross(b - a, c - a)
 
 
-def of_rectangles(origin: Array, across: Array, up: Array) -> Mesh:
+def mesh_of_rectangles(origin: Array, across: Array, up: Array) -> Mesh:
     """Return m rectangles ``origin + s across + t up``, each (m, 3), as 2 m triangles in pairs."""
     count = len(origin)
     corners = np.stack([origin, origin + across, origin + across + up, origin + up], axis=1)

@@ -9,8 +9,8 @@ import numpy as np
 
 from imu_sim_ros.places.furniture import (
     OFFICE_SIGNS,
+    add_ceiling_lamps,
     bookcase,
-    ceiling_lamps,
     desk,
     door_leaf,
     fittings,
@@ -59,7 +59,7 @@ def office(site: Site) -> Place:
     if partition < y1:
         stops = _closed_rooms(b, partition, stream)
     x_low, x_high = _desks(b, partition, stream)
-    ceiling_lamps(b)
+    add_ceiling_lamps(b)
     fittings(b, sides["ceiling"])
     for x in (x0 + 0.45, x1 - 0.45):
         if stream.random() < 0.8 and b.free((x - 0.3, y0 + 0.2, z0), (x + 0.3, y0 + 0.8, z0 + 1.4)):

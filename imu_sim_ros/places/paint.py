@@ -14,9 +14,9 @@ from numpy.typing import NDArray
 from imu_sim_ros.core.random_streams import generator_at
 from imu_sim_ros.core.types import Array, Bytes, Integers, Mask, Single
 from imu_sim_ros.places.clouds import CLOUDED, clouds
-from imu_sim_ros.places.geometry import nearest
+from imu_sim_ros.places.geometry import nearest_distances
 from imu_sim_ros.places.gloss import Polish, glossy
-from imu_sim_ros.places.light import GAMMA, Baked, bake, factors, resampled
+from imu_sim_ros.places.light import GAMMA, Baked, bake, factors, resample
 from imu_sim_ros.places.materials import (
     CONTRASTS,
     WEAR_PERIODS,
@@ -120,7 +120,7 @@ class Painter:
         areas, usual = surfaces.sides.prod(axis=1), _TEXEL / detail
         if self._path is None:
             return usual * _enlargement(usual, areas, limit)
-        steps = np.log2(np.maximum(nearest(surfaces, self._path), 1e-3) * _PIXEL / _TEXEL)
+        steps = np.log2(np.maximum(nearest_distances(surfaces, self._path), 1e-3) * _PIXEL / _TEXEL)
         printed = np.array([bool(face.prints) for face in self.place.faces])
         small = areas < _SMALL
         steps += ~small & (np.abs(surfaces.normal[:, 2]) > 0.9)
@@ -235,10 +235,10 @@ class Painter:
             red, green, blue = (np.float32(w / 256) for w in _WEIGHTS)
             light = light[..., 0] * red + light[..., 1] * green + light[..., 2] * blue
         rows, columns = texture.shape[:2]
-        wide = resampled(light, 1, columns)
+        wide = resample(light, 1, columns)
         for top in range(0, rows, _ROWS):
             part = texture[top : top + _ROWS]
-            value = resampled(wide, 0, rows, top, len(part))
+            value = resample(wide, 0, rows, top, len(part))
             value *= part
             value += np.float32(0.5)
             part[:] = np.minimum(value, np.float32(255.0), out=value).astype(np.uint8)

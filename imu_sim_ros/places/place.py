@@ -271,7 +271,7 @@ class PlaceBuilder:
             "top": ((x0, y0, z1), (dx, 0, 0), (0, dy, 0)),
             "bottom": ((x0, y1, z0), (dx, 0, 0), (0, -dy, 0)),
         }
-        matrix = turned(turn)
+        matrix = rotation_about_z(turn)
         left_out, faces = leave.split(","), {}
         for side, vectors in sides.items():
             if side in left_out:
@@ -332,7 +332,7 @@ class PlaceBuilder:
             self.face(*rectangle, "paint:c8c8c4")
 
 
-def turned(angle: float) -> Array:
+def rotation_about_z(angle: float) -> Array:
     """Return the rotation (3, 3) about z by an angle [rad]."""
     c, s = round(math.cos(angle), 9), round(math.sin(angle), 9)
     return np.array([[c, -s, 0.0], [s, c, 0.0], [0.0, 0.0, 1.0]])

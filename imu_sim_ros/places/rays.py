@@ -15,7 +15,7 @@ from imu_sim_ros.core.types import Array, Integers, Mask
 from imu_sim_ros.places.bodies import MovingBody, ball
 from imu_sim_ros.places.geometry import Caster, Floats, Surfaces
 from imu_sim_ros.places.mesh import MeshCaster
-from imu_sim_ros.places.mesh_file import of_rectangles
+from imu_sim_ros.places.mesh_file import mesh_of_rectangles
 
 _RAYS: Final = 65_536
 """Rays that are processed at once."""
@@ -82,7 +82,7 @@ def _solid(surfaces: Surfaces) -> _Solid:
     if not len(surfaces.origin):
         return _Nothing()
     try:
-        return _Triangles(MeshCaster(of_rectangles(*surfaces[:3])), 2)
+        return _Triangles(MeshCaster(mesh_of_rectangles(*surfaces[:3])), 2)
     except MissingDependencyError:
         return _Rectangles(surfaces)
 

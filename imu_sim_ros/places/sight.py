@@ -24,7 +24,7 @@ _SLACK: Final = np.float32(1e-5)
 """Margin of the bounds of bundles."""
 
 
-def hidden_places(where: Surfaces, eye: Array, axis: Array, places: Single) -> Mask:
+def is_hidden_place(where: Surfaces, eye: Array, axis: Array, places: Single) -> Mask:
     """Return True for places (n, 3) behind rectangles that face an eye.
 
     Of a closed body one side that is before a place faces the eye. Places in about the same

@@ -12,7 +12,7 @@ from imu_sim_ros.places.clouds import CLOUDED
 from imu_sim_ros.places.furniture import LAMP, SUN
 from imu_sim_ros.places.light import Lamp, Lighting
 from imu_sim_ros.places.outdoor_prints import CAR_COLOURS, WHEEL_HEIGHT
-from imu_sim_ros.places.place import Place, PlaceBuilder, Site, turned
+from imu_sim_ros.places.place import Place, PlaceBuilder, Site, rotation_about_z
 from imu_sim_ros.places.sheet import Print
 
 _FACADES: Final = (
@@ -256,7 +256,7 @@ def _tyre(
     """
     half = _FLAT * math.tan(math.pi / 8.0)  # of an edge
     rise = _FLAT - half  # of an oblique edge
-    matrix = turned(turn)
+    matrix = rotation_about_z(turn)
 
     def face(
         corner: tuple[float, float, float],

@@ -95,7 +95,7 @@ class _Floor(NamedTuple):
         return self.free[self.number(places)] - self.cell * math.sqrt(0.5)
 
 
-def moving(
+def moving_bodies(
     place: Place, site: Site, counts: dict[str, int], speed: float, passage: Passage
 ) -> tuple[MovingBody, ...]:
     """Return the bodies of a place: doors, carts, then people.

@@ -10,12 +10,12 @@ from typing import Final
 import numpy as np
 
 from imu_sim_ros.campaigns.baseline import differences, identities_of_rows, plan_mismatch
-from imu_sim_ros.campaigns.metrics import COVERED, SUCCESS, Tolerance, better
+from imu_sim_ros.campaigns.metrics import COVERED, SUCCESS, Tolerance, better_values
 from imu_sim_ros.campaigns.plan import Plan, load_plan
 from imu_sim_ros.campaigns.results import LOG, PLAN, TABLE, Row, read_results
 from imu_sim_ros.campaigns.statistics import quantile
 from imu_sim_ros.campaigns.summary import Group, group_runs, slopes
-from imu_sim_ros.campaigns.verdict import judge, varying_names
+from imu_sim_ros.campaigns.verdict import judge, list_varying_names
 from imu_sim_ros.core.conventions import SERIES_COLOURS
 from imu_sim_ros.core.errors import InputError, Problems
 from imu_sim_ros.core.names import unknown
@@ -137,16 +137,16 @@ def _results(
 ) -> Section:
     """Return the section with the table of all runs."""
     names = ["seed", "estimator", "status", *plan.grid_names, *metrics, "cell"]
-    shown = [name for name in ("estimator", *plan.grid_names) if name in varying_names(groups)]
+    shown = [name for name in ("estimator", *plan.grid_names) if name in list_varying_names(groups)]
     main = [name for name in ("coverage", *metrics[:5]) if name in metrics]
     shown = ["seed", *shown, "status", *dict.fromkeys([chosen, *main])]
-    varying = varying_names(groups)
+    varying = list_varying_names(groups)
     item: Item = {
         "kind": "campaign",
         "campaign": str(folder),
         "metric": chosen,
         "metrics": [
-            {"name": name, "label": label(name), "better": better(name, plan.custom_metrics)}
+            {"name": name, "label": label(name), "better": better_values(name, plan.custom_metrics)}
             | {"of_failed": name in COVERED}
             for name in (*metrics, SUCCESS)
         ],
@@ -199,7 +199,7 @@ def _trend(
         for _, rows in earlier
     ]
     campaigns.append({(group.cell, group.estimator): group for group in groups})
-    varying, series = varying_names(groups), []
+    varying, series = list_varying_names(groups), []
     colours = line_colours(groups)
     for colour, group in zip(colours, groups[:_MAX_TRENDS], strict=False):
         key = (group.cell, group.estimator)
@@ -301,7 +301,7 @@ def _consistency(groups: Sequence[Group]) -> Item | None:
             series.append({"name": name, "mode": "rows", "colour": None, "shape": _SHAPES[k]})
             series[-1] |= {"colours": [_colour(group, estimators) for group in shown]}
             series[-1] |= {"at": heights, "x": means, **point}
-    varying = varying_names(groups)
+    varying = list_varying_names(groups)
     rest = f" The first {_MAX_ROWS}." if len(groups) > _MAX_ROWS else ""
     return {
         "kind": "plot",
@@ -317,7 +317,7 @@ def _consistency(groups: Sequence[Group]) -> Item | None:
 def _cells(plan: Plan, groups: Sequence[Group], metrics: Sequence[str], chosen: str) -> Section:
     """Return the summary: a row for each cell and estimator."""
     shown = [name for name in metrics if not name.startswith("rpe_")]
-    varying = varying_names(groups)
+    varying = list_varying_names(groups)
     header = ["no.", *plan.grid_names, "estimator", "done", "runs"]
     for name in shown:
         header += [f"{name} {part}" for part in ("median", "low", "high", "p95")]

@@ -13,7 +13,7 @@ from typing import Final, NamedTuple
 
 import numpy as np
 
-from imu_sim_ros.campaigns.common_time import common_spans, covered_spans, in_spans
+from imu_sim_ros.campaigns.common_time import common_spans, pose_spans, span_mask
 from imu_sim_ros.core import rotation
 from imu_sim_ros.core.conventions import AXES
 from imu_sim_ros.core.errors import InputError
@@ -176,11 +176,11 @@ def _common_rows(compared: Sequence[ComparedEstimate]) -> list[Mask] | None:
 
     None: all estimates cover the same time.
     """
-    spans = [covered_spans(comparison.t_ns, POSES_GAP) for comparison in _comparisons(compared)]
+    spans = [pose_spans(comparison.t_ns, POSES_GAP) for comparison in _comparisons(compared)]
     if len(spans) < 2:
         return None
     common = reduce(common_spans, spans)
-    rows = [in_spans(comparison.t_ns, common) for comparison in _comparisons(compared)]
+    rows = [span_mask(comparison.t_ns, common) for comparison in _comparisons(compared)]
     return None if all(mask.all() for mask in rows) else rows
 
 

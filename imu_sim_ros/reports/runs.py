@@ -13,7 +13,7 @@ from imu_sim_ros.campaigns.command_estimator import ESTIMATES, OUTPUT
 from imu_sim_ros.campaigns.parameters import CommandEstimator, DeadReckonEstimator
 from imu_sim_ros.campaigns.plan import Plan
 from imu_sim_ros.campaigns.reckoning import dead_reckoned_states
-from imu_sim_ros.campaigns.results import PLAN, Row, run_folder_of
+from imu_sim_ros.campaigns.results import PLAN, Row, run_folder_path
 from imu_sim_ros.campaigns.simulated import SimulatedCell
 from imu_sim_ros.campaigns.summary import Group
 from imu_sim_ros.core.errors import ImuSimError
@@ -78,7 +78,7 @@ def repeated(folder: Path) -> Item:
 def _run_folder(row: Row, numbers: dict[str, int], folder: Path) -> Path:
     """Return the folder of a run's files."""
     number = numbers.get(str(row["cell"]), -1)
-    return run_folder_of(folder, number, row["seed"], str(row["estimator"]))
+    return run_folder_path(folder, number, row["seed"], str(row["estimator"]))
 
 
 def _tail(path: Path) -> str:
@@ -117,7 +117,7 @@ def _paths(
             if name not in simulated:
                 simulated[name] = SimulatedCell(plan, cells[name])
             seed = int(row["seed"])
-            run_folder = run_folder_of(folder, cells[name].number, seed, estimator)
+            run_folder = run_folder_path(folder, cells[name].number, seed, estimator)
             tracks = _tracks(simulated[name], estimator, seed, run_folder)
         except ImuSimError:
             continue  # the page shows what it can

@@ -36,7 +36,7 @@ from imu_sim_ros.navigation.evaluation import attitude_errors
 from imu_sim_ros.reports.estimates import NOT_MEASURED, error_series, without_truth
 from imu_sim_ros.reports.page import Item, Section, plot
 from imu_sim_ros.reports.streams import extremes
-from imu_sim_ros.sensors import known_tables
+from imu_sim_ros.sensors import reading_tables
 
 TRUTH: Final = "ground_truth/"
 _MAX_COLUMNS: Final = 6
@@ -136,7 +136,7 @@ def _quantities(
     excluded = ("position", "orientation", "pose_covariance") if info.type == ODOMETRY else ()
     t_ns, numbers = _numbers(path, info.type, topic or info.name, excluded)
     joints = _joint_names(path, info) if info.type == _JOINTS else ()
-    units = {table.topic: table.quantity.unit for table in known_tables().values()}
+    units = {table.topic: table.quantity.unit for table in reading_tables().values()}
     unit = next((unit for name, unit in units.items() if info.name.strip("/").endswith(name)), "")
     for name, values in numbers.items():
         if name.endswith("variance"):  # covariance, too
@@ -235,7 +235,7 @@ def _fields(message: Message, prefix: str = "") -> Iterator[tuple[str, float | A
 
 def _orientation(path: Path, info: TopicInfo, topics: Sequence[TopicInfo]) -> list[Item]:
     """Return the plots of an orientation, whose truth is that of the body."""
-    table = known_tables()["orientation"]
+    table = reading_tables()["orientation"]
     namespace = info.name.strip("/").rpartition("imu/")[0]
     candidates = [f"{namespace}{TRUTH}odom", f"{TRUTH}odom"]
     truths = [

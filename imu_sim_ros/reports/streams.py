@@ -28,7 +28,7 @@ from imu_sim_ros.recordings.live_clock import LiveClock
 from imu_sim_ros.recordings.stream import ClockStream, Stretch
 from imu_sim_ros.reports.page import Item, table
 from imu_sim_ros.sensors import sensors_of_imus
-from imu_sim_ros.sensors.camera.images.files import decoded, png
+from imu_sim_ros.sensors.camera.images.files import decode_image, png
 
 _IMAGES: Final = 6
 """Number of images of each camera."""
@@ -125,7 +125,7 @@ def _small(topic: TopicInfo, message: Message) -> Bytes:
     from imu_sim_ros.datasets.recorded_bag import pixels
 
     raw = topic.type == IMAGE
-    image = pixels(topic.name, message) if raw else decoded(bytes(message.data))
+    image = pixels(topic.name, message) if raw else decode_image(bytes(message.data))
     image = np.asarray(image[..., :3] if image.ndim == 3 else image)
     binning = max(1, -(-image.shape[1] // _WIDTH))
     height, width = (size // binning * binning for size in image.shape[:2])

@@ -17,7 +17,7 @@ from imu_sim_ros.campaigns.effects import (
     Effect,
 )
 from imu_sim_ros.campaigns.metrics import SUCCESS
-from imu_sim_ros.campaigns.pairs import paired_values
+from imu_sim_ros.campaigns.pairs import pair_values
 from imu_sim_ros.campaigns.plan import Plan
 from imu_sim_ros.campaigns.statistics import ConfidenceInterval
 from imu_sim_ros.campaigns.summary import Group
@@ -26,7 +26,7 @@ from imu_sim_ros.campaigns.verdict import (
     Contest,
     Judgement,
     headline,
-    varying_names,
+    list_varying_names,
 )
 from imu_sim_ros.reports.page import Item, Section, table
 
@@ -64,7 +64,7 @@ def verdict_section(
     """
     main = judgements[0][1]
     places = {(group.cell, group.estimator): group for group in groups}
-    varying = varying_names(groups)
+    varying = list_varying_names(groups)
 
     def place(cell: str, estimator: str) -> str:
         return short(places[cell, estimator].labels, varying)
@@ -130,7 +130,7 @@ def verdict_section(
 
 def _group_comparison(title: str, judged: Judgement, factor: str, groups: Sequence[Group]) -> Item:
     """Return the comparison of the groups for the page."""
-    names = varying_names(groups)
+    names = list_varying_names(groups)
     drawn = groups if factor == judged.factor else ()
     fought = [contest for contest in judged.contests if contest.factor == factor]
     contests = [
@@ -321,7 +321,7 @@ def _seeds(a: Group, b: Group, metric: str, ratio: bool) -> list[float]:
     """Return A / B, or A - B, of each seed on which both have the metric."""
     if metric == SUCCESS:
         return []
-    ours, theirs, _ = paired_values(a, b, metric)
+    ours, theirs, _ = pair_values(a, b, metric)
     pairs = [
         (a_value, b_value)
         for seed, a_value in ours.items()

@@ -49,7 +49,7 @@ _REGISTERED: Final[dict[str, "Sensor[MountedParameters]"]] = {}
 
 
 @cache
-def declared() -> "dict[str, Sensor[MountedParameters]]":
+def sensor_declarations() -> "dict[str, Sensor[MountedParameters]]":
     """Return the declarations of all sensors in the list, by name, imported when first used."""
     return {name: import_module(f"{__name__}.{name}.declaration").SENSOR for name in SENSORS}
 
@@ -57,27 +57,27 @@ def declared() -> "dict[str, Sensor[MountedParameters]]":
 @cache
 def sensors_of_imus() -> "tuple[Sensor[MountedParameters], ...]":
     """Return the sensors that belong to each IMU."""
-    return tuple(sensor for sensor in declared().values() if sensor.with_imu)
+    return tuple(sensor for sensor in sensor_declarations().values() if sensor.with_imu)
 
 
 @cache
-def named_sensors() -> "dict[str, Sensor[MountedParameters]]":
+def switchable_sensors() -> "dict[str, Sensor[MountedParameters]]":
     """Return the sensors that the parameter ``sensors`` switches on, by name."""
-    return {name: sensor for name, sensor in declared().items() if not sensor.with_imu}
+    return {name: sensor for name, sensor in sensor_declarations().items() if not sensor.with_imu}
 
 
 def switches() -> "dict[str, Switch]":
     """Return the options of ``generate`` that ask for files of these sensors, by sensor."""
-    asked = ((name, sensor.companions) for name, sensor in named_sensors().items())
+    asked = ((name, sensor.companions) for name, sensor in switchable_sensors().items())
     return {name: files.switch for name, files in asked if files and files.switch}
 
 
-def known_tables() -> "dict[str, Table]":
+def reading_tables() -> "dict[str, Table]":
     """Return the tables of readings other than an IMU's, by name.
 
     They are those of all sensors of this package and of those that were registered.
     """
-    tables = (sensor.table for sensor in (*declared().values(), *registered()))
+    tables = (sensor.table for sensor in (*sensor_declarations().values(), *registered_sensors()))
     return {table.name: table for table in tables if table is not None}
 
 
@@ -104,7 +104,7 @@ def register_sensor(sensor: object) -> None:
     _REGISTERED[_check(sensor, "sensor").name] = sensor
 
 
-def registered() -> "tuple[Sensor[MountedParameters], ...]":
+def registered_sensors() -> "tuple[Sensor[MountedParameters], ...]":
     """Return the sensors of other packages that were registered or loaded."""
     return tuple(_REGISTERED.values())
 
@@ -116,11 +116,11 @@ def find_sensor(name: str) -> "Sensor[MountedParameters]":
     """
     if name in _REGISTERED:
         return _REGISTERED[name]
-    if name in named_sensors():
-        return named_sensors()[name]
+    if name in switchable_sensors():
+        return switchable_sensors()[name]
     offered = _entry_points()
     if name not in offered:
-        names = [*named_sensors(), *_REGISTERED, *sorted(offered)]
+        names = [*switchable_sensors(), *_REGISTERED, *sorted(offered)]
         hint = suggestion(name, names, f"must be one of {', '.join(names) or 'none'}")
         if any(name in (companion.name, companion.quantity) for companion in sensors_of_imus()):
             hint = f"each IMU has it: publish.* and {argument('topics')} choose it"
@@ -141,15 +141,15 @@ def all_sensors() -> "tuple[list[Sensor[MountedParameters]], list[str]]":
     """
     sensors: list[Sensor[MountedParameters]] = []
     problems = Problems()
-    for name in dict.fromkeys([*named_sensors(), *_REGISTERED, *sorted(_entry_points())]):
+    for name in dict.fromkeys([*switchable_sensors(), *_REGISTERED, *sorted(_entry_points())]):
         with problems.gathered():
             sensors.append(find_sensor(name))
     return sensors, problems
 
 
-def is_known(name: str) -> bool:
+def is_sensor(name: str) -> bool:
     """Return whether there is a sensor of this name; entry points are looked up."""
-    return name in named_sensors() or name in _REGISTERED or name in _entry_points()
+    return name in switchable_sensors() or name in _REGISTERED or name in _entry_points()
 
 
 def _entry_points() -> "dict[str, EntryPoint]":

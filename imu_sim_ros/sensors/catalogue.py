@@ -48,7 +48,7 @@ def descriptions(folder: str) -> dict[str, str]:
     return texts
 
 
-def listing(folder: str) -> str:
+def list_folder(folder: str) -> str:
     """Return the files of a folder of config/ as text, a line each: name and description."""
     texts = descriptions(folder)
     width = max(map(len, texts))

@@ -155,7 +155,7 @@ def topic(
     return Topic(name, type_name, flags, make, truth, foreign, sent)
 
 
-def on_demand(module: str, name: str) -> Callable[..., Any]:
+def import_on_call(module: str, name: str) -> Callable[..., Any]:
     """Return a function that calls one of a module, which is imported with the first call.
 
     Most runs have few sensors, and what makes one is slow to import.

@@ -14,7 +14,7 @@ from imu_sim_ros.core import rotation
 from imu_sim_ros.core.random_streams import generator
 from imu_sim_ros.core.types import Array, Mask, Times
 from imu_sim_ros.sensors.declaration import Mounted
-from imu_sim_ros.sensors.errors.realised import unit_of_seed
+from imu_sim_ros.sensors.errors.realised import realise_unit
 from imu_sim_ros.sensors.errors.terms import Surroundings
 from imu_sim_ros.sensors.errors.triad import Additions, Triad
 from imu_sim_ros.sensors.faults import Fault
@@ -165,7 +165,7 @@ class SensorWithImu:
         self.parameters = imu.sensors[self.name]
         self._reference_temperature = imu.reference_temperature
         self.timing.configure(imu)
-        self.triad.configure(unit_of_seed(imu.triad(self.name), self.name, self.seed))
+        self.triad.configure(realise_unit(imu.triad(self.name), self.name, self.seed))
 
     def inject(self, fault: Fault, begin: Fraction) -> None:
         """Start a fault at the first sample at or after a time since the start [s]."""

@@ -98,7 +98,7 @@ class Samples(NamedTuple):
         return shapes(self, getattr(self.values, "made", self.values))
 
 
-def joined(parts: Sequence[Samples]) -> Samples:
+def join_samples(parts: Sequence[Samples]) -> Samples:
     """Return consecutive samples, of one part at least, as one."""
     if len(parts) == 1:
         return parts[0]

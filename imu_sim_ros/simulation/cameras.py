@@ -12,7 +12,7 @@ from imu_sim_ros.sensors.camera.scene import Scene
 from imu_sim_ros.sensors.camera.view import view_of
 from imu_sim_ros.sensors.world import World
 from imu_sim_ros.simulation.parameters import SampledParameters
-from imu_sim_ros.simulation.sensors import mounted
+from imu_sim_ros.simulation.sensors import mount_sensors
 
 
 def scene_around(world: World) -> Scene:
@@ -25,7 +25,7 @@ def scene_around(world: World) -> Scene:
     parameters = world.environment
     assert isinstance(parameters, SampledParameters)
     described = rig_parameters_of(parameters).scene
-    sensors, trajectory = mounted(parameters), world.trajectory
+    sensors, trajectory = mount_sensors(parameters), world.trajectory
     # A scene belongs to the trajectory, however much of it is flown.
     span = scene_span(described, trajectory.duration)
     seeing = [sensor for sensor in sensors.values() if sensor.sensor.sees]

@@ -30,7 +30,7 @@ from imu_sim_ros.sensors.faults import Fault
 from imu_sim_ros.sensors.samples import Samples
 from imu_sim_ros.sensors.world import Window, World
 from imu_sim_ros.simulation.parameters import SimulationParameters, imus, segments
-from imu_sim_ros.simulation.sensors import imus_in, models, mounted, sensor_warnings
+from imu_sim_ros.simulation.sensors import imus_in, models, mount_sensors, sensor_warnings
 from imu_sim_ros.trajectory.build import build_segments, build_trajectory
 from imu_sim_ros.trajectory.motion import Trajectory
 from imu_sim_ros.trajectory.parameters import GIVEN, DriveParameters, PoseReader, PosesParameters
@@ -84,8 +84,8 @@ class Body:
             stamp of recorded poses at the start of the motion, or else 1 s.
         :param trajectory: the one of these parameters, if it already exists; not used if IMUs are
             on segments, whose motions are read together.
-        :param sensors: names of :func:`~imu_sim_ros.simulation.sensors.mounted` that are read in
-            addition to all IMUs; no sample of another sensor depends on them.
+        :param sensors: names of :func:`~imu_sim_ros.simulation.sensors.mount_sensors` that are read
+            in addition to all IMUs; no sample of another sensor depends on them.
         :param threads: compute large values such as images in the background; None: they are
             computed by the thread that asks for them.
         :raises ConfigurationError: for inconsistent parameters.
@@ -106,9 +106,11 @@ class Body:
         self.trajectory = trajectory
         self._recorded: RecordedMotion | None = None
         if isinstance(parameters.trajectory, PosesParameters):
-            from imu_sim_ros.trajectory.recorded import recorded_in  # only this needs splines
+            from imu_sim_ros.trajectory.recorded import (
+                find_recorded_motion,
+            )  # only this needs splines
 
-            self._recorded = recorded_in(trajectory)
+            self._recorded = find_recorded_motion(trajectory)
         if t0_ns is None:
             t0_ns = DEFAULT_START_NS
             if parameters.start_time >= 0.0:
@@ -182,10 +184,10 @@ class Body:
             if self._recorded is not None:
                 yield "", self._recorded
             return
-        from imu_sim_ros.trajectory.recorded import recorded_in  # only this needs splines
+        from imu_sim_ros.trajectory.recorded import find_recorded_motion  # only this needs splines
 
         for name, topic in segments(self.parameters).items():
-            recorded = recorded_in(self.segments[name])
+            recorded = find_recorded_motion(self.segments[name])
             if recorded is not None:
                 yield f"{topic}: ", recorded
 
@@ -207,7 +209,7 @@ class Body:
             name: World(motion, p, self.t0_ns, self._scene, self._threads)
             for name, motion in self.segments.items()
         }
-        self.sensors = mounted(p)
+        self.sensors = mount_sensors(p)
         self._worlds = {
             name: worlds.get(sensor.space.rstrip("/"), self.world)
             for name, sensor in self.sensors.items()
@@ -250,7 +252,7 @@ class Body:
         ]
         if problems:
             raise ConfigurationError(problems)
-        self.parameters, self.sensors = parameters, mounted(parameters)
+        self.parameters, self.sensors = parameters, mount_sensors(parameters)
         for name, model in self._models.items():
             model.configure(self.sensors[name].parameters)
 

@@ -31,7 +31,7 @@ from imu_sim_ros.sensors.world import Window, World
 from imu_sim_ros.simulation.error_input import Conventions, Resampler, StartCheck
 from imu_sim_ros.simulation.error_parameters import ErrorModelParameters
 from imu_sim_ros.simulation.given_sensor import OTHERS, GivenOther, GivenSensor
-from imu_sim_ros.simulation.sensors import models, mounted
+from imu_sim_ros.simulation.sensors import models, mount_sensors
 from imu_sim_ros.trajectory.motion import Motion
 
 
@@ -290,7 +290,7 @@ class GivenImu(GivenSensor[Readings, dict[str, Samples]]):
         environment = dataclasses.replace(parameters, seed=self.seed)
         t0_ns = int(readings.t_ns[0])
         self._world = World(NOWHERE, environment, t0_ns)
-        self._others = models(mounted(environment), self._sensors, t0_ns)
+        self._others = models(mount_sensors(environment), self._sensors, t0_ns)
         imu = self._others.pop("imu")
         assert isinstance(imu, Imu)
         for fault, first_sample in self._faults:

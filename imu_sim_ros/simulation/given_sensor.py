@@ -25,7 +25,7 @@ from imu_sim_ros.sensors.samples import Samples
 from imu_sim_ros.sensors.world import World
 from imu_sim_ros.simulation.error_input import Conventions, IdealValues
 from imu_sim_ros.simulation.error_parameters import ErrorModelParameters
-from imu_sim_ros.simulation.sensors import models, mounted
+from imu_sim_ros.simulation.sensors import models, mount_sensors
 
 OTHERS: Final = {
     sensor.quantity: sensor for sensor in sensors_of_imus() if takes_ideal_values(sensor)
@@ -301,7 +301,7 @@ class GivenOther(GivenSensor[IdealValues, Samples]):
             t0_ns = int(ideal.t_ns[0])
             self._world = World(NOWHERE, environment, t0_ns)
             quantity = self.declared.quantity
-            model = models(mounted(environment), [quantity], t0_ns)[quantity]
+            model = models(mount_sensors(environment), [quantity], t0_ns)[quantity]
             assert isinstance(model, SensorWithImu), "OTHERS are sensors of IMUs"
             self._model = model
             for fault, first_sample in self._faults:

@@ -27,7 +27,7 @@ from imu_sim_ros.parameters.sections import (
     sections_by_name,
     variant,
 )
-from imu_sim_ros.sensors import CAMERAS, find_sensor, is_known, kind_of
+from imu_sim_ros.sensors import CAMERAS, find_sensor, is_sensor, kind_of
 from imu_sim_ros.sensors.environment import EnvironmentParameters
 from imu_sim_ros.sensors.imu.parameters import ImuParameters
 from imu_sim_ros.sensors.imu.presets import layer_imu, sensor_layer
@@ -279,7 +279,7 @@ class SimulationParameters(SampledParameters):
         section, _, rest = name.partition(".")
         if section in ("camera", "scene", "features"):
             return "there is no camera; name them in cameras"
-        if is_known(section):
+        if is_sensor(section):
             return f"those of a sensor need its name in sensors, as in sensors: [{section}]"
         if rest.startswith("camera."):
             return f"there is no camera {section}; name it in cameras"
@@ -355,10 +355,10 @@ def load_simulation(
     :param problems: problems of earlier checks, which are raised with those of this one.
     :raises ConfigurationError: with a line for each problem.
     """
-    return build_layered(SimulationParameters, layered, *layers, problems=problems)
+    return build_layered(SimulationParameters, layer_files, *layers, problems=problems)
 
 
-def layered(values: Mapping[str, object], problems: Problems) -> dict[str, object]:
+def layer_files(values: Mapping[str, object], problems: Problems) -> dict[str, object]:
     """Return values layered above those of the files that they name: presets, trajectory, scene.
 
     Scene and motion suit each other and the sensors that see; stated values stay as they are.
@@ -368,9 +368,9 @@ def layered(values: Mapping[str, object], problems: Problems) -> dict[str, objec
     has_views = has_scene(values)
     if has_views:
         from imu_sim_ros.sensors.camera.rig_parameters import axes, layer_rig
-        from imu_sim_ros.simulation.scene_fit import fitted  # most runs have none
+        from imu_sim_ros.simulation.scene_fit import fit_scene  # most runs have none
 
-        values = fitted(values, lambda layer: load_simulation(layer).trajectory)
+        values = fit_scene(values, lambda layer: load_simulation(layer).trajectory)
     common, imu_layers = _split_by_imu(values)
     files_below = layer_rig(common, problems) if has_views else common
     layers = {
@@ -459,7 +459,7 @@ def _imu_values(
     }
 
 
-def named(kind: str, presets: Sequence[object]) -> dict[str, object]:
+def name_sensors(kind: str, presets: Sequence[object]) -> dict[str, object]:
     """Return parameters that switch on sensors of a kind, one for each preset.
 
     Their names are KIND, KIND1, KIND2, ...
@@ -486,7 +486,7 @@ def named(kind: str, presets: Sequence[object]) -> dict[str, object]:
     return result | {f"{name}.{parameter}": preset for name, preset in pairs if preset is not True}
 
 
-def joined(lower: Mapping[str, object], upper: Mapping[str, object]) -> dict[str, object]:
+def join_layers(lower: Mapping[str, object], upper: Mapping[str, object]) -> dict[str, object]:
     """Return two layers of parameters by dotted name as one; values of ``upper`` count.
 
     The sensors of both layers are kept. Cameras that ``upper`` lists replace those of ``lower``,

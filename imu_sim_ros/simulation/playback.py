@@ -27,7 +27,7 @@ from imu_sim_ros.sensors import find_sensor, sensors_of_imus
 from imu_sim_ros.sensors.declaration import Sensor
 from imu_sim_ros.sensors.faults import Fault
 from imu_sim_ros.sensors.parameters import LARGEST_LATENCY, LONGEST, MountedParameters
-from imu_sim_ros.simulation.parameters import SimulationParameters, imus, layered
+from imu_sim_ros.simulation.parameters import SimulationParameters, imus, layer_files
 
 PARTS: Final = (
     *TRIADS,
@@ -239,10 +239,10 @@ def load_simulator(
     :param problems: problems of earlier checks, which are raised with those of this one.
     :raises ConfigurationError: with a line for each problem.
     """
-    return build_layered(SimulatorParameters, layered, *layers, problems=problems)
+    return build_layered(SimulatorParameters, layer_files, *layers, problems=problems)
 
 
-def of_the_node(names: Mapping[str, object]) -> list[str]:
+def live_parameter_names(names: Mapping[str, object]) -> list[str]:
     """Return the names of parameters that concern the live node alone, not its samples.
 
     Parameters that ROS gives to every node are among them.

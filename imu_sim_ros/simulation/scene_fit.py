@@ -10,13 +10,18 @@ import numpy as np
 from imu_sim_ros.core.errors import ConfigurationError
 from imu_sim_ros.parameters import files
 from imu_sim_ros.places.catalogue import KINDS, usual
-from imu_sim_ros.sensors.camera.rig_parameters import DEFAULT_SCENE, axes, load_rig, of_rig
-from imu_sim_ros.sensors.camera.target import HORIZON, TURNS, suiting
+from imu_sim_ros.sensors.camera.rig_parameters import (
+    DEFAULT_SCENE,
+    axes,
+    load_rig,
+    select_rig_parameters,
+)
+from imu_sim_ros.sensors.camera.target import HORIZON, TURNS, suit_board_and_motion
 from imu_sim_ros.sensors.camera.view import View
 from imu_sim_ros.trajectory.parameters import TourParameters, TrajectoryParameters
 
 
-def fitted(
+def fit_scene(
     parameters: Mapping[str, object],
     trajectory_of: Callable[[Mapping[str, object]], TrajectoryParameters],
 ) -> dict[str, object]:
@@ -40,13 +45,13 @@ def fitted(
         turns = _free_turns(parameters)
         if turns is None:
             return parameters
-        rig = load_rig({**of_rig(parameters), **axes(parameters, recorded=False)})
+        rig = load_rig({**select_rig_parameters(parameters), **axes(parameters, recorded=False)})
         motion = trajectory_of({k: v for k, v in parameters.items() if k.startswith("trajectory.")})
     except ConfigurationError:
         return parameters  # loading them reports it
     views = [View(name, camera, 0, 0, HORIZON) for name, camera in rig.camera_parameters().items()]
     scene_names = [key.removeprefix("scene.") for key in parameters if key.startswith("scene.")]
-    return {**parameters, **suiting(views, motion, rig.scene, scene_names, turns)}
+    return {**parameters, **suit_board_and_motion(views, motion, rig.scene, scene_names, turns)}
 
 
 def _with_tour(parameters: Mapping[str, object]) -> dict[str, object]:

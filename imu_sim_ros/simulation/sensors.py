@@ -28,7 +28,7 @@ from imu_sim_ros.simulation.parameters import (
 )
 
 
-def mounted(parameters: SampledParameters) -> dict[str, Mounted[MountedParameters]]:
+def mount_sensors(parameters: SampledParameters) -> dict[str, Mounted[MountedParameters]]:
     """Return all sensors of a body by name; a sensor that another one needs comes before it.
 
     What they measure is their name, behind that of the IMU if there are several: ``imu``,
@@ -65,10 +65,10 @@ def mounted(parameters: SampledParameters) -> dict[str, Mounted[MountedParameter
             name, sensor, section, parameters, section.own_frame(name, frame), space
         )
     if isinstance(parameters, SimulationParameters) and parameters.cameras:
-        from imu_sim_ros.sensors.camera.declaration import seeing  # most runs have none
+        from imu_sim_ros.sensors.camera.declaration import mount_cameras  # most runs have none
 
         assert parameters.rig is not None
-        cameras = seeing(parameters.rig, parameters)
+        cameras = mount_cameras(parameters.rig, parameters)
     for listed, group in (("sensors", extra_sensors), ("cameras", cameras)):
         reserved = {
             part

@@ -95,7 +95,7 @@ class Offered(NamedTuple):
         return encode
 
 
-def offered(sensors: Mapping[str, Mounted[MountedParameters]]) -> dict[str, Offered]:
+def sensor_topics(sensors: Mapping[str, Mounted[MountedParameters]]) -> dict[str, Offered]:
     """Return all topics of the sensors of a body, as the node names them.
 
     Several IMUs have a namespace each.
@@ -133,7 +133,7 @@ def _mounts(sensors: Mapping[str, Mounted[MountedParameters]], encoding: str) ->
     return payloads
 
 
-def published(
+def published_topics(
     sensors: Mapping[str, Mounted[MountedParameters]], publish: ImuPublishParameters
 ) -> dict[str, Offered]:
     """Return the topics that a node publishes, as :func:`offered` has them.
@@ -143,12 +143,12 @@ def published(
     switches = flatten(publish)
     return {
         name: offer
-        for name, offer in offered(sensors).items()
+        for name, offer in sensor_topics(sensors).items()
         if offer.topic.flags is not None and all(switches.get(flag) for flag in offer.topic.flags)
     }
 
 
-def resolved(name: str) -> str:
+def resolve_topic(name: str) -> str:
     """Return a topic's name with its slash, as bags have it."""
     return "/" + name.lstrip("/")
 
@@ -163,7 +163,7 @@ def delivered_rows(samples: Samples) -> Rows:
     return rows
 
 
-def delivered(samples: Samples) -> tuple[Times, Array, Array]:
+def delivered_readings(samples: Samples) -> tuple[Times, Array, Array]:
     """Return stamps, angular rates and specific forces of the readings that are delivered."""
     rows = delivered_rows(samples)
     return samples.t_ns[rows], samples.gyro[rows], samples.accel[rows]

@@ -30,7 +30,7 @@ from imu_sim_ros.trajectory.parameters import DriveParameters
 from imu_sim_ros.trajectory.path import Path, UniformSpline, find_path
 from imu_sim_ros.trajectory.profile import Derivatives
 from imu_sim_ros.trajectory.route import MOST_POINTS, Route, read_route
-from imu_sim_ros.trajectory.schedule import Visits, driven, find_schedule
+from imu_sim_ros.trajectory.schedule import Visits, find_schedule, planar_motion
 from imu_sim_ros.trajectory.vibration import Vibrating, Vibration
 
 _PREFIX: Final = "trajectory."
@@ -255,7 +255,7 @@ def _suspension(path: Path, schedule: UniformSpline, p: DriveParameters) -> Unif
     segments = max(1, math.ceil(schedule.length * p.suspension_frequency * _RESPONSE_STEPS))
     step = schedule.length / segments
     t = (np.arange(segments + DEGREE) - 2) * step
-    done = driven(path, schedule, np.clip(t, 0.0, schedule.length))
+    done = planar_motion(path, schedule, np.clip(t, 0.0, schedule.length))
     w = 2.0 * math.pi * p.suspension_frequency
     transfer = ([w * w], [1.0, 2.0 * p.suspension_damping * w, w * w])
     ((numerator,), denominator, _) = cont2discrete(transfer, step, method="foh")

@@ -52,7 +52,7 @@ _ROUNDING: Final = 1e-3
 """Differences far above rounding [m/s, m/s^2, rad/s, rad/s^2]."""
 
 
-def given_trajectory(motion: object) -> Trajectory | None:
+def user_trajectory(motion: object) -> Trajectory | None:
     """Return a user's motion as a trajectory that checks each sample.
 
     :param motion: an object with ``sample(t)``, which returns a :class:`Motion`, or a function that

@@ -12,7 +12,7 @@ from imu_sim_ros.core.errors import InputError
 from imu_sim_ros.core.types import Array
 from imu_sim_ros.inputs.rows import number_of, row_blocks, shortened
 from imu_sim_ros.trajectory.bspline import DEGREE
-from imu_sim_ros.trajectory.path import Path, UniformSpline, joined_samples
+from imu_sim_ros.trajectory.path import Path, UniformSpline, sample_spline_chain
 
 _MOST_CELLS: Final = 25_000_000
 """Largest number of cells of a height map."""
@@ -156,7 +156,7 @@ class PlaneProfile:
 
     def sample(self, u: Array, derivatives: int) -> list[Array]:
         """Return height and slopes; see :class:`Ground`."""
-        return joined_samples(self._splines, self._joints, u, derivatives)
+        return sample_spline_chain(self._splines, self._joints, u, derivatives)
 
 
 class GradeProfile:

@@ -108,7 +108,7 @@ class Path:
 
     def sample(self, u: Array, derivatives: int) -> list[Array]:
         """Return the place and its derivatives by u (n,), each (2, n)."""
-        return joined_samples(self.splines, self._turns_at, u, derivatives)
+        return sample_spline_chain(self.splines, self._turns_at, u, derivatives)
 
     def facing(self, u: Array) -> Array | float:
         """Return 1 where the vehicle drives forward, -1 where it backs up, at u (n,)."""
@@ -138,7 +138,7 @@ class Path:
         return Bends(u, speed, np.where(turned_back, np.inf, curvature))
 
 
-def joined_samples(
+def sample_spline_chain(
     splines: Sequence[UniformSpline], joints: Array, u: Array, derivatives: int
 ) -> list[Array]:
     """Return values and derivatives at u (n,) of splines that follow each other at ``joints``."""

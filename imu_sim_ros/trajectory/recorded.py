@@ -172,7 +172,7 @@ class RecordedMotion:
         return self._spline.sample(t)
 
 
-def recorded_in(trajectory: Trajectory) -> RecordedMotion | None:
+def find_recorded_motion(trajectory: Trajectory) -> RecordedMotion | None:
     """Return the recorded motion in a trajectory, if there is one."""
     inner: object = trajectory
     while inner is not None:

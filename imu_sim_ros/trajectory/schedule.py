@@ -80,7 +80,7 @@ class Driven(NamedTuple):
     """(n,) heading rates [rad/s]."""
 
 
-def driven(path: Path, schedule: UniformSpline, t: Array) -> Driven:
+def planar_motion(path: Path, schedule: UniformSpline, t: Array) -> Driven:
     """Return speeds and accelerations in the plane at times t (n,) [s]."""
     (u,), (rate,), (change,) = schedule.sample(t, 2)
     _, d1, d2 = path.sample(u, 2)
@@ -113,7 +113,7 @@ def find_schedule(
         way = _way(path, aim)
         _, controls = _controls(way, _limit_speeds(way, aim, speeds, waits), waits, step)
         schedule = UniformSpline(controls[:, None], step)
-        shares = _shares(driven(path, schedule, _fine(schedule)), p).max(axis=1)
+        shares = _shares(planar_motion(path, schedule, _fine(schedule)), p).max(axis=1)
         if shares.max() <= 1.0:
             return schedule
         aim = _below(aim, np.maximum(shares, 1.0))
@@ -294,7 +294,7 @@ def _check_limits(
 ) -> None:
     """Refuse a schedule that exceeds a limit, or that goes back."""
     t = _fine(schedule)
-    done = driven(path, schedule, t)
+    done = planar_motion(path, schedule, t)
     shares = _shares(done, p)
     values = (done.speed, done.along, done.across, done.turn)
     names = (

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 import imu_sim_ros as ims
-from imu_sim_ros.camera import on_simulation, reprojection_errors
+from imu_sim_ros.camera import build_simulation_rig, reprojection_errors
 from imu_sim_ros.commands import generate
 from imu_sim_ros.sensors.camera.rig_parameters import scene_layer
 
@@ -66,7 +66,7 @@ def test_a_camera_sees_the_motion_that_somebody_gave(trajectory, start):
     assert flight.t0_ns == flight.t_ns[0] == pytest.approx(start * 1e9, abs=2e7)
     camera = {"preset": "euroc_cam0", "body_axes": "flu"}
     given_rig = {"cameras": ["cam0"], **{f"cam0.camera.{n}": v for n, v in camera.items()}}
-    rig = on_simulation({**given_rig, **scene_layer("room")}, flight)
+    rig = build_simulation_rig({**given_rig, **scene_layer("room")}, flight)
     blocks = list(ims.camera.tracks(flight, camera, "room"))
     stamps = np.concatenate([b.frames.t_ns for b in blocks])
     np.testing.assert_array_equal(stamps, flight.t0_ns + 50_000_000 * np.arange(60))

@@ -18,7 +18,7 @@ from imu_sim_ros.calibration.deterministic.steady import find_steady
 from imu_sim_ros.calibration.deterministic.temperature import calibrate_temperature, temperatures_at
 from imu_sim_ros.calibration.deterministic.turntable import (
     calibrate_turntable,
-    known_rates,
+    match_table_rates,
     specific_force,
 )
 from imu_sim_ros.navigation.dead_reckoning import dead_reckon
@@ -73,14 +73,14 @@ def six_position(run: Run) -> names.Parameters:
 
 def turntable(run: Run) -> names.Parameters:
     steady = find_steady(run.t_ns, run.gyro, run.accel, rotating=True)
-    table = known_rates(steady, np.array([0.5, 1.0, 2.0]))
+    table = match_table_rates(steady, np.array([0.5, 1.0, 2.0]))
     return names.turntable_parameters(calibrate_turntable(table.steady, table.rate, G))
 
 
 def temperature(run: Run) -> names.Parameters:
     steady = find_steady(run.t_ns, run.gyro, run.accel)
     temperatures = temperatures_at(steady, run.t_ns, run.temperature)
-    table = known_rates(steady, np.array([1.0]), temperatures)
+    table = match_table_rates(steady, np.array([1.0]), temperatures)
     temperatures = temperatures_at(table.steady, run.t_ns, run.temperature)
     force = specific_force(table.steady, G)
     calibration = calibrate_temperature(table.steady, temperatures, table.rate, force, 25.0)

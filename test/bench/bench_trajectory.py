@@ -20,7 +20,7 @@ from imu_sim_ros.simulation.parameters import load_simulation
 from imu_sim_ros.terminal.text_tables import print_table
 from imu_sim_ros.trajectory.build import build_trajectory
 from imu_sim_ros.trajectory.motion import Trajectory
-from imu_sim_ros.trajectory.recorded import recorded_in
+from imu_sim_ros.trajectory.recorded import find_recorded_motion
 
 BLOCK = 8192
 RATE = 200.0
@@ -91,7 +91,7 @@ def fit_row(path: Path) -> list[str]:
     """Return one row of the table of fits."""
     reading = median_time(lambda: read_poses(path), 3)
     both = median_time(lambda: build(type="poses", file=str(path)), 3)
-    motion = recorded_in(build(type="poses", file=str(path)))
+    motion = find_recorded_motion(build(type="poses", file=str(path)))
     assert motion is not None
     report = motion.report
     return [

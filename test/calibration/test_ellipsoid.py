@@ -13,7 +13,7 @@ from scipy.stats import binom, chi2
 import imu_sim_ros as ims
 from imu_sim_ros.calibration.deterministic.ellipsoid import calibrate_magnetometer, symmetric_root
 from imu_sim_ros.core.errors import ConfigurationError, InputError
-from imu_sim_ros.sensors.magnetometer.model import realised_magnetometer
+from imu_sim_ros.sensors.magnetometer.model import realise_magnetometer
 from imu_sim_ros.simulation.engine import Body
 from imu_sim_ros.simulation.parameters import load_simulation
 
@@ -105,7 +105,7 @@ def test_a_tumbling_board_gives_its_iron_back() -> None:
     assert block is not None
     field = float(np.linalg.norm(parameters.magnetic_field.value))
     calibration = calibrate_magnetometer(block.field, field)
-    m, b = realised_magnetometer(parameters.imu.magnetometer, parameters.seed).response_and_bias()
+    m, b = realise_magnetometer(parameters.imu.magnetometer, parameters.seed).response_and_bias()
     # Nine parameters: one lies beyond 4 standard errors in 6e-4 of all runs.
     off = (calibration.soft_iron - symmetric_root(m)) / calibration.soft_iron_sigma
     assert np.abs(off).max() < 4.0

@@ -16,12 +16,16 @@ from imu_sim_ros.calibration.deterministic.correction import (
     write_simulator,
 )
 from imu_sim_ros.calibration.deterministic.positions import calibrate_six_position
-from imu_sim_ros.calibration.deterministic.response import Observations, determined, fit_axis
-from imu_sim_ros.calibration.deterministic.steady import Steady, find_steady, whitened
+from imu_sim_ros.calibration.deterministic.response import (
+    Observations,
+    fit_axis,
+    is_distinguishable,
+)
+from imu_sim_ros.calibration.deterministic.steady import Steady, find_steady, whiten
 from imu_sim_ros.calibration.deterministic.temperature import calibrate_temperature, temperatures_at
 from imu_sim_ros.calibration.deterministic.turntable import (
     calibrate_turntable,
-    known_rates,
+    match_table_rates,
     specific_force,
     true_rates,
 )
@@ -187,7 +191,7 @@ def test_a_turntable_recovers_the_parameters_within_their_errors(source):
     run = Run("turntable", FLAWS, seed=5)
     steady = run.steady()
     if source == "rates":
-        steady, rate = known_rates(steady, np.array([0.5, 1.0, 2.0]))[:2]
+        steady, rate = match_table_rates(steady, np.array([0.5, 1.0, 2.0]))[:2]
     else:
         steady, rate = true_rates(steady, run.t_ns, run.rate)
     calibration = calibrate_turntable(steady, rate, G)
@@ -198,7 +202,7 @@ def test_a_turntable_recovers_the_parameters_within_their_errors(source):
 
 def test_without_each_axis_upside_down_there_is_no_g_sensitivity():
     run = Run("turntable", FLAWS, {"trajectory.upside_down": False}, seed=6)
-    steady, rate = known_rates(run.steady(), np.array([0.5, 1.0, 2.0]))[:2]
+    steady, rate = match_table_rates(run.steady(), np.array([0.5, 1.0, 2.0]))[:2]
     calibration = calibrate_turntable(steady, rate, G)
     assert calibration.g_sensitivity is None
     assert "gyroscope_g_sensitivity" not in turntable_parameters(calibration)
@@ -206,7 +210,7 @@ def test_without_each_axis_upside_down_there_is_no_g_sensitivity():
 
 def test_a_table_that_turns_one_way_only():
     run = Run("turntable", FLAWS, seed=7)
-    steady, rate = known_rates(run.steady(), np.array([0.5, 1.0, 2.0]))[:2]
+    steady, rate = match_table_rates(run.steady(), np.array([0.5, 1.0, 2.0]))[:2]
     forward = rate[:, 1] >= 0.0
     with pytest.raises(InputError, match=r"no steady rotation about -y"):
         calibrate_turntable(steady.rows(forward), rate[forward], G)
@@ -215,7 +219,7 @@ def test_a_table_that_turns_one_way_only():
 @pytest.mark.parametrize("trajectory", ["temperature_soak", "temperature_ramp"])
 def test_a_temperature_run_recovers_biases_and_scales_within_their_errors(trajectory):
     run = Run(trajectory, FLAWS, THERMAL, seed=2, rate=100.0)
-    steady, rate = known_rates(run.steady(), np.array([1.0]))[:2]
+    steady, rate = match_table_rates(run.steady(), np.array([1.0]))[:2]
     temperature = temperatures_at(steady, run.t_ns, run.temperature)
     calibration = calibrate_temperature(steady, temperature, rate, specific_force(steady, G), 25.0)
     values = temperature_parameters(calibration)
@@ -282,10 +286,10 @@ def test_standard_errors_are_those_of_many_runs():
 
 def test_directions_determine_a_response_only_if_they_span_it_with_a_constant():
     faces = np.concatenate([np.eye(3), -np.eye(3)])
-    assert determined(faces)
-    assert not determined(faces[:3])  # three faces up: the constant is their sum
-    assert not determined(np.zeros((10, 3)))
-    assert not determined(faces[:2])
+    assert is_distinguishable(faces)
+    assert not is_distinguishable(faces[:3])  # three faces up: the constant is their sum
+    assert not is_distinguishable(np.zeros((10, 3)))
+    assert not is_distinguishable(faces[:2])
 
 
 def test_files_are_read_by_simulator_and_integrator(tmp_path):
@@ -311,7 +315,7 @@ def test_the_correction_makes_dead_reckoning_drift_less():
 
     six = Run("six_position", FLAWS, seed=10)
     table = Run("turntable", FLAWS, seed=11)
-    steady, rate = known_rates(table.steady(), np.array([0.5, 1.0, 2.0]))[:2]
+    steady, rate = match_table_rates(table.steady(), np.array([0.5, 1.0, 2.0]))[:2]
     values = six_position_parameters(calibrate_six_position(six.steady(), G))
     values.update(turntable_parameters(calibrate_turntable(steady, rate, G)))
     correction = Correction(
@@ -339,7 +343,7 @@ def test_a_filter_whitens_as_the_covariances_factor_does():
     time = np.concatenate([[0.0, 0.0], np.sort(rng.uniform(1.0, 900.0, 40))])
     sigma, columns = rng.uniform(0.5, 2.0, 42), rng.standard_normal((42, 3))
     walks = np.array([0.0, 1e-6, 1e-2, 10.0])
-    whitening = whitened(columns, time, sigma, walks)
+    whitening = whiten(columns, time, sigma, walks)
     for k, walk in enumerate(walks):
         factor = np.linalg.cholesky(walk * np.minimum.outer(time, time) + np.diag(sigma**2))
         assert whitening.columns[k] == pytest.approx(np.linalg.solve(factor, columns), abs=1e-12)

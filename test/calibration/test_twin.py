@@ -9,16 +9,16 @@ import pytest
 import imu_sim_ros as ims
 from imu_sim_ros.calibration.twin import alignment as clock
 from imu_sim_ros.calibration.twin import model, spectrum
-from imu_sim_ros.calibration.twin.alignment import coarse_offset, mounting
+from imu_sim_ros.calibration.twin.alignment import coarse_offset, fit_mounting
 from imu_sim_ros.calibration.twin.comparison import Windows, classification_rate
 from imu_sim_ros.calibration.twin.fit import Recording, _inverse, _Sums, fit
 from imu_sim_ros.calibration.twin.intensity import (
     factors,
+    filter_band,
     find_lines,
     fit_exponents,
-    in_range,
-    vibrating,
-    without_disturbances,
+    remove_disturbances,
+    vibration_mask,
 )
 from imu_sim_ros.calibration.twin.model import BodyMotion, Errors, KnownMotion
 from imu_sim_ros.calibration.twin.pose_noise import (
@@ -32,8 +32,8 @@ from imu_sim_ros.calibration.twin.spectrum import (
     White,
     above_floor,
     band_edges,
-    bounded_above,
-    bounded_below,
+    bound_above,
+    bound_below,
     cross_spectra,
     quietest_density,
     white_floor,
@@ -111,12 +111,12 @@ def test_the_jacobian_is_the_derivative_of_the_readings():
     errors = flaws(1)
     stamps = np.linspace(2.0, 8.0, 7)
     still = np.zeros(7)
-    linear = model.linearised(errors, turning, stamps, 5.0, still)
+    linear = model.linearise_readings(errors, turning, stamps, 5.0, still)
     jacobian = np.einsum("ns,asp->nap", linear.signals, linear.coefficients)
 
     def read(changed):
         t = model.true_times(changed, stamps, 5.0, still)
-        return model.predicted(changed, turning, t)[0]
+        return model.predict_readings(changed, turning, t)[0]
 
     for k in range(model.COUNT):
         step = np.zeros(model.COUNT)
@@ -135,7 +135,7 @@ def fits():
         recording = record(true, seed)
         y, stamps = recording.readings, recording.stamps
         offset = coarse_offset(stamps, y[:, :3], motion_at, stamps[-1] + 1.0, 0.05)
-        start = model.perfect(mounting(y[:, :3], y[:, 3:], motion_at(stamps)), offset)
+        start = model.perfect(fit_mounting(y[:, :3], y[:, 3:], motion_at(stamps)), offset)
         result.append((true, fit(recording, KnownMotion(motion_at, 6.0), start)))
     return result
 
@@ -323,9 +323,9 @@ def test_a_disturbance_is_scaled_down_to_the_usual():
     rng = np.random.default_rng(14)
     values = rng.standard_normal((4000, 6))
     values[2000:2100, 1] *= 10.0
-    calm, count = without_disturbances(values, [slice(0, 4000)], RATE, 20.0, 50.0)
+    calm, count = remove_disturbances(values, [slice(0, 4000)], RATE, 20.0, 50.0)
     assert count in (2, 3)  # half-windows that the burst touches
-    band = in_range(calm, [slice(0, 4000)], RATE, 20.0, 50.0)
+    band = filter_band(calm, [slice(0, 4000)], RATE, 20.0, 50.0)
     usual = np.mean(band[:2000, 1] ** 2)
     # What is left of the burst has the usual energy, known to sqrt(2 / 60) of it.
     assert 0.5 < np.mean(band[2000:2100, 1] ** 2) / usual < 1.6
@@ -521,18 +521,18 @@ def test_a_floor_is_not_below_what_rest_shows():
     assert np.all((floor > 0.5) & (floor < 1.0))
     bands = cross_spectra(0.3 * values[:300], [slice(0, 300)], RATE, band_edges(3.0, RATE))
     assert np.all(white_floor(bands, 1.0).density < 0.4)
-    white = bounded_below(white_floor(bands, 1.0), 3.0 * floor)
+    white = bound_below(white_floor(bands, 1.0), 3.0 * floor)
     assert np.all(white.density >= 3.0 * floor)
     assert np.all(white.high >= 3.0 * floor)
 
 
 def test_a_hidden_floor_is_not_above_any_band():
     hidden = White(np.full(6, 2.0), np.zeros(6), np.full(6, 3.0), np.zeros((1, 6), dtype=bool))
-    assert np.all(bounded_above(hidden, np.full(6, 0.5)).density == 0.5)
-    assert np.all(bounded_above(hidden, np.full(6, 0.5)).high == 3.0)  # as uncertain as before
-    assert np.all(bounded_above(hidden, np.full(6, 5.0)).density == 2.0)
+    assert np.all(bound_above(hidden, np.full(6, 0.5)).density == 0.5)
+    assert np.all(bound_above(hidden, np.full(6, 0.5)).high == 3.0)  # as uncertain as before
+    assert np.all(bound_above(hidden, np.full(6, 5.0)).density == 2.0)
     visible = hidden._replace(low=np.ones(6))
-    assert np.all(bounded_above(visible, np.full(6, 0.5)).density == 2.0)
+    assert np.all(bound_above(visible, np.full(6, 0.5)).density == 2.0)
 
 
 def test_vibration_begins_with_the_rotors():
@@ -541,10 +541,10 @@ def test_vibration_begins_with_the_rotors():
     values[:2000] *= 0.05
     values[700:800] *= 40.0  # a knock is no flight
     values[5500:] *= 0.05
-    rows = vibrating(values, [slice(0, 6000)], RATE)
+    rows = vibration_mask(values, [slice(0, 6000)], RATE)
     np.testing.assert_array_equal(np.flatnonzero(rows), np.arange(2000, 5500))
-    assert vibrating(values[2000:5500], [slice(0, 3500)], RATE).all()
-    assert vibrating(values, [slice(0, 6000)], 20.0).all()  # readings too slow to show rotors
+    assert vibration_mask(values[2000:5500], [slice(0, 3500)], RATE).all()
+    assert vibration_mask(values, [slice(0, 6000)], 20.0).all()  # readings too slow to show rotors
 
 
 def test_a_classifier_tells_what_differs_and_only_that():
@@ -586,7 +586,7 @@ def test_the_white_floor_is_that_before_rounding():
 def test_rounding_that_is_most_of_the_floor_leaves_a_bound():
     rounding = 0.02 / np.sqrt(12 * 100.0)
     white = spectrum.White(*np.full((3, 6), rounding * 1.2), np.zeros((1, 6), dtype=bool))
-    floor = spectrum.without_rounding(white, np.repeat([0.0, 0.02], 3), 100.0)
+    floor = spectrum.remove_rounding(white, np.repeat([0.0, 0.02], 3), 100.0)
     assert (floor.low == np.repeat([rounding * 1.2, 0.0], 3)).all()
     assert floor.density[3:] == pytest.approx(rounding * np.sqrt(1.2**2 - 1.0))
     assert (floor.high == white.high).all()

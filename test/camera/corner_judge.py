@@ -8,7 +8,7 @@ import pytest
 from small_camera import SMALL_CAMERA
 
 from imu_sim_ros.core import rotation
-from imu_sim_ros.sensors.camera.view import CameraPoses, Eyes, in_camera
+from imu_sim_ros.sensors.camera.view import CameraPoses, Eyes, transform_to_camera
 
 WIDE_CAMERA = {
     **SMALL_CAMERA,
@@ -38,7 +38,7 @@ def judged(renderer, view, corners, low, high):
                 total[rows] += picture[a::rays, b::rays]
         image = np.rint(total / rays**2).astype(np.uint8)
         many = CameraPoses(*(np.repeat(part, len(corners), axis=0) for part in poses))
-        uv, valid = view.model.project(in_camera(many, corners))
+        uv, valid = view.model.project(transform_to_camera(many, corners))
         uv = uv[valid & view.model.inside(uv, 15.0)]
         start = uv.astype(np.float32).reshape(-1, 1, 2)
         refined = cv2.cornerSubPix(image, start, (5, 5), (-1, -1), stop)

@@ -10,7 +10,7 @@ from imu_sim_ros.sensors.camera.rig_parameters import load_rig
 from imu_sim_ros.sensors.world import World
 from imu_sim_ros.simulation.cameras import scene_around
 from imu_sim_ros.simulation.parameters import load_simulation
-from imu_sim_ros.simulation.sensors import mounted
+from imu_sim_ros.simulation.sensors import mount_sensors
 from imu_sim_ros.trajectory.build import build_trajectory
 from imu_sim_ros.trajectory.parameters import trajectory_layer
 
@@ -33,4 +33,4 @@ def make_rig(trajectory="figure_eight", duration=10.0, seed=3, scene=None, **val
     rig = load_rig(parameters)
     configuration = replace(simulation, cameras=rig.cameras, rig=rig, duration=duration, seed=seed)
     world = World(motion, configuration, T0_NS, scene_around if scene is None else lambda _: scene)
-    return Rig(mounted(configuration), world)
+    return Rig(mount_sensors(configuration), world)

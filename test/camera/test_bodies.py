@@ -18,10 +18,10 @@ from imu_sim_ros.places.place import CLEARANCE, PlaceBuilder, Site
 from imu_sim_ros.places.sheet import Print
 from imu_sim_ros.places.tour import clearance
 from imu_sim_ros.places.walks import PERIOD
-from imu_sim_ros.sensors.camera.images.files import decoded
+from imu_sim_ros.sensors.camera.images.files import decode_image
 from imu_sim_ros.sensors.camera.images.imager import Imager
 from imu_sim_ros.sensors.camera.tracker import Tracker
-from imu_sim_ros.sensors.camera.view import CameraPoses, in_camera
+from imu_sim_ros.sensors.camera.view import CameraPoses, transform_to_camera
 
 SMALL = {
     "camera__width": 188,
@@ -257,7 +257,7 @@ def test_corners_printed_on_a_moving_body_are_where_its_pose_puts_them(make_rig,
         late = np.zeros(len(inner))
         initial_uv = None
         for _ in range(12):
-            local = in_camera(
+            local = transform_to_camera(
                 view.poses(rig.trajectory, time + late), board.to_world(time + late, inner)
             )
             uv, valid = view.model.project(local)
@@ -403,7 +403,7 @@ def test_folders_hold_masks_poses_and_the_bodies_of_tracks(mav0, tmp_path):
     folder = mav0 / "cam0"
     names = [sorted(path.name for path in (folder / kind).iterdir()) for kind in ("data", "mask")]
     assert names[0] == names[1] == sorted(path.name for path in (folder / "depth").iterdir())
-    masks = [decoded((folder / "mask" / name).read_bytes()) for name in names[1]]
+    masks = [decode_image((folder / "mask" / name).read_bytes()) for name in names[1]]
     assert all(mask.dtype == np.uint8 and mask.shape == (120, 188) for mask in masks)
     assert max(mask.max() for mask in masks) <= 3
     table = np.genfromtxt(mav0 / "bodies.csv", delimiter=",", names=True, dtype=None,
@@ -438,7 +438,7 @@ def test_bags_hold_masks_and_odometry_of_bodies(mav0, tmp_path):
     for t_ns, message in masks:
         file = mav0 / "cam0/mask" / f"{t_ns:019d}.png"
         assert message.encoding == "mono8"
-        assert bytes(message.data) == decoded(file.read_bytes()).tobytes()
+        assert bytes(message.data) == decode_image(file.read_bytes()).tobytes()
     table = np.genfromtxt(mav0 / "bodies.csv", delimiter=",", names=True, dtype=None,
                           encoding="utf-8")  # fmt: skip
     for number, name in enumerate(("door_1", "person_1", "person_2"), start=1):

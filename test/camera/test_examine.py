@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 
 from imu_sim_ros.core.errors import InputError
-from imu_sim_ros.sensors.camera.images.files import decoded, image_size, png
+from imu_sim_ros.sensors.camera.images.files import decode_image, image_size, png
 
 IMAGE = np.random.default_rng(3).integers(0, 256, (17, 23), dtype=np.uint8)
 
@@ -38,7 +38,7 @@ def test_the_size_of_every_kind_of_png_is_known(mode, size):
     file = io.BytesIO()
     image.new(mode, size).save(file, "png")
     assert image_size(file.getvalue()) == size[::-1]
-    assert decoded(file.getvalue()).shape[:2] == size[::-1]
+    assert decode_image(file.getvalue()).shape[:2] == size[::-1]
 
 
 def plain(form, width, height):
@@ -64,7 +64,7 @@ def test_the_size_of_other_forms_is_bounded_before_they_are_decoded(form, size):
     reason = f"an image of {size[0]} x {size[1]} pixels; 1 to"
     if not size[0]:
         reason = "a (BMP|PPM|TIFF) that is damaged: its header states no pixels"
-    for reader in (decoded, image_size):
+    for reader in (decode_image, image_size):
         with pytest.raises(InputError, match=f"^{reason}"):
             reader(plain(form, *size))
 
@@ -94,7 +94,7 @@ def test_pixels_are_those_that_opencv_finds(form, dtype, channels):
     image = np.random.default_rng(2).integers(0, np.iinfo(dtype).max, (17, 23, *channels), dtype)
     data = cv2.imencode(".ppm" if form == ".pgm" and channels else form, image)[1]
     expected = cv2.imdecode(data, cv2.IMREAD_UNCHANGED)
-    pixels = decoded(data.tobytes())
+    pixels = decode_image(data.tobytes())
     assert pixels.dtype == expected.dtype
     order = (2, 1, 0, 3)[: expected.shape[2]] if channels else ...
     np.testing.assert_array_equal(pixels, expected[..., order] if channels else expected)
@@ -114,7 +114,9 @@ def test_few_bits_and_palettes_are_those_that_opencv_finds(depth, colour):
         data = png_bytes(23, 17, b"".join(rows), depth, colour, chunks)
         expected = cv2.imdecode(np.frombuffer(data, np.uint8), cv2.IMREAD_UNCHANGED)
         order = (2, 1, 0, 3)[: expected.shape[2]] if colour else ...
-        np.testing.assert_array_equal(decoded(data), expected[..., order] if colour else expected)
+        np.testing.assert_array_equal(
+            decode_image(data), expected[..., order] if colour else expected
+        )
 
 
 @pytest.mark.parametrize("colours", [(), (3,)])
@@ -128,7 +130,7 @@ def test_a_jpeg_has_the_pixels_that_opencv_finds(colours):
             progressive_option = [cv2.IMWRITE_JPEG_PROGRESSIVE, progressive]
             data = cv2.imencode(".jpg", image, options + progressive_option)[1]
             expected = cv2.imdecode(data, cv2.IMREAD_UNCHANGED)
-            decoded_pixels = decoded(data.tobytes())
+            decoded_pixels = decode_image(data.tobytes())
             np.testing.assert_array_equal(
                 decoded_pixels, expected[..., ::-1] if colours else expected
             )
@@ -138,15 +140,15 @@ def test_a_damaged_jpeg_is_refused_without_a_line_of_libjpeg(capfd):
     """Lost pixels are an error, even one row of blocks; superfluous bytes are none."""
     cv2 = pytest.importorskip("cv2")
     data = cv2.imencode(".jpg", np.tile(IMAGE, (4, 4)))[1].tobytes()
-    whole = decoded(data[:-2] + bytes(20) + data[-2:])
-    np.testing.assert_array_equal(whole, decoded(data))
+    whole = decode_image(data[:-2] + bytes(20) + data[-2:])
+    np.testing.assert_array_equal(whole, decode_image(data))
     assert whole.shape == (68, 92)
     for end in (len(data) // 2, len(data) - 60):
         with pytest.raises(InputError, match="a JPEG that is damaged: image file is truncated"):
-            decoded(data[:end] + data[-2:])
+            decode_image(data[:end] + data[-2:])
     table_start = data.index(b"\xff\xc4")  # a table of Huffman's code
     with pytest.raises(InputError, match="a JPEG that is damaged: "):
-        decoded(data[: table_start + 6] + bytes([255] * 12) + data[table_start + 18 :])
+        decode_image(data[: table_start + 6] + bytes([255] * 12) + data[table_start + 18 :])
     assert capfd.readouterr().err == ""
 
 
@@ -155,7 +157,7 @@ def test_what_pixels_do_not_depend_on_is_not_decoded():
     profile = chunk(b"iCCP", b"x\0\0" + zlib.compress(b"no profile"))
     text = chunk(b"tEXt", b"Comment\0hello")
     assert image_size(data[:33] + profile + text + data[33:]) == (17, 23)
-    np.testing.assert_array_equal(decoded(data[:33] + profile + data[33:]), IMAGE)
+    np.testing.assert_array_equal(decode_image(data[:33] + profile + data[33:]), IMAGE)
 
 
 @pytest.mark.parametrize(
@@ -178,7 +180,7 @@ def test_what_pixels_do_not_depend_on_is_not_decoded():
     ],
 )
 def test_damaged_and_endless_images_are_refused_and_nothing_is_printed(capfd, data, reason):
-    for ask in (image_size, decoded):
+    for ask in (image_size, decode_image):
         with pytest.raises(InputError, match=reason):
             ask(data)
     assert capfd.readouterr() == ("", "")
@@ -208,4 +210,6 @@ def test_the_size_of_a_jpeg(progressive):
 @pytest.mark.parametrize("extra", [1, 10**8])
 def test_data_behind_the_last_pixel_are_not_read(extra):
     """Superfluous bytes leave an image whole; a hundred million take no memory."""
-    np.testing.assert_array_equal(decoded(png_bytes(4, 4, bytes(20 + extra))), np.zeros((4, 4)))
+    np.testing.assert_array_equal(
+        decode_image(png_bytes(4, 4, bytes(20 + extra))), np.zeros((4, 4))
+    )

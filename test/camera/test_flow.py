@@ -14,7 +14,7 @@ from small_camera import SMALL_CAMERA, imager_of, without_textures
 from imu_sim_ros.core import rotation
 from imu_sim_ros.sensors.camera.images.flow import kitti_flow
 from imu_sim_ros.sensors.camera.images.imager import Imager
-from imu_sim_ros.sensors.camera.view import CameraPoses, in_camera
+from imu_sim_ros.sensors.camera.view import CameraPoses, transform_to_camera
 
 HALL = {
     **SMALL_CAMERA,
@@ -90,7 +90,7 @@ def test_flow_is_that_of_depth_and_poses(hall):
                 pose = view.poses(rig.trajectory, row_stamps)
                 if body:
                     pose = CameraPoses(*moving_bodies[body - 1].sees(row_stamps, *pose))
-                return view.model.project(in_camera(pose, point[None]))[0][0]
+                return view.model.project(transform_to_camera(pose, point[None]))[0][0]
 
             row = float(v)
             for _ in range(6 if row_time else 1):  # each is closer by its share of rows per row

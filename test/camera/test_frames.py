@@ -17,8 +17,8 @@ from imu_sim_ros.core.errors import ConfigurationError
 from imu_sim_ros.sensors.deferred import Deferred, DeferredValues
 from imu_sim_ros.simulation.engine import Body
 from imu_sim_ros.simulation.parameters import load_simulation
-from imu_sim_ros.simulation.sensors import mounted
-from imu_sim_ros.simulation.topics import offered
+from imu_sim_ros.simulation.sensors import mount_sensors
+from imu_sim_ros.simulation.topics import sensor_topics
 
 STEREO = {
     "cameras": ["cam0", "cam1"],
@@ -44,8 +44,8 @@ SEEN = (
 def messages(size):
     """Return the times and messages of all topics of what is seen, with windows of some size."""
     parameters = load_simulation(STEREO)
-    sensors = mounted(parameters)
-    topics = {n: topic for n, topic in offered(sensors).items() if topic.name in SEEN}
+    sensors = mount_sensors(parameters)
+    topics = {n: topic for n, topic in sensor_topics(sensors).items() if topic.name in SEEN}
     encoders = {name: topic.encoder() for name, topic in topics.items()}
     messages_by_topic = {name: [] for name in topics}
     for window in Body(parameters, sensors=SEEN).windows(size):
@@ -140,7 +140,7 @@ def test_a_topic_without_its_namespace_is_that_of_every_camera(tmp_path):
 @pytest.mark.parametrize("name", ["pose", "magnetic_field", "gyroscope"])
 def test_a_camera_has_a_name_of_its_own(name):
     with pytest.raises(ConfigurationError, match=f"cameras: '{name}': is another sensor"):
-        mounted(load_simulation({"cameras": [name]}))
+        mount_sensors(load_simulation({"cameras": [name]}))
 
 
 def test_no_scene_is_built_for_frames_of_which_nobody_asks_what_they_show():

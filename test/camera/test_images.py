@@ -18,12 +18,12 @@ from imu_sim_ros.core import rotation
 from imu_sim_ros.core.errors import ConfigurationError, MissingDependencyError
 from imu_sim_ros.places import gloss, light
 from imu_sim_ros.sensors.camera.images import loops
-from imu_sim_ros.sensors.camera.images.exposure import exposed
+from imu_sim_ros.sensors.camera.images.exposure import expose
 from imu_sim_ros.sensors.camera.images.files import png
 from imu_sim_ros.sensors.camera.images.grey_values import grey_values
 from imu_sim_ros.sensors.camera.images.imager import Imager
-from imu_sim_ros.sensors.camera.images.libraries import compiled
-from imu_sim_ros.sensors.camera.images.loops import CELL, look_up, nearest
+from imu_sim_ros.sensors.camera.images.libraries import numba_function
+from imu_sim_ros.sensors.camera.images.loops import CELL, look_up, nearest_hit
 from imu_sim_ros.sensors.camera.images.texture import atlas
 from imu_sim_ros.sensors.camera.scene_parameters import CloudParameters
 from imu_sim_ros.sensors.camera.view import Eyes
@@ -475,7 +475,7 @@ def test_automatic_exposure_multiplies_noise_and_leaves_white_white(make_rig):
     # The variance of n squares of normal numbers is 2 / n of its square: five deviations.
     assert (error[middle] ** 2 / expected).mean() == pytest.approx(1.0, abs=5.0 * (2.0 / n) ** 0.5)
     # Saturated windows stay so in a darker image; what is below white gets the factor alone.
-    assert exposed(np.array([20.0, 200.0, 255.0], np.float32), 0.5).tolist() == [10.0, 100.0, 255.0]
+    assert expose(np.array([20.0, 200.0, 255.0], np.float32), 0.5).tolist() == [10.0, 100.0, 255.0]
 
 
 def test_a_linear_response_is_in_proportion_to_light(make_rig):
@@ -519,7 +519,7 @@ class Seen:
         planes, pairs = self.visible.planes, self.visible.pairs
         cell = v // CELL * -(-self.rays.shape[2] // CELL) + u // CELL
         ray, (begin, end) = tuple(self.rays[:, v, u]), pairs.first[cell : cell + 2]
-        _, hit, s, r = nearest(*planes, pairs.which, pairs.fills, begin, end, 0, ray)
+        _, hit, s, r = nearest_hit(*planes, pairs.which, pairs.fills, begin, end, 0, ray)
         return self.numbers[pairs.which[hit]], (s, r), self.visible.patches[hit]
 
 
@@ -660,7 +660,7 @@ def test_what_is_missing_is_named(make_rig, monkeypatch):
         atlas(make_rig(scene__type="cloud").scene.surfaces, CloudParameters())
     monkeypatch.setitem(sys.modules, "numba", None)
     with pytest.raises(MissingDependencyError, match=r"python3-numba.*pip install numba"):
-        compiled(len)
+        numba_function(len)
     monkeypatch.setitem(sys.modules, "cv2", None)
     with pytest.raises(MissingDependencyError, match=r"python3-opencv.*opencv-python-headless"):
         new_imager(make_rig)
@@ -676,7 +676,7 @@ def more(x):
 
 more.__module__ = loops.__name__
 with watched_by(Watcher(note=print)), threads(1) as pool:
-    compiled = libraries.compiled(more)
+    compiled = libraries.numba_function(more)
     print(pool.submit(compiled, 1).result(), compiled(1.0))
 """
 
@@ -704,7 +704,8 @@ def test_whoever_follows_a_job_is_told_before_anything_is_compiled(tmp_path):
 def test_compiled_loops_are_compiled_anew_when_a_formula_of_theirs_changes():
     """numba looks at the file of the loops alone, and would go on with the former formula."""
     sources = [
-        inspect.getsource(function) for function in (gloss.reflectance, gloss.mirrored, compiled)
+        inspect.getsource(function)
+        for function in (gloss.reflectance, gloss.limit_highlight, numba_function)
     ]
     digest = hashlib.sha256("".join(sources).encode()).hexdigest()[:12]
     assert digest == loops.FORMULAS_DIGEST
@@ -712,4 +713,4 @@ def test_compiled_loops_are_compiled_anew_when_a_formula_of_theirs_changes():
     home = inspect.getfile(loops)
     parts = {function.py_func for function in vars(loops).values() if hasattr(function, "py_func")}
     elsewhere = {function for function in parts if inspect.getfile(function) != home}
-    assert elsewhere == {gloss.reflectance, gloss.mirrored}
+    assert elsewhere == {gloss.reflectance, gloss.limit_highlight}

@@ -18,7 +18,7 @@ from imu_sim_ros.sensors.camera.images.mesh_look import Look
 from imu_sim_ros.sensors.camera.images.mesh_renderer import MeshRenderer
 from imu_sim_ros.sensors.camera.rig_parameters import scene_layer
 from imu_sim_ros.sensors.camera.surroundings import scene_warnings
-from imu_sim_ros.sensors.camera.view import CameraPoses, in_camera
+from imu_sim_ros.sensors.camera.view import CameraPoses, transform_to_camera
 
 trimesh = pytest.importorskip("trimesh")
 pytest.importorskip("embreex")
@@ -122,13 +122,15 @@ def test_tracks_are_of_landmarks_that_nothing_hides(make_rig, tmp_path):
     eye = poses.position[tracks.frame[subset]]
     distance, _ = met(corners, eye, points - eye)
     assert np.abs(distance - 1.0).max() < 1e-5
-    local = in_camera(CameraPoses(eye, poses.q_wc[tracks.frame[subset]]), points)
+    local = transform_to_camera(CameraPoses(eye, poses.q_wc[tracks.frame[subset]]), points)
     uv, valid = rig.views["cam0"].model.project(local)
     assert valid.all()
     assert np.abs(uv - tracks.uv_true[subset]).max() < 1e-9
     # And those that are left out although they are in the image are hidden.
     eye = np.broadcast_to(poses.position[30], rig.scene.landmarks.shape)
-    local = in_camera(CameraPoses(eye, np.tile(poses.q_wc[30], (len(eye), 1))), rig.scene.landmarks)
+    local = transform_to_camera(
+        CameraPoses(eye, np.tile(poses.q_wc[30], (len(eye), 1))), rig.scene.landmarks
+    )
     uv, valid = rig.views["cam0"].model.project(local)
     valid &= rig.views["cam0"].model.inside(uv) & (local[:, 2] > 0.2)
     tracked = set(tracks.landmark[tracks.frame == 30].tolist())

@@ -14,7 +14,7 @@ from imu_sim_ros.camera import build_rig
 from imu_sim_ros.core import rotation
 from imu_sim_ros.core.errors import ConfigurationError
 from imu_sim_ros.places.catalogue import KINDS, build, usual
-from imu_sim_ros.places.geometry import Caster, hidden, surfaces
+from imu_sim_ros.places.geometry import Caster, is_hidden, surfaces
 from imu_sim_ros.places.light import Lamp, Lighting
 from imu_sim_ros.places.paint import Painter
 from imu_sim_ros.places.place import CLEARANCE, Place, PlaceBuilder, Site
@@ -25,7 +25,7 @@ from imu_sim_ros.sensors.camera.images.loops import shine
 from imu_sim_ros.sensors.camera.images.renderer import Renderer
 from imu_sim_ros.sensors.camera.images.texture import atlas
 from imu_sim_ros.sensors.camera.scene_parameters import CorridorParameters
-from imu_sim_ros.sensors.camera.view import CameraPoses, Eyes, in_camera
+from imu_sim_ros.sensors.camera.view import CameraPoses, Eyes, transform_to_camera
 from imu_sim_ros.simulation.parameters import load_simulation
 from imu_sim_ros.trajectory.kinds import Waypoints
 from imu_sim_ros.trajectory.parameters import TourParameters
@@ -85,7 +85,7 @@ def test_nothing_stands_in_the_path(make_rig, kind):
     ways /= np.linalg.norm(ways, axis=1, keepdims=True)
     hits = Caster(where).cast(np.tile(path, (30, 1)), ways.repeat(len(path), axis=0))
     assert hits.distance.min() > 0.9 * CLEARANCE
-    assert not hidden(where, path[:-1], path[1:]).any()
+    assert not is_hidden(where, path[:-1], path[1:]).any()
     # However much of it is flown.
     short = make_rig("figure_eight", duration=2.0, **{**SMALL, **NARROW, "scene__type": kind})
     assert np.array_equal(short.scene.surfaces.origin, where.origin)
@@ -144,7 +144,7 @@ def test_landmarks_are_on_surfaces_and_seen_where_nothing_hides_them(make_rig):
     points, eye = rig.scene.landmarks[tracks.landmark], poses.position[tracks.frame]
     hits = Caster(rig.scene.surfaces).cast(eye, points - eye)
     assert np.abs(hits.distance - 1.0).max() < 1e-6
-    local = in_camera(CameraPoses(eye, poses.q_wc[tracks.frame]), points)
+    local = transform_to_camera(CameraPoses(eye, poses.q_wc[tracks.frame]), points)
     uv, valid = rig.views["cam0"].model.project(local)
     assert valid.all()
     assert np.abs(uv - tracks.uv_true).max() < 1e-9
@@ -511,7 +511,7 @@ def test_a_highlight_is_where_the_mirrored_lamp_is(make_rig):
         poses = CameraPoses(np.array([eye]), mounting[None])
         columns, rows, added = added_by_gloss(view, renderer, poses)
         u, v = columns[added.argmax()], rows[added.argmax()]
-        expected, _ = view.model.project(in_camera(poses, np.array([[7.0, 2.5, 2.2]])))
+        expected, _ = view.model.project(transform_to_camera(poses, np.array([[7.0, 2.5, 2.2]])))
         assert np.abs(expected[0] - (u, v)).max() < 1.0
         image = np.concatenate([picture for _, picture in renderer.pictures(Eyes(poses))])
         matt = Renderer(view.model, renderer.surfaces, textures._replace(polish=None), 1)

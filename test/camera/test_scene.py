@@ -9,7 +9,12 @@ import numpy as np
 import pytest
 
 from imu_sim_ros.core.errors import ConfigurationError, InputError
-from imu_sim_ros.sensors.camera.rig_parameters import load_rig, of_rig, rig_problems, scene_layer
+from imu_sim_ros.sensors.camera.rig_parameters import (
+    load_rig,
+    rig_problems,
+    scene_layer,
+    select_rig_parameters,
+)
 from imu_sim_ros.sensors.camera.scene import read_points
 from imu_sim_ros.simulation.parameters import load_simulation
 
@@ -277,7 +282,7 @@ def test_the_same_camera_twice_is_an_error():
 def test_cameras_parameters_are_told_from_all_others(tmp_path):
     parameters = {"cameras": ["left"], "left.camera.rate": 10.0, "scene.seed": 1, "left.rate": 2.0}
     rig_parameters = {key: value for key, value in parameters.items() if key != "left.rate"}
-    assert of_rig({**parameters, "rate": 100.0}) == rig_parameters
+    assert select_rig_parameters({**parameters, "rate": 100.0}) == rig_parameters
     assert scene_layer("house") == {"scene.type": "house"}
     (tmp_path / "p.csv").write_text("1,2,3\n", encoding="utf-8")
     assert scene_layer(str(tmp_path / "p.csv"))["scene.type"] == "file"

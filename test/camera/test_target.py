@@ -17,7 +17,7 @@ from imu_sim_ros.sensors.camera.images.tag36h11 import tag
 from imu_sim_ros.sensors.camera.images.texture import atlas
 from imu_sim_ros.simulation.engine import Body
 from imu_sim_ros.simulation.parameters import load_simulation
-from imu_sim_ros.simulation.scene_fit import fitted as fitted_with
+from imu_sim_ros.simulation.scene_fit import fit_scene as fitted_with
 from imu_sim_ros.trajectory.parameters import trajectory_layer
 
 

@@ -8,7 +8,7 @@ import json
 import numpy as np
 import pytest
 
-from imu_sim_ros.campaigns.common_time import common_spans, covered_spans, in_spans
+from imu_sim_ros.campaigns.common_time import common_spans, pose_spans, span_mask
 from imu_sim_ros.campaigns.metrics import parse_tolerance
 from imu_sim_ros.campaigns.plan import load_plan
 from imu_sim_ros.campaigns.results import read_results
@@ -61,13 +61,13 @@ def compare(plan_file, campaign, tmp_path):
 
 def test_spans_of_stamps_and_their_intersection():
     t_ns = np.array([0, 1, 2, 5, 6, 9]) * 10**9
-    spans = covered_spans(t_ns, 1.5)
+    spans = pose_spans(t_ns, 1.5)
     assert (spans // 10**9).tolist() == [[0, 2], [5, 6], [9, 9]]
     other_spans = np.array([[1, 5], [6, 20]]) * 10**9
     common = common_spans(spans, other_spans)
     assert (common // 10**9).tolist() == [[1, 2]]
-    assert in_spans(t_ns, common).tolist() == [False, True, True, False, False, False]
-    assert not in_spans(t_ns, common_spans(spans, spans + 100 * 10**9)).any()
+    assert span_mask(t_ns, common).tolist() == [False, True, True, False, False, False]
+    assert not span_mask(t_ns, common_spans(spans, spans + 100 * 10**9)).any()
 
 
 @pytest.mark.parametrize(

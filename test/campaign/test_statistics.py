@@ -23,7 +23,7 @@ from imu_sim_ros.campaigns.statistics import (
     non_inferior,
     power,
     quantile,
-    seeds_needed,
+    seeds_for_power,
     sensitivity,
     share_difference,
     shift,
@@ -475,9 +475,9 @@ def test_power_is_that_of_scipys_test_on_simulated_campaigns():
 
     assert power(30, 0.1, 0.2, 0.02, 1) == pytest.approx(found(30), abs=0.034)
     assert power(30, 0.1, 0.2, 0.02, 1) == pytest.approx(0.48, abs=0.034)
-    seeds = seeds_needed(0.8, 0.1, 0.2, 0.02, 1)
+    seeds = seeds_for_power(0.8, 0.1, 0.2, 0.02, 1)
     assert found(seeds) == pytest.approx(0.8, abs=0.034)
-    assert seeds_needed(0.8, 0.1, 0.2, 0.02, 10) > 1.3 * seeds
+    assert seeds_for_power(0.8, 0.1, 0.2, 0.02, 10) > 1.3 * seeds
     assert power(5, 1.0, 0.01, 0.0, 1) == 0.0  # five pairs are never significant
 
 

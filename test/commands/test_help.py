@@ -19,7 +19,7 @@ from imu_sim_ros.core.errors import Problems
 from imu_sim_ros.jobs.generate import run_parameters
 from imu_sim_ros.jobs.writing import Journal
 from imu_sim_ros.parameters import files
-from imu_sim_ros.sensors import named_sensors, switches
+from imu_sim_ros.sensors import switchable_sensors, switches
 from imu_sim_ros.simulation.engine import Body
 from imu_sim_ros.simulation.playback import load_simulator
 
@@ -178,7 +178,7 @@ def test_every_command_of_the_manual_is_accepted():
 
 def body_of(arguments):
     """Return the body that a command line of generate describes."""
-    names = [*named_sensors(), *(sensor.name for sensor in switches().values())]
+    names = [*switchable_sensors(), *(sensor.name for sensor in switches().values())]
     sensors = {name: chosen for name in names if (chosen := getattr(arguments, name))}
     overrides = {**sensors, "parameters": dict(arguments.parameters or ())}
     usual = ("imu", "trajectory", "duration", "rate", "seed", "robust", "cameras", "scene")

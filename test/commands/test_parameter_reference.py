@@ -12,7 +12,7 @@ from imu_sim_ros.bags.recorder_parameters import RecorderParameters
 from imu_sim_ros.commands.parameter_reference import reference
 from imu_sim_ros.navigation.parameters import IntegratorParameters
 from imu_sim_ros.parameters.sections import parameters
-from imu_sim_ros.sensors import named_sensors
+from imu_sim_ros.sensors import switchable_sensors
 from imu_sim_ros.sensors.camera.parameters import CameraParameters
 from imu_sim_ros.sensors.camera.rig_parameters import RigParameters
 from imu_sim_ros.sensors.camera.scene_parameters import TYPES as SCENES
@@ -52,7 +52,7 @@ def test_every_parameter_has_a_row_with_its_unit():
             declared.update(
                 {f"{prefix}.{name}": p for name, p in parameters(section_class).items()}
             )
-    for name, sensor in named_sensors().items():
+    for name, sensor in switchable_sensors().items():
         sensor_parameters = parameters(sensor.section)
         declared.update({f"{name}.{key}": p for key, p in sensor_parameters.items()})
     assert set(rows) == set(declared)

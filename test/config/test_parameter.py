@@ -34,7 +34,7 @@ from imu_sim_ros.parameters.sections import (
     sections_by_name,
     variant,
 )
-from imu_sim_ros.sensors import declared
+from imu_sim_ros.sensors import sensor_declarations
 from imu_sim_ros.sensors.camera.rig_parameters import OneCameraParameters, RigParameters
 from imu_sim_ros.simulation.error_parameters import ErrorNodeParameters
 from imu_sim_ros.simulation.parameters import load_simulation
@@ -298,7 +298,7 @@ def test_defaults_fit_each_other():
     """So that a section in which nothing is given need not be asked."""
     classes = [SimulatorParameters, ErrorNodeParameters, IntegratorParameters, RigParameters]
     classes += [OneCameraParameters, *TYPES.values()]
-    classes += [sensor.section for sensor in declared().values()]
+    classes += [sensor.section for sensor in sensor_declarations().values()]
     asked = [inner for cls in classes for inner in nested(cls()) if hasattr(inner, "problems")]
     assert len(asked) > 20
     assert [line for inner in asked for line in inner.problems("")] == []

@@ -13,7 +13,7 @@ import yaml
 from imu_sim_ros.datasets.consumers.folder import write_all
 from imu_sim_ros.datasets.consumers.values import ImuValues
 from imu_sim_ros.parameters.sections import flatten, parameters
-from imu_sim_ros.sensors.errors.realised import realised_imu
+from imu_sim_ros.sensors.errors.realised import realise_imu
 from imu_sim_ros.sensors.imu.parameters import ImuParameters
 from imu_sim_ros.simulation.engine import Body
 from imu_sim_ros.simulation.parameters import load_simulation
@@ -45,7 +45,7 @@ def simulated(**values):
 
 
 def files(folder, loaded, duration=7200.0):
-    values = ImuValues(realised_imu(loaded.imu, loaded.seed), loaded.rate, 9.81, "/imu0", duration)
+    values = ImuValues(realise_imu(loaded.imu, loaded.seed), loaded.rate, 9.81, "/imu0", duration)
     write_all(folder, values)
     return {path.name: path.read_text(encoding="utf-8") for path in folder.iterdir()}
 
@@ -70,7 +70,7 @@ def test_a_seed_realised_gives_the_same_readings():
             "temperature.value": 45.0,
         },
     )
-    again = dataclasses.replace(loaded, imu=realised_imu(loaded.imu, loaded.seed), seed=99)
+    again = dataclasses.replace(loaded, imu=realise_imu(loaded.imu, loaded.seed), seed=99)
     realised = Body(again).next(400)["imu"]
     np.testing.assert_allclose(realised.gyro, block.gyro, rtol=0, atol=1e-13)
     np.testing.assert_allclose(realised.accel, block.accel, rtol=0, atol=1e-12)
@@ -85,7 +85,7 @@ def test_openvins_predicts_the_readings(tmp_path, errors):
     for r in (r_gyro, r_acc):
         np.testing.assert_allclose(r @ r.T, np.eye(3), atol=1e-11)
         assert np.linalg.det(r) > 0.0
-    bias = realised_imu(loaded.imu, loaded.seed)
+    bias = realise_imu(loaded.imu, loaded.seed)
     gyro = block.ideal_gyro @ (tw @ r_gyro).T + block.ideal_accel @ tg.T + bias.gyroscope.bias
     accel = block.ideal_accel @ (ta @ r_acc).T + bias.accelerometer.bias
     # Twelve digits are written, of numbers up to 40.
@@ -269,7 +269,7 @@ def changed(name, parameter):
 def test_every_simulated_term_is_in_the_file_or_named_in_it(tmp_path, name):
     loaded, _ = simulated(**changed(name, parameters(ImuParameters)[name]))
     default = flatten(ImuParameters())
-    realised = flatten(realised_imu(loaded.imu, loaded.seed))
+    realised = flatten(realise_imu(loaded.imu, loaded.seed))
     active = {key for key, value in realised.items() if value != default[key]}
     active = {key for key in active if key in TERMS}
     assert active

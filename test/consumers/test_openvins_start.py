@@ -9,7 +9,7 @@ import pytest
 from imu_sim_ros.commands import generate
 from imu_sim_ros.datasets.consumers.rig import InitialMotion, bad_starts
 from imu_sim_ros.datasets.consumers.values import ImuValues
-from imu_sim_ros.sensors.errors.realised import realised_imu
+from imu_sim_ros.sensors.errors.realised import realise_imu
 from imu_sim_ros.simulation.parameters import load_simulation
 
 WINDOW = 2.0
@@ -82,7 +82,7 @@ def test_the_advice_on_tours_holds(tmp_path, place, beginning, advice, generated
 
 def biases(preset, seed):
     parameters = load_simulation({"imu.preset": preset, "seed": seed})
-    imu = realised_imu(parameters.imu, seed)
+    imu = realise_imu(parameters.imu, seed)
     return ImuValues(imu, parameters.rate, 9.81, "/imu0")
 
 

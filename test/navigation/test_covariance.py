@@ -17,7 +17,7 @@ from imu_sim_ros.navigation.covariance import (
     propagate,
 )
 from imu_sim_ros.navigation.dead_reckoning import dead_reckon
-from imu_sim_ros.navigation.initialisation import after_rest
+from imu_sim_ros.navigation.initialisation import covariance_after_rest
 from imu_sim_ros.navigation.state import NavigationState
 from imu_sim_ros.sensors.imu.triads import TriadParameters, TriadsParameters
 
@@ -216,7 +216,7 @@ def test_the_turn_of_a_levelled_attitude_is_that_of_many_levelled_bodies(angles)
     turn = rotation.log(rotation.multiply(q_wb, rotation.conjugate(levelled)))
     covariance = turn.T @ turn / count
     r_wb = rotation.to_matrix(q_wb)
-    result = after_rest(SILENT, 2.0, sigma, r_wb, (0.0, 0.0, -9.81), 200.0)
+    result = covariance_after_rest(SILENT, 2.0, sigma, r_wb, (0.0, 0.0, -9.81), 200.0)
     predicted = result.matrix[ATTITUDE, ATTITUDE]
     size = np.sqrt(np.outer(np.diag(predicted), np.diag(predicted)))
     np.testing.assert_allclose(covariance / size, predicted / size, atol=0.1 if angles[1] else 0.06)
@@ -228,7 +228,7 @@ def test_a_levelled_body_does_not_feel_the_bias_it_was_levelled_with():
     Turned by 180 degrees about the vertical, both act the same way: 2 b t of velocity.
     """
     gravity, b, time = (0.0, 0.0, -9.81), 0.3, 4.0
-    result = after_rest(SILENT, 2.0, b, np.eye(3), gravity, 200.0)
+    result = covariance_after_rest(SILENT, 2.0, b, np.eye(3), gravity, 200.0)
     tilt = result.matrix[ATTITUDE, ATTITUDE]
     angle = b / 9.81  # two of them turn by half their product about the vertical
     np.testing.assert_allclose(np.diag(tilt), [angle**2, angle**2, angle**4 / 4.0])
@@ -236,7 +236,7 @@ def test_a_levelled_body_does_not_feel_the_bias_it_was_levelled_with():
         result.step(0.01, np.eye(3), np.array([0.0, 0.0, 9.81]))
     covariance = diagonal(result.matrix, VELOCITY)
     np.testing.assert_allclose(covariance, [0.0, 0.0, (b * time) ** 2], atol=1e-12)
-    turned = after_rest(SILENT, 2.0, b, np.eye(3), gravity, 200.0)
+    turned = covariance_after_rest(SILENT, 2.0, b, np.eye(3), gravity, 200.0)
     for _ in range(400):
         turned.step(0.01, np.diag([-1.0, -1.0, 1.0]), np.array([0.0, 0.0, 9.81]))
     covariance = diagonal(turned.matrix, VELOCITY)
@@ -257,7 +257,9 @@ def test_an_averaged_gyroscope_is_as_uncertain_as_what_changed_since():
         gyroscope_gauss_markov_sigma=np.full(3, sigma),
         gyroscope_correlation_time=np.full(3, tau),
     )
-    covariance = after_rest(noise, time, 0.0, np.eye(3), (0.0, 0.0, -9.81), rate).mean_square()
+    covariance = covariance_after_rest(
+        noise, time, 0.0, np.eye(3), (0.0, 0.0, -9.81), rate
+    ).mean_square()
     rng, h, steps, runs = np.random.default_rng(4), 1 / rate, round(time * rate), 20_000
     white = n / np.sqrt(h) * rng.normal(size=(runs, steps))
     walk = np.cumsum(k * np.sqrt(h) * rng.normal(size=(runs, steps)), axis=1)

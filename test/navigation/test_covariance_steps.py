@@ -9,7 +9,7 @@ import pytest
 from imu_sim_ros.core import components, rotation
 from imu_sim_ros.core.conventions import TRIADS
 from imu_sim_ros.navigation.covariance import Covariance, initial_covariance
-from imu_sim_ros.navigation.initialisation import after_rest
+from imu_sim_ros.navigation.initialisation import covariance_after_rest
 from imu_sim_ros.sensors.imu.triads import TriadParameters, TriadsParameters
 
 AXES = np.array([1.0, 2.0, 3.0])
@@ -87,7 +87,7 @@ def test_slow_errors_are_those_of_a_larger_state() -> None:
         accelerometer_quadratic_sigma=1e-4 * AXES,
     )
     generator = np.random.default_rng(6)
-    covariance = after_rest(noise, 10.0, 1e-2, np.eye(3), (0.0, 0.0, -9.81), 200.0)
+    covariance = covariance_after_rest(noise, 10.0, 1e-2, np.eye(3), (0.0, 0.0, -9.81), 200.0)
     slow = covariance.slow
     count, biases = slow.cross.shape[1], slice(9, 15)
     whole = np.block([[covariance.matrix, slow.cross], [slow.cross.T, np.eye(count)]])

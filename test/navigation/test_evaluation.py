@@ -22,7 +22,7 @@ from imu_sim_ros.navigation.evaluation import (
     relative_errors,
     state_at,
     statistics,
-    tilt_and_heading,
+    tilt_and_heading_errors,
 )
 from imu_sim_ros.navigation.state import states_of
 
@@ -160,7 +160,7 @@ def test_errors_have_the_sign_that_they_say(truth):
     np.testing.assert_allclose(errors.position, np.tile([1.0, 2.0, 3.0], (301, 1)))
     np.testing.assert_allclose(errors.attitude, np.tile([0.0, 0.0, 0.1], (301, 1)), atol=1e-12)
     np.testing.assert_allclose(errors.velocity, np.tile([0.0, 0.5, 0.0], (301, 1)))
-    assert tilt_and_heading(turned, truth.q_wb)[1] == pytest.approx(0.1)
+    assert tilt_and_heading_errors(turned, truth.q_wb)[1] == pytest.approx(0.1)
 
 
 def test_drift_of_known_errors(record):

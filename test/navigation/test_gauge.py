@@ -11,9 +11,9 @@ from imu_sim_ros.core.records import States
 from imu_sim_ros.navigation.evaluation import (
     absolute_errors,
     anees_band,
+    fix_gauge,
     gauge_at,
     nees,
-    without_gauge,
 )
 
 COUNT, RUNS = 20, 300
@@ -74,7 +74,7 @@ def test_an_odometry_of_any_gauge_is_consistent(prior):
         position, attitude = absolute_errors(aligned, truth)
         errors[run] = np.concatenate([position[-1], attitude[-1]])
         turn = np.kron(np.eye(2), gauge.r)
-        covariances[run] = without_gauge(turn @ stated @ turn.T, aligned.position)[-1]
+        covariances[run] = fix_gauge(turn @ stated @ turn.T, aligned.position)[-1]
     for rows in (slice(0, 6), slice(0, 3), slice(3, 6)):
         part = errors[:, rows]
         low, high = anees_band(part.shape[1], RUNS, 0.999)
@@ -111,7 +111,7 @@ def test_the_covariance_is_that_of_gtsams_joint_marginals():
 
     stated = np.stack([in_world(k) @ marginals.marginalCovariance(k) @ in_world(k).T
                        for k in range(COUNT)])  # fmt: skip
-    covariance = without_gauge(stated, truth.position)
+    covariance = fix_gauge(stated, truth.position)
     keys = gtsam.KeyVector([0, COUNT - 1])
     joint = marginals.jointMarginalCovariance(keys)
     last_pose = COUNT - 1

@@ -8,7 +8,7 @@ import pytest
 
 from imu_sim_ros.core import rotation
 from imu_sim_ros.core.records import States
-from imu_sim_ros.navigation.evaluation import anees_band, remainder, stated_nees
+from imu_sim_ros.navigation.evaluation import anees_band, pose_nees, remainder
 
 COUNT, FIRST, DT = 300, 10, 0.05
 RUNS = 100
@@ -117,7 +117,7 @@ def test_a_filter_that_converges_is_consistent(converging, cross):
 def test_each_part_has_the_pose_at_which_it_holds(converging):
     """The yaw is known as well at the first pose as later; the position is not for a second."""
     estimate, stated = converging.run(0, cross=False)
-    nees, why = stated_nees(stated, estimate, converging.truth, "yaw")
+    nees, why = pose_nees(stated, estimate, converging.truth, "yaw")
     assert why is None
     assert nees["gauge"] == "a later pose"
     assert nees["attitude"]["fixed_s"] == 0.0
@@ -132,7 +132,7 @@ def test_a_covariance_that_is_too_small_shows(converging):
     for k in range(20):
         estimate, stated = converging.run(k, cross=False)
         means = [
-            stated_nees(factor * stated, estimate, converging.truth, "yaw")[0]["attitude"]["mean"]
+            pose_nees(factor * stated, estimate, converging.truth, "yaw")[0]["attitude"]["mean"]
             for factor in (1.0, 0.25)
         ]
         ratios.append(means[1] / means[0])
@@ -145,28 +145,28 @@ def test_what_is_wrong_is_blamed(converging):
     # Ever surer of its yaw, which nothing measures: the position has lever arms of it.
     surer = stated.copy()
     surer[:, 5, 5] *= np.linspace(1.0, 0.5, len(surer))
-    nees, why = stated_nees(surer, estimate, truth, "yaw")
+    nees, why = pose_nees(surer, estimate, truth, "yaw")
     assert nees is None or nees["attitude"] is None
     assert "attitude: later poses state no larger covariances than earlier ones" in why
     # Constant covariances do not grow either; without an alignment they are as good as others.
     constant = np.tile(stated[-1], (len(stated), 1, 1))
-    nees, why = stated_nees(constant, estimate, truth, "yaw")
+    nees, why = pose_nees(constant, estimate, truth, "yaw")
     assert nees is None
     assert why.startswith("position: later poses state no larger covariances than earlier ones")
-    assert stated_nees(constant, truth, truth, "none")[0]["position"]["mean"] == 0.0
+    assert pose_nees(constant, truth, truth, "none")[0]["position"]["mean"] == 0.0
     for nothing in (0.0 * stated, np.nan * stated):
-        assert stated_nees(nothing, estimate, truth, "yaw") == (
+        assert pose_nees(nothing, estimate, truth, "yaw") == (
             None,
             "the estimate's covariances are singular",
         )
     # A position without a covariance does not cost the attitude its own.
     blind = stated.copy()
     blind[:, :3] = blind[:, :, :3] = 0.0
-    nees, why = stated_nees(blind, estimate, truth, "yaw")
+    nees, why = pose_nees(blind, estimate, truth, "yaw")
     assert why == "position: the estimate's covariances are singular"
     assert nees["position"] is None
     assert nees["attitude"]["poses"] == len(stated) - 1
     # A yaw that nobody knows is no uncertain attitude: it is fixed.
     unknown = stated.copy()
     unknown[:, 5, 5] += 9.0
-    assert stated_nees(unknown, estimate, truth, "none")[1].startswith("not valid: the attitude is")
+    assert pose_nees(unknown, estimate, truth, "none")[1].startswith("not valid: the attitude is")

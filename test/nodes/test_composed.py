@@ -12,7 +12,7 @@ from sensor_msgs.msg import Imu
 
 from imu_sim_ros.nodes.integrator.node import Integrator
 from imu_sim_ros.nodes.simulator.node import Simulator
-from imu_sim_ros.sensors.errors.realised import realised_imu
+from imu_sim_ros.sensors.errors.realised import realise_imu
 from imu_sim_ros.simulation.engine import Body
 from imu_sim_ros.simulation.parameters import load_simulation
 
@@ -46,7 +46,7 @@ def test_two_simulators_have_two_seeds_and_say_which(start: Any, listener: Any) 
             {key.replace("__", "."): value for key, value in chosen.items()} | {"seed": seed}
         )
         offline[seed] = Body(parameters).next(250)["imu"].gyro
-        drawn = realised_imu(parameters.imu, seed).gyroscope.bias
+        drawn = realise_imu(parameters.imu, seed).gyroscope.bias
         np.testing.assert_allclose(
             [float(word) for word in values["imu.gyroscope_bias"].split()], drawn, rtol=1e-8
         )

@@ -7,8 +7,8 @@ import numpy as np
 import pytest
 
 from imu_sim_ros.core import rotation
-from imu_sim_ros.places.geometry import Caster, hidden, surfaces
-from imu_sim_ros.places.sight import hidden_places
+from imu_sim_ros.places.geometry import Caster, is_hidden, surfaces
+from imu_sim_ros.places.sight import is_hidden_place
 
 
 def rectangles(count, aligned):
@@ -59,7 +59,7 @@ def test_what_is_blocked_is_what_is_hidden():
     stream = np.random.default_rng(6)
     eyes, points = stream.uniform(-4.0, 4.0, (2, 800, 3))
     blocked = Caster(where).blocked(eyes, points - eyes)
-    assert np.array_equal(blocked, hidden(where, eyes, points))
+    assert np.array_equal(blocked, is_hidden(where, eyes, points))
     assert 0.1 < blocked.mean() < 0.9
 
 
@@ -79,7 +79,7 @@ def test_places_are_hidden_from_a_lamp_as_rays_to_it_are_blocked(count, aligned)
         blocked = Caster(where.some(facing)).blocked(
             np.broadcast_to(eye, points.shape), points - eye, 1.0 - 1e-4
         )
-        hidden = hidden_places(where, eye, axis, points)
+        hidden = is_hidden_place(where, eye, axis, points)
         assert (hidden != blocked).mean() < 1e-3  # at an edge rounding decides
         shares.append(blocked.mean())
     assert 0.02 < np.mean(shares) < 0.95

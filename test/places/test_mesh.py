@@ -17,11 +17,11 @@ from imu_sim_ros.places.mesh import (
     UPS,
     MeshCaster,
     box,
+    fibonacci_directions,
     open_edges,
-    placed,
-    scattered,
-    spread,
-    up_axis,
+    place_mesh,
+    scatter_points,
+    up_axis_rotation,
 )
 from imu_sim_ros.places.mesh_file import Mesh, areas, is_mesh, read_mesh
 
@@ -82,7 +82,7 @@ def test_a_sphere_is_met_where_its_triangles_are_and_none_is_missed():
     """Every ray from inside a closed body hits it: no ray slips between two triangles."""
     sphere = trimesh.creation.icosphere(subdivisions=5, radius=3.0)
     mesh = plain(sphere.vertices, sphere.faces)
-    caster, ways = MeshCaster(mesh), spread(200_000)
+    caster, ways = MeshCaster(mesh), fibonacci_directions(200_000)
     hits = caster.cast(np.zeros((len(ways), 3)), ways)
     assert np.isfinite(hits.distance).all()
     some = ways[::4001]
@@ -94,7 +94,7 @@ def test_a_sphere_is_met_where_its_triangles_are_and_none_is_missed():
 
 def test_points_on_a_mesh_are_seen_unless_something_is_before_them():
     mesh = soup(60, seed=4)
-    points = scattered(mesh, np.cumsum(areas(mesh)), 3000, np.random.default_rng(5))
+    points = scatter_points(mesh, np.cumsum(areas(mesh)), 3000, np.random.default_rng(5))
     eye = np.broadcast_to(FAR, points.shape)
     expected, _ = met(mesh.corners, eye, points - eye)
     assert np.abs(expected[expected > 0.9999] - 1.0).max() < 1e-6
@@ -108,7 +108,7 @@ def test_scattered_points_are_even():
     mesh = plain(BOX.vertices, BOX.faces)
     sums = np.cumsum(areas(mesh))
     assert sums[-1] == pytest.approx(88.0)
-    points = scattered(mesh, sums, 20_000, np.random.default_rng(1))
+    points = scatter_points(mesh, sums, 20_000, np.random.default_rng(1))
     for axis, area in ((0, 24.0), (1, 12.0), (2, 8.0)):
         share = (np.abs(np.abs(points[:, axis]) - (1.0, 2.0, 3.0)[axis]) < 1e-9).mean()
         p = area / 44.0
@@ -117,12 +117,12 @@ def test_scattered_points_are_even():
 
 @pytest.mark.parametrize("up", UPS)
 def test_an_axis_points_up(up):
-    turn = up_axis(up, ".glb")
+    turn = up_axis_rotation(up, ".glb")
     axis = {"file": "y"}.get(up, up)
     vector = np.eye(3)["xyz".index(axis[-1])] * (-1 if axis[0] == "-" else 1)
     assert (turn @ vector).tolist() == [0.0, 0.0, 1.0]
     assert np.linalg.det(turn) == 1.0
-    assert np.array_equal(up_axis("file", ".obj"), np.eye(3))
+    assert np.array_equal(up_axis_rotation("file", ".obj"), np.eye(3))
 
 
 @pytest.mark.parametrize("kind", ["glb", "obj", "ply", "stl"])
@@ -134,9 +134,9 @@ def test_each_kind_of_file_gives_the_same_triangles(tmp_path, kind):
     corners = np.sort(mesh.corners.reshape(12, 9).round(5), axis=0)
     assert np.allclose(corners, np.sort(BOX.triangles.reshape(12, 9), axis=0), atol=1e-5)
     assert is_mesh(tmp_path / f"box.{kind}")
-    moved = placed(mesh, 2.0 * up_axis("y", ""), np.array([10.0, 0, 0]))
+    moved = place_mesh(mesh, 2.0 * up_axis_rotation("y", ""), np.array([10.0, 0, 0]))
     assert box(moved)[1] == pytest.approx([12.0, 6.0, 4.0], abs=1e-5)
-    centered = placed(mesh, np.eye(3), np.array([0.0, 0, 1]), np.array([5.0, 5, 5]))
+    centered = place_mesh(mesh, np.eye(3), np.array([0.0, 0, 1]), np.array([5.0, 5, 5]))
     assert sum(box(centered)) / 2 == pytest.approx([5.0, 5, 6], abs=1e-5)
 
 

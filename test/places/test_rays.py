@@ -10,8 +10,8 @@ from imu_sim_ros.core.errors import MissingDependencyError
 from imu_sim_ros.places import rays
 from imu_sim_ros.places.bodies import Course, MovingBody
 from imu_sim_ros.places.geometry import NO_SURFACES, surfaces
-from imu_sim_ros.places.mesh import MeshCaster, spread
-from imu_sim_ros.places.mesh_file import of_rectangles
+from imu_sim_ros.places.mesh import MeshCaster, fibonacci_directions
+from imu_sim_ros.places.mesh_file import mesh_of_rectangles
 from imu_sim_ros.places.place import PlaceBuilder, Site
 from imu_sim_ros.places.rays import RayTracer
 
@@ -47,7 +47,7 @@ def of_the_box(request, monkeypatch):
     if request.param != "rectangles":
         pytest.importorskip("embreex")
     if request.param == "mesh":
-        return RayTracer(NO_SURFACES, MeshCaster(of_rectangles(*box()[:3])))
+        return RayTracer(NO_SURFACES, MeshCaster(mesh_of_rectangles(*box()[:3])))
     if request.param == "rectangles":
 
         def missing(_):
@@ -60,7 +60,7 @@ def of_the_box(request, monkeypatch):
 def test_a_box_is_met_where_its_walls_are(of_the_box):
     count = 100_000  # more than are processed at once
     origins = RNG.uniform(-0.9, 0.9, (count, 3)) * HALF
-    directions = spread(count)
+    directions = fibonacci_directions(count)
     hits = of_the_box.trace(np.zeros(count), origins, directions)
     distance, face, along = within_box(origins, directions)
     # Double precision, a few roundings of numbers of 10 m; the edges themselves belong to either.
@@ -83,7 +83,7 @@ def test_nothing_is_met_through_the_sky():
 
 
 def test_rays_hit_nothing_in_an_empty_world():
-    hits = RayTracer(NO_SURFACES).trace(np.zeros(4), np.zeros((4, 3)), spread(4))
+    hits = RayTracer(NO_SURFACES).trace(np.zeros(4), np.zeros((4, 3)), fibonacci_directions(4))
     assert np.isinf(hits.distance).all()
     assert (hits.surface == -1).all()
 

@@ -9,7 +9,7 @@ import pytest
 from imu_sim_ros.places.geometry import surfaces
 from imu_sim_ros.places.light import Lighting
 from imu_sim_ros.places.shadows import Shadow, sunlight
-from imu_sim_ros.sensors.camera.images.loops import light_left
+from imu_sim_ros.sensors.camera.images.loops import light_share
 
 
 def box(x, y, height):
@@ -32,7 +32,7 @@ def test_a_shadow_begins_at_the_foot_and_ends_below_the_sun():
         offset = np.append(place, 0.0) - floor.origin[0]
         coordinates = [offset @ side[0] / (side[0] @ side[0]) for side in (floor.across, floor.up)]
         line = (thrown.length, thrown.radius, thrown.depth)
-        transmitted = light_left(*np.array([*coordinates, *line], np.float32))
+        transmitted = light_share(*np.array([*coordinates, *line], np.float32))
         assert transmitted == pytest.approx(transmittance, abs=1e-5)
 
 

@@ -30,7 +30,7 @@ from imu_sim_ros.recordings.cameras import CameraInfo, CameraRecord
 from imu_sim_ros.recordings.findings.catalogue import camera_findings
 from imu_sim_ros.sensors.camera.declaration import cameras_in, info_of_camera
 from imu_sim_ros.simulation.parameters import load_simulation
-from imu_sim_ros.simulation.sensors import mounted
+from imu_sim_ros.simulation.sensors import mount_sensors
 
 K = np.array([[57.0, 0.0, 47.0], [0.0, 56.0, 31.0], [0.0, 0.0, 1.0]])
 P = np.column_stack([K, np.zeros(3)])
@@ -181,7 +181,7 @@ def test_zeros_before_the_calibration_was_loaded_are_left_out(tmp_path, capsys):
 def test_cameras_of_all_presets_fit_their_images():
     for name in files.names("cameras"):
         built = load_simulation({"cameras": ["cam0"], "camera.preset": name})
-        info = info_of_camera(cameras_in(mounted(built))["cam0"].parameters)
+        info = info_of_camera(cameras_in(mount_sensors(built))["cam0"].parameters)
         record = CameraRecord(name, (info,), (0,), (info.height, info.width))
         assert camera_findings(record) == [], name
 

@@ -28,7 +28,7 @@ from imu_sim_ros.core.records import Readings, with_fields
 from imu_sim_ros.inputs.poses import write_tum
 from imu_sim_ros.reports import streams
 from imu_sim_ros.reports.page import Section, as_json, column, html, table
-from imu_sim_ros.sensors.camera.images.files import decoded
+from imu_sim_ros.sensors.camera.images.files import decode_image
 
 from .conftest import GAP_AT, HOSTILE, RATE, SAMPLES, START
 
@@ -407,7 +407,7 @@ def test_topics_have_rates_gaps_and_sizes_and_cameras_a_strip(bag, tmp_path):
     (strip,) = items(page, "strip")
     assert [frame["t_s"] for frame in strip["frames"]] == [0, 2, 4, 5.5, 7.5, 9.5]
     for frame in strip["frames"]:
-        image = decoded(base64.b64decode(frame["png"]))
+        image = decode_image(base64.b64decode(frame["png"]))
         assert image.shape == (40, 133)
         assert np.all(image == 20 * frame["t_s"])
     (plot,) = items(page, "plot")

@@ -12,7 +12,7 @@ from scipy import signal
 from imu_sim_ros.core.conventions import ERRORS, TRIADS
 from imu_sim_ros.parameters.sections import build
 from imu_sim_ros.sensors.environment import TemperatureParameters
-from imu_sim_ros.sensors.errors.realised import unit_of_seed
+from imu_sim_ros.sensors.errors.realised import realise_unit
 from imu_sim_ros.sensors.errors.triad import noise_gain, variance_discrete
 from imu_sim_ros.sensors.samples import Samples
 from imu_sim_ros.sensors.world import TemperatureProfile
@@ -151,7 +151,7 @@ def test_the_truths_explain_every_digit_of_the_reading(sampling: str) -> None:
         truths = {error: getattr(block, f"{name}_{error}") for error in ERRORS}
         for error, values in truths.items():
             assert np.ptp(values) > 1e-3, error
-        unit = unit_of_seed(imu.triad(triad), triad, run.parameters.seed)
+        unit = realise_unit(imu.triad(triad), triad, run.parameters.seed)
         response = x @ unit.response().T + np.array(unit.quadratic) * x**2
         response += block.ideal_accel @ np.reshape(unit.g_sensitivity, (3, 3)).T
         scale = truths.pop("scale")

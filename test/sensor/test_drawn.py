@@ -10,7 +10,7 @@ import pytest
 
 from imu_sim_ros.core.conventions import TRIADS
 from imu_sim_ros.parameters.sections import build, flatten
-from imu_sim_ros.sensors.errors.realised import realised_imu, unit_of_seed
+from imu_sim_ros.sensors.errors.realised import realise_imu, realise_unit
 from imu_sim_ros.sensors.imu.parameters import ImuParameters
 from imu_sim_ros.simulation.engine import Body
 from imu_sim_ros.simulation.parameters import load_simulation
@@ -28,7 +28,7 @@ SIGMAS = {
 def drawn(kind: str, seed: int) -> np.ndarray:
     """Return the numbers that a seed adds to a constant of the gyroscope."""
     imu = build(ImuParameters, {f"gyroscope_{kind}_sigma": SIGMAS[kind]})
-    unit = unit_of_seed(imu.gyroscope, "gyroscope", seed)
+    unit = realise_unit(imu.gyroscope, "gyroscope", seed)
     assert not any(getattr(unit, f"{kind}_sigma"))
     if kind == "misalignment":
         matrix = np.reshape(unit.scale_misalignment, (3, 3))
@@ -50,9 +50,9 @@ def test_size_and_sign_differ_from_unit_to_unit(kind: str) -> None:
 
 def test_one_constant_more_changes_no_other() -> None:
     sigmas = {f"accelerometer_{k}_sigma": v for k, v in SIGMAS.items() if k != "g_sensitivity"}
-    all_drawn = unit_of_seed(build(ImuParameters, sigmas).accelerometer, "accelerometer", 3)
+    all_drawn = realise_unit(build(ImuParameters, sigmas).accelerometer, "accelerometer", 3)
     alone = {k: v for k, v in sigmas.items() if "quadratic" in k}
-    alone_drawn = unit_of_seed(build(ImuParameters, alone).accelerometer, "accelerometer", 3)
+    alone_drawn = realise_unit(build(ImuParameters, alone).accelerometer, "accelerometer", 3)
     assert all_drawn.quadratic == alone_drawn.quadratic
 
 
@@ -68,7 +68,7 @@ def test_the_realised_sensor_has_the_same_readings() -> None:
     parameters = load_simulation(
         {"imu.preset": "perfect", "trajectory.type": "lecture", "seed": 5, **values}
     )
-    fixed = dataclasses.replace(parameters, imu=realised_imu(parameters.imu, parameters.seed))
+    fixed = dataclasses.replace(parameters, imu=realise_imu(parameters.imu, parameters.seed))
     assert not any(any(flatten(fixed)[name]) for name in values if name.endswith("_sigma"))
     drawn, two = (Body(p).next(500)["imu"] for p in (parameters, fixed))
     assert drawn.gyro == pytest.approx(two.gyro, abs=1e-12)

@@ -18,7 +18,13 @@ from imu_sim_ros import sensors
 from imu_sim_ros.bags import sensor_tables
 from imu_sim_ros.jobs.flight import Flight
 from imu_sim_ros.parameters.sections import parameters
-from imu_sim_ros.sensors import SENSORS, declared, find_sensor, known_tables, sensors_of_imus
+from imu_sim_ros.sensors import (
+    SENSORS,
+    find_sensor,
+    reading_tables,
+    sensor_declarations,
+    sensors_of_imus,
+)
 from imu_sim_ros.sensors.declaration import Sensor
 from imu_sim_ros.sensors.faults import Fault
 from imu_sim_ros.simulation.engine import Body
@@ -34,7 +40,7 @@ def sensor(request: Any, monkeypatch: Any) -> Sensor:
     """Return each declaration in turn; the example's is registered for the test."""
     monkeypatch.setattr(sensors, "_REGISTERED", {})
     if request.param in SENSORS:
-        return declared()[request.param]
+        return sensor_declarations()[request.param]
     if request.param == "sonar":
         example = load_script(ROOT / "examples/own_sensor.py", "sonar_example")
         ims.register_sensor(example.SENSOR)
@@ -149,7 +155,7 @@ def test_text_there_and_back(sensor: Sensor, tmp_path: Path, form: str) -> None:
             flight.save(tmp_path / "text", format=form, topics=topics)
         return
     folder = flight.save(tmp_path / "text", format=form, topics=topics)
-    assert sensor.table.name in known_tables()
+    assert sensor.table.name in reading_tables()
     back = sensor_tables.read_table(folder, sensor.table)
     samples = getattr(flight, sensor.quantity)
     assert np.array_equal(back.t_ns, samples.t_ns)

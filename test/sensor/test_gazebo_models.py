@@ -69,18 +69,18 @@ def test_typing_errors_are_refused_with_the_nearest_name(tmp_path, content, imu,
 
 def test_the_type_of_a_noise_is_read_in_either_case(tmp_path):
     """sdformat compares it in lower case (Noise.cc)."""
-    capital = sdf.read(model(tmp_path, axes(' type="Gaussian"'))).parameters
-    assert capital == sdf.read(model(tmp_path, axes(' type="gaussian"'))).parameters
+    capital = sdf.read_model(model(tmp_path, axes(' type="Gaussian"'))).parameters
+    assert capital == sdf.read_model(model(tmp_path, axes(' type="gaussian"'))).parameters
     assert "imu.gyroscope_noise_density" in capital
     with pytest.raises(InputError, match=r"'gausian' is not known; .*did you mean gaussian\?"):
-        sdf.read(model(tmp_path, axes(' type="gausian"')))
+        sdf.read_model(model(tmp_path, axes(' type="gausian"')))
 
 
 @pytest.mark.parametrize("element", ["dynamic_bias_stddev", "dynamic_bias_correlation_time"])
 def test_half_a_dynamic_bias_is_named(tmp_path, element):
     content = axes(' type="gaussian"', f"<stddev>0.01</stddev><{element}>0.1</{element}>")
     with pytest.warns(Remark, match=r"imu.gyroscope: the dynamic bias of x, y, z has either"):
-        values = sdf.read(model(tmp_path, content)).parameters
+        values = sdf.read_model(model(tmp_path, content)).parameters
     assert "imu.gyroscope_gauss_markov_density" not in values
 
 
@@ -98,12 +98,12 @@ def test_sensors_of_one_name_are_told_apart_by_their_models(tmp_path):
     path.write_text(NESTED)
     names = "car::left::imu, car::right::imu, other"
     with pytest.raises(InputError, match=f"name one of {names}: .*#car::left::imu"):
-        sdf.read(path)
-    assert sdf.read(f"{path}#car::right::imu").parameters["rate"] == 50.0
-    assert sdf.read(path, "other").name == "other"
+        sdf.read_model(path)
+    assert sdf.read_model(f"{path}#car::right::imu").parameters["rate"] == 50.0
+    assert sdf.read_model(path, "other").name == "other"
     path.write_text(NESTED.replace('name="right"', 'name="left"'))
     with pytest.raises(InputError, match="several IMUs named car::left::imu; give them other"):
-        sdf.read(path, "car::left::imu")
+        sdf.read_model(path, "car::left::imu")
 
 
 @pytest.mark.parametrize(
@@ -128,7 +128,7 @@ def test_a_model_without_an_imu_says_what_may_stand_for_it(tmp_path, content, li
     path = tmp_path / "model.xml"
     path.write_text(content)
     with pytest.raises(InputError, match=line):
-        sdf.read(path)
+        sdf.read_model(path)
 
 
 @pytest.mark.parametrize("rate", ["", "<update_rate>0</update_rate>"])

@@ -28,7 +28,7 @@ from imu_sim_ros.sensors.faults import Fault
 from imu_sim_ros.simulation.engine import Body
 from imu_sim_ros.simulation.parameters import load_simulation
 from imu_sim_ros.simulation.playback import load_simulator
-from imu_sim_ros.simulation.sensors import mounted
+from imu_sim_ros.simulation.sensors import mount_sensors
 
 OWN = {
     "sonar.rate": 12.5,
@@ -212,8 +212,8 @@ def test_faults_and_live_changes(installed: Any) -> None:
 def test_several_imus_have_it_once(installed: Any, tmp_path: Path) -> None:
     installed()
     several = {**GIVEN, "imus": ["left", "right"]}
-    of_imus = [name for name in mounted(load_simulator(several)) if "/" in name]
-    assert "sonar" in mounted(load_simulator(several))
+    of_imus = [name for name in mount_sensors(load_simulator(several)) if "/" in name]
+    assert "sonar" in mount_sensors(load_simulator(several))
     assert not any("sonar" in name for name in of_imus)
     body = Body(load_simulator(several), sensors=("sonar",))
     assert list(body.inject(Fault("dropout", 1.0, 1.0, "sonar"))) == ["left"]

@@ -11,7 +11,7 @@ import pytest
 
 from imu_sim_ros.datasets.truth_files import new_truths
 from imu_sim_ros.parameters.sections import flatten, parameters
-from imu_sim_ros.sensors.errors.realised import realised_imu
+from imu_sim_ros.sensors.errors.realised import realise_imu
 from imu_sim_ros.sensors.imu.parameters import ImuParameters
 from imu_sim_ros.simulation.engine import Body
 from imu_sim_ros.simulation.parameters import load_simulation
@@ -121,7 +121,7 @@ def test_the_realised_unit_reads_the_same_whatever_the_field(name):
     """
     loaded = load_simulation(changed(name)[1])
     sensors = ("magnetic_field", "pressure")
-    unit = dataclasses.replace(loaded, imu=realised_imu(loaded.imu, loaded.seed))
+    unit = dataclasses.replace(loaded, imu=realise_imu(loaded.imu, loaded.seed))
     drawn_samples, two = (Body(p, sensors=sensors).next(100) for p in (loaded, unit))
     for attribute in ("gyro", "accel"):
         mine, theirs = (getattr(samples["imu"], attribute) for samples in (drawn_samples, two))
@@ -147,7 +147,7 @@ def test_nothing_is_left_to_draw():
         for name in FIELDS
         if name.endswith("_sigma") and (name[:-6] in FIELDS or "turn_on" in name)
     }
-    unit = realised_imu(
+    unit = realise_imu(
         (drawn_parameters := load_simulation({**BASE, **drawn})).imu, drawn_parameters.seed
     )
     values = {name: value for name, value in flatten(unit).items() if f"imu.{name}" in drawn}

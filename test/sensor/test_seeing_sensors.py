@@ -27,7 +27,7 @@ from imu_sim_ros.sensors.model import SensorModel
 from imu_sim_ros.sensors.parameters import SensorParameters
 from imu_sim_ros.simulation.engine import Body
 from imu_sim_ros.simulation.parameters import load_simulation
-from imu_sim_ros.simulation.sensors import mounted, mounts
+from imu_sim_ros.simulation.sensors import mount_sensors, mounts
 
 VECTOR = (VECTOR3_STAMPED, "Vector3StampedEncoder")
 SIDEWAYS = [0.0, -1.0, 0.0, 1.0, 0.0, 0.0, 0.0, 0.0, 1.0]
@@ -106,7 +106,7 @@ def test_sensors_of_a_kind_have_noise_faults_frames_and_topics_of_their_own(
     noise = [samples[name].distance - samples[name].ideal for name in ("beam", "side")]
     # 200 pairs of independent numbers: a correlation is below 5 / sqrt(200) = 0.35.
     assert abs(np.corrcoef(noise)[0, 1]) < 0.35
-    sensors = mounted(body.parameters)
+    sensors = mount_sensors(body.parameters)
     assert sensors["beam"].frame == "base_link"
     placed = mounts(sensors)["base_link", "side_link"]
     assert placed[:3, 3].tolist() == [0.1, 0.2, 0.3]

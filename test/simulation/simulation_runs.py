@@ -8,8 +8,7 @@ from collections.abc import Iterator
 
 import numpy as np
 
-from imu_sim_ros.sensors.samples import Samples
-from imu_sim_ros.sensors.samples import joined as joined_samples
+from imu_sim_ros.sensors.samples import Samples, join_samples
 from imu_sim_ros.simulation.engine import Body
 from imu_sim_ros.simulation.parameters import load_simulation
 
@@ -108,7 +107,7 @@ RANDOM_TERMS = {
 
 def read_all(run: Body, size: int, count: int, quantity: str) -> Samples:
     """Return ``count`` samples of a sensor, read in windows of ``size``."""
-    return joined_samples([block[quantity] for block in first_windows(run, size, count)])
+    return join_samples([block[quantity] for block in first_windows(run, size, count)])
 
 
 def same_bytes(a: Samples, b: Samples) -> bool:

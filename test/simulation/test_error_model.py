@@ -18,7 +18,7 @@ from imu_sim_ros.parameters.sections import parameters
 from imu_sim_ros.sensors.faults import Fault
 from imu_sim_ros.sensors.imu.triads import TriadParameters
 from imu_sim_ros.sensors.samples import Samples
-from imu_sim_ros.sensors.samples import joined as joined_blocks
+from imu_sim_ros.sensors.samples import join_samples as joined_blocks
 from imu_sim_ros.simulation.engine import Body
 from imu_sim_ros.simulation.error_input import Differentiator
 from imu_sim_ros.simulation.error_model import GivenImu

@@ -13,7 +13,7 @@ from imu_sim_ros.core import rotation
 from imu_sim_ros.simulation.parameters import load_simulation
 from imu_sim_ros.trajectory import given as module
 from imu_sim_ros.trajectory.build import build_trajectory
-from imu_sim_ros.trajectory.given import given_trajectory
+from imu_sim_ros.trajectory.given import user_trajectory
 from imu_sim_ros.trajectory.parameters import trajectory_layer
 
 
@@ -39,7 +39,7 @@ def worst(exact, approximate, t):
 @pytest.mark.parametrize("name", ["circle", "lecture", "excitation"])
 def test_a_function_has_the_derivatives_of_the_closed_form(name):
     exact = closed_form(name)
-    approximate = given_trajectory(poses_of(exact))
+    approximate = user_trajectory(poses_of(exact))
     t = np.concatenate([np.linspace(0.0, 60.0, 3001), [1e-4, module.STEP, 3.3 * module.STEP]])
     assert np.less(worst(exact, approximate, t), [1e-9, 2e-7, 1e-15, 1e-9, 2e-7]).all()
 
@@ -52,7 +52,7 @@ def sinusoid(w):
         q_wb = rotation.from_euler(np.stack([z, z, angle], axis=-1))
         return np.stack([np.sin(w * t), z, z], axis=-1), q_wb
 
-    return given_trajectory(poses)
+    return user_trajectory(poses)
 
 
 def test_the_derivatives_are_of_order_eight():

@@ -6,10 +6,10 @@ import math
 import numpy as np
 import pytest
 
-from imu_sim_ros.sensors.imu.model import exceeded
+from imu_sim_ros.sensors.imu.model import range_warnings
 from imu_sim_ros.sensors.world import World
 from imu_sim_ros.simulation.parameters import load_simulation
-from imu_sim_ros.simulation.sensors import mounted
+from imu_sim_ros.simulation.sensors import mount_sensors
 
 G = (0.0, 0.0, -9.81)
 
@@ -25,7 +25,9 @@ def implausible(trajectory, gyroscope_range, accelerometer_range, gravity, durat
             "rate": 200.0,
         }
     )
-    return exceeded(mounted(parameters)["imu"], World(trajectory, parameters, 0), duration)
+    return range_warnings(
+        mount_sensors(parameters)["imu"], World(trajectory, parameters, 0), duration
+    )
 
 
 def test_a_motion_within_the_ranges_is_not_remarked(build):

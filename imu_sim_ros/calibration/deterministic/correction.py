@@ -131,10 +131,10 @@ def write_correction(values: Parameters, path: Path, comment: str) -> None:
         }
         files.write(correction, path, "magnetometer", comment)
         return
-    files.write(for_integrator(values), path, comment=comment)
+    files.write(integrator_parameters(values), path, comment=comment)
 
 
-def for_integrator(values: Parameters) -> dict[str, Value]:
+def integrator_parameters(values: Parameters) -> dict[str, Value]:
     """Return the correction as parameters of the integrator."""
     return {n: _value(n, v.value) for n, v in values.items() if n in _CORRECTION}
 

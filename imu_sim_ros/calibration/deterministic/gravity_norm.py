@@ -17,7 +17,7 @@ import numpy as np
 from imu_sim_ros.calibration.deterministic.response import (
     Observations,
     likely_whitener,
-    rounding_of,
+    rounding_error,
 )
 from imu_sim_ros.calibration.deterministic.steady import Steady
 from imu_sim_ros.core.errors import InputError
@@ -122,7 +122,7 @@ def _norm_sigma(inverse: Array, centred: Array, norms: Array, steady: Steady) ->
     """Return (m,) the standard errors of the norms by those of the readings."""
     slope = (centred @ inverse.T) @ inverse / norms[:, None]
     variance = np.sum(np.square(slope * steady.accel_sigma), axis=1)
-    return np.sqrt(np.maximum(variance, rounding_of(steady.accel) ** 2))
+    return np.sqrt(np.maximum(variance, rounding_error(steady.accel) ** 2))
 
 
 def _summary(inverse: Array, bias: Array, steady: Steady, gravity: float) -> NormFit:

@@ -22,7 +22,7 @@ from imu_sim_ros.calibration.deterministic.response import (
     AxisResponse,
     Observations,
     fit_axis,
-    rounding_of,
+    rounding_error,
 )
 from imu_sim_ros.calibration.deterministic.steady import Steady
 from imu_sim_ros.core.errors import InputError
@@ -137,7 +137,7 @@ def _variance_ratio(exact: SixPosition, norm: NormFit, rests: int) -> tuple[floa
     from scipy.special import fdtri  # scipy.stats has f.ppf, but takes long to import
 
     freedom = 3 * len(exact.faces) - 12, rests - PARAMETERS
-    sigma = np.maximum(exact.positions.accel_sigma, rounding_of(exact.positions.accel))
+    sigma = np.maximum(exact.positions.accel_sigma, rounding_error(exact.positions.accel))
     misfit = float(np.sum(np.square(exact.misfit / sigma)))
     ratio = (misfit / freedom[0]) / max(norm.misfit / freedom[1], 1e-12)
     return ratio, float(fdtri(*freedom, 1.0 - _CHANCE))

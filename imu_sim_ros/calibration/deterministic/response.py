@@ -12,7 +12,7 @@ from typing import Final, NamedTuple
 
 import numpy as np
 
-from imu_sim_ros.calibration.deterministic.steady import whitened
+from imu_sim_ros.calibration.deterministic.steady import whiten
 from imu_sim_ros.core.types import Array, Integers
 
 _STEPS: Final = 8
@@ -133,14 +133,14 @@ def fit_axis(
     )
 
 
-def rounding_of(readings: Array) -> float:
+def rounding_error(readings: Array) -> float:
     """Return the rounding error of one axis' readings, a lower bound of standard errors."""
     return max(_ROUNDING * float(np.abs(readings).max()), _NOTHING)
 
 
 def _above_rounding(data: Observations) -> tuple[Observations, bool]:
     """Return readings with sigma at least their rounding, and whether that is their only error."""
-    rounding = rounding_of(data.readings)
+    rounding = rounding_error(data.readings)
     sigma = np.maximum(data.sigma, rounding)
     return data._replace(sigma=sigma), bool(np.all(sigma == rounding))
 
@@ -205,9 +205,7 @@ def likely_whitener(data: Observations, columns: Array, correlation: Array | Non
     else:
         order = np.argsort(time, kind="stable")
         columns_and_readings = np.column_stack([columns, data.readings])[order]
-        results = whitened(
-            columns_and_readings, time[order], data.sigma[order], unit * np.exp(grid)
-        )
+        results = whiten(columns_and_readings, time[order], data.sigma[order], unit * np.exp(grid))
         values = np.array(
             [
                 _restricted_log_likelihood(w[:, :-1], w[:, -1], float(log))
@@ -278,7 +276,7 @@ def _summary(
     )
 
 
-def determined(inputs: Array) -> bool:
+def is_distinguishable(inputs: Array) -> bool:
     """Return whether inputs (n, p) and a constant are distinguishable."""
     columns = np.column_stack([inputs, np.ones(len(inputs))])
     norms = np.linalg.norm(columns, axis=0)

@@ -23,7 +23,7 @@ class Whitened(NamedTuple):
     """(g,) log-determinants of the covariance."""
 
 
-def whitened(columns: Array, time: Array, sigma: Array, walk: Array) -> Whitened:
+def whiten(columns: Array, time: Array, sigma: Array, walk: Array) -> Whitened:
     """Return ``L^-1 columns`` and ``ln det(L L^T)`` with ``L L^T = walk min(t, t) + sigma^2``.
 
     :param columns: (n, p) rows in the order of time.

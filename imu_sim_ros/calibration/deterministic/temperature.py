@@ -12,8 +12,8 @@ from imu_sim_ros.calibration.deterministic.positions import observations
 from imu_sim_ros.calibration.deterministic.response import (
     AxisResponse,
     Observations,
-    determined,
     fit_axis,
+    is_distinguishable,
     walk_whitener,
 )
 from imu_sim_ros.calibration.deterministic.steady import Steady
@@ -74,8 +74,8 @@ def calibrate_temperature(
         )
     difference = temperature - reference
     both = np.concatenate([rate, force], axis=1)
-    gyro_inputs = next((x for x in (both, rate) if determined(x)), rate[:, :0])
-    accel_inputs = force if determined(force) else force[:, :0]
+    gyro_inputs = next((x for x in (both, rate) if is_distinguishable(x)), rate[:, :0])
+    accel_inputs = force if is_distinguishable(force) else force[:, :0]
     gyro = _triad(steady, gyro_inputs, steady.gyro, rate, steady.gyro_sigma, difference)
     accel = _triad(steady, accel_inputs, steady.accel, force, steady.accel_sigma, difference)
     return Temperature(reference, dict(zip(TRIADS, (gyro, accel), strict=True)))

@@ -12,7 +12,7 @@ from imu_sim_ros.calibration.deterministic.positions import (
     nearest_faces,
     observations,
 )
-from imu_sim_ros.calibration.deterministic.response import determined, fit_axis
+from imu_sim_ros.calibration.deterministic.response import fit_axis, is_distinguishable
 from imu_sim_ros.calibration.deterministic.steady import Steady
 from imu_sim_ros.core.errors import InputError
 from imu_sim_ros.core.types import Array, Integers
@@ -58,7 +58,7 @@ def calibrate_turntable(steady: Steady, rate: Array, gravity: float) -> Turntabl
     It can, if gravity is seen along and against every axis.
 
     :param steady: stretches at rest and at constant rates.
-    :param rate: (m, 3) true angular rates of the pieces, from :func:`known_rates` or a truth.
+    :param rate: (m, 3) true angular rates of the pieces, from :func:`match_table_rates` or a truth.
     :param gravity: magnitude of gravity [m/s^2].
     :raises InputError: if an axis is not turned in both directions or nothing is at rest.
     """
@@ -75,7 +75,7 @@ def calibrate_turntable(steady: Steady, rate: Array, gravity: float) -> Turntabl
         )
     force = specific_force(steady, gravity)
     inputs = np.concatenate([rate, force], axis=1)
-    with_force = determined(inputs)
+    with_force = is_distinguishable(inputs)
     used = inputs if with_force else rate
     axes = [
         fit_axis(observations(steady, used, steady.gyro, steady.gyro_sigma, k)) for k in range(3)
@@ -114,7 +114,7 @@ class TableRates(NamedTuple):
     """(r,) rates of the table without a piece [rad/s]."""
 
 
-def known_rates(steady: Steady, rates: Array, temperature: Array | None = None) -> TableRates:
+def match_table_rates(steady: Steady, rates: Array, temperature: Array | None = None) -> TableRates:
     """Return the stretches at rest or at one of the table's rates, and their true angular rates.
 
     :param rates: magnitudes of the table's rates [rad/s]; empty: all rotations are unknown.

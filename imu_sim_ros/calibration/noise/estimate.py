@@ -26,7 +26,7 @@ from imu_sim_ros.calibration.noise.likelihood import (
     Interval,
     fit,
     intervals,
-    merged,
+    merge_averages,
     minimum,
 )
 from imu_sim_ros.calibration.noise.spectrum import Spectrum
@@ -220,11 +220,11 @@ def correlation_time(spectrum: Spectrum, axis: int) -> float | None:
     if not len(finite) or np.max(finite) < 30.0 * fastest:
         return None
     data, design = data_and_design(spectrum, axis)
-    small, terms = merged(data, design, _MERGED)
+    small, terms = merge_averages(data, design, _MERGED)
 
     def objective(log_time: float) -> float:
         process = gauss_markov_expectation(spectrum, float(np.exp(log_time)))
-        _, column = merged(data, process[:, None], _MERGED)
+        _, column = merge_averages(data, process[:, None], _MERGED)
         return fit(small, np.column_stack([terms, column]), slope=np.nan).lowest
 
     without = fit(small, terms, slope=np.nan).lowest

@@ -276,7 +276,7 @@ def covariance(data: Data, design: Array, expected: Array) -> Array:
     return np.linalg.inv(scaled) / np.outer(root, root)
 
 
-def merged(data: Data, design: Array, count: int) -> tuple[Data, Array]:
+def merge_averages(data: Data, design: Array, count: int) -> tuple[Data, Array]:
     """Return data and design with neighbouring rows of averages merged; single coefficients stay.
 
     :param count: number of rows that become one.
@@ -317,7 +317,7 @@ def intervals(data: Data, design: Array, *, trend: bool) -> tuple[list[Interval]
     :param design: (m, p) expectation of the rows for each component.
     :param trend: True if there may be a trend.
     """
-    data, design = merged(data, design, _MERGED)
+    data, design = merge_averages(data, design, _MERGED)
     # The ends of each component's root: first all low ones, then all high ones.
     best = fit(data, design, slope=np.nan if trend else 0.0, restricted=True)
     components, expected, count = best.components[0], best.expected[0], design.shape[1]

@@ -65,7 +65,7 @@ def _smooth(values: Array, stamps: Array) -> Array:
     return np.convolve(np.pad(values, count // 2, mode="edge"), kernel, mode="valid")[: len(values)]
 
 
-def mounting(gyro: Array, accel: Array, motion: BodyMotion) -> Array:
+def fit_mounting(gyro: Array, accel: Array, motion: BodyMotion) -> Array:
     """Return the rotation R_ib (3, 3) that takes rates and forces to the readings best.
 
     Wahba's problem, solved by a singular value decomposition (Markley, "Attitude determination

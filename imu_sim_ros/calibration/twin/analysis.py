@@ -13,7 +13,7 @@ from imu_sim_ros.calibration.twin import alignment as clock
 from imu_sim_ros.calibration.twin import intensity, spectrum
 from imu_sim_ros.calibration.twin.fit import Fit, Recording, fit
 from imu_sim_ros.calibration.twin.intensity import Lines, find_lines
-from imu_sim_ros.calibration.twin.model import Errors, KnownMotion, predicted, true_times
+from imu_sim_ros.calibration.twin.model import Errors, KnownMotion, predict_readings, true_times
 from imu_sim_ros.calibration.twin.spectrum import Bands, White
 from imu_sim_ros.core.types import Array, Mask
 
@@ -104,7 +104,7 @@ def cross_validate(recording: Recording, truth: KnownMotion, whole_fit: Fit) -> 
             part_fit.reference,
             whole_fit.wander[begin:end],
         )
-        predictions = predicted(part_fit.errors, truth.motion_at, t)[0]
+        predictions = predict_readings(part_fit.errors, truth.motion_at, t)[0]
         residuals[begin:end] = recording.readings[begin:end] - predictions
         moved = part_fit.errors.referred(whole_fit.reference - part_fit.reference)
         variance = part_fit.sigma**2
@@ -116,16 +116,19 @@ def cross_validate(recording: Recording, truth: KnownMotion, whole_fit: Fit) -> 
 def noise_residuals(recording: Recording, truth: KnownMotion, fitted: Fit) -> list[Array]:
     """Return the effect of the poses' noise on the residuals (n, 6), for several draws."""
     t = true_times(fitted.errors, recording.stamps, fitted.reference, fitted.wander)
-    predictions = predicted(fitted.errors, truth.motion_at, t)[0]
+    predictions = predict_readings(fitted.errors, truth.motion_at, t)[0]
     return [
-        predictions - predicted(fitted.errors, noisy_motion, t)[0] for noisy_motion in truth.noisy
+        predictions - predict_readings(fitted.errors, noisy_motion, t)[0]
+        for noisy_motion in truth.noisy
     ]
 
 
 def fast_part(recording: Recording, whole: KnownMotion, slow: KnownMotion, fitted: Fit) -> Array:
     """Return the readings (n, 6) of the whole motion minus those of its slow part."""
     t = true_times(fitted.errors, recording.stamps, fitted.reference, fitted.wander)
-    predictions = [predicted(fitted.errors, motion.motion_at, t)[0] for motion in (whole, slow)]
+    predictions = [
+        predict_readings(fitted.errors, motion.motion_at, t)[0] for motion in (whole, slow)
+    ]
     return predictions[0] - predictions[1]
 
 
@@ -174,8 +177,8 @@ def analyse(
     # A sensor's own noise does not depend on the motion, and is present at all frequencies.
     steady, level = above_noise(np.zeros_like(exponents.value))
     floor = spectrum.white_floor(level, _LOWEST_WHITE)
-    floor = spectrum.bounded_above(floor, steady.density.min(axis=0))
-    white = spectrum.bounded_below(floor, spectrum.quietest_density(recording.readings, rate))
+    floor = spectrum.bound_above(floor, steady.density.min(axis=0))
+    white = spectrum.bound_below(floor, spectrum.quietest_density(recording.readings, rate))
     return Analysis(
         fitted,
         lines,
@@ -245,7 +248,7 @@ def _bands(
             continue
         values = residuals[min(k, 1)]
         if k:  # the slowest range has too few periods in a window
-            values, _ = intensity.without_disturbances(values, parts, rate, low, high)
+            values, _ = intensity.remove_disturbances(values, parts, rate, low, high)
         if exponents[k].any():
             values = values / intensity.factors(exponents[k], logs)
         columns_by_range.append(spectrum.cross_spectra(values, parts, rate, range_edges))

@@ -324,13 +324,15 @@ def fit(
         if fresh:
             sums.forget_noise()
         for k, rows in enumerate(sums.segments):
-            linear = model.linearised(errors, motion_at, stamps[rows], reference, wander[rows])
+            linear = model.linearise_readings(
+                errors, motion_at, stamps[rows], reference, wander[rows]
+            )
             jacobian_coefficients = linear.coefficients[:, :, free]
             sums.add(
                 k, recording.readings[rows] - linear.readings, linear.signals, jacobian_coefficients
             )
             for noisy_motion in noisy if fresh else ():
-                noisy_linear = model.linearised(
+                noisy_linear = model.linearise_readings(
                     errors, noisy_motion, stamps[rows], reference, wander[rows]
                 )
                 difference = noisy_linear.signals - linear.signals
@@ -405,7 +407,7 @@ def _summary(
     normal, middle = np.diag(prior[free] ** -2), np.diag(prior[free] ** -2)
     weight = sums.visible_bins(prior[free]) / density
     for k, rows in enumerate(sums.segments):
-        linear = model.linearised(
+        linear = model.linearise_readings(
             errors, motion_at, recording.stamps[rows], reference, wander[rows]
         )
         residuals[rows], slopes[rows] = recording.readings[rows] - linear.readings, linear.slope

@@ -193,7 +193,9 @@ def range_edges(rate: float) -> Array:
     return np.array([0.0, *inner, 0.5 * rate])
 
 
-def in_range(values: Array, parts: Sequence[slice], rate: float, low: float, high: float) -> Array:
+def filter_band(
+    values: Array, parts: Sequence[slice], rate: float, low: float, high: float
+) -> Array:
     """Return the part of values (n, 6) in a range of frequencies; 0 outside the parts."""
     filtered = np.zeros_like(values)
     for part in parts:
@@ -205,7 +207,7 @@ def in_range(values: Array, parts: Sequence[slice], rate: float, low: float, hig
     return filtered
 
 
-def vibrating(readings: Array, pieces: Sequence[slice], rate: float) -> Mask:
+def vibration_mask(readings: Array, pieces: Sequence[slice], rate: float) -> Mask:
     """Return a mask (n,) of readings (n, 6) from the first to the last vibration of each piece.
 
     Before and after a flight, rotors stand still or idle, and the body may be carried. Vibration
@@ -216,7 +218,7 @@ def vibrating(readings: Array, pieces: Sequence[slice], rate: float) -> Mask:
     size = max(round(_WINDOW * rate), 2)
     if 0.5 * rate <= _ROTOR_FREQUENCY:
         return mask
-    band = in_range(readings, pieces, rate, _ROTOR_FREQUENCY, np.inf)
+    band = filter_band(readings, pieces, rate, _ROTOR_FREQUENCY, np.inf)
     powers = [
         np.mean(
             band[p.start : p.stop - (p.stop - p.start) % size].reshape(-1, size, 6) ** 2, axis=1
@@ -249,7 +251,7 @@ def fit_exponents(values: Array, parts: Sequence[slice], rate: float, logs: Arra
     exponents, sigma = np.zeros((2, len(edges) - 1, 2, 3))
     for k, (low, high) in enumerate(pairwise(edges)):
         size = max(round(_WINDOW * rate), 2)
-        band = in_range(values, parts, rate, max(low, _SLOWEST), high)
+        band = filter_band(values, parts, rate, max(low, _SLOWEST), high)
         starts = [s for p in parts for s in range(p.start, p.stop - size + 1, size)]
         if len(starts) < _MIN_WINDOWS:
             continue
@@ -285,7 +287,7 @@ def _regress(log: Array, sizes: Array) -> tuple[Array, Array]:
     return np.minimum(value, _LARGEST), sigma
 
 
-def without_disturbances(
+def remove_disturbances(
     values: Array, parts: Sequence[slice], rate: float, low: float, high: float
 ) -> tuple[Array, int]:
     """Return a residual (n, 6) without its disturbances in a range, and their number.
@@ -294,7 +296,7 @@ def without_disturbances(
     axis has more than four times its usual energy, its part in this range is scaled down to the
     usual energy.
     """
-    band = in_range(values, parts, rate, low, high)
+    band = filter_band(values, parts, rate, low, high)
     size = max(round(_WINDOW * rate), 2)
     reduced, count = values.copy(), 0
     energies = [

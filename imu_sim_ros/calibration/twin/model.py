@@ -243,13 +243,13 @@ def _linearise(errors: Errors, motion_at: MotionAt, t: Array) -> _Linearised:
     return _Linearised(BodyMotion(omega, f, alpha, r_bw), slope, bend, by_world)
 
 
-def predicted(errors: Errors, motion_at: MotionAt, t: Array) -> tuple[Array, Array]:
+def predict_readings(errors: Errors, motion_at: MotionAt, t: Array) -> tuple[Array, Array]:
     """Return readings (n, 6) at true times (n,) [s] and their slope, without the truth's errors."""
     linearised_motion = _linearise(errors, motion_at, t)
     return readings(errors, linearised_motion.motion), linearised_motion.slope
 
 
-def linearised(
+def linearise_readings(
     errors: Errors, motion_at: MotionAt, stamps: Array, reference: float, wander: Array
 ) -> Linear:
     """Return the readings at stamps (n,) [s], linear in small changes of the errors."""

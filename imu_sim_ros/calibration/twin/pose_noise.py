@@ -127,7 +127,7 @@ class PoseNoise(NamedTuple):
                 position=smooth.position + self.position_step * offsets[:3],
                 q_wb=rotation.normalise(smooth.q_wb + self.quaternion_step * offsets[3:]),
             )
-        noisy = with_noise(path, noise[:, :3], rotation.rotate(path.q_wb, noise[:, 3:]))
+        noisy = add_pose_noise(path, noise[:, :3], rotation.rotate(path.q_wb, noise[:, 3:]))
         q_wb = rotation.normalise(_round_to_step(noisy.q_wb, self.quaternion_step))
         turn = rotation.log(rotation.multiply(rotation.conjugate(path.q_wb), q_wb))
         return turn, _round_to_step(noisy.position, self.position_step) - path.position
@@ -147,7 +147,7 @@ def noise_of(poses: States, smooth: States) -> PoseNoise:
     variance = _variance(poses)
     if steps.quaternion_step or steps.position_step:
         turn, shift = steps.drawn(smooth, np.random.default_rng(0))
-        variance -= _variance(with_noise(smooth, turn, shift))
+        variance -= _variance(add_pose_noise(smooth, turn, shift))
     # What is left after rounding is known to some per cent of the whole.
     variance = np.where(variance > 0.1 * _variance(poses), variance, 0.0)
     white = np.sqrt(variance)
@@ -167,7 +167,7 @@ def _variance(poses: States) -> Array:
     return np.asarray(np.median(squares[whole] / counts[whole, None], axis=0))
 
 
-def with_noise(poses: States, turn: Array, shift: Array) -> States:
+def add_pose_noise(poses: States, turn: Array, shift: Array) -> States:
     """Return poses with a noise: turns (n, 3) in the body [rad], shifts (n, 3) in the world [m]."""
     q_wb = rotation.multiply(poses.q_wb, rotation.exp(turn))
     return with_fields(poses, position=poses.position + shift, q_wb=q_wb)

@@ -197,7 +197,7 @@ class White(NamedTuple):
     """(m, 6) True for bands in which there is nothing but the floor."""
 
 
-def without_rounding(white: White, step: Array, rate: float) -> White:
+def remove_rounding(white: White, step: Array, rate: float) -> White:
     """Return the floor that a sensor has before its readings are rounded.
 
     Rounding adds ``step^2 / 12`` to the variance of a sample, as white noise that does not depend
@@ -346,13 +346,13 @@ def quietest_density(readings: Array, rate: float) -> Array:
     return np.where(quiet, np.sqrt(bands[second, :, axes].min(axis=1)), 0.0)
 
 
-def bounded_above(white: White, upper: Array) -> White:
+def bound_above(white: White, upper: Array) -> White:
     """Return a floor that is at most a root density (6,) on axes on which vibration hides it."""
     hidden = np.minimum(white.density, upper)
     return white._replace(density=np.where(white.low > 0.0, white.density, hidden))
 
 
-def bounded_below(white: White, lower: Array) -> White:
+def bound_below(white: White, lower: Array) -> White:
     """Return a floor that is at least a root density (6,)."""
     low = np.where(white.low > 0.0, np.maximum(white.low, lower), 0.0)
     return white._replace(

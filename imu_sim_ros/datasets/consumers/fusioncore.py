@@ -16,7 +16,7 @@ from imu_sim_ros.core.geodesy import earth_fixed
 from imu_sim_ros.datasets.consumers.aiding import SPEED, Aiding
 from imu_sim_ros.datasets.consumers.subject import Subject
 from imu_sim_ros.datasets.consumers.values import comment, real
-from imu_sim_ros.simulation.topics import resolved
+from imu_sim_ros.simulation.topics import resolve_topic
 
 _GRAVITY: Final = 9.80665
 """Gravity of imu_measurement_function, fusioncore_core/include/fusioncore/sensors/imu.hpp
@@ -110,7 +110,7 @@ def _wheel_lines(body: Aiding) -> list[str]:
     return [
         f"motion_model: {_MODELS[p.model]}",
         f"motion_model_params.wheelbase: {real(p.wheelbase)}",
-        f"encoder.topic: {resolved('wheel/odom')}",
+        f"encoder.topic: {resolve_topic('wheel/odom')}",
         f"encoder.vel_noise: {real(forward)}",
         f"encoder.yaw_noise: {real(turning)}",
         f"encoder.nhc_vy_sigma: {real(sideways)}",
@@ -128,7 +128,7 @@ def _gnss_lines(body: Aiding) -> list[str]:
         *(np.array([x]) for x in (world.latitude_deg, world.longitude_deg, world.height))
     )[0]
     return [
-        f"gnss.fix_topic: {resolved('gps/fix')}",
+        f"gnss.fix_topic: {resolve_topic('gps/fix')}",
         "gnss.use_gps_fix: false",
         "gnss.min_fix_type: 1",
         f"gnss.base_noise_xy: {real(horizontal)}",

@@ -20,7 +20,7 @@ from imu_sim_ros.sensors.lidar.parameters import LidarParameters
 from imu_sim_ros.sensors.lidar.pattern import build_pattern
 from imu_sim_ros.sensors.orientation.declaration import TOPIC as NINE_AXES
 from imu_sim_ros.simulation.parameters import SimulationParameters
-from imu_sim_ros.simulation.topics import resolved
+from imu_sim_ros.simulation.topics import resolve_topic
 
 _FAST_LIO: Final = {"livox": (1, 3), "velodyne": (2, 0), "ouster": (3, 3)}
 """lidar_type and timestamp_unit (0: s, 3: ns) of the layouts that FAST-LIO2 reads."""
@@ -42,7 +42,7 @@ class Ranging:
     @property
     def topic(self) -> str:
         """Full name of the topic of the LiDAR's clouds."""
-        return resolved(f"{self.space}{TOPIC}")
+        return resolve_topic(f"{self.space}{TOPIC}")
 
     @property
     def farthest(self) -> float:
@@ -176,7 +176,7 @@ def _fast_lio(ranging: Ranging) -> str:
         f"  {key}: {real(densities[name] ** 2 * values.rate)}\n"
         for key, name in covariances.items()
     )
-    topic = resolved(f"{ranging.space}{CUSTOM_TOPIC}") if livox else ranging.topic
+    topic = resolve_topic(f"{ranging.space}{CUSTOM_TOPIC}") if livox else ranging.topic
     offset = values.lateness - lidar.stamp_offset
     return (
         f'{head}common:\n  lid_topic: "{topic}"\n  imu_topic: "{values.topic}"\n'

@@ -15,7 +15,7 @@ from imu_sim_ros.datasets.consumers.aiding import SPEED, Aiding
 from imu_sim_ros.datasets.consumers.rig import yaml_list
 from imu_sim_ros.datasets.consumers.subject import Subject
 from imu_sim_ros.datasets.consumers.values import comment, real, rows
-from imu_sim_ros.simulation.topics import resolved
+from imu_sim_ros.simulation.topics import resolve_topic
 
 _PARTS: Final = ("system", "estimator", "imu", "init", "gps", "wheel")
 _MIN_SIGMA: Final = 1e-8
@@ -189,7 +189,7 @@ def _gps(body: Aiding) -> str:
     sensor_values = {
         "timeoffset": real(body.stamp_correction(p)),
         "pGinI": yaml_list(body.in_imu(p.lever_arm).tolist()),
-        "topic": f'"{resolved("gps/fix")}"',
+        "topic": f'"{resolve_topic("gps/fix")}"',
     }
     return head + _section("gps", common) + _section("gps0", sensor_values)
 
@@ -231,7 +231,7 @@ def _wheel(body: Aiding) -> str:
         "intrinsics": yaml_list([p.radius, p.radius, p.track]),
         "reuse_of_information": "false",
         "T_imu_wheel": "\n" + rows(pose, "    ").rstrip("\n"),
-        "topic": f'"{resolved("joint_states")}"',
+        "topic": f'"{resolve_topic("joint_states")}"',
         "sub_topics": f'"{", ".join(p.joints[:2])}"',
     }
     return head + _section("wheel", values)

@@ -12,7 +12,7 @@ from imu_sim_ros.datasets.consumers.aiding import Aiding
 from imu_sim_ros.datasets.consumers.subject import Subject
 from imu_sim_ros.datasets.consumers.values import comment, real
 from imu_sim_ros.simulation.parameters import SimulationParameters
-from imu_sim_ros.simulation.topics import resolved
+from imu_sim_ros.simulation.topics import resolve_topic
 
 _ROWS: Final = (
     "x, y, z",
@@ -86,7 +86,7 @@ def _filter(name: str, world: str, body: Aiding, *, fixes: bool) -> str:
     count = 0
     if wheels is not None:
         # vx, vy and the yaw rate: the covariance of the others is 1e6.
-        lines += _odometry(count, resolved("wheel/odom"), "FFF FFF TTF FFT FFF")
+        lines += _odometry(count, resolve_topic("wheel/odom"), "FFF FFF TTF FFT FFF")
         count += 1
     if fixes:
         lines += _odometry(count, "odometry/gps", "TTT FFF FFF FFF FFF")

@@ -20,11 +20,11 @@ from imu_sim_ros.nodes.publishing import Counter, create
 from imu_sim_ros.sensors.imu.declaration import reading_encoder
 from imu_sim_ros.sensors.samples import Samples
 from imu_sim_ros.simulation.error_parameters import ErrorNodeParameters
-from imu_sim_ros.simulation.sensors import mounted
+from imu_sim_ros.simulation.sensors import mount_sensors
 from imu_sim_ros.simulation.topics import (
     Encode,
     Offered,
-    published,
+    published_topics,
 )
 
 DEPTH: Final = 4000
@@ -33,7 +33,7 @@ DEPTH: Final = 4000
 
 def wanted(parameters: ErrorNodeParameters) -> dict[str, Offered]:
     """Return the topics that are published."""
-    return published(mounted(parameters), parameters.publish)
+    return published_topics(mount_sensors(parameters), parameters.publish)
 
 
 class _Output(NamedTuple):

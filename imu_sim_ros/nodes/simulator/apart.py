@@ -35,8 +35,8 @@ from imu_sim_ros.sensors.declaration import Mounted
 from imu_sim_ros.sensors.parameters import MountedParameters
 from imu_sim_ros.sensors.samples import Samples
 from imu_sim_ros.simulation.playback import SimulatorParameters
-from imu_sim_ros.simulation.sensors import mounted
-from imu_sim_ros.simulation.topics import Encode, Messages, delivered_rows, offered
+from imu_sim_ros.simulation.sensors import mount_sensors
+from imu_sim_ros.simulation.topics import Encode, Messages, delivered_rows, sensor_topics
 from imu_sim_ros.terminal.json_text import as_json
 from imu_sim_ros.terminal.signals import blocked
 
@@ -240,8 +240,8 @@ class SensorsApart:
         self, node: ConfiguredNode[SimulatorParameters], parameters: SimulatorParameters, fail: Fail
     ) -> None:
         """Start the processes."""
-        sensors = mounted(parameters)
-        offers, groups = offered(sensors), groups_apart(sensors)
+        sensors = mount_sensors(parameters)
+        offers, groups = sensor_topics(sensors), groups_apart(sensors)
         log = node.get_logger()
         overrides = [f"{_OVERRIDES}.{key}" for key in node.get_parameters_by_prefix(_OVERRIDES)]
         self.topics: list[str] = []

@@ -41,8 +41,8 @@ from imu_sim_ros.sensors.timing import SampleTimes
 from imu_sim_ros.sensors.world import Window, World
 from imu_sim_ros.simulation.cameras import scene_around
 from imu_sim_ros.simulation.playback import SimulatorParameters
-from imu_sim_ros.simulation.sensors import models, mounted, sensor_warnings
-from imu_sim_ros.simulation.topics import offered
+from imu_sim_ros.simulation.sensors import models, mount_sensors, sensor_warnings
+from imu_sim_ros.simulation.topics import sensor_topics
 from imu_sim_ros.terminal.json_text import as_json
 from imu_sim_ros.terminal.progress import Watcher, watch_thread
 from imu_sim_ros.trajectory.build import build_trajectory
@@ -149,8 +149,8 @@ class SensorNode:
             start_parameter_services=False,
             parameter_overrides=overrides,
         )
-        self._sensors = mounted(parameters)
-        topics = offered(self._sensors)
+        self._sensors = mount_sensors(parameters)
+        topics = sensor_topics(self._sensors)
         self._offered = {topic: topics[topic] for topic in start["topics"] if topic in topics}
         self.counters = dict(self._publishers(start["topics"]))
         self._encoders = {

@@ -54,9 +54,9 @@ from imu_sim_ros.sensors import sensors_of_imus
 from imu_sim_ros.sensors.declaration import Topic
 from imu_sim_ros.simulation import topics
 from imu_sim_ros.simulation.engine import Body
-from imu_sim_ros.simulation.parameters import DEFAULT_TRAJECTORY, imus, layered
+from imu_sim_ros.simulation.parameters import DEFAULT_TRAJECTORY, imus, layer_files
 from imu_sim_ros.simulation.playback import SimulatorParameters
-from imu_sim_ros.simulation.sensors import mounted, mounts
+from imu_sim_ros.simulation.sensors import mount_sensors, mounts
 from imu_sim_ros.trajectory.motion import Trajectory
 from imu_sim_ros.trajectory.parameters import DriveParameters, PosesParameters
 
@@ -79,7 +79,7 @@ class Simulator(ConfiguredNode[SimulatorParameters]):
     """Plays a simulation; see the module's docstring."""
 
     def __init__(self, **arguments: Any) -> None:
-        super().__init__("simulator", SimulatorParameters, layered, **arguments)
+        super().__init__("simulator", SimulatorParameters, layer_files, **arguments)
         self._counters: list[Counter | RemoteCounter] = []
         self._terminals: list[PseudoTerminal] = []
         self._lateness = Histogram()
@@ -171,8 +171,8 @@ class Simulator(ConfiguredNode[SimulatorParameters]):
     def _outputs(self, parameters: SimulatorParameters) -> list[tuple[str, topics.Encode, Send]]:
         """Return the sensor, encoder and receiver of each topic and serial line that there is."""
         outputs: list[tuple[str, topics.Encode, Send]] = []
-        sensors = mounted(parameters)
-        for name, topic in topics.published(sensors, parameters.publish).items():
+        sensors = mount_sensors(parameters)
+        for name, topic in topics.published_topics(sensors, parameters.publish).items():
             if not topic.mounted.sensor.apart and self._can_publish(topic.topic):
                 outputs.append(
                     (topic.name, topic.encoder(), self._counting_publisher(name, topic.topic.type))
@@ -206,7 +206,7 @@ class Simulator(ConfiguredNode[SimulatorParameters]):
 
     def _made_apart(self, parameters: SimulatorParameters) -> "SensorsApart | None":
         """Return the sensors with processes of their own; None, if there are none."""
-        if not any(sensor.sensor.apart for sensor in mounted(parameters).values()):
+        if not any(sensor.sensor.apart for sensor in mount_sensors(parameters).values()):
             return None
 
         apart = SensorsApart(self, parameters, self.lifetime.fail)
@@ -232,7 +232,7 @@ class Simulator(ConfiguredNode[SimulatorParameters]):
 
     def _publish_mounts(self, parameters: SimulatorParameters) -> None:
         """Publish the mounts of the sensors as fixed transforms."""
-        sensors = mounts(mounted(parameters))
+        sensors = mounts(mount_sensors(parameters))
         t_ns = int(self.get_clock().now().nanoseconds)
         try:
             # Kept: later subscribers get it from the publisher.

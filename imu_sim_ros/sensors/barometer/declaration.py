@@ -12,10 +12,10 @@ from imu_sim_ros.core.gate import PRESSURE
 from imu_sim_ros.core.types import Array
 from imu_sim_ros.inputs.tables import Encode, Table
 from imu_sim_ros.sensors.barometer.parameters import BarometerParameters, BarometerSwitches
-from imu_sim_ros.sensors.declaration import Sensor, SensorReadings, WithImu, on_demand, topic
-from imu_sim_ros.sensors.errors.realised import realised_triad
+from imu_sim_ros.sensors.declaration import Sensor, SensorReadings, WithImu, import_on_call, topic
+from imu_sim_ros.sensors.errors.realised import realise_triad
 from imu_sim_ros.sensors.imu.parameters import ImuParameters
-from imu_sim_ros.sensors.imu.triads import as_triad
+from imu_sim_ros.sensors.imu.triads import to_triad
 from imu_sim_ros.sensors.recorded import RecordedSamples, read_samples
 
 TYPE: Final = "sensor_msgs/msg/FluidPressure"
@@ -55,7 +55,7 @@ def _table_encoder(frame: str, encoding: str) -> Encode:
 
 def _realise(parameters: BarometerParameters, seed: int, name: str) -> BarometerParameters:
     """Return the barometer of a seed, whose errors are those of a triad's first axis."""
-    p = realised_triad(as_triad(parameters), name, seed)
+    p = realise_triad(to_triad(parameters), name, seed)
     return dataclasses.replace(
         parameters,
         bias=p.bias[0],
@@ -93,7 +93,7 @@ SENSOR: Final[Sensor[ImuParameters]] = Sensor(
     quantity="pressure",
     section=BarometerParameters,
     with_imu=WithImu(BarometerSwitches, _unit_hint),
-    model=on_demand("imu_sim_ros.sensors.barometer.model", "Barometer"),
+    model=import_on_call("imu_sim_ros.sensors.barometer.model", "Barometer"),
     topics=(
         topic(
             *(TOPIC, TYPE, _ENCODER),

@@ -11,7 +11,7 @@ from dataclasses import dataclass
 from typing import Any, Final
 
 from imu_sim_ros.parameters.kinds import flag, number, text
-from imu_sim_ros.sensors.imu.triads import as_in_triads
+from imu_sim_ros.sensors.imu.triads import triad_field
 from imu_sim_ros.sensors.parameters import OwnRateParameters
 
 _TEXTS: Final = {"triad": "barometer", "unit": "Pa", "change": "Pa/s"}
@@ -19,7 +19,7 @@ _TEXTS: Final = {"triad": "barometer", "unit": "Pa", "change": "Pa/s"}
 
 def _as_in_triads(name: str, **changes: object) -> Any:
     """Return a parameter of triads for a single axis."""
-    return as_in_triads(name, _TEXTS, **{"kind": "number", "default": 0.0, **changes})
+    return triad_field(name, _TEXTS, **{"kind": "number", "default": 0.0, **changes})
 
 
 @dataclass(frozen=True)

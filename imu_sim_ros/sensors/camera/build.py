@@ -15,13 +15,13 @@ from imu_sim_ros.core.errors import ConfigurationError
 from imu_sim_ros.core.random_streams import generator
 from imu_sim_ros.core.types import Array
 from imu_sim_ros.places.bodies import Crowd
-from imu_sim_ros.places.catalogue import around, stretched
+from imu_sim_ros.places.catalogue import around, describe_stretch
 from imu_sim_ros.places.catalogue import build as build_place
-from imu_sim_ros.places.geometry import Surfaces, hidden, joined, surfaces
+from imu_sim_ros.places.geometry import Surfaces, is_hidden, join_surfaces, surfaces
 from imu_sim_ros.places.paint import Painter
 from imu_sim_ros.places.place import Place, Site
 from imu_sim_ros.places.shadows import sunlight
-from imu_sim_ros.places.walks import Passage, moving
+from imu_sim_ros.places.walks import Passage, moving_bodies
 from imu_sim_ros.sensors.camera.mesh_scene import mesh_scene
 from imu_sim_ros.sensors.camera.scene import Scene, read_points
 from imu_sim_ros.sensors.camera.scene_parameters import (
@@ -40,7 +40,7 @@ from imu_sim_ros.sensors.camera.scene_parameters import (
     TargetParameters,
 )
 from imu_sim_ros.sensors.camera.tracker import Tracker
-from imu_sim_ros.sensors.camera.view import View, in_camera
+from imu_sim_ros.sensors.camera.view import View, transform_to_camera
 from imu_sim_ros.trajectory.motion import Trajectory
 
 _LOOKS: Final = 20_000
@@ -138,7 +138,7 @@ def check_path(
         ends = walls + scene.surfaces.across[:6] + scene.surfaces.up[:6]
         corner, end = np.minimum(walls, ends).min(axis=0), np.maximum(walls, ends).max(axis=0)
     if isinstance(parameters, PlaceParameters) and any(parameters.size):
-        meets = hidden(scene.surfaces, path[:-1], path[1:])
+        meets = is_hidden(scene.surfaces, path[:-1], path[1:])
         if meets.any():
             where = _format_position(path[int(np.argmax(meets))])
             raise ConfigurationError(
@@ -187,7 +187,7 @@ def _room(p: RoomParameters, path: Array) -> Scene:
     boxes: list[tuple[Array, Array, Array]] = []
     for _ in range(p.boxes):
         boxes += _outer_faces(*_box(stream, corner, end, low, high))
-    everything = joined(walls, surfaces(boxes, hides=True))
+    everything = join_surfaces(walls, surfaces(boxes, hides=True))
     landmarks, normals = _scatter(everything, p.landmarks, p.seed)
     extent = float(np.linalg.norm(end - corner))
     return Scene(landmarks, normals, np.zeros((0, 2, 3)), everything, extent)
@@ -201,7 +201,7 @@ def _place(p: PlaceParameters, passage: Passage) -> Scene:
         low, high = center - 0.5 * size, center + 0.5 * size
     else:
         low, high = around(p.type, path, passage.foot)
-        note = stretched(p.type, low, high)
+        note = describe_stretch(p.type, low, high)
     keep = np.zeros((0, 3)) if any(p.size) else path  # a place of a given size is as it is
     site = Site(low, high, keep, p.seed, p.texture, p.light, p.bodies.doors)
     place = build_place(p.type, site)
@@ -239,7 +239,7 @@ def _crowd(p: PlaceParameters, place: Place, site: Site, passage: Passage) -> Cr
     }
     if not any(counts.values()):
         return None
-    bodies = moving(place, site, counts, crowd_parameters.speed, passage)
+    bodies = moving_bodies(place, site, counts, crowd_parameters.speed, passage)
     points = [
         _scatter(body.surfaces(), crowd_parameters.landmarks, p.seed + k)
         for k, body in enumerate(bodies, start=1)
@@ -339,7 +339,7 @@ def _cloud(
     for k in range(len(times)):
         for view, poses in zip(views, all_poses, strict=True):
             pose = type(poses)(poses.position[k : k + 1], poses.q_wc[k : k + 1])
-            missing = p.visible - _count_seen(view, in_camera(pose, points))
+            missing = p.visible - _count_seen(view, transform_to_camera(pose, points))
             if missing > 0:
                 local = _in_view(view, missing, p, stream)
                 points = np.concatenate([points, pose.position + rotation.rotate(pose.q_wc, local)])

@@ -25,8 +25,15 @@ from imu_sim_ros.sensors.camera.model import CameraModel
 from imu_sim_ros.sensors.camera.parameters import CameraParameters
 from imu_sim_ros.sensors.camera.rig_parameters import RigParameters, rig_parameters_of
 from imu_sim_ros.sensors.camera.scene_parameters import body_names, check_surfaces
-from imu_sim_ros.sensors.camera.truths import DATASETS, LANDMARKS, moving_body
-from imu_sim_ros.sensors.declaration import Mounted, Payloads, Rendering, Sensor, Topic, on_demand
+from imu_sim_ros.sensors.camera.truths import DATASETS, LANDMARKS, moving_body_truth
+from imu_sim_ros.sensors.declaration import (
+    Mounted,
+    Payloads,
+    Rendering,
+    Sensor,
+    Topic,
+    import_on_call,
+)
 from imu_sim_ros.sensors.environment import EnvironmentParameters
 from imu_sim_ros.sensors.parameters import MountedParameters
 from imu_sim_ros.sensors.samples import Rows, Samples
@@ -161,7 +168,7 @@ SENSOR: Final[Sensor[CameraParameters]] = Sensor(
     name="camera",
     quantity="camera",
     section=CameraParameters,
-    model=on_demand(_MODULE, "Camera"),
+    model=import_on_call(_MODULE, "Camera"),
     topics=(
         _of_pixels(
             IMAGE_TOPIC, _IMAGE, lambda s: s.image, lambda p: p.images in ("raw", "both"), _raw
@@ -184,9 +191,9 @@ SENSOR: Final[Sensor[CameraParameters]] = Sensor(
     sees=True,
     faulty_parts=(),
     text="camera: its frames, with the errors of lens, shutter, exposure and pixels",
-    warnings=on_demand(_MODULE, "warnings"),
-    in_sight=on_demand(_MODULE, "in_sight"),
-    rendering=Rendering(DATASETS, on_demand(_MODULE, "notes")),
+    warnings=import_on_call(_MODULE, "warnings"),
+    in_sight=import_on_call(_MODULE, "visibility_mask"),
+    rendering=Rendering(DATASETS, import_on_call(_MODULE, "notes")),
 )
 
 
@@ -202,7 +209,7 @@ def cameras_in(
     return {name: sensor for name, sensor in sensors.items() if _is_camera(sensor)}
 
 
-def seeing(
+def mount_cameras(
     rig: RigParameters, parameters: EnvironmentParameters
 ) -> dict[str, Mounted[MountedParameters]]:
     """Return the cameras, their tracks, and the truth of the scene, as mounted sensors.
@@ -216,7 +223,7 @@ def seeing(
     if not cameras:
         return {}
     tracked = [FEATURES] if rig.features.layout != "none" else []
-    for sensor in (*tracked, LANDMARKS, *map(moving_body, body_names(rig.scene))):
+    for sensor in (*tracked, LANDMARKS, *map(moving_body_truth, body_names(rig.scene))):
         frame = parameters.body_frame
         cameras[sensor.quantity] = Mounted(sensor.name, sensor, rig, parameters, frame)
     return cameras

@@ -126,7 +126,7 @@ def warnings(mounted: Mounted[CameraParameters], world: World, _: float) -> list
     return [f"{mounted.name}: {line}" for line in lines]
 
 
-def in_sight(mounted: Mounted[CameraParameters], world: World, t: Array) -> Mask:
+def visibility_mask(mounted: Mounted[CameraParameters], world: World, t: Array) -> Mask:
     """Return at which times (n,) [s] a camera has a landmark or a surface in its image."""
     view, scene = view_of(mounted, world), world.scene
     described = rig_parameters_of(mounted.environment).scene

@@ -15,9 +15,9 @@ from imu_sim_ros.places.geometry import NO_SURFACES
 from imu_sim_ros.places.mesh import (
     MeshCaster,
     box,
-    placed,
-    scattered,
-    up_axis,
+    place_mesh,
+    scatter_points,
+    up_axis_rotation,
 )
 from imu_sim_ros.places.mesh_file import Mesh, areas, read_mesh
 from imu_sim_ros.sensors.camera.scene import Scene
@@ -39,9 +39,11 @@ def mesh_scene(p: MeshParameters, path: Array) -> Scene:
     file = Path(p.mesh)
     mesh = read_mesh(file)
     turn = rotation.to_matrix(rotation.from_euler(np.array([0.0, 0.0, p.yaw])))
-    matrix = turn @ np.reshape(p.orientation, (3, 3)) @ up_axis(p.up, file.suffix) * p.scale
+    matrix = (
+        turn @ np.reshape(p.orientation, (3, 3)) @ up_axis_rotation(p.up, file.suffix) * p.scale
+    )
     middle = 0.5 * (path.min(axis=0) + path.max(axis=0)) if p.anchor == "path" else None
-    mesh = placed(mesh, matrix, np.asarray(p.position), middle)
+    mesh = place_mesh(mesh, matrix, np.asarray(p.position), middle)
     caster = MeshCaster(mesh)
     landmarks = _seen_from(mesh, caster, path, p)
     low, high = box(mesh)
@@ -64,7 +66,7 @@ def _seen_from(mesh: Mesh, caster: MeshCaster, path: Array, p: MeshParameters) -
     landmarks: list[Array] = []
     sums = np.cumsum(areas(mesh))
     for _ in range(_ROUNDS):
-        points = scattered(mesh, sums, p.landmarks, stream)
+        points = scatter_points(mesh, sums, p.landmarks, stream)
         visible = np.zeros(len(points), np.bool_)
         for eye in eyes:
             rest = np.flatnonzero(~visible)

@@ -27,7 +27,7 @@ from imu_sim_ros.sensors.camera.scene_parameters import (
     TYPES,
     SceneParameters,
     find_scene,
-    known_scenes,
+    list_scenes,
 )
 from imu_sim_ros.sensors.environment import EnvironmentParameters
 from imu_sim_ros.sensors.parameters import MountedParameters
@@ -153,7 +153,7 @@ def layer_rig(parameters: Mapping[str, object], problems: Problems) -> dict[str,
     return result
 
 
-def of_rig(parameters: Mapping[str, object]) -> dict[str, object]:
+def select_rig_parameters(parameters: Mapping[str, object]) -> dict[str, object]:
     """Return the parameters that are about cameras and scene."""
     camera_prefixes = (f"{name}.camera." for name in listed_names("cameras", parameters))
     prefixes = ("camera.", "scene.", "features.", *camera_prefixes)
@@ -198,7 +198,7 @@ def scene_layer(name_or_file: str) -> dict[str, object]:
         return {"scene.type": name_or_file}
     if "/" not in name_or_file and "." not in name_or_file:
         if name_or_file not in TYPES:
-            raise ConfigurationError(unknown("scene", name_or_file, known_scenes()))
+            raise ConfigurationError(unknown("scene", name_or_file, list_scenes()))
         return {"scene.type": name_or_file}
     path = files.find("scenes", name_or_file)
     if path.suffix.lower() in (".yaml", ".yml"):

@@ -12,7 +12,7 @@ from imu_sim_ros.core.errors import InputError, system_error
 from imu_sim_ros.core.types import Array, Mask
 from imu_sim_ros.inputs.rows import open_regular
 from imu_sim_ros.places.bodies import Crowd
-from imu_sim_ros.places.geometry import NO_SURFACES, Surfaces, hidden
+from imu_sim_ros.places.geometry import NO_SURFACES, Surfaces, is_hidden
 from imu_sim_ros.places.mesh import MeshCaster, box
 from imu_sim_ros.places.mesh_file import Mesh
 from imu_sim_ros.places.paint import Painter
@@ -46,7 +46,7 @@ class Scene(NamedTuple):
         """Return True for landmarks (n, 3) that surfaces hide from their eyes (n, 3)."""
         if self.caster is not None:
             return self.caster.hidden(eye, points)
-        return hidden(self.surfaces, eye, points)
+        return is_hidden(self.surfaces, eye, points)
 
     def tracer(self, moving: bool = True) -> RayTracer:
         """Return the ray tracer of the surfaces, without the sky.

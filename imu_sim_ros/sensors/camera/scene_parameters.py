@@ -427,7 +427,7 @@ def check_surfaces(scene: SceneParameters) -> None:
         )
 
 
-def known_scenes() -> list[str]:
+def list_scenes() -> list[str]:
     """Return all kinds of scenes, and the names of the others in config/scenes."""
     return [*TYPES, *(name for name in names("scenes") if name not in TYPES)]
 
@@ -438,5 +438,5 @@ def find_scene(name: str) -> type[SceneParameters]:
     :raises ConfigurationError: for a type that does not exist.
     """
     if name not in TYPES:
-        raise ConfigurationError(f"scene.type = {name!r}: {suggestion(name, known_scenes())}")
+        raise ConfigurationError(f"scene.type = {name!r}: {suggestion(name, list_scenes())}")
     return TYPES[name]

@@ -10,7 +10,7 @@ import numpy as np
 
 from imu_sim_ros.core import rotation
 from imu_sim_ros.core.types import Array, Mask
-from imu_sim_ros.places.mesh import size_remarks, spread
+from imu_sim_ros.places.mesh import fibonacci_directions, size_remarks
 from imu_sim_ros.places.rays import RayTracer
 from imu_sim_ros.sensors.camera.rig_parameters import rig_parameters_of
 from imu_sim_ros.sensors.camera.scene import Scene
@@ -135,7 +135,7 @@ def _around(path: _Path, tracer: RayTracer) -> Iterator[str]:
     mesh = path.scene.mesh is not None
     rows = np.arange(0, _POSITIONS, 1 if mesh else _POSITIONS // _RAY_POSITIONS)
     origins = path.position[rows].repeat(_DIRECTIONS, axis=0)
-    directions = np.tile(spread(_DIRECTIONS), (len(rows), 1))
+    directions = np.tile(fibonacci_directions(_DIRECTIONS), (len(rows), 1))
     traced = tracer.trace(path.t[rows].repeat(_DIRECTIONS), origins, directions)
     distance = traced.distance.reshape(len(rows), _DIRECTIONS).min(axis=1)
     nearest = int(np.argmin(distance))

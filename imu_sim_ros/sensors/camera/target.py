@@ -100,7 +100,7 @@ def target_warning(parameters: SceneParameters, view: View, trajectory: Trajecto
     ]
 
 
-def suiting(
+def suit_board_and_motion(
     views: Sequence[View],
     motion: TrajectoryParameters,
     scene: SceneParameters,

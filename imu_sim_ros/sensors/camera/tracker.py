@@ -17,7 +17,7 @@ from imu_sim_ros.core.random_streams import generator
 from imu_sim_ros.core.types import Array, Mask, shapes
 from imu_sim_ros.places.bodies import MovingBody
 from imu_sim_ros.sensors.camera.scene import Scene
-from imu_sim_ros.sensors.camera.view import CameraPoses, Frames, View, in_camera
+from imu_sim_ros.sensors.camera.view import CameraPoses, Frames, View, transform_to_camera
 from imu_sim_ros.trajectory.motion import Trajectory
 
 Rows = NDArray[np.int64]
@@ -227,7 +227,7 @@ class Tracker:
         """Return frames and rows of all points within the depths, and the points in the camera."""
         p = self.view.parameters
         count = len(points)
-        local = in_camera(
+        local = transform_to_camera(
             CameraPoses(poses.position[:, None], poses.q_wc[:, None]), points[None]
         ).reshape(-1, 3)
         in_range = np.flatnonzero((local[:, 2] > p.min_depth) & (local[:, 2] < p.max_depth))
@@ -245,7 +245,7 @@ class Tracker:
         for _ in range(_SHUTTER_STEPS):
             shift = p.row_time * (uv[:, 1] - 0.5 * (model.height - 1))
             poses = self._poses(t + shift, body)
-            local = in_camera(poses, points)
+            local = transform_to_camera(poses, points)
             uv, valid = model.project(local)
         depth = local[:, 2]
         visible = valid & model.inside(uv, p.border) & (depth > p.min_depth) & (depth < p.max_depth)

@@ -128,7 +128,7 @@ LANDMARKS: Final[Sensor[RigParameters]] = Sensor(
 )
 
 
-def moving_body(name: str) -> Sensor[RigParameters]:
+def moving_body_truth(name: str) -> Sensor[RigParameters]:
     """Return the true motion of a body of a scene as a sensor."""
     topic = f"{BODIES_TOPIC}/{name}"
     return Sensor(

@@ -127,6 +127,6 @@ def view_of(
     return View(mounted.name, mounted.parameters, seed, world.t0_ns, duration)
 
 
-def in_camera(poses: CameraPoses, points: Array) -> Array:
+def transform_to_camera(poses: CameraPoses, points: Array) -> Array:
     """Return points (n, 3) of the world in the camera's frame, each by the pose of its row."""
     return rotation.rotate_inverse(poses.q_wc, points - poses.position)

@@ -50,7 +50,7 @@ def _constants(cls: type) -> tuple[_Constant, ...]:
     )
 
 
-def with_constants(section: _Section, sensor: str, seed: Seed) -> _Section:
+def add_constants(section: _Section, sensor: str, seed: Seed) -> _Section:
     """Return a section of parameters with the drawn part of each constant added.
 
     Each constant has a stream of its own per axis, so that adding one changes no other.
@@ -81,22 +81,22 @@ def _fields(seed: Seed, **values: Array) -> Keywords:
     """Return values of parameters: tuples for one unit, arrays (count, k) for those of a batch."""
     if not np.ndim(seed):
         return {name: tuple(np.ravel(value).tolist()) for name, value in values.items()}
-    return {name: of_each(value, np.shape(seed)) for name, value in values.items()}
+    return {name: broadcast_to_units(value, np.shape(seed)) for name, value in values.items()}
 
 
-def of_each(value: Array, shape: tuple[int, ...]) -> Array:
+def broadcast_to_units(value: Array, shape: tuple[int, ...]) -> Array:
     """Return values (k,) or (count, k) as those of each unit (count, k), without a copy."""
     return value if value.ndim > 1 else np.broadcast_to(value, (*shape, len(value)))
 
 
-def unit_of_seed(parameters: TriadParameters, triad: str, seed: Seed) -> TriadParameters:
+def realise_unit(parameters: TriadParameters, triad: str, seed: Seed) -> TriadParameters:
     """Return the triad with the drawn part of each constant added and nothing left to draw.
 
-    The turn-on bias and scale differ from run to run: :func:`with_turn_on`.
+    The turn-on bias and scale differ from run to run: :func:`include_turn_on`.
 
     :param triad: name of the triad, as in the streams' names.
     """
-    p = with_constants(parameters, triad, seed)
+    p = add_constants(parameters, triad, seed)
     if not (np.ndim(seed) or is_set(p.misalignment_sigma)):
         return p
     matrix = p.response()
@@ -113,7 +113,7 @@ def unit_of_seed(parameters: TriadParameters, triad: str, seed: Seed) -> TriadPa
     return dataclasses.replace(p, **changed)
 
 
-def with_turn_on(section: Any, sensor: str, seed: int, axes: Array | None = None) -> Any:
+def include_turn_on(section: Any, sensor: str, seed: int, axes: Array | None = None) -> Any:
     """Return a section with the turn-on bias and scale included, and none left to draw.
 
     With parts c of the scale by temperature and age, ``(1 + s + c) (S x + ...)`` becomes
@@ -137,14 +137,14 @@ def with_turn_on(section: Any, sensor: str, seed: int, axes: Array | None = None
     return dataclasses.replace(section, **changed)
 
 
-def realised_triad(parameters: TriadParameters, triad: str, seed: int) -> TriadParameters:
+def realise_triad(parameters: TriadParameters, triad: str, seed: int) -> TriadParameters:
     """Return the triad of a seed with nothing left to draw but the noise."""
-    p = unit_of_seed(parameters, triad, seed)
-    p = dataclasses.replace(p, **as_matrix(p.response()))
-    return with_turn_on(p, triad, seed)
+    p = realise_unit(parameters, triad, seed)
+    p = dataclasses.replace(p, **matrix_parameters(p.response()))
+    return include_turn_on(p, triad, seed)
 
 
-def realised_imu(imu: ImuParameters, seed: int) -> ImuParameters:
+def realise_imu(imu: ImuParameters, seed: int) -> ImuParameters:
     """Return the IMU of this seed with nothing left to draw but the noise.
 
     Constants that differ from unit to unit are drawn. A turn-on bias is added to the constant one.
@@ -154,7 +154,7 @@ def realised_imu(imu: ImuParameters, seed: int) -> ImuParameters:
     Readings of the result differ from those of the seed by rounding only.
     """
     realised: Keywords = {
-        **{name: realised_triad(imu.triad(name), name, seed) for name in TRIADS},
+        **{name: realise_triad(imu.triad(name), name, seed) for name in TRIADS},
         "sensors": {
             sensor.name: sensor.realised(imu.sensors[sensor.name], seed, sensor.name)
             for sensor in sensors_of_imus()
@@ -163,7 +163,7 @@ def realised_imu(imu: ImuParameters, seed: int) -> ImuParameters:
     return dataclasses.replace(imu, **realised)
 
 
-def as_matrix(response: Array) -> Keywords:
+def matrix_parameters(response: Array) -> Keywords:
     """Return parameters that state S (3, 3) as a matrix, without percent forms."""
     return {
         "scale_misalignment": tuple(np.ravel(response).tolist()),

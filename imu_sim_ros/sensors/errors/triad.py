@@ -330,7 +330,7 @@ class Triad:
         """Apply new values of live parameters, from the next sample on.
 
         :param parameters: the constants of the unit, or of the units of a batch, are drawn
-            (:func:`unit_of_seed`).
+            (:func:`realise_unit`).
         """
         self._parameters = parameters
         self._response, self._digitiser = Response(parameters), Digitiser(parameters)
@@ -451,7 +451,7 @@ class Triad:
                 faults.hold(self._name, start, reading, previous)
             if len(reading):
                 self._last = reading[-1].copy()
-        return reading_of(
+        return assemble_reading(
             reading, Additions(scale, bias, noise), response_error, low_pass, vibration
         )
 
@@ -509,7 +509,7 @@ class Triad:
         return bias + np.repeat(jumps, self._ratio, axis=0)
 
 
-def reading_of(
+def assemble_reading(
     reading: Array,
     additions: Additions,
     response_error: Array | None,

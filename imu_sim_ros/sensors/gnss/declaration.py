@@ -20,7 +20,7 @@ from imu_sim_ros.sensors.declaration import (
     SensorReadings,
     Serial,
     Switch,
-    on_demand,
+    import_on_call,
     topic,
 )
 from imu_sim_ros.sensors.gnss.parameters import GnssParameters
@@ -41,8 +41,8 @@ _UNITS: Final = (
 )
 
 
-_sentences: Final = on_demand("imu_sim_ros.sensors.gnss.nmea", "sentences")
-_rinex: Final = on_demand("imu_sim_ros.sensors.gnss.rinex_files", "RinexFiles")
+_sentences: Final = import_on_call("imu_sim_ros.sensors.gnss.nmea", "sentences")
+_rinex: Final = import_on_call("imu_sim_ros.sensors.gnss.rinex_files", "RinexFiles")
 
 
 @dataclass(frozen=True, repr=False)
@@ -169,7 +169,7 @@ SENSOR: Final[Sensor[GnssParameters]] = Sensor(
     name="gnss",
     quantity="gnss",
     section=GnssParameters,
-    model=on_demand("imu_sim_ros.sensors.gnss.model", "Receiver"),
+    model=import_on_call("imu_sim_ros.sensors.gnss.model", "Receiver"),
     topics=(
         topic(TOPIC, *FIX, _fix),
         topic(
@@ -223,5 +223,5 @@ SENSOR: Final[Sensor[GnssParameters]] = Sensor(
         Serial(lambda parameters: str(parameters.nmea), _sentences),
     ),
     presets="gnss",
-    warnings=on_demand("imu_sim_ros.sensors.gnss.model", "nowhere"),
+    warnings=import_on_call("imu_sim_ros.sensors.gnss.model", "nowhere"),
 )

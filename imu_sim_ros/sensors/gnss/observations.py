@@ -80,7 +80,9 @@ def klobuchar(
     return LIGHT * slant * (5e-9 + np.where(np.abs(x) < 1.57, day, 0.0))
 
 
-def saastamoinen(latitude: Array, height: Array, elevation: Array, humidity: float = 0.7) -> Array:
+def saastamoinen_delay(
+    latitude: Array, height: Array, elevation: Array, humidity: float = 0.7
+) -> Array:
     """Return tropospheric delays (n, k) [m] in the standard atmosphere (Saastamoinen, 1972).
 
     The form and the constants are those of RTKLIB's manual, E.5 (1); at most 1e4 m high.
@@ -296,7 +298,7 @@ class Observer:
             angles = (antenna_motion.latitude, antenna_motion.longitude)
             ionosphere = klobuchar(self._start, t, angles, look, self._ion)
         if p.troposphere:
-            troposphere = saastamoinen(
+            troposphere = saastamoinen_delay(
                 antenna_motion.latitude, antenna_motion.height, visible_ranges.elevation
             )
         return ionosphere, troposphere

@@ -173,7 +173,7 @@ def almanac(week: int, toe: float) -> Ephemerides:
     }
     # The clocks drift on from one reference time to the next, from zero at the start of the week.
     values["af0"] = values["af0"] + values["af1"] * toe
-    rounded = {name: as_written(value) for name, value in values.items()}
+    rounded = {name: round_to_rinex(value) for name, value in values.items()}
     zeros = {name: zero for name in Ephemerides._fields if name not in rounded}
     whole = {
         "prn": k + 1,
@@ -183,6 +183,6 @@ def almanac(week: int, toe: float) -> Ephemerides:
     return Ephemerides(**{**zeros, **rounded, **whole, "toe": zero + toe, "toc": zero + toe})
 
 
-def as_written(values: Array) -> Array:
+def round_to_rinex(values: Array) -> Array:
     """Return numbers as RINEX holds them, with 13 digits."""
     return np.array([float(f"{value:.12e}") for value in values])

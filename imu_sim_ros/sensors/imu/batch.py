@@ -19,7 +19,7 @@ from imu_sim_ros.core.types import Array, Integers, Mask
 from imu_sim_ros.sensors.barometer.model import NAME as BAROMETER
 from imu_sim_ros.sensors.barometer.model import Gusts, gusts, read_pressures
 from imu_sim_ros.sensors.environment import EnvironmentParameters
-from imu_sim_ros.sensors.errors.realised import with_constants
+from imu_sim_ros.sensors.errors.realised import add_constants
 from imu_sim_ros.sensors.imu.parameters import ImuParameters
 from imu_sim_ros.sensors.imu.units import AHEAD, Spread, Triads, UnitsOfBatch, check_alike
 from imu_sim_ros.sensors.magnetometer.model import NAME as MAGNETOMETER
@@ -183,7 +183,7 @@ class MagnetometerBatch:
         seeds = self._units.unit_seeds[units].tolist()
         once = cache(iron)  # most presets have nothing near, or the same for all units
         irons = [
-            once(with_constants(section, MAGNETOMETER, seed))
+            once(add_constants(section, MAGNETOMETER, seed))
             for section, seed in zip(self._units.magnetometers(units), seeds, strict=True)
         ]
         return Iron(*(np.stack(parts) for parts in zip(*irons, strict=True)))

@@ -26,7 +26,7 @@ from imu_sim_ros.sensors.declaration import (
     Sensor,
     Topic,
     WithImu,
-    on_demand,
+    import_on_call,
     topic,
 )
 from imu_sim_ros.sensors.errors.triad import variance_discrete
@@ -109,7 +109,7 @@ SENSOR: Final[Sensor[ImuParameters]] = Sensor(
     quantity=NAME,
     section=ImuParameters,
     with_imu=WithImu(),
-    model=on_demand("imu_sim_ros.sensors.imu.model", "Imu"),
+    model=import_on_call("imu_sim_ros.sensors.imu.model", "Imu"),
     topics=(
         Topic(IMU_TOPIC, TYPE, (), readings),
         topic(
@@ -133,5 +133,5 @@ SENSOR: Final[Sensor[ImuParameters]] = Sensor(
     readings=ImuReadings,
     faulty_parts=TRIADS,
     text="gyroscope and accelerometer",
-    warnings=on_demand("imu_sim_ros.sensors.imu.model", "exceeded"),
+    warnings=import_on_call("imu_sim_ros.sensors.imu.model", "range_warnings"),
 )

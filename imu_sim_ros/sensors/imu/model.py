@@ -18,20 +18,20 @@ from imu_sim_ros.core.records import LiveReading
 from imu_sim_ros.core.types import Array, Times
 from imu_sim_ros.sensors.declaration import Mounted
 from imu_sim_ros.sensors.deferred import ValuesOnDemand
-from imu_sim_ros.sensors.errors.realised import unit_of_seed
+from imu_sim_ros.sensors.errors.realised import realise_unit
 from imu_sim_ros.sensors.errors.terms import Surroundings
 from imu_sim_ros.sensors.errors.triad import (
     Additions,
     NumberAdditions,
     Reading,
     Triad,
-    reading_of,
+    assemble_reading,
 )
 from imu_sim_ros.sensors.faults import Fault
 from imu_sim_ros.sensors.imu import vibration
 from imu_sim_ros.sensors.imu.ideal import IdealImu, Quadrature, quadrature
 from imu_sim_ros.sensors.imu.parameters import ImuParameters
-from imu_sim_ros.sensors.samples import Samples, joined
+from imu_sim_ros.sensors.samples import Samples, join_samples
 from imu_sim_ros.sensors.timing import SampleTiming
 from imu_sim_ros.sensors.world import Window, World
 from imu_sim_ros.trajectory.motion import Motion
@@ -106,7 +106,7 @@ class Imu:
         """
         self._reference_temperature = imu.reference_temperature
         for name, triad in zip(TRIADS, self._triads, strict=True):
-            triad.configure(unit_of_seed(imu.triad(name), name, self._seed))
+            triad.configure(realise_unit(imu.triad(name), name, self._seed))
         follows = any(triad.follows_force for triad in self._triads)
         self._made_ahead = self._ratio == 1 and not follows
         """True if the additive errors can be drawn before the readings exist."""
@@ -158,7 +158,7 @@ class Imu:
                 parts.append(
                     self.apply(true_t_ns[rows], part_motion, gyro[rows], accel[rows], world)
                 )
-            self.latest = joined(parts)
+            self.latest = join_samples(parts)
             return self.latest
         if remaining > 0:
             rows = slice(start - self._ahead.start, start - self._ahead.start + count)
@@ -362,14 +362,14 @@ def _truth(
     """
     for k, (values, added) in enumerate(zip(samples, ahead.additions, strict=True)):
         errors = [error for _, error in results[k::2] if error is not None]
-        yield from reading_of(values, added.at(rows), np.array(errors) if errors else None)
+        yield from assemble_reading(values, added.at(rows), np.array(errors) if errors else None)
     yield ahead.temperature[rows]
     yield np.array([reading[1] for reading in readings])
     yield np.array([reading[2] for reading in readings])
     yield motion
 
 
-def exceeded(mounted: Mounted[ImuParameters], world: World, duration: float) -> list[str]:
+def range_warnings(mounted: Mounted[ImuParameters], world: World, duration: float) -> list[str]:
     """Return a line for each triad whose range the motion exceeds when it is read.
 
     At most the first hour is examined, at 100,000 times or fewer.

@@ -74,7 +74,7 @@ def sensor_layer(
     """
     if Path(name_or_file.partition("#")[0]).suffix.lower() in _OF_MODELS:
         try:
-            return dict(sdf.read(name_or_file, rate=rate).parameters)
+            return dict(sdf.read_model(name_or_file, rate=rate).parameters)
         except InputError as error:
             raise ConfigurationError(error.problems) from None
     result: dict[str, object] = {}

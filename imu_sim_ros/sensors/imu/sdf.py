@@ -131,7 +131,7 @@ class _Part(NamedTuple):
                 )
 
 
-def read(path: str | Path, sensor: str | None = None, rate: object = None) -> Described:
+def read_model(path: str | Path, sensor: str | None = None, rate: object = None) -> Described:
     """Return the IMU of a model; elements without an effect in Gazebo are remarks.
 
     :param path: path of the file, or ``FILE#SENSOR``.

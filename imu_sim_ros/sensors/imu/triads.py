@@ -400,7 +400,7 @@ class TriadsParameters:
     def triad(self, name: str) -> TriadParameters:
         """Return the errors of one triad, or of another sensor with the IMU as if it were one."""
         section: object = getattr(self, name)
-        return section if isinstance(section, TriadParameters) else as_triad(section)
+        return section if isinstance(section, TriadParameters) else to_triad(section)
 
     def processes(self, shortest: float) -> list[tuple[int, float, float]]:
         """Return the Gauss-Markov biases, and the processes whose sum is 1/f noise.
@@ -448,7 +448,7 @@ class TriadsParameters:
         return [term for term in terms if term[2] > 0.0]
 
 
-def as_in_triads(name: str, unit_texts: Mapping[str, str], **changed: object) -> Any:
+def triad_field(name: str, unit_texts: Mapping[str, str], **changed: object) -> Any:
     """Describe a parameter of another sensor that is one of the triads'.
 
     :param unit_texts: what stands for ``{triad}``, ``{unit}``, ... in text and unit.
@@ -466,7 +466,7 @@ def names_as_in_triads(cls: type) -> list[str]:
     return [field.name for field in dataclasses.fields(cls) if _OF_A_TRIAD in field.metadata]
 
 
-def as_triad(sensor: object) -> TriadParameters:
+def to_triad(sensor: object) -> TriadParameters:
     """Return the errors of another sensor that are those of a triad.
 
     Those of a sensor that measures a single number are those of the first axis.

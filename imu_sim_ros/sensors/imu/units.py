@@ -19,7 +19,7 @@ from imu_sim_ros.parameters.kinds import Parameter
 from imu_sim_ros.parameters.sections import parameters as declared
 from imu_sim_ros.sensors.environment import EnvironmentParameters
 from imu_sim_ros.sensors.errors.processes import FLICKER_CHUNK
-from imu_sim_ros.sensors.errors.realised import of_each, unit_of_seed
+from imu_sim_ros.sensors.errors.realised import broadcast_to_units, realise_unit
 from imu_sim_ros.sensors.errors.terms import Surroundings, is_constant
 from imu_sim_ros.sensors.errors.triad import Additions, Triad
 from imu_sim_ros.sensors.imu.parameters import ImuParameters
@@ -108,7 +108,7 @@ class UnitsOfBatch:
         width = max(len(row) for row in rows)
         table = np.stack([np.pad(row, (0, width - len(row))) for row in rows])
         alike = bool((table == table[0]).all())
-        values = of_each(table[0], which.shape) if alike else table[which]
+        values = broadcast_to_units(table[0], which.shape) if alike else table[which]
         spread = self._spread.get(name)
         if spread is None:
             return values
@@ -205,7 +205,7 @@ class Triads:
         for name in names:
             parameters = units.triad(name, slice(None))
             self._triads[name] = Triad(name, units.imus[0], units.seeds, section.rate)
-            self._triads[name].configure(unit_of_seed(parameters, name, units.unit_seeds))
+            self._triads[name].configure(realise_unit(parameters, name, units.unit_seeds))
         self._ahead = {name: Additions(None, _room(count), None) for name in names}
         self._make_others = dict(sources or {})
         self._others = {name: np.empty((AHEAD, count)) for name in self._make_others}
@@ -238,7 +238,7 @@ class Triads:
         seeds = self._units.unit_seeds[units]
         for name, triad in self._triads.items():
             renewed_parameters = (
-                unit_of_seed(self._units.triad(name, units), name, seeds) if renewed else None
+                realise_unit(self._units.triad(name, units), name, seeds) if renewed else None
             )
             triad.begin(units, renewed_parameters)
         self._index[units] = 0

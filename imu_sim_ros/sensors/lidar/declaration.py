@@ -19,7 +19,7 @@ from imu_sim_ros.sensors.declaration import (
     Sensor,
     SensorReadings,
     Topic,
-    on_demand,
+    import_on_call,
 )
 from imu_sim_ros.sensors.lidar.layouts import LAYOUTS, Cloud, custom_points
 from imu_sim_ros.sensors.lidar.parameters import LidarParameters
@@ -163,21 +163,21 @@ SENSOR: Final[Sensor[LidarParameters]] = Sensor(
     name="lidar",
     quantity="lidar",
     section=LidarParameters,
-    model=on_demand(_MODEL, "Lidar"),
+    model=import_on_call(_MODEL, "Lidar"),
     topics=(
         _topic(TOPIC, _CLOUD, _points),
         _topic(CUSTOM_TOPIC, _CUSTOM, _custom, foreign=True),
         _topic("ground_truth/points", _CLOUD, _truth, truth=True),
     ),
     readings=LidarReadings,
-    realised=on_demand(_MODEL, "realised_lidar"),
+    realised=import_on_call(_MODEL, "realise_lidar"),
     sees=True,
-    in_sight=on_demand(_MODEL, "in_sight"),
+    in_sight=import_on_call(_MODEL, "visibility_mask"),
     text="LiDAR scans, each ray cast from the sensor's pose at its time, with range errors",
     outputs=NativeOutputs(
         Companions(
             lambda parameters: ("_scans",) if parameters.files != "none" else (),
-            on_demand("imu_sim_ros.sensors.lidar.files", "ScanFiles"),
+            import_on_call("imu_sim_ros.sensors.lidar.files", "ScanFiles"),
         )
     ),
     presets="lidar",

@@ -55,7 +55,7 @@ _UPRIGHT: Final = 1e-12
 """Least square of the horizontal part of a direction for which it has an azimuth."""
 
 
-def drawn_rings(p: LidarParameters, seed: int, name: str, rings: int) -> tuple[Array, Array]:
+def draw_ring_errors(p: LidarParameters, seed: int, name: str, rings: int) -> tuple[Array, Array]:
     """Return the constant errors (rings,) of ranges [m] and of elevations [deg].
 
     :param name: name of the sensor.
@@ -75,17 +75,17 @@ def drawn_rings(p: LidarParameters, seed: int, name: str, rings: int) -> tuple[A
     return per_ring[0], per_ring[1]
 
 
-def realised_lidar(p: LidarParameters, seed: int, name: str) -> LidarParameters:
+def realise_lidar(p: LidarParameters, seed: int, name: str) -> LidarParameters:
     """Return the parameters with the constant errors of a seed.
 
     :param name: name of the sensor.
     """
     rings = p.rings or int(build_pattern(p).ring.max()) + 1
-    bias, error_deg = (tuple(column.tolist()) for column in drawn_rings(p, seed, name, rings))
+    bias, error_deg = (tuple(column.tolist()) for column in draw_ring_errors(p, seed, name, rings))
     return dataclasses.replace(p, ring_bias=bias, ring_elevation_error_deg=error_deg)
 
 
-def in_sight(mounted: Mounted[LidarParameters], world: World, t: Array) -> Mask:
+def visibility_mask(mounted: Mounted[LidarParameters], world: World, t: Array) -> Mask:
     """Return at which times (n,) [s] a scan of a LiDAR that starts then has a point.
 
     A share of the rays is traced first, and all of them where none of these returns.
@@ -128,7 +128,7 @@ class Lidar(SensorModel[LidarParameters]):
         self._streams: dict[str, Generator] = {}
         self._targets: Targets | None = None
         rings, ring = int(self._pattern.ring.max()) + 1, self._pattern.ring
-        bias, error_deg = drawn_rings(p, mounted.environment.seed, self.name, rings)
+        bias, error_deg = draw_ring_errors(p, mounted.environment.seed, self.name, rings)
         self._bias, self._tilt = bias[ring], np.radians(error_deg)[ring]
 
     def measure(self, t: Array, world: World) -> Mapping[str, Array]:

@@ -13,7 +13,7 @@ from imu_sim_ros.core.conventions import Vector
 from imu_sim_ros.core.gate import FIELD
 from imu_sim_ros.core.types import Array
 from imu_sim_ros.inputs.tables import Encode, Table
-from imu_sim_ros.sensors.declaration import Sensor, SensorReadings, WithImu, on_demand, topic
+from imu_sim_ros.sensors.declaration import Sensor, SensorReadings, WithImu, import_on_call, topic
 from imu_sim_ros.sensors.imu.parameters import ImuParameters
 from imu_sim_ros.sensors.magnetometer.parameters import MagnetometerParameters, MagnetometerSwitches
 from imu_sim_ros.sensors.recorded import RecordedSamples, read_samples
@@ -58,9 +58,9 @@ def _realise(parameters: MagnetometerParameters, seed: int, _: str) -> Magnetome
     """Return the parameters with the errors drawn for this unit."""
     if parameters == MagnetometerParameters():
         return parameters
-    from imu_sim_ros.sensors.magnetometer.model import realised_magnetometer
+    from imu_sim_ros.sensors.magnetometer.model import realise_magnetometer
 
-    return realised_magnetometer(parameters, seed)
+    return realise_magnetometer(parameters, seed)
 
 
 def _unit_hint(field: Array) -> str:
@@ -95,7 +95,7 @@ SENSOR: Final[Sensor[ImuParameters]] = Sensor(
     quantity="magnetic_field",
     section=MagnetometerParameters,
     with_imu=WithImu(MagnetometerSwitches, _unit_hint),
-    model=on_demand("imu_sim_ros.sensors.magnetometer.model", "Magnetometer"),
+    model=import_on_call("imu_sim_ros.sensors.magnetometer.model", "Magnetometer"),
     topics=(
         topic(
             *(TOPIC, TYPE, "MagneticFieldEncoder"),

@@ -14,7 +14,7 @@ from imu_sim_ros.core.rotation import rotate, rotate_inverse, transform
 from imu_sim_ros.core.types import Array
 from imu_sim_ros.sensors.declaration import Mounted
 from imu_sim_ros.sensors.environment import EnvironmentParameters
-from imu_sim_ros.sensors.errors.realised import with_constants, with_turn_on
+from imu_sim_ros.sensors.errors.realised import add_constants, include_turn_on
 from imu_sim_ros.sensors.errors.triad import Additions, Triad
 from imu_sim_ros.sensors.faults import FaultSchedule
 from imu_sim_ros.sensors.imu.parameters import ImuParameters
@@ -109,13 +109,13 @@ def world_magnetic_model(environment: EnvironmentParameters) -> Array:
 NAME: Final = "magnetometer"
 
 
-def realised_magnetometer(parameters: MagnetometerParameters, seed: int) -> MagnetometerParameters:
+def realise_magnetometer(parameters: MagnetometerParameters, seed: int) -> MagnetometerParameters:
     """Return the magnetometer of this seed, without random constants left.
 
     A turn-on scale s multiplies the whole field at the sensor's axes, with iron and currents.
     """
-    p = with_constants(parameters, NAME, seed)
-    return with_turn_on(p, NAME, seed, rotation.to_matrix(rotation.exp(p.misalignment)))
+    p = add_constants(parameters, NAME, seed)
+    return include_turn_on(p, NAME, seed, rotation.to_matrix(rotation.exp(p.misalignment)))
 
 
 class Iron(NamedTuple):
@@ -189,7 +189,7 @@ class Magnetometer(SensorWithImu):
         self.earth_w = self._field.earth_w
         """(3,) the Earth's field in the world [T]."""
         self._r_ib = np.reshape(imu.mounting, (3, 3)).T
-        self._iron = iron(with_constants(self.parameters, NAME, environment.seed))
+        self._iron = iron(add_constants(self.parameters, NAME, environment.seed))
 
     def ideal(self, t: Array, world: World) -> Array:
         """Return the field in the IMU's axes (n, 3) [T]."""

@@ -24,7 +24,7 @@ from imu_sim_ros.parameters.kinds import (
     numbers,
     vector,
 )
-from imu_sim_ros.sensors.imu.triads import as_in_triads, invertible_problems
+from imu_sim_ros.sensors.imu.triads import invertible_problems, triad_field
 from imu_sim_ros.sensors.parameters import OwnRateParameters
 
 _TEXTS: Final = {"triad": "magnetometer", "unit": "T", "change": "T/s", "quantity": "field"}
@@ -83,16 +83,16 @@ class MagnetometerParameters(OwnRateParameters):
         unit="s, A",
         group=2,
     )
-    noise_density: Vector = as_in_triads("noise_density", _TEXTS)
-    random_walk: Vector = as_in_triads("random_walk", _TEXTS)
-    bias_instability: Vector = as_in_triads("bias_instability", _TEXTS)
-    bias: Vector = as_in_triads("bias", _TEXTS, text="offset of the sensor itself, in its own axes")
-    turn_on_bias_sigma: Vector = as_in_triads("turn_on_bias_sigma", _TEXTS)
-    turn_on_scale_sigma: Vector = as_in_triads("turn_on_scale_sigma", _TEXTS)
-    temperature_bias: tuple[float, ...] = as_in_triads("temperature_bias", _TEXTS)
-    temperature_scale: tuple[float, ...] = as_in_triads("temperature_scale", _TEXTS)
-    range: Vector = as_in_triads("range", _TEXTS)
-    resolution: Vector = as_in_triads("resolution", _TEXTS)
+    noise_density: Vector = triad_field("noise_density", _TEXTS)
+    random_walk: Vector = triad_field("random_walk", _TEXTS)
+    bias_instability: Vector = triad_field("bias_instability", _TEXTS)
+    bias: Vector = triad_field("bias", _TEXTS, text="offset of the sensor itself, in its own axes")
+    turn_on_bias_sigma: Vector = triad_field("turn_on_bias_sigma", _TEXTS)
+    turn_on_scale_sigma: Vector = triad_field("turn_on_scale_sigma", _TEXTS)
+    temperature_bias: tuple[float, ...] = triad_field("temperature_bias", _TEXTS)
+    temperature_scale: tuple[float, ...] = triad_field("temperature_scale", _TEXTS)
+    range: Vector = triad_field("range", _TEXTS)
+    resolution: Vector = triad_field("resolution", _TEXTS)
 
     def response_and_bias(self) -> tuple[Array, Array]:
         """Return M (3, 3) and b (3,) [T] of ``reading = M B + b``, both in the sensor's axes.

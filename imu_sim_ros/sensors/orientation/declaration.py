@@ -17,7 +17,7 @@ from imu_sim_ros.sensors.declaration import (
     SensorReadings,
     Topic,
     WithImu,
-    on_demand,
+    import_on_call,
 )
 from imu_sim_ros.sensors.imu.declaration import readings
 from imu_sim_ros.sensors.imu.parameters import ImuParameters
@@ -70,7 +70,7 @@ SENSOR: Final[Sensor[ImuParameters]] = Sensor(
     quantity="orientation",
     section=OrientationParameters,
     with_imu=WithImu(OrientationSwitches),
-    model=on_demand("imu_sim_ros.sensors.orientation.model", "Orientation"),
+    model=import_on_call("imu_sim_ros.sensors.orientation.model", "Orientation"),
     topics=(Topic(TOPIC, TYPE, ("orientation",), _readings),),
     table=TABLE,
     values=lambda samples: samples.q_wi,

@@ -14,7 +14,7 @@ from imu_sim_ros.core.types import Array
 from imu_sim_ros.sensors.declaration import Model, Mounted
 from imu_sim_ros.sensors.environment import EnvironmentParameters
 from imu_sim_ros.sensors.errors.processes import GaussMarkovBank
-from imu_sim_ros.sensors.errors.realised import realised_imu
+from imu_sim_ros.sensors.errors.realised import realise_imu
 from imu_sim_ros.sensors.imu.model import Imu
 from imu_sim_ros.sensors.imu.parameters import ImuParameters
 from imu_sim_ros.sensors.magnetometer.model import Magnetometer
@@ -87,7 +87,7 @@ class FilteredOrientation:
         )
         self._variance = np.square(p.stated_sigma)
         self._last_ns = np.empty(0, np.int64)
-        unit = realised_imu(imu, environment.seed)
+        unit = realise_imu(imu, environment.seed)
         self._corrections = [_Correction(np.eye(3), np.zeros(3))] * 3
         if p.calibrated:
             self._corrections = [

@@ -17,7 +17,7 @@ from imu_sim_ros.sensors.declaration import (
     Sensor,
     SensorReadings,
     Topic,
-    on_demand,
+    import_on_call,
     topic,
 )
 from imu_sim_ros.sensors.samples import Rows, Samples
@@ -148,7 +148,7 @@ SENSOR: Final[Sensor[WheelsParameters]] = Sensor(
     name="wheels",
     quantity="wheels",
     section=WheelsParameters,
-    model=on_demand(_MODEL, "Odometer"),
+    model=import_on_call(_MODEL, "Odometer"),
     topics=(
         _odometry(TOPIC),
         _joints("joint_states", "angle", "speed"),
@@ -172,8 +172,8 @@ SENSOR: Final[Sensor[WheelsParameters]] = Sensor(
         [samples.pose, samples.twist, np.diagonal(samples.covariance, axis1=1, axis2=2)]
     ),
     readings=WheelsReadings,
-    realised=on_demand(_MODEL, "realised_wheels"),
+    realised=import_on_call(_MODEL, "realise_wheels"),
     text="encoders with slip and errors of radii and base, and odometry from them",
-    warnings=on_demand(_MODEL, "unmeasured_motion"),
+    warnings=import_on_call(_MODEL, "warn_unmeasured_motion"),
     presets="wheels",
 )

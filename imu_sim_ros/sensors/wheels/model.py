@@ -50,7 +50,7 @@ def wheel_positions(model: str, track: float, wheelbase: float) -> Array:
     return np.array([[end * wheelbase, side * track, 0.0] for end in ends for side in (0.5, -0.5)])
 
 
-def realised_wheels(p: WheelsParameters, seed: int, name: str) -> WheelsParameters:
+def realise_wheels(p: WheelsParameters, seed: int, name: str) -> WheelsParameters:
     """Return the wheels of a seed, with its true radii, distances and offset.
 
     :param name: name of the wheels among the sensors.
@@ -98,7 +98,7 @@ class Odometer(SensorModel[WheelsParameters]):
         name, environment, p = mounted.name, mounted.environment, self.parameters
         seed = environment.seed
         self._dt = 1.0 / p.rate
-        self._unit = realised_wheels(p, seed, name)
+        self._unit = realise_wheels(p, seed, name)
         self._rims = rim_speeds(p.model, self._unit.true_base[0], self._unit.true_base[1])
         nominal_rims = rim_speeds(p.model, p.track, p.wheelbase)
         self._to_twist, self._to_true_twist = (
@@ -293,7 +293,7 @@ class Odometer(SensorModel[WheelsParameters]):
         return poses
 
 
-def unmeasured_motion(
+def warn_unmeasured_motion(
     mounted: Mounted[WheelsParameters], world: World, duration: float
 ) -> list[str]:
     """Return a line with the unmeasured motion, if it is not that of such a vehicle."""

@@ -38,7 +38,7 @@ def rows_times(matrix: Array, rows: Array) -> Array:
     return products
 
 
-def spread_normals(pairs: int, count: int) -> Array:
+def even_normals(pairs: int, count: int) -> Array:
     """Return columns (count, 2 pairs) of evenly spread standard normals, in opposite pairs.
 
     Their mean is 0, and their covariance is 1. They follow Kronecker's sequence in as many
@@ -76,7 +76,7 @@ class StatedCovariance:
         )
         self._constants: Array | None = None
         if constants.any():
-            drawn = constants[:, None] * spread_normals(_PAIRS, len(constants))
+            drawn = constants[:, None] * even_normals(_PAIRS, len(constants))
             # The first vehicle is that of the readings, without errors.
             self._constants = np.insert(drawn, 0, 0.0, axis=1)
         self._vehicles = np.zeros((3, 1 + 2 * _PAIRS))

@@ -15,7 +15,7 @@ import imu_sim_ros as ims
 from imu_sim_ros.commands import convert_bag, generate
 from imu_sim_ros.commands.evaluate import main
 from imu_sim_ros.core import rotation
-from imu_sim_ros.navigation.evaluation import tilt_and_heading
+from imu_sim_ros.navigation.evaluation import tilt_and_heading_errors
 
 RATE, DURATION = 200.0, 10.0
 FOUR_SIGMA = 4.0 / math.sqrt(2.0 * RATE * DURATION)
@@ -176,6 +176,6 @@ def test_tilt_and_heading_are_those_of_two_turns() -> None:
     estimate = rotation.normalise(random.standard_normal((n, 4)))
     truth = rotation.multiply(rotation.conjugate(rotation.multiply(swing, turn)), estimate)
     for sign in (1.0, -1.0):
-        errors = tilt_and_heading(sign * estimate, truth)
+        errors = tilt_and_heading_errors(sign * estimate, truth)
         np.testing.assert_allclose(errors[0], tilt, atol=1e-7)
         np.testing.assert_allclose(errors[1], heading, atol=1e-7)

@@ -23,8 +23,8 @@ from imu_sim_ros.commands import generate
 from imu_sim_ros.core import conventions
 from imu_sim_ros.sensors.camera.features import FeatureStream
 from imu_sim_ros.simulation.parameters import load_simulation
-from imu_sim_ros.simulation.sensors import mounted
-from imu_sim_ros.simulation.topics import offered
+from imu_sim_ros.simulation.sensors import mount_sensors
+from imu_sim_ros.simulation.topics import sensor_topics
 from imu_sim_ros.trajectory.parameters import trajectory_layer
 
 STORE = get_typestore(Stores.ROS2_JAZZY)
@@ -321,8 +321,8 @@ def test_the_topics_of_a_rig_follow_its_parameters():
         "left.camera.frame": "eye",
     }
     lens = {"right.camera.lever_arm": [0.0, 0.1, 0.0]}
-    sensors = mounted(load_simulation({"cameras": ["left", "right"], **settings, **lens}))
-    assert [n for n, topic in offered(sensors).items() if topic.mounted.sensor.apart] == [
+    sensors = mount_sensors(load_simulation({"cameras": ["left", "right"], **settings, **lens}))
+    assert [n for n, topic in sensor_topics(sensors).items() if topic.mounted.sensor.apart] == [
         *("left/image_raw", "left/camera_info", "right/camera_info"),
         conventions.LANDMARKS_TOPIC,
     ]

@@ -21,7 +21,7 @@ from imu_sim_ros.simulation import topics
 from imu_sim_ros.simulation.engine import Body
 from imu_sim_ros.simulation.parameters import load_simulation
 from imu_sim_ros.simulation.playback import load_simulator
-from imu_sim_ros.simulation.sensors import mounted
+from imu_sim_ros.simulation.sensors import mount_sensors
 
 GIVEN = {
     "imus": ["left", "right"],
@@ -67,7 +67,7 @@ def test_a_bag_holds_what_the_node_publishes(bag):
     """The node's queue of all streams, played without a node, sends the same bytes."""
     sent = {name: [] for name in ALL}
     parameters = load_simulator(GIVEN)
-    topics_offered = topics.offered(mounted(parameters))
+    topics_offered = topics.sensor_topics(mount_sensors(parameters))
     outputs = [
         (topics_offered[name].name, topics_offered[name].encoder(), sent[name].append)
         for name in ALL

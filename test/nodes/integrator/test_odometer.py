@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 import imu_sim_ros as ims
-from imu_sim_ros.campaigns.common_time import covered_spans
+from imu_sim_ros.campaigns.common_time import pose_spans
 from imu_sim_ros.core import gate, rotation
 from imu_sim_ros.core.records import LiveReading, LiveState, Readings
 from imu_sim_ros.navigation.dead_reckoning import dead_reckon
@@ -164,7 +164,7 @@ def test_a_step_of_exactly_the_gap_is_none_everywhere(rate):
     clock.add(t_ns)
     clock.finish()
     assert clock.gaps == 0
-    assert len(covered_spans(t_ns, max_gap)) == 1
+    assert len(pose_spans(t_ns, max_gap)) == 1
 
 
 def test_a_reading_of_long_ago_is_not_integrated_from():

@@ -14,7 +14,7 @@ from imu_sim_ros.nodes.simulator.publish_queue import BodyStream, PublishQueue
 from imu_sim_ros.simulation import topics
 from imu_sim_ros.simulation.engine import Body
 from imu_sim_ros.simulation.parameters import load_simulation
-from imu_sim_ros.simulation.sensors import mounted
+from imu_sim_ros.simulation.sensors import mount_sensors
 
 pytestmark = pytest.mark.ros
 
@@ -34,7 +34,7 @@ def _stamp(payload: bytes) -> Any:
 def queue_of(**imu: float) -> tuple[PublishQueue, Body]:
     imu_settings = {f"imu.{name}": value for name, value in imu.items()}
     parameters = load_simulation({"rate": RATE, "imu.preset": "perfect", **imu_settings})
-    encode = topics.offered(mounted(parameters))[IMU_TOPIC].encoder()
+    encode = topics.sensor_topics(mount_sensors(parameters))[IMU_TOPIC].encoder()
     body = Body(parameters)
     queue = PublishQueue([BodyStream(body, [("imu", encode, len)])], math.inf)
     queue.restart(0)

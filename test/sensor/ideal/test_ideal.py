@@ -16,7 +16,7 @@ from imu_sim_ros.sensors.gravity import EARTH_RATE, SEMI_MAJOR_AXIS, normal_grav
 from imu_sim_ros.sensors.imu.model import Imu
 from imu_sim_ros.sensors.world import Window, World
 from imu_sim_ros.simulation.parameters import SimulationParameters, load_simulation
-from imu_sim_ros.simulation.sensors import mounted
+from imu_sim_ros.simulation.sensors import mount_sensors
 from imu_sim_ros.trajectory.build import build_trajectory
 from imu_sim_ros.trajectory.motion import Motion, Trajectory
 
@@ -51,7 +51,7 @@ def read_imu(
     """Return times, rates and forces of a perfect IMU."""
     settings = parameters(**values)
     window = Window(Fraction(0), Fraction(count) / exact_rate(settings.rate))
-    block = Imu(mounted(settings)["imu"], 0).read(window, World(trajectory, settings, 0))
+    block = Imu(mount_sensors(settings)["imu"], 0).read(window, World(trajectory, settings, 0))
     assert np.array_equal(block.gyro, block.ideal_gyro)
     assert np.array_equal(block.accel, block.ideal_accel)
     return block.true_t_ns * 1e-9, block.gyro, block.accel

@@ -11,7 +11,7 @@ from scipy.stats import chi2
 
 import imu_sim_ros as ims
 from imu_sim_ros.parameters import files
-from imu_sim_ros.sensors.wheels.uncertainty import spread_normals
+from imu_sim_ros.sensors.wheels.uncertainty import even_normals
 from imu_sim_ros.simulation.engine import Body
 from imu_sim_ros.simulation.parameters import load_simulation
 
@@ -149,7 +149,7 @@ def test_the_stated_covariance_of_every_preset_is_that_of_its_errors(name: str) 
 
 def test_vehicles_have_the_moments_of_a_standard_normal() -> None:
     """Mean, covariance and skewness by construction; the fourth moment, 3, to 25 %."""
-    drawn = spread_normals(64, 5)
+    drawn = even_normals(64, 5)
     np.testing.assert_allclose(drawn.mean(axis=1), 0.0, atol=1e-15)
     np.testing.assert_allclose(drawn @ drawn.T / 128, np.eye(5), atol=1e-12)
     np.testing.assert_allclose((drawn**4).mean(axis=1), 3.0, rtol=0.25)

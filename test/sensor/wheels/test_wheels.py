@@ -17,7 +17,7 @@ import imu_sim_ros as ims
 from imu_sim_ros.commands import generate
 from imu_sim_ros.core.errors import ConfigurationError
 from imu_sim_ros.parameters import files
-from imu_sim_ros.sensors.wheels.model import realised_wheels
+from imu_sim_ros.sensors.wheels.model import realise_wheels
 from imu_sim_ros.sensors.wheels.parameters import WheelsParameters
 from imu_sim_ros.simulation.engine import Body
 from imu_sim_ros.simulation.parameters import load_simulation
@@ -122,7 +122,7 @@ def test_true_radii_and_base_come_back_by_regression() -> None:
     deviation s sqrt(3 / n) / T; five of these, as a share of the slope. What is left of the base
     is from radii and angles: twice that.
     """
-    noise, unit = 5e-4, realised_wheels(WheelsParameters(**SPREAD), 5, "wheels")
+    noise, unit = 5e-4, realise_wheels(WheelsParameters(**SPREAD), 5, "wheels")
     line = {"type": "harmonic", "x": {"polynomial": [0.0, 2.0]}}
     spin = {"type": "harmonic", "yaw": {"polynomial": [0.0, 1.0]}}
     slopes, doubt = [], []
@@ -139,7 +139,7 @@ def test_true_radii_and_base_come_back_by_regression() -> None:
     np.testing.assert_allclose(bases, unit.true_base[0], rtol=2 * max(doubt))
     # The spreads are far larger than what is in doubt, and those of other seeds are others.
     assert doubt[1] < 1e-4 < abs(unit.true_radii[0] / unit.true_radii[1] - 1.0)
-    assert unit.true_base != realised_wheels(WheelsParameters(**SPREAD), 6, "wheels").true_base
+    assert unit.true_base != realise_wheels(WheelsParameters(**SPREAD), 6, "wheels").true_base
 
 
 def test_given_radii_and_base_are_taken() -> None:

@@ -16,7 +16,7 @@ from simulation_runs import arrays, read_all, same_bytes
 
 from imu_sim_ros.core.errors import ConfigurationError
 from imu_sim_ros.sensors.faults import Fault
-from imu_sim_ros.sensors.magnetometer.model import MagneticField, realised_magnetometer
+from imu_sim_ros.sensors.magnetometer.model import MagneticField, realise_magnetometer
 from imu_sim_ros.simulation.engine import Body
 from imu_sim_ros.simulation.parameters import load_simulation
 from imu_sim_ros.simulation.playback import load_simulator
@@ -191,7 +191,7 @@ def test_noise_has_the_stated_density_and_the_units_differ_as_stated() -> None:
 def test_the_realised_unit_reads_the_same() -> None:
     drawn = {name: value for name, value in RANDOM.items() if name.endswith("_sigma")}
     run = simulation(IRON, drawn)
-    unit = realised_magnetometer(run.parameters.imu.magnetometer, run.parameters.seed)
+    unit = realise_magnetometer(run.parameters.imu.magnetometer, run.parameters.seed)
     assert not any(any(getattr(unit, f"{name}_sigma")) for name in ("hard_iron", "turn_on_scale"))
     samples = magnetic(run, 50, 50)  # the current begins later
     m, b = unit.response_and_bias()

@@ -17,13 +17,13 @@ from simulation_runs import read_all, same_bytes
 
 from imu_sim_ros.core.errors import ConfigurationError
 from imu_sim_ros.parameters import files
-from imu_sim_ros.sensors.errors.realised import realised_imu
+from imu_sim_ros.sensors.errors.realised import realise_imu
 from imu_sim_ros.sensors.orientation.model import EXACT
 from imu_sim_ros.sensors.samples import Samples
 from imu_sim_ros.sensors.world import Window, World
 from imu_sim_ros.simulation.engine import Body
 from imu_sim_ros.simulation.parameters import load_simulation
-from imu_sim_ros.simulation.sensors import models, mounted
+from imu_sim_ros.simulation.sensors import models, mount_sensors
 from imu_sim_ros.trajectory.build import build_trajectory
 
 BASE: dict[str, Any] = {"imu.preset": "perfect", "trajectory.type": "figure_eight", "rate": 100.0}
@@ -64,7 +64,7 @@ def test_windows_need_not_begin_and_end_with_samples_of_the_imu() -> None:
     names = {"orientation": "q_wi", "magnetic_field": "field", "pressure": "pressure"}
 
     def read(edges: np.ndarray) -> dict[str, np.ndarray]:
-        models_by_name = models(mounted(p), tuple(names), 0)
+        models_by_name = models(mount_sensors(p), tuple(names), 0)
         times = [Fraction(edge) for edge in edges]
         windows = [Window(*pair) for pair in itertools.pairwise(times)]
         samples = [{n: models_by_name[n].read(w, world) for n in models_by_name} for w in windows]
@@ -202,7 +202,7 @@ def test_the_tilt_is_that_of_mahony_s_filter_for_small_errors() -> None:
     run = simulation(FILTER, sway)
     block = run.next(6000)
     assert block["orientation"] is not None
-    unit = realised_imu(run.parameters.imu, run.parameters.seed)
+    unit = realise_imu(run.parameters.imu, run.parameters.seed)
     theirs = filters.Mahony(
         gyr=calibrated(block["imu"].gyro, unit.gyroscope),
         acc=calibrated(block["imu"].accel, unit.accelerometer),
@@ -233,7 +233,7 @@ def test_a_filter_of_others_finds_the_true_attitude_from_our_readings() -> None:
     block = run.next(6000)
     assert block["orientation"] is not None
     assert block["magnetic_field"] is not None
-    unit = realised_imu(run.parameters.imu, run.parameters.seed)
+    unit = realise_imu(run.parameters.imu, run.parameters.seed)
     filtered = filters.Madgwick(
         gyr=calibrated(block["imu"].gyro, unit.gyroscope),
         acc=calibrated(block["imu"].accel, unit.accelerometer),

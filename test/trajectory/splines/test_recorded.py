@@ -14,7 +14,7 @@ from imu_sim_ros.core.errors import ConfigurationError, InputError
 from imu_sim_ros.core.records import States
 from imu_sim_ros.inputs.poses import read_poses, write_tum
 from imu_sim_ros.trajectory.build import build_trajectory
-from imu_sim_ros.trajectory.recorded import recorded_in
+from imu_sim_ros.trajectory.recorded import find_recorded_motion
 
 DEG = np.pi / 180
 G = np.array([0.0, 0.0, -9.81])
@@ -75,7 +75,7 @@ def midpoint(t, motion):
 )
 def test_real_poses_are_passed_closely(build, path, position_rms, angle_rms):
     trajectory = build(type="poses", file=str(path))
-    report = recorded_in(trajectory).report
+    report = find_recorded_motion(trajectory).report
     assert report.rms_position < position_rms
     assert report.rms_angle < angle_rms
     poses = read_poses(path)
@@ -146,7 +146,7 @@ def test_irregular_stamps_signs_and_gaps(follow):
     position, q_wb = smooth_motion(t)
     q_wb = q_wb * random.choice([-1.0, 1.0], len(t))[:, None]
     trajectory = follow(t, position, q_wb)
-    report = recorded_in(trajectory).report
+    report = find_recorded_motion(trajectory).report
     assert report.rms_position < 1e-4
     assert report.rms_angle < 1e-4
     assert 0.8 <= report.largest_gap < 0.86
@@ -164,7 +164,7 @@ def test_repeated_poses_are_left_out_and_counted(tmp_path, build):
     rows.insert(9, rows[9])
     path = tmp_path / "repeats.txt"
     path.write_text("\n".join(rows))
-    report = recorded_in(build(type="poses", file=str(path))).report
+    report = find_recorded_motion(build(type="poses", file=str(path))).report
     assert (report.poses, report.repeated) == (20, 2)
     assert any("2 duplicates" in line for line in report.lines())
 
@@ -203,7 +203,9 @@ def test_a_wider_knot_spacing_is_smoother(follow):
     position, q_wb = smooth_motion(t)
     position = position + 1e-3 * random.standard_normal(position.shape)
     peaks = [
-        recorded_in(follow(t, position, q_wb, knot_spacing=h, cutoff=50.0)).report.peak_acceleration
+        find_recorded_motion(
+            follow(t, position, q_wb, knot_spacing=h, cutoff=50.0)
+        ).report.peak_acceleration
         for h in (0.02, 0.05, 0.2)
     ]
     assert peaks[0] > 2 * peaks[1] > 2 * peaks[2]
@@ -213,7 +215,7 @@ def test_sparse_poses_are_met(follow):
     """One pose a second: the spline's knots follow, and it goes through the poses."""
     t = np.arange(0.0, 30.0)
     position, q_wb = smooth_motion(0.3 * t)
-    report = recorded_in(follow(t, position, q_wb)).report
+    report = find_recorded_motion(follow(t, position, q_wb)).report
     assert report.knot_spacing == pytest.approx(1.0)
     assert report.max_position < 1e-3
     assert report.max_angle < 1e-3
@@ -223,17 +225,17 @@ def test_the_report_is_found_below_wrappers(follow):
     t = np.arange(0.0, 5.0, 0.01)
     trajectory = follow(t, *smooth_motion(t), rest_before=1.0, repeat=2,
                         repeat_mode="there_and_back", vibration__noise_rms=0.1)  # fmt: skip
-    assert recorded_in(trajectory).report.poses == 500
+    assert find_recorded_motion(trajectory).report.poses == 500
 
 
 def test_no_report_without_poses(build):
-    assert recorded_in(build(type="lecture")) is None
+    assert find_recorded_motion(build(type="lecture")) is None
 
 
 def test_four_poses_are_enough_and_three_are_not(follow):
     t = np.arange(4) * 0.1
     position, q_wb = smooth_motion(t)
-    assert recorded_in(follow(t, position, q_wb)).report.max_position < 1e-3
+    assert find_recorded_motion(follow(t, position, q_wb)).report.max_position < 1e-3
     with pytest.raises(InputError, match=r"holds 3 poses; a spline needs 4 or more"):
         follow(t[:3], position[:3], q_wb[:3])
 
@@ -242,7 +244,7 @@ def test_a_gap_too_long_is_named(follow):
     t = np.concatenate([np.arange(0.0, 2.0, 0.1), np.arange(9.0, 11.0, 0.1)])
     with pytest.raises(InputError, match=r"a gap of 7.1 s at 1.900 s .*max_gap, 5 s"):
         follow(t, *smooth_motion(t))
-    assert recorded_in(
+    assert find_recorded_motion(
         follow(t, *smooth_motion(t), max_gap=10.0)
     ).report.largest_gap == pytest.approx(7.1)
 
@@ -252,7 +254,7 @@ def test_a_gap_of_too_many_knots_is_named(follow):
     with pytest.raises(InputError, match=r"knot_spacing must be at least 0.116 s"):
         follow(t, *smooth_motion(0.05 * t), max_gap=100.0)
     bridged = follow(t, *smooth_motion(0.05 * t), max_gap=100.0, knot_spacing=0.12)
-    assert recorded_in(bridged).report.max_position < 1e-3
+    assert find_recorded_motion(bridged).report.max_position < 1e-3
 
 
 def test_late_stamps_count_little_on_request(follow):
@@ -267,7 +269,7 @@ def test_late_stamps_count_little_on_request(follow):
     for distance in (0.0, 0.002):
         trajectory = follow(stamps, position, q_wb, outlier_distance=distance)
         errors.append(np.sqrt(np.mean((trajectory.sample(dense).position - true) ** 2)))
-        peaks.append(recorded_in(trajectory).report.peak_acceleration)
+        peaks.append(find_recorded_motion(trajectory).report.peak_acceleration)
     assert errors[1] < 0.3 * errors[0]
     assert peaks[1] < 0.3 * peaks[0]
 
@@ -275,7 +277,7 @@ def test_late_stamps_count_little_on_request(follow):
 @pytest.mark.parametrize("path", [recording(KAIST)])
 def test_real_late_stamps_are_overcome(build, path):
     """The drone of KAIST's file flies at no more than 1.3 m/s."""
-    report = recorded_in(
+    report = find_recorded_motion(
         build(type="poses", file=str(path), cutoff=6.0, outlier_distance=0.002)
     ).report
     assert report.peak_speed < 1.4
@@ -285,7 +287,7 @@ def test_real_late_stamps_are_overcome(build, path):
 @pytest.mark.parametrize("path", [recording(EUROC), recording(TUM)])
 def test_a_file_without_late_stamps_is_followed_as_before(build, path):
     plain, robust = (
-        recorded_in(build(type="poses", file=str(path), outlier_distance=distance)).report
+        find_recorded_motion(build(type="poses", file=str(path), outlier_distance=distance)).report
         for distance in (0.0, 0.002)
     )
     assert robust.rms_position == pytest.approx(plain.rms_position, rel=0.05)
@@ -293,7 +295,7 @@ def test_a_file_without_late_stamps_is_followed_as_before(build, path):
 
 def test_a_low_cutoff_gets_wider_knots(follow):
     t = np.arange(0.0, 20.0, 0.01)
-    assert recorded_in(
+    assert find_recorded_motion(
         follow(t, *smooth_motion(t), cutoff=2.0)
     ).report.knot_spacing == pytest.approx(0.1, rel=1e-3)
 

@@ -104,7 +104,7 @@ def meter_model(p: CameraParameters) -> CameraModel:
     return CameraModel(small)
 
 
-def exposed(level: Single, factor: float) -> Single:
+def expose(level: Single, factor: float) -> Single:
     """Return grey values (...) times a factor.
 
     White pixels may be any number of times as bright, and stay white in a darker image:

@@ -80,7 +80,7 @@ def image_size(data: bytes) -> Size:
     return image.height, image.width
 
 
-def decoded(data: bytes) -> AnyArray:
+def decode_image(data: bytes) -> AnyArray:
     """Return the pixels of an encoded image: (h, w), or (h, w, 3 or 4) in red, green, blue, alpha.
 
     Single bits are 0 and 255; palettes become colours, and grey values with alpha colours with it.

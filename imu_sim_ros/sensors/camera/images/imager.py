@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from imu_sim_ros.core.types import Array, Bytes, Single
-from imu_sim_ros.sensors.camera.images.exposure import AutoExposure, exposed, meter_model
+from imu_sim_ros.sensors.camera.images.exposure import AutoExposure, expose, meter_model
 from imu_sim_ros.sensors.camera.images.flow import flow
 from imu_sim_ros.sensors.camera.images.grey_values import grey_values
 from imu_sim_ros.sensors.camera.images.libraries import opencv
@@ -85,7 +85,7 @@ class Imager:
         if not plain or count > 1:
             level *= np.float32(gain / count)
         if automatic != 1.0:
-            level = exposed(level, automatic)
+            level = expose(level, automatic)
         if self._vignette is not None:
             level *= self._vignette
         cv2 = opencv()

@@ -46,7 +46,7 @@ def numba() -> ModuleType:
     return numba
 
 
-def compiled(function: _Function, part: bool = False) -> _Function:
+def numba_function(function: _Function, part: bool = False) -> _Function:
     """Return a function that numba compiles when it is called first, and keeps on the disk.
 
     Arithmetic stays as written, so that the bits of a result are the same on every processor. What
@@ -86,5 +86,5 @@ def _tell_before_compiling() -> None:
 
 
 def part(function: _Function) -> _Function:
-    """Compile a function that compiled functions call, as :func:`compiled` does."""
-    return compiled(function, part=True)
+    """Compile a function that compiled functions call, as :func:`numba_function` does."""
+    return numba_function(function, part=True)

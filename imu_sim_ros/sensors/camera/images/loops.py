@@ -9,8 +9,9 @@ planes meet, may cross a pixel, what is seen at eight points of it. ``1 / t``, `
 ``r / t`` are linear in the ray, so a pixel's steps to its neighbours give them at each point.
 
 Real numbers have 32 bits, and no product and sum become one step: the bits of a picture are the
-same on every processor. All functions that call each other are in this file (:func:`compiled`).
-Rays that meet the triangles of a mesh look in the same way, each at a level of its own.
+same on every processor. All functions that call each other are in this file
+(:func:`numba_function`). Rays that meet the triangles of a mesh look in the same way, each at a
+level of its own.
 """
 
 import math
@@ -20,15 +21,15 @@ import numpy as np
 from numpy.typing import NDArray
 
 from imu_sim_ros.core.types import Bytes, Integers, Mask, Single
-from imu_sim_ros.places.gloss import Sheen, mirrored, reflectance
+from imu_sim_ros.places.gloss import Sheen, limit_highlight, reflectance
 from imu_sim_ros.sensors.camera.images.finish import Glossy, Shades
-from imu_sim_ros.sensors.camera.images.libraries import compiled, part
+from imu_sim_ros.sensors.camera.images.libraries import numba_function, part
 from imu_sim_ros.sensors.camera.images.planes import Pairs, Planes
 from imu_sim_ros.sensors.camera.images.visible import MeshHits, Triangles, Visible
 
 Ray: TypeAlias = tuple[np.float32, np.float32, np.float32]
 
-FORMULAS_DIGEST: Final = "98bc6525c1c4"
+FORMULAS_DIGEST: Final = "c76c7eea580f"
 """Digest of the formulas that are compiled here and stand in other files.
 
 numba reuses compiled code until the file of the calling function changes; a new digest is such a
@@ -78,7 +79,7 @@ def space() -> tuple[Integers, Single]:
     return np.empty((4, 8), np.int64), np.empty((2, 8), np.float32)
 
 
-@compiled
+@numba_function
 def candidates(
     slots: NDArray[np.void],
     planes: Planes,
@@ -189,7 +190,7 @@ def _candidate(
     return True
 
 
-@compiled
+@numba_function
 def arrange(
     pairs: Pairs,
     slots: NDArray[np.void],
@@ -248,7 +249,7 @@ def arrange(
     return pairs.first[-1]
 
 
-@compiled
+@numba_function
 def paint(
     picture: Bytes,
     rays: Single,
@@ -277,7 +278,7 @@ def paint(
             cell = _cell(origin[0] + row, column, width)
             begin, end = starts[cell], starts[cell + 1]
             ray = (rays[0, row, column], rays[1, row, column], rays[2, row, column])
-            inverse, hit, s, r = nearest(vectors, start, which, fills, begin, end, k, ray)
+            inverse, hit, s, r = nearest_hit(vectors, start, which, fills, begin, end, k, ray)
             if hit < 0:
                 value[:] = BACKGROUND
             else:
@@ -335,7 +336,7 @@ def _add(total: Integers, value: Integers, count: int) -> None:
         total[c] += value[c] * count
 
 
-@compiled
+@numba_function
 def measure(
     depth: Single,
     body: Bytes,
@@ -359,7 +360,7 @@ def measure(
             cell = _cell(origin[0] + row, column, width)
             begin, end = starts[cell], starts[cell + 1]
             ray = (rays[0, row, column], rays[1, row, column], rays[2, row, column])
-            inverse, hit, _, _ = nearest(vectors, start, which, fills, begin, end, k, ray)
+            inverse, hit, _, _ = nearest_hit(vectors, start, which, fills, begin, end, k, ray)
             depth[row, column] = ray[2] / inverse if hit >= 0 else _ZERO
             body[row, column] = bodies[which[hit]] if hit >= 0 else 0
 
@@ -371,7 +372,7 @@ def _cell(row: int, column: int, width: int) -> int:
 
 
 @part
-def nearest(
+def nearest_hit(
     vectors: Single,
     start: Single,
     which: Integers,
@@ -501,7 +502,7 @@ def look_up(
             texel = bilinear(atlas, x, y, c)
             if patch.share > 0:
                 coarse_x, coarse_y = _texel(patch, 1, s, r, step)
-                texel = mixed(texel, bilinear(atlas, coarse_x, coarse_y, c), patch.share)
+                texel = mix_levels(texel, bilinear(atlas, coarse_x, coarse_y, c), patch.share)
             value[c] += texel
     for c in range(len(value)):
         value[c] >>= doublings
@@ -525,11 +526,13 @@ def _texel(
     x = step * (patch.along[0] * width) + (s * width + margin)
     height, top = patch.scale[level, 1], patch.offset[level, 1]
     y = step * (patch.along[1] * height) + (r * height + top)
-    return in_steps(min(max(x, margin), margin + width)), in_steps(min(max(y, top), top + height))
+    return round_to_steps(min(max(x, margin), margin + width)), round_to_steps(
+        min(max(y, top), top + height)
+    )
 
 
 @part
-def in_steps(position: np.float32) -> int:
+def round_to_steps(position: np.float32) -> int:
     """Return the nearest steps of 1/32 texel, of two the even one."""
     return np.int64(np.rint(position * _STEPS))
 
@@ -550,7 +553,7 @@ def bilinear(atlas: Bytes, x: int, y: int, colour: int) -> int:
 
 
 @part
-def mixed(fine: int, coarse: int, share: int) -> int:
+def mix_levels(fine: int, coarse: int, share: int) -> int:
     """Return a value of two levels."""
     return (fine * (SHARES - share) + coarse * share + SHARES // 2) // SHARES
 
@@ -567,14 +570,14 @@ def _shade(
         offset = _height(vectors, m, k) * (_ONE - away / inverse)
         in_rectangle = s >= _ZERO and s <= _ONE and r >= _ZERO and r <= _ONE
         if away > _ZERO and in_rectangle and abs(offset) < _ON_FLOOR:
-            light = light_left(s, r, shades.lines[m, 0], shades.lines[m, 1], shades.lines[m, 2])
+            light = light_share(s, r, shades.lines[m, 0], shades.lines[m, 1], shades.lines[m, 2])
             if light < _ONE:
                 for c in range(len(value)):
                     value[c] = _changed(value[c], light, _ZERO)
 
 
 @part
-def light_left(
+def light_share(
     s: np.float32, r: np.float32, length: np.float32, radius: np.float32, depth: np.float32
 ) -> np.float32:
     """Return the share of the light that is left at a point of a shadow's floor.
@@ -637,7 +640,7 @@ def _polish(
 
 
 _reflectance: Final = part(reflectance)
-_mirrored: Final = part(mirrored)
+_mirrored: Final = part(limit_highlight)
 
 
 @part
@@ -785,7 +788,7 @@ def _between(share: np.float32, count: int) -> tuple[int, np.float32]:
     return whole, position - np.float32(whole)
 
 
-@compiled
+@numba_function
 def paint_mesh(
     values: Bytes,
     hits: MeshHits,
@@ -932,7 +935,7 @@ def _repeat(
             if share > 0:
                 coarse_x = _repeated(s, size, corner, 0, level + 1)
                 coarse_y = _repeated(r, size, corner, 1, level + 1)
-                texel = mixed(texel, bilinear(image, coarse_x, coarse_y, c), share)
+                texel = mix_levels(texel, bilinear(image, coarse_x, coarse_y, c), share)
             value[c] += texel
     for c in range(len(value)):
         value[c] >>= doublings
@@ -941,4 +944,4 @@ def _repeat(
 @part
 def _repeated(share: np.float32, size: Single, corner: Single, axis: int, level: int) -> int:
     """Return the texel at a place of a texture that repeats."""
-    return in_steps(size[axis] * share * _halved(level) + (corner[level, axis] - _HALF))
+    return round_to_steps(size[axis] * share * _halved(level) + (corner[level, axis] - _HALF))

@@ -11,7 +11,7 @@ import numpy as np
 from imu_sim_ros.core.types import Array, Bytes, Single
 from imu_sim_ros.places.mesh_file import Mesh, normals
 from imu_sim_ros.places.paint import grey
-from imu_sim_ros.sensors.camera.images.texture import Atlas, assembled
+from imu_sim_ros.sensors.camera.images.texture import Atlas, assemble_atlas
 from imu_sim_ros.sensors.camera.images.visible import Triangles
 
 _WHITE: Final = np.full((4, 4, 3), 255, np.uint8)
@@ -74,7 +74,7 @@ def _atlas(mesh: Mesh, colour: bool) -> Atlas:
         rows = textures[m][::-1]
         return np.ascontiguousarray(rows if colour else grey(rows))
 
-    return assembled([image.shape[:2] for image in textures], texture, colour, repeat=True)
+    return assemble_atlas([image.shape[:2] for image in textures], texture, colour, repeat=True)
 
 
 class _Gradient:

@@ -14,7 +14,7 @@ from imu_sim_ros.places.mesh import MeshCaster
 from imu_sim_ros.sensors.camera.images.loops import POINTS, paint_mesh, space
 from imu_sim_ros.sensors.camera.images.mesh_look import Look
 from imu_sim_ros.sensors.camera.images.rays import PixelRays
-from imu_sim_ros.sensors.camera.images.renderer import rounded
+from imu_sim_ros.sensors.camera.images.renderer import round_poses
 from imu_sim_ros.sensors.camera.images.visible import MeshHits
 from imu_sim_ros.sensors.camera.model import CameraModel
 from imu_sim_ros.sensors.camera.view import Eyes
@@ -61,7 +61,7 @@ class MeshRenderer:
         :returns: rows of the image, and the values (h, w[, 3]) of all their rays.
         """
         scale = self._rays.scale
-        poses = rounded(eyes.world)
+        poses = round_poses(eyes.world)
         for number, rows, rays, hits in self._ray_hits(poses):
             if number not in self._pitches:
                 self._pitches[number] = _pitch(rays).reshape(-1).astype(np.float16)
@@ -159,7 +159,7 @@ class MeshRenderer:
     def depth(self, eyes: Eyes) -> Single:
         """Return the depth image (h, w) along the axis [m]; 0: nothing is hit."""
         result = np.empty(self._rays.shape, np.float32)
-        for _, rows, rays, hits in self._ray_hits(rounded(eyes.world)):
+        for _, rows, rays, hits in self._ray_hits(round_poses(eyes.world)):
             distance = np.where(hits.nothing, 0.0, hits.distance)
             result[rows] = distance.reshape(rays.shape[1:]) * rays[2]
         return result

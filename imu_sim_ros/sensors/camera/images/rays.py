@@ -47,7 +47,7 @@ class PixelRays:
 
     def rows(self, cells: slice) -> slice:
         """Return the rows of rays in a range of rows of cells."""
-        return in_cells(cells, self.height)
+        return cell_slice(cells, self.height)
 
     def of_band(self, number: int) -> Single:
         """Return the rays of a band (3, rows, width)."""
@@ -128,6 +128,6 @@ def corners_and_probes(rays: PixelRays, areas: bool = False) -> tuple[Corners, P
     return Corners(np.ascontiguousarray(corners), edges[0]), probes
 
 
-def in_cells(cells: slice, length: int) -> slice:
+def cell_slice(cells: slice, length: int) -> slice:
     """Return the pixels of a range of cells along one side of an image."""
     return slice(cells.start * CELL, min(cells.stop * CELL, length))

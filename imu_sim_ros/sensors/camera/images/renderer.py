@@ -119,9 +119,9 @@ class Renderer:
         """Yield planes, cells and line of each shadow of a body that may be in the image."""
         if self.crowd is None:
             return
-        world, sun = rounded(eyes.world), self.crowd.sun
+        world, sun = round_poses(eyes.world), self.crowd.sun
         for body_eyes, shadow in zip(eyes.bodies, self.crowd.shadows, strict=True):
-            body_pose = rounded(body_eyes)
+            body_pose = round_poses(body_eyes)
             lines = [shadow.below]
             if sun is not None:
                 r_wb = (world[1][0][:, None] * body_pose[1][0]).sum(axis=2)
@@ -154,10 +154,10 @@ class Renderer:
 
     def _candidates(self, eyes: Eyes) -> tuple[Planes, Integers, Pairs]:
         """Return the rectangles that may be visible, their numbers (m,), and their cells."""
-        position, r_wc = rounded(eyes.world)
+        position, r_wc = round_poses(eyes.world)
         candidates = [(0, self._facing(0, position, r_wc), position, r_wc)]
         for k, body_eyes in enumerate(eyes.bodies, start=1):
-            position, r_wc = rounded(body_eyes)
+            position, r_wc = round_poses(body_eyes)
             if self.crowd and self._may_be_seen(self.crowd.balls[k - 1], position, r_wc):
                 candidates.append((k, self._facing(k, position, r_wc), position, r_wc))
         planes_world, *planes_bodies = (
@@ -279,7 +279,7 @@ class _Fronts(NamedTuple):
         return some, self.normals[numbers]
 
 
-def rounded(poses: CameraPoses) -> tuple[Array, Array]:
+def round_poses(poses: CameraPoses) -> tuple[Array, Array]:
     """Return positions (n, 3) and rotations R_wc (n, 3, 3), rounded so that machines agree."""
     position = np.round(poses.position * _GRID) / _GRID
     r_wc = np.round(rotation.to_matrix(poses.q_wc) * _GRID) / _GRID

@@ -89,7 +89,7 @@ def atlas(
         level = _texture(surfaces, m, parameters)
         return _colour(parameters, m, level) if colour else level
 
-    return assembled(shapes, texture, colour)
+    return assemble_atlas(shapes, texture, colour)
 
 
 def _of_place(surfaces: Surfaces, painter: Painter, colour: bool, crowd: Crowd | None) -> Atlas:
@@ -107,7 +107,7 @@ def _of_place(surfaces: Surfaces, painter: Painter, colour: bool, crowd: Crowd |
             return painter.texture(m, *shapes[m], float(texels[m]), colour)
         return crowd.painter.texture(m - count, *bodies[m - count], _TEXEL_OF_BODIES, colour)
 
-    return assembled(shapes, texture, colour, bodies)._replace(polish=painter.polish(colour))
+    return assemble_atlas(shapes, texture, colour, bodies)._replace(polish=painter.polish(colour))
 
 
 def _in_texels(sides: Array, texels: Array) -> list[tuple[int, int]]:
@@ -125,7 +125,7 @@ def _in_texels(sides: Array, texels: Array) -> list[tuple[int, int]]:
     ]
 
 
-def assembled(
+def assemble_atlas(
     shapes: Sequence[tuple[int, int]],
     texture: Callable[[int], Bytes],
     colour: bool,
