@@ -380,7 +380,7 @@ class RestCheck:
         """Return (6,) the standard deviation of the readings within a second."""
         return np.sqrt(self._variance / max(self._window_count, 1))
 
-    def sudden(self, motion: Movement) -> bool:
+    def is_sudden(self, motion: Movement) -> bool:
         """Return whether a motion is far larger than the axis' motion in the other stretches."""
         if len(self.spreads) < _MIN_WINDOWS:
             return False

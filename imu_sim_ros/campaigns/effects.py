@@ -127,7 +127,7 @@ def _size(kind: str, effect: ConfidenceInterval) -> tuple[str, str | None]:
         ends = [None if end is None else 1.0 / end for end in reversed(ends)]
     label = "larger" if value >= 1.0 else "smaller"
     text, *end_texts = _texts(factor, *ends)
-    return f"{text} times {label}", _between(*end_texts)
+    return f"{text} times {label}", _range_text(*end_texts)
 
 
 def _change(effect: ConfidenceInterval, increase: str, decrease: str) -> tuple[str, str | None]:
@@ -144,7 +144,7 @@ def _change(effect: ConfidenceInterval, increase: str, decrease: str) -> tuple[s
         top = None if top is None else f"{top} {label}"
     else:
         bottom, top = (None if end is None else f"{end}{unit}" for end in (bottom, top))
-    return f"{text} {label}", _between(bottom, top)
+    return f"{text} {label}", _range_text(bottom, top)
 
 
 def _texts(
@@ -157,7 +157,7 @@ def _texts(
     return f"{value:.3g}", bottom, top
 
 
-def _between(low: str | None, high: str | None) -> str | None:
+def _range_text(low: str | None, high: str | None) -> str | None:
     """Return a range as text; None is an unknown end."""
     if low is None and high is None:
         return None

@@ -47,7 +47,7 @@ def estimate_findings(poses: States, truth: States, alignment: str) -> list[str]
 
     :param alignment: alignment of the estimate with the truth.
     """
-    lines = list(_without_truth(poses.t_ns, truth.t_ns))
+    lines = list(_find_poses_off_truth(poses.t_ns, truth.t_ns))
     alone = [finding for finding in pose_findings(poses) if CAMPAIGN.action(finding.kind)]
     lines += [_line(finding) for finding in alone if finding.kind == "poses_held"]
     axes = [_line(finding) for finding in alone if finding.kind != "poses_held"]
@@ -79,7 +79,7 @@ def _line(finding: Finding) -> str:
     return f"{finding.evidence} [{finding.kind}]".replace("; ", ", ")
 
 
-def _without_truth(t_ns: Times, truth_ns: Times) -> Iterator[str]:
+def _find_poses_off_truth(t_ns: Times, truth_ns: Times) -> Iterator[str]:
     """Yield a line about poses of the estimate outside the truth's time."""
     start_ns, end_ns = truth_ns[0] - _ROUNDING_NS, truth_ns[-1] + _ROUNDING_NS
     count = int(np.sum((t_ns < start_ns) | (t_ns > end_ns)))

@@ -33,20 +33,20 @@ def write_junit(path: Path, name: str, judgement: Judgement) -> None:
     for check in judgement.requirements:
         case = suite.case(f"{check.requirement} ({check.cell}; {check.estimator})")
         if not check.met:
-            suite.failed(case, "failure", f"{check.requirement}: {check.comment}")
+            suite.fail(case, "failure", f"{check.requirement}: {check.comment}")
     suite = _Suite(root, "baseline")
     for effect in judgement.baseline or []:
         case = suite.case(f"{judgement.metric} ({effect.a})")
         line = effect.line(judgement.metric)
         if effect.verdict == WORSE:
-            suite.failed(case, "failure", line)
+            suite.fail(case, "failure", line)
         elif effect.non_inferior is False:
             prefix = f"not proven to be less than {judgement.non_inferiority} worse"
-            suite.failed(case, "failure", f"{prefix}: {line}")
+            suite.fail(case, "failure", f"{prefix}: {line}")
         else:
             suite.output(case, f"{effect.verdict}: {line}")
     for line in (*judgement.unmatched, *judgement.unproven, *judgement.copies):
-        suite.failed(suite.case(line), "failure", line)
+        suite.fail(suite.case(line), "failure", line)
     suite = _Suite(root, "runs")
     for standing in judgement.standings:
         cell, estimator = standing.cell, standing.estimator
@@ -57,7 +57,7 @@ def write_junit(path: Path, name: str, judgement: Judgement) -> None:
             if (failure.cell, failure.estimator) == (cell, estimator)
         ]
         if not judgement.done:
-            suite.failed(case, "error", "no run is done")
+            suite.fail(case, "error", "no run is done")
         if reasons:
             suite.output(case, "\n".join(reasons))
     tree = ElementTree.ElementTree(root)
@@ -90,7 +90,7 @@ class _Suite:
             self._element, "testcase", classname=classname, name=_text(name)
         )
 
-    def failed(self, case: ElementTree.Element, kind: str, message: str) -> None:
+    def fail(self, case: ElementTree.Element, kind: str, message: str) -> None:
         """Make a case a ``failure`` or an ``error``."""
         self._count(f"{kind}s")
         ElementTree.SubElement(case, kind, message=_text(message))

@@ -150,7 +150,7 @@ class Plan:
 
         :raises ConfigurationError: with one line per problem, after the cell's name.
         """
-        with _in_cell(cell):
+        with _prefix_cell(cell):
             layer = join_layers(self.parameters, cell.layer())
             parameters = load_simulation(layer, {"seed": self.seeds[0]})
             if parameters.imus:
@@ -220,7 +220,7 @@ def _metrics(
 
 
 @contextmanager
-def _in_cell(cell: Cell) -> Iterator[None]:
+def _prefix_cell(cell: Cell) -> Iterator[None]:
     """Prefix every problem with the cell's name."""
     try:
         yield
@@ -308,7 +308,7 @@ def list_missing_files(plan: Plan) -> list[str]:
 def _named_files(plan: Plan) -> set[tuple[str, Path]]:
     """Return the files of trajectories and scenes that the cells use, with their parameters."""
     named_files = set()
-    for cell in _along_axes(plan.axes) if plan.axes else plan.cells():
+    for cell in _vary_axes(plan.axes) if plan.axes else plan.cells():
         layer = {**plan.parameters, **cell.layer()}
         for name in _FILES:
             if layer.get(name):
@@ -380,7 +380,7 @@ def check_cells(plan: Plan) -> None:
     """
     exhaustive = cell_count(plan.axes) <= _MAX_CHECKED
     cells, cells_by_problem = 0, dict[str, list[Cell]]()
-    for cell in plan.cells() if exhaustive else _along_axes(plan.axes):
+    for cell in plan.cells() if exhaustive else _vary_axes(plan.axes):
         cells += 1
         try:
             _check_cell(plan, cell)
@@ -431,7 +431,7 @@ def _check_cell(plan: Plan, cell: Cell) -> None:
             )
 
 
-def _along_axes(axes: list[Axis]) -> Iterator[Cell]:
+def _vary_axes(axes: list[Axis]) -> Iterator[Cell]:
     """Yield cells that vary one axis at a time, the others at their first value."""
     base = {
         name: value for axis in axes for name, value in zip(axis.names, axis.rows[0], strict=True)

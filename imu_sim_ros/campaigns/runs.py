@@ -130,7 +130,7 @@ class CellRuns:
             "seed": seed,
             "estimator": name,
             "status": " ".join(status.split())[:300],
-            **{key: _plain(value) for key, value in self.cell.values.items()},
+            **{key: _plain_value(value) for key, value in self.cell.values.items()},
             **{key: outcome.metrics.get(key) for key in self.plan.metrics},
             FINDINGS: SEPARATOR.join(outcome.findings) or None,
             "align": self.plan.alignment(name),
@@ -147,6 +147,6 @@ def _reason(error: Exception) -> str:
     return f"unexpected: {type(error).__name__}: {error}"
 
 
-def _plain(value: object) -> object:
+def _plain_value(value: object) -> object:
     """Return a grid's value as results hold it: a number, a boolean or a string."""
     return value if isinstance(value, int | float | str) else value_text(value)

@@ -63,7 +63,7 @@ class Group(NamedTuple):
         """Return the median coverage of all runs; None: there are no trajectories."""
         return quantile(self.values("coverage"), 0.5).value
 
-    def not_valid(self, metric: str) -> bool:
+    def is_invalid(self, metric: str) -> bool:
         """Return True if the attitude of all runs is too uncertain for this NEES."""
         if not metric.startswith("nees_") or len(self.values(metric)):
             return False

@@ -276,19 +276,19 @@ class Judgement:
 
     def to_dict(self) -> JsonObject:
         """Return the judgement as plain values for JSON; intervals are ``{value, low, high}``."""
-        plain_fields = {name: _plain(value) for name, value in asdict(self).items()}
+        plain_fields = {name: _plain_value(value) for name, value in asdict(self).items()}
         for name in ("unmet", "unmatched", "worse", "unproven", "copies"):
             del plain_fields[name]
         return {**plain_fields, "problems": self.problems}
 
 
-def _plain(value: object) -> Any:
+def _plain_value(value: object) -> Any:
     """Return a value with named tuples as mappings, for JSON."""
     if isinstance(value, tuple) and hasattr(value, "_asdict"):
         value = value._asdict()
     if isinstance(value, dict):
-        return {key: _plain(entry) for key, entry in value.items()}
-    return [_plain(entry) for entry in value] if isinstance(value, list | tuple) else value
+        return {key: _plain_value(entry) for key, entry in value.items()}
+    return [_plain_value(entry) for entry in value] if isinstance(value, list | tuple) else value
 
 
 def judge(
@@ -350,7 +350,7 @@ def judge(
         runs=len(rows),
         done=sum(group.done for group in groups),
         factor=factor,
-        standings=[_standing(group, rule) for group in groups],
+        standings=[_group_standing(group, rule) for group in groups],
         contests=contests,
         failures=failures(groups),
         findings=mistakes,
@@ -374,27 +374,27 @@ def counts(rows: Sequence[Row]) -> dict[str, int]:
 
     Statuses that differ only in numbers are counted as one, with ``...`` in place of the numbers.
     """
-    return {status: len(alike) for status, alike in _alike(rows).items()}
+    return {status: len(alike) for status, alike in _group_by_status(rows).items()}
 
 
-def _alike(rows: Sequence[Row]) -> dict[str, list[Row]]:
+def _group_by_status(rows: Sequence[Row]) -> dict[str, list[Row]]:
     """Return the rows by status; statuses that differ in numbers alone count as one."""
-    return _by_text([(str(row["status"]), row) for row in rows])
+    return _group_by_text([(str(row["status"]), row) for row in rows])
 
 
-def _by_text(texts: Sequence[tuple[str, Row]]) -> dict[str, list[Row]]:
+def _group_by_text(texts: Sequence[tuple[str, Row]]) -> dict[str, list[Row]]:
     """Return rows by their texts, the most frequent first; texts that differ in numbers are one."""
     by_pattern: dict[str, list[tuple[str, Row]]] = defaultdict(list)
     for text, row in texts:
         by_pattern[_NUMBER.sub("...", text)].append((text, row))
     rows_by_text = {
-        _common([text for text, _ in alike]): [row for _, row in alike]
+        _common_text([text for text, _ in alike]): [row for _, row in alike]
         for alike in by_pattern.values()
     }
     return dict(sorted(rows_by_text.items(), key=lambda entry: -len(entry[1])))
 
 
-def _common(texts: Sequence[str]) -> str:
+def _common_text(texts: Sequence[str]) -> str:
     """Return texts that differ in numbers as one, with ``...`` in place of the numbers."""
     columns = zip(*([match[0] for match in _NUMBER.finditer(text)] for text in texts), strict=True)
     replacements = iter([column[0] if len(set(column)) == 1 else "..." for column in columns])
@@ -412,7 +412,7 @@ def failures(groups: Sequence[Group]) -> list[Failure]:
             [int(row["seed"]) for row in alike[:_MAX_SEEDS]],
         )
         for group in groups
-        for status, alike in _alike(group.rows).items()
+        for status, alike in _group_by_status(group.rows).items()
         if status != "done"
     ]
     return sorted(reasons, key=lambda failure: -failure.runs)
@@ -429,7 +429,7 @@ def estimate_findings(groups: Sequence[Group]) -> list[EstimateFinding]:
             [int(row["seed"]) for row in alike[:_MAX_SEEDS]],
         )
         for group in groups
-        for finding, alike in _by_text(
+        for finding, alike in _group_by_text(
             [
                 (finding, row)
                 for row in group.rows
@@ -441,7 +441,7 @@ def estimate_findings(groups: Sequence[Group]) -> list[EstimateFinding]:
     return sorted(findings, key=lambda finding: -finding.runs)
 
 
-def _standing(group: Group, rule: Criterion) -> Standing:
+def _group_standing(group: Group, rule: Criterion) -> Standing:
     """Return counts, median with its interval, and success rate of a group."""
     values = values_of(group, rule.metric)
     done = [value for value in values.values() if value is not None and math.isfinite(value)]
@@ -453,13 +453,13 @@ def _standing(group: Group, rule: Criterion) -> Standing:
         group.done,
         group.success(),
         quantile(np.array(done), 0.5),
-        _with_failures(values, rule),
+        _median_with_failures(values, rule),
         group.align,
         group.coverage(),
     )
 
 
-def _with_failures(values: Mapping[int, float | None], rule: Criterion) -> float | None:
+def _median_with_failures(values: Mapping[int, float | None], rule: Criterion) -> float | None:
     """Return the median of all runs with a result, failed ones being the worst."""
     available = np.array([value for value in values.values() if value is not None])
     if not len(available):
@@ -487,7 +487,7 @@ def _effect(
     seeds = [seed for seed in values_a if seed in values_b]
     if not seeds:
         return None
-    done = (_was_done(a, seeds), _was_done(b, seeds))
+    done = (_done_mask(a, seeds), _done_mask(b, seeds))
     share, share_p = share_difference(done[0], done[1])
     pairs = _pairs(values_a, values_b, seeds)
     losses = _losses(pairs, rule.better)
@@ -507,7 +507,7 @@ def _effect(
         success=share,
         success_p=share_p,
         verdict=_direction(NO_SHIFT.sign),
-        note=_why_not_compared(a, b, rule, time),
+        note=_incomparability(a, b, rule, time),
         non_inferior=None if rule.margin is None else False,
         time=time,
     )
@@ -525,7 +525,7 @@ def _direction(sign: float) -> str:
     return WORSE if sign > 0 else BETTER
 
 
-def _was_done(group: Group, seeds: Sequence[int]) -> Mask:
+def _done_mask(group: Group, seeds: Sequence[int]) -> Mask:
     """Return a mask (n,), True for seeds on which a run is done."""
     done = {int(row["seed"]) for row in group.rows if row["status"] == "done"}
     return np.array([seed in done for seed in seeds])
@@ -541,7 +541,7 @@ def _pairs(
     return pairs[~np.isinf(pairs).all(axis=1)]
 
 
-def _why_not_compared(a: Group, b: Group, rule: Criterion, time: CommonTime | None) -> str:
+def _incomparability(a: Group, b: Group, rule: Criterion, time: CommonTime | None) -> str:
     """Return the reason for not comparing two groups; empty: none."""
     if depends_on_alignment(rule.metric) and a.align and b.align and a.align != b.align:
         return f"aligned differently ({a.align} and {b.align}), so that they are not compared"
@@ -656,12 +656,12 @@ def _decide(effects: Sequence[Effect], rule: Criterion) -> list[Effect]:
             verdict = EQUAL if _is_within(effect, rule.tolerance) else UNDECIDED
         effect = replace(effect, p=p[k], p_beyond=metric_p, success_p=share_p, verdict=verdict)
         if share_p is None or share_p >= SIGNIFICANT:
-            effect = _without_advantage(effect)
+            effect = _ignore_advantage(effect)
         decided_effects.append(effect)
     return decided_effects
 
 
-def _without_advantage(effect: Effect) -> Effect:
+def _ignore_advantage(effect: Effect) -> Effect:
     """Return an effect on a metric in which shorter coverage is no advantage.
 
     Over different time, a group that covers less is neither better nor equal; it can be worse.
@@ -753,7 +753,7 @@ def _contest(
     :param varying: the names that have several values in the campaign.
     :param count: number of comparisons that are read together.
     """
-    ideal = _without_contest(factor, ranked)
+    ideal = _uncontested_groups(factor, ranked)
     ranked = [group for group in ranked if group not in ideal] + ideal
     firsts = ranked if len(ranked) <= _ALL_PAIRS else ranked[:1]
     compared = [
@@ -769,7 +769,7 @@ def _contest(
     return Contest(factor, where, names, unranked, None, effects[0], effects)
 
 
-def _without_contest(factor: str, members: Sequence[Group]) -> list[Group]:
+def _uncontested_groups(factor: str, members: Sequence[Group]) -> list[Group]:
     """Return the sensor without errors, which wins without a contest, if there are two others."""
     if factor != "imu" or len(members) <= 2:
         return []
@@ -806,7 +806,7 @@ def _order_groups(ranked: list[Group], rule: Criterion) -> list[Group]:
 
 def _typical_loss(values: Values, rule: Criterion) -> float:
     """Return the loss of the median of all runs; infinite if half of them failed."""
-    typical = _with_failures(values, rule)
+    typical = _median_with_failures(values, rule)
     return math.inf if typical is None else float(_losses(np.array([typical]), rule.better)[0])
 
 

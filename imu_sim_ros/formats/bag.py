@@ -91,7 +91,7 @@ def states(path: Path, topic: str | None, covariance: bool, handling: Handling) 
     with open_bag(path, handling.recover) as bag:
         name, type_name, frames = pose_topic(bag, topic)
         if type_name in (PATH, TF_MESSAGE):
-            return _of_messages(bag, name, frames, source)
+            return _read_poses(bag, name, frames, source)
     blocks = _blocks(path, name, type_name, covariance, handling)
     head = next(blocks, None)
     if head is None:
@@ -140,7 +140,7 @@ def _blocks(
         )
 
 
-def _of_messages(bag: Bag, name: str, frames: tuple[str, str] | None, source: str) -> States:
+def _read_poses(bag: Bag, name: str, frames: tuple[str, str] | None, source: str) -> States:
     """Return the poses of the last Path of a topic, or the transforms between two frames.
 
     :raises InputError: if there are none.

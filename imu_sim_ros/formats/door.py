@@ -105,12 +105,12 @@ def reading_blocks(
         return
     entry = format_of(path)
     if choice.gyro_unit is not None or choice.accel_unit is not None:
-        choice = _without_stated(path, choice, entry.stated_units(path, choice.topic))
+        choice = _drop_stated_units(path, choice, entry.stated_units(path, choice.topic))
     notes = choice.notes()
     for note in notes:
         warn(f"{path}: {note}", Remark)
     for block in entry.reading_blocks(path, choice.topic, choice.frame, handling):
-        yield _in_si(block, choice, notes)
+        yield _convert_to_si(block, choice, notes)
 
 
 def read_readings(
@@ -131,7 +131,7 @@ def read_readings(
     return Readings(np.empty(0, np.int64), np.empty((0, 3)), np.empty((0, 3)), source=str(path))
 
 
-def _without_stated(path: Path, choice: Choice, header_units: Mapping[str, str]) -> Choice:
+def _drop_stated_units(path: Path, choice: Choice, header_units: Mapping[str, str]) -> Choice:
     """Return a choice without the units that the file itself states, which are converted by it.
 
     :raises InputError: for a unit that contradicts the file.
@@ -154,7 +154,7 @@ def _without_stated(path: Path, choice: Choice, header_units: Mapping[str, str])
     )
 
 
-def _in_si(readings: Readings, choice: Choice, notes: tuple[str, ...]) -> Readings:
+def _convert_to_si(readings: Readings, choice: Choice, notes: tuple[str, ...]) -> Readings:
     """Return readings converted from the units of the choice to SI units, with notes of it."""
     if not notes:
         return readings
@@ -209,7 +209,7 @@ def _merge_triads(path: Path, choice: Choice, handling: Handling) -> Readings:
         frame_id=gyroscope.frame_id,
         source=str(path),
     )
-    return _in_si(merged, choice, notes)
+    return _convert_to_si(merged, choice, notes)
 
 
 def read_states(

@@ -556,7 +556,7 @@ class ErrorModelBatch:
         fields = arguments.array("field", field, (self.count, 3), finite=False)
         fields = np.array(fields, order="F")
         invalid = _impossible(fields, gate.FIELD)
-        fields = self._conventions.turned(fields)
+        fields = self._conventions.rotate(fields)
         self._hold(invalid, field=fields)
         return self._batch.magnetometers.read(t_ns, fields, invalid)
 

@@ -578,7 +578,7 @@ def _consistency(group: Group) -> str:
     """Return the mean NEES with the band that it lies in if the covariance is right."""
     nees = group.values("nees_position")
     if not len(nees):
-        return "not valid" if group.not_valid("nees_position") else "-"
+        return "not valid" if group.is_invalid("nees_position") else "-"
     low, high = anees_band(3, len(nees))
     return f"{nees.mean():.3g} ({low:.2f} - {high:.2f})"
 

@@ -256,7 +256,7 @@ class _Splines:
         if noise.is_present:
             rng = np.random.default_rng(0)
             for _ in range(_DRAWS):
-                noisy = add_pose_noise(self._poses, *noise.drawn(self._smooth, rng))
+                noisy = add_pose_noise(self._poses, *noise.draw(self._smooth, rng))
                 result.append(self._spline(noisy, cutoff))
         return result
 

@@ -134,14 +134,14 @@ _CROSS: Final = 0.5 * rotation.skew(_EYE)
 """(3, 3, 3): row k of ``theta x theta' / 2`` is ``-theta^T _CROSS[k] theta'``."""
 
 
-def _turning() -> Array:
+def _attitude_forms() -> Array:
     """Return (3, 36) quadratic forms of the attitude's change of second order in an interval."""
     forms = np.zeros((3, 6, 6))
     forms[:, :3, 3:], forms[:, 3:, :3] = -0.5 * _CROSS, 0.5 * _CROSS
     return forms.reshape(3, 36)
 
 
-def _shortening() -> Array:
+def _shortening_forms() -> Array:
     """Return (108, 3): a force a times it is the forms (3, 36) of what shortens it at both ends.
 
     Row k of ``(Z - tr(Z) I) a / 2`` is ``theta^T S theta``, S the block of the start and the end.
@@ -154,8 +154,8 @@ def _shortening() -> Array:
     return forms.reshape(108, 3)
 
 
-_TURNING: Final = _turning()
-_SHORTENING: Final = _shortening()
+_TURNING: Final = _attitude_forms()
+_SHORTENING: Final = _shortening_forms()
 
 
 class SecondOrder:

@@ -230,11 +230,11 @@ def _quaternion_stages(
     half = 0.5 * h
     x, y, z = w0
     k1 = (0.0 * x, 0.5 * x, 0.5 * y, 0.5 * z)
-    q2 = _from_identity(k1, half)
+    q2 = _add_to_identity(k1, half)
     k2 = _quaternion_rate(q2, wm)
-    q3 = _from_identity(k2, half)
+    q3 = _add_to_identity(k2, half)
     k3 = _quaternion_rate(q3, wm)
-    q4 = _from_identity(k3, h)
+    q4 = _add_to_identity(k3, h)
     k4 = _quaternion_rate(q4, w1)
     slope = (
         k1[0] + 2.0 * (k2[0] + k3[0]) + k4[0],
@@ -242,11 +242,11 @@ def _quaternion_stages(
         k1[2] + 2.0 * (k2[2] + k3[2]) + k4[2],
         k1[3] + 2.0 * (k2[3] + k3[3]) + k4[3],
     )
-    end = _from_identity(slope, h / 6.0)
+    end = _add_to_identity(slope, h / 6.0)
     return normalise(q2), normalise(q3), normalise(q4), normalise(end)
 
 
-def _from_identity(slope: Quaternion[Component], h: Component) -> Quaternion[Component]:
+def _add_to_identity(slope: Quaternion[Component], h: Component) -> Quaternion[Component]:
     """Return the identity plus ``slope h``."""
     w, x, y, z = slope
     return 1.0 + w * h, x * h, y * h, z * h

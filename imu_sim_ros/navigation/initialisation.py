@@ -340,7 +340,7 @@ def covariance_after_rest(
     white = noise.accelerometer.white_variance(rate_hz) / (time * rate_hz)
     force_covariance = constant + np.diag(white + walk / 3.0) + (accel * mean) @ accel.T
     p[ATTITUDE, ATTITUDE] = tilt @ force_covariance @ tilt.T
-    p[ATTITUDE, ATTITUDE][2, 2] += _coning(p[ATTITUDE, ATTITUDE][:2, :2], r_wb)
+    p[ATTITUDE, ATTITUDE][2, 2] += _vertical_variance(p[ATTITUDE, ATTITUDE][:2, :2], r_wb)
     p[ATTITUDE, ACCEL_BIAS] = tilt @ (constant + np.diag(0.5 * walk))
     p[ACCEL_BIAS, ATTITUDE] = p[ATTITUDE, ACCEL_BIAS].T
     slow.cross[ATTITUDE] = tilt @ accel * end
@@ -366,7 +366,7 @@ def _turn_by_bias(r_wb: Array) -> Array:
     return turn
 
 
-def _coning(tilt: Array, r_wb: Array) -> float:
+def _vertical_variance(tilt: Array, r_wb: Array) -> float:
     """Return the mean square turn about the vertical, to second order in a level body's tilt.
 
     Roll and pitch that are wrong by a and b are the rotation ``exp(a x) exp(b y)``, whose vector

@@ -155,7 +155,7 @@ class IntegratorParameters(LiveReadingParameters):
     )
 
     @staticmethod
-    def passed_over() -> dict[str, Parameter]:
+    def ignored_parameters() -> dict[str, Parameter]:
         """Return the parameters of a file for the same IMU that have no use here.
 
         Readings have a rate of their own.

@@ -239,8 +239,8 @@ def of_other_nodes(section: type, names: Iterable[str]) -> list[str]:
     if not rest:
         return []
     all_names = {name for program in PROGRAMS.values() for name in parameters(program.section())}
-    passed_over: Mapping[str, Parameter] = ignored_parameters(section)
-    return [name for name in rest if name in all_names and name not in passed_over]
+    ignored: Mapping[str, Parameter] = ignored_parameters(section)
+    return [name for name in rest if name in all_names and name not in ignored]
 
 
 def _plainly(parameter: Parameter) -> str:

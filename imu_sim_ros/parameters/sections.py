@@ -42,7 +42,7 @@ class _WithIgnoredParameters(Protocol):
     """A section that accepts parameters without an effect on it."""
 
     @staticmethod
-    def passed_over() -> Mapping[str, Parameter]:
+    def ignored_parameters() -> Mapping[str, Parameter]:
         """Return the parameters that are checked and ignored, by dotted name."""
 
 
@@ -324,7 +324,7 @@ def listed_names(parameter: str, values: Mapping[str, object]) -> list[str]:
 
 def ignored_parameters(cls: type) -> Mapping[str, Parameter]:
     """Return the parameters that a section accepts without an effect on it, by dotted name."""
-    return cls.passed_over() if issubclass(cls, _WithIgnoredParameters) else {}
+    return cls.ignored_parameters() if issubclass(cls, _WithIgnoredParameters) else {}
 
 
 def is_of_ros(name: str) -> bool:
@@ -337,8 +337,8 @@ def build(cls: type[_T], values: Mapping[str, object], complete: bool = True) ->
 
     A section may have ``problems(prefix)``, which returns a line for each value that does not fit
     another one; it is called if a value in the section is set, since defaults fit each other. It
-    may have ``passed_over()``, parameters by name that are checked and ignored like those of ROS
-    itself, and ``elsewhere(name)``, the end of the line about a name in an absent section.
+    may have ``ignored_parameters()``, parameters by name that are checked and ignored like ROS's
+    own, and ``elsewhere(name)``, the end of the line about a name in an absent section.
 
     :param values: by dotted name, as :func:`imu_sim_ros.parameters.files.load` returns them.
     :param complete: False if some are missing: nothing is said about what fits what.

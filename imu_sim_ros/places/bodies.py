@@ -266,7 +266,7 @@ class Crowd:
         self.sun = sun
         self.painter = BodyPainter(bodies, site)
 
-    def hidden(self, t: Array, eye: Array, points: Array) -> Mask:
+    def is_hidden(self, t: Array, eye: Array, points: Array) -> Mask:
         """Return True for points (n, 3) that a body hides from eyes (n, 3) at times t (n,)."""
         result = np.zeros(len(points), np.bool_)
         for body, where, (middle, radius) in zip(

@@ -28,7 +28,7 @@ _LAMP_SIZE: Final = (1.2, 0.6)
 """Size of a ceiling lamp along x and y [m]."""
 
 
-def _to_place(
+def _place_point(
     origin: Place3, turn: float, x: float, y: float, z: float
 ) -> tuple[float, float, float]:
     """Return a point of a piece of furniture in the place.
@@ -58,7 +58,7 @@ def _part(
     :param size: edges of the box [m].
     :param leave: sides without a face, ``top,bottom``; empty: none.
     """
-    center = np.array(_to_place(origin, turn, *middle))
+    center = np.array(_place_point(origin, turn, *middle))
     half = 0.5 * np.asarray(size, np.float64)
     b.box((center - half).tolist(), (center + half).tolist(), material, prints, turn, leave)
 
@@ -123,7 +123,7 @@ def desk(b: PlaceBuilder, origin: Place3, turn: float, stream: Stream) -> None:
     _part(b, origin, turn, (x, -0.25, 0.82), (0.06, 0.04, 0.16), "paint:28282c", leave="top,bottom")
     chair(
         b,
-        _to_place(origin, turn, stream.uniform(-0.25, 0.2), 0.62, 0),
+        _place_point(origin, turn, stream.uniform(-0.25, 0.2), 0.62, 0),
         turn + stream.uniform(-0.6, 0.6),
         stream,
     )

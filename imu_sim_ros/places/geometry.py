@@ -176,7 +176,7 @@ class Caster:
                     which[hit] = m
         return Hits(distance, number)
 
-    def blocked(self, origins: Floats, directions: Floats, ends: Floats | float = 1.0) -> Mask:
+    def is_blocked(self, origins: Floats, directions: Floats, ends: Floats | float = 1.0) -> Mask:
         """Return True for rays (n,) that hit a surface between their origin and t = ``ends``.
 
         :param origins: (n, 3) [m].

@@ -78,7 +78,7 @@ class Baked(NamedTuple):
     exposure: np.float32 = np.float32(1.0)
     """Exposure factor contained in the total."""
 
-    def exposed(self, factor: np.float32) -> "Baked":
+    def expose(self, factor: np.float32) -> "Baked":
         """Return the same light with another exposure factor."""
         return Baked([factor * irradiance for irradiance in self.total], self.sources, factor)
 
@@ -168,7 +168,7 @@ def bake(
         _direct(points, solid, lighting, threshold)
         for points, threshold in ((fine, thresholds), (coarse, np.full(len(sky), _LEAST)))
     )
-    bounced = _given_back(coarse, where, albedo.astype(np.float32), sky, start, lighting)
+    bounced = _reflected_irradiance(coarse, where, albedo.astype(np.float32), sky, start, lighting)
     maps = []
     for m, (rows, columns) in enumerate(fine.shapes.tolist()):
         fine_map, coarse_map = (
@@ -211,12 +211,12 @@ def _direct(
     :param threshold: (m,) irradiance by a lamp that is left out on each surface.
     """
     sources = np.zeros((len(lighting.lamps) + 1, len(points.places)), np.float32)
-    total = _from_lamps(points, solid, lighting, sources, threshold[points.surface])
-    total += _from_sun(points, solid, lighting, sources[-1])
+    total = _lamp_irradiance(points, solid, lighting, sources, threshold[points.surface])
+    total += _sun_irradiance(points, solid, lighting, sources[-1])
     return total, sources
 
 
-def _from_lamps(
+def _lamp_irradiance(
     points: _Points, solid: Caster, lighting: Lighting, sources: Single, threshold: Single
 ) -> Single:
     """Return the irradiance (n, 3) by lamps, and add that of each lamp to ``sources``.
@@ -249,7 +249,7 @@ def _from_lamps(
     return result
 
 
-def _from_sun(points: _Points, solid: Caster, lighting: Lighting, alone: Single) -> Single:
+def _sun_irradiance(points: _Points, solid: Caster, lighting: Lighting, alone: Single) -> Single:
     """Return the irradiance (n, 3) by the sun; add it without colour to ``alone`` (n,)."""
     result = np.zeros_like(points.places)
     colour = np.array(lighting.sun, np.float32)
@@ -266,13 +266,13 @@ def _from_sun(points: _Points, solid: Caster, lighting: Lighting, alone: Single)
         finite = np.isfinite(ends)
         rows, way = rows[finite], way[finite]
         ends = ends[finite] - np.float32(0.02)
-    lit = rows[~solid.blocked(points.places[rows], way, ends)]
+    lit = rows[~solid.is_blocked(points.places[rows], way, ends)]
     result[lit] = height[lit, None] * colour
     alone[lit] = height[lit]
     return result
 
 
-def _given_back(
+def _reflected_irradiance(
     points: _Points,
     where: Surfaces,
     albedo: Single,
@@ -293,7 +293,7 @@ def _given_back(
         for k in range(_DIRECTIONS):
             sums += reflected[hits[k]]
         sums /= np.float32(_DIRECTIONS)
-        returned = _smooth(sums, points)
+        returned = _smooth_on_surface(sums, points)
         total = direct + returned
     return returned
 
@@ -335,7 +335,7 @@ def _direction(k: int, quarter: int) -> tuple[float, float, float]:
     return round(x, 7), round(y, 7), round(z, 7)
 
 
-def _smooth(values: Single, points: _Points) -> Single:
+def _smooth_on_surface(values: Single, points: _Points) -> Single:
     """Return values of all points averaged with their neighbours on the same surface."""
     result = values.copy()
     for (rows, columns), start in zip(points.shapes.tolist(), points.first.tolist(), strict=True):

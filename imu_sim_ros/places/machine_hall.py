@@ -43,7 +43,7 @@ def machine_hall(site: Site) -> Place:
         b.add_prints(sides[side], [Print("gate", 0.5 * (y1 - y0) - 1.6, 0, 3.2, 3.2, 0)])
     for x in np.arange(x0 + 2.5, x1 - 1.5, 5.0):
         for y in (y0 + 0.2, y1 - 0.2):
-            _standing(b, (x - 0.2, y - 0.2, z0), (x + 0.2, y + 0.2, z1), "concrete:98948e")
+            _add_standing_box(b, (x - 0.2, y - 0.2, z0), (x + 0.2, y + 0.2, z1), "concrete:98948e")
     _boilers(b, stream)
     _machines(b, stream)
     _pipes(b, stream)
@@ -75,7 +75,7 @@ def machine_hall(site: Site) -> Place:
     return Place(tuple(b.faces), lit(b), site.low, site.high, route)
 
 
-def _standing(
+def _add_standing_box(
     b: PlaceBuilder,
     low: tuple[float, ...],
     high: tuple[float, ...],
@@ -213,7 +213,9 @@ def _machines(b: PlaceBuilder, stream: np.random.Generator) -> None:
         back = [Print("grille", 0.2, 0.15, w - 0.4, 0.6 * h)]
         plate = [Print("bolts", 0.08, 0.08, d - 0.16, h - 0.16, b.number())]
         plates = plate if b.site.texture != "blank" else []
-        if not _standing(b, low, high, colour, front=sign, back=back, left=plates, right=plates):
+        if not _add_standing_box(
+            b, low, high, colour, front=sign, back=back, left=plates, right=plates
+        ):
             continue
         b.prism(
             (x + 0.3 * w, middle, z0 + h),
@@ -231,7 +233,7 @@ def _machines(b: PlaceBuilder, stream: np.random.Generator) -> None:
             Print("warning", 0.3, 0.4, 0.25, 0.25, 0),
         ]
         if stream.random() < 0.7:
-            _standing(
+            _add_standing_box(
                 b, (x, y0 + 0.02, z0), (x + 0.8, y0 + 0.55, z0 + h), "paint:a4aca8", back=front
             )
 

@@ -105,83 +105,83 @@ def _stretch(knots: Array, length: int, axis: int) -> Array:
     return result
 
 
-def _plain(colour: Array, value: Array, tint: Array | None = None) -> Array:
+def _tint(colour: Array, value: Array, tint: Array | None = None) -> Array:
     """Return colours (3, rows, columns): a colour (3,) plus a value [grey values] and a tint."""
     result: Array = colour[:, None, None] + value
     return result if tint is None else result + tint
 
 
-def _plaster(c: Canvas, colour: Array) -> Array:
+def _plaster_colours(c: Canvas, colour: Array) -> Array:
     """Return the colours (3, rows, columns) of plaster with grain and faint clouds."""
-    return _plain(colour, 3 * c.noise(0.6) + 2 * c.noise(0.05) + 4 * c.noise(0.012) + 2 * c.grain())
+    return _tint(colour, 3 * c.noise(0.6) + 2 * c.noise(0.05) + 4 * c.noise(0.012) + 2 * c.grain())
 
 
-def _concrete(c: Canvas, colour: Array) -> Array:
+def _concrete_colours(c: Canvas, colour: Array) -> Array:
     """Return the colours (3, rows, columns) of concrete with clouds, pores and stains."""
     value = 9 * c.noise(0.7) + 7 * c.noise(0.2) + 8 * c.noise(0.03) + 4 * c.grain()
     pores, spots = c.noise(0.012), c.noise(0.05)
     value += 18 * (spots > 0.75) - 22 * (spots < -0.75)  # splashes and stains
-    return _plain(colour, value - 45 * (pores > 0.93))
+    return _tint(colour, value - 45 * (pores > 0.93))
 
 
-def _wood(c: Canvas, colour: Array) -> Array:
+def _wood_colours(c: Canvas, colour: Array) -> Array:
     """Return the colours (3, rows, columns) of planks with grain and joints."""
     planks = c.cells(2.0, 0.13)
     tone = c.stream.integers(-14, 15, planks.cells).astype(np.float32)[planks.number]
     grain = 10 * c.noise(0.35, 0.012) + 6 * c.noise(0.15, 0.005) + 5 * c.noise(0.8, 0.04)
     value = tone + grain - 50 * (planks.edge < 0.0015)
-    return _plain(colour, value, np.stack([0.1 * grain, 0 * grain, -0.3 * grain]))
+    return _tint(colour, value, np.stack([0.1 * grain, 0 * grain, -0.3 * grain]))
 
 
-def _board(c: Canvas, colour: Array) -> Array:
+def _board_colours(c: Canvas, colour: Array) -> Array:
     """Return the colours (3, rows, columns) of veneer without joints."""
     grain = 9 * c.noise(0.5, 0.02) + 5 * c.noise(0.2, 0.006) + 2 * c.grain()
-    return _plain(colour, grain, np.stack([0.1 * grain, 0 * grain, -0.3 * grain]))
+    return _tint(colour, grain, np.stack([0.1 * grain, 0 * grain, -0.3 * grain]))
 
 
-def _brick(c: Canvas, colour: Array) -> Array:
+def _brick_colours(c: Canvas, colour: Array) -> Array:
     """Return the colours (3, rows, columns) of bricks in mortar."""
     bricks = c.cells(0.25, 0.0833, 0.5)
     tone = c.stream.integers(-34, 35, bricks.cells).astype(np.float32)[bricks.number]
     hue = c.stream.integers(-10, 11, bricks.cells).astype(np.float32)[bricks.number]
     value = tone + 8 * c.noise(0.03) + 6 * c.grain()
-    face = _plain(colour, value, np.stack([hue, -0.3 * hue, -0.5 * hue]))
-    mortar = _plain(np.array([176, 170, 160], np.float32), 6 * c.noise(0.02) + 6 * c.grain())
+    face = _tint(colour, value, np.stack([hue, -0.3 * hue, -0.5 * hue]))
+    mortar = _tint(np.array([176, 170, 160], np.float32), 6 * c.noise(0.02) + 6 * c.grain())
     return np.where(bricks.edge < 0.006, mortar, face)
 
 
-def _tiles(c: Canvas, colour: Array, edge: float = 0.333, joint: float = 0.003) -> Array:
+def _tiles_colours(c: Canvas, colour: Array, edge: float = 0.333, joint: float = 0.003) -> Array:
     """Return the colours (3, rows, columns) of tiles with an edge and joints of some width [m]."""
     tiles = c.cells(edge, edge)
     tone = c.stream.integers(-6, 7, tiles.cells).astype(np.float32)[tiles.number]
     chips = c.noise(0.022)
     value = tone + 3 * c.noise(0.1) + 2 * c.grain() + 24 * (chips > 0.62) - 34 * (chips < -0.62)
-    return _plain(colour, value - 55 * (tiles.edge < joint))
+    return _tint(colour, value - 55 * (tiles.edge < joint))
 
 
-def _slabs(c: Canvas, colour: Array) -> Array:
+def _slabs_colours(c: Canvas, colour: Array) -> Array:
     """Return the colours (3, rows, columns) of stone slabs of half a metre."""
-    return _tiles(c, colour, 0.5, 0.005) + (5 * c.grain() + 5 * c.noise(0.06))
+    return _tiles_colours(c, colour, 0.5, 0.005) + (5 * c.grain() + 5 * c.noise(0.06))
 
 
-def _ceiling(c: Canvas, colour: Array) -> Array:
+def _ceiling_colours(c: Canvas, colour: Array) -> Array:
     """Return the colours (3, rows, columns) of mineral fibre tiles of 0.6 m between bars."""
     tiles = c.cells(0.6, 0.6)
     tone = c.stream.integers(-5, 6, tiles.cells).astype(np.float32)[tiles.number]
     holes, fissures = c.noise(0.009) > 0.82, c.noise(0.035, 0.015) > 0.66
     value = tone + 2 * c.noise(0.4) - 34 * holes - 48 * fissures + 2 * c.grain()
     value = np.where(tiles.edge < 0.018, 6.0 - 76 * (tiles.edge > 0.012), value)
-    return _plain(colour, value.astype(np.float32))
+    return _tint(colour, value.astype(np.float32))
 
 
-def _carpet(c: Canvas, colour: Array) -> Array:
+def _loop_carpet_colours(c: Canvas, colour: Array) -> Array:
     """Return the colours (3, rows, columns) of carpet tiles of half a metre."""
     tiles = c.cells(0.5, 0.5)
     tone = c.stream.integers(-5, 6, tiles.cells).astype(np.float32)[tiles.number]
     value = (
         tone + 16 * c.grain() + 9 * c.noise(0.015) + 4 * c.noise(0.3) - 10 * (tiles.edge < 0.002)
     )
-    return _plain(colour, value)
+    return _tint(colour, value)
 
 
 def _carpet_colours(c: Canvas, colour: Array) -> Array:
@@ -191,47 +191,47 @@ def _carpet_colours(c: Canvas, colour: Array) -> Array:
     yarn = c.noise(0.06, 0.018)
     value = tone + 16 * c.grain() + 9 * c.noise(0.015) + 4 * c.noise(0.3)
     value += 46 * (yarn > 0.6) - 40 * (yarn < -0.6) - 16 * (tiles.edge < 0.003)
-    return _plain(colour, value)
+    return _tint(colour, value)
 
 
-def _metal(c: Canvas, colour: Array) -> Array:
+def _metal_colours(c: Canvas, colour: Array) -> Array:
     """Return the colours (3, rows, columns) of brushed metal."""
-    return _plain(colour, 5 * c.noise(0.5) + 4 * c.noise(0.3, 0.004) + 2 * c.grain())
+    return _tint(colour, 5 * c.noise(0.5) + 4 * c.noise(0.3, 0.004) + 2 * c.grain())
 
 
 def _ribbed_sheet_colours(c: Canvas, colour: Array) -> Array:
     """Return the colours (3, rows, columns) of trapezoidal sheet with a rib every 0.2 m."""
     x = (np.arange(c.columns, dtype=np.float32) * np.float32(c.texel) % np.float32(0.2)) * 5
     rib = np.where(x < 0.5, 0.0, np.where(x < 0.6, -38.0, np.where(x < 0.9, -14.0, 26.0)))
-    return _plain(colour, rib.astype(np.float32)[None, :] + 4 * c.noise(0.5) + 2 * c.grain())
+    return _tint(colour, rib.astype(np.float32)[None, :] + 4 * c.noise(0.5) + 2 * c.grain())
 
 
-def _paint(c: Canvas, colour: Array) -> Array:
+def _paint_colours(c: Canvas, colour: Array) -> Array:
     """Return the colours (3, rows, columns) of an even coat of paint."""
-    return _plain(colour, 2 * c.noise(0.3) + 2 * c.grain())
+    return _tint(colour, 2 * c.noise(0.3) + 2 * c.grain())
 
 
-def _asphalt(c: Canvas, colour: Array) -> Array:
+def _asphalt_colours(c: Canvas, colour: Array) -> Array:
     """Return the colours (3, rows, columns) of coarse-grained asphalt."""
-    return _plain(colour, 18 * c.grain() + 8 * c.noise(0.02) + 7 * c.noise(0.9) + 5 * c.noise(0.2))
+    return _tint(colour, 18 * c.grain() + 8 * c.noise(0.02) + 7 * c.noise(0.9) + 5 * c.noise(0.2))
 
 
-def _cardboard(c: Canvas, colour: Array) -> Array:
+def _cardboard_colours(c: Canvas, colour: Array) -> Array:
     """Return the colours (3, rows, columns) of cardboard with faint flutes."""
-    return _plain(colour, 4 * c.noise(0.3) + 4 * c.noise(0.6, 0.008) + 2 * c.grain())
+    return _tint(colour, 4 * c.noise(0.3) + 4 * c.noise(0.6, 0.008) + 2 * c.grain())
 
 
-def _leaves(c: Canvas, colour: Array) -> Array:
+def _leaves_colours(c: Canvas, colour: Array) -> Array:
     """Return the colours (3, rows, columns) of foliage with dark gaps."""
     value = 34 * c.noise(0.05) + 26 * c.noise(0.12) + 18 * c.noise(0.025) + 10 * c.grain()
     value -= 30 * (c.noise(0.08) < -0.45)
-    return _plain(colour, value, np.stack([0.2 * value, 0.1 * value, -0.3 * value]))
+    return _tint(colour, value, np.stack([0.2 * value, 0.1 * value, -0.3 * value]))
 
 
-def _grass(c: Canvas, colour: Array) -> Array:
+def _grass_colours(c: Canvas, colour: Array) -> Array:
     """Return the colours (3, rows, columns) of short grass."""
     value = 20 * c.grain() + 10 * c.noise(0.04) + 8 * c.noise(0.4)
-    return _plain(colour, value, np.stack([0.3 * value, 0 * value, -0.2 * value]))
+    return _tint(colour, value, np.stack([0.3 * value, 0 * value, -0.2 * value]))
 
 
 _WEAR: Final = {
@@ -259,23 +259,23 @@ WEAR_PERIODS: Final = (2.63, 3.49)
 small whole numbers, so that a surface repeats nowhere within a place."""
 
 _KINDS: Final[dict[str, tuple[Callable[..., Array], str, float]]] = {
-    "plaster": (_plaster, "e6e4de", 2.4),
-    "concrete": (_concrete, "a09e99", 3.0),
-    "wood": (_wood, "a87a4c", 2.0),
-    "board": (_board, "c8a478", 2.0),
-    "brick": (_brick, "9c5a42", 2.0),
-    "tiles": (_tiles, "c4beb2", 2.0),
-    "slabs": (_slabs, "a8a49c", 2.0),
-    "ceiling": (_ceiling, "ecebe6", 2.4),
-    "carpet": (_carpet, "6a7078", 2.0),
+    "plaster": (_plaster_colours, "e6e4de", 2.4),
+    "concrete": (_concrete_colours, "a09e99", 3.0),
+    "wood": (_wood_colours, "a87a4c", 2.0),
+    "board": (_board_colours, "c8a478", 2.0),
+    "brick": (_brick_colours, "9c5a42", 2.0),
+    "tiles": (_tiles_colours, "c4beb2", 2.0),
+    "slabs": (_slabs_colours, "a8a49c", 2.0),
+    "ceiling": (_ceiling_colours, "ecebe6", 2.4),
+    "carpet": (_loop_carpet_colours, "6a7078", 2.0),
     "flecked": (_carpet_colours, "6a7078", 2.0),
-    "metal": (_metal, "9aa0a4", 2.0),
+    "metal": (_metal_colours, "9aa0a4", 2.0),
     "ribbed": (_ribbed_sheet_colours, "c2c8ca", 2.0),
-    "paint": (_paint, "e0e0dc", 1.2),
-    "asphalt": (_asphalt, "5c5c5e", 3.0),
-    "cardboard": (_cardboard, "b08c5e", 1.2),
-    "leaves": (_leaves, "4c6a34", 1.6),
-    "grass": (_grass, "5c7240", 2.0),
+    "paint": (_paint_colours, "e0e0dc", 1.2),
+    "asphalt": (_asphalt_colours, "5c5c5e", 3.0),
+    "cardboard": (_cardboard_colours, "b08c5e", 1.2),
+    "leaves": (_leaves_colours, "4c6a34", 1.6),
+    "grass": (_grass_colours, "5c7240", 2.0),
 }
 """Painter, usual colour and length after which each kind repeats [m]."""
 

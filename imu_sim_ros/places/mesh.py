@@ -150,7 +150,7 @@ class MeshCaster:
             distance[part], number[part] = hits.distance + nearest, hits.surface
         return Hits(distance, number)
 
-    def blocked(self, origins: Floats, directions: Floats, ends: Floats | float = 1.0) -> Mask:
+    def is_blocked(self, origins: Floats, directions: Floats, ends: Floats | float = 1.0) -> Mask:
         """Return True for rays (n,) that hit a triangle between their origin and t = ``ends``.
 
         :param origins: (n, 3) [m].
@@ -160,13 +160,13 @@ class MeshCaster:
         result: Mask = self.cast(origins, directions).distance < ends
         return result
 
-    def hidden(self, eye: Array, points: Array) -> Mask:
+    def is_hidden(self, eye: Array, points: Array) -> Mask:
         """Return True for points (n, 3) on the mesh that another part hides from eye (n, 3).
 
         A point is met itself, at its own distance, to the accuracy of double precision.
         """
         sight = points - eye
-        return self.blocked(eye, sight, 1.0 - _SELF)
+        return self.is_blocked(eye, sight, 1.0 - _SELF)
 
 
 def _planes(mesh: Mesh, middle: Array) -> Array:

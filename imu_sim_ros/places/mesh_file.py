@@ -134,7 +134,7 @@ def read_mesh(path: str | Path) -> Mesh:
         parts.append(_Part.of(path, place, part, textures))
         del part
     gc.collect()  # its parts refer to each other
-    return _without_slivers(path, _join(parts, textures.decoded()))
+    return _drop_slivers(path, _join(parts, textures.decode_all()))
 
 
 def _check_count(path: Path, count: int, what: str = "triangles", limit: int | None = None) -> None:
@@ -441,7 +441,7 @@ def _join(parts: Sequence[_Part], textures: tuple[Bytes, ...]) -> Mesh:
     )
 
 
-def _without_slivers(path: Path, mesh: Mesh) -> Mesh:
+def _drop_slivers(path: Path, mesh: Mesh) -> Mesh:
     """Return a mesh without triangles of no area, which no ray hits."""
     square = float((np.ptp(mesh.vertices, axis=0) ** 2).sum())
     keep = areas(mesh) > _LEAST_AREA * square

@@ -74,10 +74,10 @@ class Textures:
         self._steps = _steps(sizes, max(0, MOST_TEXELS - _OF_A_TRIANGLE * triangles))
 
     def number(self, image: "Image") -> int:
-        """Return the index of an image among those of :meth:`decoded`."""
+        """Return the index of an image among those of :meth:`decode_all`."""
         return self._numbers[id(image)]
 
-    def decoded(self) -> tuple[Bytes, ...]:
+    def decode_all(self) -> tuple[Bytes, ...]:
         """Return all textures in red, green and blue (h, w, 3), reduced to the limit; frees images.
 
         :raises InputError: for one that is damaged.

@@ -11,23 +11,23 @@ import numpy as np
 from imu_sim_ros.places.sheet import INK, Sheet
 
 
-def _line(s: Sheet) -> None:
+def _draw_line(s: Sheet) -> None:
     """Draw a line on the floor of a hall."""
     s.all((212, 176, 36))
 
 
-def _dash(s: Sheet) -> None:
+def _draw_dash(s: Sheet) -> None:
     """Draw a dash of a road marking."""
     s.all((214, 214, 210))
 
 
-def _plinth(s: Sheet) -> None:
+def _draw_plinth(s: Sheet) -> None:
     """Draw the plinth of a house."""
     s.all((122, 118, 112))
     s.fill(0, 0.9 * s.height, s.width, s.height, (96, 92, 88))
 
 
-def _cartons(s: Sheet) -> None:
+def _draw_cartons(s: Sheet) -> None:
     """Draw cartons in rows, each with its tape."""
     rows, columns = max(1, round(s.height / 0.35)), max(1, round(s.width / 0.45))
     for i in range(rows):
@@ -41,7 +41,7 @@ def _cartons(s: Sheet) -> None:
             s.fill(middle - 0.02, y0 + 0.008, middle + 0.02, y1, (194, 166, 120))
 
 
-def _gate(s: Sheet) -> None:
+def _draw_gate(s: Sheet) -> None:
     """Draw a sectional gate."""
     s.all((60, 62, 64))
     s.fill(0.1, 0, s.width - 0.1, s.height - 0.1, (206, 208, 208))
@@ -58,7 +58,7 @@ def _gate(s: Sheet) -> None:
 _SEGMENTS: Final = {0: "abcdef", 1: "bc", 2: "abged", 3: "abgcd", 4: "fgbc", 5: "afgcd"}
 
 
-def _number(s: Sheet) -> None:
+def _draw_number(s: Sheet) -> None:
     """Draw a house number."""
     s.all((250, 250, 250))
     s.frame(0.03, (30, 60, 140))
@@ -79,7 +79,7 @@ def _number(s: Sheet) -> None:
         s.fill(x0, y0, x1, y1, (30, 60, 140))
 
 
-def _panel(s: Sheet) -> None:
+def _draw_panel(s: Sheet) -> None:
     """Draw the front of a control cabinet: dials, lamps, switches."""
     s.all((176, 182, 180))
     s.frame(0.012, (96, 100, 100))
@@ -103,7 +103,7 @@ def _panel(s: Sheet) -> None:
                 s.text(x - 0.045, y - 0.012, x + 0.045, 0.022, INK)
 
 
-def _warning(s: Sheet) -> None:
+def _draw_warning(s: Sheet) -> None:
     """Draw a yellow triangle on white."""
     s.all((244, 244, 240))
     steps = max(4, len(s.values))
@@ -120,7 +120,7 @@ def _warning(s: Sheet) -> None:
     s.fill(0.46 * s.width, 0.16 * s.height, 0.54 * s.width, 0.52 * s.height, (20, 20, 20))
 
 
-def _glass(s: Sheet) -> None:
+def _draw_glass(s: Sheet) -> None:
     """Draw a window from outside by day: a frame, panes that mirror the sky a little."""
     rows = len(s.values)
     share = (np.arange(rows) / rows).astype(np.float32)[:, None]
@@ -146,7 +146,7 @@ def _draw_lit_window(s: Sheet) -> None:
     s.fill(0.5 * s.width - 0.03, 0, 0.5 * s.width + 0.03, s.height, (40, 38, 36))
 
 
-def _shop(s: Sheet) -> None:
+def _draw_shop(s: Sheet) -> None:
     """Draw a shop's front: a name above, goods behind panes, a door."""
     s.all((56, 52, 50))
     board = s.colour(30, 170)
@@ -170,7 +170,7 @@ WHEEL_HEIGHT: Final = 0.125
 """Height of a wheel's axis above the lower edge of the car's side [m]."""
 
 
-def _wheel(s: Sheet) -> None:
+def _draw_wheel(s: Sheet) -> None:
     """Draw a wheel in its arch, on a side in the colour of the number."""
     code = CAR_COLOURS[s.number % len(CAR_COLOURS)]
     s.all((int(code[:2], 16), int(code[2:4], 16), int(code[4:], 16)))
@@ -180,14 +180,14 @@ def _wheel(s: Sheet) -> None:
         s.disc(0.5 * s.width, WHEEL_HEIGHT, radius, colour)
 
 
-def _car_panes(s: Sheet) -> None:
+def _draw_car_panes(s: Sheet) -> None:
     """Draw the windows of a car."""
     s.all((34, 42, 50))
     s.fill(0.5 * s.width - 0.03, 0, 0.5 * s.width + 0.03, s.height, (20, 22, 24))
     s.fill(0, 0.7 * s.height, s.width, s.height, (64, 78, 90))
 
 
-def _bumper(s: Sheet) -> None:
+def _draw_bumper(s: Sheet) -> None:
     """Draw the bumper of a car with its lamps and number plate."""
     s.all((44, 46, 48))
     s.fill(0.05, 0.35, 0.4, 0.52, (236, 232, 220))
@@ -197,18 +197,18 @@ def _bumper(s: Sheet) -> None:
 
 
 PRINTS: Final[dict[str, Callable[[Sheet], None]]] = {
-    "line": _line,
-    "dash": _dash,
-    "plinth": _plinth,
-    "cartons": _cartons,
-    "gate": _gate,
-    "number": _number,
-    "panel": _panel,
-    "warning": _warning,
-    "glass": _glass,
+    "line": _draw_line,
+    "dash": _draw_dash,
+    "plinth": _draw_plinth,
+    "cartons": _draw_cartons,
+    "gate": _draw_gate,
+    "number": _draw_number,
+    "panel": _draw_panel,
+    "warning": _draw_warning,
+    "glass": _draw_glass,
     "lit": _draw_lit_window,
-    "shop": _shop,
-    "wheel": _wheel,
-    "panes": _car_panes,
-    "bumper": _bumper,
+    "shop": _draw_shop,
+    "wheel": _draw_wheel,
+    "panes": _draw_car_panes,
+    "bumper": _draw_bumper,
 }

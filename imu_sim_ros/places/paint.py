@@ -78,7 +78,7 @@ class Painter:
         place, mirrors = self.place, glossy(self.place.faces, self._surfaces.sides)
         light = bake(self._surfaces, self._albedo, sky, place.lighting, place.detail, mirrors)
         self._scattered_in_leaves(light.total)
-        return light.exposed(_exposure(light.total, sky, self._areas(), MIDDLE[self._site.light]))
+        return light.expose(_exposure(light.total, sky, self._areas(), MIDDLE[self._site.light]))
 
     def _scattered_in_leaves(self, light: Sequence[Single]) -> None:
         """Raise the light on leaves to a share of their crown's mean, since leaves scatter light.

@@ -13,7 +13,7 @@ from imu_sim_ros.places import outdoor_prints
 from imu_sim_ros.places.sheet import INK, Print, Sheet
 
 
-def _poster(s: Sheet) -> None:
+def _draw_poster(s: Sheet) -> None:
     """Draw a poster: a landscape, a pattern or a text."""
     paper, main = s.colour(170, 250), s.colour()
     s.all(paper)
@@ -39,7 +39,7 @@ def _poster(s: Sheet) -> None:
     s.frame(0.012, s.colour(10, 60))
 
 
-def _notices(s: Sheet) -> None:
+def _draw_notices(s: Sheet) -> None:
     """Draw a pin board."""
     s.all((176, 132, 84))
     for _ in range(int(14 * s.width * s.height) + 3):
@@ -54,7 +54,7 @@ def _notices(s: Sheet) -> None:
     s.frame(0.02, (120, 86, 52))
 
 
-def _whiteboard(s: Sheet) -> None:
+def _draw_whiteboard(s: Sheet) -> None:
     """Draw a whiteboard with writing."""
     s.all((244, 245, 246))
     for _ in range(int(3 * s.width * s.height) + 2):
@@ -74,7 +74,7 @@ def _whiteboard(s: Sheet) -> None:
     s.frame(0.025, (150, 154, 158))
 
 
-def _books(s: Sheet) -> None:
+def _draw_books(s: Sheet) -> None:
     """Draw shelves with books and folders, a board each 0.35 m."""
     s.all((52, 42, 34))
     boards = max(1, round(s.height / 0.36))
@@ -113,7 +113,7 @@ def _drawers(s: Sheet) -> None:
             s.fill(middle - 0.04, top + 0.025, middle + 0.04, top + 0.05, (246, 246, 240))
 
 
-def _screen(s: Sheet) -> None:
+def _draw_screen(s: Sheet) -> None:
     """Draw a screen with windows or text."""
     s.all((24, 26, 32))
     w, h = s.width, s.height
@@ -134,7 +134,7 @@ def _screen(s: Sheet) -> None:
             )
 
 
-def _door(s: Sheet) -> None:
+def _draw_door(s: Sheet) -> None:
     """Draw a door with its handle."""
     colour = ((150, 108, 68), (168, 172, 176), (88, 108, 128), (178, 160, 132))[
         int(s.stream.integers(4))
@@ -153,7 +153,7 @@ def _door(s: Sheet) -> None:
     s.text(0.5 * s.width - 0.085, 1.575, 0.5 * s.width + 0.085, 0.035, INK)
 
 
-def _opening(s: Sheet) -> None:
+def _draw_doorway(s: Sheet) -> None:
     """Draw the frame of a doorway to a dark room."""
     s.all((38, 36, 34))
     s.fill(0, 0, s.width, 0.25 * s.height, (62, 58, 52))
@@ -164,7 +164,7 @@ _HAZE: Final = np.array([236, 242, 250], np.float32)
 _BLUE: Final = np.array([178, 208, 245], np.float32)
 
 
-def _window(s: Sheet) -> None:
+def _draw_window(s: Sheet) -> None:
     """Draw a view of sky and roofs through panes in a white frame."""
     rows = len(s.values)
     share = (np.arange(rows) / rows).astype(np.float32)[:, None]
@@ -181,19 +181,19 @@ def _window(s: Sheet) -> None:
                 pane_x, low = x + 0.03 + 0.1 * k, top - 0.1 - 0.14 * j
                 s.fill(pane_x, low, pane_x + 0.045, low + 0.07, (tone - 50, tone - 45, tone - 40))
         x += step
-    _panes(s)
+    _draw_panes(s)
 
 
-def _night(s: Sheet) -> None:
+def _draw_night(s: Sheet) -> None:
     """Draw a night sky over lit windows."""
     s.all((16, 20, 30))
     for _ in range(int(8 * s.width * s.height)):
         x, y = s.stream.uniform(0, s.width), s.stream.uniform(0, 0.6 * s.height)
         s.fill(x, y, x + 0.02, y + 0.03, s.colour(120, 240))
-    _panes(s)
+    _draw_panes(s)
 
 
-def _panes(s: Sheet) -> None:
+def _draw_panes(s: Sheet) -> None:
     """Draw the frame of a window, divided into panes."""
     frame = (226, 226, 222)
     s.frame(0.055, frame)
@@ -205,25 +205,25 @@ def _panes(s: Sheet) -> None:
         s.fill(0, 0.72 * s.height - 0.03, s.width, 0.72 * s.height + 0.03, frame)
 
 
-def _lamp(s: Sheet) -> None:
+def _draw_lamp(s: Sheet) -> None:
     """Draw the cover of a lamp."""
     s.all((255, 255, 250))
     s.frame(0.02, (210, 210, 206))
 
 
-def _strip(s: Sheet) -> None:
+def _draw_strip(s: Sheet) -> None:
     """Draw a dark line, as skirting and edges of floors are."""
     s.all((98, 100, 102))
 
 
-def _outlet(s: Sheet) -> None:
+def _draw_outlet(s: Sheet) -> None:
     """Draw an electrical outlet."""
     s.all((246, 246, 244))
     s.frame(0.006, (190, 190, 188))
     s.disc(0.5 * s.width, 0.5 * s.height, 0.3 * min(s.width, s.height), (205, 205, 203))
 
 
-def _exit(s: Sheet) -> None:
+def _draw_exit(s: Sheet) -> None:
     """Draw the sign of an exit."""
     s.all((20, 132, 70))
     w, h = s.width, s.height
@@ -231,7 +231,7 @@ def _exit(s: Sheet) -> None:
     s.text(0.42 * w, 0.3 * h, 0.95 * w, 0.4 * h, (246, 250, 246))
 
 
-def _clock(s: Sheet) -> None:
+def _draw_clock(s: Sheet) -> None:
     """Draw the face of a clock."""
     s.all((225, 224, 220))
     r = 0.5 * s.width
@@ -241,7 +241,7 @@ def _clock(s: Sheet) -> None:
     s.fill(r, r - 0.008, 1.5 * r, r + 0.008, INK)
 
 
-def _label(s: Sheet) -> None:
+def _draw_label(s: Sheet) -> None:
     """Draw a parcel's address, or the plate of a machine."""
     s.all((246, 246, 242))
     for k in range(3):
@@ -253,14 +253,14 @@ def _label(s: Sheet) -> None:
         x += 2 * step
 
 
-def _paper(s: Sheet) -> None:
+def _draw_paper(s: Sheet) -> None:
     """Draw a sheet of paper with lines of text."""
     s.all(s.colour(228, 256))
     for k in range(int((s.height - 0.04) / 0.013)):
         s.text(0.02, s.height - 0.03 - 0.013 * k, s.width - 0.02, 0.007, (80, 80, 86))
 
 
-def _keyboard(s: Sheet) -> None:
+def _draw_keyboard(s: Sheet) -> None:
     """Draw a keyboard."""
     s.all((40, 40, 44))
     for i in range(5):
@@ -269,20 +269,20 @@ def _keyboard(s: Sheet) -> None:
             s.fill(x, y, x + 0.02, y + 0.016, (86, 86, 92))
 
 
-def _grille(s: Sheet) -> None:
+def _draw_grille(s: Sheet) -> None:
     """Draw a radiator."""
     s.all((238, 238, 234))
     for k in range(int(s.width / 0.05)):
         s.fill(0.05 * k + 0.02, 0, 0.05 * k + 0.032, s.height, (196, 196, 194))
 
 
-def _band(s: Sheet) -> None:
+def _draw_band(s: Sheet) -> None:
     """Draw a rail along a wall."""
     s.all((150, 120, 86))
     s.fill(0, 0, s.width, 0.1 * s.height, (96, 76, 54))
 
 
-def _doors(s: Sheet) -> None:
+def _draw_doors(s: Sheet) -> None:
     """Draw two wings of glass in frames."""
     s.all((92, 100, 108))
     half = 0.5 * s.width
@@ -294,7 +294,7 @@ def _doors(s: Sheet) -> None:
         s.fill(x, 0.8, x + 0.03, 1.3, (200, 202, 204))
 
 
-def _grid(s: Sheet) -> None:
+def _draw_grid(s: Sheet) -> None:
     """Draw squares of 0.1 m, black in the lower left."""
     s.all((240, 240, 240))
     for i in range(round(s.height / 0.1)):
@@ -302,7 +302,7 @@ def _grid(s: Sheet) -> None:
             s.fill(0.1 * j, 0.1 * i, 0.1 * (j + 1), 0.1 * (i + 1), (20, 20, 20))
 
 
-def _switch(s: Sheet) -> None:
+def _draw_switch(s: Sheet) -> None:
     """Draw two switches under each other, or a switch and a socket."""
     s.all((240, 240, 236))
     s.frame(0.004, (170, 170, 168))
@@ -314,7 +314,7 @@ def _switch(s: Sheet) -> None:
         s.disc(x, 0.5 * half, 0.004, (20, 20, 22))
 
 
-def _vent(s: Sheet) -> None:
+def _draw_vent(s: Sheet) -> None:
     """Draw an outlet for air in a ceiling."""
     s.all((214, 214, 210))
     s.frame(0.02, (240, 240, 238))
@@ -322,7 +322,7 @@ def _vent(s: Sheet) -> None:
         s.fill(0.04, 0.05 + 0.04 * k, s.width - 0.04, 0.064 + 0.04 * k, (70, 72, 74))
 
 
-def _detector(s: Sheet) -> None:
+def _draw_detector(s: Sheet) -> None:
     """Draw a smoke detector, or a sprinkler, on a tile of a ceiling."""
     s.all((232, 231, 226))
     middle = 0.5 * s.width
@@ -331,7 +331,7 @@ def _detector(s: Sheet) -> None:
     s.disc(middle, middle, 0.12 * s.width, (190, 40, 36))
 
 
-def _plan(s: Sheet) -> None:
+def _draw_plan(s: Sheet) -> None:
     """Draw the plan of a floor in its frame, as at exits."""
     s.all((250, 250, 248))
     for _ in range(9):
@@ -344,7 +344,7 @@ def _plan(s: Sheet) -> None:
     s.frame(0.014, (120, 124, 128))
 
 
-def _book(s: Sheet) -> None:
+def _draw_book(s: Sheet) -> None:
     """Draw a book or a folder that lies on a desk."""
     cover = s.colour(40, 220)
     s.all(cover)
@@ -354,7 +354,7 @@ def _book(s: Sheet) -> None:
     s.fill(0, 0, 0.05 * s.width, s.height, ink)
 
 
-def _cables(s: Sheet) -> None:
+def _draw_cables(s: Sheet) -> None:
     """Draw conduits along a wall, with their clips and boxes."""
     s.all((150, 152, 152))
     tones = ((58, 60, 62), (206, 206, 200), (120, 122, 124), (190, 140, 40))
@@ -371,7 +371,7 @@ def _cables(s: Sheet) -> None:
         x += s.stream.uniform(0.5, 0.9)
 
 
-def _bolts(s: Sheet) -> None:
+def _draw_bolts(s: Sheet) -> None:
     """Draw a plate of steel with bolts along its edges and a stamped sign."""
     s.all((128, 132, 134))
     s.frame(0.01, (70, 72, 74))
@@ -388,7 +388,7 @@ def _bolts(s: Sheet) -> None:
         s.text(0.17, 0.5 * s.height + 0.02, s.width - 0.17, 0.05, INK)
 
 
-def _holes(s: Sheet) -> None:
+def _draw_holes(s: Sheet) -> None:
     """Draw the holes of a rack's upright, each 0.05 m."""
     s.all((44, 76, 140))
     for k in range(int(s.height / 0.05)):
@@ -397,7 +397,7 @@ def _holes(s: Sheet) -> None:
             s.fill(x * s.width - 0.008, y, x * s.width + 0.008, y + 0.022, (14, 18, 26))
 
 
-def _places(s: Sheet) -> None:
+def _draw_places(s: Sheet) -> None:
     """Draw the labels of a beam's places: a bar code and a number each 0.7 m."""
     s.all((216, 112, 44))
     for k in range(int(s.width / 0.7)):
@@ -413,37 +413,37 @@ def _places(s: Sheet) -> None:
 
 PRINTS: Final[dict[str, Callable[[Sheet], None]]] = {
     **outdoor_prints.PRINTS,
-    "poster": _poster,
-    "notices": _notices,
-    "whiteboard": _whiteboard,
-    "books": _books,
+    "poster": _draw_poster,
+    "notices": _draw_notices,
+    "whiteboard": _draw_whiteboard,
+    "books": _draw_books,
     "drawers": _drawers,
-    "screen": _screen,
-    "door": _door,
-    "window": _window,
-    "night": _night,
-    "lamp": _lamp,
-    "strip": _strip,
-    "outlet": _outlet,
-    "exit": _exit,
-    "clock": _clock,
-    "label": _label,
-    "paper": _paper,
-    "grid": _grid,
-    "band": _band,
-    "doors": _doors,
-    "opening": _opening,
-    "keyboard": _keyboard,
-    "grille": _grille,
-    "switch": _switch,
-    "vent": _vent,
-    "detector": _detector,
-    "plan": _plan,
-    "book": _book,
-    "cables": _cables,
-    "bolts": _bolts,
-    "holes": _holes,
-    "places": _places,
+    "screen": _draw_screen,
+    "door": _draw_door,
+    "window": _draw_window,
+    "night": _draw_night,
+    "lamp": _draw_lamp,
+    "strip": _draw_strip,
+    "outlet": _draw_outlet,
+    "exit": _draw_exit,
+    "clock": _draw_clock,
+    "label": _draw_label,
+    "paper": _draw_paper,
+    "grid": _draw_grid,
+    "band": _draw_band,
+    "doors": _draw_doors,
+    "opening": _draw_doorway,
+    "keyboard": _draw_keyboard,
+    "grille": _draw_grille,
+    "switch": _draw_switch,
+    "vent": _draw_vent,
+    "detector": _draw_detector,
+    "plan": _draw_plan,
+    "book": _draw_book,
+    "cables": _draw_cables,
+    "bolts": _draw_bolts,
+    "holes": _draw_holes,
+    "places": _draw_places,
 }
 
 

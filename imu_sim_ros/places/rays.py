@@ -144,13 +144,15 @@ class RayTracer:
             surface = self._kept[surface]
         traced = Traced(distance, surface, body, along)
         for number, (moving, extent, solid) in enumerate(self._bodies, start=1):
-            rows = _near(moving, extent, t, origins, directions)
+            rows = _rays_near_body(moving, extent, t, origins, directions)
             if len(rows):
-                _put(traced, rows, number, *_of_body(moving, solid, t, origins, directions, rows))
+                _put(
+                    traced, rows, number, *_trace_body(moving, solid, t, origins, directions, rows)
+                )
         return traced
 
 
-def _near(
+def _rays_near_body(
     body: MovingBody, extent: tuple[Array, float], t: Array, origins: Array, directions: Array
 ) -> Integers:
     """Return the rows of rays that pass a ball in which a body stays from their first to last time.
@@ -170,7 +172,7 @@ def _near(
     return np.flatnonzero(within_reach)
 
 
-def _of_body(
+def _trace_body(
     body: MovingBody, solid: _Solid, t: Array, origins: Array, directions: Array, rows: Integers
 ) -> tuple[Floats, Integers, Array]:
     """Return distances, surfaces and ``along`` of the rows of rays with a moving body."""

@@ -76,7 +76,7 @@ class Shadow(NamedTuple):
         radius = float(half.min()) + _EDGE
         return cls(ShadowLine(middle - along, middle + along, radius, _BELOW), float(high[2]))
 
-    def thrown(self, to_sun: Array, share: float) -> ShadowLine:
+    def shadow_line(self, to_sun: Array, share: float) -> ShadowLine:
         """Return the shadow away from the sun.
 
         :param to_sun: (3,) unit vector in the body's axes.

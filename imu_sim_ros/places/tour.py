@@ -98,11 +98,13 @@ def _way(place: Place, surfaces: Surfaces) -> Array:
     x, y = ((np.arange(n) + 0.5) * cell + low for n, low in zip(shape, place.low[:2], strict=True))
     grid = np.stack(np.meshgrid(x, y, indexing="ij"), axis=-1).reshape(-1, 2)
     points = np.column_stack([grid, np.full(len(grid), height)])
-    free = clearance(_near(surfaces, height), points, _REACH)
+    free = clearance(_surfaces_at_height(surfaces, height), points, _REACH)
     for dz in (-0.35, 0.35):  # what is just above or below counts as well
         level = points + np.array([0.0, 0.0, dz])
-        free = np.minimum(free, clearance(_near(surfaces, height + dz), level, _REACH) + 0.1)
-    stops = [_nearest_free(points, free, stop) for stop in place.route]
+        free = np.minimum(
+            free, clearance(_surfaces_at_height(surfaces, height + dz), level, _REACH) + 0.1
+        )
+    stops = [_nearest_free_point(points, free, stop) for stop in place.route]
     _, predecessors = dijkstra(
         graph(free, shape, CLEARANCE + 0.1), indices=stops, return_predecessors=True
     )
@@ -119,7 +121,7 @@ def _way(place: Place, surfaces: Surfaces) -> Array:
     return points[way]
 
 
-def _near(surfaces: Surfaces, height: float) -> Surfaces:
+def _surfaces_at_height(surfaces: Surfaces, height: float) -> Surfaces:
     """Return the surfaces that are not far above or below a height."""
     ends = [surfaces.origin[:, 2] + 0.0]
     ends += [ends[0] + side[:, 2] for side in (surfaces.across, surfaces.up)]
@@ -153,7 +155,7 @@ def graph(free: Array, shape: tuple[int, int], clearance: float) -> Any:
     return (one_way + one_way.T).tocsr()
 
 
-def _nearest_free(points: Array, free: Array, stop: Array) -> int:
+def _nearest_free_point(points: Array, free: Array, stop: Array) -> int:
     """Return the number of the point nearest to a stop that keeps clear of all faces."""
     away = ((points - stop) ** 2).sum(axis=1)
     return int(np.argmin(np.where(free > CLEARANCE + 0.1, away, np.inf)))

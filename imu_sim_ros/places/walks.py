@@ -318,7 +318,7 @@ class _Walkers:
         if (self._floor.at(place) < self._radius).any():
             return False
         for body in bodies:
-            if (_between(body, t, place) < self._radius + _APART).any():
+            if (_body_distances(body, t, place) < self._radius + _APART).any():
                 return False
         return not self._passage.ends or self._off_the_cameras(course)
 
@@ -333,16 +333,16 @@ class _Walkers:
         return True
 
 
-def _between(body: MovingBody, t: Array, places: Array) -> Array:
+def _body_distances(body: MovingBody, t: Array, places: Array) -> Array:
     """Return distances (n,) of places (n, 2) from a body at times t (n,), or less [m]."""
     pose = body.course.at(t)
     offset = places - pose[:, :2]
     if body.kind != "door":
         return np.asarray(np.hypot(*offset.T) - RADIUS[body.kind])
-    return _from_leaf(offset, pose[:, 2], float(body.surfaces().sides.max(axis=0)[0]))
+    return _leaf_distances(offset, pose[:, 2], float(body.surfaces().sides.max(axis=0)[0]))
 
 
-def _from_leaf(offset: Array, heading: Array, width: float) -> Array:
+def _leaf_distances(offset: Array, heading: Array, width: float) -> Array:
     """Return the distances (n,) of points from the leaf of a door [m].
 
     :param offset: (n, 2) points relative to the hinge [m].
@@ -489,12 +489,12 @@ def _door(hinge: Hinge, number: int, site: Site, passage: Passage) -> Course:
         heading = hinge.heading + hinge.swing * share
         foot = np.broadcast_to(np.array(hinge.foot[:2]), (_KNOTS, 2))
         course = Course(np.round(np.column_stack([foot, heading]), 6))
-        if _swings_free(course, hinge, passage):
+        if _has_clear_swing(course, hinge, passage):
             return course
     return course  # it stays as it is
 
 
-def _swings_free(course: Course, hinge: Hinge, passage: Passage) -> bool:
+def _has_clear_swing(course: Course, hinge: Hinge, passage: Passage) -> bool:
     """Return True if a door swings clear of a course."""
     top = hinge.foot[2] + hinge.height + CLEARANCE
     headings = course.at(passage.times)[:, 2]
@@ -506,10 +506,10 @@ def _swings_free(course: Course, hinge: Hinge, passage: Passage) -> bool:
         if not close.any():
             continue
         if passage.ends:
-            away = _from_leaf(offset[close], headings[close], hinge.width)
+            away = _leaf_distances(offset[close], headings[close], hinge.width)
         else:
             distances = [
-                _from_leaf(offset[close], np.full(int(close.sum()), h), hinge.width)
+                _leaf_distances(offset[close], np.full(int(close.sum()), h), hinge.width)
                 for h in headings
             ]
             away = np.min(distances, axis=0)

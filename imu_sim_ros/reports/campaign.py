@@ -328,7 +328,7 @@ def _cells(plan: Plan, groups: Sequence[Group], metrics: Sequence[str], chosen: 
         row += [group.done, len(group.rows)]
         for name in shown:
             values = group.values(name)
-            if group.not_valid(name):
+            if group.is_invalid(name):
                 row += ["not valid", None, None, None]
             else:
                 row += [*quantile(values, 0.5), quantile(values, 0.95).value]

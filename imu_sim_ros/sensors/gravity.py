@@ -199,12 +199,14 @@ def geodetic(environment: EnvironmentParameters, position: Array) -> tuple[Array
     if environment.curved_earth:
         latitude, longitude, height = CurvedEarth(environment).geodetic(position)
     else:
-        latitude, longitude, height = _from_tangent_plane(environment, position)
+        latitude, longitude, height = _tangent_plane_to_geodetic(environment, position)
     turned = np.remainder(np.degrees(longitude) + 180.0, 360.0) - 180.0
     return np.degrees(latitude), turned, height
 
 
-def _from_tangent_plane(environment: EnvironmentParameters, position: Array) -> GeodeticPosition:
+def _tangent_plane_to_geodetic(
+    environment: EnvironmentParameters, position: Array
+) -> GeodeticPosition:
     """Return places on WGS84 of Cartesian coordinates east, north, up (n, 3)."""
     phi, lam = math.radians(environment.latitude_deg), math.radians(environment.longitude_deg)
     sine, cosine = math.sin(phi), math.cos(phi)

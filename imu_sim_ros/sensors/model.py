@@ -83,7 +83,7 @@ class SensorModel(Generic[SectionT]):
         """Return the values with those derived from the readings, after faults."""
         return values
 
-    def sent(self, values: Mapping[str, Array]) -> Mask | None:
+    def sent_mask(self, values: Mapping[str, Array]) -> Mask | None:
         """Return which samples the sensor sends (n,); None: all."""
         return None
 
@@ -103,7 +103,7 @@ class SensorModel(Generic[SectionT]):
         self._take_faults(samples.first, values)
         values = dict(self.complete(values))
         block = self._timing.samples(samples.first, samples.true_t_ns, values)
-        sent = self.sent(values)
+        sent = self.sent_mask(values)
         if sent is None:
             return block
         return block._replace(delivered=block.delivered[sent[block.delivered]])
@@ -197,7 +197,7 @@ class SensorWithImu:
         :param true_t_ns: (n,) true times of the samples [ns].
         :param ideal: (n,) or (n, 3) ideal values, as :meth:`ideal` returns them.
         """
-        return self._read(self.timing.given(true_t_ns), ideal, world)
+        return self._read(self.timing.external_samples(true_t_ns), ideal, world)
 
     def _read(self, samples: Sampled, ideal: Array, world: World) -> Samples:
         """Return the samples of a block, with the errors of the triad."""

@@ -110,7 +110,7 @@ def join_samples(parts: Sequence[Samples]) -> Samples:
         delivered=np.concatenate(
             [part.delivered + shift for part, shift in zip(parts, shifts, strict=True)]
         ),
-        values={name: _joined([part.values[name] for part in parts]) for name in parts[0].values},
+        values={name: _join([part.values[name] for part in parts]) for name in parts[0].values},
     )
 
 
@@ -123,12 +123,12 @@ def _rows(values: Any, rows: slice) -> Any:
     return values[rows]
 
 
-def _joined(parts: Sequence[Any]) -> Any:
+def _join(parts: Sequence[Any]) -> Any:
     """Return arrays, tuples of arrays, or records, one behind the other."""
     if isinstance(parts[0], TimeSeries):
         return concatenated(parts)
     if isinstance(parts[0], tuple):
-        return type(parts[0])(*map(_joined, zip(*parts, strict=True)))
+        return type(parts[0])(*map(_join, zip(*parts, strict=True)))
     if all(part.strides[0] == 0 for part in parts):  # an error that the sensor does not have
         return np.broadcast_to(parts[0][:1], (sum(map(len, parts)), *parts[0].shape[1:]))
     return np.concatenate(parts)

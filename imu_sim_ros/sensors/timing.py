@@ -66,9 +66,9 @@ class SampleTimes:
     def within(self, window: Window) -> Sampled:
         """Return the samples in a window."""
         begin = self.index(window.begin)
-        return self.following(begin, self.index(window.end) - begin)
+        return self.at_indices(begin, self.index(window.end) - begin)
 
-    def following(self, first: int, count: int) -> Sampled:
+    def at_indices(self, first: int, count: int) -> Sampled:
         """Return the samples from an index on."""
         true_t_ns = timebase.sample_times_ns(first, count, self._rate, self._first_ns)
         return Sampled(first, true_t_ns, timebase.seconds_since(true_t_ns, self._t0_ns))
@@ -125,7 +125,7 @@ class SampleTiming:
         self._drift = timing.clock_drift_ppm_per_hour * 1e-6 / 3600.0  # per second
         # What suits the IMU's interval may be more than this sensor's allows.
         stated = min(timing.jitter, LARGEST_JITTER_SIGMA / self._rate) * second
-        self._jitter_ns = deviation_before_cut(stated, self._limit_ns) if stated else 0.0
+        self._jitter_ns = unclipped_deviation(stated, self._limit_ns) if stated else 0.0
         previous = (self._latency_ns, self._latency_jitter_ns)
         self._latency_ns = timebase.to_nanoseconds(timing.latency)
         self._latency_jitter_ns = timing.latency_jitter * second
@@ -146,12 +146,12 @@ class SampleTiming:
         """Start a fault at the first sample at or after a time since the start [s]."""
         self.faults.add(fault, max(self.times.index(begin), self.position), self.position)
 
-    def given(self, true_t_ns: Times) -> Sampled:
+    def external_samples(self, true_t_ns: Times) -> Sampled:
         """Return the next samples at times from outside; errors follow the nominal times.
 
         :param true_t_ns: (n,) true times [ns].
         """
-        nominal = self.times.following(self.position, len(true_t_ns))
+        nominal = self.times.at_indices(self.position, len(true_t_ns))
         return nominal._replace(true_t_ns=true_t_ns)
 
     def samples(self, first: int, true_t_ns: Times, values: Mapping[str, object]) -> Samples:
@@ -261,7 +261,7 @@ class SampleTiming:
         lost |= ends > index
 
 
-def deviation_before_cut(deviation: float, limit: float) -> float:
+def unclipped_deviation(deviation: float, limit: float) -> float:
     """Return the deviation of normal numbers that have a given one after clipping.
 
     Numbers beyond ``+-limit`` are set to it. With ``c = limit / s`` what is left has the variance
@@ -271,18 +271,18 @@ def deviation_before_cut(deviation: float, limit: float) -> float:
     :param deviation: the target, > 0 and below limit.
     """
     low, high = deviation, deviation
-    while _deviation_after_cut(high, limit) < deviation:
+    while _clipped_deviation(high, limit) < deviation:
         high *= 2.0
     for _ in range(60):
         middle = 0.5 * (low + high)
-        if _deviation_after_cut(middle, limit) < deviation:
+        if _clipped_deviation(middle, limit) < deviation:
             low = middle
         else:
             high = middle
     return high
 
 
-def _deviation_after_cut(s: float, limit: float) -> float:
+def _clipped_deviation(s: float, limit: float) -> float:
     """Return the standard deviation of normal jitter s that is limited to +-limit."""
     c = limit / s
     inner = math.erf(c / math.sqrt(2.0)) - c * math.sqrt(2.0 / math.pi) * math.exp(-0.5 * c * c)

@@ -116,7 +116,7 @@ class World:
             raise ConfigurationError("scene: no sensor of this simulation declares that it sees")
         return self._make_scene(self)
 
-    def shared(self, name: str, make: Callable[[], _T]) -> _T:
+    def share(self, name: str, make: Callable[[], _T]) -> _T:
         """Return an object that several sensors use; it is made with the first call."""
         if name not in self._shared:
             self._shared[name] = make()
@@ -129,7 +129,7 @@ class World:
         """
         if self._known is not None:
             times, motion = self._known
-            rows = _evenly_spaced(t, times)
+            rows = _even_rows(t, times)
             if rows is not None:
                 return Motion(*(values[rows] for values in motion))
         motion = self.trajectory.sample(t)
@@ -137,7 +137,7 @@ class World:
         return motion
 
 
-def _evenly_spaced(t: Array, times: Array) -> slice | None:
+def _even_rows(t: Array, times: Array) -> slice | None:
     """Return at which evenly spaced rows of increasing times t is; None: at none."""
     count = len(t)
     if not 0 < count <= len(times):

@@ -68,7 +68,7 @@ class Conventions:
         self._to_flu = AXES_TO_FLU[declared.axes]
         self._gravity_w = gravity_vector(parameters)
         self._q_input = None if declared.axes == "flu" else _flu_in(declared.axes)
-        self._world = _enu_of_ned() if declared.axes == "frd" else None
+        self._world = _ned_to_enu() if declared.axes == "frd" else None
         self._mount = _Mount(parameters) if declared.place == "body" and has_mount(imu) else None
         turned = np.eye(3) if self._turn is None else self._turn
         if declared.place == "body":
@@ -77,7 +77,7 @@ class Conventions:
         self.nothing = self._turn is None and self._mount is None and not self._adds_gravity
         """True if readings stay as they are."""
 
-    def turned(self, values: Array) -> Array:
+    def rotate(self, values: Array) -> Array:
         """Return vectors (n, 3) in the IMU's axes."""
         return values if self._turn_only is None else transform(self._turn_only, values)
 
@@ -116,7 +116,7 @@ def _flu_in(axes: str) -> Array:
     return rotation.from_matrix(AXES_TO_FLU[axes].T)
 
 
-def _enu_of_ned() -> Array:
+def _ned_to_enu() -> Array:
     """Return q (4,) that maps north east down to east north up."""
     return rotation.from_matrix([[0.0, 1.0, 0.0], [1.0, 0.0, 0.0], [0.0, 0.0, -1.0]])
 
@@ -426,7 +426,7 @@ class StartCheck:
         """Initialise without readings."""
         self._parameters = parameters
         self._g = math.hypot(*gravity_vector(parameters).tolist())
-        self._turned = Conventions(parameters).turned
+        self._rotate_axes = Conventions(parameters).rotate
         self._seen: list[tuple[Any, Any, Any]] = []
         """Stamps, rates and forces: (n,) and (n, 3) of n readings, or numbers of one."""
         self._arrived: list[tuple[Any, Any, Any]] = []
@@ -573,7 +573,7 @@ class StartCheck:
     def _of_noise(self, t_ns: Times, gyro: Array, accel: Array) -> Iterator[str]:
         """Yield lines about white noise of the input that adds to the sensor's."""
         imu, rate = self._parameters.imu, self._parameters.rate
-        rows = _in_a_row(t_ns, (gyro, accel))
+        rows = _longest_stretch(t_ns, (gyro, accel))
         if len(rows) < _FEWEST:
             return
         steps = np.diff(t_ns[rows])
@@ -585,7 +585,9 @@ class StartCheck:
         )
         for triad, unit, values in zip(TRIADS, ("rad/s", "m/s^2"), (gyro, accel), strict=True):
             parameters = imu.triad(triad)
-            density = _white_noise(steps, self._turned(values[rows])) / math.sqrt(readings_rate)
+            density = _white_noise(steps, self._rotate_axes(values[rows])) / math.sqrt(
+                readings_rate
+            )
             # Without noise of the sensor none is added twice: who adds other errors to a recording
             # wants to keep its noise, and nothing tells how much matters; rounding is noise, too.
             share = np.zeros(3)
@@ -694,7 +696,7 @@ def _batch_findings(t_ns: Times, gyro: Array, accel: Array) -> list[Finding]:
     return []
 
 
-def _in_a_row(t_ns: Times, readings: Sequence[Array]) -> Integers:
+def _longest_stretch(t_ns: Times, readings: Sequence[Array]) -> Integers:
     """Return the rows of the longest stretch of readings without a gap.
 
     If many readings repeat the one before, their source holds each value for several readings, and

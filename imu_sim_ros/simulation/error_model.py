@@ -177,7 +177,7 @@ class GivenImu(GivenSensor[Readings, dict[str, Samples]]):
         for sensor in self._given_others.values():
             sensor.configure(parameters)
 
-    def hit_by(self, fault: Fault) -> "GivenSensor[Any, Any]":
+    def find_sensor(self, fault: Fault) -> "GivenSensor[Any, Any]":
         """Return the sensor that a fault hits.
 
         :raises ConfigurationError: for one that is not there.
@@ -197,7 +197,7 @@ class GivenImu(GivenSensor[Readings, dict[str, Samples]]):
         :param delay: seconds after the sensor's next sample, >= 0.
         :raises ConfigurationError: for another delay, and a sensor that is not there.
         """
-        hit = self.hit_by(fault)
+        hit = self.find_sensor(fault)
         if isinstance(hit, GivenOther):
             return hit.inject(fault, delay)
         first_sample = self.first_hit(delay)

@@ -156,7 +156,7 @@ class ErrorModelParameters(SampledParameters):
             )
 
     @staticmethod
-    def passed_over() -> dict[str, Parameter]:
+    def ignored_parameters() -> dict[str, Parameter]:
         """Return the simulator's parameters that an error model ignores, by name."""
         return dict(_OF_THE_SIMULATOR)
 

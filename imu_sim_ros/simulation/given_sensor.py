@@ -291,7 +291,7 @@ class GivenOther(GivenSensor[IdealValues, Samples]):
         """Return values in the axes of the simulation."""
         if ideal.values.ndim == 1:
             return ideal
-        return with_fields(ideal, values=self._conventions.turned(ideal.values))
+        return with_fields(ideal, values=self._conventions.rotate(ideal.values))
 
     def _sample(self, ideal: IdealValues) -> list[Samples]:
         """Return the samples of ideal values."""

@@ -285,11 +285,11 @@ class SimulationParameters(SampledParameters):
             return f"there is no camera {section}; name it in cameras"
         if section == "cameras":
             camera, _, parameter = rest.replace(".camera.", ".").rpartition(".")
-            return _of_camera(camera, parameter)
-        return _of_camera(section, rest) if section.startswith("cam") else None
+            return _camera_advice(camera, parameter)
+        return _camera_advice(section, rest) if section.startswith("cam") else None
 
 
-def _of_camera(camera: str, name: str) -> str | None:
+def _camera_advice(camera: str, name: str) -> str | None:
     """Return advice with the full name of a camera's parameter; None: no name is similar.
 
     :param camera: name of the camera; empty: all cameras.
@@ -375,7 +375,7 @@ def layer_files(values: Mapping[str, object], problems: Problems) -> dict[str, o
     files_below = layer_rig(common, problems) if has_views else common
     layers = {
         **_sensor_presets(files_below, problems),
-        **_with_motion(layer_imu(files_below, NODE, problems), files_below, problems),
+        **_add_trajectory_file(layer_imu(files_below, NODE, problems), files_below, problems),
     }
     if has_views:
         layers.update(axes(values, layers.get("trajectory.type") == PosesParameters.type))
@@ -414,7 +414,7 @@ def _sensor_presets(values: Mapping[str, object], problems: Problems) -> dict[st
     return presets
 
 
-def _with_motion(
+def _add_trajectory_file(
     layers: dict[str, object], stated: Mapping[str, object], problems: Problems
 ) -> dict[str, object]:
     """Return values with those of the trajectory's file below them.

@@ -38,7 +38,7 @@ def fit_scene(
         see a scene; not checked here.
     :param trajectory_of: returns the trajectory that parameters by dotted name describe.
     """
-    parameters = _with_tour(parameters)
+    parameters = _add_tour(parameters)
     if parameters.get("scene.type") != "aprilgrid" or "cameras" not in parameters:
         return parameters
     try:
@@ -54,7 +54,7 @@ def fit_scene(
     return {**parameters, **suit_board_and_motion(views, motion, rig.scene, scene_names, turns)}
 
 
-def _with_tour(parameters: Mapping[str, object]) -> dict[str, object]:
+def _add_tour(parameters: Mapping[str, object]) -> dict[str, object]:
     """Return parameters with a tour through the place that the sensors see."""
     kind = parameters.get("scene.type", DEFAULT_SCENE)
     if kind == DEFAULT_SCENE:
@@ -87,14 +87,14 @@ def _free_turns(parameters: Mapping[str, object]) -> list[str] | None:
     base = files.load(files.find("trajectories", "target"))
     if parameters.get("trajectory.type") != "target":
         path_names = [k for k in base if k == "trajectory.type" or k.endswith(".angular_frequency")]
-        if any(_plain(parameters.get(k)) != base[k] for k in path_names):
+        if any(_as_list(parameters.get(k)) != base[k] for k in path_names):
             return None
     names = {angle: f"trajectory.{angle}.amplitude" for angle in TURNS}
     return [
-        a for a, name in names.items() if _plain(parameters.get(name, base[name])) == base[name]
+        a for a, name in names.items() if _as_list(parameters.get(name, base[name])) == base[name]
     ]
 
 
-def _plain(value: object) -> object:
+def _as_list(value: object) -> object:
     """Return a value with a list in place of a tuple or array."""
     return list(value) if isinstance(value, tuple | np.ndarray) else value

@@ -319,7 +319,7 @@ def _repeat(inner: Trajectory, parameters: TrajectoryParameters) -> Retimed:
         return Retimed(inner, Loop(inner.duration, passes))
     turn = parameters.rest_transition
     if inner.duration < 2.0 * _HALF_TURN * turn:
-        raise ConfigurationError(_too_short(turn, inner.duration))
+        raise ConfigurationError(_shortness_line(turn, inner.duration))
     return Retimed(inner, ThereAndBack(inner.duration, passes, turn))
 
 
@@ -351,7 +351,7 @@ def _rests(length: float, rest_before: float, parameters: TrajectoryParameters) 
     ramps = ((rest_before > 0.0) + (rest_after > 0.0)) * ramp
     cruise = length / scale - 0.5 * ramps
     if cruise < 0.0:
-        raise ConfigurationError(_too_short(ramp, length))
+        raise ConfigurationError(_shortness_line(ramp, length))
     phases = [Phase(cruise, scale, scale)]
     if rest_before > 0.0:
         phases = [Phase(rest_before, 0.0, 0.0), Phase(ramp, 0.0, scale), *phases]
@@ -360,7 +360,7 @@ def _rests(length: float, rest_before: float, parameters: TrajectoryParameters) 
     return RateProfile(phases)
 
 
-def _too_short(transition: float, length: float) -> str:
+def _shortness_line(transition: float, length: float) -> str:
     """Return the line about a motion shorter than its transitions."""
     return (
         f"trajectory.rest_transition = {transition:g}: must be shorter for a motion that lasts "

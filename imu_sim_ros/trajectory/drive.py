@@ -72,7 +72,7 @@ class Drive:
         position, d1, d2, d3 = self.path.sample(u, 3)
         ground = self._ground.sample(u, 3)
         height, rise, curve, kink = (values[0] for values in ground)
-        facing = self.path.facing(u)
+        facing = self.path.driving_direction(u)
         p, v, a = np.empty((3, len(t), 3))
         for column, value, slope, bend in (
             *zip((0, 1), position, d1, d2, strict=True),
@@ -82,9 +82,9 @@ class Drive:
             a[:, column] = bend * rate**2 + slope * change
         yaw = _yaw(facing * d1, facing * d2, facing * d3)
         pitch = _pitch(d1, d2, d3, (facing * rise, facing * curve, facing * kink))
-        roll = _roll(pitch, _across([values[1:] for values in ground[:3]], yaw))
+        roll = _roll(pitch, _lateral_slope([values[1:] for values in ground[:3]], yaw))
         yaw = yaw._replace(value=self._add_turns(u, yaw.value))
-        angles = np.array([_in_time(x, rate, change) for x in (roll, pitch, yaw)])
+        angles = np.array([_time_derivatives(x, rate, change) for x in (roll, pitch, yaw)])
         if self._suspension is not None:
             angles[:2] += np.array(self._suspension.sample(t, 2)).swapaxes(0, 1)
         return Motion(p, v, a, *rotation.euler_motion(*angles.transpose(1, 2, 0)))
@@ -97,7 +97,7 @@ class Drive:
     def _continuous_headings(self) -> tuple[Array, Array]:
         """Return places along the path, and headings there that do not jump."""
         u = self.path.bends().u
-        d1 = self.path.facing(u) * self.path.sample(u, 1)[1]
+        d1 = self.path.driving_direction(u) * self.path.sample(u, 1)[1]
         return u, np.unwrap(np.arctan2(d1[1], d1[0]))
 
     def _add_turns(self, u: Array, yaw: Array) -> Array:
@@ -259,12 +259,12 @@ def _suspension(path: Path, schedule: UniformSpline, p: DriveParameters) -> Unif
     w = 2.0 * math.pi * p.suspension_frequency
     transfer = ([w * w], [1.0, 2.0 * p.suspension_damping * w, w * w])
     ((numerator,), denominator, _) = cont2discrete(transfer, step, method="foh")
-    facing = path.facing(schedule.sample(np.clip(t, 0.0, schedule.length), 0)[0][0])
+    facing = path.driving_direction(schedule.sample(np.clip(t, 0.0, schedule.length), 0)[0][0])
     force = np.stack([p.suspension_roll * done.across, -p.suspension_pitch * done.along]) * facing
     return UniformSpline(lfilter(numerator, denominator, force, axis=1).T, step)
 
 
-def _in_time(angle: Derivatives, rate: Array, change: Array) -> Derivatives:
+def _time_derivatives(angle: Derivatives, rate: Array, change: Array) -> Derivatives:
     """Return derivatives by time of an angle with derivatives by u."""
     return Derivatives(
         angle.value, angle.first * rate, angle.second * rate**2 + angle.first * change
@@ -293,7 +293,7 @@ def _pitch(d1: Array, d2: Array, d3: Array, height: tuple[Array, Array, Array]) 
     return Derivatives(-np.arctan2(z1, r), slope, bend)
 
 
-def _across(slopes: list[Array], yaw: Derivatives) -> Derivatives:
+def _lateral_slope(slopes: list[Array], yaw: Derivatives) -> Derivatives:
     """Return the slope to the left, from slopes along x and y (2, n) and their derivatives."""
     c, s = np.cos(yaw.value), np.sin(yaw.value)
 

@@ -89,7 +89,7 @@ class _Wave(NamedTuple):
     cosine: float
 
 
-def _from_highest(coefficients: list[float]) -> list[float]:
+def _trim_leading_zeros(coefficients: list[float]) -> list[float]:
     """Return the coefficients of a polynomial, the highest that is not 0 before the others."""
     while len(coefficients) > 1 and not coefficients[-1]:
         coefficients = coefficients[:-1]
@@ -129,7 +129,7 @@ class _Coordinates:
         for lower, higher in itertools.pairwise(c):
             higher[:, :-1] = (powers * lower)[:, 1:]
         rows = c.reshape(3 * len(series), degree)
-        self._polynomials = [_from_highest(row) for row in rows.tolist()]
+        self._polynomials = [_trim_leading_zeros(row) for row in rows.tolist()]
         """Coefficients of k functions, of their derivatives, and of those of these: of each the
         highest that is not 0 comes first."""
 
@@ -200,10 +200,10 @@ class Polar(_Endless):
         sweep = r * angle1
         v[:, 0], v[:, 1] = r1 * c - sweep * s, r1 * s + sweep * c
         a[:, 0], a[:, 1] = along * c - across * s, along * s + across * c
-        return Motion(p, v, a, *_heading(angle, angle1, angle2))
+        return Motion(p, v, a, *_yaw_motion(angle, angle1, angle2))
 
 
-def _heading(yaw: Array, d1: Array, d2: Array) -> tuple[Array, Array, Array]:
+def _yaw_motion(yaw: Array, d1: Array, d2: Array) -> tuple[Array, Array, Array]:
     """Return q_wb, omega_b and alpha_b of an upright body from its yaw and the derivatives (n,)."""
     angles = np.zeros((3, 3, len(yaw)))
     angles[:, 2] = yaw, d1, d2
@@ -243,7 +243,7 @@ class Waypoints:
         """Return the motion at times t (n,) [s]."""
         table = np.array([spline(t) for spline in self._splines])
         position, velocity, acceleration = table[:, :, :3]
-        return Motion(position, velocity, acceleration, *_heading(*table[:, :, 3]))
+        return Motion(position, velocity, acceleration, *_yaw_motion(*table[:, :, 3]))
 
 
 def _splines(times: Array, coordinates: Array) -> "list[CubicSpline]":

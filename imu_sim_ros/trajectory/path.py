@@ -66,7 +66,7 @@ class UniformSpline:
         return results
 
 
-def _falling() -> Array:
+def _falling_factorials() -> Array:
     """Return the factor of ``x^(n - k)`` in the k-th derivative of ``x^n``, by k and n."""
     table = np.ones((DEGREE, ORDER))
     for k in range(1, DEGREE):
@@ -74,7 +74,7 @@ def _falling() -> Array:
     return table
 
 
-_FALLING: Final = _falling()
+_FALLING: Final = _falling_factorials()
 
 
 class Bends(NamedTuple):
@@ -110,7 +110,7 @@ class Path:
         """Return the place and its derivatives by u (n,), each (2, n)."""
         return sample_spline_chain(self.splines, self._turns_at, u, derivatives)
 
-    def facing(self, u: Array) -> Array | float:
+    def driving_direction(self, u: Array) -> Array | float:
         """Return 1 where the vehicle drives forward, -1 where it backs up, at u (n,)."""
         if not self.turns:
             return self._first_direction
@@ -316,7 +316,7 @@ def _round_corners(
     nodes = (np.arange(segments + DEGREE) - 2) * spacing
     corners = waypoints
     for _ in range(_CORRECTIONS):
-        spline = UniformSpline(_on_polygon(nodes, waypoint_u, corners), spacing)
+        spline = UniformSpline(_polygon_points(nodes, waypoint_u, corners), spacing)
         error = np.where(waypoint[:, None], waypoints - spline.sample(waypoint_u, 0)[0].T, 0.0)
         miss = np.linalg.norm(error, axis=1)
         if deviation or miss.max() <= _MISS or not np.isfinite(miss.max()) or miss.max() > 1e6:
@@ -325,7 +325,7 @@ def _round_corners(
     return Path([spline], waypoint_u[waypoint]), miss[waypoint]
 
 
-def _on_polygon(nodes: Array, waypoint_u: Array, corners: Array) -> Array:
+def _polygon_points(nodes: Array, waypoint_u: Array, corners: Array) -> Array:
     """Return points (m, 2) of a polygon, its ends continued straight.
 
     :param nodes: (m,) u of the points.

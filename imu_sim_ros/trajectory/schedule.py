@@ -113,7 +113,7 @@ def find_schedule(
         way = _way(path, aim)
         _, controls = _controls(way, _limit_speeds(way, aim, speeds, waits), waits, step)
         schedule = UniformSpline(controls[:, None], step)
-        shares = _shares(planar_motion(path, schedule, _fine(schedule)), p).max(axis=1)
+        shares = _shares(planar_motion(path, schedule, _fine_grid(schedule)), p).max(axis=1)
         if shares.max() <= 1.0:
             return schedule
         aim = _below(aim, np.maximum(shares, 1.0))
@@ -135,7 +135,7 @@ def _below(p: DriveParameters, shares: Array) -> DriveParameters:
     )
 
 
-def _fine(schedule: UniformSpline) -> Array:
+def _fine_grid(schedule: UniformSpline) -> Array:
     """Return times (n,) of a fine grid over a schedule."""
     count = schedule.segments * _FINE
     return np.arange(count + 1, dtype=np.float64) * (schedule.length / count)
@@ -208,7 +208,7 @@ def _controls(way: _Way, square: Array, waits: Array, step: float) -> tuple[Arra
     _check_steps(end / step, np.diff(arrival[way.waypoint_index]))
     count = math.ceil(end / step - _ROUNDING) + DEGREE
     t: Array = (np.arange(count, dtype=np.float64) - 2.0) * step
-    return t, _at_times(way, square, arrival, arrival + rest, t)
+    return t, _piecewise_schedule(way, square, arrival, arrival + rest, t)
 
 
 def _check_steps(count: float, legs: Array) -> None:
@@ -222,7 +222,9 @@ def _check_steps(count: float, legs: Array) -> None:
         )
 
 
-def _at_times(way: _Way, square: Array, arrival: Array, departure: Array, t: Array) -> Array:
+def _piecewise_schedule(
+    way: _Way, square: Array, arrival: Array, departure: Array, t: Array
+) -> Array:
     """Return u of the schedule at times (m,): constant acceleration from place to place."""
     from scipy.interpolate import CubicHermiteSpline
 
@@ -263,12 +265,14 @@ def _fit_times(path: Path, p: DriveParameters, visits: Visits, prefix: str) -> U
     if problems:
         raise ConfigurationError(problems)
     t, controls = _controls(way, square, np.where(rests, waits, 0.0), step)
-    schedule = _meeting(path, visits, rests, t, controls)
+    schedule = _keep_visits(path, visits, rests, t, controls)
     _check_limits(path, schedule, p, visits, prefix)
     return schedule
 
 
-def _meeting(path: Path, visits: Visits, rests: Mask, t: Array, controls: Array) -> UniformSpline:
+def _keep_visits(
+    path: Path, visits: Visits, rests: Mask, t: Array, controls: Array
+) -> UniformSpline:
     """Return the smoothed schedule, corrected so that it keeps the times of the visits."""
     from scipy.interpolate import PchipInterpolator
 
@@ -293,7 +297,7 @@ def _check_limits(
     path: Path, schedule: UniformSpline, p: DriveParameters, visits: Visits, prefix: str
 ) -> None:
     """Refuse a schedule that exceeds a limit, or that goes back."""
-    t = _fine(schedule)
+    t = _fine_grid(schedule)
     done = planar_motion(path, schedule, t)
     shares = _shares(done, p)
     values = (done.speed, done.along, done.across, done.turn)

@@ -101,7 +101,7 @@ class LeastSquares:
 
         return cho_solve_banded((self._factor, True), target)
 
-    def fitted(self, points: Array) -> Array:
+    def evaluate(self, points: Array) -> Array:
         """Return the spline (n, 3) of control points (c, 3) at the times."""
         return np.sum(self._basis[..., None] * points[self._columns], axis=1)
 
@@ -128,11 +128,11 @@ def fit(
     system = LeastSquares(t, knots, cutoff)
     points = system.solve(position - origin)
     if outlier_distance > 0.0:
-        system, points = _without_outliers(t, position - origin, knots, cutoff, outlier_distance)
+        system, points = _reject_outliers(t, position - origin, knots, cutoff, outlier_distance)
     return PoseSpline(knots, points + origin, _fit_rotation(system, t, q_wb, knots))
 
 
-def _without_outliers(
+def _reject_outliers(
     t: Array, position: Array, knots: UniformKnots, cutoff: float, distance: float
 ) -> tuple[LeastSquares, Array]:
     """Return the system in which outliers count little, and the control points it gives.
@@ -144,7 +144,7 @@ def _without_outliers(
     for _ in range(_REWEIGHTINGS):
         system = LeastSquares(t, knots, cutoff, trust)
         points = system.solve(position)
-        squared = np.sum((system.fitted(points) - position) ** 2, axis=-1)
+        squared = np.sum((system.evaluate(points) - position) ** 2, axis=-1)
         previous, trust = trust, 1.0 / (1.0 + squared / distance**2)
         if np.max(np.abs(trust - previous)) < _SETTLED:
             break

@@ -206,7 +206,7 @@ class Vibrating:
 
     def _shift(self, motion: Motion, t: Array, clock: Derivatives | None) -> Motion:
         """Return the motion with the translational vibration."""
-        d, d_first, d_second = _in_time(self._vibration.shift.with_integrals, t, clock)
+        d, d_first, d_second = _time_derivatives(self._vibration.shift.with_integrals, t, clock)
         omega, alpha = motion.angular_velocity, motion.angular_acceleration
         swept = np.cross(omega, d)
         force = d_second + 2.0 * np.cross(omega, d_first) + np.cross(alpha, d)
@@ -219,7 +219,7 @@ class Vibrating:
 
     def _turn(self, motion: Motion, t: Array, clock: Derivatives | None) -> Motion:
         """Return the motion with the rotational vibration."""
-        phi, d1, d2 = _in_time(self._vibration.turn.with_derivative, t, clock)
+        phi, d1, d2 = _time_derivatives(self._vibration.turn.with_derivative, t, clock)
         turn = rotation.exp(phi)
         own_rate, own_acceleration = rotation.rate_and_acceleration(phi, d1, d2)
         rate = rotation.rotate_inverse(turn, motion.angular_velocity)
@@ -231,7 +231,7 @@ class Vibrating:
         )
 
 
-def _in_time(
+def _time_derivatives(
     function: Callable[[Array], tuple[Array, Array, Array]], t: Array, clock: Derivatives | None
 ) -> tuple[Array, Array, Array]:
     """Return a function (n, 3) of a clock that runs unevenly, and its derivatives by time."""

@@ -121,7 +121,7 @@ def test_the_jacobian_is_the_derivative_of_the_readings():
     for k in range(model.COUNT):
         step = np.zeros(model.COUNT)
         step[k] = 1e-6
-        numeric = (read(errors.moved(step)) - read(errors.moved(-step))) / 2e-6
+        numeric = (read(errors.step(step)) - read(errors.step(-step))) / 2e-6
         np.testing.assert_allclose(jacobian[:, :, k], numeric, rtol=2e-6, atol=2e-6)
     np.testing.assert_array_equal(linear.slope, jacobian[:, :, 0])
 
@@ -376,7 +376,7 @@ def test_digits_of_poses_are_found_and_their_rounding_drawn(digits):
     assert noise.quaternion_step == pytest.approx(step)
     assert noise.position_step == pytest.approx(step)
     # The fastest digits are even within a step, their deviation step / sqrt(12); 4000 poses.
-    turn, shift = noise.drawn(smooth, np.random.default_rng(3))
+    turn, shift = noise.draw(smooth, np.random.default_rng(3))
     np.testing.assert_allclose(shift.std(axis=0), step / np.sqrt(12.0), rtol=0.1)
     np.testing.assert_allclose(turn.std(), 2.0 * step / np.sqrt(12.0), rtol=0.15)
     np.testing.assert_allclose(noise.deviation, [turn.std(), shift.std()], rtol=0.2)
@@ -493,7 +493,7 @@ def test_what_estimated_weights_cost_is_in_the_standard_errors():
     sums.count[1] = count - 1
     sums.matrix[1] = count
     inverse = np.array([[1.0 / (6.0 * count)]])
-    factor = float(sums.widening(np.ones_like(sums.remaining_share), inverse)[0])
+    factor = float(sums.widening_factors(np.ones_like(sums.remaining_share), inverse)[0])
     assert factor**2 == pytest.approx(means.var() / claimed, rel=0.04)
     assert means.var() / claimed > 1.1
 

@@ -58,7 +58,7 @@ def test_what_is_blocked_is_what_is_hidden():
     where = rectangles(30, aligned=False)
     stream = np.random.default_rng(6)
     eyes, points = stream.uniform(-4.0, 4.0, (2, 800, 3))
-    blocked = Caster(where).blocked(eyes, points - eyes)
+    blocked = Caster(where).is_blocked(eyes, points - eyes)
     assert np.array_equal(blocked, is_hidden(where, eyes, points))
     assert 0.1 < blocked.mean() < 0.9
 
@@ -76,7 +76,7 @@ def test_places_are_hidden_from_a_lamp_as_rays_to_it_are_blocked(count, aligned)
         points = stream.uniform(-6.0, 6.0, (3000, 3)).astype(np.float32)
         points = points[(points - eye) @ axis > 0.05]
         facing = ((eye - where.origin) * where.normal).sum(axis=1) > 0.0
-        blocked = Caster(where.some(facing)).blocked(
+        blocked = Caster(where.some(facing)).is_blocked(
             np.broadcast_to(eye, points.shape), points - eye, 1.0 - 1e-4
         )
         hidden = is_hidden_place(where, eye, axis, points)

@@ -74,7 +74,7 @@ def test_rays_meet_what_an_independent_caster_says():
     assert np.abs(hits.distance[hit] / expected[hit] - 1.0).max() < 1e-6
     assert np.median(np.abs(hits.distance[hit] - expected[hit])) < 1e-9
     assert not np.isfinite(hits.distance[number < 0]).any()
-    blocked = MeshCaster(mesh).blocked(origins, ways, 1.0)
+    blocked = MeshCaster(mesh).is_blocked(origins, ways, 1.0)
     assert (blocked == (expected < 1.0)).mean() > 0.999
 
 
@@ -98,7 +98,7 @@ def test_points_on_a_mesh_are_seen_unless_something_is_before_them():
     eye = np.broadcast_to(FAR, points.shape)
     expected, _ = met(mesh.corners, eye, points - eye)
     assert np.abs(expected[expected > 0.9999] - 1.0).max() < 1e-6
-    hidden = MeshCaster(mesh).hidden(eye, points)
+    hidden = MeshCaster(mesh).is_hidden(eye, points)
     assert (hidden == (expected < 0.9999)).mean() > 0.999
     assert 0.1 < hidden.mean() < 0.9
 

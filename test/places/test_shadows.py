@@ -24,7 +24,7 @@ def test_a_shadow_begins_at_the_foot_and_ends_below_the_sun():
     shadow = Shadow.of(box(0.1, 0.25, 1.75))
     assert (shadow.below.start + shadow.below.end).tolist() == [0.0, 0.0]
     assert shadow.below.length == pytest.approx(2 * (0.25 - 0.1))
-    thrown = shadow.thrown(np.array([0.48, 0.36, 0.8]), 0.7)
+    thrown = shadow.shadow_line(np.array([0.48, 0.36, 0.8]), 0.7)
     assert thrown.start.tolist() == [0.0, 0.0]
     assert thrown.end == pytest.approx([-1.75 * 0.6, -1.75 * 0.45])
     floor = thrown.floor()

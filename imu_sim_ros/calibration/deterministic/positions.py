@@ -93,23 +93,23 @@ def calibrate_six_position(
         those of the norm by more than chance (an F-test), or a face is missing.
     :raises InputError: if a face is missing, or fewer than ten directions are given.
     """
-    fitted = _select_model(steady.rows(_at_rest(steady)), gravity, simple, fixture)
+    fitted = _select_model(steady.rows(_rest_mask(steady)), gravity, simple, fixture)
     return fitted._replace(left_out=len(steady.stretch) - len(fitted.positions.stretch))
 
 
 def _select_model(steady: Steady, gravity: float, simple: bool, fixture: str) -> SixPosition:
     """Return the result of the requested model, or of the one that fits."""
     if fixture == EXACT or simple:
-        return _exact(steady, gravity, "as asked for", simple=simple)
+        return _solve_exactly(steady, gravity, "as asked for", simple=simple)
     if fixture == NORM:
-        return _by_norm(fit_norm(steady, gravity), steady, "as asked for")
+        return _fit_norm(fit_norm(steady, gravity), steady, "as asked for")
     if not is_determined(steady.accel):
-        return _exact(steady, gravity, _UNTESTED)
+        return _solve_exactly(steady, gravity, _UNTESTED)
     try:
-        exact = _exact(steady, gravity, _NO_RESIDUALS)
+        exact = _solve_exactly(steady, gravity, _NO_RESIDUALS)
     except InputError:
         norm = fit_norm(steady, gravity)
-        return _by_norm(norm, steady, "not every axis rests pointing up and down")
+        return _fit_norm(norm, steady, "not every axis rests pointing up and down")
     if not exact.scale_misalignment_sigma.any():  # a ratio of rounding to rounding says nothing
         return exact
     norm = fit_norm(steady, gravity)
@@ -117,12 +117,12 @@ def _select_model(steady: Steady, gravity: float, simple: bool, fixture: str) ->
     text = f"eq. 7 leaves {ratio:.3g} times the variance that the norm leaves"
     if ratio <= limit:
         return exact._replace(reason=f"{text}; up to {limit:.3g} is chance")
-    return _by_norm(
+    return _fit_norm(
         norm, steady, f"{text}; more than {limit:.3g} is not chance: the fixture is tilted"
     )
 
 
-def _at_rest(steady: Steady) -> Mask:
+def _rest_mask(steady: Steady) -> Mask:
     """Return a mask (m,), True for stretches that do not turn."""
     offset = steady.gyro - np.median(steady.gyro, axis=0)
     limit = _AT_REST + 6.0 * np.linalg.norm(steady.gyro_sigma, axis=1)
@@ -143,7 +143,7 @@ def _variance_ratio(exact: SixPosition, norm: NormFit, rests: int) -> tuple[floa
     return ratio, float(fdtri(*freedom, 1.0 - _CHANCE))
 
 
-def _by_norm(norm: NormFit, steady: Steady, reason: str) -> SixPosition:
+def _fit_norm(norm: NormFit, steady: Steady, reason: str) -> SixPosition:
     """Return the result of a fit of the norm."""
     gyro = [
         fit_axis(observations(steady, norm.force, steady.gyro, steady.gyro_sigma, k))
@@ -167,7 +167,9 @@ def _by_norm(norm: NormFit, steady: Steady, reason: str) -> SixPosition:
     )
 
 
-def _exact(steady: Steady, gravity: float, reason: str, *, simple: bool = False) -> SixPosition:
+def _solve_exactly(
+    steady: Steady, gravity: float, reason: str, *, simple: bool = False
+) -> SixPosition:
     """Return the result of eq. 7, or of eq. 6."""
     faces, used = nearest_faces(steady.accel)
     positions, faces = steady.rows(used), faces[used]

@@ -126,7 +126,7 @@ def fit_axis(
         parameters, weight, jacobian, data.readings - model, (p, b, scale_order), span
     )
     if noise_free and response_fit.chi_square <= _CLOSE**2:
-        return _exact(response_fit)
+        return _drop_rounding_errors(response_fit)
     # Of residuals with the covariance V, diag(sigma^2) V^-1 r is the part that is not walk.
     return response_fit._replace(
         residuals=data.sigma**2 * (weight.T @ (weight @ response_fit.residuals))
@@ -145,7 +145,7 @@ def _above_rounding(data: Observations) -> tuple[Observations, bool]:
     return data._replace(sigma=sigma), bool(np.all(sigma == rounding))
 
 
-def _exact(fitted: AxisResponse) -> AxisResponse:
+def _drop_rounding_errors(fitted: AxisResponse) -> AxisResponse:
     """Return parameters with rounding errors removed, and with zero standard errors."""
     sigma = np.maximum(fitted.sigma, np.finfo(np.float64).tiny)
     digits = -np.floor(np.log10(10.0 * sigma)).astype(int)

@@ -100,12 +100,13 @@ def _triad(
     if inputs.shape[1] == 0:  # one orientation: every change is attributed to the bias
         readings = readings - true_inputs
     axes = tuple(
-        _best(observations(steady, inputs, readings, sigma, k, difference)) for k in range(3)
+        _select_order(observations(steady, inputs, readings, sigma, k, difference))
+        for k in range(3)
     )
     return TriadTemperature(axes, inputs, readings, difference)
 
 
-def _best(data: Observations) -> AxisResponse:
+def _select_order(data: Observations) -> AxisResponse:
     """Return the fit with the orders that the criterion prefers."""
     different = len(np.unique(np.round(data.temperature / _STEP)))
     highest = min(HIGHEST_ORDER, different - 1)

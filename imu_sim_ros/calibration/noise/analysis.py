@@ -154,7 +154,7 @@ def analyse(
             axis_noise = common_estimates(axis_noise, estimate_axis(rows, k), strict=strict)
         decays = [signal for signal in certain if isinstance(signal, Transient)]
         if decays and RAMP in axis_noise.estimates:
-            axis_noise = _without_ramp(axis_noise, decays, timing.rate, longest)
+            axis_noise = _drop_ramp(axis_noise, decays, timing.rate, longest)
         noise.append(_add_step_uncertainty(axis_noise, record, k))
     warnings = [
         *_record_warnings(record, timing, longest, reasons, dead),
@@ -219,7 +219,7 @@ def _accumulate(
     return _Rest(*accumulators, samples, longest_piece, lost)
 
 
-def _without_ramp(
+def _drop_ramp(
     noise: AxisNoise, decays: Sequence[Transient], rate: float, longest: float
 ) -> AxisNoise:
     """Return the estimates of an axis whose warm-up may be partly a ramp, or vice versa.
@@ -299,7 +299,7 @@ def _problems(
         for axis in suspects:
             if explains_wander(spectrum.rows(usable_band(spectrum, axis).used), axis):
                 walks.add(axis)
-    motions = [m for m in rest.moving if m.axis not in walks or rest.sudden(m)]
+    motions = [m for m in rest.moving if m.axis not in walks or rest.is_sudden(m)]
     moving = sum(m.end - m.begin for m in {m.begin: m for m in motions}.values())
     motion_texts: list[str] = []
     if moving > _MOVING_SHARE * rest.seconds:

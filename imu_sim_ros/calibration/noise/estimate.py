@@ -233,7 +233,7 @@ def correlation_time(spectrum: Spectrum, axis: int) -> float | None:
     return float(np.exp(log_time)) if without - objective(log_time) > _PROCESS else None
 
 
-def _with_process(spectrum: Spectrum, design: Array, time: float | None) -> Array:
+def _add_process_column(spectrum: Spectrum, design: Array, time: float | None) -> Array:
     """Return the design (m, p) with the column of a Gauss-Markov process; time [s], None: none."""
     if time is None:
         return design
@@ -246,7 +246,7 @@ def _fits_within_chance(spectrum: Spectrum, axis: int, process: float | None) ->
     :param process: correlation time [s] of a process that is a term, too.
     """
     data, design = data_and_design(spectrum, axis)
-    expected = fit(data, _with_process(spectrum, design, process)).expected[0]
+    expected = fit(data, _add_process_column(spectrum, design, process)).expected[0]
     high = np.isinf(spectrum.duration)
     if not high.any():
         return True
@@ -255,10 +255,10 @@ def _fits_within_chance(spectrum: Spectrum, axis: int, process: float | None) ->
     starts = np.arange(0, len(ratio), _GROUP)
     total = np.add.reduceat(freedom, starts)
     grouped = np.add.reduceat(ratio * freedom, starts) / total
-    return _by_chance(ratio, freedom) and _by_chance(grouped, total)
+    return _is_chance(ratio, freedom) and _is_chance(grouped, total)
 
 
-def _by_chance(ratio: Array, freedom: Array) -> bool:
+def _is_chance(ratio: Array, freedom: Array) -> bool:
     """Return whether relative misfits are no larger than chance makes means of squares."""
     if len(ratio) == 0:
         return True
@@ -277,12 +277,12 @@ def explains_wander(spectrum: Spectrum, axis: int) -> bool:
 
     data, design = data_and_design(spectrum, axis)
     process = correlation_time(spectrum, axis)
-    best = fit(data, _with_process(spectrum, design, process), slope=np.nan)
+    best = fit(data, _add_process_column(spectrum, design, process), slope=np.nan)
     ratio = data.without_trend(best.slope)[0] / best.expected[0]
     slow = spectrum.frequency < 1.0
     ratio, freedom = ratio[slow], data.freedom[slow]
     improbable = gammaincc(0.5 * freedom, 0.5 * freedom * ratio) < _IMPROBABLE
-    return bool(not improbable.any() and _by_chance(ratio - 1.0, freedom))
+    return bool(not improbable.any() and _is_chance(ratio - 1.0, freedom))
 
 
 def estimate(spectrum: Spectrum, axis: int) -> AxisNoise:
@@ -292,12 +292,12 @@ def estimate(spectrum: Spectrum, axis: int) -> AxisNoise:
     """
     data, standard = data_and_design(spectrum, axis)
     time = correlation_time(spectrum, axis)
-    design = _with_process(spectrum, standard, time)
+    design = _add_process_column(spectrum, standard, time)
     components, ramp = intervals(data, design, trend=True)
     ends = _term_intervals(components, ramp)
     if time is not None:
-        ends = _widened_to(ends, _term_intervals(*intervals(data, standard, trend=True)))
-    ends = _with_flicker(ends, spectrum, design)
+        ends = _widen_intervals(ends, _term_intervals(*intervals(data, standard, trend=True)))
+    ends = _widen_for_flicker(ends, spectrum, design)
     process = None if time is None else _process_fit(spectrum, data, standard, time)
     visible = {key for key in KEYS if ends[key].low > 0.0}
     if process is not None and process.gain_over_model > 0.0:
@@ -331,7 +331,9 @@ def _term_intervals(components: list[Interval], ramp: Interval | None) -> dict[s
     )
 
 
-def _widened_to(ends: dict[str, Interval], without: dict[str, Interval]) -> dict[str, Interval]:
+def _widen_intervals(
+    ends: dict[str, Interval], without: dict[str, Interval]
+) -> dict[str, Interval]:
     """Return intervals of which those of slow terms reach as far as without a process.
 
     :param ends: intervals of a fit with the process.
@@ -356,7 +358,7 @@ def _process_fit(spectrum: Spectrum, data: Data, standard: Array, time: float) -
         return fit(data, np.column_stack([white, process])).lowest
 
     without = fit(data, standard, slope=np.nan).lowest
-    additional = fit(data, _with_process(spectrum, standard, time), slope=np.nan).lowest
+    additional = fit(data, _add_process_column(spectrum, standard, time), slope=np.nan).lowest
     bracket = np.log(time) + np.array([-1.5, 1.5])
     instead = process_objective(
         minimum(process_objective, float(bracket[0]), float(bracket[1]), _TIMES)
@@ -388,7 +390,7 @@ def common_estimates(first: AxisNoise, second: AxisNoise, *, strict: bool) -> Ax
     return first._replace(estimates=estimates, chosen=chosen, withheld=withheld)
 
 
-def _with_flicker(
+def _widen_for_flicker(
     ends: dict[str, Interval], spectrum: Spectrum, design: Array
 ) -> dict[str, Interval]:
     """Return the intervals with those of Q, N and B widened for flicker that is not exactly 1/f.

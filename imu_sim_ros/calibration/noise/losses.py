@@ -77,10 +77,10 @@ class LossFiller:
         moving = np.ptp(filled, axis=0) > 0.0
         has_spectrum = self._spectrum.counts.any()
         for _ in range(1 if has_spectrum else _ROUNDS):
-            power = self._spectrum if has_spectrum else self._spectrum.including(filled)
+            power = self._spectrum if has_spectrum else self._spectrum.add_stretch(filled)
             draws = self._draw(filled, missing, power.variances(len(y)))
             filled[missing] = np.where(moving, draws, filled[missing])
-        self._spectrum = self._spectrum.including(filled)
+        self._spectrum = self._spectrum.add_stretch(filled)
         return filled
 
     def _draw(self, y: Array, missing: Integers, variance: Array) -> Array:
@@ -116,7 +116,7 @@ class _Spectrum(NamedTuple):
     logs: Array
     """(m,) sums of the logarithms of the coefficients' frequencies [cycles per sample]."""
 
-    def including(self, y: Array) -> "_Spectrum":
+    def add_stretch(self, y: Array) -> "_Spectrum":
         """Return the sums with those of one more stretch (n, axes)."""
         from scipy.fft import dct
 

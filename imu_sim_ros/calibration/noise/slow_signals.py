@@ -162,11 +162,11 @@ def find_signals(
         if search is not None and (column != column[0]).any():
             detection = search.signals(column - column.mean())
             if detection.components:
-                signals = _without(column, axis, detection)
+                signals = _remove_signals(column, axis, detection)
         yield signals
 
 
-def _without(column: Array, axis: int, detection: "_Signals") -> SlowSignals:
+def _remove_signals(column: Array, axis: int, detection: "_Signals") -> SlowSignals:
     """Return the signals of an axis, and its values (n,) without them."""
     certain: list[Signal] = []
     doubtful: list[Signal] = []
@@ -513,12 +513,14 @@ class _Search:
         data, level = self._rows(best.remainder), np.zeros(1)
         self._design, lowest, guess = self._standard, np.inf, best.rows[None]
         base = float(
-            fit_many(data, self._standard, _free(3), slope=level, guess=guess).objective[0]
+            fit_many(data, self._standard, _free_components(3), slope=level, guess=guess).objective[
+                0
+            ]
         )
         choice = self._standard
         for process in self._processes.T:
             design = np.column_stack([self._standard, process])
-            fits = fit_many(data, design, _free(4), slope=level, guess=guess)
+            fits = fit_many(data, design, _free_components(4), slope=level, guess=guess)
             if fits.objective[0] < lowest:
                 lowest, choice = float(fits.objective[0]), design
         if base - lowest < _PROCESS:
@@ -539,7 +541,7 @@ class _Search:
         """
         data = self._rows(remainder)
         start = data.first_guesses[0] if guess is None else guess
-        free = _free(self._design.shape[1])
+        free = _free_components(self._design.shape[1])
         fits = fit_many(data, self._design, free, slope=np.zeros(1), guess=start[None])
         rows = fits.expected[0]
         variance = np.repeat(rows, self._sizes)
@@ -760,7 +762,7 @@ class _Search:
         return np.asarray(1.0 / np.sqrt(1.0 - leverage))
 
 
-def _free(count: int) -> Array:
+def _free_components(count: int) -> Array:
     """Return NaNs (1, count): components of one fit, all of them estimated."""
     return np.full((1, count), np.nan)
 

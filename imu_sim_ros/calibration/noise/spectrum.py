@@ -199,8 +199,10 @@ class SpectrumAccumulator:
         without_doubtful: list[tuple[Array, Array]] = []
         shifts: list[LevelShift] = []
         for detected in find_signals(columns, _SPLIT * CLUSTER, CLUSTER * self._dt):
-            self.signals += [_in_samples(signal, self._begin) for signal in detected.certain]
-            self.doubtful += [_in_samples(signal, self._begin) for signal in detected.doubtful]
+            self.signals += [_signal_in_samples(signal, self._begin) for signal in detected.certain]
+            self.doubtful += [
+                _signal_in_samples(signal, self._begin) for signal in detected.doubtful
+            ]
             shifts += [signal for signal in detected.certain if isinstance(signal, LevelShift)]
             sums.append(self._low_sums(detected.without_certain, bins))
             without_doubtful.append(
@@ -351,7 +353,7 @@ def _release_memory() -> None:
         ctypes.CDLL(None).malloc_trim(0)
 
 
-def _in_samples(signal: Signal, begin: int) -> Signal:
+def _signal_in_samples(signal: Signal, begin: int) -> Signal:
     """Return a signal in averages of samples as one in samples.
 
     :param begin: samples before the first average.

@@ -43,7 +43,7 @@ def coarse_offset(
     if true.std() < _TURNING:
         return 0.0
     measured = np.linalg.norm(gyro - np.median(gyro, axis=0), axis=1)
-    measured = _smooth(measured, stamps)
+    measured = _running_mean(measured, stamps)
     best, offset = -np.inf, 0.0
     for shift in np.arange(-round(largest / _GRID), round(largest / _GRID) + 1) * _GRID:
         stamps_of_times = times - shift
@@ -58,7 +58,7 @@ def coarse_offset(
     return offset
 
 
-def _smooth(values: Array, stamps: Array) -> Array:
+def _running_mean(values: Array, stamps: Array) -> Array:
     """Return the running mean over 50 ms of values (n,), which removes vibration."""
     count = max(round(0.05 / float(np.median(np.diff(stamps)))), 1)
     kernel = np.ones(count) / count

@@ -106,7 +106,7 @@ def cross_validate(recording: Recording, truth: KnownMotion, whole_fit: Fit) -> 
         )
         predictions = predict_readings(part_fit.errors, truth.motion_at, t)[0]
         residuals[begin:end] = recording.readings[begin:end] - predictions
-        moved = part_fit.errors.referred(whole_fit.reference - part_fit.reference)
+        moved = part_fit.errors.shift_reference(whole_fit.reference - part_fit.reference)
         variance = part_fit.sigma**2
         variance = np.maximum(variance - whole_fit.sigma**2, _LEAST * variance)
         squares += moved.away_from(whole_fit.errors) ** 2 / variance
@@ -154,7 +154,7 @@ def analyse(
         recording.pieces
     )
     lowest = _noise_limit(fitted.residuals, noises, parts, rate)
-    lines, residuals = _without_lines(fitted.residuals, parts, rate, lowest)
+    lines, residuals = _remove_lines(fitted.residuals, parts, rate, lowest)
     rows = np.concatenate([np.arange(part.start, part.stop) for part in parts])
     reference = np.array([np.sqrt(np.mean(m[rows] ** 2)) for m in motion])
     reference = np.maximum(reference, 1e-3)
@@ -194,7 +194,7 @@ def analyse(
     )
 
 
-def _without_lines(
+def _remove_lines(
     residuals: Array, parts: list[slice], rate: float, lowest: float
 ) -> tuple[Lines, Array]:
     """Return the lines of the longest part, and the residuals (n, 6) without the lines of each."""

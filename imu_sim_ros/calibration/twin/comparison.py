@@ -151,7 +151,7 @@ def align_truth(recording: Recording, truth: KnownMotion, estimate: Fit) -> Fit:
     :param estimate: fit of another recording, or of this one.
     """
     middle = float(recording.stamps[0] + recording.stamps[-1]) / 2.0
-    start = estimate.errors.referred(middle - estimate.reference)
+    start = estimate.errors.shift_reference(middle - estimate.reference)
     fitted = fit(recording, truth, start, free=TRUTH_PARAMETERS)
     for _ in range(_ALIGNMENTS):
         stamps, residuals = recording.stamps, fitted.residuals

@@ -235,7 +235,7 @@ class _Sums:
         :param density: (bins, 6) density over the previous shape.
         """
         count = np.maximum(self.count, 1.0)[:, None]
-        noise = [_smooth(power) for power in self._noise]
+        noise = [_smooth_density(power) for power in self._noise]
         whole, noise_level = np.zeros((2, len(self.count), 6))
         for bins, shape, noise_power in zip(self._bins, self._shape, noise, strict=True):
             np.add.at(whole, bins, shape / count[bins])
@@ -247,7 +247,7 @@ class _Sums:
             for bins, noise_power in zip(self._bins, noise, strict=True)
         ]
 
-    def widening(self, weight: Array, inverse: Array) -> Array:
+    def widening_factors(self, weight: Array, inverse: Array) -> Array:
         """Return the factors (p,), 1 or more, by which estimated densities widen standard errors.
 
         Weights from n coefficients are wrong by sqrt(2 / n), which costs efficiency and is
@@ -348,7 +348,7 @@ def fit(
             density = sums.density(step, inverse, density)
         full_step = np.zeros(COUNT)
         full_step[free] = step
-        errors = errors.moved(full_step)
+        errors = errors.step(full_step)
         sums.noise_product -= sums.noise_matrix @ step
         if noisy and count < _SHAPED:
             sums.update_shape(density)
@@ -436,7 +436,7 @@ def _summary(
     sandwich = inverse @ middle @ inverse
     # A sandwich of few coefficients is inaccurate: it is never below that of stationary noise.
     widening = np.sqrt(np.maximum(np.diag(inverse) / np.diag(sandwich), 1.0))
-    widening *= sums.widening(weight, inverse)
+    widening *= sums.widening_factors(weight, inverse)
     covariance[np.ix_(free, free)] = sandwich * np.outer(widening, widening)
     covariance[model.CURVATURE, model.CURVATURE] += sums.smoothing**2
     noise_shift = np.zeros(COUNT)
@@ -454,7 +454,7 @@ def _segments(pieces: tuple[slice, ...]) -> list[slice]:
     return segments
 
 
-def _smooth(power: Array) -> Array:
+def _smooth_density(power: Array) -> Array:
     """Return densities (m, 6) of powers (m, 6): means of neighbours, joined by straight lines."""
     count = max(len(power) // _NARROW, 1)
     edges = np.linspace(0, len(power), count + 1).astype(int)

@@ -105,7 +105,7 @@ class Errors(NamedTuple):
     """(3,) rotation vector from the world frame of the truth's attitudes to that of its positions
     and of gravity [rad]."""
 
-    def moved(self, step: Array) -> "Errors":
+    def step(self, step: Array) -> "Errors":
         """Return the errors after a step (42,) of the parameters."""
         response = self.response.copy()
         response[tuple(_ELEMENTS)] += step[RESPONSE]
@@ -121,7 +121,7 @@ class Errors(NamedTuple):
             self.world + step[WORLD],
         )
 
-    def referred(self, shift: float) -> "Errors":
+    def shift_reference(self, shift: float) -> "Errors":
         """Return the same errors with the offset at a reference later by a shift [s]."""
         return self._replace(offset=self.offset + self.skew * shift)
 
@@ -162,7 +162,7 @@ def _ideal(errors: Errors, motion: BodyMotion) -> tuple[Array, Array]:
     return rate @ errors.r_ib.T, force @ errors.r_ib.T
 
 
-def _with_arm(change: BodyMotion, rate: Array, arm: Array) -> tuple[Array, Array]:
+def _add_lever_arm(change: BodyMotion, rate: Array, arm: Array) -> tuple[Array, Array]:
     """Return small changes (n, 3) of rate and of the force at the lever arm.
 
     :param rate: (n, 3) rate without the change.
@@ -257,7 +257,7 @@ def linearise_readings(
     motion, slope, by_curvature, by_world = _linearise(errors, motion_at, t)
     turning = rotation.skew(motion.rate)
     by_arm = rotation.skew(motion.angular_acceleration) + turning @ turning
-    bent = _with_arm(by_curvature, motion.rate, errors.lever_arm)
+    bent = _add_lever_arm(by_curvature, motion.rate, errors.lever_arm)
     signals = [
         slope,
         slope * (stamps - reference)[:, None],

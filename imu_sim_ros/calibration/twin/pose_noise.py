@@ -114,7 +114,7 @@ class PoseNoise(NamedTuple):
         steps = {"quaternion_step": self.quaternion_step, "position_step_m": self.position_step}
         return {"attitude_rad": angle, "position_m": distance, **steps}
 
-    def drawn(self, smooth: States, rng: np.random.Generator) -> tuple[Array, Array]:
+    def draw(self, smooth: States, rng: np.random.Generator) -> tuple[Array, Array]:
         """Return another draw of the noise: turns (n, 3) in the body [rad], shifts (n, 3) [m].
 
         :param smooth: the path without its noise.
@@ -146,7 +146,7 @@ def noise_of(poses: States, smooth: States) -> PoseNoise:
     steps = PoseNoise(np.zeros(6), _quaternion_step(poses.q_wb), _decimal_step(poses.position))
     variance = _variance(poses)
     if steps.quaternion_step or steps.position_step:
-        turn, shift = steps.drawn(smooth, np.random.default_rng(0))
+        turn, shift = steps.draw(smooth, np.random.default_rng(0))
         variance -= _variance(add_pose_noise(smooth, turn, shift))
     # What is left after rounding is known to some per cent of the whole.
     variance = np.where(variance > 0.1 * _variance(poses), variance, 0.0)

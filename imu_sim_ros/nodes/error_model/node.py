@@ -294,7 +294,7 @@ class ErrorModelNode(ConfiguredNode[ErrorNodeParameters]):
         fault = parameters.inject.fault()
         with self._lock:
             first_sample = self.model.inject(fault, parameters.inject.delay)
-            t_ns = self.model.hit_by(fault).time_of(first_sample)
+            t_ns = self.model.find_sensor(fault).time_of(first_sample)
         stamp = self.get_clock().now() if t_ns is None else Time(nanoseconds=t_ns)
         name = f"{self.get_name()}: fault"
         self._faults.publish(fault_message(name, fault, "", stamp.to_msg()))

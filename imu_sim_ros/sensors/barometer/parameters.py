@@ -17,7 +17,7 @@ from imu_sim_ros.sensors.parameters import OwnRateParameters
 _TEXTS: Final = {"triad": "barometer", "unit": "Pa", "change": "Pa/s"}
 
 
-def _as_in_triads(name: str, **changes: object) -> Any:
+def _single_axis_field(name: str, **changes: object) -> Any:
     """Return a parameter of triads for a single axis."""
     return triad_field(name, _TEXTS, **{"kind": "number", "default": 0.0, **changes})
 
@@ -27,27 +27,27 @@ class BarometerParameters(OwnRateParameters):
     """One barometer; every error is off at zero."""
 
     preset: str = text("", "file in config/barometers, or a path, to start from; empty: none")
-    noise_density: float = _as_in_triads("noise_density")
-    random_walk: float = _as_in_triads("random_walk")
-    gauss_markov_sigma: float = _as_in_triads(
+    noise_density: float = _single_axis_field("noise_density")
+    random_walk: float = _single_axis_field("random_walk")
+    gauss_markov_sigma: float = _single_axis_field(
         "gauss_markov_sigma",
         text="stationary standard deviation of a first-order Gauss-Markov drift (weather)",
     )
-    correlation_time: float = _as_in_triads("correlation_time")
-    bias_instability: float = _as_in_triads("bias_instability")
-    bias: float = _as_in_triads("bias")
-    turn_on_bias_sigma: float = _as_in_triads(
+    correlation_time: float = _single_axis_field("correlation_time")
+    bias_instability: float = _single_axis_field("bias_instability")
+    bias: float = _single_axis_field("bias")
+    turn_on_bias_sigma: float = _single_axis_field(
         "turn_on_bias_sigma",
         text="standard deviation of the offset from unit to unit, drawn from the seed",
     )
-    temperature_bias: tuple[float, ...] = _as_in_triads(
+    temperature_bias: tuple[float, ...] = _single_axis_field(
         "temperature_bias",
         kind="numbers",
         default=(),
         group=1,
         text="bias polynomial: entry k is the coefficient of (T - T0)^(k+1)",
     )
-    temperature_bias_sigma: float = _as_in_triads("temperature_bias_sigma")
+    temperature_bias_sigma: float = _single_axis_field("temperature_bias_sigma")
     gust_rate: float = number(
         0.0,
         "mean rate of pressure steps at the port, caused by wind, doors or fans",
@@ -67,7 +67,7 @@ class BarometerParameters(OwnRateParameters):
     maximum: float = number(
         0.0, "highest pressure that can be read; 0: no limit", unit="Pa", minimum=0.0, live=True
     )
-    resolution: float = _as_in_triads(
+    resolution: float = _single_axis_field(
         "resolution", text="step of the digital output (1 LSB); 0: none"
     )
 

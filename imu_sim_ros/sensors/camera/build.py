@@ -339,9 +339,9 @@ def _cloud(
     for k in range(len(times)):
         for view, poses in zip(views, all_poses, strict=True):
             pose = type(poses)(poses.position[k : k + 1], poses.q_wc[k : k + 1])
-            missing = p.visible - _count_seen(view, transform_to_camera(pose, points))
+            missing = p.visible - _count_visible(view, transform_to_camera(pose, points))
             if missing > 0:
-                local = _in_view(view, missing, p, stream)
+                local = _draw_points_in_view(view, missing, p, stream)
                 points = np.concatenate([points, pose.position + rotation.rotate(pose.q_wc, local)])
     extra_stream = generator(p.seed, "scene.landmarks.frames")
     for view in views:
@@ -356,7 +356,7 @@ def _check_depths(p: CloudParameters, views: Sequence[View]) -> None:
     """
     for view in views:
         camera, stream = view.parameters, generator(p.seed, "scene.depths")
-        depth = _in_view(view, _SAMPLES, p, stream)[:, 2]
+        depth = _draw_points_in_view(view, _SAMPLES, p, stream)[:, 2]
         if not ((depth > camera.min_depth) & (depth < camera.max_depth)).any():
             raise ConfigurationError(
                 f"scene.near = {p.near:g}, scene.far = {p.far:g}: no point between them is in the "
@@ -391,13 +391,15 @@ def _fill_views(
             first_frame, tries = first_frame + 1, 0
             continue
         pose = view.poses(trajectory, view.seconds(view.frames(first_frame, 1).true_t_ns))
-        local = _in_view(view, p.visible - int(counts[few[0]]), p, stream)
+        local = _draw_points_in_view(view, p.visible - int(counts[few[0]]), p, stream)
         points = np.concatenate([points, pose.position + rotation.rotate(pose.q_wc, local)])
         tracker = Tracker(view, Scene.of_points(points), trajectory)
     return points
 
 
-def _in_view(view: View, count: int, p: CloudParameters, stream: np.random.Generator) -> Array:
+def _draw_points_in_view(
+    view: View, count: int, p: CloudParameters, stream: np.random.Generator
+) -> Array:
     """Return points (count, 3) in the camera's frame, each in a random pixel."""
     visible_points = np.zeros((0, 3))
     while len(visible_points) < count:
@@ -411,7 +413,7 @@ def _in_view(view: View, count: int, p: CloudParameters, stream: np.random.Gener
     return visible_points[:count]
 
 
-def _count_seen(view: View, local: Array) -> int:
+def _count_visible(view: View, local: Array) -> int:
     """Return the number of points (n, 3) in the camera's frame that its image shows."""
     in_front = local[(local[:, 2] > view.parameters.min_depth)]
     uv, valid = view.model.project(in_front)
@@ -437,7 +439,7 @@ def _aprilgrid(p: AprilgridParameters) -> tuple[Array, Array, Array]:
 def aprilgrid_corners(p: AprilgridParameters) -> Array:
     """Return the corners of an AprilGrid's tags (4 n, 3) in the world [m], in kalibr's order."""
     corners, _, _ = _aprilgrid(p)
-    return _in_world(p, corners)
+    return _board_corners(p, corners)
 
 
 def _checkerboard(p: CheckerboardParameters) -> tuple[Array, Array, Array]:
@@ -448,7 +450,7 @@ def _checkerboard(p: CheckerboardParameters) -> tuple[Array, Array, Array]:
     return np.pad(plane, ((0, 0), (0, 1))), np.array([-p.square, -p.square]), size
 
 
-def _in_world(p: TargetParameters, corners: Array) -> Array:
+def _board_corners(p: TargetParameters, corners: Array) -> Array:
     """Return corners (n, 3) of a board in the world."""
     moved: Array = np.asarray(p.position) + corners @ np.reshape(p.orientation, (3, 3)).T
     return moved
@@ -457,7 +459,7 @@ def _in_world(p: TargetParameters, corners: Array) -> Array:
 def _target(p: TargetParameters, corners: Array, board_corner: Array, size: Array) -> Scene:
     """Return a calibration board as a scene."""
     r_wt, p_wt = np.reshape(p.orientation, (3, 3)), np.asarray(p.position)
-    landmarks = _in_world(p, corners)
+    landmarks = _board_corners(p, corners)
     normals = np.broadcast_to(r_wt[:, 2], landmarks.shape)
     board = (p_wt + r_wt[:, :2] @ board_corner, size[0] * r_wt[:, 0], size[1] * r_wt[:, 1])
     where = surfaces([board], hides=True, texture=p.type)

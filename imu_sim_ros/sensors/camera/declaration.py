@@ -50,7 +50,7 @@ Encode: TypeAlias = Callable[[int, _Pixels], bytes]
 _DepthAndMask: TypeAlias = tuple[Single, Bytes | None]
 
 
-def _of_pixels(
+def _pixel_topic(
     name: str,
     kind: str,
     pixels: "Callable[[Samples], DeferredValues[_Pixels]]",
@@ -170,21 +170,21 @@ SENSOR: Final[Sensor[CameraParameters]] = Sensor(
     section=CameraParameters,
     model=import_on_call(_MODULE, "Camera"),
     topics=(
-        _of_pixels(
+        _pixel_topic(
             IMAGE_TOPIC, _IMAGE, lambda s: s.image, lambda p: p.images in ("raw", "both"), _raw
         ),
-        _of_pixels(
+        _pixel_topic(
             COMPRESSED_TOPIC,
             "sensor_msgs/msg/CompressedImage",
             lambda samples: samples.image,
             lambda p: p.images in ("compressed", "both"),
             _compressed_encoder,
         ),
-        _of_pixels(DEPTH_TOPIC, _IMAGE, lambda s: s.depth_and_mask, lambda p: p.depth, _depth),
-        _of_pixels(
+        _pixel_topic(DEPTH_TOPIC, _IMAGE, lambda s: s.depth_and_mask, lambda p: p.depth, _depth),
+        _pixel_topic(
             MASK_TOPIC, _IMAGE, lambda s: s.depth_and_mask, lambda p: p.depth, _mask, moving=True
         ),
-        _of_pixels(FLOW_TOPIC, _IMAGE, lambda s: s.flow, lambda p: p.flow != "none", _flow),
+        _pixel_topic(FLOW_TOPIC, _IMAGE, lambda s: s.flow, lambda p: p.flow != "none", _flow),
         Topic(CAMERA_INFO_TOPIC, "sensor_msgs/msg/CameraInfo", (), _info),
     ),
     readings=None,

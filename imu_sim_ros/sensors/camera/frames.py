@@ -115,7 +115,7 @@ class Camera(FixedModel):
         if world.threads is not None:
             opencv().setNumThreads(1)  # the threads are ours
         scene, described = world.scene, rig_parameters_of(self.mounted.environment).scene
-        look = world.shared(f"textures {colour}", lambda: textures(scene, described, colour))
+        look = world.share(f"textures {colour}", lambda: textures(scene, described, colour))
         return Imager(self.view, scene, look, world.trajectory)
 
 

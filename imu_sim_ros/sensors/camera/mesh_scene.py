@@ -71,7 +71,7 @@ def _seen_from(mesh: Mesh, caster: MeshCaster, path: Array, p: MeshParameters) -
         for eye in eyes:
             rest = np.flatnonzero(~visible)
             origins = np.broadcast_to(eye, (len(rest), 3))
-            visible[rest] = ~caster.hidden(origins, points[rest])
+            visible[rest] = ~caster.is_hidden(origins, points[rest])
         landmarks.append(points[visible])
         if sum(map(len, landmarks)) >= p.landmarks:
             break

@@ -42,10 +42,10 @@ class Scene(NamedTuple):
     note: str = ""
     """Description of how the scene was fitted to the path; empty: its size is as configured."""
 
-    def hidden(self, eye: Array, points: Array) -> Mask:
+    def is_hidden(self, eye: Array, points: Array) -> Mask:
         """Return True for landmarks (n, 3) that surfaces hide from their eyes (n, 3)."""
         if self.caster is not None:
-            return self.caster.hidden(eye, points)
+            return self.caster.is_hidden(eye, points)
         return is_hidden(self.surfaces, eye, points)
 
     def tracer(self, moving: bool = True) -> RayTracer:

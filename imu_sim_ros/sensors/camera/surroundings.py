@@ -98,10 +98,10 @@ def _path_lines(path: _Path) -> list[str]:
     if not len(path.scene.surfaces.origin) and path.scene.caster is None:
         return []
     tracer = path.scene.tracer(moving=False)
-    return [*_through(path, tracer), *_outside(path), *_around(path, tracer)]
+    return [*_wall_problems(path, tracer), *_outside(path), *_around(path, tracer)]
 
 
-def _through(path: _Path, tracer: RayTracer) -> Iterator[str]:
+def _wall_problems(path: _Path, tracer: RayTracer) -> Iterator[str]:
     """Yield a problem if the path passes through a surface."""
     step = np.diff(path.position, axis=0)
     length = np.sqrt((step * step).sum(axis=1))

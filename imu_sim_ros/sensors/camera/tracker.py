@@ -261,9 +261,9 @@ class Tracker:
         t, eye, points = t[rows], eye[rows], points[rows]
         if body is not None:
             eye, points = body.to_world(t, eye), body.to_world(t, points)
-        behind = self.scene.hidden(eye, points)
+        behind = self.scene.is_hidden(eye, points)
         if self.scene.crowd is not None:
-            behind |= self.scene.crowd.hidden(t, eye, points)
+            behind |= self.scene.crowd.is_hidden(t, eye, points)
         shown[rows[behind]] = False
         return shown
 

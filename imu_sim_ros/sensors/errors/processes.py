@@ -192,8 +192,8 @@ class FlickerFilter(NamedTuple):
         count = max(int(np.ceil(np.log(_HIGHEST_CORNER * LONGEST_TIME / dt) / np.log(_RATIO))), 1)
         corners = _HIGHEST_CORNER * _RATIO ** -np.arange(count + 1.0)
         # 1 - phi, which at the low end has the digits that phi has not.
-        distances = np.append(_below_one(corners), 1.0 - _POLE)
-        below_zeros = np.append(_below_one(corners * np.sqrt(_RATIO)), 1.0 - _ZERO)
+        distances = np.append(_pole_complement(corners), 1.0 - _POLE)
+        below_zeros = np.append(_pole_complement(corners * np.sqrt(_RATIO)), 1.0 - _ZERO)
         poles, zeros = 1.0 - distances, 1.0 - below_zeros
         diagonal = np.eye(len(poles), dtype=bool)
         ratio = (below_zeros[None, :] - distances[:, None]) / poles[:, None]
@@ -210,7 +210,7 @@ class FlickerFilter(NamedTuple):
         return np.abs(response) ** 2
 
 
-def _below_one(corner: Array) -> Array:
+def _pole_complement(corner: Array) -> Array:
     """Return ``1 - phi`` of a pole at a corner: ``(1 - phi)^2 / phi = S^2``."""
     return corner * (np.sqrt(1.0 + 0.25 * corner**2) - 0.5 * corner)
 

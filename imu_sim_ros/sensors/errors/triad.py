@@ -202,7 +202,7 @@ class Digitiser:
         maximum = np.where(limits > 0.0, maximum, np.inf)
         self._is_perfect = not (rounded.any() or limits.any())
         self._axes = [
-            _Digits(_one_of_all(rounded[..., k]), step, bool(limits[..., k].any()), low, high)
+            _Digits(_shared_value(rounded[..., k]), step, bool(limits[..., k].any()), low, high)
             for k, (step, low, high) in enumerate(
                 zip(_entries(steps), _entries(-maximum), _entries(maximum), strict=True)
             )
@@ -216,7 +216,7 @@ class Digitiser:
         return of_x.digital(x), of_y.digital(y), of_z.digital(z)
 
 
-def _one_of_all(rounded: Mask) -> bool | Mask:
+def _shared_value(rounded: Mask) -> bool | Mask:
     """Return the value that all units share, if they do."""
     alike = rounded.all() or not rounded.any()
     return bool(rounded.any()) if alike else rounded

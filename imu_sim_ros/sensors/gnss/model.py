@@ -73,7 +73,7 @@ class Receiver(SensorModel[GnssParameters]):
         if self._observer is not None:
             raw = self._observer.measure(t, ideal, velocity, measured)
         else:
-            raw = _without_satellites(len(t))
+            raw = _empty_raw(len(t))
         return {
             "position": ideal + error,
             "ideal_position": ideal,
@@ -122,7 +122,7 @@ class Receiver(SensorModel[GnssParameters]):
             "pdop": np.minimum(np.linalg.norm(diluted[:, :3], axis=1), UNUSABLE),
         }
 
-    def sent(self, values: Mapping[str, Array]) -> Mask | None:
+    def sent_mask(self, values: Mapping[str, Array]) -> Mask | None:
         """Return a mask of the samples that become messages."""
         return values["mode"] >= 0 if self.parameters.silent else None
 
@@ -174,7 +174,7 @@ class Receiver(SensorModel[GnssParameters]):
         return out
 
 
-def _without_satellites(count: int) -> Mapping[str, AnyArray]:
+def _empty_raw(count: int) -> Mapping[str, AnyArray]:
     """Return empty raw measurements, and their truth, for n times."""
     return {
         "tag_ns": np.zeros(count, np.int64),

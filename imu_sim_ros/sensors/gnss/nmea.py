@@ -45,7 +45,7 @@ def sentences(fixes: "Samples | GnssReadings", rows: Rows) -> list[str]:
         *(fixes.pdop, fixes.hdop, fixes.vdop),
     )
     listed = (column[rows].tolist() for column in columns)
-    return ["".join(map(_with_checksum, _lines(*row))) for row in zip(*listed, strict=True)]
+    return ["".join(map(_add_checksum, _lines(*row))) for row in zip(*listed, strict=True)]
 
 
 def _lines(
@@ -81,7 +81,7 @@ def _lines(
     yield f"GNVTG,{course},T,,M,{knots},N,{kilometres},K,{kind}"
 
 
-def _with_checksum(line: str) -> str:
+def _add_checksum(line: str) -> str:
     """Return a sentence with its checksum."""
     return f"${line}*{_checksum(line):02X}\r\n"
 

@@ -214,7 +214,7 @@ def parameters_of(
     unused: list[str] = []
     if estimator_settings.is_readable(tree):
         tree, unused = estimator_settings.keys_of_imu(tree, path)
-    keys = {str(key): value for key, value in _of_the_imu(tree, path, imu, unused).items()}
+    keys = {str(key): value for key, value in _imu_keys(tree, path, imu, unused).items()}
     for key in _SIGMAS:
         section = keys.get(key)
         if isinstance(section, Mapping):
@@ -234,7 +234,7 @@ def parameters_of(
     return file.values
 
 
-def _of_the_imu(tree: YamlMapping, path: str | Path, imu: str, unused: list[str]) -> YamlMapping:
+def _imu_keys(tree: YamlMapping, path: str | Path, imu: str, unused: list[str]) -> YamlMapping:
     """Return the keys of one IMU: those below its name, or all of a file without such names.
 
     :param unused: receives the names beside those of IMUs, such as anchors and cameras.

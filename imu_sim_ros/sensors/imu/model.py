@@ -165,7 +165,7 @@ class Imu:
             temperature = self._ahead.temperature[rows]
             additions = [errors.at(rows) for errors in self._ahead.additions]
         else:
-            temperature = world.temperature.at(self._timing.times.following(start, count).t)
+            temperature = world.temperature.at(self._timing.times.at_indices(start, count).t)
             substep_temperature = temperature
             if m > 1:
                 substep_temperature = world.temperature.at(self._times_inside(start, start + count))
@@ -245,7 +245,7 @@ class Imu:
         """
         previous, begin = self._ahead, max(start, self._ahead.end)
         end = begin + AHEAD - begin % AHEAD
-        temperature = world.temperature.at(self._timing.times.following(begin, end - begin).t)
+        temperature = world.temperature.at(self._timing.times.at_indices(begin, end - begin).t)
         additions = self._additions(temperature, None)
         numbers = list(zip(*(values.numbers() for values in additions), strict=True))
         if start < begin:

@@ -240,13 +240,13 @@ def _imus(parent: Element, scope: str = "") -> Iterator[tuple[str, Element, "Val
     for element in parent.children:
         name = element.attributes.get("name", "imu")
         if element.tag == "sensor" and element.attributes.get("type") in _TYPES:
-            yield scope + name, element, _of_sensor
+            yield scope + name, element, _sensor_parameters
             continue
         if element.tag == "plugin":
             if _library(element) in _ROTORS_LIBRARIES or any(map(element.child, _ROTORS_DEFAULTS)):
-                yield scope + name, element, _of_rotors
+                yield scope + name, element, _rotors_parameters
             elif _is_classic(element):
-                yield scope + name, element, _of_classic
+                yield scope + name, element, _classic_parameters
         yield from _imus(element, f"{scope}{name}::" if element.tag == "model" else scope)
 
 
@@ -261,7 +261,7 @@ def _is_classic(plugin: Element) -> bool:
     return library in _CLASSIC_LIBRARIES or ("imu" in library and noise is not None)
 
 
-def _of_sensor(part: _Part, rate: float) -> dict[str, object]:
+def _sensor_parameters(part: _Part, rate: float) -> dict[str, object]:
     """Return an IMU of SDF.
 
     A plugin of Gazebo classic in it takes the sensor's latest reading at a rate of its own, with
@@ -283,7 +283,7 @@ def _of_sensor(part: _Part, rate: float) -> dict[str, object]:
     for triad in TRIADS:
         noises = _noises(part, triad)
         if any(noises):
-            values |= _of_noise(where, f"imu.{triad}_", noises, slowest or rate)
+            values |= _noise_parameters(where, f"imu.{triad}_", noises, slowest or rate)
     frame = element.child("gz_frame_id") or element.child("ignition_frame_id")
     pose = _pose(part)
     for plugin in plugins:
@@ -293,7 +293,7 @@ def _of_sensor(part: _Part, rate: float) -> dict[str, object]:
             values[key] = np.hypot(of_the_sensor, density).tolist()
         frame = plugin.element.child("frameName") or plugin.element.child("bodyName") or frame
         pose = pose @ _offset(plugin)
-    return {**_common(slowest, frame), **_mount(pose), **values}
+    return {**_rate_and_frame(slowest, frame), **_mount(pose), **values}
 
 
 def _noises(part: _Part, triad: str) -> "list[_Part | None]":
@@ -346,7 +346,7 @@ def _noises(part: _Part, triad: str) -> "list[_Part | None]":
     return noises
 
 
-def _of_noise(
+def _noise_parameters(
     where: str, prefix: str, noises: "list[_Part | None]", rate: float
 ) -> dict[str, object]:
     """Return the parameters of three ``<noise>``.
@@ -391,7 +391,7 @@ def _of_noise(
     return {f"{prefix}{name}": numbers for name, numbers in axes.items() if any(numbers)}
 
 
-def _of_rotors(part: _Part, _: float) -> dict[str, object]:
+def _rotors_parameters(part: _Part, _: float) -> dict[str, object]:
     """Return an IMU of RotorS; the plugin has defaults for missing elements."""
     part.check(tuple(_ROTORS_DEFAULTS))
     values: dict[str, object] = {}
@@ -402,16 +402,16 @@ def _of_rotors(part: _Part, _: float) -> dict[str, object]:
     for triad in TRIADS:
         if not values[f"imu.{triad}_correlation_time"]:
             values[f"imu.{triad}_gauss_markov_density"] = 0.0
-    return {**_common(0.0, part.element.child("linkName")), **values}
+    return {**_rate_and_frame(0.0, part.element.child("linkName")), **values}
 
 
-def _of_classic(part: _Part, rate: float) -> dict[str, object]:
+def _classic_parameters(part: _Part, rate: float) -> dict[str, object]:
     """Return an IMU of Gazebo classic: one deviation for all axes, 0 if none is written."""
     stated = _classic_rate(part)
     density = _classic_density(part, stated or rate)
     frame = part.element.child("frameName") or part.element.child("bodyName")
     values = {f"imu.{triad}_noise_density": density for triad in TRIADS}
-    return {**_common(stated, frame), **_mount(_offset(part)), **values}
+    return {**_rate_and_frame(stated, frame), **_mount(_offset(part)), **values}
 
 
 def _classic_rate(part: _Part) -> float:
@@ -467,7 +467,7 @@ def _mount(pose: Array) -> dict[str, object]:
     return {"imu.lever_arm": arm, "imu.mounting": mounting}
 
 
-def _common(rate: float, frame: Element | None) -> dict[str, object]:
+def _rate_and_frame(rate: float, frame: Element | None) -> dict[str, object]:
     """Return rate and frame, if they are given."""
     values: dict[str, object] = {}
     if rate:

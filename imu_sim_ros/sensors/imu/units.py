@@ -227,7 +227,7 @@ class Triads:
         """
         columns = np.empty((AHEAD, len(begins)))
         for begin in np.unique(begins).tolist():
-            columns[:, begins == begin] = values(self._times.following(begin, AHEAD).t)[:, None]
+            columns[:, begins == begin] = values(self._times.at_indices(begin, AHEAD).t)[:, None]
         return columns
 
     def begin(self, units: Integers, renewed: bool) -> None:
@@ -263,9 +263,9 @@ class Triads:
         self._index += 1
         additions = {
             name: Additions(
-                None if scale is None else _at(rows, scale),
-                _at(rows, bias),
-                None if noise is None else _at(rows, noise),
+                None if scale is None else _rows_at(rows, scale),
+                _rows_at(rows, bias),
+                None if noise is None else _rows_at(rows, noise),
             )
             for name, (scale, bias, noise) in self._ahead.items()
         }
@@ -310,7 +310,7 @@ def _room(count: int, rows: int = AHEAD) -> Array:
     return np.empty((rows, 3, count)).swapaxes(1, 2)
 
 
-def _at(rows: int | tuple[Integers, Integers], values: Array) -> Array:
+def _rows_at(rows: int | tuple[Integers, Integers], values: Array) -> Array:
     """Return the values (1, count, 3) of each unit's next sample, a copy."""
     if len(values) == 1:
         return np.copy(values)

@@ -229,7 +229,7 @@ class Lidar(SensorModel[LidarParameters]):
         if sigma:
             up = up + sigma * self._normal("elevation", len(nominal))
             side = sigma * self._normal("azimuth", len(nominal)).astype(np.float64)
-        moved = nominal + _across(nominal, up, side)
+        moved = nominal + _perpendicular(nominal, up, side)
         # They are square to each other.
         return moved / np.sqrt(1.0 + up * up + side * side)[:, None]
 
@@ -238,7 +238,7 @@ class Lidar(SensorModel[LidarParameters]):
         draw = self._next("beam").random((2, len(beam)))
         radius = 0.5 * math.radians(self.parameters.beam_divergence_deg) * np.sqrt(draw[0])
         angle = 2.0 * math.pi * draw[1]
-        return _across(beam, radius * np.sin(angle), radius * np.cos(angle))
+        return _perpendicular(beam, radius * np.sin(angle), radius * np.cos(angle))
 
     def _within_beam(
         self,
@@ -341,7 +341,7 @@ _ARRAYS: Final = (
 _OF_THE_BIAS: Final = ("range", "range_error")
 
 
-def _across(directions: Array, up: Array, side: Array) -> Array:
+def _perpendicular(directions: Array, up: Array, side: Array) -> Array:
     """Return vectors (m, 3) square to unit vectors: so far upwards and counterclockwise."""
     x, y, z = directions.T
     over = 1.0 / np.sqrt(np.maximum(x * x + y * y, _UPRIGHT))

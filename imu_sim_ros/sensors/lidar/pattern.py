@@ -53,7 +53,12 @@ def build_pattern(p: LidarParameters) -> Pattern:
 
     :raises InputError: for a table that cannot be used, naming its line.
     """
-    build = {"spinning": _spinning, "rosette": _rosette, "nodding": _nodding, "table": _table}
+    build = {
+        "spinning": _spinning_pattern,
+        "rosette": _rosette,
+        "nodding": _nodding_pattern,
+        "table": _table,
+    }
     return build[p.pattern](p)
 
 
@@ -63,7 +68,7 @@ def towards(azimuth: Array, elevation: Array) -> Array:
     return np.stack([flat * np.cos(azimuth), flat * np.sin(azimuth), np.sin(elevation)], axis=-1)
 
 
-def _spinning(p: LidarParameters) -> Pattern:
+def _spinning_pattern(p: LidarParameters) -> Pattern:
     """Return channels that turn; all start again at the same azimuth with each scan."""
     elevation = np.radians(p.elevations_deg)
     channels = len(elevation)
@@ -114,7 +119,7 @@ def _rosette(p: LidarParameters) -> Pattern:
     return Pattern(time, ring, directions)
 
 
-def _nodding(p: LidarParameters) -> Pattern:
+def _nodding_pattern(p: LidarParameters) -> Pattern:
     """Return beams that turn about z and go up and down on a sine."""
     time, ring, offset = _lines(p)
     low, high = np.radians(p.elevation_limits_deg)

@@ -75,7 +75,7 @@ def image_size(data: bytes) -> Size:
     """
     form, image = _open(data)
     if form != "JPEG":
-        with _refusing_damage(form):
+        with _refuse_damage(form):
             image.load()
     return image.height, image.width
 
@@ -90,7 +90,7 @@ def decode_image(data: bytes) -> AnyArray:
     form, image = _open(data)
     codec = str(image.tile)  # "ppm" is that of colours with another maximum than 255
     is_deep = image.mode not in _GREY and (";16" in codec or "'ppm'" in codec)
-    with _refusing_damage(form):
+    with _refuse_damage(form):
         image.load()
     if is_deep:
         return _pixels_of_opencv(data)
@@ -125,7 +125,7 @@ def _open(data: bytes) -> "tuple[str, ImageFile]":
         raise InputError(f"a {form} that is cut off after {len(data)} bytes")
     plugin = importlib.import_module(f"PIL.{form.title()}ImagePlugin")
     reader = getattr(plugin, f"{form.title()}ImageFile")
-    with _refusing_damage(form):
+    with _refuse_damage(form):
         image: ImageFile = reader(io.BytesIO(data))
         if form == "PNG":
             image.verify()  # the checksums
@@ -141,7 +141,7 @@ def _open(data: bytes) -> "tuple[str, ImageFile]":
 
 
 @contextmanager
-def _refusing_damage(form: str) -> Iterator[None]:
+def _refuse_damage(form: str) -> Iterator[None]:
     """Turn the errors of Pillow, which are of many classes, into one of the input."""
     try:
         yield

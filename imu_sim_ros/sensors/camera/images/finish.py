@@ -103,6 +103,6 @@ class Shades(NamedTuple):
         return cls(
             np.searchsorted(cell[order], np.arange(cells + 1)),
             which[order],
-            nothing.joined([planes for planes, *_ in shadows]),
+            nothing.concatenate([planes for planes, *_ in shadows]),
             np.array(lines, np.float32).reshape(-1, 3),
         )

@@ -55,7 +55,7 @@ def flow(
     bodies = np.zeros(len(everywhere), np.uint8)
     if mask is not None:
         bodies = mask.reshape(-1)[everywhere]
-    current, following = (_by_row(eyes(k), height) for k in (0, 1))
+    current, following = (_row_poses(eyes(k), height) for k in (0, 1))
     for body in np.unique(bodies):
         pixel = everywhere[bodies == body]
         row, column = np.divmod(pixel, width)
@@ -77,7 +77,7 @@ class _Poses(Protocol):
         """Return one pose, or n."""
 
 
-def _by_row(eyes: Callable[[Array], Eyes], height: int) -> _Poses:
+def _row_poses(eyes: Callable[[Array], Eyes], height: int) -> _Poses:
     """Return the poses of a camera at rows (n,), in the world (0) or in a body's axes (1, ...).
 
     Between whole rows, over microseconds, they are interpolated.

@@ -135,10 +135,10 @@ class Imager:
 
         0 if nothing is seen. A frame that repeats another has its depth, too.
         """
-        return self._centres.depth(self._seen_from(number))
+        return self._centres.depth(self._exposure_poses(number))
 
     @property
-    def moving(self) -> bool:
+    def has_moving_bodies(self) -> bool:
         """True if something moves in the scene."""
         return self._scene.crowd is not None
 
@@ -147,9 +147,9 @@ class Imager:
 
         No mask if nothing moves in the scene.
         """
-        if not self.moving:
+        if not self.has_moving_bodies:
             return self.depth(number), None
-        return self._centres.depth_and_mask(self._seen_from(number))
+        return self._centres.depth_and_mask(self._exposure_poses(number))
 
     def flow(self, number: int) -> Single:
         """Return the optical flow (h, w, 2) of each pixel to the next image [px].
@@ -159,7 +159,7 @@ class Imager:
         everywhere without a next image.
         """
         p = self.view.parameters
-        following = self._following(number)
+        following = self._next_delivered_frame(number)
         if following is None:
             return np.full((p.height, p.width, 2), np.nan, np.float32)
         numbers = number, following
@@ -171,7 +171,7 @@ class Imager:
         image, next_image = (self.depth_and_mask(index) for index in numbers)
         return flow(self.view.model, image, next_image, eyes)
 
-    def _following(self, number: int) -> int | None:
+    def _next_delivered_frame(self, number: int) -> int | None:
         """Return the number of the next delivered frame; None: there is none."""
         total = self.view.total
         while total is None or number + 1 < total:
@@ -180,7 +180,7 @@ class Imager:
                 return number
         return None
 
-    def _seen_from(self, number: int) -> Eyes:
+    def _exposure_poses(self, number: int) -> Eyes:
         """Return the poses of the camera in the middle of the exposure, for each row of pixels."""
         t = np.array([self._seconds(self._content(number))])
         return self._eyes(self._row_times(t, self._centres.rows))

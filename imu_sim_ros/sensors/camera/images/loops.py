@@ -288,7 +288,7 @@ def paint(
             if (
                 not areas
                 or (end - begin == 1 and fills[begin])
-                or not _at_edge(vectors, start, which, patches, begin, end, k, ray, inverse, hit)
+                or not _is_at_edge(vectors, start, which, patches, begin, end, k, ray, inverse, hit)
             ):
                 for c in range(colours):
                     picture[row, column, c] = value[c]
@@ -431,7 +431,7 @@ def _inside(patch: Any, n: np.float32, s: np.float32, r: np.float32) -> np.float
 
 
 @part
-def _at_edge(
+def _is_at_edge(
     vectors: Single,
     start: Single,
     which: Integers,
@@ -573,7 +573,7 @@ def _shade(
             light = light_share(s, r, shades.lines[m, 0], shades.lines[m, 1], shades.lines[m, 2])
             if light < _ONE:
                 for c in range(len(value)):
-                    value[c] = _changed(value[c], light, _ZERO)
+                    value[c] = _adjust_contrast(value[c], light, _ZERO)
 
 
 @part
@@ -592,7 +592,7 @@ def light_share(
 
 
 @part
-def _changed(value: int, keep: np.float32, add: np.float32) -> int:
+def _adjust_contrast(value: int, keep: np.float32, add: np.float32) -> int:
     """Return the root of ``keep value^2 + add``.
 
     A square instead of the power 2.2 of a screen, since a root is exact everywhere.
@@ -635,7 +635,7 @@ def _polish(
             foot, height = (start[m, k, 0], start[m, k, 1]), _height(vectors, m, k)
             keep = shine(added, gloss.sheen, gloss.region[j], gloss.lit[j], (s, r), foot, height)
             for c in range(len(value)):
-                value[c] = _changed(value[c], keep, added[c])
+                value[c] = _adjust_contrast(value[c], keep, added[c])
             break
 
 
@@ -684,10 +684,10 @@ def shine(
             distance = np.sqrt(to[0] * to[0] + to[1] * to[1] + to[2] * to[2])
             ray = (across, up, height)
             if is_lamp > _ZERO:
-                light = _of_lamp(source, sight, ray, away, to, region.blur)
+                light = _lamp_share(source, sight, ray, away, to, region.blur)
             else:
                 floor = sheen.floor[m, j]
-                light = _of_sun(ray, away, to, distance, region.doublings, floor)
+                light = _sun_share(ray, away, to, distance, region.doublings, floor)
             if light > _ZERO:
                 power = light_at(sheen.light, face, j, point[0], point[1]) * region.gain
                 power /= max(height / away, to[2] / max(distance, _NARROWEST))
@@ -698,7 +698,7 @@ def shine(
 
 
 @part
-def _of_lamp(
+def _lamp_share(
     source: Any,
     sight: Any,
     ray: Ray,
@@ -711,7 +711,7 @@ def _of_lamp(
     :param ray: from the eye to what mirrors, along each direction of the face.
     :param to: from there to the lamp's middle.
     """
-    steepness, height = _along(sight.axes[2], ray), _along(sight.axes[2], to)
+    steepness, height = _project(sight.axes[2], ray), _project(sight.axes[2], to)
     if not height * steepness > _ZERO:
         return _ZERO  # it never meets the lamp's plane
     scale = height / steepness
@@ -719,8 +719,8 @@ def _of_lamp(
     share = _ONE
     for k in range(2):
         half = source.halves[k]
-        side = _along(sight.axes[k], ray)
-        offset = scale * side - _along(sight.axes[k], to)
+        side = _project(sight.axes[k], ray)
+        offset = scale * side - _project(sight.axes[k], to)
         slant = side / steepness
         slant = min(np.sqrt(slant * slant + _ONE), _SLANT)
         width = _ONE / max(wide * slant, _NARROWEST)
@@ -730,7 +730,7 @@ def _of_lamp(
 
 
 @part
-def _along(axis: Single, vector: Ray) -> np.float32:
+def _project(axis: Single, vector: Ray) -> np.float32:
     """Return the component of a vector along an axis."""
     return axis[0] * vector[0] + axis[1] * vector[1] + axis[2] * vector[2]
 
@@ -743,7 +743,7 @@ def _step(x: np.float32) -> np.float32:
 
 
 @part
-def _of_sun(
+def _sun_share(
     ray: Ray,
     away: np.float32,
     to: Ray,
@@ -768,8 +768,8 @@ def _of_sun(
 def light_at(light: Single, face: Any, source: int, s: np.float32, r: np.float32) -> np.float32:
     """Return the light of a source at a point of a face, interpolated between its points."""
     rows, columns = face.shape[0], face.shape[1]
-    low, down = _between(r, rows)
-    column, across = _between(s, columns)
+    low, down = _grid_position(r, rows)
+    column, across = _grid_position(s, columns)
     high, next_column = min(low + 1, rows - 1), min(column + 1, columns - 1)
     offset = face.first + source * rows * columns
     value = _ZERO
@@ -781,7 +781,7 @@ def light_at(light: Single, face: Any, source: int, s: np.float32, r: np.float32
 
 
 @part
-def _between(share: np.float32, count: int) -> tuple[int, np.float32]:
+def _grid_position(share: np.float32, count: int) -> tuple[int, np.float32]:
     """Return the part before a share from 0 to 1 among even parts, and how far the next one is."""
     position = min(max(share * np.float32(count) - _HALF, _ZERO), np.float32(count - 1))
     whole = np.int64(position)
@@ -818,19 +818,21 @@ def paint_mesh(
         if textured:
             texture = triangles.texture[m]
             for k in range(2):
-                uv[k] = _on_triangle(triangles.uv, k, m, hits.point, n)
+                uv[k] = _interpolate_triangle(triangles.uv, k, m, hits.point, n)
             square, length = _footprint(along, hits, n, pitch[n], triangles, size[texture], modes)
             level, share = _level(square, modes)
             doublings = 0
             for threshold in LOOKS:
-                doublings += length * _halved(level) > threshold
+                doublings += length * _level_scale(level) > threshold
             _repeat(texel, image, size[texture], corner[texture], uv, along, doublings,
                     level, share)  # fmt: skip
         for c in range(len(texel)):
             if not tinted and not shaded:
                 values[n, c] = texel[c]
                 continue
-            value = _on_triangle(triangles.tints, c, m, hits.point, n) if tinted else _WHITE
+            value = (
+                _interpolate_triangle(triangles.tints, c, m, hits.point, n) if tinted else _WHITE
+            )
             if textured:
                 value *= np.float32(texel[c])
                 value *= _ONE_OF_WHITE
@@ -840,7 +842,9 @@ def paint_mesh(
 
 
 @part
-def _on_triangle(coefficients: Single, k: int, m: int, point: Single, n: int) -> np.float32:
+def _interpolate_triangle(
+    coefficients: Single, k: int, m: int, point: Single, n: int
+) -> np.float32:
     """Return one of the functions on a triangle where a ray meets it."""
     value = coefficients[4 * k + 3, m]
     for j in range(3):
@@ -897,12 +901,12 @@ def _level(square: np.float32, modes: tuple[bool, bool]) -> tuple[int, int]:
     if not trilinear:
         return min(max((exponent + (0 if areas else 1)) >> 1, 0), LEVELS - 1), 0
     level = min(max(exponent >> 1, 0), LEVELS - 2)
-    excess = np.sqrt(square) * _halved(level) - _ONE
+    excess = np.sqrt(square) * _level_scale(level) - _ONE
     return level, np.int64(np.rint(min(max(excess, _ZERO), _ONE) * np.float32(SHARES)))
 
 
 @part
-def _halved(level: int) -> np.float32:
+def _level_scale(level: int) -> np.float32:
     """Return 1 / 2^level, the size of an image of a pyramid over the full one."""
     return _ONE / np.float32(1 << level)
 
@@ -929,12 +933,12 @@ def _repeat(
         step = _step_along(j, count)
         s, r = uv[0] + step * along[0], uv[1] + step * along[1]
         s, r = s - np.floor(s), r - np.floor(r)
-        x, y = _repeated(s, size, corner, 0, level), _repeated(r, size, corner, 1, level)
+        x, y = _wrap_texel(s, size, corner, 0, level), _wrap_texel(r, size, corner, 1, level)
         for c in range(len(value)):
             texel = bilinear(image, x, y, c)
             if share > 0:
-                coarse_x = _repeated(s, size, corner, 0, level + 1)
-                coarse_y = _repeated(r, size, corner, 1, level + 1)
+                coarse_x = _wrap_texel(s, size, corner, 0, level + 1)
+                coarse_y = _wrap_texel(r, size, corner, 1, level + 1)
                 texel = mix_levels(texel, bilinear(image, coarse_x, coarse_y, c), share)
             value[c] += texel
     for c in range(len(value)):
@@ -942,6 +946,6 @@ def _repeat(
 
 
 @part
-def _repeated(share: np.float32, size: Single, corner: Single, axis: int, level: int) -> int:
+def _wrap_texel(share: np.float32, size: Single, corner: Single, axis: int, level: int) -> int:
     """Return the texel at a place of a texture that repeats."""
-    return round_to_steps(size[axis] * share * _halved(level) + (corner[level, axis] - _HALF))
+    return round_to_steps(size[axis] * share * _level_scale(level) + (corner[level, axis] - _HALF))

@@ -37,7 +37,7 @@ class Planes(NamedTuple):
         start = np.stack([((position - o) * side).sum(axis=2) for side in sides], axis=2)
         return cls(vectors.astype(np.float32), start.astype(np.float32))
 
-    def joined(self, tables: "list[Planes]") -> "Planes":
+    def concatenate(self, tables: "list[Planes]") -> "Planes":
         """Return the rectangles of several tables, one after the other, for the same poses."""
         columns = zip(self, *tables, strict=True)
         return Planes(*(np.concatenate(parts) for parts in columns))

@@ -51,7 +51,9 @@ class PixelRays:
 
     def of_band(self, number: int) -> Single:
         """Return the rays of a band (3, rows, width)."""
-        return self._kept[number] if self._kept is not None else self._compute(number)
+        return (
+            self._cached_bands[number] if self._cached_bands is not None else self._compute(number)
+        )
 
     def at(self, *selections: tuple[Integers, Integers]) -> list[Single]:
         """Return the rays (3, a, b) of rows (a,) in ascending order and columns (b,), of each."""
@@ -63,7 +65,7 @@ class PixelRays:
                 selected.append(rays[:, band_rows[:, None], columns])
         return [np.concatenate(selected, axis=1) for selected in parts]
 
-    def between(self, rows: Array, columns: Array) -> Single:
+    def interpolate(self, rows: Array, columns: Array) -> Single:
         """Return the rays (3, a, b) of rows (a,) and columns (b,) that need not be whole."""
         u, v = ((ray + 0.5) / self.scale - 0.5 for ray in (columns, rows))
         grid = np.stack(np.meshgrid(u, v), axis=-1).reshape(-1, 2)
@@ -79,7 +81,7 @@ class PixelRays:
         return directions.reshape(3, height, -1)
 
     @cached_property
-    def _kept(self) -> list[Single] | None:
+    def _cached_bands(self) -> list[Single] | None:
         """Rays of all bands, if they fit into memory."""
         if self.height * self.width > _KEPT:
             return None
@@ -124,7 +126,7 @@ def corners_and_probes(rays: PixelRays, areas: bool = False) -> tuple[Corners, P
     probes = Probes(np.stack(middle).reshape(3, 3, -1), rows)
     if areas:
         down, across = (np.minimum(np.arange(0, n + CELL, CELL), n) - 0.5 for n in rays.shape)
-        corners = rays.between(down, across)
+        corners = rays.interpolate(down, across)
     return Corners(np.ascontiguousarray(corners), edges[0]), probes
 
 

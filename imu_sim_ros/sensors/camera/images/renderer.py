@@ -125,7 +125,7 @@ class Renderer:
             lines = [shadow.below]
             if sun is not None:
                 r_wb = (world[1][0][:, None] * body_pose[1][0]).sum(axis=2)
-                line = shadow.thrown((sun.to_sun[:, None] * r_wb).sum(axis=0), 1.0)
+                line = shadow.shadow_line((sun.to_sun[:, None] * r_wb).sum(axis=0), 1.0)
                 if self._may_be_seen(line.ball, *body_pose):
                     share = sun.share(world[0][0] - (r_wb * body_pose[0][0]).sum(axis=1))
                     lines += [line._replace(depth=share)] * (share > 0.0)
@@ -163,7 +163,7 @@ class Renderer:
         planes_world, *planes_bodies = (
             Planes.of(*self._fronts[k].some(numbers), *pose) for k, numbers, *pose in candidates
         )
-        planes = planes_world.joined(planes_bodies)
+        planes = planes_world.concatenate(planes_bodies)
         start = (0, *self._first)
         numbers = np.concatenate([face_numbers + start[k] for k, face_numbers, *_ in candidates])
         return planes, numbers, self._grid.pairs(planes)

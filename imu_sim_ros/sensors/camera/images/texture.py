@@ -82,7 +82,7 @@ def atlas(
     """
     check_surfaces(parameters)
     if painter is not None:
-        return _of_place(surfaces, painter, colour, crowd)
+        return _place_atlas(surfaces, painter, colour, crowd)
     shapes = [_shape(surfaces, m, parameters) for m in range(len(surfaces.origin))]
 
     def texture(m: int) -> Bytes:
@@ -92,15 +92,15 @@ def atlas(
     return assemble_atlas(shapes, texture, colour)
 
 
-def _of_place(surfaces: Surfaces, painter: Painter, colour: bool, crowd: Crowd | None) -> Atlas:
+def _place_atlas(surfaces: Surfaces, painter: Painter, colour: bool, crowd: Crowd | None) -> Atlas:
     """Return the textures of the faces of a place, and behind them those of its moving bodies."""
     texels = painter.texels(MOST_TEXELS_OF_PLACES)
-    shapes = _in_texels(surfaces.sides, texels)
+    shapes = _texture_sizes(surfaces.sides, texels)
     count = len(shapes)
     bodies: list[tuple[int, int]] = []
     if crowd is not None:
         sides = np.concatenate([body_surfaces.sides for body_surfaces in crowd.surfaces])
-        bodies = _in_texels(sides, np.full(len(sides), _TEXEL_OF_BODIES))
+        bodies = _texture_sizes(sides, np.full(len(sides), _TEXEL_OF_BODIES))
 
     def texture(m: int) -> Bytes:
         if m < count or crowd is None:
@@ -110,7 +110,7 @@ def _of_place(surfaces: Surfaces, painter: Painter, colour: bool, crowd: Crowd |
     return assemble_atlas(shapes, texture, colour, bodies)._replace(polish=painter.polish(colour))
 
 
-def _in_texels(sides: Array, texels: Array) -> list[tuple[int, int]]:
+def _texture_sizes(sides: Array, texels: Array) -> list[tuple[int, int]]:
     """Return rows and columns of the textures of rectangles.
 
     :param sides: (m, 2) width and height [m].
