@@ -3,6 +3,9 @@
 
 """The cosine spectrum and the terms' expectations, against exact covariances."""
 
+import resource
+import tempfile
+import tracemalloc
 from itertools import pairwise
 
 import numpy as np
@@ -143,6 +146,46 @@ def test_every_sample_is_counted_once():
     # Standardised rows: mean 0 and variance 1 within five standard errors of m rows.
     assert abs(deviation.mean()) < 5.0 / np.sqrt(len(deviation))
     assert abs(deviation.var() - 1.0) < 5.0 * np.sqrt(4.0 / len(deviation))
+
+
+def spectrum_of_noise(segments: int) -> Spectrum:
+    """Return the spectrum of 2^17 values of noise, which come several times."""
+    noise = np.random.default_rng(3).standard_normal((1 << 17, 1))
+    accumulator = SpectrumAccumulator(RATE, 1)
+    for _ in range(segments):
+        accumulator.add(noise)
+    accumulator.end_piece()
+    return accumulator.result()
+
+
+def test_averages_take_no_memory_until_the_record_ends():
+    """The averages of 32 segments of 2^17 readings are 2 MiB."""
+    noise = np.random.default_rng(3).standard_normal((1 << 17, 1))
+    accumulator = SpectrumAccumulator(RATE, 1)
+    accumulator.add(noise)
+    tracemalloc.start()
+    for _ in range(32):
+        accumulator.add(noise)
+    growth = tracemalloc.get_traced_memory()[0]
+    tracemalloc.stop()
+    assert growth < 2**19
+
+
+def test_averages_stay_in_memory_without_a_place_for_files(tmp_path, monkeypatch):
+    """No folder for temporary files, and a disk that is full after the first averages."""
+    expected = spectrum_of_noise(3)
+    monkeypatch.setattr(tempfile, "tempdir", str(tmp_path / "absent"))
+    without_folder = spectrum_of_noise(3)
+    monkeypatch.setattr(tempfile, "tempdir", str(tmp_path))
+    limits = resource.getrlimit(resource.RLIMIT_FSIZE)
+    resource.setrlimit(resource.RLIMIT_FSIZE, (100_000, limits[1]))  # averages of 1.5 segments
+    try:
+        full_disk = spectrum_of_noise(3)
+    finally:
+        resource.setrlimit(resource.RLIMIT_FSIZE, limits)
+    for spectrum in (without_folder, full_disk):
+        for values, expected_values in zip(spectrum, expected, strict=True):
+            np.testing.assert_array_equal(values, expected_values)
 
 
 def test_flat_floor_of_flicker_and_deviation_of_gauss_markov():

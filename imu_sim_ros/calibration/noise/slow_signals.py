@@ -14,6 +14,7 @@ without it.
 
 from collections.abc import Iterable, Iterator, Sequence
 from functools import partial
+from itertools import count
 from typing import Final, NamedTuple, Protocol
 
 import numpy as np
@@ -152,32 +153,35 @@ def find_signals(
     :param interval: time between two values [s].
     """
     search: _Search | None = None
-    for axis, column in enumerate(columns):
-        n = len(column)
+    axes = count()
+    for column in columns:  # enumerate would hold an axis until it has the next one
+        axis, n = next(axes), len(column)
         if search is None and n >= _MIN_POINTS:
             search = _Search(n, highest, interval)
         signals = SlowSignals(
             [], [], *[Cleaned(column, np.ones(search.count if search else 0))] * 2
         )
         if search is not None and (column != column[0]).any():
-            detection = search.signals(column - column.mean())
+            detection = search.signals(column)
             if detection.components:
                 signals = _remove_signals(column, axis, detection)
+        del column
         yield signals
+        del signals
 
 
 def _remove_signals(column: Array, axis: int, detection: "_Signals") -> SlowSignals:
     """Return the signals of an axis, and its values (n,) without them."""
     certain: list[Signal] = []
     doubtful: list[Signal] = []
-    cleaned, smoother = (Cleaned(column.copy(), part) for part in detection.inflation)
+    cleaned = smoother = Cleaned(column.copy(), detection.inflation[0])
     for component, is_certain in zip(detection.components, detection.certain, strict=True):
+        if not is_certain and not doubtful:  # the certain ones come first
+            smoother = Cleaned(cleaned.values.copy(), detection.inflation[1])
         curve = component.kind.values(component)
-        smoother.values[:] -= curve
-        if is_certain:
-            cleaned.values[:] -= curve
+        (cleaned if is_certain else smoother).values[:] -= curve
         (certain if is_certain else doubtful).append(component.kind.signal(axis, component))
-    return SlowSignals(certain, doubtful, cleaned, smoother if doubtful else cleaned)
+    return SlowSignals(certain, doubtful, cleaned, smoother)
 
 
 class _Component(NamedTuple):
@@ -253,9 +257,15 @@ class _LineKind:
 
     def values(self, component: _Component) -> Array:
         """Return the sinusoid (n,)."""
-        angle = 2.0 * np.pi * component.parameter / self._n * (np.arange(self._n) + 0.5)
+        angle = np.arange(0.5, self._n)
+        angle *= 2.0 * np.pi * component.parameter / self._n
         cosine, sine = component.sizes
-        return np.asarray(cosine * np.cos(angle) - sine * np.sin(angle))
+        values = np.cos(angle)
+        values *= cosine
+        np.sin(angle, out=angle)
+        angle *= sine
+        values -= angle
+        return values
 
     def signal(self, axis: int, component: _Component) -> Line:
         """Return a component as a sinusoid with its frequency and amplitude."""
@@ -287,8 +297,10 @@ class _ShiftKind:
 
     def values(self, component: _Component) -> Array:
         """Return the step (n,), around its mean."""
-        step = np.where(np.arange(self._n) < component.parameter, 0.0, component.sizes[0])
-        return np.asarray(step - step.mean())
+        step = np.zeros(self._n)
+        step[int(np.ceil(component.parameter)) :] = component.sizes[0]
+        step -= step.mean()
+        return step
 
     def signal(self, axis: int, component: _Component) -> LevelShift:
         """Return a component as a step with its position and size."""
@@ -331,8 +343,12 @@ class _TransientKind:
 
     def values(self, component: _Component) -> Array:
         """Return the decay (n,), around its mean."""
-        decay = np.exp(-(np.arange(self._n) + 0.5) * np.exp(-component.parameter))
-        return np.asarray(component.sizes[0] * (decay - decay.mean()))
+        decay = np.arange(0.5, self._n)
+        decay *= -np.exp(-component.parameter)
+        np.exp(decay, out=decay)
+        decay -= decay.mean()
+        decay *= component.sizes[0]
+        return decay
 
     def signal(self, axis: int, component: _Component) -> Transient:
         """Return a component as a decay with its time constant and size."""
@@ -360,7 +376,7 @@ class _Signals(NamedTuple):
 
     components: Sequence[_Component]
     certain: Sequence[bool]
-    """True for each component that is certain; the others are doubtful."""
+    """True for each component that is certain; the others, which follow, are doubtful."""
     inflation: tuple[Array, Array]
     """(m,) factors of the coefficients without the certain signals, and without all."""
 
@@ -376,7 +392,9 @@ class _Search:
         """
         from scipy.fft import dct, dst
 
-        self._transform, self._sine_transform = partial(dct, norm="ortho"), partial(dst, type=1)
+        # Into the memory of their argument, since each array is as long as the record.
+        self._transform = partial(dct, norm="ortho", overwrite_x=True)
+        self._sine_transform = partial(dst, type=1, overwrite_x=True)
         self._n, self._last = n, highest * n  # periods
         self._order = np.arange(1, min(int(2.0 * self._last) + 2, n))
         self.count = len(self._order)
@@ -416,7 +434,7 @@ class _Search:
 
     def signals(self, x: Array) -> _Signals:
         """Return the signals of x (n,), certain and doubtful."""
-        y = self._transform(x)[self._order]
+        y = self._transform(x - x.mean())[self._order]
         self._design = self._standard
         best = self._with_process(y, self._fit(y, (), self._noise(y)))
         for _ in range(_MAX_SIGNALS):
@@ -654,7 +672,8 @@ class _Search:
         if end <= slowest + 1:
             return []
         # In place, since each array is as long as the record.
-        level = x - sum(c.kind.values(c) for c in best.components)
+        level = x - x.mean()
+        level -= sum(c.kind.values(c) for c in best.components)
         line = np.linspace(-1.0, 1.0, self._n)
         product, norm = line @ level, line @ line
         line *= product
@@ -686,20 +705,13 @@ class _Search:
         n, weight = self._n, 1.0 / best.variance
         scaled = np.sqrt(weight) * self._shift.factors
         q, residual = self._fitted_base(best, _ALL, weight)
-        squares = np.zeros(n)
-        squares[1 : 1 + self.count] = scaled**2
-        cosines = np.fft.rfft(squares).real
-        size = squares.sum() - np.append(cosines[1:], cosines[(n - 1) // 2 : 0 : -1])
-        size *= 0.5
-        del squares, cosines
-        series, explained = np.zeros((2, n - 1))
         # One by one and in place, since each array is as long as the record.
+        explained = np.zeros(n - 1)
         for column in q.T:
-            series[: self.count] = column * scaled
-            product = self._sine_transform(series)
-            product *= 0.5
+            product = self._sines(column * scaled)
             explained += np.square(product, out=product)
-        series[: self.count] = residual * scaled
+            del product
+        size = self._shift_sizes(scaled)
         free = np.subtract(size, explained, out=explained)
         size *= 1e-6
         sound = free > size
@@ -709,8 +721,7 @@ class _Search:
             if component.kind is self._shift:
                 centre = int(component.parameter) - 1
                 sound[max(centre - _MARGIN, 0) : centre + _MARGIN + 1] = False
-        gain = self._sine_transform(series)
-        gain *= 0.5
+        gain = self._sines(residual * scaled)
         np.square(gain, out=gain)
         gain *= 0.5
         free[~sound] = 1.0
@@ -718,6 +729,33 @@ class _Search:
         gain[~sound] = 0.0
         k = int(np.argmax(gain))
         return float(k + 1), float(gain[k])
+
+    def _sines(self, coefficients: Array) -> Array:
+        """Return the sine series (n - 1,) of coefficients (m,) at the positions from 1 on."""
+        series = np.zeros(self._n - 1)
+        series[: self.count] = coefficients
+        series = self._sine_transform(series)
+        series *= 0.5
+        return series
+
+    def _shift_sizes(self, factors: Array) -> Array:
+        """Return the sums (n - 1,) of squares of a shift at each position from 1 on.
+
+        :param factors: (m,) factors of the sines that are squared and added.
+        """
+        n = self._n
+        squares = np.zeros(n)
+        squares[1 : 1 + self.count] = factors**2
+        total = squares.sum()
+        cosines = np.fft.rfft(squares).real
+        del squares
+        size = np.empty(n - 1)
+        ahead = len(cosines) - 1
+        size[:ahead] = cosines[1:]
+        size[ahead:] = cosines[(n - 1) // 2 : 0 : -1]
+        np.subtract(total, size, out=size)
+        size *= 0.5
+        return size
 
     def _relocate_shift(self, y: Array, best: _Fit) -> _Fit:
         """Return a fit whose last signal, if it is a shift, is at its best position."""

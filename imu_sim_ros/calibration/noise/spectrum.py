@@ -11,10 +11,13 @@ cosine transform", SIAM Review 41, 1999.) No window, no differencing and no leak
 """
 
 import ctypes
+import io
+import tempfile
+import weakref
 from collections.abc import Iterable
 from contextlib import suppress
 from functools import partial
-from typing import Final, NamedTuple
+from typing import BinaryIO, Final, NamedTuple
 
 import numpy as np
 
@@ -129,6 +132,53 @@ class _LowBins(NamedTuple):
     """(m,) number of coefficients in each bin."""
 
 
+class _Averages:
+    """Averages (axes, n) of a piece, which grow with the record, in a temporary file.
+
+    They stay in memory if there is no place for such a file.
+    """
+
+    def __init__(self, axes: int) -> None:
+        self._axes = axes
+        self._sizes: list[int] = []
+        """Number of averages of each block in the file."""
+        self._file: BinaryIO | io.BytesIO
+        try:
+            self._file = tempfile.TemporaryFile(buffering=0)  # noqa: SIM115
+            weakref.finalize(self, self._file.close)
+        except OSError:
+            self._file = io.BytesIO()
+
+    def __len__(self) -> int:
+        return sum(self._sizes)
+
+    def add(self, averages: Array) -> None:
+        """Append a block (axes, m)."""
+        content = averages.tobytes()
+        start = self._axes * len(self) * averages.itemsize
+        try:
+            self._file.seek(start)
+            if self._file.write(content) < len(content):
+                raise OSError
+        except OSError:  # the disk is full: the rest stays in memory, too
+            self._file.seek(0)
+            self._file = io.BytesIO(self._file.read(start))
+            self._file.seek(start)
+            self._file.write(content)
+        self._sizes.append(averages.shape[1])
+
+    def axis(self, axis: int) -> Array:
+        """Return the averages (n,) of an axis."""
+        column, end, begin = np.empty(len(self)), 0, 0
+        for size in self._sizes:
+            part = column[end : end + size]
+            self._file.seek(begin + axis * part.nbytes)
+            part[:] = np.frombuffer(self._file.read(part.nbytes))
+            begin += self._axes * part.nbytes
+            end += size
+        return column
+
+
 class SpectrumAccumulator:
     """Accumulator of a record in blocks, in pieces that are treated as independent."""
 
@@ -156,8 +206,8 @@ class SpectrumAccumulator:
         self._filled = 0
         self._offset: Array | None = None
         """(axes, 1) mean of the piece's first segment."""
-        self._clusters: list[Array] = []
-        """Averages of the piece so far."""
+        self._clusters: _Averages | None = None
+        """Averages of the piece so far; None: there are none."""
         self._begin = self._samples = 0
         """Samples before the piece, and in all."""
 
@@ -179,21 +229,19 @@ class SpectrumAccumulator:
         """Close the piece: the next readings are not connected to it."""
         self._flush()
         self._segment = self._workspace = np.empty((self._axes, 0))
-        if self._clusters:
-            self._add_low_part()
-            self._clusters = []
+        if self._clusters is not None:
+            self._add_low_part(self._clusters)
+            self._clusters = None
         self._offset = None
         self._begin = self._samples
 
-    def _add_low_part(self) -> None:
+    def _add_low_part(self, averages: _Averages) -> None:
         """Take signals out of the averages of the piece, and add the rows below the split.
 
         One axis after the other: each needs several times the memory of its averages.
         """
-        columns = (
-            np.concatenate([part[axis] for part in self._clusters]) for axis in range(self._axes)
-        )
-        n = sum(part.shape[1] for part in self._clusters)
+        columns = (averages.axis(axis) for axis in range(self._axes))
+        n = len(averages)
         bins = self._low_bins(n)
         sums: list[tuple[Array, Array]] = []
         without_doubtful: list[tuple[Array, Array]] = []
@@ -208,6 +256,7 @@ class SpectrumAccumulator:
             without_doubtful.append(
                 self._low_sums(detected.without_doubtful, bins) if detected.doubtful else sums[-1]
             )
+            del detected
             _release_memory()
         for shift in shifts:
             self._remove_shift(shift)
@@ -222,7 +271,9 @@ class SpectrumAccumulator:
             return
         y = self._segment[:, :count]
         whole = count // CLUSTER * CLUSTER
-        self._clusters.append(y[:, :whole].reshape(self._axes, -1, CLUSTER).mean(axis=2))
+        if self._clusters is None:
+            self._clusters = _Averages(self._axes)
+        self._clusters.add(y[:, :whole].reshape(self._axes, -1, CLUSTER).mean(axis=2))
         if self._offset is None:
             self._offset = y.mean(axis=1, keepdims=True)
         centred = np.subtract(y, self._offset, out=self._workspace[:, :count])
