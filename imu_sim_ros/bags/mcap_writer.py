@@ -21,6 +21,7 @@ from imu_sim_ros.bags.messages.blocks import Column, RowTemplate
 from imu_sim_ros.bags.messages.schemas import qos_text
 from imu_sim_ros.bags.writer import ROS_DISTRO, BagTopic, rosbag2_metadata
 from imu_sim_ros.core.types import Times
+from imu_sim_ros.core.yaml_output import as_yaml
 
 if TYPE_CHECKING:
     from mcap.records import Channel, McapRecord
@@ -185,7 +186,6 @@ class McapWriter(ChunkWriter):
 
     def _finish(self) -> None:
         """Write the end of the data, the summary with all indexes, and the footer."""
-        import yaml
         from mcap.data_stream import RecordBuilder
         from mcap.opcode import Opcode
         from mcap.records import (
@@ -201,7 +201,7 @@ class McapWriter(ChunkWriter):
         # What rosbag2 stores in each of its files. Jazzy reads the first entry; the second is that
         # of Humble and Iron.
         content = rosbag2_metadata("mcap", self.topics, [self])
-        text = yaml.safe_dump(content, sort_keys=False)
+        text = as_yaml(content)
         entries = {"serialized_metadata": text, "ROS_DISTRO": ROS_DISTRO}
         metadata = _pack_record(Metadata(name="rosbag2", metadata=entries))
         metadata_index = MetadataIndex(self.file.position, len(metadata), "rosbag2")

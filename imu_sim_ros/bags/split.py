@@ -25,6 +25,7 @@ from imu_sim_ros.bags.writer import (
 )
 from imu_sim_ros.core.errors import InputError
 from imu_sim_ros.core.types import Integers
+from imu_sim_ros.core.yaml_output import as_yaml
 
 
 class PartsWriter(Writer):
@@ -236,10 +237,8 @@ class Rosbag2Writer(PartsWriter):
 
     def _describe(self) -> None:
         """Write metadata.yaml, which is there as a whole or not at all."""
-        import yaml
-
         content = rosbag2_metadata(self._storage, self.topics, self._parts)
-        text = yaml.safe_dump({"rosbag2_bagfile_information": content}, sort_keys=False)
+        text = as_yaml({"rosbag2_bagfile_information": content})
         temporary = self.path / (METADATA_FILE + ".tmp")
         temporary.write_text(text, encoding="utf-8")
         temporary.rename(self.path / METADATA_FILE)

@@ -26,6 +26,7 @@ from imu_sim_ros.bags.writer import (
     time_order,
 )
 from imu_sim_ros.core.errors import MachineError
+from imu_sim_ros.core.yaml_output import as_yaml
 
 SCHEMA_VERSION: Final = 4
 """Version of rosbag2's SQLite tables, that of Jazzy."""
@@ -180,12 +181,10 @@ class SqliteWriter(Writer):
 
     def close(self) -> None:
         """Store the metadata."""
-        import yaml
-
         content = rosbag2_metadata("sqlite3", self.topics, [self])
         self._execute(
             "INSERT INTO metadata (metadata_version, metadata) VALUES (?, ?)",
-            (METADATA_VERSION, yaml.safe_dump(content, sort_keys=False)),
+            (METADATA_VERSION, as_yaml(content)),
         )
         self._execute("COMMIT")
         self._execute("PRAGMA journal_mode = DELETE")  # takes the empty journal away

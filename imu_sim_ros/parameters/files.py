@@ -17,6 +17,7 @@ from typing import Any, Final, TypeGuard, TypeVar
 from imu_sim_ros.core.errors import ConfigurationError, InputError, Problems
 from imu_sim_ros.core.names import printable, unknown
 from imu_sim_ros.core.spelling import argument
+from imu_sim_ros.core.yaml_output import as_yaml
 from imu_sim_ros.inputs.rows import is_present, read_text
 from imu_sim_ros.parameters.kinds import Value
 from imu_sim_ros.parameters.sections import build, flatten
@@ -300,8 +301,6 @@ def write(values: Mapping[str, Value], path: Path, node: str = "/**", comment: s
 
 def text(values: Mapping[str, Value], node: str = "/**", comment: str = "") -> str:
     """Return values by dotted name as the text of a ROS 2 parameter file, nested."""
-    import yaml
-
     tree: dict[str, Any] = {}
     for name, value in values.items():
         *parents, leaf = name.split(".")
@@ -310,11 +309,4 @@ def text(values: Mapping[str, Value], node: str = "/**", comment: str = "") -> s
             branch = branch.setdefault(parent, {})
         branch[leaf] = list(value) if isinstance(value, tuple) else value
     header = "".join(f"# {line}\n" for line in comment.splitlines())
-    content = {node: {_PARAMETERS: tree}}
-    content_text, dumper = repr(content), yaml.SafeDumper
-    if (
-        content_text.isascii() and "\\" not in content_text
-    ):  # without what has to be escaped, libyaml
-        dumper = getattr(yaml, "CSafeDumper", dumper)  # writes the same in a quarter of the time
-    body = yaml.dump(content, Dumper=dumper, sort_keys=False, default_flow_style=None)
-    return header + body
+    return header + as_yaml({node: {_PARAMETERS: tree}}, flow_style=None)

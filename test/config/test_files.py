@@ -12,6 +12,7 @@ import pytest
 import yaml
 
 from imu_sim_ros.core.errors import ConfigurationError
+from imu_sim_ros.core.yaml_output import as_yaml
 from imu_sim_ros.navigation.parameters import load_integrator
 from imu_sim_ros.parameters import files
 from imu_sim_ros.parameters.sections import flatten
@@ -272,10 +273,11 @@ def test_the_text_does_not_depend_on_libyaml(monkeypatch):
         for k in range(60)
     }
     for values in ({name: value} for name, value in many.items()):
-        fast = files.text(values)
+        fast, fast_blocks = files.text(values), as_yaml(values)
         with monkeypatch.context() as changed:
-            changed.delattr(yaml, "CSafeDumper", raising=False)
+            changed.setattr(yaml, "__with_libyaml__", False)
             assert files.text(values) == fast
+            assert as_yaml(values) == fast_blocks
 
 
 def test_a_relative_path_in_a_file_is_that_of_a_file_next_to_it(tmp_path, monkeypatch):

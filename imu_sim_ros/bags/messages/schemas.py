@@ -14,6 +14,7 @@ import numpy as np
 
 from imu_sim_ros.bags.messages.definitions import ROS1_NAME_OF_GPS_MSGS, digests, texts
 from imu_sim_ros.core.errors import InputError
+from imu_sim_ros.core.yaml_output import as_yaml
 from imu_sim_ros.parameters.yaml_text import parse_yaml
 
 if TYPE_CHECKING:
@@ -407,9 +408,7 @@ def qos_profiles(profiles: Sequence[Qos]) -> list[dict[str, object]]:
 
 def qos_text(profiles: Sequence[Qos]) -> str:
     """Return profiles as the text that storage files hold."""
-    import yaml
-
-    return yaml.safe_dump(qos_profiles(profiles), sort_keys=False).strip() if profiles else ""
+    return as_yaml(qos_profiles(profiles)).strip() if profiles else ""
 
 
 def parse_qos(profiles: object) -> tuple[Qos, ...]:
