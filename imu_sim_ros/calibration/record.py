@@ -187,10 +187,12 @@ class _Extreme:
             counts = [self.hits[k], self.next_hits[k], np.count_nonzero(is_extreme), next_count]
             hits = np.array(counts)
             self.value[k] = self._find.reduce(values)
-            self.hits[k] = np.sum(hits[values == self.value[k]])
-            further = np.where(values == self.value[k], self._none, values)
+            equal = values == self.value[k]
+            self.hits[k] = hits[equal].sum()
+            further = np.where(equal, self._none, values)
             self.next_value[k] = self._find.reduce(further)
-            self.next_hits[k] = np.sum(hits[further == self.next_value[k]])
+            equal = further == self.next_value[k]
+            self.next_hits[k] = hits[equal].sum()
 
 
 class StepFinder:

@@ -156,7 +156,8 @@ def canonical(q: ArrayLike) -> Array:
 def continuous(q: ArrayLike) -> Array:
     """Return a sequence (n, 4) with signs such that neighbours lie in one hemisphere."""
     q = np.asarray(q, dtype=np.float64)
-    flips = np.where(np.sum(q[1:] * q[:-1], axis=-1) < 0, -1.0, 1.0)
+    products = q[1:] * q[:-1]
+    flips = np.where(products.sum(axis=-1) < 0, -1.0, 1.0)
     signs = np.concatenate([np.ones(min(len(q), 1)), np.cumprod(flips)])
     return q * signs[:, None]
 

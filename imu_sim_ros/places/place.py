@@ -233,10 +233,10 @@ class PlaceBuilder:
         sides = np.array([face.rectangle for face in self.faces])
         origin, across, up = sides[wall]
         axes = [axis / np.sqrt(axis @ axis) for axis in (across, up, np.cross(across, up))]
-        offsets = sides[:, 0, None] + np.stack(
-            [np.zeros_like(sides[:, 0]), sides[:, 1], sides[:, 2], sides[:, 1] + sides[:, 2]], 1
-        )
-        local = (offsets - origin) @ np.array(axes).T  # (faces, corners, 3)
+        origins, widths, heights = sides[:, 0], sides[:, 1], sides[:, 2]
+        diagonals = widths + heights
+        offsets = np.stack([np.zeros_like(origins), widths, heights, diagonals], axis=1)
+        local = (origins[:, None] + offsets - origin) @ np.array(axes).T  # (faces, corners, 3)
         low, high = local.min(axis=1), local.max(axis=1)
         close = (low[:, 2] < _BEFORE) & (high[:, 2] > 1e-6)
         return low[close, :2], high[close, :2]

@@ -281,7 +281,8 @@ def _typical_interval(rows: Integers, heads: Times) -> float:
     uneven = (single < 0.98 * middle) | ((single > 1.02 * middle) & (single < 1.9 * middle))
     if len(heads) < 32 or (alike and np.mean(uneven) < 0.02):
         return middle
-    return float(np.median((heads[8:] - heads[:-8]) / (rows[8:] - rows[:-8])))
+    spans, counts = heads[8:] - heads[:-8], rows[8:] - rows[:-8]
+    return float(np.median(spans / counts))
 
 
 def _long_spans(rows: Integers, heads: Times, interval: float) -> float:
